@@ -1,0 +1,126 @@
+#include "apps/command_line.hpp"
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <filesystem>
+#include <system_error>
+
+#include "apps/program_info.hpp"
+#include "config/names.hpp"
+#include "core/error.hpp"
+#include "scenario/data_dirs.hpp"
+
+namespace giga {
+namespace fs = std::filesystem;
+namespace {
+
+/// The command that the line named, or the program itself.
+const CLI::App& deepest_command(const CLI::App& app) {
+  const std::vector<CLI::App*> commands = app.get_subcommands();
+  return commands.empty() ? app : deepest_command(*commands.front());
+}
+
+std::vector<std::string> option_names(const CLI::App& command) {
+  std::vector<std::string> names;
+  for (const CLI::Option* option : command.get_options())
+    for (const std::string& name : option->get_lnames()) names.push_back("--" + name);
+  return names;
+}
+
+std::vector<std::string> command_names(const CLI::App& app) {
+  std::vector<std::string> names;
+  for (const CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; }))
+    names.push_back(command->get_name());
+  return names;
+}
+
+/// What is wrong with the first word that nobody wanted; empty where there is none.
+std::string explain_leftover(const CLI::App& command) {
+  const std::vector<std::string> leftover = command.remaining();
+  if (leftover.empty()) return "";
+  const std::string& word = leftover.front();
+  const std::vector<std::string> commands = command_names(command);
+  if (word.rfind('-', 0) == 0) {
+    const std::string name = word.substr(0, word.find('='));
+    return cat("unknown option '", name, "'", nearest_hint(name, option_names(command)));
+  }
+  if (!commands.empty())
+    return cat("unknown command '", word, "'", nearest_hint(word, commands), "; commands: ", join(commands));
+  return cat("unexpected argument '", word, "'");
+}
+
+std::vector<std::string> shipped_configs(const DataDirs& dirs) {
+  std::vector<std::string> names;
+  for (const fs::path& dir : dirs) {
+    std::error_code code;
+    for (const fs::directory_entry& entry : fs::directory_iterator(dir / "configs", code))
+      if (entry.path().extension() == ".yaml") names.push_back(entry.path().stem().string());
+  }
+  std::sort(names.begin(), names.end());
+  names.erase(std::unique(names.begin(), names.end()), names.end());
+  return names;
+}
+
+}  // namespace
+
+void describe_program(CLI::App& app) {
+  app.set_version_flag("--version", program_version(), "print the version and exit");
+  app.set_help_flag("-h,--help", "print help and exit; each command has its own");
+  app.require_subcommand(1);
+  app.footer(
+      "Examples:\n"
+      "  gigastep train quickstart                 train two teams; ends with the command that evaluates them\n"
+      "  gigastep eval runs/NAME --vs circle       win rates of both teams of a run\n"
+      "  gigastep scenarios                        what can be played\n"
+      "  gigastep bench sim --worlds 1024          how fast it is here\n"
+      "\n"
+      "Exit codes: 0 done; 1 failed; 2 the command line, a file or a value is wrong; 3 training diverged.\n"
+      "Environment: GIGASTEP_DATA_DIR=<dir> is searched first for scenarios/ and configs/.");
+}
+
+CLI::Option* add_device_option(CLI::App& command, std::string& device) {
+  return command
+      .add_option("--device", device, "auto (the first GPU, else the CPU), cpu, cuda or cuda:<number of the GPU>")
+      ->type_name("DEVICE");
+}
+
+CLI::Option* add_set_option(CLI::App& command, std::vector<std::string>& overrides) {
+  return command
+      .add_option("--set", overrides, "change a key, as --set train.n_worlds=512; may be given several times")
+      ->type_name("KEY=VALUE")
+      ->take_all()
+      ->allow_extra_args(false);
+}
+
+CLI::Option* add_json_option(CLI::App& command, std::string& destination) {
+  return command.add_option("--json", destination, "write the result as JSON to a file; - prints it, and nothing else")
+      ->type_name("FILE|-");
+}
+
+std::string explain(const CLI::App& app, const CLI::Error& error) {
+  const CLI::App& command = deepest_command(app);
+  std::string message = explain_leftover(command);
+  if (message.empty() && &command == &app && app.remaining().empty() && app.get_subcommands().empty())
+    message = "no command given; commands: " + join(command_names(app));
+  if (message.empty()) message = error.what();
+  std::string name = command.get_name();
+  for (const CLI::App* parent = command.get_parent(); parent; parent = parent->get_parent())
+    name = parent->get_name() + " " + name;
+  return cat(message, "\nFor help: ", name, " --help");
+}
+
+std::string find_config(const std::string& path_or_name) {
+  std::error_code code;
+  if (fs::is_regular_file(path_or_name, code)) return path_or_name;
+  const DataDirs dirs = data_dirs();
+  const fs::path asked = path_or_name;
+  const bool bare = !asked.has_parent_path() && asked.extension() != ".yaml";
+  const fs::path relative = bare ? fs::path("configs") / (path_or_name + ".yaml") : asked;
+  if (asked.is_relative())
+    if (const auto found = find_data_file(dirs, relative)) return found->string();
+  const std::vector<std::string> known = shipped_configs(dirs);
+  throw InputError(cat("there is no config ", path_or_name, nearest_hint(asked.stem().string(), known),
+                       "; those that come with gigastep: ", join(known)));
+}
+
+}  // namespace giga

@@ -1,0 +1,28 @@
+// What all commands share on the command line: general help, options that several have, and hints after mistakes.
+#pragma once
+
+#include <string>
+#include <vector>
+
+namespace CLI {
+class App;
+class Error;
+class Option;
+}  // namespace CLI
+
+namespace giga {
+
+/// Version, exit codes, examples.
+void describe_program(CLI::App& app);
+
+CLI::Option* add_device_option(CLI::App& command, std::string& device);
+CLI::Option* add_set_option(CLI::App& command, std::vector<std::string>& overrides);
+CLI::Option* add_json_option(CLI::App& command, std::string& destination);
+
+/// The message for a line that was not understood: what is wrong, the nearest name, where help is.
+std::string explain(const CLI::App& app, const CLI::Error& error);
+
+/// The file of a run config: a path, or the bare name of one that comes with gigastep ("quickstart"). Throws InputError.
+std::string find_config(const std::string& path_or_name);
+
+}  // namespace giga

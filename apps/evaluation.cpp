@@ -1,0 +1,70 @@
+#include "apps/evaluation.hpp"
+
+#include <cstdio>
+#include <limits>
+
+#include "core/error.hpp"
+
+namespace giga {
+namespace {
+
+/// Evaluation plays other episodes than training, whose seed is the run's own.
+constexpr uint64_t kEvaluationSeed = 0x6576616c75617465;  // "evaluate"
+
+}  // namespace
+
+TeamResult play_script(const SimSpec& spec, const Player& player, int team, const std::string& opponent,
+                       const MatchOptions& options) {
+  const Player script{nullptr, parse_scripted(opponent), false};
+  TeamResult result{team, opponent, {}};
+  result.match = team == 0 ? play_match(spec, player, script, options) : play_match(spec, script, player, options);
+  return result;
+}
+
+std::vector<TeamResult> evaluate(const LoadedRun& run, Device device, Learner& learner) {
+  const EvalConfig& config = run.config.eval;
+  const MatchOptions options{config.episodes, run.config.seed ^ kEvaluationSeed, device, run.config.train.n_threads};
+  std::vector<TeamResult> results;
+  for (const std::string& opponent : config.opponents)
+    for (int team = 0; team < kNTeams; ++team)
+      if (Actor* actor = learner.actor(team))
+        results.push_back(play_script(run.spec, {actor, Scripted::random, false}, team, opponent, options));
+  return results;
+}
+
+MetricsRow evaluation_metrics(const RunConfig& config, const std::vector<TeamResult>& results) {
+  MetricsRow row;
+  for (const std::string& opponent : config.eval.opponents) {
+    for (int team = 0; team < kNTeams; ++team) {
+      constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+      double win_rate = kUnknown, loss_rate = kUnknown, mean_return = kUnknown;
+      for (const TeamResult& r : results) {
+        if (r.team != team || r.opponent != opponent) continue;
+        win_rate = r.share(r.wins());
+        loss_rate = r.share(r.losses());
+        mean_return = r.match.mean_return[team];
+      }
+      const std::string of = cat(team, "_vs_", opponent);
+      row.emplace_back("win_rate_" + of, win_rate);
+      row.emplace_back("loss_rate_" + of, loss_rate);
+      row.emplace_back("mean_return_" + of, mean_return);
+    }
+  }
+  return row;
+}
+
+std::string results_table(const std::vector<TeamResult>& results) {
+  std::string table =
+      "team  against          episodes   wins  [95 % interval]   losses    ties      return  length (steps)\n";
+  for (const TeamResult& r : results) {
+    const Interval ci = wilson95(r.wins(), r.match.episodes);
+    char line[160];
+    std::snprintf(line, sizeof line, "%4d  %-15s %9d  %.3f  [%.3f, %.3f]    %.3f   %.3f  %10.4g  %14.1f\n", r.team,
+                  r.opponent.c_str(), r.match.episodes, r.share(r.wins()), ci.lo, ci.hi, r.share(r.losses()),
+                  r.share(r.match.ties), r.match.mean_return[r.team], r.match.mean_length);
+    table += line;
+  }
+  return table;
+}
+
+}  // namespace giga

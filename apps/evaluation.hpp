@@ -1,0 +1,38 @@
+// Learned teams against scripted ones, each team on its own side, and the result as figures and as a table.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "eval/match.hpp"
+#include "io/metrics_csv.hpp"
+#include "learn/learner.hpp"
+
+namespace giga {
+
+/// A match, seen from the learned team.
+struct TeamResult {
+  int team = 0;  ///< also the side
+  std::string opponent;
+  MatchResult match;
+
+  int wins() const { return match.wins[team]; }
+  int losses() const { return match.wins[1 - team]; }
+  double share(int count) const { return static_cast<double>(count) / match.episodes; }
+};
+
+/// Team `player` on side `team` against a script.
+TeamResult play_script(const SimSpec& spec, const Player& player, int team, const std::string& opponent,
+                       const MatchOptions& options);
+
+/// All learning teams of a run against all of its `eval.opponents`; the same episodes at each call.
+std::vector<TeamResult> evaluate(const LoadedRun& run, Device device, Learner& learner);
+
+/// win_rate_T_vs_O, loss_rate_T_vs_O and mean_return_T_vs_O for teams T and opponents O; NaN for what has no result,
+/// so that the names are the same at each update.
+MetricsRow evaluation_metrics(const RunConfig& config, const std::vector<TeamResult>& results);
+
+/// For people: one line per result.
+std::string results_table(const std::vector<TeamResult>& results);
+
+}  // namespace giga

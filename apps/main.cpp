@@ -1,0 +1,60 @@
+// gigastep: reads the command line, runs the command, and turns every error into a message and an exit code.
+#include <CLI/CLI.hpp>
+#include <iostream>
+#include <new>
+
+#include "apps/commands.hpp"
+#include "apps/command_line.hpp"
+#include "apps/program_info.hpp"
+#include "core/error.hpp"
+
+namespace {
+
+constexpr int kFailed = 1, kBadInput = 2, kDiverged = 3;
+
+int exit_code(const giga::Error& error) {
+  switch (error.kind()) {
+    case giga::ErrorKind::input:
+      return kBadInput;
+    case giga::ErrorKind::diverged:
+      return kDiverged;
+    case giga::ErrorKind::internal:
+      break;
+  }
+  return kFailed;
+}
+
+int fail(const std::string& message, int code) {
+  std::cerr << "gigastep: " << message << std::endl;
+  return code;
+}
+
+/// LibTorch puts pages of stack behind its messages.
+std::string without_stack(const std::string& message) { return message.substr(0, message.find("\nException raised from")); }
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app("gigastep: fast training of teams of agents against each other.", "gigastep");
+  giga::Dispatch dispatch;
+  giga::describe_program(app);
+  giga::add_train_command(app, dispatch);
+  giga::add_eval_command(app, dispatch);
+  giga::add_scenarios_command(app, dispatch);
+  giga::add_config_command(app, dispatch);
+  giga::add_bench_command(app, dispatch);
+  try {
+    app.parse(argc, argv);
+    dispatch.run();
+    return 0;
+  } catch (const CLI::ParseError& e) {
+    if (e.get_exit_code() == 0) return app.exit(e);  // --help, --version
+    return fail(giga::explain(app, e), kBadInput);
+  } catch (const giga::Error& e) {
+    return fail(e.what(), exit_code(e));
+  } catch (const std::bad_alloc&) {
+    return fail("out of memory", kFailed);
+  } catch (const std::exception& e) {
+    return fail(without_stack(e.what()), kFailed);
+  }
+}

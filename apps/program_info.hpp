@@ -1,0 +1,29 @@
+// What this program is and where it runs: version, and the facts that run.json and benchmark results carry.
+#pragma once
+
+#include <string>
+
+#include "core/memory.hpp"
+#include "io/json.hpp"
+
+namespace giga {
+
+/// "0.1.0".
+std::string program_version();
+
+/// How to call this very program in a shell: "gigastep", or its path where it was called by path.
+std::string program_command();
+
+/// A text as one word of a shell command, in quotes where it must be.
+std::string shell_word(const std::string& text);
+
+/// Versions of gigastep and of what it is built from.
+Json version_info();
+
+/// CPU, memory, system, and the GPU where the device is one.
+Json hardware_info(Device device);
+
+/// The arguments of this process.
+Json command_line();
+
+}  // namespace giga

@@ -1,0 +1,13 @@
+// GIGA_CUDA: throws giga::Error with the call and CUDA's message unless a runtime call succeeds.
+#pragma once
+
+#include <cuda_runtime.h>
+
+#include "core/error.hpp"
+
+#define GIGA_CUDA(call)                                                                                     \
+  do {                                                                                                      \
+    const cudaError_t giga_status = (call);                                                                 \
+    if (giga_status != cudaSuccess)                                                                         \
+      throw ::giga::Error(::giga::cat(__FILE__, ":", __LINE__, ": " #call ": ", cudaGetErrorString(giga_status))); \
+  } while (false)

@@ -1,0 +1,20 @@
+// The CUDA back end of a build without CUDA: no device.
+#if !GIGASTEP_HAS_CUDA
+
+#include "core/error.hpp"
+#include "cuda/runtime.hpp"
+
+namespace giga {
+namespace {
+[[noreturn]] void missing() { throw InputError("this build has no CUDA; use --device cpu"); }
+}  // namespace
+
+int cuda_device_count() { return 0; }
+GpuInfo cuda_device_info(int) { missing(); }
+Memory& cuda_memory(int) { missing(); }
+void cuda_synchronize(int) { missing(); }
+std::unique_ptr<Simulator> make_cuda_simulator(SimSpec, const SimOptions&, int, void*) { missing(); }
+
+}  // namespace giga
+
+#endif

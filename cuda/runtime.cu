@@ -1,0 +1,81 @@
+// Devices and memory of the CUDA runtime.
+#include <array>
+#include <memory>
+#include <mutex>
+
+#include "cuda/check.cuh"
+#include "cuda/runtime.hpp"
+
+namespace giga {
+namespace {
+
+class CudaMemory final : public Memory {
+ public:
+  explicit CudaMemory(int index) : index_(index) {}
+  Device device() const override { return {Device::Kind::cuda, index_}; }
+  void* allocate(size_t bytes) override {
+    GIGA_CUDA(cudaSetDevice(index_));
+    void* p = nullptr;
+    if (cudaMalloc(&p, bytes) != cudaSuccess) {
+      cudaGetLastError();
+      size_t free = 0, total = 0;
+      cudaMemGetInfo(&free, &total);
+      throw Error(cat("out of GPU memory: ", bytes >> 20, " MiB wanted, ", free >> 20, " of ", total >> 20,
+                      " MiB free; use fewer worlds (train.n_worlds)"));
+    }
+    return p;
+  }
+  void release(void* p) noexcept override { cudaFree(p); }
+  void clear(void* p, size_t bytes) override { GIGA_CUDA(cudaMemset(p, 0, bytes)); }
+  void to_host(void* host, const void* device, size_t bytes) override {
+    GIGA_CUDA(cudaMemcpy(host, device, bytes, cudaMemcpyDeviceToHost));
+  }
+  void from_host(void* device, const void* host, size_t bytes) override {
+    GIGA_CUDA(cudaMemcpy(device, host, bytes, cudaMemcpyHostToDevice));
+  }
+
+ private:
+  int index_;
+};
+
+}  // namespace
+
+int cuda_device_count() {
+  int count = 0;
+  // Without a driver or a GPU every call fails; that means none, and the error is cleared.
+  if (cudaGetDeviceCount(&count) != cudaSuccess) {
+    cudaGetLastError();
+    return 0;
+  }
+  return count;
+}
+
+GpuInfo cuda_device_info(int index) {
+  cudaDeviceProp properties{};
+  GIGA_CUDA(cudaGetDeviceProperties(&properties, index));
+  GpuInfo info;
+  info.name = properties.name;
+  info.compute_capability = properties.major * 10 + properties.minor;
+  GIGA_CUDA(cudaSetDevice(index));
+  GIGA_CUDA(cudaMemGetInfo(&info.memory_free, &info.memory_total));
+  GIGA_CUDA(cudaDriverGetVersion(&info.driver_version));
+  GIGA_CUDA(cudaRuntimeGetVersion(&info.runtime_version));
+  return info;
+}
+
+Memory& cuda_memory(int index) {
+  static std::array<std::unique_ptr<CudaMemory>, 64> memories;  // handles without state, one per device
+  static std::mutex mutex;
+  GIGA_CHECK(index >= 0 && index < static_cast<int>(memories.size()), "device ", index);
+  std::lock_guard lock(mutex);
+  auto& memory = memories[static_cast<size_t>(index)];
+  if (!memory) memory = std::make_unique<CudaMemory>(index);
+  return *memory;
+}
+
+void cuda_synchronize(int index) {
+  GIGA_CUDA(cudaSetDevice(index));
+  GIGA_CUDA(cudaDeviceSynchronize());
+}
+
+}  // namespace giga

@@ -1,0 +1,45 @@
+// What the CUDA runtime offers to C++ code that is compiled without it. Built without CUDA, or on a machine without a
+// GPU, there are zero devices and the factories throw.
+#pragma once
+
+#include <cstddef>
+#include <memory>
+#include <string>
+
+#include "core/memory.hpp"
+#include "sim/simulator.hpp"
+
+namespace giga {
+
+/// Number of usable GPUs; 0 without a driver, without a GPU, or in a build without CUDA.
+int cuda_device_count();
+
+struct GpuInfo {
+  std::string name;
+  size_t memory_total = 0, memory_free = 0;  ///< bytes
+  int compute_capability = 0;                ///< 90 = 9.0
+  int driver_version = 0, runtime_version = 0;
+};
+GpuInfo cuda_device_info(int index);
+
+/// Memory of a GPU, by cudaMalloc.
+Memory& cuda_memory(int index);
+
+/// Waits for everything queued on a GPU.
+void cuda_synchronize(int index);
+
+/// A simulator on a GPU; work is queued on `stream` (a cudaStream_t; null = the default stream).
+std::unique_ptr<Simulator> make_cuda_simulator(SimSpec spec, const SimOptions& options, int index,
+                                               void* stream = nullptr);
+
+/// Host memory of the CPU device, or that of the GPU.
+Memory& memory_of(Device device);
+
+/// Parses `auto`, `cpu`, `cuda` or `cuda:1`; auto takes the first GPU where there is one. Throws InputError.
+Device parse_device(const std::string& text);
+
+/// The simulator of a device.
+std::unique_ptr<Simulator> make_simulator(SimSpec spec, const SimOptions& options, Device device,
+                                          void* stream = nullptr);
+
+}  // namespace giga

@@ -1,0 +1,190 @@
+// The CUDA back end: one kernel per step, worlds spread over warps (small teams) or thread blocks.
+#include <climits>
+
+#include "cuda/check.cuh"
+#include "cuda/lanes.cuh"
+#include "cuda/runtime.hpp"
+#include "sim/draws.hpp"
+#include "sim/step.hpp"
+
+namespace giga {
+namespace {
+
+constexpr int kWarp = 32;
+constexpr int kTileWarps = 4;            // warps of a block of TileLanes
+constexpr int kMaxBlockThreads = 512;    // threads of a block of BlockLanes
+constexpr size_t kSharedLimit = 48 << 10;  // beyond it a world's scratch lies in global memory
+
+enum class Job { start, step, observe };
+
+/// Arguments of the kernel, by value.
+struct Launch {
+  SimParams params;
+  StateView state;
+  StepIo io;
+  ScratchLayout layout;
+  size_t copy_bytes;  // working copy of the agents' state, in front of a world's scratch in shared memory
+  char* scratch;      // [W, layout.size]; null = shared memory, with the working copy
+  uint64_t seed;
+  int64_t first_world;
+  int n_worlds;
+  OnDone on_done;
+};
+
+__host__ __device__ size_t working_copy_bytes(int n_agents) {
+  return (static_cast<size_t>(n_agents) * (6 * sizeof(float) + 1) + 15) & ~size_t{15};
+}
+
+/// Points the agents' state to shared memory; `copy` moves it there or back.
+__device__ WorldView working_copy(const WorldView& home, char* block, int n) {
+  WorldView w = home;
+  float* floats = reinterpret_cast<float*>(block);
+  w.x = floats;
+  w.y = floats + n;
+  w.z = floats + 2 * n;
+  w.v = floats + 3 * n;
+  w.heading = floats + 4 * n;
+  w.health = floats + 5 * n;
+  w.alive = reinterpret_cast<uint8_t*>(floats + 6 * n);
+  return w;
+}
+__device__ void copy_agent(const WorldView& from, const WorldView& to, int i) {
+  to.x[i] = from.x[i];
+  to.y[i] = from.y[i];
+  to.z[i] = from.z[i];
+  to.v[i] = from.v[i];
+  to.heading[i] = from.heading[i];
+  to.health[i] = from.health[i];
+  to.alive[i] = from.alive[i];
+}
+
+/// Runs the job for one world; `shared` = this world's block of shared memory.
+template <Job job, class Lanes>
+__device__ void run_world(const Lanes& lanes, const Launch& k, int world, char* shared) {
+  const WorldView home = world_view(k.state, k.params, world);
+  WorldView w = home;
+  const bool in_shared = k.scratch == nullptr;
+  if (in_shared) w = working_copy(home, shared, k.params.n_agents);
+  attach_scratch(w, k.layout,
+                 in_shared ? shared + k.copy_bytes : k.scratch + static_cast<size_t>(world) * k.layout.size);
+  PhiloxDraws draws(k.seed, static_cast<uint32_t>(k.first_world + world), *w.draw_step);
+  lanes.each(in_shared ? k.params.n_agents : 0, [&](int i) { copy_agent(home, w, i); });
+  if (job == Job::step) step_world(lanes, k.params, w, draws, k.io, k.on_done, world);
+  if (job == Job::start) start_world(lanes, k.params, w, draws, k.io, world);
+  if (job == Job::observe) write_observations(lanes, k.params, w, running_sink(k.io), world);
+  lanes.each(in_shared ? k.params.n_agents : 0, [&](int i) { copy_agent(w, home, i); });
+}
+
+template <Job job>
+__global__ void __launch_bounds__(kTileWarps* kWarp) tile_kernel(const __grid_constant__ Launch k) {
+  extern __shared__ char shared[];
+  const int n = k.params.n_agents, per_warp = kWarp / n;
+  const int lane = threadIdx.x % kWarp, warp = threadIdx.x / kWarp;
+  const int tile = lane / n;
+  const int slot = warp * per_warp + (tile < per_warp ? tile : 0);
+  const int world = blockIdx.x * (kTileWarps * per_warp) + slot;
+  const bool idle = tile >= per_warp || world >= k.n_worlds;
+  const TileLanes lanes{idle ? INT_MAX : lane % n, n};
+  // An idle thread looks at some world of the launch, so that it can keep in step.
+  run_world<job>(lanes, k, world < k.n_worlds ? world : k.n_worlds - 1, shared + slot * (k.copy_bytes + k.layout.size));
+}
+
+template <Job job>
+__global__ void __launch_bounds__(kMaxBlockThreads) block_kernel(const __grid_constant__ Launch k) {
+  extern __shared__ char shared[];
+  const BlockLanes lanes{static_cast<int>(threadIdx.x), static_cast<int>(blockDim.x)};
+  run_world<job>(lanes, k, blockIdx.x, shared);
+}
+
+// Sums the statistics of a slice of worlds per block and clears them: threads [worlds y][rows x].
+constexpr int kStatBlocks = 64, kStatY = 1024 / kWarp;
+__global__ void sum_stats(float* stats, int n_worlds, double* partial) {  // partial [kStatBlocks, kNStatRows]
+  __shared__ double sums[kStatY][kNStatRows];
+  const int row = threadIdx.x;
+  double sum = 0;
+  for (int w = blockIdx.x * kStatY + threadIdx.y; w < n_worlds; w += kStatBlocks * kStatY) {
+    sum += static_cast<double>(stats[static_cast<int64_t>(w) * kNStatRows + row]);
+    stats[static_cast<int64_t>(w) * kNStatRows + row] = 0;
+  }
+  sums[threadIdx.y][row] = sum;
+  __syncthreads();
+  if (threadIdx.y == 0) {
+    for (int y = 1; y < kStatY; ++y) sum += sums[y][row];
+    partial[blockIdx.x * kNStatRows + row] = sum;
+  }
+}
+
+class CudaSimulator final : public Simulator {
+ public:
+  CudaSimulator(SimSpec spec, const SimOptions& options, int index, void* stream)
+      : Simulator(std::move(spec), options, cuda_memory(index)),
+        index_(index),
+        stream_(static_cast<cudaStream_t>(stream)),
+        layout_(params()),
+        partial_(memory(), static_cast<size_t>(kStatBlocks) * kNStatRows) {
+    const int n = params().n_agents;
+    per_world_ = layout_.size + working_copy_bytes(n);
+    tiles_ = n <= kWarp && per_world_ * static_cast<size_t>(kTileWarps * (kWarp / n)) <= kSharedLimit;
+    if (!tiles_ && per_world_ > kSharedLimit)
+      scratch_ = Buffer<char>(memory(), layout_.size * static_cast<size_t>(options.n_worlds));
+  }
+
+  void start(const StepIo& io) override { launch<Job::start>(io); }
+  void step(const StepIo& io) override { launch<Job::step>(io); }
+  void observe(const StepIo& io) override { launch<Job::observe>(io); }
+
+  EpisodeStats take_stats() override {
+    GIGA_CUDA(cudaSetDevice(index_));
+    sum_stats<<<kStatBlocks, dim3(kNStatRows, kStatY), 0, stream_>>>(state_.view().stats, n_worlds(), partial_.data());
+    GIGA_CUDA(cudaGetLastError());
+    GIGA_CUDA(cudaStreamSynchronize(stream_));
+    const std::vector<double> partial = partial_.to_host();
+    EpisodeStats stats;
+    for (int b = 0; b < kStatBlocks; ++b)
+      for (size_t row = 0; row < kNStatRows; ++row)
+        stats.rows[row] += partial[static_cast<size_t>(b) * kNStatRows + row];
+    return stats;
+  }
+
+  void synchronize() override {
+    GIGA_CUDA(cudaSetDevice(index_));
+    GIGA_CUDA(cudaStreamSynchronize(stream_));
+  }
+
+ private:
+  template <Job job>
+  void launch(const StepIo& io) {
+    GIGA_CUDA(cudaSetDevice(index_));
+    const int n = params().n_agents;
+    const Launch k{params(),          state_.view(),  io,
+                   layout_,           working_copy_bytes(n),
+                   scratch_.data(),   options_.seed,  options_.first_world,
+                   options_.n_worlds, options_.on_done};
+    if (tiles_) {
+      const int worlds = kTileWarps * (kWarp / n);
+      const int blocks = (n_worlds() + worlds - 1) / worlds;
+      tile_kernel<job><<<blocks, kTileWarps * kWarp, per_world_ * static_cast<size_t>(worlds), stream_>>>(k);
+    } else {
+      const int threads = std::min((n + kWarp - 1) / kWarp * kWarp, kMaxBlockThreads);
+      block_kernel<job><<<n_worlds(), threads, scratch_.data() ? 0 : per_world_, stream_>>>(k);
+    }
+    GIGA_CUDA(cudaGetLastError());
+  }
+
+  int index_;
+  cudaStream_t stream_;
+  ScratchLayout layout_;
+  size_t per_world_ = 0;  // bytes of shared memory per world
+  bool tiles_ = false;
+  Buffer<char> scratch_;
+  Buffer<double> partial_;
+};
+
+}  // namespace
+
+std::unique_ptr<Simulator> make_cuda_simulator(SimSpec spec, const SimOptions& options, int index, void* stream) {
+  GIGA_CHECK(index >= 0 && index < cuda_device_count(), "no GPU ", index);
+  return std::make_unique<CudaSimulator>(std::move(spec), options, index, stream);
+}
+
+}  // namespace giga

@@ -1,0 +1,253 @@
+// How scalars of a field list are read and printed, and how limits are told.
+#include <charconv>
+#include <cmath>
+#include <system_error>
+
+#include "config/fields.hpp"
+#include "config/names.hpp"
+
+namespace giga {
+namespace {
+
+/// A number for people: 0.95, 1e-05, 300000000.
+std::string number_text(double value) {
+  char buffer[64];
+  const auto result = std::to_chars(buffer, buffer + sizeof buffer, value);
+  std::string text(buffer, result.ptr);
+  // A limit such as 1e+09 reads better in full.
+  if (std::abs(value) < 1e15 && value == std::floor(value)) {
+    const auto whole = std::to_chars(buffer, buffer + sizeof buffer, static_cast<int64_t>(value));
+    text.assign(buffer, whole.ptr);
+  }
+  return text;
+}
+
+/// The digits of a plain scalar without a leading plus and without the underscores between digits; nothing if the text
+/// cannot be a number.
+std::optional<std::string> digits_of(const Node& node) {
+  if (!node.is_scalar() || node.quoted || node.text.empty()) return std::nullopt;
+  const std::string& text = node.text;
+  const auto digit = [&](size_t k) { return k < text.size() && text[k] >= '0' && text[k] <= '9'; };
+  std::string digits;
+  for (size_t k = text[0] == '+' ? 1 : 0; k < text.size(); ++k) {
+    if (text[k] == '_') {
+      if (k == 0 || !digit(k - 1) || !digit(k + 1)) return std::nullopt;
+    } else {
+      digits += text[k];
+    }
+  }
+  if (digits.empty() || digits[0] == '+' || (text[0] == '+' && digits[0] == '-')) return std::nullopt;
+  return digits;
+}
+
+/// Reads the whole text as a T.
+template <class T>
+bool parse_whole(const std::string& text, T& value) {
+  const auto result = std::from_chars(text.data(), text.data() + text.size(), value);
+  return result.ec == std::errc() && result.ptr == text.data() + text.size();
+}
+
+template <class T>
+bool read_integer(const Node& node, T& value) {
+  const std::optional<std::string> digits = digits_of(node);
+  if (!digits) return false;
+  if (parse_whole(*digits, value)) return true;
+  // 3e8 and the like, as far as a double holds every integer.
+  constexpr double kExact = 9007199254740992.0;
+  double number = 0;
+  if (!parse_whole(*digits, number) || number != std::floor(number) || std::abs(number) > kExact) return false;
+  if (number < static_cast<double>(std::numeric_limits<T>::min())) return false;
+  if (number > static_cast<double>(std::numeric_limits<T>::max())) return false;
+  value = static_cast<T>(number);
+  return true;
+}
+
+template <class T>
+bool read_real(const Node& node, T& value, const Allowed& allowed) {
+  const std::optional<std::string> digits = digits_of(node);
+  if (!digits) return false;
+  std::string text = *digits;
+  if (text.starts_with(".inf") || text.starts_with("-.inf")) text.erase(text.find('.'), 1);
+  T number = 0;
+  if (!parse_whole(text, number) || std::isnan(number)) return false;
+  if (std::isinf(number) && !allowed.infinity) return false;
+  value = number;
+  return true;
+}
+
+std::string print_real(auto value) {
+  if (std::isinf(value)) return value < 0 ? "-.inf" : ".inf";
+  if (std::isnan(value)) return ".nan";
+  char buffer[64];
+  const auto result = std::to_chars(buffer, buffer + sizeof buffer, value);
+  return std::string(buffer, result.ptr);
+}
+
+}  // namespace
+
+Allowed Allowed::below(double limit) const {
+  Allowed result = *this;
+  result.hi = limit;
+  result.hi_open = true;
+  return result;
+}
+
+Allowed Allowed::at_most(double limit) const {
+  Allowed result = *this;
+  result.hi = limit;
+  result.hi_open = false;
+  return result;
+}
+
+Allowed Allowed::or_infinity() const {
+  Allowed result = *this;
+  result.infinity = true;
+  return result;
+}
+
+Allowed Allowed::items(size_t least, size_t most) const {
+  Allowed result = *this;
+  result.min_items = least;
+  result.max_items = most;
+  return result;
+}
+
+bool Allowed::contains(double value) const {
+  return (lo_open ? value > lo : value >= lo) && (hi_open ? value < hi : value <= hi);
+}
+
+std::string Allowed::limits_text() const {
+  const bool has_lo = !std::isinf(lo), has_hi = !std::isinf(hi);
+  std::string text;
+  if (has_lo && has_hi)
+    text = (lo_open ? " in (" : " in [") + number_text(lo) + ", " + number_text(hi) + (hi_open ? ")" : "]");
+  else if (has_lo)
+    text = (lo_open ? " > " : " >= ") + number_text(lo);
+  else if (has_hi)
+    text = (hi_open ? " < " : " <= ") + number_text(hi);
+  return infinity ? text + " or inf" : text;
+}
+
+Allowed anything() { return {}; }
+
+Allowed at_least(double lo) {
+  Allowed allowed;
+  allowed.lo = lo;
+  return allowed;
+}
+
+Allowed greater_than(double lo) {
+  Allowed allowed = at_least(lo);
+  allowed.lo_open = true;
+  return allowed;
+}
+
+Allowed range(double lo, double hi) { return at_least(lo).at_most(hi); }
+
+Allowed one_of(std::vector<std::string> choices) {
+  Allowed allowed;
+  allowed.choices = std::move(choices);
+  return allowed;
+}
+
+bool ReadSite::fail(const Node& node, const std::string& expected) const {
+  errors.add(node.at, path + ": " + node.shown() + " is not " + expected + alternative);
+  return false;
+}
+
+bool is_none(const Node& node) { return node.is_null() || (node.is_scalar() && !node.quoted && node.text == "none"); }
+
+std::string expected_choice(const std::vector<std::string>& names) { return "one of: " + join(names); }
+
+int read_choice(const Node& node, const std::vector<std::string>& names, const ReadSite& site) {
+  for (size_t k = 0; k < names.size(); ++k)
+    if (node.is_scalar() && node.text == names[k]) return static_cast<int>(k);
+  site.fail(node, expected_choice(names) + (node.is_scalar() ? nearest_hint(node.text, names) : ""));
+  return -1;
+}
+
+std::string expected_list(const Allowed& allowed, const std::string& item) {
+  const std::string least = std::to_string(allowed.min_items), most = std::to_string(allowed.max_items);
+  std::string count;
+  if (allowed.min_items == allowed.max_items)
+    count = " of " + least + " items";
+  else if (allowed.max_items != std::numeric_limits<size_t>::max())
+    count = " of " + least + " to " + most + " items";
+  else if (allowed.min_items > 0)
+    count = " of at least " + least + (allowed.min_items == 1 ? " item" : " items");
+  return "a list" + count + ", each " + item;
+}
+
+bool read_list_shape(const Node& node, const Allowed& allowed, const std::string& expected, const ReadSite& site) {
+  if (!node.is_sequence()) return site.fail(node, expected);
+  const size_t n = node.items.size();
+  if (n >= allowed.min_items && n <= allowed.max_items) return true;
+  site.errors.add(node.at, site.path + ": has " + std::to_string(n) + " items, expected " + expected);
+  return false;
+}
+
+template <class T>
+bool ScalarCodec<T>::read(const Node& node, T& value, const Allowed& allowed, const ReadSite& site) {
+  if constexpr (std::is_same_v<T, std::string>) {
+    if (!allowed.choices.empty()) {
+      const int index = read_choice(node, allowed.choices, site);
+      if (index >= 0) value = allowed.choices[static_cast<size_t>(index)];
+      return index >= 0;
+    }
+    if (!node.is_scalar()) return site.fail(node, expected(allowed));
+    value = node.text;
+  } else if constexpr (std::is_same_v<T, bool>) {
+    const bool usable = node.is_scalar() && !node.quoted && (node.text == "true" || node.text == "false");
+    if (!usable) return site.fail(node, expected(allowed));
+    value = node.text == "true";
+  } else {
+    T number{};
+    bool usable = false;
+    if constexpr (std::is_integral_v<T>)
+      usable = read_integer(node, number);
+    else
+      usable = read_real(node, number, allowed);
+    const bool infinite = std::isinf(static_cast<double>(number));
+    if (!usable || (!infinite && !allowed.contains(static_cast<double>(number))))
+      return site.fail(node, expected(allowed));
+    value = number;
+  }
+  return true;
+}
+
+template <class T>
+std::string ScalarCodec<T>::print(const T& value) {
+  if constexpr (std::is_same_v<T, std::string>)
+    return print_text(value);
+  else if constexpr (std::is_same_v<T, bool>)
+    return value ? "true" : "false";
+  else if constexpr (std::is_integral_v<T>)
+    return std::to_string(value);
+  else
+    return print_real(value);
+}
+
+template <class T>
+std::string ScalarCodec<T>::type() {
+  if constexpr (std::is_same_v<T, std::string>) return "text";
+  if constexpr (std::is_same_v<T, bool>) return "bool";
+  return std::is_integral_v<T> ? "int" : "float";
+}
+
+template <class T>
+std::string ScalarCodec<T>::expected(const Allowed& allowed) {
+  if constexpr (std::is_same_v<T, std::string>)
+    return allowed.choices.empty() ? "a text" : expected_choice(allowed.choices);
+  if constexpr (std::is_same_v<T, bool>) return "true or false";
+  return (std::is_integral_v<T> ? "an integer" : "a number") + allowed.limits_text();
+}
+
+template struct ScalarCodec<bool>;
+template struct ScalarCodec<int>;
+template struct ScalarCodec<int64_t>;
+template struct ScalarCodec<uint64_t>;
+template struct ScalarCodec<float>;
+template struct ScalarCodec<double>;
+template struct ScalarCodec<std::string>;
+
+}  // namespace giga

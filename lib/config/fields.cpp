@@ -1,0 +1,238 @@
+// What is done with a field list: reading a tree into it, printing it, listing it.
+#include "config/fields.hpp"
+
+#include <algorithm>
+
+#include "config/names.hpp"
+#include "core/error.hpp"
+
+namespace giga {
+namespace {
+
+constexpr size_t kCommentColumn = 40;  // of the comments behind the keys, where the value leaves room
+constexpr size_t kLineWidth = 120;
+
+std::string joined_path(const std::string& path, const std::string& name) {
+  return path.empty() ? name : path + "." + name;
+}
+
+/// A map, or an error that names the keys.
+bool expect_map(const Node& node, const FieldList& fields, const std::string& path, Errors& errors) {
+  if (node.is_map()) return true;
+  std::vector<std::string> names;
+  for (const Field& field : fields.fields()) names.push_back(field.name);
+  const std::string what = path.empty() ? "" : path + ": ";
+  const std::string found = node.is_null() ? "is empty" : "is " + node.shown();
+  errors.add(node.at, cat(what, found, ", expected a map with keys out of: ", join(names)));
+  return false;
+}
+
+void read_field(const Node& node, const Field& field, Errors& errors, KeyPositions* given, const std::string& path) {
+  switch (field.shape) {
+    case FieldShape::value:
+      field.read(node, {path, errors});
+      for (size_t k = 0; given && k < node.items.size(); ++k) (*given)[cat(path, "[", k, "]")] = node.items[k].at;
+      return;
+    case FieldShape::group:
+      return read_fields(node, field.members, errors, given, path);
+    case FieldShape::list:
+      if (!node.is_sequence()) return errors.add(node.at, cat(path, ": ", node.shown(), " is not ", field.expected));
+      field.clear();
+      for (size_t k = 0; k < node.items.size(); ++k) {
+        const std::string element = cat(path, "[", k, "]");
+        if (given) (*given)[element] = node.items[k].at;
+        read_fields(node.items[k], field.add(""), errors, given, element);
+      }
+      return;
+    case FieldShape::table:
+      if (!node.is_map()) return errors.add(node.at, cat(path, ": ", node.shown(), " is not ", field.expected));
+      for (const Node::Entry& entry : node.entries) {
+        const std::string element = joined_path(path, entry.key);
+        if (given) (*given)[element] = entry.at;
+        read_fields(entry.value, field.add(entry.key), errors, given, element);
+      }
+      return;
+    case FieldShape::tree:
+      if (!node.is_map()) return errors.add(node.at, cat(path, ": ", node.shown(), " is not ", field.expected));
+      field.assign(node);
+      return;
+  }
+}
+
+/// What a value may be, behind its default; nothing where the default already tells.
+std::string limits_of(const Field& field) {
+  for (const char* obvious : {"", "a text", "true or false", "a number", "an integer"})
+    if (field.expected == obvious) return "";
+  return "; " + field.expected;
+}
+
+/// All fields of a list on one line: `{type: default, count: 5}`.
+std::string print_flow(const FieldList& fields) {
+  std::string text;
+  for (const Field& field : fields.fields()) {
+    std::string value;
+    switch (field.shape) {
+      case FieldShape::value:
+      case FieldShape::tree:
+        value = field.print();
+        break;
+      case FieldShape::group:
+        value = print_flow(field.members);
+        break;
+      case FieldShape::list:
+        for (const auto& element : field.elements()) value += (value.empty() ? "" : ", ") + print_flow(element.second);
+        value = "[" + value + "]";
+        break;
+      case FieldShape::table:
+        for (const auto& [name, element] : field.elements())
+          value += (value.empty() ? "" : ", ") + print_text(name) + ": " + print_flow(element);
+        value = "{" + value + "}";
+        break;
+    }
+    text += (text.empty() ? "" : ", ") + field.name + ": " + value;
+  }
+  return "{" + text + "}";
+}
+
+/// Writes the block form with comments.
+class Printer {
+ public:
+  explicit Printer(bool with_comments) : with_comments_(with_comments) {}
+  std::string take() { return std::move(text_); }
+
+  void block(const FieldList& fields, const FieldList& defaults, size_t indent) {
+    for (size_t k = 0; k < fields.fields().size(); ++k) {
+      const Field& field = fields.fields()[k];
+      const Field& standard = defaults.fields()[k];  // same struct, same order
+      const std::string start = std::string(indent, ' ') + field.name + ":";
+      switch (field.shape) {
+        case FieldShape::value:
+        case FieldShape::tree: {
+          line(start + " " + field.print(), field.doc + " (default " + standard.print() + limits_of(field) + ")");
+          break;
+        }
+        case FieldShape::group:
+          if (with_comments_ && indent == 0) text_ += "\n";
+          line(field.members.fields().empty() ? start + " {}" : start, field.doc);
+          block(field.members, standard.members, indent + 2);
+          break;
+        case FieldShape::list:
+        case FieldShape::table:
+          elements(field, start, indent);
+          break;
+      }
+    }
+  }
+
+ private:
+  void elements(const Field& field, const std::string& start, size_t indent) {
+    const auto all = field.elements();
+    const bool is_list = field.shape == FieldShape::list;
+    if (with_comments_ && indent == 0 && !is_list) text_ += "\n";
+    line(all.empty() ? start + (is_list ? " []" : " {}") : start, field.doc);
+    const FieldList example = field.example();
+    for (const auto& [name, element] : all) {
+      if (is_list) {
+        text_ += std::string(indent + 2, ' ') + "- " + print_flow(element) + "\n";
+      } else {
+        text_ += std::string(indent + 2, ' ') + print_text(name) + ":\n";
+        Printer inner(false);  // the keys of every entry are the same: no need to repeat their documentation
+        inner.block(element, example, indent + 4);
+        text_ += inner.take();
+      }
+    }
+  }
+
+  /// One key with its comment: behind it if there is room, else above.
+  void line(const std::string& code, const std::string& comment) {
+    if (!with_comments_ || comment.empty()) {
+      text_ += code + "\n";
+      return;
+    }
+    const size_t column = std::max(kCommentColumn, code.size() + 2);
+    if (column + 2 + comment.size() <= kLineWidth) {
+      text_ += code + std::string(column - code.size(), ' ') + "# " + comment + "\n";
+    } else {
+      const size_t indent = code.find_first_not_of(' ');
+      text_ += std::string(indent, ' ') + "# " + comment + "\n" + code + "\n";
+    }
+  }
+
+  bool with_comments_;
+  std::string text_;
+};
+
+void list_into(const FieldList& fields, const std::string& path, std::vector<FieldInfo>& all) {
+  for (const Field& field : fields.fields()) {
+    FieldInfo info{joined_path(path, field.name), field.type, "", field.expected, field.doc, field.shape, field.allowed};
+    if (field.print) info.default_value = field.print();
+    all.push_back(info);
+    if (field.shape == FieldShape::group) list_into(field.members, info.path, all);
+    if (field.shape == FieldShape::list) list_into(field.example(), info.path + "[]", all);
+    if (field.shape == FieldShape::table) list_into(field.example(), info.path + ".<name>", all);
+  }
+}
+
+}  // namespace
+
+Field& FieldList::add(FieldShape shape, const std::string& name, const std::string& doc) {
+  static constexpr const char* kTypes[] = {"", "group", "list of groups", "named groups", "map"};
+  static constexpr const char* kExpected[] = {"", "", "a list of maps", "a map from names to maps", "a map"};
+  Field& field = fields_.emplace_back();
+  field.name = name;
+  field.doc = doc;
+  field.shape = shape;
+  field.type = kTypes[static_cast<size_t>(shape)];
+  field.expected = kExpected[static_cast<size_t>(shape)];
+  return field;
+}
+
+void FieldList::tree(const std::string& name, Node& value, const std::string& doc) {
+  Field& field = add(FieldShape::tree, name, doc);
+  field.print = [&value] { return value.is_null() ? "{}" : print_node(value); };
+  field.assign = [&value](const Node& node) { value = node; };
+}
+
+void read_fields(const Node& node, const FieldList& fields, Errors& errors, KeyPositions* given,
+                 const std::string& path) {
+  if (!expect_map(node, fields, path, errors)) return;
+  for (const Node::Entry& entry : node.entries) {
+    const std::string key_path = joined_path(path, entry.key);
+    const auto& all = fields.fields();
+    const auto field = std::find_if(all.begin(), all.end(), [&](const Field& f) { return f.name == entry.key; });
+    if (field == all.end()) {
+      std::vector<std::string> names;
+      for (const Field& known : all) names.push_back(known.name);
+      const std::string hint = nearest_hint(entry.key, names);
+      errors.add(entry.at, cat(key_path, ": unknown key", hint, "; allowed: ", join(names)));
+      continue;
+    }
+    if (given) (*given)[key_path] = entry.value.at;
+    read_field(entry.value, *field, errors, given, key_path);
+  }
+}
+
+void read_config_file(const std::filesystem::path& file, const std::vector<std::string>& overrides,
+                      const FieldList& fields, KeyPositions* given) {
+  Errors errors;
+  Document document = parse_yaml_file(file, errors);
+  const bool usable = !document.root.is_null();
+  if (!usable && errors.empty()) read_fields(document.root, fields, errors);  // says that the file is empty
+  for (const std::string& assignment : overrides) set_override(document, assignment, errors);
+  if (usable) read_fields(document.root, fields, errors, given);
+  errors.throw_if_any();
+}
+
+std::string print_yaml(const FieldList& fields, const FieldList& defaults, bool with_comments) {
+  Printer printer(with_comments);
+  printer.block(fields, defaults, 0);
+  return printer.take();
+}
+
+std::vector<FieldInfo> list_fields(const FieldList& defaults) {
+  std::vector<FieldInfo> all;
+  list_into(defaults, "", all);
+  return all;
+}
+
+}  // namespace giga

@@ -1,0 +1,60 @@
+// Nearest names by edit distance.
+#include "config/names.hpp"
+
+#include <algorithm>
+
+namespace giga {
+
+int edit_distance(std::string_view a, std::string_view b) {
+  // Three rows of the table of distances between prefixes (optimal string alignment).
+  const size_t n = b.size();
+  std::vector<int> before(n + 1), last(n + 1), row(n + 1);
+  for (size_t k = 0; k <= n; ++k) last[k] = static_cast<int>(k);
+  for (size_t i = 1; i <= a.size(); ++i) {
+    row[0] = static_cast<int>(i);
+    for (size_t k = 1; k <= n; ++k) {
+      const int replace = last[k - 1] + (a[i - 1] == b[k - 1] ? 0 : 1);
+      row[k] = std::min({last[k] + 1, row[k - 1] + 1, replace});
+      const bool swapped = i > 1 && k > 1 && a[i - 1] == b[k - 2] && a[i - 2] == b[k - 1];
+      if (swapped) row[k] = std::min(row[k], before[k - 2] + 1);
+    }
+    before.swap(last);
+    last.swap(row);
+  }
+  return last[n];
+}
+
+std::vector<std::string> nearest_names(std::string_view name, const std::vector<std::string>& known, size_t limit) {
+  name = name.substr(0, 100);  // nothing known is longer
+  std::vector<std::pair<int, std::string>> ranked;
+  const int far = std::max<int>(2, static_cast<int>(name.size()) / 2);
+  for (const std::string& candidate : known) {
+    int distance = edit_distance(name, candidate);
+    // A part of the name counts as near: `worlds` for `n_worlds`.
+    const bool part = name.size() >= 4 && candidate.find(name) != std::string::npos;
+    if (part) distance = std::min(distance, 2);
+    if (distance <= far) ranked.emplace_back(distance, candidate);
+  }
+  std::stable_sort(ranked.begin(), ranked.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
+  std::vector<std::string> names;
+  for (size_t k = 0; k < ranked.size() && k < limit; ++k) names.push_back(ranked[k].second);
+  return names;
+}
+
+std::string nearest_hint(std::string_view name, const std::vector<std::string>& known, size_t limit) {
+  std::vector<std::string> names = nearest_names(name, known, limit);
+  if (names.empty()) return "";
+  for (std::string& near : names) near = "'" + near + "'";
+  return "; nearest: " + join(names);
+}
+
+std::string join(const std::vector<std::string>& parts, std::string_view separator) {
+  std::string text;
+  for (size_t k = 0; k < parts.size(); ++k) {
+    if (k) text += separator;
+    text += parts[k];
+  }
+  return text;
+}
+
+}  // namespace giga

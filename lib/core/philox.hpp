@@ -1,0 +1,76 @@
+// Counter-based random numbers: Philox4x32-10 (Salmon et al., "Parallel random numbers: as easy as 1, 2, 3", SC 2011).
+// A draw is a pure function of (seed, world, step, purpose, indices): nothing is stored, and every back end and any
+// number of threads sees the same numbers.
+#pragma once
+
+#include <cstdint>
+
+#include "core/host_device.hpp"
+
+namespace giga {
+
+struct Philox4 {
+  uint32_t word[4];
+};
+
+/// 32 x 32 -> 64 bit multiplication, high half.
+GIGA_HD uint32_t mul_hi(uint32_t a, uint32_t b) {
+#if defined(__CUDA_ARCH__)
+  return __umulhi(a, b);
+#else
+  return static_cast<uint32_t>((static_cast<uint64_t>(a) * b) >> 32);
+#endif
+}
+
+/// Ten rounds of Philox4x32 over a 128-bit counter with a 64-bit key.
+GIGA_HD Philox4 philox4x32(uint32_t c0, uint32_t c1, uint32_t c2, uint32_t c3, uint64_t key) {
+  uint32_t k0 = static_cast<uint32_t>(key), k1 = static_cast<uint32_t>(key >> 32);
+  for (int round = 0; round < 10; ++round) {
+    const uint32_t hi0 = mul_hi(0xD2511F53u, c0), lo0 = 0xD2511F53u * c0;
+    const uint32_t hi1 = mul_hi(0xCD9E8D57u, c2), lo1 = 0xCD9E8D57u * c2;
+    c0 = hi1 ^ c1 ^ k0;
+    c1 = lo1;
+    c2 = hi0 ^ c3 ^ k1;
+    c3 = lo0;
+    k0 += 0x9E3779B9u;
+    k1 += 0xBB67AE85u;
+  }
+  return {{c0, c1, c2, c3}};
+}
+
+/// The upper 24 bits as a float in [0, 1): exact, so the same on every back end.
+GIGA_HD float to_unit_float(uint32_t bits) { return static_cast<float>(bits >> 8) * (1.0f / 16777216.0f); }
+
+/// What a draw decides; part of the counter, so that no two purposes share numbers.
+enum class Draw : uint32_t { waypoint, detect, comm, map, start, action, opponent, permutation, init };
+
+/// The draws of one world at one step, addressed by purpose and indices. Consecutive indices share a Philox call,
+/// whose result is remembered.
+class DrawKey {
+ public:
+  GIGA_HD DrawKey(uint64_t seed, uint32_t world, uint32_t step) : seed_(seed), world_(world), step_(step) {}
+
+  /// Uniform on [0, 1): number `index` of row `row`. Needs row and index below 65,536 x 4.
+  GIGA_HD float uniform(Draw draw, uint32_t row, uint32_t index) {
+    const uint32_t purpose = (static_cast<uint32_t>(draw) << 24) | (index >> 2);
+    if (purpose != cached_purpose_ || row != cached_row_) {
+      cached_ = philox4x32(world_, step_, purpose, row, seed_);
+      cached_purpose_ = purpose;
+      cached_row_ = row;
+    }
+    const uint32_t slot = index & 3u;  // selected without indexing, so that the block stays in registers
+    const uint32_t bits = slot == 0   ? cached_.word[0]
+                          : slot == 1 ? cached_.word[1]
+                          : slot == 2 ? cached_.word[2]
+                                      : cached_.word[3];
+    return to_unit_float(bits);
+  }
+
+ private:
+  uint64_t seed_;
+  uint32_t world_, step_;
+  uint32_t cached_purpose_ = 0xFFFFFFFFu, cached_row_ = 0xFFFFFFFFu;
+  Philox4 cached_{};
+};
+
+}  // namespace giga

@@ -1,0 +1,93 @@
+#include "eval/match.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/error.hpp"
+#include "cuda/rows.hpp"
+#include "cuda/runtime.hpp"
+
+namespace giga {
+namespace {
+
+constexpr int kStepsBetweenChecks = 64;  // looking whether all episodes are over makes the host wait
+
+bool all_finished(Simulator& sim) {
+  std::vector<uint8_t> finished(static_cast<size_t>(sim.n_worlds()));
+  sim.synchronize();
+  sim.memory().to_host(finished.data(), sim.state().view().finished, finished.size());
+  return std::all_of(finished.begin(), finished.end(), [](uint8_t f) { return f != 0; });
+}
+
+}  // namespace
+
+MatchResult play_match(const SimSpec& spec, const Player& side0, const Player& side1, const MatchOptions& options) {
+  GIGA_CHECK(options.episodes > 0, "episodes: ", options.episodes);
+  const Player player[kNTeams] = {side0, side1};
+  SimSpec limited = spec;  // every episode ends, so that each is counted
+  if (limited.params.max_episode_length == 0) limited.params.max_episode_length = kMatchStepLimit;
+  SimOptions sim_options;
+  sim_options.n_worlds = options.episodes;
+  sim_options.seed = options.seed;
+  sim_options.on_done = OnDone::freeze;
+  sim_options.n_threads = options.n_threads;
+  const auto sim = make_simulator(limited, sim_options, options.device);
+  const RowRunner rows(options.device, options.n_threads);
+
+  Buffer<float> obs[kNTeams];
+  Buffer<float> action[kNTeams];  // three floats hold either kind of action
+  StepIo io;
+  for (int team = 0; team < kNTeams; ++team) {
+    const size_t agents = static_cast<size_t>(options.episodes) * static_cast<size_t>(sim->params().n_team[team]);
+    action[team] = Buffer<float>(sim->memory(), agents * kActionSize);
+    if (player[team].actor)
+      obs[team] = Buffer<float>(sim->memory(), agents * static_cast<size_t>(spec.observation_size()));
+    io.team[team].action = action[team].data();
+    io.team[team].obs = obs[team].data();
+  }
+
+  sim->start(io);
+  for (int step = 0; step < limited.params.max_episode_length; ++step) {
+    if (step % kStepsBetweenChecks == 0 && step > 0 && all_finished(*sim)) break;
+    for (int team = 0; team < kNTeams; ++team)
+      act(player[team], *sim, rows, team, {obs[team].data(), action[team].data(), nullptr, nullptr});
+    sim->step(io);
+  }
+
+  const EpisodeStats stats = sim->take_stats();
+  MatchResult result;
+  result.episodes = static_cast<int>(std::lround(stats[EpisodeStat::episodes]));
+  GIGA_CHECK(result.episodes == options.episodes, result.episodes, " of ", options.episodes, " episodes ended");
+  const auto mean = [&](EpisodeStat s) { return stats[s] / options.episodes; };
+  result.wins[0] = static_cast<int>(std::lround(stats[EpisodeStat::wins_0]));
+  result.wins[1] = static_cast<int>(std::lround(stats[EpisodeStat::wins_1]));
+  result.ties = static_cast<int>(std::lround(stats[EpisodeStat::ties]));
+  result.mean_return[0] = mean(EpisodeStat::return_0);
+  result.mean_return[1] = mean(EpisodeStat::return_1);
+  result.mean_return_masked[0] = mean(EpisodeStat::return_masked_0);
+  result.mean_return_masked[1] = mean(EpisodeStat::return_masked_1);
+  result.mean_score[0] = mean(EpisodeStat::score_0);
+  result.mean_score[1] = mean(EpisodeStat::score_1);
+  result.mean_length = mean(EpisodeStat::length);
+  return result;
+}
+
+Interval wilson95(int k, int n) {
+  if (n <= 0) return {0, 1};
+  const double z = 1.959963984540054, p = static_cast<double>(k) / n, z2n = z * z / n;
+  const double centre = (p + z2n / 2) / (1 + z2n);
+  const double half = z * std::sqrt(p * (1 - p) / n + z2n / (4.0 * n)) / (1 + z2n);
+  return {std::max(0.0, centre - half), std::min(1.0, centre + half)};
+}
+
+Scripted parse_scripted(const std::string& name) {
+  const auto names = enum_names(Scripted{});
+  std::string list;
+  for (size_t k = 0; k < names.size(); ++k) {
+    if (name == names[k]) return static_cast<Scripted>(k);
+    list += (k ? ", " : "") + std::string(names[k]);
+  }
+  throw InputError(cat("opponent '", name, "' is unknown; allowed: ", list));
+}
+
+}  // namespace giga

@@ -1,0 +1,119 @@
+#include "io/checkpoint.hpp"
+
+#include <vector>
+
+#include "core/error.hpp"
+#include "io/files.hpp"
+#include "io/hdf5_file.hpp"
+
+namespace giga {
+namespace {
+
+constexpr const char* kArrays = "arrays/";
+
+/// One checksum over everything in the root's attributes, and over the list of arrays.
+uint32_t header_checksum(const Checkpoint& c, const std::string& names) {
+  const std::string all = cat(c.format_version, '\n', c.kind, '\n', c.gigastep_version, '\n', c.scenario_name, '\n',
+                              c.updates, '\n', c.agent_steps, '\n', c.seed, '\n', names);
+  return hdf5::crc32_of(all);
+}
+
+NamedArray text_array(const std::string& text) {
+  return make_array<uint8_t>("", std::vector<uint8_t>(text.begin(), text.end()));
+}
+std::string text_of(const NamedArray& array) {
+  const std::vector<uint8_t> bytes = array_values<uint8_t>(array);
+  return {bytes.begin(), bytes.end()};
+}
+
+/// The names of the arrays in their order, a line each: an array that is gone is noticed.
+std::string names_text(const NamedArrays& arrays) {
+  std::string text;
+  for (const NamedArray& a : arrays) text += a.name + "\n";
+  return text;
+}
+std::vector<std::string> split_lines(const std::string& text) {
+  std::vector<std::string> lines;
+  for (size_t at = 0; at < text.size();) {
+    const size_t end = std::min(text.find('\n', at), text.size());
+    lines.push_back(text.substr(at, end - at));
+    at = end + 1;
+  }
+  return lines;
+}
+
+void check_kind(hid_t file) {
+  if (!hdf5::has_attribute(file, "kind") || hdf5::read_text_attribute(file, "kind") != kCheckpointKind)
+    throw hdf5::FormatError("is an HDF5 file but not a checkpoint of gigastep");
+  const int64_t version = hdf5::read_int_attribute(file, "format_version");
+  if (version > kCheckpointFormat)
+    throw hdf5::FormatError(cat("has format version ", version, ", newer than ", kCheckpointFormat,
+                                ", which this gigastep reads: use the version that wrote it (",
+                                hdf5::read_text_attribute(file, "gigastep_version"), ")"));
+  if (version < 1) throw hdf5::FormatError(cat("has the impossible format version ", version));
+}
+
+Checkpoint decode(std::string_view bytes) {
+  const hdf5::Handle file = hdf5::open_file(bytes);
+  check_kind(file);
+  Checkpoint c;
+  c.format_version = static_cast<int>(hdf5::read_int_attribute(file, "format_version"));
+  c.gigastep_version = hdf5::read_text_attribute(file, "gigastep_version");
+  c.scenario_name = hdf5::read_text_attribute(file, "scenario_name");
+  c.updates = hdf5::read_int_attribute(file, "updates");
+  c.agent_steps = hdf5::read_int_attribute(file, "agent_steps");
+  c.seed = hdf5::read_uint_attribute(file, "seed");
+  const std::string names = text_of(hdf5::read_dataset(file, "array_names", bytes.size()));
+  if (hdf5::read_uint_attribute(file, "header_crc32") != header_checksum(c, names))
+    throw hdf5::FormatError("is damaged: the checksum of its header does not match");
+  c.config_yaml = text_of(hdf5::read_dataset(file, "config_yaml", bytes.size()));
+  c.scenario_yaml = text_of(hdf5::read_dataset(file, "scenario_yaml", bytes.size()));
+  for (const std::string& name : split_lines(names)) {
+    c.arrays.push_back(hdf5::read_dataset(file, kArrays + name, bytes.size()));
+    c.arrays.back().name = name;
+  }
+  return c;
+}
+
+}  // namespace
+
+std::string encode_checkpoint(const Checkpoint& c) {
+  const hdf5::QuietErrors quiet;
+  const hdf5::Handle file = hdf5::create_file();
+  const std::string names = names_text(c.arrays);
+  hdf5::write_attribute(file, "kind", c.kind);
+  hdf5::write_attribute(file, "format_version", static_cast<int64_t>(c.format_version));
+  hdf5::write_attribute(file, "gigastep_version", c.gigastep_version);
+  hdf5::write_attribute(file, "scenario_name", c.scenario_name);
+  hdf5::write_attribute(file, "updates", c.updates);
+  hdf5::write_attribute(file, "agent_steps", c.agent_steps);
+  hdf5::write_attribute(file, "seed", c.seed);
+  hdf5::write_attribute(file, "header_crc32", static_cast<uint64_t>(header_checksum(c, names)));
+  hdf5::write_dataset(file, "array_names", text_array(names));
+  hdf5::write_dataset(file, "config_yaml", text_array(c.config_yaml));
+  hdf5::write_dataset(file, "scenario_yaml", text_array(c.scenario_yaml));
+  for (const NamedArray& array : c.arrays) {
+    GIGA_CHECK(!array.name.empty() && array.name.find('\n') == std::string::npos, "an array named '", array.name, "'");
+    hdf5::write_dataset(file, kArrays + array.name, array);
+  }
+  return hdf5::file_bytes(file);
+}
+
+Checkpoint decode_checkpoint(std::string_view bytes, const std::string& name) {
+  const hdf5::QuietErrors quiet;
+  try {
+    return decode(bytes);
+  } catch (const hdf5::FormatError& e) {
+    throw InputError(cat(name, ": ", e.what()));
+  }
+}
+
+void write_checkpoint(const std::filesystem::path& path, const Checkpoint& checkpoint) {
+  write_file(path, encode_checkpoint(checkpoint));
+}
+
+Checkpoint read_checkpoint(const std::filesystem::path& path) {
+  return decode_checkpoint(read_file(path), path.string());
+}
+
+}  // namespace giga

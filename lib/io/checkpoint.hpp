@@ -1,0 +1,42 @@
+// Checkpoint: everything that a run needs to be evaluated or continued, as one HDF5 file.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <string_view>
+
+#include "core/named_array.hpp"
+
+namespace giga {
+
+constexpr int kCheckpointFormat = 1;
+constexpr const char* kCheckpointKind = "gigastep checkpoint";
+
+/// In the file: the numbers and short texts are attributes of the root, the two YAML texts datasets `config_yaml` and
+/// `scenario_yaml`, the arrays datasets below `arrays/` under their own names, little-endian and uncompressed. Each
+/// dataset carries a CRC-32 (attribute `crc32`), and so do the root's attributes together (`header_crc32`).
+struct Checkpoint {
+  int format_version = kCheckpointFormat;
+  std::string kind = kCheckpointKind;
+  std::string gigastep_version;  ///< of the program that wrote it
+  std::string scenario_name;
+  std::string config_yaml;    ///< resolved run config
+  std::string scenario_yaml;  ///< resolved scenario
+  int64_t updates = 0;
+  int64_t agent_steps = 0;
+  uint64_t seed = 0;
+  NamedArrays arrays;
+};
+
+/// The whole file or nothing (see write_file).
+void write_checkpoint(const std::filesystem::path& path, const Checkpoint& checkpoint);
+
+/// Throws InputError with the file and what is wrong: missing, not HDF5, no checkpoint, of a newer format, damaged.
+Checkpoint read_checkpoint(const std::filesystem::path& path);
+
+/// The same from and to the bytes of a file; `name` stands for it in messages.
+std::string encode_checkpoint(const Checkpoint& checkpoint);
+Checkpoint decode_checkpoint(std::string_view bytes, const std::string& name);
+
+}  // namespace giga

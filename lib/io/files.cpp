@@ -1,0 +1,120 @@
+#include "io/files.hpp"
+
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <system_error>
+
+#include "core/error.hpp"
+
+namespace giga {
+namespace fs = std::filesystem;
+namespace {
+
+constexpr const char* kTemporaryEnding = ".tmp";
+
+[[noreturn]] void fail(const char* what, const fs::path& path) {
+  throw Error(cat("cannot ", what, " ", path.string(), ": ", std::strerror(errno)));
+}
+
+/// An open file, closed at the end of its scope.
+class File {
+ public:
+  File(const fs::path& path, int flags) : path_(path), fd_(::open(path.c_str(), flags | O_CLOEXEC, 0644)) {}
+  ~File() {
+    if (fd_ >= 0) ::close(fd_);
+  }
+  File(const File&) = delete;
+  File& operator=(const File&) = delete;
+
+  bool is_open() const { return fd_ >= 0; }
+  ssize_t read(char* to, size_t size) const { return ::read(fd_, to, size); }
+
+  void write_all(std::string_view bytes) const {
+    while (!bytes.empty()) {
+      const ssize_t written = ::write(fd_, bytes.data(), bytes.size());
+      if (written < 0 && errno == EINTR) continue;
+      if (written < 0) fail("write", path_);
+      bytes.remove_prefix(static_cast<size_t>(written));
+    }
+  }
+  void flush_to_disk() const {
+    if (::fsync(fd_) != 0) fail("write", path_);
+  }
+  void close() {
+    const int result = ::close(fd_);
+    fd_ = -1;
+    if (result != 0) fail("write", path_);
+  }
+
+ private:
+  fs::path path_;
+  int fd_;
+};
+
+void write_in_place(const fs::path& path, std::string_view bytes) {
+  File file(path, O_WRONLY);
+  if (!file.is_open()) fail("write", path);
+  file.write_all(bytes);
+  file.close();
+}
+
+void write_temporary(const fs::path& path, std::string_view bytes) {
+  File file(path, O_WRONLY | O_CREAT | O_TRUNC);
+  if (!file.is_open()) fail("create", path);
+  file.write_all(bytes);
+  file.flush_to_disk();
+  file.close();
+}
+
+}  // namespace
+
+std::string read_file(const fs::path& path) {
+  std::error_code code;
+  if (!fs::exists(path, code)) throw InputError(cat("there is no file ", path.string()));
+  if (fs::is_directory(path, code)) throw InputError(cat(path.string(), " is a folder, not a file"));
+  const File file(path, O_RDONLY);
+  if (!file.is_open()) throw InputError(cat("cannot read ", path.string(), ": ", std::strerror(errno)));
+
+  std::string bytes;
+  const uintmax_t expected = fs::file_size(path, code);
+  if (!code) bytes.reserve(expected);
+  char block[1 << 16];
+  for (;;) {
+    const ssize_t count = file.read(block, sizeof block);
+    if (count < 0 && errno == EINTR) continue;
+    if (count < 0) throw InputError(cat("cannot read ", path.string(), ": ", std::strerror(errno)));
+    if (count == 0) return bytes;
+    bytes.append(block, static_cast<size_t>(count));
+  }
+}
+
+void write_file(const fs::path& path, std::string_view bytes) {
+  std::error_code code;
+  if (fs::exists(path, code) && !fs::is_regular_file(path, code)) return write_in_place(path, bytes);
+
+  const fs::path folder = path.has_parent_path() ? path.parent_path() : fs::path(".");
+  const fs::path temporary = path.string() + "." + std::to_string(::getpid()) + kTemporaryEnding;
+  try {
+    write_temporary(temporary, bytes);
+    if (::rename(temporary.c_str(), path.c_str()) != 0) fail("write", path);
+  } catch (...) {
+    ::unlink(temporary.c_str());
+    throw;
+  }
+  // The rename itself must reach the disk, or a power failure could undo it.
+  const File directory(folder, O_RDONLY | O_DIRECTORY);
+  if (directory.is_open()) directory.flush_to_disk();
+}
+
+int remove_temporaries(const fs::path& folder) {
+  int removed = 0;
+  std::error_code code;
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder, code))
+    if (entry.path().extension() == kTemporaryEnding && fs::remove(entry.path(), code)) ++removed;
+  return removed;
+}
+
+}  // namespace giga

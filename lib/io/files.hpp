@@ -1,0 +1,20 @@
+// Whole files: reading one, and writing one so that a crash leaves the old file or the new one, never a part of it.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <string_view>
+
+namespace giga {
+
+/// All bytes of a file; throws InputError where there is none or it cannot be read.
+std::string read_file(const std::filesystem::path& path);
+
+/// Writes a temporary file beside `path`, flushes it to the disk and renames it; then the folder is flushed. Every file
+/// that must survive a crash goes through here. What is not a regular file (/dev/stdout, a pipe) is written in place.
+void write_file(const std::filesystem::path& path, std::string_view bytes);
+
+/// Removes what interrupted calls of write_file left in a folder (*.tmp); returns how many.
+int remove_temporaries(const std::filesystem::path& folder);
+
+}  // namespace giga

@@ -1,0 +1,73 @@
+// The part of HDF5 that checkpoints use: files in memory, attributes, uncompressed datasets. Only for lib/io/*.cpp.
+#pragma once
+
+#include <hdf5.h>
+
+#include <cstdint>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+
+#include "core/named_array.hpp"
+
+namespace giga::hdf5 {
+
+/// What is wrong with a file, without its name.
+class FormatError : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
+
+/// An HDF5 identifier, closed at the end of its scope.
+class Handle {
+ public:
+  using Close = herr_t (*)(hid_t);
+  /// Throws FormatError(cat("cannot ", what)) where the id is an error.
+  Handle(hid_t id, Close close, const std::string& what);
+  ~Handle() {
+    if (id_ >= 0) close_(id_);
+  }
+  Handle(Handle&& other) noexcept : id_(other.id_), close_(other.close_) { other.id_ = -1; }
+  Handle& operator=(Handle&&) = delete;
+  operator hid_t() const { return id_; }
+
+ private:
+  hid_t id_;
+  Close close_;
+};
+
+/// Keeps HDF5 from printing its error stack while it lives: errors are told by exceptions.
+class QuietErrors {
+ public:
+  QuietErrors();
+  ~QuietErrors();
+  QuietErrors(const QuietErrors&) = delete;
+  QuietErrors& operator=(const QuietErrors&) = delete;
+
+ private:
+  H5E_auto2_t function_ = nullptr;
+  void* data_ = nullptr;
+};
+
+/// A new file in memory, and the bytes that it would have on disk.
+Handle create_file();
+std::string file_bytes(hid_t file);
+/// The file with these bytes, read-only.
+Handle open_file(std::string_view bytes);
+
+bool has_attribute(hid_t object, const char* name);
+void write_attribute(hid_t object, const char* name, const std::string& value);
+void write_attribute(hid_t object, const char* name, int64_t value);
+void write_attribute(hid_t object, const char* name, uint64_t value);
+std::string read_text_attribute(hid_t object, const char* name);
+int64_t read_int_attribute(hid_t object, const char* name);
+uint64_t read_uint_attribute(hid_t object, const char* name);
+
+/// Datasets with their checksum. Groups on the path are made. `most_bytes`: what the file can hold at all; a dataset
+/// that claims more is refused before anything is allocated.
+void write_dataset(hid_t file, const std::string& path, const NamedArray& array);
+NamedArray read_dataset(hid_t file, const std::string& path, size_t most_bytes);
+
+uint32_t crc32_of(std::string_view bytes, uint32_t seed = 0);
+
+}  // namespace giga::hdf5

@@ -1,0 +1,37 @@
+// Logger: messages to a file and to the console (stderr). A front of spdlog that shows nothing of it.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <string>
+
+namespace giga {
+
+class Logger {
+ public:
+  enum class Console : uint8_t {
+    all,    ///< all messages appear on the console too
+    quiet,  ///< only warnings and errors
+  };
+
+  Logger(const std::filesystem::path& file, Console console);
+  ~Logger();
+  Logger(const Logger&) = delete;
+  Logger& operator=(const Logger&) = delete;
+
+  void info(const std::string& message);
+  void warn(const std::string& message);
+  void error(const std::string& message);
+  /// To the file alone.
+  void note(const std::string& message);
+
+ private:
+  struct Loggers;
+  std::unique_ptr<Loggers> loggers_;
+};
+
+/// Whether stderr is a terminal that understands cursor movements.
+bool stderr_is_terminal();
+
+}  // namespace giga

@@ -1,0 +1,36 @@
+// MetricsCsv: metrics.csv, a row of figures per update (RFC 4180).
+#pragma once
+
+#include <filesystem>
+#include <fstream>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace giga {
+
+/// Named figures in a fixed order; NaN = not known.
+using MetricsRow = std::vector<std::pair<std::string, double>>;
+
+/// The header is the names of the first row; a later row with other names is an error, so that the header is true for
+/// the whole file. NaN is an empty field. Each row is on its way to the disk when `write` returns: a killed run keeps
+/// it.
+class MetricsCsv {
+ public:
+  /// A new file; throws Error where it exists or cannot be written.
+  explicit MetricsCsv(const std::filesystem::path& path);
+
+  void write(const MetricsRow& row);
+
+ private:
+  void put(const std::string& line);
+
+  std::filesystem::path path_;
+  std::ofstream file_;
+  std::vector<std::string> columns_;
+};
+
+/// A field of a CSV file: in quotes where it must be.
+std::string csv_field(const std::string& text);
+
+}  // namespace giga

@@ -1,0 +1,44 @@
+// Learner: what every training algorithm offers to the program. registry.cpp is the only list of algorithm names.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "core/memory.hpp"
+#include "core/named_array.hpp"
+#include "learn/run_config.hpp"
+#include "sim/simulator.hpp"
+
+namespace giga {
+
+class Actor;
+
+/// Figures of one update, in a stable order: (name, value), NaN = not known.
+using Metrics = std::vector<std::pair<std::string, double>>;
+
+class Learner {
+ public:
+  virtual ~Learner() = default;
+
+  /// One update: collect, learn. Queues work on the device and reads back one block of figures at the end.
+  virtual Metrics update() = 0;
+
+  virtual int64_t updates_done() const = 0;
+  virtual int64_t agent_steps_done() const = 0;
+
+  /// The policy of a team; null where the team is scripted.
+  virtual Actor* actor(int team) = 0;
+
+  /// Everything that the next update depends on.
+  virtual void save(NamedArrays& out) const = 0;
+  virtual void load(const NamedArrays& in) = 0;
+};
+
+/// Makes the learner that `run.config.train.algorithm` names.
+std::unique_ptr<Learner> make_learner(const LoadedRun& run, Device device);
+
+}  // namespace giga

@@ -1,0 +1,196 @@
+#include "learn/mappo.hpp"
+
+#include <ATen/Context.h>
+#include <torch/torch.h>
+
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include "cuda/rows.hpp"
+#include "cuda/runtime.hpp"
+#include "learn/ppo_team.hpp"
+#include "rollout/collector.hpp"
+#include "rollout/tensors.hpp"
+
+namespace giga {
+namespace {
+
+constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+
+class Mappo final : public Learner {
+ public:
+  Mappo(const LoadedRun& run, Device device);
+
+  Metrics update() override;
+  int64_t updates_done() const override { return updates_; }
+  int64_t agent_steps_done() const override { return updates_ * sim_->agents_per_step() * config_.mappo.horizon; }
+  Actor* actor(int team) override { return team_[team] ? &team_[team]->actor() : nullptr; }
+  void save(NamedArrays& out) const override;
+  void load(const NamedArrays& in) override;
+
+ private:
+  double schedule_factor() const;
+  at::Tensor permutation(int epoch);
+  Metrics metrics();
+  void team_metrics(int team, const float* figures, Metrics& out) const;
+
+  const RunConfig config_;
+  const Device device_;
+  const int64_t total_updates_;
+  RowRunner rows_;
+  std::unique_ptr<Simulator> sim_;
+  std::unique_ptr<PpoTeam> team_[kNTeams];  // null = scripted
+  std::unique_ptr<Collector> collector_;
+  int64_t updates_ = 0;
+};
+
+Mappo::Mappo(const LoadedRun& run, Device device)
+    : config_(run.config),
+      device_(device),
+      total_updates_(total_updates(run.config, run.spec.params.n_agents)),
+      rows_(device, run.config.train.n_threads) {
+  // A setting of the whole process in LibTorch; bf16 is done by casts and needs none.
+  at::globalContext().setAllowTF32CuBLAS(config_.train.precision == Precision::tf32);
+  if (config_.train.n_threads > 0) at::set_num_threads(config_.train.n_threads);
+
+  SimOptions options;
+  options.n_worlds = config_.train.n_worlds;
+  options.seed = config_.seed;
+  options.n_threads = config_.train.n_threads;
+  sim_ = make_simulator(run.spec, options, device);
+
+  Player player[kNTeams];
+  bool with_state = false;
+  for (int team = 0; team < kNTeams; ++team) {
+    if (!learns(config_.train, team)) {
+      player[team].script = scripted_of(config_.train.opponent);
+      continue;
+    }
+    team_[team] = std::make_unique<PpoTeam>(run, team, device, rows_);
+    player[team].actor = &team_[team]->actor();
+    with_state = with_state || team_[team]->needs_state();
+  }
+  const CollectorOptions collecting{config_.mappo.horizon, with_state, config_.train.desynchronize};
+  collector_ = std::make_unique<Collector>(*sim_, rows_, collecting, player[0], player[1]);
+  collector_->start();
+}
+
+Metrics Mappo::update() {
+  collector_->collect();
+  const Rollout& rollout = collector_->rollout();
+  for (const auto& team : team_)
+    if (team) team->prepare(rollout);
+
+  const auto factor = static_cast<float>(schedule_factor());
+  const MappoConfig& c = config_.mappo;
+  for (int epoch = 0; epoch < c.n_epochs; ++epoch)
+    for (const at::Tensor& index : permutation(epoch).chunk(c.n_minibatches))
+      for (const auto& team : team_)
+        if (team) team->learn(rollout, index, factor * c.learning_rate, factor * c.critic_learning_rate);
+
+  for (const auto& team : team_)
+    if (team) team->finish(rollout);
+  ++updates_;
+  return metrics();
+}
+
+double Mappo::schedule_factor() const {
+  const double done = std::min(1.0, static_cast<double>(updates_) / static_cast<double>(total_updates_));
+  const double last = static_cast<double>(config_.mappo.final_learning_rate_factor);
+  switch (config_.mappo.schedule) {
+    case Schedule::constant:
+      return 1;
+    case Schedule::linear:
+      return 1 + (last - 1) * done;
+    case Schedule::cosine:
+      return last + (1 - last) * 0.5 * (1 + std::cos(std::numbers::pi * done));
+  }
+  return 1;
+}
+
+// The order of the T x W states in an epoch. The generator is seeded afresh each time, so that it has no state to save.
+at::Tensor Mappo::permutation(int epoch) {
+  const int64_t states = static_cast<int64_t>(config_.mappo.horizon) * config_.train.n_worlds;
+  const uint64_t epochs = static_cast<uint64_t>(updates_) * static_cast<uint64_t>(config_.mappo.n_epochs);
+  const Philox4 bits = philox4x32(static_cast<uint32_t>(epochs), static_cast<uint32_t>(epochs >> 32),
+                                  static_cast<uint32_t>(Draw::permutation), static_cast<uint32_t>(epoch), config_.seed);
+  const at::Device device = torch_device(device_);
+  at::Generator generator = at::globalContext().defaultGenerator(device);
+  {
+    std::lock_guard lock(generator.mutex());
+    generator.set_current_seed(static_cast<uint64_t>(bits.word[0]) << 32 | bits.word[1]);
+  }
+  return at::randperm(states, generator, at::TensorOptions().dtype(at::kLong).device(device));
+}
+
+void Mappo::team_metrics(int team, const float* figures, Metrics& out) const {
+  const auto add = [&](const char* name, double value) {
+    out.emplace_back(cat(name, "_", team), team_[team] ? value : kUnknown);
+  };
+  const auto f = [&](PpoFigure k) { return figures ? static_cast<double>(figures[k]) : kUnknown; };
+  const double rows = f(kFigRows), steps = config_.mappo.n_epochs * config_.mappo.n_minibatches;
+  add("policy_loss", f(kFigPolicyLoss) / rows);
+  add("value_loss", f(kFigValueLoss) / rows);
+  add("entropy", f(kFigEntropy) / rows);
+  add("approx_kl", f(kFigLastKl));
+  add("clip_fraction", f(kFigClipped) / rows);
+  add("explained_variance", f(kFigExplained));
+  add("actor_grad_norm", f(kFigActorNorm) / steps);
+  add("critic_grad_norm", f(kFigCriticNorm) / steps);
+  add("first_ratio_error", f(kFigFirstRatioError));
+  add("information", f(kFigInformation));
+  add("living_share", f(kFigLiving));
+  add("skipped_share", f(kFigSkipped) / steps);
+}
+
+// The one place of an update where the host waits for the device.
+Metrics Mappo::metrics() {
+  at::Tensor figures[kNTeams];
+  for (int team = 0; team < kNTeams; ++team)
+    if (team_[team]) figures[team] = team_[team]->figures().cpu();
+  const EpisodeStats stats = sim_->take_stats();
+  const double episodes = stats[EpisodeStat::episodes];
+
+  Metrics out;
+  out.emplace_back("learning_rate_factor", schedule_factor());
+  out.emplace_back("episodes", episodes);
+  out.emplace_back("episode_length", stats[EpisodeStat::length] / episodes);  // NaN where none has ended
+  out.emplace_back("win_share_0", stats[EpisodeStat::wins_0] / episodes);
+  out.emplace_back("win_share_1", stats[EpisodeStat::wins_1] / episodes);
+  out.emplace_back("tie_share", stats[EpisodeStat::ties] / episodes);
+  out.emplace_back("truncated_share", stats[EpisodeStat::truncated] / episodes);
+  for (int team = 0; team < kNTeams; ++team) {
+    const auto of_team = [team](EpisodeStat first) { return static_cast<EpisodeStat>(static_cast<int>(first) + team); };
+    out.emplace_back(cat("return_", team), stats[of_team(EpisodeStat::return_0)] / episodes);
+    out.emplace_back(cat("score_", team), stats[of_team(EpisodeStat::score_0)] / episodes);
+    team_metrics(team, figures[team].defined() ? figures[team].const_data_ptr<float>() : nullptr, out);
+    for (int t = 0; t < kNRewardTerms; ++t)
+      out.emplace_back(cat("reward_", kRewardTermNames[t], "_", team),
+                       stats.term(team, static_cast<RewardTerm>(t)) / episodes);
+  }
+  return out;
+}
+
+void Mappo::save(NamedArrays& out) const {
+  out.push_back(make_array<int64_t>("updates", {updates_}));
+  out.push_back(make_array("simulator", sim_->state().save()));
+  for (int team = 0; team < kNTeams; ++team)
+    if (team_[team]) team_[team]->save(cat("team_", team, "/"), out);
+}
+
+void Mappo::load(const NamedArrays& in) {
+  updates_ = array_values<int64_t>(find_array(in, "updates")).at(0);
+  sim_->state().load(array_values<uint8_t>(find_array(in, "simulator")));
+  for (int team = 0; team < kNTeams; ++team)
+    if (team_[team]) team_[team]->load(cat("team_", team, "/"), in);
+  collector_->resume();
+}
+
+}  // namespace
+
+std::unique_ptr<Learner> make_mappo(const LoadedRun& run, Device device) {
+  return std::make_unique<Mappo>(run, device);
+}
+
+}  // namespace giga

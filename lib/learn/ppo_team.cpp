@@ -1,0 +1,229 @@
+#include "learn/ppo_team.hpp"
+
+#include <algorithm>
+
+#include "learn/mappo.hpp"
+#include "math/gae.hpp"
+#include "math/ppo_loss.hpp"
+#include "rollout/tensors.hpp"
+#include "sim/state_encoding.hpp"
+
+namespace giga {
+namespace {
+
+constexpr int64_t kValueChunk = 1 << 18;  // states per call of the critic outside of learning: bounds the memory
+
+/// Seeds of the networks differ by team and role.
+uint64_t network_seed(const LoadedRun& run, int team, int role) {
+  return run.config.seed * 4 + static_cast<uint64_t>(team * 2 + role);
+}
+
+CriticShape critic_shape(const LoadedRun& run, int team) {
+  const SimParams& p = run.spec.params;
+  return {team, {p.n_team[0], p.n_team[1]}, run.spec.observation_size(), world_feature_count(p)};
+}
+
+/// Mean and 1 / deviation over the entries with weight.
+std::pair<at::Tensor, at::Tensor> moments(const at::Tensor& x, const at::Tensor& weight, const at::Tensor& inv_count) {
+  const at::Tensor mean = (x * weight).sum() * inv_count;
+  const at::Tensor variance = ((x - mean).square() * weight).sum() * inv_count;
+  return {mean, (variance.sqrt() + 1e-8).reciprocal()};
+}
+
+}  // namespace
+
+bool learns(const TrainConfig& config, int team) {
+  return config.opponent == Opponent::self_play || config.learning_team == team;
+}
+
+std::string actor_prefix(int team) { return cat("team_", team, "/actor/"); }
+
+Actor make_actor(const LoadedRun& run, int team, Device device) {
+  return Actor(run.config.mappo.actor, run.spec.observation_size(), run.spec.params.actions, run.config.mappo.obs_norm,
+               run.config.train.precision, torch_device(device), network_seed(run, team, 0));
+}
+
+PpoTeam::PpoTeam(const LoadedRun& run, int team, Device device, const RowRunner& rows)
+    : config_(run.config.mappo),
+      team_(team),
+      n_(run.spec.params.n_team[team]),
+      rows_(rows),
+      actor_(make_actor(run, team, device)),
+      critic_(config_.critic, critic_shape(run, team), run.config.train.precision, torch_device(device),
+              network_seed(run, team, 1)),
+      actor_adam_(actor_.parameters(), config_.adam_epsilon),
+      critic_adam_(critic_.parameters(), config_.adam_epsilon),
+      value_norm_(1, config_.value_norm_beta, torch_device(device)) {
+  const auto options = at::TensorOptions().dtype(at::kFloat).device(torch_device(device));
+  zero_ = at::zeros({1}, options);
+  one_ = at::ones({1}, options);
+  stop_ = at::zeros({1}, options);
+  figures_ = at::zeros({kNFigures}, options);
+}
+
+at::Tensor PpoTeam::values_of(const at::Tensor& obs, const at::Tensor& alive, const at::Tensor& state) const {
+  at::NoGradGuard no_grad;
+  at::Tensor values = at::empty(alive.sizes(), obs.options());
+  for (int64_t from = 0; from < obs.size(0); from += kValueChunk) {
+    const int64_t to = std::min(from + kValueChunk, obs.size(0));
+    at::Tensor x = obs.slice(0, from, to);
+    if (actor_.normalizes()) x = actor_.normalizer().apply(x);
+    const at::Tensor s = state.defined() ? state.slice(0, from, to) : state;
+    values.slice(0, from, to).copy_(critic_.forward(x, alive.slice(0, from, to).to(at::kFloat), s));
+  }
+  return values;
+}
+
+void PpoTeam::prepare(const Rollout& rollout) {
+  at::NoGradGuard no_grad;
+  const TeamRollout& r = rollout.team[team_];
+  const int64_t t = r.reward.size(0), w = r.reward.size(1), d = r.obs.size(-1);
+  const auto states = [&](const at::Tensor& global) {
+    return critic_.needs_state() ? global.reshape({-1, global.size(-1)}) : at::Tensor();
+  };
+  const at::Tensor value =
+      values_of(r.obs.view({(t + 1) * w, n_, d}), r.alive.view({(t + 1) * w, n_}), states(rollout.global));
+  const at::Tensor final_value = values_of(r.final_obs, r.final_alive, states(rollout.final_global));
+
+  advantage_ = at::empty_like(r.reward);
+  returns_ = at::empty_like(r.reward);
+  rows_.run(Gae{static_cast<int>(t), w, n_, config_.gamma, config_.gae_lambda, r.reward.const_data_ptr<float>(),
+                rollout.done.const_data_ptr<uint8_t>(), r.alive.const_data_ptr<uint8_t>(),
+                value.const_data_ptr<float>(), final_value.const_data_ptr<float>(),
+                r.final_alive.const_data_ptr<uint8_t>(), value_norm_.mean().const_data_ptr<float>(),
+                value_norm_.std().const_data_ptr<float>(), advantage_.data_ptr<float>(), returns_.data_ptr<float>()},
+            w * n_);
+  value_ = (value.view({t + 1, w, n_}).slice(0, 0, t) * value_norm_.std() + value_norm_.mean()).contiguous();
+
+  const at::Tensor weight = r.alive.slice(0, 0, t).to(at::kFloat);
+  const at::Tensor inv_count = weight.sum().clamp_min(1).reciprocal();
+  std::tie(batch_mean_, batch_inv_std_) = moments(advantage_, weight, inv_count);
+  figures_.zero_();
+  stop_.zero_();
+  first_ = true;
+  // Explained variance: 1 - Var(returns - values) / Var(returns), and returns - values are the advantages.
+  const auto [return_mean, return_inv_std] = moments(returns_, weight, inv_count);
+  figures_[kFigExplained].copy_(1.0 - (return_inv_std / batch_inv_std_).square());
+  figures_[kFigLiving].copy_(weight.mean());
+  if (config_.value_norm) value_norm_.update(returns_.view({-1, 1}), weight.view({-1}));
+}
+
+at::Tensor PpoTeam::policy_gradient(const Rollout& rollout, const at::Tensor& head, const at::Tensor& index,
+                                    const at::Tensor& alive, const at::Tensor& inv_count) {
+  at::NoGradGuard no_grad;
+  const TeamRollout& r = rollout.team[team_];
+  at::Tensor mean = zero_, inv_std = one_;
+  if (config_.advantage_norm == AdvantageNorm::batch) {
+    mean = batch_mean_;
+    inv_std = batch_inv_std_;
+  } else if (config_.advantage_norm == AdvantageNorm::minibatch) {
+    const at::Tensor a = advantage_.view({-1, n_}).index_select(0, index);
+    std::tie(mean, inv_std) = moments(a, alive, inv_count);
+  }
+  const int64_t count = head.size(0);
+  const at::Tensor gradient = at::empty_like(head);
+  const at::Tensor diagnostics = at::empty({count, kNPolicyDiagnostics}, head.options());
+  const PolicyLossInput in{{index.const_data_ptr<int64_t>(), n_},
+                           r.log_prob.const_data_ptr<float>(),
+                           advantage_.const_data_ptr<float>(),
+                           r.alive.const_data_ptr<uint8_t>(),
+                           mean.const_data_ptr<float>(),
+                           inv_std.const_data_ptr<float>(),
+                           inv_count.const_data_ptr<float>(),
+                           config_.clip_coef,
+                           config_.entropy_coef};
+  if (actor_.actions() == ActionKind::discrete) {
+    rows_.run(CategoricalLoss{in, head.const_data_ptr<float>(), kNDiscreteActions, r.action.const_data_ptr<int32_t>(),
+                              gradient.data_ptr<float>(), diagnostics.data_ptr<float>()},
+              count);
+  } else {
+    const at::Tensor d_log_std = at::empty_like(head);
+    rows_.run(GaussianLoss{in, head.const_data_ptr<float>(), actor_.log_std().const_data_ptr<float>(),
+                           r.raw.const_data_ptr<float>(), gradient.data_ptr<float>(), d_log_std.data_ptr<float>(),
+                           diagnostics.data_ptr<float>()},
+              count);
+    actor_.log_std().grad().add_(d_log_std.sum(0));
+  }
+  note_policy(diagnostics.sum(0), head, alive);
+  return gradient;
+}
+
+void PpoTeam::note_policy(const at::Tensor& sums, const at::Tensor& head, const at::Tensor& alive) {
+  static_assert(kFigRows + 1 == kNPolicyDiagnostics);
+  figures_.slice(0, 0, kNPolicyDiagnostics).add_(sums);
+  const at::Tensor rows = sums[kLossCount].clamp_min(1), kl = sums[kLossKl] / rows;
+  figures_[kFigLastKl].copy_(kl);
+  if (first_) {
+    figures_[kFigFirstRatioError].copy_(sums[kLossRatioError] / rows);
+    figures_[kFigInformation].copy_(policy_information(actor_, head, alive.view({-1})).squeeze(0));
+  }
+  first_ = false;
+  if (config_.target_kl) stop_.copy_(at::maximum(stop_, (kl > *config_.target_kl).to(at::kFloat)));
+  figures_[kFigSkipped].add_(stop_.squeeze(0));
+}
+
+void PpoTeam::learn(const Rollout& rollout, const at::Tensor& index, float learning_rate,
+                    float critic_learning_rate) {
+  const TeamRollout& r = rollout.team[team_];
+  const int64_t t = r.reward.size(0), d = r.obs.size(-1), b = index.size(0);
+  const auto pick = [&](const at::Tensor& x) { return x.slice(0, 0, t).flatten(0, 1).index_select(0, index); };
+  at::Tensor obs = pick(r.obs);                          // [B, n, D]
+  const at::Tensor alive = pick(r.alive).to(at::kFloat);  // [B, n]
+  const at::Tensor inv_count = alive.sum().clamp_min(1).reciprocal();
+  const bool shared_input = actor_.normalizes();
+
+  const at::Tensor head = actor_.forward(obs.view({b * n_, d}));
+  head.backward(policy_gradient(rollout, head, index, alive, inv_count));
+  const at::Tensor actor_norm = actor_adam_.step(actor_.parameters(), learning_rate, config_.max_grad_norm, stop_);
+
+  if (shared_input) obs = actor_.normalizer().apply(obs);
+  const at::Tensor value = critic_.forward(obs, alive, critic_.needs_state() ? pick(rollout.global) : at::Tensor());
+  const at::Tensor gradient = at::empty_like(value), loss = at::empty_like(value);
+  rows_.run(ValueLoss{{index.const_data_ptr<int64_t>(), n_},
+                      value.const_data_ptr<float>(),
+                      value_.const_data_ptr<float>(),
+                      returns_.const_data_ptr<float>(),
+                      r.alive.const_data_ptr<uint8_t>(),
+                      value_norm_.mean().const_data_ptr<float>(),
+                      value_norm_.std().const_data_ptr<float>(),
+                      inv_count.const_data_ptr<float>(),
+                      config_.value_coef,
+                      config_.value_loss == ValueLossKind::clipped ? config_.value_clip_coef : 0.0f,
+                      config_.value_loss == ValueLossKind::huber ? config_.huber_delta : 0.0f,
+                      gradient.data_ptr<float>(),
+                      loss.data_ptr<float>()},
+            b * n_);
+  value.backward(gradient);
+  const at::Tensor critic_norm =
+      critic_adam_.step(critic_.parameters(), critic_learning_rate, config_.max_grad_norm, stop_);
+
+  at::NoGradGuard no_grad;
+  figures_[kFigValueLoss].add_(loss.sum());
+  figures_[kFigActorNorm].add_(actor_norm.squeeze(0));
+  figures_[kFigCriticNorm].add_(critic_norm.squeeze(0));
+}
+
+void PpoTeam::finish(const Rollout& rollout) {
+  if (!actor_.normalizes()) return;
+  const TeamRollout& r = rollout.team[team_];
+  const int64_t t = r.reward.size(0), d = r.obs.size(-1);
+  actor_.normalizer().update(r.obs.slice(0, 0, t).view({-1, d}), r.alive.slice(0, 0, t).to(at::kFloat).view({-1}));
+}
+
+void PpoTeam::save(const std::string& prefix, NamedArrays& out) const {
+  actor_.save(prefix + "actor/", out);
+  critic_.parameters().save(prefix + "critic/", out);
+  actor_adam_.save(prefix + "actor_adam/", out);
+  critic_adam_.save(prefix + "critic_adam/", out);
+  value_norm_.save(prefix + "value_norm/", out);
+}
+
+void PpoTeam::load(const std::string& prefix, const NamedArrays& in) {
+  actor_.load(prefix + "actor/", in);
+  critic_.parameters().load(prefix + "critic/", in);
+  actor_adam_.load(prefix + "actor_adam/", in);
+  critic_adam_.load(prefix + "critic_adam/", in);
+  value_norm_.load(prefix + "value_norm/", in);
+}
+
+}  // namespace giga

@@ -1,0 +1,76 @@
+// PpoTeam: the networks of one team, and how they learn from a rollout.
+#pragma once
+
+#include <torch/torch.h>
+
+#include "cuda/rows.hpp"
+#include "learn/learner.hpp"
+#include "policy/actor.hpp"
+#include "policy/critic.hpp"
+#include "policy/optimizer.hpp"
+#include "rollout/collector.hpp"
+
+namespace giga {
+
+/// Sums over the minibatches of an update, kept on the device until the figures are read.
+enum PpoFigure : int {
+  kFigPolicyLoss,       // the first six: sums over living rows of all minibatches, see PolicyDiagnostic
+  kFigEntropy,
+  kFigKl,
+  kFigClipped,
+  kFigRatioError,
+  kFigRows,
+  kFigValueLoss,        // sum over living rows
+  kFigActorNorm,        // sums over minibatches
+  kFigCriticNorm,
+  kFigSkipped,
+  kFigFirstRatioError,  // mean of the first minibatch: 0 where rollout and update agree
+  kFigExplained,        // explained variance of the values before the update
+  kFigInformation,      // I(obs; action) on the first minibatch
+  kFigLiving,           // share of rows with a living agent
+  kFigLastKl,           // mean of the last minibatch
+  kNFigures
+};
+
+class PpoTeam {
+ public:
+  PpoTeam(const LoadedRun& run, int team, Device device, const RowRunner& rows);
+
+  Actor& actor() { return actor_; }
+  bool needs_state() const { return critic_.needs_state(); }
+
+  /// Values, advantages and returns of a rollout; clears the figures.
+  void prepare(const Rollout& rollout);
+  /// One gradient step of actor and critic on the states `index` [B] of the T x W of the rollout.
+  void learn(const Rollout& rollout, const at::Tensor& index, float learning_rate, float critic_learning_rate);
+  /// Takes the rollout's observations into the normaliser.
+  void finish(const Rollout& rollout);
+  const at::Tensor& figures() const { return figures_; }  // [kNFigures]
+
+  void save(const std::string& prefix, NamedArrays& out) const;
+  void load(const std::string& prefix, const NamedArrays& in);
+
+ private:
+  at::Tensor values_of(const at::Tensor& obs, const at::Tensor& alive, const at::Tensor& state) const;
+  at::Tensor policy_gradient(const Rollout& rollout, const at::Tensor& head, const at::Tensor& index,
+                             const at::Tensor& alive, const at::Tensor& inv_count);
+  void note_policy(const at::Tensor& sums, const at::Tensor& head, const at::Tensor& alive);
+
+  const MappoConfig config_;
+  const int team_, n_;
+  const RowRunner& rows_;
+  Actor actor_;
+  Critic critic_;
+  Adam actor_adam_, critic_adam_;
+  RunningNorm value_norm_;  // size 1; stays 0 and 1 where it is off
+
+  // Of the rollout at hand; T x W states, n agents.
+  at::Tensor value_, advantage_, returns_;  // [T, W, n]; value_ in reward units
+  at::Tensor batch_mean_, batch_inv_std_;   // [1] of the advantages
+  at::Tensor zero_, one_;                   // [1]
+  at::Tensor stop_;                         // [1] 1 once approx_kl has passed target_kl
+  at::Tensor figures_;
+  bool first_ = true;
+};
+
+}  // namespace giga

@@ -1,0 +1,14 @@
+// The only list of algorithm names.
+#include "core/error.hpp"
+#include "learn/learner.hpp"
+#include "learn/mappo.hpp"
+
+namespace giga {
+
+std::unique_ptr<Learner> make_learner(const LoadedRun& run, Device device) {
+  const std::string& name = run.config.train.algorithm;
+  if (name == "mappo") return make_mappo(run, device);
+  throw InputError(cat("train.algorithm: '", name, "' is unknown; allowed: mappo"));
+}
+
+}  // namespace giga

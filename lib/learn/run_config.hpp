@@ -1,0 +1,184 @@
+// RunConfig: everything that a training run can be told in YAML, with the defaults.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "config/fields.hpp"
+#include "math/scripted.hpp"
+#include "policy/config.hpp"
+#include "scenario/scenario.hpp"
+
+namespace giga {
+
+/// Who plays the other side while a team learns.
+enum class Opponent : uint8_t { self_play, random, noop, circle, reverse_circle, circle_random };
+constexpr std::array<const char*, 6> enum_names(Opponent) {
+  return {"self_play", "random", "noop", "circle", "reverse_circle", "circle_random"};
+}
+/// The scripted policy behind an opponent other than self_play.
+constexpr Scripted scripted_of(Opponent opponent) {
+  return static_cast<Scripted>(static_cast<int>(opponent) - 1);
+}
+
+enum class Schedule : uint8_t { constant, linear, cosine };
+constexpr std::array<const char*, 3> enum_names(Schedule) { return {"constant", "linear", "cosine"}; }
+
+enum class AdvantageNorm : uint8_t { none, minibatch, batch };
+constexpr std::array<const char*, 3> enum_names(AdvantageNorm) { return {"none", "minibatch", "batch"}; }
+
+enum class ValueLossKind : uint8_t { squared, clipped, huber };
+constexpr std::array<const char*, 3> enum_names(ValueLossKind) { return {"squared", "clipped", "huber"}; }
+
+struct TrainConfig {
+  std::string algorithm = "mappo";
+  int64_t total_agent_steps = 250'000'000;
+  int n_worlds = 4096;
+  Opponent opponent = Opponent::self_play;
+  int learning_team = 0;
+  int n_threads = 0;
+  Precision precision = Precision::tf32;
+  bool desynchronize = true;
+};
+template <class V>
+void visit_fields(V& v, TrainConfig& c) {
+  v("algorithm", c.algorithm, "learning algorithm", one_of({"mappo"}));
+  v("total_agent_steps", c.total_agent_steps, "agent-steps (worlds x agents x steps) after which the run is complete",
+    at_least(1));
+  v("n_worlds", c.n_worlds, "worlds stepped in parallel", range(1, 16'777'216));
+  v("opponent", c.opponent, "self_play: both teams learn; else the team that does not learn plays this script");
+  v("learning_team", c.learning_team, "the team that learns against a scripted opponent", range(0, 1));
+  v("n_threads", c.n_threads, "CPU back end: threads; 0 = one per core", range(0, 4096));
+  v("precision", c.precision, "arithmetic of matrix products on the GPU; parameters stay fp32");
+  v("desynchronize", c.desynchronize,
+    "let the first episodes end at different times, so that the worlds do not reset in step");
+}
+
+struct MappoConfig {
+  int horizon = 16;
+  int n_epochs = 4;
+  int n_minibatches = 8;
+  float learning_rate = 1e-3f;
+  float critic_learning_rate = 1e-3f;
+  Schedule schedule = Schedule::linear;
+  float final_learning_rate_factor = 0.0f;
+  float gamma = 0.99f;
+  float gae_lambda = 0.95f;
+  float clip_coef = 0.2f;
+  float entropy_coef = 0.003f;
+  float value_coef = 0.5f;
+  ValueLossKind value_loss = ValueLossKind::squared;
+  float value_clip_coef = 0.2f;
+  float huber_delta = 10.0f;
+  float max_grad_norm = 0.5f;
+  AdvantageNorm advantage_norm = AdvantageNorm::minibatch;
+  std::optional<float> target_kl = std::nullopt;
+  float adam_epsilon = 1e-5f;
+  bool value_norm = true;
+  float value_norm_beta = 0.99f;
+  bool obs_norm = false;
+  ActorConfig actor;
+  CriticConfig critic;
+};
+template <class V>
+void visit_fields(V& v, MappoConfig& c) {
+  v("horizon", c.horizon, "steps of a rollout; at most the scenario's max_episode_length", range(1, 65536));
+  v("n_epochs", c.n_epochs, "passes over a rollout per update", range(1, 1000));
+  v("n_minibatches", c.n_minibatches, "minibatches per epoch; must divide n_worlds x horizon", range(1, 1'000'000));
+  v("learning_rate", c.learning_rate, "Adam step size of the actors", greater_than(0));
+  v("critic_learning_rate", c.critic_learning_rate, "Adam step size of the critics", greater_than(0));
+  v("schedule", c.schedule, "how both step sizes change over the run");
+  v("final_learning_rate_factor", c.final_learning_rate_factor, "share of the step sizes left at the end", range(0, 1));
+  v("gamma", c.gamma, "discount of one step", range(0, 1));
+  v("gae_lambda", c.gae_lambda, "decay of generalised advantage estimation", range(0, 1));
+  v("clip_coef", c.clip_coef, "how far the probability ratio may move from 1", greater_than(0));
+  v("entropy_coef", c.entropy_coef, "weight of the entropy bonus", at_least(0));
+  v("value_coef", c.value_coef, "weight of the value loss", at_least(0));
+  v("value_loss", c.value_loss, "squared error, squared error clipped around the old value, or Huber");
+  v("value_clip_coef", c.value_clip_coef, "value_loss clipped: how far a value may move, in normalised units",
+    greater_than(0));
+  v("huber_delta", c.huber_delta, "value_loss huber: where the loss becomes linear, in normalised units",
+    greater_than(0));
+  v("max_grad_norm", c.max_grad_norm, "gradients are scaled down to this norm, per network; 0 = never", at_least(0));
+  v("advantage_norm", c.advantage_norm, "whether advantages are brought to mean 0 and deviation 1, and over what");
+  v("target_kl", c.target_kl, "skip a team's remaining minibatches of an update once approx_kl passes this", at_least(0));
+  v("adam_epsilon", c.adam_epsilon, "Adam's epsilon", greater_than(0));
+  v("value_norm", c.value_norm, "critics predict returns normalised by running moments");
+  v("value_norm_beta", c.value_norm_beta, "share of those moments kept per update", range(0, 1).below(1));
+  v("obs_norm", c.obs_norm, "normalise observations by running moments");
+  v.group("actor", c.actor, "the policy networks");
+  v.group("critic", c.critic, "the value networks");
+}
+
+struct EvalConfig {
+  int every_updates = 50;
+  int episodes = 512;
+  std::vector<std::string> opponents = {"random", "circle"};
+};
+template <class V>
+void visit_fields(V& v, EvalConfig& c) {
+  v("every_updates", c.every_updates, "updates between evaluations; 0 = only at the end", at_least(0));
+  v("episodes", c.episodes, "episodes per side and opponent", range(1, 1'000'000));
+  v("opponents", c.opponents, "scripted opponents to play against",
+    one_of({"random", "noop", "circle", "reverse_circle", "circle_random"}));
+}
+
+struct CheckpointConfig {
+  int every_updates = 100;
+  int keep = 3;
+};
+template <class V>
+void visit_fields(V& v, CheckpointConfig& c) {
+  v("every_updates", c.every_updates, "updates between checkpoints; 0 = only at the end", at_least(0));
+  v("keep", c.keep, "newest checkpoints that are kept", at_least(1));
+}
+
+struct RunConfig {
+  std::string scenario = "identical_5_vs_5";
+  Node environment;
+  std::optional<Rules> rules = std::nullopt;
+  uint64_t seed = 1;
+  std::string device = "auto";
+  TrainConfig train;
+  MappoConfig mappo;
+  EvalConfig eval;
+  CheckpointConfig checkpoint;
+};
+template <class V>
+void visit_fields(V& v, RunConfig& c) {
+  v("scenario", c.scenario, "name of a scenario, with suffixes if wanted, or path of a scenario file");
+  v.tree("environment", c.environment, "changes to the scenario: any of its keys");
+  v("rules", c.rules, "corrected or original; none = as the scenario says");
+  v("seed", c.seed, "seed of everything random in the run");
+  v("device", c.device, "auto, cpu, cuda or cuda:<number>");
+  v.group("train", c.train, "the run");
+  v.group("mappo", c.mappo, "algorithm mappo (Yu et al. 2022, arXiv 2103.01955)");
+  v.group("eval", c.eval, "evaluation while training");
+  v.group("checkpoint", c.checkpoint, "checkpoints");
+}
+
+/// Agent-steps of one update of a scenario with `n_agents` agents.
+inline int64_t agent_steps_per_update(const RunConfig& c, int n_agents) {
+  return static_cast<int64_t>(c.train.n_worlds) * c.mappo.horizon * n_agents;
+}
+/// Updates of the whole run: total_agent_steps rounded up to whole updates.
+inline int64_t total_updates(const RunConfig& c, int n_agents) {
+  const int64_t per_update = agent_steps_per_update(c, n_agents);
+  return (c.train.total_agent_steps + per_update - 1) / per_update;
+}
+
+/// Reads a run's YAML with overrides; throws InputError with all mistakes, including those that show only in the
+/// combination of keys (a horizon longer than the episode, minibatches that do not divide).
+struct LoadedRun {
+  RunConfig config;
+  Scenario scenario;  ///< resolved, with `rules` applied
+  SimSpec spec;       ///< compiled
+};
+LoadedRun load_run_config(const std::string& path, const std::vector<std::string>& overrides);
+/// The same from the text of a resolved config (of a checkpoint), with the scenario's own text.
+LoadedRun load_run_config_text(const std::string& config_yaml, const std::string& scenario_yaml);
+
+}  // namespace giga

@@ -1,0 +1,100 @@
+// Action distributions: categorical over logits, and a diagonal Gaussian squashed by tanh.
+#pragma once
+
+#include <cmath>
+
+#include "core/host_device.hpp"
+#include "core/philox.hpp"
+#include "math/rows.hpp"
+
+namespace giga {
+
+/// log(sum(exp(x))) of n numbers, without overflow.
+GIGA_HD float log_sum_exp(const float* x, int n) {
+  float top = x[0];
+  for (int k = 1; k < n; ++k) top = x[k] > top ? x[k] : top;
+  float sum = 0;
+  for (int k = 0; k < n; ++k) sum += std::exp(x[k] - top);
+  return top + std::log(sum);
+}
+
+/// Samples an action per row from logits by inverting the distribution function.
+struct SampleCategorical {
+  const float* logits;  // [R, n_actions]
+  int n_actions;
+  RowDraws draws;
+  int32_t* action;   // [R]
+  float* log_prob;   // [R]; null = not wanted
+  bool greedy = false;
+
+  GIGA_HD void operator()(int64_t row) const {
+    const float* x = logits + row * n_actions;
+    const float lse = log_sum_exp(x, n_actions);
+    int chosen = 0;
+    if (greedy) {
+      for (int k = 1; k < n_actions; ++k) chosen = x[k] > x[chosen] ? k : chosen;
+    } else {
+      DrawKey key = draws.key(row);
+      const float u = key.uniform(Draw::action, draws.agent(row), 0);
+      float below = 0;
+      chosen = n_actions - 1;  // where rounding leaves the sum under u
+      for (int k = 0; k < n_actions; ++k) {
+        below += std::exp(x[k] - lse);
+        if (u < below) {
+          chosen = k;
+          break;
+        }
+      }
+    }
+    action[row] = chosen;
+    if (log_prob) log_prob[row] = x[chosen] - lse;
+  }
+};
+
+constexpr float kLogTwo = 0.69314718055994530942f;
+constexpr float kHalfLogTwoPi = 0.91893853320467274178f;
+
+GIGA_HD float softplus(float x) { return x > 15 ? x : std::log1p(std::exp(x)); }
+
+/// log(1 - tanh(u)^2), stable for large |u|: the log-determinant of the squashing (Haarnoja et al. 2018, appendix C).
+GIGA_HD float log_squash_slope(float u) { return 2.0f * (kLogTwo - u - softplus(-2.0f * u)); }
+
+/// Log-density of the squashed action tanh(u), where u ~ N(mean, exp(log_std)^2), one dimension.
+GIGA_HD float squashed_log_prob(float u, float mean, float log_std) {
+  const float e = (u - mean) * std::exp(-log_std);
+  return -0.5f * e * e - log_std - kHalfLogTwoPi - log_squash_slope(u);
+}
+
+/// Samples a continuous action per row. `raw` keeps u, from which log-probabilities are computed again without the
+/// inverse of tanh.
+struct SampleGaussian {
+  static constexpr int kSize = 3;
+  const float* mean;     // [R, 3]
+  const float* log_std;  // [3]
+  RowDraws draws;
+  float* raw;       // [R, 3]; null = not wanted
+  float* action;    // [R, 3] in (-1, 1)
+  float* log_prob;  // [R]; null = not wanted
+  bool greedy = false;
+
+  GIGA_HD void operator()(int64_t row) const {
+    DrawKey key = draws.key(row);
+    float total = 0;
+    for (int k = 0; k < kSize; ++k) {
+      float normal = 0;
+      if (!greedy) {  // Box and Muller; 1 - u is in (0, 1]
+        const float u1 = 1.0f - key.uniform(Draw::action, draws.agent(row), static_cast<uint32_t>(2 * k));
+        const float u2 = key.uniform(Draw::action, draws.agent(row), static_cast<uint32_t>(2 * k + 1));
+        normal = std::sqrt(-2.0f * std::log(u1)) * std::cos(6.28318530717958647692f * u2);
+      }
+      const float m = mean[row * kSize + k];
+      const float u = m + std::exp(log_std[k]) * normal;
+      total += squashed_log_prob(u, m, log_std[k]);
+      action[row * kSize + k] = std::tanh(u);
+      if (raw) raw[row * kSize + k] = u;
+    }
+    if (log_prob) log_prob[row] = total;
+  }
+};
+
+}  // namespace giga

@@ -1,0 +1,178 @@
+// The PPO losses with their gradients in closed form, row by row (Schulman et al. 2017, equation 7; Yu et al. 2022).
+// Each row writes the gradient of the mean loss over living agents, so that the network's backward pass starts from it.
+#pragma once
+
+#include <cmath>
+
+#include "math/distributions.hpp"
+#include "math/rows.hpp"
+
+namespace giga {
+
+/// Columns of the diagnostics of a row; all 0 for the dead, so that sums divided by `kLossCount`'s are means.
+enum PolicyDiagnostic : int {
+  kLossPolicy,
+  kLossEntropy,
+  kLossKl,         ///< (ratio - 1) - log ratio, Schulman's estimator of KL(old || new)
+  kLossClipped,    ///< 1 where |ratio - 1| > clip_coef
+  kLossRatioError, ///< |ratio - 1|
+  kLossCount,      ///< 1
+  kNPolicyDiagnostics
+};
+
+/// What both policy losses read per row of the rollout.
+struct PolicyLossInput {
+  RowIndex rows;
+  const float* old_log_prob;    // [rollout rows]
+  const float* advantage;       // [rollout rows]
+  const uint8_t* alive;         // [rollout rows]
+  const float* advantage_mean;  // scalar
+  const float* advantage_inv_std;  // scalar
+  const float* inv_count;       // scalar: 1 / living rows of the minibatch
+  float clip_coef, entropy_coef;
+};
+
+/// The clipped surrogate for one row.
+struct Surrogate {
+  float loss, d_log_prob;  ///< and its derivative by the log-probability
+  float ratio, kl;
+  bool clipped;
+};
+GIGA_HD Surrogate clipped_surrogate(float log_prob, float old_log_prob, float advantage, float clip_coef) {
+  const float log_ratio = log_prob - old_log_prob, ratio = std::exp(log_ratio);
+  const float lo = 1.0f - clip_coef, hi = 1.0f + clip_coef;
+  const float held = ratio < lo ? lo : (ratio > hi ? hi : ratio);
+  const float plain_gain = ratio * advantage, held_gain = held * advantage;
+  // Where the clipped gain is the smaller one it does not depend on the policy.
+  const bool flat = held_gain < plain_gain;
+  return {-(flat ? held_gain : plain_gain), flat ? 0.0f : -plain_gain, ratio, ratio - 1.0f - log_ratio,
+          ratio < lo || ratio > hi};
+}
+
+GIGA_HD void write_diagnostics(float* out, const Surrogate& s, float entropy) {
+  out[kLossPolicy] = s.loss;
+  out[kLossEntropy] = entropy;
+  out[kLossKl] = s.kl;
+  out[kLossClipped] = s.clipped ? 1.0f : 0.0f;
+  out[kLossRatioError] = s.ratio > 1 ? s.ratio - 1 : 1 - s.ratio;
+  out[kLossCount] = 1;
+}
+
+/// loss = surrogate - entropy_coef * entropy of a categorical policy.
+struct CategoricalLoss {
+  PolicyLossInput in;
+  const float* logits;    // [R, n_actions]
+  int n_actions;
+  const int32_t* action;  // [rollout rows]
+  float* d_logits;        // [R, n_actions]
+  float* diagnostics;     // [R, kNPolicyDiagnostics]
+
+  GIGA_HD void operator()(int64_t row) const {
+    const int64_t source = in.rows.source(row);
+    const float* x = logits + row * n_actions;
+    float* d = d_logits + row * n_actions;
+    float* diagnostic = diagnostics + row * kNPolicyDiagnostics;
+    if (!in.alive[source]) {
+      for (int k = 0; k < n_actions; ++k) d[k] = 0;
+      for (int k = 0; k < kNPolicyDiagnostics; ++k) diagnostic[k] = 0;
+      return;
+    }
+    const float lse = log_sum_exp(x, n_actions);
+    float entropy = 0;
+    for (int k = 0; k < n_actions; ++k) entropy -= std::exp(x[k] - lse) * (x[k] - lse);
+    const int chosen = action[source];
+    const float advantage = (in.advantage[source] - *in.advantage_mean) * *in.advantage_inv_std;
+    const Surrogate s = clipped_surrogate(x[chosen] - lse, in.old_log_prob[source], advantage, in.clip_coef);
+    // d log p(chosen) / d x_k = [k = chosen] - p_k;  d entropy / d x_k = -p_k (log p_k + entropy)
+    for (int k = 0; k < n_actions; ++k) {
+      const float log_p = x[k] - lse, p = std::exp(log_p);
+      const float slope = s.d_log_prob * ((k == chosen ? 1.0f : 0.0f) - p) + in.entropy_coef * p * (log_p + entropy);
+      d[k] = slope * *in.inv_count;
+    }
+    write_diagnostics(diagnostic, s, entropy);
+  }
+};
+
+/// The same for the squashed Gaussian. The entropy is that of the Gaussian before squashing, sum(log_std) + const.
+struct GaussianLoss {
+  static constexpr int kSize = SampleGaussian::kSize;
+  PolicyLossInput in;
+  const float* mean;      // [R, 3]
+  const float* log_std;   // [3]
+  const float* raw;       // [rollout rows, 3] u before tanh
+  float* d_mean;          // [R, 3]
+  float* d_log_std;       // [R, 3] to be summed over rows
+  float* diagnostics;     // [R, kNPolicyDiagnostics]
+
+  GIGA_HD void operator()(int64_t row) const {
+    const int64_t source = in.rows.source(row);
+    float* diagnostic = diagnostics + row * kNPolicyDiagnostics;
+    if (!in.alive[source]) {
+      for (int k = 0; k < kSize; ++k) d_mean[row * kSize + k] = d_log_std[row * kSize + k] = 0;
+      for (int k = 0; k < kNPolicyDiagnostics; ++k) diagnostic[k] = 0;
+      return;
+    }
+    float log_prob = 0, entropy = 0;
+    for (int k = 0; k < kSize; ++k) {
+      log_prob += squashed_log_prob(raw[source * kSize + k], mean[row * kSize + k], log_std[k]);
+      entropy += log_std[k] + 0.5f + kHalfLogTwoPi;
+    }
+    const float advantage = (in.advantage[source] - *in.advantage_mean) * *in.advantage_inv_std;
+    const Surrogate s = clipped_surrogate(log_prob, in.old_log_prob[source], advantage, in.clip_coef);
+    // d log p / d mean = e / sigma;  d log p / d log_std = e^2 - 1;  d entropy / d log_std = 1
+    for (int k = 0; k < kSize; ++k) {
+      const float inv_std = std::exp(-log_std[k]);
+      const float e = (raw[source * kSize + k] - mean[row * kSize + k]) * inv_std;
+      d_mean[row * kSize + k] = s.d_log_prob * e * inv_std * *in.inv_count;
+      d_log_std[row * kSize + k] = (s.d_log_prob * (e * e - 1.0f) - in.entropy_coef) * *in.inv_count;
+    }
+    write_diagnostics(diagnostic, s, entropy);
+  }
+};
+
+/// Squared or Huber value loss, clipped around the old value or not, in the normaliser's units.
+struct ValueLoss {
+  RowIndex rows;
+  const float* value;        // [R] as the network says, normalised
+  const float* old_value;    // [rollout rows] of the rollout, in reward units
+  const float* returns;      // [rollout rows] in reward units
+  const uint8_t* alive;      // [rollout rows]
+  const float* value_mean;   // scalar of the normaliser; null = 0
+  const float* value_std;    // scalar; null = 1
+  const float* inv_count;    // scalar
+  float value_coef;
+  float clip_coef;    ///< 0 = no clipping
+  float huber_delta;  ///< 0 = squared error / 2
+  float* d_value;     // [R]
+  float* loss;        // [R]; 0 for the dead
+
+  struct Error {
+    float loss, slope;
+  };
+  GIGA_HD Error error(float e) const {
+    const float size = e < 0 ? -e : e;
+    if (huber_delta <= 0 || size <= huber_delta) return {0.5f * e * e, e};
+    return {huber_delta * (size - 0.5f * huber_delta), e < 0 ? -huber_delta : huber_delta};
+  }
+
+  GIGA_HD void operator()(int64_t row) const {
+    const int64_t source = rows.source(row);
+    if (!alive[source]) {
+      d_value[row] = loss[row] = 0;
+      return;
+    }
+    const float mean = value_mean ? *value_mean : 0.0f, inv_std = 1.0f / (value_std ? *value_std : 1.0f);
+    const float target = (returns[source] - mean) * inv_std;
+    Error chosen = error(value[row] - target);
+    if (clip_coef > 0) {
+      const float old = (old_value[source] - mean) * inv_std, moved = value[row] - old;
+      const float held = old + (moved < -clip_coef ? -clip_coef : (moved > clip_coef ? clip_coef : moved));
+      const Error clipped = error(held - target);
+      if (clipped.loss > chosen.loss) chosen = {clipped.loss, held == value[row] ? clipped.slope : 0.0f};
+    }
+    loss[row] = chosen.loss;
+    d_value[row] = value_coef * chosen.slope * *inv_count;
+  }
+};
+
+}  // namespace giga

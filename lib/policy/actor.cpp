@@ -1,0 +1,58 @@
+#include "policy/actor.hpp"
+
+#include <ATen/ATen.h>
+#include <ATen/core/grad_mode.h>
+
+#include <cmath>
+
+namespace giga {
+
+constexpr double kObsNormBeta = 0.99;  // share kept per rollout
+
+Actor::Actor(const ActorConfig& config, int64_t obs_size, ActionKind actions, bool normalize, Precision precision,
+             at::Device device, uint64_t seed)
+    : actions_(actions), normalize_(normalize), precision_(precision) {
+  mlp_ = Mlp(parameters_, "mlp", obs_size, config, head_size(), config.output_gain);
+  if (actions == ActionKind::continuous)
+    log_std_ = parameters_.add("log_std", {kActionSize}, {Init::Kind::constant, config.log_std_init});
+  parameters_.allocate(device, seed);
+  if (normalize) normalizer_ = RunningNorm(obs_size, kObsNormBeta, device);
+}
+
+at::Tensor Actor::forward(const at::Tensor& obs) const {
+  at::Tensor x = normalize_ ? normalizer_.apply(obs) : obs;
+  if (precision_ == Precision::bf16) x = x.to(at::kBFloat16);
+  return mlp_.forward(parameters_, x).to(at::kFloat);
+}
+
+void Actor::save(const std::string& prefix, NamedArrays& out) const {
+  parameters_.save(prefix, out);
+  if (normalize_) normalizer_.save(prefix + "normalizer/", out);
+}
+
+void Actor::load(const std::string& prefix, const NamedArrays& in) {
+  parameters_.load(prefix, in);
+  if (normalize_) normalizer_.load(prefix + "normalizer/", in);
+}
+
+at::Tensor policy_information(const Actor& actor, const at::Tensor& head, const at::Tensor& weight) {
+  at::NoGradGuard no_grad;
+  at::Tensor p;  // [R, groups, choices]
+  if (actor.actions() == ActionKind::discrete) {
+    p = at::softmax(head, -1).unsqueeze(1);
+  } else {
+    constexpr int kBins = 9;
+    at::Tensor edges = at::linspace(-1, 1, kBins + 1, head.options()).slice(0, 1, kBins).atanh();  // before squashing
+    const at::Tensor z = (edges - head.unsqueeze(-1)) / actor.log_std().exp().unsqueeze(-1);
+    const at::Tensor below = 0.5 * (1 + at::erf(z / std::sqrt(2.0)));
+    const at::Tensor zero = at::zeros_like(below.slice(-1, 0, 1));
+    p = at::cat({below, zero + 1}, -1) - at::cat({zero, below}, -1);
+  }
+  const auto entropy = [](const at::Tensor& q) { return -(q * (q + 1e-12).log()).sum(-1); };
+  const at::Tensor count = weight.sum().clamp_min(1);
+  const at::Tensor mean_policy = (p * weight.view({-1, 1, 1})).sum(0) / count;  // [groups, choices]
+  const at::Tensor mean_entropy = (entropy(p) * weight.unsqueeze(-1)).sum(0) / count;
+  return (entropy(mean_policy) - mean_entropy).sum().reshape({1});
+}
+
+}  // namespace giga

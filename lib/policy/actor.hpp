@@ -1,0 +1,51 @@
+// Actor: the policy of a team, from an agent's observation to the parameters of its action distribution.
+#pragma once
+
+#include <ATen/core/Tensor.h>
+
+#include <string>
+
+#include "policy/layers.hpp"
+#include "policy/normalizer.hpp"
+#include "policy/parameters.hpp"
+#include "sim/params.hpp"
+
+namespace giga {
+
+class Actor {
+ public:
+  Actor() = default;
+  /// `normalize`: observations pass a running normaliser first (see RunningNorm).
+  Actor(const ActorConfig& config, int64_t obs_size, ActionKind actions, bool normalize, Precision precision,
+        at::Device device, uint64_t seed);
+
+  /// obs [R, D] -> logits [R, 27] or means before squashing [R, 3], fp32.
+  at::Tensor forward(const at::Tensor& obs) const;
+
+  ActionKind actions() const { return actions_; }
+  int64_t head_size() const { return actions_ == ActionKind::discrete ? kNDiscreteActions : kActionSize; }
+  /// [3], continuous actions only.
+  const at::Tensor& log_std() const { return parameters_[log_std_]; }
+  const ParameterSet& parameters() const { return parameters_; }
+  bool normalizes() const { return normalize_; }
+  RunningNorm& normalizer() { return normalizer_; }
+  const RunningNorm& normalizer() const { return normalizer_; }
+
+  void save(const std::string& prefix, NamedArrays& out) const;
+  void load(const std::string& prefix, const NamedArrays& in);
+
+ private:
+  ActionKind actions_ = ActionKind::discrete;
+  bool normalize_ = false;
+  Precision precision_ = Precision::fp32;
+  ParameterSet parameters_;
+  Mlp mlp_;
+  int log_std_ = -1;
+  RunningNorm normalizer_;
+};
+
+/// I(observation; action) in nats: entropy of the mean policy minus the mean entropy, over rows with weight 1. Shows
+/// how much a policy depends on what it sees. Continuous actions: each dimension in nine equal bins of (-1, 1), summed.
+at::Tensor policy_information(const Actor& actor, const at::Tensor& head, const at::Tensor& weight);
+
+}  // namespace giga

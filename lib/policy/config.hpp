@@ -1,0 +1,62 @@
+// Settings of actors and critics.
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "config/fields.hpp"
+
+namespace giga {
+
+enum class Activation : uint8_t { tanh, relu, silu, gelu };
+constexpr std::array<const char*, 4> enum_names(Activation) { return {"tanh", "relu", "silu", "gelu"}; }
+
+/// Arithmetic of matrix products on the GPU; parameters and everything else are fp32.
+enum class Precision : uint8_t { fp32, tf32, bf16 };
+constexpr std::array<const char*, 3> enum_names(Precision) { return {"fp32", "tf32", "bf16"}; }
+
+struct MlpConfig {
+  std::vector<int> hidden = {64, 64};
+  Activation activation = Activation::tanh;
+  bool layer_norm = false;
+  float hidden_gain = 1.41421356f;
+};
+
+template <class V>
+void visit_mlp_fields(V& v, MlpConfig& c) {
+  v("hidden", c.hidden, "sizes of the hidden layers", range(1, 16384).items(1, 16));
+  v("activation", c.activation, "nonlinearity after each hidden layer");
+  v("layer_norm", c.layer_norm, "layer normalisation before each nonlinearity");
+  v("hidden_gain", c.hidden_gain, "gain of the orthogonal initialisation of hidden layers", greater_than(0));
+}
+
+/// The policy of a team: one network for all its agents, each fed its own observation.
+struct ActorConfig : MlpConfig {
+  float output_gain = 0.01f;
+  float log_std_init = -0.5f;
+};
+template <class V>
+void visit_fields(V& v, ActorConfig& c) {
+  visit_mlp_fields(v, c);
+  v("output_gain", c.output_gain, "gain of the initialisation of the output layer", at_least(0));
+  v("log_std_init", c.log_std_init, "continuous actions: initial log of the standard deviation", range(-10, 3));
+}
+
+enum class CriticKind : uint8_t { composed, state, independent };
+constexpr std::array<const char*, 3> enum_names(CriticKind) { return {"composed", "state", "independent"}; }
+
+/// The value function of a team, used in training only.
+struct CriticConfig : MlpConfig {
+  CriticKind kind = CriticKind::composed;
+  float output_gain = 1.0f;
+};
+template <class V>
+void visit_fields(V& v, CriticConfig& c) {
+  v("kind", c.kind,
+    "composed: value networks on local observations that exchange the mean features of the team's living agents in each "
+    "layer; state: the true state of the world; independent: local observations only (IPPO)");
+  visit_mlp_fields(v, c);
+  v("output_gain", c.output_gain, "gain of the initialisation of the output layer", at_least(0));
+}
+
+}  // namespace giga

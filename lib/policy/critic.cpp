@@ -1,0 +1,65 @@
+#include "policy/critic.hpp"
+
+#include <ATen/ATen.h>
+
+#include "sim/state_encoding.hpp"
+
+namespace giga {
+
+Critic::Critic(const CriticConfig& config, const CriticShape& shape, Precision precision, at::Device device,
+               uint64_t seed)
+    : kind_(config.kind), shape_(shape), precision_(precision) {
+  switch (kind_) {
+    case CriticKind::composed:
+      team_mlp_ = TeamMlp(parameters_, "team_mlp", shape.obs_size, config, 1, config.output_gain);
+      break;
+    case CriticKind::independent:
+      mlp_ = Mlp(parameters_, "mlp", shape.obs_size, config, 1, config.output_gain);
+      break;
+    case CriticKind::state: {
+      MlpConfig first = config, rest = config;
+      first.hidden = {config.hidden.front()};
+      rest.hidden.erase(rest.hidden.begin());
+      if (rest.hidden.empty()) rest.hidden = first.hidden;
+      entity_ = Mlp(parameters_, "entity", kEntityFeatures, first, 0, 0);
+      mlp_ = Mlp(parameters_, "mlp", 3 * first.hidden[0] + shape.world_features, rest, 1, config.output_gain);
+      break;
+    }
+  }
+  parameters_.allocate(device, seed);
+}
+
+at::Tensor Critic::forward(const at::Tensor& obs, const at::Tensor& alive, const at::Tensor& state) const {
+  if (kind_ == CriticKind::state) return forward_state(state);
+  const at::Tensor x = precision_ == Precision::bf16 ? obs.to(at::kBFloat16) : obs;
+  const at::Tensor value = kind_ == CriticKind::composed ? team_mlp_.forward(parameters_, x, alive.unsqueeze(-1))
+                                                         : mlp_.forward(parameters_, x);
+  return value.squeeze(-1).to(at::kFloat);
+}
+
+// Deep Sets (Zaheer et al. 2017): one encoder for all agents; each own agent is valued from its encoding, the means
+// over the living of both teams, and the world. The order of the agents inside a team does not matter.
+at::Tensor Critic::forward_state(const at::Tensor& state) const {
+  const int n_agents = shape_.n_team[0] + shape_.n_team[1], own = shape_.n_team[shape_.team];
+  const int own_first = shape_.team == 0 ? 0 : shape_.n_team[0], other_first = shape_.team == 0 ? shape_.n_team[0] : 0;
+  const int64_t b = state.size(0), entity_columns = n_agents * kEntityFeatures;
+  at::Tensor entities = state.slice(1, 0, entity_columns).reshape({b, n_agents, kEntityFeatures});
+  at::Tensor alive = entities.slice(2, 0, 1);
+  at::Tensor world = state.slice(1, entity_columns);
+  if (precision_ == Precision::bf16) {
+    entities = entities.to(at::kBFloat16);
+    alive = alive.to(at::kBFloat16);
+    world = world.to(at::kBFloat16);
+  }
+  const at::Tensor code = entity_.forward(parameters_, entities);
+  const auto team_mean = [&](int first, int n) {
+    return living_mean(code.slice(1, first, first + n), alive.slice(1, first, first + n));
+  };
+  const at::Tensor own_mean = team_mean(own_first, own);
+  const at::Tensor other_mean = team_mean(other_first, n_agents - own);
+  const at::Tensor context = at::cat({own_mean, other_mean, world.unsqueeze(1)}, -1).expand({b, own, -1});
+  const at::Tensor input = at::cat({code.slice(1, own_first, own_first + own), context}, -1);
+  return mlp_.forward(parameters_, input).squeeze(-1).to(at::kFloat);
+}
+
+}  // namespace giga

@@ -1,0 +1,47 @@
+// Critic: the value of every agent of a team, from what training may know (the actors see only their observations).
+#pragma once
+
+#include <ATen/core/Tensor.h>
+
+#include <string>
+
+#include "policy/layers.hpp"
+#include "policy/normalizer.hpp"
+#include "policy/parameters.hpp"
+
+namespace giga {
+
+/// Sizes of what a critic reads.
+struct CriticShape {
+  int team = 0;
+  int n_team[2] = {0, 0};  ///< agents of each team; the state lists team 0 first
+  int64_t obs_size = 0;
+  int64_t world_features = 0;  ///< numbers of the state behind the agents' (state_encoding.hpp)
+};
+
+class Critic {
+ public:
+  Critic() = default;
+  Critic(const CriticConfig& config, const CriticShape& shape, Precision precision, at::Device device, uint64_t seed);
+
+  /// obs [B, n, D] (already normalised where the actor does), alive [B, n] float, state [B, G] (kind state; else
+  /// undefined) -> values [B, n], fp32, in the value normaliser's units.
+  at::Tensor forward(const at::Tensor& obs, const at::Tensor& alive, const at::Tensor& state) const;
+
+  bool needs_state() const { return kind_ == CriticKind::state; }
+  ParameterSet& parameters() { return parameters_; }
+  const ParameterSet& parameters() const { return parameters_; }
+
+ private:
+  at::Tensor forward_state(const at::Tensor& state) const;
+
+  CriticKind kind_ = CriticKind::composed;
+  CriticShape shape_;
+  Precision precision_ = Precision::fp32;
+  ParameterSet parameters_;
+  Mlp mlp_;            // independent: on observations; state: on an agent's encoding, both teams' means and the world
+  TeamMlp team_mlp_;   // composed
+  Mlp entity_;         // state: encodes one agent
+};
+
+}  // namespace giga

@@ -1,0 +1,59 @@
+// Layers: a multilayer perceptron, and one whose agents exchange the mean features of their team.
+#pragma once
+
+#include <ATen/core/Tensor.h>
+
+#include <string>
+#include <vector>
+
+#include "policy/config.hpp"
+#include "policy/parameters.hpp"
+
+namespace giga {
+
+/// y = x W^T + b in the given precision; fp32 in and out of the network, bf16 inside where asked for.
+at::Tensor linear(const at::Tensor& x, const at::Tensor& weight, const at::Tensor& bias);
+
+at::Tensor activate(const at::Tensor& x, Activation activation);
+
+/// input -> hidden ... -> output, with the activation after every hidden layer.
+class Mlp {
+ public:
+  Mlp() = default;
+  /// `output` 0 = no output layer: the last hidden features are the result.
+  Mlp(ParameterSet& parameters, const std::string& name, int64_t input, const MlpConfig& config, int64_t output,
+      float output_gain);
+  at::Tensor forward(const ParameterSet& p, at::Tensor x) const;  // [R, input] -> [R, output]
+
+ private:
+  friend class TeamMlp;
+  struct Layer {
+    int weight, bias, norm_weight = -1, norm_bias = -1;
+    bool hidden;
+  };
+  at::Tensor finish(const ParameterSet& p, const Layer& layer, at::Tensor x) const;
+
+  std::vector<Layer> layers_;
+  MlpConfig config_;
+};
+
+/// An Mlp over the agents of a team: from the second layer on, each layer also gets the mean of the features of the
+/// team's living agents through weights of its own. The value V_i(s_i) of each agent so becomes part of a composed
+/// V(S) = f(V_1(s_1), ..., V_n(s_n)), whatever the order of the agents.
+class TeamMlp {
+ public:
+  TeamMlp() = default;
+  TeamMlp(ParameterSet& parameters, const std::string& name, int64_t input, const MlpConfig& config, int64_t output,
+          float output_gain);
+  /// x [B, n, input], alive [B, n, 1] of 0 and 1 -> [B, n, output].
+  at::Tensor forward(const ParameterSet& p, at::Tensor x, const at::Tensor& alive) const;
+
+ private:
+  Mlp own_;
+  std::vector<int> team_weights_;  // by layer; -1 for the first
+};
+
+/// Mean over dimension 1 of the rows with alive = 1; zero where none is: [B, n, H] -> [B, 1, H].
+at::Tensor living_mean(const at::Tensor& x, const at::Tensor& alive);
+
+}  // namespace giga

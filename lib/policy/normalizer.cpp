@@ -1,0 +1,52 @@
+#include "policy/normalizer.hpp"
+
+#include <ATen/ATen.h>
+#include <ATen/core/grad_mode.h>
+
+#include "policy/parameters.hpp"
+
+namespace giga {
+
+RunningNorm::RunningNorm(int64_t size, double beta, at::Device device) : beta_(beta) {
+  const auto options = at::TensorOptions().dtype(at::kFloat).device(device);
+  sum_ = at::zeros({size}, options);
+  sum_squares_ = at::zeros({size}, options);
+  weight_ = at::zeros({1}, options);
+  mean_ = at::zeros({size}, options);
+  std_ = at::ones({size}, options);
+}
+
+void RunningNorm::update(const at::Tensor& x, const at::Tensor& weight) {
+  at::NoGradGuard no_grad;
+  const at::Tensor count = weight.sum();
+  const at::Tensor present = (count > 0).to(at::kFloat);
+  const at::Tensor share = (weight / count.clamp_min(1)).unsqueeze(0);  // [1, R]
+  const at::Tensor mean = at::mm(share, x).squeeze(0), squares = at::mm(share, x.square()).squeeze(0);
+  const at::Tensor step = present * (1.0 - beta_);
+  sum_.add_(step * (mean - sum_));
+  sum_squares_.add_(step * (squares - sum_squares_));
+  weight_.add_(step * (1.0 - weight_));
+  const at::Tensor correction = weight_.clamp_min(1e-8);
+  mean_.copy_(sum_ / correction);
+  std_.copy_(at::where(weight_ > 0, (sum_squares_ / correction - mean_.square()).clamp_min(1e-4).sqrt(), 1.0));
+}
+
+at::Tensor RunningNorm::apply(const at::Tensor& x) const { return ((x - mean_) / std_).clamp(-10, 10); }
+
+void RunningNorm::save(const std::string& prefix, NamedArrays& out) const {
+  out.push_back(to_array(prefix + "sum", sum_));
+  out.push_back(to_array(prefix + "sum_squares", sum_squares_));
+  out.push_back(to_array(prefix + "weight", weight_));
+  out.push_back(to_array(prefix + "mean", mean_));
+  out.push_back(to_array(prefix + "std", std_));
+}
+
+void RunningNorm::load(const std::string& prefix, const NamedArrays& in) {
+  from_array(find_array(in, prefix + "sum"), sum_);
+  from_array(find_array(in, prefix + "sum_squares"), sum_squares_);
+  from_array(find_array(in, prefix + "weight"), weight_);
+  from_array(find_array(in, prefix + "mean"), mean_);
+  from_array(find_array(in, prefix + "std"), std_);
+}
+
+}  // namespace giga

@@ -1,0 +1,38 @@
+// Normalisers that learn their scale from the data: of observations (running moments) and of value targets.
+#pragma once
+
+#include <ATen/core/Tensor.h>
+
+#include <string>
+
+#include "core/named_array.hpp"
+
+namespace giga {
+
+/// Mean and standard deviation as exponential moving averages with bias correction (ValueNorm of Yu et al. 2022). All on
+/// the device; scalars (`size` 1) or per feature.
+class RunningNorm {
+ public:
+  RunningNorm() = default;
+  /// `beta` = share kept per update; 0 < beta < 1.
+  RunningNorm(int64_t size, double beta, at::Device device);
+
+  /// Takes in the rows of x [R, size] that have weight; weight [R] of 0 and 1. No effect where all are 0.
+  void update(const at::Tensor& x, const at::Tensor& weight);
+  /// (x - mean) / std, clamped to +-10.
+  at::Tensor apply(const at::Tensor& x) const;
+
+  const at::Tensor& mean() const { return mean_; }  // [size]
+  const at::Tensor& std() const { return std_; }    // [size]
+
+  void save(const std::string& prefix, NamedArrays& out) const;
+  void load(const std::string& prefix, const NamedArrays& in);
+
+ private:
+  double beta_ = 0;
+  at::Tensor sum_, sum_squares_;  // [size] averages before bias correction
+  at::Tensor weight_;             // [1] 1 - beta^updates
+  at::Tensor mean_, std_;         // [size] derived
+};
+
+}  // namespace giga

@@ -1,0 +1,98 @@
+#include "policy/parameters.hpp"
+
+#include <ATen/ATen.h>
+#include <ATen/CPUGeneratorImpl.h>
+#include <ATen/core/grad_mode.h>
+
+#include "core/error.hpp"
+
+namespace giga {
+namespace {
+
+at::Tensor orthogonal(const std::vector<int64_t>& shape, float gain, at::Generator& generator) {
+  GIGA_CHECK(shape.size() == 2, "orthogonal initialisation of ", shape.size(), " dimensions");
+  const bool wide = shape[0] < shape[1];
+  const std::vector<int64_t> tall = wide ? std::vector<int64_t>{shape[1], shape[0]} : shape;
+  const at::Tensor normal = at::randn(tall, generator, at::TensorOptions().dtype(at::kDouble));
+  const auto [q, r] = at::linalg_qr(normal);
+  const at::Tensor columns = q * at::sign(at::diagonal(r));  // makes the distribution uniform
+  return (wide ? columns.t() : columns).to(at::kFloat) * gain;
+}
+
+ArrayType array_type(at::ScalarType type) {
+  switch (type) {
+    case at::kFloat:
+      return ArrayType::f32;
+    case at::kDouble:
+      return ArrayType::f64;
+    case at::kInt:
+      return ArrayType::i32;
+    case at::kLong:
+      return ArrayType::i64;
+    case at::kByte:
+      return ArrayType::u8;
+    default:
+      throw Error("a tensor of this type cannot be saved");
+  }
+}
+
+}  // namespace
+
+int ParameterSet::add(const std::string& name, std::vector<int64_t> shape, Init init) {
+  int64_t count = 1;
+  for (const int64_t side : shape) count *= side;
+  specs_.push_back({name, std::move(shape), init, size_});
+  size_ += count;
+  return static_cast<int>(specs_.size()) - 1;
+}
+
+void ParameterSet::allocate(at::Device device, uint64_t seed) {
+  at::NoGradGuard no_grad;
+  at::Generator generator = at::detail::createCPUGenerator(seed);
+  values_ = at::zeros({size_}, at::TensorOptions().dtype(at::kFloat).device(device));
+  gradient_ = at::zeros_like(values_);
+  for (const Spec& spec : specs_) {
+    const at::Tensor start = spec.init.kind == Init::Kind::orthogonal
+                                 ? orthogonal(spec.shape, spec.init.value, generator)
+                                 : at::full(spec.shape, spec.init.value);
+    at::Tensor view = values_.narrow(0, spec.offset, start.numel()).view(spec.shape).detach();
+    view.copy_(start);
+    view.set_requires_grad(true);
+    view.mutable_grad() = gradient_.narrow(0, spec.offset, start.numel()).view(spec.shape);
+    views_.push_back(view);
+  }
+}
+
+void ParameterSet::save(const std::string& prefix, NamedArrays& out) const {
+  for (size_t k = 0; k < specs_.size(); ++k) out.push_back(to_array(prefix + specs_[k].name, views_[k]));
+}
+
+void ParameterSet::load(const std::string& prefix, const NamedArrays& in) {
+  for (size_t k = 0; k < specs_.size(); ++k) from_array(find_array(in, prefix + specs_[k].name), views_[k]);
+}
+
+NamedArray to_array(const std::string& name, const at::Tensor& tensor) {
+  const at::Tensor host = tensor.detach().cpu().contiguous();
+  NamedArray array{name, array_type(host.scalar_type()), host.sizes().vec(), {}};
+  array.bytes.resize(static_cast<size_t>(host.nbytes()));
+  if (!array.bytes.empty()) std::memcpy(array.bytes.data(), host.data_ptr(), array.bytes.size());
+  return array;
+}
+
+void from_array(const NamedArray& array, const at::Tensor& tensor) {
+  const auto shape_text = [](at::IntArrayRef shape) {
+    std::string text;
+    for (const int64_t side : shape) text += (text.empty() ? "" : " x ") + std::to_string(side);
+    return "[" + text + "]";
+  };
+  if (array.type != array_type(tensor.scalar_type()) || at::IntArrayRef(array.shape) != tensor.sizes())
+    throw InputError(cat("array '", array.name, "' of the checkpoint has shape ", shape_text(array.shape), ", expected ",
+                         shape_text(tensor.sizes()), ": it was written with other settings"));
+  at::NoGradGuard no_grad;
+  const at::Tensor host = at::empty(array.shape, tensor.options().device(at::kCPU).requires_grad(false));
+  GIGA_CHECK(static_cast<size_t>(host.nbytes()) == array.bytes.size(), array.name);
+  if (!array.bytes.empty()) std::memcpy(host.data_ptr(), array.bytes.data(), array.bytes.size());
+  tensor.detach().copy_(host);
+}
+
+}  // namespace giga

@@ -1,0 +1,56 @@
+// ParameterSet: all parameters of a network in one flat buffer, their gradients in another, so that clipping and the
+// optimizer are one call each.
+#pragma once
+
+#include <ATen/core/Tensor.h>
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "core/named_array.hpp"
+
+namespace giga {
+
+/// How a parameter starts: orthogonal rows or columns times `value` (Saxe et al. 2014), or all equal to `value`.
+struct Init {
+  enum class Kind : uint8_t { orthogonal, constant } kind = Kind::constant;
+  float value = 0;
+};
+
+class ParameterSet {
+ public:
+  /// Announces a parameter and returns its number; all before `allocate`.
+  int add(const std::string& name, std::vector<int64_t> shape, Init init);
+
+  /// Allocates and initialises everything; the same seed gives the same values on every device.
+  void allocate(at::Device device, uint64_t seed);
+
+  /// Parameter `k`: a leaf view into the flat buffer, whose gradient is a view into the flat gradient.
+  const at::Tensor& operator[](int k) const { return views_[static_cast<size_t>(k)]; }
+
+  const at::Tensor& values() const { return values_; }     // [P]
+  const at::Tensor& gradient() const { return gradient_; }  // [P]
+  int64_t size() const { return size_; }
+
+  void save(const std::string& prefix, NamedArrays& out) const;
+  void load(const std::string& prefix, const NamedArrays& in);
+
+ private:
+  struct Spec {
+    std::string name;
+    std::vector<int64_t> shape;
+    Init init;
+    int64_t offset;
+  };
+  std::vector<Spec> specs_;
+  std::vector<at::Tensor> views_;
+  at::Tensor values_, gradient_;
+  int64_t size_ = 0;
+};
+
+/// Copies between tensors and checkpoint arrays; shapes must match.
+NamedArray to_array(const std::string& name, const at::Tensor& tensor);
+void from_array(const NamedArray& array, const at::Tensor& tensor);
+
+}  // namespace giga

@@ -1,0 +1,104 @@
+#include "rollout/collector.hpp"
+
+#include <vector>
+
+#include "core/philox.hpp"
+#include "rollout/tensors.hpp"
+
+namespace giga {
+namespace {
+
+template <class T>
+T* slot(const at::Tensor& tensor, int t) {
+  return tensor.defined() ? tensor.data_ptr<T>() + t * tensor.stride(0) : nullptr;
+}
+template <class T>
+T* whole(const at::Tensor& tensor) {
+  return tensor.defined() ? tensor.data_ptr<T>() : nullptr;
+}
+
+}  // namespace
+
+Collector::Collector(Simulator& sim, const RowRunner& rows, const CollectorOptions& options, const Player& side0,
+                     const Player& side1)
+    : sim_(sim), rows_(rows), options_(options), player_{side0, side1} {
+  const int64_t t = options.horizon, w = sim.n_worlds(), d = sim.spec().observation_size();
+  const auto make = [&](at::IntArrayRef shape, at::ScalarType type) {
+    return at::zeros(shape, at::TensorOptions().dtype(type).device(torch_device(sim.device())));
+  };
+  const bool discrete = sim.params().actions == ActionKind::discrete;
+  for (int team = 0; team < kNTeams; ++team) {
+    TeamRollout& r = rollout_.team[team];
+    const int64_t n = sim.params().n_team[team];
+    r.action = discrete ? make({t, w, n}, at::kInt) : make({t, w, n, kActionSize}, at::kFloat);
+    if (!player_[team].actor) continue;
+    r.obs = make({t + 1, w, n, d}, at::kFloat);
+    r.alive = make({t + 1, w, n}, at::kByte);
+    if (!discrete) r.raw = make({t, w, n, kActionSize}, at::kFloat);
+    r.log_prob = make({t, w, n}, at::kFloat);
+    r.reward = make({t, w, n}, at::kFloat);
+    r.final_obs = make({w, n, d}, at::kFloat);
+    r.final_alive = make({w, n}, at::kByte);
+  }
+  rollout_.done = make({t, w}, at::kByte);
+  if (options.with_state) {
+    rollout_.global = make({t + 1, w, sim.spec().global_size()}, at::kFloat);
+    rollout_.final_global = make({w, sim.spec().global_size()}, at::kFloat);
+  }
+}
+
+StepIo Collector::io(int t) const {
+  StepIo io;
+  for (int team = 0; team < kNTeams; ++team) {
+    const TeamRollout& r = rollout_.team[team];
+    TeamIo& out = io.team[team];
+    out.obs = slot<float>(r.obs, t + 1);
+    out.alive = slot<uint8_t>(r.alive, t + 1);
+    out.action = static_cast<char*>(r.action.data_ptr()) + t * r.action.stride(0) * r.action.itemsize();
+    out.reward = slot<float>(r.reward, t);
+    out.final_obs = whole<float>(r.final_obs);
+    out.final_alive = whole<uint8_t>(r.final_alive);
+  }
+  io.global = slot<float>(rollout_.global, t + 1);
+  io.final_global = whole<float>(rollout_.final_global);
+  io.done = slot<uint8_t>(rollout_.done, t);
+  return io;
+}
+
+void Collector::start() {
+  sim_.start(io(options_.horizon - 1));
+  const int limit = sim_.params().max_episode_length;
+  if (!options_.desynchronize || limit <= 1) return;
+  std::vector<int32_t> ages(static_cast<size_t>(sim_.n_worlds()));
+  for (size_t w = 0; w < ages.size(); ++w) {
+    const auto world = static_cast<uint32_t>(sim_.options().first_world) + static_cast<uint32_t>(w);
+    DrawKey key(sim_.options().seed, world, 0);
+    ages[w] = static_cast<int32_t>(key.uniform(Draw::init, 0, 0) * static_cast<float>(limit));
+    if (ages[w] >= limit) ages[w] = limit - 1;
+  }
+  sim_.synchronize();
+  sim_.memory().from_host(sim_.state().view().episode_length, ages.data(), ages.size() * sizeof(int32_t));
+}
+
+void Collector::resume() { sim_.observe(io(options_.horizon - 1)); }
+
+void Collector::collect() {
+  const int horizon = options_.horizon;
+  for (const TeamRollout& r : rollout_.team) {
+    if (!r.obs.defined()) continue;
+    r.obs[0].copy_(r.obs[horizon]);
+    r.alive[0].copy_(r.alive[horizon]);
+  }
+  if (rollout_.global.defined()) rollout_.global[0].copy_(rollout_.global[horizon]);
+  for (int t = 0; t < horizon; ++t) {
+    for (int team = 0; team < kNTeams; ++team) {
+      const TeamRollout& r = rollout_.team[team];
+      void* action = static_cast<char*>(r.action.data_ptr()) + t * r.action.stride(0) * r.action.itemsize();
+      act(player_[team], sim_, rows_, team,
+          {slot<float>(r.obs, t), action, slot<float>(r.raw, t), slot<float>(r.log_prob, t)});
+    }
+    sim_.step(io(t));
+  }
+}
+
+}  // namespace giga

@@ -1,0 +1,63 @@
+// Collector: plays a number of steps in all worlds and keeps what learning needs, all on the device.
+#pragma once
+
+#include <torch/torch.h>
+
+#include "rollout/player.hpp"
+#include "sim/simulator.hpp"
+
+namespace giga {
+
+/// What one team saw, did and got. T = horizon, W = worlds, n = agents of the team, D = observation size. The simulator
+/// and the policy write straight into these; buffers of a scripted team that nobody reads are undefined.
+struct TeamRollout {
+  at::Tensor obs;          // [T + 1, W, n, D] slot t: before step t
+  at::Tensor alive;        // [T + 1, W, n] uint8, at `obs`
+  at::Tensor action;       // [T, W, n] int32 or [T, W, n, 3] float
+  at::Tensor raw;          // [T, W, n, 3] float, continuous actions only
+  at::Tensor log_prob;     // [T, W, n]
+  at::Tensor reward;       // [T, W, n]
+  at::Tensor final_obs;    // [W, n, D] where an episode of the rollout ended: its last observation
+  at::Tensor final_alive;  // [W, n] uint8
+};
+
+struct Rollout {
+  TeamRollout team[kNTeams];
+  at::Tensor done;          // [T, W] uint8, Done
+  at::Tensor global;        // [T + 1, W, G] true state; only with `with_state`
+  at::Tensor final_global;  // [W, G]
+};
+
+struct CollectorOptions {
+  int horizon = 16;
+  bool with_state = false;      ///< keep the true state for a critic
+  bool desynchronize = false;   ///< first episodes start at a random age, so that worlds do not reset in step
+};
+
+class Collector {
+ public:
+  /// The simulator must outlive the collector.
+  Collector(Simulator& sim, const RowRunner& rows, const CollectorOptions& options, const Player& side0,
+            const Player& side1);
+
+  /// Starts all worlds and fills slot T, from which the next rollout goes on.
+  void start();
+  /// Fills slot T from the simulator's state, after loading one.
+  void resume();
+  /// Plays `horizon` steps; slot 0 is the previous slot T.
+  void collect();
+
+  const Rollout& rollout() const { return rollout_; }
+  int horizon() const { return options_.horizon; }
+
+ private:
+  StepIo io(int t) const;  // step t: reads actions t, writes slot t + 1
+
+  Simulator& sim_;
+  const RowRunner& rows_;
+  CollectorOptions options_;
+  Player player_[kNTeams];
+  Rollout rollout_;
+};
+
+}  // namespace giga

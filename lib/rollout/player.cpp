@@ -1,0 +1,34 @@
+#include "rollout/player.hpp"
+
+#include <torch/torch.h>
+
+#include "math/distributions.hpp"
+#include "policy/actor.hpp"
+#include "rollout/tensors.hpp"
+
+namespace giga {
+
+void act(const Player& player, const Simulator& sim, const RowRunner& rows, int team, const ActIo& io) {
+  const int n = sim.params().n_team[team];
+  const int64_t count = static_cast<int64_t>(sim.n_worlds()) * n;
+  const StateView state = sim.state().view();
+  const RowDraws draws{state.draw_step, sim.options().seed, sim.options().first_world, n, team};
+  if (!player.actor) {
+    rows.run(ScriptedActions{player.script, sim.params().actions, draws, state.episode_length, io.action}, count);
+    return;
+  }
+  at::NoGradGuard no_grad;
+  const at::Tensor obs = wrap(io.obs, {count, sim.spec().observation_size()}, sim.device());
+  const at::Tensor head = player.actor->forward(obs);
+  if (sim.params().actions == ActionKind::discrete) {
+    rows.run(SampleCategorical{head.const_data_ptr<float>(), kNDiscreteActions, draws,
+                               static_cast<int32_t*>(io.action), io.log_prob, player.greedy},
+             count);
+  } else {
+    rows.run(SampleGaussian{head.const_data_ptr<float>(), player.actor->log_std().const_data_ptr<float>(), draws,
+                            io.raw, static_cast<float*>(io.action), io.log_prob, player.greedy},
+             count);
+  }
+}
+
+}  // namespace giga

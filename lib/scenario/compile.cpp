@@ -1,0 +1,208 @@
+// compile(): checks, squares and cosines, tables of agents and maps.
+#include "scenario/compile.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+
+#include "core/error.hpp"
+
+namespace giga {
+namespace {
+
+/// Collects findings with the place in the file that caused them.
+class Checker {
+ public:
+  explicit Checker(const Scenario& scenario) : scenario_(scenario) {}
+
+  /// Adds a finding at the first of the keys that some file gives.
+  void fail(const std::vector<std::string>& keys, const std::string& message) {
+    Position at{std::make_shared<const std::string>("scenario " + scenario_.name)};
+    for (const std::string& key : keys) {
+      const auto found = scenario_.where.find(key);
+      if (found == scenario_.where.end()) continue;
+      at = found->second;
+      break;
+    }
+    errors_.add(at, message);
+  }
+  void throw_if_any() const { errors_.throw_if_any(); }
+
+ private:
+  const Scenario& scenario_;
+  Errors errors_;
+};
+
+float squared(float v) { return v * v; }
+
+float cosine(float angle) { return static_cast<float>(std::cos(static_cast<double>(angle))); }
+
+bool is_full_turn(float half_angle) { return static_cast<double>(half_angle) >= static_cast<double>(kPi) - 1e-6; }
+
+SimParams numbers_of(const Scenario& s) {
+  SimParams p;
+  p.rules = s.rules;
+  p.actions = s.action;
+  p.limit_x = s.limit_x;
+  p.limit_y = s.limit_y;
+
+  p.very_close_depth2 = squared(s.sight.very_close_cone_depth);
+  p.cone_depth2 = squared(s.sight.cone_depth);
+  p.cone_cos = cosine(s.sight.cone_angle);
+  p.cone_is_full = is_full_turn(s.sight.cone_angle);
+  p.damage_cone_depth2 = squared(s.damage.damage_cone_depth);
+  p.damage_cone_cos = cosine(s.damage.damage_cone_angle);
+  p.damage_cone_is_full = is_full_turn(s.damage.damage_cone_angle);
+  p.stochastic_detection = s.sight.use_stochastic_obs;
+  p.stochastic_communication = s.communication.use_stochastic_comm;
+  p.communication_range = s.communication.communication_range;
+
+  p.damage_per_second = s.damage.damage_per_second;
+  p.healing_per_second = s.damage.healing_per_second;
+  p.min_tracking_time = s.damage.min_tracking_time;
+  p.max_tracking_time = s.damage.max_tracking_time;
+
+  p.collision_range2 = squared(s.collision.collision_range);
+  p.collision_altitude = s.collision.collision_altitude;
+
+  p.waypoints = s.waypoints.enable_waypoints;
+  p.waypoint_size = s.waypoints.waypoint_size;
+
+  p.max_episode_length = s.max_episode_length.value_or(0);
+  p.episode_ends_one_team_dead = s.episode_ends_one_team_dead;
+
+  for (int t = 0; t < kNRewardTerms; ++t) p.reward_weight[t] = s.rewards[static_cast<RewardTerm>(t)];
+  p.reward_weight[static_cast<int>(RewardTerm::idle_reward)] = 0;
+  p.divide_reward_by_team_size = s.rewards.divide_reward_by_team_size;
+
+  p.obstacle_heights = s.collision.obstacle_heights;
+  p.obstacles_block_sight = s.sight.obstacles_block_sight;
+  p.sight_3d = s.sight.sight_3d;
+  return p;
+}
+
+void check_numbers(const Scenario& s, Checker& check) {
+  if (s.observation.type != ObservationType::vector) {
+    const std::string type = FieldCodec<ObservationType>::print(s.observation.type);
+    check.fail({"observation.type"}, cat("observation.type: '", type, "' is not built yet: images come with a later "
+                                         "version; use vector (in a name: _vec)"));
+  }
+  if (s.damage.min_tracking_time > s.damage.max_tracking_time)
+    check.fail({"damage.min_tracking_time", "damage.max_tracking_time"},
+               cat("damage.min_tracking_time: ", s.damage.min_tracking_time, " is more than max_tracking_time, ",
+                   s.damage.max_tracking_time));
+  if (s.waypoints.enable_waypoints && s.waypoints.waypoint_size > std::min(s.limit_x, s.limit_y))
+    check.fail({"waypoints.waypoint_size", "waypoints.enable_waypoints"},
+               cat("waypoints.waypoint_size: ", s.waypoints.waypoint_size, " does not fit into a world of ", s.limit_x,
+                   " x ", s.limit_y));
+}
+
+void add_team(const Scenario& s, int team, std::vector<AgentSpec>& agents, Checker& check) {
+  const std::string key = cat("team_", team);
+  const std::vector<TeamEntry>& entries = team == 0 ? s.team_0 : s.team_1;
+  if (entries.empty()) check.fail({key}, cat(key, ": the team is empty; it needs at least one entry such as "
+                                             "{type: default, count: 5}"));
+  for (size_t k = 0; k < entries.size(); ++k) {
+    const auto found = s.agent_types.find(entries[k].type);
+    if (found == s.agent_types.end()) {
+      check.fail({cat(key, "[", k, "].type"), key}, cat(key, ": unknown agent type '", entries[k].type, "'"));
+      continue;
+    }
+    const AgentType& type = found->second;
+    const AgentSpec agent{team, type.sprite, type.thrust, type.max_health, type.range, type.damage_range,
+                          type.idle_reward};
+    agents.insert(agents.end(), static_cast<size_t>(entries[k].count), agent);
+  }
+}
+
+std::vector<AgentSpec> agents_of(const Scenario& s, Checker& check) {
+  int64_t count = 0;
+  for (const auto* team : {&s.team_0, &s.team_1})
+    for (const TeamEntry& entry : *team) count += entry.count;
+  std::vector<AgentSpec> agents;
+  if (count > kMaxAgents) {
+    check.fail({"team_0", "team_1"}, cat("team_0, team_1: ", count, " agents in a world; this version handles at most ",
+                                         kMaxAgents, ", a later one lifts the limit"));
+    return agents;
+  }
+  for (int team = 0; team < kNTeams; ++team) add_team(s, team, agents, check);
+  return agents;
+}
+
+/// Stretches coordinates from the frame of the map to the world. The original divides by 10, which its compiler turns
+/// into a multiplication by 0.1 where several maps are stacked; start areas then differ in the last bit (recorded maps of
+/// 12 x 8 units), so we round as it does.
+struct Stretch {
+  const Map& map;
+  const Scenario& scenario;
+
+  float x(float v) const { return scaled(v, map.size[0], scenario.limit_x); }
+  float y(float v) const { return scaled(v, map.size[1], scenario.limit_y); }
+  float scaled(float v, float frame, float limit) const {
+    if (v == frame) return limit;  // exactly the border
+    const bool stacked = scenario.maps.names.size() > 1;
+    return (stacked ? v * (1.0f / frame) : v / frame) * limit;
+  }
+};
+
+void check_start(const std::string& name, int team, const Scenario& s, const MapSpec& map, Checker& check) {
+  const StartArea& start = map.start[team];
+  const std::string key = cat("map_definitions.", name, ".team_", team);
+  const std::vector<std::string> keys = {key + ".area", key, "map_definitions." + name, "maps"};
+  const std::string what = cat("map '", name, "': the start area of team ", team, ", ",
+                               FieldCodec<std::array<float, 4>>::print({start.x1, start.y1, start.x2, start.y2}));
+  if (start.x1 > start.x2 || start.y1 > start.y2) return check.fail(keys, what + ", needs x1 <= x2 and y1 <= y2");
+  if (start.z_lo > start.z_hi || start.heading_lo > start.heading_hi)
+    check.fail({key + ".height", key + ".heading", key}, what + ": height and heading go from low to high");
+  if (start.x1 < 0 || start.y1 < 0 || start.x2 > s.limit_x || start.y2 > s.limit_y)
+    check.fail(keys, cat(what, ", reaches outside the world of ", s.limit_x, " x ", s.limit_y));
+  for (const Box& box : map.boxes) {
+    // A box may cover a part of the area (agents are drawn again), but not the whole.
+    const bool covered = box.x1 <= start.x1 && start.x2 <= box.x2 && box.y1 <= start.y1 && start.y2 <= box.y2;
+    const bool at_that_height = !s.collision.obstacle_heights || (box.z1 <= start.z_lo && start.z_hi <= box.z2);
+    if (covered && at_that_height) check.fail(keys, what + ", lies inside an obstacle");
+  }
+}
+
+MapSpec map_of(const std::string& name, const Map& map, const Scenario& s, Checker& check) {
+  const Stretch stretch{map, s};
+  MapSpec spec;
+  spec.name = name;
+  for (const MapBox& box : map.boxes) {
+    const auto& [x1, y1, x2, y2] = box.area;
+    spec.boxes.push_back({stretch.x(x1), stretch.y(y1), stretch.x(x2), stretch.y(y2), box.height[0], box.height[1]});
+  }
+  for (int team = 0; team < kNTeams; ++team) {
+    const MapStart& start = team == 0 ? map.team_0 : map.team_1;
+    const auto& [x1, y1, x2, y2] = start.area;
+    spec.start[team] = {stretch.x(x1),   stretch.y(y1),   stretch.x(x2),    stretch.y(y2),
+                        start.height[0], start.height[1], start.heading[0], start.heading[1]};
+    check_start(name, team, s, spec, check);
+  }
+  return spec;
+}
+
+}  // namespace
+
+SimSpec compile(const Scenario& scenario) {
+  Checker check(scenario);
+  check_numbers(scenario, check);
+
+  SimSpec spec;
+  spec.name = scenario.name;
+  spec.params = numbers_of(scenario);
+  spec.neighbor_limit = scenario.observation.max_agents;
+  spec.agents = agents_of(scenario, check);
+  for (const std::string& name : scenario.maps.names) {
+    const auto map = scenario.map_definitions.find(name);
+    if (map == scenario.map_definitions.end())
+      check.fail({"maps"}, cat("maps: unknown map '", name, "'"));
+    else
+      spec.maps.push_back(map_of(name, map->second, scenario, check));
+  }
+  check.throw_if_any();
+  spec.finish();
+  return spec;
+}
+
+}  // namespace giga

@@ -1,0 +1,13 @@
+// compile(): a Scenario into the plain numbers and tables that a simulator reads.
+#pragma once
+
+#include "scenario/scenario.hpp"
+#include "sim/params.hpp"
+
+namespace giga {
+
+/// Checks what only the whole scenario tells (empty teams, start areas, limits of this version) and throws InputError
+/// with all findings. Agents stand in the order of the original: team 0 first, types as listed.
+SimSpec compile(const Scenario& scenario);
+
+}  // namespace giga

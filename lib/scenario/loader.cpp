@@ -1,0 +1,329 @@
+// load_scenario: files, `base`, suffixes, and the agent types and maps that a scenario names.
+#include "scenario/loader.hpp"
+
+#include <algorithm>
+#include <set>
+#include <system_error>
+
+#include "config/names.hpp"
+#include "core/error.hpp"
+#include "scenario/shorthand.hpp"
+
+namespace giga {
+namespace fs = std::filesystem;
+
+namespace {
+
+constexpr const char* kAgentTypesFile = "scenarios/agent_types.yaml";
+constexpr const char* kScenarioFolder = "scenarios";
+constexpr const char* kMapFolder = "scenarios/maps";
+
+/// A scenario file: what it starts from, and the keys that it changes.
+struct ScenarioFile {
+  std::optional<std::string> base;
+  Scenario scenario;
+};
+template <class V>
+void visit_fields(V& v, ScenarioFile& c) {
+  v("base", c.base, "scenario to start from: a name, also with suffixes, or a path; none = the defaults");
+  visit_fields(v, c.scenario);
+}
+
+/// agent_types.yaml.
+struct AgentTypesFile {
+  std::map<std::string, AgentType> agent_types;
+};
+template <class V>
+void visit_fields(V& v, AgentTypesFile& c) {
+  v.table("agent_types", c.agent_types, "agent types by name");
+}
+
+bool is_path(const std::string& text) {
+  return text.find('/') != std::string::npos || text.ends_with(".yaml") || text.ends_with(".yml");
+}
+
+/// Names of the YAML files of a folder of all data folders, sorted.
+std::vector<std::string> names_in(const DataDirs& dirs, const char* folder) {
+  std::set<std::string> names;
+  for (const fs::path& dir : dirs) {
+    std::error_code code;
+    for (const fs::directory_entry& entry : fs::directory_iterator(dir / folder, code)) {
+      const fs::path& file = entry.path();
+      if (file.extension() == ".yaml" && file.filename() != "agent_types.yaml") names.insert(file.stem().string());
+    }
+  }
+  return {names.begin(), names.end()};
+}
+
+class Loader {
+ public:
+  Loader(const DataDirs& dirs, Errors& errors) : dirs_(dirs), errors_(errors) {}
+
+  /// Loads a name or path that was written at `at` into the scenario.
+  void load(const std::string& text, const Position& at, ScenarioFile& target) {
+    if (is_path(text)) return load_file(relative_to(text, at), text, at, target);
+    for (const ShortName& reading : split_name(text)) {
+      const auto file = find_data_file(dirs_, fs::path(kScenarioFolder) / (reading.base + ".yaml"));
+      if (!file || reading.base == "agent_types") continue;
+      load_file(*file, text, at, target);
+      for (const std::string& suffix : reading.suffixes) apply_suffix(suffix, target.scenario);
+      resolve_maps(target.scenario);
+      target.scenario.name = text;
+      return;
+    }
+    unknown_scenario(text, at);
+  }
+
+  /// Applies a map of keys, and loads what they name.
+  void apply(const Node& root, const std::string& path, ScenarioFile& target) {
+    Scenario& scenario = target.scenario;
+    KeyPositions given;
+    read_fields(root, path.empty() ? fields_of(target) : fields_of(scenario), errors_, &given, path);
+    for (const auto& [key, at] : given) scenario.where[path.empty() ? key : key.substr(path.size() + 1)] = at;
+    resolve_types(scenario);
+    resolve_maps(scenario);
+  }
+
+  /// Drops the definitions that are not used.
+  static void prune(Scenario& scenario) {
+    std::set<std::string> used;
+    for (const auto* team : {&scenario.team_0, &scenario.team_1})
+      for (const TeamEntry& entry : *team) used.insert(entry.type);
+    std::erase_if(scenario.agent_types, [&](const auto& entry) { return !used.contains(entry.first); });
+    used = {scenario.maps.names.begin(), scenario.maps.names.end()};
+    std::erase_if(scenario.map_definitions, [&](const auto& entry) { return !used.contains(entry.first); });
+  }
+
+ private:
+  /// A path in a file is relative to the file's folder.
+  static fs::path relative_to(const std::string& text, const Position& at) {
+    const bool in_file = at.line > 0 && at.source;
+    return in_file ? (fs::path(*at.source).parent_path() / text).lexically_normal() : fs::path(text);
+  }
+
+  void load_file(const fs::path& file, const std::string& asked, const Position& at, ScenarioFile& target) {
+    if (!check_file(file, at)) return;
+    std::error_code code;
+    const std::string key = fs::weakly_canonical(file, code).string();
+    if (std::find(open_files_.begin(), open_files_.end(), key) != open_files_.end())
+      return errors_.add(at, cat("base: '", asked, "' leads back to this file"));
+    open_files_.push_back(key);
+    const Document document = parse_yaml_file(file, errors_);
+    load_document(document, target);
+    target.scenario.name = file.stem().string();
+    open_files_.pop_back();
+  }
+
+ public:
+  void load_document(const Document& document, ScenarioFile& target) {
+    if (document.root.is_null() && !errors_.empty()) return;  // could not be read
+    const Node* base = document.root.find("base");
+    if (base && base->is_scalar() && !is_none(*base)) load(base->text, base->at, target);
+    target.scenario.description.clear();  // that of the base is not ours
+    apply(document.root, "", target);
+  }
+
+ private:
+  void unknown_scenario(const std::string& text, const Position& at) {
+    const std::vector<std::string> known = names_in(dirs_, kScenarioFolder);
+    const std::string base = split_name(text).back().base;
+    std::string message = cat("unknown scenario '", text, "'", nearest_hint(base, known, 3));
+    if (dirs_.empty()) message += "; no data folder was found (set GIGASTEP_DATA_DIR)";
+    errors_.add(at, message + "; allowed: the names that `gigastep scenarios` lists, with suffixes " + suffix_help() +
+                        ", or the path of a YAML file");
+  }
+
+  // ---- Agent types
+
+  void resolve_types(Scenario& scenario) {
+    resolve_team("team_0", scenario.team_0, scenario);
+    resolve_team("team_1", scenario.team_1, scenario);
+  }
+
+  void resolve_team(const std::string& team, std::vector<TeamEntry>& entries, Scenario& scenario) {
+    for (size_t k = 0; k < entries.size(); ++k) {
+      std::string& type = entries[k].type;
+      if (scenario.agent_types.contains(type)) continue;
+      const std::string key = cat(team, "[", k, "].type");
+      const Position at = position_of(scenario, {key, cat(team, "[", k, "]"), team});
+      if (is_path(type)) {
+        const fs::path file = relative_to(type, at);
+        const std::string name = file.stem().string();
+        AgentType loaded;
+        if (!check_file(file, at) || !read_part(file, loaded, "agent_types." + name, scenario)) continue;
+        const auto known = scenario.agent_types.emplace(name, loaded).first;
+        if (!(known->second == loaded)) errors_.add(at, cat(key, ": there are two agent types named '", name, "'"));
+        type = name;
+      } else if (const auto known = shipped_types().find(type); known != shipped_types().end()) {
+        scenario.agent_types.insert(*known);
+      } else {
+        std::vector<std::string> names;
+        for (const auto& entry : scenario.agent_types) names.push_back(entry.first);
+        for (const auto& entry : shipped_types())
+          if (!scenario.agent_types.contains(entry.first)) names.push_back(entry.first);
+        const std::string hint = nearest_hint(type, names) + "; known: " + join(names);
+        errors_.add(at, cat(key, ": unknown agent type '", type, "'", hint));
+      }
+    }
+  }
+
+  const std::map<std::string, AgentType>& shipped_types() {
+    if (!types_read_) {
+      types_read_ = true;
+      AgentTypesFile content;
+      if (const auto file = find_data_file(dirs_, kAgentTypesFile)) {
+        const Document document = parse_yaml_file(*file, errors_);
+        if (!document.root.is_null()) read_fields(document.root, content, errors_);
+      }
+      types_ = std::move(content.agent_types);
+    }
+    return types_;
+  }
+
+  // ---- Maps
+
+  void resolve_maps(Scenario& scenario) {
+    // Those defined in place first: they may be flipped forms of others.
+    for (auto& [name, map] : scenario.map_definitions) {
+      const std::string key = cat("map_definitions.", name, ".flipped_of");
+      if (map.flipped_of) map = flipped(map, key, position_of(scenario, {key}), scenario, 0);
+    }
+    std::vector<std::string>& names = scenario.maps.names;
+    for (size_t k = 0; k < names.size(); ++k) {
+      const Position at = position_of(scenario, {cat("maps[", k, "]"), "maps"});
+      Map map;
+      if (is_path(names[k])) {
+        const fs::path file = relative_to(names[k], at);
+        const std::string name = file.stem().string();
+        if (!check_file(file, at) || !read_part(file, map, "map_definitions." + name, scenario)) continue;
+        if (map.flipped_of) map = flipped(map, "flipped_of", position_in(file), scenario, 0);
+        const auto known = scenario.map_definitions.emplace(name, map).first;
+        if (!(known->second == map)) errors_.add(at, cat("maps: there are two maps named '", name, "'"));
+        names[k] = name;
+      } else if (!scenario.map_definitions.contains(names[k]) && find_map(names[k], "maps", at, scenario, map, 0)) {
+        scenario.map_definitions.emplace(names[k], map);
+      }
+      if (std::count(names.begin(), names.begin() + static_cast<std::ptrdiff_t>(k), names[k]) > 0)
+        errors_.add(at, cat("maps: '", names[k], "' is named twice"));
+    }
+  }
+
+  /// The map of that name: defined in the scenario, or a file of the data folders.
+  bool find_map(const std::string& name, const std::string& key, const Position& at, Scenario& scenario, Map& map,
+                int depth) {
+    if (const auto known = scenario.map_definitions.find(name); known != scenario.map_definitions.end()) {
+      map = known->second;
+      const std::string own_key = cat("map_definitions.", name, ".flipped_of");
+      if (map.flipped_of) map = flipped(map, own_key, position_of(scenario, {own_key}), scenario, depth);
+      return true;
+    }
+    if (const auto file = find_data_file(dirs_, fs::path(kMapFolder) / (name + ".yaml"))) {
+      if (!read_part(*file, map, "map_definitions." + name, scenario)) return false;
+      if (map.flipped_of) map = flipped(map, "flipped_of", position_in(*file), scenario, depth);
+      return true;
+    }
+    std::vector<std::string> names = names_in(dirs_, kMapFolder);
+    for (const auto& entry : scenario.map_definitions)
+      if (std::find(names.begin(), names.end(), entry.first) == names.end()) names.push_back(entry.first);
+    errors_.add(at, cat(key, ": unknown map '", name, "'", nearest_hint(name, names), "; known: ", join(names)));
+    return false;
+  }
+
+  /// The map of which `map` is the flipped form, with the starts exchanged.
+  Map flipped(const Map& map, const std::string& key, const Position& at, Scenario& scenario, int depth) {
+    constexpr int kDeepest = 8;
+    Map alone;
+    alone.description = map.description;
+    alone.flipped_of = map.flipped_of;
+    if (!(map == alone))
+      errors_.add(at, cat(key, ": takes the whole map from '", *map.flipped_of, "'; drop the other keys"));
+    Map result;
+    if (depth >= kDeepest)
+      errors_.add(at, cat(key, ": '", *map.flipped_of, "' leads back to this map"));
+    else if (find_map(*map.flipped_of, key, at, scenario, result, depth + 1))
+      std::swap(result.team_0, result.team_1);
+    result.description = map.description;
+    result.flipped_of.reset();
+    return result;
+  }
+
+  // ---- Helpers
+
+  /// Is the file, which was named at `at`, there?
+  bool check_file(const fs::path& file, const Position& at) {
+    std::error_code code;
+    if (fs::exists(file, code)) return true;
+    errors_.add(at, cat("no such file: ", file.string()));
+    return false;
+  }
+
+  static Position position_in(const fs::path& file) {
+    return {std::make_shared<const std::string>(file.string())};
+  }
+
+  static Position position_of(const Scenario& scenario, const std::vector<std::string>& keys) {
+    for (const std::string& key : keys)
+      if (const auto found = scenario.where.find(key); found != scenario.where.end()) return found->second;
+    return {std::make_shared<const std::string>("scenario " + scenario.name)};
+  }
+
+  /// Reads a file that holds one map or one agent type; remembers its positions under `prefix`.
+  template <class T>
+  bool read_part(const fs::path& file, T& part, const std::string& prefix, Scenario& scenario) {
+    const size_t errors_before = errors_.size();
+    const Document document = parse_yaml_file(file, errors_);
+    KeyPositions given;
+    if (errors_.size() == errors_before || !document.root.is_null()) read_fields(document.root, part, errors_, &given);
+    scenario.where[prefix] = document.root.at;
+    for (const auto& [key, at] : given) scenario.where[prefix + "." + key] = at;
+    return errors_.size() == errors_before;
+  }
+
+  const DataDirs& dirs_;
+  Errors& errors_;
+  std::vector<std::string> open_files_;  // the chain of bases
+  std::map<std::string, AgentType> types_;
+  bool types_read_ = false;
+};
+
+}  // namespace
+
+Scenario load_scenario(const std::string& name_or_path, const DataDirs& dirs, const Node* changes,
+                       const std::string& changes_path) {
+  Errors errors;
+  Loader loader(dirs, errors);
+  ScenarioFile file;
+  loader.load(name_or_path, {}, file);
+  if (changes && !changes->is_null()) loader.apply(*changes, changes_path.empty() ? "scenario" : changes_path, file);
+  errors.throw_if_any();
+  Loader::prune(file.scenario);
+  return file.scenario;
+}
+
+Scenario parse_scenario(std::string_view text, const std::string& name, const DataDirs& dirs) {
+  Errors errors;
+  Loader loader(dirs, errors);
+  ScenarioFile file;
+  loader.load_document(parse_yaml_text(text, name, errors), file);
+  errors.throw_if_any();
+  file.scenario.name = name;
+  Loader::prune(file.scenario);
+  return file.scenario;
+}
+
+std::vector<ScenarioInfo> list_scenarios(const DataDirs& dirs) {
+  std::vector<ScenarioInfo> list;
+  for (const std::string& name : names_in(dirs, kScenarioFolder)) {
+    ScenarioInfo info{name, "", *find_data_file(dirs, fs::path(kScenarioFolder) / (name + ".yaml"))};
+    Errors errors;
+    const Document document = parse_yaml_file(info.file, errors);
+    if (const Node* description = document.root.find("description")) info.description = description->text;
+    if (!errors.empty()) info.description = "(cannot be read: " + errors.text() + ")";
+    list.push_back(std::move(info));
+  }
+  return list;
+}
+
+std::vector<FieldInfo> list_scenario_fields() { return list_fields<ScenarioFile>(); }
+
+}  // namespace giga

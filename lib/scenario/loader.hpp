@@ -1,0 +1,48 @@
+// Finds and reads scenarios by name, with the suffix shorthand, or by path.
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "config/document.hpp"
+#include "scenario/data_dirs.hpp"
+#include "scenario/scenario.hpp"
+
+namespace giga {
+
+/// Reads a scenario; throws InputError with all errors.
+///
+/// `name_or_path` with a slash or ending in .yaml is a file; else a scenario of the data folders, where the name may
+/// carry suffixes in this order, each standing for keys:
+///   _fobs | _pobs   full observability: use_stochastic_obs and use_stochastic_comm false, cone_depth 100, cone_angle
+///                   2 pi, rewards.detection 0 | as the scenario says
+///   _rgb | _vec     observation.type: rgb | vector
+///   _maps | _void   maps: all | empty
+///   _cont | _disc   action: continuous | discrete
+/// (A bare base name means vector observations and discrete actions; in the original it meant images and continuous
+/// ones.)
+///
+/// A file states differences from the defaults, or from another scenario that its key `base` names. Paths in a file are
+/// relative to that file.
+///
+/// `changes`, if given, is a map of scenario keys that is applied last (the environment part of a run's config);
+/// `changes_path` stands before its keys in messages.
+Scenario load_scenario(const std::string& name_or_path, const DataDirs& dirs, const Node* changes = nullptr,
+                       const std::string& changes_path = "");
+
+/// Reads a scenario from a text, such as print_scenario gives.
+Scenario parse_scenario(std::string_view text, const std::string& name, const DataDirs& dirs);
+
+struct ScenarioInfo {
+  std::string name, description;
+  std::filesystem::path file;
+};
+
+/// The scenarios of the data folders, by name.
+std::vector<ScenarioInfo> list_scenarios(const DataDirs& dirs);
+
+/// All keys of a scenario file, `base` included, for the reference.
+std::vector<FieldInfo> list_scenario_fields();
+
+}  // namespace giga

@@ -1,0 +1,44 @@
+// Draw sources: where a step's and a reset's uniform numbers come from. PhiloxDraws computes them; tests hand in
+// recorded ones through a type with the same functions.
+#pragma once
+
+#include "core/philox.hpp"
+
+namespace giga {
+
+/// Coordinates that a reset draws for an agent.
+enum class StartDraw : int { x, y, z, heading };
+
+/// The draws of one world at one step. All uniform on [0, 1) but `map`.
+class PhiloxDraws {
+ public:
+  GIGA_HD PhiloxDraws(uint64_t seed, uint32_t world, uint32_t step) : key_(seed, world, step) {}
+
+  GIGA_HD float waypoint_appears() { return key_.uniform(Draw::waypoint, 0, 0); }
+  GIGA_HD float waypoint_location(int axis) { return key_.uniform(Draw::waypoint, 0, 1 + static_cast<uint32_t>(axis)); }
+  GIGA_HD float waypoint_time() { return key_.uniform(Draw::waypoint, 0, 3); }
+  /// Does `observer` detect `target`?
+  GIGA_HD float detect(int target, int observer) {
+    return key_.uniform(Draw::detect, static_cast<uint32_t>(target), static_cast<uint32_t>(observer));
+  }
+  /// Does `ego` hear `sender`? A step and the reset that follows it draw apart (`after_reset`).
+  GIGA_HD float comm(int ego, int sender, bool after_reset) {
+    const uint32_t row = static_cast<uint32_t>(ego) + (after_reset ? 0x10000u : 0u);
+    return key_.uniform(Draw::comm, row, static_cast<uint32_t>(sender));
+  }
+  /// Index of the map of the next episode, uniform over n_maps.
+  GIGA_HD int map(int n_maps) {
+    const int index = static_cast<int>(key_.uniform(Draw::map, 0, 0) * static_cast<float>(n_maps));
+    return index < n_maps ? index : n_maps - 1;
+  }
+  /// Start coordinate of an agent; round 0 is the first draw, 1 to 3 the rounds of resampling.
+  GIGA_HD float start(int agent, int round, StartDraw what) {
+    const uint32_t index = static_cast<uint32_t>(round) * 4 + static_cast<uint32_t>(what);
+    return key_.uniform(Draw::start, static_cast<uint32_t>(agent), index);
+  }
+
+ private:
+  DrawKey key_;
+};
+
+}  // namespace giga

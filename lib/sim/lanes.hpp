@@ -1,0 +1,21 @@
+// Lanes: how the agents of one world are spread over workers. A stage is lanes.each(n, f): f(0) ... f(n - 1) in any
+// order, all finished and visible to every worker when it returns.
+//   SerialLanes  one worker (CPU; worlds run in parallel over threads)
+//   TileLanes    part of a warp, several worlds a warp (small teams); cuda/lanes.cuh
+//   BlockLanes   one thread block (dozens to hundreds of agents); cuda/lanes.cuh
+#pragma once
+
+#include "core/host_device.hpp"
+
+namespace giga {
+
+struct SerialLanes {
+  template <class F>
+  GIGA_HD void each(int n, F&& f) const {
+    for (int i = 0; i < n; ++i) f(i);
+  }
+  /// Whether `flag` holds in any world that shares this one's workers: stages guarded by it stay in lockstep.
+  GIGA_HD bool any(bool flag) const { return flag; }
+};
+
+}  // namespace giga

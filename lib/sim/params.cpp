@@ -1,0 +1,42 @@
+#include "sim/params.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/error.hpp"
+#include "sim/observe.hpp"
+#include "sim/state_encoding.hpp"
+
+namespace giga {
+
+void SimSpec::finish() {
+  params.n_agents = static_cast<int>(agents.size());
+  if (params.n_agents > kMaxAgents)
+    throw InputError(cat("scenario '", name, "' has ", params.n_agents, " agents per world; this version runs up to ",
+                         kMaxAgents));
+  if (params.max_tracking_time < params.min_tracking_time || params.max_tracking_time > 255)
+    throw InputError(cat("scenario '", name, "': max_tracking_time is ", params.max_tracking_time,
+                         "; allowed: min_tracking_time (", params.min_tracking_time, ") to 255"));
+  params.n_team[0] = params.n_team[1] = 0;
+  params.has_idle_reward = false;
+  for (const AgentSpec& agent : agents) {
+    GIGA_CHECK(agent.team == 0 || agent.team == 1, "team ", agent.team);
+    ++params.n_team[agent.team];
+    params.has_idle_reward = params.has_idle_reward || agent.idle_reward != 0;
+  }
+  for (int team = 0; team < kNTeams; ++team)
+    if (params.n_team[team] == 0) throw InputError(cat("scenario '", name, "': team ", team, " has no agents"));
+  if (maps.empty()) throw InputError(cat("scenario '", name, "' has no map"));
+  params.n_maps = static_cast<int>(maps.size());
+  params.n_boxes = 0;
+  for (const MapSpec& map : maps) params.n_boxes = std::max(params.n_boxes, static_cast<int>(map.boxes.size()));
+  params.n_neighbors = std::min(params.n_agents, neighbor_limit);
+  params.inv_limit_x = 1.0f / params.limit_x;
+  params.inv_limit_y = 1.0f / params.limit_y;
+  params.inv_diagonal = 1.0f / std::sqrt(params.limit_x * params.limit_x + params.limit_y * params.limit_y);
+}
+
+int SimSpec::observation_size() const { return giga::observation_size(params); }
+int SimSpec::global_size() const { return giga::global_size(params); }
+
+}  // namespace giga

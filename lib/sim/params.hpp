@@ -1,0 +1,160 @@
+// SimParams: everything about a scenario that a step reads, as plain data; SimSpec: the same with its tables, owned.
+// scenario/compile.hpp makes a SimSpec from a Scenario; a simulator copies its tables to its device.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "core/host_device.hpp"
+
+namespace giga {
+
+constexpr float kDt = 0.1f;             ///< seconds a step
+constexpr float kAltitudeLimit = 10.0f;  ///< z lives in [0, 10], whatever the size of the map
+constexpr int kMaxAgents = 1024;        ///< agents per world that the executors here handle
+constexpr int kNTeams = 2;
+constexpr int kNDiscreteActions = 27;
+constexpr int kActionSize = 3;  ///< heading, dive, throttle
+
+/// `original` reproduces the published JAX package, quirks included; `corrected` mends those listed in the README.
+enum class Rules : uint8_t { corrected, original };
+enum class ActionKind : uint8_t { discrete, continuous };
+
+/// Terms of the reward, in the order in which they are added up. All but `idle_reward` (a property of the agent type)
+/// have a weight in the scenario. Adding one: an entry here, a name below, a case in rewards.hpp.
+enum class RewardTerm : int {
+  hit_waypoint,
+  idle_reward,
+  defeat_one_opponent,
+  detection,
+  damage,
+  idle,
+  collision_agent,
+  collision_obstacle,
+  agent_disabled,
+  game_won,
+};
+constexpr int kNRewardTerms = 10;
+constexpr const char* kRewardTermNames[kNRewardTerms] = {
+    "hit_waypoint", "idle_reward",     "defeat_one_opponent", "detection",      "damage",
+    "idle",         "collision_agent", "collision_obstacle",  "agent_disabled", "game_won",
+};
+
+/// An axis-aligned obstacle, solid for z1 <= z <= z2 (only looked at with `obstacle_heights`). All zeros = no box.
+struct Box {
+  float x1, y1, x2, y2, z1, z2;
+};
+
+/// Where a team starts on a map: uniform in the area, altitude range and heading range.
+struct StartArea {
+  float x1, y1, x2, y2;
+  float z_lo, z_hi;
+  float heading_lo, heading_hi;
+};
+
+/// Per-agent constants, each array [n_agents].
+struct AgentTable {
+  const int32_t* team;           ///< 0 or 1
+  const int32_t* slot;           ///< number of the agent inside its team: row in the team's buffers
+  const int32_t* sprite;         ///< bit mask of the drawn shape; also an observation
+  const float* thrust;           ///< factor on acceleration
+  const float* max_health;       ///< health limit
+  const float* range;            ///< factor on the squared sight depth
+  const float* damage_range;     ///< factor on the squared weapon depth; 0 = cannot shoot
+  const float* idle_reward;      ///< reward per step for being alive
+};
+
+/// The maps of a scenario.
+struct MapTable {
+  const Box* boxes;        ///< [n_maps, n_boxes], padded with zero boxes
+  const StartArea* start;  ///< [n_maps, 2], by team
+};
+
+/// One world's rules and numbers. Lengths in map units, angles in radians, times in seconds unless said otherwise.
+struct SimParams {
+  Rules rules = Rules::corrected;
+  ActionKind actions = ActionKind::discrete;
+
+  int n_agents = 0;
+  int n_team[kNTeams] = {0, 0};
+  int n_maps = 1;
+  int n_boxes = 0;       ///< most boxes of any map of the set; part of the observation
+  int n_neighbors = 15;  ///< rows of agents in a vector observation, the ego included: min(n_agents, limit)
+
+  float limit_x = 10, limit_y = 10;
+  float inv_limit_x = 0.1f, inv_limit_y = 0.1f, inv_diagonal = 0;  ///< 1 / limit; 1 / sqrt(limit_x^2 + limit_y^2)
+
+  // Sight. Depths are squared here once.
+  float very_close_depth2 = 1;
+  float cone_depth2 = 9;
+  float cone_cos = 0;           ///< cosine of the half angle
+  bool cone_is_full = false;    ///< half angle >= pi: every direction is inside
+  float damage_cone_depth2 = 0;
+  float damage_cone_cos = 0;
+  bool damage_cone_is_full = false;
+  bool stochastic_detection = true;
+  bool stochastic_communication = true;
+  float communication_range = 8;
+
+  float damage_per_second = 1;
+  float healing_per_second = 0.1f;
+  int min_tracking_time = 3;   ///< steps of unbroken tracking before damage starts
+  int max_tracking_time = 10;  ///< steps after which damage grows no more; at most 255
+
+  float collision_range2 = 0.16f;
+  float collision_altitude = 0.5f;
+
+  bool waypoints = false;
+  float waypoint_size = 0.6f;
+
+  int max_episode_length = 500;  ///< steps; 0 = no limit
+  bool episode_ends_one_team_dead = true;
+
+  float reward_weight[kNRewardTerms] = {};  ///< 0 or less switches a term off; [idle_reward] is unused
+  bool has_idle_reward = false;             ///< some agent type has one
+  bool divide_reward_by_team_size = true;   ///< by the number of all agents, as the original does
+
+  // Beyond the original, off by default.
+  bool obstacle_heights = false;        ///< boxes are solid between z1 and z2 only
+  bool obstacles_block_sight = false;   ///< no detection through a box
+  bool sight_3d = false;                ///< distances and cones of sight and damage use altitude too
+
+  AgentTable agents{};
+  MapTable maps{};
+
+  GIGA_HD bool original() const { return rules == Rules::original; }
+};
+
+struct AgentSpec {
+  int32_t team = 0;
+  int32_t sprite = 1;
+  float thrust = 1, max_health = 1, range = 1, damage_range = 1, idle_reward = 0;
+};
+
+struct MapSpec {
+  std::string name;
+  std::vector<Box> boxes;
+  StartArea start[kNTeams]{};
+};
+
+/// A compiled scenario: scalars plus tables. `params.agents` and `params.maps` are empty until a simulator fills them;
+/// `finish` derives the counts from the tables.
+struct SimSpec {
+  std::string name;
+  SimParams params;
+  std::vector<AgentSpec> agents;  ///< in the order of the original's agent index
+  std::vector<MapSpec> maps;
+  int neighbor_limit = 15;  ///< max_agent_in_vec_obs
+
+  /// Sets n_agents, n_team, n_maps, n_boxes, n_neighbors, has_idle_reward and the reciprocals; throws Error where a team is empty or
+  /// there are more than kMaxAgents agents.
+  void finish();
+
+  /// Length of one agent's vector observation: 9 per neighbor, 5 for waypoints, 4 per box (6 with obstacle_heights).
+  int observation_size() const;
+  /// Length of one world's true-state vector (critic.kind: state); see state_encoding.hpp.
+  int global_size() const;
+};
+
+}  // namespace giga

@@ -1,0 +1,165 @@
+// Rewards: the terms of SPEC section 5, and the bookkeeping of episodes (returns, outcome, statistics).
+#pragma once
+
+#include "sim/sight.hpp"
+#include "sim/world.hpp"
+
+namespace giga {
+
+GIGA_HD bool term_active(const SimParams& p, RewardTerm term) {
+  return term == RewardTerm::idle_reward ? p.has_idle_reward : p.reward_weight[static_cast<int>(term)] > 0;
+}
+
+/// Number of opponents that agent i detects, and the damage units that it deals.
+struct Dealt {
+  int detected, damage;
+};
+GIGA_HD Dealt dealt_by(const SimParams& p, const WorldView& w, int i) {
+  const int n = p.n_agents, words = words_for(n);
+  Dealt d{0, 0};
+  for (int a = 0; a < n; ++a) {
+    d.detected += static_cast<int>(w.detected[static_cast<int64_t>(a) * words + i / 32] >> (i & 31) & 1u);
+    d.damage += damage_units(p, w.tracked[static_cast<int64_t>(a) * n + i]);
+  }
+  return d;
+}
+
+GIGA_HD int observers_of(const SimParams& p, const WorldView& w, int i) {
+  const int words = words_for(p.n_agents);
+  int count = 0;
+  for (int k = 0; k < words; ++k)
+    for (uint32_t bits = w.detected[static_cast<int64_t>(i) * words + k]; bits; bits &= bits - 1) ++count;
+  return count;
+}
+
+/// The unscaled value of one term for agent i: the table of SPEC section 5.
+GIGA_HD float term_value(const SimParams& p, const WorldView& w, RewardTerm term, int i) {
+  const float c = p.reward_weight[static_cast<int>(term)];
+  const int team = p.agents.team[i];
+  const float alive = w.alive[i] ? 1.0f : 0.0f, was_alive = w.was_alive[i] ? 1.0f : 0.0f;
+  const uint8_t flags = w.flags[i];
+  switch (term) {
+    case RewardTerm::hit_waypoint:
+      return (flags & kHitWaypoint) ? c : 0.0f;
+    case RewardTerm::idle_reward:
+      return p.agents.idle_reward[i];
+    case RewardTerm::defeat_one_opponent: {
+      const int own_change = w.counts[kAlive0 + team] - w.counts[kWasAlive0 + team];
+      const int other_change = w.counts[kAlive1 - team] - w.counts[kWasAlive1 - team];
+      return c * alive * static_cast<float>(own_change - other_change) / static_cast<float>(w.counts[kAlive0 + team] + 1);
+    }
+    case RewardTerm::detection:
+      return c * kDt * alive *
+             (0.5f * static_cast<float>(dealt_by(p, w, i).detected) - 0.2f * static_cast<float>(observers_of(p, w, i)));
+    case RewardTerm::damage:
+      return c * kDt * alive * (static_cast<float>(dealt_by(p, w, i).damage) - 0.5f * w.taken[i]);
+    case RewardTerm::idle:
+      return -c * 0.001f * alive;
+    case RewardTerm::collision_agent:
+      return (flags & kHitAgent) ? -c : 0.0f;
+    case RewardTerm::collision_obstacle: {
+      // The original multiplies by `alive` after death, so this term never pays; `corrected` uses alive-before (Q7).
+      const float hits = ((flags & kOutOfBounds) ? 1.0f : 0.0f) + ((flags & kHitObstacle) ? 1.0f : 0.0f);
+      return -c * hits * (p.original() ? alive : was_alive);
+    }
+    case RewardTerm::agent_disabled:
+      return -c * (1.0f - alive) * was_alive;
+    case RewardTerm::game_won:
+      return w.counts[kAlive1 - team] == 0 ? c * alive : 0.0f;
+  }
+  return 0.0f;
+}
+
+/// What a term's value is worth to agent i's reward: the factor, the division by all agents (Q12), nothing for the dead.
+GIGA_HD float scale_term(const SimParams& p, const WorldView& w, RewardTerm term, float value, int i) {
+  if (!w.was_alive[i]) return 0.0f;
+  const float scaled = term == RewardTerm::game_won ? value : *w.reward_factor * value;
+  return p.divide_reward_by_team_size ? scaled / static_cast<float>(p.n_agents) : scaled;
+}
+
+/// All terms of agent i and their sum.
+GIGA_HD void compute_reward(const SimParams& p, WorldView& w, int i) {
+  float sum = 0, won = 0;
+  for (int t = 0; t < kNRewardTerms; ++t) {
+    const RewardTerm term = static_cast<RewardTerm>(t);
+    if (!term_active(p, term)) continue;
+    const float value = term_value(p, w, term, i);
+    w.terms[t * p.n_agents + i] = value;
+    (term == RewardTerm::game_won ? won : sum) += value;
+  }
+  float reward = *w.reward_factor * sum + won;
+  if (p.divide_reward_by_team_size) reward /= static_cast<float>(p.n_agents);
+  w.reward[i] = w.was_alive[i] ? reward : 0.0f;
+}
+
+/// Adds the step to the episode's sums: item 0 to 1 = a team's returns and score, then one item per team and term.
+constexpr int kNBookItems = kNTeams + kNTeams * kNRewardTerms;
+GIGA_HD void keep_books(const SimParams& p, WorldView& w, int item) {
+  if (item < kNTeams) {
+    float sum = 0, masked = 0;
+    bool scored = false;
+    for (int i = 0; i < p.n_agents; ++i) {
+      if (p.agents.team[i] != item) continue;
+      sum += w.reward[i];
+      if (w.alive[i] && !w.counts[kDone]) masked += w.reward[i];
+      scored = scored || ((w.flags[i] & kHitWaypoint) && w.was_alive[i]);
+    }
+    w.returns[item] += sum;
+    w.returns_masked[item] += masked;
+    if (scored) w.score[item] += 1;
+    return;
+  }
+  const int team = (item - kNTeams) / kNRewardTerms, t = (item - kNTeams) % kNRewardTerms;
+  const RewardTerm term = static_cast<RewardTerm>(t);
+  if (!term_active(p, term)) return;
+  float sum = 0;
+  for (int i = 0; i < p.n_agents; ++i)
+    if (p.agents.team[i] == team) sum += scale_term(p, w, term, w.terms[t * p.n_agents + i], i);
+  w.term_returns[team * kNRewardTerms + t] += sum;
+}
+
+/// Counts a team's living agents into w.counts[first + team].
+GIGA_HD void count_team(const SimParams& p, WorldView& w, const uint8_t* alive, int first, int team) {
+  int count = 0;
+  for (int i = 0; i < p.n_agents; ++i)
+    if (p.agents.team[i] == team && alive[i]) ++count;
+  w.counts[first + team] = count;
+}
+
+/// 4.6: the episode's length, its outcome (the team wiped out in an earlier step loses) and its end.
+GIGA_HD void end_of_step(const SimParams& p, WorldView& w) {
+  const bool gone0 = w.counts[kAlive0] == 0, gone1 = w.counts[kAlive1] == 0;
+  if (*w.outcome == Outcome::open && (gone0 || gone1))
+    *w.outcome = gone0 && gone1 ? Outcome::tie : (gone0 ? Outcome::team_1 : Outcome::team_0);
+  *w.episode_length += 1;
+  Done done = Done::running;
+  if (p.max_episode_length > 0 && *w.episode_length >= p.max_episode_length) done = Done::truncated;
+  if ((gone0 && gone1) || (p.episode_ends_one_team_dead && (gone0 || gone1))) done = Done::terminated;
+  w.counts[kDone] = static_cast<int32_t>(done);
+}
+
+/// Moves the sums of a finished episode into the statistics; item as in keep_books.
+GIGA_HD void close_books(WorldView& w, int item) {
+  const auto stat = [&w](EpisodeStat s, int offset = 0) -> float& { return w.stats[static_cast<int>(s) + offset]; };
+  if (item >= kNTeams) {
+    const int k = item - kNTeams;
+    w.stats[kNEpisodeStats + k] += w.term_returns[k];
+    w.term_returns[k] = 0;
+    return;
+  }
+  if (item == 0) {
+    stat(EpisodeStat::episodes) += 1;
+    stat(EpisodeStat::length) += static_cast<float>(*w.episode_length);
+    const EpisodeStat result = *w.outcome == Outcome::team_0   ? EpisodeStat::wins_0
+                               : *w.outcome == Outcome::team_1 ? EpisodeStat::wins_1
+                                                               : EpisodeStat::ties;
+    stat(result) += 1;
+    if (w.counts[kDone] == static_cast<int32_t>(Done::truncated)) stat(EpisodeStat::truncated) += 1;
+  }
+  stat(EpisodeStat::return_0, item) += w.returns[item];
+  stat(EpisodeStat::return_masked_0, item) += w.returns_masked[item];
+  stat(EpisodeStat::score_0, item) += w.score[item];
+  w.returns[item] = w.returns_masked[item] = w.score[item] = 0;
+}
+
+}  // namespace giga

@@ -1,0 +1,119 @@
+// Sight and damage: who detects whom, who fires, tracking counters, health (SPEC sections 4.4 and 4.5).
+#pragma once
+
+#include <cmath>
+
+#include "core/geometry.hpp"
+#include "sim/world.hpp"
+
+namespace giga {
+
+/// Whether the segment from agent i to agent j passes through an obstacle (an option beyond the original).
+GIGA_HD bool sight_blocked(const SimParams& p, const WorldView& w, int i, int j) {
+  const Box* boxes = p.maps.boxes + static_cast<int64_t>(*w.map) * p.n_boxes;
+  const float from[3] = {w.x[i], w.y[i], w.z[i]};
+  const float delta[3] = {w.x[j] - w.x[i], w.y[j] - w.y[i], w.z[j] - w.z[i]};
+  for (int b = 0; b < p.n_boxes; ++b) {
+    const float lo[3] = {boxes[b].x1, boxes[b].y1, boxes[b].z1}, hi[3] = {boxes[b].x2, boxes[b].y2, boxes[b].z2};
+    if (!(lo[0] < hi[0] && lo[1] < hi[1])) continue;  // padding
+    float enter = 0, leave = 1;
+    for (int axis = 0; axis < (p.obstacle_heights ? 3 : 2); ++axis) {
+      if (delta[axis] == 0) {
+        if (from[axis] <= lo[axis] || from[axis] >= hi[axis]) leave = -1;
+        continue;
+      }
+      const float t1 = (lo[axis] - from[axis]) / delta[axis], t2 = (hi[axis] - from[axis]) / delta[axis];
+      enter = max_of(enter, min_of(t1, t2));
+      leave = min_of(leave, max_of(t1, t2));
+    }
+    if (enter < leave) return true;
+  }
+  return false;
+}
+
+struct Sighting {
+  bool detected, in_weapon_range;
+};
+
+/// Does observer b detect target a, and is a within b's weapon cone? Both alive and of different teams.
+///
+/// The original compares an angle with the half angle of a cone; here the cosine is compared, since
+/// |angle| < limit <=> d cos(angle) > d cos(limit), and d cos(angle) is a dot product. At d = 0 the direction does not
+/// matter: such a pair is close, and a squared distance of 0 passes `<= [inside]` either way (Q3).
+template <class Draws>
+GIGA_HD Sighting sight(const SimParams& p, const WorldView& w, Draws& draws, int a, int b) {
+  const float dx = w.x[a] - w.x[b], dy = w.y[a] - w.y[b];
+  float d2 = dx * dx + dy * dy;
+  if (p.sight_3d) d2 += (w.z[a] - w.z[b]) * (w.z[a] - w.z[b]);
+
+  const float d = std::sqrt(d2);
+  const float ahead = dx * w.dir_x[b] + dy * w.dir_y[b];
+  const bool in_cone = p.cone_is_full || ahead > p.cone_cos * d;
+  const bool in_damage_cone = p.damage_cone_is_full || ahead > p.damage_cone_cos * d;
+  // Division by zero is meant: x / 0 = inf and 0 / 0 = NaN both compare false.
+  const float depth = d2 / (p.cone_depth2 * p.agents.range[b]);
+  const float damage_depth = d2 / (p.damage_cone_depth2 * p.agents.damage_range[b]);
+
+  bool see = d2 < p.very_close_depth2;
+  if (!see && p.stochastic_detection) {
+    see = depth <= (in_damage_cone ? 1.0f : 0.0f);
+    // Outside the cone, or beyond its depth, no draw below 1 suffices, so none is needed.
+    if (!see && in_cone && depth < 1) see = depth < draws.detect(a, b);
+  } else if (!see) {
+    see = depth <= (in_cone ? 1.0f : 0.0f);
+  }
+  if (see && p.obstacles_block_sight && sight_blocked(p, w, a, b)) see = false;
+  return {see, damage_depth <= (in_damage_cone ? 1.0f : 0.0f)};
+}
+
+/// Damage units of a tracking counter: 0 up to the minimum, then growing by 1 a step.
+GIGA_HD int damage_units(const SimParams& p, int tracked) {
+  const int t = tracked < p.min_tracking_time ? p.min_tracking_time
+                                              : (tracked > p.max_tracking_time ? p.max_tracking_time : tracked);
+  return t - p.min_tracking_time;
+}
+
+/// Everything that is done to target a: who detects it, who fires at it and for how long, what it takes.
+template <class Draws>
+GIGA_HD void detect_and_track(const SimParams& p, WorldView& w, Draws& draws, int a) {
+  const int n = p.n_agents, words = words_for(n);
+  uint8_t* tracked = w.tracked + static_cast<int64_t>(a) * n;
+  uint32_t* detected = w.detected + static_cast<int64_t>(a) * words;
+  int taken = 0;
+  for (int word = 0; word < words; ++word) {
+    uint32_t bits = 0;
+    const int end = (word + 1) * 32 < n ? (word + 1) * 32 : n;
+    for (int b = word * 32; b < end; ++b) {
+      if (p.agents.team[a] == p.agents.team[b]) continue;  // its counter stays 0
+      Sighting s{false, false};
+      if (w.alive[a] && w.alive[b]) s = sight(p, w, draws, a, b);
+      if (s.detected) bits |= 1u << (b & 31);
+      const int before = tracked[b];
+      const int now = s.detected && s.in_weapon_range ? (before < 255 ? before + 1 : 255) : 0;
+      if (now != before) tracked[b] = static_cast<uint8_t>(now);
+      taken += damage_units(p, now);
+    }
+    detected[word] = bits;
+  }
+  w.taken[a] = static_cast<float>(taken);
+  if (taken > 0) w.flags[a] |= kTookDamage;
+}
+
+/// Detection without fire, for the first observation of an episode.
+template <class Draws>
+GIGA_HD void detect_only(const SimParams& p, WorldView& w, Draws& draws, int a) {
+  for (int b = 0; b < p.n_agents; ++b)
+    if (p.agents.team[a] != p.agents.team[b] && sight(p, w, draws, a, b).detected)
+      w.detected[static_cast<int64_t>(a) * words_for(p.n_agents) + b / 32] |= 1u << (b & 31);
+}
+
+/// 4.5: damage, healing and the waypoint's refill; death at zero health.
+GIGA_HD void update_health(const SimParams& p, WorldView& w, int i) {
+  const float limit = p.agents.max_health[i];
+  const float refill = (w.flags[i] & kHitWaypoint) ? limit : 0.0f;
+  const float health = w.health[i] - w.taken[i] * p.damage_per_second * kDt + p.healing_per_second * kDt + refill;
+  w.health[i] = w.alive[i] ? clamp(health, 0.0f, limit) : 0.0f;
+  if (!(w.health[i] > 0)) w.alive[i] = 0;
+}
+
+}  // namespace giga

@@ -1,0 +1,69 @@
+#include "sim/simulator.hpp"
+
+#include "core/error.hpp"
+
+namespace giga {
+namespace {
+
+constexpr size_t kFieldAlignment = 256;
+
+size_t padded(size_t bytes) { return (bytes + kFieldAlignment - 1) / kFieldAlignment * kFieldAlignment; }
+
+}  // namespace
+
+SimTables::SimTables(const SimSpec& spec, Memory& memory) : params_(spec.params) {
+  const size_t n = spec.agents.size();
+  std::vector<int32_t> ints(3 * n);
+  std::vector<float> floats(5 * n);
+  int next_slot[kNTeams] = {0, 0};
+  for (size_t i = 0; i < n; ++i) {
+    const AgentSpec& agent = spec.agents[i];
+    ints[i] = agent.team;
+    ints[n + i] = next_slot[agent.team]++;
+    ints[2 * n + i] = agent.sprite;
+    const float values[5] = {agent.thrust, agent.max_health, agent.range, agent.damage_range, agent.idle_reward};
+    for (size_t k = 0; k < 5; ++k) floats[k * n + i] = values[k];
+  }
+  const size_t n_boxes = static_cast<size_t>(params_.n_boxes);
+  std::vector<Box> boxes(spec.maps.size() * n_boxes, Box{});
+  std::vector<StartArea> start;
+  for (size_t m = 0; m < spec.maps.size(); ++m) {
+    for (size_t b = 0; b < spec.maps[m].boxes.size(); ++b) boxes[m * n_boxes + b] = spec.maps[m].boxes[b];
+    for (const StartArea& area : spec.maps[m].start) start.push_back(area);
+  }
+  ints_ = Buffer<int32_t>(memory, ints);
+  floats_ = Buffer<float>(memory, floats);
+  boxes_ = Buffer<Box>(memory, boxes);
+  start_ = Buffer<StartArea>(memory, start);
+  params_.agents = {ints_.data(),          ints_.data() + n,       ints_.data() + 2 * n,   floats_.data(),
+                    floats_.data() + n,    floats_.data() + 2 * n, floats_.data() + 3 * n, floats_.data() + 4 * n};
+  params_.maps = {boxes_.data(), start_.data()};
+}
+
+SimState::SimState(int n_agents, int n_worlds, Memory& memory) {
+  const FieldExtents extents(n_agents);
+  size_t total = 0;
+  for_each_field(view_, extents, [&](const char*, auto* field, size_t per_world) {
+    total += padded(per_world * static_cast<size_t>(n_worlds) * sizeof(*field));
+  });
+  bytes_ = Buffer<uint8_t>(memory, total);
+  uint8_t* at = bytes_.data();
+  for_each_field(view_, extents, [&](const char*, auto*& field, size_t per_world) {
+    field = reinterpret_cast<std::remove_reference_t<decltype(field)>>(at);
+    at += padded(per_world * static_cast<size_t>(n_worlds) * sizeof(*field));
+  });
+}
+
+void SimState::load(const std::vector<uint8_t>& bytes) {
+  GIGA_CHECK(bytes.size() == bytes_.size(), "state of ", bytes.size(), " bytes, ", bytes_.size(), " expected");
+  bytes_.from_host(bytes);
+}
+
+Simulator::Simulator(SimSpec spec, const SimOptions& options, Memory& memory)
+    : spec_(std::move(spec)), options_(options), memory_(&memory) {
+  GIGA_CHECK(options.n_worlds > 0, "n_worlds is ", options.n_worlds);
+  tables_ = SimTables(spec_, memory);
+  state_ = SimState(spec_.params.n_agents, options.n_worlds, memory);
+}
+
+}  // namespace giga

@@ -1,0 +1,103 @@
+// Simulator: many worlds of one scenario on one device, stepped together.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "core/memory.hpp"
+#include "sim/params.hpp"
+#include "sim/world.hpp"
+
+namespace giga {
+
+struct SimOptions {
+  int n_worlds = 1;
+  uint64_t seed = 0;
+  int64_t first_world = 0;  ///< global number of world 0 here, for runs on several devices
+  OnDone on_done = OnDone::reset;
+  int n_threads = 0;  ///< CPU back end: 0 = as many as cores
+};
+
+/// Sums over all episodes that ended since the last reading.
+struct EpisodeStats {
+  std::array<double, kNStatRows> rows{};
+  double operator[](EpisodeStat s) const { return rows[static_cast<size_t>(s)]; }
+  /// Sum of the returns of one reward term over a team's episodes.
+  double term(int team, RewardTerm t) const {
+    return rows[static_cast<size_t>(kNEpisodeStats + team * kNRewardTerms + static_cast<int>(t))];
+  }
+};
+
+/// The scenario's tables in the memory of a device.
+class SimTables {
+ public:
+  SimTables() = default;
+  SimTables(const SimSpec& spec, Memory& memory);
+  /// `spec.params` with its pointers set.
+  const SimParams& params() const { return params_; }
+
+ private:
+  SimParams params_;
+  Buffer<int32_t> ints_;
+  Buffer<float> floats_;
+  Buffer<Box> boxes_;
+  Buffer<StartArea> start_;
+};
+
+/// The state of all worlds in the memory of a device.
+class SimState {
+ public:
+  SimState() = default;
+  SimState(int n_agents, int n_worlds, Memory& memory);
+  const StateView& view() const { return view_; }
+  /// All bytes of the state in the order of the field list: what a checkpoint keeps.
+  std::vector<uint8_t> save() const { return bytes_.to_host(); }
+  void load(const std::vector<uint8_t>& bytes);
+
+ private:
+  Buffer<uint8_t> bytes_;
+  StateView view_{};
+};
+
+/// Common to all back ends. Work is queued (CUDA: on the simulator's stream) and results are read after `synchronize`,
+/// or by work queued behind it on the same stream.
+class Simulator {
+ public:
+  Simulator(SimSpec spec, const SimOptions& options, Memory& memory);
+  virtual ~Simulator() = default;
+
+  const SimSpec& spec() const { return spec_; }
+  const SimOptions& options() const { return options_; }
+  const SimParams& params() const { return tables_.params(); }
+  Memory& memory() const { return *memory_; }
+  Device device() const { return memory_->device(); }
+  int n_worlds() const { return options_.n_worlds; }
+  SimState& state() { return state_; }
+  const SimState& state() const { return state_; }
+  /// Agents stepped by one step of all worlds.
+  int64_t agents_per_step() const { return static_cast<int64_t>(options_.n_worlds) * spec_.params.n_agents; }
+
+  /// Starts the first episode of every world and writes obs, alive and global of `io`.
+  virtual void start(const StepIo& io) = 0;
+  /// One step of every world; reads the actions of both teams and writes the rest of `io`.
+  virtual void step(const StepIo& io) = 0;
+  /// Writes obs, alive and global of `io` once more, as the last start or step did (after loading a state).
+  virtual void observe(const StepIo& io) = 0;
+  /// Sums of finished episodes since the last call; waits for queued steps.
+  virtual EpisodeStats take_stats() = 0;
+  /// Waits until everything queued is done.
+  virtual void synchronize() {}
+
+ protected:
+  SimSpec spec_;
+  SimOptions options_;
+  Memory* memory_;
+  SimTables tables_;
+  SimState state_;
+};
+
+std::unique_ptr<Simulator> make_cpu_simulator(SimSpec spec, const SimOptions& options);
+
+}  // namespace giga

@@ -1,0 +1,105 @@
+// State of all worlds: one list of fields drives allocation, checkpoints, comparison and copying.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "core/host_device.hpp"
+#include "sim/params.hpp"
+
+namespace giga {
+
+/// Columns of the statistics of finished episodes, summed per world until they are read.
+enum class EpisodeStat : int {
+  episodes,
+  length,          ///< steps
+  wins_0,          ///< team 1 was wiped out in an earlier step than team 0
+  wins_1,
+  ties,
+  truncated,       ///< ended by the time limit
+  return_0,        ///< sum over the team's agents of all rewards
+  return_1,
+  return_masked_0,  ///< the original's: without the last step and without the steps in which an agent died
+  return_masked_1,
+  score_0,  ///< waypoints in which a living agent of the team was
+  score_1,
+};
+constexpr int kNEpisodeStats = 12;
+constexpr const char* kEpisodeStatNames[kNEpisodeStats] = {
+    "episodes", "length",   "wins_0",          "wins_1",          "ties",    "truncated",
+    "return_0", "return_1", "return_masked_0", "return_masked_1", "score_0", "score_1",
+};
+/// Rows of the statistics buffer: EpisodeStat, then the return of each reward term for team 0, then for team 1.
+constexpr int kNStatRows = kNEpisodeStats + kNTeams * kNRewardTerms;
+
+/// How the episode of a world stands.
+enum class Outcome : int32_t { open, team_0, team_1, tie };
+
+/// Words of 32 bits for one bit per agent.
+GIGA_HD int words_for(int n_agents) { return (n_agents + 31) / 32; }
+
+/// Views of the arrays of a number of worlds; W worlds, N agents. Everything here is saved in a checkpoint.
+struct StateView {
+  float* x;        // [W, N] position, map units
+  float* y;        // [W, N]
+  float* z;        // [W, N] altitude
+  float* v;        // [W, N] speed, units a second
+  float* heading;  // [W, N] radians
+  float* health;   // [W, N]
+  uint8_t* alive;  // [W, N] 0 or 1
+  uint8_t* tracked;    // [W, N, N] steps of unbroken fire, [target, shooter]; stops at 255
+  uint32_t* detected;  // [W, N, words] bit b of row a: b detected a in the last step
+  uint32_t* seen;      // [W, N, words] bit a of row e: e sees a in its last observation
+  int32_t* map;        // [W] index into the maps of the scenario
+  float* waypoint;       // [W, 4] x1 y1 x2 y2
+  float* waypoint_time;  // [W] remaining seconds; 0 = none
+  float* reward_factor;  // [W] the original's aux_rewards_factor: scales all terms but game_won
+  int32_t* episode_length;  // [W] steps since the reset
+  uint32_t* draw_step;      // [W] steps since the start: the step of the next draw
+  Outcome* outcome;         // [W] decided when a team is wiped out first
+  uint8_t* finished;        // [W] 1: the episode is over and the world waits (OnDone::freeze)
+  float* returns;         // [W, 2] by team, this episode
+  float* returns_masked;  // [W, 2] see EpisodeStat
+  float* score;           // [W, 2]
+  float* term_returns;    // [W, 2, kNRewardTerms] by team and term, this episode
+  float* stats;           // [W, kNStatRows] of finished episodes since they were last read
+};
+
+/// Number of elements that a field has in one world.
+struct FieldExtents {
+  size_t agent, pair, bits;
+  explicit FieldExtents(int n_agents)
+      : agent(static_cast<size_t>(n_agents)),
+        pair(agent * agent),
+        bits(agent * static_cast<size_t>(words_for(n_agents))) {}
+};
+
+/// The field list: calls f(name, view.member, elements per world) for every member of StateView.
+template <class View, class F>
+void for_each_field(View& view, const FieldExtents& n, F&& f) {
+  f("x", view.x, n.agent);
+  f("y", view.y, n.agent);
+  f("z", view.z, n.agent);
+  f("v", view.v, n.agent);
+  f("heading", view.heading, n.agent);
+  f("health", view.health, n.agent);
+  f("alive", view.alive, n.agent);
+  f("tracked", view.tracked, n.pair);
+  f("detected", view.detected, n.bits);
+  f("seen", view.seen, n.bits);
+  f("map", view.map, size_t{1});
+  f("waypoint", view.waypoint, size_t{4});
+  f("waypoint_time", view.waypoint_time, size_t{1});
+  f("reward_factor", view.reward_factor, size_t{1});
+  f("episode_length", view.episode_length, size_t{1});
+  f("draw_step", view.draw_step, size_t{1});
+  f("outcome", view.outcome, size_t{1});
+  f("finished", view.finished, size_t{1});
+  f("returns", view.returns, size_t{kNTeams});
+  f("returns_masked", view.returns_masked, size_t{kNTeams});
+  f("score", view.score, size_t{kNTeams});
+  f("term_returns", view.term_returns, size_t{kNTeams * kNRewardTerms});
+  f("stats", view.stats, size_t{kNStatRows});
+}
+
+}  // namespace giga

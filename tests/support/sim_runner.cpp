@@ -1,0 +1,188 @@
+#include "support/sim_runner.hpp"
+
+#include <cstdio>
+#include <cstring>
+#include <type_traits>
+
+#include "core/error.hpp"
+#include "core/philox.hpp"
+#include "sim/observe.hpp"
+#include "sim/state_encoding.hpp"
+
+namespace giga::test {
+namespace {
+
+constexpr size_t kMostReported = 8;
+
+template <class T>
+T read(const SnapshotField& field, size_t index) {
+  T value;
+  std::memcpy(&value, field.bytes.data() + index * field.element, sizeof(value));
+  return value;
+}
+
+std::string print(const SnapshotField& field, size_t index) {
+  if (field.element == 1) return cat(static_cast<int>(field.bytes[index]));
+  const uint32_t bits = read<uint32_t>(field, index);
+  if (!field.is_float) return cat(bits);
+  char text[64];
+  std::snprintf(text, sizeof(text), "%.9g (0x%08x)", static_cast<double>(read<float>(field, index)), bits);
+  return text;
+}
+
+}  // namespace
+
+const SnapshotField& Snapshot::field(const std::string& name) const {
+  for (const SnapshotField& f : fields)
+    if (f.name == name) return f;
+  throw Error("no field " + name);
+}
+
+float Snapshot::float_at(const std::string& name, size_t index) const { return read<float>(field(name), index); }
+
+Snapshot observations(const Snapshot& snapshot) {
+  Snapshot part;
+  part.n_worlds = snapshot.n_worlds;
+  for (const SnapshotField& f : snapshot.fields)
+    if (f.name.rfind("obs of", 0) == 0 || f.name.rfind("alive of", 0) == 0 || f.name == "global")
+      part.fields.push_back(f);
+  return part;
+}
+
+std::string difference(const Snapshot& expected, const Snapshot& actual) {
+  if (expected.n_worlds != actual.n_worlds || expected.fields.size() != actual.fields.size())
+    return "snapshots of different shape";
+  std::string report;
+  for (size_t f = 0; f < expected.fields.size(); ++f) {
+    const SnapshotField &a = expected.fields[f], &b = actual.fields[f];
+    if (a.name != b.name || a.bytes.size() != b.bytes.size()) return cat(report, "field ", a.name, " has another shape");
+    if (a.bytes == b.bytes) continue;
+    size_t count = 0;
+    for (size_t k = 0; k < a.bytes.size() / a.element; ++k) {
+      if (std::memcmp(a.bytes.data() + k * a.element, b.bytes.data() + k * a.element, a.element) == 0) continue;
+      if (++count > kMostReported) continue;
+      const size_t in_world = k % a.per_world;
+      report += cat("\n  ", a.name, ": world ", k / a.per_world, ", agent ", in_world / a.per_agent, ", index ",
+                    in_world % a.per_agent, ": expected ", print(a, k), ", got ", print(b, k));
+    }
+    report += cat("\n  ", a.name, ": ", count, " of ", a.bytes.size() / a.element, " differ");
+  }
+  return report;
+}
+
+std::vector<uint8_t> random_actions(const SimSpec& spec, int team, int n_worlds, uint64_t seed) {
+  const size_t rows = static_cast<size_t>(n_worlds) * static_cast<size_t>(spec.params.n_team[team]);
+  const bool discrete = spec.params.actions == ActionKind::discrete;
+  const size_t columns = discrete ? 1 : kActionSize;
+  std::vector<uint8_t> bytes(rows * columns * 4);
+  DrawKey key(seed, static_cast<uint32_t>(team), 0);
+  for (size_t k = 0; k < rows * columns; ++k) {
+    const float u = key.uniform(Draw::action, static_cast<uint32_t>(k / 4), static_cast<uint32_t>(k % 4));
+    const float control = 2.4f * u - 1.2f;
+    const int32_t index = static_cast<int32_t>(u * 29) - 1;
+    std::memcpy(bytes.data() + k * 4, discrete ? static_cast<const void*>(&index) : &control, 4);
+  }
+  return bytes;
+}
+
+SimRunner::SimRunner(std::unique_ptr<Simulator> sim, Outputs outputs) : sim_(std::move(sim)) {
+  const SimParams& p = sim_->params();
+  const size_t columns = static_cast<size_t>(observation_size(p)), n = static_cast<size_t>(p.n_agents);
+  for (size_t t = 0; t < kNTeams; ++t) {
+    TeamIo& io = io_.team[t];
+    const size_t rows = static_cast<size_t>(p.n_team[t]);
+    const size_t width = p.actions == ActionKind::discrete ? 1 : kActionSize;
+    actions_[t] = Buffer<uint8_t>(sim_->memory(), rows * width * 4 * static_cast<size_t>(sim_->n_worlds()));
+    io.action = actions_[t].data();
+    if (outputs == Outputs::none) continue;
+    const std::string team = cat(" of team ", t);
+    io.obs = static_cast<float*>(add("obs" + team, rows * columns, columns, 4, true));
+    io.reward = static_cast<float*>(add("reward" + team, rows, 1, 4, true));
+    io.alive = static_cast<uint8_t*>(add("alive" + team, rows, 1, 1, false));
+    io.final_obs = static_cast<float*>(add("final_obs" + team, rows * columns, columns, 4, true));
+    io.final_alive = static_cast<uint8_t*>(add("final_alive" + team, rows, 1, 1, false));
+  }
+  if (outputs == Outputs::none) return;
+  const size_t g = static_cast<size_t>(global_size(p));
+  io_.done = static_cast<uint8_t*>(add("done", 1, 1, 1, false));
+  io_.global = static_cast<float*>(add("global", g, g, 4, true));
+  io_.final_global = static_cast<float*>(add("final_global", g, g, 4, true));
+  io_.terms = static_cast<float*>(add("terms [term][agent]", n * kNRewardTerms, n, 4, true));
+}
+
+void* SimRunner::add(const std::string& name, size_t per_world, size_t per_agent, size_t element, bool is_float) {
+  Output output;
+  output.shape.name = name;
+  output.shape.per_world = per_world;
+  output.shape.per_agent = per_agent;
+  output.shape.element = element;
+  output.shape.is_float = is_float;
+  output.buffer = Buffer<uint8_t>(sim_->memory(), per_world * element * static_cast<size_t>(sim_->n_worlds()));
+  outputs_.push_back(std::move(output));
+  return outputs_.back().buffer.data();
+}
+
+void SimRunner::poison() {
+  for (Output& output : outputs_) output.buffer.from_host(std::vector<uint8_t>(output.buffer.size(), 0xFF));
+}
+
+void SimRunner::start() {
+  poison();
+  sim_->start(io_);
+  sim_->synchronize();
+}
+
+void SimRunner::observe() {
+  poison();
+  sim_->observe(io_);
+  sim_->synchronize();
+}
+
+void SimRunner::step(uint64_t action_seed) {
+  poison();
+  for (int t = 0; t < kNTeams; ++t)
+    actions_[t].from_host(random_actions(sim_->spec(), t, sim_->n_worlds(), action_seed));
+  sim_->step(io_);
+  sim_->synchronize();
+}
+
+Snapshot SimRunner::snapshot() {
+  Snapshot shot;
+  shot.n_worlds = static_cast<size_t>(sim_->n_worlds());
+  const int n_agents = sim_->params().n_agents;
+  SimState on_host(n_agents, sim_->n_worlds(), host_memory());
+  on_host.load(sim_->state().save());
+  for_each_field(on_host.view(), FieldExtents(n_agents), [&](const char* name, const auto* field, size_t per_world) {
+    using T = std::remove_cvref_t<decltype(*field)>;
+    SnapshotField f;
+    f.name = name;
+    f.per_world = per_world;
+    const size_t n = static_cast<size_t>(n_agents);
+    f.per_agent = per_world % n == 0 && per_world >= n ? per_world / n : per_world;
+    f.element = sizeof(T);
+    f.is_float = std::is_same_v<T, float>;
+    const auto* bytes = reinterpret_cast<const uint8_t*>(field);
+    f.bytes.assign(bytes, bytes + per_world * sizeof(T) * shot.n_worlds);
+    shot.fields.push_back(std::move(f));
+  });
+  for (const Output& output : outputs_) {
+    SnapshotField f = output.shape;
+    f.bytes = output.buffer.to_host();
+    shot.fields.push_back(std::move(f));
+  }
+  return shot;
+}
+
+void Activity::add(const Snapshot& snapshot) {
+  const SnapshotField& detected = snapshot.field("detected");
+  for (size_t k = 0; k < detected.bytes.size() / 4; ++k) detections += read<uint32_t>(detected, k) != 0;
+  for (const uint8_t count : snapshot.field("tracked").bytes) shots += count != 0;
+  for (const uint8_t alive : snapshot.field("alive").bytes) dead += alive == 0;
+  const SnapshotField& length = snapshot.field("episode_length");
+  for (size_t w = 0; w < snapshot.n_worlds; ++w) {
+    ended += read<int32_t>(length, w) == 0 || snapshot.byte_at("finished", w) != 0;
+    waypoints += snapshot.float_at("waypoint_time", w) > 0;
+  }
+}
+
+}  // namespace giga::test

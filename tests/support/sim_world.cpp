@@ -1,0 +1,132 @@
+#include "support/sim_world.hpp"
+
+#include <algorithm>
+#include <cstring>
+#include <limits>
+
+namespace giga::test {
+namespace {
+
+constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+constexpr uint8_t kPoison = 0xFF;
+
+SimSpec finished(SimSpec spec) {
+  spec.finish();
+  return spec;
+}
+
+bool all_poison(const float* begin, size_t count) {
+  return std::all_of(begin, begin + count, [](float v) { return v != v; });
+}
+
+}  // namespace
+
+TestWorld::TestWorld(SimSpec spec, OnDone on_done)
+    : tables_(finished(std::move(spec)), host_memory()),
+      state_(tables_.params().n_agents, kNWorlds, host_memory()),
+      on_done_(on_done),
+      layout_(tables_.params()),
+      scratch_(host_memory(), layout_.size) {
+  std::vector<uint8_t> bytes(state_.save().size(), kPoison);
+  state_.load(bytes);
+  const StateView& s = state_.view();
+  view_ = world_view(s, params(), kWorld);
+  *view_.draw_step = 0;
+  *view_.finished = 0;
+  attach_scratch(view_, layout_, scratch_.data());
+  columns_ = observation_size(params());
+  done_.resize(kNWorlds);
+  global_.resize(kNWorlds * global_columns());
+  final_global_ = global_;
+  terms_.resize(kNWorlds * static_cast<size_t>(kNRewardTerms * n_agents()));
+  io_.done = done_.data();
+  io_.global = global_.data();
+  io_.final_global = final_global_.data();
+  io_.terms = terms_.data();
+  for (int t = 0; t < kNTeams; ++t) {
+    Team& team = teams_[t];
+    const size_t rows = kNWorlds * static_cast<size_t>(params().n_team[t]);
+    team.indices.assign(rows, 13);
+    team.controls.assign(rows * kActionSize, 0.0f);
+    team.obs.resize(rows * stride());
+    team.final_obs.resize(rows * stride());
+    team.reward.resize(rows);
+    team.alive.resize(rows);
+    team.final_alive.resize(rows);
+    const bool discrete = params().actions == ActionKind::discrete;
+    io_.team[t].action = discrete ? static_cast<const void*>(team.indices.data()) : team.controls.data();
+    io_.team[t].obs = team.obs.data();
+    io_.team[t].reward = team.reward.data();
+    io_.team[t].alive = team.alive.data();
+    io_.team[t].final_obs = team.final_obs.data();
+    io_.team[t].final_alive = team.final_alive.data();
+  }
+  start();
+}
+
+void TestWorld::poison() {
+  std::memset(scratch_.data(), kPoison, scratch_.size());
+  for (Team& team : teams_) {
+    for (auto* out : {&team.obs, &team.final_obs, &team.reward}) std::fill(out->begin(), out->end(), kNan);
+    for (auto* out : {&team.alive, &team.final_alive}) std::fill(out->begin(), out->end(), kPoison);
+  }
+  std::fill(done_.begin(), done_.end(), kPoison);
+  for (auto* out : {&global_, &final_global_, &terms_}) std::fill(out->begin(), out->end(), kNan);
+}
+
+void TestWorld::start() {
+  poison();
+  start_world(SerialLanes{}, params(), view_, draws, io_, kWorld);
+}
+
+void TestWorld::step() {
+  poison();
+  step_world(SerialLanes{}, params(), view_, draws, io_, on_done_, kWorld);
+}
+
+void TestWorld::put(int i, float x, float y, float heading, float z, float v) {
+  view_.x[i] = x;
+  view_.y[i] = y;
+  view_.heading[i] = heading;
+  view_.z[i] = z;
+  view_.v[i] = v;
+}
+
+void TestWorld::kill(int i) {
+  view_.alive[i] = 0;
+  view_.health[i] = 0;
+}
+
+void TestWorld::control(int i, float heading, float dive, float throttle) {
+  float* c = teams_[team(i)].controls.data() + row(i) * kActionSize;
+  c[0] = heading;
+  c[1] = dive;
+  c[2] = throttle;
+}
+
+void TestWorld::act(int i, int action) { teams_[team(i)].indices[row(i)] = action; }
+
+float TestWorld::term(RewardTerm t, int i) const {
+  return terms_[(kWorld * kNRewardTerms + static_cast<size_t>(t)) * static_cast<size_t>(n_agents()) +
+                static_cast<size_t>(i)];
+}
+
+bool TestWorld::neighbors_untouched() const {
+  bool untouched = done_[0] == kPoison && done_[2] == kPoison;
+  const auto check = [&untouched](const std::vector<float>& out) {
+    const size_t per_world = out.size() / kNWorlds;
+    untouched = untouched && all_poison(out.data(), per_world) && all_poison(out.data() + 2 * per_world, per_world);
+  };
+  for (const Team& team : teams_)
+    for (const auto* out : {&team.obs, &team.final_obs, &team.reward}) check(*out);
+  for (const auto* out : {&global_, &final_global_, &terms_}) check(*out);
+  const StateView& s = state_.view();
+  for_each_field(s, FieldExtents(n_agents()), [&](const char*, auto* field, size_t per_world) {
+    const auto* bytes = reinterpret_cast<const uint8_t*>(field);
+    const size_t size = per_world * sizeof(*field);
+    for (size_t k = 0; k < size; ++k) untouched = untouched && bytes[k] == kPoison && bytes[2 * size + k] == kPoison;
+  });
+  return untouched;
+}
+
+}  // namespace giga::test

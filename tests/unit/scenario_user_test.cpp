@@ -1,0 +1,208 @@
+// A user's own scenario files: in-place and referenced maps and agent types, derivation, changes, and every mistake.
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "core/error.hpp"
+#include "scenario/compile.hpp"
+#include "scenario/loader.hpp"
+
+namespace giga {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// A folder of the user's files.
+class ScenarioUser : public testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ = fs::path(testing::TempDir()) / "scenario_user_test";
+    fs::remove_all(folder_);
+    fs::create_directories(folder_ / "parts");
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+
+  std::string write(const std::string& name, const std::string& text) const {
+    std::ofstream(folder_ / name) << text;
+    return (folder_ / name).string();
+  }
+  static Scenario load(const std::string& name, const Node* changes = nullptr) {
+    return load_scenario(name, {GIGASTEP_SOURCE_DIR}, changes, changes ? "environment" : "");
+  }
+  /// Message of loading and compiling this text as f.yaml, without the folder.
+  std::string error_of(const std::string& text) const {
+    const std::string path = write("f.yaml", text);
+    try {
+      compile(load(path));
+    } catch (const InputError& e) {
+      std::string message = e.what();
+      const std::string prefix = folder_.string() + "/";
+      for (size_t at; (at = message.find(prefix)) != std::string::npos;) message.erase(at, prefix.size());
+      return message;
+    }
+    return "";
+  }
+
+  fs::path folder_;
+};
+
+TEST_F(ScenarioUser, DefinesTypesAndMapsInPlace) {
+  const std::string path = write("mine.yaml", R"(
+description: two fast ones against one
+limit_x: 30
+limit_y: 20
+team_0:
+  - {type: fast, count: 2}
+team_1:
+  - {type: super, count: 1}
+agent_types:
+  fast: {thrust: 3, range: 1.5}
+  unused: {thrust: 9}
+maps: [wall, wall_flipped, center_block]
+map_definitions:
+  wall:
+    size: [15, 20]
+    boxes: [[7, 0, 8, 15], [1, 16, 2, 17, 3, 4.5]]
+    team_0: {area: [1, 1, 5, 5], heading: [-1, 1]}
+    team_1: {area: [10, 1, 14, 5], height: [2, 3]}
+  wall_flipped:
+    flipped_of: wall
+)");
+  const Scenario scenario = load(path);
+  EXPECT_EQ(scenario.name, "mine");
+  EXPECT_FALSE(scenario.agent_types.contains("unused"));
+  const SimSpec spec = compile(scenario);
+  ASSERT_EQ(spec.agents.size(), 3u);
+  EXPECT_EQ(spec.agents[0].thrust, 3.0f);
+  EXPECT_EQ(spec.agents[0].range, 1.5f);
+  EXPECT_EQ(spec.agents[2].max_health, 3.0f);
+  ASSERT_EQ(spec.maps.size(), 3u);
+  const MapSpec& wall = spec.maps[0];
+  EXPECT_FLOAT_EQ(wall.boxes[0].x1, 14);  // 7 of 15 -> of 30
+  EXPECT_FLOAT_EQ(wall.boxes[0].y2, 15);
+  EXPECT_EQ(wall.boxes[0].z2, 10.0f);
+  EXPECT_EQ(wall.boxes[1].z1, 3.0f);  // heights are not stretched
+  EXPECT_EQ(wall.boxes[1].z2, 4.5f);
+  EXPECT_FLOAT_EQ(wall.start[1].x2, 28);
+  EXPECT_EQ(wall.start[0].heading_hi, 1.0f);
+  EXPECT_EQ(wall.start[1].z_hi, 3.0f);
+  EXPECT_EQ(spec.maps[1].start[0].x2, wall.start[1].x2);
+  EXPECT_EQ(spec.maps[1].boxes.size(), 2u);
+  EXPECT_EQ(spec.maps[2].name, "center_block");
+}
+
+TEST_F(ScenarioUser, RefersToPartsAndBaseByPath) {
+  write("parts/quick.yaml", "thrust: 4\n");
+  write("parts/hall.yaml", "boxes: [[4, 4, 6, 6]]\n");
+  write("parts/hall_flipped.yaml", "flipped_of: empty\n");
+  write("parts/start.yaml", "base: special_5_vs_1_fobs\nteam_0: [{type: ./quick.yaml, count: 2}]\nlimit_x: 12\n");
+  const std::string path = write("mine.yaml", "base: parts/start.yaml\nmaps: [parts/hall.yaml, ./parts/hall_flipped.yaml]\n");
+  const Scenario scenario = load(path);
+  EXPECT_EQ(scenario.sight.cone_depth, 100.0f);
+  EXPECT_TRUE(scenario.description.empty());  // that of the base is not this one's
+  const SimSpec spec = compile(scenario);
+  EXPECT_EQ(spec.params.n_team[0], 2);
+  EXPECT_EQ(spec.agents[0].thrust, 4.0f);
+  EXPECT_EQ(spec.params.limit_x, 12.0f);
+  EXPECT_EQ(spec.maps[0].name, "hall");
+  EXPECT_EQ(spec.maps[1].start[0].x1, spec.maps[0].start[1].x1);
+  // Resolved, it needs none of these files.
+  fs::remove_all(folder_ / "parts");
+  EXPECT_EQ(compile(parse_scenario(print_scenario(scenario), "mine", {})).maps[0].boxes[0].x2, spec.maps[0].boxes[0].x2);
+}
+
+TEST_F(ScenarioUser, ChangesComeLast) {
+  Document document = parse_yaml_text("environment: {rewards: {damage: 50}, maps: center_block}\n", "run.yaml");
+  set_override(document, "environment.rules=original");
+  const Scenario scenario = load("identical_5_vs_5_void", document.root.find("environment"));
+  EXPECT_EQ(scenario.rewards[RewardTerm::damage], 50.0f);
+  EXPECT_EQ(scenario.rewards[RewardTerm::game_won], 10.0f);
+  EXPECT_EQ(scenario.rules, Rules::original);
+  EXPECT_EQ(compile(scenario).maps.size(), 1u);
+
+  document = parse_yaml_text("environment: {rewards: {damge: 50}, base: x, team_0: [{type: supper}]}\n", "run.yaml");
+  try {
+    load("identical_5_vs_5", document.root.find("environment"));
+    FAIL() << "no error";
+  } catch (const InputError& e) {
+    const std::string message = e.what();
+    EXPECT_NE(message.find("run.yaml:1:25: environment.rewards.damge: unknown key; nearest: 'damage'"), std::string::npos);
+    EXPECT_NE(message.find("run.yaml:1:37: environment.base: unknown key"), std::string::npos) << message;
+    EXPECT_NE(message.find("run.yaml:1:62: team_0[0].type: unknown agent type 'supper'; nearest: 'super'"),
+              std::string::npos)
+        << message;
+  }
+}
+
+TEST_F(ScenarioUser, AnUnknownNameGetsTheNearest) {
+  try {
+    load("identical_5_vs5_fobs");
+    FAIL() << "no error";
+  } catch (const InputError& e) {
+    EXPECT_EQ(std::string(e.what()).substr(0, 76),
+              "unknown scenario 'identical_5_vs5_fobs'; nearest: 'identical_5_vs_5', 'ident");
+  }
+}
+
+TEST_F(ScenarioUser, SaysWhatIsWrongWithAFile) {
+  const std::string head = "base: identical_5_vs_5\n";
+  const std::string types = "default, faster, hider, more_health, more_range, seeker, super";
+  const std::string maps =
+      "center_block, center_block_flipped, empty, empty_flipped, four_rooms, four_rooms_flipped, two_rooms1, "
+      "two_rooms2_flipped";
+  write("a.yaml", "base: f.yaml\n");
+  write("center_block.yaml", "boxes: []\n");
+  const std::pair<std::string, std::string> cases[] = {
+      {head + "team_1: []\n",
+       "f.yaml:2:9: team_1: the team is empty; it needs at least one entry such as {type: default, count: 5}"},
+      {head + "team_0: [{type: seekr}]\n",
+       "f.yaml:2:17: team_0[0].type: unknown agent type 'seekr'; nearest: 'seeker'; known: " + types},
+      {head + "team_0: [{type: default, count: 0}]\n", "f.yaml:2:33: team_0[0].count: '0' is not an integer in [1, 1000000]"},
+      {head + "team_0: [{type: default, count: 1020}]\n",
+       "f.yaml:2:9: team_0, team_1: 1025 agents in a world; this version handles at most 1024, a later one lifts the limit"},
+      {head + "maps: two_room\n", "f.yaml:2:7: maps: unknown map 'two_room'; nearest: 'two_rooms1'; known: " + maps},
+      {head + "maps: [empty, x, empty]\n",
+       "f.yaml:2:15: maps: unknown map 'x'; known: " + maps + "\nf.yaml:2:18: maps: 'empty' is named twice"},
+      {head + "maps: []\n",
+       "f.yaml:2:7: maps: has 0 items, expected a list of at least 1 item, each a text"},
+      {head + "maps: nowhere.yaml\n", "f.yaml:2:7: no such file: nowhere.yaml"},
+      {head + "maps: [center_block, center_block.yaml]\n",
+       "f.yaml:2:22: maps: there are two maps named 'center_block'\nf.yaml:2:22: maps: 'center_block' is named twice"},
+      {head + "maps: m\nmap_definitions:\n  m:\n    team_0: {area: [6, 1, 11, 9]}\n",
+       "f.yaml:5:20: map 'm': the start area of team 0, [6, 1, 11, 9], reaches outside the world of 10 x 10"},
+      {head + "maps: m\nmap_definitions:\n  m:\n    boxes: [[0, 0, 5, 10]]\n",
+       "f.yaml:4:3: map 'm': the start area of team 1, [1, 1, 4, 9], lies inside an obstacle"},
+      {head + "maps: m\nmap_definitions: {m: {team_1: {area: [4, 1, 1, 9]}}}\n",
+       "f.yaml:3:38: map 'm': the start area of team 1, [4, 1, 1, 9], needs x1 <= x2 and y1 <= y2"},
+      {head + "map_definitions: {m: {boxes: [[1, 2, 3], [2, 2, 1, 3]]}}\n",
+       "f.yaml:2:31: map_definitions.m.boxes[0]: a list is not a box [x1, y1, x2, y2] or [x1, y1, x2, y2, z1, z2]\n"
+       "f.yaml:2:42: map_definitions.m.boxes[1]: a box needs x1 < x2, y1 < y2 and z1 < z2, got [2, 2, 1, 3]"},
+      {head + "maps: m\nmap_definitions: {m: {flipped_of: n}, n: {flipped_of: m}}\n",
+       "f.yaml:3:35: map_definitions.m.flipped_of: 'n' leads back to this map"},
+      {head + "maps: m\nmap_definitions: {m: {flipped_of: empty, boxes: [[1, 1, 2, 2]]}}\n",
+       "f.yaml:3:35: map_definitions.m.flipped_of: takes the whole map from 'empty'; drop the other keys"},
+      {head + "damage: {min_tracking_time: 11}\n",
+       "f.yaml:2:29: damage.min_tracking_time: 11 is more than max_tracking_time, 10"},
+      {head + "damage: {max_tracking_time: 256}\n",
+       "f.yaml:2:29: damage.max_tracking_time: '256' is not an integer in [0, 255]"},
+      {head + "waypoints: {enable_waypoints: true, waypoint_size: 11}\n",
+       "f.yaml:2:52: waypoints.waypoint_size: 11 does not fit into a world of 10 x 10"},
+      {head + "observation: {type: rgb}\n",
+       "f.yaml:2:21: observation.type: 'rgb' is not built yet: images come with a later version; use vector (in a "
+       "name: _vec)"},
+      {head + "rules: orignal\n", "f.yaml:2:8: rules: 'orignal' is not one of: corrected, original; nearest: 'original'"},
+      {"base: a.yaml\n", "a.yaml:1:7: base: 'f.yaml' leads back to this file"},
+      {"base: nowhere.yaml\n", "f.yaml:1:7: no such file: nowhere.yaml"},
+  };
+  for (const auto& [text, expected] : cases) EXPECT_EQ(error_of(text), expected) << text;
+}
+
+TEST_F(ScenarioUser, StartAreasMayTouchObstaclesAndBorders) {
+  EXPECT_EQ(error_of("base: identical_5_vs_5\nlimit_x: 13\nmaps: m\nmap_definitions:\n  m:\n    size: [7, 7]\n"
+                     "    boxes: [[0, 0, 6.5, 7]]\n    team_0: {area: [0, 0, 7, 7]}\n    team_1: {area: [6, 0, 7, 7]}\n"),
+            "");
+}
+
+}  // namespace
+}  // namespace giga
