@@ -22,7 +22,8 @@ CLI::Option* add_json_option(CLI::App& command, std::string& destination);
 /// The message for a line that was not understood: what is wrong, the nearest name, where help is.
 std::string explain(const CLI::App& app, const CLI::Error& error);
 
-/// The file of a run config: a path, or the bare name of one that comes with gigastep ("quickstart"). Throws InputError.
+/// The file of a run config: a path, or the bare name of one that comes with gigastep ("quickstart"). Throws
+/// InputError.
 std::string find_config(const std::string& path_or_name);
 
 }  // namespace giga

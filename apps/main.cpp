@@ -3,8 +3,8 @@
 #include <iostream>
 #include <new>
 
-#include "apps/commands.hpp"
 #include "apps/command_line.hpp"
+#include "apps/commands.hpp"
 #include "apps/program_info.hpp"
 #include "core/error.hpp"
 
@@ -30,7 +30,9 @@ int fail(const std::string& message, int code) {
 }
 
 /// LibTorch puts pages of stack behind its messages.
-std::string without_stack(const std::string& message) { return message.substr(0, message.find("\nException raised from")); }
+std::string without_stack(const std::string& message) {
+  return message.substr(0, message.find("\nException raised from"));
+}
 
 }  // namespace
 

@@ -83,16 +83,19 @@ Checkpoint make_checkpoint(const LoadedRun& run, const Learner& learner, double 
 }
 
 /// Throws where the losses of a learning team are no numbers any more.
-void check_losses(const Metrics& metrics, Learner& learner) {
-  for (int team = 0; team < kNTeams; ++team)
-    for (const auto& [name, value] : metrics)
-      if (learner.actor(team) && name.ends_with(cat("_loss_", team)) && !std::isfinite(value))
-        throw Error(cat("training diverged: ", name, " is ", value, " at update ", learner.updates_done()),
-                    ErrorKind::diverged);
+void check_losses(const Metrics& metrics, Learner& learner, Logger& log) {
+  for (int team = 0; team < kNTeams; ++team) {
+    for (const auto& [name, value] : metrics) {
+      if (!learner.actor(team) || !name.ends_with(cat("_loss_", team)) || std::isfinite(value)) continue;
+      const std::string reason = cat("training diverged: ", name, " is ", value, " at update ", learner.updates_done());
+      log.error(reason);
+      throw Error(reason, ErrorKind::diverged);
+    }
+  }
 }
 
-MetricsRow metrics_row(const Learner& learner, double seconds, const Times& times, double speed,
-                       const Metrics& metrics, const MetricsRow& evaluation) {
+MetricsRow metrics_row(const Learner& learner, double seconds, const Times& times, double speed, const Metrics& metrics,
+                       const MetricsRow& evaluation) {
   MetricsRow row = {{"update", static_cast<double>(learner.updates_done())},
                     {"agent_steps", static_cast<double>(learner.agent_steps_done())},
                     {"seconds", seconds},
@@ -143,7 +146,7 @@ void train(const TrainOptions& o) {
   while (learner->updates_done() < n_updates) {
     Metrics metrics;
     Times times{timed([&] { metrics = learner->update(); }), 0, checkpoint_seconds};
-    check_losses(metrics, *learner);
+    check_losses(metrics, *learner, log);
 
     // All below is diagnostics: nothing here changes what is learned.
     const int64_t update = learner->updates_done();
@@ -160,8 +163,8 @@ void train(const TrainOptions& o) {
 
     checkpoint_seconds = 0;
     if (is_due(config.checkpoint.every_updates))
-      checkpoint_seconds = timed(
-          [&] { folder.save(make_checkpoint(run, *learner, watch.seconds()), config.checkpoint.keep); });
+      checkpoint_seconds =
+          timed([&] { folder.save(make_checkpoint(run, *learner, watch.seconds()), config.checkpoint.keep); });
     progress.show({update, n_updates, learner->agent_steps_done(), n_updates * steps_per_update, watch.seconds(),
                    recent_speed, win_rates(results)});
   }
@@ -181,21 +184,24 @@ void add_train_command(CLI::App& app, Dispatch& dispatch) {
       ->required()
       ->type_name("");
   add_set_option(*command, options->overrides);
-  command->add_option("--run-dir", options->run_dir,
-                      "folder of this run, new or empty; default: runs/SCENARIO-ALGORITHM-seedN-NNN, NNN counted up")
+  command
+      ->add_option("--run-dir", options->run_dir,
+                   "folder of this run, new or empty; default: runs/SCENARIO-ALGORITHM-seedN-NNN, NNN counted up")
       ->type_name("DIR");
   add_device_option(*command, options->device);
   command->add_option("--seed", options->seed, "seed of everything random, as --set seed=N")->type_name("N");
   command->add_flag("--quiet", options->quiet, "no progress; warnings, errors and the final table only");
   command->footer(
-      "The run folder holds config.yaml and scenario.yaml (all keys, with comments), run.json (seed, versions, hardware,\n"
+      "The run folder holds config.yaml and scenario.yaml (all keys, with comments), run.json (seed, versions, "
+      "hardware,\n"
       "command line), log.txt, checkpoints/ and metrics.csv with one row per update:\n"
       "  update, agent_steps         done so far (worlds x agents x steps)\n"
       "  seconds                     since the start; update_, evaluation_ and checkpoint_seconds: of this row (a\n"
       "                              checkpoint is written after its row and counts in the next)\n"
       "  agent_steps_per_second      of this update, without evaluation\n"
       "  figures of the learner      team 0 or 1 is the last part of the name; losses, entropy (nats), approx_kl,\n"
-      "                              explained_variance, information (nats), returns and shares of episodes that ended\n"
+      "                              explained_variance, information (nats), returns and shares of episodes that "
+      "ended\n"
       "  win_rate_T_vs_O, loss_rate_T_vs_O, mean_return_T_vs_O\n"
       "                              team T on its side against script O; filled where an evaluation took place\n"
       "Examples:\n"

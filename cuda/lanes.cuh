@@ -12,15 +12,32 @@ struct TileLanes {
     for (int i = first; i < n; i += stride) f(i);
     __syncwarp();
   }
+  template <class F>
+  __device__ void each_cell(int rows, int columns, F&& f) const {
+    for (int row = 0; row < rows; ++row) {
+#pragma unroll 4
+      for (int column = first; column < columns; column += stride) f(row, column);
+    }
+    __syncwarp();
+  }
   __device__ bool any(bool flag) const { return __any_sync(0xFFFFFFFFu, flag); }
 };
 
-/// One world per thread block.
+/// One world per thread block of whole warps.
 struct BlockLanes {
   int first, stride;
   template <class F>
   __device__ void each(int n, F&& f) const {
     for (int i = first; i < n; i += stride) f(i);
+    __syncthreads();
+  }
+  /// A warp per row.
+  template <class F>
+  __device__ void each_cell(int rows, int columns, F&& f) const {
+    for (int row = first / 32; row < rows; row += stride / 32) {
+#pragma unroll 4
+      for (int column = first % 32; column < columns; column += 32) f(row, column);
+    }
     __syncthreads();
   }
   __device__ bool any(bool flag) const { return __syncthreads_or(flag); }

@@ -12,6 +12,10 @@ namespace {
 
 constexpr int kWarp = 32;
 constexpr int kTileWarps = 4;            // warps of a block of TileLanes
+#ifndef TB
+#define TB 8
+#endif
+constexpr int kTileBlocks = TB;           // blocks of TileLanes per multiprocessor: bounds the registers
 constexpr int kMaxBlockThreads = 512;    // threads of a block of BlockLanes
 constexpr size_t kSharedLimit = 48 << 10;  // beyond it a world's scratch lies in global memory
 
@@ -32,7 +36,8 @@ struct Launch {
 };
 
 __host__ __device__ size_t working_copy_bytes(int n_agents) {
-  return (static_cast<size_t>(n_agents) * (6 * sizeof(float) + 1) + 15) & ~size_t{15};
+  const size_t n = static_cast<size_t>(n_agents);
+  return (n * (6 * sizeof(float) + 1 + n) + 15) & ~size_t{15};
 }
 
 /// Points the agents' state to shared memory; `copy` moves it there or back.
@@ -46,37 +51,45 @@ __device__ WorldView working_copy(const WorldView& home, char* block, int n) {
   w.heading = floats + 4 * n;
   w.health = floats + 5 * n;
   w.alive = reinterpret_cast<uint8_t*>(floats + 6 * n);
+  w.tracked = w.alive + n;
   return w;
 }
-__device__ void copy_agent(const WorldView& from, const WorldView& to, int i) {
-  to.x[i] = from.x[i];
-  to.y[i] = from.y[i];
-  to.z[i] = from.z[i];
-  to.v[i] = from.v[i];
-  to.heading[i] = from.heading[i];
-  to.health[i] = from.health[i];
-  to.alive[i] = from.alive[i];
+template <class Lanes>
+__device__ void copy_agents(const Lanes& lanes, const WorldView& from, const WorldView& to, int n) {
+  lanes.each(n, [&](int i) {
+    to.x[i] = from.x[i];
+    to.y[i] = from.y[i];
+    to.z[i] = from.z[i];
+    to.v[i] = from.v[i];
+    to.heading[i] = from.heading[i];
+    to.health[i] = from.health[i];
+    to.alive[i] = from.alive[i];
+  });
+  lanes.each(n * n, [&](int k) { to.tracked[k] = from.tracked[k]; });
 }
 
-/// Runs the job for one world; `shared` = this world's block of shared memory.
-template <Job job, class Lanes>
+/// Runs the job for one world. `shared` = this world's block of shared memory; a template parameter says whether it is
+/// used, so that the compiler knows which memory its pointers mean.
+template <Job job, bool in_shared, class Lanes>
 __device__ void run_world(const Lanes& lanes, const Launch& k, int world, char* shared) {
   const WorldView home = world_view(k.state, k.params, world);
   WorldView w = home;
-  const bool in_shared = k.scratch == nullptr;
-  if (in_shared) w = working_copy(home, shared, k.params.n_agents);
-  attach_scratch(w, k.layout,
-                 in_shared ? shared + k.copy_bytes : k.scratch + static_cast<size_t>(world) * k.layout.size);
+  if constexpr (in_shared) {
+    w = working_copy(home, shared, k.params.n_agents);
+    attach_scratch(w, k.layout, shared + k.copy_bytes);
+    copy_agents(lanes, home, w, k.params.n_agents);
+  } else {
+    attach_scratch(w, k.layout, k.scratch + static_cast<size_t>(world) * k.layout.size);
+  }
   PhiloxDraws draws(k.seed, static_cast<uint32_t>(k.first_world + world), *w.draw_step);
-  lanes.each(in_shared ? k.params.n_agents : 0, [&](int i) { copy_agent(home, w, i); });
   if (job == Job::step) step_world(lanes, k.params, w, draws, k.io, k.on_done, world);
   if (job == Job::start) start_world(lanes, k.params, w, draws, k.io, world);
   if (job == Job::observe) write_observations(lanes, k.params, w, running_sink(k.io), world);
-  lanes.each(in_shared ? k.params.n_agents : 0, [&](int i) { copy_agent(w, home, i); });
+  if constexpr (in_shared) copy_agents(lanes, w, home, k.params.n_agents);
 }
 
 template <Job job>
-__global__ void __launch_bounds__(kTileWarps* kWarp) tile_kernel(const __grid_constant__ Launch k) {
+__global__ void __launch_bounds__(kTileWarps* kWarp, kTileBlocks) tile_kernel(const __grid_constant__ Launch k) {
   extern __shared__ char shared[];
   const int n = k.params.n_agents, per_warp = kWarp / n;
   const int lane = threadIdx.x % kWarp, warp = threadIdx.x / kWarp;
@@ -86,14 +99,15 @@ __global__ void __launch_bounds__(kTileWarps* kWarp) tile_kernel(const __grid_co
   const bool idle = tile >= per_warp || world >= k.n_worlds;
   const TileLanes lanes{idle ? INT_MAX : lane % n, n};
   // An idle thread looks at some world of the launch, so that it can keep in step.
-  run_world<job>(lanes, k, world < k.n_worlds ? world : k.n_worlds - 1, shared + slot * (k.copy_bytes + k.layout.size));
+  run_world<job, true>(lanes, k, world < k.n_worlds ? world : k.n_worlds - 1,
+                       shared + slot * (k.copy_bytes + k.layout.size));
 }
 
-template <Job job>
+template <Job job, bool in_shared>
 __global__ void __launch_bounds__(kMaxBlockThreads) block_kernel(const __grid_constant__ Launch k) {
   extern __shared__ char shared[];
   const BlockLanes lanes{static_cast<int>(threadIdx.x), static_cast<int>(blockDim.x)};
-  run_world<job>(lanes, k, blockIdx.x, shared);
+  run_world<job, in_shared>(lanes, k, blockIdx.x, shared);
 }
 
 // Sums the statistics of a slice of worlds per block and clears them: threads [worlds y][rows x].
@@ -166,7 +180,10 @@ class CudaSimulator final : public Simulator {
       tile_kernel<job><<<blocks, kTileWarps * kWarp, per_world_ * static_cast<size_t>(worlds), stream_>>>(k);
     } else {
       const int threads = std::min((n + kWarp - 1) / kWarp * kWarp, kMaxBlockThreads);
-      block_kernel<job><<<n_worlds(), threads, scratch_.data() ? 0 : per_world_, stream_>>>(k);
+      if (scratch_.data())
+        block_kernel<job, false><<<n_worlds(), threads, 0, stream_>>>(k);
+      else
+        block_kernel<job, true><<<n_worlds(), threads, per_world_, stream_>>>(k);
     }
     GIGA_CUDA(cudaGetLastError());
   }

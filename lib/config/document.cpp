@@ -168,7 +168,7 @@ void set_override(Document& document, std::string_view assignment) {
 }
 
 std::string print_text(std::string_view text) {
-  static constexpr std::array<const char*, 13> kReserved = {"null", "none", "true", "false", "yes", "no",   "on",
+  static constexpr std::array<const char*, 13> kReserved = {"null", "none", "true", "false", "yes", "no",      "on",
                                                             "off",  "y",    "n",    "inf",   "nan", "infinity"};
   // Plain if it looks like a name or a path and like nothing else.
   std::string lower;
@@ -201,7 +201,9 @@ std::string print_node(const Node& node) {
       return "null";
     case Node::Kind::scalar: {
       // A plain scalar stays plain where that is safe, so that a number stays a number.
-      const auto safe = [](unsigned char c) { return (c < 0x80 && std::isalnum(c)) || c == '+' || c == '_' || c == '.'; };
+      const auto safe = [](unsigned char c) {
+        return (c < 0x80 && std::isalnum(c)) || c == '+' || c == '_' || c == '.';
+      };
       const size_t sign = node.text.starts_with('-') ? 1 : 0;
       const bool plain = !node.quoted && node.text.size() > sign && node.text != "..." &&
                          std::all_of(node.text.begin() + static_cast<std::ptrdiff_t>(sign), node.text.end(), safe);

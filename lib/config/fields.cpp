@@ -164,7 +164,8 @@ class Printer {
 
 void list_into(const FieldList& fields, const std::string& path, std::vector<FieldInfo>& all) {
   for (const Field& field : fields.fields()) {
-    FieldInfo info{joined_path(path, field.name), field.type, "", field.expected, field.doc, field.shape, field.allowed};
+    FieldInfo info{
+        joined_path(path, field.name), field.type, "", field.expected, field.doc, field.shape, field.allowed};
     if (field.print) info.default_value = field.print();
     all.push_back(info);
     if (field.shape == FieldShape::group) list_into(field.members, info.path, all);

@@ -38,9 +38,9 @@ struct Allowed {
   size_t min_items = 0;                   ///< of lists
   size_t max_items = std::numeric_limits<size_t>::max();
 
-  Allowed below(double limit) const;    ///< and less than the limit
-  Allowed at_most(double limit) const;  ///< and not more than the limit
-  Allowed or_infinity() const;          ///< or infinite
+  Allowed below(double limit) const;                                                    ///< and less than the limit
+  Allowed at_most(double limit) const;                                                  ///< and not more than the limit
+  Allowed or_infinity() const;                                                          ///< or infinite
   Allowed items(size_t least, size_t most = std::numeric_limits<size_t>::max()) const;  ///< and so many items
 
   bool contains(double value) const;
@@ -105,7 +105,9 @@ bool read_list_shape(const Node& node, const Allowed& allowed, const std::string
 bool is_none(const Node& node);
 
 template <class T>
-  requires std::is_enum_v<T>
+concept Enumeration = std::is_enum_v<T>;
+
+template <Enumeration T>
 struct FieldCodec<T> {
   static std::vector<std::string> names() {
     std::vector<std::string> list;

@@ -16,12 +16,14 @@ GIGA_HD float clamp(float v, float lo, float hi) { return v < lo ? lo : (v > hi 
 GIGA_HD float min_of(float a, float b) { return b < a ? b : a; }
 GIGA_HD float max_of(float a, float b) { return b > a ? b : a; }
 
-/// C's fmod(a, 2 pi) for float arguments. One subtraction is exact below 4 pi (Sterbenz); beyond, fmod is.
+/// C's fmod(a, 2 pi), exact for |a| < 6 pi: a subtraction is exact where the result is not larger than what is taken
+/// away (Sterbenz). Headings and their differences stay below 5 pi. Much cheaper on the GPU than fmod.
 GIGA_HD float fmod_two_pi(float a) {
-  const float size = a < 0 ? -a : a;
-  if (size < kTwoPi) return a;
-  if (size < 2 * kTwoPi) return a < 0 ? -(size - kTwoPi) : size - kTwoPi;
-  return std::fmod(a, kTwoPi);
+  float size = a < 0 ? -a : a;
+  if (!(size < 1e4f)) return 0;
+  while (size >= 2 * kTwoPi) size -= 2 * kTwoPi;
+  if (size >= kTwoPi) size -= kTwoPi;
+  return a < 0 ? -size : size;
 }
 
 /// The original's wrap: fmod(q + pi, 2 pi) - pi, which leaves values below -pi as low as -3 pi.

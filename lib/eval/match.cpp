@@ -37,11 +37,12 @@ MatchResult play_match(const SimSpec& spec, const Player& side0, const Player& s
   Buffer<float> obs[kNTeams];
   Buffer<float> action[kNTeams];  // three floats hold either kind of action
   StepIo io;
+  io.obs_stride = spec.padded_observation_size();
   for (int team = 0; team < kNTeams; ++team) {
     const size_t agents = static_cast<size_t>(options.episodes) * static_cast<size_t>(sim->params().n_team[team]);
     action[team] = Buffer<float>(sim->memory(), agents * kActionSize);
     if (player[team].actor)
-      obs[team] = Buffer<float>(sim->memory(), agents * static_cast<size_t>(spec.observation_size()));
+      obs[team] = Buffer<float>(sim->memory(), agents * static_cast<size_t>(spec.padded_observation_size()));
     io.team[team].action = action[team].data();
     io.team[team].obs = obs[team].data();
   }

@@ -22,6 +22,7 @@ class Logger {
 
   void info(const std::string& message);
   void warn(const std::string& message);
+  /// What ends the program: to the file alone, since the program prints it when it ends.
   void error(const std::string& message);
   /// To the file alone.
   void note(const std::string& message);

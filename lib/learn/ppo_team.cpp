@@ -20,7 +20,7 @@ uint64_t network_seed(const LoadedRun& run, int team, int role) {
 
 CriticShape critic_shape(const LoadedRun& run, int team) {
   const SimParams& p = run.spec.params;
-  return {team, {p.n_team[0], p.n_team[1]}, run.spec.observation_size(), world_feature_count(p)};
+  return {team, {p.n_team[0], p.n_team[1]}, run.spec.padded_observation_size(), world_feature_count(p)};
 }
 
 /// Mean and 1 / deviation over the entries with weight.
@@ -39,7 +39,7 @@ bool learns(const TrainConfig& config, int team) {
 std::string actor_prefix(int team) { return cat("team_", team, "/actor/"); }
 
 Actor make_actor(const LoadedRun& run, int team, Device device) {
-  return Actor(run.config.mappo.actor, run.spec.observation_size(), run.spec.params.actions, run.config.mappo.obs_norm,
+  return Actor(run.config.mappo.actor, run.spec.padded_observation_size(), run.spec.params.actions, run.config.mappo.obs_norm,
                run.config.train.precision, torch_device(device), network_seed(run, team, 0));
 }
 

@@ -63,8 +63,8 @@ at::Tensor Mlp::forward(const ParameterSet& p, at::Tensor x) const {
 }
 
 at::Tensor living_mean(const at::Tensor& x, const at::Tensor& alive) {
-  const at::Tensor weight = alive / alive.sum(1, true).clamp_min(1);       // [B, n, 1]
-  return at::bmm(weight.transpose(1, 2), x);                              // [B, 1, n] x [B, n, H]
+  // A sum of products rather than a batched matrix product: the matrices are tiny, and cuBLAS is slow at millions of them.
+  return (x * (alive / alive.sum(1, true).clamp_min(1))).sum(1, true);
 }
 
 TeamMlp::TeamMlp(ParameterSet& parameters, const std::string& name, int64_t input, const MlpConfig& config,

@@ -22,7 +22,7 @@ T* whole(const at::Tensor& tensor) {
 Collector::Collector(Simulator& sim, const RowRunner& rows, const CollectorOptions& options, const Player& side0,
                      const Player& side1)
     : sim_(sim), rows_(rows), options_(options), player_{side0, side1} {
-  const int64_t t = options.horizon, w = sim.n_worlds(), d = sim.spec().observation_size();
+  const int64_t t = options.horizon, w = sim.n_worlds(), d = sim.spec().padded_observation_size();
   const auto make = [&](at::IntArrayRef shape, at::ScalarType type) {
     return at::zeros(shape, at::TensorOptions().dtype(type).device(torch_device(sim.device())));
   };
@@ -49,6 +49,7 @@ Collector::Collector(Simulator& sim, const RowRunner& rows, const CollectorOptio
 
 StepIo Collector::io(int t) const {
   StepIo io;
+  io.obs_stride = sim_.spec().padded_observation_size();
   for (int team = 0; team < kNTeams; ++team) {
     const TeamRollout& r = rollout_.team[team];
     TeamIo& out = io.team[team];

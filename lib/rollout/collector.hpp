@@ -8,7 +8,7 @@
 
 namespace giga {
 
-/// What one team saw, did and got. T = horizon, W = worlds, n = agents of the team, D = observation size. The simulator
+/// What one team saw, did and got. T = horizon, W = worlds, n = agents of the team, D = padded observation size. The simulator
 /// and the policy write straight into these; buffers of a scripted team that nobody reads are undefined.
 struct TeamRollout {
   at::Tensor obs;          // [T + 1, W, n, D] slot t: before step t

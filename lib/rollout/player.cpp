@@ -18,7 +18,7 @@ void act(const Player& player, const Simulator& sim, const RowRunner& rows, int 
     return;
   }
   at::NoGradGuard no_grad;
-  const at::Tensor obs = wrap(io.obs, {count, sim.spec().observation_size()}, sim.device());
+  const at::Tensor obs = wrap(io.obs, {count, sim.spec().padded_observation_size()}, sim.device());
   const at::Tensor head = player.actor->forward(obs);
   if (sim.params().actions == ActionKind::discrete) {
     rows.run(SampleCategorical{head.const_data_ptr<float>(), kNDiscreteActions, draws,

@@ -21,7 +21,7 @@ struct Player {
 
 /// Buffers of one team at one step; null where optional and not wanted.
 struct ActIo {
-  const float* obs;  // [W, n, D]; unused by scripts
+  const float* obs;  // [W, n, D] D = padded observation size; unused by scripts
   void* action;      // [W, n] int32 or [W, n, 3] float
   float* raw;        // [W, n, 3] optional: continuous actions before squashing
   float* log_prob;   // [W, n] optional

@@ -18,7 +18,8 @@ struct AgentType {
 
 template <class V>
 void visit_fields(V& v, AgentType& c) {
-  v("sprite", c.sprite, "drawn shape, bits: 1 centre, 2 edges, 4 corners; also a number in the observation", range(0, 7));
+  v("sprite", c.sprite, "drawn shape, bits: 1 centre, 2 edges, 4 corners; also a number in the observation",
+    range(0, 7));
   v("max_health", c.max_health, "health limit", greater_than(0));
   v("range", c.range, "factor on the squared sight depth: 2 sees 1.41 times as far", at_least(0));
   v("damage_range", c.damage_range, "factor on the squared weapon depth; 0 = cannot shoot", at_least(0));

@@ -84,7 +84,8 @@ SimParams numbers_of(const Scenario& s) {
 void check_numbers(const Scenario& s, Checker& check) {
   if (s.observation.type != ObservationType::vector) {
     const std::string type = FieldCodec<ObservationType>::print(s.observation.type);
-    check.fail({"observation.type"}, cat("observation.type: '", type, "' is not built yet: images come with a later "
+    check.fail({"observation.type"}, cat("observation.type: '", type,
+                                         "' is not built yet: images come with a later "
                                          "version; use vector (in a name: _vec)"));
   }
   if (s.damage.min_tracking_time > s.damage.max_tracking_time)
@@ -100,8 +101,10 @@ void check_numbers(const Scenario& s, Checker& check) {
 void add_team(const Scenario& s, int team, std::vector<AgentSpec>& agents, Checker& check) {
   const std::string key = cat("team_", team);
   const std::vector<TeamEntry>& entries = team == 0 ? s.team_0 : s.team_1;
-  if (entries.empty()) check.fail({key}, cat(key, ": the team is empty; it needs at least one entry such as "
-                                             "{type: default, count: 5}"));
+  if (entries.empty())
+    check.fail({key}, cat(key,
+                          ": the team is empty; it needs at least one entry such as "
+                          "{type: default, count: 5}"));
   for (size_t k = 0; k < entries.size(); ++k) {
     const auto found = s.agent_types.find(entries[k].type);
     if (found == s.agent_types.end()) {
@@ -109,8 +112,8 @@ void add_team(const Scenario& s, int team, std::vector<AgentSpec>& agents, Check
       continue;
     }
     const AgentType& type = found->second;
-    const AgentSpec agent{team, type.sprite, type.thrust, type.max_health, type.range, type.damage_range,
-                          type.idle_reward};
+    const AgentSpec agent{team,       type.sprite,       type.thrust,     type.max_health,
+                          type.range, type.damage_range, type.idle_reward};
     agents.insert(agents.end(), static_cast<size_t>(entries[k].count), agent);
   }
 }
@@ -130,8 +133,8 @@ std::vector<AgentSpec> agents_of(const Scenario& s, Checker& check) {
 }
 
 /// Stretches coordinates from the frame of the map to the world. The original divides by 10, which its compiler turns
-/// into a multiplication by 0.1 where several maps are stacked; start areas then differ in the last bit (recorded maps of
-/// 12 x 8 units), so we round as it does.
+/// into a multiplication by 0.1 where several maps are stacked; start areas then differ in the last bit (recorded maps
+/// of 12 x 8 units), so we round as it does.
 struct Stretch {
   const Map& map;
   const Scenario& scenario;

@@ -24,7 +24,8 @@ DataDirs data_dirs() {
     if (holds_data(folder)) dirs.push_back(folder);
   };
   if (const char* wanted = std::getenv("GIGASTEP_DATA_DIR"); wanted && *wanted) {
-    if (!holds_data(wanted)) throw InputError(cat("GIGASTEP_DATA_DIR=", wanted, ": there is no folder 'scenarios' in it"));
+    if (!holds_data(wanted))
+      throw InputError(cat("GIGASTEP_DATA_DIR=", wanted, ": there is no folder 'scenarios' in it"));
     dirs.emplace_back(wanted);
   }
   std::error_code code;

@@ -257,9 +257,7 @@ class Loader {
     return false;
   }
 
-  static Position position_in(const fs::path& file) {
-    return {std::make_shared<const std::string>(file.string())};
-  }
+  static Position position_in(const fs::path& file) { return {std::make_shared<const std::string>(file.string())}; }
 
   static Position position_of(const Scenario& scenario, const std::vector<std::string>& keys) {
     for (const std::string& key : keys)

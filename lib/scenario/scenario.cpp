@@ -45,8 +45,7 @@ MapSelection MapSelection::empty() { return {{"empty", "empty_flipped"}}; }
 
 bool FieldCodec<MapSelection>::read(const Node& node, MapSelection& maps, const Allowed& allowed,
                                     const ReadSite& site) {
-  if (node.is_sequence())
-    return FieldCodec<std::vector<std::string>>::read(node, maps.names, allowed.items(1), site);
+  if (node.is_sequence()) return FieldCodec<std::vector<std::string>>::read(node, maps.names, allowed.items(1), site);
   if (!node.is_scalar()) return site.fail(node, expected(allowed));
   if (node.text == "all")
     maps = MapSelection::all();

@@ -114,7 +114,8 @@ struct CollisionConfig {
 
 template <class V>
 void visit_fields(V& v, CollisionConfig& c) {
-  v("collision_range", c.collision_range, "agents nearer than this in the plane (units) collide; 0 = never", at_least(0));
+  v("collision_range", c.collision_range, "agents nearer than this in the plane (units) collide; 0 = never",
+    at_least(0));
   v("collision_altitude", c.collision_altitude, "and nearer than this in altitude", at_least(0));
   v("obstacle_heights", c.obstacle_heights, "obstacles are solid between their z1 and z2 only (beyond the original)");
 }

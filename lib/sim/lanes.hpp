@@ -1,5 +1,7 @@
 // Lanes: how the agents of one world are spread over workers. A stage is lanes.each(n, f): f(0) ... f(n - 1) in any
 // order, all finished and visible to every worker when it returns.
+// and lanes.each_cell(rows, columns, f) calls f(row, column) for a matrix, so that neighboring lanes get neighboring
+// columns.
 //   SerialLanes  one worker (CPU; worlds run in parallel over threads)
 //   TileLanes    part of a warp, several worlds a warp (small teams); cuda/lanes.cuh
 //   BlockLanes   one thread block (dozens to hundreds of agents); cuda/lanes.cuh
@@ -13,6 +15,11 @@ struct SerialLanes {
   template <class F>
   GIGA_HD void each(int n, F&& f) const {
     for (int i = 0; i < n; ++i) f(i);
+  }
+  template <class F>
+  GIGA_HD void each_cell(int rows, int columns, F&& f) const {
+    for (int row = 0; row < rows; ++row)
+      for (int column = 0; column < columns; ++column) f(row, column);
   }
   /// Whether `flag` holds in any world that shares this one's workers: stages guarded by it stay in lockstep.
   GIGA_HD bool any(bool flag) const { return flag; }

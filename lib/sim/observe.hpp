@@ -10,15 +10,16 @@ namespace giga {
 
 constexpr int kNeighborFeatures = 9;
 
-/// Bits of w.talk: whom of its team (itself included) agent e hears. Nobody, if e is dead.
+/// Bits of w.talk: whom of its team agent e hears: the living, itself included, the nearer the more likely. A dead agent
+/// listens on: the recordings of the original say so (SPEC section 6 has it wrong).
 template <class Draws>
 GIGA_HD void listen(const SimParams& p, WorldView& w, Draws& draws, int e, bool after_reset) {
   const int n = p.n_agents, words = words_for(n);
   for (int word = 0; word < words; ++word) {
     uint32_t bits = 0;
     const int end = (word + 1) * 32 < n ? (word + 1) * 32 : n;
-    for (int b = word * 32; w.alive[e] && b < end; ++b) {
-      if (p.agents.team[b] != p.agents.team[e] || !w.alive[b]) continue;
+    for (int b = word * 32; b < end; ++b) {
+      if (p.team_of(b) != p.team_of(e) || !w.alive[b]) continue;
       bool heard = b == e;
       if (!heard) {
         const float dx = w.x[e] - w.x[b], dy = w.y[e] - w.y[b];
@@ -43,7 +44,7 @@ GIGA_HD void look(const SimParams& p, WorldView& w, int e) {
       const uint32_t* detected = w.detected + static_cast<int64_t>(a) * words;
       uint32_t known = 0;
       for (int k = 0; k < words; ++k) known |= p.stochastic_communication ? detected[k] & talk[k] : detected[k];
-      if (!p.stochastic_communication && p.agents.team[a] == p.agents.team[e] && w.alive[a]) known = 1;
+      if (!p.stochastic_communication && p.team_of(a) == p.team_of(e) && w.alive[a]) known = 1;
       if (known) bits |= 1u << (a & 31);
     }
     w.seen[static_cast<int64_t>(e) * words + word] = bits;
@@ -74,32 +75,28 @@ GIGA_HD void rank_neighbors(const SimParams& p, WorldView& w, int e) {
   for (; count < limit; ++count) rows[count] = kNobody;
 }
 
-/// One of the nine numbers that ego e gets about agent a.
+/// One of the nine numbers that ego e gets about agent a. Written as selections, not as a switch: on the GPU the lanes
+/// of a warp work on different features, and branches would take turns.
 GIGA_HD float neighbor_feature(const SimParams& p, const WorldView& w, int e, int a, int feature) {
-  const bool self = a == e;
-  switch (feature) {
-    case 0:
-      return 1.0f;
-    case 1:
-      return p.agents.team[a] == p.agents.team[e] ? 1.0f : 0.0f;
-    case 2:
-      return (w.x[a] - (self ? 0.0f : w.x[e])) * p.inv_limit_x;
-    case 3:
-      return (w.y[a] - (self ? 0.0f : w.y[e])) * p.inv_limit_y;
-    case 4:
-      return (w.z[a] - (self ? 0.0f : w.z[e])) * (1.0f / kAltitudeLimit);
-    case 5: {
-      if (self) return w.heading[e];
-      const float relative = w.heading[a] - w.heading[e];
-      return p.original() ? wrap_original(relative) : wrap_angle(relative);
-    }
-    case 6:
-      return (w.v[a] - (self ? 0.0f : w.v[e])) * p.inv_diagonal;
-    case 7:
-      return w.health[a];
-    default:
-      return static_cast<float>(p.agents.sprite[a]);
-  }
+  const float* field = feature == 2   ? w.x
+                       : feature == 3 ? w.y
+                       : feature == 4 ? w.z
+                       : feature == 5 ? w.heading
+                       : feature == 6 ? w.v
+                                      : w.health;
+  const bool relative = feature >= 2 && feature <= 6 && a != e;
+  float value = field[a] - (relative ? field[e] : 0.0f);
+  if (feature == 5 && relative) value = p.original() ? wrap_original(value) : wrap_angle(value);
+  const float scale = feature == 2   ? p.inv_limit_x
+                      : feature == 3 ? p.inv_limit_y
+                      : feature == 4 ? 1.0f / kAltitudeLimit
+                      : feature == 6 ? p.inv_diagonal
+                                     : 1.0f;
+  value *= scale;
+  if (feature == 0 || (feature == 1 && p.team_of(a) == p.team_of(e))) value = 1.0f;
+  if (feature == 1 && p.team_of(a) != p.team_of(e)) value = 0.0f;
+  if (feature == 8) value = static_cast<float>(p.agents.sprite[a]);
+  return value;
 }
 
 /// Numbers behind the neighbors: the waypoint relative to e and its remaining seconds, then the boxes of the map.

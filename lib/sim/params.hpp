@@ -53,9 +53,8 @@ struct StartArea {
   float heading_lo, heading_hi;
 };
 
-/// Per-agent constants, each array [n_agents].
+/// Per-agent constants, each array [n_agents]. The team is in SimParams::team_bits, nearer to hand.
 struct AgentTable {
-  const int32_t* team;           ///< 0 or 1
   const int32_t* slot;           ///< number of the agent inside its team: row in the team's buffers
   const int32_t* sprite;         ///< bit mask of the drawn shape; also an observation
   const float* thrust;           ///< factor on acceleration
@@ -84,6 +83,8 @@ struct SimParams {
 
   float limit_x = 10, limit_y = 10;
   float inv_limit_x = 0.1f, inv_limit_y = 0.1f, inv_diagonal = 0;  ///< 1 / limit; 1 / sqrt(limit_x^2 + limit_y^2)
+
+  uint32_t team_bits[kMaxAgents / 32] = {};  ///< bit i of word i / 32: the team of agent i
 
   // Sight. Depths are squared here once.
   float very_close_depth2 = 1;
@@ -124,6 +125,8 @@ struct SimParams {
   MapTable maps{};
 
   GIGA_HD bool original() const { return rules == Rules::original; }
+  /// Team of agent i, 0 or 1.
+  GIGA_HD int team_of(int i) const { return static_cast<int>(team_bits[i >> 5] >> (i & 31) & 1u); }
 };
 
 struct AgentSpec {
@@ -147,12 +150,14 @@ struct SimSpec {
   std::vector<MapSpec> maps;
   int neighbor_limit = 15;  ///< max_agent_in_vec_obs
 
-  /// Sets n_agents, n_team, n_maps, n_boxes, n_neighbors, has_idle_reward and the reciprocals; throws Error where a team is empty or
+  /// Sets n_agents, n_team, team_bits, n_maps, n_boxes, n_neighbors, has_idle_reward and the reciprocals; throws Error where a team is empty or
   /// there are more than kMaxAgents agents.
   void finish();
 
   /// Length of one agent's vector observation: 9 per neighbor, 5 for waypoints, 4 per box (6 with obstacle_heights).
   int observation_size() const;
+  /// The same rounded up to a multiple of 8, zeros behind: rows that start on 32 bytes are written and multiplied fast.
+  int padded_observation_size() const { return (observation_size() + 7) / 8 * 8; }
   /// Length of one world's true-state vector (critic.kind: state); see state_encoding.hpp.
   int global_size() const;
 };

@@ -20,7 +20,7 @@ GIGA_HD void begin_episode(const SimParams& p, WorldView& w, Draws& draws) {
 }
 
 GIGA_HD const StartArea& start_area(const SimParams& p, const WorldView& w, int i) {
-  return p.maps.start[*w.map * kNTeams + p.agents.team[i]];
+  return p.maps.start[*w.map * kNTeams + p.team_of(i)];
 }
 
 /// Start coordinates of agent i in a round of draws, into w.next.

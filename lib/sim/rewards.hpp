@@ -35,7 +35,7 @@ GIGA_HD int observers_of(const SimParams& p, const WorldView& w, int i) {
 /// The unscaled value of one term for agent i: the table of SPEC section 5.
 GIGA_HD float term_value(const SimParams& p, const WorldView& w, RewardTerm term, int i) {
   const float c = p.reward_weight[static_cast<int>(term)];
-  const int team = p.agents.team[i];
+  const int team = p.team_of(i);
   const float alive = w.alive[i] ? 1.0f : 0.0f, was_alive = w.was_alive[i] ? 1.0f : 0.0f;
   const uint8_t flags = w.flags[i];
   switch (term) {
@@ -99,7 +99,7 @@ GIGA_HD void keep_books(const SimParams& p, WorldView& w, int item) {
     float sum = 0, masked = 0;
     bool scored = false;
     for (int i = 0; i < p.n_agents; ++i) {
-      if (p.agents.team[i] != item) continue;
+      if (p.team_of(i) != item) continue;
       sum += w.reward[i];
       if (w.alive[i] && !w.counts[kDone]) masked += w.reward[i];
       scored = scored || ((w.flags[i] & kHitWaypoint) && w.was_alive[i]);
@@ -114,7 +114,7 @@ GIGA_HD void keep_books(const SimParams& p, WorldView& w, int item) {
   if (!term_active(p, term)) return;
   float sum = 0;
   for (int i = 0; i < p.n_agents; ++i)
-    if (p.agents.team[i] == team) sum += scale_term(p, w, term, w.terms[t * p.n_agents + i], i);
+    if (p.team_of(i) == team) sum += scale_term(p, w, term, w.terms[t * p.n_agents + i], i);
   w.term_returns[team * kNRewardTerms + t] += sum;
 }
 
@@ -122,7 +122,7 @@ GIGA_HD void keep_books(const SimParams& p, WorldView& w, int item) {
 GIGA_HD void count_team(const SimParams& p, WorldView& w, const uint8_t* alive, int first, int team) {
   int count = 0;
   for (int i = 0; i < p.n_agents; ++i)
-    if (p.agents.team[i] == team && alive[i]) ++count;
+    if (p.team_of(i) == team && alive[i]) ++count;
   w.counts[first + team] = count;
 }
 

@@ -46,23 +46,25 @@ GIGA_HD Sighting sight(const SimParams& p, const WorldView& w, Draws& draws, int
   float d2 = dx * dx + dy * dy;
   if (p.sight_3d) d2 += (w.z[a] - w.z[b]) * (w.z[a] - w.z[b]);
 
+  // Division by zero is meant: x / 0 = inf and 0 / 0 = NaN both compare false.
+  const bool close = d2 < p.very_close_depth2;
+  const float depth = d2 / (p.cone_depth2 * p.agents.range[b]);
+  if (!close && !(depth <= 1.0f)) return {false, false};  // most pairs: too far, whatever the direction
+
   const float d = std::sqrt(d2);
   const float ahead = dx * w.dir_x[b] + dy * w.dir_y[b];
   const bool in_cone = p.cone_is_full || ahead > p.cone_cos * d;
   const bool in_damage_cone = p.damage_cone_is_full || ahead > p.damage_cone_cos * d;
-  // Division by zero is meant: x / 0 = inf and 0 / 0 = NaN both compare false.
-  const float depth = d2 / (p.cone_depth2 * p.agents.range[b]);
-  const float damage_depth = d2 / (p.damage_cone_depth2 * p.agents.damage_range[b]);
-
-  bool see = d2 < p.very_close_depth2;
+  bool see = close;
   if (!see && p.stochastic_detection) {
     see = depth <= (in_damage_cone ? 1.0f : 0.0f);
-    // Outside the cone, or beyond its depth, no draw below 1 suffices, so none is needed.
+    // Outside the cone, or at its full depth, no draw below 1 suffices, so none is needed.
     if (!see && in_cone && depth < 1) see = depth < draws.detect(a, b);
   } else if (!see) {
     see = depth <= (in_cone ? 1.0f : 0.0f);
   }
   if (see && p.obstacles_block_sight && sight_blocked(p, w, a, b)) see = false;
+  const float damage_depth = d2 / (p.damage_cone_depth2 * p.agents.damage_range[b]);
   return {see, damage_depth <= (in_damage_cone ? 1.0f : 0.0f)};
 }
 
@@ -84,7 +86,7 @@ GIGA_HD void detect_and_track(const SimParams& p, WorldView& w, Draws& draws, in
     uint32_t bits = 0;
     const int end = (word + 1) * 32 < n ? (word + 1) * 32 : n;
     for (int b = word * 32; b < end; ++b) {
-      if (p.agents.team[a] == p.agents.team[b]) continue;  // its counter stays 0
+      if (p.team_of(a) == p.team_of(b)) continue;  // its counter stays 0
       Sighting s{false, false};
       if (w.alive[a] && w.alive[b]) s = sight(p, w, draws, a, b);
       if (s.detected) bits |= 1u << (b & 31);
@@ -103,7 +105,7 @@ GIGA_HD void detect_and_track(const SimParams& p, WorldView& w, Draws& draws, in
 template <class Draws>
 GIGA_HD void detect_only(const SimParams& p, WorldView& w, Draws& draws, int a) {
   for (int b = 0; b < p.n_agents; ++b)
-    if (p.agents.team[a] != p.agents.team[b] && sight(p, w, draws, a, b).detected)
+    if (p.team_of(a) != p.team_of(b) && sight(p, w, draws, a, b).detected)
       w.detected[static_cast<int64_t>(a) * words_for(p.n_agents) + b / 32] |= 1u << (b & 31);
 }
 

@@ -13,14 +13,13 @@ size_t padded(size_t bytes) { return (bytes + kFieldAlignment - 1) / kFieldAlign
 
 SimTables::SimTables(const SimSpec& spec, Memory& memory) : params_(spec.params) {
   const size_t n = spec.agents.size();
-  std::vector<int32_t> ints(3 * n);
+  std::vector<int32_t> ints(2 * n);
   std::vector<float> floats(5 * n);
   int next_slot[kNTeams] = {0, 0};
   for (size_t i = 0; i < n; ++i) {
     const AgentSpec& agent = spec.agents[i];
-    ints[i] = agent.team;
-    ints[n + i] = next_slot[agent.team]++;
-    ints[2 * n + i] = agent.sprite;
+    ints[i] = next_slot[agent.team]++;
+    ints[n + i] = agent.sprite;
     const float values[5] = {agent.thrust, agent.max_health, agent.range, agent.damage_range, agent.idle_reward};
     for (size_t k = 0; k < 5; ++k) floats[k * n + i] = values[k];
   }
@@ -35,8 +34,8 @@ SimTables::SimTables(const SimSpec& spec, Memory& memory) : params_(spec.params)
   floats_ = Buffer<float>(memory, floats);
   boxes_ = Buffer<Box>(memory, boxes);
   start_ = Buffer<StartArea>(memory, start);
-  params_.agents = {ints_.data(),          ints_.data() + n,       ints_.data() + 2 * n,   floats_.data(),
-                    floats_.data() + n,    floats_.data() + 2 * n, floats_.data() + 3 * n, floats_.data() + 4 * n};
+  const float* f = floats_.data();
+  params_.agents = {ints_.data(), ints_.data() + n, f, f + n, f + 2 * n, f + 3 * n, f + 4 * n};
   params_.maps = {boxes_.data(), start_.data()};
 }
 

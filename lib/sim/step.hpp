@@ -14,7 +14,7 @@ namespace giga {
 
 /// Row of agent i in its team's buffers.
 GIGA_HD int64_t team_row(const SimParams& p, int64_t world, int i) {
-  return world * p.n_team[p.agents.team[i]] + p.agents.slot[i];
+  return world * p.n_team[p.team_of(i)] + p.agents.slot[i];
 }
 
 /// Where observations of a world go: the running ones, or those of an episode that has just ended.
@@ -22,14 +22,16 @@ struct ObservationSink {
   float* obs[kNTeams];      // [W, n, D]
   uint8_t* alive[kNTeams];  // [W, n]
   float* global;            // [W, G]
+  int stride;               // see StepIo::obs_stride
 };
 GIGA_HD ObservationSink running_sink(const StepIo& io) {
-  return {{io.team[0].obs, io.team[1].obs}, {io.team[0].alive, io.team[1].alive}, io.global};
+  return {{io.team[0].obs, io.team[1].obs}, {io.team[0].alive, io.team[1].alive}, io.global, io.obs_stride};
 }
 GIGA_HD ObservationSink final_sink(const StepIo& io) {
   return {{io.team[0].final_obs, io.team[1].final_obs},
           {io.team[0].final_alive, io.team[1].final_alive},
-          io.final_global};
+          io.final_global,
+          io.obs_stride};
 }
 
 /// Writes what every agent sees, by w.seen. `active` false keeps the lanes in lockstep without work.
@@ -39,16 +41,14 @@ GIGA_HD void write_observations(const Lanes& lanes, const SimParams& p, WorldVie
   const int n = active ? p.n_agents : 0;
   lanes.each(n, [&](int e) {
     rank_neighbors(p, w, e);
-    uint8_t* alive = sink.alive[p.agents.team[e]];
+    uint8_t* alive = sink.alive[p.team_of(e)];
     if (alive) alive[team_row(p, world, e)] = w.alive[e];
   });
-  // Element by element, so that neighboring lanes write neighboring numbers.
-  const int columns = observation_size(p);
+  const int columns = observation_size(p), stride = sink.stride > 0 ? sink.stride : columns;
   if (sink.obs[0] || sink.obs[1])
-    lanes.each(n * columns, [&](int k) {
-      const int e = k / columns, column = k - e * columns;
-      float* obs = sink.obs[p.agents.team[e]];
-      if (obs) obs[team_row(p, world, e) * columns + column] = observation_value(p, w, e, column);
+    lanes.each_cell(n, columns, [&](int e, int column) {
+      float* obs = sink.obs[p.team_of(e)];
+      if (obs) obs[team_row(p, world, e) * stride + column] = observation_value(p, w, e, column);
     });
   const int state_columns = active && sink.global ? global_size(p) : 0;
   lanes.each(state_columns, [&](int k) { sink.global[world * state_columns + k] = global_value(p, w, k); });
@@ -89,7 +89,7 @@ GIGA_HD void step_world(const Lanes& lanes, const SimParams& p, WorldView& w, Dr
   lanes.each(n, [&](int i) {
     w.was_alive[i] = w.alive[i];
     w.flags[i] = 0;
-    const void* action = io.team[p.agents.team[i]].action;
+    const void* action = io.team[p.team_of(i)].action;
     move(p, w, read_controls(p, action, team_row(p, world, i)), i);
     if (p.waypoints) touch_waypoint(p, w, i);
     check_bounds(p, w, i);
@@ -106,7 +106,7 @@ GIGA_HD void step_world(const Lanes& lanes, const SimParams& p, WorldView& w, Dr
   lanes.each(one, [&](int) { end_of_step(p, w); });
   lanes.each(n, [&](int i) {
     compute_reward(p, w, i);
-    float* reward = io.team[p.agents.team[i]].reward;
+    float* reward = io.team[p.team_of(i)].reward;
     if (reward) reward[team_row(p, world, i)] = w.reward[i];
     for (int t = 0; io.terms && t < kNRewardTerms; ++t)
       io.terms[(world * kNRewardTerms + t) * p.n_agents + i] =
@@ -122,7 +122,7 @@ GIGA_HD void step_world(const Lanes& lanes, const SimParams& p, WorldView& w, Dr
   });
   // A world that waits earns nothing.
   lanes.each(active ? 0 : p.n_agents, [&](int i) {
-    float* reward = io.team[p.agents.team[i]].reward;
+    float* reward = io.team[p.team_of(i)].reward;
     if (reward) reward[team_row(p, world, i)] = 0.0f;
   });
 

@@ -145,6 +145,7 @@ struct TeamIo {
 };
 struct StepIo {
   TeamIo team[kNTeams];
+  int obs_stride = 0;              // numbers from one row of `obs` to the next; 0 = D. What lies between is not touched
   uint8_t* done = nullptr;         // [W] Done
   float* global = nullptr;         // [W, G] true state, see state_encoding.hpp
   float* final_global = nullptr;   // [W, G]

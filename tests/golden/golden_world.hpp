@@ -47,7 +47,7 @@ class GoldenWorld {
     std::vector<float> continuous, reward, obs;
     std::vector<uint8_t> alive;
   };
-  size_t team_of(int i) const { return static_cast<size_t>(params().agents.team[i]); }
+  size_t team_of(int i) const { return static_cast<size_t>(params().team_of(i)); }
   size_t slot_of(int i) const { return static_cast<size_t>(params().agents.slot[i]); }
   StepIo io();
 

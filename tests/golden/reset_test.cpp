@@ -15,7 +15,7 @@
 namespace giga::golden {
 namespace {
 
-constexpr double kMaxLooseShare = 0.02;
+constexpr double kMaxLooseShare = 0.01;
 
 /// One reset case in memory.
 struct ResetCase {

@@ -14,7 +14,7 @@
 namespace giga::golden {
 namespace {
 
-constexpr double kMaxLooseShare = 0.02;  ///< of all records may need a loose comparison
+constexpr double kMaxLooseShare = 0.01;  ///< of all records may need a loose comparison
 constexpr int kMaxFlips = 4;             ///< entries of a flag that one rounding may change, by field and record
 constexpr int kShownFailures = 25;
 
@@ -208,18 +208,35 @@ Comparison compare_loose_order(StepCase& s, size_t t) {
   return c;
 }
 
-/// `margin` is small: a comparison of the step may fall the other way. Movement must agree, and only a few flags may
-/// differ; where none differs, everything else must agree too.
+/// `margin` is small: one comparison of the step may fall the other way. Movement must agree. Where it changes who
+/// lives, is detected or shot at, that may be only a few entries. Where it does not, it may only be whom one agent
+/// hears: all but what that agent sees must agree too.
 Comparison compare_loose_step(StepCase& s, size_t t) {
   Comparison c, flags;
   compare_robust(c, s, t, true);
   compare_flags(flags, s, t);
-  for (const char* field : {"alive", "tracked", "has_detected"})
-    c.same(std::string(field) + " flips beyond limit", -1, -1, flags.n_mismatches_of(field) > kMaxFlips, 0);
-  if (flags.passed()) {
-    compare_values(c, s, t);
-    compare_observations(c, s, t, true);
+  long flips = 0;
+  for (const char* field : {"alive", "tracked", "has_detected"}) {
+    const long count = flags.n_mismatches_of(field);
+    c.same(std::string(field) + " flips beyond limit", -1, -1, count > kMaxFlips, 0);
+    flips += count;
   }
+  if (flips > 0) return c;
+  compare_values(c, s, t);
+  int n_deaf = 0;
+  const size_t n = static_cast<size_t>(s.world.n_agents()), size = s.vec.row_size() / n;
+  for (size_t e = 0; e < n; ++e) {
+    const int ego = static_cast<int>(e);
+    Comparison seen;
+    for (size_t a = 0; a < n; ++a)
+      seen.same("seen", ego, static_cast<int>(a), s.world.seen(ego, static_cast<int>(a)), s.seen.row(t)[e * n + a]);
+    if (seen.passed()) {
+      compare_observation_as_set(c, s.world, ego, s.vec.row(t) + e * size);
+    } else {
+      ++n_deaf;
+    }
+  }
+  c.same("agents that see otherwise, beyond limit", -1, -1, n_deaf > 1, 0);
   return c;
 }
 

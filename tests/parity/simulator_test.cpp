@@ -31,7 +31,7 @@ void PrintTo(const Case& c, std::ostream* out) {
   *out << c.n_team_0 << " v " << c.n_team_1 << ", " << c.n_worlds << " worlds";
 }
 const Case kCases[] = {
-    {1, 1, 65, 22, 60},  {2, 2, 65, 22, 60},   {5, 5, 65, 22, 60},   {7, 3, 65, 22, 60}, {16, 16, 65, 22, 60},
+    {1, 1, 65, 22, 60},  {2, 2, 65, 22, 60},   {5, 5, 65, 22, 60},  {7, 3, 65, 22, 60},   {16, 16, 65, 22, 60},
     {1, 12, 65, 11, 60}, {20, 20, 65, 11, 60}, {40, 30, 65, 6, 60}, {200, 200, 5, 4, 12},
 };
 
@@ -73,6 +73,11 @@ std::unique_ptr<Simulator> gpu(const SimSpec& spec, const SimOptions& options) {
   return make_cuda_simulator(spec, options, 0);
 }
 
+/// Every third variant has rows of a multiple of 32 numbers, with a gap that nobody may touch.
+int stride_of(const SimSpec& spec, int variant) {
+  return variant % 3 == 1 ? spec.observation_size() / 32 * 32 + 32 : 0;
+}
+
 /// Counts of episodes are sums of whole numbers, hence exact; sums of returns are doubles added in another order.
 void expect_same_stats(const EpisodeStats& a, const EpisodeStats& b) {
   for (size_t row = 0; row < a.rows.size(); ++row) {
@@ -94,7 +99,8 @@ TEST_P(GpuParity, StepByStepFromTheSameState) {
   for (int variant = 0; variant < c.n_variants; ++variant) {
     const SimSpec spec = variant_of(c, variant);
     const SimOptions options = options_of(c, variant);
-    SimRunner on_cpu(cpu(spec, options)), on_gpu(gpu(spec, options));
+    SimRunner on_cpu(cpu(spec, options), Outputs::all, stride_of(spec, variant));
+    SimRunner on_gpu(gpu(spec, options), Outputs::all, stride_of(spec, variant));
     on_cpu.start();
     on_gpu.start();
     ASSERT_EQ(difference(on_cpu.snapshot(), on_gpu.snapshot()), "") << "variant " << variant << ", start";
@@ -122,7 +128,8 @@ TEST_P(GpuParity, WholeTrajectories) {
   for (int variant = 0; variant < c.n_variants; ++variant) {
     const SimSpec spec = variant_of(c, variant);
     const SimOptions options = options_of(c, variant);
-    SimRunner on_cpu(cpu(spec, options)), on_gpu(gpu(spec, options));
+    SimRunner on_cpu(cpu(spec, options), Outputs::all, stride_of(spec, variant));
+    SimRunner on_gpu(gpu(spec, options), Outputs::all, stride_of(spec, variant));
     on_cpu.start();
     on_gpu.start();
     for (int k = 0; k < c.n_steps; ++k) {
@@ -161,9 +168,8 @@ TEST_P(GpuParity, OutputsThatNobodyWantsChangeNothing) {
   EXPECT_EQ(difference(state, bare), "");
 }
 
-INSTANTIATE_TEST_SUITE_P(Sizes, GpuParity, ::testing::ValuesIn(kCases), [](const auto& test) {
-  return cat(test.param.n_team_0, "v", test.param.n_team_1);
-});
+INSTANTIATE_TEST_SUITE_P(Sizes, GpuParity, ::testing::ValuesIn(kCases),
+                         [](const auto& test) { return cat(test.param.n_team_0, "v", test.param.n_team_1); });
 
 TEST(GpuSimulators, TwoScenariosSideBySide) {
   if (cuda_device_count() == 0) GTEST_SKIP() << "skipped: no GPU";

@@ -1,3 +1,4 @@
+// Buffers, poison and comparison of SimRunner.
 #include "support/sim_runner.hpp"
 
 #include <cstdio>
@@ -55,7 +56,8 @@ std::string difference(const Snapshot& expected, const Snapshot& actual) {
   std::string report;
   for (size_t f = 0; f < expected.fields.size(); ++f) {
     const SnapshotField &a = expected.fields[f], &b = actual.fields[f];
-    if (a.name != b.name || a.bytes.size() != b.bytes.size()) return cat(report, "field ", a.name, " has another shape");
+    if (a.name != b.name || a.bytes.size() != b.bytes.size())
+      return cat(report, "field ", a.name, " has another shape");
     if (a.bytes == b.bytes) continue;
     size_t count = 0;
     for (size_t k = 0; k < a.bytes.size() / a.element; ++k) {
@@ -85,9 +87,11 @@ std::vector<uint8_t> random_actions(const SimSpec& spec, int team, int n_worlds,
   return bytes;
 }
 
-SimRunner::SimRunner(std::unique_ptr<Simulator> sim, Outputs outputs) : sim_(std::move(sim)) {
+SimRunner::SimRunner(std::unique_ptr<Simulator> sim, Outputs outputs, int obs_stride) : sim_(std::move(sim)) {
   const SimParams& p = sim_->params();
-  const size_t columns = static_cast<size_t>(observation_size(p)), n = static_cast<size_t>(p.n_agents);
+  const size_t columns = static_cast<size_t>(obs_stride > 0 ? obs_stride : observation_size(p));
+  io_.obs_stride = obs_stride;
+  const size_t n = static_cast<size_t>(p.n_agents);
   for (size_t t = 0; t < kNTeams; ++t) {
     TeamIo& io = io_.team[t];
     const size_t rows = static_cast<size_t>(p.n_team[t]);

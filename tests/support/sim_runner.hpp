@@ -43,7 +43,8 @@ enum class Outputs { all, none };
 
 class SimRunner {
  public:
-  explicit SimRunner(std::unique_ptr<Simulator> sim, Outputs outputs = Outputs::all);
+  /// `obs_stride` as in StepIo.
+  explicit SimRunner(std::unique_ptr<Simulator> sim, Outputs outputs = Outputs::all, int obs_stride = 0);
 
   Simulator& sim() { return *sim_; }
   void start();

@@ -1,3 +1,4 @@
+// The scenarios of sim_specs.hpp.
 #include "support/sim_specs.hpp"
 
 #include <algorithm>
@@ -50,14 +51,20 @@ MapSpec random_map(Dice& dice, float limit_x, float limit_y) {
   map.name = "random";
   for (int n_boxes = dice.integer(0, 3); n_boxes > 0; --n_boxes) {
     const float x = dice.real(0, 0.8f * limit_x), y = dice.real(0, 0.8f * limit_y), z = dice.real(0, 5);
-    map.boxes.push_back({x, y, x + dice.real(0.02f, 0.2f) * limit_x, y + dice.real(0.02f, 0.2f) * limit_y, z,
-                         z + dice.real(0.5f, 5)});
+    map.boxes.push_back(
+        {x, y, x + dice.real(0.02f, 0.2f) * limit_x, y + dice.real(0.02f, 0.2f) * limit_y, z, z + dice.real(0.5f, 5)});
   }
   for (StartArea& area : map.start) {
     const float x = dice.real(0, 0.5f * limit_x), y = dice.real(0, 0.5f * limit_y);
     const float z = dice.chance(0.5f) ? 0.0f : dice.real(0, 5), heading = dice.real(-kPi, kPi - 1);
-    area = {x,       y, x + dice.real(0.1f, 0.45f) * limit_x, y + dice.real(0.1f, 0.45f) * limit_y, z, z * 1.5f,
-            heading, heading + dice.real(0, 1)};
+    area = {x,
+            y,
+            x + dice.real(0.1f, 0.45f) * limit_x,
+            y + dice.real(0.1f, 0.45f) * limit_y,
+            z,
+            z * 1.5f,
+            heading,
+            heading + dice.real(0, 1)};
   }
   return map;
 }

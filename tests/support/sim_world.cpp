@@ -1,3 +1,4 @@
+// Buffers and poison of TestWorld.
 #include "support/sim_world.hpp"
 
 #include <algorithm>

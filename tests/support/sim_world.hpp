@@ -11,8 +11,8 @@
 
 namespace giga::test {
 
-/// A draw source (see sim/draws.hpp) whose numbers the test sets. As given: no waypoint appears, no stochastic detection
-/// succeeds beyond the certain ones, everybody within range is heard, starts lie in the middle of the area.
+/// A draw source (see sim/draws.hpp) whose numbers the test sets. As given: no waypoint appears, no stochastic
+/// detection succeeds beyond the certain ones, everybody within range is heard, starts lie in the middle of the area.
 struct FixedDraws {
   float appear = 0.99f, location[2] = {0.5f, 0.5f}, time = 0.5f;
   int map_index = 0;
@@ -78,7 +78,9 @@ class TestWorld {
   uint8_t final_alive(int i) const { return teams_[team(i)].final_alive[row(i)]; }
   Done done() const { return static_cast<Done>(done_[kWorld]); }
   float global(int column) const { return global_[kWorld * global_columns() + static_cast<size_t>(column)]; }
-  float final_global(int column) const { return final_global_[kWorld * global_columns() + static_cast<size_t>(column)]; }
+  float final_global(int column) const {
+    return final_global_[kWorld * global_columns() + static_cast<size_t>(column)];
+  }
   float stat(EpisodeStat s) const { return view_.stats[static_cast<int>(s)]; }
   float term_stat(int team, RewardTerm t) const {
     return view_.stats[kNEpisodeStats + team * kNRewardTerms + static_cast<int>(t)];
@@ -95,7 +97,7 @@ class TestWorld {
     std::vector<uint8_t> alive, final_alive;
   };
 
-  size_t team(int i) const { return static_cast<size_t>(params().agents.team[i]); }
+  size_t team(int i) const { return static_cast<size_t>(params().team_of(i)); }
   size_t row(int i) const { return static_cast<size_t>(team_row(params(), kWorld, i)); }
   size_t stride() const { return static_cast<size_t>(columns_); }
   size_t global_columns() const { return static_cast<size_t>(global_size(params())); }

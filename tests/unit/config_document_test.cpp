@@ -79,7 +79,8 @@ TEST(ConfigDocument, SaysWhatIsWrongWithAFile) {
 
 TEST(ConfigDocument, ReadsAFileAsItsText) {
   const std::string path = testing::TempDir() + "config_document_test.yaml";
-  std::ofstream(path) << "\xEF\xBB\xBF" "a: 1\r\nb: 2\r\n";  // byte order mark and DOS line ends
+  std::ofstream(path) << "\xEF\xBB\xBF"
+                         "a: 1\r\nb: 2\r\n";  // byte order mark and DOS line ends
   const Document document = parse_yaml_file(path);
   EXPECT_EQ(document.root.find("a")->text, "1");
   EXPECT_EQ(document.root.find("b")->text, "2");

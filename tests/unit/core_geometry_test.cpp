@@ -33,7 +33,8 @@ TEST(CoreGeometry, SinCosAtTheQuadrants) {
   const struct {
     float angle;
     float sin, cos;
-  } corners[] = {{kPi / 2, 1, 0}, {kPi, 0, -1}, {-kPi / 2, -1, 0}, {-kPi, 0, -1}, {1.5f * kPi, -1, 0}, {-3 * kPi, 0, -1}};
+  } corners[] = {{kPi / 2, 1, 0}, {kPi, 0, -1},        {-kPi / 2, -1, 0},
+                 {-kPi, 0, -1},   {1.5f * kPi, -1, 0}, {-3 * kPi, 0, -1}};
   for (const auto& c : corners) {
     // The float nearest to the corner is off by up to 4e-7 (3 pi), and so is its sine or cosine.
     EXPECT_NEAR(sin_cos(c.angle).sin, c.sin, 5e-7f) << c.angle;
@@ -59,9 +60,9 @@ TEST(CoreGeometry, FmodIsThatOfTheLibrary) {
 
 TEST(CoreGeometry, WrapOriginalLeavesTheNegativeSide) {
   EXPECT_NEAR(wrap_original(1.0f), 1.0f, 1e-6f);
-  EXPECT_NEAR(wrap_original(4.0f), 4.0f - 2 * M_PI, 1e-6);   // beyond pi it wraps
-  EXPECT_NEAR(wrap_original(-4.0f), -4.0f, 1e-6);            // below -pi it does not (Q4)
-  EXPECT_NEAR(wrap_original(-9.0f), -9.0f, 1e-6);            // down to -3 pi = -9.42
+  EXPECT_NEAR(wrap_original(4.0f), 4.0f - 2 * M_PI, 1e-6);  // beyond pi it wraps
+  EXPECT_NEAR(wrap_original(-4.0f), -4.0f, 1e-6);           // below -pi it does not (Q4)
+  EXPECT_NEAR(wrap_original(-9.0f), -9.0f, 1e-6);           // down to -3 pi = -9.42
   EXPECT_NEAR(wrap_original(-10.0f), -10.0 + 2 * M_PI, 1e-6);
   EXPECT_EQ(wrap_original(kPi), -kPi);
 }

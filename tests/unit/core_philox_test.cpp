@@ -39,9 +39,9 @@ TEST(CorePhilox, PublishedVectors) {
 
 TEST(CorePhilox, UnitFloatIsBelowOne) {
   EXPECT_EQ(to_unit_float(0), 0.0f);
-  EXPECT_EQ(to_unit_float(0xFF), 0.0f);                       // the low 8 bits do not count
-  EXPECT_EQ(to_unit_float(0x80000000u), 0.5f);                // 2^31 / 2^32
-  EXPECT_EQ(to_unit_float(0xFFFFFFFFu), 1.0f - 0x1p-24f);     // (2^24 - 1) / 2^24
+  EXPECT_EQ(to_unit_float(0xFF), 0.0f);                    // the low 8 bits do not count
+  EXPECT_EQ(to_unit_float(0x80000000u), 0.5f);             // 2^31 / 2^32
+  EXPECT_EQ(to_unit_float(0xFFFFFFFFu), 1.0f - 0x1p-24f);  // (2^24 - 1) / 2^24
 }
 
 TEST(CorePhilox, DrawIsAFunctionOfItsAddress) {

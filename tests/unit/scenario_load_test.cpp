@@ -167,8 +167,12 @@ TEST(ScenarioLoad, ThePublishedSetting) {
 TEST(ScenarioLoad, AgentTypes) {
   // team 0 and 1: more_health, more_range, faster, super, default
   const SimSpec spec = compile(load("special_5_vs_5"));
-  const float expected[5][6] = {  // sprite, max_health, range, damage_range, thrust, idle_reward
-      {7, 3, 1, 1, 1, 0}, {3, 0.5f, 2, 1, 1, 0}, {5, 1, 1, 1, 2, 0}, {6, 3, 1, 1, 0.8f, 0}, {1, 1, 1, 1, 1, 0}};
+  const float expected[5][6] = {// sprite, max_health, range, damage_range, thrust, idle_reward
+                                {7, 3, 1, 1, 1, 0},
+                                {3, 0.5f, 2, 1, 1, 0},
+                                {5, 1, 1, 1, 2, 0},
+                                {6, 3, 1, 1, 0.8f, 0},
+                                {1, 1, 1, 1, 1, 0}};
   ASSERT_EQ(spec.agents.size(), 10u);
   for (size_t k = 0; k < 10; ++k) {
     const AgentSpec& agent = spec.agents[k];

@@ -97,7 +97,8 @@ TEST_F(ScenarioUser, RefersToPartsAndBaseByPath) {
   write("parts/hall.yaml", "boxes: [[4, 4, 6, 6]]\n");
   write("parts/hall_flipped.yaml", "flipped_of: empty\n");
   write("parts/start.yaml", "base: special_5_vs_1_fobs\nteam_0: [{type: ./quick.yaml, count: 2}]\nlimit_x: 12\n");
-  const std::string path = write("mine.yaml", "base: parts/start.yaml\nmaps: [parts/hall.yaml, ./parts/hall_flipped.yaml]\n");
+  const std::string path =
+      write("mine.yaml", "base: parts/start.yaml\nmaps: [parts/hall.yaml, ./parts/hall_flipped.yaml]\n");
   const Scenario scenario = load(path);
   EXPECT_EQ(scenario.sight.cone_depth, 100.0f);
   EXPECT_TRUE(scenario.description.empty());  // that of the base is not this one's
@@ -109,7 +110,8 @@ TEST_F(ScenarioUser, RefersToPartsAndBaseByPath) {
   EXPECT_EQ(spec.maps[1].start[0].x1, spec.maps[0].start[1].x1);
   // Resolved, it needs none of these files.
   fs::remove_all(folder_ / "parts");
-  EXPECT_EQ(compile(parse_scenario(print_scenario(scenario), "mine", {})).maps[0].boxes[0].x2, spec.maps[0].boxes[0].x2);
+  EXPECT_EQ(compile(parse_scenario(print_scenario(scenario), "mine", {})).maps[0].boxes[0].x2,
+            spec.maps[0].boxes[0].x2);
 }
 
 TEST_F(ScenarioUser, ChangesComeLast) {
@@ -127,7 +129,8 @@ TEST_F(ScenarioUser, ChangesComeLast) {
     FAIL() << "no error";
   } catch (const InputError& e) {
     const std::string message = e.what();
-    EXPECT_NE(message.find("run.yaml:1:25: environment.rewards.damge: unknown key; nearest: 'damage'"), std::string::npos);
+    EXPECT_NE(message.find("run.yaml:1:25: environment.rewards.damge: unknown key; nearest: 'damage'"),
+              std::string::npos);
     EXPECT_NE(message.find("run.yaml:1:37: environment.base: unknown key"), std::string::npos) << message;
     EXPECT_NE(message.find("run.yaml:1:62: team_0[0].type: unknown agent type 'supper'; nearest: 'super'"),
               std::string::npos)
@@ -158,14 +161,15 @@ TEST_F(ScenarioUser, SaysWhatIsWrongWithAFile) {
        "f.yaml:2:9: team_1: the team is empty; it needs at least one entry such as {type: default, count: 5}"},
       {head + "team_0: [{type: seekr}]\n",
        "f.yaml:2:17: team_0[0].type: unknown agent type 'seekr'; nearest: 'seeker'; known: " + types},
-      {head + "team_0: [{type: default, count: 0}]\n", "f.yaml:2:33: team_0[0].count: '0' is not an integer in [1, 1000000]"},
+      {head + "team_0: [{type: default, count: 0}]\n",
+       "f.yaml:2:33: team_0[0].count: '0' is not an integer in [1, 1000000]"},
       {head + "team_0: [{type: default, count: 1020}]\n",
-       "f.yaml:2:9: team_0, team_1: 1025 agents in a world; this version handles at most 1024, a later one lifts the limit"},
+       "f.yaml:2:9: team_0, team_1: 1025 agents in a world; this version handles at most 1024, a later one lifts the "
+       "limit"},
       {head + "maps: two_room\n", "f.yaml:2:7: maps: unknown map 'two_room'; nearest: 'two_rooms1'; known: " + maps},
       {head + "maps: [empty, x, empty]\n",
        "f.yaml:2:15: maps: unknown map 'x'; known: " + maps + "\nf.yaml:2:18: maps: 'empty' is named twice"},
-      {head + "maps: []\n",
-       "f.yaml:2:7: maps: has 0 items, expected a list of at least 1 item, each a text"},
+      {head + "maps: []\n", "f.yaml:2:7: maps: has 0 items, expected a list of at least 1 item, each a text"},
       {head + "maps: nowhere.yaml\n", "f.yaml:2:7: no such file: nowhere.yaml"},
       {head + "maps: [center_block, center_block.yaml]\n",
        "f.yaml:2:22: maps: there are two maps named 'center_block'\nf.yaml:2:22: maps: 'center_block' is named twice"},
@@ -191,7 +195,8 @@ TEST_F(ScenarioUser, SaysWhatIsWrongWithAFile) {
       {head + "observation: {type: rgb}\n",
        "f.yaml:2:21: observation.type: 'rgb' is not built yet: images come with a later version; use vector (in a "
        "name: _vec)"},
-      {head + "rules: orignal\n", "f.yaml:2:8: rules: 'orignal' is not one of: corrected, original; nearest: 'original'"},
+      {head + "rules: orignal\n",
+       "f.yaml:2:8: rules: 'orignal' is not one of: corrected, original; nearest: 'original'"},
       {"base: a.yaml\n", "a.yaml:1:7: base: 'f.yaml' leads back to this file"},
       {"base: nowhere.yaml\n", "f.yaml:1:7: no such file: nowhere.yaml"},
   };
@@ -199,9 +204,10 @@ TEST_F(ScenarioUser, SaysWhatIsWrongWithAFile) {
 }
 
 TEST_F(ScenarioUser, StartAreasMayTouchObstaclesAndBorders) {
-  EXPECT_EQ(error_of("base: identical_5_vs_5\nlimit_x: 13\nmaps: m\nmap_definitions:\n  m:\n    size: [7, 7]\n"
-                     "    boxes: [[0, 0, 6.5, 7]]\n    team_0: {area: [0, 0, 7, 7]}\n    team_1: {area: [6, 0, 7, 7]}\n"),
-            "");
+  EXPECT_EQ(
+      error_of("base: identical_5_vs_5\nlimit_x: 13\nmaps: m\nmap_definitions:\n  m:\n    size: [7, 7]\n"
+               "    boxes: [[0, 0, 6.5, 7]]\n    team_0: {area: [0, 0, 7, 7]}\n    team_1: {area: [6, 0, 7, 7]}\n"),
+      "");
 }
 
 }  // namespace

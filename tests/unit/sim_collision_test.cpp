@@ -39,7 +39,7 @@ TEST(SimCollision, TheLimitItselfIsInside) {
   const struct {
     float x, y;
     bool inside;
-  } cases[] = {{0, 5, true},    {10, 5, true},      {5, 0, true},       {5, 10, true},      {-1e-6f, 5, false},
+  } cases[] = {{0, 5, true},       {10, 5, true},         {5, 0, true},          {5, 10, true}, {-1e-6f, 5, false},
                {5, -1e-6f, false}, {10.00001f, 5, false}, {5, 10.00001f, false}, {10, 10, true}};
   for (const auto& c : cases) {
     w.x[0] = c.x;
@@ -116,10 +116,10 @@ TEST(SimCollision, TheDeadDoNotCollide) {
 
 TEST(SimCollision, InsideABoxStrictly) {
   TestWorld world(with_box(plain_spec(4, 1), {4, 4, 6, 6, 0, 10}));
-  world.put(0, 4 - kStride + 0.01f, 5);         // ends inside
-  world.put(1, 4 - kStride - 0.01f, 4.5f);      // ends in front
-  world.put(2, 5, 5.5f, 0, 9);                  // infinite height without obstacle_heights
-  world.put(3, 5, 3.9f);                        // beside
+  world.put(0, 4 - kStride + 0.01f, 5);     // ends inside
+  world.put(1, 4 - kStride - 0.01f, 4.5f);  // ends in front
+  world.put(2, 5, 5.5f, 0, 9);              // infinite height without obstacle_heights
+  world.put(3, 5, 3.9f);                    // beside
   world.put(4, 1, 1);
   world.step();
   EXPECT_FALSE(world.alive(0));
@@ -149,9 +149,9 @@ TEST(SimCollision, PaddingNeverHits) {
 
 TEST(SimCollision, OrderBoundsThenAgentsThenObstacles) {
   TestWorld world(with_box(plain_spec(2, 2), {4, 4, 6, 6, 0, 10}));
-  world.put(0, 9.95f, 2);  // leaves the arena, so it no longer collides
+  world.put(0, 9.95f, 2);                // leaves the arena, so it no longer collides
   world.put(2, 9.8f, 2, 0.0f, 0, 1.0f);  // 9.8 + 0.1*(1 - 0.04) = 9.896, 0.2 away from agent 0: survives
-  world.put(1, 5, 5.95f);  // inside the box, still kills its neighbour
+  world.put(1, 5, 5.95f);                // inside the box, still kills its neighbour
   world.put(3, 5, 6.2f);
   world.step();
   EXPECT_FALSE(world.alive(0));

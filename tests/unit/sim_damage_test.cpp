@@ -39,7 +39,8 @@ TEST(SimDamage, DamageUnitsByTable) {
   SimSpec spec = plain_spec(1, 1);
   spec.finish();
   const int expected[] = {0, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 7, 7};
-  for (int tracked = 0; tracked < 13; ++tracked) EXPECT_EQ(damage_units(spec.params, tracked), expected[tracked]) << tracked;
+  for (int tracked = 0; tracked < 13; ++tracked)
+    EXPECT_EQ(damage_units(spec.params, tracked), expected[tracked]) << tracked;
   EXPECT_EQ(damage_units(spec.params, 255), 7);
 }
 

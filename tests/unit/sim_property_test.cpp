@@ -1,5 +1,5 @@
-// Properties of hundreds of random scenarios under random actions: numbers stay finite and in bounds, the dead stay dead
-// until the reset, and a seed gives one trajectory, whatever the number of threads and the order of the agents.
+// Properties of hundreds of random scenarios under random actions: numbers stay finite and in bounds, the dead stay
+// dead until the reset, and a seed gives one trajectory, whatever the number of threads and the order of the agents.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -46,15 +46,17 @@ struct ScrambledLanes {
         for (int i = start; i < n; i += 2) f(i);
     }
   }
+  template <class F>
+  void each_cell(int rows, int columns, F&& f) const {
+    each(rows * columns, [&](int k) { f(k / columns, k % columns); });
+  }
   bool any(bool) const { return true; }  // as if another world of the same warp had ended
 };
 
 class ScrambledSimulator final : public Simulator {
  public:
   ScrambledSimulator(SimSpec spec, const SimOptions& options)
-      : Simulator(std::move(spec), options, host_memory()),
-        layout_(params()),
-        scratch_(host_memory(), layout_.size) {}
+      : Simulator(std::move(spec), options, host_memory()), layout_(params()), scratch_(host_memory(), layout_.size) {}
   void start(const StepIo& io) override {
     run([&](const ScrambledLanes& lanes, WorldView& w, PhiloxDraws& draws, int64_t world) {
       start_world(lanes, params(), w, draws, io, world);
@@ -266,6 +268,31 @@ TEST(SimProperty, WorldsAreNumberedAcrossDevices) {
   }
 }
 
+TEST(SimProperty, StridedObservationsHoldTheSameNumbers) {
+  const SimSpec spec = random_spec(13, 4, 3);
+  const size_t columns = static_cast<size_t>(spec.observation_size()), stride = columns + 5;
+  SimRunner dense(make_cpu_simulator(spec, options_for(1, 65, 1)));
+  SimRunner strided(make_cpu_simulator(spec, options_for(1, 65, 1)), Outputs::all, static_cast<int>(stride));
+  dense.start();
+  strided.start();
+  int64_t final_rows = 0;
+  for (uint64_t k = 0; k < 70; ++k) {
+    dense.step(k);
+    strided.step(k);
+    const Snapshot a = dense.snapshot(), b = strided.snapshot();
+    for (const char* name : {"obs of team 0", "obs of team 1", "final_obs of team 0", "final_obs of team 1"})
+      for (size_t row = 0; row < a.field(name).bytes.size() / 4 / columns; ++row) {
+        const uint8_t* in_dense = a.field(name).bytes.data() + 4 * row * columns;
+        const uint8_t* in_strided = b.field(name).bytes.data() + 4 * row * stride;
+        ASSERT_EQ(std::memcmp(in_dense, in_strided, 4 * columns), 0) << name << ", step " << k << ", row " << row;
+        for (size_t gap = 4 * columns; gap < 4 * stride; ++gap)
+          ASSERT_EQ(in_strided[gap], 0xFF) << name << ", step " << k << ", row " << row << ": the gap is not ours";
+        final_rows += name[0] == 'f' && in_dense[3] != 0xFF;
+      }
+  }
+  EXPECT_GT(final_rows, 0) << "some episode ended";
+}
+
 TEST(SimProperty, SaveThenLoadContinuesBitForBit) {
   for (uint64_t seed = 0; seed < 30; ++seed) {
     const SimSpec spec = scenario(seed * 7);
@@ -275,7 +302,8 @@ TEST(SimProperty, SaveThenLoadContinuesBitForBit) {
     for (uint64_t k = 0; k < 20; ++k) straight.step(k);
     resumed.sim().state().load(straight.sim().state().save());
     resumed.observe();
-    ASSERT_EQ(difference(observations(straight.snapshot()), observations(resumed.snapshot())), "") << "scenario " << seed;
+    ASSERT_EQ(difference(observations(straight.snapshot()), observations(resumed.snapshot())), "")
+        << "scenario " << seed;
     for (uint64_t k = 20; k < 40; ++k) {
       straight.step(k);
       resumed.step(k);

@@ -39,7 +39,7 @@ TEST(SimReward, DefeatOneOpponent) {
 TEST(SimReward, Detection) {
   TestWorld world(with_reward(2, 2, RewardTerm::detection, 10));
   world.put(0, 2, 5);
-  world.put(2, 4, 5);          // seen by 0, looks away
+  world.put(2, 4, 5);  // seen by 0, looks away
   world.put(1, 2, 9);
   world.put(3, 4, 7.5f, kPi);  // 2.5 from agent 1, each 37 degrees off the other's nose
   world.step();
@@ -188,7 +188,8 @@ TEST(SimReward, ScaledTermsAddUpToTheReward) {
     runner.start();
     const size_t n = 7, w_count = 65;
     const SimParams& p = runner.sim().params();
-    for (size_t w = 0; w < w_count; ++w) runner.sim().state().view().reward_factor[w] = 0.25f * static_cast<float>(w % 5);
+    for (size_t w = 0; w < w_count; ++w)
+      runner.sim().state().view().reward_factor[w] = 0.25f * static_cast<float>(w % 5);
     std::vector<uint8_t> before(runner.sim().state().view().alive, runner.sim().state().view().alive + w_count * n);
     for (uint64_t k = 0; k < 20; ++k) {
       runner.step(k);
@@ -204,7 +205,7 @@ TEST(SimReward, ScaledTermsAddUpToTheReward) {
           }
           if (p.divide_reward_by_team_size) sum /= 7;
           if (!before[w * n + i]) sum = 0;
-          const auto team = static_cast<size_t>(p.agents.team[i]);
+          const auto team = static_cast<size_t>(p.team_of(i));
           const size_t row = w * static_cast<size_t>(p.n_team[team]) + static_cast<size_t>(p.agents.slot[i]);
           const float reward = shot.float_at(team ? "reward of team 1" : "reward of team 0", row);
           ASSERT_NEAR(reward, sum, 1e-4) << "scenario " << seed << ", step " << k << ", world " << w << ", agent " << i;

@@ -51,8 +51,8 @@ TEST(SimSight, VeryCloseInAllDirectionsAtAnyAltitude) {
 
 TEST(SimSight, RangeScalesTheSquaredDepth) {
   SimSpec spec = plain_spec(1, 1);
-  spec.agents[0].range = 2;          // 3 sqrt 2 = 4.243
-  spec.agents[0].damage_range = 2;   // 2.05 sqrt 2 = 2.899
+  spec.agents[0].range = 2;         // 3 sqrt 2 = 4.243
+  spec.agents[0].damage_range = 2;  // 2.05 sqrt 2 = 2.899
   TestWorld world(spec);
   EXPECT_TRUE(look_at(world, 0, 4.2f, 0).detected);
   EXPECT_FALSE(look_at(world, 0, 4.3f, 0).detected);

@@ -1,0 +1,150 @@
+// gigastep bench: agent-steps per second of simulation, closed loop and training.
+#include <CLI/CLI.hpp>
+#include <cmath>
+#include <cstdio>
+#include <iostream>
+
+#include "apps/benchmark.hpp"
+#include "apps/command_line.hpp"
+#include "apps/commands.hpp"
+#include "apps/program_info.hpp"
+#include "cuda/runtime.hpp"
+#include "io/number.hpp"
+
+namespace giga {
+namespace {
+
+constexpr int kCpuWorlds = 1024, kGpuWorlds = 65536;
+
+using Measure = BenchResult (*)(const BenchOptions&, Device, int);
+
+Json result_json(const BenchResult& r) {
+  Json checks = Json::object();
+  for (const auto& [name, value] : r.checks) checks.set(name, value);
+  Json json = Json::object();
+  json.set("worlds", r.worlds).set("steps", r.steps).set("repeats", r.rates.size());
+  json.set("agent_steps_per_second", r.quantile(0.5)).set("min", r.rates.front()).set("max", r.rates.back());
+  json.set("interquartile", Json::array(std::vector<double>{r.quantile(0.25), r.quantile(0.75)}));
+  json.set("rates", Json::array(r.rates)).set("memory_bytes", r.memory_bytes).set("checksum", std::move(checks));
+  return json;
+}
+
+std::string result_line(const BenchResult& r) {
+  char line[160];
+  std::snprintf(line, sizeof line, "%10d %10lld %12s %10s - %-10s %10s - %-10s %8s\n", r.worlds,
+                static_cast<long long>(r.steps), print_short(r.quantile(0.5)).c_str(),
+                print_short(r.rates.front()).c_str(), print_short(r.rates.back()).c_str(),
+                print_short(r.quantile(0.25)).c_str(), print_short(r.quantile(0.75)).c_str(),
+                print_short(static_cast<double>(r.memory_bytes)).c_str());
+  return line +
+         ("           " +
+          [&r] {
+            std::string checks;
+            for (const auto& [name, value] : r.checks)
+              checks += (checks.empty() ? "" : ", ") + name + " " + print_number(value);
+            return checks;
+          }()) +
+         "\n";
+}
+
+void bench(const std::string& kind, Measure measure_one, const BenchOptions& o) {
+  const Device device = parse_device(o.device);
+  std::vector<int> sizes = o.worlds;
+  if (sizes.empty()) sizes = {kind == "train" ? 0 : device.is_cuda() ? kGpuWorlds : kCpuWorlds};
+
+  const bool for_people = o.json != "-";
+  if (for_people)
+    std::cout << kind << " on " << device.name() << ", agent-steps/s over " << o.repeats << " repeats\n"
+              << "    worlds      steps       median         min - max            quartiles           bytes\n";
+  Json results = Json::array();
+  double best = 0;
+  for (const int worlds : sizes) {
+    const BenchResult result = measure_one(o, device, worlds);
+    results.push(result_json(result));
+    best = std::max(best, result.quantile(0.5));
+    if (for_people) std::cout << result_line(result) << std::flush;
+  }
+  if (o.json.empty()) return;
+  Json json = Json::object();
+  json.set("kind", kind)
+      .set("scenario", o.scenario)
+      .set("agent_steps_per_second", best)
+      .set("results", std::move(results));
+  json.set("seed", o.seed).set("versions", version_info()).set("hardware", hardware_info(device));
+  json.set("command_line", command_line());
+  write_json(json, o.json);
+}
+
+/// One of the three benchmarks, with the options that all have.
+CLI::App* add_kind(CLI::App& parent, Dispatch& dispatch, const std::shared_ptr<BenchOptions>& options,
+                   const std::string& kind, const std::string& description, Measure measure_one) {
+  CLI::App* command = parent.add_subcommand(kind, description);
+  command->add_option("--scenario", options->scenario, "name or path of a scenario")
+      ->capture_default_str()
+      ->type_name("S");
+  command->add_option("--worlds", options->worlds, "numbers of worlds, each measured by itself, as 1024,4096")
+      ->delimiter(',')
+      ->allow_extra_args(false)
+      ->check(CLI::Range(1, 16'777'216))
+      ->type_name("N,...");
+  add_device_option(*command, options->device)->capture_default_str();
+  command->add_option("--steps", options->steps, "steps (train: updates) per repeat; 0: about half a second")
+      ->check(CLI::Range(int64_t{0}, int64_t{1'000'000'000}))
+      ->capture_default_str()
+      ->type_name("N");
+  command->add_option("--repeats", options->repeats, "measurements after the warm-up")
+      ->check(CLI::Range(1, 10'000))
+      ->capture_default_str()
+      ->type_name("R");
+  command->add_option("--seed", options->seed, "seed of everything random")->capture_default_str()->type_name("N");
+  add_json_option(*command, options->json);
+  command->callback([options, kind, measure_one, &dispatch] {
+    dispatch.run = [options, kind, measure_one] { bench(kind, measure_one, *options); };
+  });
+  return command;
+}
+
+}  // namespace
+
+void add_bench_command(CLI::App& app, Dispatch& dispatch) {
+  CLI::App* command = app.add_subcommand("bench", "measure agent-steps per second");
+  command->require_subcommand(1);
+  command->footer(
+      "Agent-steps per second are worlds x agents x steps / seconds: median, smallest, largest and quartiles over "
+      "repeats\n"
+      "after a warm-up; episodes that end are reset. Memory (bytes) is what a GPU lost in free memory, on the CPU the\n"
+      "resident set of the process. The checksum proves the work: observations are finite and written, episodes end.\n"
+      "Examples:\n"
+      "  gigastep bench sim --scenario identical_2_vs_2 --worlds 1024,16384,65536\n"
+      "  gigastep bench closed-loop --hidden 64,64 --json -\n"
+      "  gigastep bench train --config mappo --device cuda --repeats 5");
+
+  auto sim = std::make_shared<BenchOptions>();
+  add_kind(*command, dispatch, sim, "sim", "simulation with random actions, every observation written", bench_sim)
+      ->footer(
+          "Example:\n  gigastep bench sim --scenario identical_5_vs_5 --worlds 65536 --device cuda --json result.json");
+
+  auto loop = std::make_shared<BenchOptions>();
+  CLI::App* closed = add_kind(*command, dispatch, loop, "closed-loop", "simulation driven by two sampling policies",
+                              bench_closed_loop);
+  closed->add_option("--hidden", loop->hidden, "sizes of the hidden layers of the policies")
+      ->delimiter(',')
+      ->allow_extra_args(false)
+      ->check(CLI::Range(1, 16384))
+      ->capture_default_str()
+      ->type_name("N,...");
+  closed->footer("Example:\n  gigastep bench closed-loop --scenario identical_5_vs_5 --hidden 256,256");
+
+  auto learning = std::make_shared<BenchOptions>();
+  learning->scenario.clear();
+  CLI::App* train = add_kind(*command, dispatch, learning, "train", "whole updates: rollout and learning", bench_train);
+  train->add_option("--config", learning->config, "run config: file, or name of one that comes with gigastep")
+      ->capture_default_str()
+      ->type_name("CONFIG");
+  add_set_option(*train, learning->overrides);
+  train->footer(
+      "Scenario, worlds and seed are those of the config unless given.\n"
+      "Example:\n  gigastep bench train --config mappo --set mappo.n_minibatches=4 --worlds 4096,16384 --device cuda");
+}
+
+}  // namespace giga

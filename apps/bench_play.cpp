@@ -1,0 +1,120 @@
+// gigastep bench sim and closed-loop: worlds stepped with random actions, or by policies.
+#include <cmath>
+#include <memory>
+
+#include "apps/benchmark.hpp"
+#include "core/error.hpp"
+#include "cuda/runtime.hpp"
+#include "learn/mappo.hpp"
+#include "policy/actor.hpp"
+#include "rollout/player.hpp"
+#include "scenario/compile.hpp"
+#include "scenario/loader.hpp"
+
+namespace giga {
+namespace {
+
+/// What a step writes for one team.
+struct TeamBuffers {
+  Buffer<float> obs, reward, action;  // [W, n, D], [W, n], [W, n, 3]: three floats hold either kind of action
+  Buffer<uint8_t> alive;              // [W, n]
+
+  TeamBuffers(const Simulator& sim, int team) {
+    const size_t n = static_cast<size_t>(sim.n_worlds()) * static_cast<size_t>(sim.params().n_team[team]);
+    obs = Buffer<float>(sim.memory(), n * static_cast<size_t>(sim.spec().observation_size()));
+    reward = Buffer<float>(sim.memory(), n);
+    action = Buffer<float>(sim.memory(), n * kActionSize);
+    alive = Buffer<uint8_t>(sim.memory(), n);
+  }
+};
+
+LoadedRun bench_run(const BenchOptions& options, int worlds) {
+  LoadedRun run;
+  run.config.scenario = options.scenario;
+  run.config.seed = options.seed;
+  run.config.train.n_worlds = worlds;
+  run.config.mappo.actor.hidden = options.hidden;
+  run.scenario = load_scenario(options.scenario, data_dirs());
+  run.spec = compile(run.scenario);
+  return run;
+}
+
+/// Worlds whose present episode is not their first: their clock shows less than the steps made.
+int64_t worlds_reset(Simulator& sim, int64_t steps) {
+  std::vector<int32_t> length(static_cast<size_t>(sim.n_worlds()));
+  sim.memory().to_host(length.data(), sim.state().view().episode_length, length.size() * sizeof(int32_t));
+  int64_t count = 0;
+  for (const int32_t l : length) count += l < steps ? 1 : 0;
+  return count;
+}
+
+BenchResult play(const BenchOptions& options, Device device, const LoadedRun& run, const Player (&player)[kNTeams]) {
+  BenchResult result;
+  result.worlds = run.config.train.n_worlds;
+  const int64_t memory_before = device.is_cuda() ? memory_in_use(device) : 0;
+  SimOptions sim_options;
+  sim_options.n_worlds = result.worlds;
+  sim_options.seed = options.seed;
+  const auto sim = make_simulator(run.spec, sim_options, device);
+  const RowRunner rows(device);
+  TeamBuffers team[kNTeams] = {TeamBuffers(*sim, 0), TeamBuffers(*sim, 1)};
+  Buffer<uint8_t> done(sim->memory(), static_cast<size_t>(result.worlds));
+  StepIo io;
+  io.done = done.data();
+  for (int t = 0; t < kNTeams; ++t) {
+    io.team[t].action = team[t].action.data();
+    io.team[t].obs = team[t].obs.data();
+    io.team[t].reward = team[t].reward.data();
+    io.team[t].alive = team[t].alive.data();
+  }
+
+  sim->start(io);
+  int64_t steps_made = 0;
+  measure(
+      options, static_cast<double>(sim->agents_per_step()),
+      [&](int64_t n) {
+        for (int64_t k = 0; k < n; ++k) {
+          for (int t = 0; t < kNTeams; ++t)
+            act(player[t], *sim, rows, t, {team[t].obs.data(), team[t].action.data(), nullptr, nullptr});
+          sim->step(io);
+        }
+        sim->synchronize();
+        steps_made += n;
+      },
+      result);
+  result.memory_bytes = memory_in_use(device) - memory_before;
+
+  // The proof: the last observations are numbers and not all the same, and episodes ended and began anew.
+  double sum = 0, squares = 0, numbers = 0;
+  for (const TeamBuffers& buffers : team) {
+    for (const float x : buffers.obs.to_host()) {
+      sum += static_cast<double>(x);
+      squares += static_cast<double>(x) * static_cast<double>(x);
+    }
+    numbers += static_cast<double>(buffers.obs.size());
+  }
+  const EpisodeStats stats = sim->take_stats();
+  result.checks = {{"observations_written", numbers * static_cast<double>(steps_made)},
+                   {"last_observation_sum", sum},
+                   {"last_observation_square_sum", squares},
+                   {"episodes_ended", stats[EpisodeStat::episodes]},
+                   {"worlds_reset", static_cast<double>(worlds_reset(*sim, steps_made))},
+                   {"steps", static_cast<double>(steps_made)}};
+  if (!std::isfinite(sum) || !(squares > 0))
+    throw Error("the benchmark is void: observations are not finite, or all zero");
+  return result;
+}
+
+}  // namespace
+
+BenchResult bench_sim(const BenchOptions& options, Device device, int worlds) {
+  return play(options, device, bench_run(options, worlds), {Player{}, Player{}});
+}
+
+BenchResult bench_closed_loop(const BenchOptions& options, Device device, int worlds) {
+  const LoadedRun run = bench_run(options, worlds);
+  Actor actor0 = make_actor(run, 0, device), actor1 = make_actor(run, 1, device);
+  return play(options, device, run, {Player{&actor0}, Player{&actor1}});
+}
+
+}  // namespace giga

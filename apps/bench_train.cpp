@@ -1,0 +1,54 @@
+// gigastep bench train: whole updates of a learner.
+#include <cmath>
+
+#include "apps/benchmark.hpp"
+#include "apps/command_line.hpp"
+#include "config/names.hpp"
+#include "core/error.hpp"
+#include "learn/learner.hpp"
+
+namespace giga {
+
+BenchResult bench_train(const BenchOptions& options, Device device, int worlds) {
+  std::vector<std::string> overrides = options.overrides;
+  overrides.push_back("device=" + device.name());
+  if (!options.scenario.empty()) overrides.push_back("scenario=" + options.scenario);
+  if (worlds > 0) overrides.push_back(cat("train.n_worlds=", worlds));
+  const LoadedRun run = load_run_config(find_config(options.config), overrides);
+
+  BenchResult result;
+  result.worlds = run.config.train.n_worlds;
+  const int64_t memory_before = device.is_cuda() ? memory_in_use(device) : 0;
+  const auto learner = make_learner(run, device);
+  double episodes = 0;
+  Metrics metrics;
+  measure(
+      options, static_cast<double>(agent_steps_per_update(run.config, run.spec.params.n_agents)),
+      [&](int64_t n) {
+        for (int64_t k = 0; k < n; ++k) {
+          metrics = learner->update();  // waits: it reads the figures
+          for (const auto& [name, value] : metrics)
+            if (name == "episodes") episodes += value;
+        }
+      },
+      result);
+  result.memory_bytes = memory_in_use(device) - memory_before;
+
+  // The proof: losses and parameters are numbers, and episodes ended.
+  NamedArrays arrays;
+  learner->save(arrays);
+  double squares = 0;
+  for (const NamedArray& array : arrays)
+    if (array.type == ArrayType::f32 && array.name.rfind("team_", 0) == 0)
+      for (const float x : array_values<float>(array)) squares += static_cast<double>(x) * static_cast<double>(x);
+  result.checks = {{"episodes_ended", episodes},
+                   {"updates", static_cast<double>(learner->updates_done())},
+                   {"learned_state_square_sum", squares}};
+  for (const auto& [name, value] : metrics)
+    if (name.find("_loss_") != std::string::npos) result.checks.emplace_back("last_" + name, value);
+  if (!std::isfinite(squares) || !(squares > 0))
+    throw Error("the benchmark is void: parameters are not finite, or all zero");
+  return result;
+}
+
+}  // namespace giga

@@ -1,0 +1,54 @@
+// What `gigastep bench` measures, and how: repeats after a warm-up, and figures that prove the work was done.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "core/memory.hpp"
+
+namespace giga {
+
+struct BenchOptions {
+  std::string scenario = "identical_5_vs_5";
+  std::vector<int> worlds;  ///< empty: one size that fills the device
+  std::string device = "auto";
+  int64_t steps = 0;  ///< per repeat; 0 = about half a second of them
+  int repeats = 7;
+  uint64_t seed = 0;
+  std::vector<int> hidden = {64, 64};  ///< closed-loop: of both policies
+  std::string config = "mappo";        ///< train
+  std::vector<std::string> overrides;  ///< train
+  std::string json;
+};
+
+/// One measurement.
+struct BenchResult {
+  int worlds = 0;
+  int64_t steps = 0;          ///< per repeat; training: updates
+  std::vector<double> rates;  ///< agent-steps per second of each repeat, sorted
+  int64_t memory_bytes = 0;   ///< GPU: taken from its free memory; CPU: resident set of the process
+  std::vector<std::pair<std::string, double>> checks;
+
+  /// The rate below which a share of the repeats lies, between neighbours by proportion; 0.5 = median.
+  double quantile(double share) const;
+};
+
+/// Random actions made on the device, observations, rewards and ends of both teams written to memory at each step.
+BenchResult bench_sim(const BenchOptions& options, Device device, int worlds);
+/// The same with two policy networks that read the observations, and actions drawn from what they give.
+BenchResult bench_closed_loop(const BenchOptions& options, Device device, int worlds);
+/// Whole updates of a learner. `worlds` 0: as the config says.
+BenchResult bench_train(const BenchOptions& options, Device device, int worlds);
+
+/// Memory in use, for differences: of a GPU by everybody, of the CPU by this process.
+int64_t memory_in_use(Device device);
+
+/// Runs `play(n)`, which does n steps and waits for them, first to warm up and to find the number of steps, then
+/// `repeats` times; fills steps and rates.
+void measure(const BenchOptions& options, double agent_steps_per_step, const std::function<void(int64_t)>& play,
+             BenchResult& result);
+
+}  // namespace giga

@@ -1,0 +1,57 @@
+// gigastep scenarios: lists the scenarios, and shows one with all its keys.
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <iostream>
+
+#include "apps/commands.hpp"
+#include "scenario/compile.hpp"
+#include "scenario/loader.hpp"
+
+namespace giga {
+namespace {
+
+int team_size(const std::vector<TeamEntry>& team) {
+  int size = 0;
+  for (const TeamEntry& entry : team) size += entry.count;
+  return size;
+}
+
+void list() {
+  const DataDirs dirs = data_dirs();
+  std::printf("%-30s %-18s %12s  %s\n", "scenario", "agents", "observation", "");
+  for (const ScenarioInfo& info : list_scenarios(dirs)) {
+    const Scenario scenario = load_scenario(info.name, dirs);
+    const int n0 = team_size(scenario.team_0), n1 = team_size(scenario.team_1);
+    const std::string agents = std::to_string(n0) + " vs " + std::to_string(n1);
+    // Larger worlds than the simulators handle can be looked at, but have no compiled form.
+    const bool playable = n0 + n1 <= kMaxAgents;
+    const std::string numbers = playable ? std::to_string(compile(scenario).observation_size()) : "-";
+    std::printf("%-30s %-18s %12s  %s\n", info.name.c_str(), agents.c_str(), numbers.c_str(), info.description.c_str());
+  }
+}
+
+}  // namespace
+
+void add_scenarios_command(CLI::App& app, Dispatch& dispatch) {
+  CLI::App* command = app.add_subcommand("scenarios", "list the scenarios, or show one");
+  command->footer(
+      "The list gives agents per team and the numbers in an agent's vector observation.\n"
+      "Examples:\n"
+      "  gigastep scenarios\n"
+      "  gigastep scenarios show identical_5_vs_5           all keys with values, units and defaults, as YAML\n"
+      "  gigastep scenarios show identical_5_vs_5_fobs_void variants by suffix: _fobs|_pobs, _maps|_void, _cont|_disc");
+  command->callback([command, &dispatch] {
+    if (command->get_subcommands().empty()) dispatch.run = list;
+  });
+
+  CLI::App* show = command->add_subcommand("show", "print a scenario resolved, as YAML that can be changed and used");
+  auto name = std::make_shared<std::string>();
+  show->add_option("NAME", *name, "name, with suffixes if wanted, or path of a scenario file")
+      ->required()
+      ->type_name("");
+  show->footer("Example:\n  gigastep scenarios show hide_and_seek_5_vs_5 > mine.yaml");
+  show->callback(
+      [name, &dispatch] { dispatch.run = [name] { std::cout << print_scenario(load_scenario(*name, data_dirs())); }; });
+}
+
+}  // namespace giga
