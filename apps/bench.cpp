@@ -29,22 +29,16 @@ Json result_json(const BenchResult& r) {
   return json;
 }
 
-std::string result_line(const BenchResult& r) {
+std::string result_lines(const BenchResult& r) {
   char line[160];
   std::snprintf(line, sizeof line, "%10d %10lld %12s %10s - %-10s %10s - %-10s %8s\n", r.worlds,
                 static_cast<long long>(r.steps), print_short(r.quantile(0.5)).c_str(),
                 print_short(r.rates.front()).c_str(), print_short(r.rates.back()).c_str(),
                 print_short(r.quantile(0.25)).c_str(), print_short(r.quantile(0.75)).c_str(),
                 print_short(static_cast<double>(r.memory_bytes)).c_str());
-  return line +
-         ("           " +
-          [&r] {
-            std::string checks;
-            for (const auto& [name, value] : r.checks)
-              checks += (checks.empty() ? "" : ", ") + name + " " + print_number(value);
-            return checks;
-          }()) +
-         "\n";
+  std::string checks;
+  for (const auto& [name, value] : r.checks) checks += (checks.empty() ? "" : ", ") + name + " " + print_number(value);
+  return line + std::string(11, ' ') + checks + "\n";
 }
 
 void bench(const std::string& kind, Measure measure_one, const BenchOptions& o) {
@@ -58,19 +52,21 @@ void bench(const std::string& kind, Measure measure_one, const BenchOptions& o) 
               << "    worlds      steps       median         min - max            quartiles           bytes\n";
   Json results = Json::array();
   double best = 0;
+  std::string scenario;
   for (const int worlds : sizes) {
     const BenchResult result = measure_one(o, device, worlds);
     results.push(result_json(result));
     best = std::max(best, result.quantile(0.5));
-    if (for_people) std::cout << result_line(result) << std::flush;
+    scenario = result.scenario;
+    if (for_people) std::cout << result_lines(result) << std::flush;
   }
   if (o.json.empty()) return;
   Json json = Json::object();
   json.set("kind", kind)
-      .set("scenario", o.scenario)
+      .set("scenario", scenario)
       .set("agent_steps_per_second", best)
       .set("results", std::move(results));
-  json.set("seed", o.seed).set("versions", version_info()).set("hardware", hardware_info(device));
+  json.set("versions", version_info()).set("hardware", hardware_info(device));
   json.set("command_line", command_line());
   write_json(json, o.json);
 }
@@ -96,12 +92,15 @@ CLI::App* add_kind(CLI::App& parent, Dispatch& dispatch, const std::shared_ptr<B
       ->check(CLI::Range(1, 10'000))
       ->capture_default_str()
       ->type_name("R");
-  command->add_option("--seed", options->seed, "seed of everything random")->capture_default_str()->type_name("N");
   add_json_option(*command, options->json);
   command->callback([options, kind, measure_one, &dispatch] {
     dispatch.run = [options, kind, measure_one] { bench(kind, measure_one, *options); };
   });
   return command;
+}
+
+void add_seed_option(CLI::App& command, uint64_t& seed) {
+  command.add_option("--seed", seed, "seed of everything random")->capture_default_str()->type_name("N");
 }
 
 }  // namespace
@@ -110,19 +109,22 @@ void add_bench_command(CLI::App& app, Dispatch& dispatch) {
   CLI::App* command = app.add_subcommand("bench", "measure agent-steps per second");
   command->require_subcommand(1);
   command->footer(
-      "Agent-steps per second are worlds x agents x steps / seconds: median, smallest, largest and quartiles over "
-      "repeats\n"
-      "after a warm-up; episodes that end are reset. Memory (bytes) is what a GPU lost in free memory, on the CPU the\n"
-      "resident set of the process. The checksum proves the work: observations are finite and written, episodes end.\n"
+      "Agent-steps per second are worlds x agents x steps / seconds: median, smallest, largest and quartiles over the\n"
+      "repeats after a warm-up; episodes that end are reset. Memory (bytes) is what a GPU lost in free memory, on the\n"
+      "CPU the resident set of the process. The checksum proves the work: observations are finite and written, "
+      "episodes\n"
+      "end and begin anew.\n"
       "Examples:\n"
       "  gigastep bench sim --scenario identical_2_vs_2 --worlds 1024,16384,65536\n"
       "  gigastep bench closed-loop --hidden 64,64 --json -\n"
       "  gigastep bench train --config mappo --device cuda --repeats 5");
 
   auto sim = std::make_shared<BenchOptions>();
-  add_kind(*command, dispatch, sim, "sim", "simulation with random actions, every observation written", bench_sim)
-      ->footer(
-          "Example:\n  gigastep bench sim --scenario identical_5_vs_5 --worlds 65536 --device cuda --json result.json");
+  CLI::App* simulation =
+      add_kind(*command, dispatch, sim, "sim", "simulation with random actions, every observation written", bench_sim);
+  add_seed_option(*simulation, sim->seed);
+  simulation->footer(
+      "Example:\n  gigastep bench sim --scenario identical_5_vs_5 --worlds 65536 --device cuda --json result.json");
 
   auto loop = std::make_shared<BenchOptions>();
   CLI::App* closed = add_kind(*command, dispatch, loop, "closed-loop", "simulation driven by two sampling policies",
@@ -133,6 +135,7 @@ void add_bench_command(CLI::App& app, Dispatch& dispatch) {
       ->check(CLI::Range(1, 16384))
       ->capture_default_str()
       ->type_name("N,...");
+  add_seed_option(*closed, loop->seed);
   closed->footer("Example:\n  gigastep bench closed-loop --scenario identical_5_vs_5 --hidden 256,256");
 
   auto learning = std::make_shared<BenchOptions>();

@@ -16,12 +16,12 @@ namespace {
 
 /// What a step writes for one team.
 struct TeamBuffers {
-  Buffer<float> obs, reward, action;  // [W, n, D], [W, n], [W, n, 3]: three floats hold either kind of action
+  Buffer<float> obs, reward, action;  // [W, n, padded D], [W, n], [W, n, 3]: three floats hold either kind of action
   Buffer<uint8_t> alive;              // [W, n]
 
   TeamBuffers(const Simulator& sim, int team) {
     const size_t n = static_cast<size_t>(sim.n_worlds()) * static_cast<size_t>(sim.params().n_team[team]);
-    obs = Buffer<float>(sim.memory(), n * static_cast<size_t>(sim.spec().observation_size()));
+    obs = Buffer<float>(sim.memory(), n * static_cast<size_t>(sim.spec().padded_observation_size()));
     reward = Buffer<float>(sim.memory(), n);
     action = Buffer<float>(sim.memory(), n * kActionSize);
     alive = Buffer<uint8_t>(sim.memory(), n);
@@ -50,6 +50,7 @@ int64_t worlds_reset(Simulator& sim, int64_t steps) {
 
 BenchResult play(const BenchOptions& options, Device device, const LoadedRun& run, const Player (&player)[kNTeams]) {
   BenchResult result;
+  result.scenario = options.scenario;
   result.worlds = run.config.train.n_worlds;
   const int64_t memory_before = device.is_cuda() ? memory_in_use(device) : 0;
   SimOptions sim_options;
@@ -61,6 +62,7 @@ BenchResult play(const BenchOptions& options, Device device, const LoadedRun& ru
   Buffer<uint8_t> done(sim->memory(), static_cast<size_t>(result.worlds));
   StepIo io;
   io.done = done.data();
+  io.obs_stride = run.spec.padded_observation_size();
   for (int t = 0; t < kNTeams; ++t) {
     io.team[t].action = team[t].action.data();
     io.team[t].obs = team[t].obs.data();
@@ -85,14 +87,14 @@ BenchResult play(const BenchOptions& options, Device device, const LoadedRun& ru
   result.memory_bytes = memory_in_use(device) - memory_before;
 
   // The proof: the last observations are numbers and not all the same, and episodes ended and began anew.
-  double sum = 0, squares = 0, numbers = 0;
+  double sum = 0, squares = 0;
   for (const TeamBuffers& buffers : team) {
     for (const float x : buffers.obs.to_host()) {
       sum += static_cast<double>(x);
       squares += static_cast<double>(x) * static_cast<double>(x);
     }
-    numbers += static_cast<double>(buffers.obs.size());
   }
+  const double numbers = static_cast<double>(sim->agents_per_step()) * run.spec.observation_size();
   const EpisodeStats stats = sim->take_stats();
   result.checks = {{"observations_written", numbers * static_cast<double>(steps_made)},
                    {"last_observation_sum", sum},

@@ -3,7 +3,6 @@
 
 #include "apps/benchmark.hpp"
 #include "apps/command_line.hpp"
-#include "config/names.hpp"
 #include "core/error.hpp"
 #include "learn/learner.hpp"
 
@@ -17,6 +16,7 @@ BenchResult bench_train(const BenchOptions& options, Device device, int worlds) 
   const LoadedRun run = load_run_config(find_config(options.config), overrides);
 
   BenchResult result;
+  result.scenario = run.config.scenario;
   result.worlds = run.config.train.n_worlds;
   const int64_t memory_before = device.is_cuda() ? memory_in_use(device) : 0;
   const auto learner = make_learner(run, device);

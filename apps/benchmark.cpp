@@ -1,3 +1,4 @@
+// Timing of repeats, and the figures drawn from them.
 #include "apps/benchmark.hpp"
 
 #include <algorithm>

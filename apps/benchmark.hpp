@@ -12,12 +12,12 @@
 namespace giga {
 
 struct BenchOptions {
-  std::string scenario = "identical_5_vs_5";
-  std::vector<int> worlds;  ///< empty: one size that fills the device
+  std::string scenario = "identical_5_vs_5";  ///< empty: as the config says (train)
+  std::vector<int> worlds;                    ///< empty: one size that fills the device
   std::string device = "auto";
   int64_t steps = 0;  ///< per repeat; 0 = about half a second of them
   int repeats = 7;
-  uint64_t seed = 0;
+  uint64_t seed = 0;                   ///< of sim and closed-loop
   std::vector<int> hidden = {64, 64};  ///< closed-loop: of both policies
   std::string config = "mappo";        ///< train
   std::vector<std::string> overrides;  ///< train
@@ -26,6 +26,7 @@ struct BenchOptions {
 
 /// One measurement.
 struct BenchResult {
+  std::string scenario;
   int worlds = 0;
   int64_t steps = 0;          ///< per repeat; training: updates
   std::vector<double> rates;  ///< agent-steps per second of each repeat, sorted

@@ -1,3 +1,4 @@
+// General help, shared options, and hints after mistakes.
 #include "apps/command_line.hpp"
 
 #include <CLI/CLI.hpp>

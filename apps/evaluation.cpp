@@ -1,3 +1,4 @@
+// Matches of learned teams against scripts, as figures and as a table.
 #include "apps/evaluation.hpp"
 
 #include <cstdio>

@@ -1,3 +1,4 @@
+// Versions, hardware and command line of this process.
 #include "apps/program_info.hpp"
 
 #include <torch/version.h>

@@ -186,7 +186,7 @@ void add_train_command(CLI::App& app, Dispatch& dispatch) {
   add_set_option(*command, options->overrides);
   command
       ->add_option("--run-dir", options->run_dir,
-                   "folder of this run, new or empty; default: runs/SCENARIO-ALGORITHM-seedN-NNN, NNN counted up")
+                   "folder of this run, new or empty; default: runs/SCENARIO-ALGORITHM-seedN-NNN")
       ->type_name("DIR");
   add_device_option(*command, options->device);
   command->add_option("--seed", options->seed, "seed of everything random, as --set seed=N")->type_name("N");

@@ -15,7 +15,7 @@ struct TileLanes {
   template <class F>
   __device__ void each_cell(int rows, int columns, F&& f) const {
     for (int row = 0; row < rows; ++row) {
-#pragma unroll 4
+#pragma unroll 2
       for (int column = first; column < columns; column += stride) f(row, column);
     }
     __syncwarp();
@@ -35,7 +35,7 @@ struct BlockLanes {
   template <class F>
   __device__ void each_cell(int rows, int columns, F&& f) const {
     for (int row = first / 32; row < rows; row += stride / 32) {
-#pragma unroll 4
+#pragma unroll 2
       for (int column = first % 32; column < columns; column += 32) f(row, column);
     }
     __syncthreads();

@@ -5,6 +5,7 @@
 #include "math/gae.hpp"
 #include "math/ppo_loss.hpp"
 #include "math/scripted.hpp"
+#include "math/team_mean.hpp"
 
 namespace giga {
 namespace {
@@ -34,5 +35,9 @@ template void launch_rows(const Gae&, int64_t, int, void*);
 template void launch_rows(const CategoricalLoss&, int64_t, int, void*);
 template void launch_rows(const GaussianLoss&, int64_t, int, void*);
 template void launch_rows(const ValueLoss&, int64_t, int, void*);
+template void launch_rows(const LivingMean<float>&, int64_t, int, void*);
+template void launch_rows(const LivingMean<BFloat16>&, int64_t, int, void*);
+template void launch_rows(const LivingMeanGradient<float>&, int64_t, int, void*);
+template void launch_rows(const LivingMeanGradient<BFloat16>&, int64_t, int, void*);
 
 }  // namespace giga

@@ -19,7 +19,7 @@ constexpr int kTileBlocks = TB;           // blocks of TileLanes per multiproces
 constexpr int kMaxBlockThreads = 512;    // threads of a block of BlockLanes
 constexpr size_t kSharedLimit = 48 << 10;  // beyond it a world's scratch lies in global memory
 
-enum class Job { start, step, observe };
+enum class Job { start, step, settle, observe };
 
 /// Arguments of the kernel, by value.
 struct Launch {
@@ -73,6 +73,7 @@ __device__ void copy_agents(const Lanes& lanes, const WorldView& from, const Wor
 template <Job job, bool in_shared, class Lanes>
 __device__ void run_world(const Lanes& lanes, const Launch& k, int world, char* shared) {
   const WorldView home = world_view(k.state, k.params, world);
+  if (job == Job::settle && !to_settle(lanes, home)) return;
   WorldView w = home;
   if constexpr (in_shared) {
     w = working_copy(home, shared, k.params.n_agents);
@@ -81,10 +82,13 @@ __device__ void run_world(const Lanes& lanes, const Launch& k, int world, char* 
   } else {
     attach_scratch(w, k.layout, k.scratch + static_cast<size_t>(world) * k.layout.size);
   }
-  PhiloxDraws draws(k.seed, static_cast<uint32_t>(k.first_world + world), *w.draw_step);
+  // The step has counted itself already when its end is settled.
+  const uint32_t step = *w.draw_step - (job == Job::settle ? 1 : 0);
+  PhiloxDraws draws(k.seed, static_cast<uint32_t>(k.first_world + world), step);
   if (job == Job::step) step_world(lanes, k.params, w, draws, k.io, k.on_done, world);
+  if (job == Job::settle) settle_world(lanes, k.params, w, draws, k.io, k.on_done, world);
   if (job == Job::start) start_world(lanes, k.params, w, draws, k.io, world);
-  if (job == Job::observe) write_observations(lanes, k.params, w, running_sink(k.io), world);
+  if (job == Job::observe) write_observations(lanes, k.params, w, k.io, world);
   if constexpr (in_shared) copy_agents(lanes, w, home, k.params.n_agents);
 }
 
@@ -144,7 +148,10 @@ class CudaSimulator final : public Simulator {
   }
 
   void start(const StepIo& io) override { launch<Job::start>(io); }
-  void step(const StepIo& io) override { launch<Job::step>(io); }
+  void step(const StepIo& io) override {
+    launch<Job::step>(io);
+    if (options_.on_done != OnDone::keep) launch<Job::settle>(io);
+  }
   void observe(const StepIo& io) override { launch<Job::observe>(io); }
 
   EpisodeStats take_stats() override {

@@ -13,10 +13,10 @@ namespace {
 constexpr int kStepsBetweenChecks = 64;  // looking whether all episodes are over makes the host wait
 
 bool all_finished(Simulator& sim) {
-  std::vector<uint8_t> finished(static_cast<size_t>(sim.n_worlds()));
+  std::vector<Phase> phases(static_cast<size_t>(sim.n_worlds()));
   sim.synchronize();
-  sim.memory().to_host(finished.data(), sim.state().view().finished, finished.size());
-  return std::all_of(finished.begin(), finished.end(), [](uint8_t f) { return f != 0; });
+  sim.memory().to_host(phases.data(), sim.state().view().phase, phases.size());
+  return std::all_of(phases.begin(), phases.end(), [](Phase phase) { return phase == Phase::waits; });
 }
 
 }  // namespace

@@ -1,22 +1,18 @@
+// What a checkpoint file holds, and where in it.
 #include "io/checkpoint.hpp"
 
+#include <algorithm>
 #include <vector>
 
 #include "core/error.hpp"
 #include "io/files.hpp"
 #include "io/hdf5_file.hpp"
+#include "io/seal.hpp"
 
 namespace giga {
 namespace {
 
 constexpr const char* kArrays = "arrays/";
-
-/// One checksum over everything in the root's attributes, and over the list of arrays.
-uint32_t header_checksum(const Checkpoint& c, const std::string& names) {
-  const std::string all = cat(c.format_version, '\n', c.kind, '\n', c.gigastep_version, '\n', c.scenario_name, '\n',
-                              c.updates, '\n', c.agent_steps, '\n', c.seed, '\n', names);
-  return hdf5::crc32_of(all);
-}
 
 NamedArray text_array(const std::string& text) {
   return make_array<uint8_t>("", std::vector<uint8_t>(text.begin(), text.end()));
@@ -42,20 +38,10 @@ std::vector<std::string> split_lines(const std::string& text) {
   return lines;
 }
 
-void check_kind(hid_t file) {
-  if (!hdf5::has_attribute(file, "kind") || hdf5::read_text_attribute(file, "kind") != kCheckpointKind)
-    throw hdf5::FormatError("is an HDF5 file but not a checkpoint of gigastep");
-  const int64_t version = hdf5::read_int_attribute(file, "format_version");
-  if (version > kCheckpointFormat)
-    throw hdf5::FormatError(cat("has format version ", version, ", newer than ", kCheckpointFormat,
-                                ", which this gigastep reads: use the version that wrote it (",
-                                hdf5::read_text_attribute(file, "gigastep_version"), ")"));
-  if (version < 1) throw hdf5::FormatError(cat("has the impossible format version ", version));
-}
-
 Checkpoint decode(std::string_view bytes) {
+  if (const std::string reason = broken_seal(bytes, kCheckpointKind, kCheckpointFormat); !reason.empty())
+    throw hdf5::FormatError(reason);
   const hdf5::Handle file = hdf5::open_file(bytes);
-  check_kind(file);
   Checkpoint c;
   c.format_version = static_cast<int>(hdf5::read_int_attribute(file, "format_version"));
   c.gigastep_version = hdf5::read_text_attribute(file, "gigastep_version");
@@ -64,8 +50,6 @@ Checkpoint decode(std::string_view bytes) {
   c.agent_steps = hdf5::read_int_attribute(file, "agent_steps");
   c.seed = hdf5::read_uint_attribute(file, "seed");
   const std::string names = text_of(hdf5::read_dataset(file, "array_names", bytes.size()));
-  if (hdf5::read_uint_attribute(file, "header_crc32") != header_checksum(c, names))
-    throw hdf5::FormatError("is damaged: the checksum of its header does not match");
   c.config_yaml = text_of(hdf5::read_dataset(file, "config_yaml", bytes.size()));
   c.scenario_yaml = text_of(hdf5::read_dataset(file, "scenario_yaml", bytes.size()));
   for (const std::string& name : split_lines(names)) {
@@ -79,7 +63,7 @@ Checkpoint decode(std::string_view bytes) {
 
 std::string encode_checkpoint(const Checkpoint& c) {
   const hdf5::QuietErrors quiet;
-  const hdf5::Handle file = hdf5::create_file();
+  const hdf5::Handle file = hdf5::create_file(kSealBytes);
   const std::string names = names_text(c.arrays);
   hdf5::write_attribute(file, "kind", c.kind);
   hdf5::write_attribute(file, "format_version", static_cast<int64_t>(c.format_version));
@@ -88,7 +72,6 @@ std::string encode_checkpoint(const Checkpoint& c) {
   hdf5::write_attribute(file, "updates", c.updates);
   hdf5::write_attribute(file, "agent_steps", c.agent_steps);
   hdf5::write_attribute(file, "seed", c.seed);
-  hdf5::write_attribute(file, "header_crc32", static_cast<uint64_t>(header_checksum(c, names)));
   hdf5::write_dataset(file, "array_names", text_array(names));
   hdf5::write_dataset(file, "config_yaml", text_array(c.config_yaml));
   hdf5::write_dataset(file, "scenario_yaml", text_array(c.scenario_yaml));
@@ -96,7 +79,9 @@ std::string encode_checkpoint(const Checkpoint& c) {
     GIGA_CHECK(!array.name.empty() && array.name.find('\n') == std::string::npos, "an array named '", array.name, "'");
     hdf5::write_dataset(file, kArrays + array.name, array);
   }
-  return hdf5::file_bytes(file);
+  std::string bytes = hdf5::file_bytes(file, kSealBytes);
+  seal(bytes, c.kind, c.format_version, c.gigastep_version);
+  return bytes;
 }
 
 Checkpoint decode_checkpoint(std::string_view bytes, const std::string& name) {

@@ -13,9 +13,9 @@ namespace giga {
 constexpr int kCheckpointFormat = 1;
 constexpr const char* kCheckpointKind = "gigastep checkpoint";
 
-/// In the file: the numbers and short texts are attributes of the root, the two YAML texts datasets `config_yaml` and
-/// `scenario_yaml`, the arrays datasets below `arrays/` under their own names, little-endian and uncompressed. Each
-/// dataset carries a CRC-32 (attribute `crc32`), and so do the root's attributes together (`header_crc32`).
+/// The file begins with a seal (seal.hpp). In the HDF5 part the numbers and short texts are attributes of the root, the
+/// two YAML texts datasets `config_yaml` and `scenario_yaml`, the arrays datasets below `arrays/` under their own
+/// names, little-endian and uncompressed; `array_names` lists them. Each dataset carries a CRC-32 (attribute `crc32`).
 struct Checkpoint {
   int format_version = kCheckpointFormat;
   std::string kind = kCheckpointKind;

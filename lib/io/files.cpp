@@ -1,3 +1,4 @@
+// Reading and writing whole files through one small class, the seam of all file operations that must survive a crash.
 #include "io/files.hpp"
 
 #include <fcntl.h>

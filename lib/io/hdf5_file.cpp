@@ -1,3 +1,4 @@
+// The calls of the HDF5 C API, with errors as exceptions.
 #include "io/hdf5_file.hpp"
 
 #include <zlib.h>
@@ -65,9 +66,7 @@ T read_number(hid_t object, const char* name, hid_t memory_type) {
   return value;
 }
 
-std::string_view view_of(const NamedArray& a) {
-  return {reinterpret_cast<const char*>(a.bytes.data()), a.bytes.size()};
-}
+uint64_t checksum(const NamedArray& a) { return ::crc32_z(0, a.bytes.data(), a.bytes.size()); }
 
 }  // namespace
 
@@ -81,37 +80,35 @@ QuietErrors::QuietErrors() {
 }
 QuietErrors::~QuietErrors() { H5Eset_auto2(H5E_DEFAULT, function_, data_); }
 
-Handle create_file() {
+Handle create_file(size_t user_block) {
+  const Handle creation(H5Pcreate(H5P_FILE_CREATE), H5Pclose, "create a property list");
+  check(H5Pset_userblock(creation, user_block), "keep room for a seal");
   const Handle access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose, "create a property list");
   check(H5Pset_fapl_core(access, 1 << 20, false), "keep a file in memory");
   // The name matters only while the file is open: HDF5 tells open files apart by it.
-  return Handle(H5Fcreate("gigastep checkpoint (being written)", H5F_ACC_TRUNC, H5P_DEFAULT, access), H5Fclose,
+  return Handle(H5Fcreate("gigastep checkpoint (being written)", H5F_ACC_TRUNC, creation, access), H5Fclose,
                 "create a file in memory");
 }
 
-std::string file_bytes(hid_t file) {
+std::string file_bytes(hid_t file, size_t user_block) {
   check(H5Fflush(file, H5F_SCOPE_GLOBAL), "flush the file");
-  const ssize_t size = H5Fget_file_image(file, nullptr, 0);
+  const ssize_t size = H5Fget_file_image(file, nullptr, 0);  // without the user block
   if (size < 0) throw FormatError("cannot take the file's bytes");
-  std::string bytes(static_cast<size_t>(size), '\0');
-  if (H5Fget_file_image(file, bytes.data(), bytes.size()) != size) throw FormatError("cannot take the file's bytes");
+  std::string bytes(user_block + static_cast<size_t>(size), '\0');
+  if (H5Fget_file_image(file, bytes.data() + user_block, static_cast<size_t>(size)) != size)
+    throw FormatError("cannot take the file's bytes");
   return bytes;
 }
 
 Handle open_file(std::string_view bytes) {
-  static constexpr std::string_view kSignature = "\x89HDF\r\n\x1a\n";
-  if (bytes.substr(0, kSignature.size()) != kSignature)
-    throw FormatError(bytes.empty() ? "is empty" : "is not an HDF5 file");
   const Handle access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose, "create a property list");
   check(H5Pset_fapl_core(access, 1 << 20, false), "keep a file in memory");
   // HDF5 copies the bytes; the API merely lacks a const.
   check(H5Pset_file_image(access, const_cast<char*>(bytes.data()), bytes.size()), "keep a file in memory");
   const hid_t file = H5Fopen("gigastep checkpoint (being read)", H5F_ACC_RDONLY, access);
-  if (file < 0) throw FormatError("is damaged: truncated, or its HDF5 structure is broken");
+  if (file < 0) throw FormatError("is damaged: its HDF5 structure is broken");
   return Handle(file, H5Fclose, "open the file");
 }
-
-bool has_attribute(hid_t object, const char* name) { return H5Aexists(object, name) > 0; }
 
 void write_attribute(hid_t object, const char* name, const std::string& value) {
   const Handle type(H5Tcopy(H5T_C_S1), H5Tclose, "create a type");
@@ -164,7 +161,7 @@ void write_dataset(hid_t file, const std::string& path, const NamedArray& array)
   const hid_t type = file_type(array.type);
   const Handle dataset(H5Dcreate2(file, path.c_str(), type, space, links, H5P_DEFAULT, H5P_DEFAULT), H5Dclose, what);
   if (count > 0) check(H5Dwrite(dataset, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, array.bytes.data()), what);
-  write_attribute(dataset, kChecksum, static_cast<uint64_t>(crc32_of(view_of(array))));
+  write_attribute(dataset, kChecksum, checksum(array));
 }
 
 NamedArray read_dataset(hid_t file, const std::string& path, size_t most_bytes) {
@@ -193,13 +190,9 @@ NamedArray read_dataset(hid_t file, const std::string& path, size_t most_bytes) 
   array.bytes.resize(bytes);
   if (bytes > 0)
     check(H5Dread(dataset, file_type(array.type), H5S_ALL, H5S_ALL, H5P_DEFAULT, array.bytes.data()), what);
-  if (read_uint_attribute(dataset, kChecksum) != crc32_of(view_of(array)))
+  if (read_uint_attribute(dataset, kChecksum) != checksum(array))
     throw FormatError("is damaged: the checksum of '" + path + "' does not match");
   return array;
-}
-
-uint32_t crc32_of(std::string_view bytes, uint32_t seed) {
-  return static_cast<uint32_t>(::crc32_z(seed, reinterpret_cast<const Bytef*>(bytes.data()), bytes.size()));
 }
 
 }  // namespace giga::hdf5

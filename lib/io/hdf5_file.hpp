@@ -49,13 +49,13 @@ class QuietErrors {
   void* data_ = nullptr;
 };
 
-/// A new file in memory, and the bytes that it would have on disk.
-Handle create_file();
-std::string file_bytes(hid_t file);
+/// A new file in memory that begins with so many bytes that are not HDF5's (a power of 2, at least 512).
+Handle create_file(size_t user_block);
+/// The bytes that such a file would have on disk, the first `user_block` of them zeros.
+std::string file_bytes(hid_t file, size_t user_block);
 /// The file with these bytes, read-only.
 Handle open_file(std::string_view bytes);
 
-bool has_attribute(hid_t object, const char* name);
 void write_attribute(hid_t object, const char* name, const std::string& value);
 void write_attribute(hid_t object, const char* name, int64_t value);
 void write_attribute(hid_t object, const char* name, uint64_t value);
@@ -67,7 +67,5 @@ uint64_t read_uint_attribute(hid_t object, const char* name);
 /// that claims more is refused before anything is allocated.
 void write_dataset(hid_t file, const std::string& path, const NamedArray& array);
 NamedArray read_dataset(hid_t file, const std::string& path, size_t most_bytes);
-
-uint32_t crc32_of(std::string_view bytes, uint32_t seed = 0);
 
 }  // namespace giga::hdf5

@@ -1,3 +1,4 @@
+// Facts of the machine, from /proc and the system.
 #include "io/host_info.hpp"
 
 #include <sched.h>

@@ -1,3 +1,4 @@
+// Printing of JSON values.
 #include "io/json.hpp"
 
 #include <algorithm>

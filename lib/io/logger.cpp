@@ -1,3 +1,4 @@
+// The logger, by spdlog.
 #include "io/logger.hpp"
 
 #include <spdlog/logger.h>

@@ -1,3 +1,4 @@
+// Writing of metrics.csv.
 #include "io/metrics_csv.hpp"
 
 #include <cmath>

@@ -1,3 +1,4 @@
+// Numbers and characters as text.
 #include "io/number.hpp"
 
 #include <charconv>

@@ -1,3 +1,4 @@
+// How progress looks on a terminal and in a log.
 #include "io/progress.hpp"
 
 #include <sys/ioctl.h>

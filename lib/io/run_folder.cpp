@@ -1,3 +1,4 @@
+// Making run folders, and finding the checkpoints in them.
 #include "io/run_folder.hpp"
 
 #include <algorithm>

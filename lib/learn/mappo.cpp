@@ -1,7 +1,7 @@
 #include "learn/mappo.hpp"
 
 #include <ATen/Context.h>
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include <cmath>
 #include <limits>

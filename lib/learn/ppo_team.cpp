@@ -49,7 +49,7 @@ PpoTeam::PpoTeam(const LoadedRun& run, int team, Device device, const RowRunner&
       n_(run.spec.params.n_team[team]),
       rows_(rows),
       actor_(make_actor(run, team, device)),
-      critic_(config_.critic, critic_shape(run, team), run.config.train.precision, torch_device(device),
+      critic_(config_.critic, critic_shape(run, team), run.config.train.precision, rows, torch_device(device),
               network_seed(run, team, 1)),
       actor_adam_(actor_.parameters(), config_.adam_epsilon),
       critic_adam_(critic_.parameters(), config_.adam_epsilon),
@@ -133,7 +133,7 @@ at::Tensor PpoTeam::policy_gradient(const Rollout& rollout, const at::Tensor& he
                            config_.clip_coef,
                            config_.entropy_coef};
   if (actor_.actions() == ActionKind::discrete) {
-    rows_.run(CategoricalLoss{in, head.const_data_ptr<float>(), kNDiscreteActions, r.action.const_data_ptr<int32_t>(),
+    rows_.run(CategoricalLoss{in, head.const_data_ptr<float>(), r.action.const_data_ptr<int32_t>(),
                               gradient.data_ptr<float>(), diagnostics.data_ptr<float>()},
               count);
   } else {

@@ -1,7 +1,7 @@
 // PpoTeam: the networks of one team, and how they learn from a rollout.
 #pragma once
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "cuda/rows.hpp"
 #include "learn/learner.hpp"

@@ -6,48 +6,80 @@
 #include "core/host_device.hpp"
 #include "core/philox.hpp"
 #include "math/rows.hpp"
+#include "sim/params.hpp"
 
 namespace giga {
 
-/// log(sum(exp(x))) of n numbers, without overflow.
-GIGA_HD float log_sum_exp(const float* x, int n) {
-  float top = x[0];
-  for (int k = 1; k < n; ++k) top = x[k] > top ? x[k] : top;
-  float sum = 0;
-  for (int k = 0; k < n; ++k) sum += std::exp(x[k] - top);
-  return top + std::log(sum);
-}
+/// Numbers in a row of logits: one per action, then one that is not used, so that rows are read in whole 16-byte words
+/// and matrix products meet aligned rows.
+constexpr int kLogitStride = 28;
+static_assert(kLogitStride >= kNDiscreteActions && kLogitStride % 4 == 0);
+
+struct alignas(16) Quad {
+  float v[4];
+};
+
+/// A row of logits in registers: all loops over it have constant bounds. Rows are aligned to 16 bytes.
+struct Logits {
+  float x[kLogitStride];
+
+  GIGA_HD explicit Logits(const float* row) {
+    const Quad* quads = reinterpret_cast<const Quad*>(row);
+    for (int k = 0; k < kLogitStride / 4; ++k) {
+      const Quad q = quads[k];
+      for (int j = 0; j < 4; ++j) x[4 * k + j] = q.v[j];
+    }
+  }
+  GIGA_HD void store(float* row) const {
+    Quad* quads = reinterpret_cast<Quad*>(row);
+    for (int k = 0; k < kLogitStride / 4; ++k) quads[k] = {{x[4 * k], x[4 * k + 1], x[4 * k + 2], x[4 * k + 3]}};
+  }
+  /// log(sum(exp(x))) over the actions, without overflow.
+  GIGA_HD float log_sum_exp() const {
+    float top = x[0];
+    for (int k = 1; k < kNDiscreteActions; ++k) top = x[k] > top ? x[k] : top;
+    float sum = 0;
+    for (int k = 0; k < kNDiscreteActions; ++k) sum += std::exp(x[k] - top);
+    return top + std::log(sum);
+  }
+  /// x[index] without indexing, which would move the row out of registers.
+  GIGA_HD float at(int index) const {
+    float value = x[0];
+    for (int k = 1; k < kNDiscreteActions; ++k) value = k == index ? x[k] : value;
+    return value;
+  }
+};
 
 /// Samples an action per row from logits by inverting the distribution function.
 struct SampleCategorical {
-  const float* logits;  // [R, n_actions]
-  int n_actions;
+  const float* logits;  // [R, kLogitStride]
   RowDraws draws;
   int32_t* action;   // [R]
   float* log_prob;   // [R]; null = not wanted
   bool greedy = false;
 
   GIGA_HD void operator()(int64_t row) const {
-    const float* x = logits + row * n_actions;
-    const float lse = log_sum_exp(x, n_actions);
+    const Logits l(logits + row * kLogitStride);
+    const float lse = l.log_sum_exp();
     int chosen = 0;
     if (greedy) {
-      for (int k = 1; k < n_actions; ++k) chosen = x[k] > x[chosen] ? k : chosen;
+      float top = l.x[0];
+      for (int k = 1; k < kNDiscreteActions; ++k)
+        if (l.x[k] > top) {
+          top = l.x[k];
+          chosen = k;
+        }
     } else {
       DrawKey key = draws.key(row);
       const float u = key.uniform(Draw::action, draws.agent(row), 0);
       float below = 0;
-      chosen = n_actions - 1;  // where rounding leaves the sum under u
-      for (int k = 0; k < n_actions; ++k) {
-        below += std::exp(x[k] - lse);
-        if (u < below) {
-          chosen = k;
-          break;
-        }
+      for (int k = 0; k < kNDiscreteActions - 1; ++k) {  // the last action takes what rounding leaves
+        below += std::exp(l.x[k] - lse);
+        chosen += u >= below ? 1 : 0;
       }
     }
     action[row] = chosen;
-    if (log_prob) log_prob[row] = x[chosen] - lse;
+    if (log_prob) log_prob[row] = l.at(chosen) - lse;
   }
 };
 

@@ -61,34 +61,34 @@ GIGA_HD void write_diagnostics(float* out, const Surrogate& s, float entropy) {
 /// loss = surrogate - entropy_coef * entropy of a categorical policy.
 struct CategoricalLoss {
   PolicyLossInput in;
-  const float* logits;    // [R, n_actions]
-  int n_actions;
+  const float* logits;    // [R, kLogitStride]
   const int32_t* action;  // [rollout rows]
-  float* d_logits;        // [R, n_actions]
+  float* d_logits;        // [R, kLogitStride]
   float* diagnostics;     // [R, kNPolicyDiagnostics]
 
   GIGA_HD void operator()(int64_t row) const {
     const int64_t source = in.rows.source(row);
-    const float* x = logits + row * n_actions;
-    float* d = d_logits + row * n_actions;
+    Logits l(logits + row * kLogitStride);
     float* diagnostic = diagnostics + row * kNPolicyDiagnostics;
     if (!in.alive[source]) {
-      for (int k = 0; k < n_actions; ++k) d[k] = 0;
+      for (int k = 0; k < kLogitStride; ++k) l.x[k] = 0;
+      l.store(d_logits + row * kLogitStride);
       for (int k = 0; k < kNPolicyDiagnostics; ++k) diagnostic[k] = 0;
       return;
     }
-    const float lse = log_sum_exp(x, n_actions);
+    const float lse = l.log_sum_exp();
     float entropy = 0;
-    for (int k = 0; k < n_actions; ++k) entropy -= std::exp(x[k] - lse) * (x[k] - lse);
+    for (int k = 0; k < kNDiscreteActions; ++k) entropy -= std::exp(l.x[k] - lse) * (l.x[k] - lse);
     const int chosen = action[source];
     const float advantage = (in.advantage[source] - *in.advantage_mean) * *in.advantage_inv_std;
-    const Surrogate s = clipped_surrogate(x[chosen] - lse, in.old_log_prob[source], advantage, in.clip_coef);
+    const Surrogate s = clipped_surrogate(l.at(chosen) - lse, in.old_log_prob[source], advantage, in.clip_coef);
     // d log p(chosen) / d x_k = [k = chosen] - p_k;  d entropy / d x_k = -p_k (log p_k + entropy)
-    for (int k = 0; k < n_actions; ++k) {
-      const float log_p = x[k] - lse, p = std::exp(log_p);
+    for (int k = 0; k < kLogitStride; ++k) {
+      const float log_p = l.x[k] - lse, p = std::exp(log_p);
       const float slope = s.d_log_prob * ((k == chosen ? 1.0f : 0.0f) - p) + in.entropy_coef * p * (log_p + entropy);
-      d[k] = slope * *in.inv_count;
+      l.x[k] = k < kNDiscreteActions ? slope * *in.inv_count : 0.0f;
     }
+    l.store(d_logits + row * kLogitStride);
     write_diagnostics(diagnostic, s, entropy);
   }
 };

@@ -39,7 +39,7 @@ at::Tensor policy_information(const Actor& actor, const at::Tensor& head, const 
   at::NoGradGuard no_grad;
   at::Tensor p;  // [R, groups, choices]
   if (actor.actions() == ActionKind::discrete) {
-    p = at::softmax(head, -1).unsqueeze(1);
+    p = at::softmax(head.slice(-1, 0, kNDiscreteActions), -1).unsqueeze(1);
   } else {
     constexpr int kBins = 9;
     at::Tensor edges = at::linspace(-1, 1, kBins + 1, head.options()).slice(0, 1, kBins).atanh();  // before squashing

@@ -5,6 +5,7 @@
 
 #include <string>
 
+#include "math/distributions.hpp"
 #include "policy/layers.hpp"
 #include "policy/normalizer.hpp"
 #include "policy/parameters.hpp"
@@ -19,11 +20,11 @@ class Actor {
   Actor(const ActorConfig& config, int64_t obs_size, ActionKind actions, bool normalize, Precision precision,
         at::Device device, uint64_t seed);
 
-  /// obs [R, D] -> logits [R, 27] or means before squashing [R, 3], fp32.
+  /// obs [R, D] -> logits [R, kLogitStride], the last not used, or means before squashing [R, 3]; fp32.
   at::Tensor forward(const at::Tensor& obs) const;
 
   ActionKind actions() const { return actions_; }
-  int64_t head_size() const { return actions_ == ActionKind::discrete ? kNDiscreteActions : kActionSize; }
+  int64_t head_size() const { return actions_ == ActionKind::discrete ? kLogitStride : kActionSize; }
   /// [3], continuous actions only.
   const at::Tensor& log_std() const { return parameters_[log_std_]; }
   const ParameterSet& parameters() const { return parameters_; }

@@ -6,9 +6,9 @@
 
 namespace giga {
 
-Critic::Critic(const CriticConfig& config, const CriticShape& shape, Precision precision, at::Device device,
-               uint64_t seed)
-    : kind_(config.kind), shape_(shape), precision_(precision) {
+Critic::Critic(const CriticConfig& config, const CriticShape& shape, Precision precision, const RowRunner& rows,
+               at::Device device, uint64_t seed)
+    : kind_(config.kind), shape_(shape), precision_(precision), rows_(&rows) {
   switch (kind_) {
     case CriticKind::composed:
       team_mlp_ = TeamMlp(parameters_, "team_mlp", shape.obs_size, config, 1, config.output_gain);
@@ -32,7 +32,7 @@ Critic::Critic(const CriticConfig& config, const CriticShape& shape, Precision p
 at::Tensor Critic::forward(const at::Tensor& obs, const at::Tensor& alive, const at::Tensor& state) const {
   if (kind_ == CriticKind::state) return forward_state(state);
   const at::Tensor x = precision_ == Precision::bf16 ? obs.to(at::kBFloat16) : obs;
-  const at::Tensor value = kind_ == CriticKind::composed ? team_mlp_.forward(parameters_, x, alive.unsqueeze(-1))
+  const at::Tensor value = kind_ == CriticKind::composed ? team_mlp_.forward(parameters_, *rows_, x, alive)
                                                          : mlp_.forward(parameters_, x);
   return value.squeeze(-1).to(at::kFloat);
 }
@@ -48,12 +48,12 @@ at::Tensor Critic::forward_state(const at::Tensor& state) const {
   at::Tensor world = state.slice(1, entity_columns);
   if (precision_ == Precision::bf16) {
     entities = entities.to(at::kBFloat16);
-    alive = alive.to(at::kBFloat16);
     world = world.to(at::kBFloat16);
   }
   const at::Tensor code = entity_.forward(parameters_, entities);
   const auto team_mean = [&](int first, int n) {
-    return living_mean(code.slice(1, first, first + n), alive.slice(1, first, first + n));
+    const at::Tensor living = alive.slice(1, first, first + n).squeeze(-1).contiguous();
+    return living_mean(*rows_, code.slice(1, first, first + n).contiguous(), living).unsqueeze(1);
   };
   const at::Tensor own_mean = team_mean(own_first, own);
   const at::Tensor other_mean = team_mean(other_first, n_agents - own);

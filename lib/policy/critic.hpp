@@ -5,6 +5,7 @@
 
 #include <string>
 
+#include "cuda/rows.hpp"
 #include "policy/layers.hpp"
 #include "policy/normalizer.hpp"
 #include "policy/parameters.hpp"
@@ -21,8 +22,9 @@ struct CriticShape {
 
 class Critic {
  public:
-  Critic() = default;
-  Critic(const CriticConfig& config, const CriticShape& shape, Precision precision, at::Device device, uint64_t seed);
+  /// `rows` must outlive the critic.
+  Critic(const CriticConfig& config, const CriticShape& shape, Precision precision, const RowRunner& rows,
+         at::Device device, uint64_t seed);
 
   /// obs [B, n, D] (already normalised where the actor does), alive [B, n] float, state [B, G] (kind state; else
   /// undefined) -> values [B, n], fp32, in the value normaliser's units.
@@ -38,6 +40,7 @@ class Critic {
   CriticKind kind_ = CriticKind::composed;
   CriticShape shape_;
   Precision precision_ = Precision::fp32;
+  const RowRunner* rows_;
   ParameterSet parameters_;
   Mlp mlp_;            // independent: on observations; state: on an agent's encoding, both teams' means and the world
   TeamMlp team_mlp_;   // composed

@@ -1,6 +1,9 @@
 #include "policy/layers.hpp"
 
-#include <ATen/ATen.h>
+#include <torch/autograd.h>
+#include <torch/types.h>
+
+#include "math/team_mean.hpp"
 
 namespace giga {
 
@@ -62,9 +65,56 @@ at::Tensor Mlp::forward(const ParameterSet& p, at::Tensor x) const {
   return x;
 }
 
-at::Tensor living_mean(const at::Tensor& x, const at::Tensor& alive) {
-  // A sum of products rather than a batched matrix product: the matrices are tiny, and cuBLAS is slow at millions of them.
-  return (x * (alive / alive.sum(1, true).clamp_min(1))).sum(1, true);
+namespace {
+
+// One kernel each way. With tensor operations the mean costs more time than the layer around it: a product, a sum and
+// their gradients, each a pass over all features.
+struct LivingMeanFunction : torch::autograd::Function<LivingMeanFunction> {
+  template <class T>
+  static void run(const RowRunner& rows, const at::Tensor& x, const at::Tensor& alive, at::Tensor& mean) {
+    const auto n = static_cast<int>(x.size(1)), width = static_cast<int>(x.size(2));
+    rows.run(LivingMean<T>{static_cast<const T*>(x.const_data_ptr()), alive.const_data_ptr<float>(), n, width,
+                           static_cast<T*>(mean.data_ptr())},
+             mean.numel());
+  }
+  template <class T>
+  static void run_gradient(const RowRunner& rows, const at::Tensor& d_mean, const at::Tensor& alive, at::Tensor& d_x) {
+    const auto n = static_cast<int>(d_x.size(1)), width = static_cast<int>(d_x.size(2));
+    rows.run(LivingMeanGradient<T>{static_cast<const T*>(d_mean.const_data_ptr()), alive.const_data_ptr<float>(), n,
+                                   width, static_cast<T*>(d_x.data_ptr())},
+             d_mean.numel());
+  }
+
+  static at::Tensor forward(torch::autograd::AutogradContext* context, const at::Tensor& x, const at::Tensor& alive,
+                            int64_t rows_address) {
+    const auto& rows = *reinterpret_cast<const RowRunner*>(rows_address);
+    context->save_for_backward({alive});
+    context->saved_data["rows"] = rows_address;
+    at::Tensor mean = at::empty({x.size(0), x.size(2)}, x.options());
+    if (x.scalar_type() == at::kBFloat16)
+      run<BFloat16>(rows, x, alive, mean);
+    else
+      run<float>(rows, x, alive, mean);
+    return mean;
+  }
+
+  static torch::autograd::variable_list backward(torch::autograd::AutogradContext* context,
+                                                 torch::autograd::variable_list gradients) {
+    const auto& rows = *reinterpret_cast<const RowRunner*>(context->saved_data["rows"].toInt());
+    const at::Tensor alive = context->get_saved_variables()[0], d_mean = gradients[0].contiguous();
+    at::Tensor d_x = at::empty({alive.size(0), alive.size(1), d_mean.size(1)}, d_mean.options());
+    if (d_mean.scalar_type() == at::kBFloat16)
+      run_gradient<BFloat16>(rows, d_mean, alive, d_x);
+    else
+      run_gradient<float>(rows, d_mean, alive, d_x);
+    return {d_x, at::Tensor(), at::Tensor()};
+  }
+};
+
+}  // namespace
+
+at::Tensor living_mean(const RowRunner& rows, const at::Tensor& x, const at::Tensor& alive) {
+  return LivingMeanFunction::apply(x.contiguous(), alive, reinterpret_cast<int64_t>(&rows));
 }
 
 TeamMlp::TeamMlp(ParameterSet& parameters, const std::string& name, int64_t input, const MlpConfig& config,
@@ -79,15 +129,14 @@ TeamMlp::TeamMlp(ParameterSet& parameters, const std::string& name, int64_t inpu
   }
 }
 
-at::Tensor TeamMlp::forward(const ParameterSet& p, at::Tensor x, const at::Tensor& alive) const {
+at::Tensor TeamMlp::forward(const ParameterSet& p, const RowRunner& rows, at::Tensor x, const at::Tensor& alive) const {
   const int64_t b = x.size(0), n = x.size(1);
-  const at::Tensor mask = alive.to(x.scalar_type());
   for (size_t k = 0; k < own_.layers_.size(); ++k) {
     const auto& layer = own_.layers_[k];
     at::Tensor y = linear(x.reshape({b * n, x.size(-1)}), p[layer.weight], p[layer.bias]).view({b, n, -1});
     if (team_weights_[k] >= 0) {
       const at::Tensor weight = p[team_weights_[k]].to(x.scalar_type());
-      y = y + at::matmul(living_mean(x, mask), weight.t());
+      y = y + at::mm(living_mean(rows, x, alive), weight.t()).unsqueeze(1);
     }
     x = own_.finish(p, layer, y);
   }

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "cuda/rows.hpp"
 #include "policy/config.hpp"
 #include "policy/parameters.hpp"
 
@@ -45,15 +46,15 @@ class TeamMlp {
   TeamMlp() = default;
   TeamMlp(ParameterSet& parameters, const std::string& name, int64_t input, const MlpConfig& config, int64_t output,
           float output_gain);
-  /// x [B, n, input], alive [B, n, 1] of 0 and 1 -> [B, n, output].
-  at::Tensor forward(const ParameterSet& p, at::Tensor x, const at::Tensor& alive) const;
+  /// x [B, n, input], alive [B, n] fp32 of 0 and 1 -> [B, n, output].
+  at::Tensor forward(const ParameterSet& p, const RowRunner& rows, at::Tensor x, const at::Tensor& alive) const;
 
  private:
   Mlp own_;
   std::vector<int> team_weights_;  // by layer; -1 for the first
 };
 
-/// Mean over dimension 1 of the rows with alive = 1; zero where none is: [B, n, H] -> [B, 1, H].
-at::Tensor living_mean(const at::Tensor& x, const at::Tensor& alive);
+/// Mean over the agents with alive = 1, zero where none is: x [B, n, H], alive [B, n] fp32 -> [B, H]. Differentiable in x.
+at::Tensor living_mean(const RowRunner& rows, const at::Tensor& x, const at::Tensor& alive);
 
 }  // namespace giga

@@ -1,7 +1,7 @@
 // Collector: plays a number of steps in all worlds and keeps what learning needs, all on the device.
 #pragma once
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "rollout/player.hpp"
 #include "sim/simulator.hpp"

@@ -1,6 +1,6 @@
 #include "rollout/player.hpp"
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "math/distributions.hpp"
 #include "policy/actor.hpp"
@@ -21,7 +21,7 @@ void act(const Player& player, const Simulator& sim, const RowRunner& rows, int 
   const at::Tensor obs = wrap(io.obs, {count, sim.spec().padded_observation_size()}, sim.device());
   const at::Tensor head = player.actor->forward(obs);
   if (sim.params().actions == ActionKind::discrete) {
-    rows.run(SampleCategorical{head.const_data_ptr<float>(), kNDiscreteActions, draws,
+    rows.run(SampleCategorical{head.const_data_ptr<float>(), draws,
                                static_cast<int32_t*>(io.action), io.log_prob, player.greedy},
              count);
   } else {

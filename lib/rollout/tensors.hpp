@@ -1,7 +1,7 @@
 // Tensors over the project's own buffers, without a copy.
 #pragma once
 
-#include <torch/torch.h>
+#include <torch/types.h>
 
 #include "core/memory.hpp"
 

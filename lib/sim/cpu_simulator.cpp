@@ -24,13 +24,13 @@ class CpuSimulator final : public Simulator {
 
   void step(const StepIo& io) override {
     for_worlds([&](WorldView& w, PhiloxDraws& draws, int64_t world) {
-      step_world(SerialLanes{}, params(), w, draws, io, options_.on_done, world);
+      play_step(SerialLanes{}, params(), w, draws, io, options_.on_done, world);
     });
   }
 
   void observe(const StepIo& io) override {
     for_worlds([&](WorldView& w, PhiloxDraws&, int64_t world) {
-      write_observations(SerialLanes{}, params(), w, running_sink(io), world);
+      write_observations(SerialLanes{}, params(), w, io, world);
     });
   }
 

@@ -8,8 +8,6 @@
 
 namespace giga {
 
-constexpr int kNeighborFeatures = 9;
-
 /// Bits of w.talk: whom of its team agent e hears: the living, itself included, the nearer the more likely. A dead agent
 /// listens on: the recordings of the original say so (SPEC section 6 has it wrong).
 template <class Draws>
@@ -75,67 +73,62 @@ GIGA_HD void rank_neighbors(const SimParams& p, WorldView& w, int e) {
   for (; count < limit; ++count) rows[count] = kNobody;
 }
 
-/// One of the nine numbers that ego e gets about agent a. Written as selections, not as a switch: on the GPU the lanes
-/// of a warp work on different features, and branches would take turns.
-GIGA_HD float neighbor_feature(const SimParams& p, const WorldView& w, int e, int a, int feature) {
-  const float* field = feature == 2   ? w.x
-                       : feature == 3 ? w.y
-                       : feature == 4 ? w.z
-                       : feature == 5 ? w.heading
-                       : feature == 6 ? w.v
-                                      : w.health;
-  const bool relative = feature >= 2 && feature <= 6 && a != e;
-  float value = field[a] - (relative ? field[e] : 0.0f);
-  if (feature == 5 && relative) value = p.original() ? wrap_original(value) : wrap_angle(value);
-  const float scale = feature == 2   ? p.inv_limit_x
-                      : feature == 3 ? p.inv_limit_y
-                      : feature == 4 ? 1.0f / kAltitudeLimit
-                      : feature == 6 ? p.inv_diagonal
-                                     : 1.0f;
-  value *= scale;
-  if (feature == 0 || (feature == 1 && p.team_of(a) == p.team_of(e))) value = 1.0f;
-  if (feature == 1 && p.team_of(a) != p.team_of(e)) value = 0.0f;
-  if (feature == 8) value = static_cast<float>(p.agents.sprite[a]);
+/// The nine numbers of agent a as anyone sees it: w.features. A row about another agent takes the ego's own from those
+/// in [kFirstRelative, kLastRelative].
+enum Feature : int { kSeen, kSameTeam, kX, kY, kZ, kHeading, kSpeed, kHealth, kSprite };
+constexpr int kFirstRelative = kX, kLastRelative = kSpeed;
+GIGA_HD void describe(const SimParams& p, WorldView& w, int a) {
+  float* f = w.features + a * kNeighborFeatures;
+  f[kSeen] = 1.0f;
+  f[kSameTeam] = static_cast<float>(p.team_of(a));  // compared with the ego's
+  f[kX] = w.x[a] * p.inv_limit_x;
+  f[kY] = w.y[a] * p.inv_limit_y;
+  f[kZ] = w.z[a] * (1.0f / kAltitudeLimit);
+  f[kHeading] = w.heading[a];
+  f[kSpeed] = w.v[a] * p.inv_diagonal;
+  f[kHealth] = w.health[a];
+  f[kSprite] = static_cast<float>(p.agents.sprite[a]);
+}
+
+/// Number `column` of the part of e's observation that is about agents, after rank_neighbors and describe. Selections
+/// rather than branches: on the GPU the lanes of a warp work on different features.
+GIGA_HD float neighbor_value(const SimParams& p, const WorldView& w, int e, int column) {
+  const int row = column / kNeighborFeatures, feature = column - row * kNeighborFeatures;
+  const uint16_t a = w.neighbors[e * p.n_neighbors + row];
+  if (a == kNobody) return 0.0f;
+  const float own = w.features[e * kNeighborFeatures + feature];
+  float value = w.features[a * kNeighborFeatures + feature];
+  if (feature == kSameTeam) return value == own ? 1.0f : 0.0f;
+  if (a != e && feature >= kFirstRelative && feature <= kLastRelative) {
+    value -= own;
+    if (feature == kHeading) value = p.original() ? wrap_original(value) : wrap_angle(value);
+  }
   return value;
 }
 
+/// Numbers of one box of the map, as shares of the world's size: x1 y1 x2 y2, with obstacle_heights z1 z2 too.
+GIGA_HD int box_features(const SimParams& p) { return p.obstacle_heights ? 6 : 4; }
+GIGA_HD float box_feature(const SimParams& p, const WorldView& w, int column) {
+  const int box_index = p.obstacle_heights ? column / 6 : column / 4;
+  const int side = column - box_index * box_features(p);
+  const Box& box = p.maps.boxes[*w.map * p.n_boxes + box_index];
+  const float value = (&box.x1)[side];
+  return value * (side >= 4 ? 1.0f / kAltitudeLimit : (side & 1) ? p.inv_limit_y : p.inv_limit_x);
+}
+
 /// Numbers behind the neighbors: the waypoint relative to e and its remaining seconds, then the boxes of the map.
-GIGA_HD float tail_feature(const SimParams& p, const WorldView& w, int e, int column) {
-  if (p.waypoints) {
-    if (column < 4)
-      return (column & 1) ? (w.waypoint[column] - w.y[e]) * p.inv_limit_y : (w.waypoint[column] - w.x[e]) * p.inv_limit_x;
-    if (column == 4) return *w.waypoint_time;
-    column -= 5;
-  }
-  const int per_box = p.obstacle_heights ? 6 : 4;
-  const Box& box = p.maps.boxes[static_cast<int64_t>(*w.map) * p.n_boxes + column / per_box];
-  switch (column % per_box) {
-    case 0:
-      return box.x1 * p.inv_limit_x;
-    case 1:
-      return box.y1 * p.inv_limit_y;
-    case 2:
-      return box.x2 * p.inv_limit_x;
-    case 3:
-      return box.y2 * p.inv_limit_y;
-    case 4:
-      return box.z1 * (1.0f / kAltitudeLimit);
-    default:
-      return box.z2 * (1.0f / kAltitudeLimit);
-  }
+constexpr int kWaypointFeatures = 5;
+GIGA_HD float tail_value(const SimParams& p, const WorldView& w, int e, int column) {
+  if (!p.waypoints) return box_feature(p, w, column);
+  if (column >= kWaypointFeatures) return box_feature(p, w, column - kWaypointFeatures);
+  if (column == 4) return *w.waypoint_time;
+  return (column & 1) ? (w.waypoint[column] - w.y[e]) * p.inv_limit_y : (w.waypoint[column] - w.x[e]) * p.inv_limit_x;
 }
 
-GIGA_HD int observation_size(const SimParams& p) {
-  return p.n_neighbors * kNeighborFeatures + (p.waypoints ? 5 : 0) + p.n_boxes * (p.obstacle_heights ? 6 : 4);
+GIGA_HD int neighbor_columns(const SimParams& p) { return p.n_neighbors * kNeighborFeatures; }
+GIGA_HD int tail_columns(const SimParams& p) {
+  return (p.waypoints ? kWaypointFeatures : 0) + p.n_boxes * box_features(p);
 }
-
-/// Number `column` of e's observation, once rank_neighbors has run for e.
-GIGA_HD float observation_value(const SimParams& p, const WorldView& w, int e, int column) {
-  const int n_neighbor_columns = p.n_neighbors * kNeighborFeatures;
-  if (column >= n_neighbor_columns) return tail_feature(p, w, e, column - n_neighbor_columns);
-  const int row = column / kNeighborFeatures;
-  const uint16_t a = w.neighbors[static_cast<int64_t>(e) * p.n_neighbors + row];
-  return a == kNobody ? 0.0f : neighbor_feature(p, w, e, a, column - row * kNeighborFeatures);
-}
+GIGA_HD int observation_size(const SimParams& p) { return neighbor_columns(p) + tail_columns(p); }
 
 }  // namespace giga

@@ -1,6 +1,7 @@
 // The start of an episode: map, places, resampling of those who start too close (SPEC section 9).
 #pragma once
 
+#include "sim/draws.hpp"
 #include "sim/movement.hpp"
 #include "sim/world.hpp"
 
@@ -16,7 +17,7 @@ GIGA_HD void begin_episode(const SimParams& p, WorldView& w, Draws& draws) {
   *w.waypoint_time = 0;
   *w.episode_length = 0;
   *w.outcome = Outcome::open;
-  *w.finished = 0;
+  *w.phase = Phase::plays;
 }
 
 GIGA_HD const StartArea& start_area(const SimParams& p, const WorldView& w, int i) {
@@ -52,6 +53,7 @@ GIGA_HD void place_agent(const SimParams& p, WorldView& w, Draws& draws, int i) 
       area.heading_lo + draws.start(i, 0, StartDraw::heading) * (area.heading_hi - area.heading_lo);
   w.health[i] = p.original() ? 1.0f : p.agents.max_health[i];
   w.alive[i] = 1;
+  w.flags[i] = 0;
   for (int64_t b = 0; b < n; ++b) w.tracked[i * n + b] = 0;
   for (int64_t k = 0; k < words; ++k) w.detected[i * words + k] = 0;
   face(w, i);

@@ -154,7 +154,7 @@ GIGA_HD void close_books(WorldView& w, int item) {
                                : *w.outcome == Outcome::team_1 ? EpisodeStat::wins_1
                                                                : EpisodeStat::ties;
     stat(result) += 1;
-    if (w.counts[kDone] == static_cast<int32_t>(Done::truncated)) stat(EpisodeStat::truncated) += 1;
+    if (*w.phase == Phase::truncated) stat(EpisodeStat::truncated) += 1;
   }
   stat(EpisodeStat::return_0, item) += w.returns[item];
   stat(EpisodeStat::return_masked_0, item) += w.returns_masked[item];

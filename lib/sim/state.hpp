@@ -35,6 +35,14 @@ constexpr int kNStatRows = kNEpisodeStats + kNTeams * kNRewardTerms;
 /// How the episode of a world stands.
 enum class Outcome : int32_t { open, team_0, team_1, tie };
 
+/// What a world is about to do.
+enum class Phase : uint8_t {
+  plays,
+  waits,       ///< its episode is over and no new one starts (OnDone::freeze)
+  terminated,  ///< its episode ended in this step and is to be settled
+  truncated,   ///< likewise, by the time limit
+};
+
 /// Words of 32 bits for one bit per agent.
 GIGA_HD int words_for(int n_agents) { return (n_agents + 31) / 32; }
 
@@ -57,7 +65,7 @@ struct StateView {
   int32_t* episode_length;  // [W] steps since the reset
   uint32_t* draw_step;      // [W] steps since the start: the step of the next draw
   Outcome* outcome;         // [W] decided when a team is wiped out first
-  uint8_t* finished;        // [W] 1: the episode is over and the world waits (OnDone::freeze)
+  Phase* phase;             // [W]
   float* returns;         // [W, 2] by team, this episode
   float* returns_masked;  // [W, 2] see EpisodeStat
   float* score;           // [W, 2]
@@ -94,7 +102,7 @@ void for_each_field(View& view, const FieldExtents& n, F&& f) {
   f("episode_length", view.episode_length, size_t{1});
   f("draw_step", view.draw_step, size_t{1});
   f("outcome", view.outcome, size_t{1});
-  f("finished", view.finished, size_t{1});
+  f("phase", view.phase, size_t{1});
   f("returns", view.returns, size_t{kNTeams});
   f("returns_masked", view.returns_masked, size_t{kNTeams});
   f("score", view.score, size_t{kNTeams});

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "core/geometry.hpp"
+#include "sim/observe.hpp"
 #include "sim/world.hpp"
 
 namespace giga {
@@ -14,7 +15,7 @@ constexpr int kEntityFeatures = 12;
 constexpr int kWorldFeatures = 5;
 
 GIGA_HD int world_feature_count(const SimParams& p) {
-  return kWorldFeatures + p.n_boxes * (p.obstacle_heights ? 6 : 4);
+  return kWorldFeatures + p.n_boxes * box_features(p);
 }
 GIGA_HD int global_size(const SimParams& p) { return p.n_agents * kEntityFeatures + world_feature_count(p); }
 
@@ -66,11 +67,7 @@ GIGA_HD float world_feature(const SimParams& p, const WorldView& w, int column) 
     default:
       break;
   }
-  const int per_box = p.obstacle_heights ? 6 : 4, at = column - kWorldFeatures;
-  const Box& box = p.maps.boxes[static_cast<int64_t>(*w.map) * p.n_boxes + at / per_box];
-  const float sides[6] = {box.x1 * p.inv_limit_x, box.y1 * p.inv_limit_y, box.x2 * p.inv_limit_x,
-                          box.y2 * p.inv_limit_y, box.z1 / kAltitudeLimit, box.z2 / kAltitudeLimit};
-  return sides[at % per_box];
+  return box_feature(p, w, column - kWorldFeatures);
 }
 
 /// Number `column` of the world's state vector: the entities in the order of the agents, then the world.

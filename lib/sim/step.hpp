@@ -17,51 +17,66 @@ GIGA_HD int64_t team_row(const SimParams& p, int64_t world, int i) {
   return world * p.n_team[p.team_of(i)] + p.agents.slot[i];
 }
 
-/// Where observations of a world go: the running ones, or those of an episode that has just ended.
-struct ObservationSink {
-  float* obs[kNTeams];      // [W, n, D]
-  uint8_t* alive[kNTeams];  // [W, n]
-  float* global;            // [W, G]
-  int stride;               // see StepIo::obs_stride
-};
-GIGA_HD ObservationSink running_sink(const StepIo& io) {
-  return {{io.team[0].obs, io.team[1].obs}, {io.team[0].alive, io.team[1].alive}, io.global, io.obs_stride};
-}
-GIGA_HD ObservationSink final_sink(const StepIo& io) {
-  return {{io.team[0].final_obs, io.team[1].final_obs},
-          {io.team[0].final_alive, io.team[1].final_alive},
-          io.final_global,
-          io.obs_stride};
+/// Numbers from one row of observations to the next.
+GIGA_HD int obs_stride(const SimParams& p, const StepIo& io) {
+  return io.obs_stride > 0 ? io.obs_stride : observation_size(p);
 }
 
 /// Writes what every agent sees, by w.seen. `active` false keeps the lanes in lockstep without work.
 template <class Lanes>
-GIGA_HD void write_observations(const Lanes& lanes, const SimParams& p, WorldView& w, const ObservationSink& sink,
-                                int64_t world, bool active = true) {
+GIGA_HD void write_observations(const Lanes& lanes, const SimParams& p, WorldView& w, const StepIo& io, int64_t world,
+                                bool active = true) {
   const int n = active ? p.n_agents : 0;
   lanes.each(n, [&](int e) {
     rank_neighbors(p, w, e);
-    uint8_t* alive = sink.alive[p.team_of(e)];
+    describe(p, w, e);
+    uint8_t* alive = io.team[p.team_of(e)].alive;
     if (alive) alive[team_row(p, world, e)] = w.alive[e];
   });
-  const int columns = observation_size(p), stride = sink.stride > 0 ? sink.stride : columns;
-  if (sink.obs[0] || sink.obs[1])
-    lanes.each_cell(n, columns, [&](int e, int column) {
-      float* obs = sink.obs[p.team_of(e)];
-      if (obs) obs[team_row(p, world, e) * stride + column] = observation_value(p, w, e, column);
+  // Number by number, so that neighboring lanes write neighboring numbers.
+  const int front = neighbor_columns(p), tail = tail_columns(p), stride = obs_stride(p, io);
+  if (io.team[0].obs || io.team[1].obs) {
+    lanes.each_cell(n, front, [&](int e, int column) {
+      float* obs = io.team[p.team_of(e)].obs;
+      if (obs) obs[team_row(p, world, e) * stride + column] = neighbor_value(p, w, e, column);
     });
-  const int state_columns = active && sink.global ? global_size(p) : 0;
-  lanes.each(state_columns, [&](int k) { sink.global[world * state_columns + k] = global_value(p, w, k); });
+    lanes.each_cell(tail > 0 ? n : 0, tail, [&](int e, int column) {
+      float* obs = io.team[p.team_of(e)].obs;
+      if (obs) obs[team_row(p, world, e) * stride + front + column] = tail_value(p, w, e, column);
+    });
+  }
+  const int state_columns = active && io.global ? global_size(p) : 0;
+  lanes.each(state_columns, [&](int k) { io.global[world * state_columns + k] = global_value(p, w, k); });
 }
 
 /// Decides what every agent sees and writes it.
 template <class Lanes, class Draws>
-GIGA_HD void observe_world(const Lanes& lanes, const SimParams& p, WorldView& w, Draws& draws,
-                           const ObservationSink& sink, int64_t world, bool after_reset, bool active = true) {
+GIGA_HD void observe_world(const Lanes& lanes, const SimParams& p, WorldView& w, Draws& draws, const StepIo& io,
+                           int64_t world, bool after_reset, bool active = true) {
   const int n = active ? p.n_agents : 0;
   if (p.stochastic_communication) lanes.each(n, [&](int e) { listen(p, w, draws, e, after_reset); });
   lanes.each(n, [&](int e) { look(p, w, e); });
-  write_observations(lanes, p, w, sink, world, active);
+  write_observations(lanes, p, w, io, world, active);
+}
+
+/// Copies the observations that have just been written to where those before a reset are kept.
+template <class Lanes>
+GIGA_HD void keep_final(const Lanes& lanes, const SimParams& p, const StepIo& io, int64_t world, bool active) {
+  const int n = active ? p.n_agents : 0, columns = observation_size(p), stride = obs_stride(p, io);
+  lanes.each(n, [&](int e) {
+    const TeamIo& team = io.team[p.team_of(e)];
+    if (team.final_alive && team.alive) team.final_alive[team_row(p, world, e)] = team.alive[team_row(p, world, e)];
+  });
+  if (io.team[0].final_obs || io.team[1].final_obs)
+    lanes.each_cell(n, columns, [&](int e, int column) {
+      const TeamIo& team = io.team[p.team_of(e)];
+      const int64_t at = team_row(p, world, e) * stride + column;
+      if (team.final_obs && team.obs) team.final_obs[at] = team.obs[at];
+    });
+  const int state_columns = active && io.final_global && io.global ? global_size(p) : 0;
+  lanes.each(state_columns, [&](int k) {
+    io.final_global[world * state_columns + k] = io.global[world * state_columns + k];
+  });
 }
 
 /// Starts an episode. `active` as above.
@@ -79,11 +94,12 @@ GIGA_HD void reset_world(const Lanes& lanes, const SimParams& p, WorldView& w, D
     lanes.each(n, [&](int a) { detect_only(p, w, draws, a); });
 }
 
-/// One step of one world. Between two stages all lanes see all results of the first.
+/// One step of one world. Between two stages all lanes see all results of the first. Where the episode ends, its world
+/// is left in Phase::terminated or truncated, for settle_world.
 template <class Lanes, class Draws>
 GIGA_HD void step_world(const Lanes& lanes, const SimParams& p, WorldView& w, Draws& draws, const StepIo& io,
                         OnDone on_done, int64_t world) {
-  const bool active = !*w.finished;
+  const bool active = *w.phase == Phase::plays;
   const int n = active ? p.n_agents : 0, one = active ? 1 : 0, teams = active ? kNTeams : 0;
 
   lanes.each(n, [&](int i) {
@@ -113,27 +129,50 @@ GIGA_HD void step_world(const Lanes& lanes, const SimParams& p, WorldView& w, Dr
           term_active(p, static_cast<RewardTerm>(t)) ? w.terms[t * p.n_agents + i] : 0.0f;
   });
   lanes.each(active ? kNBookItems : 0, [&](int item) { keep_books(p, w, item); });
+  observe_world(lanes, p, w, draws, io, world, false);
 
-  const bool ended = active && w.counts[kDone] != static_cast<int32_t>(Done::running);
-  const bool resets = ended && on_done == OnDone::reset;
   lanes.each(1, [&](int) {
-    if (io.done) io.done[world] = active ? static_cast<uint8_t>(w.counts[kDone]) : static_cast<uint8_t>(Done::running);
-    if (ended && on_done == OnDone::freeze) *w.finished = 1;
+    const Done done = active ? static_cast<Done>(w.counts[kDone]) : Done::running;
+    if (io.done) io.done[world] = static_cast<uint8_t>(done);
+    if (done != Done::running && on_done != OnDone::keep)
+      *w.phase = done == Done::terminated ? Phase::terminated : Phase::truncated;
+    if (active) *w.draw_step += 1;
   });
   // A world that waits earns nothing.
   lanes.each(active ? 0 : p.n_agents, [&](int i) {
     float* reward = io.team[p.team_of(i)].reward;
     if (reward) reward[team_row(p, world, i)] = 0.0f;
   });
+}
 
-  if (on_done != OnDone::keep && lanes.any(ended)) {
-    lanes.each(ended ? kNBookItems : 0, [&](int item) { close_books(w, item); });
-    if (io.team[0].final_obs || io.team[1].final_obs || io.final_global)
-      observe_world(lanes, p, w, draws, final_sink(io), world, false, ended);
-    if (on_done == OnDone::reset) reset_world(lanes, p, w, draws, resets);
+/// Whether any world that shares these lanes has an episode to settle.
+template <class Lanes>
+GIGA_HD bool to_settle(const Lanes& lanes, const WorldView& w) {
+  return lanes.any(*w.phase == Phase::terminated || *w.phase == Phase::truncated);
+}
+
+/// What follows a step in which the episode ended: the books are closed, the last observation is kept, and a new
+/// episode starts, or the world waits. `draws` are those of the step. A pass of its own, because it is rare.
+template <class Lanes, class Draws>
+GIGA_HD void settle_world(const Lanes& lanes, const SimParams& p, WorldView& w, Draws& draws, const StepIo& io,
+                          OnDone on_done, int64_t world) {
+  const bool ended = *w.phase == Phase::terminated || *w.phase == Phase::truncated;
+  lanes.each(ended ? kNBookItems : 0, [&](int item) { close_books(w, item); });
+  keep_final(lanes, p, io, world, ended);
+  if (on_done == OnDone::freeze) {
+    lanes.each(ended ? 1 : 0, [&](int) { *w.phase = Phase::waits; });
+    return;
   }
-  observe_world(lanes, p, w, draws, running_sink(io), world, resets);
-  lanes.each(one, [&](int) { *w.draw_step += 1; });
+  reset_world(lanes, p, w, draws, ended);
+  observe_world(lanes, p, w, draws, io, world, true, ended);
+}
+
+/// step_world and, where needed, settle_world: all of a step, for executors that do both at once.
+template <class Lanes, class Draws>
+GIGA_HD void play_step(const Lanes& lanes, const SimParams& p, WorldView& w, Draws& draws, const StepIo& io,
+                       OnDone on_done, int64_t world) {
+  step_world(lanes, p, w, draws, io, on_done, world);
+  if (to_settle(lanes, w)) settle_world(lanes, p, w, draws, io, on_done, world);
 }
 
 /// The first episode of a world: everything zero but the reward factor, then a reset and the first observation.
@@ -147,7 +186,7 @@ GIGA_HD void start_world(const Lanes& lanes, const SimParams& p, WorldView& w, D
     for (int k = 0; k < kNStatRows; ++k) w.stats[k] = 0;
   });
   reset_world(lanes, p, w, draws);
-  observe_world(lanes, p, w, draws, running_sink(io), world, true);
+  observe_world(lanes, p, w, draws, io, world, true);
   lanes.each(1, [&](int) { *w.draw_step += 1; });
 }
 

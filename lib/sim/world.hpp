@@ -18,7 +18,7 @@ struct WorldView {
   int32_t* episode_length;
   uint32_t* draw_step;
   Outcome* outcome;
-  uint8_t* finished;
+  Phase* phase;
   float *returns, *returns_masked, *score;  // [2]
   float* term_returns;                      // [2, kNRewardTerms]
   float* stats;                             // [kNStatRows]
@@ -33,11 +33,13 @@ struct WorldView {
   uint32_t* talk;         // [N, words] bit b of row e: e hears b
   uint16_t* neighbors;    // [N, n_neighbors] agents of the observation's rows; kNobody = row of zeros
   float* neighbor_keys;   // [N, n_neighbors] their distances
+  float* features;        // [N, kNeighborFeatures] of observations, see observe.hpp
   float* terms;           // [kNRewardTerms, N] what each reward term added to the agent's reward
   int32_t* counts;        // [kNCounts] see Count
 };
 
 constexpr uint16_t kNobody = 0xFFFF;
+constexpr int kNeighborFeatures = 9;  ///< numbers per agent in an observation
 
 /// What happened to an agent in this step.
 enum AgentFlag : uint8_t {
@@ -61,7 +63,7 @@ enum class Done : uint8_t {
 
 /// Bytes of scratch that a world of p needs, and the carving of a 16-byte aligned block of that size.
 struct ScratchLayout {
-  size_t dir_x, dir_y, taken, reward, next, terms, neighbor_keys, talk, counts, neighbors, was_alive, flags, size;
+  size_t dir_x, dir_y, taken, reward, next, features, terms, neighbor_keys, talk, counts, neighbors, was_alive, flags, size;
 
   GIGA_HD explicit ScratchLayout(const SimParams& p) {
     const size_t n = static_cast<size_t>(p.n_agents);
@@ -76,6 +78,7 @@ struct ScratchLayout {
     taken = take(4 * n);
     reward = take(4 * n);
     next = take(4 * n * 3);
+    features = take(4 * n * kNeighborFeatures);
     terms = take(4 * n * kNRewardTerms);
     neighbor_keys = take(4 * n * static_cast<size_t>(p.n_neighbors));
     talk = take(4 * n * static_cast<size_t>(words_for(p.n_agents)));
@@ -93,6 +96,7 @@ GIGA_HD void attach_scratch(WorldView& w, const ScratchLayout& layout, char* blo
   w.taken = reinterpret_cast<float*>(block + layout.taken);
   w.reward = reinterpret_cast<float*>(block + layout.reward);
   w.next = reinterpret_cast<float*>(block + layout.next);
+  w.features = reinterpret_cast<float*>(block + layout.features);
   w.terms = reinterpret_cast<float*>(block + layout.terms);
   w.neighbor_keys = reinterpret_cast<float*>(block + layout.neighbor_keys);
   w.talk = reinterpret_cast<uint32_t*>(block + layout.talk);
@@ -124,7 +128,7 @@ GIGA_HD WorldView world_view(const StateView& s, const SimParams& p, int64_t wor
   w.episode_length = s.episode_length + world;
   w.draw_step = s.draw_step + world;
   w.outcome = s.outcome + world;
-  w.finished = s.finished + world;
+  w.phase = s.phase + world;
   w.returns = s.returns + world * kNTeams;
   w.returns_masked = s.returns_masked + world * kNTeams;
   w.score = s.score + world * kNTeams;
@@ -134,7 +138,8 @@ GIGA_HD WorldView world_view(const StateView& s, const SimParams& p, int64_t wor
 }
 
 /// What a step reads and writes besides the state: one team's buffers, n = agents of the team, D = observation size.
-/// Null = not wanted. `final_*` are written only where an episode ended in this step: what stood before the reset.
+/// Null = not wanted. `final_*` are copies of obs, alive and global (which must be wanted too) from before a reset, and are
+/// written only where an episode ended in this step.
 struct TeamIo {
   const void* action = nullptr;     // [W, n] int32 (discrete) or [W, n, 3] float (continuous)
   float* obs = nullptr;             // [W, n, D] after the step (after the reset where the episode ended)
@@ -145,7 +150,7 @@ struct TeamIo {
 };
 struct StepIo {
   TeamIo team[kNTeams];
-  int obs_stride = 0;              // numbers from one row of `obs` to the next; 0 = D. What lies between is not touched
+  int obs_stride = 0;              // from one row of obs and final_obs to the next; 0 = D. The rest is not touched
   uint8_t* done = nullptr;         // [W] Done
   float* global = nullptr;         // [W, G] true state, see state_encoding.hpp
   float* final_global = nullptr;   // [W, G]
@@ -155,7 +160,7 @@ struct StepIo {
 /// What happens to a world whose episode has ended.
 enum class OnDone : uint8_t {
   reset,   ///< a new episode starts in the same step
-  freeze,  ///< it waits, `finished` set, and takes no further steps
+  freeze,  ///< it waits (Phase::waits) and takes no further steps
   keep,    ///< it steps on, as the original does
 };
 

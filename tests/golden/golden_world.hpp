@@ -29,7 +29,7 @@ class GoldenWorld {
   void reset(Draws& draws) {
     const StepIo buffers = io();
     reset_world(SerialLanes{}, params(), view_, draws);
-    observe_world(SerialLanes{}, params(), view_, draws, running_sink(buffers), 0, true);
+    observe_world(SerialLanes{}, params(), view_, draws, buffers, 0, true);
   }
 
   // Of the last step or reset, by agent index.

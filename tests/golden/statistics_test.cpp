@@ -171,7 +171,7 @@ Episodes play(const SimSpec& spec, const std::array<int, kNTeams>& policy, int m
       if (policy[team] < 0)
         for (int32_t& action : actions[team]) action = any(random);
     simulator->step(io);
-    if (std::all_of(s.finished, s.finished + kEpisodes, [](uint8_t f) { return f != 0; })) break;
+    if (std::all_of(s.phase, s.phase + kEpisodes, [](Phase phase) { return phase == Phase::waits; })) break;
   }
   Episodes e;
   const int n = simulator->params().n_agents;

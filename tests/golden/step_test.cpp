@@ -59,7 +59,7 @@ void load_state(GoldenWorld& world, const RecordedState& s, size_t t) {
   *w.waypoint_time = s.waypoint_enabled.data[t];
   *w.reward_factor = s.aux_rewards_factor.data[t];
   *w.episode_length = s.episode_length.data[t];
-  *w.finished = 0;
+  *w.phase = Phase::plays;
   *w.outcome = Outcome::open;
 }
 

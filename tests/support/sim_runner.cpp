@@ -184,7 +184,7 @@ void Activity::add(const Snapshot& snapshot) {
   for (const uint8_t alive : snapshot.field("alive").bytes) dead += alive == 0;
   const SnapshotField& length = snapshot.field("episode_length");
   for (size_t w = 0; w < snapshot.n_worlds; ++w) {
-    ended += read<int32_t>(length, w) == 0 || snapshot.byte_at("finished", w) != 0;
+    ended += read<int32_t>(length, w) == 0 || snapshot.byte_at("phase", w) != 0;
     waypoints += snapshot.float_at("waypoint_time", w) > 0;
   }
 }

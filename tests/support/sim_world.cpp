@@ -33,7 +33,7 @@ TestWorld::TestWorld(SimSpec spec, OnDone on_done)
   const StateView& s = state_.view();
   view_ = world_view(s, params(), kWorld);
   *view_.draw_step = 0;
-  *view_.finished = 0;
+  *view_.phase = Phase::plays;
   attach_scratch(view_, layout_, scratch_.data());
   columns_ = observation_size(params());
   done_.resize(kNWorlds);
@@ -82,7 +82,7 @@ void TestWorld::start() {
 
 void TestWorld::step() {
   poison();
-  step_world(SerialLanes{}, params(), view_, draws, io_, on_done_, kWorld);
+  play_step(SerialLanes{}, params(), view_, draws, io_, on_done_, kWorld);
 }
 
 void TestWorld::put(int i, float x, float y, float heading, float z, float v) {

@@ -218,10 +218,10 @@ TEST(SimEpisode, FreezeWaits) {
   TestWorld world(spec, OnDone::freeze);
   spread(world);
   world.step();
-  EXPECT_EQ(*world.now().finished, 0);
+  EXPECT_EQ(*world.now().phase, Phase::plays);
   world.step();
   EXPECT_EQ(world.done(), Done::truncated);
-  EXPECT_EQ(*world.now().finished, 1);
+  EXPECT_EQ(*world.now().phase, Phase::waits);
   EXPECT_EQ(world.final_alive(0), 1);
   const float x = world.now().x[0], own_x = world.obs(0, 2);
   const uint32_t draw_step = *world.now().draw_step;
@@ -236,7 +236,7 @@ TEST(SimEpisode, FreezeWaits) {
   EXPECT_EQ(world.stat(EpisodeStat::episodes), 1.0f);
   EXPECT_EQ(world.stat(EpisodeStat::return_0), 4.0f);
   world.start();
-  EXPECT_EQ(*world.now().finished, 0) << "a start wakes it";
+  EXPECT_EQ(*world.now().phase, Phase::plays) << "a start wakes it";
 }
 
 TEST(SimEpisode, TakeStatsSumsWorldsOnce) {

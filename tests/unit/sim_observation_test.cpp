@@ -36,8 +36,9 @@ std::vector<std::vector<float>> observe_team_0(TestWorld& world) {
         w.detected[a * words + b / 32] |= 1u << (b % 32);
   }
   std::vector<float> flat(static_cast<size_t>(p.n_team[0] * world.columns()), NAN);
-  const ObservationSink sink{{flat.data(), nullptr}, {nullptr, nullptr}, nullptr, 0};
-  observe_world(SerialLanes{}, p, w, world.draws, sink, 0, false);
+  StepIo io;
+  io.team[0].obs = flat.data();
+  observe_world(SerialLanes{}, p, w, world.draws, io, 0, false);
   std::vector<std::vector<float>> rows;
   for (int i = 0; i < p.n_team[0]; ++i)
     rows.emplace_back(flat.begin() + i * world.columns(), flat.begin() + (i + 1) * world.columns());
@@ -185,10 +186,14 @@ TEST(SimObservation, DeadEgo) {
     world.kill(0);
     const auto rows = observe_team_0(world);
     const auto order = order_of(rows[0], 3);
-    // Partially observable: hears nobody, not even itself. Fully: sees the others (the opponent at 2, the mate at 1).
-    EXPECT_EQ(order, partial ? (std::vector<int>{-1, -1, -1}) : (std::vector<int>{-1, 1, 2}));
+    // It never sees itself, but sees the others (the mate at 1, the opponent at 2); with stochastic communication only
+    // through mates that it hears: it listens on after its death, as the recordings of the original say.
+    EXPECT_EQ(order, (std::vector<int>{-1, 1, 2}));
+    world.draws.comm_draw = [](int, int, bool) { return 0.0f; };  // below 1 / 8: nobody is heard
+    const auto deaf = order_of(observe_team_0(world)[0], 3);
+    EXPECT_EQ(deaf, partial ? (std::vector<int>{-1, -1, -1}) : order);
     EXPECT_NEAR(rows[0][27], -0.5f, kTolerance) << "the tail is not masked: (0 - 5) / 10";
-    EXPECT_EQ(order_of(rows[1], 3), (std::vector<int>{1, 2, -1})) << "the dead are not seen";
+    EXPECT_EQ(order_of(rows[1], 3), (std::vector<int>{1, 2, -1})) << "the dead are neither seen nor heard";
   }
 }
 

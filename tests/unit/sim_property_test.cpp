@@ -64,12 +64,12 @@ class ScrambledSimulator final : public Simulator {
   }
   void step(const StepIo& io) override {
     run([&](const ScrambledLanes& lanes, WorldView& w, PhiloxDraws& draws, int64_t world) {
-      step_world(lanes, params(), w, draws, io, options_.on_done, world);
+      play_step(lanes, params(), w, draws, io, options_.on_done, world);
     });
   }
   void observe(const StepIo& io) override {
     run([&](const ScrambledLanes& lanes, WorldView& w, PhiloxDraws&, int64_t world) {
-      write_observations(lanes, params(), w, running_sink(io), world);
+      write_observations(lanes, params(), w, io, world);
     });
   }
   EpisodeStats take_stats() override { return {}; }

@@ -1,0 +1,62 @@
+// Running the built gigastep as a user does, and looking at what it gives.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <initializer_list>
+#include <string>
+#include <vector>
+
+#include "config/document.hpp"
+
+namespace giga::test {
+
+struct Outcome {
+  int code = -1;
+  std::string out, err;
+};
+
+/// A folder of its own with the program run in it; removed at the end.
+class Workplace {
+ public:
+  Workplace();
+  ~Workplace();
+  Workplace(const Workplace&) = delete;
+  Workplace& operator=(const Workplace&) = delete;
+
+  /// `gigastep arguments...` in the folder.
+  Outcome run(const std::vector<std::string>& arguments, const std::string& program = GIGASTEP_EXECUTABLE) const;
+
+  const std::filesystem::path& path() const { return path_; }
+  void write(const std::string& name, const std::string& text) const;
+  std::string read(const std::string& name) const;
+  bool has(const std::string& name) const { return std::filesystem::exists(path_ / name); }
+  /// Names directly in the folder.
+  std::vector<std::string> entries() const;
+
+ private:
+  std::filesystem::path path_;
+  std::filesystem::path streams_;  // stdout and stderr of the program
+};
+
+/// Whether a text has all the parts; shows it where not.
+::testing::AssertionResult contains(const std::string& text, std::initializer_list<std::string> parts);
+
+/// A value in JSON (which is YAML) by its path, as {"sides", "0", "wins"}; fails the test where there is none.
+const Node& at(const Document& json, std::initializer_list<std::string> path);
+double number_at(const Document& json, std::initializer_list<std::string> path);
+
+/// The columns of a CSV file without quotes: name and one text per row.
+struct CsvTable {
+  std::vector<std::string> columns;
+  std::vector<std::vector<std::string>> rows;
+  /// Fails the test where there is no such column.
+  const std::string& cell(size_t row, const std::string& column) const;
+};
+CsvTable parse_csv(const std::string& text);
+
+/// A run of a second: 3 updates of 64 worlds, 2 against 2.
+extern const char* const kTinyConfig;
+
+}  // namespace giga::test

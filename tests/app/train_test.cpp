@@ -1,0 +1,163 @@
+// Train, then evaluate: a tiny run on the CPU from the config to the win rates.
+#include <gtest/gtest.h>
+
+#include <filesystem>
+
+#include "io/checkpoint.hpp"
+#include "program.hpp"
+
+namespace giga::test {
+namespace {
+
+/// One run for all tests of this file: they only look at it.
+class TrainedRun : public ::testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    here_ = new Workplace();
+    here_->write("tiny.yaml", kTinyConfig);
+    training_ = here_->run({"train", "tiny.yaml", "--run-dir", "run", "--seed", "5"});
+  }
+  static void TearDownTestSuite() {
+    delete here_;
+    here_ = nullptr;
+  }
+  void SetUp() override { ASSERT_EQ(training_.code, 0) << training_.err; }
+
+  static Workplace* here_;
+  static Outcome training_;
+};
+Workplace* TrainedRun::here_ = nullptr;
+Outcome TrainedRun::training_;
+
+TEST_F(TrainedRun, PrintsTheTableAndTheCommandThatEvaluatesIt) {
+  EXPECT_TRUE(contains(training_.out, {"against", "random", "circle", " eval run --vs circle"}));
+  EXPECT_TRUE(contains(training_.err, {"update 3 of 3", "agent-steps", "wins vs circle"}));
+}
+
+TEST_F(TrainedRun, FolderHoldsEverything) {
+  EXPECT_TRUE(contains(here_->read("run/config.yaml"), {"seed: 5", "n_worlds: 64", "gamma: "}));
+  EXPECT_TRUE(contains(here_->read("run/scenario.yaml"), {"team_0:"}));
+  EXPECT_TRUE(
+      contains(here_->read("run/log.txt"), {"info: training identical_2_vs_2_void", "evaluation after update 2"}));
+  const Document info = parse_yaml_text(here_->read("run/run.json"), "run.json");
+  EXPECT_EQ(number_at(info, {"seed"}), 5);
+  EXPECT_EQ(at(info, {"command_line", "1"}).text, "train");
+  EXPECT_EQ(at(info, {"hardware", "device"}).text, "cpu");
+  EXPECT_GE(number_at(info, {"hardware", "cores"}), 1);
+  EXPECT_NE(at(info, {"versions", "torch"}).text, "");
+}
+
+TEST_F(TrainedRun, MetricsHaveARowPerUpdate) {
+  const CsvTable table = parse_csv(here_->read("run/metrics.csv"));
+  ASSERT_EQ(table.rows.size(), 3u);
+  for (size_t row = 0; row < 3; ++row) {
+    EXPECT_EQ(table.cell(row, "update"), std::to_string(row + 1));
+    EXPECT_EQ(table.cell(row, "agent_steps"), std::to_string(4096 * (row + 1)));
+    EXPECT_GT(std::stod(table.cell(row, "agent_steps_per_second")), 0);
+    EXPECT_GT(std::stod(table.cell(row, "entropy_0")), 0);
+    EXPECT_NE(table.cell(row, "value_loss_1"), "");
+    // Evaluated after update 2 and at the end.
+    EXPECT_EQ(table.cell(row, "win_rate_1_vs_circle").empty(), row == 0);
+  }
+}
+
+TEST_F(TrainedRun, KeepsTheNewestCheckpoints) {
+  EXPECT_FALSE(here_->has("run/checkpoints/update_00000001.h5"));
+  EXPECT_TRUE(here_->has("run/checkpoints/update_00000002.h5"));
+  const Checkpoint newest = read_checkpoint(here_->path() / "run/checkpoints/update_00000003.h5");
+  EXPECT_EQ(newest.updates, 3);
+  EXPECT_EQ(newest.agent_steps, 3 * 4096);
+  EXPECT_EQ(newest.seed, 5u);
+  EXPECT_EQ(newest.scenario_name, "identical_2_vs_2_void");
+  EXPECT_EQ(newest.config_yaml, here_->read("run/config.yaml"));
+  EXPECT_FALSE(newest.arrays.empty());
+}
+
+TEST_F(TrainedRun, IsNotOverwritten) {
+  const Outcome again = here_->run({"train", "tiny.yaml", "--run-dir", "run"});
+  EXPECT_EQ(again.code, 2);
+  EXPECT_TRUE(contains(again.err, {"run", "not empty"}));
+}
+
+TEST_F(TrainedRun, EvaluatesToJsonAlone) {
+  const Outcome eval = here_->run(
+      {"eval", "run", "--vs", "random", "--episodes", "40", "--seed", "3", "--device", "cpu", "--json", "-"});
+  ASSERT_EQ(eval.code, 0) << eval.err;
+  const Document json = parse_yaml_text(eval.out, "json");
+  EXPECT_EQ(at(json, {"a"}).text, "run");
+  EXPECT_EQ(at(json, {"b"}).text, "random");
+  EXPECT_EQ(at(json, {"scenario"}).text, "identical_2_vs_2_void");
+  ASSERT_EQ(at(json, {"sides"}).items.size(), 2u);
+  for (const std::string side : {"0", "1"}) {
+    const auto n = [&](const char* key) { return number_at(json, {"sides", side, key}); };
+    EXPECT_EQ(n("team"), std::stod(side));
+    EXPECT_EQ(n("episodes"), 40);
+    EXPECT_EQ(n("wins") + n("losses") + n("ties"), 40);
+    EXPECT_DOUBLE_EQ(n("win_rate"), n("wins") / 40);
+    EXPECT_LE(number_at(json, {"sides", side, "win_rate_ci95", "0"}), n("win_rate"));
+    EXPECT_GE(number_at(json, {"sides", side, "win_rate_ci95", "1"}), n("win_rate"));
+    EXPECT_GE(n("mean_length"), 1);
+    for (const char* key : {"mean_return", "mean_return_original", "mean_score"}) n(key);
+  }
+}
+
+TEST_F(TrainedRun, EvaluationIsAFunctionOfTheSeed) {
+  const auto eval = [&](const std::string& seed, const std::string& file) {
+    return here_->run({"eval", file, "--vs", "circle_random", "--episodes", "40", "--seed", seed, "--device", "cpu"})
+        .out;
+  };
+  const std::string file = "run/checkpoints/update_00000003.h5", first = eval("1", file);
+  EXPECT_TRUE(contains(first, {"against", "circle_random", "after 3 updates"}));
+  EXPECT_EQ(eval("1", file), first);
+  EXPECT_NE(eval("2", file), first);
+}
+
+TEST_F(TrainedRun, EvaluationWritesJsonToAFile) {
+  const Outcome eval = here_->run(
+      {"eval", "run", "--vs", "noop", "--episodes", "8", "--device", "cpu", "--greedy", "--json", "result.json"});
+  ASSERT_EQ(eval.code, 0) << eval.err;
+  EXPECT_TRUE(contains(eval.out, {"against"}));
+  EXPECT_EQ(at(parse_yaml_text(here_->read("result.json"), "json"), {"greedy"}).text, "true");
+}
+
+TEST_F(TrainedRun, ADamagedCheckpointIsRefused) {
+  here_->write("damaged.h5", here_->read("run/checkpoints/update_00000003.h5").substr(0, 4000));
+  const Outcome eval = here_->run({"eval", "damaged.h5", "--vs", "random"});
+  EXPECT_EQ(eval.code, 2);
+  EXPECT_TRUE(contains(eval.err, {"damaged.h5: is truncated: 4000 of "}));
+}
+
+TEST(Train, AScriptedOpponentLearnsNothingAndIsLeftOut) {
+  const Workplace here;
+  here.write("tiny.yaml", kTinyConfig);
+  const Outcome training = here.run({"train", "tiny.yaml", "--set", "train.opponent=circle", "--set",
+                                     "train.learning_team=1", "--set", "train.total_agent_steps=4_096", "--quiet"});
+  ASSERT_EQ(training.code, 0) << training.err;
+  EXPECT_EQ(training.err, "");
+  const std::string run = "runs/identical_2_vs_2_void-mappo-seed1-001";
+  ASSERT_TRUE(here.has(run));
+  const CsvTable table = parse_csv(here.read(run + "/metrics.csv"));
+  EXPECT_EQ(table.cell(0, "win_rate_0_vs_random"), "");
+  EXPECT_NE(table.cell(0, "win_rate_1_vs_random"), "");
+  EXPECT_EQ(table.cell(0, "value_loss_0"), "");
+
+  const Outcome eval = here.run({"eval", run, "--vs", "random", "--episodes", "8", "--device", "cpu", "--json", "-"});
+  ASSERT_EQ(eval.code, 0) << eval.err;
+  EXPECT_TRUE(contains(eval.err, {"team 0 has no learned policy"}));
+  const Document json = parse_yaml_text(eval.out, "json");
+  ASSERT_EQ(at(json, {"sides"}).items.size(), 1u);
+  EXPECT_EQ(number_at(json, {"sides", "0", "team"}), 1);
+}
+
+TEST(Train, DivergenceHasItsOwnExitCode) {
+  const Workplace here;
+  here.write("tiny.yaml", kTinyConfig);
+  const Outcome training = here.run({"train", "tiny.yaml", "--run-dir", "run", "--set", "mappo.learning_rate=1e38",
+                                     "--set", "mappo.critic_learning_rate=1e38"});
+  EXPECT_EQ(training.code, 3) << training.err;
+  EXPECT_TRUE(contains(training.err, {"training diverged", "loss", "update"}));
+  EXPECT_TRUE(contains(here.read("run/log.txt"), {"error: training diverged"}));
+}
+
+}  // namespace
+}  // namespace giga::test

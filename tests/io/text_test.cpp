@@ -1,0 +1,155 @@
+// What io writes as text: numbers, JSON, metrics.csv, log, progress.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <limits>
+
+#include "config/document.hpp"
+#include "io/files.hpp"
+#include "io/host_info.hpp"
+#include "io/json.hpp"
+#include "io/logger.hpp"
+#include "io/metrics_csv.hpp"
+#include "io/number.hpp"
+#include "io/progress.hpp"
+#include "temporary_folder.hpp"
+
+namespace giga::test {
+namespace {
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+
+TEST(Number, ReadsBackToTheSameValue) {
+  for (const double x : {0.1, -1.0 / 3, 1e-300, 3e8, 9007199254740993.0, 5e-324, -0.0, 1.7976931348623157e308})
+    EXPECT_EQ(std::strtod(print_number(x).c_str(), nullptr), x) << print_number(x);
+  EXPECT_EQ(print_number(300'000'000), "300000000");
+  EXPECT_EQ(print_number(-0.0), "-0");
+  EXPECT_EQ(print_number(0.5), "0.5");
+}
+
+TEST(Number, ForPeople) {
+  EXPECT_EQ(print_short(950), "950");
+  EXPECT_EQ(print_short(999.9), "1.00 k");
+  EXPECT_EQ(print_short(12'345'678), "12.3 M");
+  EXPECT_EQ(print_short(5.04e9), "5.04 G");
+  EXPECT_EQ(print_duration(3723), "1:02:03");
+  EXPECT_EQ(print_duration(59.6), "1:00");
+  EXPECT_EQ(print_duration(kNan), "-:--");
+}
+
+TEST(JsonText, ObjectsKeepTheirOrder) {
+  Json json = Json::object();
+  json.set("z", 1).set("a", Json::array(std::vector<double>{0.5, kNan})).set("e", Json::object()).set("n", Json());
+  json.set("list", Json::array().push(Json::object().set("x", true)));
+  EXPECT_EQ(
+      json.text(),
+      "{\n  \"z\": 1,\n  \"a\": [0.5, null],\n  \"e\": {},\n  \"n\": null,\n  \"list\": [\n    {\n      \"x\": true\n"
+      "    }\n  ]\n}");
+}
+
+TEST(JsonText, Integers) {
+  EXPECT_EQ(Json(std::numeric_limits<uint64_t>::max()).text(), "18446744073709551615");
+  EXPECT_EQ(Json(std::numeric_limits<int64_t>::min()).text(), "-9223372036854775808");
+  EXPECT_EQ(Json(int8_t{-3}).text(), "-3");
+}
+
+// JSON is YAML: the project's own reader serves as the check.
+TEST(JsonText, StringsAreEscaped) {
+  EXPECT_EQ(Json("a\"b\\c\n\t\x01").text(), "\"a\\\"b\\\\c\\n\\t\\u0001\"");
+  EXPECT_EQ(Json("größe €").text(), "\"größe €\"");
+  EXPECT_EQ(Json("\xff\xc0\x80").text(), "\"\xEF\xBF\xBD\xEF\xBF\xBD\xEF\xBF\xBD\"");  // not UTF-8
+  const std::string text = "quotes \" and \\ and\nlines: [1, 2] # no comment";
+  const Document document = parse_yaml_text(Json::object().set("key", text).text(), "json");
+  EXPECT_EQ(document.root.find("key")->text, text);
+}
+
+TEST(MetricsFile, HeaderRowsAndUnknownFigures) {
+  const TemporaryFolder folder;
+  MetricsCsv csv(folder / "m.csv");
+  csv.write({{"update", 1}, {"a,\"b\"", 0.25}, {"loss", kNan}});
+  EXPECT_EQ(read_file(folder / "m.csv"), "update,\"a,\"\"b\"\"\",loss\r\n1,0.25,\r\n") << "not flushed after the row";
+  csv.write({{"update", 2}, {"a,\"b\"", 1e-9}, {"loss", -INFINITY}});
+  EXPECT_TRUE(contains(read_file(folder / "m.csv"), {"\r\n2,1e-09,-inf\r\n"}));
+}
+
+TEST(MetricsFile, ColumnsNeverChange) {
+  const TemporaryFolder folder;
+  MetricsCsv csv(folder / "m.csv");
+  csv.write({{"update", 1}, {"loss", 2}});
+  EXPECT_THROW(csv.write({{"update", 2}, {"other", 2}}), Error);
+  EXPECT_THROW(csv.write({{"update", 2}}), Error);
+  EXPECT_THROW(csv.write({{"update", 2}, {"loss", 1}, {"more", 1}}), Error);
+  EXPECT_EQ(read_file(folder / "m.csv"), "update,loss\r\n1,2\r\n");
+  EXPECT_THROW(MetricsCsv(folder / "m.csv"), Error) << "overwrites";
+}
+
+TEST(Log, MessagesAreNoFormatStrings) {
+  const TemporaryFolder folder;
+  ::testing::internal::CaptureStderr();
+  {
+    Logger log(folder / "log.txt", Logger::Console::all);
+    log.info("braces {} and %s");
+    log.warn("careful");
+    log.note("for the file");
+    log.error("the end");
+  }
+  const std::string console = ::testing::internal::GetCapturedStderr();
+  EXPECT_EQ(console, "braces {} and %s\nwarning: careful\n");
+  EXPECT_TRUE(contains(read_file(folder / "log.txt"), {" info: braces {} and %s\n", " warning: careful\n",
+                                                       " info: for the file\n", " error: the end\n"}));
+}
+
+TEST(Log, Quiet) {
+  const TemporaryFolder folder;
+  ::testing::internal::CaptureStderr();
+  {
+    Logger log(folder / "log.txt", Logger::Console::quiet);
+    log.info("unheard");
+    log.warn("heard");
+  }
+  EXPECT_EQ(::testing::internal::GetCapturedStderr(), "warning: heard\n");
+  EXPECT_TRUE(contains(read_file(folder / "log.txt"), {"unheard"}));
+}
+
+// A quarter is done after 10 s: 30 s are left.
+const ProgressState kQuarter = {5, 20, 250'000, 1'000'000, 10, 25'000, {{"wins vs random", "0.980/0.970"}}};
+
+TEST(ProgressLine, SaysHowFarItIs) {
+  EXPECT_DOUBLE_EQ(seconds_left(kQuarter), 30);
+  EXPECT_EQ(progress_text(kQuarter),
+            "update 5 of 20: 250 k of 1.00 M agent-steps, 25.0 k/s, 0:30 left, wins vs random 0.980/0.970");
+  EXPECT_EQ(progress_bar(kQuarter, 200),
+            " 25% [======                  ] 250 k of 1.00 M agent-steps, 25.0 k/s, 0:30 left, "
+            "wins vs random 0.980/0.970");
+}
+
+TEST(ProgressLine, FitsNarrowTerminals) {
+  for (int width = 1; width < 130; ++width) EXPECT_LE(progress_bar(kQuarter, width).size(), static_cast<size_t>(width));
+  EXPECT_EQ(progress_bar(kQuarter, 40), " 25% 250 k of 1.00 M agent-steps, 25.0 k");
+}
+
+TEST(ProgressLine, PlainLinesComeAtACadence) {
+  const TemporaryFolder folder;
+  ::testing::internal::CaptureStderr();
+  {
+    Logger log(folder / "log.txt", Logger::Console::all);
+    Progress progress(log, Progress::Mode::lines, std::chrono::hours(1));
+    ProgressState state = kQuarter;
+    for (state.update = 1; state.update <= state.n_updates; ++state.update) progress.show(state);
+  }
+  const std::string lines = ::testing::internal::GetCapturedStderr();
+  EXPECT_EQ(std::count(lines.begin(), lines.end(), '\n'), 2) << "the first and the last:\n" << lines;
+}
+
+TEST(HostFacts, AreThere) {
+  const HostInfo host = host_info();
+  EXPECT_GE(host.cores, 1);
+  EXPECT_GT(host.memory_bytes, 1 << 20);
+  EXPECT_GT(resident_bytes(), 1 << 16);
+  EXPECT_EQ(utc_now().size(), std::string("2026-11-21T12:53:18Z").size());
+}
+
+}  // namespace
+}  // namespace giga::test
