@@ -108,18 +108,18 @@ MetricsRow metrics_row(const Learner& learner, double seconds, const Times& time
   return row;
 }
 
-/// Win rates for the progress line: "wins vs circle 0.40/0.31".
+/// For the progress line: "circle", "0.40/0.31".
 std::vector<std::pair<std::string, std::string>> win_rates(const std::vector<TeamResult>& results) {
-  std::vector<std::pair<std::string, std::string>> figures;
+  std::vector<std::pair<std::string, std::string>> rates;
   for (const TeamResult& r : results) {
-    const std::string name = "wins vs " + r.opponent, rate = print_share(r.share(r.wins()));
-    if (!figures.empty() && figures.back().first == name) {
-      figures.back().second += "/" + rate;
+    const std::string rate = print_share(r.share(r.wins()));
+    if (!rates.empty() && rates.back().first == r.opponent) {
+      rates.back().second += "/" + rate;
     } else {
-      figures.emplace_back(name, rate);
+      rates.emplace_back(r.opponent, rate);
     }
   }
-  return figures;
+  return rates;
 }
 
 void train(const TrainOptions& o) {

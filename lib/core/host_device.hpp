@@ -6,3 +6,10 @@
 #else
 #define GIGA_HD inline
 #endif
+
+// In front of a loop over a small array that must stay in registers on the GPU.
+#if defined(__CUDA_ARCH__)
+#define GIGA_UNROLL _Pragma("unroll")
+#else
+#define GIGA_UNROLL
+#endif

@@ -33,7 +33,7 @@ std::string print_short(double value) {
 std::string print_share(double value) {
   if (std::isnan(value)) return "-";
   char text[32];
-  std::snprintf(text, sizeof text, "%.3f", value);
+  std::snprintf(text, sizeof text, "%.2f", value);
   return text;
 }
 

@@ -14,7 +14,7 @@ std::string print_number(double value);
 /// 3 significant digits with a unit: 12345678 = "12.3 M", 950 = "950".
 std::string print_short(double value);
 
-/// A share with 3 decimals; "-" for NaN.
+/// A share with 2 decimals; "-" for NaN.
 std::string print_share(double value);
 
 /// Seconds as 1:02:03 or 2:03; "-:--" where not known.

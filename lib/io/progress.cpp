@@ -15,7 +15,7 @@ namespace giga {
 namespace {
 
 constexpr std::chrono::milliseconds kDrawEvery{100};
-constexpr int kBarWidth = 24;
+constexpr int kBarWidth = 16;
 
 double share_done(const ProgressState& s) {
   if (s.total_agent_steps <= 0) return 0;
@@ -27,12 +27,13 @@ int terminal_width() {
   return ::ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0 ? size.ws_col : 80;
 }
 
-/// What bar and text have in common.
-std::string figures(const ProgressState& s) {
+/// What bar and text have in common; `unit` stands behind the counts.
+std::string figures(const ProgressState& s, const std::string& unit) {
   std::string text = print_short(static_cast<double>(s.agent_steps)) + " of " +
-                     print_short(static_cast<double>(s.total_agent_steps)) + " agent-steps, " +
+                     print_short(static_cast<double>(s.total_agent_steps)) + unit + ", " +
                      print_short(s.agent_steps_per_second) + "/s, " + print_duration(seconds_left(s)) + " left";
-  for (const auto& [name, value] : s.figures) text += ", " + name + " " + value;
+  if (!s.win_rates.empty()) text += ", wins vs";
+  for (const auto& [opponent, rate] : s.win_rates) text += " " + opponent + " " + rate;
   return text;
 }
 
@@ -50,13 +51,14 @@ std::string progress_bar(const ProgressState& s, int width) {
   std::snprintf(percent, sizeof percent, "%3d%% ", static_cast<int>(done * 100));
   std::string line = percent;
   if (width >= 60) line += '[' + std::string(filled, '=') + std::string(kBarWidth - filled, ' ') + "] ";
-  line += figures(s);
+  line += figures(s, "");
   if (width > 0 && line.size() > static_cast<size_t>(width)) line.resize(static_cast<size_t>(width));
   return line;
 }
 
 std::string progress_text(const ProgressState& s) {
-  return "update " + std::to_string(s.update) + " of " + std::to_string(s.n_updates) + ": " + figures(s);
+  return "update " + std::to_string(s.update) + " of " + std::to_string(s.n_updates) + ": " +
+         figures(s, " agent-steps");
 }
 
 Progress::Progress(Logger& log, Mode mode, std::chrono::duration<double> cadence)

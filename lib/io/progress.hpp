@@ -16,8 +16,8 @@ struct ProgressState {
   int64_t agent_steps = 0, total_agent_steps = 0;
   double seconds = 0;                 ///< since the start
   double agent_steps_per_second = 0;  ///< recently
-  /// Figures to show behind it, already as text: {"vs random", "0.98/0.97"}.
-  std::vector<std::pair<std::string, std::string>> figures;
+  /// By opponent, as text: {"random", "0.98/0.97"} for team 0 and team 1.
+  std::vector<std::pair<std::string, std::string>> win_rates;
 };
 
 /// Seconds until the end at the mean speed so far; NaN where not known.

@@ -25,26 +25,32 @@ struct Logits {
 
   GIGA_HD explicit Logits(const float* row) {
     const Quad* quads = reinterpret_cast<const Quad*>(row);
+    GIGA_UNROLL
     for (int k = 0; k < kLogitStride / 4; ++k) {
       const Quad q = quads[k];
+      GIGA_UNROLL
       for (int j = 0; j < 4; ++j) x[4 * k + j] = q.v[j];
     }
   }
   GIGA_HD void store(float* row) const {
     Quad* quads = reinterpret_cast<Quad*>(row);
+    GIGA_UNROLL
     for (int k = 0; k < kLogitStride / 4; ++k) quads[k] = {{x[4 * k], x[4 * k + 1], x[4 * k + 2], x[4 * k + 3]}};
   }
   /// log(sum(exp(x))) over the actions, without overflow.
   GIGA_HD float log_sum_exp() const {
     float top = x[0];
+    GIGA_UNROLL
     for (int k = 1; k < kNDiscreteActions; ++k) top = x[k] > top ? x[k] : top;
     float sum = 0;
+    GIGA_UNROLL
     for (int k = 0; k < kNDiscreteActions; ++k) sum += std::exp(x[k] - top);
     return top + std::log(sum);
   }
   /// x[index] without indexing, which would move the row out of registers.
   GIGA_HD float at(int index) const {
     float value = x[0];
+    GIGA_UNROLL
     for (int k = 1; k < kNDiscreteActions; ++k) value = k == index ? x[k] : value;
     return value;
   }
@@ -64,6 +70,7 @@ struct SampleCategorical {
     int chosen = 0;
     if (greedy) {
       float top = l.x[0];
+      GIGA_UNROLL
       for (int k = 1; k < kNDiscreteActions; ++k)
         if (l.x[k] > top) {
           top = l.x[k];
@@ -73,6 +80,7 @@ struct SampleCategorical {
       DrawKey key = draws.key(row);
       const float u = key.uniform(Draw::action, draws.agent(row), 0);
       float below = 0;
+      GIGA_UNROLL
       for (int k = 0; k < kNDiscreteActions - 1; ++k) {  // the last action takes what rounding leaves
         below += std::exp(l.x[k] - lse);
         chosen += u >= below ? 1 : 0;

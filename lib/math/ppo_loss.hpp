@@ -71,6 +71,7 @@ struct CategoricalLoss {
     Logits l(logits + row * kLogitStride);
     float* diagnostic = diagnostics + row * kNPolicyDiagnostics;
     if (!in.alive[source]) {
+      GIGA_UNROLL
       for (int k = 0; k < kLogitStride; ++k) l.x[k] = 0;
       l.store(d_logits + row * kLogitStride);
       for (int k = 0; k < kNPolicyDiagnostics; ++k) diagnostic[k] = 0;
@@ -78,11 +79,13 @@ struct CategoricalLoss {
     }
     const float lse = l.log_sum_exp();
     float entropy = 0;
+    GIGA_UNROLL
     for (int k = 0; k < kNDiscreteActions; ++k) entropy -= std::exp(l.x[k] - lse) * (l.x[k] - lse);
     const int chosen = action[source];
     const float advantage = (in.advantage[source] - *in.advantage_mean) * *in.advantage_inv_std;
     const Surrogate s = clipped_surrogate(l.at(chosen) - lse, in.old_log_prob[source], advantage, in.clip_coef);
     // d log p(chosen) / d x_k = [k = chosen] - p_k;  d entropy / d x_k = -p_k (log p_k + entropy)
+    GIGA_UNROLL
     for (int k = 0; k < kLogitStride; ++k) {
       const float log_p = l.x[k] - lse, p = std::exp(log_p);
       const float slope = s.d_log_prob * ((k == chosen ? 1.0f : 0.0f) - p) + in.entropy_coef * p * (log_p + entropy);

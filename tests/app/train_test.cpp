@@ -31,7 +31,7 @@ Outcome TrainedRun::training_;
 
 TEST_F(TrainedRun, PrintsTheTableAndTheCommandThatEvaluatesIt) {
   EXPECT_TRUE(contains(training_.out, {"against", "random", "circle", " eval run --vs circle"}));
-  EXPECT_TRUE(contains(training_.err, {"update 3 of 3", "agent-steps", "wins vs circle"}));
+  EXPECT_TRUE(contains(training_.err, {"update 3 of 3", "agent-steps", "wins vs random"}));
 }
 
 TEST_F(TrainedRun, FolderHoldsEverything) {

@@ -114,20 +114,21 @@ TEST(Log, Quiet) {
 }
 
 // A quarter is done after 10 s: 30 s are left.
-const ProgressState kQuarter = {5, 20, 250'000, 1'000'000, 10, 25'000, {{"wins vs random", "0.980/0.970"}}};
+const ProgressState kQuarter = {
+    5, 20, 250'000, 1'000'000, 10, 25'000, {{"random", "0.98/0.97"}, {"circle", "0.40/0.31"}}};
 
 TEST(ProgressLine, SaysHowFarItIs) {
   EXPECT_DOUBLE_EQ(seconds_left(kQuarter), 30);
-  EXPECT_EQ(progress_text(kQuarter),
-            "update 5 of 20: 250 k of 1.00 M agent-steps, 25.0 k/s, 0:30 left, wins vs random 0.980/0.970");
+  EXPECT_EQ(
+      progress_text(kQuarter),
+      "update 5 of 20: 250 k of 1.00 M agent-steps, 25.0 k/s, 0:30 left, wins vs random 0.98/0.97 circle 0.40/0.31");
   EXPECT_EQ(progress_bar(kQuarter, 200),
-            " 25% [======                  ] 250 k of 1.00 M agent-steps, 25.0 k/s, 0:30 left, "
-            "wins vs random 0.980/0.970");
+            " 25% [====            ] 250 k of 1.00 M, 25.0 k/s, 0:30 left, wins vs random 0.98/0.97 circle 0.40/0.31");
 }
 
 TEST(ProgressLine, FitsNarrowTerminals) {
   for (int width = 1; width < 130; ++width) EXPECT_LE(progress_bar(kQuarter, width).size(), static_cast<size_t>(width));
-  EXPECT_EQ(progress_bar(kQuarter, 40), " 25% 250 k of 1.00 M agent-steps, 25.0 k");
+  EXPECT_EQ(progress_bar(kQuarter, 40), " 25% 250 k of 1.00 M, 25.0 k/s, 0:30 lef");
 }
 
 TEST(ProgressLine, PlainLinesComeAtACadence) {
