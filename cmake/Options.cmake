@@ -46,7 +46,8 @@ endif()
 set(giga_host_warnings -Wall -Wextra)
 if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
   if(CMAKE_CXX_COMPILER_VERSION VERSION_GREATER_EQUAL 12 AND CMAKE_CXX_COMPILER_VERSION VERSION_LESS 14)
-    list(APPEND giga_host_warnings -Wno-restrict)  # false alarms on std::string + (GCC bug 105651)
+    # False alarms, on std::string + (GCC bug 105651) and on std::vector<bool>::reserve inside LibTorch's headers.
+    list(APPEND giga_host_warnings -Wno-restrict -Wno-array-bounds -Wno-stringop-overflow)
   endif()
   if(CMAKE_CXX_COMPILER_VERSION VERSION_GREATER_EQUAL 13)
     list(APPEND giga_host_warnings -Wno-dangling-reference)  # false alarms on functions that return a view

@@ -50,6 +50,11 @@ Mappo::Mappo(const LoadedRun& run, Device device)
       device_(device),
       total_updates_(total_updates(run.config, run.spec.params.n_agents)),
       rows_(device, run.config.train.n_threads) {
+  // Backward passes run on a thread of LibTorch's own. Without a kernel before the first matrix product there, cuBLAS
+  // warns of a missing CUDA context.
+  const at::Tensor x = at::ones({1}, at::TensorOptions().device(torch_device(device))).set_requires_grad(true);
+  (x * x).backward();
+
   // A setting of the whole process in LibTorch; bf16 is done by casts and needs none.
   at::globalContext().setAllowTF32CuBLAS(config_.train.precision == Precision::tf32);
   if (config_.train.n_threads > 0) at::set_num_threads(config_.train.n_threads);
