@@ -117,7 +117,7 @@ TEST(MathValueLoss, InsideTheClipTheGradientIsThePlainOne) {
   for (uint32_t trial = 0; trial < 1000; ++trial) {
     DrawKey key(13, trial, 0);
     const auto draw = [&](uint32_t k) { return 0.2f * key.uniform(Draw::init, 0, k) - 0.1f; };
-    const float value = draw(0), old_value = draw(1), returns = 2 + draw(2);
+    const float value = draw(0), old_value = draw(1), returns = 0.3f + draw(2);
     const uint8_t alive = 1;
     Result r{kNan, kNan};
     const ValueLoss op{{nullptr, 1}, &value, &old_value, &returns, &alive,     &zero,  &one,

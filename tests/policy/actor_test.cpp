@@ -1,0 +1,95 @@
+// Actors: execution sees the agent's own observation alone; both kinds of heads; I(observation; action).
+#include "policy/actor.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "tensors.hpp"
+
+namespace giga::test {
+namespace {
+
+constexpr int64_t kObs = 12;
+
+Actor make(ActionKind actions, bool normalize = false, uint64_t seed = 1, float output_gain = 1) {
+  ActorConfig config;
+  config.hidden = {16, 16};
+  config.output_gain = output_gain;
+  return Actor(config, kObs, actions, normalize, Precision::fp32, at::kCPU, seed);
+}
+
+TEST(PolicyActor, SeesItsOwnObservationOnly) {
+  for (const ActionKind actions : {ActionKind::discrete, ActionKind::continuous}) {
+    const Actor actor = make(actions);
+    const at::Tensor obs = random({9, kObs}, 2);
+    const at::Tensor before = actor.forward(obs);
+    ASSERT_EQ(before.size(1), actions == ActionKind::discrete ? kLogitStride : kActionSize);
+    at::Tensor changed = obs.clone();
+    changed[4].add_(1);
+    const at::Tensor after = actor.forward(changed);
+    for (int64_t row = 0; row < 9; ++row) EXPECT_EQ(same(after[row], before[row]), row != 4) << "row " << row;
+  }
+}
+
+TEST(PolicyActor, SmallOutputGainStartsNearlyUniform) {
+  // Hidden features lie in (-1, 1)^16 and the output rows have length 0.01: |logit| <= 0.01 sqrt(16) = 0.04.
+  const Actor actor = make(ActionKind::discrete, false, 1, 0.01f);
+  const double top = largest(actor.forward(random({50, kObs}, 2)));
+  EXPECT_LE(top, 0.04);
+  EXPECT_GT(top, 1e-4);
+}
+
+TEST(PolicyActor, LogStdIsAParameterOfContinuousActorsOnly) {
+  const Actor continuous = make(ActionKind::continuous), discrete = make(ActionKind::discrete);
+  EXPECT_TRUE(same(continuous.log_std(), at::full({3}, -0.5)));
+  const int64_t hidden = 16 * kObs + 16 + 16 * 16 + 16;
+  EXPECT_EQ(continuous.parameters().size(), hidden + 3 * 16 + 3 + 3);
+  EXPECT_EQ(discrete.parameters().size(), hidden + 28 * 16 + 28);
+}
+
+TEST(PolicyActor, NormaliserIsAppliedAndSaved) {
+  Actor actor = make(ActionKind::discrete, true), plain = make(ActionKind::discrete, false);
+  const at::Tensor obs = 3 * random({20, kObs}, 2) + 5;
+  EXPECT_TRUE(same(actor.forward(obs.clamp(-10, 10)), plain.forward(obs.clamp(-10, 10))));  // mean 0, deviation 1
+  actor.normalizer().update(obs, at::ones({20}));
+  const at::Tensor expected =
+      plain.forward(((obs - actor.normalizer().mean()) / actor.normalizer().std()).clamp(-10, 10));
+  EXPECT_TRUE(same(actor.forward(obs), expected));
+  EXPECT_FALSE(same(actor.forward(obs), plain.forward(obs)));
+  NamedArrays arrays;
+  actor.save("a/", arrays);
+  Actor loaded = make(ActionKind::discrete, true, 2);
+  EXPECT_FALSE(same(loaded.forward(obs), actor.forward(obs)));
+  loaded.load("a/", arrays);
+  EXPECT_TRUE(same(loaded.forward(obs), actor.forward(obs)));
+}
+
+TEST(PolicyInformation, CategoricalByHand) {
+  const Actor actor = make(ActionKind::discrete);
+  const auto information = [&](const at::Tensor& logits, const std::vector<float>& weight) {
+    return policy_information(actor, logits, numbers(weight)).item<double>();
+  };
+  // Rows that are certain of action 0, 0, 5, 5: the mean policy has entropy log 2, each alone none.
+  at::Tensor logits = at::zeros({4, kLogitStride});
+  logits[0][0] = logits[1][0] = logits[2][5] = logits[3][5] = 200;
+  logits.select(1, 27).fill_(500);  // not an action
+  EXPECT_NEAR(information(logits, {1, 1, 1, 1}), std::log(2.0), 1e-5);
+  EXPECT_NEAR(information(logits, {1, 1, 0, 0}), 0, 1e-5);  // the dead do not count
+  // Weights 1 : 2: H(1/3) = -(log(1/3) / 3 + 2 log(2/3) / 3) = 0.6365142.
+  EXPECT_NEAR(information(logits, {1, 0, 1, 1}), 0.6365142, 1e-5);
+  EXPECT_NEAR(information(at::zeros({4, kLogitStride}), {1, 1, 1, 1}), 0, 1e-5);  // uniform, but the same everywhere
+}
+
+TEST(PolicyInformation, GaussianInNineBins) {
+  // Means far out on both sides with deviation exp(-0.5): the outer bins hold all, so log 2 for the first dimension.
+  const Actor actor = make(ActionKind::continuous);
+  at::Tensor mean = at::zeros({2, 3});
+  EXPECT_NEAR(policy_information(actor, mean, at::ones({2})).item<double>(), 0, 1e-5);
+  mean[0][0] = 20;
+  mean[1][0] = -20;
+  EXPECT_NEAR(policy_information(actor, mean, at::ones({2})).item<double>(), std::log(2.0), 1e-4);
+}
+
+}  // namespace
+}  // namespace giga::test
