@@ -5,6 +5,7 @@
 
 #include "apps/command_line.hpp"
 #include "apps/commands.hpp"
+#include "apps/openmp_spin.hpp"
 #include "apps/program_info.hpp"
 #include "core/error.hpp"
 
@@ -37,6 +38,7 @@ std::string without_stack(const std::string& message) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  giga::restart_with_short_spin(argv);
   CLI::App app("gigastep: fast training of teams of agents against each other.", "gigastep");
   giga::Dispatch dispatch;
   giga::describe_program(app);
