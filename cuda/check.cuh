@@ -5,9 +5,9 @@
 
 #include "core/error.hpp"
 
-#define GIGA_CUDA(call)                                                                                     \
-  do {                                                                                                      \
-    const cudaError_t giga_status = (call);                                                                 \
-    if (giga_status != cudaSuccess)                                                                         \
+#define GIGA_CUDA(call)                                                                                            \
+  do {                                                                                                             \
+    const cudaError_t giga_status = (call);                                                                        \
+    if (giga_status != cudaSuccess)                                                                                \
       throw ::giga::Error(::giga::cat(__FILE__, ":", __LINE__, ": " #call ": ", cudaGetErrorString(giga_status))); \
   } while (false)

@@ -11,11 +11,12 @@ namespace giga {
 namespace {
 
 constexpr int kWarp = 32;
-constexpr int kTileWarps = 4;            // warps of a block of TileLanes
+constexpr int kTileWarps = 4;  // warps of a block of TileLanes
 // Blocks of TileLanes per multiprocessor: 8 holds a thread to 64 registers, and hiding latency is worth the few spills.
-// Measured on an H200, G agent-steps/s at 4, 5, 6 and 8 blocks: 2 vs 2 1.61, 1.79, 1.85, 1.89; 5 vs 5 0.72, 0.77, 0.82, 0.86.
+// Measured on an H200, G agent-steps/s at 4, 5, 6 and 8 blocks: 2 vs 2 1.61, 1.79, 1.85, 1.89; 5 vs 5 0.72, 0.77, 0.82,
+// 0.86.
 constexpr int kTileBlocks = 8;
-constexpr int kMaxBlockThreads = 512;    // threads of a block of BlockLanes
+constexpr int kMaxBlockThreads = 512;      // threads of a block of BlockLanes
 constexpr size_t kSharedLimit = 48 << 10;  // beyond it a world's scratch lies in global memory
 
 enum class Job { start, step, settle, observe };
@@ -176,14 +177,14 @@ class CudaSimulator final : public Simulator {
   void launch(const StepIo& io) {
     GIGA_CUDA(cudaSetDevice(index_));
     const int n = params().n_agents;
-    const Launch k{params(),          state_.view(),  io,
-                   layout_,           working_copy_bytes(n),
-                   scratch_.data(),   options_.seed,  options_.first_world,
-                   options_.n_worlds, options_.on_done};
+    const Launch k{params(),        state_.view(),         io,
+                   layout_,         working_copy_bytes(n), scratch_.data(),
+                   options_.seed,   options_.first_world,  options_.n_worlds,
+                   options_.on_done};
     if (tiles_) {
       const int worlds = kTileWarps * (kWarp / n);
       const int blocks = (n_worlds() + worlds - 1) / worlds;
-      tile_kernel<job><<<blocks, kTileWarps * kWarp, per_world_ * static_cast<size_t>(worlds), stream_>>>(k);
+      tile_kernel<job><<<blocks, kTileWarps * kWarp, per_world_* static_cast<size_t>(worlds), stream_>>>(k);
     } else {
       const int threads = std::min((n + kWarp - 1) / kWarp * kWarp, kMaxBlockThreads);
       if (scratch_.data())

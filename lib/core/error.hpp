@@ -41,8 +41,8 @@ std::string cat(const Args&... args) {
 }  // namespace giga
 
 /// Throws giga::Error with file, line, the condition and the streamed arguments unless `condition` holds.
-#define GIGA_CHECK(condition, ...)                                                                        \
-  do {                                                                                                    \
-    if (!(condition))                                                                                     \
+#define GIGA_CHECK(condition, ...)                                                                                \
+  do {                                                                                                            \
+    if (!(condition))                                                                                             \
       throw ::giga::Error(::giga::cat(__FILE__, ":", __LINE__, ": check failed: " #condition ": ", __VA_ARGS__)); \
   } while (false)

@@ -13,7 +13,7 @@ namespace giga {
 class Actor;
 
 struct LoadedPolicies {
-  LoadedRun run;                   ///< configuration and scenario of the checkpoint
+  LoadedRun run;                    ///< configuration and scenario of the checkpoint
   std::unique_ptr<Actor> actor[2];  ///< by team; null where the team was scripted
 
   LoadedPolicies();

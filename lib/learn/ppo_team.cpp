@@ -23,6 +23,11 @@ CriticShape critic_shape(const LoadedRun& run, int team) {
   return {team, {p.n_team[0], p.n_team[1]}, run.spec.padded_observation_size(), world_feature_count(p)};
 }
 
+/// Reduced precision is for the GPU; CPUs run fp32.
+Precision precision_on(const LoadedRun& run, Device device) {
+  return device.is_cuda() ? run.config.train.precision : Precision::fp32;
+}
+
 /// Mean and 1 / deviation over the entries with weight.
 std::pair<at::Tensor, at::Tensor> moments(const at::Tensor& x, const at::Tensor& weight, const at::Tensor& inv_count) {
   const at::Tensor mean = (x * weight).sum() * inv_count;
@@ -39,8 +44,8 @@ bool learns(const TrainConfig& config, int team) {
 std::string actor_prefix(int team) { return cat("team_", team, "/actor/"); }
 
 Actor make_actor(const LoadedRun& run, int team, Device device) {
-  return Actor(run.config.mappo.actor, run.spec.padded_observation_size(), run.spec.params.actions, run.config.mappo.obs_norm,
-               run.config.train.precision, torch_device(device), network_seed(run, team, 0));
+  return Actor(run.config.mappo.actor, run.spec.padded_observation_size(), run.spec.params.actions,
+               run.config.mappo.obs_norm, precision_on(run, device), torch_device(device), network_seed(run, team, 0));
 }
 
 PpoTeam::PpoTeam(const LoadedRun& run, int team, Device device, const RowRunner& rows)
@@ -49,7 +54,7 @@ PpoTeam::PpoTeam(const LoadedRun& run, int team, Device device, const RowRunner&
       n_(run.spec.params.n_team[team]),
       rows_(rows),
       actor_(make_actor(run, team, device)),
-      critic_(config_.critic, critic_shape(run, team), run.config.train.precision, rows, torch_device(device),
+      critic_(config_.critic, critic_shape(run, team), precision_on(run, device), rows, torch_device(device),
               network_seed(run, team, 1)),
       actor_adam_(actor_.parameters(), config_.adam_epsilon),
       critic_adam_(critic_.parameters(), config_.adam_epsilon),
@@ -162,12 +167,11 @@ void PpoTeam::note_policy(const at::Tensor& sums, const at::Tensor& head, const 
   figures_[kFigSkipped].add_(stop_.squeeze(0));
 }
 
-void PpoTeam::learn(const Rollout& rollout, const at::Tensor& index, float learning_rate,
-                    float critic_learning_rate) {
+void PpoTeam::learn(const Rollout& rollout, const at::Tensor& index, float learning_rate, float critic_learning_rate) {
   const TeamRollout& r = rollout.team[team_];
   const int64_t t = r.reward.size(0), d = r.obs.size(-1), b = index.size(0);
   const auto pick = [&](const at::Tensor& x) { return x.slice(0, 0, t).flatten(0, 1).index_select(0, index); };
-  at::Tensor obs = pick(r.obs);                          // [B, n, D]
+  at::Tensor obs = pick(r.obs);                           // [B, n, D]
   const at::Tensor alive = pick(r.alive).to(at::kFloat);  // [B, n]
   const at::Tensor inv_count = alive.sum().clamp_min(1).reciprocal();
   const bool shared_input = actor_.normalizes();

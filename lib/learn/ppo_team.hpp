@@ -14,14 +14,14 @@ namespace giga {
 
 /// Sums over the minibatches of an update, kept on the device until the figures are read.
 enum PpoFigure : int {
-  kFigPolicyLoss,       // the first six: sums over living rows of all minibatches, see PolicyDiagnostic
+  kFigPolicyLoss,  // the first six: sums over living rows of all minibatches, see PolicyDiagnostic
   kFigEntropy,
   kFigKl,
   kFigClipped,
   kFigRatioError,
   kFigRows,
-  kFigValueLoss,        // sum over living rows
-  kFigActorNorm,        // sums over minibatches
+  kFigValueLoss,  // sum over living rows
+  kFigActorNorm,  // sums over minibatches
   kFigCriticNorm,
   kFigSkipped,
   kFigFirstRatioError,  // mean of the first minibatch: 0 where rollout and update agree

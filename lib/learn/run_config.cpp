@@ -16,9 +16,9 @@ void check_together(const RunConfig& c, const SimSpec& spec, const KeyPositions&
   };
   const int64_t states = static_cast<int64_t>(c.train.n_worlds) * c.mappo.horizon;
   if (states % c.mappo.n_minibatches != 0)
-    errors.add(at("mappo.n_minibatches"),
-               cat("mappo.n_minibatches: ", c.mappo.n_minibatches, " does not divide train.n_worlds x mappo.horizon = ",
-                   c.train.n_worlds, " x ", c.mappo.horizon, " = ", states));
+    errors.add(at("mappo.n_minibatches"), cat("mappo.n_minibatches: ", c.mappo.n_minibatches,
+                                              " does not divide train.n_worlds x mappo.horizon = ", c.train.n_worlds,
+                                              " x ", c.mappo.horizon, " = ", states));
   const int limit = spec.params.max_episode_length;
   if (limit > 0 && c.mappo.horizon > limit)
     errors.add(at("mappo.horizon"), cat("mappo.horizon: ", c.mappo.horizon, " is longer than an episode of scenario '",

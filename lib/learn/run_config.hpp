@@ -20,9 +20,7 @@ constexpr std::array<const char*, 6> enum_names(Opponent) {
   return {"self_play", "random", "noop", "circle", "reverse_circle", "circle_random"};
 }
 /// The scripted policy behind an opponent other than self_play.
-constexpr Scripted scripted_of(Opponent opponent) {
-  return static_cast<Scripted>(static_cast<int>(opponent) - 1);
-}
+constexpr Scripted scripted_of(Opponent opponent) { return static_cast<Scripted>(static_cast<int>(opponent) - 1); }
 
 enum class Schedule : uint8_t { constant, linear, cosine };
 constexpr std::array<const char*, 3> enum_names(Schedule) { return {"constant", "linear", "cosine"}; }
@@ -104,7 +102,8 @@ void visit_fields(V& v, MappoConfig& c) {
     greater_than(0));
   v("max_grad_norm", c.max_grad_norm, "gradients are scaled down to this norm, per network; 0 = never", at_least(0));
   v("advantage_norm", c.advantage_norm, "whether advantages are brought to mean 0 and deviation 1, and over what");
-  v("target_kl", c.target_kl, "skip a team's remaining minibatches of an update once approx_kl passes this", at_least(0));
+  v("target_kl", c.target_kl, "skip a team's remaining minibatches of an update once approx_kl passes this",
+    at_least(0));
   v("adam_epsilon", c.adam_epsilon, "Adam's epsilon", greater_than(0));
   v("value_norm", c.value_norm, "critics predict returns normalised by running moments");
   v("value_norm_beta", c.value_norm_beta, "share of those moments kept per update", range(0, 1).below(1));

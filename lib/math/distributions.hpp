@@ -60,8 +60,8 @@ struct Logits {
 struct SampleCategorical {
   const float* logits;  // [R, kLogitStride]
   RowDraws draws;
-  int32_t* action;   // [R]
-  float* log_prob;   // [R]; null = not wanted
+  int32_t* action;  // [R]
+  float* log_prob;  // [R]; null = not wanted
   bool greedy = false;
 
   GIGA_HD void operator()(int64_t row) const {

@@ -7,22 +7,23 @@
 namespace giga {
 
 /// Advantages and returns of a rollout; column = world * n + slot. What comes after an agent's death or a decided game
-/// is worth zero; a game cut off by the time limit is worth the value of its final observation; nothing crosses a reset.
+/// is worth zero; a game cut off by the time limit is worth the value of its final observation; nothing crosses a
+/// reset.
 struct Gae {
   int horizon;       // T
   int64_t n_worlds;  // W
   int n;
   float gamma, lambda;
-  const float* reward;          // [T, W, n]
-  const uint8_t* done;          // [T, W] Done
-  const uint8_t* alive;         // [T + 1, W, n] at the observation of step t
-  const float* value;           // [T + 1, W, n] in units of `value_scale`
-  const float* final_value;     // [W, n] of the observation before a reset, likewise
-  const uint8_t* final_alive;   // [W, n]
-  const float* value_mean;      // scalar: value = mean + std * (what the network says); null = 0
-  const float* value_std;       // scalar; null = 1
-  float* advantage;             // [T, W, n]; 0 for the dead
-  float* returns;               // [T, W, n] advantage + value, in reward units; 0 for the dead
+  const float* reward;         // [T, W, n]
+  const uint8_t* done;         // [T, W] Done
+  const uint8_t* alive;        // [T + 1, W, n] at the observation of step t
+  const float* value;          // [T + 1, W, n] in units of `value_scale`
+  const float* final_value;    // [W, n] of the observation before a reset, likewise
+  const uint8_t* final_alive;  // [W, n]
+  const float* value_mean;     // scalar: value = mean + std * (what the network says); null = 0
+  const float* value_std;      // scalar; null = 1
+  float* advantage;            // [T, W, n]; 0 for the dead
+  float* returns;              // [T, W, n] advantage + value, in reward units; 0 for the dead
 
   GIGA_HD float denormalised(float v) const {
     return (value_mean ? *value_mean : 0.0f) + (value_std ? *value_std : 1.0f) * v;

@@ -13,22 +13,22 @@ namespace giga {
 enum PolicyDiagnostic : int {
   kLossPolicy,
   kLossEntropy,
-  kLossKl,         ///< (ratio - 1) - log ratio, Schulman's estimator of KL(old || new)
-  kLossClipped,    ///< 1 where |ratio - 1| > clip_coef
-  kLossRatioError, ///< |ratio - 1|
-  kLossCount,      ///< 1
+  kLossKl,          ///< (ratio - 1) - log ratio, Schulman's estimator of KL(old || new)
+  kLossClipped,     ///< 1 where |ratio - 1| > clip_coef
+  kLossRatioError,  ///< |ratio - 1|
+  kLossCount,       ///< 1
   kNPolicyDiagnostics
 };
 
 /// What both policy losses read per row of the rollout.
 struct PolicyLossInput {
   RowIndex rows;
-  const float* old_log_prob;    // [rollout rows]
-  const float* advantage;       // [rollout rows]
-  const uint8_t* alive;         // [rollout rows]
-  const float* advantage_mean;  // scalar
+  const float* old_log_prob;       // [rollout rows]
+  const float* advantage;          // [rollout rows]
+  const uint8_t* alive;            // [rollout rows]
+  const float* advantage_mean;     // scalar
   const float* advantage_inv_std;  // scalar
-  const float* inv_count;       // scalar: 1 / living rows of the minibatch
+  const float* inv_count;          // scalar: 1 / living rows of the minibatch
   float clip_coef, entropy_coef;
 };
 
@@ -100,12 +100,12 @@ struct CategoricalLoss {
 struct GaussianLoss {
   static constexpr int kSize = SampleGaussian::kSize;
   PolicyLossInput in;
-  const float* mean;      // [R, 3]
-  const float* log_std;   // [3]
-  const float* raw;       // [rollout rows, 3] u before tanh
-  float* d_mean;          // [R, 3]
-  float* d_log_std;       // [R, 3] to be summed over rows
-  float* diagnostics;     // [R, kNPolicyDiagnostics]
+  const float* mean;     // [R, 3]
+  const float* log_std;  // [3]
+  const float* raw;      // [rollout rows, 3] u before tanh
+  float* d_mean;         // [R, 3]
+  float* d_log_std;      // [R, 3] to be summed over rows
+  float* diagnostics;    // [R, kNPolicyDiagnostics]
 
   GIGA_HD void operator()(int64_t row) const {
     const int64_t source = in.rows.source(row);
@@ -136,13 +136,13 @@ struct GaussianLoss {
 /// Squared or Huber value loss, clipped around the old value or not, in the normaliser's units.
 struct ValueLoss {
   RowIndex rows;
-  const float* value;        // [R] as the network says, normalised
-  const float* old_value;    // [rollout rows] of the rollout, in reward units
-  const float* returns;      // [rollout rows] in reward units
-  const uint8_t* alive;      // [rollout rows]
-  const float* value_mean;   // scalar of the normaliser; null = 0
-  const float* value_std;    // scalar; null = 1
-  const float* inv_count;    // scalar
+  const float* value;       // [R] as the network says, normalised
+  const float* old_value;   // [rollout rows] of the rollout, in reward units
+  const float* returns;     // [rollout rows] in reward units
+  const uint8_t* alive;     // [rollout rows]
+  const float* value_mean;  // scalar of the normaliser; null = 0
+  const float* value_std;   // scalar; null = 1
+  const float* inv_count;   // scalar
   float value_coef;
   float clip_coef;    ///< 0 = no clipping
   float huber_delta;  ///< 0 = squared error / 2
@@ -167,11 +167,10 @@ struct ValueLoss {
     const float mean = value_mean ? *value_mean : 0.0f, inv_std = 1.0f / (value_std ? *value_std : 1.0f);
     const float target = (returns[source] - mean) * inv_std;
     Error chosen = error(value[row] - target);
-    if (clip_coef > 0) {
-      const float old = (old_value[source] - mean) * inv_std, moved = value[row] - old;
-      const float held = old + (moved < -clip_coef ? -clip_coef : (moved > clip_coef ? clip_coef : moved));
-      const Error clipped = error(held - target);
-      if (clipped.loss > chosen.loss) chosen = {clipped.loss, held == value[row] ? clipped.slope : 0.0f};
+    const float old = (old_value[source] - mean) * inv_std, moved = value[row] - old;
+    if (clip_coef > 0 && (moved < -clip_coef || moved > clip_coef)) {
+      const Error held = error(old + (moved < 0 ? -clip_coef : clip_coef) - target);
+      if (held.loss > chosen.loss) chosen = {held.loss, 0.0f};  // which does not depend on the value
     }
     loss[row] = chosen.loss;
     d_value[row] = value_coef * chosen.slope * *inv_count;

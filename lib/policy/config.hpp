@@ -53,7 +53,8 @@ struct CriticConfig : MlpConfig {
 template <class V>
 void visit_fields(V& v, CriticConfig& c) {
   v("kind", c.kind,
-    "composed: value networks on local observations that exchange the mean features of the team's living agents in each "
+    "composed: value networks on local observations that exchange the mean features of the team's living agents in "
+    "each "
     "layer; state: the true state of the world; independent: local observations only (IPPO)");
   visit_mlp_fields(v, c);
   v("output_gain", c.output_gain, "gain of the initialisation of the output layer", at_least(0));

@@ -32,8 +32,8 @@ Critic::Critic(const CriticConfig& config, const CriticShape& shape, Precision p
 at::Tensor Critic::forward(const at::Tensor& obs, const at::Tensor& alive, const at::Tensor& state) const {
   if (kind_ == CriticKind::state) return forward_state(state);
   const at::Tensor x = precision_ == Precision::bf16 ? obs.to(at::kBFloat16) : obs;
-  const at::Tensor value = kind_ == CriticKind::composed ? team_mlp_.forward(parameters_, *rows_, x, alive)
-                                                         : mlp_.forward(parameters_, x);
+  const at::Tensor value =
+      kind_ == CriticKind::composed ? team_mlp_.forward(parameters_, *rows_, x, alive) : mlp_.forward(parameters_, x);
   return value.squeeze(-1).to(at::kFloat);
 }
 

@@ -42,9 +42,9 @@ class Critic {
   Precision precision_ = Precision::fp32;
   const RowRunner* rows_;
   ParameterSet parameters_;
-  Mlp mlp_;            // independent: on observations; state: on an agent's encoding, both teams' means and the world
-  TeamMlp team_mlp_;   // composed
-  Mlp entity_;         // state: encodes one agent
+  Mlp mlp_;           // independent: on observations; state: on an agent's encoding, both teams' means and the world
+  TeamMlp team_mlp_;  // composed
+  Mlp entity_;        // state: encodes one agent
 };
 
 }  // namespace giga

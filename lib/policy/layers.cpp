@@ -124,8 +124,8 @@ TeamMlp::TeamMlp(ParameterSet& parameters, const std::string& name, int64_t inpu
   for (size_t k = 1; k < own_.layers_.size(); ++k) {
     const int64_t from = config.hidden[k - 1], to = k < config.hidden.size() ? config.hidden[k] : output;
     const float gain = k < config.hidden.size() ? config.hidden_gain : output_gain;
-    team_weights_.push_back(parameters.add(name + "/" + std::to_string(k) + "/team_weight", {to, from},
-                                           {Init::Kind::orthogonal, gain}));
+    team_weights_.push_back(
+        parameters.add(name + "/" + std::to_string(k) + "/team_weight", {to, from}, {Init::Kind::orthogonal, gain}));
   }
 }
 

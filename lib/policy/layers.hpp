@@ -54,7 +54,8 @@ class TeamMlp {
   std::vector<int> team_weights_;  // by layer; -1 for the first
 };
 
-/// Mean over the agents with alive = 1, zero where none is: x [B, n, H], alive [B, n] fp32 -> [B, H]. Differentiable in x.
+/// Mean over the agents with alive = 1, zero where none is: x [B, n, H], alive [B, n] fp32 -> [B, H]. Differentiable in
+/// x.
 at::Tensor living_mean(const RowRunner& rows, const at::Tensor& x, const at::Tensor& alive);
 
 }  // namespace giga

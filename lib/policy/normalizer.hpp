@@ -9,8 +9,8 @@
 
 namespace giga {
 
-/// Mean and standard deviation as exponential moving averages with bias correction (ValueNorm of Yu et al. 2022). All on
-/// the device; scalars (`size` 1) or per feature.
+/// Mean and standard deviation as exponential moving averages with bias correction (ValueNorm of Yu et al. 2022). All
+/// on the device; scalars (`size` 1) or per feature.
 class RunningNorm {
  public:
   RunningNorm() = default;

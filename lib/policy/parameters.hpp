@@ -29,7 +29,7 @@ class ParameterSet {
   /// Parameter `k`: a leaf view into the flat buffer, whose gradient is a view into the flat gradient.
   const at::Tensor& operator[](int k) const { return views_[static_cast<size_t>(k)]; }
 
-  const at::Tensor& values() const { return values_; }     // [P]
+  const at::Tensor& values() const { return values_; }      // [P]
   const at::Tensor& gradient() const { return gradient_; }  // [P]
   int64_t size() const { return size_; }
 

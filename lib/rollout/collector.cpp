@@ -50,6 +50,8 @@ Collector::Collector(Simulator& sim, const RowRunner& rows, const CollectorOptio
 StepIo Collector::io(int t) const {
   StepIo io;
   io.obs_stride = sim_.spec().padded_observation_size();
+  // One slot per world is enough: a world is truncated at most once in a rollout that is no longer than an episode.
+  io.final_of_truncations_only = true;
   for (int team = 0; team < kNTeams; ++team) {
     const TeamRollout& r = rollout_.team[team];
     TeamIo& out = io.team[team];

@@ -8,8 +8,8 @@
 
 namespace giga {
 
-/// What one team saw, did and got. T = horizon, W = worlds, n = agents of the team, D = padded observation size. The simulator
-/// and the policy write straight into these; buffers of a scripted team that nobody reads are undefined.
+/// What one team saw, did and got. T = horizon, W = worlds, n = agents of the team, D = padded observation size. The
+/// simulator and the policy write straight into these; buffers of a scripted team that nobody reads are undefined.
 struct TeamRollout {
   at::Tensor obs;          // [T + 1, W, n, D] slot t: before step t
   at::Tensor alive;        // [T + 1, W, n] uint8, at `obs`
@@ -17,7 +17,7 @@ struct TeamRollout {
   at::Tensor raw;          // [T, W, n, 3] float, continuous actions only
   at::Tensor log_prob;     // [T, W, n]
   at::Tensor reward;       // [T, W, n]
-  at::Tensor final_obs;    // [W, n, D] where an episode of the rollout ended: its last observation
+  at::Tensor final_obs;    // [W, n, D] where an episode of the rollout was truncated: its last observation
   at::Tensor final_alive;  // [W, n] uint8
 };
 
@@ -30,8 +30,8 @@ struct Rollout {
 
 struct CollectorOptions {
   int horizon = 16;
-  bool with_state = false;      ///< keep the true state for a critic
-  bool desynchronize = false;   ///< first episodes start at a random age, so that worlds do not reset in step
+  bool with_state = false;     ///< keep the true state for a critic
+  bool desynchronize = false;  ///< first episodes start at a random age, so that worlds do not reset in step
 };
 
 class Collector {

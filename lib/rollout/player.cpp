@@ -21,8 +21,8 @@ void act(const Player& player, const Simulator& sim, const RowRunner& rows, int 
   const at::Tensor obs = wrap(io.obs, {count, sim.spec().padded_observation_size()}, sim.device());
   const at::Tensor head = player.actor->forward(obs);
   if (sim.params().actions == ActionKind::discrete) {
-    rows.run(SampleCategorical{head.const_data_ptr<float>(), draws,
-                               static_cast<int32_t*>(io.action), io.log_prob, player.greedy},
+    rows.run(SampleCategorical{head.const_data_ptr<float>(), draws, static_cast<int32_t*>(io.action), io.log_prob,
+                               player.greedy},
              count);
   } else {
     rows.run(SampleGaussian{head.const_data_ptr<float>(), player.actor->log_std().const_data_ptr<float>(), draws,

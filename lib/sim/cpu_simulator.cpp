@@ -29,9 +29,8 @@ class CpuSimulator final : public Simulator {
   }
 
   void observe(const StepIo& io) override {
-    for_worlds([&](WorldView& w, PhiloxDraws&, int64_t world) {
-      write_observations(SerialLanes{}, params(), w, io, world);
-    });
+    for_worlds(
+        [&](WorldView& w, PhiloxDraws&, int64_t world) { write_observations(SerialLanes{}, params(), w, io, world); });
   }
 
   EpisodeStats take_stats() override {

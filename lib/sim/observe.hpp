@@ -8,8 +8,8 @@
 
 namespace giga {
 
-/// Bits of w.talk: whom of its team agent e hears: the living, itself included, the nearer the more likely. A dead agent
-/// listens on: the recordings of the original say so (SPEC section 6 has it wrong).
+/// Bits of w.talk: whom of its team agent e hears: the living, itself included, the nearer the more likely. A dead
+/// agent listens on: the recordings of the original say so (SPEC section 6 has it wrong).
 template <class Draws>
 GIGA_HD void listen(const SimParams& p, WorldView& w, Draws& draws, int e, bool after_reset) {
   const int n = p.n_agents, words = words_for(n);
@@ -106,14 +106,11 @@ GIGA_HD float neighbor_value(const SimParams& p, const WorldView& w, int e, int 
   return value;
 }
 
-/// Numbers of one box of the map, as shares of the world's size: x1 y1 x2 y2, with obstacle_heights z1 z2 too.
+/// Numbers of a box: x1 y1 x2 y2 as shares of the world's size, with obstacle_heights z1 z2 too.
 GIGA_HD int box_features(const SimParams& p) { return p.obstacle_heights ? 6 : 4; }
+/// The same of all boxes of the world's map, one after the other; from a table (make_box_features).
 GIGA_HD float box_feature(const SimParams& p, const WorldView& w, int column) {
-  const int box_index = p.obstacle_heights ? column / 6 : column / 4;
-  const int side = column - box_index * box_features(p);
-  const Box& box = p.maps.boxes[*w.map * p.n_boxes + box_index];
-  const float value = (&box.x1)[side];
-  return value * (side >= 4 ? 1.0f / kAltitudeLimit : (side & 1) ? p.inv_limit_y : p.inv_limit_x);
+  return p.maps.box_features[*w.map * p.n_boxes * box_features(p) + column];
 }
 
 /// Numbers behind the neighbors: the waypoint relative to e and its remaining seconds, then the boxes of the map.

@@ -12,8 +12,8 @@ namespace giga {
 void SimSpec::finish() {
   params.n_agents = static_cast<int>(agents.size());
   if (params.n_agents > kMaxAgents)
-    throw InputError(cat("scenario '", name, "' has ", params.n_agents, " agents per world; this version runs up to ",
-                         kMaxAgents));
+    throw InputError(
+        cat("scenario '", name, "' has ", params.n_agents, " agents per world; this version runs up to ", kMaxAgents));
   if (params.max_tracking_time < params.min_tracking_time || params.max_tracking_time > 255)
     throw InputError(cat("scenario '", name, "': max_tracking_time is ", params.max_tracking_time,
                          "; allowed: min_tracking_time (", params.min_tracking_time, ") to 255"));

@@ -10,9 +10,9 @@
 
 namespace giga {
 
-constexpr float kDt = 0.1f;             ///< seconds a step
+constexpr float kDt = 0.1f;              ///< seconds a step
 constexpr float kAltitudeLimit = 10.0f;  ///< z lives in [0, 10], whatever the size of the map
-constexpr int kMaxAgents = 1024;        ///< agents per world that the executors here handle
+constexpr int kMaxAgents = 1024;         ///< agents per world that the executors here handle
 constexpr int kNTeams = 2;
 constexpr int kNDiscreteActions = 27;
 constexpr int kActionSize = 3;  ///< heading, dive, throttle
@@ -55,19 +55,20 @@ struct StartArea {
 
 /// Per-agent constants, each array [n_agents]. The team is in SimParams::team_bits, nearer to hand.
 struct AgentTable {
-  const int32_t* slot;           ///< number of the agent inside its team: row in the team's buffers
-  const int32_t* sprite;         ///< bit mask of the drawn shape; also an observation
-  const float* thrust;           ///< factor on acceleration
-  const float* max_health;       ///< health limit
-  const float* range;            ///< factor on the squared sight depth
-  const float* damage_range;     ///< factor on the squared weapon depth; 0 = cannot shoot
-  const float* idle_reward;      ///< reward per step for being alive
+  const int32_t* slot;        ///< number of the agent inside its team: row in the team's buffers
+  const int32_t* sprite;      ///< bit mask of the drawn shape; also an observation
+  const float* thrust;        ///< factor on acceleration
+  const float* max_health;    ///< health limit
+  const float* range;         ///< factor on the squared sight depth
+  const float* damage_range;  ///< factor on the squared weapon depth; 0 = cannot shoot
+  const float* idle_reward;   ///< reward per step for being alive
 };
 
 /// The maps of a scenario.
 struct MapTable {
-  const Box* boxes;        ///< [n_maps, n_boxes], padded with zero boxes
-  const StartArea* start;  ///< [n_maps, 2], by team
+  const Box* boxes;           ///< [n_maps, n_boxes], padded with zero boxes
+  const float* box_features;  ///< [n_maps, n_boxes * box_features(p)] the boxes as observations tell them
+  const StartArea* start;     ///< [n_maps, 2], by team
 };
 
 /// One world's rules and numbers. Lengths in map units, angles in radians, times in seconds unless said otherwise.
@@ -89,8 +90,8 @@ struct SimParams {
   // Sight. Depths are squared here once.
   float very_close_depth2 = 1;
   float cone_depth2 = 9;
-  float cone_cos = 0;           ///< cosine of the half angle
-  bool cone_is_full = false;    ///< half angle >= pi: every direction is inside
+  float cone_cos = 0;         ///< cosine of the half angle
+  bool cone_is_full = false;  ///< half angle >= pi: every direction is inside
   float damage_cone_depth2 = 0;
   float damage_cone_cos = 0;
   bool damage_cone_is_full = false;
@@ -117,9 +118,9 @@ struct SimParams {
   bool divide_reward_by_team_size = true;   ///< by the number of all agents, as the original does
 
   // Beyond the original, off by default.
-  bool obstacle_heights = false;        ///< boxes are solid between z1 and z2 only
-  bool obstacles_block_sight = false;   ///< no detection through a box
-  bool sight_3d = false;                ///< distances and cones of sight and damage use altitude too
+  bool obstacle_heights = false;       ///< boxes are solid between z1 and z2 only
+  bool obstacles_block_sight = false;  ///< no detection through a box
+  bool sight_3d = false;               ///< distances and cones of sight and damage use altitude too
 
   AgentTable agents{};
   MapTable maps{};
@@ -150,8 +151,8 @@ struct SimSpec {
   std::vector<MapSpec> maps;
   int neighbor_limit = 15;  ///< max_agent_in_vec_obs
 
-  /// Sets n_agents, n_team, team_bits, n_maps, n_boxes, n_neighbors, has_idle_reward and the reciprocals; throws Error where a team is empty or
-  /// there are more than kMaxAgents agents.
+  /// Sets n_agents, n_team, team_bits, n_maps, n_boxes, n_neighbors, has_idle_reward and the reciprocals; throws Error
+  /// where a team is empty or there are more than kMaxAgents agents.
   void finish();
 
   /// Length of one agent's vector observation: 9 per neighbor, 5 for waypoints, 4 per box (6 with obstacle_heights).

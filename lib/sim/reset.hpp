@@ -49,8 +49,7 @@ GIGA_HD void place_agent(const SimParams& p, WorldView& w, Draws& draws, int i) 
   draw_place(p, w, draws, 0, i);
   take_place(p, w, i);
   w.v[i] = 1.0f;
-  w.heading[i] =
-      area.heading_lo + draws.start(i, 0, StartDraw::heading) * (area.heading_hi - area.heading_lo);
+  w.heading[i] = area.heading_lo + draws.start(i, 0, StartDraw::heading) * (area.heading_hi - area.heading_lo);
   w.health[i] = p.original() ? 1.0f : p.agents.max_health[i];
   w.alive[i] = 1;
   w.flags[i] = 0;

@@ -46,7 +46,8 @@ GIGA_HD float term_value(const SimParams& p, const WorldView& w, RewardTerm term
     case RewardTerm::defeat_one_opponent: {
       const int own_change = w.counts[kAlive0 + team] - w.counts[kWasAlive0 + team];
       const int other_change = w.counts[kAlive1 - team] - w.counts[kWasAlive1 - team];
-      return c * alive * static_cast<float>(own_change - other_change) / static_cast<float>(w.counts[kAlive0 + team] + 1);
+      return c * alive * static_cast<float>(own_change - other_change) /
+             static_cast<float>(w.counts[kAlive0 + team] + 1);
     }
     case RewardTerm::detection:
       return c * kDt * alive *
@@ -70,7 +71,8 @@ GIGA_HD float term_value(const SimParams& p, const WorldView& w, RewardTerm term
   return 0.0f;
 }
 
-/// What a term's value is worth to agent i's reward: the factor, the division by all agents (Q12), nothing for the dead.
+/// What a term's value is worth to agent i's reward: the factor, the division by all agents (Q12), nothing for the
+/// dead.
 GIGA_HD float scale_term(const SimParams& p, const WorldView& w, RewardTerm term, float value, int i) {
   if (!w.was_alive[i]) return 0.0f;
   const float scaled = term == RewardTerm::game_won ? value : *w.reward_factor * value;

@@ -9,6 +9,17 @@ constexpr size_t kFieldAlignment = 256;
 
 size_t padded(size_t bytes) { return (bytes + kFieldAlignment - 1) / kFieldAlignment * kFieldAlignment; }
 
+std::vector<float> make_box_features(const SimParams& p, const std::vector<Box>& boxes) {
+  std::vector<float> features;
+  for (const Box& box : boxes) {
+    features.insert(features.end(),
+                    {box.x1 * p.inv_limit_x, box.y1 * p.inv_limit_y, box.x2 * p.inv_limit_x, box.y2 * p.inv_limit_y});
+    if (p.obstacle_heights)
+      features.insert(features.end(), {box.z1 * (1.0f / kAltitudeLimit), box.z2 * (1.0f / kAltitudeLimit)});
+  }
+  return features;
+}
+
 }  // namespace
 
 SimTables::SimTables(const SimSpec& spec, Memory& memory) : params_(spec.params) {
@@ -33,10 +44,11 @@ SimTables::SimTables(const SimSpec& spec, Memory& memory) : params_(spec.params)
   ints_ = Buffer<int32_t>(memory, ints);
   floats_ = Buffer<float>(memory, floats);
   boxes_ = Buffer<Box>(memory, boxes);
+  box_features_ = Buffer<float>(memory, make_box_features(params_, boxes));
   start_ = Buffer<StartArea>(memory, start);
   const float* f = floats_.data();
   params_.agents = {ints_.data(), ints_.data() + n, f, f + n, f + 2 * n, f + 3 * n, f + 4 * n};
-  params_.maps = {boxes_.data(), start_.data()};
+  params_.maps = {boxes_.data(), box_features_.data(), start_.data()};
 }
 
 SimState::SimState(int n_agents, int n_worlds, Memory& memory) {

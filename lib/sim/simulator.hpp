@@ -43,6 +43,7 @@ class SimTables {
   Buffer<int32_t> ints_;
   Buffer<float> floats_;
   Buffer<Box> boxes_;
+  Buffer<float> box_features_;
   Buffer<StartArea> start_;
 };
 

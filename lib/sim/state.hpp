@@ -12,12 +12,12 @@ namespace giga {
 /// Columns of the statistics of finished episodes, summed per world until they are read.
 enum class EpisodeStat : int {
   episodes,
-  length,          ///< steps
-  wins_0,          ///< team 1 was wiped out in an earlier step than team 0
+  length,  ///< steps
+  wins_0,  ///< team 1 was wiped out in an earlier step than team 0
   wins_1,
   ties,
-  truncated,       ///< ended by the time limit
-  return_0,        ///< sum over the team's agents of all rewards
+  truncated,  ///< ended by the time limit
+  return_0,   ///< sum over the team's agents of all rewards
   return_1,
   return_masked_0,  ///< the original's: without the last step and without the steps in which an agent died
   return_masked_1,
@@ -48,29 +48,29 @@ GIGA_HD int words_for(int n_agents) { return (n_agents + 31) / 32; }
 
 /// Views of the arrays of a number of worlds; W worlds, N agents. Everything here is saved in a checkpoint.
 struct StateView {
-  float* x;        // [W, N] position, map units
-  float* y;        // [W, N]
-  float* z;        // [W, N] altitude
-  float* v;        // [W, N] speed, units a second
-  float* heading;  // [W, N] radians
-  float* health;   // [W, N]
-  uint8_t* alive;  // [W, N] 0 or 1
-  uint8_t* tracked;    // [W, N, N] steps of unbroken fire, [target, shooter]; stops at 255
-  uint32_t* detected;  // [W, N, words] bit b of row a: b detected a in the last step
-  uint32_t* seen;      // [W, N, words] bit a of row e: e sees a in its last observation
-  int32_t* map;        // [W] index into the maps of the scenario
-  float* waypoint;       // [W, 4] x1 y1 x2 y2
-  float* waypoint_time;  // [W] remaining seconds; 0 = none
-  float* reward_factor;  // [W] the original's aux_rewards_factor: scales all terms but game_won
+  float* x;                 // [W, N] position, map units
+  float* y;                 // [W, N]
+  float* z;                 // [W, N] altitude
+  float* v;                 // [W, N] speed, units a second
+  float* heading;           // [W, N] radians
+  float* health;            // [W, N]
+  uint8_t* alive;           // [W, N] 0 or 1
+  uint8_t* tracked;         // [W, N, N] steps of unbroken fire, [target, shooter]; stops at 255
+  uint32_t* detected;       // [W, N, words] bit b of row a: b detected a in the last step
+  uint32_t* seen;           // [W, N, words] bit a of row e: e sees a in its last observation
+  int32_t* map;             // [W] index into the maps of the scenario
+  float* waypoint;          // [W, 4] x1 y1 x2 y2
+  float* waypoint_time;     // [W] remaining seconds; 0 = none
+  float* reward_factor;     // [W] the original's aux_rewards_factor: scales all terms but game_won
   int32_t* episode_length;  // [W] steps since the reset
   uint32_t* draw_step;      // [W] steps since the start: the step of the next draw
   Outcome* outcome;         // [W] decided when a team is wiped out first
   Phase* phase;             // [W]
-  float* returns;         // [W, 2] by team, this episode
-  float* returns_masked;  // [W, 2] see EpisodeStat
-  float* score;           // [W, 2]
-  float* term_returns;    // [W, 2, kNRewardTerms] by team and term, this episode
-  float* stats;           // [W, kNStatRows] of finished episodes since they were last read
+  float* returns;           // [W, 2] by team, this episode
+  float* returns_masked;    // [W, 2] see EpisodeStat
+  float* score;             // [W, 2]
+  float* term_returns;      // [W, 2, kNRewardTerms] by team and term, this episode
+  float* stats;             // [W, kNStatRows] of finished episodes since they were last read
 };
 
 /// Number of elements that a field has in one world.

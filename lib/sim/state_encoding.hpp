@@ -14,9 +14,7 @@ constexpr int kEntityFeatures = 12;
 /// four numbers per box of the map (six with obstacle_heights).
 constexpr int kWorldFeatures = 5;
 
-GIGA_HD int world_feature_count(const SimParams& p) {
-  return kWorldFeatures + p.n_boxes * box_features(p);
-}
+GIGA_HD int world_feature_count(const SimParams& p) { return kWorldFeatures + p.n_boxes * box_features(p); }
 GIGA_HD int global_size(const SimParams& p) { return p.n_agents * kEntityFeatures + world_feature_count(p); }
 
 GIGA_HD float entity_feature(const SimParams& p, const WorldView& w, int i, int feature) {
@@ -61,9 +59,8 @@ GIGA_HD float world_feature(const SimParams& p, const WorldView& w, int column) 
     case 3:
       return active ? *w.waypoint_time * 0.1f : 0.0f;
     case 4:
-      return p.max_episode_length > 0
-                 ? static_cast<float>(*w.episode_length) / static_cast<float>(p.max_episode_length)
-                 : 0.0f;
+      return p.max_episode_length > 0 ? static_cast<float>(*w.episode_length) / static_cast<float>(p.max_episode_length)
+                                      : 0.0f;
     default:
       break;
   }

@@ -74,9 +74,8 @@ GIGA_HD void keep_final(const Lanes& lanes, const SimParams& p, const StepIo& io
       if (team.final_obs && team.obs) team.final_obs[at] = team.obs[at];
     });
   const int state_columns = active && io.final_global && io.global ? global_size(p) : 0;
-  lanes.each(state_columns, [&](int k) {
-    io.final_global[world * state_columns + k] = io.global[world * state_columns + k];
-  });
+  lanes.each(state_columns,
+             [&](int k) { io.final_global[world * state_columns + k] = io.global[world * state_columns + k]; });
 }
 
 /// Starts an episode. `active` as above.
@@ -158,7 +157,7 @@ GIGA_HD void settle_world(const Lanes& lanes, const SimParams& p, WorldView& w, 
                           OnDone on_done, int64_t world) {
   const bool ended = *w.phase == Phase::terminated || *w.phase == Phase::truncated;
   lanes.each(ended ? kNBookItems : 0, [&](int item) { close_books(w, item); });
-  keep_final(lanes, p, io, world, ended);
+  keep_final(lanes, p, io, world, ended && (!io.final_of_truncations_only || *w.phase == Phase::truncated));
   if (on_done == OnDone::freeze) {
     lanes.each(ended ? 1 : 0, [&](int) { *w.phase = Phase::waits; });
     return;

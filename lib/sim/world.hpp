@@ -24,18 +24,18 @@ struct WorldView {
   float* stats;                             // [kNStatRows]
 
   // Scratch.
-  float *dir_x, *dir_y;   // [N] cosine and sine of the heading
-  float* taken;           // [N] damage units that the agent took in this step
-  float* reward;          // [N] of this step
-  float* next;            // [3, N] start coordinates of a round of resampling
-  uint8_t* was_alive;     // [N] before the step
-  uint8_t* flags;         // [N] bits of AgentFlag
-  uint32_t* talk;         // [N, words] bit b of row e: e hears b
-  uint16_t* neighbors;    // [N, n_neighbors] agents of the observation's rows; kNobody = row of zeros
-  float* neighbor_keys;   // [N, n_neighbors] their distances
-  float* features;        // [N, kNeighborFeatures] of observations, see observe.hpp
-  float* terms;           // [kNRewardTerms, N] what each reward term added to the agent's reward
-  int32_t* counts;        // [kNCounts] see Count
+  float *dir_x, *dir_y;  // [N] cosine and sine of the heading
+  float* taken;          // [N] damage units that the agent took in this step
+  float* reward;         // [N] of this step
+  float* next;           // [3, N] start coordinates of a round of resampling
+  uint8_t* was_alive;    // [N] before the step
+  uint8_t* flags;        // [N] bits of AgentFlag
+  uint32_t* talk;        // [N, words] bit b of row e: e hears b
+  uint16_t* neighbors;   // [N, n_neighbors] agents of the observation's rows; kNobody = row of zeros
+  float* neighbor_keys;  // [N, n_neighbors] their distances
+  float* features;       // [N, kNeighborFeatures] of observations, see observe.hpp
+  float* terms;          // [kNRewardTerms, N] what each reward term added to the agent's reward
+  int32_t* counts;       // [kNCounts] see Count
 };
 
 constexpr uint16_t kNobody = 0xFFFF;
@@ -63,7 +63,8 @@ enum class Done : uint8_t {
 
 /// Bytes of scratch that a world of p needs, and the carving of a 16-byte aligned block of that size.
 struct ScratchLayout {
-  size_t dir_x, dir_y, taken, reward, next, features, terms, neighbor_keys, talk, counts, neighbors, was_alive, flags, size;
+  size_t dir_x, dir_y, taken, reward, next, features, terms, neighbor_keys, talk, counts, neighbors, was_alive, flags,
+      size;
 
   GIGA_HD explicit ScratchLayout(const SimParams& p) {
     const size_t n = static_cast<size_t>(p.n_agents);
@@ -138,23 +139,24 @@ GIGA_HD WorldView world_view(const StateView& s, const SimParams& p, int64_t wor
 }
 
 /// What a step reads and writes besides the state: one team's buffers, n = agents of the team, D = observation size.
-/// Null = not wanted. `final_*` are copies of obs, alive and global (which must be wanted too) from before a reset, and are
-/// written only where an episode ended in this step.
+/// Null = not wanted. `final_*` are copies of obs, alive and global (which must be wanted too) from before a reset, and
+/// are written only where an episode ended in this step.
 struct TeamIo {
-  const void* action = nullptr;     // [W, n] int32 (discrete) or [W, n, 3] float (continuous)
-  float* obs = nullptr;             // [W, n, D] after the step (after the reset where the episode ended)
-  float* reward = nullptr;          // [W, n]
-  uint8_t* alive = nullptr;         // [W, n] at `obs`
-  float* final_obs = nullptr;       // [W, n, D]
-  uint8_t* final_alive = nullptr;   // [W, n]
+  const void* action = nullptr;    // [W, n] int32 (discrete) or [W, n, 3] float (continuous)
+  float* obs = nullptr;            // [W, n, D] after the step (after the reset where the episode ended)
+  float* reward = nullptr;         // [W, n]
+  uint8_t* alive = nullptr;        // [W, n] at `obs`
+  float* final_obs = nullptr;      // [W, n, D]
+  uint8_t* final_alive = nullptr;  // [W, n]
 };
 struct StepIo {
   TeamIo team[kNTeams];
-  int obs_stride = 0;              // from one row of obs and final_obs to the next; 0 = D. The rest is not touched
-  uint8_t* done = nullptr;         // [W] Done
-  float* global = nullptr;         // [W, G] true state, see state_encoding.hpp
-  float* final_global = nullptr;   // [W, G]
-  float* terms = nullptr;          // [W, kNRewardTerms, N] what each term added, in the original's units (tests)
+  int obs_stride = 0;  // from one row of obs and final_obs to the next; 0 = D. The rest is not touched
+  bool final_of_truncations_only = false;  // leave final_* alone where a game was decided: values need no more of it
+  uint8_t* done = nullptr;                 // [W] Done
+  float* global = nullptr;                 // [W, G] true state, see state_encoding.hpp
+  float* final_global = nullptr;           // [W, G]
+  float* terms = nullptr;  // [W, kNRewardTerms, N] what each term added, in the original's units (tests)
 };
 
 /// What happens to a world whose episode has ended.

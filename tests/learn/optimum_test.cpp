@@ -44,11 +44,10 @@ struct Returns {
 
 /// Trains, and plays 256 episodes before and after.
 Returns train(const std::string& critic, const std::string& settings, const std::string& action) {
-  LoadedRun run = load_run_config_text(
+  const LoadedRun run = load_run_config_text(
       kConfig + critic + "}\ntrain: {opponent: circle, " + settings + ", n_threads: 1, precision: fp32}\n",
       kScenario + ("action: " + action + "\n"));
-  if (getenv("S")) run.config.seed = static_cast<uint64_t>(atoi(getenv("S")));
-  const auto learner = learner_of(run);
+  const auto learner = make_learner(run, Device{});
   const auto play = [&] {
     return play_match(run.spec, {learner->actor(0)}, {nullptr, Scripted::circle}, {256, 9, Device{}, 1}).mean_return[0];
   };
@@ -57,20 +56,19 @@ Returns train(const std::string& critic, const std::string& settings, const std:
   returns.trained = play();
   testing::Test::RecordProperty("untrained", std::to_string(returns.untrained));
   testing::Test::RecordProperty("trained", std::to_string(returns.trained));
-  printf("%g -> %g\n", returns.untrained, returns.trained);
   return returns;
 }
 
 TEST(LearnOptimum, TwoWorldsOfTwoAgents) {
   const Returns returns = train("composed", "n_worlds: 2, total_agent_steps: 200000", "discrete");
   EXPECT_LT(returns.untrained, -0.8);
-  EXPECT_GT(returns.trained, -0.2);  // eight seeds came to -0.03 ... -0.16
+  EXPECT_GT(returns.trained, -0.2);  // seeds 1 to 8 came to -0.02 ... -0.13
 }
 
 TEST(LearnOptimum, ContinuousActionsAndStateCritic) {
   const Returns returns = train("state", "n_worlds: 8, total_agent_steps: 400000", "continuous");
-  EXPECT_LT(returns.untrained, -0.6);
-  EXPECT_GT(returns.trained, -0.2);
+  EXPECT_LT(returns.untrained, -0.8);
+  EXPECT_GT(returns.trained, -0.2);  // seeds 1 to 8 came to -0.03 ... -0.08
 }
 
 }  // namespace

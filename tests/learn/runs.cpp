@@ -3,29 +3,27 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstring>
+#include <utility>
 
 namespace giga::test {
 
-LoadedRun small_run(const std::string& keys, const std::string& scenario_keys) {
-  const std::string scenario =
-      "limit_x: 6\nlimit_y: 6\nmax_episode_length: 40\nmaps: empty\n"
-      "team_0: [{type: default, count: 2}]\nteam_1: [{type: default, count: 2}]\n" +
-      scenario_keys;
+LoadedRun SmallRun::load() const {
+  const auto more = [](const std::string& keys) { return keys.empty() ? "" : ", " + keys; };
   const std::string config =
-      "seed: 3\n"
-      "train: {n_worlds: 24, total_agent_steps: 100000, n_threads: 2, precision: fp32" +
-      (keys.starts_with("train.") ? ", " + keys.substr(6, keys.find('\n') - 6) : std::string()) +
-      "}\n"
-      "mappo:\n"
-      "  horizon: 8\n  n_epochs: 2\n  n_minibatches: 4\n"
-      "  actor: {hidden: [16, 16]}\n" +
-      (keys.starts_with("train.") ? (keys.find('\n') == std::string::npos ? "" : keys.substr(keys.find('\n') + 1))
-                                  : keys) +
-      (keys.find("critic:") == std::string::npos ? "\n  critic: {hidden: [16, 16]}\n" : "\n");
-  return load_run_config_text(config, scenario);
+      cat("seed: ", seed, "\ntrain: {n_worlds: 24, total_agent_steps: 100000, n_threads: 2, ", "precision: fp32",
+          more(train), "}\nmappo: {horizon: 8, n_epochs: 2, ", "n_minibatches: 4, actor: {hidden: [16, 16]}, critic: {",
+          critic, "}", more(mappo), "}\n");
+  std::string text = scenario;
+  for (const auto& [key, value] : {std::pair{"limit_x", "6"},
+                                   {"limit_y", "6"},
+                                   {"max_episode_length", "40"},
+                                   {"maps", "empty"},
+                                   {"team_0", "[{type: default, count: 2}]"},
+                                   {"team_1", "[{type: default, count: 2}]"}})
+    if (scenario.find(cat(key, ":")) == std::string::npos) text += cat(key, ": ", value, "\n");
+  return load_run_config_text(config, text);
 }
-
-std::unique_ptr<Learner> learner_of(const LoadedRun& run) { return make_learner(run, Device{}); }
 
 double metric(const Metrics& metrics, const std::string& name) {
   for (const auto& [key, value] : metrics)
@@ -46,6 +44,15 @@ std::string difference(const NamedArrays& a, const NamedArrays& b) {
   for (size_t k = 0; k < a.size(); ++k)
     if (a[k].name != b[k].name || a[k].type != b[k].type || a[k].shape != b[k].shape || a[k].bytes != b[k].bytes)
       names += (names.empty() ? "" : ", ") + a[k].name;
+  return names;
+}
+
+std::string difference(const Metrics& a, const Metrics& b) {
+  if (a.size() != b.size()) return cat(a.size(), " and ", b.size(), " figures");
+  std::string names;
+  for (size_t k = 0; k < a.size(); ++k)
+    if (a[k].first != b[k].first || std::memcmp(&a[k].second, &b[k].second, sizeof(double)) != 0)
+      names += cat(names.empty() ? "" : ", ", a[k].first, " ", a[k].second, " / ", b[k].second);
   return names;
 }
 

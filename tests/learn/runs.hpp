@@ -1,4 +1,4 @@
-// What the learning tests share: small scenarios and configurations as text, and reading metrics and saved arrays.
+// What the learning tests share: a small scenario and configuration to be varied, and reading metrics and saved arrays.
 #pragma once
 
 #include <memory>
@@ -8,11 +8,18 @@
 
 namespace giga::test {
 
-/// 2 against 2 on an empty map of 6 x 6, where agents see, shoot, collide and fly out of bounds within 40 steps.
-LoadedRun small_run(const std::string& train_and_mappo_keys = "", const std::string& scenario_keys = "");
+/// 2 against 2 on an empty map of 6 x 6, where agents see, shoot, collide and fly out of bounds within 40 steps;
+/// 24 worlds, rollouts of 8 steps, 2 epochs of 4 minibatches. YAML of what a test changes:
+struct SmallRun {
+  std::string train;  ///< keys in flow style, for example "opponent: circle"
+  std::string mappo;  ///< likewise
+  std::string critic = "hidden: [16, 16]";
+  std::string scenario;  ///< whole lines, in place of those of the same keys
+  int seed = 3;
 
-/// A learner on the CPU with two threads, whatever the machine has.
-std::unique_ptr<Learner> learner_of(const LoadedRun& run);
+  LoadedRun load() const;
+  std::unique_ptr<Learner> learner(Device device = {}) const { return make_learner(load(), device); }
+};
 
 double metric(const Metrics& metrics, const std::string& name);
 
@@ -20,8 +27,9 @@ double metric(const Metrics& metrics, const std::string& name);
 NamedArrays saved(const Learner& learner);
 /// Empty if all bytes are equal; else the names that differ.
 std::string difference(const NamedArrays& a, const NamedArrays& b);
+std::string difference(const Metrics& a, const Metrics& b);
 
-/// Fails where a figure that must be known in a self-play run, or one of a saved float array, is not finite.
+/// Fails where a figure of a learning team, or a number of a saved float array, is not finite.
 void expect_finite(const Metrics& metrics, int team);
 void expect_finite(const NamedArrays& arrays);
 

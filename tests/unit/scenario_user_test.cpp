@@ -17,7 +17,9 @@ namespace fs = std::filesystem;
 class ScenarioUser : public testing::Test {
  protected:
   void SetUp() override {
-    folder_ = fs::path(testing::TempDir()) / "scenario_user_test";
+    // A folder per test: ctest runs them side by side.
+    folder_ = fs::path(testing::TempDir()) /
+              (std::string("scenario_user_") + testing::UnitTest::GetInstance()->current_test_info()->name());
     fs::remove_all(folder_);
     fs::create_directories(folder_ / "parts");
   }

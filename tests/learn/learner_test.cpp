@@ -1,0 +1,178 @@
+// The learner: rollout and update agree, determinism, save and load, who learns, and every setting for two updates.
+#include "learn/learner.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "cuda/runtime.hpp"
+#include "runs.hpp"
+
+namespace giga::test {
+namespace {
+
+/// Settings that differ in everything that an update keeps or reads.
+struct Variant {
+  const char* name;
+  SmallRun run;
+};
+void PrintTo(const Variant& v, std::ostream* out) { *out << v.name; }
+const Variant kVariants[] = {
+    {"Plain", {}},
+    {"ContinuousObsNormStateCritic", {"", "obs_norm: true", "kind: state, hidden: [16, 12]", "action: continuous\n"}},
+    {"IndependentHuberBatchNorm",
+     {"desynchronize: false", "value_loss: huber, huber_delta: 0.5, advantage_norm: batch",
+      "kind: independent, hidden: [16]", ""}},
+    {"ClippedCosineLayerNorm",
+     {"", "value_loss: clipped, schedule: cosine, advantage_norm: none, value_norm: false",
+      "layer_norm: true, activation: gelu, hidden: [16, 16]", ""}},
+    {"TargetKl", {"", "target_kl: 1.0e-5, schedule: constant", "hidden: [16]", ""}},
+    {"NoClipping", {"", "max_grad_norm: 0", "activation: relu, hidden: [8]", ""}},
+    {"StateCriticOneLayer", {"", "", "kind: state, hidden: [8], activation: silu", ""}},
+    {"ContinuousAgainstCircleRandom",
+     {"opponent: circle_random", "obs_norm: true", "hidden: [16]", "action: continuous\n"}},
+    {"TeamOneAgainstRandom", {"opponent: random, learning_team: 1", "", "kind: state, hidden: [16, 12]", ""}},
+    {"ObstaclesWaypointsThreeAgainstOne",
+     {"", "", "kind: state, hidden: [16, 12]",
+      "maps: four_rooms\nwaypoints: {enable_waypoints: true}\nteam_0: [{type: default, count: 3}]\n"}},
+};
+
+class LearnVariants : public testing::TestWithParam<Variant> {};
+
+TEST_P(LearnVariants, TwoUpdatesAreFiniteAndStartAtRatioOne) {
+  const auto learner = GetParam().run.learner();
+  const NamedArrays before = saved(*learner);
+  for (int u = 0; u < 2; ++u) {
+    const Metrics metrics = learner->update();
+    for (int team = 0; team < 2; ++team) {
+      if (!learner->actor(team)) continue;
+      expect_finite(metrics, team);
+      EXPECT_LT(metric(metrics, cat("first_ratio_error_", team)), 1e-5) << "update " << u << ", team " << team;
+      EXPECT_GT(metric(metrics, cat("living_share_", team)), 0.2);
+      EXPECT_GT(metric(metrics, cat("actor_grad_norm_", team)), 1e-6);
+    }
+  }
+  const NamedArrays after = saved(*learner);
+  expect_finite(after);
+  EXPECT_EQ(learner->updates_done(), 2);
+  EXPECT_NE(difference(before, after), "");
+}
+
+TEST_P(LearnVariants, SaveLoadAndGoOnEqualsGoingOn) {
+  const auto learner = GetParam().run.learner();
+  for (int u = 0; u < 3; ++u) learner->update();
+  const NamedArrays checkpoint = saved(*learner);
+  const auto loaded = GetParam().run.learner();
+  loaded->update();  // whatever it did before must not matter
+  loaded->load(checkpoint);
+  EXPECT_EQ(loaded->updates_done(), 3);
+  EXPECT_EQ(difference(saved(*loaded), checkpoint), "");
+  for (int u = 0; u < 2; ++u) {
+    const Metrics expected = learner->update(), actual = loaded->update();
+    EXPECT_EQ(difference(expected, actual), "") << "update " << u << " after loading";
+    ASSERT_EQ(difference(saved(*learner), saved(*loaded)), "") << "update " << u << " after loading";
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(All, LearnVariants, testing::ValuesIn(kVariants),
+                         [](const auto& variant) { return std::string(variant.param.name); });
+
+TEST(LearnLearner, SameSeedSameArraysAnotherSeedOthers) {
+  SmallRun run;
+  const auto trained = [&run] {
+    const auto learner = run.learner();
+    for (int u = 0; u < 3; ++u) learner->update();
+    return saved(*learner);
+  };
+  const NamedArrays first = trained();
+  EXPECT_EQ(difference(first, trained()), "");
+  run.seed = 4;
+  const std::string differing = difference(first, trained());
+  for (const char* name : {"simulator", "team_0/actor/mlp/0/weight", "team_1/critic/team_mlp/1/team_weight"})
+    EXPECT_NE(differing.find(name), std::string::npos) << name << " is the same; differing: " << differing;
+}
+
+TEST(LearnLearner, TeamsStartDifferently) {
+  const NamedArrays arrays = saved(*SmallRun{}.learner());
+  EXPECT_NE(find_array(arrays, "team_0/actor/mlp/0/weight").bytes,
+            find_array(arrays, "team_1/actor/mlp/0/weight").bytes);
+}
+
+TEST(LearnLearner, AgainstAScriptOnlyTheLearningTeamLearns) {
+  for (const int learning : {0, 1}) {
+    SmallRun run;
+    run.train = cat("opponent: circle, learning_team: ", learning);
+    const auto learner = run.learner();
+    EXPECT_NE(learner->actor(learning), nullptr);
+    EXPECT_EQ(learner->actor(1 - learning), nullptr);
+    const NamedArrays before = saved(*learner);
+    const Metrics metrics = learner->update();
+    const NamedArrays after = saved(*learner);
+    int n_team_arrays = 0;
+    for (size_t k = 0; k < after.size(); ++k) {
+      EXPECT_FALSE(after[k].name.starts_with(cat("team_", 1 - learning, "/"))) << after[k].name;
+      if (!after[k].name.starts_with(cat("team_", learning, "/"))) continue;
+      ++n_team_arrays;
+      EXPECT_NE(after[k].bytes, before[k].bytes) << after[k].name << " has not changed";
+    }
+    EXPECT_GT(n_team_arrays, 15);
+    expect_finite(metrics, learning);
+    EXPECT_TRUE(std::isnan(metric(metrics, cat("policy_loss_", 1 - learning))));
+  }
+}
+
+TEST(LearnLearner, TargetKlSkipsTheRestOfAnUpdate) {
+  SmallRun run;
+  EXPECT_EQ(metric(run.learner()->update(), "skipped_share_0"), 0);
+  // The first minibatch moves the policy by far more than 1e-6, so that at least one and at most seven of the eight
+  // minibatches are skipped.
+  run.mappo = "target_kl: 1.0e-6";
+  const Metrics metrics = run.learner()->update();
+  for (const char* name : {"skipped_share_0", "skipped_share_1"}) {
+    EXPECT_GE(metric(metrics, name), 1 / 8.0);
+    EXPECT_LE(metric(metrics, name), 7 / 8.0);
+  }
+  // And a target that nothing reaches skips nothing.
+  run.mappo = "target_kl: 1000";
+  EXPECT_EQ(metric(run.learner()->update(), "skipped_share_0"), 0);
+}
+
+TEST(LearnLearner, ScheduleAndCounters) {
+  // 24 worlds x 8 steps x 4 agents = 768 agent-steps an update; 100,000 make 131 updates. Linear to zero.
+  const auto learner = SmallRun{}.learner();
+  EXPECT_EQ(learner->agent_steps_done(), 0);
+  for (int u = 1; u <= 3; ++u) {
+    const Metrics metrics = learner->update();
+    EXPECT_NEAR(metric(metrics, "learning_rate_factor"), 1 - u / 131.0, 1e-12);
+    EXPECT_EQ(learner->agent_steps_done(), 768 * u);
+  }
+}
+
+TEST(LearnLearnerGpu, ThreeUpdatesAndGoingOn) {
+  if (cuda_device_count() == 0) GTEST_SKIP() << "no GPU";
+  const Device gpu{Device::Kind::cuda, 0};
+  for (const Variant& variant : kVariants) {
+    SCOPED_TRACE(variant.name);
+    const auto learner = variant.run.learner(gpu);
+    const auto update = [&](Learner& of) {
+      const Metrics metrics = of.update();
+      for (int team = 0; team < 2; ++team) {
+        if (!of.actor(team)) continue;
+        expect_finite(metrics, team);
+        EXPECT_LT(metric(metrics, cat("first_ratio_error_", team)), 1e-3);
+      }
+      return metrics;
+    };
+    for (int u = 0; u < 3; ++u) update(*learner);
+    const NamedArrays checkpoint = saved(*learner);
+    expect_finite(checkpoint);
+    const auto loaded = variant.run.learner(gpu);
+    loaded->load(checkpoint);
+    const Metrics expected = update(*learner), actual = update(*loaded);
+    EXPECT_EQ(difference(expected, actual), "");
+    EXPECT_EQ(difference(saved(*learner), saved(*loaded)), "");
+  }
+}
+
+}  // namespace
+}  // namespace giga::test

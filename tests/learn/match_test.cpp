@@ -1,0 +1,120 @@
+// Matches between scripts whose outcome is known, Wilson's interval, and names of scripts.
+#include "eval/match.hpp"
+
+#include <gtest/gtest.h>
+
+#include "runs.hpp"
+
+namespace giga::test {
+namespace {
+
+Player script(Scripted kind) { return {nullptr, kind}; }
+
+/// 1 against 1 on an empty map of 10 x 10 where nobody shoots or collides: who circles (radius 0.33) stays inside, who
+/// flies straight on leaves it after at most 9 / 0.13 = 70 steps.
+SimSpec peaceful(const std::string& limit = "150") {
+  return load_run_config_text("seed: 1\n", "max_episode_length: " + limit + R"(
+maps: empty
+team_0: [{type: default, count: 1}]
+team_1: [{type: default, count: 1}]
+damage: {damage_cone_depth: 0}
+collision: {collision_range: 0}
+rewards: {defeat_one_opponent: 0, detection: 0, damage: 0, idle: 0, collision_agent: 0, collision_obstacle: 3,
+          agent_disabled: 0, game_won: 0, divide_reward_by_team_size: false}
+)")
+      .spec;
+}
+
+TEST(LearnMatch, CircleAgainstCircleIsATie) {
+  const MatchResult r = play_match(peaceful(), script(Scripted::circle), script(Scripted::circle), {65, 4, {}, 2});
+  EXPECT_EQ(r.episodes, 65);
+  EXPECT_EQ(r.ties, 65);
+  EXPECT_EQ(r.wins[0] + r.wins[1], 0);
+  EXPECT_EQ(r.mean_length, 150);
+  EXPECT_EQ(r.mean_return[0], 0);
+}
+
+TEST(LearnMatch, WhoFliesStraightOnLoses) {
+  for (const int loser : {0, 1}) {
+    const Player side[2] = {script(loser == 0 ? Scripted::noop : Scripted::circle),
+                            script(loser == 1 ? Scripted::noop : Scripted::circle)};
+    const MatchResult r = play_match(peaceful(), side[0], side[1], {65, 4, {}, 2});
+    EXPECT_EQ(r.wins[1 - loser], 65);
+    EXPECT_EQ(r.wins[loser] + r.ties, 0);
+    EXPECT_EQ(r.mean_return[loser], -3);  // collision_obstacle 3, once
+    EXPECT_EQ(r.mean_return[1 - loser], 0);
+    EXPECT_GT(r.mean_length, 40);  // starts are 6 to 9 from the wall ahead, at 0.13 or a little more a step
+    EXPECT_LT(r.mean_length, 71);
+  }
+}
+
+TEST(LearnMatch, WithoutATimeLimitItIsCutOff) {
+  const MatchResult r = play_match(peaceful("none"), script(Scripted::circle), script(Scripted::circle), {1, 4, {}, 1});
+  EXPECT_EQ(r.ties, 1);
+  EXPECT_EQ(r.mean_length, kMatchStepLimit);
+}
+
+bool equal(const MatchResult& a, const MatchResult& b) {
+  return a.wins[0] == b.wins[0] && a.wins[1] == b.wins[1] && a.ties == b.ties && a.mean_length == b.mean_length &&
+         a.mean_return[0] == b.mean_return[0] && a.mean_return[1] == b.mean_return[1] &&
+         a.mean_return_masked[0] == b.mean_return_masked[0] && a.mean_score[0] == b.mean_score[0];
+}
+
+TEST(LearnMatch, CountsAddUpAndTheSeedDecides) {
+  const SimSpec spec = SmallRun{}.load().spec;
+  const auto play = [&](uint64_t seed, int n_threads) {
+    return play_match(spec, script(Scripted::random), script(Scripted::circle_random), {129, seed, {}, n_threads});
+  };
+  const MatchResult first = play(1, 2);
+  EXPECT_EQ(first.episodes, 129);
+  EXPECT_EQ(first.wins[0] + first.wins[1] + first.ties, 129);
+  EXPECT_GT(first.wins[0], 0);
+  EXPECT_GT(first.wins[1], 0);
+  EXPECT_GT(first.mean_length, 1);
+  EXPECT_LE(first.mean_length, 40);
+  EXPECT_TRUE(equal(first, play(1, 2)));
+  EXPECT_TRUE(equal(first, play(1, 3)));  // whatever the number of threads
+  EXPECT_FALSE(equal(first, play(2, 2)));
+}
+
+TEST(LearnMatch, LearnedPolicyPlaysBothSides) {
+  const SmallRun small;
+  const auto learner = small.learner();
+  const SimSpec spec = small.load().spec;
+  const MatchResult a = play_match(spec, {learner->actor(0)}, {learner->actor(1)}, {33, 1, {}, 2});
+  EXPECT_EQ(a.wins[0] + a.wins[1] + a.ties, 33);
+  EXPECT_TRUE(equal(a, play_match(spec, {learner->actor(0)}, {learner->actor(1)}, {33, 1, {}, 2})));
+  const Player greedy{learner->actor(0), Scripted::random, true};
+  EXPECT_FALSE(equal(a, play_match(spec, greedy, {learner->actor(1)}, {33, 1, {}, 2})));
+}
+
+TEST(LearnMatch, WilsonInterval) {
+  struct Case {
+    int k, n;
+    double lo, hi;
+  };
+  // z = 1.96: centre (p + z^2 / 2n) / (1 + z^2 / n), half width z sqrt(p (1 - p) / n + z^2 / 4n^2) / (1 + z^2 / n).
+  // k = 0: [0, z^2 / (n + z^2)] = 3.8415 / 13.8415.
+  const Case cases[] = {{0, 10, 0, 0.2775}, {10, 10, 0.7225, 1}, {5, 10, 0.2366, 0.7634}, {90, 100, 0.8256, 0.9448}};
+  for (const Case& c : cases) {
+    const Interval i = wilson95(c.k, c.n);
+    EXPECT_NEAR(i.lo, c.lo, 5e-5) << c.k << " of " << c.n;
+    EXPECT_NEAR(i.hi, c.hi, 5e-5) << c.k << " of " << c.n;
+  }
+  EXPECT_EQ(wilson95(0, 0).lo, 0);
+  EXPECT_EQ(wilson95(0, 0).hi, 1);
+}
+
+TEST(LearnMatch, NamesOfScripts) {
+  EXPECT_EQ(parse_scripted("reverse_circle"), Scripted::reverse_circle);
+  EXPECT_EQ(parse_scripted("random"), Scripted::random);
+  try {
+    parse_scripted("cirle");
+    FAIL();
+  } catch (const InputError& e) {
+    EXPECT_STREQ(e.what(), "opponent 'cirle' is unknown; allowed: random, noop, circle, reverse_circle, circle_random");
+  }
+}
+
+}  // namespace
+}  // namespace giga::test

@@ -1,0 +1,102 @@
+// The collector: what is kept of a rollout is what single steps show, and final observations belong to truncations.
+#include <gtest/gtest.h>
+
+#include <map>
+
+#include "cuda/runtime.hpp"
+#include "learn/mappo.hpp"
+#include "policy/actor.hpp"
+#include "rollout/collector.hpp"
+#include "runs.hpp"
+
+namespace giga::test {
+namespace {
+
+constexpr int kWorlds = 128, kHorizon = 8;
+
+/// 1 against 1 in a space so small that many fly out within a few steps, with a time limit as long as a rollout.
+LoadedRun cramped() {
+  SmallRun run;
+  run.scenario = "limit_x: 1.6\nlimit_y: 1.6\nmax_episode_length: 8\n";
+  return run.load();
+}
+
+/// Plays `run` in rollouts of `horizon` steps.
+struct Play {
+  Play(const LoadedRun& run, int horizon)
+      : rows(Device{}, 2),
+        actor{make_actor(run, 0, Device{}), make_actor(run, 1, Device{})},
+        sim(make_cpu_simulator(run.spec, {kWorlds, 17, 0, OnDone::reset, 2})),
+        collector(*sim, rows, {horizon, true, true}, {&actor[0]}, {&actor[1]}) {
+    collector.start();
+  }
+  RowRunner rows;
+  Actor actor[2];
+  std::unique_ptr<Simulator> sim;
+  Collector collector;
+};
+
+TEST(LearnRollout, LongRolloutEqualsSingleSteps) {
+  const LoadedRun run = cramped();
+  Play whole(run, kHorizon), single(run, 1);
+  for (int rollout = 0; rollout < 3; ++rollout) {
+    whole.collector.collect();
+    const Rollout& r = whole.collector.rollout();
+    for (int t = 0; t < kHorizon; ++t) {
+      single.collector.collect();
+      const Rollout& s = single.collector.rollout();
+      ASSERT_TRUE(at::equal(r.done[t], s.done[0])) << "step " << t;
+      ASSERT_TRUE(at::equal(r.global[t], s.global[0])) << "step " << t;
+      ASSERT_TRUE(at::equal(r.global[t + 1], s.global[1])) << "step " << t;
+      for (int team = 0; team < 2; ++team) {
+        const TeamRollout &a = r.team[team], &b = s.team[team];
+        ASSERT_TRUE(at::equal(a.obs[t], b.obs[0])) << "step " << t;
+        ASSERT_TRUE(at::equal(a.obs[t + 1], b.obs[1])) << "step " << t;
+        ASSERT_TRUE(at::equal(a.alive[t + 1], b.alive[1])) << "step " << t;
+        ASSERT_TRUE(at::equal(a.action[t], b.action[0])) << "step " << t;
+        ASSERT_TRUE(at::equal(a.log_prob[t], b.log_prob[0])) << "step " << t;
+        ASSERT_TRUE(at::equal(a.reward[t], b.reward[0])) << "step " << t;
+      }
+    }
+  }
+}
+
+TEST(LearnRollout, FinalObservationIsThatOfTheTruncation) {
+  // A world whose game is cut off early in a rollout may see its next game decided before the rollout ends. The value
+  // of the truncation still needs the observation at the truncation.
+  const LoadedRun run = cramped();
+  Play whole(run, kHorizon), single(run, 1);
+  int n_truncated = 0, n_followed = 0;
+  std::string wrong;
+  for (int rollout = 0; rollout < 4; ++rollout) {
+    whole.collector.collect();
+    const Rollout& r = whole.collector.rollout();
+    const TeamRollout& team = r.team[0];
+    std::map<int, at::Tensor> final_obs, final_alive, final_global;  // by world: at its truncation
+    for (int t = 0; t < kHorizon; ++t) {
+      single.collector.collect();
+      const Rollout& s = single.collector.rollout();
+      for (int w = 0; w < kWorlds; ++w) {
+        const auto done = static_cast<Done>(s.done[0][w].item<int>());
+        if (done == Done::truncated) {
+          ++n_truncated;
+          final_obs[w] = s.team[0].final_obs[w].clone();
+          final_alive[w] = s.team[0].final_alive[w].clone();
+          final_global[w] = s.final_global[w].clone();
+        } else if (done == Done::terminated && final_obs.contains(w)) {
+          ++n_followed;
+        }
+      }
+    }
+    for (const auto& [w, obs] : final_obs)
+      if (!at::equal(team.final_obs[w], obs) || !at::equal(team.final_alive[w], final_alive[w]) ||
+          !at::equal(r.final_global[w], final_global[w]))
+        wrong += cat(" ", rollout, ":", w);
+  }
+  EXPECT_EQ(wrong, "") << "rollout:world of truncations with another final observation";
+  EXPECT_GT(n_truncated, 50);
+  EXPECT_GT(n_followed, 5);  // the case was met
+}
+
+}  // namespace
+}  // namespace giga::test
