@@ -1,7 +1,6 @@
 // Lanes: how the agents of one world are spread over workers. A stage is lanes.each(n, f): f(0) ... f(n - 1) in any
-// order, all finished and visible to every worker when it returns.
-// and lanes.each_cell(rows, columns, f) calls f(row, column) for a matrix, so that neighboring lanes get neighboring
-// columns.
+// order, all finished and visible to every worker when it returns. lanes.each_cell(rows, columns, f) does the same with
+// f(row, column) over a matrix, neighboring lanes at neighboring columns.
 //   SerialLanes  one worker (CPU; worlds run in parallel over threads)
 //   TileLanes    part of a warp, several worlds a warp (small teams); cuda/lanes.cuh
 //   BlockLanes   one thread block (dozens to hundreds of agents); cuda/lanes.cuh
