@@ -35,7 +35,7 @@ class RowRunner {
 
  private:
   Device device_;
-  void* stream_;
+  [[maybe_unused]] void* stream_;  // a build without CUDA has no use for it
   std::unique_ptr<ThreadPool> pool_;
 };
 

@@ -73,7 +73,7 @@ bool Json::is_container() const {
 }
 
 void Json::print(std::string& out, int depth) const {
-  const auto new_line = [&out](int indent) { out.append("\n").append(static_cast<size_t>(2 * indent), ' '); };
+  const auto new_line = [&out](int indent) { out.append("\n").append(2 * static_cast<size_t>(indent), ' '); };
   if (const bool* b = std::get_if<bool>(&value_)) {
     out += *b ? "true" : "false";
   } else if (const Integer* n = std::get_if<Integer>(&value_)) {

@@ -39,7 +39,7 @@ std::string print_share(double value) {
 
 std::string print_duration(double seconds) {
   if (!(seconds >= 0) || seconds > 1e8) return "-:--";
-  const auto s = static_cast<int64_t>(seconds + 0.5);
+  const auto s = static_cast<int64_t>(std::llround(seconds));
   char text[32];
   if (s >= 3600) {
     std::snprintf(text, sizeof text, "%d:%02d:%02d", static_cast<int>(s / 3600), static_cast<int>(s / 60 % 60),

@@ -1,6 +1,7 @@
 #include "learn/mappo.hpp"
 
 #include <ATen/Context.h>
+#include <ATen/Parallel.h>
 #include <torch/types.h>
 
 #include <cmath>

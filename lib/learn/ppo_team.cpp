@@ -126,7 +126,7 @@ at::Tensor PpoTeam::policy_gradient(const Rollout& rollout, const at::Tensor& he
     std::tie(mean, inv_std) = moments(a, alive, inv_count);
   }
   const int64_t count = head.size(0);
-  const at::Tensor gradient = at::empty_like(head);
+  at::Tensor gradient = at::empty_like(head);
   const at::Tensor diagnostics = at::empty({count, kNPolicyDiagnostics}, head.options());
   const PolicyLossInput in{{index.const_data_ptr<int64_t>(), n_},
                            r.log_prob.const_data_ptr<float>(),

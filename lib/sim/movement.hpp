@@ -14,7 +14,8 @@ struct Controls {
 /// Discrete action 9 (throttle + 1) + 3 (heading + 1) + (dive + 1); out of range is clamped to 0..26.
 GIGA_HD Controls discrete_controls(int action) {
   const int a = action < 0 ? 0 : (action >= kNDiscreteActions ? kNDiscreteActions - 1 : action);
-  return {static_cast<float>(a / 3 % 3 - 1), static_cast<float>(a % 3 - 1), static_cast<float>(a / 9 - 1)};
+  const int throttle = a / 9, heading = a / 3 % 3, dive = a % 3;
+  return {static_cast<float>(heading - 1), static_cast<float>(dive - 1), static_cast<float>(throttle - 1)};
 }
 
 /// The controls of agent i from its team's action buffer (see TeamIo::action), `row` = row of the agent there.

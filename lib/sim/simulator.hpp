@@ -26,7 +26,8 @@ struct EpisodeStats {
   double operator[](EpisodeStat s) const { return rows[static_cast<size_t>(s)]; }
   /// Sum of the returns of one reward term over a team's episodes.
   double term(int team, RewardTerm t) const {
-    return rows[static_cast<size_t>(kNEpisodeStats + team * kNRewardTerms + static_cast<int>(t))];
+    const int row = kNEpisodeStats + team * kNRewardTerms + static_cast<int>(t);
+    return rows[static_cast<size_t>(row)];
   }
 };
 
