@@ -4,8 +4,6 @@
 
 namespace giga {
 
-Memory& memory_of(Device device) { return device.is_cuda() ? cuda_memory(device.index) : host_memory(); }
-
 Device parse_device(const std::string& text) {
   if (text == "cpu") return {};
   const int count = cuda_device_count();

@@ -12,7 +12,6 @@ namespace {
 int cuda_device_count() { return 0; }
 GpuInfo cuda_device_info(int) { missing(); }
 Memory& cuda_memory(int) { missing(); }
-void cuda_synchronize(int) { missing(); }
 // NOLINTNEXTLINE(performance-unnecessary-value-param): the signature of the real one
 std::unique_ptr<Simulator> make_cuda_simulator(SimSpec, const SimOptions&, int, void*) { missing(); }
 

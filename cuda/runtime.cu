@@ -73,9 +73,4 @@ Memory& cuda_memory(int index) {
   return *memory;
 }
 
-void cuda_synchronize(int index) {
-  GIGA_CUDA(cudaSetDevice(index));
-  GIGA_CUDA(cudaDeviceSynchronize());
-}
-
 }  // namespace giga

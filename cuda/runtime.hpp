@@ -25,15 +25,9 @@ GpuInfo cuda_device_info(int index);
 /// Memory of a GPU, by cudaMalloc.
 Memory& cuda_memory(int index);
 
-/// Waits for everything queued on a GPU.
-void cuda_synchronize(int index);
-
 /// A simulator on a GPU; work is queued on `stream` (a cudaStream_t; null = the default stream).
 std::unique_ptr<Simulator> make_cuda_simulator(SimSpec spec, const SimOptions& options, int index,
                                                void* stream = nullptr);
-
-/// Host memory of the CPU device, or that of the GPU.
-Memory& memory_of(Device device);
 
 /// Parses `auto`, `cpu`, `cuda` or `cuda:1`; auto takes the first GPU where there is one. Throws InputError.
 Device parse_device(const std::string& text);

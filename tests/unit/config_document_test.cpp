@@ -128,7 +128,7 @@ TEST(ConfigOverride, SaysWhatIsWrong) {
 
 TEST(ConfigPrint, QuotesWhatAPlainScalarWouldChange) {
   EXPECT_EQ(print_text("two_rooms1"), "two_rooms1");
-  EXPECT_EQ(print_text("/tmp/a-b.yaml"), "/tmp/a-b.yaml");
+  EXPECT_EQ(print_text("/some/a-b.yaml"), "/some/a-b.yaml");
   for (const char* text : {"", "none", "True", "~", "1.5", "a b", "a: b", "#x", "a\"b\\", "\xC3\xA4", "x\ny\x01"}) {
     const Document back = parse_yaml_text("k: " + print_text(text), "f.yaml");
     EXPECT_EQ(back.root.find("k")->text, text);
