@@ -1,14 +1,16 @@
-// Reading and writing whole files through one small class, the seam of all file operations that must survive a crash.
+// Reading and writing whole files.
 #include "io/files.hpp"
 
 #include <fcntl.h>
 #include <unistd.h>
 
 #include <cerrno>
+#include <cstdio>
 #include <cstring>
 #include <system_error>
 
 #include "core/error.hpp"
+#include "io/file.hpp"
 
 namespace giga {
 namespace fs = std::filesystem;
@@ -16,55 +18,16 @@ namespace {
 
 constexpr const char* kTemporaryEnding = ".tmp";
 
-[[noreturn]] void fail(const char* what, const fs::path& path) {
-  throw Error(cat("cannot ", what, " ", path.string(), ": ", std::strerror(errno)));
-}
-
-/// An open file, closed at the end of its scope.
-class File {
- public:
-  File(const fs::path& path, int flags) : path_(path), fd_(::open(path.c_str(), flags | O_CLOEXEC, 0644)) {}
-  ~File() {
-    if (fd_ >= 0) ::close(fd_);
-  }
-  File(const File&) = delete;
-  File& operator=(const File&) = delete;
-
-  bool is_open() const { return fd_ >= 0; }
-  ssize_t read(char* to, size_t size) const { return ::read(fd_, to, size); }
-
-  void write_all(std::string_view bytes) const {
-    while (!bytes.empty()) {
-      const ssize_t written = ::write(fd_, bytes.data(), bytes.size());
-      if (written < 0 && errno == EINTR) continue;
-      if (written < 0) fail("write", path_);
-      bytes.remove_prefix(static_cast<size_t>(written));
-    }
-  }
-  void flush_to_disk() const {
-    if (::fsync(fd_) != 0) fail("write", path_);
-  }
-  void close() {
-    const int result = ::close(fd_);
-    fd_ = -1;
-    if (result != 0) fail("write", path_);
-  }
-
- private:
-  fs::path path_;
-  int fd_;
-};
-
 void write_in_place(const fs::path& path, std::string_view bytes) {
   File file(path, O_WRONLY);
-  if (!file.is_open()) fail("write", path);
+  if (!file.is_open()) fail_with_errno("write", path);
   file.write_all(bytes);
   file.close();
 }
 
 void write_temporary(const fs::path& path, std::string_view bytes) {
   File file(path, O_WRONLY | O_CREAT | O_TRUNC);
-  if (!file.is_open()) fail("create", path);
+  if (!file.is_open()) fail_with_errno("create", path);
   file.write_all(bytes);
   file.flush_to_disk();
   file.close();
@@ -84,7 +47,7 @@ std::string read_file(const fs::path& path) {
   if (!code) bytes.reserve(expected);
   char block[1 << 16];
   for (;;) {
-    const ssize_t count = file.read(block, sizeof block);
+    const int64_t count = file.read(block, sizeof block);
     if (count < 0 && errno == EINTR) continue;
     if (count < 0) throw InputError(cat("cannot read ", path.string(), ": ", std::strerror(errno)));
     if (count == 0) return bytes;
@@ -100,7 +63,7 @@ void write_file(const fs::path& path, std::string_view bytes) {
   const fs::path temporary = path.string() + "." + std::to_string(::getpid()) + kTemporaryEnding;
   try {
     write_temporary(temporary, bytes);
-    if (::rename(temporary.c_str(), path.c_str()) != 0) fail("write", path);
+    if (::rename(temporary.c_str(), path.c_str()) != 0) fail_with_errno("write", path);
   } catch (...) {
     ::unlink(temporary.c_str());
     throw;

@@ -2,11 +2,18 @@
 #include "io/metrics_csv.hpp"
 
 #include <cmath>
+#include <sstream>
 
 #include "core/error.hpp"
+#include "io/files.hpp"
 #include "io/number.hpp"
 
 namespace giga {
+namespace {
+
+constexpr const char* kLineEnd = "\r\n";
+
+}  // namespace
 
 std::string csv_field(const std::string& text) {
   if (text.find_first_of(",\"\r\n") == std::string::npos) return text;
@@ -15,11 +22,10 @@ std::string csv_field(const std::string& text) {
   return quoted + '"';
 }
 
-MetricsCsv::MetricsCsv(const std::filesystem::path& path) : path_(path) {
-  std::error_code code;
-  if (std::filesystem::exists(path, code)) throw Error(cat(path.string(), " is already there"));
-  file_.open(path, std::ios::binary);
-  if (!file_) throw Error(cat("cannot create ", path.string()));
+MetricsCsv::MetricsCsv(const std::filesystem::path& path, uint64_t size) : file_(AppendFile::resume(path, size)) {
+  const std::string text = read_file(path);
+  std::istringstream header(text.substr(0, text.find(kLineEnd)));
+  for (std::string name; std::getline(header, name, ',');) columns_.push_back(name);
 }
 
 void MetricsCsv::write(const MetricsRow& row) {
@@ -27,24 +33,19 @@ void MetricsCsv::write(const MetricsRow& row) {
   std::string header, line;
   for (size_t k = 0; k < row.size(); ++k) {
     const auto& [name, value] = row[k];
+    GIGA_CHECK(csv_field(name) == name, "a figure named '", name, "'");  // `resume` splits the header at its commas
     if (first) {
       columns_.push_back(name);
     } else {
       GIGA_CHECK(k < columns_.size() && columns_[k] == name, "figure '", name, "' in column ", k + 1, " of ",
-                 path_.string());
+                 file_.path().string());
     }
-    header += (k ? "," : "") + csv_field(name);
+    header += (k ? "," : "") + name;
     line += (k ? "," : "") + (std::isnan(value) ? std::string() : print_number(value));
   }
   GIGA_CHECK(row.size() == columns_.size(), row.size(), " figures for ", columns_.size(), " columns of ",
-             path_.string());
-  if (first) put(header);
-  put(line);
-}
-
-void MetricsCsv::put(const std::string& line) {
-  file_ << line << "\r\n" << std::flush;
-  if (!file_) throw Error(cat("cannot write ", path_.string()));
+             file_.path().string());
+  file_.append((first ? header + kLineEnd : "") + line + kLineEnd);
 }
 
 }  // namespace giga

@@ -1,11 +1,13 @@
 // MetricsCsv: metrics.csv, a row of figures per update (RFC 4180).
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
-#include <fstream>
 #include <string>
 #include <utility>
 #include <vector>
+
+#include "io/append_file.hpp"
 
 namespace giga {
 
@@ -18,15 +20,17 @@ using MetricsRow = std::vector<std::pair<std::string, double>>;
 class MetricsCsv {
  public:
   /// A new file; throws Error where it exists or cannot be written.
-  explicit MetricsCsv(const std::filesystem::path& path);
+  explicit MetricsCsv(const std::filesystem::path& path) : file_(AppendFile::create(path)) {}
+  /// Goes on behind the first `size` bytes of a file, as `size()` gave it; later rows are cut off. Throws InputError.
+  MetricsCsv(const std::filesystem::path& path, uint64_t size);
 
   void write(const MetricsRow& row);
 
- private:
-  void put(const std::string& line);
+  uint64_t size() const { return file_.size(); }
+  void flush_to_disk() const { file_.flush_to_disk(); }
 
-  std::filesystem::path path_;
-  std::ofstream file_;
+ private:
+  AppendFile file_;
   std::vector<std::string> columns_;
 };
 

@@ -68,10 +68,32 @@ TEST(JsonText, StringsAreEscaped) {
 TEST(MetricsFile, HeaderRowsAndUnknownFigures) {
   const TemporaryFolder folder;
   MetricsCsv csv(folder / "m.csv");
-  csv.write({{"update", 1}, {"a,\"b\"", 0.25}, {"loss", kNan}});
-  EXPECT_EQ(read_file(folder / "m.csv"), "update,\"a,\"\"b\"\"\",loss\r\n1,0.25,\r\n") << "not flushed after the row";
-  csv.write({{"update", 2}, {"a,\"b\"", 1e-9}, {"loss", -INFINITY}});
+  csv.write({{"update", 1}, {"a_b", 0.25}, {"loss", kNan}});
+  EXPECT_EQ(read_file(folder / "m.csv"), "update,a_b,loss\r\n1,0.25,\r\n") << "not flushed after the row";
+  csv.write({{"update", 2}, {"a_b", 1e-9}, {"loss", -INFINITY}});
   EXPECT_TRUE(contains(read_file(folder / "m.csv"), {"\r\n2,1e-09,-inf\r\n"}));
+  EXPECT_THROW(csv.write({{"up,date", 3}, {"a_b", 1}, {"loss", 1}}), Error) << "a name that would make two columns";
+}
+
+TEST(MetricsFile, GoesOnWhereACheckpointWasWritten) {
+  const TemporaryFolder folder;
+  uint64_t size = 0;
+  {
+    MetricsCsv csv(folder / "m.csv");
+    csv.write({{"update", 1}, {"loss", 5}});
+    size = csv.size();
+    csv.write({{"update", 2}, {"loss", 4}});
+    csv.write({{"update", 3}, {"loss", 3}});
+  }
+  {
+    MetricsCsv csv(folder / "m.csv", size);
+    EXPECT_EQ(read_file(folder / "m.csv"), "update,loss\r\n1,5\r\n");
+    EXPECT_THROW(csv.write({{"update", 2}, {"other", 4}}), Error) << "the header of the file is not known";
+    csv.write({{"update", 2}, {"loss", 4.5}});
+  }
+  EXPECT_EQ(read_file(folder / "m.csv"), "update,loss\r\n1,5\r\n2,4.5\r\n");
+  EXPECT_TRUE(contains(input_error_of([&] { MetricsCsv(folder / "m.csv", 1000); }), {"m.csv", "has 25 bytes", "1000"}));
+  EXPECT_TRUE(contains(input_error_of([&] { MetricsCsv(folder / "none.csv", 0); }), {"none.csv", "No such file"}));
 }
 
 TEST(MetricsFile, ColumnsNeverChange) {
