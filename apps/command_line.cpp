@@ -71,11 +71,14 @@ void describe_program(CLI::App& app) {
   app.footer(
       "Examples:\n"
       "  gigastep train quickstart                 train two teams; ends with the command that evaluates them\n"
+      "  gigastep resume runs/NAME                 go on with a run that was stopped\n"
       "  gigastep eval runs/NAME --vs circle       win rates of both teams of a run\n"
       "  gigastep scenarios                        what can be played\n"
       "  gigastep bench sim --worlds 1024          how fast it is here\n"
       "\n"
-      "Exit codes: 0 done; 1 failed; 2 the command line, a file or a value is wrong; 3 training diverged.\n"
+      "Exit codes: 0 done; 1 failed; 2 the command line, a file or a value is wrong; 3 training diverged. Training "
+      "that\n"
+      "was stopped with its state saved: 130 by SIGINT, 143 by SIGTERM, 138 by SIGUSR1, 124 by train.max_wall_time.\n"
       "Environment: GIGASTEP_DATA_DIR=<dir> is searched first for scenarios/ and configs/.");
 }
 
@@ -91,6 +94,11 @@ CLI::Option* add_set_option(CLI::App& command, std::vector<std::string>& overrid
       ->type_name("KEY=VALUE")
       ->take_all()
       ->allow_extra_args(false);
+}
+
+void add_display_options(CLI::App& command, bool& quiet, bool& no_color) {
+  command.add_flag("--quiet", quiet, "no progress; warnings, errors and the final table only");
+  command.add_flag("--no-color", no_color, "no colours on the terminal, as with NO_COLOR in the environment");
 }
 
 CLI::Option* add_json_option(CLI::App& command, std::string& destination) {

@@ -17,6 +17,8 @@ void describe_program(CLI::App& app);
 
 CLI::Option* add_device_option(CLI::App& command, std::string& device);
 CLI::Option* add_set_option(CLI::App& command, std::vector<std::string>& overrides);
+/// --quiet and --no-color.
+void add_display_options(CLI::App& command, bool& quiet, bool& no_color);
 CLI::Option* add_json_option(CLI::App& command, std::string& destination);
 
 /// The message for a line that was not understood: what is wrong, the nearest name, where help is.

@@ -12,12 +12,16 @@ namespace giga {
 /// What the command line asked for; main carries it out once all of the line is understood.
 struct Dispatch {
   std::function<void()> run;
+  int exit_code = 0;  ///< where `run` returns; errors have their own
 };
 
 void add_train_command(CLI::App& app, Dispatch& dispatch);
+void add_resume_command(CLI::App& app, Dispatch& dispatch);
+void add_inspect_command(CLI::App& app, Dispatch& dispatch);
 void add_eval_command(CLI::App& app, Dispatch& dispatch);
 void add_scenarios_command(CLI::App& app, Dispatch& dispatch);
 void add_config_command(CLI::App& app, Dispatch& dispatch);
 void add_bench_command(CLI::App& app, Dispatch& dispatch);
+void add_report_command(CLI::App& app, Dispatch& dispatch);
 
 }  // namespace giga

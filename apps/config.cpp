@@ -1,36 +1,77 @@
-// gigastep config: prints a run config with all its keys.
+// gigastep config: prints a run config with all its keys, or what is known about all keys.
 #include <CLI/CLI.hpp>
 #include <iostream>
 
 #include "apps/command_line.hpp"
 #include "apps/commands.hpp"
+#include "io/schema.hpp"
+#include "learn/reference.hpp"
 #include "learn/run_config.hpp"
 
 namespace giga {
+namespace {
+
+struct ConfigOptions {
+  std::string config, schema;
+  bool reference = false;
+  std::vector<std::string> overrides;
+};
+
+std::vector<std::string> kind_names() {
+  std::vector<std::string> names;
+  for (const FileKind& kind : file_kinds()) names.push_back(kind.name);
+  return names;
+}
+
+void print_config(const ConfigOptions& o) {
+  if (o.reference) {
+    std::cout << reference_page();
+  } else if (!o.schema.empty()) {
+    for (const FileKind& kind : file_kinds())
+      if (kind.name == o.schema) write_json(json_schema(kind.defaults, "gigastep " + kind.title), "-");
+  } else {
+    std::cout << print_yaml(load_run_config(find_config(o.config), o.overrides).config, true);
+  }
+}
+
+}  // namespace
 
 void add_config_command(CLI::App& app, Dispatch& dispatch) {
-  struct Options {
-    std::string config;
-    std::vector<std::string> overrides;
-  };
   CLI::App* command = app.add_subcommand("config", "check a config and print it with all keys, defaults and units");
-  auto options = std::make_shared<Options>();
-  command->add_option("CONFIG", options->config, "YAML file, or the name of one that comes with gigastep (quickstart)")
-      ->required()
-      ->type_name("");
-  add_set_option(*command, options->overrides);
+  auto options = std::make_shared<ConfigOptions>();
+  CLI::Option* config =
+      command
+          ->add_option("CONFIG", options->config, "YAML file, or the name of one that comes with gigastep (quickstart)")
+          ->type_name("");
+  CLI::Option* set = add_set_option(*command, options->overrides);
+  CLI::Option* schema =
+      command
+          ->add_option("--schema", options->schema,
+                       "print the JSON schema of a kind of file: run (if none is named), scenario, map, agent_type or "
+                       "agent_types")
+          ->expected(0, 1)
+          ->default_str("run")
+          ->check(CLI::IsMember(kind_names()))
+          ->type_name("[KIND]")
+          ->excludes(config)
+          ->excludes(set);
+  command->add_flag("--reference", options->reference, "print the reference of all keys of all files, as Markdown")
+      ->excludes(config)
+      ->excludes(set)
+      ->excludes(schema);
   command->footer(
-      "Prints YAML that reads back to the same config, a comment at each key. A mistake is told with file, line, "
-      "column,\n"
-      "what is allowed and the nearest name; exit code 2.\n"
+      "Prints YAML that reads back to the same config, a comment at each key. Mistakes are told, all of them, with "
+      "file, "
+      "line,\n"
+      "column, what is allowed and the nearest name; exit code 2.\n"
       "Examples:\n"
       "  gigastep config quickstart\n"
-      "  gigastep config my.yaml --set mappo.gamma=0.995 > resolved.yaml");
-  command->callback([options, &dispatch] {
-    dispatch.run = [options] {
-      const LoadedRun run = load_run_config(find_config(options->config), options->overrides);
-      std::cout << print_yaml(run.config, true);
-    };
+      "  gigastep config my.yaml --set mappo.gamma=0.995 > resolved.yaml\n"
+      "  gigastep config --schema > run.schema.json     editors complete and check with it");
+  command->callback([options, config, schema, &dispatch] {
+    if (schema->count() > 0 && options->schema.empty()) options->schema = "run";
+    if (config->count() == 0 && schema->count() == 0 && !options->reference) throw CLI::RequiredError("CONFIG");
+    dispatch.run = [options] { print_config(*options); };
   });
 }
 

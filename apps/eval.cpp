@@ -45,8 +45,10 @@ Json result_json(const EvalOptions& o, const std::string& file, const Checkpoint
 void evaluate_checkpoint(const EvalOptions& o) {
   parse_scripted(o.opponent);  // a wrong name is told before anything is read
   const Device device = parse_device(o.device);
-  const std::string file = resolve_checkpoint(o.policy).string();
-  const Checkpoint checkpoint = read_checkpoint(file);
+  const FoundCheckpoint found = find_checkpoint(o.policy);
+  const std::string file = found.file.string();
+  for (const std::string& line : found.damaged) std::cerr << "warning: " << line << "; " << file << " is taken\n";
+  const Checkpoint& checkpoint = found.checkpoint;
   const LoadedPolicies loaded =
       load_policies(checkpoint.config_yaml, checkpoint.scenario_yaml, checkpoint.arrays, device);
 
@@ -72,7 +74,7 @@ void evaluate_checkpoint(const EvalOptions& o) {
 void add_eval_command(CLI::App& app, Dispatch& dispatch) {
   CLI::App* command = app.add_subcommand("eval", "play the policies of a run against a scripted team");
   auto options = std::make_shared<EvalOptions>();
-  command->add_option("A", options->policy, "checkpoint file, or run folder (its newest checkpoint)")
+  command->add_option("A", options->policy, "checkpoint file, or run folder (its newest whole checkpoint)")
       ->required()
       ->type_name("");
   command->add_option("--vs", options->opponent, "random, noop, circle, reverse_circle or circle_random")

@@ -43,14 +43,17 @@ int main(int argc, char** argv) {
   giga::Dispatch dispatch;
   giga::describe_program(app);
   giga::add_train_command(app, dispatch);
+  giga::add_resume_command(app, dispatch);
   giga::add_eval_command(app, dispatch);
+  giga::add_inspect_command(app, dispatch);
   giga::add_scenarios_command(app, dispatch);
   giga::add_config_command(app, dispatch);
   giga::add_bench_command(app, dispatch);
+  giga::add_report_command(app, dispatch);
   try {
     app.parse(argc, argv);
     dispatch.run();
-    return 0;
+    return dispatch.exit_code;
   } catch (const CLI::ParseError& e) {
     if (e.get_exit_code() == 0) return app.exit(e);  // --help, --version
     return fail(giga::explain(app, e), kBadInput);

@@ -1,6 +1,8 @@
 // Versions, hardware and command line of this process.
 #include "apps/program_info.hpp"
 
+#include <elf.h>
+#include <link.h>
 #include <torch/version.h>
 
 #include <filesystem>
@@ -22,6 +24,41 @@ std::vector<std::string> arguments() {
   return words;
 }
 
+/// The note that the linker left in a loaded file: a hash of all of it, in hexadecimal; empty where there is none.
+std::string build_note(const dl_phdr_info& file, const ElfW(Phdr) & segment) {
+  const auto* at = reinterpret_cast<const unsigned char*>(file.dlpi_addr + segment.p_vaddr);
+  const auto* const end = at + segment.p_memsz;
+  const auto padded = [](size_t size) { return (size + 3) & ~size_t{3}; };
+  while (at + sizeof(ElfW(Nhdr)) <= end) {
+    const auto& note = *reinterpret_cast<const ElfW(Nhdr)*>(at);
+    const unsigned char* const value = at + sizeof note + padded(note.n_namesz);
+    if (note.n_type == NT_GNU_BUILD_ID) {
+      std::string text;
+      for (size_t k = 0; k < note.n_descsz; ++k) {
+        text += "0123456789abcdef"[value[k] >> 4];
+        text += "0123456789abcdef"[value[k] & 15];
+      }
+      return text;
+    }
+    at = value + padded(note.n_descsz);
+  }
+  return "";
+}
+
+/// That of the program itself, which the loader lists first.
+std::string build_id() {
+  std::string id;
+  dl_iterate_phdr(
+      [](dl_phdr_info* file, size_t, void* result) {
+        auto& text = *static_cast<std::string*>(result);
+        for (int k = 0; k < file->dlpi_phnum && text.empty(); ++k)
+          if (file->dlpi_phdr[k].p_type == PT_NOTE) text = build_note(*file, file->dlpi_phdr[k]);
+        return 1;
+      },
+      &id);
+  return id;
+}
+
 /// 13000 = "13.0", as the CUDA runtime numbers its versions.
 std::string cuda_version_text(int version) {
   return version == 0 ? "none" : std::to_string(version / 1000) + "." + std::to_string(version % 1000 / 10);
@@ -30,11 +67,8 @@ std::string cuda_version_text(int version) {
 }  // namespace
 
 std::string program_version() {
-#if defined(GIGASTEP_GIT)
-  return GIGASTEP_VERSION " (" GIGASTEP_GIT ")";
-#else
-  return GIGASTEP_VERSION;
-#endif
+  const std::string id = build_id();
+  return id.empty() ? GIGASTEP_VERSION : GIGASTEP_VERSION " (build " + id.substr(0, 12) + ")";
 }
 
 std::string program_command() {
@@ -44,14 +78,6 @@ std::string program_command() {
   const fs::path relative = fs::path(words.front()).lexically_proximate(fs::current_path(code));
   const bool below = !relative.empty() && *relative.begin() != "..";
   return shell_word(below && relative.is_relative() ? "./" + relative.string() : words.front());
-}
-
-std::string shell_word(const std::string& text) {
-  static constexpr const char* kPlain = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-./:=,+@%";
-  if (!text.empty() && text.find_first_not_of(kPlain) == std::string::npos) return text;
-  std::string quoted = "'";
-  for (const char c : text) quoted += c == '\'' ? "'\\''" : std::string(1, c);
-  return quoted + "'";
 }
 
 Json version_info() {

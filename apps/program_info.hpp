@@ -5,6 +5,7 @@
 
 #include "core/memory.hpp"
 #include "io/json.hpp"
+#include "io/shell_word.hpp"
 
 namespace giga {
 
@@ -13,9 +14,6 @@ std::string program_version();
 
 /// How to call this very program in a shell: "gigastep", or its path where it was called by path.
 std::string program_command();
-
-/// A text as one word of a shell command, in quotes where it must be.
-std::string shell_word(const std::string& text);
 
 /// Versions of gigastep and of what it is built from.
 Json version_info();

@@ -1,12 +1,19 @@
 # giga_library(): the library of the current folder.
 
-# giga_library(<name> [TORCH] [PUBLIC <targets>...] [PRIVATE <targets>...])
+# giga_library(<name> [TORCH] [FILES <files>...] [EXCEPT <files>...] [PUBLIC <targets>...] [PRIVATE <targets>...])
 #
 # Defines giga::<name> from the .cpp files (and .cu files, where CUDA is on) of the current folder. A folder of headers
-# only becomes an INTERFACE target. TORCH: the files start from the precompiled LibTorch header.
+# only becomes an INTERFACE target. FILES, EXCEPT: these alone, all but these, where a folder makes two libraries. TORCH:
+# the files start from the precompiled LibTorch header.
 function(giga_library name)
-  cmake_parse_arguments(PARSE_ARGV 1 arg "TORCH" "" "PUBLIC;PRIVATE")
+  cmake_parse_arguments(PARSE_ARGV 1 arg "TORCH" "" "FILES;EXCEPT;PUBLIC;PRIVATE")
   file(GLOB_RECURSE sources CONFIGURE_DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/*.cpp)
+  if(arg_FILES)
+    set(sources ${arg_FILES})
+  endif()
+  foreach(file ${arg_EXCEPT})
+    list(REMOVE_ITEM sources ${CMAKE_CURRENT_SOURCE_DIR}/${file})
+  endforeach()
   file(GLOB_RECURSE kernels CONFIGURE_DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/*.cu)
   if(GIGASTEP_HAS_CUDA)
     list(APPEND sources ${kernels})

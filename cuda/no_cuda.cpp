@@ -2,6 +2,7 @@
 #if !GIGASTEP_HAS_CUDA
 
 #include "core/error.hpp"
+#include "cuda/device_clock.hpp"
 #include "cuda/runtime.hpp"
 
 namespace giga {
@@ -14,6 +15,7 @@ GpuInfo cuda_device_info(int) { missing(); }
 Memory& cuda_memory(int) { missing(); }
 // NOLINTNEXTLINE(performance-unnecessary-value-param): the signature of the real one
 std::unique_ptr<Simulator> make_cuda_simulator(SimSpec, const SimOptions&, int, void*) { missing(); }
+std::unique_ptr<DeviceClock> make_cuda_clock(int, void*) { missing(); }
 
 }  // namespace giga
 

@@ -5,6 +5,7 @@
 #include "math/gae.hpp"
 #include "math/ppo_loss.hpp"
 #include "math/scripted.hpp"
+#include "math/step_gate.hpp"
 #include "math/team_mean.hpp"
 
 namespace giga {
@@ -35,6 +36,8 @@ template void launch_rows(const Gae&, int64_t, int, void*);
 template void launch_rows(const CategoricalLoss&, int64_t, int, void*);
 template void launch_rows(const GaussianLoss&, int64_t, int, void*);
 template void launch_rows(const ValueLoss&, int64_t, int, void*);
+template void launch_rows(const FiniteCheck&, int64_t, int, void*);
+template void launch_rows(const StepGate&, int64_t, int, void*);
 template void launch_rows(const LivingMean<float>&, int64_t, int, void*);
 template void launch_rows(const LivingMean<BFloat16>&, int64_t, int, void*);
 template void launch_rows(const LivingMeanGradient<float>&, int64_t, int, void*);

@@ -4,6 +4,7 @@
 #include "cuda/check.cuh"
 #include "cuda/lanes.cuh"
 #include "cuda/runtime.hpp"
+#include "cuda/scratch.hpp"
 #include "sim/draws.hpp"
 #include "sim/step.hpp"
 
@@ -16,8 +17,7 @@ constexpr int kTileWarps = 4;  // warps of a block of TileLanes
 // Measured on an H200, G agent-steps/s at 4, 5, 6 and 8 blocks: 2 vs 2 1.61, 1.79, 1.85, 1.89; 5 vs 5 0.72, 0.77, 0.82,
 // 0.86.
 constexpr int kTileBlocks = 8;
-constexpr int kMaxBlockThreads = 512;      // threads of a block of BlockLanes
-constexpr size_t kSharedLimit = 48 << 10;  // beyond it a world's scratch lies in global memory
+constexpr int kMaxBlockThreads = 512;  // threads of a block of BlockLanes
 
 enum class Job { start, step, settle, observe };
 
@@ -34,11 +34,6 @@ struct Launch {
   int n_worlds;
   OnDone on_done;
 };
-
-__host__ __device__ size_t working_copy_bytes(int n_agents) {
-  const size_t n = static_cast<size_t>(n_agents);
-  return (n * (6 * sizeof(float) + 1 + n) + 15) & ~size_t{15};
-}
 
 /// Points the agents' state to shared memory; `copy` moves it there or back.
 __device__ WorldView working_copy(const WorldView& home, char* block, int n) {
@@ -141,10 +136,9 @@ class CudaSimulator final : public Simulator {
         layout_(params()),
         partial_(memory(), static_cast<size_t>(kStatBlocks) * kNStatRows) {
     const int n = params().n_agents;
-    per_world_ = layout_.size + working_copy_bytes(n);
+    per_world_ = shared_bytes(params());
     tiles_ = n <= kWarp && per_world_ * static_cast<size_t>(kTileWarps * (kWarp / n)) <= kSharedLimit;
-    if (!tiles_ && per_world_ > kSharedLimit)
-      scratch_ = Buffer<char>(memory(), layout_.size * static_cast<size_t>(options.n_worlds));
+    scratch_ = Buffer<char>(memory(), global_scratch_bytes(params(), options.n_worlds));
   }
 
   void start(const StepIo& io) override { launch<Job::start>(io); }

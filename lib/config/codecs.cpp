@@ -1,10 +1,12 @@
 // How scalars of a field list are read and printed, and how limits are told.
+#include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <system_error>
 
 #include "config/fields.hpp"
 #include "config/names.hpp"
+#include "core/error.hpp"
 
 namespace giga {
 namespace {
@@ -40,39 +42,64 @@ std::optional<std::string> digits_of(const Node& node) {
   return digits;
 }
 
+/// What became of a text that should be a number: one, one that the type cannot hold, one that is not finite, or none.
+enum class Reading : uint8_t { number, too_wide, not_finite, none };
+
 /// Reads the whole text as a T.
 template <class T>
-bool parse_whole(const std::string& text, T& value) {
+Reading parse_whole(const std::string& text, T& value) {
   const auto result = std::from_chars(text.data(), text.data() + text.size(), value);
-  return result.ec == std::errc() && result.ptr == text.data() + text.size();
+  if (result.ptr != text.data() + text.size()) return Reading::none;
+  if (result.ec == std::errc::result_out_of_range) return Reading::too_wide;
+  return result.ec == std::errc() ? Reading::number : Reading::none;
 }
 
 template <class T>
-bool read_integer(const Node& node, T& value) {
+Reading read_integer(const Node& node, T& value) {
   const std::optional<std::string> digits = digits_of(node);
-  if (!digits) return false;
-  if (parse_whole(*digits, value)) return true;
+  if (!digits) return Reading::none;
+  if (parse_whole(*digits, value) == Reading::number) return Reading::number;
   // 3e8 and the like, as far as a double holds every integer.
   constexpr double kExact = 9007199254740992.0;
   double number = 0;
-  if (!parse_whole(*digits, number) || number != std::floor(number) || std::abs(number) > kExact) return false;
-  if (number < static_cast<double>(std::numeric_limits<T>::min())) return false;
-  if (number > static_cast<double>(std::numeric_limits<T>::max())) return false;
+  if (parse_whole(*digits, number) != Reading::number || number != std::floor(number)) return Reading::none;
+  const bool held = std::abs(number) <= kExact && number >= static_cast<double>(std::numeric_limits<T>::min()) &&
+                    number <= static_cast<double>(std::numeric_limits<T>::max());
+  if (!held) return Reading::too_wide;
   value = static_cast<T>(number);
-  return true;
+  return Reading::number;
 }
 
 template <class T>
-bool read_real(const Node& node, T& value, const Allowed& allowed) {
+Reading read_real(const Node& node, T& value, const Allowed& allowed) {
   const std::optional<std::string> digits = digits_of(node);
-  if (!digits) return false;
+  if (!digits) return Reading::none;
   std::string text = *digits;
-  if (text.starts_with(".inf") || text.starts_with("-.inf")) text.erase(text.find('.'), 1);
-  T number = 0;
-  if (!parse_whole(text, number) || std::isnan(number)) return false;
-  if (std::isinf(number) && !allowed.infinity) return false;
-  value = number;
-  return true;
+  if (text.starts_with(".inf") || text.starts_with("-.inf") || text == ".nan") text.erase(text.find('.'), 1);
+  const Reading reading = parse_whole(text, value);
+  if (reading != Reading::number || std::isfinite(value)) return reading;
+  return std::isinf(value) && allowed.infinity ? Reading::number : Reading::not_finite;
+}
+
+/// The limits of an integer together with those of its type.
+template <class T>
+Allowed limits_of_type(const Allowed& allowed) {
+  Allowed result = allowed;
+  result.lo = std::max(allowed.lo, static_cast<double>(std::numeric_limits<T>::min()));
+  result.hi = std::min(allowed.hi, static_cast<double>(std::numeric_limits<T>::max()));
+  return result;
+}
+
+/// What is expected where a number was given that the type cannot hold.
+template <class T>
+std::string expected_that_fits(const Allowed& allowed) {
+  if constexpr (std::is_integral_v<T>) {
+    const Allowed limits = limits_of_type<T>(allowed);
+    if (limits.hi == allowed.hi) return "an integer" + limits.limits_text();
+    // In full: a double would round the largest of 64 bits.
+    return cat("an integer in [", number_text(limits.lo), ", ", std::numeric_limits<T>::max(), "]");
+  }
+  return cat("a number of ", 8 * sizeof(T), " bits", allowed.limits_text());
 }
 
 std::string print_real(auto value) {
@@ -84,6 +111,31 @@ std::string print_real(auto value) {
 }
 
 }  // namespace
+
+std::string ValueShape::type() const {
+  switch (kind) {
+    case Kind::boolean:
+      return "bool";
+    case Kind::integer:
+      return "int";
+    case Kind::real:
+      return "float";
+    case Kind::text:
+      return allowed.choices.empty() ? "text" : "name";
+    case Kind::duration:
+      return "duration";
+    case Kind::none:
+      return "none";
+    case Kind::list:
+      return "list of " + parts.at(0).type();
+    case Kind::either:
+      break;
+  }
+  std::vector<std::string> types;
+  for (const ValueShape& part : parts)
+    if (std::find(types.begin(), types.end(), part.type()) == types.end()) types.push_back(part.type());
+  return join(types, " or ");
+}
 
 Allowed Allowed::below(double limit) const {
   Allowed result = *this;
@@ -202,13 +254,15 @@ bool ScalarCodec<T>::read(const Node& node, T& value, const Allowed& allowed, co
     value = node.text == "true";
   } else {
     T number{};
-    bool usable = false;
+    Reading reading;
     if constexpr (std::is_integral_v<T>)
-      usable = read_integer(node, number);
+      reading = read_integer(node, number);
     else
-      usable = read_real(node, number, allowed);
-    const bool infinite = std::isinf(static_cast<double>(number));
-    if (!usable || (!infinite && !allowed.contains(static_cast<double>(number))))
+      reading = read_real(node, number, allowed);
+    const double as_real = static_cast<double>(number);
+    if (reading == Reading::not_finite) return site.fail(node, "a finite number" + allowed.limits_text());
+    if (reading == Reading::too_wide) return site.fail(node, expected_that_fits<T>(allowed));
+    if (reading != Reading::number || (std::isfinite(as_real) && !allowed.contains(as_real)))
       return site.fail(node, expected(allowed));
     value = number;
   }
@@ -228,10 +282,11 @@ std::string ScalarCodec<T>::print(const T& value) {
 }
 
 template <class T>
-std::string ScalarCodec<T>::type() {
-  if constexpr (std::is_same_v<T, std::string>) return "text";
-  if constexpr (std::is_same_v<T, bool>) return "bool";
-  return std::is_integral_v<T> ? "int" : "float";
+ValueShape ScalarCodec<T>::shape(const Allowed& allowed) {
+  if constexpr (std::is_same_v<T, std::string>) return {ValueShape::Kind::text, allowed};
+  if constexpr (std::is_same_v<T, bool>) return {ValueShape::Kind::boolean};
+  if constexpr (std::is_integral_v<T>) return {ValueShape::Kind::integer, limits_of_type<T>(allowed)};
+  return {ValueShape::Kind::real, allowed};
 }
 
 template <class T>
@@ -239,6 +294,9 @@ std::string ScalarCodec<T>::expected(const Allowed& allowed) {
   if constexpr (std::is_same_v<T, std::string>)
     return allowed.choices.empty() ? "a text" : expected_choice(allowed.choices);
   if constexpr (std::is_same_v<T, bool>) return "true or false";
+  // That an integer cannot be below zero is worth telling; how large one can be only where somebody tries.
+  if constexpr (std::is_unsigned_v<T>)
+    return "an integer" + at_least(std::max(allowed.lo, 0.0)).at_most(allowed.hi).limits_text();
   return (std::is_integral_v<T> ? "an integer" : "a number") + allowed.limits_text();
 }
 

@@ -17,6 +17,9 @@ namespace {
 constexpr size_t kMaxFileBytes = size_t{4} << 20;
 constexpr size_t kShownLength = 60;  // longer values are cut in messages
 constexpr size_t kMostShown = 100;   // errors of one go
+constexpr size_t kMostKept = 1000;
+constexpr size_t kShownPath = 100;
+constexpr size_t kDeepestPath = 64;  // of an assignment; no key lies that deep
 
 /// The whole file, or an error.
 bool read_file(const std::filesystem::path& path, std::string& text, Errors& errors) {
@@ -37,6 +40,14 @@ bool read_file(const std::filesystem::path& path, std::string& text, Errors& err
   return true;
 }
 
+/// "FILE:1:2: key: message". Where the place is itself told by the key ("--set key"), the key is told once.
+std::string line_of(const Position& at, const std::string& message) {
+  if (!at.source) return message;
+  const std::string place = at.text(), key = message.substr(0, message.find(": "));
+  const bool told = at.line == 0 && place.ends_with(" " + key);
+  return place + (told ? message.substr(key.size()) : ": " + message);
+}
+
 }  // namespace
 
 std::string Position::text() const {
@@ -46,8 +57,20 @@ std::string Position::text() const {
 
 void Errors::add(const Position& at, const std::string& message) { list_.push_back({at, message}); }
 
+void Errors::add_all(const Errors& others) { list_.insert(list_.end(), others.list_.begin(), others.list_.end()); }
+
 void Errors::add_all(const Errors& others, const Position& at) {
   for (const Entry& entry : others.list_) add(at, entry.message);
+}
+
+bool Errors::full() const { return list_.size() >= kMostKept; }
+
+bool Errors::has(const Position& at) const {
+  return std::any_of(list_.begin(), list_.end(), [&at](const Entry& entry) {
+    const Position& other = entry.at;
+    return at.source && other.source && at.line == other.line && at.column == other.column &&
+           *at.source == *other.source;
+  });
 }
 
 std::string Errors::text() const {
@@ -63,7 +86,7 @@ std::string Errors::text() const {
   std::string text, last;
   size_t n_lines = 0;
   for (const auto& [rank, line, column, k] : order) {
-    const std::string next = list_[k].at.source ? list_[k].at.text() + ": " + list_[k].message : list_[k].message;
+    const std::string next = line_of(list_[k].at, list_[k].message);
     if (next == last) continue;
     if (++n_lines > kMostShown) return text + cat("\n... and ", order.size() - kMostShown, " more");
     text += (text.empty() ? "" : "\n") + next;
@@ -93,7 +116,9 @@ std::string Node::shown() const {
     case Kind::scalar:
       break;
   }
-  const std::string cut = text.size() > kShownLength ? text.substr(0, kShownLength) + "..." : text;
+  size_t length = text.size() > kShownLength ? kShownLength : text.size();
+  while (length < text.size() && (static_cast<unsigned char>(text[length]) & 0xC0) == 0x80) --length;  // whole letters
+  const std::string cut = text.substr(0, length) + (length < text.size() ? "..." : "");
   std::string clean;  // on one line, whatever is in it
   for (const char c : cut) clean += static_cast<unsigned char>(c) < 0x20 ? ' ' : c;
   return quoted ? "'\"" + clean + "\"'" : "'" + clean + "'";
@@ -122,7 +147,8 @@ Document parse_yaml_text(std::string_view text, const std::string& name) {
 void set_override(Document& document, std::string_view assignment, Errors& errors) {
   const size_t equals = assignment.find('=');
   const std::string path(assignment.substr(0, equals));
-  const auto source = std::make_shared<const std::string>("--set " + path);
+  const std::string shown = path.size() > kShownPath ? path.substr(0, kShownPath) + "..." : path;
+  const auto source = std::make_shared<const std::string>("--set " + shown);
   const Position at{source};
   if (equals == std::string_view::npos || equals == 0)
     return errors.add({std::make_shared<const std::string>(cat("--set ", assignment))}, "expected KEY=VALUE");
@@ -140,10 +166,12 @@ void set_override(Document& document, std::string_view assignment, Errors& error
 
   // Walk to the place, making maps on the way.
   Node* node = &document.root;
+  size_t depth = 0;
   for (size_t begin = 0; begin <= path.size();) {
     const size_t end = std::min(path.find('.', begin), path.size());
     const std::string key = path.substr(begin, end - begin);
     if (key.empty()) return errors.add(at, "a key is missing between the dots");
+    if (++depth > kDeepestPath) return errors.add(at, "nested too deeply");
     if (node->is_null()) {
       node->kind = Node::Kind::map;
       if (!node->at.source) node->at = at;

@@ -23,11 +23,14 @@ struct Position {
 class Errors {
  public:
   void add(const Position& at, const std::string& message);
+  void add_all(const Errors& others);
   void add_all(const Errors& others, const Position& at);  ///< the others' messages, all at one place
   bool empty() const { return list_.empty(); }
   size_t size() const { return list_.size(); }
-  std::string text() const;   ///< one line each, by file, line and column
-  void throw_if_any() const;  ///< throws one InputError with all of them
+  bool full() const;                   ///< are there more than anybody reads? Then it is time to stop looking
+  bool has(const Position& at) const;  ///< is there one at that very place?
+  std::string text() const;            ///< one line each, by file, line and column
+  void throw_if_any() const;           ///< throws one InputError with all of them
 
  private:
   struct Entry {

@@ -38,7 +38,7 @@ void read_field(const Node& node, const Field& field, Errors& errors, KeyPositio
     case FieldShape::list:
       if (!node.is_sequence()) return errors.add(node.at, cat(path, ": ", node.shown(), " is not ", field.expected));
       field.clear();
-      for (size_t k = 0; k < node.items.size(); ++k) {
+      for (size_t k = 0; k < node.items.size() && !errors.full(); ++k) {
         const std::string element = cat(path, "[", k, "]");
         if (given) (*given)[element] = node.items[k].at;
         read_fields(node.items[k], field.add(""), errors, given, element);
@@ -164,8 +164,7 @@ class Printer {
 
 void list_into(const FieldList& fields, const std::string& path, std::vector<FieldInfo>& all) {
   for (const Field& field : fields.fields()) {
-    FieldInfo info{
-        joined_path(path, field.name), field.type, "", field.expected, field.doc, field.shape, field.allowed};
+    FieldInfo info{joined_path(path, field.name), field.type, "", field.expected, field.doc, field.shape};
     if (field.print) info.default_value = field.print();
     all.push_back(info);
     if (field.shape == FieldShape::group) list_into(field.members, info.path, all);
@@ -188,16 +187,18 @@ Field& FieldList::add(FieldShape shape, const std::string& name, const std::stri
   return field;
 }
 
-void FieldList::tree(const std::string& name, Node& value, const std::string& doc) {
+void FieldList::tree(const std::string& name, Node& value, const std::string& doc, std::function<FieldList()> keys) {
   Field& field = add(FieldShape::tree, name, doc);
   field.print = [&value] { return value.is_null() ? "{}" : print_node(value); };
   field.assign = [&value](const Node& node) { value = node; };
+  field.example = std::move(keys);
 }
 
 void read_fields(const Node& node, const FieldList& fields, Errors& errors, KeyPositions* given,
                  const std::string& path) {
   if (!expect_map(node, fields, path, errors)) return;
   for (const Node::Entry& entry : node.entries) {
+    if (errors.full()) return;
     const std::string key_path = joined_path(path, entry.key);
     const auto& all = fields.fields();
     const auto field = std::find_if(all.begin(), all.end(), [&](const Field& f) { return f.name == entry.key; });
@@ -206,6 +207,8 @@ void read_fields(const Node& node, const FieldList& fields, Errors& errors, KeyP
       for (const Field& known : all) names.push_back(known.name);
       const std::string hint = nearest_hint(entry.key, names);
       errors.add(entry.at, cat(key_path, ": unknown key", hint, "; allowed: ", join(names)));
+      for (const std::string& meant : nearest_names(entry.key, names, 1))
+        if (given) given->emplace(joined_path(path, meant), entry.at);
       continue;
     }
     if (given) (*given)[key_path] = entry.value.at;
@@ -213,15 +216,27 @@ void read_fields(const Node& node, const FieldList& fields, Errors& errors, KeyP
   }
 }
 
-void read_config_file(const std::filesystem::path& file, const std::vector<std::string>& overrides,
-                      const FieldList& fields, KeyPositions* given) {
-  Errors errors;
+bool read_config_file(const std::filesystem::path& file, const std::vector<std::string>& overrides,
+                      const FieldList& fields, Errors& errors, KeyPositions* given) {
+  const size_t errors_before = errors.size();
   Document document = parse_yaml_file(file, errors);
-  const bool usable = !document.root.is_null();
-  if (!usable && errors.empty()) read_fields(document.root, fields, errors);  // says that the file is empty
+  const bool usable = document.root.is_map();
+  if (!usable && errors.size() == errors_before) read_fields(document.root, fields, errors);  // says what it is instead
+  // The assignments are looked at in any case, on top of nothing where there is no file.
+  if (!usable) document.root = {};
   for (const std::string& assignment : overrides) set_override(document, assignment, errors);
-  if (usable) read_fields(document.root, fields, errors, given);
-  errors.throw_if_any();
+  if (!document.root.is_null()) read_fields(document.root, fields, errors, given);
+  return usable;
+}
+
+bool is_wrong(const std::string& key, const KeyPositions& given, const Errors& errors) {
+  const auto contains = [](const std::string& outer, const std::string& inner) {
+    return inner.starts_with(outer) &&
+           (inner.size() == outer.size() || inner[outer.size()] == '.' || inner[outer.size()] == '[');
+  };
+  for (const auto& [other, at] : given)
+    if ((contains(key, other) || contains(other, key)) && errors.has(at)) return true;
+  return false;
 }
 
 std::string print_yaml(const FieldList& fields, const FieldList& defaults, bool with_comments) {

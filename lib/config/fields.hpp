@@ -53,6 +53,17 @@ Allowed at_least(double lo);
 Allowed greater_than(double lo);
 Allowed one_of(std::vector<std::string> choices);
 
+/// What a value is made of. The type in the reference and the schema for editors follow from it.
+struct ValueShape {
+  enum class Kind : uint8_t { boolean, integer, real, text, duration, none, list, either };
+
+  Kind kind = Kind::text;
+  Allowed allowed = {};                ///< limits of numbers, choices of texts, number of items of lists
+  std::vector<ValueShape> parts = {};  ///< list: what an item is; either: what the value may be
+
+  std::string type() const;  ///< "int", "list of text", "float or none"
+};
+
 /// Where a value is being read: its path for messages, and the place for errors.
 struct ReadSite {
   std::string path;
@@ -66,9 +77,8 @@ struct ReadSite {
 /// How a type is read from and printed to YAML. Specialise it for a type of your own:
 ///   static bool read(const Node&, T&, const Allowed&, const ReadSite&)  reports to the site and returns false on error
 ///   static std::string print(const T&)                                   text that reads back to the same value
-///   static std::string type()                                            "int", "list of text"
 ///   static std::string expected(const Allowed&)                          "an integer >= 1"
-///   static Allowed limits(const Allowed&)                                the limits with the type's own choices
+///   static ValueShape shape(const Allowed&)                              what it is made of
 template <class T>
 struct FieldCodec;
 
@@ -77,9 +87,8 @@ template <class T>
 struct ScalarCodec {
   static bool read(const Node& node, T& value, const Allowed& allowed, const ReadSite& site);
   static std::string print(const T& value);
-  static std::string type();
   static std::string expected(const Allowed& allowed);
-  static Allowed limits(const Allowed& allowed) { return allowed; }
+  static ValueShape shape(const Allowed& allowed);
 };
 template <>
 struct FieldCodec<bool> : ScalarCodec<bool> {};
@@ -120,13 +129,8 @@ struct FieldCodec<T> {
     return index >= 0;
   }
   static std::string print(const T& value) { return names().at(static_cast<size_t>(value)); }
-  static std::string type() { return "name"; }
   static std::string expected(const Allowed&) { return expected_choice(names()); }
-  static Allowed limits(const Allowed& allowed) {
-    Allowed result = allowed;
-    result.choices = names();
-    return result;
-  }
+  static ValueShape shape(const Allowed&) { return {ValueShape::Kind::text, one_of(names())}; }
 };
 
 template <class T>
@@ -148,9 +152,8 @@ struct FieldCodec<std::vector<T>> {
     for (const T& item : value) text += (text.size() > 1 ? ", " : "") + Item::print(item);
     return text + "]";
   }
-  static std::string type() { return "list of " + Item::type(); }
   static std::string expected(const Allowed& allowed) { return expected_list(allowed, Item::expected(allowed)); }
-  static Allowed limits(const Allowed& allowed) { return Item::limits(allowed); }
+  static ValueShape shape(const Allowed& allowed) { return {ValueShape::Kind::list, allowed, {Item::shape(allowed)}}; }
 };
 
 /// A list of exactly N items.
@@ -164,9 +167,8 @@ struct FieldCodec<std::array<T, N>> {
     return true;
   }
   static std::string print(const std::array<T, N>& value) { return List::print({value.begin(), value.end()}); }
-  static std::string type() { return List::type(); }
   static std::string expected(const Allowed& allowed) { return List::expected(allowed.items(N, N)); }
-  static Allowed limits(const Allowed& allowed) { return List::limits(allowed.items(N, N)); }
+  static ValueShape shape(const Allowed& allowed) { return List::shape(allowed.items(N, N)); }
 };
 
 template <class T>
@@ -183,9 +185,10 @@ struct FieldCodec<std::optional<T>> {
     return true;
   }
   static std::string print(const std::optional<T>& value) { return value ? Inner::print(*value) : "none"; }
-  static std::string type() { return Inner::type() + " or none"; }
   static std::string expected(const Allowed& allowed) { return Inner::expected(allowed) + " or none"; }
-  static Allowed limits(const Allowed& allowed) { return Inner::limits(allowed); }
+  static ValueShape shape(const Allowed& allowed) {
+    return {ValueShape::Kind::either, {}, {Inner::shape(allowed), {ValueShape::Kind::none}}};
+  }
 };
 
 struct Field;
@@ -206,8 +209,8 @@ class FieldList {
   /// Named structs: a map from names, which the user chooses, to structs. A given entry replaces one of that name.
   template <class T>
   void table(const std::string& name, std::map<std::string, T>& values, const std::string& doc);
-  /// A map that somebody else reads.
-  void tree(const std::string& name, Node& value, const std::string& doc);
+  /// A map that somebody else reads; `keys` gives those that it may have, where that is known.
+  void tree(const std::string& name, Node& value, const std::string& doc, std::function<FieldList()> keys = {});
 
   const std::vector<Field>& fields() const { return fields_; }
   void keep(std::shared_ptr<void> owner) { owner_ = std::move(owner); }
@@ -224,12 +227,12 @@ struct Field {
   std::string name, doc;
   FieldShape shape = FieldShape::value;
   std::string type, expected;
-  Allowed allowed;
 
+  ValueShape value;                                        ///< value
   std::function<bool(const Node&, const ReadSite&)> read;  ///< value
   std::function<std::string()> print;                      ///< value, tree
   FieldList members;                                       ///< group
-  std::function<FieldList()> example;                      ///< list, table: an element of defaults
+  std::function<FieldList()> example;                      ///< list, table: an element of defaults; tree: all keys
   std::function<void()> clear;                             ///< list
   std::function<FieldList(const std::string&)> add;        ///< list (the name is ignored), table: a fresh element
   std::function<std::vector<std::pair<std::string, FieldList>>()> elements;  ///< list, table
@@ -255,9 +258,9 @@ template <class T>
 void FieldList::operator()(const std::string& name, T& value, const std::string& doc, const Allowed& allowed) {
   using Codec = FieldCodec<T>;
   Field& field = add(FieldShape::value, name, doc);
-  field.type = Codec::type();
+  field.value = Codec::shape(allowed);
+  field.type = field.value.type();
   field.expected = Codec::expected(allowed);
-  field.allowed = Codec::limits(allowed);
   field.read = [&value, allowed](const Node& node, const ReadSite& site) {
     return Codec::read(node, value, allowed, site);
   };
@@ -295,7 +298,8 @@ void FieldList::table(const std::string& name, std::map<std::string, T>& values,
   };
 }
 
-/// Where each key that was given stands, by path ("train.gamma"); of keys set twice, the last.
+/// Where each key that was given stands, by path ("train.gamma"); of keys set twice, the last. A key that only a
+/// misspelt one may have meant stands where that is.
 using KeyPositions = std::map<std::string, Position>;
 
 /// Sets the members whose keys the map gives; unknown keys and unusable values go to `errors`. `path` stands before
@@ -307,14 +311,18 @@ void read_fields(const Node& node, T& config, Errors& errors, KeyPositions* give
   read_fields(node, fields_of(config), errors, given);
 }
 
-/// Reads a file and `--set` assignments into a struct; throws InputError with all errors.
-void read_config_file(const std::filesystem::path& file, const std::vector<std::string>& overrides,
-                      const FieldList& fields, KeyPositions* given = nullptr);
+/// Reads a file and `--set` assignments into a struct. Returns false where the file as a whole cannot be read.
+bool read_config_file(const std::filesystem::path& file, const std::vector<std::string>& overrides,
+                      const FieldList& fields, Errors& errors, KeyPositions* given = nullptr);
 template <class T>
-void read_config_file(const std::filesystem::path& file, const std::vector<std::string>& overrides, T& config,
-                      KeyPositions* given = nullptr) {
-  read_config_file(file, overrides, fields_of(config), given);
+bool read_config_file(const std::filesystem::path& file, const std::vector<std::string>& overrides, T& config,
+                      Errors& errors, KeyPositions* given = nullptr) {
+  return read_config_file(file, overrides, fields_of(config), errors, given);
 }
+
+/// Is the value of a key (or of one that it contains, or that contains it) among the errors? Then what the struct has
+/// for it is not what the user meant, and is not worth checking further.
+bool is_wrong(const std::string& key, const KeyPositions& given, const Errors& errors);
 
 /// All keys with their values as YAML, which reads back to the same struct bit for bit. With comments: documentation,
 /// default and limits behind each key.
@@ -329,7 +337,6 @@ std::string print_yaml(const T& config, bool with_comments) {
 struct FieldInfo {
   std::string path, type, default_value, expected, doc;
   FieldShape shape = FieldShape::value;
-  Allowed allowed;  ///< limits and choices, for a schema
 };
 std::vector<FieldInfo> list_fields(const FieldList& defaults);
 template <class T>

@@ -2,6 +2,7 @@
 #include "config/names.hpp"
 
 #include <algorithm>
+#include <cctype>
 
 namespace giga {
 
@@ -54,6 +55,11 @@ std::string join(const std::vector<std::string>& parts, std::string_view separat
     if (k) text += separator;
     text += parts[k];
   }
+  return text;
+}
+
+std::string capitalised(std::string text) {
+  if (!text.empty()) text[0] = static_cast<char>(std::toupper(static_cast<unsigned char>(text[0])));
   return text;
 }
 

@@ -19,4 +19,7 @@ std::string nearest_hint(std::string_view name, const std::vector<std::string>& 
 /// "a, b, c".
 std::string join(const std::vector<std::string>& parts, std::string_view separator = ", ");
 
+/// With a capital at the beginning.
+std::string capitalised(std::string text);
+
 }  // namespace giga

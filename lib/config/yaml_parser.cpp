@@ -24,10 +24,12 @@ class TreeBuilder : public YAML::EventHandler {
   void OnDocumentStart(const YAML::Mark&) override {}
   void OnDocumentEnd() override {}
   void OnAnchor(const YAML::Mark& mark, const std::string& name) override {
-    errors_.add(position(mark), "anchors are not allowed: &" + name);
+    anchors_.push_back(name);
+    errors_.add(position(mark), cat("anchors are not allowed: &", name, "; write the value where it is needed"));
   }
-  void OnAlias(const YAML::Mark& mark, YAML::anchor_t) override {
-    errors_.add(position(mark), "aliases (*name) are not allowed");
+  void OnAlias(const YAML::Mark& mark, YAML::anchor_t number) override {
+    const std::string name = number > 0 && number <= anchors_.size() ? anchors_[number - 1] : "";  // counted from 1
+    errors_.add(position(mark), cat("aliases are not allowed: *", name, "; write the value itself"));
     if (!open_.empty()) open_.back().drop = true;
     put(node(mark, Node::Kind::null));
   }
@@ -72,7 +74,7 @@ class TreeBuilder : public YAML::EventHandler {
 
   void check_tag(const YAML::Mark& mark, const std::string& tag) {
     if (tag.empty() || tag == "?" || tag == "!") return;
-    errors_.add(position(mark), "tags are not allowed: " + tag);
+    errors_.add(position(mark), cat("tags are not allowed: ", tag, "; write the value alone"));
   }
 
   void close() {
@@ -114,6 +116,7 @@ class TreeBuilder : public YAML::EventHandler {
   Errors& errors_;
   Node root_;
   std::vector<Open> open_;
+  std::vector<std::string> anchors_;  // in the order of the file
 };
 
 /// Length of the UTF-8 sequence at the start of the text, 0 if there is none. Overlong forms, surrogates and code
@@ -137,9 +140,10 @@ bool check_encoding(std::string_view text, const std::shared_ptr<const std::stri
   while (!text.empty()) {
     const unsigned char c = static_cast<unsigned char>(text[0]);
     const size_t length = utf8_length(text);
-    if (length == 0) return errors.add(at, cat("not UTF-8: byte ", static_cast<int>(c))), false;
+    if (length == 0)
+      return errors.add(at, cat("not UTF-8: byte ", static_cast<int>(c), "; save the file as UTF-8")), false;
     if ((c < 0x20 && c != '\n' && c != '\r' && c != '\t') || c == 0x7f)
-      return errors.add(at, cat("control character ", static_cast<int>(c))), false;
+      return errors.add(at, cat("control character ", static_cast<int>(c), "; a file may hold text only")), false;
     ++at.column;
     if (c == '\n') ++at.line, at.column = 1;
     text.remove_prefix(length);

@@ -3,9 +3,12 @@
 #include <algorithm>
 #include <cmath>
 
+#include "config/fields.hpp"
+#include "config/names.hpp"
 #include "core/error.hpp"
 #include "cuda/rows.hpp"
 #include "cuda/runtime.hpp"
+#include "rollout/shapes.hpp"
 
 namespace giga {
 namespace {
@@ -35,14 +38,13 @@ MatchResult play_match(const SimSpec& spec, const Player& side0, const Player& s
   const RowRunner rows(options.device, options.n_threads);
 
   Buffer<float> obs[kNTeams];
-  Buffer<float> action[kNTeams];  // three floats hold either kind of action
+  Buffer<float> action[kNTeams];
   StepIo io;
   io.obs_stride = spec.padded_observation_size();
   for (int team = 0; team < kNTeams; ++team) {
-    const size_t agents = static_cast<size_t>(options.episodes) * static_cast<size_t>(sim->params().n_team[team]);
-    action[team] = Buffer<float>(sim->memory(), agents * kActionSize);
-    if (player[team].actor)
-      obs[team] = Buffer<float>(sim->memory(), agents * static_cast<size_t>(spec.padded_observation_size()));
+    const MatchShapes shapes = match_shapes(spec, team, options.episodes, player[team].actor != nullptr);
+    action[team] = Buffer<float>(sim->memory(), static_cast<size_t>(shapes.action.elements()));
+    obs[team] = Buffer<float>(sim->memory(), static_cast<size_t>(shapes.obs.elements()));
     io.team[team].action = action[team].data();
     io.team[team].obs = obs[team].data();
   }
@@ -82,13 +84,10 @@ Interval wilson95(int k, int n) {
 }
 
 Scripted parse_scripted(const std::string& name) {
-  const auto names = enum_names(Scripted{});
-  std::string list;
-  for (size_t k = 0; k < names.size(); ++k) {
+  const std::vector<std::string> names = FieldCodec<Scripted>::names();
+  for (size_t k = 0; k < names.size(); ++k)
     if (name == names[k]) return static_cast<Scripted>(k);
-    list += (k ? ", " : "") + std::string(names[k]);
-  }
-  throw InputError(cat("opponent '", name, "' is unknown; allowed: ", list));
+  throw InputError(cat("opponent '", name, "' is unknown", nearest_hint(name, names), "; allowed: ", join(names)));
 }
 
 }  // namespace giga

@@ -7,6 +7,7 @@
 #include "core/error.hpp"
 #include "io/files.hpp"
 #include "io/hdf5_file.hpp"
+#include "io/hdf5_reader.hpp"
 #include "io/seal.hpp"
 
 namespace giga {
@@ -38,22 +39,47 @@ std::vector<std::string> split_lines(const std::string& text) {
   return lines;
 }
 
+void write_cursor(hid_t file, const RunCursor& c) {
+  hdf5::write_attribute(file, "seconds", c.seconds);
+  hdf5::write_attribute(file, "metrics_bytes", c.metrics_bytes);
+  hdf5::write_attribute(file, "events_bytes", c.events_bytes);
+  hdf5::write_attribute(file, "best_score", c.best_score);
+  hdf5::write_attribute(file, "best_updates", c.best_updates);
+}
+RunCursor read_cursor(const hdf5::Reader& file) {
+  RunCursor c;
+  c.seconds = file.float_attribute("seconds");
+  c.metrics_bytes = file.uint_attribute("metrics_bytes");
+  c.events_bytes = file.uint_attribute("events_bytes");
+  c.best_score = file.float_attribute("best_score");
+  c.best_updates = file.int_attribute("best_updates");
+  return c;
+}
+
 Checkpoint decode(std::string_view bytes) {
   if (const std::string reason = broken_seal(bytes, kCheckpointKind, kCheckpointFormat); !reason.empty())
     throw hdf5::FormatError(reason);
-  const hdf5::Handle file = hdf5::open_file(bytes);
+  const hdf5::Reader file(bytes, kSealBytes);
   Checkpoint c;
-  c.format_version = static_cast<int>(hdf5::read_int_attribute(file, "format_version"));
-  c.gigastep_version = hdf5::read_text_attribute(file, "gigastep_version");
-  c.scenario_name = hdf5::read_text_attribute(file, "scenario_name");
-  c.updates = hdf5::read_int_attribute(file, "updates");
-  c.agent_steps = hdf5::read_int_attribute(file, "agent_steps");
-  c.seed = hdf5::read_uint_attribute(file, "seed");
-  const std::string names = text_of(hdf5::read_dataset(file, "array_names", bytes.size()));
-  c.config_yaml = text_of(hdf5::read_dataset(file, "config_yaml", bytes.size()));
-  c.scenario_yaml = text_of(hdf5::read_dataset(file, "scenario_yaml", bytes.size()));
+  c.format_version = static_cast<int>(file.int_attribute("format_version"));
+  c.gigastep_version = file.text_attribute("gigastep_version");
+  c.scenario_name = file.text_attribute("scenario_name");
+  c.updates = file.int_attribute("updates");
+  c.agent_steps = file.int_attribute("agent_steps");
+  c.seed = file.uint_attribute("seed");
+  if (c.format_version >= 2) c.cursor = read_cursor(file);
+  // No part of the file is read twice, so that all parts together are no larger than the file.
+  size_t left = bytes.size();
+  const auto read = [&file, &left](const std::string& path) {
+    NamedArray array = file.dataset(path, left);
+    left -= array.bytes.size();
+    return array;
+  };
+  const std::string names = text_of(read("array_names"));
+  c.config_yaml = text_of(read("config_yaml"));
+  c.scenario_yaml = text_of(read("scenario_yaml"));
   for (const std::string& name : split_lines(names)) {
-    c.arrays.push_back(hdf5::read_dataset(file, kArrays + name, bytes.size()));
+    c.arrays.push_back(read(kArrays + name));
     c.arrays.back().name = name;
   }
   return c;
@@ -72,6 +98,7 @@ std::string encode_checkpoint(const Checkpoint& c) {
   hdf5::write_attribute(file, "updates", c.updates);
   hdf5::write_attribute(file, "agent_steps", c.agent_steps);
   hdf5::write_attribute(file, "seed", c.seed);
+  write_cursor(file, c.cursor);
   hdf5::write_dataset(file, "array_names", text_array(names));
   hdf5::write_dataset(file, "config_yaml", text_array(c.config_yaml));
   hdf5::write_dataset(file, "scenario_yaml", text_array(c.scenario_yaml));
@@ -85,7 +112,6 @@ std::string encode_checkpoint(const Checkpoint& c) {
 }
 
 Checkpoint decode_checkpoint(std::string_view bytes, const std::string& name) {
-  const hdf5::QuietErrors quiet;
   try {
     return decode(bytes);
   } catch (const hdf5::FormatError& e) {

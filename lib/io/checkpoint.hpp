@@ -10,8 +10,17 @@
 
 namespace giga {
 
-constexpr int kCheckpointFormat = 1;
+constexpr int kCheckpointFormat = 2;
 constexpr const char* kCheckpointKind = "gigastep checkpoint";
+
+/// Where the files and the evaluation of a run stand, beside what it has learned.
+struct RunCursor {
+  double seconds = 0;          ///< of training so far, all processes together
+  uint64_t metrics_bytes = 0;  ///< length of metrics.csv
+  uint64_t events_bytes = 0;   ///< length of the TensorBoard events
+  double best_score = -1;      ///< of the best evaluation so far; -1 = there was none
+  int64_t best_updates = 0;    ///< updates that were done then
+};
 
 /// The file begins with a seal (seal.hpp). In the HDF5 part the numbers and short texts are attributes of the root, the
 /// two YAML texts datasets `config_yaml` and `scenario_yaml`, the arrays datasets below `arrays/` under their own
@@ -26,7 +35,8 @@ struct Checkpoint {
   int64_t updates = 0;
   int64_t agent_steps = 0;
   uint64_t seed = 0;
-  NamedArrays arrays;
+  RunCursor cursor;    ///< format 2; zeros in older files
+  NamedArrays arrays;  ///< all learned state, and all that the next update depends on
 };
 
 /// The whole file or nothing (see write_file).

@@ -1,4 +1,5 @@
-// The part of HDF5 that checkpoints use: files in memory, attributes, uncompressed datasets. Only for lib/io/*.cpp.
+// Writing with the HDF5 library what checkpoints use: files in memory, attributes, uncompressed datasets;
+// hdf5_reader.hpp reads it. Only for lib/io/*.cpp.
 #pragma once
 
 #include <hdf5.h>
@@ -6,7 +7,6 @@
 #include <cstdint>
 #include <stdexcept>
 #include <string>
-#include <string_view>
 
 #include "core/named_array.hpp"
 
@@ -53,19 +53,14 @@ class QuietErrors {
 Handle create_file(size_t user_block);
 /// The bytes that such a file would have on disk, the first `user_block` of them zeros.
 std::string file_bytes(hid_t file, size_t user_block);
-/// The file with these bytes, read-only.
-Handle open_file(std::string_view bytes);
 
 void write_attribute(hid_t object, const char* name, const std::string& value);
 void write_attribute(hid_t object, const char* name, int64_t value);
 void write_attribute(hid_t object, const char* name, uint64_t value);
-std::string read_text_attribute(hid_t object, const char* name);
-int64_t read_int_attribute(hid_t object, const char* name);
-uint64_t read_uint_attribute(hid_t object, const char* name);
+void write_attribute(hid_t object, const char* name, double value);
 
-/// Datasets with their checksum. Groups on the path are made. `most_bytes`: what the file can hold at all; a dataset
-/// that claims more is refused before anything is allocated.
+/// A dataset with its checksum as attribute `crc32`. Groups on the path are made.
 void write_dataset(hid_t file, const std::string& path, const NamedArray& array);
-NamedArray read_dataset(hid_t file, const std::string& path, size_t most_bytes);
+uint64_t checksum(const NamedArray& array);
 
 }  // namespace giga::hdf5

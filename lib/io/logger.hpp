@@ -6,6 +6,8 @@
 #include <memory>
 #include <string>
 
+#include "io/terminal/live_lines.hpp"
+
 namespace giga {
 
 class Logger {
@@ -27,12 +29,13 @@ class Logger {
   /// To the file alone.
   void note(const std::string& message);
 
+  /// The lines of the console that stay below all messages.
+  LiveLines& live() { return live_; }
+
  private:
   struct Loggers;
+  LiveLines live_;  // before the loggers, one of which writes through it
   std::unique_ptr<Loggers> loggers_;
 };
-
-/// Whether stderr is a terminal that understands cursor movements.
-bool stderr_is_terminal();
 
 }  // namespace giga

@@ -1,68 +1,65 @@
-// How progress looks on a terminal and in a log.
+// Showing progress: when a line is written and when the panel is drawn.
 #include "io/progress.hpp"
-
-#include <sys/ioctl.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
-#include <limits>
 
 #include "io/number.hpp"
+#include "io/terminal/live_lines.hpp"
+#include "io/terminal/panel.hpp"
 
 namespace giga {
 namespace {
 
 constexpr std::chrono::milliseconds kDrawEvery{100};
-constexpr int kBarWidth = 16;
 
-double share_done(const ProgressState& s) {
-  if (s.total_agent_steps <= 0) return 0;
-  return std::min(1.0, static_cast<double>(s.agent_steps) / static_cast<double>(s.total_agent_steps));
-}
-
-int terminal_width() {
-  winsize size{};
-  return ::ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0 ? size.ws_col : 80;
-}
-
-/// What bar and text have in common; `unit` stands behind the counts.
-std::string figures(const ProgressState& s, const std::string& unit) {
-  std::string text = print_short(static_cast<double>(s.agent_steps)) + " of " +
-                     print_short(static_cast<double>(s.total_agent_steps)) + unit + ", " +
-                     print_short(s.agent_steps_per_second) + "/s, " + print_duration(seconds_left(s)) + " left";
-  if (!s.win_rates.empty()) text += ", wins vs";
-  for (const auto& [opponent, rate] : s.win_rates) text += " " + opponent + " " + rate;
-  return text;
+/// "0.98/0.97" for teams 0 and 1, "0.98" where one team alone has a value.
+template <class Print>
+std::string of_teams(double team_0, double team_1, Print print) {
+  if (std::isnan(team_1)) return print(team_0);
+  return std::isnan(team_0) ? print(team_1) : print(team_0) + "/" + print(team_1);
 }
 
 }  // namespace
 
-double seconds_left(const ProgressState& s) {
-  const double done = share_done(s);
-  return done > 0 ? s.seconds * (1 - done) / done : std::numeric_limits<double>::quiet_NaN();
+double share_done(const ProgressState& s) {
+  if (s.total_agent_steps <= 0) return 0;
+  return std::clamp(static_cast<double>(s.agent_steps) / static_cast<double>(s.total_agent_steps), 0.0, 1.0);
 }
 
-std::string progress_bar(const ProgressState& s, int width) {
-  const double done = share_done(s);
-  const auto filled = static_cast<size_t>(done * kBarWidth);
-  char percent[16];
-  std::snprintf(percent, sizeof percent, "%3d%% ", static_cast<int>(done * 100));
-  std::string line = percent;
-  if (width >= 60) line += '[' + std::string(filled, '=') + std::string(kBarWidth - filled, ' ') + "] ";
-  line += figures(s, "");
-  if (width > 0 && line.size() > static_cast<size_t>(width)) line.resize(static_cast<size_t>(width));
-  return line;
+std::vector<std::string> opponents_of(const ProgressState& s) {
+  std::vector<std::string> names;
+  for (const TeamProgress& team : s.team)
+    for (const auto& [name, rate] : team.win_rates)
+      if (std::find(names.begin(), names.end(), name) == names.end()) names.push_back(name);
+  return names;
+}
+
+double win_rate(const ProgressState& s, int team, const std::string& opponent) {
+  for (const auto& [name, rate] : s.team[team].win_rates)
+    if (name == opponent) return rate;
+  return TeamProgress::kUnknown;
 }
 
 std::string progress_text(const ProgressState& s) {
-  return "update " + std::to_string(s.update) + " of " + std::to_string(s.n_updates) + ": " +
-         figures(s, " agent-steps");
+  std::string text = "update " + std::to_string(s.update) + " of " + std::to_string(s.n_updates) + ": " +
+                     print_short(static_cast<double>(s.agent_steps)) + " of " +
+                     print_short(static_cast<double>(s.total_agent_steps)) + " agent-steps, " +
+                     print_short(s.agent_steps_per_second) + "/s, " + print_duration(s.seconds_left) + " left";
+  const double returns[] = {s.team[0].mean_return, s.team[1].mean_return};
+  if (!std::isnan(returns[0]) || !std::isnan(returns[1]))
+    text += ", return " + of_teams(returns[0], returns[1], print_short);
+  const std::vector<std::string> opponents = opponents_of(s);
+  if (!opponents.empty()) text += ", wins vs";
+  for (const std::string& name : opponents)
+    text += " " + name + " " + of_teams(win_rate(s, 0, name), win_rate(s, 1, name), print_share);
+  return text;
 }
 
-Progress::Progress(Logger& log, Mode mode, std::chrono::duration<double> cadence)
-    : log_(log), mode_(mode), cadence_(std::chrono::duration_cast<Clock::duration>(cadence)) {}
+Progress::Progress(Logger& log, Mode mode, std::chrono::duration<double> cadence, TerminalStyle style)
+    : log_(log), mode_(mode), cadence_(std::chrono::duration_cast<Clock::duration>(cadence)), style_(style) {
+  if (mode == Mode::terminal) history_ = std::make_unique<PanelHistory>();
+}
 Progress::~Progress() { finish(); }
 
 void Progress::show(const ProgressState& state) {
@@ -73,17 +70,21 @@ void Progress::show(const ProgressState& state) {
     mode_ == Mode::lines ? log_.info(text) : log_.note(text);
     next_text_ = now + cadence_;
   }
-  if (mode_ == Mode::terminal && (now >= next_draw_ || last)) {
-    last_line_ = progress_bar(state, terminal_width() - 1);
-    std::fprintf(stderr, "\r\x1b[K%s", last_line_.c_str());
-    std::fflush(stderr);
-    next_draw_ = now + kDrawEvery;
-  }
+  if (!history_) return;
+  history_->add(state);
+  latest_ = state;
+  if (now < next_draw_ && !last) return;
+  draw();
+  next_draw_ = now + kDrawEvery;
 }
 
+void Progress::draw() { log_.live().show(panel(*latest_, *history_, log_.live().size(), style_), style_); }
+
 void Progress::finish() {
-  if (!last_line_.empty()) std::fputc('\n', stderr);
-  last_line_.clear();
+  if (!history_) return;
+  if (latest_) draw();
+  log_.live().leave();
+  history_.reset();
 }
 
 Progress::Mode progress_mode(bool quiet) {

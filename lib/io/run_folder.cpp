@@ -9,12 +9,14 @@
 
 #include "core/error.hpp"
 #include "io/files.hpp"
+#include "io/tensorboard.hpp"
 
 namespace giga {
 namespace fs = std::filesystem;
 namespace {
 
 constexpr const char* kCheckpoints = "checkpoints";
+constexpr const char* kBest = "best.h5";
 constexpr int kMostRuns = 100'000;
 
 [[noreturn]] void fail_to_create(const fs::path& path, const std::error_code& code) {
@@ -54,14 +56,24 @@ std::vector<fs::path> checkpoints_in(const fs::path& folder) {
   return files;
 }
 
+/// A run is never overwritten.
+void expect_free(const fs::path& path) {
+  std::error_code code;
+  if (const auto owner = lock_owner(path))
+    throw InputError(cat("the run folder ", path.string(), " is in use by ", *owner));
+  if (!fs::is_empty(path, code))
+    throw InputError(
+        cat("the run folder ", path.string(),
+            " is there already and not empty: a run is never overwritten; to go on with it: gigastep resume ",
+            path.string()));
+}
+
 }  // namespace
 
 RunFolder RunFolder::create(const std::string& folder, const std::string& name) {
   fs::path path = folder;
   if (!folder.empty()) {
-    std::error_code code;
-    if (!make_folder(path) && !fs::is_empty(path, code))
-      throw InputError(cat("the run folder ", folder, " is there already and not empty: a run is never overwritten"));
+    if (!make_folder(path)) expect_free(path);
   } else {
     int number = 0;
     char text[16];
@@ -71,8 +83,19 @@ RunFolder RunFolder::create(const std::string& folder, const std::string& name) 
       path = fs::path("runs") / (name + text);
     } while (!make_folder(path));
   }
+  RunFolder run(path);
   make_folder(path / kCheckpoints);
-  return RunFolder(path);
+  return run;
+}
+
+RunFolder RunFolder::open(const std::string& folder) {
+  std::error_code code;
+  if (!fs::is_directory(folder, code)) throw InputError(cat("there is no run folder ", folder));
+  if (!fs::is_regular_file(fs::path(folder) / "config.yaml", code))
+    throw InputError(cat(folder, " is not a run folder: it has no config.yaml"));
+  RunFolder run(folder);
+  for (const fs::path& place : {run.path_, run.path_ / kCheckpoints}) remove_temporaries(place);
+  return run;
 }
 
 fs::path RunFolder::checkpoint_file(int64_t updates) const {
@@ -80,17 +103,33 @@ fs::path RunFolder::checkpoint_file(int64_t updates) const {
   std::snprintf(name, sizeof name, "update_%08lld.h5", static_cast<long long>(updates));
   return path_ / kCheckpoints / name;
 }
+fs::path RunFolder::best_file() const { return path_ / kCheckpoints / kBest; }
+fs::path RunFolder::events_file() const { return path_ / kTensorBoardFile; }
 
 void RunFolder::describe(const std::string& config_yaml, const std::string& scenario_yaml, const Json& info) const {
-  write_file(config_file(), config_yaml);
   write_file(scenario_file(), scenario_yaml);
   write_file(info_file(), info.text() + "\n");
+  write_file(config_file(), config_yaml);
 }
 
-void RunFolder::save(const Checkpoint& checkpoint, int keep) const {
+void RunFolder::describe_resume(const std::string& config_yaml, const Json& info) const {
+  fs::path file;
+  std::error_code code;
+  char name[32];
+  for (int number = 1; file.empty() || fs::exists(file, code); ++number) {
+    std::snprintf(name, sizeof name, "resume_%03d.json", number);
+    file = path_ / name;
+  }
+  write_file(file, info.text() + "\n");
+  write_file(config_file(), config_yaml);
+}
+
+void RunFolder::save(const Checkpoint& checkpoint, int keep, bool is_best) const {
   const fs::path folder = path_ / kCheckpoints;
   remove_temporaries(folder);
-  write_checkpoint(checkpoint_file(checkpoint.updates), checkpoint);
+  const std::string bytes = encode_checkpoint(checkpoint);
+  write_file(checkpoint_file(checkpoint.updates), bytes);
+  if (is_best) write_file(best_file(), bytes);
   const std::vector<fs::path> files = checkpoints_in(folder);
   for (size_t k = 0; k + static_cast<size_t>(std::max(keep, 1)) < files.size(); ++k) {
     std::error_code code;
@@ -98,20 +137,36 @@ void RunFolder::save(const Checkpoint& checkpoint, int keep) const {
   }
 }
 
-std::optional<fs::path> latest_checkpoint(const fs::path& run_folder) {
-  std::vector<fs::path> files = checkpoints_in(run_folder / kCheckpoints);
-  if (files.empty()) files = checkpoints_in(run_folder);  // the folder of checkpoints itself was meant
-  if (files.empty()) return std::nullopt;
-  return files.back();
-}
+std::vector<fs::path> list_checkpoints(const fs::path& run_folder) { return checkpoints_in(run_folder / kCheckpoints); }
 
-fs::path resolve_checkpoint(const std::string& path) {
+FoundCheckpoint find_checkpoint(const std::string& path) {
   std::error_code code;
   if (!fs::exists(path, code)) throw InputError(cat("there is no checkpoint or run folder ", path));
-  if (!fs::is_directory(path, code)) return path;
-  const std::optional<fs::path> newest = latest_checkpoint(path);
-  if (!newest) throw InputError(cat("the folder ", path, " holds no checkpoint (checkpoints/update_NNNNNNNN.h5)"));
-  return *newest;
+  FoundCheckpoint found;
+  if (!fs::is_directory(path, code)) {
+    found.file = path;
+    found.checkpoint = read_checkpoint(path);
+    return found;
+  }
+  fs::path folder = fs::path(path) / kCheckpoints;
+  if (!fs::is_directory(folder, code)) folder = path;  // the folder of checkpoints itself was meant
+  std::vector<fs::path> files = checkpoints_in(folder);
+  if (fs::exists(folder / kBest, code)) files.insert(files.begin(), folder / kBest);  // rather than nothing
+  for (; !files.empty(); files.pop_back()) {
+    try {
+      found.checkpoint = read_checkpoint(files.back());
+      found.file = files.back();
+      return found;
+    } catch (const InputError& e) {
+      found.damaged.emplace_back(e.what());
+      found.damaged_files.push_back(files.back());
+    }
+  }
+  if (found.damaged.empty())
+    throw InputError(cat("the folder ", path, " holds no checkpoint (checkpoints/update_NNNNNNNN.h5)"));
+  std::string all = cat("no checkpoint of ", path, " is whole:");
+  for (const std::string& line : found.damaged) all += "\n  " + line;
+  throw InputError(all);
 }
 
 std::string folder_name_of(const std::string& scenario) {

@@ -2,51 +2,75 @@
 #pragma once
 
 #include <filesystem>
-#include <optional>
 #include <string>
+#include <vector>
 
 #include "io/checkpoint.hpp"
 #include "io/json.hpp"
+#include "io/run_lock.hpp"
 
 namespace giga {
 
 /// config.yaml      resolved run config
 /// scenario.yaml    resolved scenario
-/// run.json         seed, versions, hardware, command line
+/// run.json         seed, versions, hardware, command line; resume_NNN.json: the same of each continuation
 /// metrics.csv      a row per update
+/// events.out.tfevents.gigastep   the same for TensorBoard, which calls a run by its folder
 /// log.txt          messages
-/// checkpoints/     update_NNNNNNNN.h5
+/// checkpoints/     update_NNNNNNNN.h5, best.h5
+/// report.html      curves and facts, written at the end
+/// lock             while a process trains in it
+///
+/// The folder is locked while this lives (RunLock).
 class RunFolder {
  public:
   /// A new run in `folder`, which must not exist or be empty (InputError else); without one in runs/<name>-NNN, NNN
   /// being the first number that is free.
   static RunFolder create(const std::string& folder, const std::string& name);
+  /// The folder of an earlier run, to go on with it. Throws InputError where there is none or a process works in it.
+  static RunFolder open(const std::string& folder);
 
   const std::filesystem::path& path() const { return path_; }
   std::filesystem::path config_file() const { return path_ / "config.yaml"; }
   std::filesystem::path scenario_file() const { return path_ / "scenario.yaml"; }
   std::filesystem::path info_file() const { return path_ / "run.json"; }
   std::filesystem::path metrics_file() const { return path_ / "metrics.csv"; }
+  std::filesystem::path events_file() const;
   std::filesystem::path log_file() const { return path_ / "log.txt"; }
+  std::filesystem::path report_file() const { return path_ / "report.html"; }
   std::filesystem::path checkpoint_file(int64_t updates) const;
+  std::filesystem::path best_file() const;
+  const RunLock& lock() const { return lock_; }
 
   /// Writes what a run is known by.
   void describe(const std::string& config_yaml, const std::string& scenario_yaml, const Json& info) const;
+  /// Writes what a continuation is known by.
+  void describe_resume(const std::string& config_yaml, const Json& info) const;
 
-  /// Writes a checkpoint, then removes all but the newest `keep`.
-  void save(const Checkpoint& checkpoint, int keep) const;
+  /// Writes a checkpoint, also as the best one where it is that, then removes all but the newest `keep`.
+  void save(const Checkpoint& checkpoint, int keep, bool is_best) const;
 
  private:
-  explicit RunFolder(std::filesystem::path path) : path_(std::move(path)) {}
+  explicit RunFolder(std::filesystem::path path) : path_(std::move(path)), lock_(path_) {}
 
   std::filesystem::path path_;
+  RunLock lock_;
 };
 
-/// The newest checkpoint of a run folder.
-std::optional<std::filesystem::path> latest_checkpoint(const std::filesystem::path& run_folder);
+/// A checkpoint, where it was found, and what is wrong with newer ones, a line each.
+struct FoundCheckpoint {
+  std::filesystem::path file;
+  Checkpoint checkpoint;
+  std::vector<std::string> damaged;
+  std::vector<std::filesystem::path> damaged_files;
+};
 
-/// A checkpoint file as it is; of a run folder the newest one. Throws InputError where there is none.
-std::filesystem::path resolve_checkpoint(const std::string& path);
+/// Reads a checkpoint file, or the newest whole one of a run folder (or of its folder of checkpoints). A file that is
+/// named never falls back to another. Throws InputError where there is none, or none that is whole.
+FoundCheckpoint find_checkpoint(const std::string& path);
+
+/// The checkpoints of a run folder, oldest first, without best.h5.
+std::vector<std::filesystem::path> list_checkpoints(const std::filesystem::path& run_folder);
 
 /// A scenario's name or path as part of a folder's name: "maps/My game.yaml" = "My_game".
 std::string folder_name_of(const std::string& scenario);

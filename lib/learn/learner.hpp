@@ -4,6 +4,7 @@
 #include <array>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -20,12 +21,32 @@ class Actor;
 /// Figures of one update, in a stable order: (name, value), NaN = not known.
 using Metrics = std::vector<std::pair<std::string, double>>;
 
+/// The first tensor of an update in which a number was a NaN or infinite.
+struct Divergence {
+  std::string tensor;  ///< "gradient of the critic"
+  int team = 0;
+  int64_t update = 0;  ///< counted from 1
+  int minibatch = 0;   ///< within the update, from 1; 0 = before anything was learned
+};
+
+/// Seconds that parts of an update took on the device.
+struct UpdateTimes {
+  double rollout = 0, learning = 0;
+};
+
 class Learner {
  public:
   virtual ~Learner() = default;
 
-  /// One update: collect, learn. Queues work on the device and reads back one block of figures at the end.
+  /// One update: collect, learn. Queues work on the device and reads back one block of figures at the end. Where
+  /// something was not finite, no parameter has changed since, and `divergence` tells.
   virtual Metrics update() = 0;
+
+  /// Of the latest update.
+  virtual std::optional<Divergence> divergence() const = 0;
+  virtual UpdateTimes times() const = 0;
+  /// The batch from which a diverged update was to learn, as arrays "batch/...".
+  virtual void save_batch(NamedArrays& out) const = 0;
 
   virtual int64_t updates_done() const = 0;
   virtual int64_t agent_steps_done() const = 0;

@@ -5,22 +5,16 @@
 #include "learn/mappo.hpp"
 #include "math/gae.hpp"
 #include "math/ppo_loss.hpp"
+#include "math/step_gate.hpp"
 #include "rollout/tensors.hpp"
 #include "sim/state_encoding.hpp"
 
 namespace giga {
 namespace {
 
-constexpr int64_t kValueChunk = 1 << 18;  // states per call of the critic outside of learning: bounds the memory
-
 /// Seeds of the networks differ by team and role.
 uint64_t network_seed(const LoadedRun& run, int team, int role) {
   return run.config.seed * 4 + static_cast<uint64_t>(team * 2 + role);
-}
-
-CriticShape critic_shape(const LoadedRun& run, int team) {
-  const SimParams& p = run.spec.params;
-  return {team, {p.n_team[0], p.n_team[1]}, run.spec.padded_observation_size(), world_feature_count(p)};
 }
 
 /// Reduced precision is for the GPU; CPUs run fp32.
@@ -54,7 +48,7 @@ PpoTeam::PpoTeam(const LoadedRun& run, int team, Device device, const RowRunner&
       n_(run.spec.params.n_team[team]),
       rows_(rows),
       actor_(make_actor(run, team, device)),
-      critic_(config_.critic, critic_shape(run, team), precision_on(run, device), rows, torch_device(device),
+      critic_(config_.critic, critic_shape(run.spec, team), precision_on(run, device), rows, torch_device(device),
               network_seed(run, team, 1)),
       actor_adam_(actor_.parameters(), config_.adam_epsilon),
       critic_adam_(critic_.parameters(), config_.adam_epsilon),
@@ -105,16 +99,30 @@ void PpoTeam::prepare(const Rollout& rollout) {
   std::tie(batch_mean_, batch_inv_std_) = moments(advantage_, weight, inv_count);
   figures_.zero_();
   stop_.zero_();
-  first_ = true;
   // Explained variance: 1 - Var(returns - values) / Var(returns), and returns - values are the advantages.
   const auto [return_mean, return_inv_std] = moments(returns_, weight, inv_count);
   figures_[kFigExplained].copy_(1.0 - (return_inv_std / batch_inv_std_).square());
   figures_[kFigLiving].copy_(weight.mean());
+  note_faults(r);
   if (config_.value_norm) value_norm_.update(returns_.view({-1, 1}), weight.view({-1}));
 }
 
+void PpoTeam::note_faults(const TeamRollout& r) {
+  const std::array<at::Tensor, kFaultActorGradient> tensors = {r.obs,  r.log_prob, r.reward,
+                                                               value_, advantage_, returns_};
+  std::array<at::Tensor, kFaultActorGradient> least, greatest;
+  FiniteCheck check{};
+  check.fault = figures_.data_ptr<float>() + kFirstFault;
+  for (size_t k = 0; k < tensors.size(); ++k) {
+    std::tie(least[k], greatest[k]) = at::aminmax(tensors[k]);
+    check.least[k] = least[k].const_data_ptr<float>();
+    check.greatest[k] = greatest[k].const_data_ptr<float>();
+  }
+  rows_.run(check, static_cast<int64_t>(tensors.size()));
+}
+
 at::Tensor PpoTeam::policy_gradient(const Rollout& rollout, const at::Tensor& head, const at::Tensor& index,
-                                    const at::Tensor& alive, const at::Tensor& inv_count) {
+                                    const at::Tensor& alive, const at::Tensor& inv_count, bool first) {
   at::NoGradGuard no_grad;
   const TeamRollout& r = rollout.team[team_];
   at::Tensor mean = zero_, inv_std = one_;
@@ -149,25 +157,34 @@ at::Tensor PpoTeam::policy_gradient(const Rollout& rollout, const at::Tensor& he
               count);
     actor_.log_std().grad().add_(d_log_std.sum(0));
   }
-  note_policy(diagnostics.sum(0), head, alive);
+  note_policy(diagnostics.sum(0), head, alive, first);
   return gradient;
 }
 
-void PpoTeam::note_policy(const at::Tensor& sums, const at::Tensor& head, const at::Tensor& alive) {
+void PpoTeam::note_policy(const at::Tensor& sums, const at::Tensor& head, const at::Tensor& alive, bool first) {
   static_assert(kFigRows + 1 == kNPolicyDiagnostics);
   figures_.slice(0, 0, kNPolicyDiagnostics).add_(sums);
   const at::Tensor rows = sums[kLossCount].clamp_min(1), kl = sums[kLossKl] / rows;
   figures_[kFigLastKl].copy_(kl);
-  if (first_) {
+  if (first) {
     figures_[kFigFirstRatioError].copy_(sums[kLossRatioError] / rows);
     figures_[kFigInformation].copy_(policy_information(actor_, head, alive.view({-1})).squeeze(0));
   }
-  first_ = false;
   if (config_.target_kl) stop_.copy_(at::maximum(stop_, (kl > *config_.target_kl).to(at::kFloat)));
   figures_[kFigSkipped].add_(stop_.squeeze(0));
 }
 
-void PpoTeam::learn(const Rollout& rollout, const at::Tensor& index, float learning_rate, float critic_learning_rate) {
+StepFlags PpoTeam::step_flags(PpoFault fault, PpoFigure norm_sum, int minibatch) const {
+  float* figures = figures_.data_ptr<float>();
+  return {stop_.const_data_ptr<float>(),
+          figures + kFirstFault + fault,
+          figures + kFirstFault,
+          kNFaults,
+          minibatch,
+          figures + norm_sum};
+}
+
+void PpoTeam::learn(const Rollout& rollout, const at::Tensor& index, int minibatch, StepSizes step_sizes) {
   const TeamRollout& r = rollout.team[team_];
   const int64_t t = r.reward.size(0), d = r.obs.size(-1), b = index.size(0);
   const auto pick = [&](const at::Tensor& x) { return x.slice(0, 0, t).flatten(0, 1).index_select(0, index); };
@@ -177,8 +194,9 @@ void PpoTeam::learn(const Rollout& rollout, const at::Tensor& index, float learn
   const bool shared_input = actor_.normalizes();
 
   const at::Tensor head = actor_.forward(obs.view({b * n_, d}));
-  head.backward(policy_gradient(rollout, head, index, alive, inv_count));
-  const at::Tensor actor_norm = actor_adam_.step(actor_.parameters(), learning_rate, config_.max_grad_norm, stop_);
+  head.backward(policy_gradient(rollout, head, index, alive, inv_count, minibatch == 1));
+  actor_adam_.step(actor_.parameters(), rows_, step_sizes.actor, config_.max_grad_norm,
+                   step_flags(kFaultActorGradient, kFigActorNorm, minibatch));
 
   if (shared_input) obs = actor_.normalizer().apply(obs);
   const at::Tensor value = critic_.forward(obs, alive, critic_.needs_state() ? pick(rollout.global) : at::Tensor());
@@ -198,13 +216,9 @@ void PpoTeam::learn(const Rollout& rollout, const at::Tensor& index, float learn
                       loss.data_ptr<float>()},
             b * n_);
   value.backward(gradient);
-  const at::Tensor critic_norm =
-      critic_adam_.step(critic_.parameters(), critic_learning_rate, config_.max_grad_norm, stop_);
-
-  at::NoGradGuard no_grad;
+  critic_adam_.step(critic_.parameters(), rows_, step_sizes.critic, config_.max_grad_norm,
+                    step_flags(kFaultCriticGradient, kFigCriticNorm, minibatch));
   figures_[kFigValueLoss].add_(loss.sum());
-  figures_[kFigActorNorm].add_(actor_norm.squeeze(0));
-  figures_[kFigCriticNorm].add_(critic_norm.squeeze(0));
 }
 
 void PpoTeam::finish(const Rollout& rollout) {
@@ -212,6 +226,36 @@ void PpoTeam::finish(const Rollout& rollout) {
   const TeamRollout& r = rollout.team[team_];
   const int64_t t = r.reward.size(0), d = r.obs.size(-1);
   actor_.normalizer().update(r.obs.slice(0, 0, t).view({-1, d}), r.alive.slice(0, 0, t).to(at::kFloat).view({-1}));
+}
+
+at::Tensor PpoTeam::faulty_states(const Rollout& rollout, int64_t most) const {
+  const TeamRollout& r = rollout.team[team_];
+  const int64_t t = r.reward.size(0), states = t * r.reward.size(1);
+  at::Tensor bad = at::zeros({states}, r.reward.options().dtype(at::kBool));
+  for (const at::Tensor& x : {r.obs.slice(0, 0, t), r.log_prob, r.reward, value_, advantage_, returns_})
+    bad.logical_or_(at::isfinite(x).logical_not().reshape({states, -1}).any(1));
+  const at::Tensor index = bad.nonzero().squeeze(1);
+  return index.slice(0, 0, std::min(most, index.size(0)));
+}
+
+void PpoTeam::save_batch(const Rollout& rollout, const at::Tensor& index, NamedArrays& out) const {
+  const TeamRollout& r = rollout.team[team_];
+  const int64_t t = r.reward.size(0);
+  const auto add = [&](const char* name, const at::Tensor& x) {
+    if (x.defined())
+      out.push_back(to_array(cat("batch/", name), x.slice(0, 0, t).flatten(0, 1).index_select(0, index)));
+  };
+  out.push_back(to_array("batch/index", index));
+  add("obs", r.obs);
+  add("alive", r.alive);
+  add("action", r.action);
+  add("raw", r.raw);
+  add("log_prob", r.log_prob);
+  add("reward", r.reward);
+  add("value", value_);
+  add("advantage", advantage_);
+  add("returns", returns_);
+  add("global", rollout.global);
 }
 
 void PpoTeam::save(const std::string& prefix, NamedArrays& out) const {

@@ -3,6 +3,8 @@
 
 #include <torch/types.h>
 
+#include <array>
+
 #include "cuda/rows.hpp"
 #include "learn/learner.hpp"
 #include "policy/actor.hpp"
@@ -12,7 +14,10 @@
 
 namespace giga {
 
-/// Sums over the minibatches of an update, kept on the device until the figures are read.
+/// States per call of the critic outside of learning: bounds the memory.
+constexpr int64_t kValueChunk = 1 << 18;
+
+/// What an update tells, kept on the device until the figures are read; most are sums over the minibatches.
 enum PpoFigure : int {
   kFigPolicyLoss,  // the first six: sums over living rows of all minibatches, see PolicyDiagnostic
   kFigEntropy,
@@ -29,7 +34,30 @@ enum PpoFigure : int {
   kFigInformation,      // I(obs; action) on the first minibatch
   kFigLiving,           // share of rows with a living agent
   kFigLastKl,           // mean of the last minibatch
-  kNFigures
+  kNPpoFigures
+};
+
+/// Tensors in which a NaN or an infinity is looked for, in the order in which one causes the next. The figure is 0
+/// where all is finite; else 1, for a gradient the number of the minibatch, from 1.
+enum PpoFault : int {
+  kFaultObservations,
+  kFaultLogProbs,
+  kFaultRewards,
+  kFaultValues,
+  kFaultAdvantages,
+  kFaultReturns,
+  kFaultActorGradient,
+  kFaultCriticGradient,
+  kNFaults
+};
+constexpr std::array<const char*, kNFaults> kPpoFaultNames = {
+    "observations",          "log-probabilities of actions", "rewards", "values", "advantages", "returns",
+    "gradient of the actor", "gradient of the critic"};
+/// The faults stand behind the figures.
+constexpr int kFirstFault = kNPpoFigures, kNFigures = kFirstFault + kNFaults;
+
+struct StepSizes {
+  float actor, critic;
 };
 
 class PpoTeam {
@@ -41,11 +69,17 @@ class PpoTeam {
 
   /// Values, advantages and returns of a rollout; clears the figures.
   void prepare(const Rollout& rollout);
-  /// One gradient step of actor and critic on the states `index` [B] of the T x W of the rollout.
-  void learn(const Rollout& rollout, const at::Tensor& index, float learning_rate, float critic_learning_rate);
+  /// One gradient step of actor and critic on the states `index` [B] of the T x W of the rollout; the minibatches of an
+  /// update are counted from 1.
+  void learn(const Rollout& rollout, const at::Tensor& index, int minibatch, StepSizes step_sizes);
   /// Takes the rollout's observations into the normaliser.
   void finish(const Rollout& rollout);
   const at::Tensor& figures() const { return figures_; }  // [kNFigures]
+
+  /// States [B] of the rollout with a number that is not finite, at most `most`.
+  at::Tensor faulty_states(const Rollout& rollout, int64_t most) const;
+  /// Everything that was learned from in those states.
+  void save_batch(const Rollout& rollout, const at::Tensor& index, NamedArrays& out) const;
 
   void save(const std::string& prefix, NamedArrays& out) const;
   void load(const std::string& prefix, const NamedArrays& in);
@@ -53,8 +87,10 @@ class PpoTeam {
  private:
   at::Tensor values_of(const at::Tensor& obs, const at::Tensor& alive, const at::Tensor& state) const;
   at::Tensor policy_gradient(const Rollout& rollout, const at::Tensor& head, const at::Tensor& index,
-                             const at::Tensor& alive, const at::Tensor& inv_count);
-  void note_policy(const at::Tensor& sums, const at::Tensor& head, const at::Tensor& alive);
+                             const at::Tensor& alive, const at::Tensor& inv_count, bool first);
+  void note_policy(const at::Tensor& sums, const at::Tensor& head, const at::Tensor& alive, bool first);
+  void note_faults(const TeamRollout& rollout);
+  StepFlags step_flags(PpoFault fault, PpoFigure norm_sum, int minibatch) const;
 
   const MappoConfig config_;
   const int team_, n_;
@@ -69,8 +105,7 @@ class PpoTeam {
   at::Tensor batch_mean_, batch_inv_std_;   // [1] of the advantages
   at::Tensor zero_, one_;                   // [1]
   at::Tensor stop_;                         // [1] 1 once approx_kl has passed target_kl
-  at::Tensor figures_;
-  bool first_ = true;
+  at::Tensor figures_;                      // [kNFigures]
 };
 
 }  // namespace giga

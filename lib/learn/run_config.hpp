@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "config/duration.hpp"
 #include "config/fields.hpp"
 #include "math/scripted.hpp"
 #include "policy/config.hpp"
@@ -40,6 +41,7 @@ struct TrainConfig {
   int n_threads = 0;
   Precision precision = Precision::tf32;
   bool desynchronize = true;
+  std::optional<Duration> max_wall_time = std::nullopt;
 };
 template <class V>
 void visit_fields(V& v, TrainConfig& c) {
@@ -53,6 +55,7 @@ void visit_fields(V& v, TrainConfig& c) {
   v("precision", c.precision, "arithmetic of matrix products on the GPU; parameters stay fp32");
   v("desynchronize", c.desynchronize,
     "let the first episodes end at different times, so that the worlds do not reset in step");
+  v("max_wall_time", c.max_wall_time, "save and stop after this time of one `train` or `resume`");
 }
 
 struct MappoConfig {
@@ -128,11 +131,14 @@ void visit_fields(V& v, EvalConfig& c) {
 struct CheckpointConfig {
   int every_updates = 100;
   int keep = 3;
+  bool keep_best = true;
 };
 template <class V>
 void visit_fields(V& v, CheckpointConfig& c) {
   v("every_updates", c.every_updates, "updates between checkpoints; 0 = only at the end", at_least(0));
   v("keep", c.keep, "newest checkpoints that are kept", at_least(1));
+  v("keep_best", c.keep_best,
+    "keep the best one too, as best.h5: that in which the weaker team's mean win rate over eval.opponents is highest");
 }
 
 struct RunConfig {
@@ -149,7 +155,7 @@ struct RunConfig {
 template <class V>
 void visit_fields(V& v, RunConfig& c) {
   v("scenario", c.scenario, "name of a scenario, with suffixes if wanted, or path of a scenario file");
-  v.tree("environment", c.environment, "changes to the scenario: any of its keys");
+  v.tree("environment", c.environment, "changes to the scenario: any of its keys", fields_of_default<Scenario>);
   v("rules", c.rules, "corrected or original; none = as the scenario says");
   v("seed", c.seed, "seed of everything random in the run");
   v("device", c.device, "auto, cpu, cuda or cuda:<number>");

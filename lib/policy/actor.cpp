@@ -12,11 +12,22 @@ constexpr double kObsNormBeta = 0.99;  // share kept per rollout
 Actor::Actor(const ActorConfig& config, int64_t obs_size, ActionKind actions, bool normalize, Precision precision,
              at::Device device, uint64_t seed)
     : actions_(actions), normalize_(normalize), precision_(precision) {
-  mlp_ = Mlp(parameters_, "mlp", obs_size, config, head_size(), config.output_gain);
-  if (actions == ActionKind::continuous)
-    log_std_ = parameters_.add("log_std", {kActionSize}, {Init::Kind::constant, config.log_std_init});
+  add_parameters(config, obs_size);
   parameters_.allocate(device, seed);
   if (normalize) normalizer_ = RunningNorm(obs_size, kObsNormBeta, device);
+}
+
+void Actor::add_parameters(const ActorConfig& config, int64_t obs_size) {
+  mlp_ = Mlp(parameters_, "mlp", obs_size, config, head_size(), config.output_gain);
+  if (actions_ == ActionKind::continuous)
+    log_std_ = parameters_.add("log_std", {kActionSize}, {Init::Kind::constant, config.log_std_init});
+}
+
+int64_t Actor::count_parameters(const ActorConfig& config, int64_t obs_size, ActionKind actions) {
+  Actor actor;
+  actor.actions_ = actions;
+  actor.add_parameters(config, obs_size);
+  return actor.parameters_.size();
 }
 
 at::Tensor Actor::forward(const at::Tensor& obs) const {

@@ -20,11 +20,15 @@ class Actor {
   Actor(const ActorConfig& config, int64_t obs_size, ActionKind actions, bool normalize, Precision precision,
         at::Device device, uint64_t seed);
 
+  /// Number of parameters of such an actor; nothing is allocated.
+  static int64_t count_parameters(const ActorConfig& config, int64_t obs_size, ActionKind actions);
+
   /// obs [R, D] -> logits [R, kLogitStride], the last not used, or means before squashing [R, 3]; fp32.
   at::Tensor forward(const at::Tensor& obs) const;
 
   ActionKind actions() const { return actions_; }
-  int64_t head_size() const { return actions_ == ActionKind::discrete ? kLogitStride : kActionSize; }
+  int64_t head_size() const { return head_size(actions_); }
+  static int64_t head_size(ActionKind actions) { return actions == ActionKind::discrete ? kLogitStride : kActionSize; }
   /// [3], continuous actions only.
   const at::Tensor& log_std() const { return parameters_[log_std_]; }
   const ParameterSet& parameters() const { return parameters_; }
@@ -36,6 +40,8 @@ class Actor {
   void load(const std::string& prefix, const NamedArrays& in);
 
  private:
+  void add_parameters(const ActorConfig& config, int64_t obs_size);
+
   ActionKind actions_ = ActionKind::discrete;
   bool normalize_ = false;
   Precision precision_ = Precision::fp32;

@@ -6,10 +6,34 @@
 
 namespace giga {
 
+CriticShape critic_shape(const SimSpec& spec, int team) {
+  const SimParams& p = spec.params;
+  return {team, {p.n_team[0], p.n_team[1]}, spec.padded_observation_size(), world_feature_count(p)};
+}
+
+std::pair<MlpConfig, MlpConfig> split_state_critic(const CriticConfig& config) {
+  MlpConfig first = config, rest = config;
+  first.hidden = {config.hidden.front()};
+  rest.hidden.erase(rest.hidden.begin());
+  if (rest.hidden.empty()) rest.hidden = first.hidden;
+  return {first, rest};
+}
+
 Critic::Critic(const CriticConfig& config, const CriticShape& shape, Precision precision, const RowRunner& rows,
                at::Device device, uint64_t seed)
     : kind_(config.kind), shape_(shape), precision_(precision), rows_(&rows) {
-  switch (kind_) {
+  add_parameters(config, shape);
+  parameters_.allocate(device, seed);
+}
+
+int64_t Critic::count_parameters(const CriticConfig& config, const CriticShape& shape) {
+  Critic critic;
+  critic.add_parameters(config, shape);
+  return critic.parameters_.size();
+}
+
+void Critic::add_parameters(const CriticConfig& config, const CriticShape& shape) {
+  switch (config.kind) {
     case CriticKind::composed:
       team_mlp_ = TeamMlp(parameters_, "team_mlp", shape.obs_size, config, 1, config.output_gain);
       break;
@@ -17,16 +41,12 @@ Critic::Critic(const CriticConfig& config, const CriticShape& shape, Precision p
       mlp_ = Mlp(parameters_, "mlp", shape.obs_size, config, 1, config.output_gain);
       break;
     case CriticKind::state: {
-      MlpConfig first = config, rest = config;
-      first.hidden = {config.hidden.front()};
-      rest.hidden.erase(rest.hidden.begin());
-      if (rest.hidden.empty()) rest.hidden = first.hidden;
+      const auto [first, rest] = split_state_critic(config);
       entity_ = Mlp(parameters_, "entity", kEntityFeatures, first, 0, 0);
       mlp_ = Mlp(parameters_, "mlp", 3 * first.hidden[0] + shape.world_features, rest, 1, config.output_gain);
       break;
     }
   }
-  parameters_.allocate(device, seed);
 }
 
 at::Tensor Critic::forward(const at::Tensor& obs, const at::Tensor& alive, const at::Tensor& state) const {

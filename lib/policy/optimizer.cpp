@@ -3,25 +3,31 @@
 #include <ATen/ATen.h>
 #include <ATen/core/grad_mode.h>
 
+#include "math/step_gate.hpp"
+
 namespace giga {
 
 Adam::Adam(const ParameterSet& parameters, double epsilon)
     : epsilon_(epsilon),
       moment1_(at::zeros_like(parameters.values())),
       moment2_(at::zeros_like(parameters.values())),
-      steps_(at::zeros({}, parameters.values().options())) {}
+      steps_(at::zeros({}, parameters.values().options())),
+      skip_(at::zeros({1}, parameters.values().options())),
+      scale_(at::zeros({1}, parameters.values().options())) {}
 
-at::Tensor Adam::step(const ParameterSet& parameters, double learning_rate, double max_norm, const at::Tensor& skip) {
+void Adam::step(const ParameterSet& parameters, const RowRunner& rows, float learning_rate, float max_norm,
+                const StepFlags& flags) {
   at::NoGradGuard no_grad;
   const at::Tensor& gradient = parameters.gradient();
   const at::Tensor norm = gradient.norm();
-  if (max_norm > 0) gradient.mul_((max_norm / (norm + 1e-6)).clamp_max(1.0));
-  steps_.add_(1.0 - skip.reshape({}));
-  const at::Tensor skip_scalar = skip.reshape({1});
-  at::_fused_adam_({parameters.values()}, {gradient}, {moment1_}, {moment2_}, {}, {steps_}, learning_rate, 0.9, 0.999,
-                   0.0, epsilon_, false, false, {}, skip_scalar);
+  rows.run(StepGate{norm.const_data_ptr<float>(), max_norm, flags.stop, static_cast<float>(flags.minibatch),
+                    flags.fault, flags.faults, flags.n_faults, skip_.data_ptr<float>(), scale_.data_ptr<float>(),
+                    steps_.data_ptr<float>(), flags.norm_sum},
+           1);
+  if (max_norm > 0) gradient.mul_(scale_);
+  at::_fused_adam_({parameters.values()}, {gradient}, {moment1_}, {moment2_}, {}, {steps_},
+                   static_cast<double>(learning_rate), 0.9, 0.999, 0.0, epsilon_, false, false, {}, skip_);
   gradient.zero_();
-  return norm.reshape({1});
 }
 
 void Adam::save(const std::string& prefix, NamedArrays& out) const {

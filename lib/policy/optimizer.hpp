@@ -1,4 +1,4 @@
-// Adam over a flat parameter buffer: one fused call, skipped on the device where asked.
+// Adam over a flat parameter buffer: one fused call, clipped and skipped on the device.
 #pragma once
 
 #include <ATen/core/Tensor.h>
@@ -6,18 +6,30 @@
 #include <string>
 
 #include "core/named_array.hpp"
+#include "cuda/rows.hpp"
 #include "policy/parameters.hpp"
 
 namespace giga {
+
+/// The flags around a step; all pointers are to the device's memory (StepGate says more).
+struct StepFlags {
+  const float* stop;    // [1] 1 = take no step
+  float* fault;         // [1] becomes `minibatch` where the gradient is the first that is not finite
+  const float* faults;  // [n_faults] any that is not 0: take no step
+  int n_faults;
+  int minibatch;    // from 1
+  float* norm_sum;  // [1] the norm before clipping is added
+};
 
 class Adam {
  public:
   Adam() = default;
   Adam(const ParameterSet& parameters, double epsilon);
 
-  /// Clips the gradient to `max_norm` (0 = not), takes one step and clears the gradient. Returns the norm before
-  /// clipping [1]. Where `skip` [1] is 1, nothing but the clearing happens; the host does not wait to know.
-  at::Tensor step(const ParameterSet& parameters, double learning_rate, double max_norm, const at::Tensor& skip);
+  /// Clips the gradient to `max_norm` (0 = not), takes one step unless a flag forbids it, and clears the gradient. The
+  /// host does not wait to know.
+  void step(const ParameterSet& parameters, const RowRunner& rows, float learning_rate, float max_norm,
+            const StepFlags& flags);
 
   void save(const std::string& prefix, NamedArrays& out) const;
   void load(const std::string& prefix, const NamedArrays& in);
@@ -25,6 +37,7 @@ class Adam {
  private:
   double epsilon_ = 1e-5;
   at::Tensor moment1_, moment2_, steps_;
+  at::Tensor skip_, scale_;  // [1] of the step at hand
 };
 
 }  // namespace giga

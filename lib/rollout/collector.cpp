@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "core/philox.hpp"
+#include "rollout/shapes.hpp"
 #include "rollout/tensors.hpp"
 
 namespace giga {
@@ -17,34 +18,32 @@ T* whole(const at::Tensor& tensor) {
   return tensor.defined() ? tensor.data_ptr<T>() : nullptr;
 }
 
+at::Tensor zeros(const BufferShape& shape, Device device) {
+  constexpr at::ScalarType kTypes[] = {at::kFloat, at::kInt, at::kByte};  // by ElementType
+  const auto options = at::TensorOptions().dtype(kTypes[static_cast<size_t>(shape.type)]).device(torch_device(device));
+  return at::zeros(shape.sides, options);
+}
+
 }  // namespace
 
 Collector::Collector(Simulator& sim, const RowRunner& rows, const CollectorOptions& options, const Player& side0,
                      const Player& side1)
     : sim_(sim), rows_(rows), options_(options), player_{side0, side1} {
-  const int64_t t = options.horizon, w = sim.n_worlds(), d = sim.spec().padded_observation_size();
-  const auto make = [&](at::IntArrayRef shape, at::ScalarType type) {
-    return at::zeros(shape, at::TensorOptions().dtype(type).device(torch_device(sim.device())));
+  const RolloutShapes shapes = rollout_shapes(
+      sim.spec(),
+      {sim.n_worlds(), options.horizon, options.with_state, {side0.actor != nullptr, side1.actor != nullptr}});
+  const auto make = [&](const BufferShape& shape) {
+    return shape.exists() ? zeros(shape, sim.device()) : at::Tensor();
   };
-  const bool discrete = sim.params().actions == ActionKind::discrete;
   for (int team = 0; team < kNTeams; ++team) {
     TeamRollout& r = rollout_.team[team];
-    const int64_t n = sim.params().n_team[team];
-    r.action = discrete ? make({t, w, n}, at::kInt) : make({t, w, n, kActionSize}, at::kFloat);
-    if (!player_[team].actor) continue;
-    r.obs = make({t + 1, w, n, d}, at::kFloat);
-    r.alive = make({t + 1, w, n}, at::kByte);
-    if (!discrete) r.raw = make({t, w, n, kActionSize}, at::kFloat);
-    r.log_prob = make({t, w, n}, at::kFloat);
-    r.reward = make({t, w, n}, at::kFloat);
-    r.final_obs = make({w, n, d}, at::kFloat);
-    r.final_alive = make({w, n}, at::kByte);
+    const TeamRolloutShapes& s = shapes.team[team];
+    r = {make(s.obs),      make(s.alive),  make(s.action),    make(s.raw),
+         make(s.log_prob), make(s.reward), make(s.final_obs), make(s.final_alive)};
   }
-  rollout_.done = make({t, w}, at::kByte);
-  if (options.with_state) {
-    rollout_.global = make({t + 1, w, sim.spec().global_size()}, at::kFloat);
-    rollout_.final_global = make({w, sim.spec().global_size()}, at::kFloat);
-  }
+  rollout_.done = make(shapes.done);
+  rollout_.global = make(shapes.global);
+  rollout_.final_global = make(shapes.final_global);
 }
 
 StepIo Collector::io(int t) const {

@@ -13,7 +13,15 @@ namespace {
 /// Collects findings with the place in the file that caused them.
 class Checker {
  public:
-  explicit Checker(const Scenario& scenario) : scenario_(scenario) {}
+  Checker(const Scenario& scenario, Errors& errors)
+      : scenario_(scenario), errors_(errors), has_errors_(!errors.empty()) {}
+
+  /// Are the keys as the user meant them? Where not, a finding about them would only repeat an error.
+  bool can_judge(const std::vector<std::string>& keys) const {
+    return !has_errors_ || std::none_of(keys.begin(), keys.end(), [&](const std::string& key) {
+      return is_wrong(key, scenario_.where, errors_);
+    });
+  }
 
   /// Adds a finding at the first of the keys that some file gives.
   void fail(const std::vector<std::string>& keys, const std::string& message) {
@@ -26,11 +34,11 @@ class Checker {
     }
     errors_.add(at, message);
   }
-  void throw_if_any() const { errors_.throw_if_any(); }
 
  private:
   const Scenario& scenario_;
-  Errors errors_;
+  Errors& errors_;
+  const bool has_errors_;  // before the first finding
 };
 
 float squared(float v) { return v * v; }
@@ -88,11 +96,12 @@ void check_numbers(const Scenario& s, Checker& check) {
                                          "' is not built yet: images come with a later "
                                          "version; use vector (in a name: _vec)"));
   }
-  if (s.damage.min_tracking_time > s.damage.max_tracking_time)
+  if (s.damage.min_tracking_time > s.damage.max_tracking_time && check.can_judge({"damage"}))
     check.fail({"damage.min_tracking_time", "damage.max_tracking_time"},
                cat("damage.min_tracking_time: ", s.damage.min_tracking_time, " is more than max_tracking_time, ",
                    s.damage.max_tracking_time));
-  if (s.waypoints.enable_waypoints && s.waypoints.waypoint_size > std::min(s.limit_x, s.limit_y))
+  if (s.waypoints.enable_waypoints && s.waypoints.waypoint_size > std::min(s.limit_x, s.limit_y) &&
+      check.can_judge({"waypoints", "limit_x", "limit_y"}))
     check.fail({"waypoints.waypoint_size", "waypoints.enable_waypoints"},
                cat("waypoints.waypoint_size: ", s.waypoints.waypoint_size, " does not fit into a world of ", s.limit_x,
                    " x ", s.limit_y));
@@ -123,12 +132,14 @@ std::vector<AgentSpec> agents_of(const Scenario& s, Checker& check) {
   for (const auto* team : {&s.team_0, &s.team_1})
     for (const TeamEntry& entry : *team) count += entry.count;
   std::vector<AgentSpec> agents;
-  if (count > kMaxAgents) {
+  if (!check.can_judge({"agent_types"})) return agents;
+  if (count > kMaxAgents && check.can_judge({"team_0", "team_1"})) {
     check.fail({"team_0", "team_1"}, cat("team_0, team_1: ", count, " agents in a world; this version handles at most ",
                                          kMaxAgents, ", a later one lifts the limit"));
     return agents;
   }
-  for (int team = 0; team < kNTeams; ++team) add_team(s, team, agents, check);
+  for (int team = 0; team < kNTeams; ++team)
+    if (check.can_judge({cat("team_", team)})) add_team(s, team, agents, check);
   return agents;
 }
 
@@ -188,7 +199,14 @@ MapSpec map_of(const std::string& name, const Map& map, const Scenario& s, Check
 }  // namespace
 
 SimSpec compile(const Scenario& scenario) {
-  Checker check(scenario);
+  Errors errors;
+  SimSpec spec = compile(scenario, errors);
+  errors.throw_if_any();
+  return spec;
+}
+
+SimSpec compile(const Scenario& scenario, Errors& errors) {
+  Checker check(scenario, errors);
   check_numbers(scenario, check);
 
   SimSpec spec;
@@ -196,15 +214,16 @@ SimSpec compile(const Scenario& scenario) {
   spec.params = numbers_of(scenario);
   spec.neighbor_limit = scenario.observation.max_agents;
   spec.agents = agents_of(scenario, check);
-  for (const std::string& name : scenario.maps.names) {
+  const bool maps_known = check.can_judge({"maps", "limit_x", "limit_y", "collision.obstacle_heights"});
+  for (const std::string& name : maps_known ? scenario.maps.names : std::vector<std::string>()) {
+    if (!check.can_judge({"map_definitions." + name})) continue;
     const auto map = scenario.map_definitions.find(name);
     if (map == scenario.map_definitions.end())
       check.fail({"maps"}, cat("maps: unknown map '", name, "'"));
     else
       spec.maps.push_back(map_of(name, map->second, scenario, check));
   }
-  check.throw_if_any();
-  spec.finish();
+  if (errors.empty()) spec.finish();
   return spec;
 }
 

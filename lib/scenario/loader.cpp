@@ -55,9 +55,26 @@ std::vector<std::string> names_in(const DataDirs& dirs, const char* folder) {
   return {names.begin(), names.end()};
 }
 
+/// Names of the YAML files beside a file that is not there.
+std::vector<std::string> neighbours(const fs::path& file) {
+  std::vector<std::string> names;
+  std::error_code code;
+  const fs::path folder = file.has_parent_path() ? file.parent_path() : fs::path(".");
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder, code))
+    if (entry.path().extension() == ".yaml") names.push_back(entry.path().filename().string());
+  std::sort(names.begin(), names.end());
+  return names;
+}
+
 class Loader {
  public:
   Loader(const DataDirs& dirs, Errors& errors) : dirs_(dirs), errors_(errors) {}
+
+  /// Loads the scenario that the user asks for at `at`; a path is one of the shell, wherever it is written.
+  void load_asked(const std::string& text, const Position& at, ScenarioFile& target) {
+    if (is_path(text)) return load_file(text, text, at, target);
+    load(text, at, target);
+  }
 
   /// Loads a name or path that was written at `at` into the scenario.
   void load(const std::string& text, const Position& at, ScenarioFile& target) {
@@ -80,9 +97,13 @@ class Loader {
     KeyPositions given;
     read_fields(root, path.empty() ? fields_of(target) : fields_of(scenario), errors_, &given, path);
     for (const auto& [key, at] : given) scenario.where[path.empty() ? key : key.substr(path.size() + 1)] = at;
+    if (!complete_) return;  // what is named may be defined in the file that is missing
     resolve_types(scenario);
     resolve_maps(scenario);
   }
+
+  /// Could all the files be read of which the scenario is made?
+  bool complete() const { return complete_; }
 
   /// Drops the definitions that are not used.
   static void prune(Scenario& scenario) {
@@ -102,21 +123,27 @@ class Loader {
   }
 
   void load_file(const fs::path& file, const std::string& asked, const Position& at, ScenarioFile& target) {
-    if (!check_file(file, at)) return;
+    if (!check_file(file, at)) return incomplete();
     std::error_code code;
     const std::string key = fs::weakly_canonical(file, code).string();
-    if (std::find(open_files_.begin(), open_files_.end(), key) != open_files_.end())
-      return errors_.add(at, cat("base: '", asked, "' leads back to this file"));
+    if (std::find(open_files_.begin(), open_files_.end(), key) != open_files_.end()) {
+      errors_.add(at, cat("base: '", asked, "' leads back to this file"));
+      return incomplete();
+    }
     open_files_.push_back(key);
+    const size_t errors_before = errors_.size();
     const Document document = parse_yaml_file(file, errors_);
-    load_document(document, target);
+    load_document(document, errors_.size() > errors_before, target);
     target.scenario.name = file.stem().string();
     open_files_.pop_back();
   }
 
+  void incomplete() { complete_ = false; }
+
  public:
-  void load_document(const Document& document, ScenarioFile& target) {
-    if (document.root.is_null() && !errors_.empty()) return;  // could not be read
+  /// `has_errors`: the parser has complained, so that nothing may be what is left of a file.
+  void load_document(const Document& document, bool has_errors, ScenarioFile& target) {
+    if (document.root.is_null() && has_errors) return incomplete();
     const Node* base = document.root.find("base");
     if (base && base->is_scalar() && !is_none(*base)) load(base->text, base->at, target);
     target.scenario.description.clear();  // that of the base is not ours
@@ -131,6 +158,7 @@ class Loader {
     if (dirs_.empty()) message += "; no data folder was found (set GIGASTEP_DATA_DIR)";
     errors_.add(at, message + "; allowed: the names that `gigastep scenarios` lists, with suffixes " + suffix_help() +
                         ", or the path of a YAML file");
+    incomplete();
   }
 
   // ---- Agent types
@@ -196,7 +224,7 @@ class Loader {
         const fs::path file = relative_to(names[k], at);
         const std::string name = file.stem().string();
         if (!check_file(file, at) || !read_part(file, map, "map_definitions." + name, scenario)) continue;
-        if (map.flipped_of) map = flipped(map, "flipped_of", position_in(file), scenario, 0);
+        if (map.flipped_of) map = flipped(map, "flipped_of", flip_of(name, scenario), scenario, 0);
         const auto known = scenario.map_definitions.emplace(name, map).first;
         if (!(known->second == map)) errors_.add(at, cat("maps: there are two maps named '", name, "'"));
         names[k] = name;
@@ -219,7 +247,7 @@ class Loader {
     }
     if (const auto file = find_data_file(dirs_, fs::path(kMapFolder) / (name + ".yaml"))) {
       if (!read_part(*file, map, "map_definitions." + name, scenario)) return false;
-      if (map.flipped_of) map = flipped(map, "flipped_of", position_in(*file), scenario, depth);
+      if (map.flipped_of) map = flipped(map, "flipped_of", flip_of(name, scenario), scenario, depth);
       return true;
     }
     std::vector<std::string> names = names_in(dirs_, kMapFolder);
@@ -253,11 +281,13 @@ class Loader {
   bool check_file(const fs::path& file, const Position& at) {
     std::error_code code;
     if (fs::exists(file, code)) return true;
-    errors_.add(at, cat("no such file: ", file.string()));
+    errors_.add(at, cat("no such file: ", file.string(), nearest_hint(file.filename().string(), neighbours(file))));
     return false;
   }
 
-  static Position position_in(const fs::path& file) { return {std::make_shared<const std::string>(file.string())}; }
+  static Position flip_of(const std::string& map, const Scenario& scenario) {
+    return position_of(scenario, {cat("map_definitions.", map, ".flipped_of")});
+  }
 
   static Position position_of(const Scenario& scenario, const std::vector<std::string>& keys) {
     for (const std::string& key : keys)
@@ -282,31 +312,49 @@ class Loader {
   std::vector<std::string> open_files_;  // the chain of bases
   std::map<std::string, AgentType> types_;
   bool types_read_ = false;
+  bool complete_ = true;
 };
 
 }  // namespace
 
+std::optional<Scenario> load_scenario(const ScenarioRequest& request, const DataDirs& dirs, Errors& errors) {
+  Loader loader(dirs, errors);
+  ScenarioFile file;
+  loader.load_asked(request.name_or_path, request.at, file);
+  if (request.changes && !request.changes->is_null()) loader.apply(*request.changes, request.changes_path, file);
+  if (!loader.complete()) return std::nullopt;
+  Loader::prune(file.scenario);
+  return file.scenario;
+}
+
 Scenario load_scenario(const std::string& name_or_path, const DataDirs& dirs, const Node* changes,
                        const std::string& changes_path) {
   Errors errors;
+  const ScenarioRequest request{name_or_path, {}, changes, changes_path.empty() ? "scenario" : changes_path};
+  const std::optional<Scenario> scenario = load_scenario(request, dirs, errors);
+  errors.throw_if_any();
+  return *scenario;
+}
+
+std::optional<Scenario> parse_scenario(std::string_view text, const std::string& name, const DataDirs& dirs,
+                                       Errors& errors) {
   Loader loader(dirs, errors);
   ScenarioFile file;
-  loader.load(name_or_path, {}, file);
-  if (changes && !changes->is_null()) loader.apply(*changes, changes_path.empty() ? "scenario" : changes_path, file);
-  errors.throw_if_any();
+  Errors in_text;
+  const Document document = parse_yaml_text(text, name, in_text);
+  errors.add_all(in_text);
+  loader.load_document(document, !in_text.empty(), file);
+  if (!loader.complete()) return std::nullopt;
+  file.scenario.name = name;
   Loader::prune(file.scenario);
   return file.scenario;
 }
 
 Scenario parse_scenario(std::string_view text, const std::string& name, const DataDirs& dirs) {
   Errors errors;
-  Loader loader(dirs, errors);
-  ScenarioFile file;
-  loader.load_document(parse_yaml_text(text, name, errors), file);
+  const std::optional<Scenario> scenario = parse_scenario(text, name, dirs, errors);
   errors.throw_if_any();
-  file.scenario.name = name;
-  Loader::prune(file.scenario);
-  return file.scenario;
+  return *scenario;
 }
 
 std::vector<ScenarioInfo> list_scenarios(const DataDirs& dirs) {
@@ -322,6 +370,8 @@ std::vector<ScenarioInfo> list_scenarios(const DataDirs& dirs) {
   return list;
 }
 
-std::vector<FieldInfo> list_scenario_fields() { return list_fields<ScenarioFile>(); }
+FieldList scenario_file_fields() { return fields_of_default<ScenarioFile>(); }
+
+FieldList agent_types_file_fields() { return fields_of_default<AgentTypesFile>(); }
 
 }  // namespace giga

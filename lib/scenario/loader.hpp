@@ -1,6 +1,7 @@
 // Finds and reads scenarios by name, with the suffix shorthand, or by path.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -31,8 +32,21 @@ namespace giga {
 Scenario load_scenario(const std::string& name_or_path, const DataDirs& dirs, const Node* changes = nullptr,
                        const std::string& changes_path = "");
 
+/// What load_scenario is asked for, where that matters for messages.
+struct ScenarioRequest {
+  const std::string& name_or_path;
+  Position at;  ///< where the user names it
+  const Node* changes = nullptr;
+  std::string changes_path;
+};
+/// The same, with all mistakes added to `errors`. Nothing where a file of which the scenario is made cannot be read;
+/// else what could be read, which is worth checking further (compile), so that the user sees all mistakes at once.
+std::optional<Scenario> load_scenario(const ScenarioRequest& request, const DataDirs& dirs, Errors& errors);
+
 /// Reads a scenario from a text, such as print_scenario gives.
 Scenario parse_scenario(std::string_view text, const std::string& name, const DataDirs& dirs);
+std::optional<Scenario> parse_scenario(std::string_view text, const std::string& name, const DataDirs& dirs,
+                                       Errors& errors);
 
 struct ScenarioInfo {
   std::string name, description;
@@ -42,7 +56,8 @@ struct ScenarioInfo {
 /// The scenarios of the data folders, by name.
 std::vector<ScenarioInfo> list_scenarios(const DataDirs& dirs);
 
-/// All keys of a scenario file, `base` included, for the reference.
-std::vector<FieldInfo> list_scenario_fields();
+/// All keys of a scenario file, `base` included, and of agent_types.yaml, for the reference and the schema.
+FieldList scenario_file_fields();
+FieldList agent_types_file_fields();
 
 }  // namespace giga

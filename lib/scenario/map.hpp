@@ -23,9 +23,8 @@ template <>
 struct FieldCodec<MapBox> {
   static bool read(const Node& node, MapBox& box, const Allowed& allowed, const ReadSite& site);
   static std::string print(const MapBox& box);
-  static std::string type() { return "list of float"; }
   static std::string expected(const Allowed&) { return "a box [x1, y1, x2, y2] or [x1, y1, x2, y2, z1, z2]"; }
-  static Allowed limits(const Allowed& allowed) { return allowed.items(4, 6); }
+  static ValueShape shape(const Allowed&);
 };
 
 /// Where a team starts: everything is drawn uniformly.

@@ -56,6 +56,11 @@ bool FieldCodec<MapSelection>::read(const Node& node, MapSelection& maps, const 
   return true;
 }
 
+ValueShape FieldCodec<MapSelection>::shape(const Allowed&) {
+  const ValueShape text{ValueShape::Kind::text};
+  return {ValueShape::Kind::either, {}, {text, {ValueShape::Kind::list, Allowed{}.items(1), {text}}}};
+}
+
 std::string FieldCodec<MapSelection>::print(const MapSelection& maps) {
   if (maps == MapSelection::all()) return "all";
   if (maps == MapSelection::empty()) return "empty";
@@ -78,6 +83,13 @@ bool FieldCodec<MapBox>::read(const Node& node, MapBox& box, const Allowed& allo
   }
   box = result;
   return true;
+}
+
+ValueShape FieldCodec<MapBox>::shape(const Allowed&) {
+  const auto list_of = [](size_t n) {
+    return ValueShape{ValueShape::Kind::list, Allowed{}.items(n, n), {{ValueShape::Kind::real}}};
+  };
+  return {ValueShape::Kind::either, {}, {list_of(4), list_of(6)}};
 }
 
 std::string FieldCodec<MapBox>::print(const MapBox& box) {

@@ -48,9 +48,8 @@ template <>
 struct FieldCodec<MapSelection> {
   static bool read(const Node& node, MapSelection& maps, const Allowed& allowed, const ReadSite& site);
   static std::string print(const MapSelection& maps);
-  static std::string type() { return "text or list of text"; }
   static std::string expected(const Allowed&) { return "all, empty, the name or path of a map, or a list of those"; }
-  static Allowed limits(const Allowed& allowed) { return allowed; }
+  static ValueShape shape(const Allowed&);
 };
 
 struct SightConfig {

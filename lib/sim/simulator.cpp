@@ -1,5 +1,8 @@
 #include "sim/simulator.hpp"
 
+#include <algorithm>
+#include <type_traits>
+
 #include "core/error.hpp"
 
 namespace giga {
@@ -8,6 +11,14 @@ namespace {
 constexpr size_t kFieldAlignment = 256;
 
 size_t padded(size_t bytes) { return (bytes + kFieldAlignment - 1) / kFieldAlignment * kFieldAlignment; }
+
+/// Flags and small enumerations are kept as what they are made of.
+template <class T>
+constexpr ArrayType file_type() {
+  if constexpr (std::is_same_v<T, float>) return ArrayType::f32;
+  static_assert(std::is_same_v<T, float> || sizeof(T) == 4 || sizeof(T) == 1);
+  return sizeof(T) == 4 ? ArrayType::i32 : ArrayType::u8;
+}
 
 std::vector<float> make_box_features(const SimParams& p, const std::vector<Box>& boxes) {
   std::vector<float> features;
@@ -51,13 +62,18 @@ SimTables::SimTables(const SimSpec& spec, Memory& memory) : params_(spec.params)
   params_.maps = {boxes_.data(), box_features_.data(), start_.data()};
 }
 
-SimState::SimState(int n_agents, int n_worlds, Memory& memory) {
-  const FieldExtents extents(n_agents);
+size_t state_bytes(int n_agents, int64_t n_worlds) {
+  const StateView fields{};
   size_t total = 0;
-  for_each_field(view_, extents, [&](const char*, auto* field, size_t per_world) {
+  for_each_field(fields, FieldExtents(n_agents), [&](const char*, auto* field, size_t per_world) {
     total += padded(per_world * static_cast<size_t>(n_worlds) * sizeof(*field));
   });
-  bytes_ = Buffer<uint8_t>(memory, total);
+  return total;
+}
+
+SimState::SimState(int n_agents, int n_worlds, Memory& memory)
+    : n_agents_(n_agents), n_worlds_(n_worlds), bytes_(memory, state_bytes(n_agents, static_cast<int64_t>(n_worlds))) {
+  const FieldExtents extents(n_agents);
   uint8_t* at = bytes_.data();
   for_each_field(view_, extents, [&](const char*, auto*& field, size_t per_world) {
     field = reinterpret_cast<std::remove_reference_t<decltype(field)>>(at);
@@ -68,6 +84,33 @@ SimState::SimState(int n_agents, int n_worlds, Memory& memory) {
 void SimState::load(const std::vector<uint8_t>& bytes) {
   GIGA_CHECK(bytes.size() == bytes_.size(), "state of ", bytes.size(), " bytes, ", bytes_.size(), " expected");
   bytes_.from_host(bytes);
+}
+
+void SimState::save(const std::string& prefix, NamedArrays& out) const {
+  const std::vector<uint8_t> bytes = bytes_.to_host();
+  for_each_field(view_, FieldExtents(n_agents_), [&](const char* name, auto* field, size_t per_world) {
+    using T = std::remove_pointer_t<decltype(field)>;
+    NamedArray array{prefix + name, file_type<T>(), {n_worlds_, static_cast<int64_t>(per_world)}, {}};
+    const auto offset = reinterpret_cast<const uint8_t*>(field) - bytes_.data();
+    const auto size = static_cast<int64_t>(per_world * static_cast<size_t>(n_worlds_) * sizeof(T));
+    array.bytes.assign(bytes.begin() + offset, bytes.begin() + offset + size);
+    out.push_back(std::move(array));
+  });
+}
+
+void SimState::load(const std::string& prefix, const NamedArrays& in) {
+  std::vector<uint8_t> bytes(bytes_.size());
+  for_each_field(view_, FieldExtents(n_agents_), [&](const char* name, auto* field, size_t per_world) {
+    using T = std::remove_pointer_t<decltype(field)>;
+    const NamedArray& array = find_array(in, prefix + name);
+    const size_t size = per_world * static_cast<size_t>(n_worlds_) * sizeof(T);
+    if (array.type != file_type<T>() || array.bytes.size() != size)
+      throw InputError(cat("array '", array.name, "' of the checkpoint has ", array.bytes.size(), " bytes, expected ",
+                           size, ": it was written with other settings"));
+    std::copy(array.bytes.begin(), array.bytes.end(),
+              bytes.begin() + (reinterpret_cast<uint8_t*>(field) - bytes_.data()));
+  });
+  load(bytes);
 }
 
 Simulator::Simulator(SimSpec spec, const SimOptions& options, Memory& memory)

@@ -4,9 +4,11 @@
 #include <array>
 #include <cstdint>
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "core/memory.hpp"
+#include "core/named_array.hpp"
 #include "sim/params.hpp"
 #include "sim/world.hpp"
 
@@ -38,6 +40,9 @@ class SimTables {
   SimTables(const SimSpec& spec, Memory& memory);
   /// `spec.params` with its pointers set.
   const SimParams& params() const { return params_; }
+  size_t bytes() const {
+    return ints_.bytes() + floats_.bytes() + boxes_.bytes() + box_features_.bytes() + start_.bytes();
+  }
 
  private:
   SimParams params_;
@@ -48,17 +53,26 @@ class SimTables {
   Buffer<StartArea> start_;
 };
 
+/// Bytes of the state of `n_worlds` worlds.
+size_t state_bytes(int n_agents, int64_t n_worlds);
+
 /// The state of all worlds in the memory of a device.
 class SimState {
  public:
   SimState() = default;
   SimState(int n_agents, int n_worlds, Memory& memory);
   const StateView& view() const { return view_; }
-  /// All bytes of the state in the order of the field list: what a checkpoint keeps.
+  /// All bytes of the state in the order of the field list.
   std::vector<uint8_t> save() const { return bytes_.to_host(); }
   void load(const std::vector<uint8_t>& bytes);
 
+  /// The same field by field, as arrays PREFIX/NAME [W, elements of a world]. `load` throws InputError where one is
+  /// missing or has another size.
+  void save(const std::string& prefix, NamedArrays& out) const;
+  void load(const std::string& prefix, const NamedArrays& in);
+
  private:
+  int n_agents_ = 0, n_worlds_ = 0;
   Buffer<uint8_t> bytes_;
   StateView view_{};
 };

@@ -16,6 +16,7 @@ TEST(CommandLine, EveryCommandHasHelpWithExamples) {
                                                                                        {"scenarios"},
                                                                                        {"scenarios", "show"},
                                                                                        {"config"},
+                                                                                       {"report"},
                                                                                        {"bench"},
                                                                                        {"bench", "sim"},
                                                                                        {"bench", "closed-loop"},
@@ -44,7 +45,7 @@ TEST(CommandLine, MistakesNameTheNearest) {
   };
   const Workplace here;
   const std::vector<Case> cases = {
-      {{}, {"no command given", "train, eval"}},
+      {{}, {"no command given", "train, resume, eval"}},
       {{"tarin", "quickstart"}, {"unknown command 'tarin'", "nearest: 'train'"}},
       {{"train", "quickstart", "--divice", "cpu"},
        {"unknown option '--divice'", "nearest: '--device'", "train --help"}},
@@ -52,13 +53,15 @@ TEST(CommandLine, MistakesNameTheNearest) {
       {{"train", "a.yaml", "b.yaml"}, {"unexpected argument 'b.yaml'"}},
       {{"train", "quikstart"}, {"there is no config quikstart", "nearest: 'quickstart'"}},
       {{"train", "quickstart", "--seed", "x"}, {"--seed", "x"}},
-      {{"train", "quickstart", "--device", "tpu"}, {"device 'tpu' is unknown"}},
+      {{"train", "quickstart", "--device", "tpu"}, {"--set device: 'tpu' is not auto, cpu, cuda"}},
       {{"eval", "runs/x"}, {"--vs is required"}},
       {{"eval", "runs/x", "--vs", "circel"}, {"opponent 'circel' is unknown", "circle"}},
       {{"eval", "runs/x", "--vs", "circle"}, {"there is no checkpoint or run folder runs/x"}},
       {{"eval", "runs/x", "--vs", "circle", "--episodes", "0"}, {"--episodes"}},
       {{"scenarios", "shwo", "x"}, {"unknown command 'shwo'", "nearest: 'show'", "gigastep scenarios --help"}},
       {{"scenarios", "show", "no_such_game"}, {"no_such_game"}},
+      {{"report"}, {"RUN is required"}},
+      {{"report", "runs/x"}, {"there is no run folder runs/x"}},
       {{"bench", "smi"}, {"unknown command 'smi'", "nearest: 'sim'"}},
       {{"bench", "sim", "--worlds", "0"}, {"--worlds"}},
   };

@@ -1,8 +1,11 @@
 // Running gigastep, and reading YAML, JSON and CSV from it.
 #include "program.hpp"
 
+#include <fcntl.h>
+#include <signal.h>
 #include <stdlib.h>
 #include <sys/wait.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <cstdlib>
@@ -32,12 +35,6 @@ fs::path temporary_folder() {
   return name;
 }
 
-std::string quoted(const std::string& word) {
-  std::string text = "'";
-  for (const char c : word) text += c == '\'' ? "'\\''" : std::string(1, c);
-  return text + "'";
-}
-
 std::vector<std::string> split(const std::string& line, char separator) {
   std::vector<std::string> parts(1);
   for (const char c : line) {
@@ -59,14 +56,52 @@ Workplace::~Workplace() {
   fs::remove_all(streams_, code);
 }
 
-Outcome Workplace::run(const std::vector<std::string>& arguments, const std::string& program) const {
+Process::Process(const fs::path& folder, const std::vector<std::string>& arguments, const std::string& program,
+                 const fs::path& out, const fs::path& err, const Environment& environment)
+    : pid_(-1), out_(out), err_(err) {
+  std::vector<char*> words = {const_cast<char*>(program.c_str())};
+  for (const std::string& argument : arguments) words.push_back(const_cast<char*>(argument.c_str()));
+  words.push_back(nullptr);
+  pid_ = ::fork();
+  GIGA_CHECK(pid_ >= 0, "fork");
+  if (pid_ > 0) return;
+  const auto to_file = [](const fs::path& path, int stream) {
+    ::dup2(::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0644), stream);
+  };
+  ::dup2(::open("/dev/null", O_RDONLY), STDIN_FILENO);
+  to_file(out, STDOUT_FILENO);
+  to_file(err, STDERR_FILENO);
   // Threads of LibTorch that wait by spinning would take the cores from each other where tests run side by side.
-  std::string command = "cd " + quoted(path_.string()) + " && OMP_WAIT_POLICY=passive " + quoted(program);
-  for (const std::string& argument : arguments) command += " " + quoted(argument);
-  const std::string out = (streams_ / "out").string(), err = (streams_ / "err").string();
-  command += " >" + quoted(out) + " 2>" + quoted(err) + " </dev/null";
-  const int status = std::system(command.c_str());
-  return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, read_file(out), read_file(err)};
+  ::setenv("OMP_WAIT_POLICY", "passive", 1);
+  for (const auto& [name, value] : environment) ::setenv(name.c_str(), value.c_str(), 1);
+  if (::chdir(folder.c_str()) == 0) ::execv(program.c_str(), words.data());
+  ::_exit(127);
+}
+
+Process::~Process() {
+  if (pid_ < 0) return;
+  ::kill(pid_, SIGKILL);
+  ::waitpid(pid_, nullptr, 0);
+}
+
+void Process::send(int signal) const { ::kill(pid_, signal); }
+
+Outcome Process::wait() {
+  int status = 0;
+  GIGA_CHECK(::waitpid(pid_, &status, 0) == pid_, "waitpid");
+  pid_ = -1;
+  const int code = WIFEXITED(status) ? WEXITSTATUS(status) : WIFSIGNALED(status) ? 128 + WTERMSIG(status) : -1;
+  return {code, read_file(out_), read_file(err_)};
+}
+
+std::unique_ptr<Process> Workplace::start(const std::vector<std::string>& arguments, const std::string& program,
+                                          const Environment& environment) const {
+  return std::make_unique<Process>(path_, arguments, program, streams_ / "out", streams_ / "err", environment);
+}
+
+Outcome Workplace::run(const std::vector<std::string>& arguments, const std::string& program,
+                       const Environment& environment) const {
+  return start(arguments, program, environment)->wait();
 }
 
 void Workplace::write(const std::string& name, const std::string& text) const {

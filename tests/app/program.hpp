@@ -3,9 +3,13 @@
 
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <filesystem>
 #include <initializer_list>
+#include <memory>
 #include <string>
+#include <thread>
+#include <utility>
 #include <vector>
 
 #include "config/document.hpp"
@@ -17,6 +21,28 @@ struct Outcome {
   std::string out, err;
 };
 
+/// Settings of the environment of one process: {"NAME", "value"}.
+using Environment = std::vector<std::pair<std::string, std::string>>;
+
+/// A gigastep that runs beside the test; killed and waited for at the end.
+class Process {
+ public:
+  Process(const std::filesystem::path& folder, const std::vector<std::string>& arguments, const std::string& program,
+          const std::filesystem::path& out, const std::filesystem::path& err, const Environment& environment);
+  ~Process();
+  Process(const Process&) = delete;
+  Process& operator=(const Process&) = delete;
+
+  int pid() const { return pid_; }
+  void send(int signal) const;
+  /// Waits for the end. The code is that of a shell: 128 + the signal where one ended the process.
+  Outcome wait();
+
+ private:
+  int pid_;
+  std::filesystem::path out_, err_;
+};
+
 /// A folder of its own with the program run in it; removed at the end.
 class Workplace {
  public:
@@ -26,7 +52,12 @@ class Workplace {
   Workplace& operator=(const Workplace&) = delete;
 
   /// `gigastep arguments...` in the folder.
-  Outcome run(const std::vector<std::string>& arguments, const std::string& program = GIGASTEP_EXECUTABLE) const;
+  Outcome run(const std::vector<std::string>& arguments, const std::string& program = GIGASTEP_EXECUTABLE,
+              const Environment& environment = {}) const;
+  /// The same without waiting; one at a time.
+  std::unique_ptr<Process> start(const std::vector<std::string>& arguments,
+                                 const std::string& program = GIGASTEP_EXECUTABLE,
+                                 const Environment& environment = {}) const;
 
   const std::filesystem::path& path() const { return path_; }
   void write(const std::string& name, const std::string& text) const;
@@ -46,6 +77,16 @@ class Workplace {
 /// A value in JSON (which is YAML) by its path, as {"sides", "0", "wins"}; fails the test where there is none.
 const Node& at(const Document& json, std::initializer_list<std::string> path);
 double number_at(const Document& json, std::initializer_list<std::string> path);
+
+/// Waits until `condition()`; fails the test after a minute.
+template <class F>
+::testing::AssertionResult wait_until(F&& condition) {
+  for (int k = 0; k < 6000; ++k) {
+    if (condition()) return ::testing::AssertionSuccess();
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  return ::testing::AssertionFailure() << "nothing happened for a minute";
+}
 
 /// The columns of a CSV file without quotes: name and one text per row.
 struct CsvTable {

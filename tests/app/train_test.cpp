@@ -155,8 +155,17 @@ TEST(Train, DivergenceHasItsOwnExitCode) {
   const Outcome training = here.run({"train", "tiny.yaml", "--run-dir", "run", "--set", "mappo.learning_rate=1e38",
                                      "--set", "mappo.critic_learning_rate=1e38"});
   EXPECT_EQ(training.code, 3) << training.err;
-  EXPECT_TRUE(contains(training.err, {"training diverged", "loss", "update"}));
+  // The first step throws the parameters out of range, the second minibatch notices.
+  const std::string dump = "run/diverged_update_1_team_0.h5";
+  EXPECT_TRUE(contains(training.err, {"training diverged", "gradient of the ", "of team 0", "at update 1, minibatch 2",
+                                      "the batch is in " + dump, "run/checkpoints/update_00000000.h5"}));
   EXPECT_TRUE(contains(here.read("run/log.txt"), {"error: training diverged"}));
+  EXPECT_TRUE(contains(here.run({"inspect", dump}).out, {"batch/obs", "batch/advantage", "team_0/actor/mlp/0/weight"}));
+  // With step sizes that make sense the run goes on from the last good checkpoint.
+  EXPECT_EQ(here.run({"resume", "run"}).code, 3) << "the same again, exactly";
+  EXPECT_EQ(
+      here.run({"resume", "run", "--set", "mappo.learning_rate=1e-3", "--set", "mappo.critic_learning_rate=1e-3"}).code,
+      0);
 }
 
 }  // namespace

@@ -22,6 +22,7 @@ Checkpoint sample() {
   c.updates = 12;
   c.agent_steps = int64_t{1} << 40;
   c.seed = std::numeric_limits<uint64_t>::max();
+  c.cursor = {12.5, 4321, uint64_t{1} << 33, 0.625, 8};
   c.arrays.push_back(make_array<float>("team_0/actor/weight", {1.5f, -0.0f, std::numeric_limits<float>::infinity()}));
   c.arrays.push_back(make_array<double>("team_0/actor/bias", {3.25}));
   c.arrays.push_back(make_array<int32_t>("a", {-1, 2, 3, 4, 5, 6}));
@@ -41,6 +42,11 @@ void expect_equal(const Checkpoint& a, const Checkpoint& b) {
   EXPECT_EQ(a.updates, b.updates);
   EXPECT_EQ(a.agent_steps, b.agent_steps);
   EXPECT_EQ(a.seed, b.seed);
+  EXPECT_EQ(a.cursor.seconds, b.cursor.seconds);
+  EXPECT_EQ(a.cursor.metrics_bytes, b.cursor.metrics_bytes);
+  EXPECT_EQ(a.cursor.events_bytes, b.cursor.events_bytes);
+  EXPECT_EQ(a.cursor.best_score, b.cursor.best_score);
+  EXPECT_EQ(a.cursor.best_updates, b.cursor.best_updates);
   ASSERT_EQ(a.arrays.size(), b.arrays.size());
   for (size_t k = 0; k < a.arrays.size(); ++k) {
     EXPECT_EQ(a.arrays[k].name, b.arrays[k].name);
@@ -87,6 +93,25 @@ TEST(Checkpoint, RoundTrip) {
   EXPECT_EQ(folder.entries(), 1) << "a temporary file was left";
 }
 
+// More than one node of a group's tree holds: 8 names a leaf, 32 leaves a node.
+TEST(Checkpoint, HundredsOfArrays) {
+  Checkpoint c = sample();
+  for (int k = 0; k < 700; ++k) c.arrays.push_back(make_array<int32_t>(cat("many/", k, "/x"), {k}));
+  for (int k = 0; k < 700; ++k) c.arrays.push_back(make_array<int32_t>(cat("flat/", k), {k}));
+  expect_equal(c, decode_checkpoint(encode_checkpoint(c), "the_file.h5"));
+}
+
+TEST(Checkpoint, AnArrayIsNotReadTwice) {
+  Checkpoint c = sample();
+  for (NamedArray& a : c.arrays)
+    if (a.name == "a") a = make_array<int32_t>("a", std::vector<int32_t>(50'000, 7));
+  const std::string bytes = altered(c, [](hid_t file) {
+    H5Ldelete(file, "arrays/team_0/actor/bias", H5P_DEFAULT);
+    H5Lcreate_hard(file, "arrays/a", file, "arrays/team_0/actor/bias", H5P_DEFAULT, H5P_DEFAULT);
+  });
+  EXPECT_EQ(decode_error(bytes), "the_file.h5: is damaged: its HDF5 structure is broken");
+}
+
 TEST(Checkpoint, TheSameCheckpointGivesTheSameBytes) {
   EXPECT_EQ(encode_checkpoint(sample()), encode_checkpoint(sample()));
 }
@@ -110,7 +135,7 @@ TEST(Checkpoint, NewerFormat) {
   newer.format_version = kCheckpointFormat + 1;
   newer.gigastep_version = "9.7.0";
   EXPECT_TRUE(
-      contains(decode_error(encode_checkpoint(newer)), {"has format version 2, newer than 1", "use gigastep 9.7.0"}));
+      contains(decode_error(encode_checkpoint(newer)), {"has format version 3, newer than 2", "use gigastep 9.7.0"}));
 }
 
 TEST(Checkpoint, EveryTruncationIsNoticed) {
@@ -146,6 +171,15 @@ TEST(Checkpoint, AMissingArrayIsNamed) {
   const std::string bytes =
       altered(sample(), [](hid_t file) { H5Ldelete(file, "arrays/team_0/actor/bias", H5P_DEFAULT); });
   EXPECT_EQ(decode_error(bytes), "the_file.h5: cannot read 'arrays/team_0/actor/bias'");
+}
+
+// A file from before the cursor was kept (format 1) is read, with zeros for it.
+TEST(Checkpoint, OlderFormatIsRead) {
+  Checkpoint older = sample();
+  older.format_version = 1;
+  const std::string bytes = encode_checkpoint(older);
+  older.cursor = {};
+  expect_equal(decode_checkpoint(bytes, "older.h5"), older);
 }
 
 // Other programs read the file as it is, seal or not.

@@ -2,6 +2,9 @@
 #include "io/run_folder.hpp"
 
 #include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
 #include <fstream>
 #include <set>
@@ -67,28 +70,112 @@ TEST(RunFolder, NamesAreCountedUp) {
   EXPECT_EQ(RunFolder::create("", "game-mappo-seed2").path(), "runs/game-mappo-seed2-001");
 }
 
-TEST(RunFolder, KeepsTheNewestCheckpoints) {
+std::set<std::string> names_in(const fs::path& folder) {
+  std::set<std::string> names;
+  for (const auto& entry : fs::directory_iterator(folder)) names.insert(entry.path().filename().string());
+  return names;
+}
+
+TEST(RunFolder, KeepsTheNewestCheckpointsAndTheBest) {
   const TemporaryFolder folder;
   const RunFolder run = RunFolder::create((folder / "run").string(), "");
   std::ofstream(run.checkpoint_file(1).string() + ".99.tmp") << "half";
-  for (const int64_t updates : {1, 2, 3, 10, 123456789}) run.save(after(updates), 2);
-  std::set<std::string> names;
-  for (const auto& entry : fs::directory_iterator(folder / "run/checkpoints"))
-    names.insert(entry.path().filename().string());
-  EXPECT_EQ(names, (std::set<std::string>{"update_00000010.h5", "update_123456789.h5"}));
+  for (const int64_t updates : {1, 2, 3, 10, 123456789}) run.save(after(updates), 2, updates == 3);
+  EXPECT_EQ(names_in(folder / "run/checkpoints"),
+            (std::set<std::string>{"update_00000010.h5", "update_123456789.h5", "best.h5"}));
+  EXPECT_EQ(read_checkpoint(run.best_file()).updates, 3);
+  EXPECT_EQ(list_checkpoints(folder / "run"),
+            (std::vector<fs::path>{run.checkpoint_file(10), run.checkpoint_file(123456789)}));
 }
 
-TEST(RunFolder, ResolvesFilesAndFolders) {
+TEST(RunFolder, FindsTheNewestCheckpoint) {
   const TemporaryFolder folder;
   const RunFolder run = RunFolder::create((folder / "run").string(), "");
-  EXPECT_TRUE(contains(input_error_of([&] { resolve_checkpoint(run.path().string()); }), {"holds no checkpoint"}));
-  run.save(after(2), 5);
-  run.save(after(11), 5);
-  EXPECT_EQ(resolve_checkpoint(run.path().string()), run.checkpoint_file(11));
-  EXPECT_EQ(resolve_checkpoint((run.path() / "checkpoints").string()), run.checkpoint_file(11));
-  EXPECT_EQ(resolve_checkpoint(run.checkpoint_file(2).string()), run.checkpoint_file(2));
-  EXPECT_TRUE(contains(input_error_of([&] { resolve_checkpoint((folder / "none").string()); }),
+  const std::string path = run.path().string();
+  EXPECT_TRUE(contains(input_error_of([&] { find_checkpoint(path); }), {"holds no checkpoint"}));
+  run.save(after(2), 5, false);
+  run.save(after(11), 5, false);
+  EXPECT_EQ(find_checkpoint(path).file, run.checkpoint_file(11));
+  EXPECT_EQ(find_checkpoint(path).checkpoint.updates, 11);
+  EXPECT_EQ(find_checkpoint((run.path() / "checkpoints").string()).file, run.checkpoint_file(11));
+  EXPECT_EQ(find_checkpoint(run.checkpoint_file(2).string()).checkpoint.updates, 2);
+  EXPECT_TRUE(contains(input_error_of([&] { find_checkpoint((folder / "none").string()); }),
                        {"there is no checkpoint or run folder"}));
+}
+
+TEST(RunFolder, ADamagedCheckpointIsNamedAndThePreviousOneTaken) {
+  const TemporaryFolder folder;
+  const RunFolder run = RunFolder::create((folder / "run").string(), "");
+  for (const int64_t updates : {1, 2, 3}) run.save(after(updates), 5, updates == 1);
+  write_file(run.checkpoint_file(3), read_file(run.checkpoint_file(3)).substr(0, 900));
+  const std::string path = run.path().string();
+  FoundCheckpoint found = find_checkpoint(path);
+  EXPECT_EQ(found.checkpoint.updates, 2);
+  ASSERT_EQ(found.damaged.size(), 1u);
+  EXPECT_TRUE(contains(found.damaged[0], {"update_00000003.h5: is truncated: 900 of"}));
+  EXPECT_EQ(found.damaged_files, std::vector<fs::path>{run.checkpoint_file(3)});
+  // A file that is named is that file or nothing.
+  EXPECT_TRUE(contains(input_error_of([&] { find_checkpoint(run.checkpoint_file(3).string()); }), {"is truncated"}));
+
+  for (const int64_t updates : {1, 2}) write_file(run.checkpoint_file(updates), "");
+  found = find_checkpoint(path);  // the best one, rather than nothing
+  EXPECT_EQ(found.file, run.best_file());
+  EXPECT_EQ(found.damaged.size(), 3u);
+  write_file(run.best_file(), "nonsense");
+  EXPECT_TRUE(contains(input_error_of([&] { find_checkpoint(path); }),
+                       {"no checkpoint of", "is whole", "update_00000003.h5: is truncated",
+                        "update_00000001.h5: is empty", "best.h5: is not a gigastep checkpoint"}));
+}
+
+TEST(RunFolder, IsOpenedAgainAndDescribedAgain) {
+  const TemporaryFolder folder;
+  const std::string path = (folder / "run").string();
+  EXPECT_TRUE(contains(input_error_of([&] { RunFolder::open(path); }), {"there is no run folder"}));
+  fs::create_directory(path);
+  EXPECT_TRUE(contains(input_error_of([&] { RunFolder::open(path); }), {"no config.yaml"}));
+  RunFolder::create(path, "").describe("seed: 1\n", "", Json::object());
+  std::ofstream(folder / "run/report.html.4711.tmp") << "half";
+  for (int n = 1; n <= 2; ++n) RunFolder::open(path).describe_resume("seed: 1\nmore: 2\n", Json::object().set("n", n));
+  EXPECT_EQ(read_file(folder / "run/config.yaml"), "seed: 1\nmore: 2\n");
+  EXPECT_EQ(read_file(folder / "run/run.json"), "{}\n");
+  EXPECT_FALSE(fs::exists(folder / "run/report.html.4711.tmp")) << "what a killed process left";
+  EXPECT_EQ(read_file(folder / "run/resume_001.json"), "{\n  \"n\": 1\n}\n");
+  EXPECT_EQ(read_file(folder / "run/resume_002.json"), "{\n  \"n\": 2\n}\n");
+}
+
+TEST(RunFolder, OneProcessAtATime) {
+  const TemporaryFolder folder;
+  const std::string path = (folder / "run").string();
+  {
+    const RunFolder run = RunFolder::create(path, "");
+    run.describe("seed: 1\n", "", Json::object());
+    const std::string owner = cat("is in use by process ", ::getpid(), " on ");
+    EXPECT_TRUE(contains(input_error_of([&] { RunFolder::open(path); }), {path.c_str(), owner.c_str()}));
+    EXPECT_TRUE(contains(input_error_of([&] { RunFolder::create(path, ""); }), {path.c_str(), owner.c_str()}));
+    EXPECT_TRUE(fs::exists(folder / "run/lock"));
+  }
+  EXPECT_FALSE(fs::exists(folder / "run/lock"));
+  EXPECT_NO_THROW(RunFolder::open(path));
+}
+
+// What a killed process leaves: the file with its name, held by nobody.
+TEST(RunFolder, AStaleLockIsRecognised) {
+  const TemporaryFolder folder;
+  const std::string path = (folder / "run").string();
+  RunFolder::create(path, "").describe("seed: 1\n", "", Json::object());
+  const pid_t child = ::fork();
+  if (child == 0) {
+    const RunFolder run = RunFolder::open(path);
+    ::kill(::getpid(), SIGKILL);
+  }
+  int status = 0;
+  ASSERT_EQ(::waitpid(child, &status, 0), child);
+  ASSERT_TRUE(WIFSIGNALED(status));
+  EXPECT_TRUE(contains(read_file(folder / "run/lock"), {cat("process ", child, " on ").c_str()}));
+  EXPECT_EQ(lock_owner(path), std::nullopt);
+  const RunFolder run = RunFolder::open(path);
+  ASSERT_TRUE(run.lock().stale_owner().has_value());
+  EXPECT_TRUE(contains(*run.lock().stale_owner(), {cat("process ", child, " on ").c_str(), "since "}));
 }
 
 TEST(RunFolder, NamesFromScenarios) {

@@ -135,22 +135,28 @@ TEST(Log, Quiet) {
   EXPECT_TRUE(contains(read_file(folder / "log.txt"), {"unheard"}));
 }
 
-// A quarter is done after 10 s: 30 s are left.
-const ProgressState kQuarter = {
-    5, 20, 250'000, 1'000'000, 10, 25'000, {{"random", "0.98/0.97"}, {"circle", "0.40/0.31"}}};
-
-TEST(ProgressLine, SaysHowFarItIs) {
-  EXPECT_DOUBLE_EQ(seconds_left(kQuarter), 30);
-  EXPECT_EQ(
-      progress_text(kQuarter),
-      "update 5 of 20: 250 k of 1.00 M agent-steps, 25.0 k/s, 0:30 left, wins vs random 0.98/0.97 circle 0.40/0.31");
-  EXPECT_EQ(progress_bar(kQuarter, 200),
-            " 25% [====            ] 250 k of 1.00 M, 25.0 k/s, 0:30 left, wins vs random 0.98/0.97 circle 0.40/0.31");
+ProgressState quarter_done() {
+  ProgressState s;
+  s.update = 5;
+  s.n_updates = 20;
+  s.agent_steps = 250'000;
+  s.total_agent_steps = 1'000'000;
+  s.agent_steps_per_second = 25'000;
+  s.seconds_left = 30;
+  return s;
 }
 
-TEST(ProgressLine, FitsNarrowTerminals) {
-  for (int width = 1; width < 130; ++width) EXPECT_LE(progress_bar(kQuarter, width).size(), static_cast<size_t>(width));
-  EXPECT_EQ(progress_bar(kQuarter, 40), " 25% 250 k of 1.00 M, 25.0 k/s, 0:30 lef");
+TEST(ProgressLine, SaysHowFarItIs) {
+  ProgressState s = quarter_done();
+  EXPECT_EQ(progress_text(s), "update 5 of 20: 250 k of 1.00 M agent-steps, 25.0 k/s, 0:30 left");
+  s.team[0].mean_return = 12.25;
+  s.team[0].win_rates = {{"random", 0.98}, {"circle", 0.4}};
+  s.team[1].win_rates = {{"random", 0.97}};
+  EXPECT_EQ(progress_text(s),
+            "update 5 of 20: 250 k of 1.00 M agent-steps, 25.0 k/s, 0:30 left, return 12.2, "
+            "wins vs random 0.98/0.97 circle 0.40");
+  s.team[1].mean_return = -3;
+  EXPECT_TRUE(contains(progress_text(s), {"return 12.2/-3, "}));
 }
 
 TEST(ProgressLine, PlainLinesComeAtACadence) {
@@ -159,11 +165,25 @@ TEST(ProgressLine, PlainLinesComeAtACadence) {
   {
     Logger log(folder / "log.txt", Logger::Console::all);
     Progress progress(log, Progress::Mode::lines, std::chrono::hours(1));
-    ProgressState state = kQuarter;
+    ProgressState state = quarter_done();
     for (state.update = 1; state.update <= state.n_updates; ++state.update) progress.show(state);
   }
   const std::string lines = ::testing::internal::GetCapturedStderr();
   EXPECT_EQ(std::count(lines.begin(), lines.end(), '\n'), 2) << "the first and the last:\n" << lines;
+  EXPECT_EQ(lines.find('\x1b'), std::string::npos) << "an escape sequence in a plain line";
+}
+
+TEST(ProgressLine, QuietWritesToTheFileAlone) {
+  const TemporaryFolder folder;
+  ::testing::internal::CaptureStderr();
+  {
+    Logger log(folder / "log.txt", Logger::Console::quiet);
+    Progress progress(log, Progress::Mode::off);
+    progress.show(quarter_done());
+    progress.finish();
+  }
+  EXPECT_EQ(::testing::internal::GetCapturedStderr(), "");
+  EXPECT_TRUE(contains(read_file(folder / "log.txt"), {"update 5 of 20: 250 k of 1.00 M agent-steps"}));
 }
 
 TEST(HostFacts, AreThere) {

@@ -112,7 +112,9 @@ TEST(LearnMatch, NamesOfScripts) {
     parse_scripted("cirle");
     FAIL();
   } catch (const InputError& e) {
-    EXPECT_STREQ(e.what(), "opponent 'cirle' is unknown; allowed: random, noop, circle, reverse_circle, circle_random");
+    EXPECT_STREQ(
+        e.what(),
+        "opponent 'cirle' is unknown; nearest: 'circle'; allowed: random, noop, circle, reverse_circle, circle_random");
   }
 }
 

@@ -52,15 +52,15 @@ TEST_F(LearnRunConfig, EnvironmentAndRulesChangeTheScenario) {
 
 TEST_F(LearnRunConfig, MinibatchesMustDivide) {
   EXPECT_EQ(error_of("scenario: identical_2_vs_2\ntrain:\n  n_worlds: 10\nmappo:\n  horizon: 5\n  n_minibatches: 4\n"),
-            "run.yaml:6:18: mappo.n_minibatches: 4 does not divide train.n_worlds x mappo.horizon = 10 x 5 = 50");
+            "run.yaml:6:18: mappo.n_minibatches: 4 does not divide train.n_worlds x mappo.horizon = 10 x 5 = 50; "
+            "nearest: 2, 5");
   // From the command line, and by default.
   EXPECT_EQ(
       error_of("scenario: identical_2_vs_2\ntrain: {n_worlds: 10}\nmappo: {horizon: 5}\n", {"mappo.n_minibatches=3"}),
-      "--set mappo.n_minibatches: mappo.n_minibatches: 3 does not divide train.n_worlds x mappo.horizon = 10 x 5 "
-      "= 50");
+      "--set mappo.n_minibatches: 3 does not divide train.n_worlds x mappo.horizon = 10 x 5 = 50; nearest: 2, 5");
   EXPECT_EQ(error_of("scenario: identical_2_vs_2\ntrain: {n_worlds: 10}\nmappo: {horizon: 5}\n"),
-            "default of mappo.n_minibatches: mappo.n_minibatches: 8 does not divide train.n_worlds x mappo.horizon = "
-            "10 x 5 = 50");
+            "default of mappo.n_minibatches: 8 does not divide train.n_worlds x mappo.horizon = 10 x 5 = 50; "
+            "nearest: 5, 10");
 }
 
 TEST_F(LearnRunConfig, HorizonFitsIntoAnEpisode) {
@@ -77,6 +77,52 @@ TEST_F(LearnRunConfig, BothMistakesAtOnce) {
       "mappo: {horizon: 5, n_minibatches: 4}\n");
   EXPECT_NE(message.find("run.yaml:4:18: mappo.horizon"), std::string::npos) << message;
   EXPECT_NE(message.find("run.yaml:4:36: mappo.n_minibatches"), std::string::npos) << message;
+}
+
+TEST_F(LearnRunConfig, AllMistakesOfAllStagesAtOnce) {
+  EXPECT_EQ(error_of("scenario: identical_2_vs_2\nenvironment: {team_1: [], max_episode_length: 3}\n"
+                     "train: {n_worlds: 10, precision: fp8}\nmappo: {horizon: 5}\n",
+                     {"seed=x", "nonsense"}),
+            "--set nonsense: expected KEY=VALUE\n"
+            "run.yaml:2:23: team_1: the team is empty; it needs at least one entry such as {type: default, count: 5}\n"
+            "run.yaml:3:34: train.precision: 'fp8' is not one of: fp32, tf32, bf16; nearest: 'fp32'\n"
+            "run.yaml:4:18: mappo.horizon: 5 is longer than an episode of scenario 'identical_2_vs_2' "
+            "(max_episode_length 3)\n"
+            "--set seed: 'x' is not an integer >= 0\n"
+            "default of mappo.n_minibatches: 8 does not divide train.n_worlds x mappo.horizon = 10 x 5 = 50; "
+            "nearest: 5, 10");
+}
+
+// A value that could not be read is reported once, and nothing is said about what was taken in its place.
+TEST_F(LearnRunConfig, NoErrorsThatFollowFromOthers) {
+  const std::pair<const char*, const char*> cases[] = {
+      {"environment: {team_1: 3}", "run.yaml:2:23: environment.team_1: '3' is not a list of maps"},
+      {"environment: {max_episode_length: x}\nmappo: {horizon: 600, n_minibatches: 1}",
+       "run.yaml:2:35: environment.max_episode_length: 'x' is not an integer >= 1 or none"},
+      {"train: {n_worlds: x}\nmappo: {n_minibatches: 7}",
+       "run.yaml:2:19: train.n_worlds: 'x' is not an integer in [1, 16777216]"},
+      {"environment: {limit_x: x, map_definitions: {m: {team_0: {area: [1, 1, 99, 9]}}}, maps: m}",
+       "run.yaml:2:24: environment.limit_x: 'x' is not a number > 0"},
+  };
+  for (const auto& [lines, expected] : cases)
+    EXPECT_EQ(error_of(std::string("scenario: identical_2_vs_2\n") + lines + "\n"), expected);
+  // The key that a misspelt one may have meant is not judged either.
+  const std::string misspelt =
+      error_of("scenario: identical_2_vs_2\ntrain: {n_wrlds: 10}\nmappo: {n_minibatches: 7}\n");
+  EXPECT_EQ(misspelt.find("does not divide"), std::string::npos) << misspelt;
+  // The type may be defined in the scenario that is not there.
+  const std::string missing = error_of("scenario: identical_2_vs_\nenvironment: {team_0: [{type: mine}], limt_x: 1}\n");
+  EXPECT_NE(missing.find("run.yaml:1:11: unknown scenario"), std::string::npos) << missing;
+  EXPECT_NE(missing.find("run.yaml:2:39: environment.limt_x"), std::string::npos) << missing;
+  EXPECT_EQ(missing.find("unknown agent type"), std::string::npos) << missing;
+}
+
+TEST_F(LearnRunConfig, DevicesByName) {
+  for (const char* good : {"auto", "cpu", "cuda", "cuda:0", "cuda:15"})
+    EXPECT_EQ(error_of(cat("scenario: identical_2_vs_2\ndevice: ", good, "\n")), "no error");
+  for (const char* bad : {"gpu", "cuda:1x", "cuda:x", "cuda:-1", "CPU"})
+    EXPECT_EQ(error_of(cat("scenario: identical_2_vs_2\ndevice: ", bad, "\n")),
+              cat("run.yaml:2:9: device: '", bad, "' is not auto, cpu, cuda or cuda:<number of the GPU>"));
 }
 
 TEST_F(LearnRunConfig, MistakesInTheEnvironment) {

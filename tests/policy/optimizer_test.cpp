@@ -39,20 +39,35 @@ struct PlainAdam {
   }
 };
 
+/// Adam with the flags around it, on the CPU.
+struct GatedAdam {
+  explicit GatedAdam(const ParameterSet& p, double epsilon) : adam(p, epsilon) {}
+  /// Returns the norm before clipping.
+  float step(const ParameterSet& p, double rate, double max_norm, int minibatch = 1) {
+    norm_sum = 0;
+    adam.step(p, rows, static_cast<float>(rate), static_cast<float>(max_norm),
+              {&stop, &faults[1], faults, 2, minibatch, &norm_sum});
+    return norm_sum;
+  }
+  RowRunner rows{Device{}, 1};
+  Adam adam;
+  float stop = 0, faults[2] = {0, 0}, norm_sum = 0;
+};
+
 TEST(PolicyAdam, ThreeStepsEqualTheFormula) {
   const std::vector<float> start = {1, -2, 0.5f};
   const std::vector<std::vector<float>> gradients = {{3, 4, 0}, {0.1f, -0.2f, 0.3f}, {-30, 0, 40}};
   const float norms[] = {5, 0.3741657f, 50};  // sqrt(9 + 16), sqrt(0.01 + 0.04 + 0.09), sqrt(900 + 1600)
   for (const double max_norm : {0.0, 0.5}) {
     const ParameterSet p = parameters_of(start);
-    Adam adam(p, 1e-5);
+    GatedAdam adam(p, 1e-5);
     PlainAdam plain(start);
     for (size_t s = 0; s < 3; ++s) {
       const double rate = 0.1 / static_cast<double>(s + 1);
       p.gradient().copy_(numbers(gradients[s]));
-      const at::Tensor norm = adam.step(p, rate, max_norm, at::zeros({1}));
+      const float norm = adam.step(p, rate, max_norm);
       plain.step(gradients[s], rate, max_norm, 1e-5);
-      EXPECT_FLOAT_EQ(norm.item<float>(), norms[s]) << "before clipping";
+      EXPECT_FLOAT_EQ(norm, norms[s]) << "before clipping";
       EXPECT_EQ(largest(p.gradient()), 0) << "the gradient is cleared";
       for (size_t k = 0; k < 3; ++k)
         EXPECT_NEAR(p.values()[static_cast<int64_t>(k)].item<double>(), plain.x[k], 2e-6)
@@ -66,9 +81,9 @@ TEST(PolicyAdam, FirstStepByHandWithLargeEpsilon) {
   // x = -0.1 g / (g + 1): -0.1 x 0.6 / 1.6 = -0.0375, -0.1 x 0.8 / 1.8 = -0.0444444. Unclipped: -0.075, -0.08.
   for (const bool clips : {true, false}) {
     const ParameterSet p = parameters_of({0, 0});
-    Adam adam(p, 1.0);
+    GatedAdam adam(p, 1.0);
     p.gradient().copy_(numbers({3, 4}));
-    adam.step(p, 0.1, clips ? 1.0 : 0.0, at::zeros({1}));
+    adam.step(p, 0.1, clips ? 1.0 : 0.0);
     EXPECT_NEAR(p.values()[0].item<float>(), clips ? -0.0375 : -0.075, 1e-6);
     EXPECT_NEAR(p.values()[1].item<float>(), clips ? -0.0444444 : -0.08, 1e-6);
   }
@@ -76,35 +91,57 @@ TEST(PolicyAdam, FirstStepByHandWithLargeEpsilon) {
 
 TEST(PolicyAdam, SkippedStepChangesNothingButClearsTheGradient) {
   const ParameterSet p = parameters_of({1, -2, 0.5f});
-  Adam adam(p, 1e-5);
+  GatedAdam adam(p, 1e-5);
   p.gradient().copy_(numbers({3, 4, 1}));
-  adam.step(p, 0.1, 0.5, at::zeros({1}));
+  adam.step(p, 0.1, 0.5);
   NamedArrays before, after;
-  adam.save("", before);
+  adam.adam.save("", before);
   const at::Tensor values = p.values().clone();
-  p.gradient().copy_(numbers({-1, 2, 5}));
-  const at::Tensor norm = adam.step(p, 0.1, 0.5, at::ones({1}));
-  EXPECT_FLOAT_EQ(norm.item<float>(), 5.4772256f);  // sqrt(1 + 4 + 25)
-  EXPECT_TRUE(same(p.values(), values));
-  EXPECT_EQ(largest(p.gradient()), 0);
-  adam.save("", after);
+  for (float* flag : {&adam.stop, &adam.faults[0], &adam.faults[1]}) {
+    *flag = 1;
+    p.gradient().copy_(numbers({-1, 2, 5}));
+    EXPECT_FLOAT_EQ(adam.step(p, 0.1, 0.5), 5.4772256f);  // sqrt(1 + 4 + 25)
+    EXPECT_TRUE(same(p.values(), values));
+    EXPECT_EQ(largest(p.gradient()), 0);
+    *flag = 0;
+  }
+  adam.adam.save("", after);
   ASSERT_EQ(before.size(), 3u);
   for (size_t k = 0; k < before.size(); ++k) EXPECT_EQ(after[k].bytes, before[k].bytes) << before[k].name;
   EXPECT_EQ(array_values<float>(find_array(after, "steps")).at(0), 1.0f);
 }
 
+TEST(PolicyAdam, AGradientThatIsNotFiniteIsAFaultAndNothingIsLearnedAnyMore) {
+  for (const float bad : {NAN, INFINITY, -INFINITY}) {
+    const ParameterSet p = parameters_of({1, -2, 0.5f});
+    GatedAdam adam(p, 1e-5);
+    const at::Tensor values = p.values().clone();
+    p.gradient().copy_(numbers({3, bad, 1}));
+    adam.step(p, 0.1, 0.5, 4);
+    EXPECT_EQ(adam.faults[1], 4) << "the number of the minibatch";
+    EXPECT_EQ(adam.faults[0], 0) << "another's fault";
+    p.gradient().copy_(numbers({3, 4, 1}));
+    adam.step(p, 0.1, 0.5, 5);
+    EXPECT_EQ(adam.faults[1], 4) << "the first one counts";
+    p.gradient().copy_(numbers({3, bad, 1}));
+    adam.step(p, 0.1, 0.5, 6);
+    EXPECT_EQ(adam.faults[1], 4);
+    EXPECT_TRUE(same(p.values(), values));
+  }
+}
+
 TEST(PolicyAdam, LoadGoesOnBitForBit) {
   const ParameterSet p = parameters_of({1, -2, 0.5f}), q = parameters_of({0, 0, 0});
-  Adam adam(p, 1e-5), loaded(q, 1e-5);
-  const auto step = [](Adam& a, const ParameterSet& x) {
+  GatedAdam adam(p, 1e-5), loaded(q, 1e-5);
+  const auto step = [](GatedAdam& a, const ParameterSet& x) {
     x.gradient().copy_(numbers({0.3f, 0.1f, -0.7f}));
-    a.step(x, 0.01, 0.5, at::zeros({1}));
+    a.step(x, 0.01, 0.5);
   };
   step(adam, p);
   step(adam, p);
   NamedArrays arrays;
-  adam.save("adam/", arrays);
-  loaded.load("adam/", arrays);
+  adam.adam.save("adam/", arrays);
+  loaded.adam.load("adam/", arrays);
   q.values().copy_(p.values());
   step(adam, p);
   step(loaded, q);

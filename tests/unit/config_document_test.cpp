@@ -39,10 +39,13 @@ TEST(ConfigDocument, RejectsWhatIsAmbiguousOrClever) {
   EXPECT_EQ(errors_of("a: 1\nb: 2\na: 3\n"), "f.yaml:3:1: duplicate key 'a', first given at line 1");
   EXPECT_EQ(errors_of("a: {b: 1, b: 2}\n"), "f.yaml:1:11: duplicate key 'b', first given at line 1");
   EXPECT_EQ(errors_of("a: &x 1\nb: *x\n"),
-            "f.yaml:1:4: anchors are not allowed: &x\nf.yaml:2:4: aliases (*name) are not allowed");
-  EXPECT_EQ(errors_of("a: !!int 1\n"), "f.yaml:1:4: tags are not allowed: tag:yaml.org,2002:int");
+            "f.yaml:1:4: anchors are not allowed: &x; write the value where it is needed\n"
+            "f.yaml:2:4: aliases are not allowed: *x; write the value itself");
+  EXPECT_EQ(errors_of("a: !!int 1\n"),
+            "f.yaml:1:4: tags are not allowed: tag:yaml.org,2002:int; write the value alone");
   EXPECT_EQ(errors_of("a: !mine {b: 1}\nc: !mine []\n"),
-            "f.yaml:1:4: tags are not allowed: !mine\nf.yaml:2:4: tags are not allowed: !mine");
+            "f.yaml:1:4: tags are not allowed: !mine; write the value alone\n"
+            "f.yaml:2:4: tags are not allowed: !mine; write the value alone");
   EXPECT_EQ(errors_of("a: 1\n---\nb: 2\n"), "f.yaml:3:1: a second document starts here; a file may have one only");
   EXPECT_EQ(errors_of("[a, b]: 1\n"), "f.yaml:1:1: a key must be a name, not a list");
   EXPECT_FALSE(errors_of("a: 1\n---\n").empty());
@@ -50,19 +53,19 @@ TEST(ConfigDocument, RejectsWhatIsAmbiguousOrClever) {
 
 TEST(ConfigDocument, RejectsWhatIsNotYamlText) {
   EXPECT_EQ(errors_of("a: [1, 2\nb: 3\n").substr(0, 28), "f.yaml:2:2: not valid YAML: ");
-  EXPECT_EQ(errors_of("a: 1\nb: \xC3(\n"), "f.yaml:2:4: not UTF-8: byte 195");
-  EXPECT_EQ(errors_of("# \xED\xA0\x80"), "f.yaml:1:3: not UTF-8: byte 237");  // a surrogate
-  EXPECT_EQ(errors_of("# \xC0\xAF"), "f.yaml:1:3: not UTF-8: byte 192");      // overlong
-  EXPECT_EQ(errors_of(std::string_view("a: \0", 4)), "f.yaml:1:4: control character 0");
+  EXPECT_EQ(errors_of("a: 1\nb: \xC3(\n"), "f.yaml:2:4: not UTF-8: byte 195; save the file as UTF-8");
+  EXPECT_EQ(errors_of("# \xED\xA0\x80"), "f.yaml:1:3: not UTF-8: byte 237; save the file as UTF-8");  // a surrogate
+  EXPECT_EQ(errors_of("# \xC0\xAF"), "f.yaml:1:3: not UTF-8: byte 192; save the file as UTF-8");      // overlong
+  EXPECT_EQ(errors_of(std::string_view("a: \0", 4)), "f.yaml:1:4: control character 0; a file may hold text only");
   EXPECT_EQ(errors_of(std::string(5000, '[')), "f.yaml:1:1: nested too deeply");
   EXPECT_EQ(errors_of("a: \xC3\xA4\xF0\x9F\x9A\x80\n"), "");
 }
 
 TEST(ConfigDocument, ListsAllErrorsByPosition) {
   EXPECT_EQ(errors_of("a: &x 1\na: 2\nb: !t 3\n"),
-            "f.yaml:1:4: anchors are not allowed: &x\n"
+            "f.yaml:1:4: anchors are not allowed: &x; write the value where it is needed\n"
             "f.yaml:2:1: duplicate key 'a', first given at line 1\n"
-            "f.yaml:3:4: tags are not allowed: !t");
+            "f.yaml:3:4: tags are not allowed: !t; write the value alone");
 }
 
 TEST(ConfigDocument, SaysWhatIsWrongWithAFile) {
@@ -122,8 +125,11 @@ TEST(ConfigOverride, SaysWhatIsWrong) {
   EXPECT_EQ(error_of("b..c=3"), "--set b..c: a key is missing between the dots");
   EXPECT_EQ(error_of("a.b=3"), "--set a.b: a has no keys: it is '1' (f.yaml:1:4)");
   EXPECT_EQ(error_of("list.b.c=3"), "--set list.b.c: list has no keys: it is a list (f.yaml:2:7)");
+  std::string deep = "b";
+  for (int k = 0; k < 50'000; ++k) deep += ".b";
+  EXPECT_EQ(error_of(deep + "=3"), "--set " + deep.substr(0, 100) + "...: nested too deeply");
   EXPECT_EQ(error_of("b=[1").substr(0, 25), "--set b: not valid YAML: ");
-  EXPECT_EQ(error_of("b=&x 1"), "--set b: anchors are not allowed: &x");
+  EXPECT_EQ(error_of("b=&x 1"), "--set b: anchors are not allowed: &x; write the value where it is needed");
 }
 
 TEST(ConfigPrint, QuotesWhatAPlainScalarWouldChange) {

@@ -252,7 +252,7 @@ TEST(ScenarioData, FoldersAreFound) {
 }
 
 TEST(ScenarioFields, AllHaveDocumentation) {
-  for (const FieldInfo& info : list_scenario_fields()) EXPECT_FALSE(info.doc.empty()) << info.path;
+  for (const FieldInfo& info : list_fields(scenario_file_fields())) EXPECT_FALSE(info.doc.empty()) << info.path;
 }
 
 }  // namespace

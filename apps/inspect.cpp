@@ -1,0 +1,97 @@
+// gigastep inspect: what a checkpoint holds, and one hash over all that was learned.
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <iostream>
+
+#include "apps/command_line.hpp"
+#include "apps/commands.hpp"
+#include "io/number.hpp"
+#include "io/run_folder.hpp"
+#include "io/state_hash.hpp"
+
+namespace giga {
+namespace {
+
+struct InspectOptions {
+  std::string checkpoint, json;
+};
+
+const char* type_name(ArrayType type) {
+  constexpr const char* kNames[] = {"f32", "f64", "i32", "i64", "u8"};
+  return kNames[static_cast<size_t>(type)];
+}
+
+std::string shape_text(const std::vector<int64_t>& shape) {
+  std::string text = "[";
+  for (const int64_t side : shape) text += (text.size() > 1 ? ", " : "") + std::to_string(side);
+  return text + "]";
+}
+
+Json to_json(const FoundCheckpoint& found) {
+  const Checkpoint& c = found.checkpoint;
+  Json arrays = Json::array();
+  for (const NamedArray& a : c.arrays)
+    arrays.push(Json::object()
+                    .set("name", a.name)
+                    .set("type", type_name(a.type))
+                    .set("shape", Json::array(a.shape))
+                    .set("bytes", a.bytes.size()));
+  Json json = Json::object();
+  json.set("file", found.file.string()).set("format_version", c.format_version);
+  json.set("gigastep_version", c.gigastep_version).set("scenario", c.scenario_name).set("seed", c.seed);
+  json.set("updates", c.updates).set("agent_steps", c.agent_steps).set("seconds", c.cursor.seconds);
+  json.set("best_score", c.cursor.best_score < 0 ? Json() : Json(c.cursor.best_score));
+  json.set("best_updates", c.cursor.best_updates);
+  json.set("sha256", state_sha256(c.arrays)).set("arrays", std::move(arrays));
+  return json;
+}
+
+void print(const FoundCheckpoint& found) {
+  const Checkpoint& c = found.checkpoint;
+  std::cout << found.file.string() << "\nformat " << c.format_version << ", written by gigastep " << c.gigastep_version
+            << "\nscenario " << c.scenario_name << ", seed " << c.seed << "\n"
+            << c.updates << " updates, " << c.agent_steps << " agent-steps, " << print_duration(c.cursor.seconds)
+            << " of training\n";
+  if (c.cursor.best_score >= 0)
+    std::cout << "best evaluation so far after update " << c.cursor.best_updates << ": weaker team wins "
+              << print_share(c.cursor.best_score) << '\n';
+  std::cout << '\n';
+  size_t bytes = 0;
+  for (const NamedArray& a : c.arrays) {
+    char line[160];
+    std::snprintf(line, sizeof line, "  %-48s %-4s %-20s\n", a.name.c_str(), type_name(a.type),
+                  shape_text(a.shape).c_str());
+    std::cout << line;
+    bytes += a.bytes.size();
+  }
+  std::cout << '\n'
+            << c.arrays.size() << " arrays, " << print_short(static_cast<double>(bytes)) << "B\nsha256 "
+            << state_sha256(c.arrays) << '\n';
+}
+
+void inspect(const InspectOptions& o) {
+  const FoundCheckpoint found = find_checkpoint(o.checkpoint);
+  for (const std::string& line : found.damaged) std::cerr << "warning: " << line << '\n';
+  if (!o.json.empty()) write_json(to_json(found), o.json);
+  if (o.json != "-") print(found);
+}
+
+}  // namespace
+
+void add_inspect_command(CLI::App& app, Dispatch& dispatch) {
+  CLI::App* command = app.add_subcommand("inspect", "show what a checkpoint holds, and a hash of its state");
+  auto options = std::make_shared<InspectOptions>();
+  command->add_option("CHECKPOINT", options->checkpoint, "checkpoint file, or run folder (its newest whole checkpoint)")
+      ->required()
+      ->type_name("");
+  add_json_option(*command, options->json);
+  command->footer(
+      "The SHA-256 is over all learned state, that is over every array that is listed (name, type, shape, bytes): two\n"
+      "runs of which it is the same are the same. Seconds and file positions are not part of it.\n"
+      "Examples:\n"
+      "  gigastep inspect runs/first\n"
+      "  gigastep inspect runs/first/checkpoints/best.h5 --json -");
+  command->callback([options, &dispatch] { dispatch.run = [options] { inspect(*options); }; });
+}
+
+}  // namespace giga

@@ -1,0 +1,113 @@
+// gigastep resume: goes on with a run from its newest checkpoint, exactly.
+#include <CLI/CLI.hpp>
+#include <filesystem>
+#include <iostream>
+#include <system_error>
+
+#include "apps/command_line.hpp"
+#include "apps/commands.hpp"
+#include "apps/plan.hpp"
+#include "apps/program_info.hpp"
+#include "apps/training.hpp"
+#include "core/error.hpp"
+#include "cuda/runtime.hpp"
+#include "learn/resume_config.hpp"
+
+namespace giga {
+namespace fs = std::filesystem;
+namespace {
+
+struct ResumeOptions {
+  std::string run;
+  std::vector<std::string> overrides;
+  bool quiet = false, no_color = false;
+};
+
+/// The run folder that a path belongs to: itself, or that of the checkpoint file.
+std::string folder_of(const std::string& path) {
+  std::error_code code;
+  if (!fs::exists(path, code)) throw InputError(cat("there is no run folder or checkpoint ", path));
+  if (fs::is_directory(path, code)) return path;
+  const fs::path folder = fs::absolute(path, code).parent_path().parent_path();
+  if (!fs::is_regular_file(folder / "config.yaml", code))
+    throw InputError(cat(path, " does not lie in the checkpoints of a run folder: copy the whole folder"));
+  return folder.string();
+}
+
+/// A checkpoint file that was named must be the newest: going on from an older one would leave newer ones behind.
+void expect_newest(const fs::path& file, const RunFolder& folder) {
+  std::error_code code;
+  const std::vector<fs::path> all = list_checkpoints(folder.path());
+  if (!all.empty() && fs::equivalent(all.back(), file, code)) return;
+  throw InputError(cat(file.string(), " is not the newest checkpoint of its run",
+                       all.empty() ? "" : cat(", ", all.back().string(), " is"),
+                       "; to go on from an older one, take the newer ones out of the folder"));
+}
+
+/// Damaged checkpoints would be taken for the newest ones.
+void set_aside(const std::vector<fs::path>& damaged) {
+  for (const fs::path& file : damaged) {
+    std::error_code code;
+    fs::rename(file, file.string() + ".damaged", code);
+    if (code) throw Error(cat("cannot rename ", file.string(), ": ", code.message()));
+  }
+}
+
+Json resume_info(const ResumedRun& resumed, Device device, const FoundCheckpoint& found) {
+  Json info = run_info(resumed.run, device);
+  info.set("checkpoint", found.file.filename().string()).set("updates", found.checkpoint.updates);
+  info.set("changes", Json::array(resumed.changes));
+  return info;
+}
+
+int resume(const ResumeOptions& o) {
+  const RunFolder folder = RunFolder::open(folder_of(o.run));
+  const FoundCheckpoint found = find_checkpoint(o.run);
+  std::error_code code;
+  if (!fs::is_directory(o.run, code)) expect_newest(o.run, folder);
+  const Checkpoint& from = found.checkpoint;
+  for (const std::string& line : found.damaged)
+    std::cerr << "warning: " << line << "; going on from " << found.file.string() << '\n';
+  if (from.gigastep_version != program_version())
+    std::cerr << "warning: the checkpoint was written by gigastep " << from.gigastep_version << ", this is "
+              << program_version() << ": the run goes on, but perhaps not bit for bit\n";
+
+  const ResumedRun resumed = resume_config(from.config_yaml, from.scenario_yaml, o.overrides);
+  TrainingSetup setup{resumed.run, parse_device(resumed.run.config.device), nullptr, &from, o.quiet, !o.no_color};
+  if (from.updates >= total_updates(resumed.run.config, resumed.run.spec.params.n_agents)) {
+    std::cout << "the run " << folder.path().string() << " is complete: " << from.updates << " updates, "
+              << from.agent_steps << " agent-steps; to go on: --set train.total_agent_steps=N\n";
+    return 0;
+  }
+  check_memory(setup.run, setup.device);
+  setup.learner = make_learner(setup.run, setup.device);
+  setup.learner->load(from.arrays);
+
+  set_aside(found.damaged_files);
+  folder.describe_resume(print_yaml(resumed.run.config, true), resume_info(resumed, setup.device, found));
+  return train_in(folder, std::move(setup));
+}
+
+}  // namespace
+
+void add_resume_command(CLI::App& app, Dispatch& dispatch) {
+  CLI::App* command = app.add_subcommand("resume", "go on with a run that was stopped, exactly where it was");
+  auto options = std::make_shared<ResumeOptions>();
+  command->add_option("RUN", options->run, "run folder, or its newest checkpoint file")->required()->type_name("");
+  add_set_option(*command, options->overrides);
+  add_display_options(*command, options->quiet, options->no_color);
+  command->footer(
+      "On the same machine, build and device a run that was stopped and resumed is the same, bit for bit, as one that\n"
+      "was not: gigastep inspect shows the same SHA-256. Rows of metrics.csv and TensorBoard events that were written\n"
+      "after the checkpoint are cut off. Of a run folder the newest whole checkpoint is taken; damaged ones are named\n"
+      "and set aside. A checkpoint file that is named is taken as it is, or refused.\n"
+      "Settings that may change (--set):\n" +
+      resumable_settings() +
+      "Examples:\n"
+      "  gigastep resume runs/first\n"
+      "  gigastep resume runs/first --set train.total_agent_steps=2e9");
+  command->callback(
+      [options, &dispatch] { dispatch.run = [options, &dispatch] { dispatch.exit_code = resume(*options); }; });
+}
+
+}  // namespace giga

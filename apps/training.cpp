@@ -1,0 +1,353 @@
+// The training loop.
+#include "apps/training.hpp"
+
+#include <chrono>
+#include <cmath>
+#include <ctime>
+#include <iostream>
+#include <limits>
+
+#include "apps/evaluation.hpp"
+#include "apps/program_info.hpp"
+#include "apps/stop_request.hpp"
+#include "core/error.hpp"
+#include "cuda/runtime.hpp"
+#include "cuda/sensors.hpp"
+#include "io/host_info.hpp"
+#include "io/number.hpp"
+#include "io/progress.hpp"
+#include "io/state_hash.hpp"
+#include "io/tensorboard.hpp"
+#include "report/report.hpp"
+
+namespace giga {
+namespace {
+
+class Stopwatch {
+ public:
+  double seconds() const { return std::chrono::duration<double>(Clock::now() - start_).count(); }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  Clock::time_point start_ = Clock::now();
+};
+
+/// Runs `f` and gives the seconds that it took.
+template <class F>
+double timed(F&& f) {
+  const Stopwatch watch;
+  f();
+  return watch.seconds();
+}
+
+double value_of(const Metrics& metrics, const std::string& name) {
+  for (const auto& [key, value] : metrics)
+    if (key == name) return value;
+  return std::numeric_limits<double>::quiet_NaN();
+}
+
+constexpr std::chrono::seconds kTextCadence{10};
+
+TerminalStyle style_of(bool color) {
+  TerminalStyle style = terminal_style();
+  style.color = style.color && color;
+  return style;
+}
+
+/// The weaker team's mean win rate over the opponents; -1 where nobody was evaluated.
+double evaluation_score(const std::vector<TeamResult>& results) {
+  double score = std::numeric_limits<double>::infinity();
+  for (int team = 0; team < kNTeams; ++team) {
+    double sum = 0;
+    int count = 0;
+    for (const TeamResult& r : results) {
+      if (r.team != team) continue;
+      sum += r.share(r.wins());
+      ++count;
+    }
+    if (count > 0) score = std::min(score, sum / count);
+  }
+  return std::isfinite(score) ? score : -1;
+}
+
+class Training {
+ public:
+  Training(const RunFolder& folder, TrainingSetup setup);
+
+  /// A new run: opens its files and keeps its state before the first update.
+  void start();
+  /// Goes on from a checkpoint: cuts off what the files say of later updates.
+  void go_on(const Checkpoint& from);
+  /// All updates that are left; returns the exit code.
+  int run();
+
+ private:
+  void update();
+  MetricsRow row(double seconds, double evaluation_seconds, const Metrics& metrics, bool evaluated) const;
+  void write_row(const MetricsRow& row);
+  void save(bool is_best);
+  void show(const Metrics& metrics);
+  [[noreturn]] void fail_diverged(const Divergence& what);
+  int exit_code_of_stop() const;
+  int stop_early(int code);
+  void write_final_report();
+  Checkpoint checkpoint() const;
+  double total_seconds() const { return cursor_.seconds + watch_.seconds(); }
+  bool is_due(int every) const {
+    const int64_t update = learner_->updates_done();
+    return update == n_updates_ || (every > 0 && update % every == 0);
+  }
+
+  const Stopwatch watch_;  // of this process
+  const LoadedRun run_;
+  const RunConfig& config_;
+  const Device device_;
+  const RunFolder& folder_;
+  const std::unique_ptr<Learner> learner_;
+  const int64_t n_updates_, steps_per_update_;
+  Logger log_;
+  Progress progress_;
+  ProgressState state_;
+  std::optional<GpuSensors> sensors_;  // of a GPU
+  std::optional<MetricsCsv> csv_;
+  std::optional<TensorBoardEvents> events_;
+
+  RunCursor cursor_;                 // seconds: of earlier processes
+  int64_t first_update_ = 0;         // that this process does, less one
+  int64_t saved_update_ = -1;        // of the newest checkpoint
+  std::vector<TeamResult> results_;  // of the latest evaluation
+  double update_seconds_ = 0, checkpoint_seconds_ = 0;
+  double sensors_read_at_ = -1;
+};
+
+Training::Training(const RunFolder& folder, TrainingSetup setup)
+    : run_(std::move(setup.run)),
+      config_(run_.config),
+      device_(setup.device),
+      folder_(folder),
+      learner_(std::move(setup.learner)),
+      n_updates_(total_updates(config_, run_.spec.params.n_agents)),
+      steps_per_update_(agent_steps_per_update(config_, run_.spec.params.n_agents)),
+      log_(folder.log_file(), setup.quiet ? Logger::Console::quiet : Logger::Console::all),
+      progress_(log_, progress_mode(setup.quiet), kTextCadence, style_of(setup.color)) {
+  state_.title = cat(config_.scenario, ", ", config_.train.algorithm, ", seed ", config_.seed, ", ", device_.name());
+  if (device_.is_cuda()) {
+    sensors_.emplace(device_.index);
+    state_.title += cat(" (", cuda_device_info(device_.index).name, ")");
+  }
+  state_.folder = folder_.path().string();
+  state_.n_updates = n_updates_;
+  state_.total_agent_steps = n_updates_ * steps_per_update_;
+  if (folder_.lock().stale_owner())
+    log_.info("took over the run folder from " + *folder_.lock().stale_owner() + ", which is gone");
+}
+
+void Training::start() {
+  const auto now = static_cast<double>(std::time(nullptr));
+  csv_.emplace(folder_.metrics_file());
+  events_.emplace(TensorBoardEvents::create(folder_.events_file(), now));
+  std::vector<std::string> goals;
+  for (const auto& [name, value] : evaluation_metrics(config_, {}))
+    if (name.starts_with("win_rate")) goals.push_back(tensorboard_tag(name));
+  const std::string yaml = print_yaml(config_, false);
+  events_->hyper_parameters(flat_hyper_parameters(parse_yaml_text(yaml, "config").root), goals, now);
+  events_->text("config", "```yaml\n" + yaml + "```", 0, now);
+  events_->text("scenario", "```yaml\n" + print_yaml(run_.scenario, false) + "```", 0, now);
+  log_.info(cat("training ", config_.scenario, " with ", config_.train.algorithm, " on ", device_.name(), ": ",
+                n_updates_, " updates of ", print_short(static_cast<double>(steps_per_update_)),
+                " agent-steps, results in ", folder_.path().string()));
+  save(false);
+}
+
+void Training::go_on(const Checkpoint& from) {
+  cursor_ = from.cursor;
+  first_update_ = saved_update_ = from.updates;
+  csv_.emplace(folder_.metrics_file(), cursor_.metrics_bytes);
+  events_.emplace(TensorBoardEvents::resume(folder_.events_file(), cursor_.events_bytes));
+  log_.info(cat("going on after update ", from.updates, " of ", n_updates_, " on ", device_.name(), ", state ",
+                state_sha256(from.arrays).substr(0, 16), "..., results in ", folder_.path().string()));
+}
+
+int Training::run() {
+  const StopRequest signals;
+  while (learner_->updates_done() < n_updates_) {
+    if (const int code = exit_code_of_stop()) return stop_early(code);
+    update();
+  }
+  progress_.finish();
+  log_.note(cat("done after ", total_seconds(), " s"));
+  events_->session_end(true, static_cast<double>(std::time(nullptr)));
+  write_final_report();
+  std::cout << results_table(results_) << "evaluate it: " << program_command() << " eval "
+            << shell_word(folder_.path().string()) << " --vs circle" << std::endl;
+  return 0;
+}
+
+void Training::update() {
+  Metrics metrics;
+  update_seconds_ = timed([&] { metrics = learner_->update(); });
+  if (const auto divergence = learner_->divergence()) fail_diverged(*divergence);
+
+  // All below is diagnostics: nothing here changes what is learned.
+  if (learner_->updates_done() == first_update_ + 1)
+    log_.note(cat("first update done ", watch_.seconds(), " s after the start"));
+  const bool evaluates = is_due(config_.eval.every_updates);
+  double evaluation_seconds = 0;
+  if (evaluates) evaluation_seconds = timed([&] { results_ = evaluate(run_, device_, *learner_); });
+  write_row(row(total_seconds(), evaluation_seconds, metrics, evaluates));
+  if (evaluates) log_.note(cat("evaluation after update ", learner_->updates_done(), ":\n", results_table(results_)));
+
+  const double score = evaluates ? evaluation_score(results_) : -1;
+  const bool is_best = config_.checkpoint.keep_best && score > cursor_.best_score;
+  if (is_best) {
+    cursor_.best_score = score;
+    cursor_.best_updates = learner_->updates_done();
+  }
+  checkpoint_seconds_ = 0;
+  if (is_best || is_due(config_.checkpoint.every_updates)) checkpoint_seconds_ = timed([&] { save(is_best); });
+
+  const UpdateTimes times = learner_->times();
+  state_.time.rollout += times.rollout;
+  state_.time.update += times.learning;
+  state_.time.evaluation += evaluation_seconds;
+  state_.time.rest = watch_.seconds() - state_.time.rollout - state_.time.update - state_.time.evaluation;
+  show(metrics);
+}
+
+MetricsRow Training::row(double seconds, double evaluation_seconds, const Metrics& metrics, bool evaluated) const {
+  const UpdateTimes times = learner_->times();
+  MetricsRow row = {{"update", static_cast<double>(learner_->updates_done())},
+                    {"agent_steps", static_cast<double>(learner_->agent_steps_done())},
+                    {"seconds", seconds},
+                    {"update_seconds", update_seconds_},
+                    {"rollout_seconds", times.rollout},
+                    {"learning_seconds", times.learning},
+                    {"evaluation_seconds", evaluation_seconds},
+                    {"checkpoint_seconds", checkpoint_seconds_},
+                    {"agent_steps_per_second", static_cast<double>(steps_per_update_) / update_seconds_}};
+  row.insert(row.end(), metrics.begin(), metrics.end());
+  const MetricsRow evaluation = evaluation_metrics(config_, evaluated ? results_ : std::vector<TeamResult>());
+  row.insert(row.end(), evaluation.begin(), evaluation.end());
+  return row;
+}
+
+void Training::write_row(const MetricsRow& row) {
+  csv_->write(row);
+  events_->scalars(learner_->updates_done(), static_cast<double>(std::time(nullptr)), row);
+}
+
+Checkpoint Training::checkpoint() const {
+  Checkpoint c;
+  c.gigastep_version = program_version();
+  c.scenario_name = config_.scenario;
+  c.config_yaml = print_yaml(config_, true);
+  c.scenario_yaml = print_scenario(run_.scenario);
+  c.updates = learner_->updates_done();
+  c.agent_steps = learner_->agent_steps_done();
+  c.seed = config_.seed;
+  c.cursor = cursor_;
+  c.cursor.seconds = total_seconds();
+  c.cursor.metrics_bytes = csv_->size();
+  c.cursor.events_bytes = events_->size();
+  learner_->save(c.arrays);
+  return c;
+}
+
+void Training::save(bool is_best) {
+  // First what the checkpoint counts on: the rows up to here.
+  csv_->flush_to_disk();
+  events_->flush_to_disk();
+  folder_.save(checkpoint(), config_.checkpoint.keep, is_best);
+  saved_update_ = learner_->updates_done();
+}
+
+void Training::show(const Metrics& metrics) {
+  ProgressState& s = state_;
+  const int64_t done = learner_->updates_done() - first_update_;
+  const double speed = static_cast<double>(steps_per_update_) / update_seconds_;
+  s.agent_steps_per_second = s.agent_steps_per_second > 0 ? 0.9 * s.agent_steps_per_second + 0.1 * speed : speed;
+  s.update = learner_->updates_done();
+  s.agent_steps = learner_->agent_steps_done();
+  s.seconds = total_seconds();
+  s.seconds_left = watch_.seconds() / static_cast<double>(done) * static_cast<double>(n_updates_ - s.update);
+  for (int team = 0; team < kNTeams; ++team) {
+    const auto figure = [&](const char* name) { return value_of(metrics, cat(name, "_", team)); };
+    TeamProgress& t = s.team[team];
+    t.learns = learner_->actor(team) != nullptr;
+    t.mean_return = figure("return");
+    t.policy_loss = figure("policy_loss");
+    t.value_loss = figure("value_loss");
+    t.entropy = figure("entropy");
+    t.approx_kl = figure("approx_kl");
+    t.explained_variance = figure("explained_variance");
+    t.win_rates.clear();
+    for (const TeamResult& r : results_)
+      if (r.team == team) t.win_rates.emplace_back(r.opponent, r.share(r.wins()));
+  }
+  if (sensors_ && (sensors_read_at_ < 0 || watch_.seconds() - sensors_read_at_ > 1)) {
+    const GpuReading gpu = sensors_->read();
+    s.memory_used = gpu.memory_used;
+    s.memory_total = gpu.memory_total;
+    s.gpu_temperature = gpu.temperature;
+    sensors_read_at_ = watch_.seconds();
+  }
+  progress_.show(s);
+}
+
+void Training::fail_diverged(const Divergence& what) {
+  progress_.finish();
+  Checkpoint dump = checkpoint();
+  learner_->save_batch(dump.arrays);
+  const std::filesystem::path file = folder_.path() / cat("diverged_update_", what.update, "_team_", what.team, ".h5");
+  write_checkpoint(file, dump);
+  const std::string when = what.minibatch > 0 ? cat(", minibatch ", what.minibatch) : "";
+  const std::string reason =
+      cat("training diverged: the ", what.tensor, " of team ", what.team, " held a NaN or an infinity at update ",
+          what.update, when, "; the batch is in ", file.string(), ", the last good checkpoint is ",
+          folder_.checkpoint_file(saved_update_).string());
+  log_.error(reason);
+  throw Error(reason, ErrorKind::diverged);
+}
+
+int Training::exit_code_of_stop() const {
+  if (const int signal = StopRequest::signal()) return 128 + signal;
+  const auto& limit = config_.train.max_wall_time;
+  return limit && watch_.seconds() >= limit->seconds ? kOutOfTime : 0;
+}
+
+int Training::stop_early(int code) {
+  progress_.finish();
+  if (saved_update_ != learner_->updates_done()) save(false);
+  const std::string reason = code == kOutOfTime ? "train.max_wall_time is over" : signal_name(code - 128);
+  log_.info(cat("stopped after update ", learner_->updates_done(), " of ", n_updates_, " (", reason,
+                "), the state is saved; to go on: ", program_command(), " resume ",
+                shell_word(folder_.path().string())));
+  write_final_report();
+  return code;
+}
+
+void Training::write_final_report() {
+  if (learner_->updates_done() == 0) return;  // no figures yet
+  if (const std::string obstacle = report_obstacle(); !obstacle.empty())
+    return log_.note("no report.html: " + obstacle);
+  write_report({folder_.path()}, folder_.report_file(), list_fields<RunConfig>());
+}
+
+}  // namespace
+
+int train_in(const RunFolder& folder, TrainingSetup setup) {
+  const Checkpoint* from = setup.from;
+  Training training(folder, std::move(setup));
+  from ? training.go_on(*from) : training.start();
+  return training.run();
+}
+
+Json run_info(const LoadedRun& run, Device device) {
+  Json info = Json::object();
+  info.set("scenario", run.config.scenario).set("algorithm", run.config.train.algorithm).set("seed", run.config.seed);
+  info.set("started", utc_now()).set("command_line", command_line());
+  info.set("versions", version_info()).set("hardware", hardware_info(device));
+  return info;
+}
+
+}  // namespace giga

@@ -1,0 +1,30 @@
+// Training: a run from its next update to its end, with all that is kept of it: figures, messages, checkpoints.
+#pragma once
+
+#include <memory>
+
+#include "io/run_folder.hpp"
+#include "learn/learner.hpp"
+
+namespace giga {
+
+/// Exit codes of a run that was stopped before its end with its state saved: 128 + the signal, or this one when
+/// train.max_wall_time was over.
+constexpr int kOutOfTime = 124;
+
+struct TrainingSetup {
+  LoadedRun run;
+  Device device;
+  std::unique_ptr<Learner> learner;  ///< new, or with the state of `from`
+  const Checkpoint* from = nullptr;  ///< null: a new run
+  bool quiet = false, color = true;  ///< of what is shown on the terminal
+};
+
+/// Trains until the run is complete (returns 0) or is asked to stop. Throws Error of kind `diverged` where a number was
+/// not finite, and any other Error where a file could not be written; the last checkpoint is whole then.
+int train_in(const RunFolder& folder, TrainingSetup setup);
+
+/// What run.json and resume_NNN.json hold.
+Json run_info(const LoadedRun& run, Device device);
+
+}  // namespace giga

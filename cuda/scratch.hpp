@@ -1,0 +1,28 @@
+// Where the CUDA back end keeps the scratch of a world: in shared memory, or in global memory where it is too large.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "core/host_device.hpp"
+#include "sim/world.hpp"
+
+namespace giga {
+
+constexpr size_t kSharedLimit = 48 << 10;  // beyond it a world's scratch lies in global memory
+
+/// Bytes of the working copy of the agents' state, in front of a world's scratch in shared memory.
+GIGA_HD size_t working_copy_bytes(int n_agents) {
+  const size_t n = static_cast<size_t>(n_agents);
+  return (n * (6 * sizeof(float) + 1 + n) + 15) & ~size_t{15};
+}
+
+/// Bytes of shared memory that a world takes where its scratch lies there.
+inline size_t shared_bytes(const SimParams& p) { return ScratchLayout(p).size + working_copy_bytes(p.n_agents); }
+
+/// Bytes of global memory for the scratch of `n_worlds` worlds; 0 = shared memory holds it.
+inline size_t global_scratch_bytes(const SimParams& p, int64_t n_worlds) {
+  return shared_bytes(p) > kSharedLimit ? ScratchLayout(p).size * static_cast<size_t>(n_worlds) : 0;
+}
+
+}  // namespace giga

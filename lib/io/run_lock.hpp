@@ -1,0 +1,34 @@
+// RunLock: keeps a second process out of a run folder.
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+
+namespace giga {
+
+class File;
+
+/// Holds the file `lock` of a folder while it lives. The system releases it when the process ends, however it ends, so
+/// what a killed process left is known as stale: its file is there, but nobody holds it.
+class RunLock {
+ public:
+  /// Throws InputError with the process that holds it, or where the folder cannot be written.
+  explicit RunLock(const std::filesystem::path& folder);
+  ~RunLock();
+  RunLock(RunLock&&) noexcept;
+  RunLock& operator=(RunLock&&) = delete;
+
+  /// Who left the lock without taking it back ("process 4711 on host, since ..."); nothing where nobody did.
+  const std::optional<std::string>& stale_owner() const { return stale_owner_; }
+
+ private:
+  std::unique_ptr<File> file_;
+  std::optional<std::string> stale_owner_;
+};
+
+/// Who holds the lock of a folder now; nothing where nobody does.
+std::optional<std::string> lock_owner(const std::filesystem::path& folder);
+
+}  // namespace giga

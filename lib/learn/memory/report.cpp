@@ -1,0 +1,82 @@
+#include "learn/memory/report.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "core/error.hpp"
+
+namespace giga {
+namespace {
+
+template <class... Args>
+std::string format(const char* pattern, const Args&... args) {
+  char text[512];
+  std::snprintf(text, sizeof text, pattern, args...);
+  return text;
+}
+
+std::string advice(int64_t n_worlds) {
+  if (n_worlds == 0)
+    return "not even one world fits with these settings: smaller networks or a shorter horizon take less";
+  return cat("the largest train.n_worlds that fits is ", n_worlds);
+}
+
+}  // namespace
+
+std::string print_bytes(int64_t bytes) {
+  static constexpr const char* kUnits[] = {"B", "KiB", "MiB", "GiB", "TiB"};
+  double value = static_cast<double>(bytes);
+  size_t unit = 0;
+  for (; value >= 1023.5 && unit + 1 < std::size(kUnits); ++unit) value /= 1024;
+  const int decimals = unit == 0 || value >= 99.95 ? 0 : value >= 9.995 ? 1 : 2;
+  return format("%.*f %s", decimals, value, kUnits[unit]);
+}
+
+std::string plan_table(const LoadedRun& run, Device device, const MemorySpace& space) {
+  const MemoryPlan plan = plan_memory(run, device);
+  const int64_t total = plan.total();
+  std::string table = format("%-46s %10s %7s %12s  %s\n", "item", "memory", "share", "per world", "what it is");
+  for (const MemoryItem& item : plan.items)
+    table += format("%-46s %10s %6.1f%% %12s  %s\n", item.name.c_str(), print_bytes(item.bytes).c_str(),
+                    100 * static_cast<double>(item.bytes) / static_cast<double>(total),
+                    item.bytes_per_world > 0 ? print_bytes(item.bytes_per_world).c_str() : "-", item.note.c_str());
+  table += format("%-46s %10s\n", "total", print_bytes(total).c_str());
+  table += cat("\n", device.name(), ": ", print_bytes(space.free), " free of ", print_bytes(space.total),
+               "; train.n_worlds ", run.config.train.n_worlds, total <= space.free ? " fits" : " does not fit", "\n",
+               advice(largest_n_worlds(run, device, space.free)), "\n");
+  return table;
+}
+
+Json plan_json(const LoadedRun& run, Device device, const MemorySpace& space) {
+  const MemoryPlan plan = plan_memory(run, device);
+  Json items = Json::array();
+  for (const MemoryItem& item : plan.items) {
+    Json entry = Json::object();
+    entry.set("name", item.name).set("bytes", item.bytes).set("bytes_per_world", item.bytes_per_world);
+    items.push(std::move(entry.set("note", item.note)));
+  }
+  Json json = Json::object();
+  json.set("device", device.name()).set("n_worlds", run.config.train.n_worlds).set("items", std::move(items));
+  json.set("total_bytes", plan.total()).set("device_bytes", space.total).set("free_bytes", space.free);
+  json.set("fits", plan.total() <= space.free);
+  json.set("largest_n_worlds", largest_n_worlds(run, device, space.free));
+  return json;
+}
+
+void check_fits(const LoadedRun& run, Device device, const MemorySpace& space) {
+  MemoryPlan plan = plan_memory(run, device);
+  const int64_t total = plan.total();
+  if (total <= space.free) return;
+  const size_t named = std::min<size_t>(3, plan.items.size());
+  std::partial_sort(plan.items.begin(), plan.items.begin() + static_cast<std::ptrdiff_t>(named), plan.items.end(),
+                    [](const MemoryItem& a, const MemoryItem& b) { return a.bytes > b.bytes; });
+  std::string largest;
+  for (size_t k = 0; k < named; ++k)
+    largest += cat(k ? ", " : "", plan.items[k].name, " ", print_bytes(plan.items[k].bytes));
+  throw InputError(cat("train.n_worlds: ", run.config.train.n_worlds, " needs ", print_bytes(total), " of memory on ",
+                       device.name(), ", which has ", print_bytes(space.free), " free of ", print_bytes(space.total),
+                       "\n  most of it: ", largest, "\n  ", advice(largest_n_worlds(run, device, space.free))));
+}
+
+}  // namespace giga

@@ -1,0 +1,26 @@
+// A MemoryPlan for people and for programs, and the refusal of runs that do not fit.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "io/host_memory.hpp"
+#include "io/json.hpp"
+#include "learn/memory/plan.hpp"
+
+namespace giga {
+
+/// A table: each item with its bytes, share and bytes per world; the total; the device's memory; whether it fits; the
+/// largest train.n_worlds.
+std::string plan_table(const LoadedRun& run, Device device, const MemorySpace& space);
+/// The same figures, in bytes.
+Json plan_json(const LoadedRun& run, Device device, const MemorySpace& space);
+
+/// Throws InputError where the run needs more than is free: what it needs, what is free, the largest items, and the
+/// largest train.n_worlds that fits.
+void check_fits(const LoadedRun& run, Device device, const MemorySpace& space);
+
+/// "1.50 GiB".
+std::string print_bytes(int64_t bytes);
+
+}  // namespace giga

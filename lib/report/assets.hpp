@@ -1,0 +1,13 @@
+// The files that a page is made of, inside the program (cmake/Embed.cmake writes the definition).
+#pragma once
+
+#include <optional>
+#include <string_view>
+
+namespace giga {
+
+/// page.html, page.css, chart.js, sections.js, page.js; dygraph.js, dygraph.css and dygraph.license where the library
+/// was found at build time. Nothing for other names.
+std::optional<std::string_view> report_asset(std::string_view name);
+
+}  // namespace giga

@@ -1,0 +1,205 @@
+// Grouping and thinning.
+#include "report/curves.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <set>
+
+#include "core/error.hpp"
+
+namespace giga {
+namespace {
+
+constexpr size_t kMostPoints = 2000, kFewestPoints = 200;
+constexpr size_t kNumbersOnPage = 400'000;  // at about 8 bytes each
+constexpr size_t kSettingsInLabel = 3;
+
+/// Whether a setting has no part in what is learned.
+bool is_run_time_setting(const std::string& path) {
+  return path == "seed" || path == "device" || path == "train.n_threads" || path.starts_with("checkpoint.");
+}
+
+Settings learning_settings(const Node& config, std::string (*print)(const Node&) = print_node) {
+  Settings settings = flatten(config, print);
+  std::erase_if(settings, [](const auto& entry) { return is_run_time_setting(entry.first); });
+  return settings;
+}
+
+bool same_config(const RunData& a, const RunData& b) {
+  return learning_settings(a.config) == learning_settings(b.config) && flatten(a.scenario) == flatten(b.scenario);
+}
+
+/// Rows [begin, end) of a metrics file.
+struct RowRange {
+  size_t begin, end;
+};
+
+/// Mean, least and greatest of a column over some rows of all runs.
+void add_point(Curve& curve, const std::vector<const RunData*>& runs, RowRange rows) {
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  double sum = 0, low = kInfinity, high = -kInfinity;
+  size_t count = 0;
+  for (const RunData* run : runs) {
+    const std::vector<double>* column = run->metrics.find(curve.name);
+    if (!column) continue;
+    for (size_t row = rows.begin; row < std::min(rows.end, column->size()); ++row) {
+      const double value = (*column)[row];
+      if (std::isnan(value)) continue;
+      sum += value;
+      low = std::min(low, value);
+      high = std::max(high, value);
+      ++count;
+    }
+  }
+  constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+  curve.mean.push_back(count ? sum / static_cast<double>(count) : kNone);
+  curve.low.push_back(count ? low : kNone);
+  curve.high.push_back(count ? high : kNone);
+}
+
+/// Mean of `seconds` in a row over the runs that have come so far.
+double mean_seconds(const std::vector<const RunData*>& runs, size_t row) {
+  double sum = 0;
+  int count = 0;
+  for (const RunData* run : runs) {
+    if (row >= run->metrics.rows()) continue;
+    sum += (*run->metrics.find("seconds"))[row];
+    ++count;
+  }
+  return sum / count;
+}
+
+const RunData& longest(const std::vector<const RunData*>& runs) {
+  return **std::max_element(runs.begin(), runs.end(),
+                            [](const RunData* a, const RunData* b) { return a->metrics.rows() < b->metrics.rows(); });
+}
+
+void check_same_steps(const std::vector<const RunData*>& runs) {
+  const std::vector<double>& expected = *longest(runs).metrics.find("agent_steps");
+  for (const RunData* run : runs) {
+    const std::vector<double>& steps = *run->metrics.find("agent_steps");
+    for (size_t row = 0; row < steps.size(); ++row)
+      if (steps[row] != expected[row])
+        throw InputError(cat("the runs ", run->name, " and ", longest(runs).name, " have the same config, but in row ",
+                             row + 1, " of metrics.csv agent_steps is ", steps[row], " and ", expected[row]));
+  }
+}
+
+void make_curves(RunGroup& group, size_t max_points) {
+  check_same_steps(group.runs);
+  const std::vector<double>& steps = *longest(group.runs).metrics.find("agent_steps");
+  const size_t n_rows = steps.size();
+  group.rows_per_point = (n_rows + max_points - 1) / max_points;
+  std::vector<RowRange> points;
+  for (size_t begin = 0; begin < n_rows; begin += group.rows_per_point)
+    points.push_back({begin, std::min(begin + group.rows_per_point, n_rows)});
+
+  double latest = 0;  // a run that stopped early leaves the mean, which must not run back
+  for (const RowRange rows : points) {
+    group.agent_steps.push_back(steps[rows.end - 1]);
+    latest = std::max(latest, mean_seconds(group.runs, rows.end - 1));
+    group.seconds.push_back(latest);
+  }
+  for (const RunData* run : group.runs) {
+    for (const std::string& name : run->metrics.names) {
+      if (name == "update" || name == "agent_steps" || name == "seconds" || group.find(name)) continue;
+      Curve curve{name, {}, {}, {}};
+      for (const RowRange rows : points) add_point(curve, group.runs, rows);
+      const bool known = std::any_of(curve.mean.begin(), curve.mean.end(), [](double v) { return !std::isnan(v); });
+      if (known) group.curves.push_back(std::move(curve));
+    }
+  }
+}
+
+std::vector<std::string> differing_keys(const std::vector<Settings>& all) {
+  std::vector<std::string> keys;
+  std::set<std::string> seen;
+  for (const Settings& settings : all) {
+    for (const auto& [path, value] : settings) {
+      if (!seen.insert(path).second) continue;
+      const bool same = std::all_of(all.begin(), all.end(), [&, &key = path, &first = value](const Settings& other) {
+        return setting(other, key) == first;
+      });
+      if (!same) keys.push_back(path);
+    }
+  }
+  return keys;
+}
+
+/// The settings of each group in which any two differ: of the configs, and where these are all the same, of the
+/// scenarios.
+std::vector<Settings> distinguishing_settings(const std::vector<RunGroup>& groups) {
+  std::vector<Settings> configs, scenarios;
+  for (const RunGroup& group : groups) {
+    configs.push_back(learning_settings(group.runs.front()->config, plain_text));
+    scenarios.push_back(flatten(group.runs.front()->scenario, plain_text));
+  }
+  const bool same_configs = differing_keys(configs).empty();
+  return same_configs ? scenarios : configs;
+}
+
+std::string last_part(const std::string& path) { return path.substr(path.rfind('.') + 1); }
+
+/// "gamma=0.99, horizon=32 and 4 more".
+std::string label_of(const Settings& settings, const std::vector<std::string>& keys) {
+  std::string label;
+  for (size_t k = 0; k < std::min(keys.size(), kSettingsInLabel); ++k) {
+    const std::string name = last_part(keys[k]);
+    const auto same_name =
+        std::count_if(keys.begin(), keys.end(), [&](const auto& key) { return last_part(key) == name; });
+    const std::string value = setting(settings, keys[k]);
+    label += cat(k ? ", " : "", same_name > 1 ? keys[k] : name, "=", value.empty() ? "-" : value);
+  }
+  if (keys.size() > kSettingsInLabel) label += cat(" and ", keys.size() - kSettingsInLabel, " more");
+  return label;
+}
+
+void label_groups(std::vector<RunGroup>& groups) {
+  if (groups.size() == 1) {
+    groups[0].label = setting(flatten(groups[0].runs.front()->config, plain_text), "scenario");
+    return;
+  }
+  const std::vector<Settings> settings = distinguishing_settings(groups);
+  const std::vector<std::string> keys = differing_keys(settings);
+  for (size_t k = 0; k < groups.size(); ++k) {
+    groups[k].letter = k < 26 ? std::string(1, static_cast<char>('A' + k)) : std::to_string(k + 1);
+    groups[k].label = label_of(settings[k], keys);
+  }
+}
+
+}  // namespace
+
+const Curve* RunGroup::find(const std::string& name) const {
+  const auto at = std::find_if(curves.begin(), curves.end(), [&](const Curve& curve) { return curve.name == name; });
+  return at == curves.end() ? nullptr : &*at;
+}
+
+std::vector<RunGroup> group_runs(const std::vector<RunData>& runs, size_t max_points) {
+  GIGA_CHECK(max_points > 0, "no points");
+  std::vector<RunGroup> groups;
+  for (const RunData& run : runs) {
+    const auto group = std::find_if(groups.begin(), groups.end(),
+                                    [&](const RunGroup& g) { return same_config(*g.runs.front(), run); });
+    if (group == groups.end()) {
+      groups.emplace_back().runs = {&run};
+    } else {
+      group->runs.push_back(&run);
+    }
+  }
+  for (RunGroup& group : groups) make_curves(group, max_points);
+  if (!groups.empty()) label_groups(groups);
+  return groups;
+}
+
+size_t points_for(const std::vector<RunData>& runs) {
+  size_t numbers = 1;  // of one point of all curves: mean, low and high
+  for (const RunGroup& group : group_runs(runs, 1)) numbers += 3 * group.curves.size();
+  return std::clamp(kNumbersOnPage / numbers, kFewestPoints, kMostPoints);
+}
+
+std::vector<std::string> differing_settings(const std::vector<RunGroup>& groups) {
+  return differing_keys(distinguishing_settings(groups));
+}
+
+}  // namespace giga

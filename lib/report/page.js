@@ -1,0 +1,47 @@
+// Draws the page from its data and connects its controls.
+
+function usesDark() { return document.documentElement.dataset.theme === "dark"; }
+
+function setTheme(dark) {
+  document.documentElement.dataset.theme = dark ? "dark" : "light";
+  document.getElementById("theme").textContent = dark ? "Light" : "Dark";
+}
+
+function connectControls(charts) {
+  const reset = document.getElementById("reset"), smoothing = document.getElementById("smoothing");
+  charts.onZoom = zoomed => { reset.hidden = !zoomed; };
+  reset.addEventListener("click", () => charts.zoom(null));
+  document.getElementById("axis").addEventListener("change", event => charts.setAxis(event.target.value));
+  document.getElementById("colour").hidden = charts.groups.length < 2;
+  document.getElementById("colour").addEventListener("change", event => {
+    charts.colour = event.target.value;
+    charts.redraw();
+  });
+  smoothing.addEventListener("input", () => {
+    charts.reach = Number(smoothing.value);
+    document.getElementById("smoothing-text").textContent =
+      charts.reach ? `mean of ${2 * charts.reach + 1} points` : "off";
+    charts.redraw();
+  });
+  document.getElementById("theme").addEventListener("click", () => {
+    setTheme(!usesDark());
+    charts.redraw();
+  });
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", event => {
+    setTheme(event.matches);
+    charts.redraw();
+  });
+}
+
+function drawPage() {
+  const data = JSON.parse(document.getElementById("report-data").textContent);
+  setTheme(matchMedia("(prefers-color-scheme: dark)").matches);
+  document.getElementById("written").textContent = "Written " + data.written.replace("T", " ").replace("Z", " UTC");
+  document.getElementById("library-version").textContent = Dygraph.VERSION;
+  const charts = new ReportCharts(data.groups), parent = document.getElementById("sections");
+  for (const section of data.sections) drawSection(parent, section, charts);
+  connectControls(charts);
+  return charts;
+}
+
+const reportCharts = drawPage();

@@ -1,0 +1,113 @@
+// Putting the page together.
+#include "report/report.hpp"
+
+#include <map>
+#include <string_view>
+
+#include "core/error.hpp"
+#include "io/files.hpp"
+#include "io/host_info.hpp"
+#include "report/assets.hpp"
+#include "report/curves.hpp"
+#include "report/sections.hpp"
+
+namespace giga {
+namespace fs = std::filesystem;
+namespace {
+
+std::string asset(const char* name) {
+  const std::optional<std::string_view> bytes = report_asset(name);
+  GIGA_CHECK(bytes, "no file ", name, " in the program");
+  return std::string(*bytes);
+}
+
+void replace_all(std::string& text, std::string_view from, std::string_view to) {
+  for (size_t at = 0; (at = text.find(from, at)) != std::string::npos; at += to.size())
+    text.replace(at, from.size(), to);
+}
+
+std::string escape_html(std::string text) {
+  replace_all(text, "&", "&amp;");
+  replace_all(text, "<", "&lt;");
+  replace_all(text, ">", "&gt;");
+  replace_all(text, "\"", "&quot;");
+  return text;
+}
+
+/// JSON inside a script element, which ends at the first "</script": in JSON a "<" stands only in texts.
+std::string json_for_script(const Json& json) {
+  std::string text = json.text();
+  replace_all(text, "<", "\\u003c");
+  return text;
+}
+
+/// The library with its licence before it, and without the line that makes a browser's debugger look for another file.
+std::string library_script() {
+  std::string script = asset("dygraph.js"), license = asset("dygraph.license");
+  if (const size_t at = script.rfind("//# sourceMappingURL"); at != std::string::npos) script.resize(at);
+  replace_all(license, "*/", "* /");
+  return "/*! " + license + "*/\n" + script;
+}
+
+std::string library_style() {
+  std::string style = asset("dygraph.css");
+  if (const size_t at = style.rfind("/*# sourceMappingURL"); at != std::string::npos) style.resize(at);
+  return style;
+}
+
+/// Puts texts in the places {{name}} of a template; what is put in is not looked at again.
+std::string fill(const std::string& page, const std::map<std::string, std::string>& texts) {
+  std::string out;
+  for (size_t at = 0;;) {
+    const size_t begin = page.find("{{", at), end = page.find("}}", begin);
+    out += page.substr(at, begin == std::string::npos ? begin : begin - at);
+    if (begin == std::string::npos) return out;
+    const auto text = texts.find(page.substr(begin + 2, end - begin - 2));
+    GIGA_CHECK(text != texts.end(), "page.html has a place ", page.substr(begin, end + 2 - begin));
+    out += text->second;
+    at = end + 2;
+  }
+}
+
+std::string page_title(const std::vector<RunGroup>& groups) {
+  if (groups.size() == 1) return groups[0].label;
+  return cat(groups.size(), " configurations compared");
+}
+
+}  // namespace
+
+std::string report_obstacle() {
+  if (report_asset("dygraph.js")) return "";
+  return "this gigastep was built without dygraphs, which draws the charts of a report: install libjs-dygraphs "
+         "(Debian, "
+         "Ubuntu) or configure with -DGIGASTEP_DYGRAPHS=<folder of dygraph.min.js>, then build again";
+}
+
+std::string report_page(const std::vector<RunData>& runs, const std::vector<FieldInfo>& keys) {
+  GIGA_CHECK(!runs.empty(), "a report needs a run");
+  if (const std::string obstacle = report_obstacle(); !obstacle.empty()) throw Error(obstacle);
+  const std::vector<RunGroup> groups = group_runs(runs, points_for(runs));
+  Json data = Json::object();
+  data.set("title", page_title(groups)).set("written", utc_now());
+  data.set("groups", report_groups(groups)).set("sections", report_sections(groups, keys));
+  return fill(asset("page.html"), {{"title", escape_html(page_title(groups))},
+                                   {"style", library_style() + asset("page.css")},
+                                   {"data", json_for_script(data)},
+                                   {"library", library_script()},
+                                   {"script", asset("chart.js") + asset("sections.js") + asset("page.js")}});
+}
+
+void write_report(const std::vector<fs::path>& runs, const fs::path& out, const std::vector<FieldInfo>& keys) {
+  std::vector<RunData> all;
+  for (size_t k = 0; k < runs.size(); ++k) {
+    for (size_t j = 0; j < k; ++j) {
+      std::error_code code;
+      if (fs::equivalent(runs[j], runs[k], code))
+        throw InputError(cat("the run ", runs[k].string(), " is given twice"));
+    }
+    all.push_back(read_run(runs[k]));
+  }
+  write_file(out, report_page(all, keys));
+}
+
+}  // namespace giga

@@ -1,0 +1,27 @@
+// Reports: one page with the learning curves, figures and settings of one or several runs. It holds its data and all
+// that draws them, and asks nothing of the network.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "config/fields.hpp"
+#include "report/run_data.hpp"
+
+namespace giga {
+
+/// Why this program cannot write reports: the library that draws charts was not there when it was built. Empty where it
+/// can.
+std::string report_obstacle();
+
+/// The page of some runs (at least one). Runs that differ only in their seed become one curve. `keys` are the keys of a
+/// run config (`list_fields<RunConfig>()`): what is not the default is shown first. Throws Error where there is an
+/// obstacle.
+std::string report_page(const std::vector<RunData>& runs, const std::vector<FieldInfo>& keys);
+
+/// Reads run folders and writes their page. Throws InputError for folders that are no runs or are given twice.
+void write_report(const std::vector<std::filesystem::path>& runs, const std::filesystem::path& out,
+                  const std::vector<FieldInfo>& keys);
+
+}  // namespace giga

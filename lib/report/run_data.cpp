@@ -1,0 +1,143 @@
+// Reading of run folders.
+#include "report/run_data.hpp"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <limits>
+#include <string_view>
+
+#include "core/error.hpp"
+#include "io/files.hpp"
+
+namespace giga {
+namespace fs = std::filesystem;
+namespace {
+
+std::vector<std::string_view> split(std::string_view line) {
+  std::vector<std::string_view> fields;
+  for (size_t begin = 0;;) {
+    const size_t comma = line.find(',', begin);
+    fields.push_back(line.substr(begin, comma == std::string_view::npos ? comma : comma - begin));
+    if (comma == std::string_view::npos) return fields;
+    begin = comma + 1;
+  }
+}
+
+/// The complete lines of a text, without their ends.
+std::vector<std::string_view> complete_lines(std::string_view text) {
+  std::vector<std::string_view> lines;
+  for (size_t end; (end = text.find('\n')) != std::string_view::npos; text.remove_prefix(end + 1)) {
+    std::string_view line = text.substr(0, end);
+    if (line.ends_with('\r')) line.remove_suffix(1);
+    lines.push_back(line);
+  }
+  return lines;
+}
+
+double parse_figure(std::string_view field, const std::string& column, const std::string& at) {
+  if (field.empty()) return std::numeric_limits<double>::quiet_NaN();
+  double value = 0;
+  const auto [end, code] = std::from_chars(field.data(), field.data() + field.size(), value);
+  if (code != std::errc() || end != field.data() + field.size())
+    throw InputError(cat(at, ": column ", column, ": '", field, "' is not a number"));
+  return value;
+}
+
+void check_names(const std::vector<std::string>& names, const std::string& file) {
+  for (size_t k = 0; k < names.size(); ++k) {
+    if (names[k].empty()) throw InputError(cat(file, ":1: column ", k + 1, " has no name"));
+    if (std::find(names.begin(), names.begin() + static_cast<std::ptrdiff_t>(k), names[k]) !=
+        names.begin() + static_cast<std::ptrdiff_t>(k))
+      throw InputError(cat(file, ":1: the column ", names[k], " is there twice"));
+  }
+  for (const char* needed : {"agent_steps", "seconds"})
+    if (std::find(names.begin(), names.end(), needed) == names.end())
+      throw InputError(cat(file, ":1: there is no column ", needed));
+}
+
+/// The columns that charts run along: known in every row; agent-steps grow, time does not run back.
+void check_axes(const MetricsTable& table, const std::string& file) {
+  const std::vector<double>&steps = *table.find("agent_steps"), &seconds = *table.find("seconds");
+  for (size_t row = 0; row < table.rows(); ++row) {
+    const std::string at = cat(file, ":", row + 2);
+    if (!std::isfinite(steps[row]) || (row > 0 && steps[row] <= steps[row - 1]))
+      throw InputError(cat(at, ": agent_steps is ", steps[row], "; it must grow from row to row"));
+    if (!std::isfinite(seconds[row]) || (row > 0 && seconds[row] < seconds[row - 1]))
+      throw InputError(cat(at, ": seconds is ", seconds[row], "; it must not fall from row to row"));
+  }
+}
+
+Node read_map(const fs::path& file) {
+  Document document = parse_yaml_text(read_file(file), file.string());  // JSON is YAML
+  if (!document.root.is_map()) throw InputError(cat(file.string(), ":1: a map is needed here"));
+  return std::move(document.root);
+}
+
+using PrintNode = std::function<std::string(const Node&)>;
+
+void flatten_into(const Node& node, const std::string& path, const PrintNode& print, Settings& settings) {
+  if (!node.is_map() || node.entries.empty()) {
+    settings.emplace_back(path, print(node));
+    return;
+  }
+  for (const Node::Entry& entry : node.entries) flatten_into(entry.value, path + "." + entry.key, print, settings);
+}
+
+}  // namespace
+
+const std::vector<double>* MetricsTable::find(const std::string& name) const {
+  const auto at = std::find(names.begin(), names.end(), name);
+  return at == names.end() ? nullptr : &columns[static_cast<size_t>(at - names.begin())];
+}
+
+MetricsTable parse_metrics(const std::string& text, const std::string& file) {
+  const std::vector<std::string_view> lines = complete_lines(text);
+  if (lines.size() < 2) throw InputError(cat(file, ": there is no row yet: the run has not done its first update"));
+  MetricsTable table;
+  for (const std::string_view name : split(lines[0])) table.names.emplace_back(name);
+  check_names(table.names, file);
+  table.columns.resize(table.names.size());
+  for (size_t k = 1; k < lines.size(); ++k) {
+    const std::string at = cat(file, ":", k + 1);
+    const std::vector<std::string_view> fields = split(lines[k]);
+    if (fields.size() != table.names.size())
+      throw InputError(cat(at, ": ", fields.size(), " fields, but the header names ", table.names.size(), " columns"));
+    for (size_t c = 0; c < fields.size(); ++c) table.columns[c].push_back(parse_figure(fields[c], table.names[c], at));
+  }
+  check_axes(table, file);
+  return table;
+}
+
+RunData read_run(const fs::path& folder) {
+  std::error_code code;
+  if (!fs::is_directory(folder, code)) throw InputError(cat("there is no run folder ", folder.string()));
+  if (!fs::exists(folder / "metrics.csv", code))
+    throw InputError(cat("the folder ", folder.string(), " is not a run: it holds no metrics.csv"));
+  RunData run;
+  fs::path whole = fs::absolute(folder).lexically_normal();
+  if (!whole.has_filename()) whole = whole.parent_path();  // "runs/x/"
+  run.name = whole.filename().string();
+  run.config = read_map(folder / "config.yaml");
+  run.scenario = read_map(folder / "scenario.yaml");
+  run.info = read_map(folder / "run.json");
+  const fs::path metrics = folder / "metrics.csv";
+  run.metrics = parse_metrics(read_file(metrics), metrics.string());
+  return run;
+}
+
+Settings flatten(const Node& map, const PrintNode& print) {
+  Settings settings;
+  for (const Node::Entry& entry : map.entries) flatten_into(entry.value, entry.key, print, settings);
+  return settings;
+}
+
+std::string plain_text(const Node& node) { return node.is_scalar() ? node.text : print_node(node); }
+
+std::string setting(const Settings& settings, const std::string& path) {
+  for (const auto& [key, value] : settings)
+    if (key == path) return value;
+  return "";
+}
+
+}  // namespace giga

@@ -1,0 +1,51 @@
+// RunData: what a run folder says about its run, read back for a report.
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "config/document.hpp"
+
+namespace giga {
+
+/// metrics.csv by columns. NaN = an empty field.
+struct MetricsTable {
+  std::vector<std::string> names;
+  std::vector<std::vector<double>> columns;  ///< [names][rows]
+
+  size_t rows() const { return columns.empty() ? 0 : columns.front().size(); }
+  /// Values of a column; nullptr where there is none.
+  const std::vector<double>* find(const std::string& name) const;
+};
+
+struct RunData {
+  std::string name;  ///< of the folder
+  Node config;       ///< config.yaml: all keys
+  Node scenario;     ///< scenario.yaml: all keys
+  Node info;         ///< run.json
+  MetricsTable metrics;
+};
+
+/// Reads a run folder. A run that still goes on is fine: a last line that is not complete is left out. Throws
+/// InputError naming file and line where a file is missing or damaged, or no row is there yet.
+RunData read_run(const std::filesystem::path& folder);
+
+/// The same for the text of a metrics.csv; `file` is its name in messages. Columns agent_steps (growing) and seconds
+/// are needed.
+MetricsTable parse_metrics(const std::string& text, const std::string& file);
+
+/// Path ("train.n_worlds") and value (on one line, as YAML unless told otherwise) of every leaf of a map, in its order;
+/// lists and empty maps are leaves.
+using Settings = std::vector<std::pair<std::string, std::string>>;
+Settings flatten(const Node& map, const std::function<std::string(const Node&)>& print = print_node);
+
+/// A value for people: a text without the quotes of YAML.
+std::string plain_text(const Node& node);
+
+/// Value of a path; "" where there is none.
+std::string setting(const Settings& settings, const std::string& path);
+
+}  // namespace giga

@@ -1,0 +1,212 @@
+// What stands in a report: the figures, the charts and the tables.
+#include "report/sections.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <set>
+
+#include "core/error.hpp"
+#include "io/number.hpp"
+#include "report/charts.hpp"
+#include "report/tables.hpp"
+
+namespace giga {
+namespace {
+
+constexpr int kNTeams = 2;
+
+/// To 6 significant digits: more than a chart can show, and a third of the bytes.
+double rounded(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.6g", value);
+  return std::strtod(text, nullptr);
+}
+
+Json rounded_array(const std::vector<double>& values) {
+  Json list = Json::array();
+  for (const double value : values) list.push(rounded(value));
+  return list;
+}
+
+/// How the curves of a group are to be read.
+std::string reading_of(const RunGroup& group) {
+  const size_t n = group.runs.size();
+  std::string text = n > 1 ? cat("Line: mean of ", n, " seeds; band: smallest to largest") : "One run";
+  const bool uneven = std::any_of(group.runs.begin(), group.runs.end(), [&](const RunData* run) {
+    return run->metrics.rows() != group.runs.front()->metrics.rows();
+  });
+  if (uneven) text += "; seeds that have ended or not come so far are missing from the later points";
+  if (group.rows_per_point > 1)
+    text += cat("; each point stands for ", group.rows_per_point, " updates",
+                n > 1 ? "" : " (line: mean; band: smallest to largest)");
+  return text;
+}
+
+double last_known(const std::vector<double>& values) {
+  const auto last = std::find_if(values.rbegin(), values.rend(), [](double v) { return !std::isnan(v); });
+  return last == values.rend() ? std::nan("") : *last;
+}
+
+/// A team's share of the games of the last evaluation of each run: mean, least and greatest; null where there is none.
+Json last_win_rate(const RunGroup& group, const std::string& column) {
+  double sum = 0, low = 1, high = 0;
+  int count = 0;
+  for (const RunData* run : group.runs) {
+    const std::vector<double>* values = run->metrics.find(column);
+    const double rate = values ? last_known(*values) : std::nan("");
+    if (std::isnan(rate)) continue;
+    sum += rate;
+    low = std::min(low, rate);
+    high = std::max(high, rate);
+    ++count;
+  }
+  if (count == 0) return {};
+  return Json::object().set("mean", sum / count).set("low", low).set("high", high).set("runs", count);
+}
+
+/// Names of the opponents in columns win_rate_T_vs_NAME.
+std::vector<std::string> opponents_of(const RunGroup& group) {
+  std::vector<std::string> names;
+  static const std::string kStart = "win_rate_", kMiddle = "_vs_";
+  for (const Curve& curve : group.curves) {
+    const size_t middle = curve.name.find(kMiddle);
+    if (!curve.name.starts_with(kStart) || middle == std::string::npos) continue;
+    const std::string name = curve.name.substr(middle + kMiddle.size());
+    if (std::find(names.begin(), names.end(), name) == names.end()) names.push_back(name);
+  }
+  return names;
+}
+
+/// Win rates at the end.
+Json figures_section(const std::vector<RunGroup>& groups) {
+  Json list = Json::array();
+  for (const RunGroup& group : groups) {
+    Json results = Json::array();
+    for (const std::string& opponent : opponents_of(group)) {
+      Json teams = Json::array();
+      for (int team = 0; team < kNTeams; ++team)
+        teams.push(last_win_rate(group, cat("win_rate_", team, "_vs_", opponent)));
+      results.push(Json::object().set("opponent", opponent).set("teams", std::move(teams)));
+    }
+    const std::string episodes = setting(flatten(group.runs.front()->config), "eval.episodes");
+    list.push(Json::object()
+                  .set("label", title_of(group))
+                  .set("episodes", episodes)
+                  .set("facts", run_facts(group))
+                  .set("results", std::move(results)));
+  }
+  return Json::object().set("kind", "figures").set("title", "Final figures").set("groups", std::move(list));
+}
+
+Json chart_json(const Chart& chart) {
+  Json series = Json::array();
+  for (const ChartSeries& s : chart.series)
+    series.push(Json::object().set("label", s.label).set("column", s.column).set("team", s.team));
+  Json json = Json::object();
+  json.set("title", chart.title).set("note", chart.note);
+  json.set("range", chart.range ? Json::array().push(chart.range->first).push(chart.range->second) : Json());
+  return json.set("series", std::move(series));
+}
+
+std::vector<ColumnFacts> columns_of(const std::vector<RunGroup>& groups) {
+  std::vector<ColumnFacts> columns;
+  for (const RunGroup& group : groups) {
+    for (const Curve& curve : group.curves) {
+      const auto is_zero = [](double v) { return std::isnan(v) || v == 0; };
+      const bool all_zero = std::all_of(curve.low.begin(), curve.low.end(), is_zero) &&
+                            std::all_of(curve.high.begin(), curve.high.end(), is_zero);
+      const auto known =
+          std::find_if(columns.begin(), columns.end(), [&](const auto& c) { return c.name == curve.name; });
+      if (known == columns.end()) {
+        columns.push_back({curve.name, all_zero});
+      } else {
+        known->all_zero = known->all_zero && all_zero;
+      }
+    }
+  }
+  return columns;
+}
+
+void add_chart_sections(const std::vector<RunGroup>& groups, Json& sections) {
+  for (const ChartSection& section : choose_charts(columns_of(groups))) {
+    Json charts = Json::array();
+    for (const Chart& chart : section.charts) charts.push(chart_json(chart));
+    sections.push(Json::object()
+                      .set("kind", "charts")
+                      .set("title", section.title)
+                      .set("note", section.note)
+                      .set("folded", section.folded)
+                      .set("charts", std::move(charts)));
+  }
+}
+
+double total(const RunData& run, const char* column) {
+  double sum = 0;
+  if (const std::vector<double>* values = run.metrics.find(column))
+    for (const double value : *values) sum += std::isnan(value) ? 0 : value;
+  return sum;
+}
+
+/// Where the wall-clock time went, over the runs of a group.
+Json time_section(const std::vector<RunGroup>& groups) {
+  Json list = Json::array();
+  for (const RunGroup& group : groups) {
+    double update = 0, evaluation = 0, checkpoint = 0, all = 0;
+    for (const RunData* run : group.runs) {
+      update += total(*run, "update_seconds");
+      evaluation += total(*run, "evaluation_seconds");
+      checkpoint += total(*run, "checkpoint_seconds");
+      all += run->metrics.find("seconds")->back();
+    }
+    Json parts = Json::array();
+    const auto add = [&](const char* name, double seconds) {
+      parts.push(
+          Json::object().set("name", name).set("seconds", rounded(seconds)).set("text", print_duration(seconds)));
+    };
+    add("updates", update);
+    add("evaluation", evaluation);
+    add("checkpoints", checkpoint);
+    add("the rest", std::max(0.0, all - update - evaluation - checkpoint));
+    list.push(Json::object().set("label", title_of(group)).set("parts", std::move(parts)));
+  }
+  return Json::object().set("kind", "time").set("title", "Time spent").set("groups", std::move(list));
+}
+
+}  // namespace
+
+Json report_groups(const std::vector<RunGroup>& groups) {
+  Json list = Json::array();
+  for (const RunGroup& group : groups) {
+    Json curves = Json::object();
+    for (const Curve& curve : group.curves) {
+      Json values = Json::object();
+      values.set("mean", rounded_array(curve.mean));
+      if (group.has_band()) values.set("low", rounded_array(curve.low)).set("high", rounded_array(curve.high));
+      curves.set(curve.name, std::move(values));
+    }
+    list.push(Json::object()
+                  .set("letter", group.letter)
+                  .set("label", title_of(group))
+                  .set("reading", reading_of(group))
+                  .set("agent_steps", Json::array(group.agent_steps))
+                  .set("seconds", rounded_array(group.seconds))
+                  .set("curves", std::move(curves)));
+  }
+  return list;
+}
+
+Json report_sections(const std::vector<RunGroup>& groups, const std::vector<FieldInfo>& keys) {
+  Json sections = Json::array();
+  sections.push(figures_section(groups));
+  add_chart_sections(groups, sections);
+  sections.push(time_section(groups));
+  sections.push(config_section(groups, keys));
+  sections.push(runs_section(groups));
+  sections.push(machine_section(groups));
+  sections.push(commands_section(groups));
+  return sections;
+}
+
+}  // namespace giga

@@ -1,0 +1,235 @@
+// Tables from the configs and from run.json.
+#include "report/tables.hpp"
+
+#include <algorithm>
+#include <cstdlib>
+#include <map>
+#include <set>
+
+#include "core/error.hpp"
+#include "io/number.hpp"
+#include "io/shell_word.hpp"
+
+namespace giga {
+namespace {
+
+using Row = std::vector<std::string>;
+
+std::string joined(const std::vector<std::string>& words) {
+  std::string text;
+  for (const std::string& word : words) text += (text.empty() ? "" : ", ") + word;
+  return text;
+}
+
+void add_new(std::vector<std::string>& words, const std::string& word) {
+  if (std::find(words.begin(), words.end(), word) == words.end()) words.push_back(word);
+}
+
+Json table(const std::string& caption, const Row& head, const std::vector<Row>& rows, bool folded = false) {
+  Json body = Json::array();
+  for (const Row& row : rows) body.push(Json::array(row));
+  return Json::object()
+      .set("caption", caption)
+      .set("folded", folded)
+      .set("head", Json::array(head))
+      .set("rows", std::move(body));
+}
+
+Json tables_section(const char* title, Json tables) {
+  return Json::object().set("kind", "tables").set("title", title).set("tables", std::move(tables));
+}
+
+Settings info_of(const RunData& run) { return flatten(run.info, plain_text); }
+
+std::string info(const RunData& run, const char* key, const char* otherwise = "-") {
+  const std::string value = setting(info_of(run), key);
+  return value.empty() ? otherwise : value;
+}
+
+/// Different values of a config key over the runs of a group.
+std::string values_of(const RunGroup& group, const std::string& path) {
+  std::vector<std::string> values;
+  for (const RunData* run : group.runs) add_new(values, setting(flatten(run->config, plain_text), path));
+  return joined(values);
+}
+
+double steps_done(const RunData& run) { return run.metrics.find("agent_steps")->back(); }
+double seconds_spent(const RunData& run) { return run.metrics.find("seconds")->back(); }
+
+/// Agent-steps that the config asks for; 0 where it does not say.
+double steps_wanted(const RunData& run) {
+  return std::strtod(setting(flatten(run.config), "train.total_agent_steps").c_str(), nullptr);
+}
+
+std::string progress_of(const RunData& run) {
+  const std::string done = print_short(steps_done(run));
+  return steps_done(run) >= steps_wanted(run) ? done : done + " of " + print_short(steps_wanted(run));
+}
+
+std::vector<const RunData*> all_runs(const std::vector<RunGroup>& groups) {
+  std::vector<const RunData*> runs;
+  for (const RunGroup& group : groups) runs.insert(runs.end(), group.runs.begin(), group.runs.end());
+  return runs;
+}
+
+/// A default as values_of gives it, so that the two can be compared as texts.
+std::string normal_text(const std::string& yaml) {
+  if (yaml.empty()) return "";
+  Errors errors;
+  const Document document = parse_yaml_text(yaml, "default", errors);
+  return errors.empty() ? plain_text(document.root) : yaml;
+}
+
+std::string bytes_text(const std::string& key, const std::string& value) {
+  if (!key.ends_with("memory_bytes")) return value;
+  constexpr double kGiB = 1024.0 * 1024 * 1024;
+  return cat(static_cast<int64_t>(std::strtod(value.c_str(), nullptr) / kGiB + 0.5), " GiB");
+}
+
+/// run.json without what is each run's own.
+Settings machine_of(const RunData& run) {
+  static const std::set<std::string> kOwn = {"scenario", "algorithm", "seed", "started", "command_line"};
+  Settings facts = info_of(run);
+  std::erase_if(facts, [](const auto& fact) { return kOwn.contains(fact.first); });
+  for (auto& [key, value] : facts) {
+    value = bytes_text(key, value);
+    if (key.ends_with("memory_bytes")) key.resize(key.size() - std::string("_bytes").size());
+  }
+  return facts;
+}
+
+}  // namespace
+
+std::string title_of(const RunGroup& group) {
+  return group.letter.empty() ? group.label : group.letter + ": " + group.label;
+}
+
+Json run_facts(const RunGroup& group) {
+  std::vector<std::string> seeds, progress, devices, versions;
+  double steps = 0, seconds = 0;
+  for (const RunData* run : group.runs) {
+    seeds.push_back(info(*run, "seed"));
+    add_new(progress, progress_of(*run));
+    const std::string gpu = info(*run, "hardware.gpu.name", "");
+    add_new(devices, gpu.empty() ? info(*run, "hardware.cpu") : gpu);
+    add_new(versions, info(*run, "versions.gigastep"));
+    steps += steps_done(*run);
+    seconds += seconds_spent(*run);
+  }
+  const size_t n = group.runs.size();
+  Json facts = Json::array();
+  const auto add = [&facts](const std::string& name, const std::string& value) {
+    facts.push(Json::array(std::vector<std::string>{name, value}));
+  };
+  add("algorithm", info(*group.runs.front(), "algorithm"));
+  add(n > 1 ? "seeds" : "seed", joined(seeds));
+  add(n > 1 ? "agent-steps per run" : "agent-steps", joined(progress));
+  add(n > 1 ? "time per run" : "time", print_duration(seconds / static_cast<double>(n)));
+  add("agent-steps per second", seconds > 0 ? print_short(steps / seconds) : "-");
+  add("ran on", joined(devices));
+  add("gigastep", joined(versions));
+  return facts;
+}
+
+Json config_section(const std::vector<RunGroup>& groups, const std::vector<FieldInfo>& keys) {
+  std::map<std::string, const FieldInfo*> known;
+  for (const FieldInfo& key : keys) known[key.path] = &key;
+  std::vector<std::string> paths;
+  std::set<std::string> seen;
+  for (const RunData* run : all_runs(groups))
+    for (const auto& [path, value] : flatten(run->config))
+      if (seen.insert(path).second) paths.push_back(path);
+
+  Row head = {"key"};
+  for (const RunGroup& group : groups) head.push_back(group.letter.empty() ? "value" : group.letter);
+  head.insert(head.end(), {"default", "meaning"});
+  std::vector<Row> all, changed;
+  for (const std::string& path : paths) {
+    const FieldInfo* key = known.contains(path) ? known[path] : nullptr;
+    const std::string default_value = key ? normal_text(key->default_value) : "";
+    Row row = {path};
+    for (const RunGroup& group : groups) row.push_back(values_of(group, path));
+    const bool is_default =
+        std::all_of(row.begin() + 1, row.end(), [&](const auto& value) { return value == default_value; });
+    row.insert(row.end(), {default_value, key ? key->doc : ""});
+    if (!is_default) changed.push_back(row);
+    all.push_back(std::move(row));
+  }
+
+  Json tables = Json::array();
+  if (groups.size() > 1) {
+    Row labels = {"key"};
+    for (const RunGroup& group : groups) labels.push_back(group.letter);
+    std::vector<Row> differing;
+    for (const std::string& path : differing_settings(groups)) {
+      Row row = {path};
+      for (const RunGroup& group : groups) {
+        const std::string value = values_of(group, path);
+        row.push_back(value.empty() ? setting(flatten(group.runs.front()->scenario, plain_text), path) : value);
+      }
+      differing.push_back(std::move(row));
+    }
+    tables.push(table("What differs", labels, differing));
+  }
+  tables.push(table("Changed from the defaults", head, changed));
+  tables.push(table(cat("All ", all.size(), " keys"), head, all, true));
+  return tables_section("Configuration", std::move(tables));
+}
+
+Json runs_section(const std::vector<RunGroup>& groups) {
+  std::vector<Row> rows;
+  for (const RunGroup& group : groups)
+    for (const RunData* run : group.runs)
+      rows.push_back({run->name, title_of(group), info(*run, "seed"), info(*run, "started"), cat(run->metrics.rows()),
+                      progress_of(*run), print_duration(seconds_spent(*run))});
+  Json tables = Json::array();
+  tables.push(table("", {"run", "configuration", "seed", "started", "updates", "agent-steps", "time"}, rows));
+  return tables_section("Runs", std::move(tables));
+}
+
+Json machine_section(const std::vector<RunGroup>& groups) {
+  // A column for all runs that say the same.
+  std::vector<Settings> machines;
+  std::vector<std::vector<std::string>> names;
+  std::vector<std::string> keys;
+  for (const RunData* run : all_runs(groups)) {
+    const Settings facts = machine_of(*run);
+    for (const auto& [key, value] : facts) add_new(keys, key);
+    const auto at = std::find(machines.begin(), machines.end(), facts);
+    if (at == machines.end()) {
+      machines.push_back(facts);
+      names.push_back({run->name});
+    } else {
+      names[static_cast<size_t>(at - machines.begin())].push_back(run->name);
+    }
+  }
+  Row head = {""};
+  for (const std::vector<std::string>& runs : names) head.push_back(machines.size() > 1 ? joined(runs) : "all runs");
+  std::vector<Row> rows;
+  for (const std::string& key : keys) {
+    Row row = {key};
+    for (const Settings& facts : machines) row.push_back(setting(facts, key));
+    rows.push_back(std::move(row));
+  }
+  Json tables = Json::array();
+  tables.push(table("", head, rows));
+  return tables_section("Hardware and versions", std::move(tables));
+}
+
+Json commands_section(const std::vector<RunGroup>& groups) {
+  Json lines = Json::array();
+  for (const RunData* run : all_runs(groups)) {
+    const Node* words = run->info.find("command_line");
+    if (!words || !words->is_sequence()) continue;
+    std::string line;
+    for (const Node& word : words->items) line += (line.empty() ? "" : " ") + shell_word(word.text);
+    lines.push(line);
+  }
+  return Json::object()
+      .set("kind", "commands")
+      .set("title", "Commands")
+      .set("note", "How the runs were started.")
+      .set("lines", std::move(lines));
+}
+
+}  // namespace giga

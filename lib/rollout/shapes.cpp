@@ -1,0 +1,40 @@
+#include "rollout/shapes.hpp"
+
+namespace giga {
+
+RolloutShapes rollout_shapes(const SimSpec& spec, const RolloutSize& size) {
+  const int64_t t = size.horizon, w = size.n_worlds, d = spec.padded_observation_size(), g = spec.global_size();
+  const bool discrete = spec.params.actions == ActionKind::discrete;
+  RolloutShapes shapes;
+  for (size_t team = 0; team < kNTeams; ++team) {
+    TeamRolloutShapes& s = shapes.team[team];
+    const int64_t n = spec.params.n_team[team];
+    if (discrete)
+      s.action = {ElementType::i32, {t, w, n}};
+    else
+      s.action = {ElementType::f32, {t, w, n, kActionSize}};
+    if (!size.has_actor[team]) continue;
+    s.obs = {ElementType::f32, {t + 1, w, n, d}};
+    s.alive = {ElementType::u8, {t + 1, w, n}};
+    if (!discrete) s.raw = {ElementType::f32, {t, w, n, kActionSize}};
+    s.log_prob = s.reward = {ElementType::f32, {t, w, n}};
+    s.final_obs = {ElementType::f32, {w, n, d}};
+    s.final_alive = {ElementType::u8, {w, n}};
+  }
+  shapes.done = {ElementType::u8, {t, w}};
+  if (size.with_state) {
+    shapes.global = {ElementType::f32, {t + 1, w, g}};
+    shapes.final_global = {ElementType::f32, {w, g}};
+  }
+  return shapes;
+}
+
+MatchShapes match_shapes(const SimSpec& spec, int team, int64_t episodes, bool has_actor) {
+  const int64_t n = spec.params.n_team[team];
+  MatchShapes shapes;
+  shapes.action = {ElementType::f32, {episodes, n, kActionSize}};
+  if (has_actor) shapes.obs = {ElementType::f32, {episodes, n, spec.padded_observation_size()}};
+  return shapes;
+}
+
+}  // namespace giga

@@ -1,0 +1,220 @@
+// Bad inputs, one of each kind: exit code 2, a message that tells where and what is allowed, and nothing created. The
+// same table makes docs/bad_input.md.
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <fstream>
+#include <map>
+
+#include "io/files.hpp"
+#include "program.hpp"
+
+namespace giga::test {
+namespace {
+
+struct BadInput {
+  std::string kind;
+  std::string shown;  ///< the input in the table, lines in code
+  std::vector<std::string> arguments;
+  std::map<std::string, std::string> files;
+  std::vector<std::string> parts;  ///< of the message
+};
+
+// Were an input taken for a good one, training would end after one update.
+const std::vector<std::string> kTrain = {"train", "run.yaml", "--set", "train.total_agent_steps=1"};
+constexpr const char* kGame = "scenario: identical_2_vs_2\n";
+
+/// A line or more of a run config.
+BadInput in_config(const std::string& kind, const std::string& lines, const std::vector<std::string>& parts) {
+  return {kind, lines, kTrain, {{"run.yaml", kGame + lines + "\n"}}, parts};
+}
+/// The same without anything before it.
+BadInput whole_config(const std::string& kind, const std::string& text, const std::string& shown,
+                      const std::vector<std::string>& parts) {
+  return {kind, shown, kTrain, {{"run.yaml", text}}, parts};
+}
+/// A scenario file.
+BadInput in_scenario(const std::string& kind, const std::string& lines, const std::vector<std::string>& parts) {
+  return {kind,
+          lines,
+          kTrain,
+          {{"run.yaml", "scenario: ./game.yaml\n"}, {"game.yaml", "base: identical_2_vs_2\n" + lines + "\n"}},
+          parts};
+}
+BadInput on_command_line(const std::string& kind, const std::string& shown, const std::vector<std::string>& arguments,
+                         const std::vector<std::string>& parts) {
+  return {kind, shown, arguments, {{"run.yaml", kGame}}, parts};
+}
+
+std::vector<std::string> train_with_set(const std::string& assignment) {
+  std::vector<std::string> arguments = kTrain;
+  arguments.insert(arguments.end(), {"--set", assignment});
+  return arguments;
+}
+
+std::vector<BadInput> form_of_files() {
+  return {
+      in_config("unknown key", "mappo: {gama: 0.9}", {"run.yaml:2:9: mappo.gama: unknown key; nearest: 'gamma'"}),
+      in_config("duplicate key", "seed: 1\nseed: 2", {"run.yaml:3:1: duplicate key 'seed', first given at line 2"}),
+      in_config("anchor and alias", "seed: &s 1\ntrain: {n_worlds: *s}",
+                {"run.yaml:2:7: anchors are not allowed: &s", "run.yaml:3:19: aliases are not allowed: *s"}),
+      in_config("tag", "seed: !!int 1", {"run.yaml:2:7: tags are not allowed: tag:yaml.org,2002:int"}),
+      whole_config("empty document", "# nothing\n", "# nothing", {"run.yaml:1:1: is empty", "scenario, environment"}),
+      in_config("several documents", "---\nseed: 2", {"run.yaml:3:1: a second document starts here"}),
+      whole_config("not UTF-8", "seed: \xE4\n", "seed: (byte 228)", {"run.yaml:1:7: not UTF-8: byte 228"}),
+      in_config("not YAML", "train: {n_worlds: 64", {"run.yaml:", ": not valid YAML: "}),
+      in_config("nested too deeply", "environment: " + std::string(600, '['), {"run.yaml:3:1: nested too deeply"}),
+      on_command_line("missing config", "gigastep train quikstart", {"train", "quikstart"},
+                      {"there is no config quikstart; nearest: 'quickstart'"}),
+      {"missing scenario file",
+       "scenario: gmae.yaml",
+       kTrain,
+       {{"run.yaml", "scenario: gmae.yaml\n"}, {"game.yaml", "base: identical_2_vs_2\n"}},
+       {"run.yaml:1:11: no such file: gmae.yaml; nearest: 'game.yaml'"}},
+  };
+}
+
+std::vector<BadInput> values() {
+  return {
+      in_config("wrong type", "train: {n_worlds: many}",
+                {"run.yaml:2:19: train.n_worlds: 'many' is not an integer in"}),
+      in_config("wrong type, a map", "mappo: 3", {"run.yaml:2:8: mappo: is '3', expected a map with keys out of:"}),
+      in_config("out of range", "mappo: {gamma: 1.5}", {"run.yaml:2:16: mappo.gamma: '1.5' is not a number in [0, 1]"}),
+      in_config("too large for its type", "checkpoint: {keep: 3e9}",
+                {"run.yaml:2:20: checkpoint.keep: '3e9' is not an integer in [1, 2147483647]"}),
+      in_config("non-finite number", "mappo: {entropy_coef: .nan, value_coef: 1e999}",
+                {"run.yaml:2:23: mappo.entropy_coef: '.nan' is not a finite number >= 0",
+                 "run.yaml:2:41: mappo.value_coef: '1e999' is not a number of 32 bits >= 0"}),
+      in_config("wrong number of items", "mappo: {actor: {hidden: []}}",
+                {"run.yaml:2:25: mappo.actor.hidden: has 0 items, expected a list of 1 to 16 items"}),
+      in_config("unknown name", "mappo: {schedule: cosin}",
+                {"run.yaml:2:19: mappo.schedule: 'cosin' is not one of: constant, linear, cosine; nearest: 'cosine'"}),
+      in_config("unknown device", "device: tpu", {"run.yaml:2:9: device: 'tpu' is not auto, cpu, cuda or cuda:"}),
+      in_config("unknown scripted opponent", "train: {opponent: circel}\neval: {opponents: [randm]}",
+                {"run.yaml:2:19: train.opponent: 'circel' is not one of:", "nearest: 'circle'",
+                 "run.yaml:3:20: eval.opponents[0]: 'randm' is not one of:", "nearest: 'random'"}),
+      on_command_line("unknown scripted opponent of eval", "gigastep eval runs/x --vs circel",
+                      {"eval", "runs/x", "--vs", "circel"},
+                      {"opponent 'circel' is unknown; nearest: 'circle'; allowed"}),
+      on_command_line("assignment without a value", "--set seed", train_with_set("seed"),
+                      {"--set seed: expected KEY=VALUE"}),
+      on_command_line("assignment to an unknown key", "--set mappo.gama=0.9", train_with_set("mappo.gama=0.9"),
+                      {"--set mappo.gama: unknown key; nearest: 'gamma'"}),
+      on_command_line("assignment of a wrong value", "--set mappo.gamma=2", train_with_set("mappo.gamma=2"),
+                      {"--set mappo.gamma: '2' is not a number in [0, 1]"}),
+  };
+}
+
+std::vector<BadInput> meanings() {
+  return {
+      whole_config("unknown scenario", "scenario: identcal_2_vs_2\n", "scenario: identcal_2_vs_2",
+                   {"run.yaml:1:11: unknown scenario 'identcal_2_vs_2'; nearest: 'identical_2_vs_2'"}),
+      in_config("empty team", "environment: {team_1: []}", {"run.yaml:2:23: team_1: the team is empty"}),
+      in_config("unknown agent type", "environment: {team_0: [{type: supper}]}",
+                {"run.yaml:2:31: team_0[0].type: unknown agent type 'supper'; nearest: 'super'; known: default"}),
+      in_config("unknown map", "environment: {maps: two_room}",
+                {"run.yaml:2:21: maps: unknown map 'two_room'; nearest: 'two_rooms1'; known: center_block"}),
+      in_scenario("start area outside the map", "maps: m\nmap_definitions: {m: {team_0: {area: [6, 1, 11, 9]}}}",
+                  {"game.yaml:3:38: map 'm': the start area of team 0, [6, 1, 11, 9], reaches outside"}),
+      in_scenario("start area inside an obstacle", "maps: m\nmap_definitions: {m: {boxes: [[0, 0, 5, 10]]}}",
+                  {"game.yaml:3:19: map 'm': the start area of team 1, [1, 1, 4, 9], lies inside an obstacle"}),
+      in_config("batch that does not divide", "train: {n_worlds: 10}\nmappo: {horizon: 5, n_minibatches: 4}",
+                {"run.yaml:3:36: mappo.n_minibatches: 4 does not divide train.n_worlds x mappo.horizon = 10 x 5 = 50",
+                 "nearest: 2, 5"}),
+      in_config("horizon longer than an episode", "environment: {max_episode_length: 20}\nmappo: {horizon: 32}",
+                {"run.yaml:3:18: mappo.horizon: 32 is longer than an episode of scenario 'identical_2_vs_2'"}),
+      {"run folder that holds something",
+       "gigastep train run.yaml --run-dir old",
+       {"train", "run.yaml", "--run-dir", "old", "--set", "train.total_agent_steps=1"},
+       {{"old/notes.txt", "mine"}, {"run.yaml", kGame}},
+       {"the run folder old is there already and not empty: a run is never overwritten", "gigastep resume old"}},
+      on_command_line("run folder that is not there", "gigastep resume runs/x", {"resume", "runs/x"},
+                      {"there is no run folder or checkpoint runs/x"}),
+      {"folder that is no run",
+       "gigastep resume old",
+       {"resume", "old"},
+       {{"old/notes.txt", "mine"}},
+       {"old is not a run folder: it has no config.yaml"}},
+      {"run without a checkpoint",
+       "gigastep resume old",
+       {"resume", "old"},
+       {{"old/config.yaml", kGame}},
+       {"the folder old holds no checkpoint (checkpoints/update_NNNNNNNN.h5)"}},
+      {"file that is no checkpoint",
+       "gigastep inspect notes.h5",
+       {"inspect", "notes.h5"},
+       {{"notes.h5", "mine"}},
+       {"notes.h5: is not a gigastep checkpoint"}},
+      {"several, in several files",
+       "seed: -1\nenvironment: {limt_x: 3, team_1: []}\ntrain: {n_worlds: 10} with --set device=tpu and, in the "
+       "scenario, rules: orignal",
+       train_with_set("device=tpu"),
+       {{"run.yaml",
+         "scenario: ./game.yaml\nseed: -1\nenvironment: {limt_x: 3, team_1: []}\ntrain: {n_worlds: 10}\n"
+         "mappo: {horizon: 5}\n"},
+        {"game.yaml", "base: identical_2_vs_2\nrules: orignal\n"}},
+       {"run.yaml:2:7: seed: '-1' is not an integer", "run.yaml:3:15: environment.limt_x: unknown key",
+        "run.yaml:3:34: team_1: the team is empty", "game.yaml:2:8: rules: 'orignal' is not one of",
+        "--set device: 'tpu' is not auto", "default of mappo.n_minibatches: 8 does not divide"}},
+  };
+}
+
+std::vector<BadInput> all_bad_inputs() {
+  std::vector<BadInput> all = form_of_files();
+  for (const std::vector<BadInput>& more : {values(), meanings()}) all.insert(all.end(), more.begin(), more.end());
+  return all;
+}
+
+/// Runs the program on an input; the message without the program's name.
+std::string message_of(const BadInput& input) {
+  const Workplace here;
+  std::vector<std::string> given;
+  for (const auto& [name, text] : input.files) {
+    here.write(name, text);
+    given.push_back(name.substr(0, name.find('/')));
+  }
+  const Outcome outcome = here.run(input.arguments);
+  EXPECT_EQ(outcome.code, 2) << input.kind << ": " << outcome.err;
+  EXPECT_EQ(outcome.out, "") << input.kind;
+  EXPECT_EQ(here.entries(), given) << input.kind << ": something was created";
+  const std::string name = "gigastep: ";
+  EXPECT_TRUE(outcome.err.starts_with(name)) << outcome.err;
+  return outcome.err.substr(name.size());
+}
+
+/// Lines as code in a cell of a table.
+std::string cell(std::string text) {
+  while (text.ends_with('\n')) text.pop_back();
+  // Code that has a backtick in it stands between two.
+  const bool has_tick = text.find('`') != std::string::npos;
+  const std::string open = has_tick ? "`` " : "`", close = has_tick ? " ``" : "`";
+  std::string result = open;
+  for (const char c : text) result += c == '\n' ? close + "<br>" + open : c == '|' ? "\\|" : std::string(1, c);
+  return result + close;
+}
+
+/// The beginning of what is long.
+std::string shortened(const std::string& text) {
+  constexpr size_t kLongest = 200;
+  return text.size() > kLongest ? text.substr(0, 20) + "..." : text;
+}
+
+TEST(BadInput, EveryKindIsToldAndTheTableInTheDocsIsCurrent) {
+  std::string page =
+      "# What gigastep says to bad input\n\n"
+      "One input of each kind and the whole message; exit code 2, and nothing is created. Where a line of a config is\n"
+      "shown, it is line 2 of `run.yaml`, behind `scenario: identical_2_vs_2`; a line of a scenario is line 2 of\n"
+      "`game.yaml`, behind `base: identical_2_vs_2`. This page is written by `scripts/docs` from a test.\n\n"
+      "| kind | input | message |\n|---|---|---|\n";
+  for (const BadInput& input : all_bad_inputs()) {
+    const std::string message = message_of(input);
+    for (const std::string& part : input.parts) EXPECT_TRUE(contains(message, {part})) << input.kind;
+    page += "| " + input.kind + " | " + cell(shortened(input.shown)) + " | " + cell(message) + " |\n";
+  }
+  const std::string file = GIGASTEP_SOURCE_DIR "/docs/bad_input.md";
+  if (std::getenv("GIGASTEP_WRITE_DOCS")) std::ofstream(file) << page;
+  EXPECT_EQ(read_file(file), page) << "scripts/docs writes it anew";
+}
+
+}  // namespace
+}  // namespace giga::test

@@ -1,0 +1,102 @@
+// The process dies, or the disk fails, at every single file operation of a run: the run always goes on from a whole
+// checkpoint and ends as if nothing had happened.
+#include <gtest/gtest.h>
+
+#include <cerrno>
+#include <filesystem>
+#include <iostream>
+
+#include "io/run_folder.hpp"
+#include "runs.hpp"
+
+namespace giga::test {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// A run of four updates, each of which is saved, with a fault at one of its file operations.
+class KilledRun : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    here_.write("short.yaml", kShortConfig);
+    const Outcome whole = run("whole", 0, 0);
+    ASSERT_EQ(whole.code, 0) << whole.err;
+    hash_ = state_hash(here_, "whole");
+    metrics_ = timeless_metrics(here_, "whole");
+    n_operations_ = static_cast<int>(here_.read("count_whole").size());
+  }
+
+  /// Trains in the folder `name`; the fault strikes at the file operation `at` below it.
+  Outcome run(const std::string& name, int at, int error) const {
+    return here_.run({"train", "short.yaml", "--run-dir", name, "--quiet"}, GIGASTEP_EXECUTABLE,
+                     {{"LD_PRELOAD", GIGASTEP_FAULT_LIBRARY},
+                      {"FAULT_PATH", name + "/"},
+                      {"FAULT_AT", std::to_string(at)},
+                      {"FAULT_ERRNO", std::to_string(error)},
+                      {"FAULT_COUNT", (here_.path() / ("count_" + name)).string()}});
+  }
+
+  /// After the fault: what is there is whole, and the run goes on to the same end. Returns whether there was a
+  /// checkpoint to go on from.
+  bool expect_goes_on(const std::string& name) const {
+    for (const fs::path& file : list_checkpoints(here_.path() / name)) EXPECT_NO_THROW(read_checkpoint(file)) << file;
+    const Outcome resumed = here_.run({"resume", name, "--quiet"});
+    if (resumed.code == 2) {
+      // Only before the very first checkpoint: nothing was learned, nothing is lost, and it says so.
+      EXPECT_TRUE(contains(resumed.err, {"holds no checkpoint"}) || contains(resumed.err, {"no config.yaml"}) ||
+                  contains(resumed.err, {"there is no run folder"}))
+          << resumed.err;
+      EXPECT_EQ(metrics_rows(here_, name), 0u);
+      return false;
+    }
+    EXPECT_EQ(resumed.code, 0) << resumed.err;
+    EXPECT_EQ(state_hash(here_, name), hash_);
+    EXPECT_EQ(metrics_difference(timeless_metrics(here_, name), metrics_), "");
+    for (const auto& entry : fs::recursive_directory_iterator(here_.path() / name))
+      EXPECT_NE(entry.path().extension(), ".tmp") << entry.path() << " was left";
+    return true;
+  }
+
+  const Workplace here_;
+  std::string hash_, metrics_;
+  int n_operations_ = 0;
+};
+
+TEST_F(KilledRun, BySigkillAtEveryFileOperation) {
+  int kills = 0, resumes = 0;
+  for (int at = 1; at <= n_operations_; ++at) {
+    const std::string name = "kill_" + std::to_string(at);
+    SCOPED_TRACE(name);
+    ASSERT_EQ(run(name, at, 0).code, 128 + SIGKILL);
+    ++kills;
+    resumes += expect_goes_on(name) ? 1 : 0;
+    if (HasFailure()) return;
+    fs::remove_all(here_.path() / name);
+  }
+  std::cout << "killed at each of " << kills << " file operations, resumed " << resumes << " times, nothing to resume "
+            << kills - resumes << " times (before the first checkpoint)\n";
+  EXPECT_GE(resumes, 60) << "of " << kills;
+}
+
+TEST_F(KilledRun, ByAFullDisk) {
+  int failures = 0, resumes = 0;
+  for (int at = 2; at <= n_operations_; at += 4) {
+    const std::string name = "full_" + std::to_string(at);
+    SCOPED_TRACE(name);
+    const Outcome failed = run(name, at, ENOSPC);
+    // What fails last may be what nobody needs: removing an old checkpoint, or the lock.
+    if (failed.code != 0) {
+      EXPECT_NE(failed.code, 3);
+      EXPECT_TRUE(contains(failed.err, {"No space left on device", name})) << failed.err;
+      ++failures;
+      resumes += expect_goes_on(name) ? 1 : 0;
+    }
+    if (HasFailure()) return;
+    fs::remove_all(here_.path() / name);
+  }
+  std::cout << "the disk was full " << failures << " times, the run went on " << resumes << " times\n";
+  EXPECT_GE(resumes, 12) << "of " << failures;
+}
+
+}  // namespace
+}  // namespace giga::test

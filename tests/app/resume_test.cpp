@@ -1,0 +1,249 @@
+// Stopping and resuming: a run that was stopped and went on is the same, bit for bit, as one that was not.
+#include <gtest/gtest.h>
+#include <signal.h>
+
+#include <filesystem>
+
+#include "io/run_folder.hpp"
+#include "runs.hpp"
+
+namespace giga::test {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Trains 40 updates at once, to compare with.
+class Resume : public ::testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    here_ = new Workplace();
+    here_->write("short.yaml", kShortConfig);
+    const Outcome whole = train("whole");
+    ASSERT_EQ(whole.code, 0) << whole.err;
+    hash_ = new std::string(state_hash(*here_, "whole"));
+    metrics_ = new std::string(timeless_metrics(*here_, "whole"));
+  }
+  static void TearDownTestSuite() {
+    delete here_;
+    delete hash_;
+    delete metrics_;
+  }
+
+  static std::vector<std::string> arguments(const std::string& run, const std::string& more = "") {
+    std::vector<std::string> list = {"train", "short.yaml", "--run-dir", run, "--set", "train.total_agent_steps=10240"};
+    if (!more.empty()) list.insert(list.end(), {"--set", more});
+    return list;
+  }
+  static Outcome train(const std::string& run, const std::string& more = "") {
+    return here_->run(arguments(run, more));
+  }
+
+  /// Starts a run, sends the signal once there are rows, and gives what came of it.
+  static Outcome interrupted(const std::string& run, int signal, const std::string& more = "") {
+    const auto process = here_->start(arguments(run, more));
+    EXPECT_TRUE(wait_until([&] { return metrics_rows(*here_, run) >= 3; }));
+    process->send(signal);
+    return process->wait();
+  }
+
+  static void expect_same_as_whole(const std::string& run) {
+    EXPECT_EQ(state_hash(*here_, run), *hash_);
+    EXPECT_EQ(metrics_difference(timeless_metrics(*here_, run), *metrics_), "");
+    EXPECT_EQ(fs::file_size(here_->path() / run / "events.out.tfevents.gigastep"),
+              fs::file_size(here_->path() / "whole/events.out.tfevents.gigastep"));
+    EXPECT_FALSE(here_->has(run + "/lock"));
+  }
+
+  static Workplace* here_;
+  static std::string *hash_, *metrics_;
+};
+Workplace* Resume::here_ = nullptr;
+std::string *Resume::hash_ = nullptr, *Resume::metrics_ = nullptr;
+
+TEST_F(Resume, AfterEachSignalBitForBit) {
+  const std::pair<int, int> codes[] = {{SIGINT, 130}, {SIGTERM, 143}, {SIGUSR1, 138}};
+  for (const auto& [signal, code] : codes) {
+    const std::string run = cat("signal_", signal);
+    SCOPED_TRACE(run);
+    const Outcome stopped = interrupted(run, signal);
+    ASSERT_EQ(stopped.code, code) << stopped.err;
+    EXPECT_TRUE(contains(stopped.err, {"stopped after update", "the state is saved", "resume " + run}));
+    EXPECT_TRUE(here_->has(run + "/report.html") || stopped.err.find("report") == std::string::npos);
+    const FoundCheckpoint saved = find_checkpoint((here_->path() / run).string());
+    EXPECT_GE(saved.checkpoint.updates, 3);
+    EXPECT_LT(saved.checkpoint.updates, 40);
+    EXPECT_EQ(static_cast<size_t>(saved.checkpoint.updates), metrics_rows(*here_, run)) << "not saved at the stop";
+    const Outcome resumed = here_->run({"resume", run});
+    ASSERT_EQ(resumed.code, 0) << resumed.err;
+    EXPECT_TRUE(contains(resumed.err, {"going on after update"}));
+    EXPECT_TRUE(contains(resumed.out, {"against", "evaluate it:"}));
+    expect_same_as_whole(run);
+    EXPECT_TRUE(contains(here_->read(run + "/resume_001.json"), {"\"updates\"", "\"changes\": []", "hardware"}));
+  }
+}
+
+TEST_F(Resume, AgainAndAgain) {
+  const std::string run = "often";
+  ASSERT_EQ(interrupted(run, SIGTERM).code, 143);
+  int stops = 1;
+  for (; stops < 20; ++stops) {
+    const size_t rows = metrics_rows(*here_, run);
+    const auto process = here_->start({"resume", run, "--quiet"});
+    ASSERT_TRUE(wait_until([&] { return metrics_rows(*here_, run) > rows + 1 || metrics_rows(*here_, run) == 40; }));
+    process->send(SIGTERM);
+    const Outcome outcome = process->wait();
+    if (outcome.code == 0) break;
+    ASSERT_EQ(outcome.code, 143) << outcome.err;
+  }
+  EXPECT_GT(stops, 1);
+  expect_same_as_whole(run);
+}
+
+// Killed without any warning: what was written after the last checkpoint is cut off.
+TEST_F(Resume, AfterSigkillRowsBehindTheCheckpointAreCutOff) {
+  const std::string run = "killed";
+  const auto process = here_->start(arguments(run, "checkpoint.every_updates=7"));
+  EXPECT_TRUE(wait_until([&] { return metrics_rows(*here_, run) >= 10; }));
+  process->send(SIGKILL);
+  ASSERT_EQ(process->wait().code, 128 + SIGKILL);
+  EXPECT_TRUE(here_->has(run + "/lock"));
+  const Outcome resumed = here_->run({"resume", run});
+  ASSERT_EQ(resumed.code, 0) << resumed.err;
+  EXPECT_TRUE(contains(resumed.err, {"took over the run folder from process", "which is gone"}));
+  expect_same_as_whole(run);
+}
+
+TEST_F(Resume, AfterMaxWallTime) {
+  const std::string run = "timed";
+  // 1 s is enough for some updates, not for 400,000.
+  const Outcome stopped = here_->run({"train", "short.yaml", "--run-dir", run, "--set", "train.total_agent_steps=1e8",
+                                      "--set", "train.max_wall_time=1s", "--set", "mappo.schedule=constant"});
+  ASSERT_EQ(stopped.code, 124) << stopped.err;
+  EXPECT_TRUE(contains(stopped.err, {"train.max_wall_time is over", "the state is saved"}));
+  const int64_t updates = find_checkpoint((here_->path() / run).string()).checkpoint.updates;
+  EXPECT_GT(updates, 0);
+  const std::string total = std::to_string((updates + 3) * 256);
+  const Outcome resumed = here_->run({"resume", run, "--set", "train.total_agent_steps=" + total});
+  ASSERT_EQ(resumed.code, 0) << resumed.err;
+  EXPECT_EQ(find_checkpoint((here_->path() / run).string()).checkpoint.updates, updates + 3);
+  EXPECT_TRUE(contains(here_->read(run + "/resume_001.json"), {"train.total_agent_steps: 100000000 -> " + total}));
+  EXPECT_TRUE(contains(here_->read(run + "/config.yaml"), {"total_agent_steps: " + total}));
+}
+
+TEST_F(Resume, ASecondInterruptEndsAtOnce) {
+  // An update of 4096 worlds x 64 steps, 50 epochs: many seconds.
+  const auto process =
+      here_->start({"train", "short.yaml", "--run-dir", "slow", "--set", "train.n_worlds=4096", "--set",
+                    "mappo.horizon=64", "--set", "mappo.n_epochs=1000", "--set", "train.total_agent_steps=1e8"});
+  // The checkpoint of update 0 is there: the signals are listened to from then on.
+  ASSERT_TRUE(wait_until([&] { return here_->has("slow/checkpoints/update_00000000.h5"); }));
+  std::this_thread::sleep_for(std::chrono::milliseconds(500));
+  process->send(SIGINT);
+  std::this_thread::sleep_for(std::chrono::milliseconds(300));
+  process->send(SIGINT);
+  const auto start = std::chrono::steady_clock::now();
+  EXPECT_EQ(process->wait().code, 130);
+  EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(5));
+  EXPECT_EQ(metrics_rows(*here_, "slow"), 0u) << "the update was finished first";
+}
+
+TEST_F(Resume, ACompleteRunIsLeftAsItIs) {
+  const std::string before = here_->read("whole/metrics.csv");
+  const Outcome resumed = here_->run({"resume", "whole"});
+  EXPECT_EQ(resumed.code, 0) << resumed.err;
+  EXPECT_TRUE(contains(resumed.out, {"is complete: 40 updates", "train.total_agent_steps"}));
+  EXPECT_EQ(here_->read("whole/metrics.csv"), before);
+  EXPECT_FALSE(here_->has("whole/resume_001.json"));
+}
+
+TEST_F(Resume, WhatMayNotChangeIsRefusedBeforeAnythingIsTouched) {
+  const std::string before = here_->read("whole/config.yaml");
+  const Outcome refused =
+      here_->run({"resume", "whole", "--set", "train.n_worlds=32", "--set", "mappo.actor.hidden=[16]"});
+  EXPECT_EQ(refused.code, 2);
+  EXPECT_TRUE(contains(refused.err, {"train.n_worlds: 32 instead of 16", "so many worlds", "mappo.actor.hidden",
+                                     "what may change: train.total_agent_steps"}));
+  EXPECT_EQ(here_->read("whole/config.yaml"), before);
+}
+
+TEST_F(Resume, OneProcessAtATime) {
+  const std::string run = "busy";
+  const auto process = here_->start(arguments(run, "train.total_agent_steps=1e7"));
+  ASSERT_TRUE(wait_until([&] { return metrics_rows(*here_, run) >= 3; }));
+  const Workplace other;  // its own files for the output
+  const std::string folder = (here_->path() / run).string();
+  other.write("short.yaml", kShortConfig);
+  const std::string owner = cat("is in use by process ", process->pid(), " on ");
+  for (const Outcome& second :
+       {other.run({"resume", folder}), other.run({"train", "short.yaml", "--run-dir", folder})}) {
+    EXPECT_EQ(second.code, 2);
+    EXPECT_TRUE(contains(second.err, {owner}));
+  }
+  EXPECT_EQ(other.run({"eval", folder, "--vs", "random", "--episodes", "8", "--device", "cpu"}).code, 0)
+      << "evaluating a run that goes on is fine";
+  process->send(SIGTERM);
+  EXPECT_EQ(process->wait().code, 143);
+}
+
+TEST_F(Resume, ADamagedNewestCheckpointIsNamedAndSetAside) {
+  const std::string run = "damaged";
+  ASSERT_EQ(interrupted(run, SIGTERM).code, 143);
+  const FoundCheckpoint newest = find_checkpoint((here_->path() / run).string());
+  const std::string name = run + "/checkpoints/" + newest.file.filename().string();
+  here_->write(name, here_->read(name).substr(0, 3000));
+
+  const Outcome by_name = here_->run({"resume", name});
+  EXPECT_EQ(by_name.code, 2) << "a file that is named never falls back";
+  EXPECT_TRUE(contains(by_name.err, {newest.file.filename().string() + ": is truncated: 3000 of"}));
+  const Outcome evaluated = here_->run({"eval", run, "--vs", "random", "--episodes", "8", "--device", "cpu"});
+  EXPECT_EQ(evaluated.code, 0);
+  EXPECT_TRUE(contains(evaluated.err, {"warning: ", "is truncated", "is taken"}));
+
+  const Outcome resumed = here_->run({"resume", run});
+  ASSERT_EQ(resumed.code, 0) << resumed.err;
+  EXPECT_TRUE(contains(resumed.err, {"warning: ", "is truncated: 3000 of", "going on from"}));
+  EXPECT_TRUE(here_->has(name + ".damaged"));
+  expect_same_as_whole(run);
+}
+
+TEST_F(Resume, ANamedCheckpointMustBeTheNewest) {
+  const Outcome older = here_->run({"resume", "whole/checkpoints/update_00000039.h5"});
+  EXPECT_EQ(older.code, 2);
+  EXPECT_TRUE(contains(older.err, {"is not the newest checkpoint", "update_00000040.h5"}));
+  EXPECT_EQ(here_->run({"resume", "whole/checkpoints/update_00000040.h5"}).code, 0);
+  here_->write("elsewhere.h5", here_->read("whole/checkpoints/update_00000040.h5"));
+  EXPECT_TRUE(
+      contains(here_->run({"resume", "elsewhere.h5"}).err, {"does not lie in the checkpoints of a run folder"}));
+  EXPECT_EQ(here_->run({"resume", "nowhere"}).code, 2);
+}
+
+TEST_F(Resume, TheBestCheckpointIsThatOfTheBestEvaluation) {
+  // The weaker team's win rate after each evaluation, as metrics.csv has it.
+  const CsvTable table = parse_csv(here_->read("whole/metrics.csv"));
+  double best = -1;
+  std::string best_update;
+  for (size_t row = 0; row < table.rows.size(); ++row) {
+    if (table.cell(row, "win_rate_0_vs_random").empty()) continue;
+    const double score = std::min(std::stod(table.cell(row, "win_rate_0_vs_random")),
+                                  std::stod(table.cell(row, "win_rate_1_vs_random")));
+    if (score <= best) continue;
+    best = score;
+    best_update = table.cell(row, "update");
+  }
+  const Document json =
+      parse_yaml_text(here_->run({"inspect", "whole/checkpoints/best.h5", "--json", "-"}).out, "json");
+  EXPECT_EQ(at(json, {"updates"}).text, best_update);
+  EXPECT_EQ(number_at(json, {"best_score"}), best);
+}
+
+TEST_F(Resume, InspectShowsEveryArray) {
+  const Outcome inspect = here_->run({"inspect", "whole"});
+  ASSERT_EQ(inspect.code, 0) << inspect.err;
+  EXPECT_TRUE(contains(inspect.out, {"format 2, written by gigastep", "scenario identical_1_vs_1_fobs_vec_void_disc",
+                                     "40 updates, 10240 agent-steps", "simulator/x", "[16, 2]",
+                                     "team_1/critic_adam/moment1", "sha256 " + *hash_}));
+  EXPECT_NE(state_hash(*here_, "whole/checkpoints/update_00000039.h5"), *hash_);
+}
+
+}  // namespace
+}  // namespace giga::test

@@ -1,0 +1,67 @@
+// What may change when a run goes on, and what is said of the rest.
+#include "learn/resume_config.hpp"
+
+#include <gtest/gtest.h>
+
+#include "runs.hpp"
+
+namespace giga::test {
+namespace {
+
+ResumedRun resumed(const std::vector<std::string>& overrides) {
+  const LoadedRun run = SmallRun{}.load();
+  return resume_config(print_yaml(run.config, true), print_scenario(run.scenario), overrides);
+}
+
+std::string refusal(const std::vector<std::string>& overrides) {
+  try {
+    resumed(overrides);
+  } catch (const InputError& e) {
+    return e.what();
+  }
+  return "no error";
+}
+
+TEST(LearnResumeConfig, WithoutChangesItIsTheSameConfig) {
+  const LoadedRun before = SmallRun{}.load();
+  const ResumedRun after = resumed({});
+  EXPECT_EQ(print_yaml(after.run.config, true), print_yaml(before.config, true));
+  EXPECT_EQ(print_scenario(after.run.scenario), print_scenario(before.scenario));
+  EXPECT_TRUE(after.changes.empty());
+  EXPECT_TRUE(resumed({"train.n_worlds=24"}).changes.empty()) << "the same value is no change";
+}
+
+TEST(LearnResumeConfig, WhatMayChangeChanges) {
+  const ResumedRun after =
+      resumed({"train.total_agent_steps=3e5", "mappo.learning_rate=0.5", "train.max_wall_time=3h30m"});
+  EXPECT_EQ(after.run.config.train.total_agent_steps, 300'000);
+  EXPECT_EQ(after.run.config.mappo.learning_rate, 0.5f);
+  EXPECT_EQ(after.run.config.train.max_wall_time->seconds, 3 * 3600 + 30 * 60);
+  EXPECT_EQ(after.changes,
+            (std::vector<std::string>{"train.total_agent_steps: 100000 -> 300000", "train.max_wall_time: none -> 3h30m",
+                                      "mappo.learning_rate: 0.001 -> 0.5"}));
+}
+
+TEST(LearnResumeConfig, TheRestIsRefusedWithTheReasonAllAtOnce) {
+  const std::string all = refusal({"train.n_worlds=48", "mappo.actor.hidden=[8]", "scenario=identical_2_vs_2",
+                                   "mappo.gamma=0.5", "eval.opponents=[random]"});
+  for (const char* part :
+       {"train.n_worlds: 48 instead of 24", "the checkpoint holds the state of so many worlds", "mappo.actor.hidden",
+        "the saved parameters fit their networks only", "the policies and the saved worlds belong to their scenario",
+        "mappo.gamma", "what has been learned so far rests on it", "metrics.csv has columns",
+        "what may change: train.total_agent_steps"})
+    EXPECT_NE(all.find(part), std::string::npos) << part << " is not in " << all;
+  EXPECT_NE(refusal({"train.total_agent_step=5"}).find("nearest: 'total_agent_steps'"), std::string::npos);
+  EXPECT_NE(refusal({"mappo.learning_rate=-1"}).find("a number > 0"), std::string::npos);
+}
+
+// Every key is either allowed or refused, and the help names those that are allowed.
+TEST(LearnResumeConfig, TheHelpListsWhatMayChange) {
+  const std::string help = resumable_settings();
+  for (const char* key : {"train.total_agent_steps", "train.max_wall_time", "mappo.learning_rate", "checkpoint.keep"})
+    EXPECT_NE(help.find(key), std::string::npos) << key;
+  for (const char* key : {"train.n_worlds", "seed"}) EXPECT_EQ(help.find(key), std::string::npos) << key;
+}
+
+}  // namespace
+}  // namespace giga::test

@@ -1,0 +1,156 @@
+// The page in a real browser: every chart is drawn, pointer, zoom and controls work, nothing goes wrong.
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+
+#include "config/document.hpp"
+#include "io/files.hpp"
+#include "io/shell_word.hpp"
+#include "io/temporary_folder.hpp"
+#include "report/report.hpp"
+#include "synthetic_run.hpp"
+
+namespace giga::test {
+namespace {
+
+int shell(const std::string& command) {
+  const int status = std::system(command.c_str());
+  return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+}
+
+/// A Chromium that starts; "" where there is none. (Where the system's package is a snap, the command is there but
+/// fails.)
+std::string find_browser() {
+  for (const char* name : {"chromium", "chromium-browser", "google-chrome"})
+    if (shell(std::string("timeout 60 ") + name + " --version >/dev/null 2>&1") == 0) return name;
+  return "";
+}
+
+void replace(std::string& text, const std::string& from, const std::string& to) {
+  const size_t at = text.find(from);
+  GIGA_CHECK(at != std::string::npos, "no '", from, "'");
+  text.replace(at, from.size(), to);
+}
+
+class ReportInBrowser : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    if (!report_obstacle().empty()) GTEST_SKIP() << report_obstacle();
+    browser_ = find_browser();
+    if (browser_.empty()) GTEST_SKIP() << "no Chromium here";
+  }
+
+  /// Writes a run whose curves are moved by `offset`.
+  void add_run(const std::string& name, int seed, const std::string& gamma, double offset) {
+    SyntheticRun run;
+    run.config = config_with(seed, gamma);
+    run.metrics = metrics_of_a_run(offset);
+    run.write(folder_ / name);
+    runs_.push_back(folder_ / name);
+  }
+
+  /// What browser_check.js saw in the report of the runs.
+  Document use_report(const std::string& options) {
+    const std::filesystem::path page = folder_ / "page.html", dom = folder_ / "dom.html", log = folder_ / "browser.log";
+    write_report(runs_, page, {});
+    std::string text = read_file(page);
+    replace(text, "<body>",
+            "<body><script>const problems = []; addEventListener('error', e => problems.push(e.message));"
+            "addEventListener('securitypolicyviolation', e => problems.push(e.blockedURI));</script>");
+    const std::string check = read_file(GIGASTEP_SOURCE_DIR "/tests/report/browser_check.js");
+    replace(text, "</body>", "<script>" + check + "</script></body>");
+    std::ofstream(page, std::ios::binary) << text;
+
+    const std::string command = "timeout 120 " + browser_ +
+                                " --headless=new --no-sandbox --disable-gpu --window-size=1280,1600"
+                                " --virtual-time-budget=20000 --enable-logging=stderr --dump-dom " +
+                                options + " --user-data-dir=" + shell_word((folder_ / "profile").string()) + " " +
+                                shell_word("file://" + page.string()) + " >" + shell_word(dom.string()) + " 2>" +
+                                shell_word(log.string()) + " </dev/null";
+    EXPECT_EQ(shell(command), 0) << read_file(log);
+    EXPECT_EQ(read_file(log).find("CONSOLE"), std::string::npos) << read_file(log);
+    const std::string drawn = read_file(dom), start = "<pre id=\"outcome\">";
+    const size_t begin = drawn.rfind(start);
+    GIGA_CHECK(begin != std::string::npos, "the page's check did not come to its end: ", read_file(log));
+    const size_t end = drawn.find("</pre>", begin);
+    return parse_yaml_text(drawn.substr(begin + start.size(), end - begin - start.size()), "outcome");
+  }
+
+  std::string browser_;
+  TemporaryFolder folder_;
+  std::vector<std::filesystem::path> runs_;
+};
+
+std::vector<std::string> texts(const Document& seen, const char* key) {
+  std::vector<std::string> all;
+  for (const Node& item : seen.root.find(key)->items) all.push_back(item.text);
+  return all;
+}
+std::string text(const Document& seen, const char* key) { return seen.root.find(key)->text; }
+int number(const Document& seen, const char* key) { return std::stoi(text(seen, key)); }
+int least(const Document& seen, const char* key) {
+  int value = 1 << 30;
+  for (const std::string& item : texts(seen, key)) value = std::min(value, std::stoi(item));
+  return value;
+}
+
+using Texts = std::vector<std::string>;
+constexpr int kLinePixels = 100;  // a line across a chart of some 500 pixels covers at least these, dashes or not
+
+TEST_F(ReportInBrowser, SeedsOfOneConfig) {
+  for (int seed = 1; seed <= 3; ++seed) add_run("s" + std::to_string(seed), seed, "0.99", 0.1 * (seed - 1));
+  const Document seen = use_report("");
+  EXPECT_EQ(texts(seen, "problems"), Texts());
+  EXPECT_EQ(texts(seen, "requests"), Texts());
+  // Win rate; games won, return, episode length; entropy, KL, explained variance, two losses; rewards; speed, seconds.
+  EXPECT_EQ(number(seen, "charts"), 1 + 3 + 5 + 1 + 2);
+  EXPECT_EQ(number(seen, "charts_unfolded"), 12 + 1);  // information
+  EXPECT_GE(least(seen, "unfolded_pixels"), kLinePixels);
+  EXPECT_TRUE(contains(text(seen, "text"), {"mean of 3 seeds; band: smallest to largest", "1, 2, 3"}));
+  // Entropy of team 0 after update 60: 3 - 60 x 0.02 + 0, 0.1 and 0.2. The pointer is in the middle of 1k to 120k.
+  ASSERT_EQ(texts(seen, "hover_at").size(), 1u) << "the pointer is in the same place in all charts";
+  EXPECT_TRUE(texts(seen, "hover_at")[0] == "at 60k agent-steps" || texts(seen, "hover_at")[0] == "at 61k agent-steps");
+  EXPECT_TRUE(text(seen, "hover_value") == "1.9 1.8 to 2" || text(seen, "hover_value") == "1.88 1.78 to 1.98");
+}
+
+TEST_F(ReportInBrowser, ZoomAxisAndNames) {
+  add_run("only", 1, "0.99", 0);
+  const Document seen = use_report("");
+  EXPECT_EQ(texts(seen, "problems"), Texts());
+  EXPECT_GE(least(seen, "line_pixels"), kLinePixels);
+  EXPECT_EQ(texts(seen, "full_range"), Texts{"[1000,120000]"});
+  ASSERT_EQ(texts(seen, "zoomed_range").size(), 1u) << "all charts zoom together";
+  // From a quarter to three quarters of 1000 to 120000: 30750 to 90250, to a pixel (119000 / 450 = 264).
+  int from = 0, to = 0;
+  ASSERT_EQ(std::sscanf(texts(seen, "zoomed_range")[0].c_str(), "[%d,%d]", &from, &to), 2);
+  EXPECT_NEAR(from, 30750, 600);
+  EXPECT_NEAR(to, 90250, 600);
+  EXPECT_EQ(text(seen, "reset_shown"), "true");
+  EXPECT_EQ(texts(seen, "unzoomed_range"), texts(seen, "full_range"));
+  EXPECT_EQ(texts(seen, "seconds_range"), Texts{"[1,60]"});  // 0.5 s to 60 s, rounded
+  EXPECT_EQ(text(seen, "smoothing"), "mean of 7 points");
+  EXPECT_GE(number(seen, "pixels_before"), kLinePixels);
+  EXPECT_EQ(number(seen, "pixels_hidden"), 0);
+}
+
+TEST_F(ReportInBrowser, DarkAndSeveralConfigs) {
+  add_run("a", 1, "0.99", 0);
+  add_run("b", 2, "0.99", 0.05);
+  add_run("c", 1, "0.9", 0.2);
+  add_run("<b id=evil>d", 1, "\"</script><b id=evil>\"", 0.3);
+  const Document seen = use_report("--blink-settings=preferredColorScheme=0");
+  EXPECT_EQ(texts(seen, "problems"), Texts());
+  EXPECT_EQ(text(seen, "ground"), "rgb(18, 21, 27)");           // --ground of the dark theme, #12151b
+  EXPECT_EQ(text(seen, "other_ground"), "rgb(246, 247, 249)");  // of the light one, #f6f7f9
+  EXPECT_GE(least(seen, "line_pixels"), kLinePixels);
+  EXPECT_GE(number(seen, "other_pixels"), kLinePixels);
+  EXPECT_EQ(number(seen, "injected"), 0);
+  EXPECT_TRUE(contains(text(seen, "text"), {"3 configurations compared", "gamma=0.99", "gamma=0.9", "What differs"}));
+}
+
+}  // namespace
+}  // namespace giga::test

@@ -1,0 +1,138 @@
+// Runs of one config become one curve; long curves are thinned.
+#include "report/curves.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "io/temporary_folder.hpp"
+#include "synthetic_run.hpp"
+
+namespace giga::test {
+namespace {
+
+RunData run_of(const std::string& name, const std::string& config, const std::string& metrics) {
+  RunData run;
+  run.name = name;
+  run.config = parse_yaml_text(config, "config.yaml").root;
+  run.scenario = parse_yaml_text("max_health: 1\n", "scenario.yaml").root;
+  run.metrics = parse_metrics(metrics, "metrics.csv");
+  return run;
+}
+
+const std::string kTwoRows = "agent_steps,seconds,x\n100,1,0\n200,2,0\n";
+
+TEST(Curves, SeedsMakeAMeanAndABand) {
+  const std::vector<RunData> runs = {
+      run_of("a", config_with(1, "0.99"), "agent_steps,seconds,x,y\n100,1,2,\n200,3,5,\n"),
+      run_of("b", config_with(2, "0.99"), "agent_steps,seconds,x,y\n100,2,3,\n200,5,5,7\n"),
+      run_of("c", config_with(3, "0.99"), "agent_steps,seconds,x,y\n100,3,7,\n200,7,8,\n")};
+  const std::vector<RunGroup> groups = group_runs(runs, 100);
+  ASSERT_EQ(groups.size(), 1u);
+  const RunGroup& group = groups[0];
+  EXPECT_EQ(group.runs.size(), 3u);
+  EXPECT_EQ(group.label, "duel");
+  EXPECT_TRUE(group.has_band());
+  EXPECT_EQ(group.agent_steps, (std::vector<double>{100, 200}));
+  EXPECT_EQ(group.seconds, (std::vector<double>{2, 5}));          // (1 + 2 + 3) / 3, (3 + 5 + 7) / 3
+  EXPECT_EQ(group.find("x")->mean, (std::vector<double>{4, 6}));  // (2 + 3 + 7) / 3, (5 + 5 + 8) / 3
+  EXPECT_EQ(group.find("x")->low, (std::vector<double>{2, 5}));
+  EXPECT_EQ(group.find("x")->high, (std::vector<double>{7, 8}));
+  EXPECT_TRUE(std::isnan(group.find("y")->mean[0]));  // nobody knows it
+  EXPECT_EQ(group.find("y")->mean[1], 7);             // one of three knows it
+  EXPECT_EQ(group.find("seconds"), nullptr);
+}
+
+TEST(Curves, WhatIsNotLearnedDoesNotDivideAGroup) {
+  const std::string rest = "mappo: {gamma: 0.99}\n";
+  const std::vector<RunData> runs = {
+      run_of("a", "seed: 1\ndevice: cpu\ntrain: {n_threads: 2}\ncheckpoint: {keep: 1}\n" + rest, kTwoRows),
+      run_of("b", "seed: 2\ndevice: cuda:1\ntrain: {n_threads: 0}\ncheckpoint: {keep: 9}\n" + rest, kTwoRows)};
+  EXPECT_EQ(group_runs(runs, 100).size(), 1u);
+}
+
+TEST(Curves, ConfigsAreLabelledByWhatDiffers) {
+  const std::vector<RunData> runs = {
+      run_of("a", "seed: 1\nmappo: {gamma: 0.99, actor: {hidden: [8]}, critic: {hidden: [8]}}\n", kTwoRows),
+      run_of("b", "seed: 1\nmappo: {gamma: 0.9, actor: {hidden: [8]}, critic: {hidden: [16]}}\n", kTwoRows),
+      run_of("c", "seed: 2\nmappo: {gamma: 0.99, actor: {hidden: [8]}, critic: {hidden: [8]}}\n", kTwoRows)};
+  const std::vector<RunGroup> groups = group_runs(runs, 100);
+  ASSERT_EQ(groups.size(), 2u);
+  EXPECT_EQ(groups[0].label, "gamma=0.99, hidden=[8]");
+  EXPECT_EQ(groups[1].label, "gamma=0.9, hidden=[16]");
+  EXPECT_EQ(groups[0].runs.size(), 2u);
+  EXPECT_EQ(differing_settings(groups), (std::vector<std::string>{"mappo.gamma", "mappo.critic.hidden"}));
+}
+
+TEST(Curves, LabelsOfManyDifferencesAreShort) {
+  const std::vector<RunData> runs = {run_of("a", "k1: 1\nk2: 1\nk3: 1\nk4: 1\n", kTwoRows),
+                                     run_of("b", "k1: 1\nk2: 1\nk3: 1\nk4: 2\n", kTwoRows),
+                                     run_of("c", "k1: 2\nk2: 2\nk3: 2\nk4: 2\n", kTwoRows)};
+  const std::vector<RunGroup> groups = group_runs(runs, 100);
+  EXPECT_EQ(groups[0].label, "k1=1, k2=1, k3=1 and 1 more");
+  EXPECT_EQ(groups[1].label, "k1=1, k2=1, k3=1 and 1 more");  // as the first, but for the letter
+  EXPECT_EQ(groups[2].label, "k1=2, k2=2, k3=2 and 1 more");
+  EXPECT_EQ(groups[0].letter + groups[1].letter + groups[2].letter, "ABC");
+}
+
+TEST(Curves, AnEditedScenarioIsAnotherGroup) {
+  std::vector<RunData> runs = {run_of("a", "seed: 1\n", kTwoRows), run_of("b", "seed: 2\n", kTwoRows)};
+  runs[1].scenario = parse_yaml_text("max_health: 2\n", "scenario.yaml").root;
+  const std::vector<RunGroup> groups = group_runs(runs, 100);
+  ASSERT_EQ(groups.size(), 2u);
+  EXPECT_EQ(groups[1].label, "max_health=2");
+}
+
+TEST(Curves, ThinningKeepsMeanLeastAndGreatest) {
+  const std::vector<RunData> runs = {run_of(
+      "a", "seed: 1\n", "agent_steps,seconds,x,e\n10,1,1,\n20,2,9,\n30,3,2,4\n40,4,3,\n50,5,4,\n60,6,5,\n70,7,8,\n")};
+  const std::vector<RunGroup> groups = group_runs(runs, 3);  // 7 rows, at most 3 points: 3 rows each, the last has 1
+  const RunGroup& group = groups[0];
+  EXPECT_EQ(group.rows_per_point, 3u);
+  EXPECT_TRUE(group.has_band());
+  EXPECT_EQ(group.agent_steps, (std::vector<double>{30, 60, 70}));
+  EXPECT_EQ(group.seconds, (std::vector<double>{3, 6, 7}));
+  EXPECT_EQ(group.find("x")->mean, (std::vector<double>{4, 4, 8}));  // (1 + 9 + 2) / 3, (3 + 4 + 5) / 3, 8
+  EXPECT_EQ(group.find("x")->low, (std::vector<double>{1, 3, 8}));
+  EXPECT_EQ(group.find("x")->high, (std::vector<double>{9, 5, 8}));
+  EXPECT_EQ(group.find("e")->mean[0], 4);  // the one evaluation among three rows
+  EXPECT_TRUE(std::isnan(group.find("e")->mean[1]));
+}
+
+TEST(Curves, ShortCurvesAreNotThinned) {
+  const std::vector<RunData> runs = {run_of("a", "seed: 1\n", kTwoRows)};
+  const std::vector<RunGroup> groups = group_runs(runs, 2);
+  EXPECT_EQ(groups[0].rows_per_point, 1u);
+  EXPECT_FALSE(groups[0].has_band());
+}
+
+TEST(Curves, SeedsOfDifferentLength) {
+  const std::vector<RunData> runs = {
+      run_of("a", config_with(1, "0.99"), "agent_steps,seconds,x\n100,10,1\n200,20,2\n"),
+      run_of("b", config_with(2, "0.99"), "agent_steps,seconds,x\n100,2,3\n200,4,4\n300,6,9\n")};
+  const std::vector<RunGroup> groups = group_runs(runs, 100);
+  EXPECT_EQ(groups[0].agent_steps, (std::vector<double>{100, 200, 300}));
+  EXPECT_EQ(groups[0].find("x")->mean, (std::vector<double>{2, 3, 9}));
+  // (10 + 2) / 2, (20 + 4) / 2; then the slow run is gone, and 6 would run back.
+  EXPECT_EQ(groups[0].seconds, (std::vector<double>{6, 12, 12}));
+}
+
+TEST(Curves, OneConfigWithOtherStepsPerUpdateIsDamage) {
+  const std::vector<RunData> runs = {run_of("a", config_with(1, "0.99"), "agent_steps,seconds\n100,1\n200,2\n"),
+                                     run_of("b", config_with(2, "0.99"), "agent_steps,seconds\n100,1\n250,2\n")};
+  EXPECT_TRUE(contains(input_error_of([&] { group_runs(runs, 100); }), {"a", "b", "row 2", "200", "250"}));
+}
+
+TEST(Curves, ManyColumnsGetFewerPoints) {
+  std::string header = "agent_steps,seconds", row = "1,1";
+  for (int k = 0; k < 400; ++k) {
+    header += ",c" + std::to_string(k);
+    row += ",0";
+  }
+  const std::vector<RunData> wide = {run_of("a", "seed: 1\n", header + "\n" + row + "\n")};
+  EXPECT_EQ(points_for(wide), 333u);  // 400'000 / (1 + 3 x 400) = 333.05
+  EXPECT_EQ(points_for({run_of("a", "seed: 1\n", kTwoRows)}), 2000u);
+}
+
+}  // namespace
+}  // namespace giga::test
