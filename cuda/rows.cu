@@ -2,6 +2,7 @@
 #include "cuda/check.cuh"
 #include "cuda/rows.hpp"
 #include "math/distributions.hpp"
+#include "math/es_noise.hpp"
 #include "math/gae.hpp"
 #include "math/ppo_loss.hpp"
 #include "math/scripted.hpp"
@@ -36,6 +37,8 @@ template void launch_rows(const Gae&, int64_t, int, void*);
 template void launch_rows(const CategoricalLoss&, int64_t, int, void*);
 template void launch_rows(const GaussianLoss&, int64_t, int, void*);
 template void launch_rows(const ValueLoss&, int64_t, int, void*);
+template void launch_rows(const PerturbMembers&, int64_t, int, void*);
+template void launch_rows(const NoiseMoments&, int64_t, int, void*);
 template void launch_rows(const FiniteCheck&, int64_t, int, void*);
 template void launch_rows(const StepGate&, int64_t, int, void*);
 template void launch_rows(const LivingMean<float>&, int64_t, int, void*);

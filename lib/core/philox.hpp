@@ -42,7 +42,7 @@ GIGA_HD Philox4 philox4x32(uint32_t c0, uint32_t c1, uint32_t c2, uint32_t c3, u
 GIGA_HD float to_unit_float(uint32_t bits) { return static_cast<float>(bits >> 8) * (1.0f / 16777216.0f); }
 
 /// What a draw decides; part of the counter, so that no two purposes share numbers.
-enum class Draw : uint32_t { waypoint, detect, comm, map, start, action, opponent, permutation, init };
+enum class Draw : uint32_t { waypoint, detect, comm, map, start, action, opponent, permutation, init, es_noise };
 
 /// The draws of one world at one step, addressed by purpose and indices. Consecutive indices share a Philox call,
 /// whose result is remembered.

@@ -5,6 +5,7 @@
 
 #include "core/host_device.hpp"
 #include "core/philox.hpp"
+#include "math/normal.hpp"
 #include "math/rows.hpp"
 #include "sim/params.hpp"
 
@@ -122,10 +123,10 @@ struct SampleGaussian {
     float total = 0;
     for (int k = 0; k < kSize; ++k) {
       float normal = 0;
-      if (!greedy) {  // Box and Muller; 1 - u is in (0, 1]
-        const float u1 = 1.0f - key.uniform(Draw::action, draws.agent(row), static_cast<uint32_t>(2 * k));
-        const float u2 = key.uniform(Draw::action, draws.agent(row), static_cast<uint32_t>(2 * k + 1));
-        normal = std::sqrt(-2.0f * std::log(u1)) * std::cos(6.28318530717958647692f * u2);
+      if (!greedy) {
+        const float u = key.uniform(Draw::action, draws.agent(row), static_cast<uint32_t>(2 * k));
+        const float v = key.uniform(Draw::action, draws.agent(row), static_cast<uint32_t>(2 * k + 1));
+        normal = normal_pair(u, v).first;
       }
       const float m = mean[row * kSize + k];
       const float u = m + std::exp(log_std[k]) * normal;

@@ -1,0 +1,36 @@
+// Discovered ES: the closed form of a strategy that was found by meta-learning (Lange et al. 2023, section 5.3).
+#include "learn/evolution/fitness.hpp"
+#include "learn/evolution/strategy.hpp"
+
+namespace giga {
+namespace {
+
+class Des final : public EvolutionStrategy {
+ public:
+  Des(const DesConfig& config, const PopulationPlace& place, const at::Tensor& mean, const RowRunner& rows)
+      : EvolutionStrategy(config, place, mean, rows),
+        weights_(des_weights(config.population_size, static_cast<double>(config.temperature)).to(mean.device())),
+        rate_mean_(config.learning_rate_mean),
+        rate_sigma_(config.learning_rate_sigma) {}
+
+ private:
+  // The members are mean + sigma e: their weighted mean is mean + sigma sum(w e), their weighted deviation from the old
+  // mean sigma sqrt(sum(w e^2)).
+  void learn(const at::Tensor& fitness) override {
+    const Moments sums = moments(weights_.index_select(0, fitness_ranks(fitness)));
+    mean_.add_(sigma_ * sums.first, rate_mean_);
+    sigma_.add_(sigma_ * (sums.second.sqrt() - 1), rate_sigma_);
+  }
+
+  const at::Tensor weights_;  // [M] by rank
+  const float rate_mean_, rate_sigma_;
+};
+
+}  // namespace
+
+std::unique_ptr<EvolutionStrategy> make_des(const DesConfig& config, const PopulationPlace& place,
+                                            const at::Tensor& mean, const RowRunner& rows) {
+  return std::make_unique<Des>(config, place, mean, rows);
+}
+
+}  // namespace giga

@@ -1,0 +1,84 @@
+// OpenAI-ES: the gradient of the mean fitness under Gaussian perturbations (Salimans et al. 2017, algorithm 1), handed
+// to an optimizer.
+#include <algorithm>
+#include <cmath>
+
+#include "learn/evolution/fitness.hpp"
+#include "learn/evolution/strategy.hpp"
+#include "policy/parameters.hpp"
+
+namespace giga {
+namespace {
+
+constexpr double kBeta1 = 0.9, kBeta2 = 0.999, kEpsilon = 1e-8;
+
+class OpenAiEs final : public EvolutionStrategy {
+ public:
+  OpenAiEs(const OpenAiEsConfig& config, const PopulationPlace& place, const at::Tensor& mean, const RowRunner& rows)
+      : EvolutionStrategy(config, place, mean, rows),
+        config_(config),
+        velocity_(at::zeros_like(mean)),
+        square_(at::zeros_like(mean)) {}
+
+  void save(const std::string& prefix, NamedArrays& out) const override {
+    EvolutionStrategy::save(prefix, out);
+    out.push_back(to_array(prefix + "velocity", velocity_));
+    out.push_back(to_array(prefix + "square", square_));
+  }
+  void load(const std::string& prefix, const NamedArrays& in) override {
+    EvolutionStrategy::load(prefix, in);
+    from_array(find_array(in, prefix + "velocity"), velocity_);
+    from_array(find_array(in, prefix + "square"), square_);
+  }
+
+ private:
+  /// A setting after so many generations of decay; one that starts below the limit stays as it is.
+  static double decayed(float start, float decay, float least, double generations) {
+    const double value = static_cast<double>(start) * std::pow(static_cast<double>(decay), generations);
+    return std::max(value, static_cast<double>(std::min(least, start)));
+  }
+
+  // Gradient of the mean fitness: sum(F e) / (M sigma); weight decay pulls the mean to zero.
+  void learn(const at::Tensor& fitness) override {
+    const Moments sums = moments(shape_fitness(fitness, config_.shaping));
+    const at::Tensor gradient =
+        sums.first / (sigma_ * static_cast<double>(population_size())) - mean_ * config_.weight_decay;
+    step(gradient, decayed(config_.learning_rate, config_.learning_rate_decay, config_.learning_rate_min, generation_));
+    sigma_.fill_(decayed(config_.sigma_init, config_.sigma_decay, config_.sigma_min, generation_ + 1.0));
+  }
+
+  void step(const at::Tensor& gradient, double rate) {
+    switch (config_.optimizer) {
+      case MeanOptimizer::adam: {  // Kingma and Ba 2015
+        const double t = generation_ + 1.0;
+        velocity_.mul_(kBeta1).add_(gradient, 1 - kBeta1);
+        square_.mul_(kBeta2).addcmul_(gradient, gradient, 1 - kBeta2);
+        const at::Tensor deviation = (square_ / (1 - std::pow(kBeta2, t))).sqrt() + kEpsilon;
+        mean_.addcdiv_(velocity_, deviation, rate / (1 - std::pow(kBeta1, t)));
+        return;
+      }
+      case MeanOptimizer::momentum:
+        velocity_.mul_(config_.momentum).add_(gradient);
+        mean_.add_(velocity_, rate);
+        return;
+      case MeanOptimizer::clip_up: {  // Toklu et al. 2020, algorithm 1: steps of one length, and a speed limit
+        velocity_.mul_(config_.momentum).add_(gradient * (rate / (gradient.norm() + 1e-12)));
+        velocity_.mul_((config_.clip_up_max_speed / (velocity_.norm() + 1e-12)).clamp_max(1.0));
+        mean_.add_(velocity_);
+        return;
+      }
+    }
+  }
+
+  const OpenAiEsConfig config_;
+  at::Tensor velocity_, square_;  // [P] of the optimizer
+};
+
+}  // namespace
+
+std::unique_ptr<EvolutionStrategy> make_openai_es(const OpenAiEsConfig& config, const PopulationPlace& place,
+                                                  const at::Tensor& mean, const RowRunner& rows) {
+  return std::make_unique<OpenAiEs>(config, place, mean, rows);
+}
+
+}  // namespace giga

@@ -1,0 +1,40 @@
+// SNES: separable natural evolution strategy (Wierstra et al. 2014, algorithm 6).
+#include <cmath>
+
+#include "learn/evolution/fitness.hpp"
+#include "learn/evolution/strategy.hpp"
+
+namespace giga {
+namespace {
+
+class Snes final : public EvolutionStrategy {
+ public:
+  Snes(const SnesConfig& config, const PopulationPlace& place, const at::Tensor& mean, const RowRunner& rows)
+      : EvolutionStrategy(config, place, mean, rows),
+        utilities_(snes_utilities(config.population_size).to(mean.device())) {
+    const auto d = static_cast<double>(mean.size(0));
+    const auto standard = static_cast<float>((3 + std::log(d)) / (5 * std::sqrt(d)));
+    rate_mean_ = config.learning_rate_mean.value_or(standard);
+    rate_sigma_ = config.learning_rate_sigma.value_or(standard);
+  }
+
+ private:
+  // mean += eta_mean sigma sum(u e); sigma *= exp(eta_sigma / 2 sum(u (e^2 - 1))), and utilities sum to zero.
+  void learn(const at::Tensor& fitness) override {
+    const Moments sums = moments(utilities_.index_select(0, fitness_ranks(fitness)));
+    mean_.add_(sigma_ * sums.first, rate_mean_);
+    sigma_.mul_((sums.second * (rate_sigma_ / 2)).exp());
+  }
+
+  const at::Tensor utilities_;  // [M] by rank
+  float rate_mean_ = 1, rate_sigma_ = 1;
+};
+
+}  // namespace
+
+std::unique_ptr<EvolutionStrategy> make_snes(const SnesConfig& config, const PopulationPlace& place,
+                                             const at::Tensor& mean, const RowRunner& rows) {
+  return std::make_unique<Snes>(config, place, mean, rows);
+}
+
+}  // namespace giga

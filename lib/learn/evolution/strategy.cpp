@@ -1,0 +1,96 @@
+// What all strategies share: the population, its noise, and saving.
+#include "learn/evolution/strategy.hpp"
+
+#include "core/error.hpp"
+#include "policy/parameters.hpp"
+
+namespace giga {
+namespace {
+
+/// For each parameter the first of the numbers of its row of A (or of its column of B); -1 where it has its own.
+std::pair<at::Tensor, at::Tensor> factor_places(const PopulationConfig& config, const PopulationPlace& place,
+                                                int64_t n_parameters) {
+  std::vector<int32_t> left(static_cast<size_t>(n_parameters), -1), right = left;
+  int64_t next = 0;
+  for (const MatrixPlace& m : place.matrices) {
+    const int64_t a = next, b = next + m.rows * config.noise_rank;
+    next = b + m.columns * config.noise_rank;
+    for (int64_t i = 0; i < m.rows; ++i) {
+      for (int64_t j = 0; j < m.columns; ++j) {
+        const auto p = static_cast<size_t>(m.offset + i * m.columns + j);
+        left.at(p) = static_cast<int32_t>(a + i * config.noise_rank);
+        right.at(p) = static_cast<int32_t>(b + j * config.noise_rank);
+      }
+    }
+  }
+  return {at::tensor(left, at::kInt), at::tensor(right, at::kInt)};
+}
+
+}  // namespace
+
+EvolutionStrategy::EvolutionStrategy(const PopulationConfig& config, const PopulationPlace& place,
+                                     const at::Tensor& mean, const RowRunner& rows)
+    : mean_(mean.detach().clone()),
+      sigma_(at::full_like(mean_, config.sigma_init)),
+      config_(config),
+      seed_(place.seed),
+      team_(place.team),
+      rows_(rows) {
+  GIGA_CHECK(mean.dim() == 1 && mean.scalar_type() == at::kFloat, "a mean of ", mean.dim(), " dimensions");
+  if (config.antithetic && config.population_size % 2 != 0)
+    throw InputError(cat("population_size: ", config.population_size, " is odd; antithetic members come in pairs"));
+  if (config.noise != EsNoiseKind::low_rank) return;
+  std::tie(left_, right_) = factor_places(config, place, mean.size(0));
+  left_ = left_.to(mean.device());
+  right_ = right_.to(mean.device());
+}
+
+EsNoise EvolutionStrategy::noise() const {
+  const bool low = left_.defined();
+  return {seed_,
+          generation_,
+          static_cast<uint32_t>(team_),
+          config_.antithetic ? 1 : 0,
+          low ? config_.noise_rank : 0,
+          low ? left_.const_data_ptr<int32_t>() : nullptr,
+          low ? right_.const_data_ptr<int32_t>() : nullptr,
+          mean_.size(0)};
+}
+
+at::Tensor EvolutionStrategy::ask() {
+  at::Tensor members = at::empty({population_size(), mean_.size(0)}, mean_.options());
+  rows_.run(
+      PerturbMembers{noise(), mean_.const_data_ptr<float>(), sigma_.const_data_ptr<float>(), members.data_ptr<float>()},
+      members.numel());
+  return members;
+}
+
+void EvolutionStrategy::tell(const at::Tensor& fitness) {
+  GIGA_CHECK(fitness.dim() == 1 && fitness.size(0) == population_size(), "fitness of ", fitness.numel(),
+             " members, the population has ", population_size());
+  learn(fitness.to(mean_.options()));
+  ++generation_;
+}
+
+EvolutionStrategy::Moments EvolutionStrategy::moments(const at::Tensor& weights) const {
+  const at::Tensor w = weights.contiguous();
+  Moments sums{at::empty_like(mean_), at::empty_like(mean_)};
+  rows_.run(NoiseMoments{noise(), w.const_data_ptr<float>(), population_size(), sums.first.data_ptr<float>(),
+                         sums.second.data_ptr<float>()},
+            mean_.size(0));
+  return sums;
+}
+
+void EvolutionStrategy::save(const std::string& prefix, NamedArrays& out) const {
+  out.push_back(to_array(prefix + "mean", mean_));
+  out.push_back(to_array(prefix + "sigma", sigma_));
+  out.push_back(make_array<int64_t>(prefix + "generation", {static_cast<int64_t>(generation_)}));
+}
+
+void EvolutionStrategy::load(const std::string& prefix, const NamedArrays& in) {
+  from_array(find_array(in, prefix + "mean"), mean_);
+  from_array(find_array(in, prefix + "sigma"), sigma_);
+  generation_ = static_cast<uint32_t>(array_values<int64_t>(find_array(in, prefix + "generation")).at(0));
+}
+
+}  // namespace giga

@@ -1,0 +1,80 @@
+// EvolutionStrategy: a search distribution over the parameters of a team's policy, by ask and tell.
+#pragma once
+
+#include <torch/types.h>
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "core/named_array.hpp"
+#include "cuda/rows.hpp"
+#include "learn/evolution/config.hpp"
+#include "math/es_noise.hpp"
+
+namespace giga {
+
+/// A weight matrix among the parameters, for perturbations of low rank.
+struct MatrixPlace {
+  int64_t offset, rows, columns;
+};
+
+/// Where a population's numbers come from and where they live.
+struct PopulationPlace {
+  uint64_t seed = 0;
+  int team = 0;
+  std::vector<MatrixPlace> matrices;  ///< used by noise low_rank; all other parameters have numbers of their own
+};
+
+class EvolutionStrategy {
+ public:
+  virtual ~EvolutionStrategy() = default;
+
+  /// Parameters of this generation's members [M, P].
+  at::Tensor ask();
+  /// Learns from the members' fitness [M], the larger the better, and goes on to the next generation. Makes the noise
+  /// of `ask` anew; queues work on the device and waits for nothing.
+  void tell(const at::Tensor& fitness);
+
+  const at::Tensor& mean() const { return mean_; }    // [P]
+  const at::Tensor& sigma() const { return sigma_; }  // [P]
+  int64_t population_size() const { return config_.population_size; }
+  uint32_t generation() const { return generation_; }
+
+  virtual void save(const std::string& prefix, NamedArrays& out) const;
+  virtual void load(const std::string& prefix, const NamedArrays& in);
+
+ protected:
+  EvolutionStrategy(const PopulationConfig& config, const PopulationPlace& place, const at::Tensor& mean,
+                    const RowRunner& rows);
+
+  /// Sums over the members of weight x noise and weight x noise^2, [P] each.
+  struct Moments {
+    at::Tensor first, second;
+  };
+  Moments moments(const at::Tensor& weights) const;
+  /// Changes mean and sigma.
+  virtual void learn(const at::Tensor& fitness) = 0;
+
+  at::Tensor mean_, sigma_;
+  uint32_t generation_ = 0;
+
+ private:
+  EsNoise noise() const;
+
+  const PopulationConfig config_;
+  const uint64_t seed_;
+  const int team_;
+  const RowRunner& rows_;
+  at::Tensor left_, right_;  // [P] int32, see EsNoise; noise low_rank only
+};
+
+/// `mean` [P]: where the search starts; it is copied. `rows` must outlive the strategy.
+std::unique_ptr<EvolutionStrategy> make_openai_es(const OpenAiEsConfig& config, const PopulationPlace& place,
+                                                  const at::Tensor& mean, const RowRunner& rows);
+std::unique_ptr<EvolutionStrategy> make_snes(const SnesConfig& config, const PopulationPlace& place,
+                                             const at::Tensor& mean, const RowRunner& rows);
+std::unique_ptr<EvolutionStrategy> make_des(const DesConfig& config, const PopulationPlace& place,
+                                            const at::Tensor& mean, const RowRunner& rows);
+
+}  // namespace giga

@@ -1,0 +1,83 @@
+// Noise of evolution strategies: a pure function of (seed, generation, pair of members, parameter), made anew wherever
+// it is needed and never stored.
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+
+#include "core/host_device.hpp"
+#include "core/philox.hpp"
+#include "math/normal.hpp"
+
+namespace giga {
+
+/// The perturbations of one team's population in one generation.
+struct EsNoise {
+  uint64_t seed;
+  uint32_t generation;
+  uint32_t team;
+  int antithetic;  // 1: members 2 k and 2 k + 1 have the same numbers with opposite signs (Salimans et al. 2017)
+  int rank;        // 0: every parameter has a number of its own; else of perturbations A B^T / sqrt(rank)
+  const int32_t*
+      left;  // [P] rank > 0: first of the `rank` numbers of the parameter's row of A; -1: a number of its own
+  const int32_t* right;  // [P] likewise of its column of B
+  int64_t n_parameters;  // P; the numbers of A and B are counted from here on
+
+  /// Number `index` of a pair of members, standard normal.
+  GIGA_HD float normal(uint32_t pair, uint32_t index) const {
+    const Philox4 bits =
+        philox4x32(pair, generation, (static_cast<uint32_t>(Draw::es_noise) << 24) | team, index >> 2, seed);
+    const bool upper = (index & 2u) != 0;
+    const NormalPair two = normal_pair(to_unit_float(upper ? bits.word[2] : bits.word[0]),
+                                       to_unit_float(upper ? bits.word[3] : bits.word[1]));
+    return (index & 1u) ? two.second : two.first;
+  }
+
+  /// The perturbation of parameter `p` of member `m`, before it is scaled by sigma.
+  GIGA_HD float operator()(int64_t m, int64_t p) const {
+    const auto pair = static_cast<uint32_t>(antithetic ? m / 2 : m);
+    const float sign = antithetic && (m & 1) ? -1.0f : 1.0f;
+    if (rank == 0 || left[p] < 0) return sign * normal(pair, static_cast<uint32_t>(p));
+    float sum = 0;
+    for (int k = 0; k < rank; ++k)
+      sum += normal(pair, static_cast<uint32_t>(n_parameters + left[p] + k)) *
+             normal(pair, static_cast<uint32_t>(n_parameters + right[p] + k));
+    return sign * sum / std::sqrt(static_cast<float>(rank));
+  }
+};
+
+/// Members of a population: row = member x P + parameter.
+struct PerturbMembers {
+  EsNoise noise;
+  const float* mean;   // [P]
+  const float* sigma;  // [P]
+  float* members;      // [M, P] out
+
+  GIGA_HD void operator()(int64_t row) const {
+    const int64_t m = row / noise.n_parameters, p = row - m * noise.n_parameters;
+    members[row] = mean[p] + sigma[p] * noise(m, p);
+  }
+};
+
+/// Weighted sums over the members of the noise and of its square, from which every strategy here learns: row =
+/// parameter. The order of the additions is fixed.
+struct NoiseMoments {
+  EsNoise noise;
+  const float* weight;  // [M]
+  int64_t n_members;    // M
+  float* first;         // [P] out: sum of weight x noise
+  float* second;        // [P] out: sum of weight x noise^2
+
+  GIGA_HD void operator()(int64_t p) const {
+    float sum = 0, square_sum = 0;
+    for (int64_t m = 0; m < n_members; ++m) {
+      const float e = noise(m, p), w = weight[m];
+      sum += w * e;
+      square_sum += w * e * e;
+    }
+    first[p] = sum;
+    second[p] = square_sum;
+  }
+};
+
+}  // namespace giga
