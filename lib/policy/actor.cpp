@@ -36,6 +36,13 @@ at::Tensor Actor::forward(const at::Tensor& obs) const {
   return mlp_.forward(parameters_, x).to(at::kFloat);
 }
 
+at::Tensor Actor::forward_members(const at::Tensor& members, const at::Tensor& obs) const {
+  at::NoGradGuard no_grad;
+  at::Tensor x = normalize_ ? normalizer_.apply(obs) : obs;
+  if (precision_ == Precision::bf16) x = x.to(at::kBFloat16);
+  return mlp_.forward_members(parameters_, members, x).to(at::kFloat);
+}
+
 void Actor::save(const std::string& prefix, NamedArrays& out) const {
   parameters_.save(prefix, out);
   if (normalize_) normalizer_.save(prefix + "normalizer/", out);

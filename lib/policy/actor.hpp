@@ -25,6 +25,9 @@ class Actor {
 
   /// obs [R, D] -> logits [R, kLogitStride], the last not used, or means before squashing [R, 3]; fp32.
   at::Tensor forward(const at::Tensor& obs) const;
+  /// Likewise for each member of a population [M, P] of parameters: obs [M, R, D] -> [M, R, head size]. The normaliser
+  /// is common to all.
+  at::Tensor forward_members(const at::Tensor& members, const at::Tensor& obs) const;
 
   ActionKind actions() const { return actions_; }
   int64_t head_size() const { return head_size(actions_); }

@@ -65,6 +65,19 @@ at::Tensor Mlp::forward(const ParameterSet& p, at::Tensor x) const {
   return x;
 }
 
+at::Tensor Mlp::forward_members(const ParameterSet& p, const at::Tensor& members, at::Tensor x) const {
+  const auto of = [&](int k) { return p.of_members(members, k).to(x.scalar_type()); };
+  const auto of_features = [&](int k) { return of(k).unsqueeze(1); };  // [M, 1, H]
+  for (const Layer& layer : layers_) {
+    x = at::baddbmm(of_features(layer.bias), x, of(layer.weight).transpose(1, 2));
+    if (!layer.hidden) continue;
+    if (layer.norm_weight >= 0)
+      x = at::layer_norm(x, {x.size(-1)}) * of_features(layer.norm_weight) + of_features(layer.norm_bias);
+    x = activate(x, config_.activation);
+  }
+  return x;
+}
+
 namespace {
 
 // One kernel each way. With tensor operations the mean costs more time than the layer around it: a product, a sum and

@@ -25,6 +25,9 @@ class Mlp {
   Mlp(ParameterSet& parameters, const std::string& name, int64_t input, const MlpConfig& config, int64_t output,
       float output_gain);
   at::Tensor forward(const ParameterSet& p, at::Tensor x) const;  // [R, input] -> [R, output]
+  /// Each member of a population [M, P] on rows of its own, one batched product a layer: x [M, R, input] ->
+  /// [M, R, output].
+  at::Tensor forward_members(const ParameterSet& p, const at::Tensor& members, at::Tensor x) const;
 
  private:
   friend class TeamMlp;

@@ -63,6 +63,20 @@ void ParameterSet::allocate(at::Device device, uint64_t seed) {
   }
 }
 
+at::Tensor ParameterSet::of_members(const at::Tensor& members, int k) const {
+  const Spec& spec = specs_[static_cast<size_t>(k)];
+  int64_t count = 1;
+  for (const int64_t side : spec.shape) count *= side;
+  return members.narrow(1, spec.offset, count).unflatten(1, spec.shape);
+}
+
+std::vector<MatrixPlace> ParameterSet::matrices() const {
+  std::vector<MatrixPlace> places;
+  for (const Spec& spec : specs_)
+    if (spec.shape.size() == 2) places.push_back({spec.offset, spec.shape[0], spec.shape[1]});
+  return places;
+}
+
 void ParameterSet::save(const std::string& prefix, NamedArrays& out) const {
   for (size_t k = 0; k < specs_.size(); ++k) out.push_back(to_array(prefix + specs_[k].name, views_[k]));
 }

@@ -18,6 +18,11 @@ struct Init {
   float value = 0;
 };
 
+/// A weight matrix among the flat parameters, row by row.
+struct MatrixPlace {
+  int64_t offset, rows, columns;
+};
+
 class ParameterSet {
  public:
   /// Announces a parameter and returns its number; all before `allocate`.
@@ -32,6 +37,11 @@ class ParameterSet {
   const at::Tensor& values() const { return values_; }      // [P]
   const at::Tensor& gradient() const { return gradient_; }  // [P]
   int64_t size() const { return size_; }
+
+  /// Parameter `k` of each member of a population [M, P] of such sets: a view [M, shape].
+  at::Tensor of_members(const at::Tensor& members, int k) const;
+  /// All parameters of two dimensions.
+  std::vector<MatrixPlace> matrices() const;
 
   void save(const std::string& prefix, NamedArrays& out) const;
   void load(const std::string& prefix, const NamedArrays& in);

@@ -2,7 +2,6 @@
 #include "learn/evolution/strategy.hpp"
 
 #include "core/error.hpp"
-#include "policy/parameters.hpp"
 
 namespace giga {
 namespace {

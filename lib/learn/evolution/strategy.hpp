@@ -11,13 +11,9 @@
 #include "cuda/rows.hpp"
 #include "learn/evolution/config.hpp"
 #include "math/es_noise.hpp"
+#include "policy/parameters.hpp"
 
 namespace giga {
-
-/// A weight matrix among the parameters, for perturbations of low rank.
-struct MatrixPlace {
-  int64_t offset, rows, columns;
-};
 
 /// Where a population's numbers come from and where they live.
 struct PopulationPlace {
