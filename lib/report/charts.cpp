@@ -5,6 +5,7 @@
 #include <array>
 #include <cctype>
 #include <set>
+#include <string_view>
 
 #include "core/error.hpp"
 
@@ -70,7 +71,7 @@ class Chooser {
 ChartSection Chooser::strength() {
   ChartSection section{
       "Playing strength", "Share of evaluation games won; each team plays on its own side.", false, {}};
-  static const std::string kStart = "win_rate_", kMiddle = "_vs_";
+  constexpr std::string_view kStart = "win_rate_", kMiddle = "_vs_";
   std::set<std::string> seen;
   for (const ColumnFacts& column : columns_) {
     const size_t middle = column.name.find(kMiddle);
@@ -78,7 +79,7 @@ ChartSection Chooser::strength() {
     const std::string opponent = column.name.substr(middle + kMiddle.size());
     if (!seen.insert(opponent).second) continue;
     Chart chart{"Win rate against " + opponent, "share of games won", {{0, 1}}, {}};
-    add_teams(chart, "win_rate", kMiddle + opponent);
+    add_teams(chart, "win_rate", cat(kMiddle, opponent));
     keep_filled(section.charts, std::move(chart));
   }
   return section;
@@ -112,7 +113,7 @@ std::vector<Chart> Chooser::charts_of(const std::array<ChartRow, N>& rows) {
 ChartSection Chooser::rewards() {
   ChartSection section{
       "Rewards by term", "What the return is made of; terms that are always 0 are left out.", false, {}};
-  static const std::string kStart = "reward_";
+  constexpr std::string_view kStart = "reward_";
   for (int team = 0; team < 2; ++team) {
     const std::string ending = cat("_", team);
     Chart chart{cat("Reward terms of team ", team), "sum over an episode", std::nullopt, {}};
@@ -136,7 +137,7 @@ ChartSection Chooser::speed() {
               "where the time of an update goes; an evaluation or a checkpoint is not at each",
               std::nullopt,
               {}};
-  static const std::string kEnding = "_seconds";
+  constexpr std::string_view kEnding = "_seconds";
   for (const ColumnFacts& column : columns_) {
     if (!column.name.ends_with(kEnding)) continue;
     std::string label = column.name.substr(0, column.name.size() - kEnding.size());
