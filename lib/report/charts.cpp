@@ -71,15 +71,12 @@ class Chooser {
 ChartSection Chooser::strength() {
   ChartSection section{
       "Playing strength", "Share of evaluation games won; each team plays on its own side.", false, {}};
-  constexpr std::string_view kStart = "win_rate_", kMiddle = "_vs_";
   std::set<std::string> seen;
   for (const ColumnFacts& column : columns_) {
-    const size_t middle = column.name.find(kMiddle);
-    if (!column.name.starts_with(kStart) || middle == std::string::npos) continue;
-    const std::string opponent = column.name.substr(middle + kMiddle.size());
-    if (!seen.insert(opponent).second) continue;
-    Chart chart{"Win rate against " + opponent, "share of games won", {{0, 1}}, {}};
-    add_teams(chart, "win_rate", cat(kMiddle, opponent));
+    const std::optional<std::string> opponent = opponent_of(column.name);
+    if (!opponent || !seen.insert(*opponent).second) continue;
+    Chart chart{"Win rate against " + *opponent, "share of games won", {{0, 1}}, {}};
+    add_teams(chart, "win_rate", "_vs_" + *opponent);
     keep_filled(section.charts, std::move(chart));
   }
   return section;
@@ -187,6 +184,13 @@ ChartSection Chooser::further() {
 }
 
 }  // namespace
+
+std::optional<std::string> opponent_of(const std::string& column) {
+  constexpr std::string_view kStart = "win_rate_", kMiddle = "_vs_";
+  const size_t middle = column.find(kMiddle);
+  if (!column.starts_with(kStart) || middle == std::string::npos) return std::nullopt;
+  return column.substr(middle + kMiddle.size());
+}
 
 std::vector<ChartSection> choose_charts(const std::vector<ColumnFacts>& columns) {
   Chooser choose(columns);

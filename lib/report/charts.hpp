@@ -32,6 +32,9 @@ struct ColumnFacts {
   bool all_zero = false;
 };
 
+/// The opponent in a column win_rate_T_vs_OPPONENT; nothing for other columns.
+std::optional<std::string> opponent_of(const std::string& column);
+
 /// A place for every column: a column that no chart is made for gets one among the further figures, so that a new
 /// figure shows without a change here; those that are always 0 are told in words.
 std::vector<ChartSection> choose_charts(const std::vector<ColumnFacts>& columns);

@@ -69,12 +69,9 @@ Json last_win_rate(const RunGroup& group, const std::string& column) {
 /// Names of the opponents in columns win_rate_T_vs_NAME.
 std::vector<std::string> opponents_of(const RunGroup& group) {
   std::vector<std::string> names;
-  static const std::string kStart = "win_rate_", kMiddle = "_vs_";
   for (const Curve& curve : group.curves) {
-    const size_t middle = curve.name.find(kMiddle);
-    if (!curve.name.starts_with(kStart) || middle == std::string::npos) continue;
-    const std::string name = curve.name.substr(middle + kMiddle.size());
-    if (std::find(names.begin(), names.end(), name) == names.end()) names.push_back(name);
+    const std::optional<std::string> name = opponent_of(curve.name);
+    if (name && std::find(names.begin(), names.end(), *name) == names.end()) names.push_back(*name);
   }
   return names;
 }

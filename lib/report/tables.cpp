@@ -2,6 +2,7 @@
 #include "report/tables.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <cstdlib>
 #include <map>
 #include <set>
@@ -83,14 +84,14 @@ std::string normal_text(const std::string& yaml) {
 std::string bytes_text(const std::string& key, const std::string& value) {
   if (!key.ends_with("memory_bytes")) return value;
   constexpr double kGiB = 1024.0 * 1024 * 1024;
-  return cat(static_cast<int64_t>(std::strtod(value.c_str(), nullptr) / kGiB + 0.5), " GiB");
+  return cat(std::lround(std::strtod(value.c_str(), nullptr) / kGiB), " GiB");
 }
 
 /// run.json without what is each run's own.
 Settings machine_of(const RunData& run) {
-  static const std::set<std::string> kOwn = {"scenario", "algorithm", "seed", "started", "command_line"};
+  static const std::set<std::string> own = {"scenario", "algorithm", "seed", "started", "command_line"};
   Settings facts = info_of(run);
-  std::erase_if(facts, [](const auto& fact) { return kOwn.contains(fact.first); });
+  std::erase_if(facts, [](const auto& fact) { return own.contains(fact.first); });
   for (auto& [key, value] : facts) {
     value = bytes_text(key, value);
     if (key.ends_with("memory_bytes")) key.resize(key.size() - std::string("_bytes").size());
