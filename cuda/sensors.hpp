@@ -41,7 +41,7 @@ class GpuSensors {
   GpuReading read() const;
 
  private:
-  int index_;
+  [[maybe_unused]] int index_;  // a build without CUDA has no use for it
   GpuThermometer thermometer_;
 };
 

@@ -28,7 +28,7 @@ at::Tensor shape_fitness(const at::Tensor& fitness, FitnessShaping shaping) {
   if (shaping == FitnessShaping::centered_ranks) return 0.5 - fitness_ranks(fitness).to(at::kFloat) / last;
   const at::Tensor finite = at::isfinite(fitness);
   const at::Tensor worst = at::where(finite, fitness, -kWorst).min();
-  const at::Tensor clean = at::where(finite, fitness, at::where(at::isfinite(worst), worst, 0.0));
+  at::Tensor clean = at::where(finite, fitness, at::where(at::isfinite(worst), worst, 0.0));
   if (shaping == FitnessShaping::raw) return clean;
   const at::Tensor centered = clean - clean.mean();
   return centered / (centered.square().mean().sqrt() + 1e-8);

@@ -174,9 +174,9 @@ void PlanBuilder::add_buffers() {
   add("rollout: true state", shapes.global.bytes() + shapes.final_global.bytes(), Grows::yes,
       cat("critic.kind state: ", run_.spec.global_size(), " numbers"));
   add("values, advantages, returns", advantage_bytes(run_), Grows::yes, "of the rollout");
+  const int64_t n_parameters = parameter_bytes(run_) / (4 * kFloat);
   add("networks", parameter_bytes(run_), Grows::no,
-      cat(print_short(static_cast<double>(parameter_bytes(run_) / (4 * kFloat))),
-          " parameters, their gradients, and two moments of Adam"));
+      cat(print_short(static_cast<double>(n_parameters)), " parameters, their gradients, and two moments of Adam"));
   add("normalisers, figures", small_tensor_bytes(run_), Grows::no, "moments of values and observations");
 }
 
