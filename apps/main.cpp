@@ -35,9 +35,7 @@ std::string without_stack(const std::string& message) {
   return message.substr(0, message.find("\nException raised from"));
 }
 
-}  // namespace
-
-int main(int argc, char** argv) {
+int run(int argc, char** argv) {
   giga::restart_with_short_spin(argv);
   CLI::App app("gigastep: fast training of teams of agents against each other.", "gigastep");
   giga::Dispatch dispatch;
@@ -52,11 +50,19 @@ int main(int argc, char** argv) {
   giga::add_report_command(app, dispatch);
   try {
     app.parse(argc, argv);
-    dispatch.run();
-    return dispatch.exit_code;
   } catch (const CLI::ParseError& e) {
     if (e.get_exit_code() == 0) return app.exit(e);  // --help, --version
     return fail(giga::explain(app, e), kBadInput);
+  }
+  dispatch.run();
+  return dispatch.exit_code;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  try {
+    return run(argc, argv);
   } catch (const giga::Error& e) {
     return fail(e.what(), exit_code(e));
   } catch (const std::bad_alloc&) {
