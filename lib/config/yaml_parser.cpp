@@ -9,6 +9,7 @@
 
 #include "config/document.hpp"
 #include "core/error.hpp"
+#include "core/utf8.hpp"
 
 namespace giga {
 namespace {
@@ -119,27 +120,12 @@ class TreeBuilder : public YAML::EventHandler {
   std::vector<std::string> anchors_;  // in the order of the file
 };
 
-/// Length of the UTF-8 sequence at the start of the text, 0 if there is none. Overlong forms, surrogates and code
-/// points above 0x10FFFF are none.
-size_t utf8_length(std::string_view text) {
-  const auto byte = [&](size_t k) { return k < text.size() ? static_cast<unsigned char>(text[k]) : 0u; };
-  const unsigned lead = byte(0);
-  if (lead < 0x80) return 1;
-  const size_t length = lead < 0xC2 ? 0 : lead < 0xE0 ? 2 : lead < 0xF0 ? 3 : lead < 0xF5 ? 4 : 0;
-  for (size_t k = 1; k < length; ++k)
-    if ((byte(k) & 0xC0) != 0x80) return 0;
-  const bool overlong = (lead == 0xE0 && byte(1) < 0xA0) || (lead == 0xF0 && byte(1) < 0x90);
-  const bool surrogate = lead == 0xED && byte(1) >= 0xA0;
-  const bool too_large = lead == 0xF4 && byte(1) >= 0x90;
-  return overlong || surrogate || too_large ? 0 : length;
-}
-
 /// Is the text UTF-8 without control characters? Reports the first offence.
 bool check_encoding(std::string_view text, const std::shared_ptr<const std::string>& source, Errors& errors) {
   Position at{source, 1, 1};
   while (!text.empty()) {
     const unsigned char c = static_cast<unsigned char>(text[0]);
-    const size_t length = utf8_length(text);
+    const size_t length = utf8_length(text, 0);
     if (length == 0)
       return errors.add(at, cat("not UTF-8: byte ", static_cast<int>(c), "; save the file as UTF-8")), false;
     if ((c < 0x20 && c != '\n' && c != '\r' && c != '\t') || c == 0x7f)

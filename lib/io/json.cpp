@@ -6,6 +6,7 @@
 #include <iostream>
 
 #include "core/error.hpp"
+#include "core/utf8.hpp"
 #include "io/files.hpp"
 #include "io/number.hpp"
 

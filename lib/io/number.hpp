@@ -1,4 +1,4 @@
-// Numbers and characters as text: the shortest text that reads back to the same number, and figures for people.
+// Numbers as text: the shortest text that reads back to the same number, and figures for people.
 #pragma once
 
 #include <cstddef>
@@ -19,8 +19,5 @@ std::string print_share(double value);
 
 /// Seconds as 1:02:03 or 2:03; "-:--" where not known.
 std::string print_duration(double seconds);
-
-/// Length of the UTF-8 character at `at`; 0 where there is none.
-size_t utf8_length(std::string_view text, size_t at);
 
 }  // namespace giga

@@ -4,6 +4,7 @@
 #include <bit>
 
 #include "core/error.hpp"
+#include "core/utf8.hpp"
 #include "io/number.hpp"
 
 namespace giga {

@@ -78,6 +78,13 @@ TEST_F(KilledRun, BySigkillAtEveryFileOperation) {
   EXPECT_GE(resumes, 60) << "of " << kills;
 }
 
+TEST_F(KilledRun, ByAFolderThatCannotBeWrittenAnyMore) {
+  const Outcome failed = run("closed", n_operations_ / 2, EACCES);
+  EXPECT_EQ(failed.code, 1);
+  EXPECT_TRUE(contains(failed.err, {"Permission denied", "closed/"}));
+  EXPECT_TRUE(expect_goes_on("closed"));
+}
+
 TEST_F(KilledRun, ByAFullDisk) {
   int failures = 0, resumes = 0;
   for (int at = 2; at <= n_operations_; at += 4) {

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstdlib>
 
+#include "core/utf8.hpp"
 #include "io/number.hpp"
 
 namespace giga {
