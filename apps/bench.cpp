@@ -1,4 +1,4 @@
-// gigastep bench: agent-steps per second of simulation, closed loop and training.
+// gigastep bench: agent-steps per second of simulation, closed loop, training and evolution.
 #include <CLI/CLI.hpp>
 #include <cmath>
 #include <cstdio>
@@ -44,7 +44,7 @@ std::string result_lines(const BenchResult& r) {
 void bench(const std::string& kind, Measure measure_one, const BenchOptions& o) {
   const Device device = parse_device(o.device);
   std::vector<int> sizes = o.worlds;
-  if (sizes.empty()) sizes = {kind == "train" ? 0 : device.is_cuda() ? kGpuWorlds : kCpuWorlds};
+  if (sizes.empty()) sizes = {kind == "train" || kind == "es" ? 0 : device.is_cuda() ? kGpuWorlds : kCpuWorlds};
 
   const bool for_people = o.json != "-";
   if (for_people)
@@ -71,7 +71,7 @@ void bench(const std::string& kind, Measure measure_one, const BenchOptions& o) 
   write_json(json, o.json);
 }
 
-/// One of the three benchmarks, with the options that all have.
+/// One of the benchmarks, with the options that all have.
 CLI::App* add_kind(CLI::App& parent, Dispatch& dispatch, const std::shared_ptr<BenchOptions>& options,
                    const std::string& kind, const std::string& description, Measure measure_one) {
   CLI::App* command = parent.add_subcommand(kind, description);
@@ -84,7 +84,7 @@ CLI::App* add_kind(CLI::App& parent, Dispatch& dispatch, const std::shared_ptr<B
       ->check(CLI::Range(1, 16'777'216))
       ->type_name("N,...");
   add_device_option(*command, options->device)->capture_default_str();
-  command->add_option("--steps", options->steps, "steps (train: updates) per repeat; 0: about half a second")
+  command->add_option("--steps", options->steps, "steps (train: updates, es: generations) per repeat; 0: about half a second")
       ->check(CLI::Range(int64_t{0}, int64_t{1'000'000'000}))
       ->capture_default_str()
       ->type_name("N");
@@ -96,6 +96,20 @@ CLI::App* add_kind(CLI::App& parent, Dispatch& dispatch, const std::shared_ptr<B
   command->callback([options, kind, measure_one, &dispatch] {
     dispatch.run = [options, kind, measure_one] { bench(kind, measure_one, *options); };
   });
+  return command;
+}
+
+/// A benchmark of a learner, which takes a config.
+CLI::App* add_learner(CLI::App& parent, Dispatch& dispatch, const std::string& kind, const std::string& config,
+                      const std::string& description, Measure measure_one) {
+  auto options = std::make_shared<BenchOptions>();
+  options->scenario.clear();
+  options->config = config;
+  CLI::App* command = add_kind(parent, dispatch, options, kind, description, measure_one);
+  command->add_option("--config", options->config, "run config: file, or name of one that comes with gigastep")
+      ->capture_default_str()
+      ->type_name("CONFIG");
+  add_set_option(*command, options->overrides);
   return command;
 }
 
@@ -138,16 +152,17 @@ void add_bench_command(CLI::App& app, Dispatch& dispatch) {
   add_seed_option(*closed, loop->seed);
   closed->footer("Example:\n  gigastep bench closed-loop --scenario identical_5_vs_5 --hidden 256,256");
 
-  auto learning = std::make_shared<BenchOptions>();
-  learning->scenario.clear();
-  CLI::App* train = add_kind(*command, dispatch, learning, "train", "whole updates: rollout and learning", bench_train);
-  train->add_option("--config", learning->config, "run config: file, or name of one that comes with gigastep")
-      ->capture_default_str()
-      ->type_name("CONFIG");
-  add_set_option(*train, learning->overrides);
+  CLI::App* train = add_learner(*command, dispatch, "train", "mappo", "whole updates: rollout and learning", bench_train);
   train->footer(
       "Scenario, worlds and seed are those of the config unless given.\n"
       "Example:\n  gigastep bench train --config mappo --set mappo.n_minibatches=4 --worlds 4096,16384 --device cuda");
+
+  CLI::App* es = add_learner(*command, dispatch, "es", "openai_es",
+                             "whole generations of an evolution strategy, and the closed loop beside it", bench_es);
+  es->footer(
+      "Only steps inside episodes count. --worlds: of both teams' populations, in whole pairs of members; without it as "
+      "the\nconfig says.\n"
+      "Example:\n  gigastep bench es --config snes --scenario identical_5_vs_5 --worlds 16384,65536 --device cuda");
 }
 
 }  // namespace giga

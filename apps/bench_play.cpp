@@ -5,7 +5,7 @@
 #include "apps/benchmark.hpp"
 #include "core/error.hpp"
 #include "cuda/runtime.hpp"
-#include "learn/mappo.hpp"
+#include "learn/team_policy.hpp"
 #include "policy/actor.hpp"
 #include "rollout/player.hpp"
 #include "scenario/compile.hpp"
@@ -73,7 +73,7 @@ BenchResult play(const BenchOptions& options, Device device, const LoadedRun& ru
   sim->start(io);
   int64_t steps_made = 0;
   measure(
-      options, static_cast<double>(sim->agents_per_step()),
+      options,
       [&](int64_t n) {
         for (int64_t k = 0; k < n; ++k) {
           for (int t = 0; t < kNTeams; ++t)
@@ -82,6 +82,7 @@ BenchResult play(const BenchOptions& options, Device device, const LoadedRun& ru
         }
         sim->synchronize();
         steps_made += n;
+        return static_cast<double>(sim->agents_per_step()) * static_cast<double>(n);
       },
       result);
   result.memory_bytes = memory_in_use(device) - memory_before;

@@ -14,6 +14,7 @@ BenchResult bench_train(const BenchOptions& options, Device device, int worlds) 
   if (!options.scenario.empty()) overrides.push_back("scenario=" + options.scenario);
   if (worlds > 0) overrides.push_back(cat("train.n_worlds=", worlds));
   const LoadedRun run = load_run_config(find_config(options.config), overrides);
+  if (is_evolution(run.config.train)) throw InputError("bench train: " + options.config + " evolves; use bench es");
 
   BenchResult result;
   result.scenario = run.config.scenario;
@@ -23,13 +24,15 @@ BenchResult bench_train(const BenchOptions& options, Device device, int worlds) 
   double episodes = 0;
   Metrics metrics;
   measure(
-      options, static_cast<double>(agent_steps_per_update(run.config, run.spec.params.n_agents)),
+      options,
       [&](int64_t n) {
+        const int64_t before = learner->agent_steps_done();
         for (int64_t k = 0; k < n; ++k) {
           metrics = learner->update();  // waits: it reads the figures
           for (const auto& [name, value] : metrics)
             if (name == "episodes") episodes += value;
         }
+        return static_cast<double>(learner->agent_steps_done() - before);
       },
       result);
   result.memory_bytes = memory_in_use(device) - memory_before;

@@ -14,10 +14,13 @@ namespace {
 
 constexpr double kRepeatSeconds = 0.5;
 
-double seconds_of(const std::function<void(int64_t)>& play, int64_t steps) {
+struct Timed {
+  double agent_steps, seconds;
+};
+Timed timed(const std::function<double(int64_t)>& play, int64_t steps) {
   const auto start = std::chrono::steady_clock::now();
-  play(steps);
-  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  const double agent_steps = play(steps);
+  return {agent_steps, std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count()};
 }
 
 }  // namespace
@@ -35,21 +38,22 @@ int64_t memory_in_use(Device device) {
   return static_cast<int64_t>(info.memory_total - info.memory_free);
 }
 
-void measure(const BenchOptions& options, double agent_steps_per_step, const std::function<void(int64_t)>& play,
-             BenchResult& result) {
+void measure(const BenchOptions& options, const std::function<double(int64_t)>& play, BenchResult& result) {
   // Warm-up: what is done at first use, and a state in which episodes end all the time.
   int64_t steps = std::max<int64_t>(options.steps, 1);
-  double seconds = seconds_of(play, steps);
+  double seconds = timed(play, steps).seconds;
   if (options.steps == 0) {
     while (seconds < kRepeatSeconds / 4) {
       steps *= 2;
-      seconds = seconds_of(play, steps);
+      seconds = timed(play, steps).seconds;
     }
     steps = std::max<int64_t>(1, std::llround(static_cast<double>(steps) * kRepeatSeconds / seconds));
   }
   result.steps = steps;
-  for (int k = 0; k < options.repeats; ++k)
-    result.rates.push_back(agent_steps_per_step * static_cast<double>(steps) / seconds_of(play, steps));
+  for (int k = 0; k < options.repeats; ++k) {
+    const Timed repeat = timed(play, steps);
+    result.rates.push_back(repeat.agent_steps / repeat.seconds);
+  }
   std::sort(result.rates.begin(), result.rates.end());
 }
 

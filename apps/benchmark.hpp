@@ -12,15 +12,15 @@
 namespace giga {
 
 struct BenchOptions {
-  std::string scenario = "identical_5_vs_5";  ///< empty: as the config says (train)
+  std::string scenario = "identical_5_vs_5";  ///< empty: as the config says (train, es)
   std::vector<int> worlds;                    ///< empty: one size that fills the device
   std::string device = "auto";
   int64_t steps = 0;  ///< per repeat; 0 = about half a second of them
   int repeats = 7;
   uint64_t seed = 0;                   ///< of sim and closed-loop
   std::vector<int> hidden = {64, 64};  ///< closed-loop: of both policies
-  std::string config = "mappo";        ///< train
-  std::vector<std::string> overrides;  ///< train
+  std::string config = "mappo";        ///< train and es
+  std::vector<std::string> overrides;  ///< train and es
   std::string json;
 };
 
@@ -28,7 +28,7 @@ struct BenchOptions {
 struct BenchResult {
   std::string scenario;
   int worlds = 0;
-  int64_t steps = 0;          ///< per repeat; training: updates
+  int64_t steps = 0;          ///< per repeat; training: updates, es: generations
   std::vector<double> rates;  ///< agent-steps per second of each repeat, sorted
   int64_t memory_bytes = 0;   ///< GPU: taken from its free memory; CPU: resident set of the process
   std::vector<std::pair<std::string, double>> checks;
@@ -44,12 +44,15 @@ BenchResult bench_closed_loop(const BenchOptions& options, Device device, int wo
 /// Whole updates of a learner. `worlds` 0: as the config says.
 BenchResult bench_train(const BenchOptions& options, Device device, int worlds);
 
+/// Whole generations of an evolution strategy; only steps inside episodes count. Beside it the closed loop of the same
+/// networks with as many worlds, and the share of its rate. `worlds` 0: as the config says.
+BenchResult bench_es(const BenchOptions& options, Device device, int worlds);
+
 /// Memory in use, for differences: of a GPU by everybody, of the CPU by this process.
 int64_t memory_in_use(Device device);
 
-/// Runs `play(n)`, which does n steps and waits for them, first to warm up and to find the number of steps, then
-/// `repeats` times; fills steps and rates.
-void measure(const BenchOptions& options, double agent_steps_per_step, const std::function<void(int64_t)>& play,
-             BenchResult& result);
+/// Runs `play(n)`, which does n steps, waits for them and returns the agent-steps made, first to warm up and to find the
+/// number of steps, then `repeats` times; fills steps and rates.
+void measure(const BenchOptions& options, const std::function<double(int64_t)>& play, BenchResult& result);
 
 }  // namespace giga

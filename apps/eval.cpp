@@ -56,7 +56,7 @@ void evaluate_checkpoint(const EvalOptions& o) {
   std::vector<TeamResult> results;
   for (int team = 0; team < kNTeams; ++team) {
     if (loaded.actor[team]) {
-      const Player player{loaded.actor[team].get(), Scripted::random, o.greedy};
+      const Player player{loaded.actor[team].get(), Scripted::random, o.greedy || acts_greedily(loaded.run.config)};
       results.push_back(play_script(loaded.run.spec, player, team, o.opponent, options));
     } else {
       std::cerr << "team " << team << " has no learned policy (it was scripted in training) and is left out\n";
@@ -88,7 +88,7 @@ void add_eval_command(CLI::App& app, Dispatch& dispatch) {
       ->capture_default_str()
       ->type_name("S");
   add_device_option(*command, options->device)->capture_default_str();
-  command->add_flag("--greedy", options->greedy, "take the most likely action instead of drawing one");
+  command->add_flag("--greedy", options->greedy, "take the most likely action instead of drawing one; policies that evolved with population.greedy always do");
   add_json_option(*command, options->json);
   command->footer(
       "Team 0's policy plays on side 0, then team 1's on side 1. A tie is no win. Intervals are Wilson's, 95 %. "

@@ -29,7 +29,7 @@ std::vector<TeamResult> evaluate(const LoadedRun& run, Device device, Learner& l
   for (const std::string& opponent : config.opponents)
     for (int team = 0; team < kNTeams; ++team)
       if (Actor* actor = learner.actor(team))
-        results.push_back(play_script(run.spec, {actor, Scripted::random, false}, team, opponent, options));
+        results.push_back(play_script(run.spec, {actor, Scripted::random, acts_greedily(run.config)}, team, opponent, options));
   return results;
 }
 

@@ -104,7 +104,7 @@ class Training {
   const Device device_;
   const RunFolder& folder_;
   const std::unique_ptr<Learner> learner_;
-  const int64_t n_updates_, steps_per_update_;
+  const int64_t n_updates_;
   Logger log_;
   Progress progress_;
   ProgressState state_;
@@ -117,6 +117,7 @@ class Training {
   int64_t saved_update_ = -1;        // of the newest checkpoint
   std::vector<TeamResult> results_;  // of the latest evaluation
   double update_seconds_ = 0, checkpoint_seconds_ = 0;
+  double speed_ = 0;  // agent-steps per second of the latest update
   double sensors_read_at_ = -1;
 };
 
@@ -127,7 +128,6 @@ Training::Training(const RunFolder& folder, TrainingSetup setup)
       folder_(folder),
       learner_(std::move(setup.learner)),
       n_updates_(total_updates(config_, run_.spec.params.n_agents)),
-      steps_per_update_(agent_steps_per_update(config_, run_.spec.params.n_agents)),
       log_(folder.log_file(), setup.quiet ? Logger::Console::quiet : Logger::Console::all),
       progress_(log_, progress_mode(setup.quiet), kTextCadence, style_of(setup.color)) {
   state_.title = cat(config_.scenario, ", ", config_.train.algorithm, ", seed ", config_.seed, ", ", device_.name());
@@ -137,7 +137,8 @@ Training::Training(const RunFolder& folder, TrainingSetup setup)
   }
   state_.folder = folder_.path().string();
   state_.n_updates = n_updates_;
-  state_.total_agent_steps = n_updates_ * steps_per_update_;
+  if (!is_evolution(config_.train))
+    state_.total_agent_steps = n_updates_ * agent_steps_per_update(config_, run_.spec.params.n_agents);
   if (folder_.lock().stale_owner())
     log_.info("took over the run folder from " + *folder_.lock().stale_owner() + ", which is gone");
 }
@@ -154,8 +155,8 @@ void Training::start() {
   events_->text("config", "```yaml\n" + yaml + "```", 0, now);
   events_->text("scenario", "```yaml\n" + print_yaml(run_.scenario, false) + "```", 0, now);
   log_.info(cat("training ", config_.scenario, " with ", config_.train.algorithm, " on ", device_.name(), ": ",
-                n_updates_, " updates of ", print_short(static_cast<double>(steps_per_update_)),
-                " agent-steps, results in ", folder_.path().string()));
+                n_updates_, is_evolution(config_.train) ? " generations" : " updates", ", results in ",
+                folder_.path().string()));
   save(false);
 }
 
@@ -185,7 +186,9 @@ int Training::run() {
 
 void Training::update() {
   Metrics metrics;
+  const int64_t steps_before = learner_->agent_steps_done();
   update_seconds_ = timed([&] { metrics = learner_->update(); });
+  speed_ = static_cast<double>(learner_->agent_steps_done() - steps_before) / update_seconds_;
   if (const auto divergence = learner_->divergence()) fail_diverged(*divergence);
 
   // All below is diagnostics: nothing here changes what is learned.
@@ -224,7 +227,7 @@ MetricsRow Training::row(double seconds, double evaluation_seconds, const Metric
                     {"learning_seconds", times.learning},
                     {"evaluation_seconds", evaluation_seconds},
                     {"checkpoint_seconds", checkpoint_seconds_},
-                    {"agent_steps_per_second", static_cast<double>(steps_per_update_) / update_seconds_}};
+                    {"agent_steps_per_second", speed_}};
   row.insert(row.end(), metrics.begin(), metrics.end());
   const MetricsRow evaluation = evaluation_metrics(config_, evaluated ? results_ : std::vector<TeamResult>());
   row.insert(row.end(), evaluation.begin(), evaluation.end());
@@ -264,8 +267,7 @@ void Training::save(bool is_best) {
 void Training::show(const Metrics& metrics) {
   ProgressState& s = state_;
   const int64_t done = learner_->updates_done() - first_update_;
-  const double speed = static_cast<double>(steps_per_update_) / update_seconds_;
-  s.agent_steps_per_second = s.agent_steps_per_second > 0 ? 0.9 * s.agent_steps_per_second + 0.1 * speed : speed;
+  s.agent_steps_per_second = s.agent_steps_per_second > 0 ? 0.9 * s.agent_steps_per_second + 0.1 * speed_ : speed_;
   s.update = learner_->updates_done();
   s.agent_steps = learner_->agent_steps_done();
   s.seconds = total_seconds();
@@ -275,11 +277,9 @@ void Training::show(const Metrics& metrics) {
     TeamProgress& t = s.team[team];
     t.learns = learner_->actor(team) != nullptr;
     t.mean_return = figure("return");
-    t.policy_loss = figure("policy_loss");
-    t.value_loss = figure("value_loss");
-    t.entropy = figure("entropy");
-    t.approx_kl = figure("approx_kl");
-    t.explained_variance = figure("explained_variance");
+    t.figures.clear();
+    for (const HeadlineFigure& f : learner_->headline())
+      t.figures.push_back({f.label, f.short_label ? f.short_label : "", figure(f.metric)});
     t.win_rates.clear();
     for (const TeamResult& r : results_)
       if (r.team == team) t.win_rates.emplace_back(r.opponent, r.share(r.wins()));

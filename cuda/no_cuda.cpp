@@ -3,6 +3,7 @@
 
 #include "core/error.hpp"
 #include "cuda/device_clock.hpp"
+#include "cuda/population_policy.hpp"
 #include "cuda/runtime.hpp"
 
 namespace giga {
@@ -16,6 +17,8 @@ Memory& cuda_memory(int) { missing(); }
 // NOLINTNEXTLINE(performance-unnecessary-value-param): the signature of the real one
 std::unique_ptr<Simulator> make_cuda_simulator(SimSpec, const SimOptions&, int, void*) { missing(); }
 std::unique_ptr<DeviceClock> make_cuda_clock(int, void*) { missing(); }
+bool population_policy_fits(const SmallMlp&, int, int) { missing(); }
+void launch_population_policy(const PopulationPolicy&, int, void*) { missing(); }
 
 }  // namespace giga
 

@@ -4,6 +4,7 @@
 #include "math/distributions.hpp"
 #include "math/es_noise.hpp"
 #include "math/gae.hpp"
+#include "math/population_actions.hpp"
 #include "math/ppo_loss.hpp"
 #include "math/scripted.hpp"
 #include "math/step_gate.hpp"
@@ -37,6 +38,7 @@ template void launch_rows(const Gae&, int64_t, int, void*);
 template void launch_rows(const CategoricalLoss&, int64_t, int, void*);
 template void launch_rows(const GaussianLoss&, int64_t, int, void*);
 template void launch_rows(const ValueLoss&, int64_t, int, void*);
+template void launch_rows(const PopulationActions&, int64_t, int, void*);
 template void launch_rows(const PerturbMembers&, int64_t, int, void*);
 template void launch_rows(const NoiseMoments&, int64_t, int, void*);
 template void launch_rows(const FiniteCheck&, int64_t, int, void*);

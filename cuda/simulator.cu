@@ -19,6 +19,9 @@ constexpr int kTileWarps = 4;  // warps of a block of TileLanes
 constexpr int kTileBlocks = 8;
 constexpr int kMaxBlockThreads = 512;  // threads of a block of BlockLanes
 
+// Steps after which the list of the worlds that still play is made anew (OnDone::freeze).
+constexpr int kStepsPerList = 8;
+
 enum class Job { start, step, settle, observe };
 
 /// Arguments of the kernel, by value.
@@ -30,9 +33,14 @@ struct Launch {
   size_t copy_bytes;  // working copy of the agents' state, in front of a world's scratch in shared memory
   char* scratch;      // [W, layout.size]; null = shared memory, with the working copy
   uint64_t seed;
-  int64_t first_world;
+  int64_t first_world, draw_period;
   int n_worlds;
   OnDone on_done;
+  const int32_t* playing;    // [n_playing] the worlds to work on; null = all
+  const int32_t* n_playing;  // [1]
+
+  __device__ int count() const { return playing ? *n_playing : n_worlds; }
+  __device__ int world(int k) const { return playing ? playing[k] : k; }
 };
 
 /// Points the agents' state to shared memory; `copy` moves it there or back.
@@ -79,7 +87,7 @@ __device__ void run_world(const Lanes& lanes, const Launch& k, int world, char* 
   }
   // The step has counted itself already when its end is settled.
   const uint32_t step = *w.draw_step - (job == Job::settle ? 1 : 0);
-  PhiloxDraws draws(k.seed, static_cast<uint32_t>(k.first_world + world), step);
+  PhiloxDraws draws(k.seed, draw_world(k.first_world, k.draw_period, world), step);
   if (job == Job::step) step_world(lanes, k.params, w, draws, k.io, k.on_done, world);
   if (job == Job::settle) settle_world(lanes, k.params, w, draws, k.io, k.on_done, world);
   if (job == Job::start) start_world(lanes, k.params, w, draws, k.io, world);
@@ -94,11 +102,12 @@ __global__ void __launch_bounds__(kTileWarps* kWarp, kTileBlocks) tile_kernel(co
   const int lane = threadIdx.x % kWarp, warp = threadIdx.x / kWarp;
   const int tile = lane / n;
   const int slot = warp * per_warp + (tile < per_warp ? tile : 0);
-  const int world = blockIdx.x * (kTileWarps * per_warp) + slot;
-  const bool idle = tile >= per_warp || world >= k.n_worlds;
+  const int at = blockIdx.x * (kTileWarps * per_warp) + slot, count = k.count();
+  if (static_cast<int>(blockIdx.x) * (kTileWarps * per_warp) >= count) return;
+  const bool idle = tile >= per_warp || at >= count;
   const TileLanes lanes{idle ? INT_MAX : lane % n, n};
   // An idle thread looks at some world of the launch, so that it can keep in step.
-  run_world<job, true>(lanes, k, world < k.n_worlds ? world : k.n_worlds - 1,
+  run_world<job, true>(lanes, k, k.world(at < count ? at : count - 1),
                        shared + slot * (k.copy_bytes + k.layout.size));
 }
 
@@ -106,7 +115,20 @@ template <Job job, bool in_shared>
 __global__ void __launch_bounds__(kMaxBlockThreads) block_kernel(const __grid_constant__ Launch k) {
   extern __shared__ char shared[];
   const BlockLanes lanes{static_cast<int>(threadIdx.x), static_cast<int>(blockDim.x)};
-  run_world<job, in_shared>(lanes, k, blockIdx.x, shared);
+  if (static_cast<int>(blockIdx.x) >= k.count()) return;
+  run_world<job, in_shared>(lanes, k, k.world(static_cast<int>(blockIdx.x)), shared);
+}
+
+// Lists the worlds that play, in any order: worlds do not depend on each other. `count` starts at 0.
+__global__ void list_playing(const Phase* phase, int n_worlds, int32_t* playing, int32_t* count) {
+  const int world = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
+  const bool plays = world < n_worlds && phase[world] == Phase::plays;
+  const unsigned mask = __ballot_sync(0xFFFFFFFFu, plays);
+  const int lane = static_cast<int>(threadIdx.x % kWarp);
+  int first = 0;
+  if (lane == 0 && mask) first = atomicAdd(count, __popc(mask));
+  first = __shfl_sync(0xFFFFFFFFu, first, 0);
+  if (plays) playing[first + __popc(mask & ((1u << lane) - 1u))] = world;
 }
 
 // Sums the statistics of a slice of worlds per block and clears them: threads [worlds y][rows x].
@@ -139,14 +161,21 @@ class CudaSimulator final : public Simulator {
     per_world_ = shared_bytes(params());
     tiles_ = n <= kWarp && per_world_ * static_cast<size_t>(kTileWarps * (kWarp / n)) <= kSharedLimit;
     scratch_ = Buffer<char>(memory(), global_scratch_bytes(params(), options.n_worlds));
+    if (options.on_done == OnDone::freeze) playing_ = Buffer<int32_t>(memory(), static_cast<size_t>(n_worlds()) + 1);
   }
 
-  void start(const StepIo& io) override { launch<Job::start>(io); }
-  void step(const StepIo& io) override {
-    launch<Job::step>(io);
-    if (options_.on_done != OnDone::keep) launch<Job::settle>(io);
+  void start(const StepIo& io) override {
+    launch<Job::start>(io, false);
+    steps_ = 0;
   }
-  void observe(const StepIo& io) override { launch<Job::observe>(io); }
+  void step(const StepIo& io) override {
+    // Worlds that wait have nothing to write but reward and done; where nobody wants these, they are left out.
+    const bool listed = playing_.data() && !io.done && !io.team[0].reward && !io.team[1].reward;
+    if (listed && steps_++ % kStepsPerList == 0) list_worlds();
+    launch<Job::step>(io, listed);
+    if (options_.on_done != OnDone::keep) launch<Job::settle>(io, listed);
+  }
+  void observe(const StepIo& io) override { launch<Job::observe>(io, false); }
 
   EpisodeStats take_stats() override {
     GIGA_CUDA(cudaSetDevice(index_));
@@ -167,14 +196,33 @@ class CudaSimulator final : public Simulator {
   }
 
  private:
+  void list_worlds() {
+    GIGA_CUDA(cudaSetDevice(index_));
+    constexpr int kThreads = 256;
+    int32_t* count = playing_.data() + n_worlds();
+    GIGA_CUDA(cudaMemsetAsync(count, 0, sizeof *count, stream_));
+    list_playing<<<(n_worlds() + kThreads - 1) / kThreads, kThreads, 0, stream_>>>(state_.view().phase, n_worlds(),
+                                                                                  playing_.data(), count);
+    GIGA_CUDA(cudaGetLastError());
+  }
+
   template <Job job>
-  void launch(const StepIo& io) {
+  void launch(const StepIo& io, bool listed) {
     GIGA_CUDA(cudaSetDevice(index_));
     const int n = params().n_agents;
-    const Launch k{params(),        state_.view(),         io,
-                   layout_,         working_copy_bytes(n), scratch_.data(),
-                   options_.seed,   options_.first_world,  options_.n_worlds,
-                   options_.on_done};
+    const Launch k{params(),
+                   state_.view(),
+                   io,
+                   layout_,
+                   working_copy_bytes(n),
+                   scratch_.data(),
+                   options_.seed,
+                   options_.first_world,
+                   options_.draw_period,
+                   options_.n_worlds,
+                   options_.on_done,
+                   listed ? playing_.data() : nullptr,
+                   listed ? playing_.data() + n_worlds() : nullptr};
     if (tiles_) {
       const int worlds = kTileWarps * (kWarp / n);
       const int blocks = (n_worlds() + worlds - 1) / worlds;
@@ -196,6 +244,8 @@ class CudaSimulator final : public Simulator {
   bool tiles_ = false;
   Buffer<char> scratch_;
   Buffer<double> partial_;
+  Buffer<int32_t> playing_;  // [W + 1] OnDone::freeze: worlds that play, then their number
+  int64_t steps_ = 0;        // since the start
 };
 
 }  // namespace

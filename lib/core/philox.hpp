@@ -41,8 +41,14 @@ GIGA_HD Philox4 philox4x32(uint32_t c0, uint32_t c1, uint32_t c2, uint32_t c3, u
 /// The upper 24 bits as a float in [0, 1): exact, so the same on every back end.
 GIGA_HD float to_unit_float(uint32_t bits) { return static_cast<float>(bits >> 8) * (1.0f / 16777216.0f); }
 
+/// The number under which world `world` draws: `first` is that of world 0; worlds a whole `period` apart draw the same
+/// numbers (0 = all draw apart).
+GIGA_HD uint32_t draw_world(int64_t first, int64_t period, int64_t world) {
+  return static_cast<uint32_t>(first + (period > 0 ? world % period : world));
+}
+
 /// What a draw decides; part of the counter, so that no two purposes share numbers.
-enum class Draw : uint32_t { waypoint, detect, comm, map, start, action, opponent, permutation, init, es_noise };
+enum class Draw : uint32_t { waypoint, detect, comm, map, start, action, opponent, permutation, init, es_noise, pool };
 
 /// The draws of one world at one step, addressed by purpose and indices. Consecutive indices share a Philox call,
 /// whose result is remembered.

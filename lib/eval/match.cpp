@@ -27,8 +27,7 @@ bool all_finished(Simulator& sim) {
 MatchResult play_match(const SimSpec& spec, const Player& side0, const Player& side1, const MatchOptions& options) {
   GIGA_CHECK(options.episodes > 0, "episodes: ", options.episodes);
   const Player player[kNTeams] = {side0, side1};
-  SimSpec limited = spec;  // every episode ends, so that each is counted
-  if (limited.params.max_episode_length == 0) limited.params.max_episode_length = kMatchStepLimit;
+  const SimSpec limited = spec.with_time_limit();  // every episode ends, so that each is counted
   SimOptions sim_options;
   sim_options.n_worlds = options.episodes;
   sim_options.seed = options.seed;

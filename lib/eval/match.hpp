@@ -30,8 +30,7 @@ struct MatchResult {
 };
 
 /// Plays `episodes` whole episodes, each in a world of its own: exactly one each, so that short ones do not count more.
-/// Deterministic by seed. Scenarios without a time limit are cut off after kMatchStepLimit steps (a tie).
-constexpr int kMatchStepLimit = 10'000;
+/// Deterministic by seed. Scenarios without a time limit are cut off after kEpisodeLimit steps (a tie).
 MatchResult play_match(const SimSpec& spec, const Player& side0, const Player& side1, const MatchOptions& options);
 
 /// Wilson's 95 % interval of a share: k successes of n (Wilson 1927).

@@ -1,6 +1,6 @@
 #include "eval/policies.hpp"
 
-#include "learn/mappo.hpp"
+#include "learn/team_policy.hpp"
 #include "policy/actor.hpp"
 
 namespace giga {

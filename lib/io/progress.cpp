@@ -23,8 +23,8 @@ std::string of_teams(double team_0, double team_1, Print print) {
 }  // namespace
 
 double share_done(const ProgressState& s) {
-  if (s.total_agent_steps <= 0) return 0;
-  return std::clamp(static_cast<double>(s.agent_steps) / static_cast<double>(s.total_agent_steps), 0.0, 1.0);
+  if (s.n_updates <= 0) return 0;
+  return std::clamp(static_cast<double>(s.update) / static_cast<double>(s.n_updates), 0.0, 1.0);
 }
 
 std::vector<std::string> opponents_of(const ProgressState& s) {
@@ -41,10 +41,14 @@ double win_rate(const ProgressState& s, int team, const std::string& opponent) {
   return TeamProgress::kUnknown;
 }
 
+std::string steps_done(const ProgressState& s) {
+  const std::string done = print_short(static_cast<double>(s.agent_steps));
+  return s.total_agent_steps > 0 ? done + " of " + print_short(static_cast<double>(s.total_agent_steps)) : done;
+}
+
 std::string progress_text(const ProgressState& s) {
   std::string text = "update " + std::to_string(s.update) + " of " + std::to_string(s.n_updates) + ": " +
-                     print_short(static_cast<double>(s.agent_steps)) + " of " +
-                     print_short(static_cast<double>(s.total_agent_steps)) + " agent-steps, " +
+                     steps_done(s) + " agent-steps, " +
                      print_short(s.agent_steps_per_second) + "/s, " + print_duration(s.seconds_left) + " left";
   const double returns[] = {s.team[0].mean_return, s.team[1].mean_return};
   if (!std::isnan(returns[0]) || !std::isnan(returns[1]))

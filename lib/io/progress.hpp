@@ -16,14 +16,19 @@
 
 namespace giga {
 
+/// A figure of the learner.
+struct TeamFigure {
+  std::string label;
+  std::string short_label;  ///< of the narrow panel; empty: not shown there
+  double value = 0;
+};
+
 /// Figures of one team; NaN is shown as "-".
 struct TeamProgress {
   bool learns = false;
   double mean_return = kUnknown;                          ///< of the episodes that ended in the latest update
   std::vector<std::pair<std::string, double>> win_rates;  ///< by opponent, of the latest evaluation
-  double policy_loss = kUnknown, value_loss = kUnknown;
-  double entropy = kUnknown;  ///< nats
-  double approx_kl = kUnknown, explained_variance = kUnknown;
+  std::vector<TeamFigure> figures;                        ///< the same of both teams
 
   static constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 };
@@ -37,7 +42,7 @@ struct ProgressState {
   std::string title;   ///< "identical_5_vs_5, mappo, seed 1, cuda:0 (NVIDIA H200)"
   std::string folder;  ///< of the run
   int64_t update = 0, n_updates = 0;
-  int64_t agent_steps = 0, total_agent_steps = 0;
+  int64_t agent_steps = 0, total_agent_steps = 0;  ///< total 0: not known beforehand
   double seconds = 0;                 ///< since the start of the run, earlier processes of a resumed run included
   double agent_steps_per_second = 0;  ///< recently
   double seconds_left = TeamProgress::kUnknown;  ///< estimate
@@ -49,6 +54,9 @@ struct ProgressState {
 
 /// Share of the run that is done, 0 to 1.
 double share_done(const ProgressState& state);
+
+/// "150M of 300M" agent-steps; only what is done where the total is not known.
+std::string steps_done(const ProgressState& state);
 
 /// The names of the opponents that either team was evaluated against, in order of appearance.
 std::vector<std::string> opponents_of(const ProgressState& state);

@@ -34,6 +34,13 @@ struct UpdateTimes {
   double rollout = 0, learning = 0;
 };
 
+/// A figure of a team that is shown while a run goes on.
+struct HeadlineFigure {
+  const char* label;        ///< "policy loss"
+  const char* short_label;  ///< where there is little room; null: not shown there
+  const char* metric;       ///< "policy_loss", without the team's number
+};
+
 class Learner {
  public:
   virtual ~Learner() = default;
@@ -47,6 +54,9 @@ class Learner {
   virtual UpdateTimes times() const = 0;
   /// The batch from which a diverged update was to learn, as arrays "batch/...".
   virtual void save_batch(NamedArrays& out) const = 0;
+
+  /// What of the metrics tells most.
+  virtual std::vector<HeadlineFigure> headline() const = 0;
 
   virtual int64_t updates_done() const = 0;
   virtual int64_t agent_steps_done() const = 0;

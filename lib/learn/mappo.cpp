@@ -1,19 +1,18 @@
 #include "learn/mappo.hpp"
 
 #include <ATen/Context.h>
-#include <ATen/Parallel.h>
-#include <c10/core/AllocatorConfig.h>
 #include <torch/types.h>
 
 #include <cmath>
-#include <cstdlib>
 #include <limits>
 #include <numbers>
 
 #include "cuda/device_clock.hpp"
 #include "cuda/rows.hpp"
 #include "cuda/runtime.hpp"
+#include "learn/libtorch_settings.hpp"
 #include "learn/ppo_team.hpp"
+#include "learn/team_policy.hpp"
 #include "rollout/collector.hpp"
 #include "rollout/tensors.hpp"
 
@@ -21,14 +20,6 @@ namespace giga {
 namespace {
 
 constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
-
-/// Lets LibTorch's allocator grow its segments in place: with segments of a fixed size it held up to 31 % more than
-/// was in use at the peak, with growing ones up to 17 % (ten runs on an H200), at the same speed. A setting of the
-/// whole process, which the user's comes before.
-void let_segments_grow() {
-  if (std::getenv("PYTORCH_ALLOC_CONF") || std::getenv("PYTORCH_CUDA_ALLOC_CONF")) return;
-  c10::CachingAllocator::setAllocatorSettings("expandable_segments:True");
-}
 
 class Mappo final : public Learner {
  public:
@@ -43,6 +34,13 @@ class Mappo final : public Learner {
   std::optional<Divergence> divergence() const override { return divergence_; }
   UpdateTimes times() const override { return {clock_->seconds(0, 1), clock_->seconds(1, 2)}; }
   void save_batch(NamedArrays& out) const override;
+  std::vector<HeadlineFigure> headline() const override {
+    return {{"policy loss", nullptr, "policy_loss"},
+            {"value loss", "value loss", "value_loss"},
+            {"entropy", "entropy", "entropy"},
+            {"approximate KL", "approx. KL", "approx_kl"},
+            {"expl. variance", nullptr, "explained_variance"}};
+  }
 
  private:
   double schedule_factor() const;
@@ -68,15 +66,7 @@ Mappo::Mappo(const LoadedRun& run, Device device)
       device_(device),
       total_updates_(total_updates(run.config, run.spec.params.n_agents)),
       rows_(device, run.config.train.n_threads) {
-  // Backward passes run on a thread of LibTorch's own. Without a kernel before the first matrix product there, cuBLAS
-  // warns of a missing CUDA context.
-  const at::Tensor x = at::ones({1}, at::TensorOptions().device(torch_device(device))).set_requires_grad(true);
-  (x * x).backward();
-
-  let_segments_grow();
-  // A setting of the whole process in LibTorch; bf16 is done by casts and needs none.
-  at::globalContext().setAllowTF32CuBLAS(config_.train.precision == Precision::tf32);
-  if (config_.train.n_threads > 0) at::set_num_threads(config_.train.n_threads);
+  set_up_libtorch(config_.train, device);
 
   SimOptions options;
   options.n_worlds = config_.train.n_worlds;

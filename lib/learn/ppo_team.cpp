@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "learn/mappo.hpp"
+#include "learn/team_policy.hpp"
 #include "math/gae.hpp"
 #include "math/ppo_loss.hpp"
 #include "math/step_gate.hpp"
@@ -12,16 +12,6 @@
 namespace giga {
 namespace {
 
-/// Seeds of the networks differ by team and role.
-uint64_t network_seed(const LoadedRun& run, int team, int role) {
-  return run.config.seed * 4 + static_cast<uint64_t>(team * 2 + role);
-}
-
-/// Reduced precision is for the GPU; CPUs run fp32.
-Precision precision_on(const LoadedRun& run, Device device) {
-  return device.is_cuda() ? run.config.train.precision : Precision::fp32;
-}
-
 /// Mean and 1 / deviation over the entries with weight.
 std::pair<at::Tensor, at::Tensor> moments(const at::Tensor& x, const at::Tensor& weight, const at::Tensor& inv_count) {
   const at::Tensor mean = (x * weight).sum() * inv_count;
@@ -30,17 +20,6 @@ std::pair<at::Tensor, at::Tensor> moments(const at::Tensor& x, const at::Tensor&
 }
 
 }  // namespace
-
-bool learns(const TrainConfig& config, int team) {
-  return config.opponent == Opponent::self_play || config.learning_team == team;
-}
-
-std::string actor_prefix(int team) { return cat("team_", team, "/actor/"); }
-
-Actor make_actor(const LoadedRun& run, int team, Device device) {
-  return Actor(run.config.mappo.actor, run.spec.padded_observation_size(), run.spec.params.actions,
-               run.config.mappo.obs_norm, precision_on(run, device), torch_device(device), network_seed(run, team, 0));
-}
 
 PpoTeam::PpoTeam(const LoadedRun& run, int team, Device device, const RowRunner& rows)
     : config_(run.config.mappo),

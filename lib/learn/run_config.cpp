@@ -10,6 +10,8 @@
 namespace giga {
 namespace {
 
+constexpr int64_t kMostWorlds = 16'777'216;
+
 /// Mistakes that show only in the combination of keys and with the scenario.
 class CombinationCheck {
  public:
@@ -25,7 +27,61 @@ class CombinationCheck {
       fail("device", cat("'", name, "' is not auto, cpu, cuda or cuda:<number of the GPU>"));
   }
 
+  /// Settings that mean nothing to the algorithm, where they were changed.
+  void belongs_to_algorithm() {
+    const RunConfig defaults;
+    const TrainConfig &a = c_.train, &b = defaults.train;
+    const std::string& name = c_.train.algorithm;
+    if (is_evolution(c_.train)) {
+      not_for(name, "train.total_agent_steps", a.total_agent_steps != b.total_agent_steps,
+              "a run ends after population.generations");
+      not_for(name, "train.n_worlds", a.n_worlds != b.n_worlds,
+              "worlds are population.population_size x population.episodes_per_member, for each team that evolves");
+      not_for(name, "train.desynchronize", a.desynchronize != b.desynchronize, "episodes of a generation start together");
+      return;
+    }
+    const OpponentsConfig &p = c_.opponents, &q = defaults.opponents;
+    not_for(name, "opponents.pool_size", p.pool_size != q.pool_size, "its teams meet each other as they are");
+    not_for(name, "opponents.scripted_share", p.scripted_share != q.scripted_share,
+            "its teams meet each other, or train.opponent");
+  }
+
+  void population_fits() {
+    const PopulationConfig& p = c_.population;
+    if (!is_evolution(c_.train)) return;
+    if (known({"population.population_size", "population.antithetic"}) && p.antithetic && p.population_size % 2 != 0)
+      fail("population.population_size", cat(p.population_size, " is odd, and with antithetic: true members come in ",
+                                             "pairs; nearest: ", p.population_size - 1, ", ", p.population_size + 1));
+    if (known({"opponents.pool_size", "population.generations"}) && c_.opponents.pool_size > p.generations)
+      fail("opponents.pool_size", cat(c_.opponents.pool_size, " past means can never be there in a run of ",
+                                      p.generations, " generations (population.generations)"));
+    if (known({"opponents.pool_share", "opponents.scripted_share"}) && c_.opponents.pool_size > 0 &&
+        c_.opponents.pool_share + c_.opponents.scripted_share > 1)
+      fail("opponents.pool_share", cat(c_.opponents.pool_share, " and opponents.scripted_share ",
+                                       c_.opponents.scripted_share, " are more than 1 together"));
+    if (known({"population.population_size", "population.episodes_per_member"}) &&
+        2 * static_cast<int64_t>(p.population_size) * p.episodes_per_member > kMostWorlds)
+      fail("population.population_size",
+           cat(p.population_size, " x population.episodes_per_member ", p.episodes_per_member,
+               " for two teams are more than ", kMostWorlds, " worlds"));
+  }
+
+  void noise_rank_fits(const SimSpec& spec) {
+    const PopulationConfig& p = c_.population;
+    if (!is_evolution(c_.train) || p.noise != EsNoiseKind::low_rank) return;
+    if (!known({"population.noise_rank", "population.actor.hidden"})) return;
+    int input = spec.padded_observation_size(), most = 0;
+    for (const int size : p.actor.hidden) {
+      most = std::max(most, std::min(input, size));
+      input = size;
+    }
+    if (p.noise_rank > most)
+      fail("population.noise_rank", cat(p.noise_rank, " is more than the smaller side of any weight matrix; at most ",
+                                        most, " for population.actor.hidden"));
+  }
+
   void minibatches_divide() {
+    if (is_evolution(c_.train)) return;
     if (!known({"train.n_worlds", "mappo.horizon", "mappo.n_minibatches"})) return;
     const int64_t states = static_cast<int64_t>(c_.train.n_worlds) * c_.mappo.horizon;
     if (states % c_.mappo.n_minibatches == 0) return;
@@ -40,6 +96,7 @@ class CombinationCheck {
   }
 
   void horizon_fits(const Scenario& scenario) {
+    if (is_evolution(c_.train)) return;
     const bool limit_known = !is_wrong("max_episode_length", scenario.where, errors_);
     const int limit = scenario.max_episode_length.value_or(0);
     if (limit > 0 && c_.mappo.horizon > limit && limit_known && known({"mappo.horizon"}))
@@ -48,6 +105,10 @@ class CombinationCheck {
   }
 
  private:
+  void not_for(const std::string& algorithm, const std::string& key, bool changed, const std::string& instead) {
+    if (changed && known({key}))
+      fail(key, cat("this means nothing to train.algorithm ", algorithm, ": ", instead));
+  }
   bool known(const std::vector<std::string>& keys) const {
     return std::none_of(keys.begin(), keys.end(), [&](const std::string& k) { return is_wrong(k, given_, errors_); });
   }
@@ -68,12 +129,15 @@ LoadedRun finish(RunConfig config, std::optional<Scenario> scenario, const KeyPo
   run.config = std::move(config);
   CombinationCheck check(run.config, given, errors);
   check.device();
+  check.belongs_to_algorithm();
   check.minibatches_divide();
+  check.population_fits();
   if (scenario) {
     run.scenario = std::move(*scenario);
     if (run.config.rules) run.scenario.rules = *run.config.rules;
     check.horizon_fits(run.scenario);
     run.spec = compile(run.scenario, errors);
+    check.noise_rank_fits(run.spec);
   }
   errors.throw_if_any();
   return run;

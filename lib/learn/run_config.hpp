@@ -9,6 +9,7 @@
 
 #include "config/duration.hpp"
 #include "config/fields.hpp"
+#include "learn/evolution/config.hpp"
 #include "math/scripted.hpp"
 #include "policy/config.hpp"
 #include "scenario/scenario.hpp"
@@ -45,16 +46,16 @@ struct TrainConfig {
 };
 template <class V>
 void visit_fields(V& v, TrainConfig& c) {
-  v("algorithm", c.algorithm, "learning algorithm", one_of({"mappo"}));
-  v("total_agent_steps", c.total_agent_steps, "agent-steps (worlds x agents x steps) after which the run is complete",
-    at_least(1));
-  v("n_worlds", c.n_worlds, "worlds stepped in parallel", range(1, 16'777'216));
+  v("algorithm", c.algorithm, "learning algorithm", one_of({"mappo", "openai_es", "snes", "des"}));
+  v("total_agent_steps", c.total_agent_steps,
+    "mappo: agent-steps (worlds x agents x steps) after which the run is complete", at_least(1));
+  v("n_worlds", c.n_worlds, "mappo: worlds stepped in parallel", range(1, 16'777'216));
   v("opponent", c.opponent, "self_play: both teams learn; else the team that does not learn plays this script");
   v("learning_team", c.learning_team, "the team that learns against a scripted opponent", range(0, 1));
   v("n_threads", c.n_threads, "CPU back end: threads; 0 = one per core", range(0, 4096));
   v("precision", c.precision, "arithmetic of matrix products on the GPU; parameters stay fp32");
   v("desynchronize", c.desynchronize,
-    "let the first episodes end at different times, so that the worlds do not reset in step");
+    "mappo: let the first episodes end at different times, so that the worlds do not reset in step");
   v("max_wall_time", c.max_wall_time, "save and stop after this time of one `train` or `resume`");
 }
 
@@ -115,6 +116,23 @@ void visit_fields(V& v, MappoConfig& c) {
   v.group("critic", c.critic, "the value networks");
 }
 
+/// Whom the teams of evolution strategies meet, besides the other team's present mean.
+struct OpponentsConfig {
+  int pool_size = 0;
+  int pool_every_updates = 100;
+  float pool_share = 1.0f;
+  std::vector<Scripted> scripted = {Scripted::circle};
+  float scripted_share = 0.0f;
+};
+template <class V>
+void visit_fields(V& v, OpponentsConfig& c) {
+  v("pool_size", c.pool_size, "past means of each team that are kept to play against; 0 = none", range(0, 10'000));
+  v("pool_every_updates", c.pool_every_updates, "generations between those that are kept", at_least(1));
+  v("pool_share", c.pool_share, "share of a member's episodes against the pool, once it is not empty", range(0, 1));
+  v("scripted", c.scripted, "scripted opponents, in turn", Allowed{}.items(1, 64));
+  v("scripted_share", c.scripted_share, "share of a member's episodes against them", range(0, 1));
+}
+
 struct EvalConfig {
   int every_updates = 50;
   int episodes = 512;
@@ -149,6 +167,11 @@ struct RunConfig {
   std::string device = "auto";
   TrainConfig train;
   MappoConfig mappo;
+  PopulationConfig population;
+  OpenAiEsConfig openai_es;
+  SnesConfig snes;
+  DesConfig des;
+  OpponentsConfig opponents;
   EvalConfig eval;
   CheckpointConfig checkpoint;
 };
@@ -161,16 +184,31 @@ void visit_fields(V& v, RunConfig& c) {
   v("device", c.device, "auto, cpu, cuda or cuda:<number>");
   v.group("train", c.train, "the run");
   v.group("mappo", c.mappo, "algorithm mappo (Yu et al. 2022, arXiv 2103.01955)");
+  v.group("population", c.population, "algorithms openai_es, snes and des: each team's population");
+  v.group("openai_es", c.openai_es, "algorithm openai_es (Salimans et al. 2017, arXiv 1703.03864)");
+  v.group("snes", c.snes, "algorithm snes (Wierstra et al. 2014, JMLR 15)");
+  v.group("des", c.des, "algorithm des, Discovered ES (Lange et al. 2023, arXiv 2211.11260)");
+  v.group("opponents", c.opponents, "algorithms openai_es, snes and des: whom the teams meet");
   v.group("eval", c.eval, "evaluation while training");
   v.group("checkpoint", c.checkpoint, "checkpoints");
 }
 
-/// Agent-steps of one update of a scenario with `n_agents` agents.
+/// Whether the algorithm is an evolution strategy; an update is a generation then.
+inline bool is_evolution(const TrainConfig& c) { return c.algorithm != "mappo"; }
+/// The policy networks of the algorithm.
+inline const ActorConfig& actor_config(const RunConfig& c) {
+  return is_evolution(c.train) ? c.population.actor : c.mappo.actor;
+}
+/// Whether policies take their most likely action.
+inline bool acts_greedily(const RunConfig& c) { return is_evolution(c.train) && c.population.greedy; }
+
+/// mappo: agent-steps of one update of a scenario with `n_agents` agents.
 inline int64_t agent_steps_per_update(const RunConfig& c, int n_agents) {
   return static_cast<int64_t>(c.train.n_worlds) * c.mappo.horizon * n_agents;
 }
-/// Updates of the whole run: total_agent_steps rounded up to whole updates.
+/// Updates of the whole run: generations, or total_agent_steps rounded up to whole updates.
 inline int64_t total_updates(const RunConfig& c, int n_agents) {
+  if (is_evolution(c.train)) return c.population.generations;
   const int64_t per_update = agent_steps_per_update(c, n_agents);
   return (c.train.total_agent_steps + per_update - 1) / per_update;
 }

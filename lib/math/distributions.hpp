@@ -48,6 +48,32 @@ struct Logits {
     for (int k = 0; k < kNDiscreteActions; ++k) sum += std::exp(x[k] - top);
     return top + std::log(sum);
   }
+  /// The action with the largest logit, the first of equal ones.
+  GIGA_HD int largest() const {
+    float top = x[0];
+    int chosen = 0;
+    GIGA_UNROLL
+    for (int k = 1; k < kNDiscreteActions; ++k)
+      if (x[k] > top) {
+        top = x[k];
+        chosen = k;
+      }
+    return chosen;
+  }
+  /// An action drawn with probabilities exp(x - lse), by inverting the distribution function; the last action takes
+  /// what rounding leaves.
+  GIGA_HD int draw(float lse, const RowDraws& draws, int64_t row) const {
+    DrawKey key = draws.key(row);
+    const float u = key.uniform(Draw::action, draws.agent(row), 0);
+    float below = 0;
+    int chosen = 0;
+    GIGA_UNROLL
+    for (int k = 0; k < kNDiscreteActions - 1; ++k) {
+      below += std::exp(x[k] - lse);
+      chosen += u >= below ? 1 : 0;
+    }
+    return chosen;
+  }
   /// x[index] without indexing, which would move the row out of registers.
   GIGA_HD float at(int index) const {
     float value = x[0];
@@ -57,7 +83,7 @@ struct Logits {
   }
 };
 
-/// Samples an action per row from logits by inverting the distribution function.
+/// Samples an action per row from logits.
 struct SampleCategorical {
   const float* logits;  // [R, kLogitStride]
   RowDraws draws;
@@ -68,25 +94,7 @@ struct SampleCategorical {
   GIGA_HD void operator()(int64_t row) const {
     const Logits l(logits + row * kLogitStride);
     const float lse = l.log_sum_exp();
-    int chosen = 0;
-    if (greedy) {
-      float top = l.x[0];
-      GIGA_UNROLL
-      for (int k = 1; k < kNDiscreteActions; ++k)
-        if (l.x[k] > top) {
-          top = l.x[k];
-          chosen = k;
-        }
-    } else {
-      DrawKey key = draws.key(row);
-      const float u = key.uniform(Draw::action, draws.agent(row), 0);
-      float below = 0;
-      GIGA_UNROLL
-      for (int k = 0; k < kNDiscreteActions - 1; ++k) {  // the last action takes what rounding leaves
-        below += std::exp(l.x[k] - lse);
-        chosen += u >= below ? 1 : 0;
-      }
-    }
+    const int chosen = greedy ? l.largest() : l.draw(lse, draws, row);
     action[row] = chosen;
     if (log_prob) log_prob[row] = l.at(chosen) - lse;
   }
@@ -106,10 +114,17 @@ GIGA_HD float squashed_log_prob(float u, float mean, float log_std) {
   return -0.5f * e * e - log_std - kHalfLogTwoPi - log_squash_slope(u);
 }
 
+/// Standard normal number k of the action of a row.
+GIGA_HD float action_normal(DrawKey& key, const RowDraws& draws, int64_t row, int k) {
+  const float u = key.uniform(Draw::action, draws.agent(row), static_cast<uint32_t>(2 * k));
+  const float v = key.uniform(Draw::action, draws.agent(row), static_cast<uint32_t>(2 * k + 1));
+  return normal_pair(u, v).first;
+}
+
 /// Samples a continuous action per row. `raw` keeps u, from which log-probabilities are computed again without the
 /// inverse of tanh.
 struct SampleGaussian {
-  static constexpr int kSize = 3;
+  static constexpr int kSize = kActionSize;
   const float* mean;     // [R, 3]
   const float* log_std;  // [3]
   RowDraws draws;
@@ -122,12 +137,7 @@ struct SampleGaussian {
     DrawKey key = draws.key(row);
     float total = 0;
     for (int k = 0; k < kSize; ++k) {
-      float normal = 0;
-      if (!greedy) {
-        const float u = key.uniform(Draw::action, draws.agent(row), static_cast<uint32_t>(2 * k));
-        const float v = key.uniform(Draw::action, draws.agent(row), static_cast<uint32_t>(2 * k + 1));
-        normal = normal_pair(u, v).first;
-      }
+      const float normal = greedy ? 0.0f : action_normal(key, draws, row, k);
       const float m = mean[row * kSize + k];
       const float u = m + std::exp(log_std[k]) * normal;
       total += squashed_log_prob(u, m, log_std[k]);

@@ -16,11 +16,12 @@ struct RowDraws {
   uint64_t seed;
   int64_t first_world;
   int n, team;
+  int64_t period = 0;  // as SimOptions::draw_period
 
   GIGA_HD int64_t world(int64_t row) const { return row / n; }
   GIGA_HD DrawKey key(int64_t row, uint32_t steps_back = 0) const {
     const int64_t w = world(row);
-    return DrawKey(seed, static_cast<uint32_t>(first_world + w), draw_step[w] - steps_back);
+    return DrawKey(seed, draw_world(first_world, period, w), draw_step[w] - steps_back);
   }
   /// The number of the agent among both teams' agents, for the counter.
   GIGA_HD uint32_t agent(int64_t row) const {

@@ -43,6 +43,13 @@ at::Tensor Actor::forward_members(const at::Tensor& members, const at::Tensor& o
   return mlp_.forward_members(parameters_, members, x).to(at::kFloat);
 }
 
+std::optional<SmallMlp> Actor::small_mlp() const {
+  if (normalize_ || precision_ != Precision::tf32) return std::nullopt;
+  std::optional<SmallMlp> mlp = mlp_.small(parameters_);
+  if (mlp && actions_ == ActionKind::continuous) mlp->log_std = static_cast<int>(log_std_offset());
+  return mlp;
+}
+
 void Actor::save(const std::string& prefix, NamedArrays& out) const {
   parameters_.save(prefix, out);
   if (normalize_) normalizer_.save(prefix + "normalizer/", out);

@@ -3,6 +3,7 @@
 
 #include <ATen/core/Tensor.h>
 
+#include <optional>
 #include <string>
 
 #include "math/distributions.hpp"
@@ -28,6 +29,11 @@ class Actor {
   /// Likewise for each member of a population [M, P] of parameters: obs [M, R, D] -> [M, R, head size]. The normaliser
   /// is common to all.
   at::Tensor forward_members(const at::Tensor& members, const at::Tensor& obs) const;
+
+  /// The layout for the fused kernel (cuda/population_policy.hpp), whose products are TF32; none where it cannot do it.
+  std::optional<SmallMlp> small_mlp() const;
+  /// First of the three numbers of log_std among the parameters; continuous actions only.
+  int64_t log_std_offset() const { return parameters_.offset(log_std_); }
 
   ActionKind actions() const { return actions_; }
   int64_t head_size() const { return head_size(actions_); }

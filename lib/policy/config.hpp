@@ -5,11 +5,9 @@
 #include <vector>
 
 #include "config/fields.hpp"
+#include "math/activation.hpp"
 
 namespace giga {
-
-enum class Activation : uint8_t { tanh, relu, silu, gelu };
-constexpr std::array<const char*, 4> enum_names(Activation) { return {"tanh", "relu", "silu", "gelu"}; }
 
 /// Arithmetic of matrix products on the GPU; parameters and everything else are fp32.
 enum class Precision : uint8_t { fp32, tf32, bf16 };

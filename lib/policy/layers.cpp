@@ -78,6 +78,20 @@ at::Tensor Mlp::forward_members(const ParameterSet& p, const at::Tensor& members
   return x;
 }
 
+std::optional<SmallMlp> Mlp::small(const ParameterSet& p) const {
+  if (config_.layer_norm || layers_.size() > SmallMlp::kMaxLayers) return std::nullopt;
+  SmallMlp mlp;
+  mlp.activation = config_.activation;
+  for (const Layer& layer : layers_) {
+    const int l = mlp.n_layers++;
+    mlp.width[l] = static_cast<int>(p[layer.weight].size(1));
+    mlp.width[l + 1] = static_cast<int>(p[layer.weight].size(0));
+    mlp.weight[l] = static_cast<int>(p.offset(layer.weight));
+    mlp.bias[l] = static_cast<int>(p.offset(layer.bias));
+  }
+  return mlp;
+}
+
 namespace {
 
 // One kernel each way. With tensor operations the mean costs more time than the layer around it: a product, a sum and

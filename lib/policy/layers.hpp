@@ -3,9 +3,11 @@
 
 #include <ATen/core/Tensor.h>
 
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "cuda/population_policy.hpp"
 #include "cuda/rows.hpp"
 #include "policy/config.hpp"
 #include "policy/parameters.hpp"
@@ -28,6 +30,8 @@ class Mlp {
   /// Each member of a population [M, P] on rows of its own, one batched product a layer: x [M, R, input] ->
   /// [M, R, output].
   at::Tensor forward_members(const ParameterSet& p, const at::Tensor& members, at::Tensor x) const;
+  /// The layout for the fused kernel; none where that has no room for it (layer normalisation, many layers).
+  std::optional<SmallMlp> small(const ParameterSet& p) const;
 
  private:
   friend class TeamMlp;

@@ -40,6 +40,8 @@ class ParameterSet {
 
   /// Parameter `k` of each member of a population [M, P] of such sets: a view [M, shape].
   at::Tensor of_members(const at::Tensor& members, int k) const;
+  /// Where parameter `k` begins in the flat buffer.
+  int64_t offset(int k) const { return specs_[static_cast<size_t>(k)].offset; }
   /// All parameters of two dimensions.
   std::vector<MatrixPlace> matrices() const;
 

@@ -58,13 +58,13 @@ void add_point(Curve& curve, const std::vector<const RunData*>& runs, RowRange r
   curve.high.push_back(count ? high : kNone);
 }
 
-/// Mean of `seconds` in a row over the runs that have come so far.
-double mean_seconds(const std::vector<const RunData*>& runs, size_t row) {
+/// Mean of a column in a row over the runs that have come so far.
+double mean_of(const std::vector<const RunData*>& runs, const std::string& column, size_t row) {
   double sum = 0;
   int count = 0;
   for (const RunData* run : runs) {
     if (row >= run->metrics.rows()) continue;
-    sum += (*run->metrics.find("seconds"))[row];
+    sum += (*run->metrics.find(column))[row];
     ++count;
   }
   return sum / count;
@@ -75,30 +75,18 @@ const RunData& longest(const std::vector<const RunData*>& runs) {
                             [](const RunData* a, const RunData* b) { return a->metrics.rows() < b->metrics.rows(); });
 }
 
-void check_same_steps(const std::vector<const RunData*>& runs) {
-  const std::vector<double>& expected = *longest(runs).metrics.find("agent_steps");
-  for (const RunData* run : runs) {
-    const std::vector<double>& steps = *run->metrics.find("agent_steps");
-    for (size_t row = 0; row < steps.size(); ++row)
-      if (steps[row] != expected[row])
-        throw InputError(cat("the runs ", run->name, " and ", longest(runs).name, " have the same config, but in row ",
-                             row + 1, " of metrics.csv agent_steps is ", steps[row], " and ", expected[row]));
-  }
-}
-
 void make_curves(RunGroup& group, size_t max_points) {
-  check_same_steps(group.runs);
-  const std::vector<double>& steps = *longest(group.runs).metrics.find("agent_steps");
-  const size_t n_rows = steps.size();
+  const size_t n_rows = longest(group.runs).metrics.rows();
   group.rows_per_point = (n_rows + max_points - 1) / max_points;
   std::vector<RowRange> points;
   for (size_t begin = 0; begin < n_rows; begin += group.rows_per_point)
     points.push_back({begin, std::min(begin + group.rows_per_point, n_rows)});
 
-  double latest = 0;  // a run that stopped early leaves the mean, which must not run back
+  double latest = 0, latest_steps = 0;  // a run that stopped early leaves the means, which must not run back
   for (const RowRange rows : points) {
-    group.agent_steps.push_back(steps[rows.end - 1]);
-    latest = std::max(latest, mean_seconds(group.runs, rows.end - 1));
+    latest_steps = std::max(latest_steps, mean_of(group.runs, "agent_steps", rows.end - 1));
+    group.agent_steps.push_back(latest_steps);
+    latest = std::max(latest, mean_of(group.runs, "seconds", rows.end - 1));
     group.seconds.push_back(latest);
   }
   for (const RunData* run : group.runs) {

@@ -57,8 +57,10 @@ std::string values_of(const RunGroup& group, const std::string& path) {
 double steps_done(const RunData& run) { return run.metrics.find("agent_steps")->back(); }
 double seconds_spent(const RunData& run) { return run.metrics.find("seconds")->back(); }
 
-/// Agent-steps that the config asks for; 0 where it does not say.
+/// Agent-steps that the config asks for; 0 where it does not say: evolution counts generations.
 double steps_wanted(const RunData& run) {
+  const std::string algorithm = setting(flatten(run.config), "train.algorithm");
+  if (!algorithm.empty() && algorithm != "mappo") return 0;
   return std::strtod(setting(flatten(run.config), "train.total_agent_steps").c_str(), nullptr);
 }
 

@@ -53,7 +53,7 @@ class CpuSimulator final : public Simulator {
       for (int64_t world = begin; world < end; ++world) {
         WorldView w = world_view(state_.view(), params(), world);
         attach_scratch(w, layout_, scratch_[static_cast<size_t>(thread)].data());
-        PhiloxDraws draws(options_.seed, static_cast<uint32_t>(options_.first_world + world), *w.draw_step);
+        PhiloxDraws draws(options_.seed, draw_world(options_.first_world, options_.draw_period, world), *w.draw_step);
         f(w, draws, world);
       }
     });

@@ -39,6 +39,12 @@ void SimSpec::finish() {
   params.inv_diagonal = 1.0f / std::sqrt(params.limit_x * params.limit_x + params.limit_y * params.limit_y);
 }
 
+SimSpec SimSpec::with_time_limit() const {
+  SimSpec limited = *this;
+  if (limited.params.max_episode_length == 0) limited.params.max_episode_length = kEpisodeLimit;
+  return limited;
+}
+
 int SimSpec::observation_size() const { return giga::observation_size(params); }
 int SimSpec::global_size() const { return giga::global_size(params); }
 

@@ -12,6 +12,7 @@ namespace giga {
 
 constexpr float kDt = 0.1f;              ///< seconds a step
 constexpr float kAltitudeLimit = 10.0f;  ///< z lives in [0, 10], whatever the size of the map
+constexpr int kEpisodeLimit = 10'000;    ///< steps of an episode where the scenario has no limit and one is needed
 constexpr int kMaxAgents = 1024;         ///< agents per world that the executors here handle
 constexpr int kNTeams = 2;
 constexpr int kNDiscreteActions = 27;
@@ -154,6 +155,9 @@ struct SimSpec {
   /// Sets n_agents, n_team, team_bits, n_maps, n_boxes, n_neighbors, has_idle_reward and the reciprocals; throws Error
   /// where a team is empty or there are more than kMaxAgents agents.
   void finish();
+
+  /// The same with a limit of kEpisodeLimit steps where there is none, so that each episode ends.
+  SimSpec with_time_limit() const;
 
   /// Length of one agent's vector observation: 9 per neighbor, 5 for waypoints, 4 per box (6 with obstacle_heights).
   int observation_size() const;

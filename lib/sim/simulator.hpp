@@ -19,7 +19,8 @@ struct SimOptions {
   uint64_t seed = 0;
   int64_t first_world = 0;  ///< global number of world 0 here, for runs on several devices
   OnDone on_done = OnDone::reset;
-  int n_threads = 0;  ///< CPU back end: 0 = as many as cores
+  int n_threads = 0;        ///< CPU back end: 0 = as many as cores
+  int64_t draw_period = 0;  ///< worlds so far apart draw the same numbers (see draw_world); 0 = none do
 };
 
 /// Sums over all episodes that ended since the last reading.
@@ -97,7 +98,8 @@ class Simulator {
 
   /// Starts the first episode of every world and writes obs, alive and global of `io`.
   virtual void start(const StepIo& io) = 0;
-  /// One step of every world; reads the actions of both teams and writes the rest of `io`.
+  /// One step of every world; reads the actions of both teams and writes the rest of `io`. Of a world that waits, only
+  /// reward and done are written.
   virtual void step(const StepIo& io) = 0;
   /// Writes obs, alive and global of `io` once more, as the last start or step did (after loading a state).
   virtual void observe(const StepIo& io) = 0;

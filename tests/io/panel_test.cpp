@@ -207,7 +207,7 @@ TEST(Panel, FitsEveryTerminal) {
   s.n_updates = s.update = 123'456'789;
   s.seconds = s.seconds_left = 360'000;
   s.team[0].win_rates.emplace_back("an_opponent_with_a_very_long_name", 1);
-  s.team[1].mean_return = s.team[1].value_loss = -1.2345e-300;
+  s.team[1].mean_return = s.team[1].figures[1].value = -1.2345e-300;
   const PanelHistory history = some_history();
   for (int columns = 1; columns <= 250; ++columns) {
     for (const int rows : {1, 2, 12, 18, 19, 24, 50}) {
@@ -223,6 +223,7 @@ TEST(Panel, UnknownFiguresAreDashes) {
   s.title = "nothing known";
   s.n_updates = 10;
   s.team[0].win_rates = {{"random", kNan}};
+  for (TeamProgress& team : s.team) team.figures = learner_figures({kNan, kNan, kNan, kNan, kNan});
   const std::string text = text_of(panel(s, PanelHistory(), {80, 30}, kAscii));
   for (const char* label : {"return", "wins vs random", "policy loss", "value loss", "entropy", "approximate KL"}) {
     const size_t at = text.find(std::string("\n ") + label);

@@ -22,10 +22,10 @@ void expect_near(const at::Tensor& actual, const std::vector<double>& expected, 
     EXPECT_NEAR(actual[k].item<double>(), expected[static_cast<size_t>(k)], tolerance) << "number " << k;
 }
 
-TEST(LearnEvolutionFitness, RanksPutTheBestFirstAndWhatIsNotFiniteLast) {
-  const at::Tensor ranks = fitness_ranks(numbers({3, NAN, 7, 3, -INFINITY, INFINITY}));
-  // 7 is best; the two 3 in their order; then those that are not finite, in theirs.
-  expect_near(ranks, {1, 3, 0, 2, 4, 5}, 0);
+TEST(LearnEvolutionFitness, WeightsByRankAreSharedByEqualOnes) {
+  const RankWeights weights(numbers({0.5f, 0.25f, 0.125f, 0.0f, -0.375f, -0.5f}), at::kCPU);
+  // 7 is best; the two 3 share ranks 1 and 2; -1 is next; what is not finite shares the last two ranks.
+  expect_near(weights.of(numbers({3, NAN, 7, 3, -INFINITY, -1})), {0.1875, -0.4375, 0.5, 0.1875, -0.4375, 0}, 1e-7);
   EXPECT_EQ(count_not_finite(numbers({3, NAN, 7, INFINITY})).item<float>(), 2);
 }
 
@@ -33,6 +33,8 @@ TEST(LearnEvolutionFitness, Shaping) {
   const at::Tensor fitness = numbers({10, -2, NAN, 4});
   // Ranks 0, 2, 3, 1 of four: 0.5 - rank / 3.
   expect_near(shape_fitness(fitness, FitnessShaping::centered_ranks), {0.5, 0.5 - 2 / 3.0, -0.5, 0.5 - 1 / 3.0}, 1e-6);
+  // Equal ones: the middle of ranks 1, 2 and 3 of five is 2, the others have 0 and 4.
+  expect_near(shape_fitness(numbers({1, 9, 1, -4, 1}), FitnessShaping::centered_ranks), {0, 0.5, 0, -0.5, 0}, 1e-6);
   expect_near(shape_fitness(fitness, FitnessShaping::raw), {10, -2, -2, 4}, 0);
   // 10, -2, -2, 4: mean 2.5, deviations 7.5, -4.5, -4.5, 1.5; their squares sum to 99, deviation sqrt(24.75) = 4.9749.
   expect_near(shape_fitness(fitness, FitnessShaping::z_score), {1.50756, -0.904534, -0.904534, 0.301511}, 1e-5);
@@ -74,43 +76,39 @@ struct Search {
 };
 void PrintTo(const Search& s, std::ostream* out) { *out << s.name; }
 
-Search openai(const char* name, OpenAiEsConfig config) {
-  return {name, [config](const at::Tensor& mean, const RowRunner& rows, uint64_t seed) {
-            return make_openai_es(config, {seed, 0, {{0, 2, mean.size(0) / 2}}}, mean, rows);
-          }};
-}
-OpenAiEsConfig openai_config(MeanOptimizer optimizer, float rate) {
-  OpenAiEsConfig c;
+PopulationConfig population_of(float sigma) {
+  PopulationConfig c;
   c.population_size = 64;
-  c.sigma_init = 0.3f;
-  c.weight_decay = 0;
+  c.sigma_init = sigma;
+  return c;
+}
+Search openai(const char* name, MeanOptimizer optimizer, float rate, EsNoiseKind noise = EsNoiseKind::full) {
+  PopulationConfig population = population_of(0.3f);
+  population.noise = noise;
+  OpenAiEsConfig c;
   c.optimizer = optimizer;
   c.learning_rate = rate;
   c.learning_rate_decay = 0.99f;
   c.learning_rate_min = 0;
   c.sigma_decay = 0.99f;
   c.sigma_min = 0.001f;
-  return c;
+  return {name, [population, c](const at::Tensor& mean, const RowRunner& rows, uint64_t seed) {
+            return make_openai_es(population, c, {seed, 0, {{0, 2, mean.size(0) / 2}}}, mean, rows);
+          }};
 }
 std::vector<Search> searches() {
-  OpenAiEsConfig low = openai_config(MeanOptimizer::adam, 0.1f);
-  low.noise = EsNoiseKind::low_rank;
-  SnesConfig snes;
-  snes.population_size = 64;
-  snes.sigma_init = 0.5f;
-  DesConfig des;
-  des.population_size = 64;
-  des.sigma_init = 0.5f;
-  return {openai("Adam", openai_config(MeanOptimizer::adam, 0.1f)),
-          openai("Momentum", openai_config(MeanOptimizer::momentum, 0.05f)),
-          openai("ClipUp", openai_config(MeanOptimizer::clip_up, 0.05f)),
-          openai("LowRank", low),
+  PopulationConfig free = population_of(0.5f);
+  free.antithetic = false;
+  return {openai("Adam", MeanOptimizer::adam, 0.1f),
+          openai("Momentum", MeanOptimizer::momentum, 0.05f),
+          openai("ClipUp", MeanOptimizer::clip_up, 0.05f),
+          openai("LowRank", MeanOptimizer::adam, 0.1f, EsNoiseKind::low_rank),
           {"Snes",
-           [snes](const at::Tensor& mean, const RowRunner& rows, uint64_t seed) {
-             return make_snes(snes, {seed, 0, {}}, mean, rows);
+           [free](const at::Tensor& mean, const RowRunner& rows, uint64_t seed) {
+             return make_snes(free, {}, {seed, 0, {}}, mean, rows);
            }},
-          {"Des", [des](const at::Tensor& mean, const RowRunner& rows, uint64_t seed) {
-             return make_des(des, {seed, 0, {}}, mean, rows);
+          {"Des", [free](const at::Tensor& mean, const RowRunner& rows, uint64_t seed) {
+             return make_des(free, {}, {seed, 0, {}}, mean, rows);
            }}};
 }
 
@@ -212,11 +210,47 @@ TEST(LearnEvolutionStrategy, WhatIsNotFiniteIsTheWorst) {
 
 TEST(LearnEvolutionStrategy, AnOddPopulationHasNoPairs) {
   const RowRunner rows(Device{}, 1);
-  OpenAiEsConfig config;
+  PopulationConfig config;
   config.population_size = 33;
-  EXPECT_THROW(make_openai_es(config, {}, at::zeros({4}), rows), InputError);
+  EXPECT_THROW(make_openai_es(config, {}, {}, at::zeros({4}), rows), InputError);
   config.antithetic = false;
-  EXPECT_NO_THROW(make_openai_es(config, {}, at::zeros({4}), rows));
+  EXPECT_NO_THROW(make_openai_es(config, {}, {}, at::zeros({4}), rows));
+}
+
+// A mean that is not a number is not taken over, and tell says so.
+TEST(LearnEvolutionStrategy, WhatIsNotFiniteIsNotLearned) {
+  const RowRunner rows(Device{}, 1);
+  PopulationConfig population = population_of(0.1f);
+  population.shaping.kind = FitnessShaping::raw;
+  OpenAiEsConfig config;
+  config.optimizer = MeanOptimizer::momentum;
+  const auto strategy = make_openai_es(population, config, {}, at::ones({4}), rows);
+  at::Tensor fitness = at::zeros({64});
+  fitness[0] = 3e38f;  // finite, but not three of it
+  fitness[2] = fitness[4] = -3e38f;
+  strategy->ask();
+  EXPECT_FALSE(strategy->tell(fitness).item<bool>());
+  EXPECT_TRUE(at::equal(strategy->mean(), at::ones({4})));
+  EXPECT_EQ(strategy->generation(), 1u);
+}
+
+// Equal fitness for all: only the weight decay of the shaping is left, which draws the mean to zero.
+TEST(LearnEvolutionStrategy, WeightDecayOfTheShapingPrefersSmallParameters) {
+  const RowRunner rows(Device{}, 1);
+  for (const float decay : {0.0f, 0.1f}) {
+    PopulationConfig population = population_of(0.3f);
+    population.shaping.weight_decay = decay;
+    const auto strategy = make_snes(population, {}, {}, at::full({10}, 2.0), rows);
+    for (int g = 0; g < 30; ++g) {
+      strategy->ask();
+      strategy->tell(at::ones({64}));
+    }
+    const double largest = strategy->mean().abs().max().item<double>();
+    if (decay > 0)
+      EXPECT_LT(largest, 1.0);
+    else
+      EXPECT_NEAR(largest, 2.0, 1e-4);
+  }
 }
 
 TEST(LearnEvolutionGpu, SolvesTheSameAndAgreesWithTheCpu) {

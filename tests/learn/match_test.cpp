@@ -51,7 +51,7 @@ TEST(LearnMatch, WhoFliesStraightOnLoses) {
 TEST(LearnMatch, WithoutATimeLimitItIsCutOff) {
   const MatchResult r = play_match(peaceful("none"), script(Scripted::circle), script(Scripted::circle), {1, 4, {}, 1});
   EXPECT_EQ(r.ties, 1);
-  EXPECT_EQ(r.mean_length, kMatchStepLimit);
+  EXPECT_EQ(r.mean_length, kEpisodeLimit);
 }
 
 bool equal(const MatchResult& a, const MatchResult& b) {

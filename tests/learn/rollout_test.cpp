@@ -4,7 +4,7 @@
 #include <map>
 
 #include "cuda/runtime.hpp"
-#include "learn/mappo.hpp"
+#include "learn/team_policy.hpp"
 #include "policy/actor.hpp"
 #include "rollout/collector.hpp"
 #include "runs.hpp"

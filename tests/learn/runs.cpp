@@ -9,11 +9,13 @@
 namespace giga::test {
 
 LoadedRun SmallRun::load() const {
-  const auto more = [](const std::string& keys) { return keys.empty() ? "" : ", " + keys; };
+  const auto with = [](const std::string& keys) { return keys.empty() ? "" : ", " + keys; };
+  const bool evolves = train.find("algorithm") != std::string::npos;
+  const std::string worlds = evolves ? "" : "n_worlds: 24, total_agent_steps: 100000, ";
   const std::string config =
-      cat("seed: ", seed, "\ntrain: {n_worlds: 24, total_agent_steps: 100000, n_threads: 2, ", "precision: fp32",
-          more(train), "}\nmappo: {horizon: 8, n_epochs: 2, ", "n_minibatches: 4, actor: {hidden: [16, 16]}, critic: {",
-          critic, "}", more(mappo), "}\n");
+      cat("seed: ", seed, "\ntrain: {", worlds, "n_threads: 2, precision: ", precision, with(train),
+          "}\nmappo: {horizon: 8, n_epochs: 2, n_minibatches: 4, actor: {", actor, "}, critic: {", critic, "}", with(mappo),
+          "}\n", more);
   std::string text = scenario;
   for (const auto& [key, value] : {std::pair{"limit_x", "6"},
                                    {"limit_y", "6"},

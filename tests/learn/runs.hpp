@@ -16,6 +16,9 @@ struct SmallRun {
   std::string critic = "hidden: [16, 16]";
   std::string scenario;  ///< whole lines, in place of those of the same keys
   int seed = 3;
+  std::string actor = "hidden: [16, 16]";
+  std::string precision = "fp32";
+  std::string more = {};  ///< whole lines of further keys of the config
 
   LoadedRun load() const;
   std::unique_ptr<Learner> learner(Device device = {}) const { return make_learner(load(), device); }

@@ -62,6 +62,7 @@ SimOptions options_of(const Case& c, int variant) {
   options.n_worlds = c.n_worlds;
   options.seed = 0x123456789ABCull + static_cast<uint64_t>(variant);
   options.first_world = variant % 3 == 2 ? 100000 : 0;
+  options.draw_period = variant % 7 == 6 ? 5 : 0;
   options.on_done = variant % 4 == 3 ? (variant % 8 == 3 ? OnDone::freeze : OnDone::keep) : OnDone::reset;
   return options;
 }

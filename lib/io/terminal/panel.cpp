@@ -20,11 +20,6 @@ std::string percent(double share) { return std::to_string(std::lround(share * 10
 /// Rounded down, so that 100% says that it is done.
 std::string percent_done(const ProgressState& s) { return percent(std::floor(share_done(s) * 100) / 100); }
 
-std::string steps_done(const ProgressState& s) {
-  return print_short(static_cast<double>(s.agent_steps)) + " of " +
-         print_short(static_cast<double>(s.total_agent_steps));
-}
-
 std::string speed_of(const ProgressState& s) { return print_short(s.agent_steps_per_second) + "/s"; }
 
 std::string gibibytes(int64_t bytes) {
@@ -37,18 +32,6 @@ std::string degrees(double celsius, TerminalStyle style) {
   if (std::isnan(celsius)) return "-";
   return std::to_string(std::lround(celsius)) + (style.unicode ? " °C" : " C");
 }
-
-/// Figures of a team besides its return and win rates.
-struct Figure {
-  const char* label;
-  const char* short_label;  // of the narrow panel; null: not shown there
-  double TeamProgress::*value;
-};
-constexpr Figure kFigures[] = {{"policy loss", nullptr, &TeamProgress::policy_loss},
-                               {"value loss", "value loss", &TeamProgress::value_loss},
-                               {"entropy", "entropy", &TeamProgress::entropy},
-                               {"approximate KL", "approx. KL", &TeamProgress::approx_kl},
-                               {"expl. variance", nullptr, &TeamProgress::explained_variance}};
 
 /// What all layouts share: the state, and where columns are.
 class Layout {
@@ -74,7 +57,7 @@ class Layout {
   void returns_and_win_rates(const std::string& prefix, bool courses);
   void team_figures(const std::string& label, const double (&values)[2], const Series* const (&series)[2], bool rates);
   void spark(Line& to, int team, const Series& series, bool rates) const;
-  void figures_of_learners(const char* Figure::*label);
+  void figures_of_learners(std::string TeamFigure::*label);
   void time_split();
   std::vector<Line> finished();
 
@@ -149,9 +132,10 @@ void Layout::team_figures(const std::string& label, const double (&values)[2], c
   }
 }
 
-void Layout::figures_of_learners(const char* Figure::*label) {
-  for (const Figure& f : kFigures)
-    if (f.*label) team_figures(f.*label, {s_.team[0].*f.value, s_.team[1].*f.value}, {nullptr, nullptr}, false);
+void Layout::figures_of_learners(std::string TeamFigure::*label) {
+  const std::vector<TeamFigure>&one = s_.team[0].figures, &two = s_.team[1].figures;
+  for (size_t k = 0; k < one.size() && k < two.size(); ++k)
+    if (!(one[k].*label).empty()) team_figures(one[k].*label, {one[k].value, two[k].value}, {nullptr, nullptr}, false);
 }
 
 void Layout::time_split() {
@@ -209,7 +193,7 @@ std::vector<Line> Layout::whole(bool spaced) {
   space(spaced);
   team_names();
   returns_and_win_rates("wins vs ", true);
-  figures_of_learners(&Figure::label);
+  figures_of_learners(&TeamFigure::label);
   space(spaced);
   labelled("results").add(s_.folder);
   return finished();
@@ -224,7 +208,7 @@ std::vector<Line> Layout::narrow() {
   labelled("left").add(print_duration(s_.seconds_left));
   team_names();
   returns_and_win_rates("vs ", false);
-  figures_of_learners(&Figure::short_label);
+  figures_of_learners(&TeamFigure::short_label);
   if (s_.memory_total > 0)
     labelled("GPU").add(gibibytes(s_.memory_used) + " GiB, " + degrees(s_.gpu_temperature, style_));
   return finished();

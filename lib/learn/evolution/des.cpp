@@ -7,30 +7,32 @@ namespace {
 
 class Des final : public EvolutionStrategy {
  public:
-  Des(const DesConfig& config, const PopulationPlace& place, const at::Tensor& mean, const RowRunner& rows)
-      : EvolutionStrategy(config, place, mean, rows),
-        weights_(des_weights(config.population_size, static_cast<double>(config.temperature)).to(mean.device())),
+  Des(const PopulationConfig& population, const DesConfig& config, const PopulationPlace& place,
+       const at::Tensor& mean, const RowRunner& rows)
+      : EvolutionStrategy(population, place, mean, rows),
+        weights_(des_weights(population.population_size, static_cast<double>(config.temperature)), mean.device()),
         rate_mean_(config.learning_rate_mean),
         rate_sigma_(config.learning_rate_sigma) {}
 
  private:
   // The members are mean + sigma e: their weighted mean is mean + sigma sum(w e), their weighted deviation from the old
   // mean sigma sqrt(sum(w e^2)).
-  void learn(const at::Tensor& fitness) override {
-    const Moments sums = moments(weights_.index_select(0, fitness_ranks(fitness)));
+  void learn(const at::Tensor& shaped) override {
+    const Moments sums = moments(weights_.of(shaped));
     mean_.add_(sigma_ * sums.first, rate_mean_);
     sigma_.add_(sigma_ * (sums.second.sqrt() - 1), rate_sigma_);
   }
 
-  const at::Tensor weights_;  // [M] by rank
+  const RankWeights weights_;
   const float rate_mean_, rate_sigma_;
 };
 
 }  // namespace
 
-std::unique_ptr<EvolutionStrategy> make_des(const DesConfig& config, const PopulationPlace& place,
-                                            const at::Tensor& mean, const RowRunner& rows) {
-  return std::make_unique<Des>(config, place, mean, rows);
+std::unique_ptr<EvolutionStrategy> make_des(const PopulationConfig& population, const DesConfig& config,
+                                             const PopulationPlace& place, const at::Tensor& mean,
+                                             const RowRunner& rows) {
+  return std::make_unique<Des>(population, config, place, mean, rows);
 }
 
 }  // namespace giga

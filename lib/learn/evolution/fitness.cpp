@@ -10,28 +10,44 @@ constexpr double kWorst = -std::numeric_limits<double>::infinity();
 
 at::Tensor doubles() { return at::empty({0}, at::TensorOptions().dtype(at::kDouble)); }
 
-}  // namespace
-
-at::Tensor fitness_ranks(const at::Tensor& fitness) {
+/// The ranks, from 0 = best, of the members with the same fitness: `first` to one before `end`; int64 [M].
+struct RankRange {
+  at::Tensor first, end;
+};
+RankRange rank_ranges(const at::Tensor& fitness) {
   const at::Tensor clean = at::where(at::isfinite(fitness), fitness, kWorst);
-  const at::Tensor order = at::argsort(clean, /*stable=*/true, /*dim=*/0, /*descending=*/true);
-  const at::Tensor places = at::arange(fitness.size(0), order.options());
-  return at::empty_like(order).index_copy_(0, order, places);
+  const at::Tensor sorted = std::get<0>(clean.sort());  // ascending
+  const int64_t n = fitness.size(0);
+  return {n - at::searchsorted(sorted, clean, false, /*right=*/true), n - at::searchsorted(sorted, clean)};
 }
+
+}  // namespace
 
 at::Tensor count_not_finite(const at::Tensor& fitness) {
   return at::isfinite(fitness).logical_not().sum().to(at::kFloat).reshape({1});
 }
 
 at::Tensor shape_fitness(const at::Tensor& fitness, FitnessShaping shaping) {
-  const double last = static_cast<double>(fitness.size(0) - 1);
-  if (shaping == FitnessShaping::centered_ranks) return 0.5 - fitness_ranks(fitness).to(at::kFloat) / last;
+  if (shaping == FitnessShaping::centered_ranks) {
+    const RankRange ranks = rank_ranges(fitness);
+    const at::Tensor middle = (ranks.first + ranks.end - 1).to(at::kFloat) / 2;
+    return 0.5 - middle / static_cast<double>(fitness.size(0) - 1);
+  }
   const at::Tensor finite = at::isfinite(fitness);
   const at::Tensor worst = at::where(finite, fitness, -kWorst).min();
   at::Tensor clean = at::where(finite, fitness, at::where(at::isfinite(worst), worst, 0.0));
   if (shaping == FitnessShaping::raw) return clean;
   const at::Tensor centered = clean - clean.mean();
   return centered / (centered.square().mean().sqrt() + 1e-8);
+}
+
+RankWeights::RankWeights(const at::Tensor& weights, at::Device device)
+    : sums_(at::cat({at::zeros({1}, doubles().options()), weights.to(at::kDouble).cumsum(0)}).to(device)) {}
+
+at::Tensor RankWeights::of(const at::Tensor& fitness) const {
+  const RankRange ranks = rank_ranges(fitness);
+  const at::Tensor sum = sums_.index_select(0, ranks.end) - sums_.index_select(0, ranks.first);
+  return (sum / (ranks.end - ranks.first)).to(at::kFloat);
 }
 
 at::Tensor snes_utilities(int64_t n_members) {

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "learn/evolution/fitness.hpp"
 #include "learn/evolution/strategy.hpp"
 #include "policy/parameters.hpp"
 
@@ -14,9 +13,11 @@ constexpr double kBeta1 = 0.9, kBeta2 = 0.999, kEpsilon = 1e-8;
 
 class OpenAiEs final : public EvolutionStrategy {
  public:
-  OpenAiEs(const OpenAiEsConfig& config, const PopulationPlace& place, const at::Tensor& mean, const RowRunner& rows)
-      : EvolutionStrategy(config, place, mean, rows),
+  OpenAiEs(const PopulationConfig& population, const OpenAiEsConfig& config, const PopulationPlace& place,
+       const at::Tensor& mean, const RowRunner& rows)
+      : EvolutionStrategy(population, place, mean, rows),
         config_(config),
+        sigma_init_(population.sigma_init),
         velocity_(at::zeros_like(mean)),
         square_(at::zeros_like(mean)) {}
 
@@ -39,12 +40,12 @@ class OpenAiEs final : public EvolutionStrategy {
   }
 
   // Gradient of the mean fitness: sum(F e) / (M sigma); weight decay pulls the mean to zero.
-  void learn(const at::Tensor& fitness) override {
-    const Moments sums = moments(shape_fitness(fitness, config_.shaping));
+  void learn(const at::Tensor& shaped) override {
+    const Moments sums = moments(shaped);
     const at::Tensor gradient =
         sums.first / (sigma_ * static_cast<double>(population_size())) - mean_ * config_.weight_decay;
     step(gradient, decayed(config_.learning_rate, config_.learning_rate_decay, config_.learning_rate_min, generation_));
-    sigma_.fill_(decayed(config_.sigma_init, config_.sigma_decay, config_.sigma_min, generation_ + 1.0));
+    sigma_.fill_(decayed(sigma_init_, config_.sigma_decay, config_.sigma_min, generation_ + 1.0));
   }
 
   void step(const at::Tensor& gradient, double rate) {
@@ -71,14 +72,16 @@ class OpenAiEs final : public EvolutionStrategy {
   }
 
   const OpenAiEsConfig config_;
+  const float sigma_init_;
   at::Tensor velocity_, square_;  // [P] of the optimizer
 };
 
 }  // namespace
 
-std::unique_ptr<EvolutionStrategy> make_openai_es(const OpenAiEsConfig& config, const PopulationPlace& place,
-                                                  const at::Tensor& mean, const RowRunner& rows) {
-  return std::make_unique<OpenAiEs>(config, place, mean, rows);
+std::unique_ptr<EvolutionStrategy> make_openai_es(const PopulationConfig& population, const OpenAiEsConfig& config,
+                                             const PopulationPlace& place, const at::Tensor& mean,
+                                             const RowRunner& rows) {
+  return std::make_unique<OpenAiEs>(population, config, place, mean, rows);
 }
 
 }  // namespace giga

@@ -9,9 +9,10 @@ namespace {
 
 class Snes final : public EvolutionStrategy {
  public:
-  Snes(const SnesConfig& config, const PopulationPlace& place, const at::Tensor& mean, const RowRunner& rows)
-      : EvolutionStrategy(config, place, mean, rows),
-        utilities_(snes_utilities(config.population_size).to(mean.device())) {
+  Snes(const PopulationConfig& population, const SnesConfig& config, const PopulationPlace& place,
+       const at::Tensor& mean, const RowRunner& rows)
+      : EvolutionStrategy(population, place, mean, rows),
+        utilities_(snes_utilities(population.population_size), mean.device()) {
     const auto d = static_cast<double>(mean.size(0));
     const auto standard = static_cast<float>((3 + std::log(d)) / (5 * std::sqrt(d)));
     rate_mean_ = config.learning_rate_mean.value_or(standard);
@@ -20,21 +21,22 @@ class Snes final : public EvolutionStrategy {
 
  private:
   // mean += eta_mean sigma sum(u e); sigma *= exp(eta_sigma / 2 sum(u (e^2 - 1))), and utilities sum to zero.
-  void learn(const at::Tensor& fitness) override {
-    const Moments sums = moments(utilities_.index_select(0, fitness_ranks(fitness)));
+  void learn(const at::Tensor& shaped) override {
+    const Moments sums = moments(utilities_.of(shaped));
     mean_.add_(sigma_ * sums.first, rate_mean_);
     sigma_.mul_((sums.second * (rate_sigma_ / 2)).exp());
   }
 
-  const at::Tensor utilities_;  // [M] by rank
+  const RankWeights utilities_;
   float rate_mean_ = 1, rate_sigma_ = 1;
 };
 
 }  // namespace
 
-std::unique_ptr<EvolutionStrategy> make_snes(const SnesConfig& config, const PopulationPlace& place,
-                                             const at::Tensor& mean, const RowRunner& rows) {
-  return std::make_unique<Snes>(config, place, mean, rows);
+std::unique_ptr<EvolutionStrategy> make_snes(const PopulationConfig& population, const SnesConfig& config,
+                                             const PopulationPlace& place, const at::Tensor& mean,
+                                             const RowRunner& rows) {
+  return std::make_unique<Snes>(population, config, place, mean, rows);
 }
 
 }  // namespace giga

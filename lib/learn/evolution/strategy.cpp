@@ -2,6 +2,7 @@
 #include "learn/evolution/strategy.hpp"
 
 #include "core/error.hpp"
+#include "learn/evolution/fitness.hpp"
 
 namespace giga {
 namespace {
@@ -61,14 +62,23 @@ at::Tensor EvolutionStrategy::ask() {
   rows_.run(
       PerturbMembers{noise(), mean_.const_data_ptr<float>(), sigma_.const_data_ptr<float>(), members.data_ptr<float>()},
       members.numel());
+  if (config_.shaping.weight_decay > 0) mean_squares_ = members.square().mean(1);
   return members;
 }
 
-void EvolutionStrategy::tell(const at::Tensor& fitness) {
+at::Tensor EvolutionStrategy::tell(const at::Tensor& fitness) {
+  at::NoGradGuard no_grad;
   GIGA_CHECK(fitness.dim() == 1 && fitness.size(0) == population_size(), "fitness of ", fitness.numel(),
              " members, the population has ", population_size());
-  learn(fitness.to(mean_.options()));
+  at::Tensor shaped = shape_fitness(fitness.to(mean_.options()), config_.shaping.kind);
+  if (mean_squares_.defined()) shaped = shaped - config_.shaping.weight_decay * mean_squares_;
+  const at::Tensor old_mean = mean_.clone(), old_sigma = sigma_.clone();
+  learn(shaped);
   ++generation_;
+  const at::Tensor sound = at::isfinite(mean_).all().logical_and(at::isfinite(sigma_).all());
+  mean_.copy_(at::where(sound, mean_, old_mean));
+  sigma_.copy_(at::where(sound, sigma_, old_sigma));
+  return sound;
 }
 
 EvolutionStrategy::Moments EvolutionStrategy::moments(const at::Tensor& weights) const {

@@ -29,8 +29,9 @@ class EvolutionStrategy {
   /// Parameters of this generation's members [M, P].
   at::Tensor ask();
   /// Learns from the members' fitness [M], the larger the better, and goes on to the next generation. Makes the noise
-  /// of `ask` anew; queues work on the device and waits for nothing.
-  void tell(const at::Tensor& fitness);
+  /// of `ask` anew; queues work on the device and waits for nothing. Returns a truth value [] on the device: false where
+  /// the new mean or sigma was not finite, and both stay as they were.
+  at::Tensor tell(const at::Tensor& fitness);
 
   const at::Tensor& mean() const { return mean_; }    // [P]
   const at::Tensor& sigma() const { return sigma_; }  // [P]
@@ -49,8 +50,8 @@ class EvolutionStrategy {
     at::Tensor first, second;
   };
   Moments moments(const at::Tensor& weights) const;
-  /// Changes mean and sigma.
-  virtual void learn(const at::Tensor& fitness) = 0;
+  /// Changes mean and sigma by the shaped fitness [M], in which every number is finite.
+  virtual void learn(const at::Tensor& shaped) = 0;
 
   at::Tensor mean_, sigma_;
   uint32_t generation_ = 0;
@@ -63,14 +64,18 @@ class EvolutionStrategy {
   const int team_;
   const RowRunner& rows_;
   at::Tensor left_, right_;  // [P] int32, see EsNoise; noise low_rank only
+  at::Tensor mean_squares_;  // [M] of the members that were asked for last; weight decay of the shaping only
 };
 
 /// `mean` [P]: where the search starts; it is copied. `rows` must outlive the strategy.
-std::unique_ptr<EvolutionStrategy> make_openai_es(const OpenAiEsConfig& config, const PopulationPlace& place,
-                                                  const at::Tensor& mean, const RowRunner& rows);
-std::unique_ptr<EvolutionStrategy> make_snes(const SnesConfig& config, const PopulationPlace& place,
-                                             const at::Tensor& mean, const RowRunner& rows);
-std::unique_ptr<EvolutionStrategy> make_des(const DesConfig& config, const PopulationPlace& place,
-                                            const at::Tensor& mean, const RowRunner& rows);
+std::unique_ptr<EvolutionStrategy> make_openai_es(const PopulationConfig& population, const OpenAiEsConfig& config,
+                                                  const PopulationPlace& place, const at::Tensor& mean,
+                                                  const RowRunner& rows);
+std::unique_ptr<EvolutionStrategy> make_snes(const PopulationConfig& population, const SnesConfig& config,
+                                             const PopulationPlace& place, const at::Tensor& mean,
+                                             const RowRunner& rows);
+std::unique_ptr<EvolutionStrategy> make_des(const PopulationConfig& population, const DesConfig& config,
+                                            const PopulationPlace& place, const at::Tensor& mean,
+                                            const RowRunner& rows);
 
 }  // namespace giga

@@ -7,7 +7,7 @@
 #include "core/thread_pool.hpp"
 #include "cuda/scratch.hpp"
 #include "io/number.hpp"
-#include "learn/mappo.hpp"
+#include "learn/team_policy.hpp"
 #include "learn/memory/update.hpp"
 #include "policy/actor.hpp"
 #include "policy/critic.hpp"

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "learn/mappo.hpp"
+#include "learn/team_policy.hpp"
 #include "learn/memory/network.hpp"
 #include "learn/ppo_team.hpp"
 #include "math/ppo_loss.hpp"

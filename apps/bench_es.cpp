@@ -1,0 +1,78 @@
+// gigastep bench es: whole generations of an evolution strategy.
+#include <cmath>
+
+#include "apps/benchmark.hpp"
+#include "apps/command_line.hpp"
+#include "core/error.hpp"
+#include "learn/learner.hpp"
+
+namespace giga {
+namespace {
+
+LoadedRun load(const BenchOptions& options, Device device, int worlds) {
+  std::vector<std::string> overrides = options.overrides;
+  overrides.push_back("device=" + device.name());
+  if (!options.scenario.empty()) overrides.push_back("scenario=" + options.scenario);
+  LoadedRun run = load_run_config(find_config(options.config), overrides);
+  if (!is_evolution(run.config.train)) throw InputError("bench es: " + options.config + " does not evolve");
+  if (worlds == 0) return run;
+  // Two teams' populations share the worlds; members come in pairs.
+  const int per_pair = 4 * run.config.population.episodes_per_member;
+  overrides.push_back(cat("population.population_size=", std::max(1, worlds / per_pair) * 2));
+  return load_run_config(find_config(options.config), overrides);
+}
+
+int worlds_of(const RunConfig& c) {
+  const bool both = c.train.opponent == Opponent::self_play && c.population.turns == Turns::together;
+  return (both ? 2 : 1) * c.population.population_size * c.population.episodes_per_member;
+}
+
+/// The median rate of the closed loop with the same networks and worlds.
+double closed_loop_rate(const BenchOptions& options, const LoadedRun& run, Device device) {
+  BenchOptions loop = options;
+  loop.scenario = run.config.scenario;
+  loop.hidden = run.config.population.actor.hidden;
+  loop.steps = 0;
+  return bench_closed_loop(loop, device, worlds_of(run.config)).quantile(0.5);
+}
+
+}  // namespace
+
+BenchResult bench_es(const BenchOptions& options, Device device, int worlds) {
+  const LoadedRun run = load(options, device, worlds);
+  BenchResult result;
+  result.scenario = run.config.scenario;
+  result.worlds = worlds_of(run.config);
+  const double loop = closed_loop_rate(options, run, device);
+
+  const int64_t memory_before = device.is_cuda() ? memory_in_use(device) : 0;
+  const auto learner = make_learner(run, device);
+  double episodes = 0, steps = 0;
+  measure(
+      options,
+      [&](int64_t n) {
+        const int64_t before = learner->agent_steps_done();
+        for (int64_t k = 0; k < n; ++k)
+          for (const auto& [name, value] : learner->update())  // waits: it reads the figures
+            if (name == "episodes") episodes += value;
+        const auto made = static_cast<double>(learner->agent_steps_done() - before);
+        steps += made;
+        return made;
+      },
+      result);
+  result.memory_bytes = memory_in_use(device) - memory_before;
+
+  const auto generations = static_cast<double>(learner->updates_done());
+  const double per_generation = steps / generations;
+  result.checks = {{"generations", generations},
+                   {"generations_per_second", result.quantile(0.5) / per_generation},
+                   {"episodes_ended", episodes},
+                   {"mean_episode_length", steps / episodes / run.spec.params.n_agents},
+                   {"closed_loop_agent_steps_per_second", loop},
+                   {"share_of_closed_loop", result.quantile(0.5) / loop}};
+  if (!(episodes > 0) || episodes != generations * result.worlds)
+    throw Error("the benchmark is void: not every world has played one episode a generation");
+  return result;
+}
+
+}  // namespace giga

@@ -1,0 +1,226 @@
+#include "learn/evolution/evolution.hpp"
+
+#include <torch/types.h>
+
+#include <cmath>
+#include <limits>
+
+#include "cuda/device_clock.hpp"
+#include "cuda/rows.hpp"
+#include "learn/evolution/evolving_team.hpp"
+#include "learn/libtorch_settings.hpp"
+#include "learn/team_policy.hpp"
+#include "math/population_actions.hpp"
+#include "rollout/population_games.hpp"
+#include "rollout/tensors.hpp"
+
+namespace giga {
+namespace {
+
+constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+
+PopulationGamesOptions games_options(const RunConfig& c) {
+  PopulationGamesOptions o;
+  o.n_members = c.population.population_size;
+  o.n_episodes = c.population.episodes_per_member;
+  o.n_populations = c.train.opponent == Opponent::self_play && c.population.turns == Turns::together ? 2 : 1;
+  o.common_random_numbers = c.population.common_random_numbers;
+  o.greedy = c.population.greedy;
+  o.seed = c.seed;
+  o.n_threads = c.train.n_threads;
+  o.max_steps = c.population.max_steps;
+  return o;
+}
+
+/// Fitness [M] of a population's results [M, E, kNStatRows], each world one episode.
+at::Tensor fitness_of(const at::Tensor& results, int team, Objective objective) {
+  const auto mean_of = [&](EpisodeStat first, int offset = 0) {
+    return results.select(2, static_cast<int64_t>(first) + offset).mean(1);
+  };
+  switch (objective) {
+    case Objective::mean_return:
+      return mean_of(EpisodeStat::return_0, team);
+    case Objective::win_rate:
+      return mean_of(EpisodeStat::wins_0, team) + 0.5 * mean_of(EpisodeStat::ties);
+    case Objective::score:
+      return mean_of(EpisodeStat::score_0, team);
+  }
+  return {};
+}
+
+/// What a population has played and learned, as the host has read it.
+struct PopulationFigures {
+  std::vector<double> stats;  // [kNStatRows] sums over its episodes
+  std::vector<float> learned;  // [kNEvolutionFigures]
+};
+
+class Evolution final : public Learner {
+ public:
+  Evolution(const LoadedRun& run, Device device);
+
+  Metrics update() override;
+  std::optional<Divergence> divergence() const override { return divergence_; }
+  UpdateTimes times() const override { return {clock_->seconds(0, 1), clock_->seconds(1, 2)}; }
+  void save_batch(NamedArrays& out) const override;
+  std::vector<HeadlineFigure> headline() const override {
+    return {{"mean fitness", "mean fitness", "fitness_mean"},
+            {"best fitness", nullptr, "fitness_best"},
+            {"wins in play", "wins in play", "win_share"},
+            {"sigma", "sigma", "sigma"},
+            {"step", nullptr, "step_norm"}};
+  }
+  int64_t updates_done() const override { return generations_; }
+  int64_t agent_steps_done() const override { return agent_steps_; }
+  Actor* actor(int team) override { return team_[team] ? &team_[team]->actor() : nullptr; }
+  void save(NamedArrays& out) const override;
+  void load(const NamedArrays& in) override;
+
+ private:
+  std::vector<int> teams_of_generation() const;
+  Population population_of(int team) const;
+  Metrics metrics(const std::vector<int>& teams);
+  void team_metrics(int team, const PopulationFigures* figures, Metrics& out) const;
+
+  const RunConfig config_;
+  const RowRunner rows_;
+  std::unique_ptr<EvolvingTeam> team_[kNTeams];  // null = scripted
+  std::unique_ptr<PopulationGames> games_;
+  std::unique_ptr<DeviceClock> clock_;
+  at::Tensor no_networks_;  // [1, P] what a scripted team has in the place of networks
+  int64_t generations_ = 0, agent_steps_ = 0;
+  std::optional<Divergence> divergence_;
+};
+
+Evolution::Evolution(const LoadedRun& run, Device device)
+    : config_(run.config), rows_(device, run.config.train.n_threads) {
+  set_up_libtorch(config_.train, device);
+  const Actor* network = nullptr;
+  for (int team = 0; team < kNTeams; ++team) {
+    if (!learns(config_.train, team)) continue;
+    team_[team] = std::make_unique<EvolvingTeam>(run, team, device, rows_);
+    network = &team_[team]->actor();
+  }
+  games_ = std::make_unique<PopulationGames>(run.spec, games_options(config_), *network, rows_);
+  no_networks_ = at::zeros({1, network->parameters().size()}, at::TensorOptions().device(torch_device(device)));
+  clock_ = make_device_clock(device);
+}
+
+std::vector<int> Evolution::teams_of_generation() const {
+  if (config_.train.opponent != Opponent::self_play) return {config_.train.learning_team};
+  if (config_.population.turns == Turns::together) return {0, 1};
+  return {static_cast<int>(generations_ / config_.population.generations_per_turn % kNTeams)};
+}
+
+Population Evolution::population_of(int team) const {
+  const EvolvingTeam* other = team_[1 - team].get();
+  const int64_t episodes = config_.population.episodes_per_member;
+  Population population{team, team_[team]->ask(), other ? other->pool().networks() : no_networks_, {}};
+  if (other)
+    population.opponent = assign_opponents(config_.opponents, episodes, other->pool().size(),
+                                           {config_.seed, static_cast<uint32_t>(generations_), team});
+  else
+    population.opponent.assign(static_cast<size_t>(episodes), network_of_script(scripted_of(config_.train.opponent)));
+  return population;
+}
+
+Metrics Evolution::update() {
+  clock_->mark(0);
+  const std::vector<int> teams = teams_of_generation();
+  std::vector<Population> populations;
+  for (const int team : teams) populations.push_back(population_of(team));
+  games_->play(populations, static_cast<uint32_t>(generations_));
+  clock_->mark(1);
+
+  for (size_t k = 0; k < teams.size(); ++k)
+    team_[teams[k]]->tell(fitness_of(games_->results(k), teams[k], config_.population.objective));
+  ++generations_;
+  if (generations_ % config_.opponents.pool_every_updates == 0)
+    for (const auto& team : team_)
+      if (team) team->keep_mean();
+  clock_->mark(2);
+  return metrics(teams);
+}
+
+void Evolution::team_metrics(int team, const PopulationFigures* f, Metrics& out) const {
+  const auto add = [&](const char* name, double value) { out.emplace_back(cat(name, "_", team), value); };
+  const auto stat = [&](EpisodeStat s, int offset = 0) {
+    return f ? f->stats[static_cast<size_t>(s) + static_cast<size_t>(offset)] /
+                   f->stats[static_cast<size_t>(EpisodeStat::episodes)]
+             : kUnknown;
+  };
+  const auto learned = [&](EvolutionFigure k) { return f ? static_cast<double>(f->learned[k]) : kUnknown; };
+  add("win_share", stat(EpisodeStat::wins_0, team));
+  add("loss_share", stat(EpisodeStat::wins_0, 1 - team));
+  add("return", stat(EpisodeStat::return_0, team));
+  add("score", stat(EpisodeStat::score_0, team));
+  add("fitness_mean", learned(kFigFitnessMean));
+  add("fitness_best", learned(kFigFitnessBest));
+  add("fitness_deviation", learned(kFigFitnessDeviation));
+  add("not_finite", learned(kFigNotFinite));
+  add("sigma", learned(kFigSigma));
+  add("parameter_norm", learned(kFigParameterNorm));
+  add("step_norm", learned(kFigStepNorm));
+  for (int t = 0; t < kNRewardTerms; ++t) {
+    const int row = kNEpisodeStats + team * kNRewardTerms + t;
+    add(cat("reward_", kRewardTermNames[t]).c_str(), stat(EpisodeStat{}, row));
+  }
+}
+
+// The one place of a generation where the host waits for the device.
+Metrics Evolution::metrics(const std::vector<int>& teams) {
+  std::unique_ptr<PopulationFigures> figures[kNTeams];
+  double episodes = 0, steps = 0, ties = 0, truncated = 0;
+  divergence_.reset();
+  for (size_t k = 0; k < teams.size(); ++k) {
+    const at::Tensor sums = games_->results(k).sum(at::IntArrayRef{0, 1}, false, at::kDouble).cpu();
+    const at::Tensor learned = team_[teams[k]]->figures().cpu();
+    auto f = std::make_unique<PopulationFigures>();
+    f->stats.assign(sums.const_data_ptr<double>(), sums.const_data_ptr<double>() + kNStatRows);
+    f->learned.assign(learned.const_data_ptr<float>(), learned.const_data_ptr<float>() + kNEvolutionFigures);
+    const auto sum = [&f](EpisodeStat s) { return f->stats[static_cast<size_t>(s)]; };
+    episodes += sum(EpisodeStat::episodes);
+    steps += sum(EpisodeStat::length);
+    ties += sum(EpisodeStat::ties);
+    truncated += sum(EpisodeStat::truncated);
+    if (f->learned[kFigDiverged] > 0 && !divergence_)
+      divergence_ = Divergence{"new mean or sigma of the population", teams[k], generations_, 0};
+    figures[teams[k]] = std::move(f);
+  }
+  agent_steps_ += static_cast<int64_t>(std::llround(steps)) * games_->simulator().params().n_agents;
+
+  Metrics out;
+  out.emplace_back("episodes", episodes);
+  out.emplace_back("episode_length", steps / episodes);
+  out.emplace_back("tie_share", ties / episodes);
+  out.emplace_back("truncated_share", truncated / episodes);
+  for (int team = 0; team < kNTeams; ++team) team_metrics(team, figures[team].get(), out);
+  return out;
+}
+
+void Evolution::save_batch(NamedArrays& out) const {
+  for (int team = 0; team < kNTeams; ++team)
+    if (team_[team] && team_[team]->fitness().defined())
+      out.push_back(to_array(cat("batch/fitness_", team), team_[team]->fitness()));
+}
+
+void Evolution::save(NamedArrays& out) const {
+  out.push_back(make_array<int64_t>("updates", {generations_}));
+  out.push_back(make_array<int64_t>("agent_steps", {agent_steps_}));
+  for (int team = 0; team < kNTeams; ++team)
+    if (team_[team]) team_[team]->save(cat("team_", team, "/"), out);
+}
+
+void Evolution::load(const NamedArrays& in) {
+  generations_ = array_values<int64_t>(find_array(in, "updates")).at(0);
+  agent_steps_ = array_values<int64_t>(find_array(in, "agent_steps")).at(0);
+  for (int team = 0; team < kNTeams; ++team)
+    if (team_[team]) team_[team]->load(cat("team_", team, "/"), in);
+}
+
+}  // namespace
+
+std::unique_ptr<Learner> make_evolution(const LoadedRun& run, Device device) {
+  return std::make_unique<Evolution>(run, device);
+}
+
+}  // namespace giga

@@ -1,0 +1,66 @@
+#include "learn/evolution/evolving_team.hpp"
+
+#include <limits>
+
+#include "core/error.hpp"
+#include "learn/evolution/fitness.hpp"
+#include "learn/team_policy.hpp"
+
+namespace giga {
+namespace {
+
+std::unique_ptr<EvolutionStrategy> make_strategy(const RunConfig& c, int team, const Actor& actor,
+                                                 const RowRunner& rows) {
+  const PopulationPlace place{c.seed, team, actor.parameters().matrices()};
+  const at::Tensor& mean = actor.parameters().values();
+  const std::string& name = c.train.algorithm;
+  if (name == "openai_es") return make_openai_es(c.population, c.openai_es, place, mean, rows);
+  if (name == "snes") return make_snes(c.population, c.snes, place, mean, rows);
+  GIGA_CHECK(name == "des", "algorithm ", name);
+  return make_des(c.population, c.des, place, mean, rows);
+}
+
+}  // namespace
+
+EvolvingTeam::EvolvingTeam(const LoadedRun& run, int team, Device device, const RowRunner& rows)
+    : actor_(make_actor(run, team, device)),
+      strategy_(make_strategy(run.config, team, actor_, rows)),
+      pool_(run.config.opponents.pool_size, actor_.parameters().values().detach()),
+      figures_(at::zeros({kNEvolutionFigures}, strategy_->mean().options())) {}
+
+void EvolvingTeam::tell(const at::Tensor& fitness) {
+  at::NoGradGuard no_grad;
+  fitness_ = fitness;
+  const at::Tensor old_mean = strategy_->mean().clone();
+  const at::Tensor sound = strategy_->tell(fitness);
+
+  const at::Tensor finite = at::isfinite(fitness);
+  const at::Tensor count = finite.sum().clamp_min(1), clean = at::where(finite, fitness, 0.0);
+  const at::Tensor average = clean.sum() / count;
+  const at::Tensor deviation = (at::where(finite, fitness - average, 0.0).square().sum() / count).sqrt();
+  const at::Tensor best = at::where(finite, fitness, -std::numeric_limits<double>::infinity()).max();
+  const at::Tensor &mean = strategy_->mean(), &sigma = strategy_->sigma();
+  figures_.copy_(at::stack({average, best, deviation, count_not_finite(fitness).squeeze(0), sigma.mean(), mean.norm(),
+                            (mean - old_mean).norm(), sound.logical_not().to(at::kFloat)}));
+  show_mean();
+}
+
+void EvolvingTeam::show_mean() {
+  at::NoGradGuard no_grad;
+  actor_.parameters().values().copy_(strategy_->mean());
+  pool_.set_mean(strategy_->mean());
+}
+
+void EvolvingTeam::save(const std::string& prefix, NamedArrays& out) const {
+  actor_.save(prefix + "actor/", out);
+  strategy_->save(prefix + "strategy/", out);
+  pool_.save(prefix + "pool/", out);
+}
+
+void EvolvingTeam::load(const std::string& prefix, const NamedArrays& in) {
+  actor_.load(prefix + "actor/", in);
+  strategy_->load(prefix + "strategy/", in);
+  pool_.load(prefix + "pool/", in);
+}
+
+}  // namespace giga

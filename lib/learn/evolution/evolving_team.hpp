@@ -1,0 +1,58 @@
+// EvolvingTeam: the policy of one team, its search distribution, and what others may meet of it.
+#pragma once
+
+#include <torch/types.h>
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "cuda/rows.hpp"
+#include "learn/evolution/opponents.hpp"
+#include "learn/evolution/strategy.hpp"
+#include "policy/actor.hpp"
+
+namespace giga {
+
+/// Figures of a generation, kept on the device until they are read.
+enum EvolutionFigure : int {
+  kFigFitnessMean,  // over the finite ones
+  kFigFitnessBest,
+  kFigFitnessDeviation,
+  kFigNotFinite,      // members whose fitness is not finite
+  kFigSigma,          // mean over the parameters
+  kFigParameterNorm,  // of the mean
+  kFigStepNorm,       // of its last step
+  kFigDiverged,       // 1: the new mean or sigma was not finite, and the old ones were kept
+  kNEvolutionFigures
+};
+
+class EvolvingTeam {
+ public:
+  EvolvingTeam(const LoadedRun& run, int team, Device device, const RowRunner& rows);
+
+  at::Tensor ask() { return strategy_->ask(); }
+  /// Learns from the fitness [M] of the members asked for last; the actor becomes the new mean.
+  void tell(const at::Tensor& fitness);
+  /// Keeps the mean for the pool.
+  void keep_mean() { pool_.keep(); }
+
+  Actor& actor() { return actor_; }
+  const Actor& actor() const { return actor_; }
+  const MeanPool& pool() const { return pool_; }
+  const at::Tensor& figures() const { return figures_; }  // [kNEvolutionFigures]
+  const at::Tensor& fitness() const { return fitness_; }  // [M] of the last tell
+
+  void save(const std::string& prefix, NamedArrays& out) const;
+  void load(const std::string& prefix, const NamedArrays& in);
+
+ private:
+  void show_mean();
+
+  Actor actor_;  // its parameters are the mean
+  std::unique_ptr<EvolutionStrategy> strategy_;
+  MeanPool pool_;
+  at::Tensor figures_, fitness_;
+};
+
+}  // namespace giga

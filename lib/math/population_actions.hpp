@@ -1,0 +1,59 @@
+// Actions of a team in the worlds of a population, where each world has a network, or a script, of its own.
+#pragma once
+
+#include "math/distributions.hpp"
+#include "math/scripted.hpp"
+
+namespace giga {
+
+/// How one row acts, whoever moves it.
+struct PopulationAct {
+  ActionKind actions;
+  bool greedy;  ///< the most likely action instead of a drawn one
+  RowDraws draws;
+  const int32_t* episode_length;  // [W] of the simulator's state
+  void* action;                   // [R] int32 or [R, 3] float
+
+  /// `head`: 27 logits of kLogitStride numbers, aligned to 16 bytes, or 3 means. `log_std` [3]: continuous actions only.
+  GIGA_HD void by_head(int64_t row, const float* head, const float* log_std) const {
+    if (actions == ActionKind::discrete) {
+      const Logits l(head);
+      static_cast<int32_t*>(action)[row] = greedy ? l.largest() : l.draw(l.log_sum_exp(), draws, row);
+      return;
+    }
+    DrawKey key = draws.key(row);
+    float* out = static_cast<float*>(action) + row * kActionSize;
+    for (int k = 0; k < kActionSize; ++k)
+      out[k] = std::tanh(head[k] + (greedy ? 0.0f : std::exp(log_std[k]) * action_normal(key, draws, row, k)));
+  }
+  GIGA_HD void by_script(int64_t row, Scripted script) const {
+    ScriptedActions{script, actions, draws, episode_length, action}(row);
+  }
+};
+
+/// A script among the networks that move a team: -1 - its number.
+GIGA_HD Scripted script_of_network(int32_t network) { return static_cast<Scripted>(-1 - network); }
+constexpr int32_t network_of_script(Scripted script) { return -1 - static_cast<int32_t>(script); }
+
+/// The actions of all rows from heads that have been computed: world w is episode w % E of member w / E.
+struct PopulationActions {
+  PopulationAct act;
+  const float* head;        // [R, head_size]
+  int head_size;
+  const float* parameters;  // [networks, n_parameters]
+  int64_t n_parameters;
+  int64_t log_std;         // first of the three in a row of parameters; continuous actions only
+  const int32_t* network;  // [E] row of parameters or a script, by episode; null = each member's own
+  int64_t n_episodes;      // E
+
+  GIGA_HD void operator()(int64_t row) const {
+    const int64_t world = act.draws.world(row);
+    const int64_t id = network ? network[world % n_episodes] : world / n_episodes;
+    if (id < 0)
+      act.by_script(row, script_of_network(static_cast<int32_t>(id)));
+    else
+      act.by_head(row, head + row * head_size, parameters + id * n_parameters + log_std);
+  }
+};
+
+}  // namespace giga

@@ -1,0 +1,169 @@
+#include "rollout/population_games.hpp"
+
+#include <algorithm>
+#include <map>
+
+#include "core/error.hpp"
+#include "cuda/runtime.hpp"
+#include "rollout/shapes.hpp"
+#include "rollout/tensors.hpp"
+
+namespace giga {
+namespace {
+
+/// With a limit, so that each episode ends.
+SimSpec limited(const SimSpec& spec, std::optional<int> max_steps) {
+  SimSpec result = spec.with_time_limit();
+  int& limit = result.params.max_episode_length;
+  limit = std::min(limit, max_steps.value_or(limit));
+  return result;
+}
+
+}  // namespace
+
+PopulationGames::PopulationGames(const SimSpec& spec, const PopulationGamesOptions& options, const Actor& network,
+                                 const RowRunner& rows)
+    : options_(options), network_(network), rows_(rows) {
+  SimOptions sim;
+  sim.n_worlds = static_cast<int>(options.n_populations * n_worlds_each());
+  sim.seed = options.seed;
+  sim.draw_period = options.common_random_numbers ? options.n_episodes : 0;
+  sim.on_done = OnDone::freeze;
+  sim.n_threads = options.n_threads;
+  sim_ = make_simulator(limited(spec, options.max_steps), sim, rows.device());
+
+  const Device device = rows.device();
+  if (options.fused && device.is_cuda()) {
+    const int* n = spec.params.n_team;
+    mlp_ = network.small_mlp();
+    if (mlp_ && !population_policy_fits(*mlp_, std::max(n[0], n[1]), device.index)) mlp_.reset();
+  }
+  const auto floats = at::TensorOptions().dtype(at::kFloat).device(torch_device(device));
+  const bool discrete = spec.params.actions == ActionKind::discrete;
+  io_.obs_stride = spec.padded_observation_size();
+  for (int team = 0; team < kNTeams; ++team) {
+    const int64_t n = spec.params.n_team[team];
+    Side& side = side_[team];
+    side.obs = at::zeros({sim.n_worlds, n, spec.padded_observation_size()}, floats);
+    side.action = discrete ? at::zeros({sim.n_worlds, n}, floats.dtype(at::kInt))
+                           : at::zeros({sim.n_worlds, n, kActionSize}, floats);
+    io_.team[team].obs = side.obs.data_ptr<float>();
+    io_.team[team].action = side.action.data_ptr();
+  }
+  opponent_ = at::zeros({options.n_populations, options.n_episodes}, floats.dtype(at::kInt));
+}
+
+void PopulationGames::play(const std::vector<Population>& populations, uint32_t generation) {
+  GIGA_CHECK(!populations.empty() && populations.size() <= static_cast<size_t>(options_.n_populations),
+             populations.size(), " populations, room for ", options_.n_populations);
+  at::NoGradGuard no_grad;
+  for (size_t k = 0; k < populations.size(); ++k) {
+    const Population& p = populations[k];
+    GIGA_CHECK(p.members.size(0) == options_.n_members && p.members.is_contiguous() && p.opponents.is_contiguous() &&
+                   static_cast<int64_t>(p.opponent.size()) == options_.n_episodes,
+               p.members.size(0), " members, ", p.opponent.size(), " opponents");
+    opponent_[static_cast<int64_t>(k)].copy_(at::tensor(p.opponent, at::kInt));
+    if (!mlp_) group_opponents(p, k);
+  }
+  // Draws are addressed by step: each generation has its own steps, one for the start and one for each that is played.
+  const int limit = sim_->params().max_episode_length;
+  const uint32_t first_step = generation * (static_cast<uint32_t>(limit) + 2);
+  wrap(reinterpret_cast<int32_t*>(sim_->state().view().draw_step), {sim_->n_worlds()}, sim_->device())
+      .fill_(static_cast<int64_t>(static_cast<int32_t>(first_step)));
+
+  sim_->start(io_);
+  for (int step = 0; step < limit; ++step) {
+    if (mlp_) {
+      move_fused(populations);
+    } else {
+      for (size_t k = 0; k < populations.size(); ++k) {
+        move_members(populations[k], k);
+        move_opponents(populations[k], k);
+      }
+    }
+    sim_->step(io_);
+  }
+}
+
+at::Tensor PopulationGames::results(size_t k) const {
+  const at::Tensor all = wrap(sim_->state().view().stats, {sim_->n_worlds(), kNStatRows}, sim_->device());
+  return all.narrow(0, static_cast<int64_t>(k) * n_worlds_each(), n_worlds_each())
+      .view({options_.n_members, options_.n_episodes, kNStatRows});
+}
+
+PopulationAct PopulationGames::act(int team, int64_t first_world) const {
+  const StateView state = sim_->state().view();
+  const SimOptions& sim = sim_->options();
+  const int n = sim_->params().n_team[team];
+  // With a period, a part of the worlds begins with a whole number of periods.
+  const int64_t first_number = sim.draw_period > 0 ? sim.first_world : sim.first_world + first_world;
+  const at::Tensor& action = side_[team].action;
+  void* at = static_cast<char*>(action.data_ptr()) + first_world * action.stride(0) * action.itemsize();
+  return {sim_->params().actions, options_.greedy,
+          {state.draw_step + first_world, sim.seed, first_number, n, team, sim.draw_period},
+          state.episode_length + first_world, at};
+}
+
+void PopulationGames::move_fused(const std::vector<Population>& populations) const {
+  PopulationPolicy policy;
+  policy.mlp = *mlp_;
+  policy.n_parameters = network_.parameters().size();
+  policy.phase = sim_->state().view().phase;
+  const auto members = static_cast<int>(options_.n_members), episodes = static_cast<int>(options_.n_episodes);
+  for (size_t k = 0; k < populations.size(); ++k) {
+    const Population& p = populations[k];
+    const int64_t first = static_cast<int64_t>(k) * n_worlds_each();
+    const int other = 1 - p.team;
+    policy.part[policy.n_parts++] = {p.members.const_data_ptr<float>(), nullptr, members, episodes, first, episodes, 1,
+                                     io_.team[p.team].obs, act(p.team, 0)};
+    policy.part[policy.n_parts++] = {p.opponents.const_data_ptr<float>(),
+                                     opponent_.const_data_ptr<int32_t>() + static_cast<int64_t>(k) * episodes,
+                                     episodes, members, first, 1, episodes, io_.team[other].obs, act(other, 0)};
+  }
+  launch_population_policy(policy, rows_.device().index);
+}
+
+void PopulationGames::run_actions(int team, size_t k, const at::Tensor& head, const at::Tensor& networks,
+                                  const int32_t* network) const {
+  const int64_t first = static_cast<int64_t>(k) * n_worlds_each();
+  const bool continuous = network_.actions() == ActionKind::continuous;
+  rows_.run(PopulationActions{act(team, first), head.const_data_ptr<float>(), static_cast<int>(network_.head_size()),
+                              networks.const_data_ptr<float>(), networks.size(1),
+                              continuous ? network_.log_std_offset() : 0, network, options_.n_episodes},
+            n_worlds_each() * sim_->params().n_team[team]);
+}
+
+void PopulationGames::move_members(const Population& p, size_t k) const {
+  const at::Tensor& obs = side_[p.team].obs;
+  const at::Tensor own = obs.narrow(0, static_cast<int64_t>(k) * n_worlds_each(), n_worlds_each());
+  const at::Tensor head =
+      network_.forward_members(p.members, own.view({options_.n_members, -1, obs.size(2)})).contiguous();
+  run_actions(p.team, k, head, p.members, nullptr);
+}
+
+void PopulationGames::group_opponents(const Population& p, size_t k) {
+  std::map<int32_t, std::vector<int64_t>> episodes;  // by network
+  for (size_t e = 0; e < p.opponent.size(); ++e)
+    if (p.opponent[e] >= 0) episodes[p.opponent[e]].push_back(static_cast<int64_t>(e));
+  groups_.resize(std::max(groups_.size(), k + 1));
+  groups_[k].clear();
+  for (const auto& [network, list] : episodes)
+    groups_[k].push_back({network, at::tensor(list, at::kLong).to(opponent_.device())});
+}
+
+// One evaluation for each network that plays: its episodes of all members. Scripts need no head.
+void PopulationGames::move_opponents(const Population& p, size_t k) const {
+  const int team = 1 - p.team;
+  const at::Tensor& obs = side_[team].obs;
+  const int64_t m = options_.n_members, e = options_.n_episodes, n = obs.size(1), d = obs.size(2);
+  const at::Tensor all = obs.narrow(0, static_cast<int64_t>(k) * n_worlds_each(), n_worlds_each()).view({m, e, n, d});
+  const at::Tensor head = at::empty({m, e, n, network_.head_size()}, obs.options());
+  for (const OpponentGroup& group : groups_[k]) {
+    const at::Tensor rows = all.index_select(1, group.episodes).view({1, -1, d});
+    const at::Tensor out = network_.forward_members(p.opponents.narrow(0, group.network, 1), rows);
+    head.index_copy_(1, group.episodes, out.view({m, group.episodes.size(0), n, -1}));
+  }
+  run_actions(team, k, head, p.opponents, opponent_.const_data_ptr<int32_t>() + static_cast<int64_t>(k) * e);
+}
+
+}  // namespace giga

@@ -1,0 +1,86 @@
+// PopulationGames: the episodes of a generation. Every member of a population plays the same number of them against
+// opponents that depend on the episode only; all worlds step together, and those whose episode is over are left alone.
+#pragma once
+
+#include <torch/types.h>
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "cuda/population_policy.hpp"
+#include "cuda/rows.hpp"
+#include "policy/actor.hpp"
+#include "sim/simulator.hpp"
+
+namespace giga {
+
+/// One team's population and whom it meets. M = members, P = parameters of a network, E = episodes of a member.
+struct Population {
+  int team = 0;
+  at::Tensor members;             // [M, P]
+  at::Tensor opponents;           // [K, P] networks of the other team
+  std::vector<int32_t> opponent;  // [E] row of `opponents`, or a script (network_of_script)
+};
+
+struct PopulationGamesOptions {
+  int64_t n_members = 512, n_episodes = 16;
+  int n_populations = 2;                       ///< that play at the same time
+  bool common_random_numbers = true;           ///< episode e is the same luck for all members
+  bool greedy = true;                          ///< the most likely action instead of a drawn one
+  bool fused = true;                           ///< use the fused kernel where it can be used
+  uint64_t seed = 0;
+  int n_threads = 0;
+  std::optional<int> max_steps = std::nullopt;  ///< episodes are cut off after these, or by the scenario
+};
+
+class PopulationGames {
+ public:
+  /// `network` tells the shape of all networks; it and `rows` must outlive this. Scenarios without a time limit are cut
+  /// off after kEpisodeLimit steps (sim/simulator.hpp).
+  PopulationGames(const SimSpec& spec, const PopulationGamesOptions& options, const Actor& network,
+                  const RowRunner& rows);
+
+  /// Queues all steps of all episodes, n_populations of them at most. Fresh draws for each `generation`. On a GPU the
+  /// host does not wait.
+  void play(const std::vector<Population>& populations, uint32_t generation);
+
+  /// What the episodes of population k came to: [M, E, kNStatRows], a view that the next play overwrites. Each world
+  /// has played one episode.
+  at::Tensor results(size_t k) const;
+
+  const Simulator& simulator() const { return *sim_; }
+  /// Whether the fused kernel is used.
+  bool fused() const { return mlp_.has_value(); }
+
+ private:
+  struct Side {
+    at::Tensor obs;     // [W, n, D]
+    at::Tensor action;  // [W, n] int32 or [W, n, 3]
+  };
+  int64_t n_worlds_each() const { return options_.n_members * options_.n_episodes; }
+  PopulationAct act(int team, int64_t first_world) const;
+  void move_fused(const std::vector<Population>& populations) const;
+  void move_members(const Population& population, size_t k) const;
+  void move_opponents(const Population& population, size_t k) const;
+  void group_opponents(const Population& population, size_t k);
+  void run_actions(int team, size_t k, const at::Tensor& head, const at::Tensor& networks,
+                   const int32_t* network) const;
+
+  const PopulationGamesOptions options_;
+  const Actor& network_;
+  const RowRunner& rows_;
+  std::unique_ptr<Simulator> sim_;
+  std::optional<SmallMlp> mlp_;  // for the fused kernel; none = through LibTorch
+  Side side_[kNTeams];
+  StepIo io_;
+  at::Tensor opponent_;  // [n_populations, E] int32
+  struct OpponentGroup {
+    int64_t network;      // row of the opponents
+    at::Tensor episodes;  // that it plays, int64
+  };
+  std::vector<std::vector<OpponentGroup>> groups_;  // by population; not fused only
+};
+
+}  // namespace giga

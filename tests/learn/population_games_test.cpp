@@ -1,0 +1,212 @@
+// The episodes of a generation: what a population plays is what a match of the same networks would be; the fused kernel
+// does what LibTorch does.
+#include "rollout/population_games.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "cuda/runtime.hpp"
+#include "eval/match.hpp"
+#include "learn/team_policy.hpp"
+#include "rollout/tensors.hpp"
+#include "runs.hpp"
+
+namespace giga::test {
+namespace {
+
+/// Members and opponents of networks with weights of their own, all well away from zero.
+struct Networks {
+  Actor actor;
+  at::Tensor members;    // [M, P]
+  at::Tensor opponents;  // [3, P]
+
+  Networks(const LoadedRun& run, int64_t n_members, Device device) : actor(make_actor(run, 0, device)) {
+    const int64_t p = actor.parameters().size();
+    const at::Generator generator = at::detail::createCPUGenerator(5);
+    const at::Tensor noise = at::randn({n_members + 3, p}, generator).to(torch_device(device));
+    const at::Tensor all = actor.parameters().values().detach() + 0.3 * noise;
+    members = all.narrow(0, 0, n_members).contiguous();
+    opponents = all.narrow(0, n_members, 3).contiguous();
+  }
+  void take(const at::Tensor& parameters) {
+    at::NoGradGuard no_grad;
+    actor.parameters().values().copy_(parameters);
+  }
+};
+
+LoadedRun run_of(const std::string& scenario = "", const std::string& actor = "hidden: [16, 16]",
+                 const std::string& precision = "fp32") {
+  SmallRun small;
+  small.scenario = scenario;
+  small.actor = actor;
+  small.precision = precision;
+  return small.load();
+}
+
+double stat(const at::Tensor& results, EpisodeStat s) {
+  return results.select(2, static_cast<int64_t>(s)).sum().item<double>();
+}
+
+// The same network as every member, without common random numbers: world w of the games is world w of a match.
+TEST(LearnPopulationGames, APopulationOfOneNetworkPlaysTheMatchOfThatNetwork) {
+  for (const char* action : {"discrete", "continuous"}) {
+    for (const bool greedy : {false, true}) {
+      for (const int team : {0, 1}) {
+        const LoadedRun run = run_of(cat("action: ", action, "\n"));
+        Networks n(run, 1, {});
+        Networks other(run, 1, {});
+        other.take(n.opponents[1]);
+        n.take(n.members[0]);
+        const RowRunner rows(Device{}, 1);
+        PopulationGames games(run.spec, {6, 4, 1, false, greedy, true, 9, 1}, n.actor, rows);
+        games.play({{team, n.members.expand({6, -1}).contiguous(), n.opponents, {1, 1, 1, 1}}}, 0);
+
+        const Player own{&n.actor, Scripted::random, greedy}, opponent{&other.actor, Scripted::random, greedy};
+        const MatchResult match = play_match(run.spec, team == 0 ? own : opponent, team == 0 ? opponent : own,
+                                             {24, 9, Device{}, 1});
+        const at::Tensor results = games.results(0);
+        EXPECT_EQ(stat(results, EpisodeStat::episodes), 24);
+        EXPECT_EQ(stat(results, EpisodeStat::wins_0), match.wins[0]);
+        EXPECT_EQ(stat(results, EpisodeStat::wins_1), match.wins[1]);
+        EXPECT_EQ(stat(results, EpisodeStat::length) / 24, match.mean_length);
+        EXPECT_NEAR(stat(results, EpisodeStat::return_0) / 24, match.mean_return[0], 1e-5);
+      }
+    }
+  }
+}
+
+TEST(LearnPopulationGames, ScriptsArePlayedAsInAMatch) {
+  const LoadedRun run = run_of();
+  Networks n(run, 1, {});
+  n.take(n.members[0]);
+  const RowRunner rows(Device{}, 1);
+  PopulationGames games(run.spec, {8, 2, 1, false, false, true, 9, 1}, n.actor, rows);
+  const int32_t circle = network_of_script(Scripted::circle);
+  games.play({{1, n.members.expand({8, -1}).contiguous(), n.opponents, {circle, circle}}}, 0);
+  const MatchResult match =
+      play_match(run.spec, {nullptr, Scripted::circle}, {&n.actor, Scripted::random}, {16, 9, Device{}, 1});
+  EXPECT_EQ(stat(games.results(0), EpisodeStat::wins_0), match.wins[0]);
+  EXPECT_EQ(stat(games.results(0), EpisodeStat::length) / 16, match.mean_length);
+}
+
+// With common random numbers two equal members have equal episodes, and only those.
+TEST(LearnPopulationGames, CommonRandomNumbers) {
+  const LoadedRun run = run_of();
+  Networks n(run, 3, {});
+  n.members[1].copy_(n.members[0]);
+  const RowRunner rows(Device{}, 1);
+  for (const bool common : {true, false}) {
+    PopulationGames games(run.spec, {3, 8, 2, common, false, true, 9, 1}, n.actor, rows);
+    const Population population{0, n.members, n.opponents, {0, 1, 2, 0, 0, 1, 2, 2}};
+    Population other = population;
+    other.team = 1;
+    games.play({population, other}, 3);
+    for (const size_t k : {0, 1}) {
+      const at::Tensor results = games.results(k);
+      EXPECT_EQ(at::equal(results[0], results[1]), common) << "population " << k;
+      EXPECT_FALSE(at::equal(results[0], results[2])) << "population " << k;
+      EXPECT_TRUE(at::equal(results.select(2, 0), at::ones({3, 8}))) << "each world plays one episode";
+    }
+  }
+}
+
+TEST(LearnPopulationGames, AGenerationIsRepeatableAndAnotherIsNot) {
+  const LoadedRun run = run_of();
+  Networks n(run, 4, {});
+  const RowRunner rows(Device{}, 2);
+  PopulationGames games(run.spec, {4, 4, 1, true, true, true, 9, 2}, n.actor, rows);
+  const auto played = [&](uint32_t generation) {
+    games.play({{0, n.members, n.opponents, {0, 0, 1, 2}}}, generation);
+    return games.results(0).clone();
+  };
+  const at::Tensor first = played(0), second = played(1);
+  EXPECT_FALSE(at::equal(first, second));
+  EXPECT_TRUE(at::equal(first, played(0)));
+  EXPECT_TRUE(at::equal(second, played(1)));
+}
+
+/// Positions of all agents after some steps.
+at::Tensor positions(const PopulationGames& games) {
+  const Simulator& sim = games.simulator();
+  const int64_t count = sim.agents_per_step();
+  return at::cat({wrap(sim.state().view().x, {count}, sim.device()), wrap(sim.state().view().y, {count}, sim.device()),
+                  wrap(sim.state().view().z, {count}, sim.device())})
+      .cpu();
+}
+
+struct FusedCase {
+  const char* name;
+  const char* scenario;
+  const char* actor;
+};
+void PrintTo(const FusedCase& c, std::ostream* out) { *out << c.name; }
+const FusedCase kFusedCases[] = {
+    {"TwoAgainstTwo", "", "hidden: [64, 64]"},
+    {"FiveAgainstThreeRelu",
+     "team_0: [{type: default, count: 5}]\nteam_1: [{type: default, count: 3}]\nmaps: four_rooms\n",
+     "hidden: [128], activation: relu"},
+    {"OddSizesSilu", "", "hidden: [33, 7, 12], activation: silu"},
+    {"ContinuousGelu", "action: continuous\n", "hidden: [32, 128], activation: gelu"},
+    {"TwentyAgainstOne",
+     "limit_x: 20\nlimit_y: 20\nteam_0: [{type: default, count: 20}]\nteam_1: [{type: default, count: 1}]\n",
+     "hidden: [40, 24]"},
+};
+class LearnPopulationGamesGpu : public testing::TestWithParam<FusedCase> {};
+
+// Products are TF32 in the kernel and fp32 on the CPU, so an action flips now and then: few steps, and nearly all agents.
+TEST_P(LearnPopulationGamesGpu, TheFusedKernelPlaysAsTheCpu) {
+  if (cuda_device_count() == 0) GTEST_SKIP() << "no GPU";
+  const Device gpu{Device::Kind::cuda, 0};
+  const LoadedRun run = run_of(GetParam().scenario, GetParam().actor, "tf32");
+  Networks on_cpu(run, 70, {}), on_gpu(run, 70, gpu);
+  const RowRunner cpu_rows(Device{}, 2), gpu_rows(gpu);
+  for (const bool greedy : {true, false}) {
+    PopulationGames a(run.spec, {70, 9, 2, true, greedy, true, 9, 2, 6}, on_cpu.actor, cpu_rows);
+    PopulationGames b(run.spec, {70, 9, 2, true, greedy, true, 9, 2, 6}, on_gpu.actor, gpu_rows);
+    PopulationGames c(run.spec, {70, 9, 2, true, greedy, false, 9, 2, 6}, on_gpu.actor, gpu_rows);
+    EXPECT_TRUE(b.fused());
+    EXPECT_FALSE(c.fused());
+    const int32_t script = network_of_script(Scripted::random);
+    const auto play = [&](PopulationGames& games, const Networks& n) {
+      games.play({{0, n.members, n.opponents, {0, script, 2, 1, 1, 0, script, 2, 2}},
+                  {1, n.members, n.opponents, {2, 1, 0, 0, 0, 0, 0, 0, script}}},
+                 2);
+      return positions(games);
+    };
+    const at::Tensor expected = play(a, on_cpu), fused = play(b, on_gpu), libtorch = play(c, on_gpu);
+    const auto share_near = [&](const at::Tensor& x) {
+      return ((x - expected).abs() < 2e-3).to(at::kFloat).mean().item<double>();
+    };
+    std::cout << GetParam().name << ", greedy " << greedy << ": fused " << share_near(fused) << ", LibTorch "
+              << share_near(libtorch) << std::endl;
+    EXPECT_GT(share_near(fused), 0.97);
+    EXPECT_GT(share_near(libtorch), 0.97);
+    EXPECT_EQ(b.results(1).select(2, 0).sum().item<double>(), 630);
+  }
+}
+INSTANTIATE_TEST_SUITE_P(All, LearnPopulationGamesGpu, testing::ValuesIn(kFusedCases),
+                         [](const auto& c) { return std::string(c.param.name); });
+
+// Whole episodes, in which worlds end one after the other and are left out from then on.
+TEST(LearnPopulationGamesGpu, WholeEpisodesAgreeInTheirShares) {
+  if (cuda_device_count() == 0) GTEST_SKIP() << "no GPU";
+  const Device gpu{Device::Kind::cuda, 0};
+  const LoadedRun run = run_of("", "hidden: [64, 64]", "tf32");
+  Networks n(run, 512, gpu);
+  const RowRunner rows(gpu);
+  double length[2], wins[2];
+  for (const bool fused : {true, false}) {
+    PopulationGames games(run.spec, {512, 8, 1, true, true, fused, 9, 2}, n.actor, rows);
+    games.play({{0, n.members, n.opponents, {0, 1, 2, 0, 1, 2, 0, 1}}}, 0);
+    const at::Tensor results = games.results(0);
+    EXPECT_EQ(stat(results, EpisodeStat::episodes), 4096);
+    length[fused] = stat(results, EpisodeStat::length) / 4096;
+    wins[fused] = stat(results, EpisodeStat::wins_0) / 4096;
+  }
+  EXPECT_NEAR(length[0], length[1], 0.03 * length[0]);
+  EXPECT_NEAR(wins[0], wins[1], 0.03);
+}
+
+}  // namespace
+}  // namespace giga::test
