@@ -81,6 +81,7 @@ const Settings kSettings[] = {
     {"ObsNormContinuousState", "n_epochs: 1, n_minibatches: 2, obs_norm: true, critic: {kind: state}",
      "action: continuous\n"},
     {"AgainstAScript", "n_epochs: 1, n_minibatches: 1", "", ", opponent: circle"},
+    {"AgainstAScriptThatLooks", "n_epochs: 1, n_minibatches: 1", "", ", opponent: pursuer"},
 };
 
 class LearnMemory : public testing::TestWithParam<Settings> {};
