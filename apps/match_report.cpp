@@ -84,8 +84,8 @@ std::string report_csv(const MatchReport& report) {
     add("mean_length", r.match.mean_length);
     for (const auto& [suffix, side] : {std::pair{"_a", r.team}, std::pair{"_b", 1 - r.team}})
       for (const auto& [name, value] : side_figures(r.match, side)) add(name + suffix, value);
-    if (text.empty()) text = join(names, ",") + "\n";
-    text += join(fields, ",") + "\n";
+    if (text.empty()) text = join(names, ",") + "\r\n";
+    text += join(fields, ",") + "\r\n";
   }
   return text;
 }

@@ -18,7 +18,7 @@ struct MatchReport {
 /// Shares with Wilson's intervals, then what became of both sides.
 std::string report_text(const MatchReport& report);
 
-/// A header and a row per match.
+/// A header and a row per match (RFC 4180).
 std::string report_csv(const MatchReport& report);
 
 /// The figures of one match.
