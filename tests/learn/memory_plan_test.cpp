@@ -219,6 +219,16 @@ TEST(LearnMemoryPlan, ForCuda) {
             static_cast<int64_t>(64 * ScratchLayout(run.spec.params).size));
 }
 
+TEST(LearnMemoryPlan, AScriptedOpponentThatLooksNeedsObservations) {
+  const Device gpu{Device::Kind::cuda, 0};
+  LoadedRun run = load({"", "n_minibatches: 1"}, 64);
+  run.config.eval.opponents = {Scripted::circle};
+  const int64_t blind = item(plan_memory(run, gpu), "evaluation");
+  run.config.eval.opponents = {Scripted::circle, Scripted::pursuer};
+  // 8 episodes of 5 agents, floats.
+  EXPECT_EQ(item(plan_memory(run, gpu), "evaluation") - blind, 4 * 8 * 5 * run.spec.padded_observation_size());
+}
+
 TEST(LearnMemoryPlan, WhatDoesNotFitIsRefusedWithTheNumbers) {
   const LoadedRun run = load({"", "n_minibatches: 8"}, 1024);
   const int64_t need = plan_memory(run, kCpu).total();
