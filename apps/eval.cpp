@@ -1,104 +1,151 @@
-// gigastep eval: plays the policies of a checkpoint against a scripted team, from both sides.
+// gigastep eval: plays anybody against anybody: the policies of checkpoints, TorchScript modules and scripted teams.
 #include <CLI/CLI.hpp>
 #include <iostream>
 
 #include "apps/command_line.hpp"
 #include "apps/commands.hpp"
-#include "apps/evaluation.hpp"
+#include "apps/match_report.hpp"
 #include "apps/program_info.hpp"
+#include "core/error.hpp"
 #include "cuda/runtime.hpp"
-#include "eval/policies.hpp"
-#include "io/run_folder.hpp"
+#include "eval/contestant.hpp"
+#include "io/files.hpp"
+#include "scenario/compile.hpp"
+#include "scenario/loader.hpp"
 
 namespace giga {
 namespace {
 
 struct EvalOptions {
-  std::string policy, opponent, device = "auto", json;
+  std::string a, b, scenario, device = "auto", csv, json;
   int episodes = 1024;
   uint64_t seed = 0;
-  bool greedy = false;
+  bool both_sides = false, greedy = false, trust = false;
 };
 
-Json side_json(const TeamResult& r) {
-  const Interval ci = wilson95(r.wins(), r.match.episodes);
-  Json side = Json::object();
-  side.set("team", r.team).set("episodes", r.match.episodes);
-  side.set("wins", r.wins()).set("losses", r.losses()).set("ties", r.match.ties);
-  side.set("win_rate", r.share(r.wins())).set("win_rate_ci95", Json::array(std::vector<double>{ci.lo, ci.hi}));
-  side.set("mean_return", r.match.mean_return[r.team]).set("mean_length", r.match.mean_length);
-  side.set("mean_return_original", r.match.mean_return_masked[r.team]).set("mean_score", r.match.mean_score[r.team]);
-  return side;
+/// The scenario that is asked for, or that of the first contestant which was trained in one.
+SimSpec spec_of(const EvalOptions& o, const Contestant& a, const Contestant& b) {
+  if (!o.scenario.empty()) return compile(load_scenario(o.scenario, data_dirs()));
+  for (const Contestant* c : {&a, &b})
+    if (c->origin()) return c->origin()->run.spec;
+  throw InputError(cat("neither ", a.name(), " nor ", b.name(),
+                       " is a checkpoint, whose scenario would be played: name one with --scenario"));
 }
 
-Json result_json(const EvalOptions& o, const std::string& file, const Checkpoint& checkpoint,
-                 const std::vector<TeamResult>& results) {
+/// The sides that A plays on, B on the other. Against a script each policy of A plays on its own side.
+std::vector<int> sides_of(const EvalOptions& o, const Contestant& a, const Contestant& b) {
+  if (o.both_sides) return {0, 1};
+  if (!b.is_script() || a.is_script()) return {0};
+  std::vector<int> sides;
+  for (int side = 0; side < kNTeams; ++side) {
+    if (a.can_play(side))
+      sides.push_back(side);
+    else
+      std::cerr << "team " << side << " has no learned policy (it was scripted in training) and is left out\n";
+  }
+  return sides;
+}
+
+Json origin_json(const Contestant& c) {
+  if (!c.origin()) return {};
+  return Json::object()
+      .set("checkpoint", c.origin()->file)
+      .set("updates", c.origin()->updates)
+      .set("agent_steps", c.origin()->agent_steps)
+      .set("scenario", c.origin()->scenario_name);
+}
+
+Json to_json(const EvalOptions& o, const MatchReport& report, const Contestant& a, const Contestant& b) {
   Json sides = Json::array();
-  for (const TeamResult& r : results) sides.push(side_json(r));
+  for (const TeamResult& r : report.results) sides.push(result_json(r));
   Json json = Json::object();
-  json.set("a", o.policy).set("b", o.opponent).set("scenario", checkpoint.scenario_name).set("sides", std::move(sides));
-  json.set("checkpoint", file).set("updates", checkpoint.updates).set("agent_steps", checkpoint.agent_steps);
+  json.set("a", o.a).set("b", o.b).set("scenario", report.scenario).set("sides", std::move(sides));
+  json.set("origin_a", origin_json(a)).set("origin_b", origin_json(b));
   json.set("seed", o.seed).set("greedy", o.greedy).set("versions", version_info());
   return json;
 }
 
-void evaluate_checkpoint(const EvalOptions& o) {
-  parse_scripted(o.opponent);  // a wrong name is told before anything is read
-  const Device device = parse_device(o.device);
-  const FoundCheckpoint found = find_checkpoint(o.policy);
-  const std::string file = found.file.string();
-  for (const std::string& line : found.damaged) std::cerr << "warning: " << line << "; " << file << " is taken\n";
-  const Checkpoint& checkpoint = found.checkpoint;
-  const LoadedPolicies loaded =
-      load_policies(checkpoint.config_yaml, checkpoint.scenario_yaml, checkpoint.arrays, device);
+void print_origin(const Contestant& c) {
+  if (const Contestant::Origin* origin = c.origin())
+    std::cout << c.name() << ": " << origin->file << ", after " << origin->updates << " updates\n";
+}
 
-  const MatchOptions options{o.episodes, o.seed, device, loaded.run.config.train.n_threads};
-  std::vector<TeamResult> results;
-  for (int team = 0; team < kNTeams; ++team) {
-    if (loaded.actor[team]) {
-      const Player player{loaded.actor[team].get(), Scripted::random, o.greedy || acts_greedily(loaded.run.config)};
-      results.push_back(play_script(loaded.run.spec, player, team, o.opponent, options));
-    } else {
-      std::cerr << "team " << team << " has no learned policy (it was scripted in training) and is left out\n";
-    }
+void play(const EvalOptions& o) {
+  const Device device = parse_device(o.device);
+  const ContestantOptions loading{device, o.trust, o.greedy};
+  Contestant b = Contestant::load(o.b, loading);  // first: a wrong name is told before anything large is read
+  Contestant a = Contestant::load(o.a, loading);
+  for (const Contestant* c : {&a, &b})
+    if (c->origin())
+      for (const std::string& line : c->origin()->warnings) std::cerr << "warning: " << line << '\n';
+
+  const SimSpec spec = spec_of(o, a, b);
+  const MatchOptions options{o.episodes, o.seed, device, 0};
+  MatchReport report{o.a, spec.name, {}};
+  for (const int side : sides_of(o, a, b)) {
+    const Player players[kNTeams] = {(side == 0 ? a : b).player(0, spec), (side == 0 ? b : a).player(1, spec)};
+    report.results.push_back({side, o.b, play_match(spec, players[0], players[1], options)});
   }
 
-  if (!o.json.empty()) write_json(result_json(o, file, checkpoint, results), o.json);
-  if (o.json != "-")
-    std::cout << checkpoint.scenario_name << ", " << file << ", after " << checkpoint.updates << " updates\n"
-              << results_table(results);
+  if (!o.csv.empty()) write_file(o.csv, report_csv(report));
+  if (!o.json.empty()) write_json(to_json(o, report, a, b), o.json);
+  if (o.json == "-") return;
+  std::cout << "scenario " << report.scenario << '\n';
+  print_origin(a);
+  print_origin(b);
+  std::cout << '\n' << report_text(report);
 }
+
+const char* const kHelp =
+    "A and B are, each: a checkpoint file; a run folder (its best checkpoint, or its newest if none is called best); "
+    "a\n"
+    "TorchScript module (observations [B, F] in, logits [B, 27] or means [B, 3] out; needs --trust); or a scripted "
+    "team\n"
+    "(docs/scripted_teams.md; ./circle means a file of that name). A plays side 0 and B side 1, a checkpoint with its\n"
+    "policy of that team; --both-sides also plays the reverse. Where B is a scripted team and A learned, each policy "
+    "of\n"
+    "A plays on its own side.\n"
+    "The scenario is that of A, else that of B; --scenario plays another with the same observations.\n"
+    "\n"
+    "A tie is no win. Intervals are Wilson's, 95 %. Steps are 0.1 s; the return is the sum of all rewards of the team "
+    "in\n"
+    "an episode (mean_return_original: that of the original's evaluator, living agents without the last step), the\n"
+    "score counts waypoints. An agent has one cause of death, the first of: out of bounds, collision with an agent, "
+    "with\n"
+    "an obstacle, damage. Same seed, same result.\n"
+    "Examples:\n"
+    "  gigastep eval runs/first --vs pursuer\n"
+    "  gigastep eval runs/first --vs runs/second --both-sides --episodes 4096 --csv result.csv\n"
+    "  gigastep eval runs/first/checkpoints/update_00000100.h5 --vs random --seed 7 --json -\n"
+    "  gigastep eval evader --vs pursuer --scenario hide_and_seek_5_vs_5";
 
 }  // namespace
 
 void add_eval_command(CLI::App& app, Dispatch& dispatch) {
-  CLI::App* command = app.add_subcommand("eval", "play the policies of a run against a scripted team");
+  CLI::App* command = app.add_subcommand("eval", "play two against each other: runs, checkpoints, scripted teams");
   auto options = std::make_shared<EvalOptions>();
-  command->add_option("A", options->policy, "checkpoint file, or run folder (its newest whole checkpoint)")
+  command->add_option("A", options->a, "checkpoint, run folder, TorchScript module or scripted team")
       ->required()
       ->type_name("");
-  command->add_option("--vs", options->opponent, "random, noop, circle, reverse_circle or circle_random")
-      ->required()
-      ->type_name("SCRIPT");
+  command->add_option("--vs", options->b, "the opponent, likewise")->required()->type_name("B");
   command->add_option("--episodes", options->episodes, "episodes per side")
       ->check(CLI::Range(1, 10'000'000))
       ->capture_default_str()
       ->type_name("N");
+  command->add_flag("--both-sides", options->both_sides, "also play A on side 1 against B on side 0");
+  command->add_option("--scenario", options->scenario, "scenario to play: name or file")->type_name("S");
   command->add_option("--seed", options->seed, "seed of the episodes: same seed, same result")
       ->capture_default_str()
       ->type_name("S");
   add_device_option(*command, options->device)->capture_default_str();
-  command->add_flag("--greedy", options->greedy, "take the most likely action instead of drawing one; policies that evolved with population.greedy always do");
+  command->add_flag("--greedy", options->greedy,
+                    "policies take their most likely action instead of drawing one; those that evolved with "
+                    "population.greedy always do");
+  command->add_flag("--trust", options->trust, "open TorchScript modules, which can run any code");
+  command->add_option("--csv", options->csv, "write the result as CSV to a file, a row per side")->type_name("FILE");
   add_json_option(*command, options->json);
-  command->footer(
-      "Team 0's policy plays on side 0, then team 1's on side 1. A tie is no win. Intervals are Wilson's, 95 %. "
-      "Lengths\n"
-      "are steps of 0.1 s; mean_return is the sum of all rewards of the team in an episode, mean_return_original that\n"
-      "of the original's evaluator (living agents, without the last step), mean_score counts waypoints.\n"
-      "Examples:\n"
-      "  gigastep eval runs/identical_5_vs_5-mappo-seed1-001 --vs circle\n"
-      "  gigastep eval runs/first/checkpoints/update_00000100.h5 --vs random --episodes 4096 --seed 7 --json -");
-  command->callback([options, &dispatch] { dispatch.run = [options] { evaluate_checkpoint(*options); }; });
+  command->footer(kHelp);
+  command->callback([options, &dispatch] { dispatch.run = [options] { play(*options); }; });
 }
 
 }  // namespace giga

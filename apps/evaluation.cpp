@@ -14,10 +14,10 @@ constexpr uint64_t kEvaluationSeed = 0x6576616c75617465;  // "evaluate"
 
 }  // namespace
 
-TeamResult play_script(const SimSpec& spec, const Player& player, int team, const std::string& opponent,
+TeamResult play_script(const SimSpec& spec, const Player& player, int team, Scripted opponent,
                        const MatchOptions& options) {
-  const Player script{nullptr, parse_scripted(opponent), false};
-  TeamResult result{team, opponent, {}};
+  const Player script{nullptr, opponent, false};
+  TeamResult result{team, name_of(opponent), {}};
   result.match = team == 0 ? play_match(spec, player, script, options) : play_match(spec, script, player, options);
   return result;
 }
@@ -26,26 +26,29 @@ std::vector<TeamResult> evaluate(const LoadedRun& run, Device device, Learner& l
   const EvalConfig& config = run.config.eval;
   const MatchOptions options{config.episodes, run.config.seed ^ kEvaluationSeed, device, run.config.train.n_threads};
   std::vector<TeamResult> results;
-  for (const std::string& opponent : config.opponents)
+  for (const Scripted opponent : config.opponents)
     for (int team = 0; team < kNTeams; ++team)
-      if (Actor* actor = learner.actor(team))
-        results.push_back(play_script(run.spec, {actor, Scripted::random, acts_greedily(run.config)}, team, opponent, options));
+      if (const Actor* actor = learner.actor(team)) {
+        Player player = player_of(*actor);
+        player.greedy = acts_greedily(run.config);
+        results.push_back(play_script(run.spec, player, team, opponent, options));
+      }
   return results;
 }
 
 MetricsRow evaluation_metrics(const RunConfig& config, const std::vector<TeamResult>& results) {
   MetricsRow row;
-  for (const std::string& opponent : config.eval.opponents) {
+  for (const Scripted opponent : config.eval.opponents) {
     for (int team = 0; team < kNTeams; ++team) {
       constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
       double win_rate = kUnknown, loss_rate = kUnknown, mean_return = kUnknown;
       for (const TeamResult& r : results) {
-        if (r.team != team || r.opponent != opponent) continue;
+        if (r.team != team || r.opponent != name_of(opponent)) continue;
         win_rate = r.share(r.wins());
         loss_rate = r.share(r.losses());
         mean_return = r.match.mean_return[team];
       }
-      const std::string of = cat(team, "_vs_", opponent);
+      const std::string of = cat(team, "_vs_", name_of(opponent));
       row.emplace_back("win_rate_" + of, win_rate);
       row.emplace_back("loss_rate_" + of, loss_rate);
       row.emplace_back("mean_return_" + of, mean_return);

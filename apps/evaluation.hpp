@@ -22,7 +22,7 @@ struct TeamResult {
 };
 
 /// Team `player` on side `team` against a script.
-TeamResult play_script(const SimSpec& spec, const Player& player, int team, const std::string& opponent,
+TeamResult play_script(const SimSpec& spec, const Player& player, int team, Scripted opponent,
                        const MatchOptions& options);
 
 /// All learning teams of a run against all of its `eval.opponents`; the same episodes at each call.

@@ -131,20 +131,22 @@ __global__ void list_playing(const Phase* phase, int n_worlds, int32_t* playing,
   if (plays) playing[first + __popc(mask & ((1u << lane) - 1u))] = world;
 }
 
-// Sums the statistics of a slice of worlds per block and clears them: threads [worlds y][rows x].
-constexpr int kStatBlocks = 64, kStatY = 1024 / kWarp;
+// Sums the statistics of a slice of worlds per block and clears them: threads [worlds y][rows x], blocks [slices x][32
+// rows y].
+constexpr int kStatBlocks = 64, kStatY = 1024 / kWarp, kStatRowBlocks = (kNStatRows + kWarp - 1) / kWarp;
 __global__ void sum_stats(float* stats, int n_worlds, double* partial) {  // partial [kStatBlocks, kNStatRows]
-  __shared__ double sums[kStatY][kNStatRows];
-  const int row = threadIdx.x;
+  __shared__ double sums[kStatY][kWarp];
+  const int row = blockIdx.y * kWarp + threadIdx.x;
+  const int end = row < kNStatRows ? n_worlds : 0;  // a thread beyond the rows only keeps in step
   double sum = 0;
-  for (int w = blockIdx.x * kStatY + threadIdx.y; w < n_worlds; w += kStatBlocks * kStatY) {
+  for (int w = blockIdx.x * kStatY + threadIdx.y; w < end; w += kStatBlocks * kStatY) {
     sum += static_cast<double>(stats[static_cast<int64_t>(w) * kNStatRows + row]);
     stats[static_cast<int64_t>(w) * kNStatRows + row] = 0;
   }
-  sums[threadIdx.y][row] = sum;
+  sums[threadIdx.y][threadIdx.x] = sum;
   __syncthreads();
-  if (threadIdx.y == 0) {
-    for (int y = 1; y < kStatY; ++y) sum += sums[y][row];
+  if (threadIdx.y == 0 && row < kNStatRows) {
+    for (int y = 1; y < kStatY; ++y) sum += sums[y][threadIdx.x];
     partial[blockIdx.x * kNStatRows + row] = sum;
   }
 }
@@ -179,7 +181,8 @@ class CudaSimulator final : public Simulator {
 
   EpisodeStats take_stats() override {
     GIGA_CUDA(cudaSetDevice(index_));
-    sum_stats<<<kStatBlocks, dim3(kNStatRows, kStatY), 0, stream_>>>(state_.view().stats, n_worlds(), partial_.data());
+    sum_stats<<<dim3(kStatBlocks, kStatRowBlocks), dim3(kWarp, kStatY), 0, stream_>>>(state_.view().stats, n_worlds(),
+                                                                                      partial_.data());
     GIGA_CUDA(cudaGetLastError());
     GIGA_CUDA(cudaStreamSynchronize(stream_));
     const std::vector<double> partial = partial_.to_host();

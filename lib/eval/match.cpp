@@ -2,9 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <vector>
 
-#include "config/fields.hpp"
-#include "config/names.hpp"
 #include "core/error.hpp"
 #include "cuda/rows.hpp"
 #include "cuda/runtime.hpp"
@@ -20,6 +19,27 @@ bool all_finished(Simulator& sim) {
   sim.synchronize();
   sim.memory().to_host(phases.data(), sim.state().view().phase, phases.size());
   return std::all_of(phases.begin(), phases.end(), [](Phase phase) { return phase == Phase::waits; });
+}
+
+MatchResult match_result(const EpisodeStats& stats) {
+  const auto count = [&](EpisodeStat s) { return static_cast<int>(std::lround(stats[s])); };
+  const auto mean = [&](EpisodeStat s) { return stats[s] / stats[EpisodeStat::episodes]; };
+  constexpr EpisodeStat kDeathStats[kNDeaths] = {EpisodeStat::deaths_damage_0, EpisodeStat::deaths_agent_0,
+                                                 EpisodeStat::deaths_obstacle_0, EpisodeStat::deaths_bounds_0};
+  MatchResult result;
+  result.episodes = count(EpisodeStat::episodes);
+  result.ties = count(EpisodeStat::ties);
+  result.mean_length = mean(EpisodeStat::length);
+  for (int side = 0; side < kNTeams; ++side) {
+    result.wins[side] = count(of_team(EpisodeStat::wins_0, side));
+    result.mean_return[side] = mean(of_team(EpisodeStat::return_0, side));
+    result.mean_return_masked[side] = mean(of_team(EpisodeStat::return_masked_0, side));
+    result.mean_score[side] = mean(of_team(EpisodeStat::score_0, side));
+    result.mean_survivors[side] = mean(of_team(EpisodeStat::survivors_0, side));
+    for (size_t cause = 0; cause < kNDeaths; ++cause)
+      result.mean_deaths[side][cause] = mean(of_team(kDeathStats[cause], side));
+  }
+  return result;
 }
 
 }  // namespace
@@ -41,7 +61,7 @@ MatchResult play_match(const SimSpec& spec, const Player& side0, const Player& s
   StepIo io;
   io.obs_stride = spec.padded_observation_size();
   for (int team = 0; team < kNTeams; ++team) {
-    const MatchShapes shapes = match_shapes(spec, team, options.episodes, player[team].actor != nullptr);
+    const MatchShapes shapes = match_shapes(spec, team, options.episodes, player[team].looks());
     action[team] = Buffer<float>(sim->memory(), static_cast<size_t>(shapes.action.elements()));
     obs[team] = Buffer<float>(sim->memory(), static_cast<size_t>(shapes.obs.elements()));
     io.team[team].action = action[team].data();
@@ -56,21 +76,8 @@ MatchResult play_match(const SimSpec& spec, const Player& side0, const Player& s
     sim->step(io);
   }
 
-  const EpisodeStats stats = sim->take_stats();
-  MatchResult result;
-  result.episodes = static_cast<int>(std::lround(stats[EpisodeStat::episodes]));
+  const MatchResult result = match_result(sim->take_stats());
   GIGA_CHECK(result.episodes == options.episodes, result.episodes, " of ", options.episodes, " episodes ended");
-  const auto mean = [&](EpisodeStat s) { return stats[s] / options.episodes; };
-  result.wins[0] = static_cast<int>(std::lround(stats[EpisodeStat::wins_0]));
-  result.wins[1] = static_cast<int>(std::lround(stats[EpisodeStat::wins_1]));
-  result.ties = static_cast<int>(std::lround(stats[EpisodeStat::ties]));
-  result.mean_return[0] = mean(EpisodeStat::return_0);
-  result.mean_return[1] = mean(EpisodeStat::return_1);
-  result.mean_return_masked[0] = mean(EpisodeStat::return_masked_0);
-  result.mean_return_masked[1] = mean(EpisodeStat::return_masked_1);
-  result.mean_score[0] = mean(EpisodeStat::score_0);
-  result.mean_score[1] = mean(EpisodeStat::score_1);
-  result.mean_length = mean(EpisodeStat::length);
   return result;
 }
 
@@ -80,13 +87,6 @@ Interval wilson95(int k, int n) {
   const double centre = (p + z2n / 2) / (1 + z2n);
   const double half = z * std::sqrt(p * (1 - p) / n + z2n / (4.0 * n)) / (1 + z2n);
   return {std::max(0.0, centre - half), std::min(1.0, centre + half)};
-}
-
-Scripted parse_scripted(const std::string& name) {
-  const std::vector<std::string> names = FieldCodec<Scripted>::names();
-  for (size_t k = 0; k < names.size(); ++k)
-    if (name == names[k]) return static_cast<Scripted>(k);
-  throw InputError(cat("opponent '", name, "' is unknown", nearest_hint(name, names), "; allowed: ", join(names)));
 }
 
 }  // namespace giga

@@ -2,12 +2,11 @@
 #pragma once
 
 #include <cstdint>
-#include <string>
-#include <vector>
 
 #include "core/memory.hpp"
 #include "rollout/player.hpp"
 #include "sim/simulator.hpp"
+#include "sim/state.hpp"
 
 namespace giga {
 
@@ -27,6 +26,8 @@ struct MatchResult {
   double mean_return_masked[2] = {0, 0};  ///< the original evaluator's (SPEC section 13)
   double mean_score[2] = {0, 0};          ///< waypoints collected
   double mean_length = 0;                 ///< steps
+  double mean_survivors[2] = {0, 0};      ///< agents of the side that live at the end
+  double mean_deaths[2][kNDeaths] = {};   ///< by side and cause (Death, kDeathNames)
 };
 
 /// Plays `episodes` whole episodes, each in a world of its own: exactly one each, so that short ones do not count more.
@@ -38,8 +39,5 @@ struct Interval {
   double lo, hi;
 };
 Interval wilson95(int k, int n);
-
-/// Parses the name of a scripted policy; throws InputError with the allowed names.
-Scripted parse_scripted(const std::string& name);
 
 }  // namespace giga

@@ -139,7 +139,11 @@ void RunFolder::save(const Checkpoint& checkpoint, int keep, bool is_best) const
 
 std::vector<fs::path> list_checkpoints(const fs::path& run_folder) { return checkpoints_in(run_folder / kCheckpoints); }
 
-FoundCheckpoint find_checkpoint(const std::string& path) {
+namespace {
+
+enum class Prefer : uint8_t { newest, best };
+
+FoundCheckpoint find_preferred(const std::string& path, Prefer prefer) {
   std::error_code code;
   if (!fs::exists(path, code)) throw InputError(cat("there is no checkpoint or run folder ", path));
   FoundCheckpoint found;
@@ -151,7 +155,9 @@ FoundCheckpoint find_checkpoint(const std::string& path) {
   fs::path folder = fs::path(path) / kCheckpoints;
   if (!fs::is_directory(folder, code)) folder = path;  // the folder of checkpoints itself was meant
   std::vector<fs::path> files = checkpoints_in(folder);
-  if (fs::exists(folder / kBest, code)) files.insert(files.begin(), folder / kBest);  // rather than nothing
+  // The best one is looked at last, rather than nothing, or first.
+  if (fs::exists(folder / kBest, code))
+    files.insert(prefer == Prefer::best ? files.end() : files.begin(), folder / kBest);
   for (; !files.empty(); files.pop_back()) {
     try {
       found.checkpoint = read_checkpoint(files.back());
@@ -168,6 +174,11 @@ FoundCheckpoint find_checkpoint(const std::string& path) {
   for (const std::string& line : found.damaged) all += "\n  " + line;
   throw InputError(all);
 }
+
+}  // namespace
+
+FoundCheckpoint find_checkpoint(const std::string& path) { return find_preferred(path, Prefer::newest); }
+FoundCheckpoint find_best_checkpoint(const std::string& path) { return find_preferred(path, Prefer::best); }
 
 std::string folder_name_of(const std::string& scenario) {
   const fs::path path = scenario;

@@ -69,6 +69,9 @@ struct FoundCheckpoint {
 /// named never falls back to another. Throws InputError where there is none, or none that is whole.
 FoundCheckpoint find_checkpoint(const std::string& path);
 
+/// The same, but of a folder the best checkpoint, where there is one and it is whole.
+FoundCheckpoint find_best_checkpoint(const std::string& path);
+
 /// The checkpoints of a run folder, oldest first, without best.h5.
 std::vector<std::filesystem::path> list_checkpoints(const std::filesystem::path& run_folder);
 

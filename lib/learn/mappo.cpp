@@ -82,7 +82,7 @@ Mappo::Mappo(const LoadedRun& run, Device device)
       continue;
     }
     team_[team] = std::make_unique<PpoTeam>(run, team, device, rows_);
-    player[team].actor = &team_[team]->actor();
+    player[team].policy = &team_[team]->actor();
     with_state = with_state || team_[team]->needs_state();
   }
   const CollectorOptions collecting{config_.mappo.horizon, with_state, config_.train.desynchronize};

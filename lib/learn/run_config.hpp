@@ -17,9 +17,12 @@
 namespace giga {
 
 /// Who plays the other side while a team learns.
-enum class Opponent : uint8_t { self_play, random, noop, circle, reverse_circle, circle_random };
-constexpr std::array<const char*, 6> enum_names(Opponent) {
-  return {"self_play", "random", "noop", "circle", "reverse_circle", "circle_random"};
+enum class Opponent : uint8_t { self_play };  // then those of Scripted, in their order
+constexpr auto enum_names(Opponent) {
+  constexpr auto kScripts = enum_names(Scripted{});
+  std::array<const char*, kScripts.size() + 1> names{"self_play"};
+  for (size_t k = 0; k < kScripts.size(); ++k) names[k + 1] = kScripts[k];
+  return names;
 }
 /// The scripted policy behind an opponent other than self_play.
 constexpr Scripted scripted_of(Opponent opponent) { return static_cast<Scripted>(static_cast<int>(opponent) - 1); }
@@ -136,14 +139,13 @@ void visit_fields(V& v, OpponentsConfig& c) {
 struct EvalConfig {
   int every_updates = 50;
   int episodes = 512;
-  std::vector<std::string> opponents = {"random", "circle"};
+  std::vector<Scripted> opponents = {Scripted::random, Scripted::circle};
 };
 template <class V>
 void visit_fields(V& v, EvalConfig& c) {
   v("every_updates", c.every_updates, "updates between evaluations; 0 = only at the end", at_least(0));
   v("episodes", c.episodes, "episodes per side and opponent", range(1, 1'000'000));
-  v("opponents", c.opponents, "scripted opponents to play against",
-    one_of({"random", "noop", "circle", "reverse_circle", "circle_random"}));
+  v("opponents", c.opponents, "scripted opponents to play against");
 }
 
 struct CheckpointConfig {

@@ -10,11 +10,12 @@
 #include "policy/layers.hpp"
 #include "policy/normalizer.hpp"
 #include "policy/parameters.hpp"
+#include "policy/policy.hpp"
 #include "sim/params.hpp"
 
 namespace giga {
 
-class Actor {
+class Actor final : public Policy {
  public:
   Actor() = default;
   /// `normalize`: observations pass a running normaliser first (see RunningNorm).
@@ -24,8 +25,7 @@ class Actor {
   /// Number of parameters of such an actor; nothing is allocated.
   static int64_t count_parameters(const ActorConfig& config, int64_t obs_size, ActionKind actions);
 
-  /// obs [R, D] -> logits [R, kLogitStride], the last not used, or means before squashing [R, 3]; fp32.
-  at::Tensor forward(const at::Tensor& obs) const;
+  at::Tensor forward(const at::Tensor& obs) const override;
   /// Likewise for each member of a population [M, P] of parameters: obs [M, R, D] -> [M, R, head size]. The normaliser
   /// is common to all.
   at::Tensor forward_members(const at::Tensor& members, const at::Tensor& obs) const;
@@ -35,11 +35,10 @@ class Actor {
   /// First of the three numbers of log_std among the parameters; continuous actions only.
   int64_t log_std_offset() const { return parameters_.offset(log_std_); }
 
-  ActionKind actions() const { return actions_; }
+  ActionKind actions() const override { return actions_; }
   int64_t head_size() const { return head_size(actions_); }
   static int64_t head_size(ActionKind actions) { return actions == ActionKind::discrete ? kLogitStride : kActionSize; }
-  /// [3], continuous actions only.
-  const at::Tensor& log_std() const { return parameters_[log_std_]; }
+  at::Tensor log_std() const override { return parameters_[log_std_]; }
   const ParameterSet& parameters() const { return parameters_; }
   bool normalizes() const { return normalize_; }
   RunningNorm& normalizer() { return normalizer_; }

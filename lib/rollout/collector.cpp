@@ -9,9 +9,11 @@
 namespace giga {
 namespace {
 
+/// Slot t; of what has one slot only, that one.
 template <class T>
 T* slot(const at::Tensor& tensor, int t) {
-  return tensor.defined() ? tensor.data_ptr<T>() + t * tensor.stride(0) : nullptr;
+  if (!tensor.defined()) return nullptr;
+  return tensor.data_ptr<T>() + (tensor.size(0) > 1 ? t * tensor.stride(0) : 0);
 }
 template <class T>
 T* whole(const at::Tensor& tensor) {
@@ -24,14 +26,18 @@ at::Tensor zeros(const BufferShape& shape, Device device) {
   return at::zeros(shape.sides, options);
 }
 
+BufferSet buffers_of(const Player& player) {
+  if (player.policy) return BufferSet::learning;
+  return player.looks() ? BufferSet::observations : BufferSet::actions;
+}
+
 }  // namespace
 
 Collector::Collector(Simulator& sim, const RowRunner& rows, const CollectorOptions& options, const Player& side0,
                      const Player& side1)
     : sim_(sim), rows_(rows), options_(options), player_{side0, side1} {
   const RolloutShapes shapes = rollout_shapes(
-      sim.spec(),
-      {sim.n_worlds(), options.horizon, options.with_state, {side0.actor != nullptr, side1.actor != nullptr}});
+      sim.spec(), {sim.n_worlds(), options.horizon, options.with_state, {buffers_of(side0), buffers_of(side1)}});
   const auto make = [&](const BufferShape& shape) {
     return shape.exists() ? zeros(shape, sim.device()) : at::Tensor();
   };
@@ -87,7 +93,7 @@ void Collector::resume() { sim_.observe(io(options_.horizon - 1)); }
 void Collector::collect() {
   const int horizon = options_.horizon;
   for (const TeamRollout& r : rollout_.team) {
-    if (!r.obs.defined()) continue;
+    if (!r.alive.defined()) continue;
     r.obs[0].copy_(r.obs[horizon]);
     r.alive[0].copy_(r.alive[horizon]);
   }

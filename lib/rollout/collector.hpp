@@ -9,9 +9,10 @@
 namespace giga {
 
 /// What one team saw, did and got. T = horizon, W = worlds, n = agents of the team, D = padded observation size. The
-/// simulator and the policy write straight into these; buffers of a scripted team that nobody reads are undefined.
+/// simulator and the policy write straight into these; buffers of a scripted team that nobody reads are undefined,
+/// and a script that looks at observations has the last ones only.
 struct TeamRollout {
-  at::Tensor obs;          // [T + 1, W, n, D] slot t: before step t
+  at::Tensor obs;          // [T + 1, W, n, D] slot t: before step t; [1, W, n, D] of a script
   at::Tensor alive;        // [T + 1, W, n] uint8, at `obs`
   at::Tensor action;       // [T, W, n] int32 or [T, W, n, 3] float
   at::Tensor raw;          // [T, W, n, 3] float, continuous actions only

@@ -1,4 +1,4 @@
-// Player: who moves a team (an actor or a script), and how its actions are made on the device.
+// Player: who moves a team (a policy or a script), and how its actions are made on the device.
 #pragma once
 
 #include <cstdint>
@@ -11,17 +11,24 @@
 namespace giga {
 
 class Actor;
+class Policy;
 
-/// One side of a game: an actor, or a script where it is null.
+/// One side of a game: a policy, which must outlive this, or a script where it is null.
 struct Player {
-  Actor* actor = nullptr;
+  const Policy* policy = nullptr;
   Scripted script = Scripted::random;
   bool greedy = false;  ///< the most likely action instead of a sampled one
+
+  /// Whether it must be given observations.
+  bool looks() const { return policy || uses_observation(script); }
 };
+
+/// A learned team, for code that does not know the LibTorch headers.
+Player player_of(const Actor& actor);
 
 /// Buffers of one team at one step; null where optional and not wanted.
 struct ActIo {
-  const float* obs;  // [W, n, D] D = padded observation size; unused by scripts
+  const float* obs;  // [W, n, D] D = padded observation size; null for players that do not look
   void* action;      // [W, n] int32 or [W, n, 3] float
   float* raw;        // [W, n, 3] optional: continuous actions before squashing
   float* log_prob;   // [W, n] optional

@@ -13,7 +13,8 @@ RolloutShapes rollout_shapes(const SimSpec& spec, const RolloutSize& size) {
       s.action = {ElementType::i32, {t, w, n}};
     else
       s.action = {ElementType::f32, {t, w, n, kActionSize}};
-    if (!size.has_actor[team]) continue;
+    if (size.team[team] == BufferSet::observations) s.obs = {ElementType::f32, {1, w, n, d}};
+    if (size.team[team] != BufferSet::learning) continue;
     s.obs = {ElementType::f32, {t + 1, w, n, d}};
     s.alive = {ElementType::u8, {t + 1, w, n}};
     if (!discrete) s.raw = {ElementType::f32, {t, w, n, kActionSize}};
@@ -29,11 +30,11 @@ RolloutShapes rollout_shapes(const SimSpec& spec, const RolloutSize& size) {
   return shapes;
 }
 
-MatchShapes match_shapes(const SimSpec& spec, int team, int64_t episodes, bool has_actor) {
+MatchShapes match_shapes(const SimSpec& spec, int team, int64_t episodes, bool looks) {
   const int64_t n = spec.params.n_team[team];
   MatchShapes shapes;
   shapes.action = {ElementType::f32, {episodes, n, kActionSize}};
-  if (has_actor) shapes.obs = {ElementType::f32, {episodes, n, spec.padded_observation_size()}};
+  if (looks) shapes.obs = {ElementType::f32, {episodes, n, spec.padded_observation_size()}};
   return shapes;
 }
 

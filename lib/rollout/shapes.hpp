@@ -34,20 +34,24 @@ struct RolloutShapes {
   BufferShape done, global, final_global;
 };
 
+/// What of a team's game is kept: what learning needs, only the last observations (for a script that looks at them), or
+/// only its actions.
+enum class BufferSet : uint8_t { learning, observations, actions };
+
 /// What a rollout depends on besides the scenario.
 struct RolloutSize {
   int64_t n_worlds = 1;
   int64_t horizon = 16;
-  bool with_state = false;                       ///< keep the true state for a critic
-  std::array<bool, kNTeams> has_actor = {1, 1};  ///< by team; a script needs its actions only
+  bool with_state = false;                   ///< keep the true state for a critic
+  std::array<BufferSet, kNTeams> team = {};  ///< by team
 };
 RolloutShapes rollout_shapes(const SimSpec& spec, const RolloutSize& size);
 
 /// Buffers of one team in a match of `episodes` worlds.
 struct MatchShapes {
   BufferShape action;  ///< [W, n, 3] three floats hold either kind of action
-  BufferShape obs;     ///< [W, n, D] of an actor
+  BufferShape obs;     ///< [W, n, D] of a player that looks
 };
-MatchShapes match_shapes(const SimSpec& spec, int team, int64_t episodes, bool has_actor);
+MatchShapes match_shapes(const SimSpec& spec, int team, int64_t episodes, bool looks);
 
 }  // namespace giga

@@ -18,6 +18,12 @@ GIGA_HD Controls discrete_controls(int action) {
   return {static_cast<float>(heading - 1), static_cast<float>(dive - 1), static_cast<float>(throttle - 1)};
 }
 
+/// The discrete action nearest to some controls: the inverse of discrete_controls.
+GIGA_HD int32_t discrete_action(Controls c) {
+  const auto third = [](float control) { return control > 0.5f ? 2 : (control < -0.5f ? 0 : 1); };
+  return 9 * third(c.throttle) + 3 * third(c.heading) + third(c.dive);
+}
+
 /// The controls of agent i from its team's action buffer (see TeamIo::action), `row` = row of the agent there.
 GIGA_HD Controls read_controls(const SimParams& p, const void* action, int64_t row) {
   if (p.actions == ActionKind::discrete) return discrete_controls(static_cast<const int32_t*>(action)[row]);

@@ -52,6 +52,7 @@ GIGA_HD void place_agent(const SimParams& p, WorldView& w, Draws& draws, int i) 
   w.heading[i] = area.heading_lo + draws.start(i, 0, StartDraw::heading) * (area.heading_hi - area.heading_lo);
   w.health[i] = p.original() ? 1.0f : p.agents.max_health[i];
   w.alive[i] = 1;
+  w.death[i] = Death::none;
   w.flags[i] = 0;
   for (int64_t b = 0; b < n; ++b) w.tracked[i * n + b] = 0;
   for (int64_t k = 0; k < words; ++k) w.detected[i * words + k] = 0;

@@ -140,8 +140,25 @@ GIGA_HD void end_of_step(const SimParams& p, WorldView& w) {
   w.counts[kDone] = static_cast<int32_t>(done);
 }
 
+/// Where the statistics count an agent at the end of its episode; of team 0.
+GIGA_HD EpisodeStat end_of_agent(Death death) {
+  switch (death) {
+    case Death::none:
+      return EpisodeStat::survivors_0;
+    case Death::damage:
+      return EpisodeStat::deaths_damage_0;
+    case Death::agent:
+      return EpisodeStat::deaths_agent_0;
+    case Death::obstacle:
+      return EpisodeStat::deaths_obstacle_0;
+    case Death::out_of_bounds:
+      break;
+  }
+  return EpisodeStat::deaths_bounds_0;
+}
+
 /// Moves the sums of a finished episode into the statistics; item as in keep_books.
-GIGA_HD void close_books(WorldView& w, int item) {
+GIGA_HD void close_books(const SimParams& p, WorldView& w, int item) {
   const auto stat = [&w](EpisodeStat s, int offset = 0) -> float& { return w.stats[static_cast<int>(s) + offset]; };
   if (item >= kNTeams) {
     const int k = item - kNTeams;
@@ -161,6 +178,8 @@ GIGA_HD void close_books(WorldView& w, int item) {
   stat(EpisodeStat::return_0, item) += w.returns[item];
   stat(EpisodeStat::return_masked_0, item) += w.returns_masked[item];
   stat(EpisodeStat::score_0, item) += w.score[item];
+  for (int i = 0; i < p.n_agents; ++i)
+    if (p.team_of(i) == item) stat(end_of_agent(w.death[i]), item) += 1;
   w.returns[item] = w.returns_masked[item] = w.score[item] = 0;
 }
 

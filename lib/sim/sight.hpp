@@ -118,4 +118,14 @@ GIGA_HD void update_health(const SimParams& p, WorldView& w, int i) {
   if (!(w.health[i] > 0)) w.alive[i] = 0;
 }
 
+/// What agent i died of, if it did in this step; after update_health.
+GIGA_HD void note_death(WorldView& w, int i) {
+  if (!w.was_alive[i] || w.alive[i]) return;
+  const uint8_t flags = w.flags[i];
+  w.death[i] = (flags & kOutOfBounds)   ? Death::out_of_bounds
+               : (flags & kHitAgent)    ? Death::agent
+               : (flags & kHitObstacle) ? Death::obstacle
+                                        : Death::damage;
+}
+
 }  // namespace giga

@@ -23,17 +23,64 @@ enum class EpisodeStat : int {
   return_masked_1,
   score_0,  ///< waypoints in which a living agent of the team was
   score_1,
+  survivors_0,  ///< agents of the team that lived at the end
+  survivors_1,
+  deaths_damage_0,  ///< by Death; those of a team and its survivors add up to its agents
+  deaths_damage_1,
+  deaths_agent_0,
+  deaths_agent_1,
+  deaths_obstacle_0,
+  deaths_obstacle_1,
+  deaths_bounds_0,
+  deaths_bounds_1,
 };
-constexpr int kNEpisodeStats = 12;
+constexpr int kNEpisodeStats = 22;
 constexpr const char* kEpisodeStatNames[kNEpisodeStats] = {
-    "episodes", "length",   "wins_0",          "wins_1",          "ties",    "truncated",
-    "return_0", "return_1", "return_masked_0", "return_masked_1", "score_0", "score_1",
+    "episodes",
+    "length",
+    "wins_0",
+    "wins_1",
+    "ties",
+    "truncated",
+    "return_0",
+    "return_1",
+    "return_masked_0",
+    "return_masked_1",
+    "score_0",
+    "score_1",
+    "survivors_0",
+    "survivors_1",
+    "deaths_damage_0",
+    "deaths_damage_1",
+    "deaths_agent_0",
+    "deaths_agent_1",
+    "deaths_obstacle_0",
+    "deaths_obstacle_1",
+    "deaths_bounds_0",
+    "deaths_bounds_1",
 };
+/// The statistic of a team, from that of team 0, behind which it stands.
+constexpr EpisodeStat of_team(EpisodeStat of_team_0, int team) {
+  return static_cast<EpisodeStat>(static_cast<int>(of_team_0) + team);
+}
 /// Rows of the statistics buffer: EpisodeStat, then the return of each reward term for team 0, then for team 1.
 constexpr int kNStatRows = kNEpisodeStats + kNTeams * kNRewardTerms;
 
 /// How the episode of a world stands.
 enum class Outcome : int32_t { open, team_0, team_1, tie };
+
+/// What an agent died of, once an episode at most. Where a step brings several, the one that comes first in the step:
+/// who leaves the map collides with nobody any more, who collides with an agent is not looked for in obstacles, and
+/// shots hit the living only.
+enum class Death : uint8_t {
+  none,           ///< it lives
+  damage,         ///< shot
+  agent,          ///< collided with an agent, of either team
+  obstacle,       ///< flew into an obstacle
+  out_of_bounds,  ///< left the map
+};
+constexpr int kNDeaths = 4;  ///< causes, without `none`
+constexpr const char* kDeathNames[kNDeaths] = {"damage", "agent", "obstacle", "out_of_bounds"};
 
 /// What a world is about to do.
 enum class Phase : uint8_t {
@@ -55,6 +102,7 @@ struct StateView {
   float* heading;           // [W, N] radians
   float* health;            // [W, N]
   uint8_t* alive;           // [W, N] 0 or 1
+  Death* death;             // [W, N]
   uint8_t* tracked;         // [W, N, N] steps of unbroken fire, [target, shooter]; stops at 255
   uint32_t* detected;       // [W, N, words] bit b of row a: b detected a in the last step
   uint32_t* seen;           // [W, N, words] bit a of row e: e sees a in its last observation
@@ -92,6 +140,7 @@ void for_each_field(View& view, const FieldExtents& n, F&& f) {
   f("heading", view.heading, n.agent);
   f("health", view.health, n.agent);
   f("alive", view.alive, n.agent);
+  f("death", view.death, n.agent);
   f("tracked", view.tracked, n.pair);
   f("detected", view.detected, n.bits);
   f("seen", view.seen, n.bits);

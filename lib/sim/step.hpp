@@ -113,7 +113,10 @@ GIGA_HD void step_world(const Lanes& lanes, const SimParams& p, WorldView& w, Dr
   lanes.each(n, [&](int i) { check_obstacles(p, w, i); });
   if (p.waypoints) lanes.each(one, [&](int) { update_waypoint(p, w, draws); });
   lanes.each(n, [&](int a) { detect_and_track(p, w, draws, a); });
-  lanes.each(n, [&](int i) { update_health(p, w, i); });
+  lanes.each(n, [&](int i) {
+    update_health(p, w, i);
+    note_death(w, i);
+  });
   lanes.each(teams, [&](int team) {
     count_team(p, w, w.was_alive, kWasAlive0, team);
     count_team(p, w, w.alive, kAlive0, team);
@@ -156,7 +159,7 @@ template <class Lanes, class Draws>
 GIGA_HD void settle_world(const Lanes& lanes, const SimParams& p, WorldView& w, Draws& draws, const StepIo& io,
                           OnDone on_done, int64_t world) {
   const bool ended = *w.phase == Phase::terminated || *w.phase == Phase::truncated;
-  lanes.each(ended ? kNBookItems : 0, [&](int item) { close_books(w, item); });
+  lanes.each(ended ? kNBookItems : 0, [&](int item) { close_books(p, w, item); });
   keep_final(lanes, p, io, world, ended && (!io.final_of_truncations_only || *w.phase == Phase::truncated));
   if (on_done == OnDone::freeze) {
     lanes.each(ended ? 1 : 0, [&](int) { *w.phase = Phase::waits; });

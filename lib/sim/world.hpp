@@ -12,6 +12,7 @@ struct WorldView {
   uint8_t* alive;                           // [N]
   uint8_t* tracked;                         // [N, N] [target, shooter]
   uint32_t *detected, *seen;                // [N, words]
+  Death* death;                             // [N]
   int32_t* map;
   float* waypoint;  // [4]
   float *waypoint_time, *reward_factor;
@@ -122,6 +123,7 @@ GIGA_HD WorldView world_view(const StateView& s, const SimParams& p, int64_t wor
   w.tracked = s.tracked + a * n;
   w.detected = s.detected + b;
   w.seen = s.seen + b;
+  w.death = s.death + a;
   w.map = s.map + world;
   w.waypoint = s.waypoint + world * 4;
   w.waypoint_time = s.waypoint_time + world;

@@ -93,9 +93,9 @@ std::vector<BadInput> values() {
       in_config("unknown scripted opponent", "train: {opponent: circel}\neval: {opponents: [randm]}",
                 {"run.yaml:2:19: train.opponent: 'circel' is not one of:", "nearest: 'circle'",
                  "run.yaml:3:20: eval.opponents[0]: 'randm' is not one of:", "nearest: 'random'"}),
-      on_command_line("unknown scripted opponent of eval", "gigastep eval runs/x --vs circel",
-                      {"eval", "runs/x", "--vs", "circel"},
-                      {"opponent 'circel' is unknown; nearest: 'circle'; allowed"}),
+      on_command_line(
+          "unknown scripted opponent of eval", "gigastep eval runs/x --vs circel", {"eval", "runs/x", "--vs", "circel"},
+          {"'circel' is neither a scripted team nor a file or folder; nearest: 'circle'; scripted teams: random"}),
       on_command_line("assignment without a value", "--set seed", train_with_set("seed"),
                       {"--set seed: expected KEY=VALUE"}),
       on_command_line("assignment to an unknown key", "--set mappo.gama=0.9", train_with_set("mappo.gama=0.9"),

@@ -195,6 +195,8 @@ TEST_F(Resume, ADamagedNewestCheckpointIsNamedAndSetAside) {
   const Outcome by_name = here_->run({"resume", name});
   EXPECT_EQ(by_name.code, 2) << "a file that is named never falls back";
   EXPECT_TRUE(contains(by_name.err, {newest.file.filename().string() + ": is truncated: 3000 of"}));
+  const std::string best = run + "/checkpoints/best.h5";
+  if (here_->has(best)) here_->write(best, here_->read(best).substr(0, 3000));  // evaluation looks at this one first
   const Outcome evaluated = here_->run({"eval", run, "--vs", "random", "--episodes", "8", "--device", "cpu"});
   EXPECT_EQ(evaluated.code, 0);
   EXPECT_TRUE(contains(evaluated.err, {"warning: ", "is truncated", "is taken"}));

@@ -31,6 +31,7 @@ const Variant kVariants[] = {
     {"StateCriticOneLayer", {"", "", "kind: state, hidden: [8], activation: silu", ""}},
     {"ContinuousAgainstCircleRandom",
      {"opponent: circle_random", "obs_norm: true", "hidden: [16]", "action: continuous\n"}},
+    {"TeamOneAgainstPursuers", {"opponent: pursuer, learning_team: 1", "", "hidden: [16]", "maps: four_rooms\n"}},
     {"TeamOneAgainstRandom", {"opponent: random, learning_team: 1", "", "kind: state, hidden: [16, 12]", ""}},
     {"ObstaclesWaypointsThreeAgainstOne",
      {"", "", "kind: state, hidden: [16, 12]",

@@ -1,8 +1,9 @@
-// Matches between scripts whose outcome is known, Wilson's interval, and names of scripts.
+// Matches between scripts whose outcome is known, and Wilson's interval.
 #include "eval/match.hpp"
 
 #include <gtest/gtest.h>
 
+#include "policy/actor.hpp"
 #include "runs.hpp"
 
 namespace giga::test {
@@ -43,6 +44,10 @@ TEST(LearnMatch, WhoFliesStraightOnLoses) {
     EXPECT_EQ(r.wins[loser] + r.ties, 0);
     EXPECT_EQ(r.mean_return[loser], -3);  // collision_obstacle 3, once
     EXPECT_EQ(r.mean_return[1 - loser], 0);
+    EXPECT_EQ(r.mean_survivors[loser], 0);
+    EXPECT_EQ(r.mean_survivors[1 - loser], 1);
+    EXPECT_EQ(r.mean_deaths[loser][3], 1) << "out of bounds";
+    for (size_t cause = 0; cause < kNDeaths; ++cause) EXPECT_EQ(r.mean_deaths[1 - loser][cause], 0);
     EXPECT_GT(r.mean_length, 40);  // starts are 6 to 9 from the wall ahead, at 0.13 or a little more a step
     EXPECT_LT(r.mean_length, 71);
   }
@@ -103,19 +108,6 @@ TEST(LearnMatch, WilsonInterval) {
   }
   EXPECT_EQ(wilson95(0, 0).lo, 0);
   EXPECT_EQ(wilson95(0, 0).hi, 1);
-}
-
-TEST(LearnMatch, NamesOfScripts) {
-  EXPECT_EQ(parse_scripted("reverse_circle"), Scripted::reverse_circle);
-  EXPECT_EQ(parse_scripted("random"), Scripted::random);
-  try {
-    parse_scripted("cirle");
-    FAIL();
-  } catch (const InputError& e) {
-    EXPECT_STREQ(
-        e.what(),
-        "opponent 'cirle' is unknown; nearest: 'circle'; allowed: random, noop, circle, reverse_circle, circle_random");
-  }
 }
 
 }  // namespace

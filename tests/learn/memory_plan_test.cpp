@@ -81,6 +81,7 @@ const Settings kSettings[] = {
     {"ObsNormContinuousState", "n_epochs: 1, n_minibatches: 2, obs_norm: true, critic: {kind: state}",
      "action: continuous\n"},
     {"AgainstAScript", "n_epochs: 1, n_minibatches: 1", "", ", opponent: circle"},
+    {"AgainstAScriptThatLooks", "n_epochs: 1, n_minibatches: 1", "", ", opponent: pursuer"},
 };
 
 class LearnMemory : public testing::TestWithParam<Settings> {};
@@ -216,6 +217,16 @@ TEST(LearnMemoryPlan, ForCuda) {
   const LoadedRun run = load(large, 64);
   EXPECT_EQ(item(plan_memory(run, gpu), "simulator: scratch"),
             static_cast<int64_t>(64 * ScratchLayout(run.spec.params).size));
+}
+
+TEST(LearnMemoryPlan, AScriptedOpponentThatLooksNeedsObservations) {
+  const Device gpu{Device::Kind::cuda, 0};
+  LoadedRun run = load({"", "n_minibatches: 1"}, 64);
+  run.config.eval.opponents = {Scripted::circle};
+  const int64_t blind = item(plan_memory(run, gpu), "evaluation");
+  run.config.eval.opponents = {Scripted::circle, Scripted::pursuer};
+  // 8 episodes of 5 agents, floats.
+  EXPECT_EQ(item(plan_memory(run, gpu), "evaluation") - blind, 4 * 8 * 5 * run.spec.padded_observation_size());
 }
 
 TEST(LearnMemoryPlan, WhatDoesNotFitIsRefusedWithTheNumbers) {

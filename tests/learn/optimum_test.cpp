@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include "eval/match.hpp"
+#include "policy/actor.hpp"
 #include "runs.hpp"
 
 namespace giga::test {

@@ -61,6 +61,33 @@ TEST(LearnRollout, LongRolloutEqualsSingleSteps) {
   }
 }
 
+TEST(LearnRollout, AScriptThatLooksSeesEveryStep) {
+  // It has the last observations only, in rollouts of any length; what it does depends on all of them.
+  const LoadedRun run = cramped();
+  const auto make = [&](Simulator& sim, const RowRunner& rows, const Actor& actor, int horizon) {
+    return Collector(sim, rows, {horizon, false, true}, {&actor}, {nullptr, Scripted::pursuer});
+  };
+  const RowRunner rows(Device{}, 2);
+  const Actor actor = make_actor(run, 0, Device{});
+  const SimOptions options{kWorlds, 17, 0, OnDone::reset, 2};
+  const auto sim_a = make_cpu_simulator(run.spec, options), sim_b = make_cpu_simulator(run.spec, options);
+  Collector whole = make(*sim_a, rows, actor, kHorizon), single = make(*sim_b, rows, actor, 1);
+  whole.start();
+  single.start();
+  ASSERT_EQ(whole.rollout().team[1].obs.size(0), 1);
+  EXPECT_FALSE(whole.rollout().team[1].reward.defined());
+  for (int rollout = 0; rollout < 3; ++rollout) {
+    whole.collect();
+    const at::Tensor actions = whole.rollout().team[1].action;
+    for (int t = 0; t < kHorizon; ++t) {
+      single.collect();
+      ASSERT_TRUE(at::equal(actions[t], single.rollout().team[1].action[0])) << "step " << t;
+    }
+    EXPECT_GT(actions.max().item<int>(), actions.min().item<int>()) << "it does the same everywhere";
+    EXPECT_TRUE(at::equal(whole.rollout().team[1].obs, single.rollout().team[1].obs));
+  }
+}
+
 TEST(LearnRollout, FinalObservationIsThatOfTheTruncation) {
   // A world whose game is cut off early in a rollout may see its next game decided before the rollout ends. The value
   // of the truncation still needs the observation at the truncation.

@@ -95,6 +95,7 @@ void TestWorld::put(int i, float x, float y, float heading, float z, float v) {
 
 void TestWorld::kill(int i) {
   view_.alive[i] = 0;
+  view_.death[i] = Death::damage;
   view_.health[i] = 0;
 }
 

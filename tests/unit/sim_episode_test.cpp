@@ -164,6 +164,54 @@ TEST(SimEpisode, WinsAndScoresInTheStatistics) {
   EXPECT_EQ(world.stat(EpisodeStat::score_1), 0.0f);
 }
 
+TEST(SimEpisode, SurvivorsAndDeathsByCause) {
+  // Six a side; damage 1 a second from the third step of fire on. One step in which
+  //   0 leaves the map while it stands in a box: out of bounds, which is looked at first;
+  //   1 and 2 collide inside a box: agents come before obstacles;
+  //   3 flies into the box; 4 is shot: health 0.05, fired at for the fourth step = 1 unit = 0.1; 5 lives.
+  // Of team 1, 6 shoots, the others are far off.
+  SimSpec spec = plain_spec(6, 6);
+  spec.params.max_episode_length = 1;
+  spec.maps[0].boxes = {{9.5f, 1, 12, 2, 0, 10}, {4, 4, 5, 5, 0, 10}};
+  TestWorld world(spec, OnDone::reset);
+  world.put(0, kOutside, 1.5f);
+  world.put(1, 4.5f, 4.5f);
+  world.put(2, 4.5f, 4.6f);
+  world.put(3, 3.95f, 4.2f, 0, 5);
+  world.put(4, 7, 8);
+  world.put(5, 1, 1);
+  world.put(6, 6, 8);
+  for (int i = 7; i < 12; ++i) world.put(i, 1, 9, 0, static_cast<float>(i - 7) * 2);
+  world.now().health[4] = 0.05f;
+  world.now().tracked[4 * 12 + 6] = 3;
+  world.step();
+  ASSERT_EQ(world.stat(EpisodeStat::episodes), 1.0f);
+  const auto team = [&](EpisodeStat of_team_0, int t) { return world.stat(of_team(of_team_0, t)); };
+  EXPECT_EQ(team(EpisodeStat::deaths_bounds_0, 0), 1.0f);
+  EXPECT_EQ(team(EpisodeStat::deaths_agent_0, 0), 2.0f);
+  EXPECT_EQ(team(EpisodeStat::deaths_obstacle_0, 0), 1.0f);
+  EXPECT_EQ(team(EpisodeStat::deaths_damage_0, 0), 1.0f);
+  EXPECT_EQ(team(EpisodeStat::survivors_0, 0), 1.0f);
+  EXPECT_EQ(team(EpisodeStat::survivors_0, 1), 6.0f);
+  for (const EpisodeStat cause : {EpisodeStat::deaths_bounds_0, EpisodeStat::deaths_agent_0,
+                                  EpisodeStat::deaths_obstacle_0, EpisodeStat::deaths_damage_0})
+    EXPECT_EQ(team(cause, 1), 0.0f);
+  for (int i = 0; i < 12; ++i) EXPECT_EQ(world.now().death[i], Death::none) << "a new episode: agent " << i;
+}
+
+TEST(SimEpisode, ADeathIsCountedOnceHoweverLongTheEpisode) {
+  SimSpec spec = plain_spec(2, 1);
+  spec.params.max_episode_length = 6;
+  TestWorld world(spec, OnDone::reset);
+  spread(world);
+  doom(world, 1);
+  for (int k = 0; k < 6; ++k) world.step();
+  ASSERT_EQ(world.stat(EpisodeStat::episodes), 1.0f);
+  EXPECT_EQ(world.stat(EpisodeStat::deaths_bounds_0), 1.0f);
+  EXPECT_EQ(world.stat(EpisodeStat::survivors_0), 1.0f);
+  EXPECT_EQ(world.stat(EpisodeStat::survivors_1), 1.0f);
+}
+
 TEST(SimEpisode, AutomaticResetKeepsTheFinalObservation) {
   // A twin that is not reset shows what the final observation must be.
   SimSpec spec = plain_spec(2, 2);

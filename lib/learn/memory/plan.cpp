@@ -38,8 +38,9 @@ constexpr int64_t kCpuFixed = 500 * kMiB;
 constexpr int64_t kHeapBlock = 32 * kMiB;
 constexpr double kHeapKept = 3;
 
-std::array<bool, kNTeams> learning_teams(const LoadedRun& run) {
-  return {learns(run.config.train, 0), learns(run.config.train, 1)};
+BufferSet buffers_of(const TrainConfig& train, int team) {
+  if (learns(train, team)) return BufferSet::learning;
+  return uses_observation(scripted_of(train.opponent)) ? BufferSet::observations : BufferSet::actions;
 }
 
 bool with_state(const LoadedRun& run) { return run.config.mappo.critic.kind == CriticKind::state; }
@@ -91,6 +92,10 @@ int64_t advantage_bytes(const LoadedRun& run) {
   return 3 * kFloat * run.config.train.n_worlds * run.config.mappo.horizon * agents;
 }
 
+bool any_looks(const std::vector<Scripted>& scripts) {
+  return std::any_of(scripts.begin(), scripts.end(), [](Scripted script) { return uses_observation(script); });
+}
+
 /// State, scratch and buffers of a match of one team against a script.
 int64_t evaluation_bytes(const LoadedRun& run, Device device) {
   const int64_t episodes = run.config.eval.episodes;
@@ -99,7 +104,8 @@ int64_t evaluation_bytes(const LoadedRun& run, Device device) {
     if (!learns(run.config.train, player)) continue;
     int64_t bytes = 0;
     for (int team = 0; team < kNTeams; ++team) {
-      const MatchShapes shapes = match_shapes(run.spec, team, episodes, team == player);
+      const MatchShapes shapes =
+          match_shapes(run.spec, team, episodes, team == player || any_looks(run.config.eval.opponents));
       bytes += shapes.action.bytes() + shapes.obs.bytes();
     }
     buffers = std::max(buffers, bytes);
@@ -163,7 +169,10 @@ void PlanBuilder::add_simulator() {
 
 // The buffers of LibTorch that stay from the start to the end.
 void PlanBuilder::add_buffers() {
-  const RolloutSize size{n_worlds_, run_.config.mappo.horizon, with_state(run_), learning_teams(run_)};
+  const RolloutSize size{n_worlds_,
+                         run_.config.mappo.horizon,
+                         with_state(run_),
+                         {buffers_of(run_.config.train, 0), buffers_of(run_.config.train, 1)}};
   const RolloutShapes shapes = rollout_shapes(run_.spec, size);
   int64_t final_bytes = 0;
   for (const TeamRolloutShapes& s : shapes.team) final_bytes += s.final_obs.bytes() + s.final_alive.bytes();

@@ -1,0 +1,110 @@
+#include "apps/match_report.hpp"
+
+#include <cstdio>
+
+#include "config/names.hpp"
+#include "core/error.hpp"
+#include "io/metrics_csv.hpp"
+#include "io/number.hpp"
+
+namespace giga {
+namespace {
+
+/// How A fared, by kind of outcome.
+struct Share {
+  const char *word, *rate_name, *count_name;
+  int count;
+};
+std::vector<Share> shares(const TeamResult& r) {
+  return {{"won", "win_rate", "wins", r.wins()},
+          {"lost", "loss_rate", "losses", r.losses()},
+          {"tied", "tie_rate", "ties", r.match.ties}};
+}
+
+/// The figures of one side of a match.
+MetricsRow side_figures(const MatchResult& m, int side) {
+  MetricsRow row = {{"mean_return", m.mean_return[side]},
+                    {"mean_return_original", m.mean_return_masked[side]},
+                    {"mean_score", m.mean_score[side]},
+                    {"mean_survivors", m.mean_survivors[side]}};
+  for (size_t cause = 0; cause < kNDeaths; ++cause)
+    row.emplace_back(cat("mean_deaths_", kDeathNames[cause]), m.mean_deaths[side][cause]);
+  return row;
+}
+
+std::string result_text(const std::string& a, const TeamResult& r) {
+  char line[200];
+  std::string text = cat(a, " on side ", r.team, " against ", r.opponent, ", ", r.match.episodes, " episodes\n");
+  for (const Share& s : shares(r)) {
+    const Interval ci = wilson95(s.count, r.match.episodes);
+    std::snprintf(line, sizeof line, "  %-6s %.3f  [%.3f, %.3f]\n", s.word, r.share(s.count), ci.lo, ci.hi);
+    text += line;
+  }
+  std::snprintf(line, sizeof line, "  %.1f steps an episode\n", r.match.mean_length);
+  text += line;
+  std::snprintf(line, sizeof line, "  side %10s %8s %11s | died of: %s %9s %9s %14s\n", "return", "score", "survivors",
+                "damage", "an agent", "obstacle", "out of bounds");
+  text += line;
+  for (int side = 0; side < kNTeams; ++side) {
+    const MatchResult& m = r.match;
+    const double* deaths = m.mean_deaths[side];
+    std::snprintf(line, sizeof line, "  %4d %10.4g %8.2f %11.2f | %16.2f %9.2f %9.2f %14.2f\n", side,
+                  m.mean_return[side], m.mean_score[side], m.mean_survivors[side], deaths[0], deaths[1], deaths[2],
+                  deaths[3]);
+    text += line;
+  }
+  return text;
+}
+
+}  // namespace
+
+std::string report_text(const MatchReport& report) {
+  std::string text;
+  for (const TeamResult& r : report.results) text += (text.empty() ? "" : "\n") + result_text(report.a, r);
+  return text;
+}
+
+std::string report_csv(const MatchReport& report) {
+  std::string text;
+  for (const TeamResult& r : report.results) {
+    std::vector<std::string> names = {"a", "b", "scenario", "side_of_a", "episodes"};
+    std::vector<std::string> fields = {csv_field(report.a), csv_field(r.opponent), csv_field(report.scenario),
+                                       cat(r.team), cat(r.match.episodes)};
+    const auto add = [&](const std::string& name, double value) {
+      names.push_back(name);
+      fields.push_back(print_number(value));
+    };
+    for (const Share& s : shares(r)) {
+      const Interval ci = wilson95(s.count, r.match.episodes);
+      add(s.count_name, s.count);
+      add(s.rate_name, r.share(s.count));
+      add(cat(s.rate_name, "_lo95"), ci.lo);
+      add(cat(s.rate_name, "_hi95"), ci.hi);
+    }
+    add("mean_length", r.match.mean_length);
+    for (const auto& [suffix, side] : {std::pair{"_a", r.team}, std::pair{"_b", 1 - r.team}})
+      for (const auto& [name, value] : side_figures(r.match, side)) add(name + suffix, value);
+    if (text.empty()) text = join(names, ",") + "\r\n";
+    text += join(fields, ",") + "\r\n";
+  }
+  return text;
+}
+
+Json result_json(const TeamResult& r) {
+  Json json = Json::object();
+  json.set("team", r.team).set("episodes", r.match.episodes);
+  for (const Share& s : shares(r)) json.set(s.count_name, s.count);
+  for (const Share& s : shares(r)) {
+    const Interval ci = wilson95(s.count, r.match.episodes);
+    json.set(s.rate_name, r.share(s.count));
+    json.set(cat(s.rate_name, "_ci95"), Json::array(std::vector<double>{ci.lo, ci.hi}));
+  }
+  json.set("mean_length", r.match.mean_length);
+  for (const auto& [name, value] : side_figures(r.match, r.team)) json.set(name, value);
+  Json opponent = Json::object();
+  for (const auto& [name, value] : side_figures(r.match, 1 - r.team)) opponent.set(name, value);
+  json.set("opponent", std::move(opponent));
+  return json;
+}
+
+}  // namespace giga

@@ -1,0 +1,27 @@
+// The result of matches between two contestants: for people, as CSV and as JSON.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "apps/evaluation.hpp"
+#include "io/json.hpp"
+
+namespace giga {
+
+/// Matches of A, seen from A: TeamResult::team is its side, TeamResult::opponent the name of B.
+struct MatchReport {
+  std::string a, scenario;
+  std::vector<TeamResult> results;
+};
+
+/// Shares with Wilson's intervals, then what became of both sides.
+std::string report_text(const MatchReport& report);
+
+/// A header and a row per match (RFC 4180).
+std::string report_csv(const MatchReport& report);
+
+/// The figures of one match.
+Json result_json(const TeamResult& result);
+
+}  // namespace giga

@@ -1,0 +1,70 @@
+// Contestant: whoever can play: a checkpoint, a run, a TorchScript module or a scripted team, from how a user names it.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "core/memory.hpp"
+#include "learn/run_config.hpp"
+#include "rollout/player.hpp"
+
+namespace giga {
+
+class TorchScriptPolicy;
+
+struct ContestantOptions {
+  Device device;
+  bool trust = false;   ///< open TorchScript modules, which can run any code
+  bool greedy = false;  ///< policies take their most likely action instead of drawing one
+};
+
+class Contestant {
+ public:
+  /// `text`, in this order:
+  ///   the name of a script (Scripted);
+  ///   a run folder: the policies of its best checkpoint if it has one, else of its newest;
+  ///   a checkpoint file;
+  ///   a TorchScript module (a ZIP file, as torch.jit.save writes it), with `trust`.
+  /// Throws InputError where it is none of these or cannot be read.
+  static Contestant load(const std::string& text, const ContestantOptions& options);
+
+  /// The text that it was loaded from.
+  const std::string& name() const { return name_; }
+  bool is_script() const { return script_.has_value(); }
+
+  /// What is known of a checkpoint.
+  struct Origin {
+    std::string file;
+    std::string scenario_name;
+    int64_t updates = 0, agent_steps = 0;
+    LoadedRun run;                      ///< configuration and scenario
+    std::vector<std::string> warnings;  ///< newer or better files that are damaged, a line each
+  };
+  /// Null where it comes from no checkpoint.
+  const Origin* origin() const { return origin_.get(); }
+
+  /// Whether it can play team `side`: a checkpoint has a policy for each team that learned, all others play both.
+  bool can_play(int side) const;
+  /// The player of team `side` in a scenario; valid while this lives and until the next call. Throws InputError where
+  /// can_play is false or the scenario's observations or actions are not those of the policy.
+  Player player(int side, const SimSpec& spec);
+
+ private:
+  void load_checkpoint(const std::string& path, Device device);
+  void check_fit(int side, const SimSpec& spec) const;
+
+  std::string name_;
+  bool greedy_ = false;
+  std::optional<Scripted> script_;
+  std::shared_ptr<const Policy> policy_[kNTeams];  // by team, of checkpoints; null where the team was scripted
+  std::shared_ptr<TorchScriptPolicy> module_;
+  std::shared_ptr<const Origin> origin_;
+};
+
+/// The script of that name.
+std::optional<Scripted> find_script(const std::string& name);
+
+}  // namespace giga

@@ -1,0 +1,189 @@
+// Pilot: flies where a script wants to go without hitting walls, obstacles or other agents, as far as an agent's own
+// observation tells. What a script wants is in tactics.hpp.
+#pragma once
+
+#include "core/geometry.hpp"
+#include "math/observation_reader.hpp"
+#include "sim/movement.hpp"
+
+namespace giga {
+
+/// A direction in the plane, of any length.
+struct Direction {
+  float x, y;
+};
+
+/// A step's turn and climb at full control (sim/movement.hpp), and the circle of an agent that turns as hard as it can:
+/// a polygon with sides speed x kDt and corners of kFullTurn has the circumradius speed x kDt / (2 sin(kFullTurn / 2)).
+constexpr float kFullTurn = 0.4f;
+constexpr float kTurnRadius = 0.2517f;  ///< times the speed
+
+class Pilot {
+ public:
+  /// `discrete`: only full control or none is to be had.
+  GIGA_HD Pilot(const ObservationReader& obs, bool discrete)
+      : obs_(obs), discrete_(discrete), own_(obs.own()), dir_(sin_cos(own_.heading)) {}
+
+  GIGA_HD const OwnState& own() const { return own_; }
+  GIGA_HD Direction ahead() const { return {dir_.cos, dir_.sin}; }
+
+  /// Flies towards a place `where` (relative to the agent), round walls and obstacles that are in the way.
+  GIGA_HD Controls fly_to(Direction where, float dive, float throttle) const {
+    return point_at(detour(where), dive, throttle);
+  }
+
+  /// Turns towards `where`, as far as walls and obstacles allow, climbs by `dive` unless another agent is about to be
+  /// hit, and does not dive where there is little room.
+  GIGA_HD Controls point_at(Direction where, float dive, float throttle) const {
+    const float turn = safe_turn(turn_towards(where));
+    if (room(turn) < kRoomToDive) dive = max_of(dive, 0.0f);
+    return {turn, keep_apart(dive), throttle};
+  }
+
+  /// Whether a point inside the circle of the hardest turn towards it is meant: turning there would be going round it
+  /// for ever.
+  GIGA_HD bool turns_around(Direction where) const {
+    const float side = dir_.cos * where.y - dir_.sin * where.x < 0 ? -1.0f : 1.0f;
+    const float radius = kTurnRadius * own_.speed;
+    const float cx = where.x + side * radius * dir_.sin, cy = where.y - side * radius * dir_.cos;
+    return cx * cx + cy * cy < radius * radius;
+  }
+
+ private:
+  static constexpr float kMargin = 0.25f;      // units between the circle that is kept free and what is hard
+  static constexpr float kLookAhead = 2.0f;    // units that are looked ahead for a way round something
+  static constexpr float kPathMargin = 0.4f;   // and how far that way keeps from it
+  static constexpr float kRoomToDive = 0.5f;   // a dive adds up to 1.3 units a second: a circle wider by 0.33
+  static constexpr float kKeepApart = 1.6f;    // others nearer than this in the plane ...
+  static constexpr float kAltitudeGap = 1.2f;  // ... are kept this far away in altitude
+
+  /// Control that turns towards a direction: the angle is told by its sine, which near 0 is the angle itself.
+  GIGA_HD float turn_towards(Direction where) const {
+    const float length = std::sqrt(where.x * where.x + where.y * where.y);
+    if (!(length > 0)) return 0;
+    const float sine = (dir_.cos * where.y - dir_.sin * where.x) / length;
+    const bool in_front = dir_.cos * where.x + dir_.sin * where.y > 0;
+    const float turn = in_front ? clamp(sine / kFullTurn, -1.0f, 1.0f) : (sine < 0 ? -1.0f : 1.0f);
+    return discrete_ ? full_or_none(turn) : turn;
+  }
+
+  GIGA_HD static float full_or_none(float control) { return control > 0.5f ? 1.0f : (control < -0.5f ? -1.0f : 0.0f); }
+
+  /// How far the agent can fly in a direction of length 1 until it is `margin` before a wall or an obstacle; at most
+  /// kLookAhead.
+  GIGA_HD float free_path(Direction d, float margin) const {
+    const SimParams& p = obs_.rules();
+    float path = kLookAhead;
+    const auto until = [&path](float distance, float speed) {
+      if (speed > 0) path = min_of(path, distance / speed);
+    };
+    until(p.limit_x - margin - own_.x, d.x);
+    until(own_.x - margin, -d.x);
+    until(p.limit_y - margin - own_.y, d.y);
+    until(own_.y - margin, -d.y);
+    for (int b = 0; b < obs_.n_boxes(); ++b) {
+      const SeenBox box = obs_.box(b);
+      if (!box.exists()) continue;
+      float enter = 0, leave = kLookAhead;
+      clip(box.x1 - margin - own_.x, box.x2 + margin - own_.x, d.x, enter, leave);
+      clip(box.y1 - margin - own_.y, box.y2 + margin - own_.y, d.y, enter, leave);
+      if (enter < leave) path = min_of(path, enter);
+    }
+    return max_of(path, 0.0f);
+  }
+
+  /// Narrows the part [enter, leave] of a ray to that between lo and hi on one axis.
+  GIGA_HD static void clip(float lo, float hi, float speed, float& enter, float& leave) {
+    if (speed == 0) {
+      if (lo >= 0 || hi <= 0) leave = enter;
+      return;
+    }
+    const float a = lo / speed, b = hi / speed;
+    enter = max_of(enter, min_of(a, b));
+    leave = min_of(leave, max_of(a, b));
+  }
+
+  /// `where`, or where something is in the way the direction, of sixteen all around, that is free and near it, and
+  /// rather ahead than behind, so that the agent sticks to the side that it has chosen.
+  GIGA_HD Direction detour(Direction where) const {
+    constexpr float kCos = 0.92387953f, kSin = 0.38268343f;  // of a sixteenth of the circle
+    const float length = std::sqrt(where.x * where.x + where.y * where.y);
+    if (!(length > 0)) return where;
+    const Direction straight{where.x / length, where.y / length};
+    const float margin = min_of(kPathMargin, 0.9f * gap(own_.x, own_.y, 0));
+    if (free_path(straight, margin) >= min_of(length - kPathMargin, kLookAhead)) return where;
+    Direction d = straight, best = straight;
+    float most = -1e9f;
+    for (int k = 0; k < 16; ++k) {
+      const float score = d.x * straight.x + d.y * straight.y + 0.5f * (d.x * dir_.cos + d.y * dir_.sin) +
+                          4.0f * free_path(d, margin) / kLookAhead;
+      if (score > most) {
+        most = score;
+        best = d;
+      }
+      d = {d.x * kCos - d.y * kSin, d.x * kSin + d.y * kCos};
+    }
+    return best;
+  }
+
+  /// Distance from a circle to the nearest wall or obstacle; negative where it cuts one.
+  GIGA_HD float gap(float x, float y, float radius) const {
+    const SimParams& p = obs_.rules();
+    float nearest = min_of(min_of(x, p.limit_x - x), min_of(y, p.limit_y - y));
+    for (int b = 0; b < obs_.n_boxes(); ++b) {
+      const SeenBox box = obs_.box(b);
+      if (!box.exists()) continue;
+      const float dx = max_of(max_of(box.x1 - x, x - box.x2), 0.0f);
+      const float dy = max_of(max_of(box.y1 - y, y - box.y2), 0.0f);
+      nearest = min_of(nearest, std::sqrt(dx * dx + dy * dy));
+    }
+    return nearest - radius;
+  }
+
+  /// Room that a turn leaves: after it the agent can still go round on a circle to its left or to its right. Who always
+  /// keeps one of them free never has to hit anything.
+  GIGA_HD float room(float turn) const {
+    const SinCos dir = sin_cos(own_.heading + kFullTurn * turn);
+    const float x = own_.x + kDt * own_.speed * dir.cos, y = own_.y + kDt * own_.speed * dir.sin;
+    const float radius = kTurnRadius * own_.speed;
+    const float left = gap(x - radius * dir.sin, y + radius * dir.cos, radius);
+    const float right = gap(x + radius * dir.sin, y - radius * dir.cos, radius);
+    return max_of(left, right) - kMargin;
+  }
+
+  /// `wanted` where it leaves room, else the turn that leaves most.
+  GIGA_HD float safe_turn(float wanted) const {
+    float best = wanted, most = room(wanted);
+    if (most >= 0) return wanted;
+    for (int turn = -1; turn <= 1; ++turn) {
+      const float left = room(static_cast<float>(turn));
+      if (left > most) {
+        most = left;
+        best = static_cast<float>(turn);
+      }
+    }
+    return best;
+  }
+
+  /// Climbs or dives away from the nearest agent that is close in the plane and in altitude. Both of a pair decide
+  /// alike: the higher climbs; at equal altitude the one further to the right on the map, which sees the other at
+  /// negative dx.
+  GIGA_HD float keep_apart(float dive) const {
+    if (!(obs_.rules().collision_range2 > 0)) return dive;
+    for (int k = 0; k < obs_.n_others(); ++k) {
+      const SeenAgent a = obs_.other(k);
+      if (!a.seen || a.distance() > kKeepApart) break;
+      if ((a.dz < 0 ? -a.dz : a.dz) > kAltitudeGap) continue;
+      const float above = a.dz != 0 ? a.dz : (a.dx != 0 ? a.dx : a.dy);
+      return above < 0 ? 1.0f : -1.0f;
+    }
+    return dive;
+  }
+
+  const ObservationReader& obs_;
+  bool discrete_;
+  OwnState own_;
+  SinCos dir_;
+};
+
+}  // namespace giga

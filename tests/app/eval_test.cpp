@@ -1,0 +1,116 @@
+// gigastep eval as a user runs it: two runs, both sides, scenarios, CSV and JSON.
+#include <gtest/gtest.h>
+
+#include "program.hpp"
+
+namespace giga::test {
+namespace {
+
+/// Two runs of a second, trained once for all tests.
+class Eval : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    here_ = std::make_unique<Workplace>();
+    here_->write("tiny.yaml", kTinyConfig);
+    for (const char* run : {"first", "second"}) {
+      const Outcome training =
+          here_->run({"train", "tiny.yaml", "--run-dir", run, "--set", std::string("seed=") + (*run == 'f' ? "1" : "2"),
+                      "--set", "train.total_agent_steps=4096", "--quiet"});
+      ASSERT_EQ(training.code, 0) << training.err;
+    }
+  }
+  static void TearDownTestSuite() { here_.reset(); }
+
+  static Outcome eval(const std::string& a, const std::string& b, const std::vector<std::string>& more = {}) {
+    std::vector<std::string> arguments = {"eval", a, "--vs", b, "--episodes", "64", "--device", "cpu"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return here_->run(arguments);
+  }
+
+  static std::unique_ptr<Workplace> here_;
+};
+std::unique_ptr<Workplace> Eval::here_;
+
+TEST_F(Eval, TwoRunsAgainstEachOther) {
+  const Outcome outcome = eval("first", "second", {"--json", "-"});
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  const Document json = parse_yaml_text(outcome.out, "json");
+  EXPECT_EQ(at(json, {"a"}).text, "first");
+  EXPECT_EQ(at(json, {"b"}).text, "second");
+  EXPECT_EQ(at(json, {"origin_a", "checkpoint"}).text, "first/checkpoints/best.h5");
+  EXPECT_EQ(at(json, {"origin_b", "scenario"}).text, "identical_2_vs_2_void");
+  ASSERT_EQ(at(json, {"sides"}).items.size(), 1u) << "A on side 0 only";
+  const auto n = [&](const char* key) { return number_at(json, {"sides", "0", key}); };
+  EXPECT_EQ(n("wins") + n("losses") + n("ties"), 64);
+  EXPECT_DOUBLE_EQ(n("loss_rate"), n("losses") / 64);
+  EXPECT_LE(number_at(json, {"sides", "0", "tie_rate_ci95", "0"}), n("tie_rate"));
+  EXPECT_GE(number_at(json, {"sides", "0", "tie_rate_ci95", "1"}), n("tie_rate"));
+  double of_a = n("mean_survivors"), of_b = number_at(json, {"sides", "0", "opponent", "mean_survivors"});
+  for (const char* cause :
+       {"mean_deaths_damage", "mean_deaths_agent", "mean_deaths_obstacle", "mean_deaths_out_of_bounds"}) {
+    of_a += n(cause);
+    of_b += number_at(json, {"sides", "0", "opponent", cause});
+  }
+  EXPECT_NEAR(of_a, 2, 1e-9) << "survivors and deaths are all agents of the team";
+  EXPECT_NEAR(of_b, 2, 1e-9);
+}
+
+TEST_F(Eval, BothSidesAreTheReverseOfTheReverse) {
+  const Outcome outcome = eval("first", "second", {"--both-sides", "--json", "-"});
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  const Document json = parse_yaml_text(outcome.out, "json");
+  ASSERT_EQ(at(json, {"sides"}).items.size(), 2u);
+  EXPECT_EQ(number_at(json, {"sides", "1", "team"}), 1);
+  // Seen from the other run: what is A's side 1 here is B's side 1 there.
+  const Document other = parse_yaml_text(eval("second", "first", {"--both-sides", "--json", "-"}).out, "json");
+  for (const auto& [here, there] : {std::pair{"0", "1"}, std::pair{"1", "0"}}) {
+    EXPECT_EQ(number_at(json, {"sides", here, "wins"}), number_at(other, {"sides", there, "losses"}));
+    EXPECT_EQ(number_at(json, {"sides", here, "mean_return"}),
+              number_at(other, {"sides", there, "opponent", "mean_return"}));
+  }
+}
+
+TEST_F(Eval, WritesATableAndCsv) {
+  const Outcome outcome = eval("first", "second", {"--both-sides", "--csv", "result.csv", "--seed", "4"});
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_TRUE(contains(outcome.out,
+                       {"scenario identical_2_vs_2_void", "first: first/checkpoints/best.h5, after 1 updates",
+                        "first on side 0 against second, 64 episodes", "first on side 1 against second, 64 episodes",
+                        "won ", "lost ", "tied ", "steps an episode", "survivors", "out of bounds"}));
+  const CsvTable table = parse_csv(here_->read("result.csv"));
+  ASSERT_EQ(table.rows.size(), 2u);
+  for (size_t row = 0; row < 2; ++row) {
+    EXPECT_EQ(table.cell(row, "a"), "first");
+    EXPECT_EQ(table.cell(row, "b"), "second");
+    EXPECT_EQ(table.cell(row, "side_of_a"), std::to_string(row));
+    EXPECT_EQ(
+        std::stoi(table.cell(row, "wins")) + std::stoi(table.cell(row, "losses")) + std::stoi(table.cell(row, "ties")),
+        64);
+    EXPECT_LE(std::stod(table.cell(row, "win_rate_lo95")), std::stod(table.cell(row, "win_rate")));
+    EXPECT_FALSE(table.cell(row, "mean_deaths_out_of_bounds_b").empty());
+  }
+  const std::string first = here_->read("result.csv");
+  eval("first", "second", {"--both-sides", "--csv", "result.csv", "--seed", "4"});
+  EXPECT_EQ(here_->read("result.csv"), first) << "same seed, same result";
+  eval("first", "second", {"--both-sides", "--csv", "result.csv", "--seed", "5"});
+  EXPECT_NE(here_->read("result.csv"), first);
+}
+
+TEST_F(Eval, ScriptedTeamsPlayWhatScenarioIsNamed) {
+  const Outcome outcome = eval("pursuer", "circle", {"--scenario", "identical_2_vs_2", "--both-sides", "--json", "-"});
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  const Document json = parse_yaml_text(outcome.out, "json");
+  EXPECT_EQ(at(json, {"scenario"}).text, "identical_2_vs_2");
+  for (const char* side : {"0", "1"}) EXPECT_GT(number_at(json, {"sides", side, "win_rate"}), 0.8) << "side " << side;
+}
+
+TEST_F(Eval, AScenarioWithOtherObservationsIsRefused) {
+  const Outcome outcome = eval("first", "pursuer", {"--scenario", "identical_5_vs_5"});
+  EXPECT_EQ(outcome.code, 2);
+  EXPECT_TRUE(contains(
+      outcome.err, {"first was trained in 'identical_2_vs_2_void'", "4 agents", "'identical_5_vs_5'", "10 agents"}));
+  EXPECT_EQ(eval("first", "pursuer", {"--scenario", "identical_2_vs_2_fobs_void"}).code, 0);
+}
+
+}  // namespace
+}  // namespace giga::test

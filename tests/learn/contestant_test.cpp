@@ -1,0 +1,257 @@
+// Who can play: scripts, checkpoints and run folders, TorchScript modules; what is said to those that do not fit; and a
+// round robin.
+#include "eval/contestant.hpp"
+
+#include <gtest/gtest.h>
+#include <torch/csrc/jit/api/module.h>
+
+#include <unistd.h>
+
+#include <filesystem>
+#include <functional>
+
+#include "config/fields.hpp"
+#include "eval/match.hpp"
+#include "eval/round_robin.hpp"
+#include "io/checkpoint.hpp"
+#include "io/files.hpp"
+#include "policy/actor.hpp"
+#include "runs.hpp"
+
+namespace giga::test {
+namespace {
+namespace fs = std::filesystem;
+
+class LearnContestant : public testing::Test {
+ protected:
+  void SetUp() override {
+    const testing::TestInfo* info = testing::UnitTest::GetInstance()->current_test_info();
+    folder_ = fs::temp_directory_path() / cat("gigastep_", info->name(), "_", ::getpid());
+    fs::create_directories(folder_);
+  }
+  // Not remove_all: LibTorch brings a copy of it, which the loader finds first and which crashes.
+  void TearDown() override {
+    std::vector<fs::path> paths = {folder_};
+    for (const fs::directory_entry& entry : fs::recursive_directory_iterator(folder_)) paths.push_back(entry.path());
+    for (; !paths.empty(); paths.pop_back()) fs::remove(paths.back());
+  }
+  std::string path(const std::string& name) const { return (folder_ / name).string(); }
+
+  /// A checkpoint of a freshly made learner.
+  void save(const SmallRun& small, const std::string& name, int64_t updates = 0) const {
+    const LoadedRun run = small.load();
+    Checkpoint c;
+    c.scenario_name = "small";
+    c.config_yaml = print_yaml(run.config, true);
+    c.scenario_yaml = print_scenario(run.scenario);
+    c.updates = updates;
+    c.arrays = saved(*small.learner());
+    fs::create_directories(fs::path(path(name)).parent_path());
+    write_checkpoint(path(name), c);
+  }
+
+  fs::path folder_;
+};
+
+std::string refusal(const std::function<void()>& f) {
+  try {
+    f();
+  } catch (const InputError& e) {
+    return e.what();
+  }
+  ADD_FAILURE() << "nothing was refused";
+  return "";
+}
+testing::AssertionResult has(const std::string& text, const std::vector<std::string>& parts) {
+  for (const std::string& part : parts)
+    if (text.find(part) == std::string::npos) return testing::AssertionFailure() << "no '" << part << "' in: " << text;
+  return testing::AssertionSuccess();
+}
+
+bool equal(const MatchResult& a, const MatchResult& b) {
+  return a.wins[0] == b.wins[0] && a.wins[1] == b.wins[1] && a.ties == b.ties && a.mean_length == b.mean_length &&
+         a.mean_return[0] == b.mean_return[0] && a.mean_return[1] == b.mean_return[1];
+}
+
+TEST_F(LearnContestant, ScriptsByName) {
+  const SimSpec spec = SmallRun{}.load().spec;
+  for (const std::string& name : FieldCodec<Scripted>::names()) {
+    Contestant c = Contestant::load(name, {});
+    EXPECT_EQ(c.name(), name);
+    EXPECT_TRUE(c.is_script() && c.can_play(0) && c.can_play(1));
+    EXPECT_EQ(c.origin(), nullptr);
+    EXPECT_EQ(name_of(c.player(1, spec).script), name);
+  }
+}
+
+TEST_F(LearnContestant, UnknownNamesAndFiles) {
+  EXPECT_EQ(refusal([] { Contestant::load("cirle", {}); }),
+            "'cirle' is neither a scripted team nor a file or folder; nearest: 'circle'; scripted teams: random, noop, "
+            "circle, reverse_circle, circle_random, pursuer, evader, waypoint_runner, hider, patroller");
+  EXPECT_EQ(refusal([] { Contestant::load("runs/x", {}); }), "there is no checkpoint or run folder runs/x");
+  write_file(path("text.h5"), "no checkpoint");
+  EXPECT_TRUE(has(refusal([&] { Contestant::load(path("text.h5"), {}); }), {"text.h5"}));
+  write_file(path("policy.safetensors"), "x");
+  EXPECT_TRUE(has(refusal([&] { Contestant::load(path("policy.safetensors"), {}); }), {"is an exported policy"}));
+}
+
+TEST_F(LearnContestant, ACheckpointPlaysAsTheActorsThatItHolds) {
+  const SmallRun small;
+  save(small, "run/checkpoints/update_00000003.h5", 3);
+  Contestant c = Contestant::load(path("run"), {});
+  ASSERT_NE(c.origin(), nullptr);
+  EXPECT_EQ(c.origin()->updates, 3);
+  EXPECT_EQ(c.origin()->scenario_name, "small");
+  const SimSpec spec = small.load().spec;
+  const auto learner = small.learner();
+  const MatchOptions options{33, 1, {}, 2};
+  const MatchResult expected = play_match(spec, {learner->actor(0)}, {learner->actor(1)}, options);
+  EXPECT_TRUE(equal(expected, play_match(spec, c.player(0, spec), c.player(1, spec), options)));
+  Contestant greedy = Contestant::load(path("run"), {{}, false, true});
+  EXPECT_FALSE(equal(expected, play_match(spec, greedy.player(0, spec), greedy.player(1, spec), options)));
+}
+
+TEST_F(LearnContestant, ARunFolderIsItsBestCheckpoint) {
+  save(SmallRun{}, "run/checkpoints/update_00000007.h5", 7);
+  save(SmallRun{}, "run/checkpoints/best.h5", 5);
+  EXPECT_EQ(Contestant::load(path("run"), {}).origin()->updates, 5);
+  EXPECT_TRUE(Contestant::load(path("run"), {}).origin()->warnings.empty());
+  write_file(path("run/checkpoints/best.h5"), read_file(path("run/checkpoints/best.h5")).substr(0, 2000));
+  const Contestant fallen = Contestant::load(path("run"), {});
+  EXPECT_EQ(fallen.origin()->updates, 7);
+  ASSERT_EQ(fallen.origin()->warnings.size(), 1u);
+  EXPECT_TRUE(has(fallen.origin()->warnings[0], {"best.h5", "is truncated", "update_00000007.h5 is taken"}));
+}
+
+TEST_F(LearnContestant, ATeamThatWasScriptedHasNoPolicy) {
+  SmallRun small;
+  small.train = "opponent: pursuer, learning_team: 1";
+  save(small, "one.h5");
+  Contestant c = Contestant::load(path("one.h5"), {});
+  EXPECT_FALSE(c.can_play(0));
+  EXPECT_TRUE(c.can_play(1));
+  const SimSpec spec = small.load().spec;
+  EXPECT_TRUE(has(refusal([&] { c.player(0, spec); }), {"one.h5", "no policy for team 0"}));
+}
+
+TEST_F(LearnContestant, TheScenarioMustShowWhatThePolicyReads) {
+  save(SmallRun{}, "policy.h5");
+  Contestant c = Contestant::load(path("policy.h5"), {});
+  SmallRun other;
+  other.scenario = "team_1: [{type: default, count: 3}]\n";
+  SimSpec spec = other.load().spec;
+  spec.name = "larger";
+  // 2 + 2 agents of 9 numbers, and 2 + 3.
+  EXPECT_TRUE(has(refusal([&] { c.player(0, spec); }),
+                  {"policy.h5", "'small'", "36 numbers", "4 agents", "'larger'", "45 numbers", "5 agents"}));
+  other.scenario = "action: continuous\n";
+  spec = other.load().spec;
+  EXPECT_TRUE(has(refusal([&] { c.player(0, spec); }), {"policy.h5", "discrete actions", "continuous"}));
+}
+
+/// Saves a module whose forward has the given body; `obs` is its argument.
+void save_module(const std::string& file, const std::string& body, const at::Tensor& log_std = {}) {
+  torch::jit::Module module("policy");
+  if (log_std.defined()) module.register_parameter("log_std", log_std, false);
+  module.define("def forward(self, obs):\n  " + body + "\n");
+  module.save(file);
+}
+
+TEST_F(LearnContestant, ATorchScriptModuleNeedsTrust) {
+  save_module(path("noop.pt"), "return obs[:, :27]");
+  EXPECT_TRUE(has(refusal([&] { Contestant::load(path("noop.pt"), {}); }), {"noop.pt", "any code", "--trust"}));
+  EXPECT_TRUE(Contestant::load(path("noop.pt"), {{}, true, false}).can_play(1));
+  write_file(path("broken.pt"), std::string("PK\x03\x04", 4) + "nothing more");
+  EXPECT_TRUE(has(refusal([&] {
+                    Contestant::load(path("broken.pt"), {{}, true, false});
+                  }),
+                  {"broken.pt", "TorchScript"}));
+}
+
+TEST_F(LearnContestant, ATorchScriptModulePlaysAsTheScriptThatItImitates) {
+  // Logit 16 (turn left, action 9 + 3 x 2 + 1) is 50, the others 0: circle. In continuous actions the mean 20 of the
+  // heading is a turn of tanh(20) = 1.
+  save_module(path("circle.pt"),
+              "out = torch.zeros([obs.size(0), 27], device=obs.device)\n  out[:, 16] = 50.0\n  return out");
+  save_module(path("means.pt"),
+              "out = torch.zeros([obs.size(0), 3], device=obs.device)\n  out[:, 0] = 20.0\n  return out");
+  for (const bool continuous : {false, true}) {
+    SmallRun small;
+    if (continuous) small.scenario = "action: continuous\n";
+    const SimSpec spec = small.load().spec;
+    Contestant module = Contestant::load(path(continuous ? "means.pt" : "circle.pt"), {{}, true, false});
+    const Player random{nullptr, Scripted::random};
+    const MatchOptions options{65, 3, {}, 2};
+    for (const int side : {0, 1}) {
+      const auto play = [&](const Player& player) {
+        return side == 0 ? play_match(spec, player, random, options) : play_match(spec, random, player, options);
+      };
+      EXPECT_TRUE(equal(play(module.player(side, spec)), play({nullptr, Scripted::circle}))) << "side " << side;
+    }
+  }
+}
+
+TEST_F(LearnContestant, ATorchScriptModuleScattersByItsLogStd) {
+  SmallRun small;
+  small.scenario = "action: continuous\n";
+  const SimSpec spec = small.load().spec;
+  save_module(path("still.pt"), "return obs[:, :3] * 0.0");
+  save_module(path("wild.pt"), "return obs[:, :3] * 0.0", at::ones({3}));
+  const Player random{nullptr, Scripted::random};
+  const MatchOptions options{65, 3, {}, 2};
+  Contestant still = Contestant::load(path("still.pt"), {{}, true, false});
+  Contestant wild = Contestant::load(path("wild.pt"), {{}, true, false});
+  const MatchResult noop = play_match(spec, {nullptr, Scripted::noop}, random, options);
+  EXPECT_TRUE(equal(noop, play_match(spec, still.player(0, spec), random, options)));
+  EXPECT_FALSE(equal(noop, play_match(spec, wild.player(0, spec), random, options)));
+  save_module(path("odd.pt"), "return obs[:, :3]", at::ones({2}));
+  EXPECT_TRUE(has(refusal([&] { Contestant::load(path("odd.pt"), {{}, true, false}); }), {"odd.pt", "log_std"}));
+}
+
+TEST_F(LearnContestant, ATorchScriptModuleOfOtherSizesIsRefused) {
+  const SimSpec spec = SmallRun{}.load().spec;  // 36 numbers
+  const ContestantOptions trusting{{}, true, false};
+  save_module(path("narrow.pt"), "return obs[:, :26]");
+  Contestant narrow = Contestant::load(path("narrow.pt"), trusting);
+  EXPECT_TRUE(has(refusal([&] { narrow.player(0, spec); }), {"narrow.pt", "36 numbers in, 27 logits out", "[2, 26]"}));
+  save_module(path("other.pt"), "return torch.matmul(obs, torch.zeros([40, 27]))");
+  Contestant other = Contestant::load(path("other.pt"), trusting);
+  EXPECT_TRUE(has(refusal([&] { other.player(0, spec); }), {"other.pt", "36 numbers in"}));
+}
+
+TEST_F(LearnContestant, RoundRobinPlaysEveryOrderedPair) {
+  const SimSpec spec = SmallRun{}.load().spec;
+  SmallRun one;
+  one.train = "opponent: circle";
+  save(one, "one.h5");  // a policy for team 0 only
+  const auto table_of = [&](const std::vector<std::string>& names, uint64_t seed) {
+    std::vector<Contestant> contestants;
+    for (const std::string& name : names) contestants.push_back(Contestant::load(name, {}));
+    return play_table(contestants, spec, {40, seed, {}, 2});
+  };
+  const std::vector<std::string> names = {"random", path("one.h5"), "pursuer"};
+  const GameTable table = table_of(names, 1);
+  EXPECT_EQ(table.players, names);
+  ASSERT_EQ(table.games.size(), 9u);
+  for (size_t i = 0; i < 3; ++i)
+    for (size_t j = 0; j < 3; ++j) {
+      const Games& g = table.games[3 * i + j];
+      EXPECT_EQ(g.wins + g.losses + g.ties, j == 1 ? 0 : 40) << i << " against " << j;
+    }
+  EXPECT_GT(table.games[3 * 2 + 0].wins, 20) << "pursuer on side 0 against random";
+  EXPECT_GT(table.games[3 * 0 + 2].losses, 20) << "random on side 0 against pursuer";
+
+  // Another order, and without the third: the same games.
+  const GameTable other = table_of({"pursuer", "random"}, 1);
+  const auto same = [](const Games& a, const Games& b) {
+    return a.wins == b.wins && a.losses == b.losses && a.ties == b.ties;
+  };
+  EXPECT_TRUE(same(other.games[1], table.games[6]));
+  EXPECT_TRUE(same(other.games[2], table.games[2]));
+  EXPECT_TRUE(same(other.games[0], table.games[8]));
+  EXPECT_FALSE(same(table_of({"random"}, 2).games[0], table.games[0])) << "another seed";
+  EXPECT_EQ(refusal([&] { table_of({"random", "random"}, 1); }), "'random' takes part twice");
+}
+
+}  // namespace
+}  // namespace giga::test
