@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "core/memory.hpp"
+#include "math/wilson.hpp"
 #include "rollout/player.hpp"
 #include "sim/simulator.hpp"
 
@@ -33,12 +34,6 @@ struct MatchResult {
 /// Deterministic by seed. Scenarios without a time limit are cut off after kMatchStepLimit steps (a tie).
 constexpr int kMatchStepLimit = 10'000;
 MatchResult play_match(const SimSpec& spec, const Player& side0, const Player& side1, const MatchOptions& options);
-
-/// Wilson's 95 % interval of a share: k successes of n (Wilson 1927).
-struct Interval {
-  double lo, hi;
-};
-Interval wilson95(int k, int n);
 
 /// Parses the name of a scripted policy; throws InputError with the allowed names.
 Scripted parse_scripted(const std::string& name);
