@@ -15,7 +15,7 @@ namespace {
 constexpr const char *kInk = "#1c2430", *kQuiet = "#5d6878", *kEmpty = "#eef0f3";
 constexpr double kMargin = 20, kHeadingHeight = 70, kAxisLabel = 22, kLabelGap = 8;
 constexpr double kTitleSize = 17, kTextSize = 13;
-constexpr double kScaleGap = 26, kScaleWidth = 14, kScaleText = 44;
+constexpr double kBlockGap = 6, kScaleGap = 34, kScaleWidth = 14, kScaleText = 44;
 constexpr double kNarrowestHeading = 480;  // room for title and subtitle over a small matrix
 
 struct Colour {
@@ -53,13 +53,19 @@ struct Layout {
     if (!upright) column_names = label;
     left = kMargin + kAxisLabel + row_names + kLabelGap;
     top = kHeadingHeight + kAxisLabel + column_names + kLabelGap;
-    right = left + cell * static_cast<double>(map.columns.size());
-    bottom = top + cell * static_cast<double>(map.rows.size());
+    for (size_t k = 0; k <= n; ++k) {
+      const auto gaps = std::count_if(map.blocks.begin(), map.blocks.end(), [k](size_t b) { return b <= k; });
+      offset.push_back(cell * static_cast<double>(k) + kBlockGap * static_cast<double>(gaps));
+    }
+    right = left + offset[map.columns.size()];
+    bottom = top + offset[map.rows.size()];
     width = std::max(right + kScaleGap + kScaleWidth + kScaleText + kMargin,
                      std::max({kNarrowestHeading, text_width(map.subtitle, kTextSize) + 2 * kMargin,
                                text_width(map.title, kTitleSize) + 2 * kMargin}));
     height = bottom + kMargin + 8;
   }
+  /// Upper edges of rows, relative to `top`; also left ones of columns.
+  std::vector<double> offset;
   double cell, text, label, row_names = 0, column_names = 0;
   bool upright;  // names of columns run upwards
   double left, top, right, bottom, width, height;
@@ -68,12 +74,12 @@ struct Layout {
 void draw_names(Svg& svg, const HeatMap& map, const Layout& at) {
   for (size_t i = 0; i < map.rows.size(); ++i)
     svg.text(map.rows[i], {{"x", at.left - kLabelGap},
-                           {"y", at.top + (static_cast<double>(i) + 0.5) * at.cell + at.label * 0.36},
+                           {"y", at.top + at.offset[i] + at.cell / 2 + at.label * 0.36},
                            {"text-anchor", "end"},
                            {"font-size", at.label},
                            {"fill", kInk}});
   for (size_t j = 0; j < map.columns.size(); ++j) {
-    const double x = at.left + (static_cast<double>(j) + 0.5) * at.cell + (at.upright ? at.label * 0.36 : 0);
+    const double x = at.left + at.offset[j] + at.cell / 2 + (at.upright ? at.label * 0.36 : 0);
     const std::string place = cat("translate(", svg_number(x), " ", svg_number(at.top - kLabelGap), ")");
     svg.text(map.columns[j], {{"transform", at.upright ? place + " rotate(-90)" : place},
                               {"text-anchor", at.upright ? "start" : "middle"},
@@ -97,7 +103,7 @@ void draw_cells(Svg& svg, const HeatMap& map, const Layout& at) {
   for (size_t i = 0; i < map.rows.size(); ++i) {
     for (size_t j = 0; j < n_columns; ++j) {
       const double value = map.values[i * n_columns + j];
-      const double x = at.left + static_cast<double>(j) * at.cell, y = at.top + static_cast<double>(i) * at.cell;
+      const double x = at.left + at.offset[j], y = at.top + at.offset[i];
       svg.hint(map.hints[i * n_columns + j]);
       svg.add("rect", {{"x", x + 0.5},
                        {"y", y + 0.5},

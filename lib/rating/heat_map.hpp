@@ -1,6 +1,7 @@
 // Heat map: a matrix of shares with their numbers, as SVG.
 #pragma once
 
+#include <cstddef>
 #include <string>
 #include <vector>
 
@@ -11,6 +12,7 @@ struct HeatMap {
   std::string row_label, column_label;  ///< of the axes
   std::string scale_label;              ///< of the scale of colours
   std::vector<std::string> rows, columns;
+  std::vector<size_t> blocks;      ///< rows and columns before which a gap is left
   std::vector<double> values;      ///< [rows, columns] 0 to 1; NaN = no value
   std::vector<std::string> hints;  ///< [rows, columns] shown while the pointer rests on a cell
 };

@@ -313,7 +313,7 @@ void Painter::draw_point(Svg& svg, const ChartLine& line, const ChartPoint& p, c
                    {"stroke-width", 1.3}});
   if (p.ringed)
     svg.add("circle",
-            {{"cx", x}, {"cy", y}, {"r", kRingRadius}, {"fill", "#ffffff"}, {"stroke", kInk}, {"stroke-width", 1.6}});
+            {{"cx", x}, {"cy", y}, {"r", kRingRadius}, {"fill", "none"}, {"stroke", kInk}, {"stroke-width", 1.6}});
   svg.hint(p.hint);
   svg.add("circle", {{"cx", x}, {"cy", y}, {"r", kPointRadius}, {"fill", colour}});
 }
@@ -331,7 +331,7 @@ std::vector<double> axis_ticks(double low, double high, int count) {
   const double rough = (high - low) / count, power = std::pow(10, std::floor(std::log10(rough)));
   double step = 10 * power;
   for (const double factor : {5.0, 2.0, 1.0})
-    if (factor * power >= rough * 0.999) step = factor * power;
+    if (factor * power >= rough * 0.8) step = factor * power;
   std::vector<double> ticks;
   const double first = std::floor(low / step + 1e-9), last = std::ceil(high / step - 1e-9);
   for (double k = first; k <= last; ++k) ticks.push_back(k * step + 0.0);  // no -0

@@ -16,27 +16,6 @@ namespace {
 constexpr int kNSides = 2;
 constexpr const char* kBeyond = "beyond any number: never lost (up) or never won (down) against who is rated";
 
-/// The checkpoints of a run, oldest first.
-struct RunLine {
-  std::string run;
-  std::vector<size_t> players;
-};
-
-std::vector<RunLine> run_lines(const RatingSheet& sheet) {
-  std::vector<RunLine> lines;
-  for (size_t k = 0; k < sheet.infos.size(); ++k) {
-    const PlayerInfo& info = sheet.infos[k];
-    if (info.scripted) continue;
-    auto line = std::find_if(lines.begin(), lines.end(), [&](const RunLine& l) { return l.run == info.run; });
-    if (line == lines.end()) line = lines.insert(lines.end(), {info.run, {}});
-    line->players.push_back(k);
-  }
-  for (RunLine& line : lines)
-    std::stable_sort(line.players.begin(), line.players.end(),
-                     [&](size_t a, size_t b) { return sheet.infos[a].agent_steps < sheet.infos[b].agent_steps; });
-  return lines;
-}
-
 ChartPoint point_of(const RatingSheet& sheet, size_t player) {
   ChartPoint point;
   point.x = sheet.infos[player].agent_steps;
@@ -99,9 +78,9 @@ class RatingChart {
   ChartPanel panel(int side) const {
     ChartPanel panel;
     if (side >= 0) panel.title = cat("Team ", side);
-    const std::vector<RunLine> runs = run_lines(sheet_);
+    const std::vector<RatedRun> runs = runs_of(sheet_);
     for (size_t k = 0; k < runs.size(); ++k) {
-      ChartLine line{runs[k].run, runs.size() == 1 ? std::max(side, 0) : static_cast<int>(k), false, {}};
+      ChartLine line{runs[k].short_name, runs.size() == 1 ? std::max(side, 0) : static_cast<int>(k), false, {}};
       if (runs.size() == 1 && side >= 0) line.label = panel.title;
       for (const size_t player : runs[k].players) {
         const Rating* rating = find(player, side);
@@ -130,7 +109,7 @@ class RatingChart {
 };
 
 /// A run's team against a script.
-ChartLine win_rate_line(const RatingSheet& sheet, const RunLine& run, int side, size_t script) {
+ChartLine win_rate_line(const RatingSheet& sheet, const RatedRun& run, int side, size_t script) {
   ChartLine line;
   const size_t n = sheet.table.players.size();
   for (const size_t player : run.players) {
@@ -161,7 +140,7 @@ std::string win_rate_picture(const RatingSheet& sheet) {
   chart.ring_label = "best checkpoint";
   chart.y_range = {{0, 1}};
   chart.y_percent = true;
-  const std::vector<RunLine> runs = run_lines(sheet);
+  const std::vector<RatedRun> runs = runs_of(sheet);
   for (size_t script = 0; script < sheet.infos.size(); ++script) {
     if (!sheet.infos[script].scripted) continue;
     ChartPanel panel;
@@ -170,7 +149,7 @@ std::string win_rate_picture(const RatingSheet& sheet) {
       for (int side = 0; side < kNSides; ++side) {
         ChartLine line = win_rate_line(sheet, runs[k], side, script);
         if (line.points.empty()) continue;
-        line.label = runs.size() == 1 ? cat("team ", side) : cat(runs[k].run, ", team ", side);
+        line.label = runs.size() == 1 ? cat("team ", side) : cat(runs[k].short_name, ", team ", side);
         line.colour = runs.size() == 1 ? side : static_cast<int>(k);
         line.dashed = side == 1;
         panel.lines.push_back(std::move(line));
@@ -191,6 +170,8 @@ std::string matrix_picture(const RatingSheet& sheet) {
   map.column_label = "plays side 1";
   map.scale_label = "points of side 0";
   map.rows = map.columns = short_names(sheet);
+  for (size_t k = 1; k < n; ++k)
+    if (sheet.infos[k].run != sheet.infos[k - 1].run) map.blocks.push_back(k);
   for (size_t i = 0; i < n; ++i)
     for (size_t j = 0; j < n; ++j) {
       const Games& g = table.games[i * n + j];

@@ -69,18 +69,12 @@ size_t common_start(const std::vector<std::string>& names) {
   return word;
 }
 
-std::vector<std::string> runs_of(const RatingSheet& sheet) {
-  std::vector<std::string> runs;
-  for (const PlayerInfo& info : sheet.infos)
-    if (!info.scripted && std::find(runs.begin(), runs.end(), info.run) == runs.end()) runs.push_back(info.run);
-  return runs;
-}
-
 std::string elo_text(double value) {
   if (std::isnan(value)) return "-";
   if (std::isinf(value)) return value > 0 ? "+infinity" : "-infinity";
   char text[32];
-  std::snprintf(text, sizeof text, "%+.0f", value);
+  const long whole = std::lround(value);
+  std::snprintf(text, sizeof text, whole == 0 ? "%ld" : "%+ld", whole);
   return text;
 }
 
@@ -105,18 +99,32 @@ std::vector<const Rating*> by_strength(const Ratings& ratings) {
 
 }  // namespace
 
-std::vector<std::string> short_names(const RatingSheet& sheet) {
-  const std::vector<std::string> runs = runs_of(sheet);
-  const size_t start = common_start(runs);
-  std::vector<std::string> names;
+std::vector<RatedRun> runs_of(const RatingSheet& sheet) {
+  std::vector<RatedRun> runs;
   for (size_t k = 0; k < sheet.infos.size(); ++k) {
     const PlayerInfo& info = sheet.infos[k];
-    if (info.scripted) {
-      names.push_back(sheet.table.players[k]);
-    } else {
-      names.push_back(runs.size() == 1 ? cat("update ", info.updates) : cat(info.run.substr(start), "@", info.updates));
-    }
+    if (info.scripted) continue;
+    auto run = std::find_if(runs.begin(), runs.end(), [&](const RatedRun& r) { return r.name == info.run; });
+    if (run == runs.end()) run = runs.insert(runs.end(), {info.run, info.run, {}});
+    run->players.push_back(k);
   }
+  std::vector<std::string> names;
+  for (const RatedRun& run : runs) names.push_back(run.name);
+  const size_t start = common_start(names);
+  for (RatedRun& run : runs) {
+    run.short_name = run.name.substr(start);
+    std::stable_sort(run.players.begin(), run.players.end(),
+                     [&](size_t a, size_t b) { return sheet.infos[a].agent_steps < sheet.infos[b].agent_steps; });
+  }
+  return runs;
+}
+
+std::vector<std::string> short_names(const RatingSheet& sheet) {
+  std::vector<std::string> names = sheet.table.players;
+  const std::vector<RatedRun> runs = runs_of(sheet);
+  for (const RatedRun& run : runs)
+    for (const size_t k : run.players)
+      names[k] = (runs.size() == 1 ? "update " : run.short_name + "@") + std::to_string(sheet.infos[k].updates);
   return names;
 }
 

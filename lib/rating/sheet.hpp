@@ -28,8 +28,16 @@ struct RatingSheet {
   Ratings ratings;                ///< of the table
 };
 
-/// Names short enough for pictures: of checkpoints "update 300", or with several runs "seed1@300", without what the
-/// names of all runs begin with; of scripts their own. [P]
+/// A run's checkpoints, the first ones first, as indices of players.
+struct RatedRun {
+  std::string name;
+  std::string short_name;  ///< with several runs: without what the names of all of them begin with
+  std::vector<size_t> players;
+};
+std::vector<RatedRun> runs_of(const RatingSheet& sheet);
+
+/// Names short enough for pictures: of checkpoints "update 300", or with several runs "seed1@300"; of scripts their
+/// own. [P]
 std::vector<std::string> short_names(const RatingSheet& sheet);
 
 /// For people: a line per rating, the strongest first, then remarks().
