@@ -56,6 +56,7 @@ Json ratings_json(const RatingSheet& sheet);
 
 /// Names of the files of a folder of results; reports look for the pictures (lib/report).
 struct RatingFiles {
+  static constexpr const char* kFolder = "ratings";  ///< in a run folder
   static constexpr const char* kJson = "ratings.json";
   static constexpr const char* kCsv = "ratings.csv";
   static constexpr const char* kMatrixCsv = "matrix.csv";
