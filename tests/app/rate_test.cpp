@@ -115,6 +115,25 @@ TEST_F(RatedRuns, WithoutScriptsTheFirstCheckpointIsTheAnchor) {
   EXPECT_FALSE(here_->has("files/win_rate.svg"));
 }
 
+TEST_F(RatedRuns, ATeamThatDidNotLearnIsNotRated) {
+  here_->write("one.yaml", kShortConfig);
+  ASSERT_EQ(here_->run({"train", "one.yaml", "--quiet", "--run-dir", "one", "--set", "train.opponent=circle"}).code, 0);
+  const Outcome outcome = rate(
+      {"one", "--scripted", "random", "--sides", "apart", "--checkpoints", "1", "--json", "-", "--episodes", "32"});
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  const Document json = parse_yaml_text(outcome.out, "json");
+  int ratings = 0;
+  for (const Node& rating : at(json, {"ratings"}).items) {
+    if (rating.find("player")->text == "random") continue;
+    EXPECT_EQ(rating.find("side")->text, "0");
+    ++ratings;
+  }
+  EXPECT_GE(ratings, 1);
+  const Outcome nobody = rate({"one", "--scripted", "none"});
+  EXPECT_EQ(nobody.code, 2);
+  EXPECT_TRUE(contains(nobody.err, {"no player plays both sides", "--scripted random"}));
+}
+
 TEST_F(RatedRuns, PlayInAnotherScenarioThatFits) {
   const Outcome outcome = rate({"run-seed1", "--scenario", "identical_1_vs_1_pobs_vec_void_disc", "--scripted",
                                 "random", "--checkpoints", "1", "--episodes", "4", "--out", "maps"});
