@@ -35,7 +35,7 @@ PlayerGroups find_groups(int n, const std::vector<PairScore>& scores) {
   for (size_t i = 0; i < size; ++i) {
     if (groups.group_of[i] >= 0) continue;
     for (size_t j = i; j < size; ++j)
-      if (reach[i * size + j] && reach[j * size + i]) groups.group_of[j] = groups.count;
+      if (reach[i * size + j] && reach[j * size + i]) groups.group_of[j] = static_cast<int>(groups.count);
     first.push_back(i);
     ++groups.count;
   }

@@ -12,13 +12,14 @@ namespace giga {
 /// the differences of strength are finite, between two groups they are infinite or unknown.
 struct PlayerGroups {
   std::vector<int> group_of;           ///< [n] numbered from 0 in the order of the players
-  int count = 0;                       ///< G
+  size_t count = 0;                    ///< G
   std::vector<unsigned char> reaches;  ///< [G, G] whether a chain of "took points from" leads from row to column
 
-  bool above(int a, int b) const { return reached(a, b) && !reached(b, a); }
-
- private:
-  bool reached(int a, int b) const { return reaches[static_cast<size_t>(a * count + b)]; }
+  /// Whether group a is infinitely far above group b.
+  bool above(int a, int b) const {
+    const size_t i = static_cast<size_t>(a), j = static_cast<size_t>(b);
+    return reaches[i * count + j] && !reaches[j * count + i];
+  }
 };
 
 PlayerGroups find_groups(int n, const std::vector<PairScore>& scores);

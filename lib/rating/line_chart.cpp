@@ -173,8 +173,9 @@ void Painter::fill_legend() {
 }
 
 Box Painter::box_of(int panel) const {
-  return {kMargin + kYLabelWidth + panel % columns_ * cell_width_ + kAxisWidth,
-          panels_top_ + panel / columns_ * cell_height_ + title_height_, panel_width_, panel_height_};
+  const int row = panel / columns_, column = panel % columns_;
+  return {kMargin + kYLabelWidth + column * cell_width_ + kAxisWidth, panels_top_ + row * cell_height_ + title_height_,
+          panel_width_, panel_height_};
 }
 
 std::string Painter::draw() const {

@@ -31,6 +31,11 @@ void check_table(const GameTable& table) {
       throw InputError(cat("two players are called '", table.players[k], "'"));
 }
 
+/// Index into a matrix that is stored row by row.
+size_t flat(int row, int column, int columns) {
+  return static_cast<size_t>(row) * static_cast<size_t>(columns) + static_cast<size_t>(column);
+}
+
 /// A group's own fit and where its members are in it.
 struct GroupFit {
   std::vector<int> members;  // indices into the list
@@ -63,7 +68,7 @@ class Rater {
  private:
   bool apart() const { return options_.sides == Sides::apart; }
   int n_players() const { return static_cast<int>(table_.players.size()); }
-  const Games& games(int i, int j) const { return table_.games[static_cast<size_t>(i * n_players() + j)]; }
+  const Games& games(int i, int j) const { return table_.games[flat(i, j, n_players())]; }
   Rating& at(int index) { return result_.list[static_cast<size_t>(index)]; }
   const Rating& at(int index) const { return result_.list[static_cast<size_t>(index)]; }
 
@@ -74,10 +79,10 @@ class Rater {
       for (int j = 0; j < n_players(); ++j)
         if (n_games(games(i, j)) > 0 && (apart() || i != j)) f(index_of(i, 0), index_of(j, 1), games(i, j));
   }
-  int index_of(int player, int side) const { return index_[static_cast<size_t>(player * kNSides + side)]; }
+  int index_of(int player, int side) const { return index_[flat(player, side, kNSides)]; }
 
   void list_those_who_played() {
-    index_.assign(static_cast<size_t>(n_players() * kNSides), -1);
+    index_.assign(table_.players.size() * kNSides, -1);
     for (int player = 0; player < n_players(); ++player) {
       bool played[kNSides] = {false, false};
       for (int other = 0; other < n_players(); ++other) {
@@ -93,7 +98,7 @@ class Rater {
           result_.list.back().player = player;
           result_.list.back().side = apart() ? side : -1;
         }
-        index_[static_cast<size_t>(player * kNSides + side)] = static_cast<int>(result_.list.size()) - 1;
+        index_[flat(player, side, kNSides)] = static_cast<int>(result_.list.size()) - 1;
       }
     }
   }
@@ -124,7 +129,7 @@ class Rater {
       scores_.push_back({a, b, g.wins + g.ties / 2.0, g.losses + g.ties / 2.0});
     });
     groups_ = find_groups(static_cast<int>(result_.list.size()), scores_);
-    result_.n_groups = groups_.count;
+    result_.n_groups = static_cast<int>(groups_.count);
     const int of_anchor = found_group(anchor_[0]);
     for (size_t k = 0; k < result_.list.size(); ++k) {
       const int g = groups_.group_of[k];
@@ -134,7 +139,7 @@ class Rater {
   int found_group(int index) const { return groups_.group_of[static_cast<size_t>(index)]; }
 
   void fit_groups() {
-    fits_.resize(static_cast<size_t>(groups_.count));
+    fits_.resize(groups_.count);
     place_in_group_.resize(result_.list.size());
     for (size_t k = 0; k < result_.list.size(); ++k) {
       std::vector<int>& members = fits_[static_cast<size_t>(result_.list[k].group)].members;

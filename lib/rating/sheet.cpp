@@ -56,6 +56,18 @@ Json rating_json(const Ratings& ratings, const Rating& r) {
   return json.set("score", share_of_points(r.games)).set("paper_elo", r.paper_elo);
 }
 
+/// Rows side 0, columns side 1.
+Json matrix_json(const GameTable& table, int Games::*count) {
+  const size_t n = table.players.size();
+  Json rows = Json::array();
+  for (size_t i = 0; i < n; ++i) {
+    Json row = Json::array();
+    for (size_t j = 0; j < n; ++j) row.push(table.games[i * n + j].*count);
+    rows.push(std::move(row));
+  }
+  return rows;
+}
+
 /// What all names begin with, up to a mark that ends a word; never all of a name.
 size_t common_start(const std::vector<std::string>& names) {
   if (names.size() < 2) return 0;
@@ -216,18 +228,11 @@ std::string matrix_csv(const RatingSheet& sheet) {
 
 Json ratings_json(const RatingSheet& sheet) {
   const Ratings& ratings = sheet.ratings;
-  Json players = Json::array(), list = Json::array(), games = Json::array();
-  const size_t n = sheet.table.players.size();
-  for (size_t i = 0; i < n; ++i) players.push(player_json(sheet.table.players[i], sheet.infos[i]));
+  Json players = Json::array(), list = Json::array(), games = Json::object();
+  for (size_t i = 0; i < sheet.infos.size(); ++i) players.push(player_json(sheet.table.players[i], sheet.infos[i]));
   for (const Rating& r : ratings.list) list.push(rating_json(ratings, r));
-  for (size_t i = 0; i < n; ++i)
-    for (size_t j = 0; j < n; ++j) {
-      const Games& g = sheet.table.games[i * n + j];
-      if (n_games(g) == 0) continue;
-      Json pair = Json::object();
-      pair.set("side_0", sheet.table.players[i]).set("side_1", sheet.table.players[j]);
-      games.push(std::move(pair.set("wins", g.wins).set("losses", g.losses).set("ties", g.ties)));
-    }
+  games.set("wins", matrix_json(sheet.table, &Games::wins)).set("losses", matrix_json(sheet.table, &Games::losses));
+  games.set("ties", matrix_json(sheet.table, &Games::ties));
   Json json = Json::object();
   json.set("scenario", sheet.scenario).set("anchor", ratings.anchor);
   json.set("sides", ratings.sides == Sides::alike ? "alike" : "apart");

@@ -51,7 +51,8 @@ std::string ratings_csv(const RatingSheet& sheet);
 /// no games were played.
 std::string matrix_csv(const RatingSheet& sheet);
 
-/// All of it: players, games, ratings (null where infinite or unknown; see `standing`), model, remarks.
+/// All of it: players, games (matrices of counts: rows side 0, columns side 1, from side 0's view), ratings (null where
+/// infinite or unknown; see `standing`), model, remarks.
 Json ratings_json(const RatingSheet& sheet);
 
 /// Names of the files of a folder of results; reports look for the pictures (lib/report).
