@@ -23,5 +23,6 @@ void add_scenarios_command(CLI::App& app, Dispatch& dispatch);
 void add_config_command(CLI::App& app, Dispatch& dispatch);
 void add_bench_command(CLI::App& app, Dispatch& dispatch);
 void add_report_command(CLI::App& app, Dispatch& dispatch);
+void add_rate_command(CLI::App& app, Dispatch& dispatch);
 
 }  // namespace giga

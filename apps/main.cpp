@@ -48,6 +48,7 @@ int run(int argc, char** argv) {
   giga::add_config_command(app, dispatch);
   giga::add_bench_command(app, dispatch);
   giga::add_report_command(app, dispatch);
+  giga::add_rate_command(app, dispatch);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {

@@ -1,4 +1,4 @@
-// GameTable: who won how often against whom, the input of ratings.
+// GameTable: who won how often against whom, by side.
 #pragma once
 
 #include <string>
@@ -6,15 +6,16 @@
 
 namespace giga {
 
-/// Results of a number of games, seen from side 0.
+/// Finished games between two players, from the first one's view.
 struct Games {
   int wins = 0, losses = 0, ties = 0;
 };
 
-/// A round robin of P players.
+/// The outcome of a round robin. A player is whatever can play a side, or both: a script, or a checkpoint with its
+/// policy of team 0 on side 0 and that of team 1 on side 1. Pairs that did not play have no games.
 struct GameTable {
-  std::vector<std::string> players;
-  std::vector<Games> games;  ///< [P, P] row i = player i on side 0, column j = player j on side 1
+  std::vector<std::string> players;  ///< [P] names, all different
+  std::vector<Games> games;          ///< [P, P] row i = player i on side 0, column j = player j on side 1
 };
 
 }  // namespace giga

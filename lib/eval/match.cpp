@@ -81,12 +81,4 @@ MatchResult play_match(const SimSpec& spec, const Player& side0, const Player& s
   return result;
 }
 
-Interval wilson95(int k, int n) {
-  if (n <= 0) return {0, 1};
-  const double z = 1.959963984540054, p = static_cast<double>(k) / n, z2n = z * z / n;
-  const double centre = (p + z2n / 2) / (1 + z2n);
-  const double half = z * std::sqrt(p * (1 - p) / n + z2n / (4.0 * n)) / (1 + z2n);
-  return {std::max(0.0, centre - half), std::min(1.0, centre + half)};
-}
-
 }  // namespace giga

@@ -34,10 +34,4 @@ struct MatchResult {
 /// Deterministic by seed. Scenarios without a time limit are cut off after kEpisodeLimit steps (a tie).
 MatchResult play_match(const SimSpec& spec, const Player& side0, const Player& side1, const MatchOptions& options);
 
-/// Wilson's 95 % interval of a share: k successes of n (Wilson 1927).
-struct Interval {
-  double lo, hi;
-};
-Interval wilson95(int k, int n);
-
 }  // namespace giga

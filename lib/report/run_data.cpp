@@ -9,6 +9,7 @@
 
 #include "core/error.hpp"
 #include "io/files.hpp"
+#include "rating/sheet.hpp"
 
 namespace giga {
 namespace fs = std::filesystem;
@@ -74,6 +75,16 @@ Node read_map(const fs::path& file) {
   return std::move(document.root);
 }
 
+/// Nothing where the run was not rated.
+std::optional<RatingData> read_ratings(const fs::path& folder) {
+  std::error_code code;
+  if (!fs::exists(folder / RatingFiles::kJson, code)) return std::nullopt;
+  RatingData ratings{read_map(folder / RatingFiles::kJson), {}};
+  for (const char* name : {RatingFiles::kRatingPicture, RatingFiles::kWinRatePicture, RatingFiles::kMatrixPicture})
+    if (fs::exists(folder / name, code)) ratings.pictures.push_back(read_file(folder / name));
+  return ratings;
+}
+
 using PrintNode = std::function<std::string(const Node&)>;
 
 void flatten_into(const Node& node, const std::string& path, const PrintNode& print, Settings& settings) {
@@ -123,6 +134,7 @@ RunData read_run(const fs::path& folder) {
   run.info = read_map(folder / "run.json");
   const fs::path metrics = folder / "metrics.csv";
   run.metrics = parse_metrics(read_file(metrics), metrics.string());
+  run.ratings = read_ratings(folder / RatingFiles::kFolder);
   return run;
 }
 

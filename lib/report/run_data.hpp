@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <functional>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -21,12 +22,19 @@ struct MetricsTable {
   const std::vector<double>* find(const std::string& name) const;
 };
 
+/// What `gigastep rate` wrote into a run folder.
+struct RatingData {
+  Node results;                       ///< ratings.json
+  std::vector<std::string> pictures;  ///< SVG: rating, win rate, cross-play, as far as they are there
+};
+
 struct RunData {
   std::string name;  ///< of the folder
   Node config;       ///< config.yaml: all keys
   Node scenario;     ///< scenario.yaml: all keys
   Node info;         ///< run.json
   MetricsTable metrics;
+  std::optional<RatingData> ratings;
 };
 
 /// Reads a run folder. A run that still goes on is fine: a last line that is not complete is left out. Throws

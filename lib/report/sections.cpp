@@ -10,6 +10,7 @@
 #include "core/error.hpp"
 #include "io/number.hpp"
 #include "report/charts.hpp"
+#include "report/ratings.hpp"
 #include "report/tables.hpp"
 
 namespace giga {
@@ -197,6 +198,7 @@ Json report_groups(const std::vector<RunGroup>& groups) {
 Json report_sections(const std::vector<RunGroup>& groups, const std::vector<FieldInfo>& keys) {
   Json sections = Json::array();
   sections.push(figures_section(groups));
+  add_ratings_sections(groups, sections);
   add_chart_sections(groups, sections);
   sections.push(time_section(groups));
   sections.push(config_section(groups, keys));

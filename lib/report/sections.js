@@ -42,6 +42,16 @@ const SECTION_KINDS = {
     }
   },
 
+  // A picture is shown as an image, in which nothing is carried out.
+  pictures(parent, section) {
+    for (const svg of section.pictures) {
+      const image = element(element(parent, "div", "card picture"), "img");
+      image.src = "data:image/svg+xml;charset=utf-8," + encodeURIComponent(svg);
+      image.alt = section.title;
+    }
+    for (const spec of section.tables) drawTable(parent, spec);
+  },
+
   tables(parent, section) {
     for (const spec of section.tables) drawTable(parent, spec);
   },

@@ -73,6 +73,7 @@ async function useReport() {
   seen.other_ground = getComputedStyle(document.body).backgroundColor;
   seen.other_pixels = Math.min(...linePixels(entropy));
   seen.requests = performance.getEntriesByType("resource").map(entry => entry.name);
+  seen.pictures = [...document.querySelectorAll(".picture img")].map(image => image.naturalWidth);
   seen.injected = document.querySelectorAll("#evil").length;
   return seen;
 }

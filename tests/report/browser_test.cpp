@@ -80,6 +80,15 @@ class ReportInBrowser : public ::testing::Test {
     return parse_yaml_text(drawn.substr(begin + start.size(), end - begin - start.size()), "outcome");
   }
 
+  /// Gives a run a picture of 321 pixels, which would change the page if it could.
+  void add_ratings(const std::string& name) {
+    const std::filesystem::path ratings = folder_ / name / "ratings";
+    std::filesystem::create_directory(ratings);
+    std::ofstream(ratings / "ratings.json") << R"({"scenario": "duel", "anchor": "random", "ratings": []})";
+    std::ofstream(ratings / "rating.svg") << "<svg xmlns='http://www.w3.org/2000/svg' width='321' height='9'>"
+                                             "<script>parent.problems.push('a script in a picture')</script></svg>";
+  }
+
   std::string browser_;
   TemporaryFolder folder_;
   std::vector<std::filesystem::path> runs_;
@@ -119,6 +128,7 @@ TEST_F(ReportInBrowser, SeedsOfOneConfig) {
 
 TEST_F(ReportInBrowser, ZoomAxisAndNames) {
   add_run("only", 1, "0.99", 0);
+  add_ratings("only");
   const Document seen = use_report("");
   EXPECT_EQ(texts(seen, "problems"), Texts());
   EXPECT_GE(least(seen, "line_pixels"), kLinePixels);
@@ -135,6 +145,7 @@ TEST_F(ReportInBrowser, ZoomAxisAndNames) {
   EXPECT_EQ(text(seen, "smoothing"), "mean of 7 points");
   EXPECT_GE(number(seen, "pixels_before"), kLinePixels);
   EXPECT_EQ(number(seen, "pixels_hidden"), 0);
+  EXPECT_EQ(texts(seen, "pictures"), Texts{"321"});
 }
 
 TEST_F(ReportInBrowser, DarkAndSeveralConfigs) {

@@ -1,0 +1,162 @@
+// gigastep rate: a round robin of checkpoints and scripts, and everybody's rating.
+#include <CLI/CLI.hpp>
+#include <chrono>
+#include <filesystem>
+#include <iostream>
+
+#include "apps/command_line.hpp"
+#include "apps/commands.hpp"
+#include "apps/contestants.hpp"
+#include "apps/program_info.hpp"
+#include "cuda/runtime.hpp"
+#include "eval/round_robin.hpp"
+#include "rating/sheet.hpp"
+#include "report/report.hpp"
+
+namespace giga {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct RateOptions {
+  std::vector<std::string> runs;
+  std::string scripted = "all", scenario, sides = "auto", out, device = "auto", json;
+  int checkpoints = 0, episodes = 256;
+  uint64_t seed = 0;
+  bool greedy = false;
+};
+
+/// `auto`: apart where the teams are made of different agents.
+Sides sides_of(const RateOptions& o, const Scenario& scenario) {
+  if (o.sides == "auto") return scenario.team_0 == scenario.team_1 ? Sides::alike : Sides::apart;
+  return o.sides == "alike" ? Sides::alike : Sides::apart;
+}
+
+/// random, or without it the first player that has games on both sides.
+std::string choose_anchor(const Contestants& contestants) {
+  for (const Entrant& entrant : contestants.entrants)
+    if (entrant.name == RatingOptions().anchor) return entrant.name;
+  for (const Entrant& entrant : contestants.entrants)
+    if (entrant.plays[0] && entrant.plays[1]) return entrant.name;
+  throw InputError("no player plays both sides, so that none can be at rating 0: add --scripted random");
+}
+
+/// A line at the first pair, then one every few seconds.
+class ProgressLines {
+ public:
+  void operator()(int done, int all, const Entrant& side_0, const Entrant& side_1) {
+    const auto now = std::chrono::steady_clock::now();
+    if (done > 0 && now - last_ < kPause) return;
+    last_ = now;
+    std::cerr << "pair " << done + 1 << " of " << all << ": " << side_0.name << " against " << side_1.name << std::endl;
+  }
+
+ private:
+  static constexpr std::chrono::seconds kPause{5};
+  std::chrono::steady_clock::time_point last_;
+};
+
+/// In the folder of a run that is rated alone; of several runs in the current folder.
+fs::path default_folder(const RateOptions& o) {
+  std::error_code code;
+  const bool one_run = o.runs.size() == 1 && fs::is_directory(o.runs[0], code);
+  return (one_run ? fs::path(o.runs[0]) : fs::path()) / RatingFiles::kFolder;
+}
+
+/// The report of a run whose folder has the ratings shows them.
+void renew_report(const RateOptions& o, const fs::path& folder) {
+  const fs::path run = folder.parent_path(), report = run / "report.html";
+  std::error_code code;
+  if (!o.out.empty() || run.empty() || !fs::exists(report, code) || !report_obstacle().empty()) return;
+  write_report({run}, report, list_fields<RunConfig>());
+}
+
+RatingSheet play_and_rate(const RateOptions& o, const Contestants& contestants, Device device) {
+  RatingSheet sheet;
+  sheet.scenario = contestants.scenario.name;
+  sheet.infos = contestants.infos;
+  RatingOptions rating;
+  rating.anchor = choose_anchor(contestants);
+  rating.sides = sides_of(o, contestants.scenario);
+  const MatchOptions match{o.episodes, o.seed, device, contestants.n_threads};
+  sheet.table = play_round_robin(contestants.spec, contestants.entrants, match, ProgressLines());
+  sheet.ratings = rate(sheet.table, rating);
+  return sheet;
+}
+
+void rate_runs(const RateOptions& o) {
+  const Device device = parse_device(o.device);
+  const Contestants contestants = find_contestants({o.runs, o.scripted, o.scenario, o.checkpoints, o.greedy}, device);
+  const RatingSheet sheet = play_and_rate(o, contestants, device);
+  Json json = ratings_json(sheet);
+  json.set("episodes", o.episodes).set("seed", o.seed).set("greedy", o.greedy).set("versions", version_info());
+  const fs::path folder = o.out.empty() ? default_folder(o) : fs::path(o.out);
+  write_ratings(folder, sheet, json);
+  renew_report(o, folder);
+  if (!o.json.empty()) write_json(json, o.json);
+  if (o.json != "-")
+    std::cout << sheet.scenario << ", " << o.episodes << " episodes of each pair on each side\n"
+              << ratings_table(sheet) << "Written: " << folder.string() << "\n";
+}
+
+void add_options(CLI::App& command, RateOptions& o) {
+  command
+      .add_option("RUN", o.runs, "run folders (all checkpoints that checkpoint.keep left there), or checkpoint files")
+      ->required()
+      ->type_name("");
+  command.add_option("--scripted", o.scripted, "scripts that play too: all, none, or names with commas between them")
+      ->capture_default_str()
+      ->type_name("all|none|NAME,...");
+  command
+      .add_option("--checkpoints", o.checkpoints,
+                  "at most so many of each run, at equal distances, the newest among them, and the best beside them; "
+                  "0 = all")
+      ->check(CLI::Range(0, 1'000'000))
+      ->capture_default_str()
+      ->type_name("N");
+  command.add_option("--episodes", o.episodes, "episodes of each pair on each side")
+      ->check(CLI::Range(1, 10'000'000))
+      ->capture_default_str()
+      ->type_name("N");
+  command.add_option("--scenario", o.scenario, "what is played; default: the scenario of the runs")->type_name("S");
+  command
+      .add_option("--sides", o.sides,
+                  "alike: one rating per player; apart: one for each team; auto: apart where the teams differ")
+      ->check(CLI::IsMember({"auto", "alike", "apart"}))
+      ->capture_default_str()
+      ->type_name("auto|alike|apart");
+  command
+      .add_option("--out", o.out, "folder of the results; default: `ratings` in the run folder, of several runs here")
+      ->type_name("DIR");
+  add_json_option(command, o.json);
+  add_device_option(command, o.device)->capture_default_str();
+  command.add_option("--seed", o.seed, "seed of the episodes: same seed, same result")
+      ->capture_default_str()
+      ->type_name("S");
+  command.add_flag("--greedy", o.greedy, "policies take the most likely action instead of drawing one");
+}
+
+}  // namespace
+
+void add_rate_command(CLI::App& app, Dispatch& dispatch) {
+  CLI::App* command = app.add_subcommand("rate", "let checkpoints and scripts play a round robin, and rate them");
+  auto options = std::make_shared<RateOptions>();
+  add_options(*command, *options);
+  command->footer(
+      "Everybody plays everybody on both sides, a checkpoint with its policy of team 0 on side 0 and that of team 1 "
+      "on\n"
+      "side 1. Ratings are on the Elo scale (400 points = odds of ten to one) by Bradley-Terry maximum likelihood, a "
+      "tie\n"
+      "being half a win, with random at 0 and 95 % intervals; who never lost or never won has none that is finite, and "
+      "is\n"
+      "told apart. The folder gets ratings.csv, ratings.json, matrix.csv, rating.svg, win_rate.svg and matrix.svg; a\n"
+      "run's report shows them. The paper's sequential Elo (K 32, start 1200, pair by pair in the order of the table,\n"
+      "on which it depends) stands beside.\n"
+      "Examples:\n"
+      "  gigastep rate runs/identical_5_vs_5-mappo-seed1-001\n"
+      "  gigastep rate runs/a runs/b --checkpoints 5 --scripted random,circle --episodes 1024 --out a_and_b\n"
+      "  gigastep rate runs/a --sides apart --json -");
+  command->callback([options, &dispatch] { dispatch.run = [options] { rate_runs(*options); }; });
+}
+
+}  // namespace giga

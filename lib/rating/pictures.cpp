@@ -1,0 +1,185 @@
+// What of a sheet goes into which picture.
+#include "rating/pictures.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "core/error.hpp"
+#include "math/wilson.hpp"
+#include "rating/heat_map.hpp"
+#include "rating/line_chart.hpp"
+
+namespace giga {
+namespace {
+
+constexpr int kNSides = 2;
+constexpr const char* kBeyond = "beyond any number: never lost (up) or never won (down) against who is rated";
+
+ChartPoint point_of(const RatingSheet& sheet, size_t player) {
+  ChartPoint point;
+  point.x = sheet.infos[player].agent_steps;
+  point.ringed = sheet.infos[player].best;
+  return point;
+}
+
+/// The group that is shown: the anchor's, unless no checkpoint is in it.
+int shown_group(const RatingSheet& sheet) {
+  std::vector<int> checkpoints(static_cast<size_t>(sheet.ratings.n_groups), 0);
+  for (const Rating& r : sheet.ratings.list)
+    if (!sheet.infos[static_cast<size_t>(r.player)].scripted) ++checkpoints[static_cast<size_t>(r.group)];
+  if (checkpoints[0] > 0) return 0;
+  return static_cast<int>(std::max_element(checkpoints.begin(), checkpoints.end()) - checkpoints.begin());
+}
+
+class RatingChart {
+ public:
+  explicit RatingChart(const RatingSheet& sheet) : sheet_(sheet), shown_(shown_group(sheet)) {}
+
+  std::string draw() const {
+    const Ratings& ratings = sheet_.ratings;
+    LineChart chart;
+    chart.title = "Rating over training: " + sheet_.scenario;
+    chart.subtitle = cat("Elo by maximum likelihood, ", reference(), " = 0; bars: 95 % intervals; grey: scripts");
+    chart.x_label = "agent-steps";
+    chart.y_label = "Elo";
+    chart.ring_label = "best checkpoint";
+    chart.beyond_label = kBeyond;
+    if (ratings.sides == Sides::alike) {
+      chart.panels = {panel(-1)};
+    } else {
+      for (int side = 0; side < kNSides; ++side) chart.panels.push_back(panel(side));
+    }
+    std::erase_if(chart.panels, [](const ChartPanel& p) { return p.lines.empty(); });
+    return chart.panels.empty() ? "" : draw_line_chart(chart);
+  }
+
+ private:
+  /// Who is at 0.
+  std::string reference() const {
+    for (const Rating& r : sheet_.ratings.list)
+      if (r.group == shown_) return sheet_.ratings.name(sheet_.ratings.list[static_cast<size_t>(r.reference)]);
+    return sheet_.ratings.anchor;
+  }
+
+  const Rating* find(size_t player, int side) const {
+    for (const Rating& r : sheet_.ratings.list)
+      if (r.player == static_cast<int>(player) && r.side == side) return &r;
+    return nullptr;
+  }
+
+  /// Where a rating stands on the scale of the shown group; NaN = nowhere.
+  Estimate shown(const Rating& r) const {
+    if (r.group == shown_) return r.in_group;
+    constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+    return {shown_ == 0 ? r.rating.value : kUnknown, kUnknown};
+  }
+
+  ChartPanel panel(int side) const {
+    ChartPanel panel;
+    if (side >= 0) panel.title = cat("Team ", side);
+    const std::vector<RatedRun> runs = runs_of(sheet_);
+    for (size_t k = 0; k < runs.size(); ++k) {
+      ChartLine line{runs[k].short_name, runs.size() == 1 ? std::max(side, 0) : static_cast<int>(k), false, {}};
+      if (runs.size() == 1 && side >= 0) line.label = panel.title;
+      for (const size_t player : runs[k].players) {
+        const Rating* rating = find(player, side);
+        if (!rating || std::isnan(shown(*rating).value)) continue;
+        const Estimate e = shown(*rating);
+        ChartPoint point = point_of(sheet_, player);
+        point.y = e.value;
+        point.low = e.low();
+        point.high = e.high();
+        point.hint =
+            cat(sheet_.ratings.label(*rating),
+                std::isfinite(e.value) ? cat(": ", std::lround(e.value), " +- ", std::lround(e.high() - e.value)) : "");
+        line.points.push_back(point);
+      }
+      if (!line.points.empty()) panel.lines.push_back(std::move(line));
+    }
+    for (const Rating& r : sheet_.ratings.list) {
+      if (r.side != side || r.group != shown_ || !sheet_.infos[static_cast<size_t>(r.player)].scripted) continue;
+      panel.levels.push_back({sheet_.ratings.name(r), r.in_group.value, r.in_group.low(), r.in_group.high()});
+    }
+    return panel;
+  }
+
+  const RatingSheet& sheet_;
+  int shown_;
+};
+
+/// A run's team against a script.
+ChartLine win_rate_line(const RatingSheet& sheet, const RatedRun& run, int side, size_t script) {
+  ChartLine line;
+  const size_t n = sheet.table.players.size();
+  for (const size_t player : run.players) {
+    const Games& g = sheet.table.games[side == 0 ? player * n + script : script * n + player];
+    if (n_games(g) == 0) continue;
+    const int wins = side == 0 ? g.wins : g.losses;
+    const Interval interval = wilson95(wins, n_games(g));
+    ChartPoint point = point_of(sheet, player);
+    point.y = static_cast<double>(wins) / n_games(g);
+    point.low = interval.lo;
+    point.high = interval.hi;
+    point.hint = cat(sheet.table.players[player], ", team ", side, ": won ", wins, " of ", n_games(g));
+    line.points.push_back(point);
+  }
+  return line;
+}
+
+}  // namespace
+
+std::string rating_picture(const RatingSheet& sheet) { return RatingChart(sheet).draw(); }
+
+std::string win_rate_picture(const RatingSheet& sheet) {
+  LineChart chart;
+  chart.title = "Win rate against scripts over training: " + sheet.scenario;
+  chart.subtitle = "share of games won, each team on its own side (a tie is no win); bars: 95 % intervals";
+  chart.x_label = "agent-steps";
+  chart.y_label = "games won";
+  chart.ring_label = "best checkpoint";
+  chart.y_range = {{0, 1}};
+  chart.y_percent = true;
+  const std::vector<RatedRun> runs = runs_of(sheet);
+  for (size_t script = 0; script < sheet.infos.size(); ++script) {
+    if (!sheet.infos[script].scripted) continue;
+    ChartPanel panel;
+    panel.title = "against " + sheet.table.players[script];
+    for (size_t k = 0; k < runs.size(); ++k) {
+      for (int side = 0; side < kNSides; ++side) {
+        ChartLine line = win_rate_line(sheet, runs[k], side, script);
+        if (line.points.empty()) continue;
+        line.label = runs.size() == 1 ? cat("team ", side) : cat(runs[k].short_name, ", team ", side);
+        line.colour = runs.size() == 1 ? side : static_cast<int>(k);
+        line.dashed = side == 1;
+        panel.lines.push_back(std::move(line));
+      }
+    }
+    if (!panel.lines.empty()) chart.panels.push_back(std::move(panel));
+  }
+  return chart.panels.empty() ? "" : draw_line_chart(chart);
+}
+
+std::string matrix_picture(const RatingSheet& sheet) {
+  const GameTable& table = sheet.table;
+  const size_t n = table.players.size();
+  HeatMap map;
+  map.title = "Cross-play: " + sheet.scenario;
+  map.subtitle = "percent of the points that the row takes from the column; a tie is half a point";
+  map.row_label = "plays side 0";
+  map.column_label = "plays side 1";
+  map.scale_label = "points of side 0";
+  map.rows = map.columns = short_names(sheet);
+  for (size_t k = 1; k < n; ++k)
+    if (sheet.infos[k].run != sheet.infos[k - 1].run) map.blocks.push_back(k);
+  for (size_t i = 0; i < n; ++i)
+    for (size_t j = 0; j < n; ++j) {
+      const Games& g = table.games[i * n + j];
+      map.values.push_back(share_of_points(g));
+      map.hints.push_back(cat(table.players[i], " against ", table.players[j], ": ", g.wins, " won, ", g.ties,
+                              " tied, ", g.losses, " lost"));
+    }
+  return n == 0 ? "" : draw_heat_map(map);
+}
+
+}  // namespace giga

@@ -1,0 +1,86 @@
+// Writing of SVG.
+#include "rating/svg.hpp"
+
+#include <cstdio>
+
+#include "core/error.hpp"
+#include "core/utf8.hpp"
+
+namespace giga {
+namespace {
+
+std::string escaped(std::string_view text) {
+  std::string out;
+  for (size_t at = 0; at < text.size();) {
+    const char c = text[at];
+    const size_t length = utf8_length(text, at);
+    if (c == '&') {
+      out += "&amp;";
+    } else if (c == '<') {
+      out += "&lt;";
+    } else if (c == '>') {
+      out += "&gt;";
+    } else if (c == '"') {
+      out += "&quot;";
+    } else if (length == 0 || (length == 1 && static_cast<unsigned char>(c) < 0x20)) {
+      out += "\xEF\xBF\xBD";  // the replacement character
+    } else {
+      out += text.substr(at, length);
+    }
+    at += length ? length : 1;
+  }
+  return out;
+}
+
+}  // namespace
+
+SvgAttribute::SvgAttribute(std::string_view n, double v) : name(n), value(svg_number(v)) {}
+
+std::string svg_number(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.2f", value);
+  std::string number = text;
+  number.erase(number.find_last_not_of('0') + 1);
+  if (number.ends_with('.')) number.pop_back();
+  return number == "-0" ? "0" : number;
+}
+
+double text_width(const std::string& text, double font_size) {
+  double ems = 0;  // of a sans-serif font
+  for (size_t at = 0; at < text.size();) {
+    const char c = text[at];
+    const bool narrow = std::string_view(" .,:;'|!()[]fijlrt-").find(c) != std::string_view::npos;
+    const bool wide = (c >= 'A' && c <= 'Z') || c == 'm' || c == 'w' || c == '@' || c == '%' || c == '_';
+    ems += narrow ? 0.36 : wide ? 0.74 : 0.6;
+    const size_t length = utf8_length(text, at);
+    at += length ? length : 1;
+  }
+  return ems * font_size;
+}
+
+Svg::Svg(double width, double height, const std::string& description) {
+  const std::string w = svg_number(width), h = svg_number(height);
+  out_ =
+      cat("<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"", w, "\" height=\"", h, "\" viewBox=\"0 0 ", w, " ", h,
+          "\" role=\"img\" font-family=\"system-ui, 'Segoe UI', Roboto, 'Noto Sans', 'DejaVu Sans', sans-serif\">\n");
+  out_ += "<desc>" + escaped(description) + "</desc>\n";
+  add("rect", {{"width", width}, {"height", height}, {"fill", "#ffffff"}});
+}
+
+void Svg::open(std::string_view element, std::initializer_list<SvgAttribute> attributes) {
+  out_ += cat("<", element);
+  for (const SvgAttribute& a : attributes) out_ += cat(" ", a.name, "=\"", escaped(a.value), "\"");
+}
+
+void Svg::add(std::string_view element, std::initializer_list<SvgAttribute> attributes) {
+  open(element, attributes);
+  out_ += hint_.empty() ? "/>\n" : cat("><title>", escaped(hint_), "</title></", element, ">\n");
+  hint_.clear();
+}
+
+void Svg::text(const std::string& text, std::initializer_list<SvgAttribute> attributes) {
+  open("text", attributes);
+  out_ += ">" + escaped(text) + "</text>\n";
+}
+
+}  // namespace giga

@@ -1,0 +1,197 @@
+// gigastep rate: two tiny runs rated end to end, the files, the report, and what is said to mistakes.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <filesystem>
+
+#include "program.hpp"
+#include "runs.hpp"
+
+namespace giga::test {
+namespace {
+
+/// Two runs of one config with two seeds, for all tests of this file.
+class RatedRuns : public ::testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    here_ = new Workplace();
+    here_->write("short.yaml", kShortConfig);
+    for (const std::string seed : {"1", "2"})
+      ready_ =
+          here_->run({"train", "short.yaml", "--quiet", "--run-dir", "run-seed" + seed, "--seed", seed}).code == 0 &&
+          ready_;
+  }
+  static void TearDownTestSuite() {
+    delete here_;
+    here_ = nullptr;
+  }
+  void SetUp() override { ASSERT_TRUE(ready_); }
+
+  static Outcome rate(std::vector<std::string> arguments) {
+    arguments.insert(arguments.begin(), "rate");
+    arguments.insert(arguments.end(), {"--device", "cpu"});
+    return here_->run(arguments);
+  }
+
+  static Workplace* here_;
+  static bool ready_;
+};
+Workplace* RatedRuns::here_ = nullptr;
+bool RatedRuns::ready_ = true;
+
+std::vector<std::string> names_of(const Document& json) {
+  std::vector<std::string> names;
+  for (const Node& player : at(json, {"players"}).items) names.push_back(player.find("name")->text);
+  return names;
+}
+using Names = std::vector<std::string>;
+
+TEST_F(RatedRuns, ARunGetsAFolderOfRatingsAndItsReportShowsThem) {
+  const Outcome outcome = rate({"run-seed1", "--episodes", "16"});
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_TRUE(contains(outcome.out, {"player", "paper's Elo", "reverse_circle", "run-seed1@4", "random = 0",
+                                     "Written: run-seed1/ratings"}));
+  EXPECT_TRUE(contains(outcome.err, {"pair 1 of "}));
+  const CsvTable csv = parse_csv(here_->read("run-seed1/ratings/ratings.csv"));
+  EXPECT_EQ(csv.cell(0, "player"), "random");
+  EXPECT_EQ(csv.cell(0, "rating"), "0");
+  bool best = false;
+  for (size_t row = 5; row < csv.rows.size(); ++row) {  // behind the five scripts
+    EXPECT_EQ(csv.cell(row, "run"), "run-seed1");
+    const int updates = std::stoi(csv.cell(row, "updates"));
+    EXPECT_EQ(std::stoi(csv.cell(row, "agent_steps")), 256 * updates);
+    EXPECT_EQ(csv.cell(row, "player"), "run-seed1@" + std::to_string(updates));
+    best = best || csv.cell(row, "best") == "1";
+  }
+  EXPECT_TRUE(best);
+  EXPECT_EQ(csv.cell(csv.rows.size() - 1, "updates"), "4");
+  for (const char* name : {"ratings.json", "matrix.csv", "rating.svg", "win_rate.svg", "matrix.svg"})
+    EXPECT_TRUE(here_->has(std::string("run-seed1/ratings/") + name)) << name;
+  if (!here_->has("run-seed1/report.html")) return;  // this gigastep cannot write reports
+  EXPECT_TRUE(
+      contains(here_->read("run-seed1/report.html"), {"\"kind\": \"pictures\"", "Cross-play: identical_1_vs_1"}));
+}
+
+TEST_F(RatedRuns, TwoRunsInOneTableAsJson) {
+  const Outcome outcome = rate({"run-seed1", "run-seed2/", "--scripted", "random,circle", "--checkpoints", "1",
+                                "--episodes", "20", "--sides", "apart", "--out", "both", "--seed", "7", "--json", "-"});
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  const Document json = parse_yaml_text(outcome.out, "json");
+  const Names names = names_of(json);
+  EXPECT_EQ(Names(names.begin(), names.begin() + 2), (Names{"random", "circle"}));
+  for (const char* newest : {"run-seed1@4", "run-seed2@4"})
+    EXPECT_EQ(std::count(names.begin(), names.end(), newest), 1) << newest;
+  EXPECT_EQ(at(json, {"sides"}).text, "apart");
+  EXPECT_EQ(number_at(json, {"seed"}), 7);
+  EXPECT_EQ(at(json, {"ratings"}).items.size(), 2 * names.size());
+  for (size_t i = 0; i < names.size(); ++i)
+    for (size_t j = 0; j < names.size(); ++j) {
+      double sum = 0;
+      for (const char* count : {"wins", "losses", "ties"})
+        sum += number_at(json, {"games", count, std::to_string(i), std::to_string(j)});
+      EXPECT_EQ(sum, 20) << names[i] << " against " << names[j];
+    }
+  EXPECT_EQ(here_->read("both/ratings.json"), outcome.out);
+}
+
+TEST_F(RatedRuns, AreAFunctionOfTheSeed) {
+  const auto rated = [](const std::string& seed) {
+    return rate({"run-seed1", "--scripted", "random", "--episodes", "12", "--out", "again", "--json", "-", "--seed",
+                 seed})
+        .out;
+  };
+  const std::string first = rated("1");
+  EXPECT_TRUE(contains(first, {"\"ratings\""}));
+  EXPECT_EQ(rated("1"), first);
+  EXPECT_NE(rated("2"), first);
+}
+
+TEST_F(RatedRuns, WithoutScriptsTheFirstCheckpointIsTheAnchor) {
+  const Outcome outcome = rate({"run-seed1/checkpoints/update_00000003.h5", "run-seed2/checkpoints/update_00000004.h5",
+                                "--scripted", "none", "--episodes", "32", "--out", "files", "--json", "-"});
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  const Document json = parse_yaml_text(outcome.out, "json");
+  EXPECT_EQ(names_of(json), (Names{"run-seed1@3", "run-seed2@4"}));
+  EXPECT_EQ(at(json, {"anchor"}).text, "run-seed1@3");
+  EXPECT_FALSE(here_->has("files/win_rate.svg"));
+}
+
+TEST_F(RatedRuns, ATeamThatDidNotLearnIsNotRated) {
+  here_->write("one.yaml", kShortConfig);
+  ASSERT_EQ(here_->run({"train", "one.yaml", "--quiet", "--run-dir", "one", "--set", "train.opponent=circle"}).code, 0);
+  const Outcome outcome = rate(
+      {"one", "--scripted", "random", "--sides", "apart", "--checkpoints", "1", "--json", "-", "--episodes", "32"});
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  const Document json = parse_yaml_text(outcome.out, "json");
+  int ratings = 0;
+  for (const Node& rating : at(json, {"ratings"}).items) {
+    if (rating.find("player")->text == "random") continue;
+    EXPECT_EQ(rating.find("side")->text, "0");
+    ++ratings;
+  }
+  EXPECT_GE(ratings, 1);
+  const Outcome nobody = rate({"one", "--scripted", "none"});
+  EXPECT_EQ(nobody.code, 2);
+  EXPECT_TRUE(contains(nobody.err, {"no player plays both sides", "--scripted random"}));
+}
+
+TEST_F(RatedRuns, PlayInAnotherScenarioThatFits) {
+  const Outcome outcome = rate({"run-seed1", "--scenario", "identical_1_vs_1_pobs_vec_void_disc", "--scripted",
+                                "random", "--checkpoints", "1", "--episodes", "4", "--out", "maps"});
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_TRUE(contains(outcome.out, {"identical_1_vs_1_pobs_vec_void_disc, 4 episodes"}));
+  const Outcome misfit = rate({"run-seed1", "--scenario", "identical_2_vs_2", "--out", "misfit"});
+  EXPECT_EQ(misfit.code, 2);
+  EXPECT_TRUE(
+      contains(misfit.err, {"run-seed1/checkpoints/", "does not fit the scenario identical_2_vs_2", "observes"}));
+  EXPECT_FALSE(here_->has("misfit"));
+}
+
+TEST_F(RatedRuns, ADamagedCheckpointIsLeftOut) {
+  std::filesystem::copy(here_->path() / "run-seed2", here_->path() / "damaged",
+                        std::filesystem::copy_options::recursive);
+  here_->write("damaged/checkpoints/update_00000003.h5", "not HDF5");
+  const Outcome outcome = rate({"damaged", "--scripted", "random", "--episodes", "8"});
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_TRUE(contains(outcome.err, {"warning: ", "update_00000003.h5", "it is left out"}));
+  EXPECT_TRUE(contains(outcome.out, {"damaged@4"}));
+}
+
+TEST_F(RatedRuns, MistakesAreToldAndLeaveNothing) {
+  here_->write("other.yaml", std::string(kShortConfig) + "environment: {max_episode_length: 90}\n");
+  ASSERT_EQ(here_->run({"train", "other.yaml", "--quiet", "--run-dir", "other"}).code, 0);
+  std::filesystem::create_directory(here_->path() / "empty");
+  struct Mistake {
+    std::vector<std::string> arguments;
+    std::string part;
+  };
+  const Mistake mistakes[] = {
+      {{"nowhere"}, "there is no checkpoint or run folder nowhere"},
+      {{"empty"}, "the folder empty holds no whole checkpoint"},
+      {{"run-seed1", "./run-seed1"}, "the run ./run-seed1 is given twice"},
+      {{"run-seed1", "--scripted", "cirle"}, "opponent 'cirle' is unknown; nearest: 'circle'"},
+      {{"run-seed1", "--scripted", "circle,circle"}, "'circle' is there twice"},
+      {{"run-seed1", "--sides", "both"}, "--sides"},
+      {{"run-seed1", "--episodes", "0"}, "--episodes"},
+      {{"run-seed1", "--scenario", "identical_1_vs_l"}, "identical_1_vs_l"},
+      {{"run-seed1", "other"}, "are of different scenarios"},
+      {{}, "RUN"},
+  };
+  for (const Mistake& mistake : mistakes) {
+    std::vector<std::string> arguments = mistake.arguments;
+    arguments.insert(arguments.end(), {"--out", "none"});
+    const Outcome outcome = rate(arguments);
+    EXPECT_EQ(outcome.code, 2) << mistake.part;
+    EXPECT_TRUE(contains(outcome.err, {mistake.part}));
+    EXPECT_FALSE(here_->has("none"));
+  }
+}
+
+TEST_F(RatedRuns, HelpHasExamples) {
+  const Outcome help = here_->run({"rate", "--help"});
+  EXPECT_EQ(help.code, 0);
+  EXPECT_TRUE(contains(help.out, {"--scripted", "--checkpoints", "--sides", "Examples:", "gigastep rate runs/"}));
+}
+
+}  // namespace
+}  // namespace giga::test

@@ -1,0 +1,120 @@
+// Tables and files of ratings.
+#include "rating/sheet.hpp"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+
+#include "config/document.hpp"
+#include "games.hpp"
+#include "io/files.hpp"
+#include "io/temporary_folder.hpp"
+#include "sheets.hpp"
+
+namespace giga::test {
+namespace {
+
+/// random, a checkpoint that wins 30 of 40, and one that won all of its 20.
+RatingSheet small_sheet() {
+  RatingSheet sheet;
+  sheet.scenario = "duel";
+  sheet.table = table_of({"random", "run, 1@100", "run, 1@200"});
+  add(sheet.table, "run, 1@100", "random", {20, 5, 10});
+  add(sheet.table, "random", "run, 1@100", {0, 5, 0});
+  add(sheet.table, "run, 1@200", "random", {20, 0, 0});
+  sheet.infos = {{}, {false, "run, 1", 100, 25600, 1.5, false}, {false, "run, 1", 200, 51200, 3, true}};
+  sheet.ratings = rate(sheet.table, {});
+  return sheet;
+}
+
+TEST(RatingSheet, CsvHasARowPerRating) {
+  const std::string csv = ratings_csv(small_sheet());
+  // 190.849 and 63.433: see ratings_test.cpp.
+  EXPECT_TRUE(contains(
+      csv, {"player,side,standing,rating,standard_error,ci95_low,ci95_high,group,group_reference,group_rating,"
+            "group_standard_error,games,wins,ties,losses,score,paper_elo,run,updates,agent_steps,seconds,best\r\n",
+            "random,both,rated,0,0,0,0,0,random,0,0,60,5,10,45,", "\"run, 1@100\",both,rated,190.8485", ",63.43276",
+            ",40,25,10,5,0.75,", ",\"run, 1\",100,25600,1.5,0\r\n",
+            "\"run, 1@200\",both,above,inf,,,,1,\"run, 1@200\",0,0,20,20,0,0,1,", ",\"run, 1\",200,51200,3,1\r\n"}));
+}
+
+TEST(RatingSheet, MatrixHasTheSharesOfSide0) {
+  EXPECT_EQ(matrix_csv(small_sheet()),
+            "side 0 \\ side 1,random,\"run, 1@100\",\"run, 1@200\"\r\n"
+            "random,,0,\r\n"
+            "\"run, 1@100\",0.7142857142857143,,\r\n"  // (20 + 10 / 2) / 35
+            "\"run, 1@200\",1,,\r\n");
+}
+
+TEST(RatingSheet, JsonHoldsAll) {
+  const Document json = parse_yaml_text(ratings_json(small_sheet()).text(), "json");
+  const auto text = [](const Node* node) { return node ? node->text : "missing"; };
+  EXPECT_EQ(text(json.root.find("scenario")), "duel");
+  EXPECT_EQ(text(json.root.find("anchor")), "random");
+  EXPECT_EQ(text(json.root.find("sides")), "alike");
+  EXPECT_NEAR(std::stod(text(json.root.find("log_likelihood"))), -22.4934, 1e-4);
+  EXPECT_EQ(text(json.root.find("paper_elo")->find("k")), "32");
+  ASSERT_EQ(json.root.find("players")->items.size(), 3u);
+  EXPECT_EQ(text(json.root.find("players")->items[2].find("best")), "true");
+  EXPECT_EQ(print_node(*json.root.find("games")),
+            "{wins: [[0, 0, 0], [20, 0, 0], [20, 0, 0]], "
+            "losses: [[0, 5, 0], [5, 0, 0], [0, 0, 0]], "
+            "ties: [[0, 0, 0], [10, 0, 0], [0, 0, 0]]}");
+  const std::vector<Node>& ratings = json.root.find("ratings")->items;
+  ASSERT_EQ(ratings.size(), 3u);
+  EXPECT_NEAR(std::stod(text(ratings[1].find("rating"))), 190.8485, 1e-3);
+  EXPECT_NEAR(std::stod(text(&ratings[1].find("ci95")->items[1])), 190.8485 + 1.96 * 63.4328, 0.01);
+  EXPECT_EQ(text(ratings[2].find("standing")), "above");
+  EXPECT_TRUE(ratings[2].find("rating")->is_null());
+  EXPECT_EQ(json.root.find("remarks")->items.size(), 1u);
+}
+
+TEST(RatingSheet, TableIsSortedAndSaysWhatIsInfinite) {
+  const std::string table = ratings_table(small_sheet());
+  EXPECT_TRUE(contains(table, {"random = 0; a tie is half a win", "note: run, 1@200: won all of its 20 games"}));
+  const size_t best = table.find("run, 1@200  both  +infinity        -"),
+               second = table.find("run, 1@100  both       +191      124"),
+               last = table.find("random      both          0        0");
+  ASSERT_NE(last, std::string::npos) << table;
+  EXPECT_LT(best, second);
+  EXPECT_LT(second, last);
+}
+
+TEST(RatingSheet, TheSidesAdvantageIsTold) {
+  RatingSheet sheet = make_sheet({.sides = Sides::apart});
+  const std::string table = ratings_table(sheet);
+  EXPECT_TRUE(contains(table, {"Side 0 is ahead by +"}));
+  const Document json = parse_yaml_text(ratings_json(sheet).text(), "json");
+  const double advantage = std::stod(json.root.find("side_advantage")->find("value")->text);
+  EXPECT_NEAR(advantage, 80, 3 * sheet.ratings.side_advantage->standard_error);
+}
+
+TEST(RatingSheet, NamesForPicturesAreShort) {
+  using Names = std::vector<std::string>;
+  EXPECT_EQ(short_names(make_sheet({.runs = {"duel-mappo-seed1-001"}, .n_checkpoints = 1})),
+            (Names{"random", "noop", "circle", "update 100"}));
+  EXPECT_EQ(short_names(make_sheet({.runs = {"duel-mappo-seed1-001", "duel-mappo-seed2-001"}, .n_checkpoints = 1})),
+            (Names{"random", "noop", "circle", "seed1-001@100", "seed2-001@100"}));
+  EXPECT_EQ(short_names(make_sheet({.runs = {"run-1", "run-"}, .n_checkpoints = 1}))[4], "run-@100");
+}
+
+TEST(RatingSheet, WritesAFolder) {
+  const TemporaryFolder folder;
+  const RatingSheet sheet = make_sheet({});
+  const std::filesystem::path out = folder / "new/ratings";
+  write_ratings(out, sheet, ratings_json(sheet).set("seed", 7));
+  EXPECT_EQ(read_file(out / "ratings.csv"), ratings_csv(sheet));
+  EXPECT_EQ(read_file(out / "matrix.csv"), matrix_csv(sheet));
+  EXPECT_EQ(parse_yaml_text(read_file(out / "ratings.json"), "json").root.find("seed")->text, "7");
+  for (const char* name : {"rating.svg", "win_rate.svg", "matrix.svg"})
+    EXPECT_TRUE(contains(read_file(out / name), {"<svg", "</svg>"})) << name;
+  const RatingSheet scripts = make_sheet({.n_checkpoints = 0});
+  write_ratings(out, scripts, ratings_json(scripts));
+  EXPECT_FALSE(std::filesystem::exists(out / "rating.svg")) << "the old picture would belong to other ratings";
+  write_file(folder / "file", "");
+  EXPECT_TRUE(
+      contains(input_error_of([&] { write_ratings(folder / "file", scripts, {}); }), {"cannot create the folder"}));
+}
+
+}  // namespace
+}  // namespace giga::test
