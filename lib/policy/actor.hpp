@@ -9,11 +9,12 @@
 #include "policy/layers.hpp"
 #include "policy/normalizer.hpp"
 #include "policy/parameters.hpp"
+#include "policy/policy.hpp"
 #include "sim/params.hpp"
 
 namespace giga {
 
-class Actor {
+class Actor : public Policy {
  public:
   Actor() = default;
   /// `normalize`: observations pass a running normaliser first (see RunningNorm).
@@ -24,17 +25,18 @@ class Actor {
   static int64_t count_parameters(const ActorConfig& config, int64_t obs_size, ActionKind actions);
 
   /// obs [R, D] -> logits [R, kLogitStride], the last not used, or means before squashing [R, 3]; fp32.
-  at::Tensor forward(const at::Tensor& obs) const;
+  at::Tensor forward(const at::Tensor& obs) const override;
   /// Likewise for each member of a population [M, P] of parameters: obs [M, R, D] -> [M, R, head size]. The normaliser
   /// is common to all.
   at::Tensor forward_members(const at::Tensor& members, const at::Tensor& obs) const;
 
-  ActionKind actions() const { return actions_; }
+  ActionKind actions() const override { return actions_; }
   int64_t head_size() const { return head_size(actions_); }
   static int64_t head_size(ActionKind actions) { return actions == ActionKind::discrete ? kLogitStride : kActionSize; }
   /// [3], continuous actions only.
-  const at::Tensor& log_std() const { return parameters_[log_std_]; }
+  at::Tensor log_std() const override { return parameters_[log_std_]; }
   const ParameterSet& parameters() const { return parameters_; }
+  const MlpConfig& network() const { return mlp_.config(); }
   bool normalizes() const { return normalize_; }
   RunningNorm& normalizer() { return normalizer_; }
   const RunningNorm& normalizer() const { return normalizer_; }

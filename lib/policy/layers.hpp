@@ -29,6 +29,8 @@ class Mlp {
   /// [M, R, output].
   at::Tensor forward_members(const ParameterSet& p, const at::Tensor& members, at::Tensor x) const;
 
+  const MlpConfig& config() const { return config_; }
+
  private:
   friend class TeamMlp;
   struct Layer {
