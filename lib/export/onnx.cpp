@@ -47,7 +47,7 @@ class GraphBuilder {
   /// A node with one output, which gets a name of its own.
   std::string add(const std::string& op, const std::vector<std::string>& inputs,
                   const std::vector<ProtobufMessage>& attributes = {}) {
-    const std::string output = cat(op, "_", n_nodes_++);
+    std::string output = cat(op, "_", n_nodes_++);
     ProtobufMessage node;
     for (const std::string& input : inputs) node.text(1, input);
     node.text(2, output).text(3, output).text(4, op);

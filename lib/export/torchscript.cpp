@@ -89,7 +89,7 @@ class TorchScriptPolicy : public Policy {
   at::Tensor find_log_std(at::Device device) const {
     const auto options = at::TensorOptions().dtype(at::kFloat).device(device);
     if (!module_.hasattr("log_std")) return at::full({kActionSize}, kNoDeviation, options);
-    const at::Tensor value = module_.attr("log_std").toTensor().to(options).contiguous();
+    at::Tensor value = module_.attr("log_std").toTensor().to(options).contiguous();
     if (value.sizes() != at::IntArrayRef({kActionSize}))
       throw InputError(cat("its log_std has shape ", value.sizes(), "; needed: [", kActionSize, "]"));
     return value;

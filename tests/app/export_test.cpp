@@ -1,6 +1,8 @@
 // gigastep export: files for other programs from a run, and what is said to mistakes.
 #include <gtest/gtest.h>
 
+#include <cerrno>
+
 #include "program.hpp"
 #include "runs.hpp"
 
@@ -34,9 +36,9 @@ Workplace* ExportedRun::here_ = nullptr;
 Outcome ExportedRun::training_;
 
 TEST_F(ExportedRun, EveryFormatHasItsFiles) {
-  const std::pair<std::string, std::string> kFiles[] = {
+  const std::pair<std::string, std::string> files[] = {
       {"safetensors", "policy.safetensors"}, {"onnx", "policy.onnx"}, {"torchscript", "policy.pt"}};
-  for (const auto& [format, file] : kFiles) {
+  for (const auto& [format, file] : files) {
     const Outcome outcome = run_export("run", "0", format, format);
     ASSERT_EQ(outcome.code, 0) << outcome.err;
     EXPECT_TRUE(
@@ -55,7 +57,6 @@ TEST_F(ExportedRun, TheManifestSaysWhereThePolicyIsFrom) {
   EXPECT_EQ(number_at(manifest, {"training", "agent_steps"}), 3 * 256);
   EXPECT_EQ(number_at(manifest, {"training", "team"}), 0);
   EXPECT_EQ(at(manifest, {"training", "scenario"}).text, "identical_1_vs_1_fobs_vec_void_disc");
-  // The comments of the run's files stay there.
   EXPECT_TRUE(contains(at(manifest, {"training", "scenario_yaml"}).text, {"team_0:"}));
   EXPECT_TRUE(contains(at(manifest, {"training", "config_yaml"}).text, {"obs_norm: true"}));
   EXPECT_EQ(print_node(at(manifest, {"architecture", "hidden"})), "[8]");
@@ -82,6 +83,20 @@ TEST_F(ExportedRun, MistakesEndWithCodeTwoAndLeaveNothing) {
   refused(here_->run({"export", "run", "--team", "0", "--format", "onnx"}), {"--out"});
   EXPECT_EQ(here_->entries(), before);
   EXPECT_EQ(here_->read("full/notes.txt"), "mine");
+}
+
+// The policy and the example are written, then the disk is full (ENOSPC).
+TEST_F(ExportedRun, AllFilesOrNone) {
+  const std::vector<std::string> before = here_->entries();
+  const Environment full_disk = {{"LD_PRELOAD", GIGASTEP_FAULT_LIBRARY},
+                                 {"FAULT_PATH", "new/manifest.json"},
+                                 {"FAULT_AT", "1"},
+                                 {"FAULT_ERRNO", std::to_string(ENOSPC)}};
+  const Outcome outcome =
+      here_->run({"export", "run", "--team", "0", "--format", "onnx", "--out", "new"}, GIGASTEP_EXECUTABLE, full_disk);
+  EXPECT_EQ(outcome.code, 1);
+  EXPECT_TRUE(contains(outcome.err, {"new/manifest.json", "No space left"}));
+  EXPECT_EQ(here_->entries(), before);
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 #include <filesystem>
 
 #include "config/fields.hpp"
+#include "cuda/runtime.hpp"
 #include "export/export.hpp"
 #include "export/safetensors.hpp"
 #include "io/files.hpp"
@@ -59,6 +60,22 @@ TEST(ExportRoundTrip, TorchScriptGivesTheSameNumbers) {
     ASSERT_TRUE(head.is_contiguous());
     EXPECT_LE(worst(without_unused_logit(head), without_unused_logit(expected)), 1e-5);
     EXPECT_TRUE(kind.actions == ActionKind::discrete || at::equal(policy->log_std(), actor.log_std()));
+  }
+}
+
+TEST(ExportRoundTripGpu, PoliciesPlayOnTheGpu) {
+  if (cuda_device_count() == 0) GTEST_SKIP() << "no GPU";
+  const TemporaryFolder folder;
+  const at::Tensor obs = random_observations(33);
+  for (const ActorKind& kind : all_kinds()) {
+    const at::Tensor expected = without_unused_logit(make_random_actor(kind).forward(obs));
+    for (const ExportFormat format : {ExportFormat::safetensors, ExportFormat::torchscript}) {
+      const std::string name = kind.name() + "_" + FieldCodec<ExportFormat>::print(format);
+      write(folder / name, format, kind);
+      const auto policy = read_exported_policy(folder / name, small_spec(kind.actions), {Device::Kind::cuda, 0}, true);
+      const at::Tensor head = policy->forward(obs.to(at::kCUDA));
+      EXPECT_LT(worst(without_unused_logit(head).cpu(), expected), 1e-2) << name;  // matrix products may be TF32
+    }
   }
 }
 
