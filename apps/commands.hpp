@@ -19,6 +19,7 @@ void add_train_command(CLI::App& app, Dispatch& dispatch);
 void add_resume_command(CLI::App& app, Dispatch& dispatch);
 void add_inspect_command(CLI::App& app, Dispatch& dispatch);
 void add_eval_command(CLI::App& app, Dispatch& dispatch);
+void add_export_command(CLI::App& app, Dispatch& dispatch);
 void add_scenarios_command(CLI::App& app, Dispatch& dispatch);
 void add_config_command(CLI::App& app, Dispatch& dispatch);
 void add_bench_command(CLI::App& app, Dispatch& dispatch);

@@ -43,6 +43,7 @@ int run(int argc, char** argv) {
   giga::add_train_command(app, dispatch);
   giga::add_resume_command(app, dispatch);
   giga::add_eval_command(app, dispatch);
+  giga::add_export_command(app, dispatch);
   giga::add_inspect_command(app, dispatch);
   giga::add_scenarios_command(app, dispatch);
   giga::add_config_command(app, dispatch);

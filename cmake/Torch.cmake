@@ -40,7 +40,8 @@ add_library(giga::torch ALIAS giga_torch)
 target_include_directories(giga_torch SYSTEM INTERFACE ${GIGASTEP_TORCH_DIR}/include
                                                        ${GIGASTEP_TORCH_DIR}/include/torch/csrc/api/include)
 target_compile_definitions(giga_torch INTERFACE GIGASTEP_TORCH_CUDA=${GIGASTEP_TORCH_CUDA})
-target_link_libraries(giga_torch INTERFACE ${torch_libraries})
+# The standard library goes first: libtorch.so exports a part of its own copy of it, and there remove_all() crashes.
+target_link_libraries(giga_torch INTERFACE stdc++ ${torch_libraries})
 # Nothing names a symbol of libtorch_cuda: without this the linker drops it and LibTorch sees no GPU.
 target_link_options(giga_torch INTERFACE LINKER:--no-as-needed)
 message(STATUS "LibTorch: ${GIGASTEP_TORCH_DIR} (CUDA: ${GIGASTEP_TORCH_CUDA})")

@@ -40,6 +40,7 @@ class Actor final : public Policy {
   static int64_t head_size(ActionKind actions) { return actions == ActionKind::discrete ? kLogitStride : kActionSize; }
   at::Tensor log_std() const override { return parameters_[log_std_]; }
   const ParameterSet& parameters() const { return parameters_; }
+  const MlpConfig& network() const { return mlp_.config(); }
   bool normalizes() const { return normalize_; }
   RunningNorm& normalizer() { return normalizer_; }
   const RunningNorm& normalizer() const { return normalizer_; }

@@ -13,6 +13,11 @@ namespace giga {
 enum class Precision : uint8_t { fp32, tf32, bf16 };
 constexpr std::array<const char*, 3> enum_names(Precision) { return {"fp32", "tf32", "bf16"}; }
 
+/// Normalised observations are clamped to +- this.
+constexpr float kNormalizedLimit = 10;
+/// What LibTorch adds to the variance in a layer normalisation.
+constexpr float kLayerNormEpsilon = 1e-5f;
+
 struct MlpConfig {
   std::vector<int> hidden = {64, 64};
   Activation activation = Activation::tanh;

@@ -33,6 +33,8 @@ class Mlp {
   /// The layout for the fused kernel; none where that has no room for it (layer normalisation, many layers).
   std::optional<SmallMlp> small(const ParameterSet& p) const;
 
+  const MlpConfig& config() const { return config_; }
+
  private:
   friend class TeamMlp;
   struct Layer {

@@ -3,6 +3,7 @@
 #include <ATen/ATen.h>
 #include <ATen/core/grad_mode.h>
 
+#include "policy/config.hpp"
 #include "policy/parameters.hpp"
 
 namespace giga {
@@ -31,7 +32,9 @@ void RunningNorm::update(const at::Tensor& x, const at::Tensor& weight) {
   std_.copy_(at::where(weight_ > 0, (sum_squares_ / correction - mean_.square()).clamp_min(1e-4).sqrt(), 1.0));
 }
 
-at::Tensor RunningNorm::apply(const at::Tensor& x) const { return ((x - mean_) / std_).clamp(-10, 10); }
+at::Tensor RunningNorm::apply(const at::Tensor& x) const {
+  return ((x - mean_) / std_).clamp(-kNormalizedLimit, kNormalizedLimit);
+}
 
 void RunningNorm::save(const std::string& prefix, NamedArrays& out) const {
   out.push_back(to_array(prefix + "sum", sum_));

@@ -19,7 +19,7 @@ class RunningNorm {
 
   /// Takes in the rows of x [R, size] that have weight; weight [R] of 0 and 1. No effect where all are 0.
   void update(const at::Tensor& x, const at::Tensor& weight);
-  /// (x - mean) / std, clamped to +-10.
+  /// (x - mean) / std, clamped to +- kNormalizedLimit.
   at::Tensor apply(const at::Tensor& x) const;
 
   const at::Tensor& mean() const { return mean_; }  // [size]

@@ -1,0 +1,85 @@
+// gigastep export: writes the policy of a team for use in other programs, with a manifest and an example.
+#include <CLI/CLI.hpp>
+#include <iostream>
+
+#include "apps/commands.hpp"
+#include "apps/program_info.hpp"
+#include "config/names.hpp"
+#include "core/error.hpp"
+#include "eval/policies.hpp"
+#include "export/export.hpp"
+#include "io/run_folder.hpp"
+
+namespace giga {
+namespace {
+
+struct ExportOptions {
+  std::string checkpoint, format, out;
+  int team = 0;
+};
+
+ExportFormat parse_format(const std::string& name) {
+  const std::vector<std::string> names = FieldCodec<ExportFormat>::names();
+  for (size_t k = 0; k < names.size(); ++k)
+    if (name == names[k]) return static_cast<ExportFormat>(k);
+  throw InputError(cat("format '", name, "' is unknown", nearest_hint(name, names), "; allowed: ", join(names)));
+}
+
+PolicyOrigin origin_of(const Checkpoint& c, const LoadedRun& run, int team) {
+  return {program_version(), c.scenario_name, c.scenario_yaml,           c.config_yaml, team, c.seed,
+          c.updates,         c.agent_steps,   run.config.train.precision};
+}
+
+void export_policy(const ExportOptions& o) {
+  const ExportFormat format = parse_format(o.format);  // a wrong name is told before anything is read
+  const FoundCheckpoint found = find_checkpoint(o.checkpoint);
+  const std::string file = found.file.string();
+  for (const std::string& line : found.damaged) std::cerr << "warning: " << line << "; " << file << " is taken\n";
+  const Checkpoint& checkpoint = found.checkpoint;
+  const LoadedPolicies loaded =
+      load_policies(checkpoint.config_yaml, checkpoint.scenario_yaml, checkpoint.arrays, Device{});
+  const Actor* actor = loaded.actor[o.team].get();
+  if (!actor)
+    throw InputError(cat("team ", o.team, " of ", file, " has no learned policy: it was scripted in training; team ",
+                         1 - o.team, " has one"));
+  write_export(o.out, format, *actor, loaded.run.spec, origin_of(checkpoint, loaded.run, o.team));
+  std::cout << o.out << ": the policy of team " << o.team << " after " << checkpoint.updates << " updates in "
+            << checkpoint.scenario_name << "\ntry it: python " << (std::filesystem::path(o.out) / kExampleName).string()
+            << std::endl;
+}
+
+}  // namespace
+
+void add_export_command(CLI::App& app, Dispatch& dispatch) {
+  CLI::App* command = app.add_subcommand("export", "write the policy of a team for use in other programs");
+  auto options = std::make_shared<ExportOptions>();
+  command->add_option("CHECKPOINT", options->checkpoint, "checkpoint file, or run folder (its newest whole checkpoint)")
+      ->required()
+      ->type_name("");
+  command->add_option("--team", options->team, "whose policy: 0 or 1")
+      ->required()
+      ->check(CLI::Range(0, 1))
+      ->type_name("T");
+  command
+      ->add_option("--format", options->format,
+                   "safetensors (tensors alone; plays here again), onnx (a graph; is not read here) or torchscript (a "
+                   "module; legacy: PyTorch develops it no further)")
+      ->required()
+      ->type_name("FORMAT");
+  command->add_option("--out", options->out, "folder to be made; it must not exist or be empty")
+      ->required()
+      ->type_name("DIR");
+  command->footer(
+      "DIR gets the policy (policy.safetensors, policy.onnx or policy.pt; the normalisation of observations is part "
+      "of\n"
+      "it), manifest.json (architecture, observation layout number by number, actions, scenario, training) and "
+      "act.py,\n"
+      "an example in Python that loads it and acts. obs [B, F] float32 becomes logits [B, 27], or mean [B, 3] where\n"
+      "actions are continuous. A TorchScript module is code and is opened only with --trust.\n"
+      "Examples:\n"
+      "  gigastep export runs/first --team 0 --format safetensors --out pursuer\n"
+      "  gigastep export runs/first/checkpoints/best.h5 --team 1 --format onnx --out evader");
+  command->callback([options, &dispatch] { dispatch.run = [options] { export_policy(*options); }; });
+}
+
+}  // namespace giga

@@ -1,0 +1,78 @@
+#include "export/actor_model.hpp"
+
+#include <algorithm>
+
+#include "core/error.hpp"
+#include "rollout/tensors.hpp"
+
+namespace giga {
+namespace {
+
+/// Where the tensor of a model stands among the arrays of an actor: "layers.2.weight" is "mlp/2/weight".
+std::string actor_name(std::string name) {
+  constexpr std::string_view kLayers = "layers.", kObservation = "observation.";
+  if (name.starts_with(kLayers)) {
+    std::replace(name.begin(), name.end(), '.', '/');
+    return "mlp/" + name.substr(kLayers.size());
+  }
+  return name.starts_with(kObservation) ? "normalizer/" + name.substr(kObservation.size()) : name;
+}
+
+/// An array of one or two dimensions cut or extended at the end of each; what is new is `filling`.
+NamedArray resized(const NamedArray& array, const std::string& name, const std::vector<int64_t>& shape, float filling) {
+  GIGA_CHECK(array.shape.size() == shape.size() && !shape.empty() && shape.size() <= 2, array.name);
+  const auto as_matrix = [](const std::vector<int64_t>& s) { return std::pair(s.size() == 2 ? s[0] : 1, s.back()); };
+  const auto [from_rows, from_columns] = as_matrix(array.shape);
+  const auto [rows, columns] = as_matrix(shape);
+  const std::vector<float> from = array_values<float>(array);
+  std::vector<float> values(static_cast<size_t>(rows * columns), filling);
+  for (int64_t row = 0; row < std::min(rows, from_rows); ++row)
+    std::copy_n(from.begin() + row * from_columns, std::min(columns, from_columns), values.begin() + row * columns);
+  NamedArray result = make_array(name, values);
+  result.shape = shape;
+  return result;
+}
+
+/// The moments of a normaliser with that mean and deviation, as it saves them after infinitely many updates.
+void add_moments(const PolicyModel& model, int64_t size, NamedArrays& arrays) {
+  const NamedArray mean = resized(find_array(model.tensors, kMeanTensor), "normalizer/mean", {size}, 0);
+  const NamedArray std = resized(find_array(model.tensors, kStdTensor), "normalizer/std", {size}, 1);
+  const std::vector<float> sum = array_values<float>(mean), deviation = array_values<float>(std);
+  std::vector<float> sum_squares(sum.size());
+  for (size_t k = 0; k < sum.size(); ++k) sum_squares[k] = deviation[k] * deviation[k] + sum[k] * sum[k];
+  arrays.insert(arrays.end(),
+                {mean, std, make_array("normalizer/sum", sum), make_array("normalizer/sum_squares", sum_squares),
+                 make_array<float>("normalizer/weight", {1})});
+}
+
+}  // namespace
+
+PolicyModel model_of(const Actor& actor, int inputs) {
+  NamedArrays arrays;
+  actor.save("", arrays);
+  PolicyModel model;
+  model.shape = {inputs, actor.actions(), actor.network(), actor.normalizes()};
+  for (const TensorShape& tensor : tensors_of(model.shape))
+    model.tensors.push_back(resized(find_array(arrays, actor_name(tensor.name)), tensor.name, tensor.shape, 0));
+  return model;
+}
+
+Actor actor_of(const PolicyModel& model, int padded_inputs, Precision precision, Device device) {
+  const PolicyShape& shape = model.shape;
+  GIGA_CHECK(padded_inputs >= shape.inputs, padded_inputs, " < ", shape.inputs);
+  ActorConfig config;
+  static_cast<MlpConfig&>(config) = shape.network;
+  Actor actor(config, padded_inputs, shape.actions, shape.normalizes, precision, torch_device(device), 0);
+  NamedArrays own, arrays;
+  actor.save("", own);
+  for (const TensorShape& tensor : tensors_of(shape)) {
+    const std::string name = actor_name(tensor.name);
+    if (tensor.name != kMeanTensor && tensor.name != kStdTensor)
+      arrays.push_back(resized(find_array(model.tensors, tensor.name), name, find_array(own, name).shape, 0));
+  }
+  if (shape.normalizes) add_moments(model, padded_inputs, arrays);
+  actor.load("", arrays);
+  return actor;
+}
+
+}  // namespace giga

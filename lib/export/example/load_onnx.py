@@ -1,0 +1,24 @@
+"""Loads the policy beside this file and acts on one observation: python act.py
+
+Needs numpy and onnxruntime.
+"""
+
+import json
+import pathlib
+
+import numpy as np
+import onnxruntime
+
+FOLDER = pathlib.Path(__file__).resolve().parent
+MANIFEST = json.loads((FOLDER / "manifest.json").read_text(encoding="utf-8"))
+
+
+class Policy:
+    """Observations [B, size] float32 -> logits [B, 27] or means [B, 3]."""
+
+    def __init__(self):
+        self.session = onnxruntime.InferenceSession(FOLDER / MANIFEST["file"], providers=["CPUExecutionProvider"])
+
+    def __call__(self, obs):
+        (head,) = self.session.run([MANIFEST["action"]["output"]], {"obs": obs})
+        return head

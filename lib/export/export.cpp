@@ -1,0 +1,155 @@
+#include "export/export.hpp"
+
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <optional>
+#include <system_error>
+#include <vector>
+
+#include "config/fields.hpp"
+#include "core/error.hpp"
+#include "export/actor_model.hpp"
+#include "export/example.hpp"
+#include "export/onnx.hpp"
+#include "export/safetensors.hpp"
+#include "export/torchscript.hpp"
+#include "io/files.hpp"
+
+namespace giga {
+namespace fs = std::filesystem;
+namespace {
+
+constexpr uintmax_t kMostFileBytes = uintmax_t{4} << 30;
+
+std::string encode(const PolicyModel& model, ExportFormat format, const std::string& gigastep_version) {
+  switch (format) {
+    case ExportFormat::safetensors:
+      return encode_safetensors(model.tensors, {{"written_by", "gigastep " + gigastep_version}});
+    case ExportFormat::onnx:
+      return encode_onnx(model, gigastep_version);
+    case ExportFormat::torchscript:
+      return encode_torchscript(model);
+  }
+  throw Error("an export format without a writer");
+}
+
+std::string example_of(ExportFormat format) {
+  const auto part = [](const std::string& name) {
+    const auto text = example_part(name);
+    GIGA_CHECK(text, "no part ", name, " of the example");
+    return std::string(*text);
+  };
+  return part(FieldCodec<ExportFormat>::print(format)) + "\n\n" + part("act");
+}
+
+/// Makes the folder; true where it was not there.
+bool make_empty_folder(const fs::path& folder) {
+  std::error_code code;
+  if (fs::exists(folder, code) && !fs::is_directory(folder, code))
+    throw InputError(cat(folder.string(), " is a file; an export is a folder of its own"));
+  const bool made = fs::create_directories(folder, code);
+  if (code) throw InputError(cat("cannot create the folder ", folder.string(), ": ", code.message()));
+  if (!made && !fs::is_empty(folder, code))
+    throw InputError(code ? cat("cannot read the folder ", folder.string(), ": ", code.message())
+                          : cat("the folder ", folder.string(), " is not empty; an export needs one of its own"));
+  if (::access(folder.c_str(), W_OK) != 0)
+    throw InputError(cat("cannot write into the folder ", folder.string(), ": ", std::strerror(errno)));
+  return made;
+}
+
+struct OutputFile {
+  std::string name, bytes;
+};
+
+/// All files or none.
+void write_all(const fs::path& folder, const std::vector<OutputFile>& files) {
+  const bool made = make_empty_folder(folder);
+  try {
+    for (const OutputFile& file : files) write_file(folder / file.name, file.bytes);
+  } catch (...) {
+    std::error_code code;
+    for (const OutputFile& file : files) fs::remove(folder / file.name, code);
+    if (made) fs::remove(folder, code);
+    throw;
+  }
+}
+
+std::string read_policy_file(const fs::path& file) {
+  std::error_code code;
+  const uintmax_t size = fs::file_size(file, code);
+  if (!code && size > kMostFileBytes)
+    throw InputError(cat(file.string(), " has ", size, " bytes; a policy has at most ", kMostFileBytes));
+  return read_file(file);
+}
+
+std::unique_ptr<Policy> read_safetensors(const fs::path& file, const Manifest& manifest, const SimSpec& spec,
+                                         Device device) {
+  const PolicyModel model{manifest.shape, decode_safetensors(read_policy_file(file), file.string())};
+  check_tensors(model, file.string());
+  const Precision precision = device.is_cuda() ? manifest.origin.precision : Precision::fp32;
+  return std::make_unique<Actor>(actor_of(model, spec.padded_observation_size(), precision, device));
+}
+
+std::unique_ptr<Policy> read_torchscript(const fs::path& file, const SimSpec& spec, Device device, bool trust) {
+  if (!trust)
+    throw InputError(cat(file.string(),
+                         " is a TorchScript module, which is code: opening it runs what is in it, with "
+                         "your rights; add --trust if you know where it is from"));
+  return open_torchscript(read_policy_file(file), file.string(), spec.observation_size(), spec.params.actions, device);
+}
+
+std::optional<ExportFormat> format_of_file(const fs::path& file) {
+  for (const ExportFormat format : {ExportFormat::safetensors, ExportFormat::onnx, ExportFormat::torchscript})
+    if (file.extension() == fs::path(policy_file_name(format)).extension()) return format;
+  return std::nullopt;
+}
+
+}  // namespace
+
+void write_export(const fs::path& folder, ExportFormat format, const Actor& actor, const SimSpec& spec,
+                  const PolicyOrigin& origin) {
+  const PolicyModel model = model_of(actor, spec.observation_size());
+  Manifest manifest{format, model.shape, observation_layout(spec), spec.params.rules, {}, origin};
+  if (model.shape.actions == ActionKind::continuous)
+    manifest.log_std = array_values<float>(find_array(model.tensors, kLogStdTensor));
+  // The manifest comes last: a folder that has one is whole.
+  write_all(folder, {{policy_file_name(format), encode(model, format, origin.gigastep_version)},
+                     {kExampleName, example_of(format)},
+                     {kManifestName, manifest_json(manifest, Json::object()).text() + "\n"}});
+}
+
+bool is_exported_policy(const fs::path& path) {
+  std::error_code code;
+  if (fs::is_directory(path, code)) return fs::exists(path / kManifestName, code);
+  return format_of_file(path).has_value();
+}
+
+std::unique_ptr<Policy> read_exported_policy(const fs::path& path, const SimSpec& spec, Device device, bool trust) {
+  std::error_code code;
+  if (!fs::exists(path, code)) throw InputError(cat("there is no exported policy ", path.string()));
+  const bool is_folder = fs::is_directory(path, code);
+  const fs::path manifest_file = (is_folder ? path : path.parent_path()) / kManifestName;
+  const std::optional<ExportFormat> format = is_folder ? read_manifest(manifest_file).format : format_of_file(path);
+  if (!format)
+    throw InputError(cat(path.string(),
+                         " is no exported policy: allowed are the folder of an export and files that "
+                         "end in .safetensors or .pt"));
+  const fs::path file = is_folder ? path / policy_file_name(*format) : path;
+  if (*format == ExportFormat::onnx)
+    throw InputError(cat(file.string(),
+                         " is an ONNX graph, which gigastep writes but does not read; export the policy "
+                         "with --format safetensors to play it here"));
+  // A module from elsewhere may lie beside the manifest of something else, or of nothing.
+  const bool has_manifest = *format == ExportFormat::safetensors || is_folder;
+  Manifest manifest;
+  if (has_manifest) {
+    manifest = read_manifest(manifest_file);
+    check_fits(manifest, spec, file.string());
+  }
+  return *format == ExportFormat::safetensors ? read_safetensors(file, manifest, spec, device)
+                                              : read_torchscript(file, spec, device, trust);
+}
+
+}  // namespace giga

@@ -1,0 +1,58 @@
+// Manifest: what an exported policy is, where it is from, and what goes in and comes out: manifest.json beside it.
+#pragma once
+
+#include <array>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "export/observation_layout.hpp"
+#include "export/policy_model.hpp"
+#include "io/json.hpp"
+
+namespace giga {
+
+enum class ExportFormat : uint8_t { safetensors, onnx, torchscript };
+constexpr std::array<const char*, 3> enum_names(ExportFormat) { return {"safetensors", "onnx", "torchscript"}; }
+
+/// "policy.safetensors", "policy.onnx", "policy.pt".
+const char* policy_file_name(ExportFormat format);
+constexpr const char* kManifestName = "manifest.json";
+constexpr const char* kManifestKind = "gigastep policy";
+constexpr int kManifestFormat = 1;
+
+/// The training that a policy is from.
+struct PolicyOrigin {
+  std::string gigastep_version;  ///< of the program that wrote the export
+  std::string scenario_name, scenario_yaml;
+  std::string config_yaml;
+  int team = 0;
+  uint64_t seed = 0;
+  int64_t updates = 0, agent_steps = 0;
+  Precision precision = Precision::fp32;  ///< of matrix products on the GPU; the tensors are fp32
+};
+
+struct Manifest {
+  ExportFormat format = ExportFormat::safetensors;
+  PolicyShape shape;
+  std::vector<ObservationBlock> observation;
+  Rules rules = Rules::corrected;
+  std::vector<float> log_std;  ///< [3]; empty for discrete actions
+  PolicyOrigin origin;
+};
+
+/// With the meaning of every number of an observation and of every action in words. `ratings`: an object, empty where
+/// the policy has none.
+Json manifest_json(const Manifest& manifest, Json ratings);
+
+/// The manifest in a text; `name` stands for the file in messages. Throws InputError with all that is missing or wrong.
+/// Keys that are not known are passed over.
+Manifest parse_manifest(std::string_view text, const std::string& name);
+/// The same of a file, of at most 4 MiB.
+Manifest read_manifest(const std::filesystem::path& file);
+
+/// Throws InputError where the observations or actions of a scenario are others than the policy's, with the first
+/// difference.
+void check_fits(const Manifest& manifest, const SimSpec& spec, const std::string& source);
+
+}  // namespace giga

@@ -1,0 +1,90 @@
+// The meaning of each number of an observation, as sim/observe.hpp makes it.
+#include "export/observation_layout.hpp"
+
+#include <iterator>
+
+#include "core/error.hpp"
+#include "sim/observe.hpp"
+
+namespace giga {
+namespace {
+
+constexpr const char *kSelf = "self", *kNeighbors = "neighbors", *kWaypoint = "waypoint", *kBoxes = "boxes";
+
+struct FeatureText {
+  const char *name, *meaning;
+};
+
+/// In the order of Feature.
+constexpr FeatureText kAgentFeatures[] = {
+    {"seen", "1 where an agent stands in this item; else all its numbers are 0"},
+    {"same_team", "1 for an agent of the own team, 0 for an opponent"},
+    {"x", "x / limit_x"},
+    {"y", "y / limit_y"},
+    {"z", "altitude / 10"},
+    {"heading", "direction of flight in radians"},
+    {"speed", "speed / diagonal of the map"},
+    {"health", "health"},
+    {"sprite", "bit mask of the drawn shape of the agent's type"},
+};
+static_assert(std::size(kAgentFeatures) == kNeighborFeatures);
+
+constexpr FeatureText kWaypointTexts[] = {
+    {"x1", "(left edge - own x) / limit_x"},
+    {"y1", "(lower edge - own y) / limit_y"},
+    {"x2", "(right edge - own x) / limit_x"},
+    {"y2", "(upper edge - own y) / limit_y"},
+    {"time", "seconds for which it stays; 0 = there is none"},
+};
+static_assert(std::size(kWaypointTexts) == kWaypointFeatures);
+
+constexpr FeatureText kBoxTexts[] = {
+    {"x1", "left edge / limit_x"},  {"y1", "lower edge / limit_y"}, {"x2", "right edge / limit_x"},
+    {"y2", "upper edge / limit_y"}, {"z1", "floor / 10"},           {"z2", "ceiling / 10"},
+};
+
+template <size_t N>
+std::vector<ObservationFeature> features(const FeatureText (&texts)[N], int size) {
+  std::vector<ObservationFeature> list;
+  for (int k = 0; k < size && k < static_cast<int>(N); ++k) list.push_back({texts[k].name, texts[k].meaning});
+  return list;
+}
+
+}  // namespace
+
+std::vector<ObservationBlock> observation_layout(const SimSpec& spec) {
+  const SimParams& p = spec.params;
+  std::vector<ObservationBlock> blocks;
+  int at = 0;
+  const auto add = [&](const char* name, int count, int size) {
+    if (count > 0) blocks.push_back({name, at, count, size});
+    at += count * size;
+  };
+  add(kSelf, 1, kNeighborFeatures);
+  add(kNeighbors, p.n_neighbors - 1, kNeighborFeatures);
+  add(kWaypoint, p.waypoints ? 1 : 0, kWaypointFeatures);
+  add(kBoxes, p.n_boxes, box_features(p));
+  GIGA_CHECK(at == spec.observation_size(), "the layout has ", at, " numbers, observations ", spec.observation_size());
+  return blocks;
+}
+
+std::string block_meaning(const std::string& block) {
+  if (block == kSelf) return "the agent itself";
+  if (block == kNeighbors) return "the agents that it sees, the nearest first, then items of zeros";
+  if (block == kWaypoint) return "the area to be reached, relative to the agent";
+  if (block == kBoxes) return "the obstacles of the map, then items of zeros";
+  return "";
+}
+
+std::vector<ObservationFeature> block_features(const std::string& block, int size) {
+  if (block == kWaypoint) return features(kWaypointTexts, size);
+  if (block == kBoxes) return features(kBoxTexts, size);
+  if (block != kSelf && block != kNeighbors) return {};
+  std::vector<ObservationFeature> list = features(kAgentFeatures, size);
+  if (block == kNeighbors)
+    for (int k = kFirstRelative; k <= kLastRelative && k < static_cast<int>(list.size()); ++k)
+      list[static_cast<size_t>(k)].meaning += ", minus the agent's own";
+  return list;
+}
+
+}  // namespace giga

@@ -1,0 +1,141 @@
+// The graph of a policy in ONNX's messages. Field numbers are those of onnx.proto3.
+#include "export/onnx.hpp"
+
+#include <bit>
+#include <cmath>
+#include <limits>
+#include <utility>
+#include <vector>
+
+#include "core/error.hpp"
+#include "io/protobuf_wire.hpp"
+
+namespace giga {
+namespace {
+
+constexpr uint64_t kIrVersion = 8;  // that of operator set 17
+constexpr uint64_t kOperatorSet = 17;
+constexpr uint64_t kFloatTensor = 1;                        // TensorProto.DataType
+constexpr uint64_t kFloatAttribute = 1, kIntAttribute = 2;  // AttributeProto.AttributeType
+constexpr const char* kInput = "obs";
+
+ProtobufMessage tensor_message(const std::string& name, const std::vector<int64_t>& shape, std::string_view bytes) {
+  ProtobufMessage tensor;
+  for (const int64_t side : shape) tensor.varint(1, static_cast<uint64_t>(side));
+  return tensor.varint(2, kFloatTensor).text(8, name).bytes(9, bytes);
+}
+
+/// An input or output [batch, size].
+ProtobufMessage value_message(const std::string& name, int size) {
+  ProtobufMessage shape;
+  shape.message(1, ProtobufMessage().text(2, "batch"));
+  shape.message(1, ProtobufMessage().varint(1, static_cast<uint64_t>(size)));
+  const ProtobufMessage tensor_type = ProtobufMessage().varint(1, kFloatTensor).message(2, shape);
+  return ProtobufMessage().text(1, name).message(2, ProtobufMessage().message(1, tensor_type));
+}
+
+ProtobufMessage int_attribute(const std::string& name, int64_t value) {
+  return ProtobufMessage().text(1, name).varint(3, static_cast<uint64_t>(value)).varint(20, kIntAttribute);
+}
+ProtobufMessage float_attribute(const std::string& name, float value) {
+  return ProtobufMessage().text(1, name).float32(2, value).varint(20, kFloatAttribute);
+}
+
+/// Builds the graph node by node; values are known by their names.
+class GraphBuilder {
+ public:
+  /// A node with one output, which gets a name of its own.
+  std::string add(const std::string& op, const std::vector<std::string>& inputs,
+                  const std::vector<ProtobufMessage>& attributes = {}) {
+    std::string output = cat(op, "_", n_nodes_++);
+    ProtobufMessage node;
+    for (const std::string& input : inputs) node.text(1, input);
+    node.text(2, output).text(3, output).text(4, op);
+    for (const ProtobufMessage& attribute : attributes) node.message(5, attribute);
+    nodes_.push_back(std::move(node));
+    return output;
+  }
+
+  std::string constant(const std::string& name, float value) {
+    initializers_.push_back(tensor_message(name, {}, little_endian(std::bit_cast<uint32_t>(value))));
+    return name;
+  }
+  void tensor(const NamedArray& array) {
+    const std::string_view bytes(reinterpret_cast<const char*>(array.bytes.data()), array.bytes.size());
+    initializers_.push_back(tensor_message(array.name, array.shape, bytes));
+  }
+
+  /// The graph that gives `value` out under the name of the policy's output.
+  ProtobufMessage finish(const PolicyShape& shape, const std::string& value) {
+    nodes_.push_back(ProtobufMessage().text(1, value).text(2, shape.output_name()).text(4, "Identity"));
+    ProtobufMessage graph;
+    for (const ProtobufMessage& node : nodes_) graph.message(1, node);
+    graph.text(2, "policy");
+    for (const ProtobufMessage& initializer : initializers_) graph.message(5, initializer);
+    graph.message(11, value_message(kInput, shape.inputs));
+    return graph.message(12, value_message(shape.output_name(), shape.outputs()));
+  }
+
+ private:
+  std::vector<ProtobufMessage> nodes_, initializers_;
+  int n_nodes_ = 0;
+};
+
+std::string add_activation(GraphBuilder& graph, Activation activation, const std::string& x) {
+  switch (activation) {
+    case Activation::tanh:
+      return graph.add("Tanh", {x});
+    case Activation::relu:
+      return graph.add("Relu", {x});
+    case Activation::silu:
+      return graph.add("Mul", {x, graph.add("Sigmoid", {x})});
+    case Activation::gelu: {  // x / 2 (1 + erf(x / sqrt 2)); a node of its own only from operator set 20 on
+      const std::string erf = graph.add("Erf", {graph.add("Mul", {x, "sqrt_half"})});
+      return graph.add("Mul", {graph.add("Mul", {x, "half"}), graph.add("Add", {erf, "one"})});
+    }
+  }
+  throw Error("an activation without a graph");
+}
+
+std::string add_normalisation(GraphBuilder& graph, const std::string& x) {
+  const std::string centred = graph.add("Sub", {x, kMeanTensor});
+  return graph.add("Clip", {graph.add("Div", {centred, kStdTensor}), graph.constant("lower_limit", -kNormalizedLimit),
+                            graph.constant("upper_limit", kNormalizedLimit)});
+}
+
+std::string add_layer(GraphBuilder& graph, const PolicyShape& shape, int layer, const std::string& input) {
+  const auto tensor = [layer](const char* part) { return layer_tensor(layer, part); };
+  std::string x = graph.add("Gemm", {input, tensor("weight"), tensor("bias")}, {int_attribute("transB", 1)});
+  if (!shape.is_hidden(layer)) return x;
+  if (shape.network.layer_norm)
+    x = graph.add("LayerNormalization", {x, tensor("norm_weight"), tensor("norm_bias")},
+                  {int_attribute("axis", -1), float_attribute("epsilon", kLayerNormEpsilon)});
+  return add_activation(graph, shape.network.activation, x);
+}
+
+}  // namespace
+
+std::string encode_onnx(const PolicyModel& model, const std::string& gigastep_version) {
+  GraphBuilder graph;
+  const PolicyShape& shape = model.shape;
+  for (const NamedArray& tensor : model.tensors)
+    if (tensor.name != kLogStdTensor) graph.tensor(tensor);  // it is in the manifest; the graph has no use for it
+  if (shape.network.activation == Activation::gelu) {
+    graph.constant("sqrt_half", static_cast<float>(std::sqrt(0.5)));
+    graph.constant("half", 0.5f);
+    graph.constant("one", 1.0f);
+  }
+  std::string x = kInput;
+  if (shape.normalizes) x = add_normalisation(graph, x);
+  for (int layer = 0; layer < shape.n_layers(); ++layer) x = add_layer(graph, shape, layer, x);
+
+  ProtobufMessage file;
+  file.varint(1, kIrVersion).text(2, "gigastep").text(3, gigastep_version).message(7, graph.finish(shape, x));
+  file.message(8, ProtobufMessage().text(1, "").varint(2, kOperatorSet));
+  if (file.encoded().size() > static_cast<size_t>(std::numeric_limits<int32_t>::max()))
+    throw InputError(cat("the policy has ", file.encoded().size(),
+                         " bytes, and an ONNX file at most 2 GiB; --format safetensors holds it"));
+  return file.encoded();
+}
+
+}  // namespace giga

@@ -1,0 +1,51 @@
+// PolicyModel: a policy as plain data: its architecture and the tensors of it, over observations without padding. What
+// every export format is written from.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "core/named_array.hpp"
+#include "policy/config.hpp"
+#include "sim/params.hpp"
+
+namespace giga {
+
+/// Which tensors a policy has follows from this.
+struct PolicyShape {
+  int inputs = 0;  ///< numbers of an observation
+  ActionKind actions = ActionKind::discrete;
+  MlpConfig network;        ///< hidden sizes, activation, layer_norm
+  bool normalizes = false;  ///< observations pass (x - mean) / std first, clamped to +- kNormalizedLimit
+
+  /// Logits of the actions, or means before squashing.
+  int outputs() const { return actions == ActionKind::discrete ? kNDiscreteActions : kActionSize; }
+  /// "logits" or "mean".
+  const char* output_name() const { return actions == ActionKind::discrete ? "logits" : "mean"; }
+  int n_layers() const { return static_cast<int>(network.hidden.size()) + 1; }
+  bool is_hidden(int layer) const { return layer + 1 < n_layers(); }
+};
+
+/// All tensors are fp32. observation.mean and observation.std [inputs] (where it normalises); per layer K
+/// layers.K.weight [to, from], layers.K.bias [to], and of hidden ones with layer_norm layers.K.norm_weight and
+/// layers.K.norm_bias [to]; log_std [3] (continuous actions).
+struct PolicyModel {
+  PolicyShape shape;
+  NamedArrays tensors;
+};
+
+/// "layers.2.weight".
+std::string layer_tensor(int layer, const char* part);
+constexpr const char *kMeanTensor = "observation.mean", *kStdTensor = "observation.std", *kLogStdTensor = "log_std";
+
+struct TensorShape {
+  std::string name;
+  std::vector<int64_t> shape;
+};
+std::vector<TensorShape> tensors_of(const PolicyShape& shape);
+
+/// Throws InputError where a model has not exactly the tensors of its shape, a number is not finite or a deviation not
+/// positive; `source` is the file that it is from.
+void check_tensors(const PolicyModel& model, const std::string& source);
+
+}  // namespace giga

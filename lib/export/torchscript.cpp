@@ -1,0 +1,133 @@
+// Modules made through LibTorch and opened by it. The only file that includes its scripting headers.
+#include "export/torchscript.hpp"
+
+#include <ATen/ATen.h>
+#include <torch/csrc/jit/runtime/graph_executor.h>
+#include <torch/script.h>
+
+#include <algorithm>
+#include <sstream>
+
+#include "core/error.hpp"
+#include "io/number.hpp"
+#include "math/distributions.hpp"
+#include "policy/parameters.hpp"
+#include "rollout/tensors.hpp"
+
+namespace giga {
+namespace {
+
+/// exp of it is 2e-9: the drawn action is the mean.
+constexpr float kNoDeviation = -20;
+
+std::string buffer_name(std::string tensor) {
+  std::replace(tensor.begin(), tensor.end(), '.', '_');
+  return tensor;
+}
+
+/// The Python of `forward`.
+std::string source_of(const PolicyShape& shape) {
+  std::string code = "def forward(self, obs: Tensor) -> Tensor:\n    x = obs\n";
+  const auto line = [&code](const std::string& value) { code += "    x = " + value + "\n"; };
+  const std::string limit = print_number(kNormalizedLimit), epsilon = print_number(kLayerNormEpsilon);
+  if (shape.normalizes)
+    line(cat("torch.clamp((x - self.", buffer_name(kMeanTensor), ") / self.", buffer_name(kStdTensor), ", -", limit,
+             ".0, ", limit, ".0)"));
+  for (int k = 0; k < shape.n_layers(); ++k) {
+    const auto buffer = [k](const char* part) { return "self." + buffer_name(layer_tensor(k, part)); };
+    line(cat("torch.linear(x, ", buffer("weight"), ", ", buffer("bias"), ")"));
+    if (!shape.is_hidden(k)) continue;
+    if (shape.network.layer_norm)
+      line(cat("torch.layer_norm(x, [", shape.network.hidden[static_cast<size_t>(k)], "], ", buffer("norm_weight"),
+               ", ", buffer("norm_bias"), ", ", epsilon, ")"));
+    line(cat("torch.", enum_names(shape.network.activation)[static_cast<size_t>(shape.network.activation)], "(x)"));
+  }
+  return code + "    return x\n";
+}
+
+/// The first line: LibTorch puts pages behind it.
+std::string first_line(const std::exception& e) {
+  const std::string message = e.what();
+  return message.substr(0, message.find('\n'));
+}
+
+class TorchScriptPolicy : public Policy {
+ public:
+  TorchScriptPolicy(torch::jit::Module module, int inputs, ActionKind actions, Device device)
+      : module_(std::move(module)), inputs_(inputs), actions_(actions) {
+    module_.eval();
+    if (actions == ActionKind::continuous) log_std_ = find_log_std(torch_device(device));
+  }
+
+  at::Tensor forward(const at::Tensor& obs) const override {
+    const at::Tensor head = call(obs.narrow(1, 0, inputs_).contiguous()).contiguous();
+    return actions_ == ActionKind::discrete ? at::constant_pad_nd(head, {0, kLogitStride - kNDiscreteActions}) : head;
+  }
+  ActionKind actions() const override { return actions_; }
+  at::Tensor log_std() const override { return log_std_; }
+
+  /// What is wrong with the answer to two observations; empty where nothing is.
+  std::string fault(Device device) const {
+    const int64_t outputs = actions_ == ActionKind::discrete ? kNDiscreteActions : kActionSize;
+    const auto options = at::TensorOptions().dtype(at::kFloat).device(torch_device(device));
+    const at::Tensor head = call(at::zeros({2, inputs_}, options));
+    if (head.scalar_type() == at::kFloat && head.device() == options.device() &&
+        head.sizes() == at::IntArrayRef({2, outputs}))
+      return "";
+    return cat("forward gave a tensor of ", head.scalar_type(), " ", head.sizes(), " on ", head.device().str(),
+               " for observations [2, ", inputs_, "]; needed: Float [2, ", outputs, "] on ", options.device().str());
+  }
+
+ private:
+  /// As written, without fusing: the same numbers at every call, and nothing is compiled while a game is played.
+  at::Tensor call(const at::Tensor& obs) const {
+    at::NoGradGuard no_grad;
+    torch::jit::GraphOptimizerEnabledGuard as_written(false);
+    return module_.forward({obs}).toTensor();
+  }
+
+  at::Tensor find_log_std(at::Device device) const {
+    const auto options = at::TensorOptions().dtype(at::kFloat).device(device);
+    if (!module_.hasattr("log_std")) return at::full({kActionSize}, kNoDeviation, options);
+    at::Tensor value = module_.attr("log_std").toTensor().to(options).contiguous();
+    if (value.sizes() != at::IntArrayRef({kActionSize}))
+      throw InputError(cat("its log_std has shape ", value.sizes(), "; needed: [", kActionSize, "]"));
+    return value;
+  }
+
+  mutable torch::jit::Module module_;  // `forward` of a module is not const
+  int64_t inputs_;
+  ActionKind actions_;
+  at::Tensor log_std_;
+};
+
+}  // namespace
+
+std::string encode_torchscript(const PolicyModel& model) {
+  torch::jit::Module module("GigastepPolicy");
+  module.register_attribute("training", c10::BoolType::get(), false);  // Python's eval() asks for it
+  for (const NamedArray& tensor : model.tensors) {
+    const at::Tensor buffer = at::empty(tensor.shape, at::kFloat);
+    from_array(tensor, buffer);
+    module.register_buffer(buffer_name(tensor.name), buffer);
+  }
+  module.define(source_of(model.shape));
+  std::ostringstream out;
+  module.save(out);
+  return out.str();
+}
+
+std::unique_ptr<Policy> open_torchscript(const std::string& bytes, const std::string& name, int inputs,
+                                         ActionKind actions, Device device) {
+  try {
+    std::istringstream in(bytes);
+    auto policy =
+        std::make_unique<TorchScriptPolicy>(torch::jit::load(in, torch_device(device)), inputs, actions, device);
+    if (const std::string fault = policy->fault(device); !fault.empty()) throw InputError(fault);
+    return policy;
+  } catch (const std::exception& e) {
+    throw InputError(cat(name, " is no TorchScript module that can play here: ", first_line(e)));
+  }
+}
+
+}  // namespace giga

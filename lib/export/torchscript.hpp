@@ -1,0 +1,25 @@
+// TorchScript: a policy as a module of LibTorch's own format, and such modules as policies. PyTorch calls the format
+// legacy. A module is code: opening one runs what is in it.
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "core/memory.hpp"
+#include "export/policy_model.hpp"
+#include "policy/policy.hpp"
+
+namespace giga {
+
+/// The bytes of a file: a module with forward(obs [B, inputs]) -> logits [B, 27] or mean [B, 3], and its tensors as
+/// buffers, "." in their names being "_".
+std::string encode_torchscript(const PolicyModel& model);
+
+/// The module in the bytes of a file as a policy: `forward` gives it the first `inputs` columns of its rows. It is
+/// tried once. Continuous actions: its attribute `log_std` [3] is their deviation; a module without one plays its mean.
+/// Throws InputError where the bytes are no module or `forward` does not take or give what it should; `name` stands for
+/// the file.
+std::unique_ptr<Policy> open_torchscript(const std::string& bytes, const std::string& name, int inputs,
+                                         ActionKind actions, Device device);
+
+}  // namespace giga

@@ -1,0 +1,98 @@
+"""compare.py FOLDER LIMIT: whether the exports in a folder give the numbers that gigastep's own actors gave.
+
+FOLDER has obs.f32 (observations, raw float32), and for each export NAME/ the outputs NAME.f32. Exit code 1 where a
+number differs by more than LIMIT or an export is not what its manifest says, 77 where a Python package is missing.
+"""
+
+import importlib.util
+import json
+import pathlib
+import sys
+import warnings
+
+warnings.simplefilter("ignore")  # PyTorch's, about the format
+
+
+def load_example(folder):
+    """act.py of an export, as a module."""
+    spec = importlib.util.spec_from_file_location(f"act_{folder.name}", folder / "act.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def check_onnx(folder, manifest):
+    """What ONNX's own checker finds, and the names and sizes that programs rely on."""
+    import onnx
+
+    model = onnx.load(folder / manifest["file"])
+    onnx.checker.check_model(model, full_check=True)
+    assert model.opset_import[0].version >= 17, model.opset_import
+    (obs,), (head,) = model.graph.input, model.graph.output
+    sides = [[d.dim_param or d.dim_value for d in v.type.tensor_type.shape.dim] for v in (obs, head)]
+    assert (obs.name, head.name) == ("obs", manifest["action"]["output"]), (obs.name, head.name)
+    assert sides == [["batch", manifest["observation"]["size"]], ["batch", manifest["action"]["size"]]], sides
+
+
+def check_torchscript(folder, manifest):
+    """Its tensors are fp32 buffers."""
+    import torch
+
+    buffers = dict(torch.jit.load(folder / manifest["file"]).named_buffers())
+    assert "layers_0_weight" in buffers, buffers
+    assert all(b.dtype == torch.float32 for b in buffers.values()), buffers
+
+
+def check_actions(example, manifest, head):
+    """The example's actions are of the right kind: greedy ones, and drawn ones with the right frequencies."""
+    import numpy as np
+
+    random = np.random.default_rng(1)
+    if manifest["action"]["kind"] == "discrete":
+        assert example.act(head) == head.argmax()
+        n = 4000
+        drawn = np.bincount([example.act(head, random) for _ in range(n)], minlength=head.size) / n
+        wanted = np.exp(head - head.max()) / np.exp(head - head.max()).sum()
+        assert abs(drawn - wanted).max() < 5 * 0.5 / n**0.5, (drawn, wanted)  # 5 deviations of the widest share
+    else:
+        assert np.allclose(example.act(head), np.tanh(head))
+        assert example.act(head, random).shape == (3,)
+
+
+def compare(folder, obs):
+    """The largest difference of an export's outputs, together and row by row."""
+    import numpy as np
+
+    manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
+    obs = obs.reshape(-1, manifest["observation"]["size"])
+    expected = np.fromfile(folder.with_name(folder.name + ".f32"), np.float32).reshape(len(obs), -1)
+    assert expected.shape[1] == manifest["action"]["size"], expected.shape
+    example = load_example(folder)
+    policy = example.Policy()
+    together, alone = policy(obs), np.concatenate([policy(row[None]) for row in obs])
+    assert together.dtype == np.float32 and together.shape == expected.shape, (together.dtype, together.shape)
+    {"onnx": check_onnx, "torchscript": check_torchscript}.get(manifest["format"], lambda *_: None)(folder, manifest)
+    check_actions(example, manifest, expected[0])
+    assert policy(example.example_observation()).shape == (1, manifest["action"]["size"])
+    return max(abs(together - expected).max(), abs(alone - expected).max())
+
+
+def main():
+    root, limit = pathlib.Path(sys.argv[1]), float(sys.argv[2])
+    try:
+        import numpy as np
+
+        obs = np.fromfile(root / "obs.f32", np.float32)
+        folders = sorted(path.parent for path in root.glob("*/manifest.json"))
+        differences = {folder.name: compare(folder, obs) for folder in folders}
+    except ImportError as error:
+        print(error)
+        sys.exit(77)
+    far = {name: difference for name, difference in differences.items() if not difference <= limit}
+    for name, difference in far.items():
+        print(f"{name}: {difference} > {limit}")
+    print(f"{len(differences) - len(far)} policies agree, the farthest within {max(differences.values())}")
+    sys.exit(1 if far else 0)
+
+
+main()

@@ -1,0 +1,138 @@
+// Manifests: what they say about observations and actions, and what is refused.
+#include "export/manifest.hpp"
+
+#include <gtest/gtest.h>
+
+#include "config/document.hpp"
+#include "io/temporary_folder.hpp"
+#include "policies.hpp"
+#include "sim/observe.hpp"
+#include "support/sim_specs.hpp"
+
+namespace giga::test {
+namespace {
+
+Manifest sample(ActionKind actions) {
+  const SimSpec spec = small_spec(actions);
+  PolicyShape shape{kInputs, actions, {{12, 10}, Activation::gelu, true}, true};
+  std::vector<float> log_std;
+  if (actions == ActionKind::continuous) log_std = {-0.5f, 0.25f, -1};
+  return {ExportFormat::onnx, shape, observation_layout(spec), Rules::original, log_std, sample_origin()};
+}
+std::string text_of(const Manifest& manifest) { return manifest_json(manifest, Json::object()).text(); }
+
+/// The value at a path of keys and indices.
+const Node& at(const Node& node, const std::vector<std::string>& path) {
+  const Node* here = &node;
+  for (const std::string& key : path) {
+    here = here->is_sequence() ? &here->items.at(std::stoul(key)) : here->find(key);
+    GIGA_CHECK(here, "no ", key);
+  }
+  return *here;
+}
+
+TEST(ExportManifest, LayoutByHand) {
+  // 9 of the agent, 3 x 9 of the others, 5 of the waypoint, 2 x 4 of the boxes.
+  const std::vector<ObservationBlock> expected = {
+      {"self", 0, 1, 9}, {"neighbors", 9, 3, 9}, {"waypoint", 36, 1, 5}, {"boxes", 41, 2, 4}};
+  EXPECT_EQ(observation_layout(small_spec(ActionKind::discrete)), expected);
+}
+
+TEST(ExportManifest, LayoutsCoverEveryObservation) {
+  for (unsigned mask = 0; mask < kNSwitchMasks; mask += 7) {
+    SimSpec spec = random_spec(mask, 1 + static_cast<int>(mask % 3), 2);
+    set_switches(spec, mask);
+    spec.finish();
+    int at = 0;
+    for (const ObservationBlock& block : observation_layout(spec)) {
+      EXPECT_EQ(block.first, at);
+      EXPECT_EQ(block_features(block.name, block.size).size(), static_cast<size_t>(block.size)) << block.name;
+      EXPECT_FALSE(block_meaning(block.name).empty());
+      at = block.end();
+    }
+    EXPECT_EQ(at, spec.observation_size());
+  }
+}
+
+TEST(ExportManifest, NamesOfAgentFeaturesFollowTheSimulator) {
+  const std::vector<ObservationFeature> features = block_features("neighbors", kNeighborFeatures);
+  const std::pair<Feature, const char*> expected[] = {
+      {kSeen, "seen"},       {kSameTeam, "same_team"}, {kX, "x"},           {kY, "y"},          {kZ, "z"},
+      {kHeading, "heading"}, {kSpeed, "speed"},        {kHealth, "health"}, {kSprite, "sprite"}};
+  for (const auto& [index, name] : expected) {
+    EXPECT_EQ(features[index].name, name);
+    const bool relative = features[index].meaning.find("minus the agent's own") != std::string::npos;
+    EXPECT_EQ(relative, index >= kFirstRelative && index <= kLastRelative) << name;
+  }
+}
+
+TEST(ExportManifest, SaysWhereEachNumberStands) {
+  const Document json = parse_yaml_text(text_of(sample(ActionKind::discrete)), "manifest");
+  const Node& feature = at(json.root, {"observation", "blocks", "3", "features", "2"});
+  EXPECT_EQ(at(feature, {"name"}).text, "x2");
+  EXPECT_EQ(print_node(at(feature, {"slice"})), "[43, 49, 4]");  // of two boxes: 43 and 47
+  EXPECT_EQ(at(json.root, {"observation", "size"}).text, "49");
+  EXPECT_EQ(at(json.root, {"action", "output"}).text, "logits");
+}
+
+TEST(ExportManifest, TableOfActions) {
+  const Document json = parse_yaml_text(text_of(sample(ActionKind::discrete)), "manifest");
+  const Node& table = at(json.root, {"action", "table"});
+  ASSERT_EQ(table.items.size(), 27u);
+  EXPECT_EQ(print_node(table.items[13]), "{index: 13, heading: 0, dive: 0, throttle: 0}");
+  // 23 = 9 (1 + 1) + 3 (0 + 1) + (1 + 1)
+  EXPECT_EQ(print_node(table.items[23]), "{index: 23, heading: 0, dive: 1, throttle: 1}");
+}
+
+TEST(ExportManifest, ReadsBackToTheSame) {
+  for (const ActionKind actions : {ActionKind::discrete, ActionKind::continuous}) {
+    const std::string text = text_of(sample(actions));
+    const Manifest read = parse_manifest(text, "manifest.json");
+    EXPECT_EQ(text_of(read), text);
+    EXPECT_EQ(read.origin.scenario_yaml, sample_origin().scenario_yaml);
+    EXPECT_EQ(read.log_std, sample(actions).log_std);
+  }
+}
+
+/// What is said to a manifest in which `from` became `to`.
+std::string refusal(const std::string& from, const std::string& to) {
+  std::string text = text_of(sample(ActionKind::continuous));
+  const size_t at = text.find(from);
+  GIGA_CHECK(at != std::string::npos, from);
+  text.replace(at, from.size(), to);
+  return input_error_of([&] { parse_manifest(text, "manifest.json"); });
+}
+
+TEST(ExportManifest, MistakesAreSaidWithTheirPlace) {
+  EXPECT_TRUE(
+      contains(refusal("\"gigastep policy\"", "\"x\""), {"manifest.json:2:11: kind: '\"x\"'", "gigastep policy"}));
+  EXPECT_TRUE(contains(refusal("\"format_version\": 1", "\"format_version\": 2"), {"format_version is 2", "up to 1"}));
+  EXPECT_TRUE(contains(refusal("\"gelu\"", "\"gel\""), {"activation: '\"gel\"'", "tanh"}));
+  EXPECT_TRUE(contains(refusal("[12, 10]", "[12, 0]"), {"hidden[1]: '0'", "[1, 16384]"}));
+  EXPECT_TRUE(contains(refusal("[12, 10]", "[]"), {"hidden"}));
+  EXPECT_TRUE(contains(refusal("\"layer_norm\": true,", ""), {"layer_norm: is missing"}));
+  EXPECT_TRUE(contains(refusal("[-0.5, 0.25, -1]", "[-0.5, .nan, -1]"), {"log_std[1]"}));
+  EXPECT_TRUE(contains(refusal("[-0.5, 0.25, -1]", "[-0.5]"), {"log_std"}));
+  EXPECT_TRUE(contains(refusal("\"training\": {", "\"training\": 3, \"other\": {"), {"training: a map is needed"}));
+  EXPECT_TRUE(contains(refusal("\"first\": 9", "\"first\": -9"), {"first: '-9'"}));
+  EXPECT_TRUE(contains(input_error_of([] { parse_manifest("[1]", "manifest.json"); }), {"is no manifest"}));
+}
+
+TEST(ExportManifest, ADifferenceInTheLayoutIsNamed) {
+  const Manifest manifest = sample(ActionKind::discrete);
+  const SimSpec same = small_spec(ActionKind::discrete);
+  EXPECT_EQ(input_error_of([&] { check_fits(manifest, same, "p"); }), "no error");
+  SimSpec without = same;
+  without.params.waypoints = false;
+  without.finish();
+  EXPECT_TRUE(contains(input_error_of([&] { check_fits(manifest, without, "p"); }),
+                       {"p was trained in small", "1 x 5 numbers of 'waypoint' from 36", "2 x 4 numbers of 'boxes'"}));
+  SimSpec fewer = same;
+  fewer.maps[0].boxes.clear();
+  fewer.finish();
+  EXPECT_TRUE(contains(input_error_of([&] { check_fits(manifest, fewer, "p"); }),
+                       {"observations of 49 numbers; small has observations of 41"}));
+}
+
+}  // namespace
+}  // namespace giga::test

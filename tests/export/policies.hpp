@@ -1,0 +1,37 @@
+// What the export tests share: a scenario whose observations are padded, and actors of every kind for it.
+#pragma once
+
+#include <torch/types.h>
+
+#include <string>
+#include <vector>
+
+#include "export/manifest.hpp"
+#include "policy/actor.hpp"
+
+namespace giga::test {
+
+/// 2 against 2 with a waypoint and two boxes: observations of 4 x 9 + 5 + 2 x 4 = 49 numbers, padded to 56.
+SimSpec small_spec(ActionKind actions);
+constexpr int kInputs = 49, kPaddedInputs = 56;
+
+struct ActorKind {
+  ActionKind actions = ActionKind::discrete;
+  Activation activation = Activation::tanh;
+  bool layer_norm = false, normalizes = false;
+
+  std::string name() const;  ///< "discrete_tanh_layer_norm"
+};
+/// All 2 x 4 x 2 x 2.
+std::vector<ActorKind> all_kinds();
+
+/// Hidden layers of 12 and 10; every parameter, biases too, is random, and so are the moments of the normaliser.
+Actor make_random_actor(const ActorKind& kind);
+
+/// [rows, kPaddedInputs], of mean 2 and deviation 3; zeros behind column kInputs.
+at::Tensor random_observations(int64_t rows);
+
+/// Of team 1 after 12 updates.
+PolicyOrigin sample_origin();
+
+}  // namespace giga::test

@@ -1,0 +1,70 @@
+// Exports as Python sees them: act.py of each loads its policy with the library of its format, and gives the same
+// numbers as the actor that was exported.
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+
+#include "config/fields.hpp"
+#include "export/export.hpp"
+#include "io/files.hpp"
+#include "io/temporary_folder.hpp"
+#include "policies.hpp"
+
+namespace giga::test {
+namespace {
+namespace fs = std::filesystem;
+
+constexpr int kRows = 33;
+constexpr int kNotInstalled = 77, kNoPython = 127;  // the script's word, and the shell's
+
+struct Outcome {
+  int code = -1;
+  std::string out;  // and what it said of errors
+};
+
+Outcome run_python(const std::string& arguments) {
+  const std::string own = GIGASTEP_SOURCE_DIR "/.venv/bin/python";
+  const std::string command = (fs::exists(own) ? own : "python3") + " -B " + arguments + " 2>&1";
+  FILE* pipe = ::popen(command.c_str(), "r");
+  GIGA_CHECK(pipe, command);
+  Outcome outcome;
+  char block[4096];
+  for (size_t n = 0; (n = std::fread(block, 1, sizeof block, pipe)) > 0;) outcome.out.append(block, n);
+  const int status = ::pclose(pipe);
+  outcome.code = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+  return outcome;
+}
+
+void write_tensor(const fs::path& file, const at::Tensor& tensor) {
+  const at::Tensor values = tensor.detach().contiguous();
+  write_file(file, {static_cast<const char*>(values.data_ptr()), values.nbytes()});
+}
+
+/// Exports an actor of every kind, with the numbers that it gives beside it, and lets Python compare.
+void compare_with_python(ExportFormat format) {
+  const TemporaryFolder folder;
+  const at::Tensor obs = random_observations(kRows);
+  write_tensor(folder / "obs.f32", obs.slice(1, 0, kInputs));
+  for (const ActorKind& kind : all_kinds()) {
+    const Actor actor = make_random_actor(kind);
+    const int outputs = kind.actions == ActionKind::discrete ? kNDiscreteActions : kActionSize;
+    write_export(folder / kind.name(), format, actor, small_spec(kind.actions), sample_origin());
+    write_tensor(folder / (kind.name() + ".f32"), actor.forward(obs).slice(1, 0, outputs));
+  }
+  const Outcome outcome =
+      run_python(GIGASTEP_SOURCE_DIR "/tests/export/compare.py '" + folder.path().string() + "' 1e-5");
+  if (outcome.code == kNotInstalled || outcome.code == kNoPython)
+    GTEST_SKIP() << "not all that reads the format is installed (scripts/bootstrap --dev): " << outcome.out;
+  EXPECT_EQ(outcome.code, 0) << outcome.out;
+  EXPECT_NE(outcome.out.find("32 policies agree"), std::string::npos) << outcome.out;
+}
+
+TEST(ExportPython, SafetensorsGiveTheSameNumbers) { compare_with_python(ExportFormat::safetensors); }
+TEST(ExportPython, OnnxRuntimeGivesTheSameNumbers) { compare_with_python(ExportFormat::onnx); }
+TEST(ExportPython, TorchScriptGivesTheSameNumbers) { compare_with_python(ExportFormat::torchscript); }
+
+}  // namespace
+}  // namespace giga::test

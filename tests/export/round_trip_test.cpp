@@ -1,0 +1,187 @@
+// Exports that are read back: the same policy, and clear words for what cannot be one.
+#include <gtest/gtest.h>
+
+#include <filesystem>
+
+#include "config/fields.hpp"
+#include "cuda/runtime.hpp"
+#include "export/export.hpp"
+#include "export/safetensors.hpp"
+#include "io/files.hpp"
+#include "io/temporary_folder.hpp"
+#include "policies.hpp"
+#include "scenario/scenario.hpp"
+
+namespace giga::test {
+namespace {
+namespace fs = std::filesystem;
+
+void write(const fs::path& folder, ExportFormat format, const ActorKind& kind = {}) {
+  write_export(folder, format, make_random_actor(kind), small_spec(kind.actions), sample_origin());
+}
+
+/// The message of the InputError when a policy is read for a scenario of discrete actions.
+std::string refusal(const fs::path& path, bool trust = true) {
+  return input_error_of([&] { read_exported_policy(path, small_spec(ActionKind::discrete), {}, trust); });
+}
+
+double worst(const at::Tensor& a, const at::Tensor& b) { return (a - b).abs().max().item<double>(); }
+
+at::Tensor without_unused_logit(const at::Tensor& head) { return head.slice(1, 0, kNDiscreteActions); }
+
+TEST(ExportRoundTrip, SafetensorsGiveTheSameActor) {
+  const TemporaryFolder folder;
+  const at::Tensor obs = random_observations(33);
+  for (const ActorKind& kind : all_kinds()) {
+    SCOPED_TRACE(kind.name());
+    const Actor actor = make_random_actor(kind);
+    const SimSpec spec = small_spec(kind.actions);
+    write(folder / kind.name(), ExportFormat::safetensors, kind);
+    const auto policy = read_exported_policy(folder / kind.name(), spec, {}, false);
+    ASSERT_EQ(policy->actions(), kind.actions);
+    const at::Tensor head = policy->forward(obs), expected = actor.forward(obs);
+    ASSERT_EQ(head.sizes(), expected.sizes());
+    EXPECT_TRUE(at::equal(without_unused_logit(head), without_unused_logit(expected)));
+    EXPECT_TRUE(kind.actions == ActionKind::discrete || at::equal(policy->log_std(), actor.log_std()));
+  }
+}
+
+TEST(ExportRoundTrip, TorchScriptGivesTheSameNumbers) {
+  const TemporaryFolder folder;
+  const at::Tensor obs = random_observations(33);
+  for (const ActorKind& kind : all_kinds()) {
+    SCOPED_TRACE(kind.name());
+    const Actor actor = make_random_actor(kind);
+    write(folder / kind.name(), ExportFormat::torchscript, kind);
+    const auto policy = read_exported_policy(folder / kind.name(), small_spec(kind.actions), {}, true);
+    ASSERT_EQ(policy->actions(), kind.actions);
+    const at::Tensor head = policy->forward(obs), expected = actor.forward(obs);
+    ASSERT_EQ(head.sizes(), expected.sizes());
+    ASSERT_TRUE(head.is_contiguous());
+    EXPECT_LE(worst(without_unused_logit(head), without_unused_logit(expected)), 1e-5);
+    EXPECT_TRUE(kind.actions == ActionKind::discrete || at::equal(policy->log_std(), actor.log_std()));
+  }
+}
+
+TEST(ExportRoundTripGpu, PoliciesPlayOnTheGpu) {
+  if (cuda_device_count() == 0) GTEST_SKIP() << "no GPU";
+  const TemporaryFolder folder;
+  const at::Tensor obs = random_observations(33);
+  for (const ActorKind& kind : all_kinds()) {
+    const at::Tensor expected = without_unused_logit(make_random_actor(kind).forward(obs));
+    for (const ExportFormat format : {ExportFormat::safetensors, ExportFormat::torchscript}) {
+      const std::string name = kind.name() + "_" + FieldCodec<ExportFormat>::print(format);
+      write(folder / name, format, kind);
+      const auto policy = read_exported_policy(folder / name, small_spec(kind.actions), {Device::Kind::cuda, 0}, true);
+      const at::Tensor head = policy->forward(obs.to(at::kCUDA));
+      EXPECT_LT(worst(without_unused_logit(head).cpu(), expected), 1e-2) << name;  // matrix products may be TF32
+    }
+  }
+}
+
+TEST(ExportRoundTrip, FilesAndFoldersAreRecognised) {
+  const TemporaryFolder folder;
+  write(folder / "tensors", ExportFormat::safetensors);
+  EXPECT_TRUE(is_exported_policy(folder / "tensors"));
+  EXPECT_TRUE(is_exported_policy(folder / "tensors/policy.safetensors"));
+  EXPECT_TRUE(is_exported_policy("elsewhere/module.pt"));
+  EXPECT_FALSE(is_exported_policy(folder.path()));
+  EXPECT_FALSE(is_exported_policy("runs/first/checkpoints/best.h5"));
+  EXPECT_EQ(refusal(folder / "tensors/policy.safetensors"), "no error");
+}
+
+TEST(ExportRoundTrip, FilesOfAnExport) {
+  const TemporaryFolder folder;
+  fs::create_directory(folder / "empty");  // may be there, if empty
+  write(folder / "empty", ExportFormat::onnx);
+  for (const char* name : {"policy.onnx", "manifest.json", "act.py"})
+    EXPECT_TRUE(fs::is_regular_file(folder / "empty" / name)) << name;
+  EXPECT_EQ(std::distance(fs::directory_iterator(folder / "empty"), {}), 3);
+}
+
+TEST(ExportRoundTrip, NothingIsOverwritten) {
+  const TemporaryFolder folder;
+  write_file(folder / "notes.txt", "mine");
+  EXPECT_TRUE(contains(input_error_of([&] { write(folder.path(), ExportFormat::onnx); }), {"is not empty"}));
+  EXPECT_TRUE(contains(input_error_of([&] { write(folder / "notes.txt", ExportFormat::onnx); }), {"is a file"}));
+  EXPECT_TRUE(contains(input_error_of([&] { write(folder / "notes.txt/x", ExportFormat::onnx); }), {"cannot create"}));
+  EXPECT_EQ(folder.entries(), 1);
+  EXPECT_EQ(read_file(folder / "notes.txt"), "mine");
+}
+
+TEST(ExportRoundTrip, WhatCannotPlayIsSaid) {
+  const TemporaryFolder folder;
+  write(folder / "onnx", ExportFormat::onnx);
+  write(folder / "module", ExportFormat::torchscript);
+  write(folder / "tensors", ExportFormat::safetensors);
+  EXPECT_TRUE(contains(refusal(folder / "onnx"), {"policy.onnx is an ONNX graph", "--format safetensors"}));
+  EXPECT_TRUE(contains(refusal(folder / "onnx/policy.onnx"), {"policy.onnx is an ONNX graph"}));
+  EXPECT_TRUE(contains(refusal(folder / "module", false), {"policy.pt is a TorchScript module", "--trust"}));
+  EXPECT_TRUE(contains(refusal(folder / "nothing"), {"there is no exported policy", "nothing"}));
+  EXPECT_TRUE(contains(refusal(folder / "tensors/act.py"), {"act.py is no exported policy", ".safetensors"}));
+  fs::remove(folder / "tensors/manifest.json");
+  EXPECT_TRUE(contains(refusal(folder / "tensors/policy.safetensors"), {"manifest.json"}));
+}
+
+TEST(ExportRoundTrip, OfAnotherScenario) {
+  const TemporaryFolder folder;
+  write(folder / "continuous", ExportFormat::safetensors, {ActionKind::continuous});
+  EXPECT_TRUE(contains(refusal(folder / "continuous"), {"continuous actions; small has discrete ones"}));
+  write(folder / "tensors", ExportFormat::safetensors);
+  SimSpec bigger = small_spec(ActionKind::discrete);
+  bigger.maps[0].boxes.push_back({3, 3, 4, 4, 0, 10});
+  bigger.finish();
+  const std::string message = input_error_of([&] { read_exported_policy(folder / "tensors", bigger, {}, false); });
+  EXPECT_TRUE(contains(message, {"2 x 4 numbers of 'boxes' from 41 on", "small has 3 x 4"}));
+  write(folder / "module", ExportFormat::torchscript);
+  fs::rename(folder / "module/policy.pt", folder / "alone.pt");
+  const std::string alone = input_error_of([&] { read_exported_policy(folder / "alone.pt", bigger, {}, true); });
+  EXPECT_TRUE(contains(alone, {"alone.pt is no TorchScript module that can play here"}));
+}
+
+TEST(ExportRoundTrip, DamagedFiles) {
+  const TemporaryFolder folder;
+  write(folder / "tensors", ExportFormat::safetensors);
+  const fs::path file = folder / "tensors/policy.safetensors";
+  const NamedArrays good = decode_safetensors(read_file(file), "good");
+  const auto refusal_of = [&](const NamedArrays& tensors) {
+    write_file(file, encode_safetensors(tensors, {}));
+    return refusal(file);
+  };
+  EXPECT_EQ(refusal_of(good), "no error");
+  NamedArrays fewer(good.begin() + 1, good.end());
+  EXPECT_TRUE(contains(refusal_of(fewer), {"tensor 'layers.0.weight' is missing"}));
+  NamedArrays more = good;
+  more.push_back(make_array<float>("extra", {1}));
+  EXPECT_TRUE(contains(refusal_of(more), {"tensor 'extra' has no place"}));
+  NamedArrays turned = good;
+  std::swap(turned[0].shape[0], turned[0].shape[1]);
+  EXPECT_TRUE(contains(refusal_of(turned), {"layers.0.weight' has shape [49, 12]", "needs [12, 49]"}));
+  NamedArrays wide = good;
+  wide[1] = make_array<double>("layers.0.bias", std::vector<double>(12));
+  EXPECT_TRUE(contains(refusal_of(wide), {"layers.0.bias' is not of type F32"}));
+  NamedArrays infinite = good;
+  infinite[1] = make_array<float>("layers.0.bias", std::vector<float>(12, 1.0f / 0.0f));
+  EXPECT_TRUE(contains(refusal_of(infinite), {"layers.0.bias': number 0 is inf; it must be finite"}));
+  write_file(file, "");
+  EXPECT_TRUE(contains(refusal(file), {"policy.safetensors is no safetensors file"}));
+  write_file(folder / "junk.pt", "not a module");
+  EXPECT_TRUE(contains(refusal(folder / "junk.pt"), {"junk.pt is no TorchScript module"}));
+}
+
+TEST(ExportRoundTrip, DeviationsArePositive) {
+  const TemporaryFolder folder;
+  const ActorKind kind{ActionKind::discrete, Activation::tanh, false, true};
+  write(folder / "tensors", ExportFormat::safetensors, kind);
+  const fs::path file = folder / "tensors/policy.safetensors";
+  NamedArrays tensors = decode_safetensors(read_file(file), "good");
+  for (NamedArray& tensor : tensors)
+    if (tensor.name == kStdTensor) tensor = make_array<float>(kStdTensor, std::vector<float>(kInputs, 0));
+  for (NamedArray& tensor : tensors)
+    tensor.shape = tensor.name == kStdTensor ? std::vector<int64_t>{kInputs} : tensor.shape;
+  write_file(file, encode_safetensors(tensors, {}));
+  EXPECT_TRUE(contains(refusal(file), {"observation.std': number 0 is 0; a deviation must be > 0"}));
+}
+
+}  // namespace
+}  // namespace giga::test
