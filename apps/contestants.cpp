@@ -7,7 +7,9 @@
 #include <system_error>
 
 #include "config/fields.hpp"
+#include "config/names.hpp"
 #include "core/error.hpp"
+#include "export/export.hpp"
 #include "io/run_folder.hpp"
 #include "scenario/compile.hpp"
 #include "scenario/data_dirs.hpp"
@@ -18,12 +20,15 @@ namespace fs = std::filesystem;
 namespace {
 
 std::vector<std::string> script_names(const std::string& scripted) {
-  if (scripted == "all") return FieldCodec<Scripted>::names();
+  const std::vector<std::string> known = FieldCodec<Scripted>::names();
+  if (scripted == "all") return known;
   std::vector<std::string> names;
   if (scripted == "none") return names;
   std::istringstream list(scripted);
   for (std::string name; std::getline(list, name, ',');) {
-    parse_scripted(name);
+    if (!find_script(name))
+      throw InputError(cat("--scripted ", scripted, ": '", name, "' is no scripted team", nearest_hint(name, known),
+                           "; allowed: all, none, or out of ", join(known)));
     if (std::find(names.begin(), names.end(), name) != names.end())
       throw InputError(cat("--scripted ", scripted, ": '", name, "' is there twice"));
     names.push_back(name);
@@ -32,26 +37,13 @@ std::vector<std::string> script_names(const std::string& scripted) {
   return names;
 }
 
-/// A checkpoint that takes part.
+/// Who takes part beside the scripts.
 struct Candidate {
-  fs::path file;
-  std::string run;
-  Checkpoint checkpoint;
-  bool best = false;
+  Contestant contestant;
+  PlayerInfo info;
 };
 
-/// The whole checkpoints among some files.
-std::vector<Candidate> read_whole(const std::vector<fs::path>& files, const std::string& run) {
-  std::vector<Candidate> whole;
-  for (const fs::path& file : files) {
-    try {
-      whole.push_back({file, run, read_checkpoint(file), false});
-    } catch (const InputError& e) {
-      std::cerr << "warning: " << e.what() << "; it is left out\n";
-    }
-  }
-  return whole;
-}
+int64_t updates_of(const Candidate& candidate) { return candidate.info.updates; }
 
 std::string folder_name(const fs::path& folder) {
   fs::path whole = fs::absolute(folder).lexically_normal();
@@ -59,21 +51,49 @@ std::string folder_name(const fs::path& folder) {
   return whole.filename().string();
 }
 
+/// Named "RUN@UPDATES".
+Candidate candidate_of(const fs::path& file, Checkpoint checkpoint, const std::string& run,
+                       const ContestantOptions& options) {
+  Candidate candidate{Contestant::of_checkpoint({file, std::move(checkpoint), {}, {}}, options), {}};
+  const Contestant::Origin& origin = *candidate.contestant.origin();
+  candidate.contestant.rename(cat(run, "@", origin.updates));
+  candidate.info = {PlayerKind::checkpoint, run,           origin.updates, static_cast<double>(origin.agent_steps),
+                    origin.seconds,         /*best=*/false};
+  return candidate;
+}
+
+/// Of the files those that are whole.
+std::vector<Candidate> read_whole(const std::vector<fs::path>& files, const std::string& run,
+                                  const ContestantOptions& options) {
+  std::vector<Candidate> whole;
+  for (const fs::path& file : files) {
+    Checkpoint checkpoint;
+    try {
+      checkpoint = read_checkpoint(file);
+    } catch (const InputError& e) {
+      std::cerr << "warning: " << e.what() << "; it is left out\n";
+      continue;
+    }
+    whole.push_back(candidate_of(file, std::move(checkpoint), run, options));
+  }
+  return whole;
+}
+
 /// The kept checkpoints of a run in order; the best one is one of them or beside them.
-std::vector<Candidate> candidates_of_run(const fs::path& folder, int most) {
+std::vector<Candidate> candidates_of_run(const fs::path& folder, int most, const ContestantOptions& options) {
   const std::string run = folder_name(folder);
   const std::vector<fs::path> files = list_checkpoints(folder);
   std::vector<fs::path> chosen;
   for (const size_t k : spread(files.size(), static_cast<size_t>(most))) chosen.push_back(files[k]);
-  std::vector<Candidate> all = read_whole(chosen, run);
+  std::vector<Candidate> all = read_whole(chosen, run, options);
   const fs::path best_file = folder / "checkpoints/best.h5";
   std::error_code code;
   if (fs::exists(best_file, code)) {
-    for (Candidate& best : read_whole({best_file}, run)) {
-      const int64_t updates = best.checkpoint.updates;
-      auto at = std::find_if(all.begin(), all.end(), [&](const auto& c) { return c.checkpoint.updates >= updates; });
-      if (at == all.end() || at->checkpoint.updates != updates) at = all.insert(at, std::move(best));
-      at->best = true;
+    for (Candidate& best : read_whole({best_file}, run, options)) {
+      const int64_t updates = updates_of(best);
+      auto at = std::find_if(all.begin(), all.end(), [&](const Candidate& c) { return updates_of(c) >= updates; });
+      if (at == all.end() || updates_of(*at) != updates) at = all.insert(at, std::move(best));
+      at->info.best = true;
     }
   }
   if (all.empty())
@@ -82,7 +102,19 @@ std::vector<Candidate> candidates_of_run(const fs::path& folder, int most) {
   return all;
 }
 
-std::vector<Candidate> find_candidates(const ContestantRequest& request) {
+/// Named like its folder, or as a module from elsewhere like its file.
+Candidate exported_candidate(const fs::path& path, const ContestantOptions& options) {
+  Candidate candidate{Contestant::load(path.string(), options), {}};
+  std::error_code code;
+  const bool is_module = !fs::is_directory(path, code) && !candidate.contestant.origin();
+  candidate.contestant.rename(is_module                      ? path.stem().string()
+                              : fs::is_directory(path, code) ? folder_name(path)
+                                                             : folder_name(fs::absolute(path).parent_path()));
+  candidate.info.kind = PlayerKind::exported;
+  return candidate;
+}
+
+std::vector<Candidate> find_candidates(const ContestantRequest& request, const ContestantOptions& options) {
   std::vector<Candidate> all;
   for (size_t k = 0; k < request.runs.size(); ++k) {
     const fs::path path = request.runs[k];
@@ -91,71 +123,57 @@ std::vector<Candidate> find_candidates(const ContestantRequest& request) {
       if (fs::equivalent(path, request.runs[j], code))
         throw InputError(cat("the run ", path.string(), " is given twice"));
     if (!fs::exists(path, code)) throw InputError(cat("there is no checkpoint or run folder ", path.string()));
-    std::vector<Candidate> own;
-    if (fs::is_directory(path, code)) {
-      own = candidates_of_run(path, request.checkpoints);
+    if (is_exported_policy(path)) {
+      all.push_back(exported_candidate(path, options));
+    } else if (fs::is_directory(path, code)) {
+      for (Candidate& c : candidates_of_run(path, request.checkpoints, options)) all.push_back(std::move(c));
     } else {
       const fs::path folder = fs::absolute(path).lexically_normal().parent_path().parent_path();
-      own.push_back({path, folder_name(folder), read_checkpoint(path), false});
+      all.push_back(candidate_of(path, read_checkpoint(path), folder_name(folder), options));
     }
-    for (Candidate& candidate : own) all.push_back(std::move(candidate));
   }
   return all;
 }
 
-/// What is played: what was asked for, or the scenario of all candidates.
+/// What is played: what was asked for, or the scenario of all candidates that know theirs.
 void choose_scenario(const ContestantRequest& request, const std::vector<Candidate>& candidates, Contestants& result) {
-  const Candidate& first = candidates.front();
+  const Contestant::Origin* first = nullptr;
+  for (const Candidate& c : candidates) {
+    const Contestant::Origin* origin = c.contestant.origin();
+    if (!first) first = origin;
+    if (!request.scenario.empty() || !origin) continue;
+    if (print_scenario(origin->run.scenario) != print_scenario(first->run.scenario))
+      throw InputError(cat(first->file, " and ", origin->file, " are of different scenarios (", first->scenario_name,
+                           ", ", origin->scenario_name,
+                           ", or with different keys): say with --scenario which one is played"));
+  }
+  if (first) result.n_threads = first->run.config.train.n_threads;
   if (!request.scenario.empty()) {
     result.scenario = load_scenario(request.scenario, data_dirs());
     result.spec = compile(result.scenario);
     return;
   }
-  for (const Candidate& c : candidates)
-    if (c.checkpoint.scenario_yaml != first.checkpoint.scenario_yaml)
-      throw InputError(cat(first.file.string(), " and ", c.file.string(), " are of different scenarios (",
-                           first.checkpoint.scenario_name, ", ", c.checkpoint.scenario_name,
-                           ", or with different keys): say with --scenario which one is played"));
-  result.scenario = result.policies.front().run.scenario;
-  result.scenario.name = first.checkpoint.scenario_name;
-  result.spec = result.policies.front().run.spec;
+  if (!first)
+    throw InputError(cat("no checkpoint or manifest says in which scenario ", candidates.front().contestant.name(),
+                         " was trained: name the one to be played with --scenario"));
+  result.scenario = first->run.scenario;
+  result.scenario.name = first->scenario_name;
+  result.spec = first->run.spec;
 }
 
-void check_fits(const Candidate& candidate, const SimSpec& own, const Contestants& result) {
-  const int had = own.observation_size(), has = result.spec.observation_size();
-  if (had != has || own.params.actions != result.spec.params.actions)
-    throw InputError(cat(candidate.file.string(), " does not fit the scenario ", result.scenario.name, ": its policy ",
-                         had != has ? cat("observes ", had, " numbers, here are ", has) : "has other actions"));
-}
-
-/// "RUN@UPDATES"; with "#2" behind where two runs of the same name are rated.
-std::string unique_name(const std::string& wanted, const std::vector<Entrant>& others) {
-  std::string name = wanted;
-  for (int number = 2; std::any_of(others.begin(), others.end(), [&](const auto& e) { return e.name == name; });
-       ++number)
-    name = cat(wanted, "#", number);
-  return name;
-}
-
-void add_scripts(const std::vector<std::string>& names, Contestants& result) {
-  for (const std::string& name : names) {
-    const Player player{nullptr, parse_scripted(name), false};
-    result.entrants.push_back({name, {player, player}, {true, true}});
-    result.infos.emplace_back();
-  }
-}
-
-void add_checkpoint(const Candidate& candidate, const LoadedPolicies& loaded, bool greedy, Contestants& result) {
-  const Checkpoint& c = candidate.checkpoint;
-  Entrant entrant;
-  entrant.name = unique_name(cat(candidate.run, "@", c.updates), result.entrants);
-  for (int team = 0; team < kNTeams; ++team) {
-    entrant.side[team] = {loaded.actor[team].get(), Scripted::random, greedy};
-    entrant.plays[team] = loaded.actor[team] != nullptr;
-  }
-  result.entrants.push_back(std::move(entrant));
-  result.infos.push_back(
-      {false, candidate.run, c.updates, static_cast<double>(c.agent_steps), c.cursor.seconds, candidate.best});
+/// With "#2" behind its name where others have the same.
+void add(Candidate candidate, Contestants& result) {
+  const std::string wanted = candidate.contestant.name();
+  const auto is_taken = [&](const std::string& name) {
+    return std::any_of(result.players.begin(), result.players.end(), [&](const auto& c) { return c.name() == name; });
+  };
+  for (int number = 2; is_taken(candidate.contestant.name()); ++number)
+    candidate.contestant.rename(cat(wanted, "#", number));
+  for (int side = 0; side < kNTeams; ++side)
+    if (candidate.contestant.can_play(side))
+      candidate.contestant.player(side, result.spec);  // throws where it does not fit
+  result.players.push_back(std::move(candidate.contestant));
+  result.infos.push_back(std::move(candidate.info));
 }
 
 }  // namespace
@@ -167,21 +185,14 @@ std::vector<size_t> spread(size_t n, size_t count) {
   return indices;
 }
 
-Contestants find_contestants(const ContestantRequest& request, Device device) {
+Contestants find_contestants(const ContestantRequest& request, const ContestantOptions& options) {
   const std::vector<std::string> scripts =
       script_names(request.scripted);  // wrong names are told before files are read
-  const std::vector<Candidate> candidates = find_candidates(request);
+  std::vector<Candidate> candidates = find_candidates(request, options);
   Contestants result;
-  for (const Candidate& c : candidates)
-    result.policies.push_back(
-        load_policies(c.checkpoint.config_yaml, c.checkpoint.scenario_yaml, c.checkpoint.arrays, device));
   choose_scenario(request, candidates, result);
-  result.n_threads = result.policies.front().run.config.train.n_threads;
-  add_scripts(scripts, result);
-  for (size_t k = 0; k < candidates.size(); ++k) {
-    check_fits(candidates[k], result.policies[k].run.spec, result);
-    add_checkpoint(candidates[k], result.policies[k], request.greedy, result);
-  }
+  for (const std::string& name : scripts) add({Contestant::load(name, options), {}}, result);
+  for (Candidate& candidate : candidates) add(std::move(candidate), result);
   return result;
 }
 

@@ -1,4 +1,5 @@
-// gigastep eval: plays anybody against anybody: the policies of checkpoints, TorchScript modules and scripted teams.
+// gigastep eval: plays anybody against anybody: the policies of checkpoints, exported policies, TorchScript modules and
+// scripted teams.
 #include <CLI/CLI.hpp>
 #include <iostream>
 
@@ -29,7 +30,7 @@ SimSpec spec_of(const EvalOptions& o, const Contestant& a, const Contestant& b) 
   for (const Contestant* c : {&a, &b})
     if (c->origin()) return c->origin()->run.spec;
   throw InputError(cat("neither ", a.name(), " nor ", b.name(),
-                       " is a checkpoint, whose scenario would be played: name one with --scenario"));
+                       " was trained in a scenario that would be played: name one with --scenario"));
 }
 
 /// The sides that A plays on, B on the other. Against a script each policy of A plays on its own side.
@@ -49,7 +50,7 @@ std::vector<int> sides_of(const EvalOptions& o, const Contestant& a, const Conte
 Json origin_json(const Contestant& c) {
   if (!c.origin()) return {};
   return Json::object()
-      .set("checkpoint", c.origin()->file)
+      .set("file", c.origin()->file)
       .set("updates", c.origin()->updates)
       .set("agent_steps", c.origin()->agent_steps)
       .set("scenario", c.origin()->scenario_name);
@@ -98,13 +99,13 @@ void play(const EvalOptions& o) {
 
 const char* const kHelp =
     "A and B are, each: a checkpoint file; a run folder (its best checkpoint, or its newest if none is called best); "
-    "a\n"
-    "TorchScript module (observations [B, F] in, logits [B, 27] or means [B, 3] out; needs --trust); or a scripted "
-    "team\n"
+    "an\n"
+    "exported policy (the folder that export wrote, or its safetensors file; ONNX is not read); a TorchScript module\n"
+    "(observations [B, F] in, logits [B, 27] or means [B, 3] out; needs --trust); or a scripted team\n"
     "(docs/scripted_teams.md; ./circle means a file of that name). A plays side 0 and B side 1, a checkpoint with its\n"
-    "policy of that team; --both-sides also plays the reverse. Where B is a scripted team and A learned, each policy "
-    "of\n"
-    "A plays on its own side.\n"
+    "policy of that team; --both-sides also plays the reverse. Where B is a scripted team and A is not, A plays each "
+    "side\n"
+    "that it has a policy for; an exported policy and a module are for both.\n"
     "The scenario is that of A, else that of B; --scenario plays another with the same observations.\n"
     "\n"
     "A tie is no win. Intervals are Wilson's, 95 %. Steps are 0.1 s; the return is the sum of all rewards of the team "
@@ -116,15 +117,16 @@ const char* const kHelp =
     "Examples:\n"
     "  gigastep eval runs/first --vs pursuer\n"
     "  gigastep eval runs/first --vs runs/second --both-sides --episodes 4096 --csv result.csv\n"
-    "  gigastep eval runs/first/checkpoints/update_00000100.h5 --vs random --seed 7 --json -\n"
+    "  gigastep eval runs/first/checkpoints/update_00000100.h5 --vs exported/second --seed 7 --json -\n"
     "  gigastep eval evader --vs pursuer --scenario hide_and_seek_5_vs_5";
 
 }  // namespace
 
 void add_eval_command(CLI::App& app, Dispatch& dispatch) {
-  CLI::App* command = app.add_subcommand("eval", "play two against each other: runs, checkpoints, scripted teams");
+  CLI::App* command =
+      app.add_subcommand("eval", "play two against each other: runs, checkpoints, exported policies, scripted teams");
   auto options = std::make_shared<EvalOptions>();
-  command->add_option("A", options->a, "checkpoint, run folder, TorchScript module or scripted team")
+  command->add_option("A", options->a, "checkpoint, run folder, exported policy, TorchScript module or scripted team")
       ->required()
       ->type_name("");
   command->add_option("--vs", options->b, "the opponent, likewise")->required()->type_name("B");

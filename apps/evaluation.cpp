@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "core/error.hpp"
+#include "math/wilson.hpp"
 
 namespace giga {
 namespace {

@@ -9,6 +9,9 @@
 #include "eval/policies.hpp"
 #include "export/export.hpp"
 #include "io/run_folder.hpp"
+#include "policy/actor.hpp"
+#include "rating/find_rating.hpp"
+#include "rating/sheet.hpp"
 
 namespace giga {
 namespace {
@@ -26,13 +29,38 @@ ExportFormat parse_format(const std::string& name) {
 }
 
 PolicyOrigin origin_of(const Checkpoint& c, const LoadedRun& run, int team) {
-  return {program_version(), c.scenario_name, c.scenario_yaml,           c.config_yaml, team, c.seed,
-          c.updates,         c.agent_steps,   run.config.train.precision};
+  PolicyOrigin origin;
+  origin.gigastep_version = program_version();
+  origin.scenario_name = c.scenario_name;
+  origin.scenario_yaml = c.scenario_yaml;
+  origin.config_yaml = c.config_yaml;
+  origin.team = team;
+  origin.seed = c.seed;
+  origin.updates = c.updates;
+  origin.agent_steps = c.agent_steps;
+  origin.precision = run.config.train.precision;
+  origin.selection = acts_greedily(run.config) ? ActionSelection::greedy : ActionSelection::sampled;
+  return origin;
+}
+
+/// What `gigastep rate` left about the policy in its run folder, if anything.
+Json rating_of(const std::filesystem::path& checkpoint, int64_t updates, int team) {
+  namespace fs = std::filesystem;
+  const fs::path run = fs::absolute(checkpoint).lexically_normal().parent_path().parent_path();
+  const fs::path file = run / RatingFiles::kFolder / RatingFiles::kJson;
+  std::error_code code;
+  if (!fs::exists(file, code)) return Json::object();
+  try {
+    return find_rating(file, {run.filename().string(), updates, team});
+  } catch (const InputError& e) {
+    std::cerr << "warning: " << e.what() << "; the manifest has no ratings\n";
+    return Json::object();
+  }
 }
 
 void export_policy(const ExportOptions& o) {
   const ExportFormat format = parse_format(o.format);  // a wrong name is told before anything is read
-  const FoundCheckpoint found = find_checkpoint(o.checkpoint);
+  const FoundCheckpoint found = find_best_checkpoint(o.checkpoint);
   const std::string file = found.file.string();
   for (const std::string& line : found.damaged) std::cerr << "warning: " << line << "; " << file << " is taken\n";
   const Checkpoint& checkpoint = found.checkpoint;
@@ -42,7 +70,8 @@ void export_policy(const ExportOptions& o) {
   if (!actor)
     throw InputError(cat("team ", o.team, " of ", file, " has no learned policy: it was scripted in training; team ",
                          1 - o.team, " has one"));
-  write_export(o.out, format, *actor, loaded.run.spec, origin_of(checkpoint, loaded.run, o.team));
+  write_export(o.out, format, *actor, loaded.run.spec, origin_of(checkpoint, loaded.run, o.team),
+               rating_of(found.file, checkpoint.updates, o.team));
   std::cout << o.out << ": the policy of team " << o.team << " after " << checkpoint.updates << " updates in "
             << checkpoint.scenario_name << "\ntry it: python " << (std::filesystem::path(o.out) / kExampleName).string()
             << std::endl;
@@ -53,7 +82,9 @@ void export_policy(const ExportOptions& o) {
 void add_export_command(CLI::App& app, Dispatch& dispatch) {
   CLI::App* command = app.add_subcommand("export", "write the policy of a team for use in other programs");
   auto options = std::make_shared<ExportOptions>();
-  command->add_option("CHECKPOINT", options->checkpoint, "checkpoint file, or run folder (its newest whole checkpoint)")
+  command
+      ->add_option("CHECKPOINT", options->checkpoint,
+                   "checkpoint file, or run folder (its best checkpoint, or its newest if none is called best)")
       ->required()
       ->type_name("");
   command->add_option("--team", options->team, "whose policy: 0 or 1")
@@ -72,7 +103,8 @@ void add_export_command(CLI::App& app, Dispatch& dispatch) {
   command->footer(
       "DIR gets the policy (policy.safetensors, policy.onnx or policy.pt; the normalisation of observations is part "
       "of\n"
-      "it), manifest.json (architecture, observation layout number by number, actions, scenario, training) and "
+      "it), manifest.json (architecture, observation layout number by number, actions, scenario, ratings, training) "
+      "and "
       "act.py,\n"
       "an example in Python that loads it and acts. obs [B, F] float32 becomes logits [B, 27], or mean [B, 3] where\n"
       "actions are continuous. A TorchScript module is code and is opened only with --trust.\n"

@@ -6,6 +6,7 @@
 #include "core/error.hpp"
 #include "io/metrics_csv.hpp"
 #include "io/number.hpp"
+#include "math/wilson.hpp"
 
 namespace giga {
 namespace {

@@ -1,4 +1,4 @@
-// gigastep rate: a round robin of checkpoints and scripts, and everybody's rating.
+// gigastep rate: a round robin of checkpoints, exported policies and scripts, and everybody's rating.
 #include <CLI/CLI.hpp>
 #include <chrono>
 #include <filesystem>
@@ -23,7 +23,7 @@ struct RateOptions {
   std::string scripted = "all", scenario, sides = "auto", out, device = "auto", json;
   int checkpoints = 0, episodes = 256;
   uint64_t seed = 0;
-  bool greedy = false;
+  bool greedy = false, trust = false;
 };
 
 /// `auto`: apart where the teams are made of different agents.
@@ -34,21 +34,22 @@ Sides sides_of(const RateOptions& o, const Scenario& scenario) {
 
 /// random, or without it the first player that has games on both sides.
 std::string choose_anchor(const Contestants& contestants) {
-  for (const Entrant& entrant : contestants.entrants)
-    if (entrant.name == RatingOptions().anchor) return entrant.name;
-  for (const Entrant& entrant : contestants.entrants)
-    if (entrant.plays[0] && entrant.plays[1]) return entrant.name;
+  for (const Contestant& c : contestants.players)
+    if (c.name() == RatingOptions().anchor) return c.name();
+  for (const Contestant& c : contestants.players)
+    if (c.can_play(0) && c.can_play(1)) return c.name();
   throw InputError("no player plays both sides, so that none can be at rating 0: add --scripted random");
 }
 
 /// A line at the first pair, then one every few seconds.
 class ProgressLines {
  public:
-  void operator()(int done, int all, const Entrant& side_0, const Entrant& side_1) {
+  void operator()(int done, int all, const Contestant& side_0, const Contestant& side_1) {
     const auto now = std::chrono::steady_clock::now();
     if (done > 0 && now - last_ < kPause) return;
     last_ = now;
-    std::cerr << "pair " << done + 1 << " of " << all << ": " << side_0.name << " against " << side_1.name << std::endl;
+    std::cerr << "pair " << done + 1 << " of " << all << ": " << side_0.name() << " against " << side_1.name()
+              << std::endl;
   }
 
  private:
@@ -71,7 +72,7 @@ void renew_report(const RateOptions& o, const fs::path& folder) {
   write_report({run}, report, list_fields<RunConfig>());
 }
 
-RatingSheet play_and_rate(const RateOptions& o, const Contestants& contestants, Device device) {
+RatingSheet play_and_rate(const RateOptions& o, Contestants& contestants, Device device) {
   RatingSheet sheet;
   sheet.scenario = contestants.scenario.name;
   sheet.infos = contestants.infos;
@@ -79,14 +80,15 @@ RatingSheet play_and_rate(const RateOptions& o, const Contestants& contestants, 
   rating.anchor = choose_anchor(contestants);
   rating.sides = sides_of(o, contestants.scenario);
   const MatchOptions match{o.episodes, o.seed, device, contestants.n_threads};
-  sheet.table = play_round_robin(contestants.spec, contestants.entrants, match, ProgressLines());
+  sheet.table = play_table(contestants.players, contestants.spec, match, ProgressLines());
   sheet.ratings = rate(sheet.table, rating);
   return sheet;
 }
 
 void rate_runs(const RateOptions& o) {
   const Device device = parse_device(o.device);
-  const Contestants contestants = find_contestants({o.runs, o.scripted, o.scenario, o.checkpoints, o.greedy}, device);
+  Contestants contestants =
+      find_contestants({o.runs, o.scripted, o.scenario, o.checkpoints}, {device, o.trust, o.greedy});
   const RatingSheet sheet = play_and_rate(o, contestants, device);
   Json json = ratings_json(sheet);
   json.set("episodes", o.episodes).set("seed", o.seed).set("greedy", o.greedy).set("versions", version_info());
@@ -101,7 +103,8 @@ void rate_runs(const RateOptions& o) {
 
 void add_options(CLI::App& command, RateOptions& o) {
   command
-      .add_option("RUN", o.runs, "run folders (all checkpoints that checkpoint.keep left there), or checkpoint files")
+      .add_option("RUN", o.runs,
+                  "run folders (all checkpoints that checkpoint.keep left there), checkpoint files, exported policies")
       ->required()
       ->type_name("");
   command.add_option("--scripted", o.scripted, "scripts that play too: all, none, or names with commas between them")
@@ -134,18 +137,21 @@ void add_options(CLI::App& command, RateOptions& o) {
       ->capture_default_str()
       ->type_name("S");
   command.add_flag("--greedy", o.greedy, "policies take the most likely action instead of drawing one");
+  command.add_flag("--trust", o.trust, "open TorchScript modules, which can run any code");
 }
 
 }  // namespace
 
 void add_rate_command(CLI::App& app, Dispatch& dispatch) {
-  CLI::App* command = app.add_subcommand("rate", "let checkpoints and scripts play a round robin, and rate them");
+  CLI::App* command =
+      app.add_subcommand("rate", "let checkpoints, exported policies and scripts play a round robin, and rate them");
   auto options = std::make_shared<RateOptions>();
   add_options(*command, *options);
   command->footer(
       "Everybody plays everybody on both sides, a checkpoint with its policy of team 0 on side 0 and that of team 1 "
       "on\n"
-      "side 1. Ratings are on the Elo scale (400 points = odds of ten to one) by Bradley-Terry maximum likelihood, a "
+      "side 1, an exported policy on either side. Ratings are on the Elo scale (400 points = odds of ten to one) by "
+      "Bradley-Terry maximum likelihood, a "
       "tie\n"
       "being half a win, with random at 0 and 95 % intervals; who never lost or never won has none that is finite, and "
       "is\n"
@@ -155,7 +161,7 @@ void add_rate_command(CLI::App& app, Dispatch& dispatch) {
       "Examples:\n"
       "  gigastep rate runs/identical_5_vs_5-mappo-seed1-001\n"
       "  gigastep rate runs/a runs/b --checkpoints 5 --scripted random,circle --episodes 1024 --out a_and_b\n"
-      "  gigastep rate runs/a --sides apart --json -");
+      "  gigastep rate runs/a exported/pursuer --sides apart --json -");
   command->callback([options, &dispatch] { dispatch.run = [options] { rate_runs(*options); }; });
 }
 

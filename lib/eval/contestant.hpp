@@ -1,4 +1,5 @@
-// Contestant: whoever can play: a checkpoint, a run, a TorchScript module or a scripted team, from how a user names it.
+// Contestant: whoever can play: a checkpoint, a run, an exported policy, a TorchScript module or a scripted team, from
+// how a user names it.
 #pragma once
 
 #include <cstdint>
@@ -13,7 +14,7 @@
 
 namespace giga {
 
-class TorchScriptPolicy;
+struct FoundCheckpoint;
 
 struct ContestantOptions {
   Device device;
@@ -26,41 +27,46 @@ class Contestant {
   /// `text`, in this order:
   ///   the name of a script (Scripted);
   ///   a run folder: the policies of its best checkpoint if it has one, else of its newest;
-  ///   a checkpoint file;
-  ///   a TorchScript module (a ZIP file, as torch.jit.save writes it), with `trust`.
+  ///   an exported policy: its folder, its safetensors file, or with `trust` a TorchScript module, from here or not;
+  ///   a checkpoint file.
   /// Throws InputError where it is none of these or cannot be read.
   static Contestant load(const std::string& text, const ContestantOptions& options);
+  /// The same of a checkpoint that was read; its name is that of the file.
+  static Contestant of_checkpoint(const FoundCheckpoint& found, const ContestantOptions& options);
 
-  /// The text that it was loaded from.
+  /// The text that it was loaded from, or what it was renamed to.
   const std::string& name() const { return name_; }
+  void rename(const std::string& name) { name_ = name; }
   bool is_script() const { return script_.has_value(); }
 
-  /// What is known of a checkpoint.
+  /// What is known of the training of a checkpoint or an exported policy.
   struct Origin {
     std::string file;
     std::string scenario_name;
     int64_t updates = 0, agent_steps = 0;
+    double seconds = 0;                 ///< of training; checkpoints only
     LoadedRun run;                      ///< configuration and scenario
     std::vector<std::string> warnings;  ///< newer or better files that are damaged, a line each
   };
-  /// Null where it comes from no checkpoint.
+  /// Null of scripts, and of TorchScript modules from elsewhere.
   const Origin* origin() const { return origin_.get(); }
 
   /// Whether it can play team `side`: a checkpoint has a policy for each team that learned, all others play both.
   bool can_play(int side) const;
-  /// The player of team `side` in a scenario; valid while this lives and until the next call. Throws InputError where
-  /// can_play is false or the scenario's observations or actions are not those of the policy.
+  /// The player of team `side` in a scenario; valid while this lives, and until the next call with a scenario of other
+  /// observations or actions. Throws InputError where can_play is false, or the scenario's observations or actions are
+  /// not those of the policy.
   Player player(int side, const SimSpec& spec);
 
  private:
-  void load_checkpoint(const std::string& path, Device device);
-  void check_fit(int side, const SimSpec& spec) const;
+  class Exported;
+  Player checkpoint_player(int side, const SimSpec& spec) const;
 
   std::string name_;
   bool greedy_ = false;
   std::optional<Scripted> script_;
   std::shared_ptr<const Policy> policy_[kNTeams];  // by team, of checkpoints; null where the team was scripted
-  std::shared_ptr<TorchScriptPolicy> module_;
+  std::shared_ptr<Exported> exported_;
   std::shared_ptr<const Origin> origin_;
 };
 

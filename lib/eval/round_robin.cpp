@@ -1,5 +1,6 @@
 #include "eval/round_robin.hpp"
 
+#include <algorithm>
 #include <set>
 
 #include "core/error.hpp"
@@ -19,23 +20,28 @@ uint64_t pair_seed(uint64_t seed, const std::string& side0, const std::string& s
 
 }  // namespace
 
-GameTable play_table(std::vector<Contestant>& contestants, const SimSpec& spec, const MatchOptions& options) {
+GameTable play_table(std::vector<Contestant>& contestants, const SimSpec& spec, const MatchOptions& options,
+                     const RoundRobinProgress& progress) {
   GameTable table;
   std::set<std::string> names;
   for (const Contestant& c : contestants) {
     if (!names.insert(c.name()).second) throw InputError(cat("'", c.name(), "' takes part twice"));
     table.players.push_back(c.name());
   }
+  const auto count = [&](int side) {
+    return std::count_if(contestants.begin(), contestants.end(), [side](const auto& c) { return c.can_play(side); });
+  };
+  const int all = static_cast<int>(count(0) * count(1));
+  int done = 0;
   for (Contestant& a : contestants) {
     for (Contestant& b : contestants) {
-      Games games;
-      if (a.can_play(0) && b.can_play(1)) {
-        MatchOptions pair = options;
-        pair.seed = pair_seed(options.seed, a.name(), b.name());
-        const MatchResult r = play_match(spec, a.player(0, spec), b.player(1, spec), pair);
-        games = {r.wins[0], r.wins[1], r.ties};
-      }
-      table.games.push_back(games);
+      Games& games = table.games.emplace_back();
+      if (!a.can_play(0) || !b.can_play(1)) continue;
+      if (progress) progress(done++, all, a, b);
+      MatchOptions pair = options;
+      pair.seed = pair_seed(options.seed, a.name(), b.name());
+      const MatchResult r = play_match(spec, a.player(0, spec), b.player(1, spec), pair);
+      games = {r.wins[0], r.wins[1], r.ties};
     }
   }
   return table;

@@ -4,6 +4,7 @@
 
 #include <cerrno>
 #include <cstring>
+#include <fstream>
 #include <optional>
 #include <system_error>
 #include <vector>
@@ -16,6 +17,7 @@
 #include "export/safetensors.hpp"
 #include "export/torchscript.hpp"
 #include "io/files.hpp"
+#include "policy/actor.hpp"
 
 namespace giga {
 namespace fs = std::filesystem;
@@ -84,32 +86,31 @@ std::string read_policy_file(const fs::path& file) {
   return read_file(file);
 }
 
-std::unique_ptr<Policy> read_safetensors(const fs::path& file, const Manifest& manifest, const SimSpec& spec,
-                                         Device device) {
+ReadPolicy read_safetensors(const fs::path& file, const Manifest& manifest, const SimSpec& spec, Device device) {
   const PolicyModel model{manifest.shape, decode_safetensors(read_policy_file(file), file.string())};
   check_tensors(model, file.string());
   const Precision precision = device.is_cuda() ? manifest.origin.precision : Precision::fp32;
-  return std::make_unique<Actor>(actor_of(model, spec.padded_observation_size(), precision, device));
+  return {std::make_shared<Actor>(actor_of(model, spec.padded_observation_size(), precision, device))};
 }
 
-std::unique_ptr<Policy> read_torchscript(const fs::path& file, const SimSpec& spec, Device device, bool trust) {
-  if (!trust)
-    throw InputError(cat(file.string(),
-                         " is a TorchScript module, which is code: opening it runs what is in it, with "
-                         "your rights; add --trust if you know where it is from"));
-  return open_torchscript(read_policy_file(file), file.string(), spec.observation_size(), spec.params.actions, device);
+/// Whether a file begins like a ZIP archive.
+bool is_zip(const fs::path& file) {
+  char head[4] = {};
+  std::ifstream(file, std::ios::binary).read(head, sizeof head);
+  return std::string_view(head, sizeof head) == "PK\x03\x04";
 }
 
 std::optional<ExportFormat> format_of_file(const fs::path& file) {
   for (const ExportFormat format : {ExportFormat::safetensors, ExportFormat::onnx, ExportFormat::torchscript})
     if (file.extension() == fs::path(policy_file_name(format)).extension()) return format;
+  if (is_zip(file)) return ExportFormat::torchscript;
   return std::nullopt;
 }
 
 }  // namespace
 
 void write_export(const fs::path& folder, ExportFormat format, const Actor& actor, const SimSpec& spec,
-                  const PolicyOrigin& origin) {
+                  const PolicyOrigin& origin, const Json& ratings) {
   const PolicyModel model = model_of(actor, spec.observation_size());
   Manifest manifest{format, model.shape, observation_layout(spec), spec.params.rules, {}, origin};
   if (model.shape.actions == ActionKind::continuous)
@@ -117,7 +118,7 @@ void write_export(const fs::path& folder, ExportFormat format, const Actor& acto
   // The manifest comes last: a folder that has one is whole.
   write_all(folder, {{policy_file_name(format), encode(model, format, origin.gigastep_version)},
                      {kExampleName, example_of(format)},
-                     {kManifestName, manifest_json(manifest, Json::object()).text() + "\n"}});
+                     {kManifestName, manifest_json(manifest, ratings).text() + "\n"}});
 }
 
 bool is_exported_policy(const fs::path& path) {
@@ -126,7 +127,7 @@ bool is_exported_policy(const fs::path& path) {
   return format_of_file(path).has_value();
 }
 
-std::unique_ptr<Policy> read_exported_policy(const fs::path& path, const SimSpec& spec, Device device, bool trust) {
+ExportedPolicy find_exported_policy(const fs::path& path, bool trust) {
   std::error_code code;
   if (!fs::exists(path, code)) throw InputError(cat("there is no exported policy ", path.string()));
   const bool is_folder = fs::is_directory(path, code);
@@ -136,20 +137,36 @@ std::unique_ptr<Policy> read_exported_policy(const fs::path& path, const SimSpec
     throw InputError(cat(path.string(),
                          " is no exported policy: allowed are the folder of an export and files that "
                          "end in .safetensors or .pt"));
-  const fs::path file = is_folder ? path / policy_file_name(*format) : path;
+  ExportedPolicy found{is_folder ? path / policy_file_name(*format) : path, *format, {}};
   if (*format == ExportFormat::onnx)
-    throw InputError(cat(file.string(),
+    throw InputError(cat(found.file.string(),
                          " is an ONNX graph, which gigastep writes but does not read; export the policy "
                          "with --format safetensors to play it here"));
+  if (*format == ExportFormat::torchscript && !trust)
+    throw InputError(cat(found.file.string(),
+                         " is a TorchScript module, which is code: opening it runs what is in it, with "
+                         "your rights; add --trust if you know where it is from"));
+  const bool has_manifest = fs::exists(manifest_file, code);
+  if (*format == ExportFormat::safetensors && !has_manifest)
+    throw InputError(cat(found.file.string(), " has no ", kManifestName,
+                         " beside it, which says what the policy observes and does: keep together what export wrote"));
   // A module from elsewhere may lie beside the manifest of something else, or of nothing.
-  const bool has_manifest = *format == ExportFormat::safetensors || is_folder;
-  Manifest manifest;
-  if (has_manifest) {
-    manifest = read_manifest(manifest_file);
-    check_fits(manifest, spec, file.string());
-  }
-  return *format == ExportFormat::safetensors ? read_safetensors(file, manifest, spec, device)
-                                              : read_torchscript(file, spec, device, trust);
+  const bool exported_here = found.file.filename() == policy_file_name(*format) && has_manifest;
+  if (is_folder || exported_here || *format == ExportFormat::safetensors) found.manifest = read_manifest(manifest_file);
+  return found;
+}
+
+ReadPolicy read_exported_policy(const ExportedPolicy& exported, const SimSpec& spec, Device device) {
+  const std::string file = exported.file.string();
+  if (exported.manifest) check_fits(interface_of(*exported.manifest), spec, file);
+  ReadPolicy read;
+  if (exported.format == ExportFormat::safetensors)
+    read = read_safetensors(exported.file, exported.manifest.value(), spec, device);
+  else
+    read =
+        open_torchscript(read_policy_file(exported.file), file, spec.observation_size(), spec.params.actions, device);
+  if (exported.manifest && exported.manifest->origin.selection == ActionSelection::greedy) read.greedy = true;
+  return read;
 }
 
 }  // namespace giga

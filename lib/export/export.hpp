@@ -3,31 +3,41 @@
 #pragma once
 
 #include <filesystem>
-#include <memory>
+#include <optional>
 
 #include "core/memory.hpp"
 #include "export/manifest.hpp"
-#include "policy/actor.hpp"
-#include "policy/policy.hpp"
+#include "export/read_policy.hpp"
 
 namespace giga {
 
+class Actor;
+
 constexpr const char* kExampleName = "act.py";
 
-/// Writes policy.*, act.py and, last, manifest.json into a folder that does not exist or is empty; InputError where it
-/// is not or cannot be made. Where something fails nothing is left behind.
+/// Writes policy.*, act.py and, last, manifest.json (with `ratings`, an object) into a folder that does not exist or is
+/// empty; InputError where it is not or cannot be made. Where something fails nothing is left behind.
 void write_export(const std::filesystem::path& folder, ExportFormat format, const Actor& actor, const SimSpec& spec,
-                  const PolicyOrigin& origin);
+                  const PolicyOrigin& origin, const Json& ratings = Json::object());
 
-/// Whether a path is to be read with read_exported_policy: the folder of an export, or a file named like a policy
-/// (.safetensors, .onnx, .pt).
+/// Whether a path is that of an exported policy: the folder of an export, a file named like a policy (.safetensors,
+/// .onnx, .pt), or a ZIP archive, which is what TorchScript modules are.
 bool is_exported_policy(const std::filesystem::path& path);
 
-/// The policy in the folder of an export or in a policy file, for a scenario; nothing in them is executed. A
-/// safetensors file needs its manifest beside it. A TorchScript module, which is code, is opened only with `trust`; it
-/// may come from elsewhere and have no manifest (see open_torchscript). Throws InputError with the file and what is
-/// wrong with it, where the scenario's observations or actions are others, and for ONNX, which is not read.
-std::unique_ptr<Policy> read_exported_policy(const std::filesystem::path& path, const SimSpec& spec, Device device,
-                                             bool trust);
+/// What there is to know of an exported policy before it plays.
+struct ExportedPolicy {
+  std::filesystem::path file;  ///< with the policy itself
+  ExportFormat format = ExportFormat::safetensors;
+  std::optional<Manifest> manifest;  ///< none: a TorchScript module from elsewhere
+};
+
+/// Finds the policy in the folder of an export or in a policy file, and reads its manifest. A safetensors file needs
+/// one beside it. A TorchScript module, which is code, is admitted only with `trust`; it may come from elsewhere and
+/// have no manifest. Throws InputError with the file and what is wrong with it, and for ONNX, which is not read.
+ExportedPolicy find_exported_policy(const std::filesystem::path& path, bool trust);
+
+/// The policy for a scenario; nothing in the files is executed but a TorchScript module (see open_torchscript). Throws
+/// InputError where the file is damaged or the scenario's observations or actions are others.
+ReadPolicy read_exported_policy(const ExportedPolicy& exported, const SimSpec& spec, Device device);
 
 }  // namespace giga

@@ -154,6 +154,7 @@ Manifest read_root(const Node& root, MemberReader& in) {
   in.value(&root, "format", manifest.format);
   read_architecture(in.map(&root, "architecture"), in, manifest);
   read_observation(in.map(&root, "observation"), in, manifest);
+  in.value(&root, "action_selection", manifest.origin.selection);
   const Node* action = in.map(&root, "action");
   in.value(action, "kind", manifest.shape.actions);
   if (manifest.shape.actions == ActionKind::continuous)
@@ -180,10 +181,6 @@ Manifest manifest_of(const Document& document, Errors& errors) {
   return manifest;
 }
 
-std::string block_text(const ObservationBlock& block) {
-  return cat(block.count, " x ", block.size, " numbers of '", block.name, "' from ", block.first, " on");
-}
-
 }  // namespace
 
 const char* policy_file_name(ExportFormat format) {
@@ -203,6 +200,7 @@ Json manifest_json(const Manifest& manifest, Json ratings) {
   json.set("file", policy_file_name(manifest.format));
   json.set("architecture", architecture_json(manifest.shape, origin.precision));
   json.set("observation", observation_json(manifest)).set("action", action_json(manifest));
+  json.set("action_selection", name_of(origin.selection));
   return json.set("ratings", std::move(ratings)).set("training", std::move(training));
 }
 
@@ -216,19 +214,8 @@ Manifest read_manifest(const std::filesystem::path& file) {
   return manifest_of(parse_yaml_file(file, errors), errors);
 }
 
-void check_fits(const Manifest& manifest, const SimSpec& spec, const std::string& source) {
-  const auto refuse = [&](const std::string& has, const std::string& needed) {
-    throw InputError(cat(source, " was trained in ", manifest.origin.scenario_name, " with ", has, "; ", spec.name,
-                         " has ", needed));
-  };
-  if (manifest.shape.actions != spec.params.actions)
-    refuse(name_of(manifest.shape.actions) + " actions", name_of(spec.params.actions) + " ones");
-  const std::vector<ObservationBlock> own = observation_layout(spec);
-  for (size_t k = 0; k < own.size() && k < manifest.observation.size(); ++k)
-    if (!(manifest.observation[k] == own[k])) refuse(block_text(manifest.observation[k]), block_text(own[k]));
-  if (manifest.observation.size() != own.size() || manifest.shape.inputs != spec.observation_size())
-    refuse(cat("observations of ", manifest.shape.inputs, " numbers"),
-           cat("observations of ", spec.observation_size()));
+PolicyInterface interface_of(const Manifest& manifest) {
+  return {manifest.origin.scenario_name, manifest.shape.actions, manifest.shape.inputs, manifest.observation};
 }
 
 }  // namespace giga

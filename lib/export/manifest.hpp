@@ -21,6 +21,10 @@ constexpr const char* kManifestName = "manifest.json";
 constexpr const char* kManifestKind = "gigastep policy";
 constexpr int kManifestFormat = 1;
 
+/// How its training took actions from a policy: drawn by their probabilities, or the most likely ones.
+enum class ActionSelection : uint8_t { sampled, greedy };
+constexpr std::array<const char*, 2> enum_names(ActionSelection) { return {"sampled", "greedy"}; }
+
 /// The training that a policy is from.
 struct PolicyOrigin {
   std::string gigastep_version;  ///< of the program that wrote the export
@@ -30,6 +34,7 @@ struct PolicyOrigin {
   uint64_t seed = 0;
   int64_t updates = 0, agent_steps = 0;
   Precision precision = Precision::fp32;  ///< of matrix products on the GPU; the tensors are fp32
+  ActionSelection selection = ActionSelection::sampled;
 };
 
 struct Manifest {
@@ -51,8 +56,7 @@ Manifest parse_manifest(std::string_view text, const std::string& name);
 /// The same of a file, of at most 4 MiB.
 Manifest read_manifest(const std::filesystem::path& file);
 
-/// Throws InputError where the observations or actions of a scenario are others than the policy's, with the first
-/// difference.
-void check_fits(const Manifest& manifest, const SimSpec& spec, const std::string& source);
+/// For check_fits().
+PolicyInterface interface_of(const Manifest& manifest);
 
 }  // namespace giga

@@ -3,7 +3,9 @@
 
 #include <iterator>
 
+#include "config/fields.hpp"
 #include "core/error.hpp"
+#include "scenario/scenario.hpp"
 #include "sim/observe.hpp"
 
 namespace giga {
@@ -50,6 +52,14 @@ std::vector<ObservationFeature> features(const FeatureText (&texts)[N], int size
   return list;
 }
 
+/// "45 numbers: self 1 x 9, neighbors 4 x 9".
+std::string layout_text(const PolicyInterface& policy) {
+  std::string text;
+  for (const ObservationBlock& b : policy.observation)
+    text += cat(text.empty() ? ": " : ", ", b.name, " ", b.count, " x ", b.size);
+  return cat(policy.inputs, " numbers", text);
+}
+
 }  // namespace
 
 std::vector<ObservationBlock> observation_layout(const SimSpec& spec) {
@@ -85,6 +95,25 @@ std::vector<ObservationFeature> block_features(const std::string& block, int siz
     for (int k = kFirstRelative; k <= kLastRelative && k < static_cast<int>(list.size()); ++k)
       list[static_cast<size_t>(k)].meaning += ", minus the agent's own";
   return list;
+}
+
+bool PolicyInterface::fits(const PolicyInterface& other) const {
+  return actions == other.actions && inputs == other.inputs && observation == other.observation;
+}
+
+PolicyInterface interface_of(const SimSpec& spec) {
+  return {spec.name, spec.params.actions, spec.observation_size(), observation_layout(spec)};
+}
+
+void check_fits(const PolicyInterface& policy, const SimSpec& spec, const std::string& source) {
+  const PolicyInterface here = interface_of(spec);
+  if (policy.fits(here)) return;
+  const auto kind = [](ActionKind actions) { return FieldCodec<ActionKind>::print(actions); };
+  if (policy.actions != here.actions)
+    throw InputError(cat(source, " was trained in '", policy.scenario, "' with ", kind(policy.actions),
+                         " actions; those of '", here.scenario, "' are ", kind(here.actions)));
+  throw InputError(cat(source, " was trained in '", policy.scenario, "', where an agent observes ", layout_text(policy),
+                       "; in '", here.scenario, "' it observes ", layout_text(here)));
 }
 
 }  // namespace giga

@@ -1,4 +1,4 @@
-// The layout of an agent's observation: which of its numbers mean what.
+// The layout of an agent's observation: which of its numbers mean what; and whether a policy fits a scenario.
 #pragma once
 
 #include <string>
@@ -32,5 +32,20 @@ std::string block_meaning(const std::string& block);
 /// The numbers of an item of a block, in order; empty for a name that is none of a block. `size` as in the block: boxes
 /// have two numbers more where their heights count.
 std::vector<ObservationFeature> block_features(const std::string& block, int size);
+
+/// What a policy takes in and gives out, and the scenario in which it learned to.
+struct PolicyInterface {
+  std::string scenario;
+  ActionKind actions = ActionKind::discrete;
+  int inputs = 0;  ///< numbers of an observation
+  std::vector<ObservationBlock> observation;
+
+  /// Whether such policies can play each other's scenarios.
+  bool fits(const PolicyInterface& other) const;
+};
+PolicyInterface interface_of(const SimSpec& spec);
+
+/// Throws InputError where a policy cannot play a scenario: `source` is where it is from.
+void check_fits(const PolicyInterface& policy, const SimSpec& spec, const std::string& source);
 
 }  // namespace giga

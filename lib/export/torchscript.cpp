@@ -12,13 +12,11 @@
 #include "io/number.hpp"
 #include "math/distributions.hpp"
 #include "policy/parameters.hpp"
+#include "policy/policy.hpp"
 #include "rollout/tensors.hpp"
 
 namespace giga {
 namespace {
-
-/// exp of it is 2e-9: the drawn action is the mean.
-constexpr float kNoDeviation = -20;
 
 std::string buffer_name(std::string tensor) {
   std::replace(tensor.begin(), tensor.end(), '.', '_');
@@ -51,12 +49,12 @@ std::string first_line(const std::exception& e) {
   return message.substr(0, message.find('\n'));
 }
 
-class TorchScriptPolicy : public Policy {
+class TorchScriptPolicy final : public Policy {
  public:
   TorchScriptPolicy(torch::jit::Module module, int inputs, ActionKind actions, Device device)
       : module_(std::move(module)), inputs_(inputs), actions_(actions) {
     module_.eval();
-    if (actions == ActionKind::continuous) log_std_ = find_log_std(torch_device(device));
+    if (actions == ActionKind::continuous) find_log_std(torch_device(device));
   }
 
   at::Tensor forward(const at::Tensor& obs) const override {
@@ -65,6 +63,8 @@ class TorchScriptPolicy : public Policy {
   }
   ActionKind actions() const override { return actions_; }
   at::Tensor log_std() const override { return log_std_; }
+  /// A mean without a deviation.
+  bool greedy() const { return actions_ == ActionKind::continuous && !has_deviation_; }
 
   /// What is wrong with the answer to two observations; empty where nothing is.
   std::string fault(Device device) const {
@@ -86,18 +86,19 @@ class TorchScriptPolicy : public Policy {
     return module_.forward({obs}).toTensor();
   }
 
-  at::Tensor find_log_std(at::Device device) const {
+  void find_log_std(at::Device device) {
     const auto options = at::TensorOptions().dtype(at::kFloat).device(device);
-    if (!module_.hasattr("log_std")) return at::full({kActionSize}, kNoDeviation, options);
-    at::Tensor value = module_.attr("log_std").toTensor().to(options).contiguous();
-    if (value.sizes() != at::IntArrayRef({kActionSize}))
-      throw InputError(cat("its log_std has shape ", value.sizes(), "; needed: [", kActionSize, "]"));
-    return value;
+    has_deviation_ = module_.hasattr("log_std");
+    log_std_ = has_deviation_ ? module_.attr("log_std").toTensor().to(options).contiguous()
+                              : at::zeros({kActionSize}, options);
+    if (log_std_.sizes() != at::IntArrayRef({kActionSize}))
+      throw InputError(cat("its log_std has shape ", log_std_.sizes(), "; needed: [", kActionSize, "]"));
   }
 
   mutable torch::jit::Module module_;  // `forward` of a module is not const
   int64_t inputs_;
   ActionKind actions_;
+  bool has_deviation_ = false;
   at::Tensor log_std_;
 };
 
@@ -117,14 +118,15 @@ std::string encode_torchscript(const PolicyModel& model) {
   return out.str();
 }
 
-std::unique_ptr<Policy> open_torchscript(const std::string& bytes, const std::string& name, int inputs,
-                                         ActionKind actions, Device device) {
+ReadPolicy open_torchscript(const std::string& bytes, const std::string& name, int inputs, ActionKind actions,
+                            Device device) {
   try {
     std::istringstream in(bytes);
     auto policy =
-        std::make_unique<TorchScriptPolicy>(torch::jit::load(in, torch_device(device)), inputs, actions, device);
+        std::make_shared<TorchScriptPolicy>(torch::jit::load(in, torch_device(device)), inputs, actions, device);
     if (const std::string fault = policy->fault(device); !fault.empty()) throw InputError(fault);
-    return policy;
+    const bool greedy = policy->greedy();
+    return {std::move(policy), greedy};
   } catch (const std::exception& e) {
     throw InputError(cat(name, " is no TorchScript module that can play here: ", first_line(e)));
   }

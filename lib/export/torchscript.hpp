@@ -2,12 +2,11 @@
 // legacy. A module is code: opening one runs what is in it.
 #pragma once
 
-#include <memory>
 #include <string>
 
 #include "core/memory.hpp"
 #include "export/policy_model.hpp"
-#include "policy/policy.hpp"
+#include "export/read_policy.hpp"
 
 namespace giga {
 
@@ -16,10 +15,11 @@ namespace giga {
 std::string encode_torchscript(const PolicyModel& model);
 
 /// The module in the bytes of a file as a policy: `forward` gives it the first `inputs` columns of its rows. It is
-/// tried once. Continuous actions: its attribute `log_std` [3] is their deviation; a module without one plays its mean.
+/// tried once. Continuous actions: its attribute `log_std` [3] is the logarithm of their deviation before squashing; a
+/// module without one only plays its mean (ReadPolicy::greedy).
 /// Throws InputError where the bytes are no module or `forward` does not take or give what it should; `name` stands for
 /// the file.
-std::unique_ptr<Policy> open_torchscript(const std::string& bytes, const std::string& name, int inputs,
-                                         ActionKind actions, Device device);
+ReadPolicy open_torchscript(const std::string& bytes, const std::string& name, int inputs, ActionKind actions,
+                            Device device);
 
 }  // namespace giga

@@ -1,10 +1,12 @@
-// Printing of JSON values.
+// JSON values: what was read, and printing.
 #include "io/json.hpp"
 
 #include <algorithm>
+#include <charconv>
 #include <cmath>
 #include <iostream>
 
+#include "config/document.hpp"
 #include "core/error.hpp"
 #include "core/utf8.hpp"
 #include "io/files.hpp"
@@ -112,6 +114,27 @@ std::string Json::text() const {
   std::string out;
   print(out, 0);
   return out;
+}
+
+Json json_of(const Node& node) {
+  if (node.is_sequence()) {
+    Json list = Json::array();
+    for (const Node& item : node.items) list.push(json_of(item));
+    return list;
+  }
+  if (node.is_map()) {
+    Json map = Json::object();
+    for (const Node::Entry& entry : node.entries) map.set(entry.key, json_of(entry.value));
+    return map;
+  }
+  const std::string& text = node.text;
+  if (node.quoted) return text;
+  if (node.is_null() || text == "null") return {};
+  if (text == "true" || text == "false") return text == "true";
+  double number = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
+  const bool is_number = error == std::errc{} && end == text.data() + text.size() && std::isfinite(number);
+  return is_number ? Json(number) : Json(text);
 }
 
 void write_json(const Json& json, const std::string& destination) {

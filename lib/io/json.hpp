@@ -10,6 +10,8 @@
 
 namespace giga {
 
+struct Node;
+
 class Json {
  public:
   Json() = default;  ///< null
@@ -51,6 +53,9 @@ class Json {
 
   std::variant<std::monostate, bool, Integer, double, std::string, Array, Object> value_;
 };
+
+/// A document that was read as JSON.
+Json json_of(const Node& node);
 
 /// Writes to a file, or to the standard output where `destination` is "-".
 void write_json(const Json& json, const std::string& destination);

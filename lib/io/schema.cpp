@@ -1,7 +1,6 @@
 // From field lists to JSON schema.
 #include "io/schema.hpp"
 
-#include <charconv>
 #include <cmath>
 #include <limits>
 
@@ -64,28 +63,6 @@ Json value_schema(const ValueShape& shape) {
   Json alternatives = Json::array();
   for (const ValueShape& part : shape.parts) alternatives.push(value_schema(part));
   return any_of(std::move(alternatives));
-}
-
-/// A printed default as JSON.
-Json json_of(const Node& node) {
-  if (node.is_null()) return {};
-  if (node.is_sequence()) {
-    Json list = Json::array();
-    for (const Node& item : node.items) list.push(json_of(item));
-    return list;
-  }
-  if (node.is_map()) {
-    Json object = Json::object();
-    for (const Node::Entry& entry : node.entries) object.set(entry.key, json_of(entry.value));
-    return object;
-  }
-  const std::string& text = node.text;
-  double value = 0;
-  const auto read = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (!node.quoted && read.ec == std::errc() && read.ptr == text.data() + text.size() && std::isfinite(value))
-    return number(value);
-  if (!node.quoted && (text == "true" || text == "false")) return text == "true";
-  return text;
 }
 
 Json map_schema(const FieldList& fields, Json schema = Json::object());

@@ -27,7 +27,7 @@ ChartPoint point_of(const RatingSheet& sheet, size_t player) {
 int shown_group(const RatingSheet& sheet) {
   std::vector<int> checkpoints(static_cast<size_t>(sheet.ratings.n_groups), 0);
   for (const Rating& r : sheet.ratings.list)
-    if (!sheet.infos[static_cast<size_t>(r.player)].scripted) ++checkpoints[static_cast<size_t>(r.group)];
+    if (!sheet.infos[static_cast<size_t>(r.player)].is_baseline()) ++checkpoints[static_cast<size_t>(r.group)];
   if (checkpoints[0] > 0) return 0;
   return static_cast<int>(std::max_element(checkpoints.begin(), checkpoints.end()) - checkpoints.begin());
 }
@@ -40,7 +40,7 @@ class RatingChart {
     const Ratings& ratings = sheet_.ratings;
     LineChart chart;
     chart.title = "Rating over training: " + sheet_.scenario;
-    chart.subtitle = cat("Elo by maximum likelihood, ", reference(), " = 0; bars: 95 % intervals; grey: scripts");
+    chart.subtitle = cat("Elo by maximum likelihood, ", reference(), " = 0; bars: 95 % intervals; grey: baselines");
     chart.x_label = "agent-steps";
     chart.y_label = "Elo";
     chart.ring_label = "best checkpoint";
@@ -98,7 +98,7 @@ class RatingChart {
       if (!line.points.empty()) panel.lines.push_back(std::move(line));
     }
     for (const Rating& r : sheet_.ratings.list) {
-      if (r.side != side || r.group != shown_ || !sheet_.infos[static_cast<size_t>(r.player)].scripted) continue;
+      if (r.side != side || r.group != shown_ || !sheet_.infos[static_cast<size_t>(r.player)].is_baseline()) continue;
       panel.levels.push_back({sheet_.ratings.name(r), r.in_group.value, r.in_group.low(), r.in_group.high()});
     }
     return panel;
@@ -108,12 +108,12 @@ class RatingChart {
   int shown_;
 };
 
-/// A run's team against a script.
-ChartLine win_rate_line(const RatingSheet& sheet, const RatedRun& run, int side, size_t script) {
+/// A run's team against a baseline.
+ChartLine win_rate_line(const RatingSheet& sheet, const RatedRun& run, int side, size_t baseline) {
   ChartLine line;
   const size_t n = sheet.table.players.size();
   for (const size_t player : run.players) {
-    const Games& g = sheet.table.games[side == 0 ? player * n + script : script * n + player];
+    const Games& g = sheet.table.games[side == 0 ? player * n + baseline : baseline * n + player];
     if (n_games(g) == 0) continue;
     const int wins = side == 0 ? g.wins : g.losses;
     const Interval interval = wilson95(wins, n_games(g));
@@ -133,7 +133,7 @@ std::string rating_picture(const RatingSheet& sheet) { return RatingChart(sheet)
 
 std::string win_rate_picture(const RatingSheet& sheet) {
   LineChart chart;
-  chart.title = "Win rate against scripts over training: " + sheet.scenario;
+  chart.title = "Win rate against baselines over training: " + sheet.scenario;
   chart.subtitle = "share of games won, each team on its own side (a tie is no win); bars: 95 % intervals";
   chart.x_label = "agent-steps";
   chart.y_label = "games won";
@@ -141,13 +141,13 @@ std::string win_rate_picture(const RatingSheet& sheet) {
   chart.y_range = {{0, 1}};
   chart.y_percent = true;
   const std::vector<RatedRun> runs = runs_of(sheet);
-  for (size_t script = 0; script < sheet.infos.size(); ++script) {
-    if (!sheet.infos[script].scripted) continue;
+  for (size_t baseline = 0; baseline < sheet.infos.size(); ++baseline) {
+    if (!sheet.infos[baseline].is_baseline()) continue;
     ChartPanel panel;
-    panel.title = "against " + sheet.table.players[script];
+    panel.title = "against " + sheet.table.players[baseline];
     for (size_t k = 0; k < runs.size(); ++k) {
       for (int side = 0; side < kNSides; ++side) {
-        ChartLine line = win_rate_line(sheet, runs[k], side, script);
+        ChartLine line = win_rate_line(sheet, runs[k], side, baseline);
         if (line.points.empty()) continue;
         line.label = runs.size() == 1 ? cat("team ", side) : cat(runs[k].short_name, ", team ", side);
         line.colour = runs.size() == 1 ? side : static_cast<int>(k);

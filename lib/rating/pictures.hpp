@@ -7,13 +7,13 @@
 
 namespace giga {
 
-/// Elo over training with 95 % intervals (Fig. 5b of the paper): a line per run, scripts as horizontal lines; a panel
+/// Elo over training with 95 % intervals (Fig. 5b of the paper): a line per run, baselines as horizontal lines; a panel
 /// per side where the sides are apart. What has no finite rating is a triangle at the edge. Shown is the anchor's
 /// group, or where no checkpoint is in it, the largest group, relative to its reference.
 std::string rating_picture(const RatingSheet& sheet);
 
-/// Share of games won against each script over training with Wilson's 95 % intervals (Fig. 5a of the paper): a panel
-/// per script, a line per run and side.
+/// Share of games won against each baseline over training with Wilson's 95 % intervals (Fig. 5a of the paper): a panel
+/// per baseline, a line per run and side.
 std::string win_rate_picture(const RatingSheet& sheet);
 
 /// The cross-play matrix: rows side 0, columns side 1, the row's share of points.

@@ -38,8 +38,8 @@ Json estimate_json(const Estimate& e) {
 
 Json player_json(const std::string& name, const PlayerInfo& info) {
   Json json = Json::object();
-  json.set("name", name).set("scripted", info.scripted);
-  if (info.scripted) return json;
+  json.set("name", name).set("kind", name_of(info.kind));
+  if (info.is_baseline()) return json;
   json.set("run", info.run).set("updates", info.updates).set("agent_steps", info.agent_steps);
   return json.set("seconds", info.seconds).set("best", info.best);
 }
@@ -111,11 +111,16 @@ std::vector<const Rating*> by_strength(const Ratings& ratings) {
 
 }  // namespace
 
+const char* name_of(PlayerKind kind) {
+  constexpr const char* kNames[] = {"script", "exported", "checkpoint"};
+  return kNames[static_cast<size_t>(kind)];
+}
+
 std::vector<RatedRun> runs_of(const RatingSheet& sheet) {
   std::vector<RatedRun> runs;
   for (size_t k = 0; k < sheet.infos.size(); ++k) {
     const PlayerInfo& info = sheet.infos[k];
-    if (info.scripted) continue;
+    if (info.is_baseline()) continue;
     auto run = std::find_if(runs.begin(), runs.end(), [&](const RatedRun& r) { return r.name == info.run; });
     if (run == runs.end()) run = runs.insert(runs.end(), {info.run, info.run, {}});
     run->players.push_back(k);
@@ -201,7 +206,7 @@ std::string ratings_csv(const RatingSheet& sheet) {
     for (const int count : {n_games(r.games), r.games.wins, r.games.ties, r.games.losses})
       fields.push_back(std::to_string(count));
     fields.insert(fields.end(), {csv_number(share_of_points(r.games)), csv_number(r.paper_elo)});
-    if (info.scripted) {
+    if (info.is_baseline()) {
       fields.insert(fields.end(), 5, "");
     } else {
       fields.insert(fields.end(), {info.run, std::to_string(info.updates), csv_number(info.agent_steps),

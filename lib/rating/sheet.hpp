@@ -11,14 +11,20 @@
 
 namespace giga {
 
+enum class PlayerKind : uint8_t { script, exported, checkpoint };
+/// "script", "exported", "checkpoint".
+const char* name_of(PlayerKind kind);
+
 /// Where a player comes from; what pictures draw along their x axis.
 struct PlayerInfo {
-  bool scripted = true;  ///< a script: a baseline, without all that follows
-  std::string run;       ///< name of the run folder
+  PlayerKind kind = PlayerKind::script;  ///< all but checkpoints are baselines, without what follows
+  std::string run;                       ///< name of the run folder
   int64_t updates = 0;
   double agent_steps = 0;
   double seconds = 0;  ///< of training
   bool best = false;   ///< the run's best checkpoint (best.h5)
+
+  bool is_baseline() const { return kind != PlayerKind::checkpoint; }
 };
 
 struct RatingSheet {
@@ -36,8 +42,8 @@ struct RatedRun {
 };
 std::vector<RatedRun> runs_of(const RatingSheet& sheet);
 
-/// Names short enough for pictures: of checkpoints "update 300", or with several runs "seed1@300"; of scripts their
-/// own. [P]
+/// Names short enough for pictures: of checkpoints "update 300", or with several runs "seed1@300"; of baselines
+/// their own. [P]
 std::vector<std::string> short_names(const RatingSheet& sheet);
 
 /// For people: a line per rating, the strongest first, then remarks().

@@ -1,4 +1,4 @@
-// gigastep eval as a user runs it: two runs, both sides, scenarios, CSV and JSON.
+// gigastep eval as a user runs it: two runs, both sides, scenarios, exported policies, CSV and JSON.
 #include <gtest/gtest.h>
 
 #include "program.hpp"
@@ -37,7 +37,7 @@ TEST_F(Eval, TwoRunsAgainstEachOther) {
   const Document json = parse_yaml_text(outcome.out, "json");
   EXPECT_EQ(at(json, {"a"}).text, "first");
   EXPECT_EQ(at(json, {"b"}).text, "second");
-  EXPECT_EQ(at(json, {"origin_a", "checkpoint"}).text, "first/checkpoints/best.h5");
+  EXPECT_EQ(at(json, {"origin_a", "file"}).text, "first/checkpoints/best.h5");
   EXPECT_EQ(at(json, {"origin_b", "scenario"}).text, "identical_2_vs_2_void");
   ASSERT_EQ(at(json, {"sides"}).items.size(), 1u) << "A on side 0 only";
   const auto n = [&](const char* key) { return number_at(json, {"sides", "0", key}); };
@@ -107,9 +107,61 @@ TEST_F(Eval, ScriptedTeamsPlayWhatScenarioIsNamed) {
 TEST_F(Eval, AScenarioWithOtherObservationsIsRefused) {
   const Outcome outcome = eval("first", "pursuer", {"--scenario", "identical_5_vs_5"});
   EXPECT_EQ(outcome.code, 2);
-  EXPECT_TRUE(contains(
-      outcome.err, {"first was trained in 'identical_2_vs_2_void'", "4 agents", "'identical_5_vs_5'", "10 agents"}));
+  EXPECT_TRUE(contains(outcome.err, {"first was trained in 'identical_2_vs_2_void'", "neighbors 3 x 9",
+                                     "'identical_5_vs_5'", "neighbors 9 x 9"}));
   EXPECT_EQ(eval("first", "pursuer", {"--scenario", "identical_2_vs_2_fobs_void"}).code, 0);
+}
+
+/// What came out of the matches of an `eval --json -`, without names.
+std::string results_of(const Outcome& outcome) {
+  EXPECT_EQ(outcome.code, 0) << outcome.err;
+  return print_node(at(parse_yaml_text(outcome.out, "json"), {"sides"}));
+}
+
+TEST_F(Eval, AnExportedPolicyPlaysAsTheCheckpointThatItIsOf) {
+  ASSERT_EQ(here_->run({"export", "first", "--team", "0", "--format", "safetensors", "--out", "export0"}).code, 0);
+  ASSERT_EQ(here_->run({"export", "second", "--team", "1", "--format", "safetensors", "--out", "export1"}).code, 0);
+  const std::string expected = results_of(eval("first", "second", {"--json", "-", "--seed", "3"}));
+  EXPECT_EQ(results_of(eval("export0", "export1", {"--json", "-", "--seed", "3"})), expected);
+  EXPECT_EQ(results_of(eval("export0/policy.safetensors", "second", {"--json", "-", "--seed", "3"})), expected);
+  EXPECT_NE(results_of(eval("export0", "export1", {"--json", "-", "--seed", "4"})), expected);
+  // Against a script it plays both sides, the first as its checkpoint does.
+  const Document alone = parse_yaml_text(eval("export0", "circle", {"--json", "-"}).out, "json");
+  const Document both = parse_yaml_text(eval("first", "circle", {"--json", "-"}).out, "json");
+  ASSERT_EQ(at(alone, {"sides"}).items.size(), 2u);
+  EXPECT_EQ(print_node(at(alone, {"sides", "0"})), print_node(at(both, {"sides", "0"})));
+  EXPECT_EQ(at(alone, {"origin_a", "file"}).text, "export0/policy.safetensors");
+  EXPECT_EQ(at(alone, {"scenario"}).text, "identical_2_vs_2_void");
+}
+
+TEST_F(Eval, WhatEvolvedToBeGreedyIsPlayedSo) {
+  here_->write("evolved.yaml", R"(scenario: identical_2_vs_2_void
+device: cpu
+train: {algorithm: openai_es}
+population: {population_size: 4, generations: 1, episodes_per_member: 2, max_steps: 20, actor: {hidden: [8]}}
+eval: {episodes: 8, every_updates: 0}
+)");
+  ASSERT_EQ(here_->run({"train", "evolved.yaml", "--run-dir", "evolved", "--quiet"}).code, 0);
+  ASSERT_EQ(here_->run({"export", "evolved", "--team", "0", "--format", "safetensors", "--out", "greedy"}).code, 0);
+  EXPECT_TRUE(contains(here_->read("greedy/manifest.json"), {"\"action_selection\": \"greedy\""}));
+  const std::string expected = results_of(eval("evolved", "evolved", {"--json", "-"}));
+  EXPECT_EQ(results_of(eval("greedy", "evolved", {"--json", "-"})), expected);
+  std::string manifest = here_->read("greedy/manifest.json");
+  manifest.replace(manifest.find("\"greedy\""), 8, "\"sampled\"");
+  here_->write("greedy/manifest.json", manifest);
+  EXPECT_NE(results_of(eval("greedy", "evolved", {"--json", "-"})), expected);
+}
+
+TEST_F(Eval, ModulesNeedTrustAndGraphsAreNotRead) {
+  ASSERT_EQ(here_->run({"export", "first", "--team", "0", "--format", "torchscript", "--out", "module"}).code, 0);
+  ASSERT_EQ(here_->run({"export", "first", "--team", "0", "--format", "onnx", "--out", "graph"}).code, 0);
+  const Outcome distrusted = eval("module", "circle");
+  EXPECT_EQ(distrusted.code, 2);
+  EXPECT_TRUE(contains(distrusted.err, {"module/policy.pt is a TorchScript module, which is code", "--trust"}));
+  EXPECT_EQ(eval("module", "circle", {"--trust"}).code, 0);
+  const Outcome graph = eval("first", "graph");
+  EXPECT_EQ(graph.code, 2);
+  EXPECT_TRUE(contains(graph.err, {"graph/policy.onnx is an ONNX graph", "--format safetensors"}));
 }
 
 }  // namespace

@@ -56,7 +56,7 @@ TEST_F(RatedRuns, ARunGetsAFolderOfRatingsAndItsReportShowsThem) {
   EXPECT_EQ(csv.cell(0, "player"), "random");
   EXPECT_EQ(csv.cell(0, "rating"), "0");
   bool best = false;
-  for (size_t row = 5; row < csv.rows.size(); ++row) {  // behind the five scripts
+  for (size_t row = 10; row < csv.rows.size(); ++row) {  // behind the ten scripts
     EXPECT_EQ(csv.cell(row, "run"), "run-seed1");
     const int updates = std::stoi(csv.cell(row, "updates"));
     EXPECT_EQ(std::stoi(csv.cell(row, "agent_steps")), 256 * updates);
@@ -142,8 +142,7 @@ TEST_F(RatedRuns, PlayInAnotherScenarioThatFits) {
   EXPECT_TRUE(contains(outcome.out, {"identical_1_vs_1_pobs_vec_void_disc, 4 episodes"}));
   const Outcome misfit = rate({"run-seed1", "--scenario", "identical_2_vs_2", "--out", "misfit"});
   EXPECT_EQ(misfit.code, 2);
-  EXPECT_TRUE(
-      contains(misfit.err, {"run-seed1/checkpoints/", "does not fit the scenario identical_2_vs_2", "observes"}));
+  EXPECT_TRUE(contains(misfit.err, {"run-seed1@", "was trained in", "in 'identical_2_vs_2' it observes"}));
   EXPECT_FALSE(here_->has("misfit"));
 }
 
@@ -169,7 +168,8 @@ TEST_F(RatedRuns, MistakesAreToldAndLeaveNothing) {
       {{"nowhere"}, "there is no checkpoint or run folder nowhere"},
       {{"empty"}, "the folder empty holds no whole checkpoint"},
       {{"run-seed1", "./run-seed1"}, "the run ./run-seed1 is given twice"},
-      {{"run-seed1", "--scripted", "cirle"}, "opponent 'cirle' is unknown; nearest: 'circle'"},
+      {{"run-seed1", "--scripted", "cirle"},
+       "'cirle' is no scripted team; nearest: 'circle'; allowed: all, none, or out of random"},
       {{"run-seed1", "--scripted", "circle,circle"}, "'circle' is there twice"},
       {{"run-seed1", "--sides", "both"}, "--sides"},
       {{"run-seed1", "--episodes", "0"}, "--episodes"},
@@ -185,6 +185,83 @@ TEST_F(RatedRuns, MistakesAreToldAndLeaveNothing) {
     EXPECT_TRUE(contains(outcome.err, {mistake.part}));
     EXPECT_FALSE(here_->has("none"));
   }
+}
+
+TEST_F(RatedRuns, ExportedPoliciesPlayToo) {
+  const auto exported = [](const std::string& run, const std::string& format, const std::string& out) {
+    return here_->run({"export", run, "--team", "0", "--format", format, "--out", out}).code;
+  };
+  ASSERT_EQ(exported("run-seed1", "safetensors", "duellist"), 0);
+  ASSERT_EQ(exported("run-seed2", "torchscript", "module"), 0);
+  const std::vector<std::string> arguments = {"duellist",
+                                              "module/",
+                                              "run-seed1/checkpoints/update_00000004.h5",
+                                              "--scripted",
+                                              "random,pursuer",
+                                              "--episodes",
+                                              "16",
+                                              "--out",
+                                              "exported",
+                                              "--json",
+                                              "-"};
+  const Outcome distrusted = rate(arguments);
+  EXPECT_EQ(distrusted.code, 2);
+  EXPECT_TRUE(contains(distrusted.err, {"module/policy.pt is a TorchScript module", "--trust"}));
+  std::vector<std::string> trusting = arguments;
+  trusting.push_back("--trust");
+  const Outcome outcome = rate(trusting);
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  const Document json = parse_yaml_text(outcome.out, "json");
+  EXPECT_EQ(names_of(json), (Names{"random", "pursuer", "duellist", "module", "run-seed1@4"}));
+  EXPECT_EQ(at(json, {"players", "1", "kind"}).text, "script");
+  EXPECT_EQ(at(json, {"players", "2", "kind"}).text, "exported");
+  EXPECT_EQ(at(json, {"players", "4", "kind"}).text, "checkpoint");
+  for (const char* i : {"0", "1", "2", "3", "4"})
+    for (const char* j : {"0", "1", "2", "3", "4"}) {
+      double sum = 0;
+      for (const char* count : {"wins", "losses", "ties"}) sum += number_at(json, {"games", count, i, j});
+      EXPECT_EQ(sum, 16) << i << " against " << j;
+    }
+  EXPECT_TRUE(contains(here_->read("exported/win_rate.svg"), {"against duellist"}));
+
+  const Outcome alone = rate({"duellist", "--scripted", "random,circle", "--episodes", "8", "--out", "alone"});
+  ASSERT_EQ(alone.code, 0) << alone.err;
+  EXPECT_TRUE(contains(alone.out, {"duellist", "circle"}));
+  EXPECT_TRUE(here_->has("alone/matrix.svg"));
+}
+
+// A folder of its own, so that no other test rates it.
+TEST_F(RatedRuns, AnExportedPolicyCarriesItsRating) {
+  std::filesystem::copy(here_->path() / "run-seed2", here_->path() / "carrier",
+                        std::filesystem::copy_options::recursive);
+  const auto ratings_of = [](const std::string& out) {
+    const Outcome outcome = here_->run(
+        {"export", "carrier/checkpoints/update_00000004.h5", "--team", "1", "--format", "safetensors", "--out", out});
+    EXPECT_EQ(outcome.code, 0) << outcome.err;
+    return parse_yaml_text(here_->read(out + "/manifest.json"), "manifest");
+  };
+  EXPECT_TRUE(at(ratings_of("unrated"), {"ratings"}).entries.empty());
+  ASSERT_EQ(rate({"carrier", "--scripted", "random,circle", "--sides", "apart", "--episodes", "16"}).code, 0);
+  const Document manifest = ratings_of("rated");
+  EXPECT_EQ(at(manifest, {"ratings", "anchor"}).text, "random");
+  EXPECT_EQ(number_at(manifest, {"ratings", "episodes"}), 16);
+  EXPECT_EQ(number_at(manifest, {"ratings", "side"}), 1);
+  const CsvTable csv = parse_csv(here_->read("carrier/ratings/ratings.csv"));
+  bool found = false;
+  for (size_t row = 0; row < csv.rows.size(); ++row) {
+    if (csv.cell(row, "player") != "carrier@4" || csv.cell(row, "side") != "1") continue;
+    found = true;
+    EXPECT_EQ(csv.cell(row, "wins"), at(manifest, {"ratings", "wins"}).text);
+    EXPECT_EQ(csv.cell(row, "standing"), at(manifest, {"ratings", "standing"}).text);
+    const bool finite = csv.cell(row, "standing") == "rated";  // JSON has no infinity
+    EXPECT_EQ(finite ? csv.cell(row, "rating") : "null", at(manifest, {"ratings", "rating"}).text);
+  }
+  EXPECT_TRUE(found);
+  here_->write("carrier/ratings/ratings.json", "{");
+  const Outcome damaged = here_->run({"export", "carrier/checkpoints/update_00000004.h5", "--team", "1", "--format",
+                                      "safetensors", "--out", "without"});
+  EXPECT_EQ(damaged.code, 0);
+  EXPECT_TRUE(contains(damaged.err, {"warning: ", "carrier/ratings/ratings.json:1:1: ", "the manifest has no ratings"}));
 }
 
 TEST_F(RatedRuns, HelpHasExamples) {

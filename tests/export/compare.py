@@ -44,10 +44,14 @@ def check_torchscript(folder, manifest):
 
 
 def check_actions(example, manifest, head):
-    """The example's actions are of the right kind: greedy ones, and drawn ones with the right frequencies."""
+    """The example's actions are of the right kind: greedy ones, drawn ones with the right frequencies, and none drawn
+    where the policy is greedy."""
     import numpy as np
 
     random = np.random.default_rng(1)
+    if manifest["action_selection"] == "greedy":
+        assert all(np.array_equal(example.act(head, random), example.act(head)) for _ in range(100))
+        return
     if manifest["action"]["kind"] == "discrete":
         assert example.act(head) == head.argmax()
         n = 4000

@@ -92,6 +92,9 @@ TEST(ExportManifest, ReadsBackToTheSame) {
     EXPECT_EQ(read.origin.scenario_yaml, sample_origin().scenario_yaml);
     EXPECT_EQ(read.log_std, sample(actions).log_std);
   }
+  Manifest greedy = sample(ActionKind::discrete);
+  greedy.origin.selection = ActionSelection::greedy;
+  EXPECT_EQ(parse_manifest(text_of(greedy), "manifest.json").origin.selection, ActionSelection::greedy);
 }
 
 /// What is said to a manifest in which `from` became `to`.
@@ -111,6 +114,7 @@ TEST(ExportManifest, MistakesAreSaidWithTheirPlace) {
   EXPECT_TRUE(contains(refusal("[12, 10]", "[12, 0]"), {"hidden[1]: '0'", "[1, 16384]"}));
   EXPECT_TRUE(contains(refusal("[12, 10]", "[]"), {"hidden"}));
   EXPECT_TRUE(contains(refusal("\"layer_norm\": true,", ""), {"layer_norm: is missing"}));
+  EXPECT_TRUE(contains(refusal("\"sampled\"", "\"sample\""), {"action_selection: '\"sample\"'", "sampled, greedy"}));
   EXPECT_TRUE(contains(refusal("[-0.5, 0.25, -1]", "[-0.5, .nan, -1]"), {"log_std[1]"}));
   EXPECT_TRUE(contains(refusal("[-0.5, 0.25, -1]", "[-0.5]"), {"log_std"}));
   EXPECT_TRUE(contains(refusal("\"training\": {", "\"training\": 3, \"other\": {"), {"training: a map is needed"}));
@@ -121,17 +125,21 @@ TEST(ExportManifest, MistakesAreSaidWithTheirPlace) {
 TEST(ExportManifest, ADifferenceInTheLayoutIsNamed) {
   const Manifest manifest = sample(ActionKind::discrete);
   const SimSpec same = small_spec(ActionKind::discrete);
-  EXPECT_EQ(input_error_of([&] { check_fits(manifest, same, "p"); }), "no error");
+  const auto refusal = [&](const SimSpec& spec) {
+    return input_error_of([&] { check_fits(interface_of(manifest), spec, "p"); });
+  };
+  EXPECT_EQ(refusal(same), "no error");
   SimSpec without = same;
   without.params.waypoints = false;
   without.finish();
-  EXPECT_TRUE(contains(input_error_of([&] { check_fits(manifest, without, "p"); }),
-                       {"p was trained in small", "1 x 5 numbers of 'waypoint' from 36", "2 x 4 numbers of 'boxes'"}));
+  EXPECT_EQ(
+      refusal(without),
+      "p was trained in 'small', where an agent observes 49 numbers: self 1 x 9, neighbors 3 x 9, waypoint 1 x 5, "
+      "boxes 2 x 4; in 'small' it observes 44 numbers: self 1 x 9, neighbors 3 x 9, boxes 2 x 4");
   SimSpec fewer = same;
   fewer.maps[0].boxes.clear();
   fewer.finish();
-  EXPECT_TRUE(contains(input_error_of([&] { check_fits(manifest, fewer, "p"); }),
-                       {"observations of 49 numbers; small has observations of 41"}));
+  EXPECT_TRUE(contains(refusal(fewer), {"it observes 41 numbers: self 1 x 9, neighbors 3 x 9, waypoint 1 x 5"}));
 }
 
 }  // namespace

@@ -51,7 +51,9 @@ void compare_with_python(ExportFormat format) {
   for (const ActorKind& kind : all_kinds()) {
     const Actor actor = make_random_actor(kind);
     const int outputs = kind.actions == ActionKind::discrete ? kNDiscreteActions : kActionSize;
-    write_export(folder / kind.name(), format, actor, small_spec(kind.actions), sample_origin());
+    PolicyOrigin origin = sample_origin();
+    if (kind.layer_norm) origin.selection = ActionSelection::greedy;
+    write_export(folder / kind.name(), format, actor, small_spec(kind.actions), origin);
     write_tensor(folder / (kind.name() + ".f32"), actor.forward(obs).slice(1, 0, outputs));
   }
   const Outcome outcome =

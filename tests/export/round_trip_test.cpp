@@ -20,9 +20,13 @@ void write(const fs::path& folder, ExportFormat format, const ActorKind& kind = 
   write_export(folder, format, make_random_actor(kind), small_spec(kind.actions), sample_origin());
 }
 
+ReadPolicy read(const fs::path& path, const SimSpec& spec, bool trust, Device device = {}) {
+  return read_exported_policy(find_exported_policy(path, trust), spec, device);
+}
+
 /// The message of the InputError when a policy is read for a scenario of discrete actions.
 std::string refusal(const fs::path& path, bool trust = true) {
-  return input_error_of([&] { read_exported_policy(path, small_spec(ActionKind::discrete), {}, trust); });
+  return input_error_of([&] { read(path, small_spec(ActionKind::discrete), trust); });
 }
 
 double worst(const at::Tensor& a, const at::Tensor& b) { return (a - b).abs().max().item<double>(); }
@@ -37,7 +41,7 @@ TEST(ExportRoundTrip, SafetensorsGiveTheSameActor) {
     const Actor actor = make_random_actor(kind);
     const SimSpec spec = small_spec(kind.actions);
     write(folder / kind.name(), ExportFormat::safetensors, kind);
-    const auto policy = read_exported_policy(folder / kind.name(), spec, {}, false);
+    const auto policy = read(folder / kind.name(), spec, false).policy;
     ASSERT_EQ(policy->actions(), kind.actions);
     const at::Tensor head = policy->forward(obs), expected = actor.forward(obs);
     ASSERT_EQ(head.sizes(), expected.sizes());
@@ -53,7 +57,7 @@ TEST(ExportRoundTrip, TorchScriptGivesTheSameNumbers) {
     SCOPED_TRACE(kind.name());
     const Actor actor = make_random_actor(kind);
     write(folder / kind.name(), ExportFormat::torchscript, kind);
-    const auto policy = read_exported_policy(folder / kind.name(), small_spec(kind.actions), {}, true);
+    const auto policy = read(folder / kind.name(), small_spec(kind.actions), true).policy;
     ASSERT_EQ(policy->actions(), kind.actions);
     const at::Tensor head = policy->forward(obs), expected = actor.forward(obs);
     ASSERT_EQ(head.sizes(), expected.sizes());
@@ -72,7 +76,7 @@ TEST(ExportRoundTripGpu, PoliciesPlayOnTheGpu) {
     for (const ExportFormat format : {ExportFormat::safetensors, ExportFormat::torchscript}) {
       const std::string name = kind.name() + "_" + FieldCodec<ExportFormat>::print(format);
       write(folder / name, format, kind);
-      const auto policy = read_exported_policy(folder / name, small_spec(kind.actions), {Device::Kind::cuda, 0}, true);
+      const auto policy = read(folder / name, small_spec(kind.actions), true, {Device::Kind::cuda, 0}).policy;
       const at::Tensor head = policy->forward(obs.to(at::kCUDA));
       EXPECT_LT(worst(without_unused_logit(head).cpu(), expected), 1e-2) << name;  // matrix products may be TF32
     }
@@ -87,7 +91,24 @@ TEST(ExportRoundTrip, FilesAndFoldersAreRecognised) {
   EXPECT_TRUE(is_exported_policy("elsewhere/module.pt"));
   EXPECT_FALSE(is_exported_policy(folder.path()));
   EXPECT_FALSE(is_exported_policy("runs/first/checkpoints/best.h5"));
+  write(folder / "module", ExportFormat::torchscript);
+  fs::rename(folder / "module/policy.pt", folder / "module/of_another_name");
+  EXPECT_TRUE(is_exported_policy(folder / "module/of_another_name"));
   EXPECT_EQ(refusal(folder / "tensors/policy.safetensors"), "no error");
+}
+
+TEST(ExportRoundTrip, WhatEvolvedToBeGreedyStaysSo) {
+  const TemporaryFolder folder;
+  for (const ExportFormat format : {ExportFormat::safetensors, ExportFormat::torchscript})
+    for (const ActionSelection selection : {ActionSelection::sampled, ActionSelection::greedy}) {
+      PolicyOrigin origin = sample_origin();
+      origin.selection = selection;
+      const fs::path path = folder / cat(policy_file_name(format), static_cast<int>(selection));
+      write_export(path, format, make_random_actor({}), small_spec(ActionKind::discrete), origin);
+      const bool greedy = selection == ActionSelection::greedy;
+      EXPECT_EQ(read(path, small_spec(ActionKind::discrete), true).greedy, greedy) << path;
+      EXPECT_EQ(read(path / policy_file_name(format), small_spec(ActionKind::discrete), true).greedy, greedy) << path;
+    }
 }
 
 TEST(ExportRoundTrip, FilesOfAnExport) {
@@ -126,16 +147,18 @@ TEST(ExportRoundTrip, WhatCannotPlayIsSaid) {
 TEST(ExportRoundTrip, OfAnotherScenario) {
   const TemporaryFolder folder;
   write(folder / "continuous", ExportFormat::safetensors, {ActionKind::continuous});
-  EXPECT_TRUE(contains(refusal(folder / "continuous"), {"continuous actions; small has discrete ones"}));
+  EXPECT_TRUE(contains(refusal(folder / "continuous"),
+                       {"trained in 'small' with continuous actions; those of 'small' are discrete"}));
   write(folder / "tensors", ExportFormat::safetensors);
   SimSpec bigger = small_spec(ActionKind::discrete);
   bigger.maps[0].boxes.push_back({3, 3, 4, 4, 0, 10});
   bigger.finish();
-  const std::string message = input_error_of([&] { read_exported_policy(folder / "tensors", bigger, {}, false); });
-  EXPECT_TRUE(contains(message, {"2 x 4 numbers of 'boxes' from 41 on", "small has 3 x 4"}));
+  const std::string message = input_error_of([&] { read(folder / "tensors", bigger, false); });
+  EXPECT_TRUE(contains(message, {"49 numbers: self 1 x 9, neighbors 3 x 9, waypoint 1 x 5, boxes 2 x 4; in",
+                                 "53 numbers: self 1 x 9, neighbors 3 x 9, waypoint 1 x 5, boxes 3 x 4"}));
   write(folder / "module", ExportFormat::torchscript);
   fs::rename(folder / "module/policy.pt", folder / "alone.pt");
-  const std::string alone = input_error_of([&] { read_exported_policy(folder / "alone.pt", bigger, {}, true); });
+  const std::string alone = input_error_of([&] { read(folder / "alone.pt", bigger, true); });
   EXPECT_TRUE(contains(alone, {"alone.pt is no TorchScript module that can play here"}));
 }
 

@@ -9,6 +9,7 @@
 #include "io/temporary_folder.hpp"
 #include "math/distributions.hpp"
 #include "policies.hpp"
+#include "policy/policy.hpp"
 
 namespace giga::test {
 namespace {
@@ -28,21 +29,23 @@ std::string refusal(const std::string& bytes, ActionKind actions = ActionKind::d
 }
 
 TEST(ExportTorchScript, AModuleFromElsewherePlays) {
-  const auto policy =
+  const ReadPolicy read =
       open_torchscript(module_with("return obs[:, 1:28]"), "stranger.pt", kInputs, ActionKind::discrete, {});
-  const at::Tensor obs = random_observations(5), head = policy->forward(obs);
+  const at::Tensor obs = random_observations(5), head = read.policy->forward(obs);
   ASSERT_EQ(head.sizes(), at::IntArrayRef({5, kLogitStride}));
+  EXPECT_FALSE(read.greedy);
   EXPECT_TRUE(at::equal(head.slice(1, 0, kNDiscreteActions), obs.slice(1, 1, 28)));
 }
 
 TEST(ExportTorchScript, WithoutADeviationItPlaysItsMean) {
-  const auto plain =
+  const ReadPolicy plain =
       open_torchscript(module_with("return obs[:, :3]"), "stranger.pt", kInputs, ActionKind::continuous, {});
-  EXPECT_LT(plain->log_std().exp().max().item<double>(), 1e-8);
+  EXPECT_TRUE(plain.greedy);
   const at::Tensor log_std = torch::tensor({-1.0f, 0.0f, 0.5f});
-  const auto random =
+  const ReadPolicy random =
       open_torchscript(module_with("return obs[:, :3]", log_std), "stranger.pt", kInputs, ActionKind::continuous, {});
-  EXPECT_TRUE(at::equal(random->log_std(), log_std));
+  EXPECT_FALSE(random.greedy);
+  EXPECT_TRUE(at::equal(random.policy->log_std(), log_std));
 }
 
 TEST(ExportTorchScript, WhatDoesNotFitIsRefused) {

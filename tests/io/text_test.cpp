@@ -49,6 +49,14 @@ TEST(JsonText, ObjectsKeepTheirOrder) {
       "    }\n  ]\n}");
 }
 
+TEST(JsonText, OfWhatWasRead) {
+  Json json = Json::object();
+  json.set("text", "7").set("number", -0.25).set("count", 12).set("none", Json()).set("yes", true).set("no", false);
+  json.set("list", Json::array().push(Json::object().set("x", Json::array(std::vector<double>{1e300, kNan}))));
+  json.set("empty", "").set("word", "null");
+  EXPECT_EQ(json_of(parse_yaml_text(json.text(), "json").root).text(), json.text());
+}
+
 TEST(JsonText, Integers) {
   EXPECT_EQ(Json(std::numeric_limits<uint64_t>::max()).text(), "18446744073709551615");
   EXPECT_EQ(Json(std::numeric_limits<int64_t>::min()).text(), "-9223372036854775808");

@@ -1,20 +1,19 @@
-// Who can play: scripts, checkpoints and run folders, TorchScript modules; what is said to those that do not fit; and a
-// round robin.
+// Who can play: scripts, checkpoints and run folders, exported policies, TorchScript modules; what is said to those
+// that do not fit; and a round robin.
 #include "eval/contestant.hpp"
 
 #include <gtest/gtest.h>
 #include <torch/csrc/jit/api/module.h>
 
-#include <unistd.h>
-
 #include <filesystem>
-#include <functional>
 
 #include "config/fields.hpp"
 #include "eval/match.hpp"
 #include "eval/round_robin.hpp"
+#include "export/export.hpp"
 #include "io/checkpoint.hpp"
 #include "io/files.hpp"
+#include "io/temporary_folder.hpp"
 #include "policy/actor.hpp"
 #include "runs.hpp"
 
@@ -24,17 +23,6 @@ namespace fs = std::filesystem;
 
 class LearnContestant : public testing::Test {
  protected:
-  void SetUp() override {
-    const testing::TestInfo* info = testing::UnitTest::GetInstance()->current_test_info();
-    folder_ = fs::temp_directory_path() / cat("gigastep_", info->name(), "_", ::getpid());
-    fs::create_directories(folder_);
-  }
-  // Not remove_all: LibTorch brings a copy of it, which the loader finds first and which crashes.
-  void TearDown() override {
-    std::vector<fs::path> paths = {folder_};
-    for (const fs::directory_entry& entry : fs::recursive_directory_iterator(folder_)) paths.push_back(entry.path());
-    for (; !paths.empty(); paths.pop_back()) fs::remove(paths.back());
-  }
   std::string path(const std::string& name) const { return (folder_ / name).string(); }
 
   /// A checkpoint of a freshly made learner.
@@ -50,23 +38,8 @@ class LearnContestant : public testing::Test {
     write_checkpoint(path(name), c);
   }
 
-  fs::path folder_;
+  TemporaryFolder folder_;
 };
-
-std::string refusal(const std::function<void()>& f) {
-  try {
-    f();
-  } catch (const InputError& e) {
-    return e.what();
-  }
-  ADD_FAILURE() << "nothing was refused";
-  return "";
-}
-testing::AssertionResult has(const std::string& text, const std::vector<std::string>& parts) {
-  for (const std::string& part : parts)
-    if (text.find(part) == std::string::npos) return testing::AssertionFailure() << "no '" << part << "' in: " << text;
-  return testing::AssertionSuccess();
-}
 
 bool equal(const MatchResult& a, const MatchResult& b) {
   return a.wins[0] == b.wins[0] && a.wins[1] == b.wins[1] && a.ties == b.ties && a.mean_length == b.mean_length &&
@@ -85,14 +58,14 @@ TEST_F(LearnContestant, ScriptsByName) {
 }
 
 TEST_F(LearnContestant, UnknownNamesAndFiles) {
-  EXPECT_EQ(refusal([] { Contestant::load("cirle", {}); }),
+  EXPECT_EQ(input_error_of([] { Contestant::load("cirle", {}); }),
             "'cirle' is neither a scripted team nor a file or folder; nearest: 'circle'; scripted teams: random, noop, "
             "circle, reverse_circle, circle_random, pursuer, evader, waypoint_runner, hider, patroller");
-  EXPECT_EQ(refusal([] { Contestant::load("runs/x", {}); }), "there is no checkpoint or run folder runs/x");
+  EXPECT_EQ(input_error_of([] { Contestant::load("runs/x", {}); }), "there is no checkpoint or run folder runs/x");
   write_file(path("text.h5"), "no checkpoint");
-  EXPECT_TRUE(has(refusal([&] { Contestant::load(path("text.h5"), {}); }), {"text.h5"}));
+  EXPECT_TRUE(contains(input_error_of([&] { Contestant::load(path("text.h5"), {}); }), {"text.h5"}));
   write_file(path("policy.safetensors"), "x");
-  EXPECT_TRUE(has(refusal([&] { Contestant::load(path("policy.safetensors"), {}); }), {"is an exported policy"}));
+  EXPECT_TRUE(contains(input_error_of([&] { Contestant::load(path("policy.safetensors"), {}); }), {"manifest.json"}));
 }
 
 TEST_F(LearnContestant, ACheckpointPlaysAsTheActorsThatItHolds) {
@@ -120,7 +93,7 @@ TEST_F(LearnContestant, ARunFolderIsItsBestCheckpoint) {
   const Contestant fallen = Contestant::load(path("run"), {});
   EXPECT_EQ(fallen.origin()->updates, 7);
   ASSERT_EQ(fallen.origin()->warnings.size(), 1u);
-  EXPECT_TRUE(has(fallen.origin()->warnings[0], {"best.h5", "is truncated", "update_00000007.h5 is taken"}));
+  EXPECT_TRUE(contains(fallen.origin()->warnings[0], {"best.h5", "is truncated", "update_00000007.h5 is taken"}));
 }
 
 TEST_F(LearnContestant, ATeamThatWasScriptedHasNoPolicy) {
@@ -131,7 +104,7 @@ TEST_F(LearnContestant, ATeamThatWasScriptedHasNoPolicy) {
   EXPECT_FALSE(c.can_play(0));
   EXPECT_TRUE(c.can_play(1));
   const SimSpec spec = small.load().spec;
-  EXPECT_TRUE(has(refusal([&] { c.player(0, spec); }), {"one.h5", "no policy for team 0"}));
+  EXPECT_TRUE(contains(input_error_of([&] { c.player(0, spec); }), {"one.h5", "no policy for team 0"}));
 }
 
 TEST_F(LearnContestant, TheScenarioMustShowWhatThePolicyReads) {
@@ -142,11 +115,12 @@ TEST_F(LearnContestant, TheScenarioMustShowWhatThePolicyReads) {
   SimSpec spec = other.load().spec;
   spec.name = "larger";
   // 2 + 2 agents of 9 numbers, and 2 + 3.
-  EXPECT_TRUE(has(refusal([&] { c.player(0, spec); }),
-                  {"policy.h5", "'small'", "36 numbers", "4 agents", "'larger'", "45 numbers", "5 agents"}));
+  EXPECT_TRUE(contains(input_error_of([&] { c.player(0, spec); }),
+                       {"policy.h5 was trained in 'small'", "36 numbers: self 1 x 9, neighbors 3 x 9; in 'larger'",
+                        "45 numbers: self 1 x 9, neighbors 4 x 9"}));
   other.scenario = "action: continuous\n";
   spec = other.load().spec;
-  EXPECT_TRUE(has(refusal([&] { c.player(0, spec); }), {"policy.h5", "discrete actions", "continuous"}));
+  EXPECT_TRUE(contains(input_error_of([&] { c.player(0, spec); }), {"policy.h5", "discrete actions", "continuous"}));
 }
 
 /// Saves a module whose forward has the given body; `obs` is its argument.
@@ -159,13 +133,13 @@ void save_module(const std::string& file, const std::string& body, const at::Ten
 
 TEST_F(LearnContestant, ATorchScriptModuleNeedsTrust) {
   save_module(path("noop.pt"), "return obs[:, :27]");
-  EXPECT_TRUE(has(refusal([&] { Contestant::load(path("noop.pt"), {}); }), {"noop.pt", "any code", "--trust"}));
+  EXPECT_TRUE(
+      contains(input_error_of([&] { Contestant::load(path("noop.pt"), {}); }), {"noop.pt", "is code", "--trust"}));
   EXPECT_TRUE(Contestant::load(path("noop.pt"), {{}, true, false}).can_play(1));
   write_file(path("broken.pt"), std::string("PK\x03\x04", 4) + "nothing more");
-  EXPECT_TRUE(has(refusal([&] {
-                    Contestant::load(path("broken.pt"), {{}, true, false});
-                  }),
-                  {"broken.pt", "TorchScript"}));
+  Contestant broken = Contestant::load(path("broken.pt"), {{}, true, false});
+  const SimSpec spec = SmallRun{}.load().spec;
+  EXPECT_TRUE(contains(input_error_of([&] { broken.player(0, spec); }), {"broken.pt is no TorchScript module"}));
 }
 
 TEST_F(LearnContestant, ATorchScriptModulePlaysAsTheScriptThatItImitates) {
@@ -205,7 +179,8 @@ TEST_F(LearnContestant, ATorchScriptModuleScattersByItsLogStd) {
   EXPECT_TRUE(equal(noop, play_match(spec, still.player(0, spec), random, options)));
   EXPECT_FALSE(equal(noop, play_match(spec, wild.player(0, spec), random, options)));
   save_module(path("odd.pt"), "return obs[:, :3]", at::ones({2}));
-  EXPECT_TRUE(has(refusal([&] { Contestant::load(path("odd.pt"), {{}, true, false}); }), {"odd.pt", "log_std"}));
+  Contestant odd = Contestant::load(path("odd.pt"), {{}, true, false});
+  EXPECT_TRUE(contains(input_error_of([&] { odd.player(0, spec); }), {"odd.pt", "log_std has shape [2]"}));
 }
 
 TEST_F(LearnContestant, ATorchScriptModuleOfOtherSizesIsRefused) {
@@ -213,10 +188,73 @@ TEST_F(LearnContestant, ATorchScriptModuleOfOtherSizesIsRefused) {
   const ContestantOptions trusting{{}, true, false};
   save_module(path("narrow.pt"), "return obs[:, :26]");
   Contestant narrow = Contestant::load(path("narrow.pt"), trusting);
-  EXPECT_TRUE(has(refusal([&] { narrow.player(0, spec); }), {"narrow.pt", "36 numbers in, 27 logits out", "[2, 26]"}));
+  EXPECT_TRUE(
+      contains(input_error_of([&] { narrow.player(0, spec); }), {"narrow.pt", "[2, 26]", "needed: Float [2, 27]"}));
   save_module(path("other.pt"), "return torch.matmul(obs, torch.zeros([40, 27]))");
   Contestant other = Contestant::load(path("other.pt"), trusting);
-  EXPECT_TRUE(has(refusal([&] { other.player(0, spec); }), {"other.pt", "36 numbers in"}));
+  EXPECT_TRUE(contains(input_error_of([&] { other.player(0, spec); }),
+                       {"other.pt is no TorchScript module that can play here"}));
+}
+
+/// The policies of both teams of a learner, each in a folder named by `name` and its team.
+void export_both(const SmallRun& small, ExportFormat format, const std::string& name) {
+  const LoadedRun run = small.load();
+  const auto learner = small.learner();
+  PolicyOrigin origin;
+  origin.scenario_name = "small";
+  origin.scenario_yaml = print_scenario(run.scenario);
+  origin.config_yaml = print_yaml(run.config, true);
+  origin.updates = 3;
+  for (const int team : {0, 1}) {
+    origin.team = team;
+    write_export(cat(name, team), format, *learner->actor(team), run.spec, origin);
+  }
+}
+
+TEST_F(LearnContestant, AnExportedPolicyPlaysAsTheCheckpointThatItIsOf) {
+  for (const bool continuous : {false, true}) {
+    SmallRun small;
+    if (continuous) small.scenario = "action: continuous\n";
+    const std::string name = path(continuous ? "continuous" : "discrete");
+    save(small, name + ".h5");
+    export_both(small, ExportFormat::safetensors, name);
+    const SimSpec spec = small.load().spec;
+    const MatchOptions options{65, 1, {}, 2};
+    Contestant checkpoint = Contestant::load(name + ".h5", {});
+    const MatchResult expected = play_match(spec, checkpoint.player(0, spec), checkpoint.player(1, spec), options);
+    Contestant team0 = Contestant::load(name + "0", {});
+    Contestant team1 = Contestant::load(name + "1/policy.safetensors", {});
+    EXPECT_TRUE(equal(expected, play_match(spec, team0.player(0, spec), team1.player(1, spec), options)));
+    EXPECT_TRUE(team0.can_play(1)) << "an exported policy is for both sides";
+    ASSERT_NE(team0.origin(), nullptr);
+    EXPECT_EQ(team0.origin()->updates, 3);
+    EXPECT_EQ(team0.origin()->run.spec.name, "small");
+    EXPECT_EQ(team0.origin()->run.spec.observation_size(), spec.observation_size());
+  }
+}
+
+TEST_F(LearnContestant, AnExportedPolicyMustFitAndBeReadable) {
+  export_both(SmallRun{}, ExportFormat::safetensors, path("tensors"));
+  SmallRun other;
+  other.scenario = "team_1: [{type: default, count: 3}]\n";
+  SimSpec larger = other.load().spec;
+  larger.name = "larger";
+  Contestant c = Contestant::load(path("tensors0"), {});
+  EXPECT_TRUE(contains(input_error_of([&] { c.player(0, larger); }),
+                       {"tensors0/policy.safetensors was trained in 'small'", "in 'larger' it observes 45 numbers"}));
+  const SimSpec spec = SmallRun{}.load().spec;
+  const Policy* const policy = c.player(0, spec).policy;
+  EXPECT_EQ(c.player(1, spec).policy, policy) << "read once";
+
+  export_both(SmallRun{}, ExportFormat::onnx, path("graph"));
+  EXPECT_TRUE(contains(input_error_of([&] { Contestant::load(path("graph0"), {}); }), {"graph0/policy.onnx", "ONNX"}));
+  export_both(SmallRun{}, ExportFormat::torchscript, path("module"));
+  EXPECT_TRUE(contains(input_error_of([&] { Contestant::load(path("module0"), {}); }), {"policy.pt", "--trust"}));
+  std::string manifest = read_file(path("tensors0/manifest.json"));
+  manifest.replace(manifest.find("n_worlds:"), 9, "n_wrlds: ");
+  write_file(path("tensors0/manifest.json"), manifest);
+  EXPECT_TRUE(contains(input_error_of([&] { Contestant::load(path("tensors0"), {}); }),
+                       {"the manifest of ", "tensors0/policy.safetensors: ", "n_wrlds: unknown key"}));
 }
 
 TEST_F(LearnContestant, RoundRobinPlaysEveryOrderedPair) {
@@ -230,6 +268,12 @@ TEST_F(LearnContestant, RoundRobinPlaysEveryOrderedPair) {
     return play_table(contestants, spec, {40, seed, {}, 2});
   };
   const std::vector<std::string> names = {"random", path("one.h5"), "pursuer"};
+  std::vector<Contestant> counted = {Contestant::load("noop", {}), Contestant::load(path("one.h5"), {})};
+  std::vector<std::string> told;
+  play_table(counted, spec, {1, 1, {}, 2}, [&](int done, int all, const Contestant& side_0, const Contestant& side_1) {
+    told.push_back(cat(done, " of ", all, ": ", fs::path(side_0.name()).stem().string(), ", ", side_1.name()));
+  });
+  EXPECT_EQ(told, (std::vector<std::string>{"0 of 2: noop, noop", "1 of 2: one, noop"}));
   const GameTable table = table_of(names, 1);
   EXPECT_EQ(table.players, names);
   ASSERT_EQ(table.games.size(), 9u);
@@ -250,7 +294,7 @@ TEST_F(LearnContestant, RoundRobinPlaysEveryOrderedPair) {
   EXPECT_TRUE(same(other.games[2], table.games[2]));
   EXPECT_TRUE(same(other.games[0], table.games[8]));
   EXPECT_FALSE(same(table_of({"random"}, 2).games[0], table.games[0])) << "another seed";
-  EXPECT_EQ(refusal([&] { table_of({"random", "random"}, 1); }), "'random' takes part twice");
+  EXPECT_EQ(input_error_of([&] { table_of({"random", "random"}, 1); }), "'random' takes part twice");
 }
 
 }  // namespace

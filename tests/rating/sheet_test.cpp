@@ -9,6 +9,7 @@
 #include "games.hpp"
 #include "io/files.hpp"
 #include "io/temporary_folder.hpp"
+#include "rating/find_rating.hpp"
 #include "sheets.hpp"
 
 namespace giga::test {
@@ -22,7 +23,9 @@ RatingSheet small_sheet() {
   add(sheet.table, "run, 1@100", "random", {20, 5, 10});
   add(sheet.table, "random", "run, 1@100", {0, 5, 0});
   add(sheet.table, "run, 1@200", "random", {20, 0, 0});
-  sheet.infos = {{}, {false, "run, 1", 100, 25600, 1.5, false}, {false, "run, 1", 200, 51200, 3, true}};
+  sheet.infos = {{},
+                 {PlayerKind::checkpoint, "run, 1", 100, 25600, 1.5, false},
+                 {PlayerKind::checkpoint, "run, 1", 200, 51200, 3, true}};
   sheet.ratings = rate(sheet.table, {});
   return sheet;
 }
@@ -114,6 +117,34 @@ TEST(RatingSheet, WritesAFolder) {
   write_file(folder / "file", "");
   EXPECT_TRUE(
       contains(input_error_of([&] { write_ratings(folder / "file", scripts, {}); }), {"cannot create the folder"}));
+}
+
+TEST(RatingSheet, TheRatingOfACheckpointIsFound) {
+  const TemporaryFolder folder;
+  Json json = ratings_json(small_sheet());
+  json.set("episodes", 20);
+  write_file(folder / "ratings.json", json.text());
+  const auto text_of = [&](const RatedPolicy& policy) { return find_rating(folder / "ratings.json", policy).text(); };
+  EXPECT_TRUE(contains(text_of({"run, 1", 100, 1}),
+                       {"\"scenario\": \"duel\"", "\"anchor\": \"random\"", "\"episodes\": 20", "\"side\": \"both\"",
+                        "\"standing\": \"rated\"", "\"rating\": 190.8485", "\"ci95\": [", "\"games\": 40"}));
+  EXPECT_TRUE(contains(text_of({"run, 1", 200, 0}), {"\"standing\": \"above\"", "\"rating\": null"}));
+  EXPECT_EQ(text_of({"run, 1", 300, 0}), "{}");
+  EXPECT_EQ(text_of({"run", 100, 0}), "{}");
+
+  RatingSheet apart = small_sheet();
+  RatingOptions options;
+  options.sides = Sides::apart;
+  add(apart.table, "random", "random", {5, 0, 5});
+  apart.ratings = rate(apart.table, options);
+  write_file(folder / "ratings.json", ratings_json(apart).text());
+  EXPECT_TRUE(contains(text_of({"run, 1", 100, 1}), {"\"side\": 1", "\"games\": 5"}));
+  EXPECT_TRUE(contains(text_of({"run, 1", 100, 0}), {"\"side\": 0", "\"games\": 35"}));
+
+  write_file(folder / "ratings.json", "[1, 2]");
+  EXPECT_EQ(text_of({"run, 1", 100, 0}), "{}");
+  write_file(folder / "ratings.json", "{1: ");
+  EXPECT_TRUE(contains(input_error_of([&] { text_of({"run, 1", 100, 0}); }), {"ratings.json"}));
 }
 
 }  // namespace

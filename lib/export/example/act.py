@@ -4,8 +4,11 @@
 def act(head, random=None):
     """The action for one row of a policy's output: drawn with a numpy.random.Generator, the most likely one without.
 
+    A policy whose "action_selection" is "greedy" learned to take its most likely action, and always does.
     Discrete: an index into the manifest's table. Continuous: heading, dive and throttle in (-1, 1).
     """
+    if MANIFEST["action_selection"] == "greedy":
+        random = None
     if MANIFEST["action"]["kind"] == "discrete":
         if random is None:
             return int(np.argmax(head))
@@ -26,5 +29,5 @@ def example_observation():
 
 
 if __name__ == "__main__":
-    action = act(Policy()(example_observation())[0])
+    action = act(Policy()(example_observation())[0], np.random.default_rng())
     print(MANIFEST["action"]["table"][action] if MANIFEST["action"]["kind"] == "discrete" else action)

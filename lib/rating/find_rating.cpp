@@ -1,0 +1,51 @@
+#include "rating/find_rating.hpp"
+
+#include <algorithm>
+
+#include "config/document.hpp"
+#include "rating/sheet.hpp"
+
+namespace giga {
+namespace {
+
+const std::vector<Node>& items_of(const Node& map, const char* key) {
+  static const std::vector<Node> kNone;
+  const Node* list = map.find(key);
+  return list ? list->items : kNone;
+}
+
+std::string text_of(const Node& map, const char* key) {
+  const Node* value = map.find(key);
+  return value && value->is_scalar() ? value->text : "";
+}
+
+void copy(const Node& from, const char* key, Json& to) {
+  if (const Node* value = from.find(key)) to.set(key, json_of(*value));
+}
+
+}  // namespace
+
+Json find_rating(const std::filesystem::path& ratings_file, const RatedPolicy& policy) {
+  const Document document = parse_yaml_file(ratings_file);  // JSON is YAML
+  const auto is_player = [&](const Node& player) {
+    return text_of(player, "kind") == name_of(PlayerKind::checkpoint) && text_of(player, "run") == policy.run &&
+           text_of(player, "updates") == std::to_string(policy.updates);
+  };
+  const auto& players = items_of(document.root, "players");
+  const auto player = std::find_if(players.begin(), players.end(), is_player);
+  Json found = Json::object();
+  if (player == players.end()) return found;
+  for (const Node& rating : items_of(document.root, "ratings")) {
+    const std::string side = text_of(rating, "side");
+    if (text_of(rating, "player") != text_of(*player, "name")) continue;
+    if (side != "both" && side != std::to_string(policy.team)) continue;
+    for (const char* key : {"scenario", "anchor", "episodes"}) copy(document.root, key, found);
+    for (const char* key : {"side", "standing", "rating", "standard_error", "ci95", "games", "wins", "ties", "losses",
+                            "score", "paper_elo"})
+      copy(rating, key, found);
+    return found;
+  }
+  return found;
+}
+
+}  // namespace giga

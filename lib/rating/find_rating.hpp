@@ -1,0 +1,24 @@
+// The rating that a run's folder of ratings has for one of its checkpoints.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+
+#include "io/json.hpp"
+
+namespace giga {
+
+/// Team `team` of a checkpoint of a run.
+struct RatedPolicy {
+  std::string run;
+  int64_t updates = 0;
+  int team = 0;
+};
+
+/// Its rating with the scenario, the anchor and the number of episodes that it is from, out of a ratings.json (see
+/// ratings_json()); `side` is "both" where the ratings are of both teams together. An empty object where the file does
+/// not have it. Throws InputError where the file cannot be read.
+Json find_rating(const std::filesystem::path& ratings_file, const RatedPolicy& policy);
+
+}  // namespace giga
