@@ -1,6 +1,8 @@
 // The fused policies of a population. A block has one network and some worlds; a warp takes 16 rows through all layers by
-// tensor cores (mma.sync m16n8k8, TF32). Worlds that wait are left out before rows are made, and a block without worlds
-// ends at once.
+// tensor cores (mma.sync m16n8k16, half precision in, fp32 out). Worlds that wait are left out before rows are made, and
+// a block without worlds ends at once.
+#include <cuda_fp16.h>
+
 #include <algorithm>
 
 #include "cuda/check.cuh"
@@ -10,158 +12,192 @@ namespace giga {
 namespace {
 
 constexpr int kWarp = 32;
-constexpr int kWarps = 8;
-constexpr int kThreads = kWarps * kWarp;
-constexpr int kTileRows = 16, kTileK = 8, kTileN = 8;  // of one mma
-constexpr int kBlockRows = kWarps * kTileRows;
-constexpr int kAhead = 4;  // tiles of inputs that are read before they are needed
+constexpr int kMinWarps = 4, kMaxWarps = 8;  // of a block
+constexpr int kTileRows = 16, kTileK = 16, kTileN = 8;  // of one mma
 constexpr int kMaxTilesN = SmallMlp::kMaxWidth / kTileN;
-static_assert(kBlockRows == kMaxPopulationTeam);
+constexpr int kAhead = 2;  // tiles of inputs that are read before they are needed
+static_assert(kMaxWarps * kTileRows == kMaxPopulationTeam);
 
-/// Numbers from one row of a matrix in shared memory to the next: the 8 rows x 4 columns that a warp reads at once lie in
-/// 32 different banks.
-__host__ __device__ constexpr int row_stride(int columns) { return (columns + kTileK - 1) / kTileK * kTileK + 4; }
+__host__ __device__ constexpr int round_up(int n, int unit) { return (n + unit - 1) / unit * unit; }
+/// Numbers from one row in shared memory to the next: the 8 rows x 4 pairs of columns that a warp reads at once lie in 32
+/// different banks.
+__host__ __device__ constexpr int row_stride(int columns) { return round_up(columns, kTileK) + 8; }
 
-/// Where things lie in shared memory, in floats.
+/// Where things lie in shared memory, counted in half-precision numbers; rows of a matrix are followed by the biases.
 struct SharedPlan {
   int weight[SmallMlp::kMaxLayers], bias[SmallMlp::kMaxLayers];
   int features, feature_stride;  // of warp 0; warps follow each other, kTileRows rows each
-  int total;
+  int per_warp, total;
 
-  __host__ __device__ explicit SharedPlan(const SmallMlp& mlp) {
-    int at = 0, widest = kLogitStride;
+  __host__ __device__ SharedPlan(const SmallMlp& mlp, int warps) {
+    int at = 0, widest = 0;
     for (int l = 0; l < mlp.n_layers; ++l) {
-      const int n = (mlp.width[l + 1] + kTileN - 1) / kTileN * kTileN;
+      const int n = round_up(mlp.width[l + 1], kTileN);
       weight[l] = at;
       at += n * row_stride(mlp.width[l]);
       bias[l] = at;
-      at += n;
+      at += round_up(n, 8);
       if (l + 1 < mlp.n_layers && mlp.width[l + 1] > widest) widest = mlp.width[l + 1];
     }
     features = at;
     feature_stride = row_stride(widest);
-    total = at + kWarps * kTileRows * feature_stride;
+    // The head takes the place of the features, in fp32.
+    const int head = 2 * kLogitStride;
+    per_warp = kTileRows * (feature_stride > head ? feature_stride : head);
+    total = at + warps * per_warp;
   }
+  __host__ __device__ size_t bytes() const { return static_cast<size_t>(total) * sizeof(__half); }
 };
 
-__device__ uint32_t to_tf32(float x) {
-  uint32_t bits;
-  asm("cvt.rna.tf32.f32 %0, %1;" : "=r"(bits) : "f"(x));
-  return bits;
-}
-
-__device__ void multiply_add(float (&c)[4], const uint32_t (&a)[4], uint32_t b0, uint32_t b1) {
-  asm("mma.sync.aligned.m16n8k8.row.col.f32.tf32.tf32.f32 {%0, %1, %2, %3}, {%4, %5, %6, %7}, {%8, %9}, {%0, %1, %2, %3};"
-      : "+f"(c[0]), "+f"(c[1]), "+f"(c[2]), "+f"(c[3])
-      : "r"(a[0]), "r"(a[1]), "r"(a[2]), "r"(a[3]), "r"(b0), "r"(b1));
-}
-
-/// Starts the copy of `kNumbers` floats to shared memory without waiting for it.
-template <int kNumbers>
-__device__ void copy_async(float* to, const float* from) {
+/// Starts the copy of 8 numbers to shared memory without waiting for it.
+__device__ void copy_async(__half* to, const __half* from) {
   const auto address = static_cast<uint32_t>(__cvta_generic_to_shared(to));
-  asm volatile("cp.async.ca.shared.global [%0], [%1], %2;" ::"r"(address), "l"(from), "n"(kNumbers * 4) : "memory");
+  asm volatile("cp.async.cg.shared.global [%0], [%1], 16;" ::"r"(address), "l"(from) : "memory");
 }
 
-/// Copies a matrix [out, in] to rows `row_stride(in)` apart, kNumbers at a time.
-template <int kNumbers>
-__device__ void copy_matrix(const float* source, int out, int in, float* weight) {
-  const int pieces = in / kNumbers, stride = row_stride(in);
-  for (int k = static_cast<int>(threadIdx.x); k < out * pieces; k += kThreads) {
-    const int row = k / pieces, column = k % pieces * kNumbers;
-    copy_async<kNumbers>(weight + row * stride + column, source + row * in + column);
-  }
-}
-
-/// Copies a network's weights and biases to shared memory, all at once; what pads them to whole tiles is zero. Tensor
-/// cores read the upper bits of a weight.
-__device__ void load_network(const SmallMlp& mlp, const SharedPlan& plan, const float* parameters, float* shared) {
+/// Copies a network's weights and biases to shared memory, all at once; what pads them to whole tiles is zero.
+__device__ void load_network(const SmallMlp& mlp, const SharedPlan& plan, const __half* parameters, __half* shared) {
+  const int thread = static_cast<int>(threadIdx.x), threads = static_cast<int>(blockDim.x);
   for (int l = 0; l < mlp.n_layers; ++l) {
     const int out = mlp.width[l + 1], in = mlp.width[l], stride = row_stride(in);
-    const int rows = (out + kTileN - 1) / kTileN * kTileN;
-    float* weight = shared + plan.weight[l];
-    const float* source = parameters + mlp.weight[l];
-    if (in % 4 == 0 && reinterpret_cast<uintptr_t>(source) % 16 == 0)
-      copy_matrix<4>(source, out, in, weight);
-    else
-      copy_matrix<1>(source, out, in, weight);
-    for (int k = static_cast<int>(threadIdx.x); k < out; k += kThreads)
-      copy_async<1>(shared + plan.bias[l] + k, parameters + mlp.bias[l] + k);
-    for (int k = static_cast<int>(threadIdx.x); k < rows * stride; k += kThreads)
-      if (k / stride >= out || k % stride >= in) weight[k] = 0;
-    for (int k = out + static_cast<int>(threadIdx.x); k < rows; k += kThreads) shared[plan.bias[l] + k] = 0;
+    const int rows = round_up(out, kTileN);
+    __half* weight = shared + plan.weight[l];
+    const __half* source = parameters + mlp.weight[l];
+    const bool aligned = in % 8 == 0 && reinterpret_cast<uintptr_t>(source) % 16 == 0;
+    if (aligned) {
+      const int pieces = in / 8;
+      for (int k = thread; k < out * pieces; k += threads)
+        copy_async(weight + k / pieces * stride + k % pieces * 8, source + k * 8);
+    }
+    const int begin = aligned ? in : 0;  // of what is left to fill in a row of weights
+    for (int k = thread; k < out * (stride - begin); k += threads) {
+      const int row = k / (stride - begin), column = begin + k % (stride - begin);
+      weight[row * stride + column] = column < in ? source[row * in + column] : __half(0.0f);
+    }
+    for (int k = thread; k < (rows - out) * stride; k += threads) weight[out * stride + k] = __half(0.0f);
+    for (int k = thread; k < rows; k += threads)
+      shared[plan.bias[l] + k] = k < out ? parameters[mlp.bias[l] + k] : __half(0.0f);
   }
   asm volatile("cp.async.wait_all;" ::: "memory");
 }
 
-/// The rows of a layer's input that a lane reads: those of its group and 8 further; null = a row of zeros.
-struct LaneRows {
+__device__ uint32_t pair_of(float2 x) {
+  const __half2 h = __float22half2_rn(x);
+  return reinterpret_cast<const uint32_t&>(h);
+}
+__device__ uint32_t pair_at(const __half* p) { return *reinterpret_cast<const uint32_t*>(p); }
+
+__device__ void multiply_add(float (&c)[4], const uint32_t (&a)[4], uint32_t b0, uint32_t b1) {
+  asm("mma.sync.aligned.m16n8k16.row.col.f32.f16.f16.f32 {%0, %1, %2, %3}, {%4, %5, %6, %7}, {%8, %9}, {%0, %1, %2, %3};"
+      : "+f"(c[0]), "+f"(c[1]), "+f"(c[2]), "+f"(c[3])
+      : "r"(a[0]), "r"(a[1]), "r"(a[2]), "r"(a[3]), "r"(b0), "r"(b1));
+}
+
+/// The lane's numbers of a tile of 16 rows x 16 columns: rows `group` and group + 8, columns 2 lane and 2 lane + 8, pairs.
+struct Lane {
+  int group, pair;
+  __device__ Lane() : group(static_cast<int>(threadIdx.x) % kWarp / 4), pair(static_cast<int>(threadIdx.x) % 4 * 2) {}
+};
+
+/// Inputs in fp32 in global memory: observations. A null row is one of zeros.
+struct FarRows {
   const float* upper;
   const float* lower;
+  int columns;
+  __device__ uint32_t at(const float* row, int k) const {
+    return pair_of(row && k < columns ? *reinterpret_cast<const float2*>(row + k) : float2{0, 0});
+  }
+  __device__ void read(int k, uint32_t (&a)[4]) const {
+    a[0] = at(upper, k);
+    a[1] = at(lower, k);
+    a[2] = at(upper, k + 8);
+    a[3] = at(lower, k + 8);
+  }
+};
+/// Inputs in half precision in shared memory: features, with zeros behind.
+struct NearRows {
+  const __half* upper;
+  const __half* lower;
+  __device__ void read(int k, uint32_t (&a)[4]) const {
+    a[0] = pair_at(upper + k);
+    a[1] = pair_at(lower + k);
+    a[2] = pair_at(upper + k + 8);
+    a[3] = pair_at(lower + k + 8);
+  }
 };
 
 /// c = input x weight^T + bias for 16 rows; `c` holds the lane's part of each tile of 8 columns.
-__device__ void multiply(const LaneRows& input, int in, const float* weight, const float* bias, int tiles,
+template <class Rows>
+__device__ void multiply(const Rows& input, int in, const __half* weight, const __half* bias, int tiles,
                          float (&c)[kMaxTilesN][4]) {
-  const int group = static_cast<int>(threadIdx.x) % kWarp / 4, lane = static_cast<int>(threadIdx.x) % 4;
+  const Lane lane;
   const int stride = row_stride(in);
 #pragma unroll
   for (int j = 0; j < kMaxTilesN; ++j) {
     if (j >= tiles) break;
-    c[j][0] = c[j][2] = bias[j * kTileN + 2 * lane];
-    c[j][1] = c[j][3] = bias[j * kTileN + 2 * lane + 1];
+    c[j][0] = c[j][2] = __half2float(bias[j * kTileN + lane.pair]);
+    c[j][1] = c[j][3] = __half2float(bias[j * kTileN + lane.pair + 1]);
   }
-  // Inputs are read some tiles ahead: those of the first layer come from far away.
-  float next[kAhead][4];
-  const auto read = [&](int k) {
+  uint32_t next[kAhead][4];
 #pragma unroll
-    for (int s = 0; s < kAhead; ++s) {
-      const int k0 = k + s * kTileK + lane, k1 = k0 + 4;
-      next[s][0] = input.upper && k0 < in ? input.upper[k0] : 0.0f;
-      next[s][1] = input.lower && k0 < in ? input.lower[k0] : 0.0f;
-      next[s][2] = input.upper && k1 < in ? input.upper[k1] : 0.0f;
-      next[s][3] = input.lower && k1 < in ? input.lower[k1] : 0.0f;
-    }
-  };
-  read(0);
+  for (int s = 0; s < kAhead; ++s)
+    if (s * kTileK < in) input.read(s * kTileK + lane.pair, next[s]);
   for (int k = 0; k < in; k += kAhead * kTileK) {
-    uint32_t a[kAhead][4];
-#pragma unroll
-    for (int s = 0; s < kAhead; ++s)
-#pragma unroll
-      for (int i = 0; i < 4; ++i) a[s][i] = to_tf32(next[s][i]);
-    read(k + kAhead * kTileK);
 #pragma unroll
     for (int s = 0; s < kAhead; ++s) {
-      if (k + s * kTileK >= in) break;
-      const float* b = weight + group * stride + k + s * kTileK + lane;
+      const int at = k + s * kTileK, later = at + kAhead * kTileK;
+      if (at >= in) break;
+      const uint32_t a[4] = {next[s][0], next[s][1], next[s][2], next[s][3]};
+      if (later < in) input.read(later + lane.pair, next[s]);
+      const __half* b = weight + lane.group * stride + at + lane.pair;
 #pragma unroll
       for (int j = 0; j < kMaxTilesN; ++j) {
         if (j >= tiles) break;
-        multiply_add(c[j], a[s], __float_as_uint(b[j * kTileN * stride]), __float_as_uint(b[j * kTileN * stride + 4]));
+        multiply_add(c[j], a, pair_at(b + j * kTileN * stride), pair_at(b + j * kTileN * stride + 8));
       }
     }
   }
 }
 
-/// Writes the lane's part of 16 rows of features, `tiles` x 8 columns, as far as they fit into a row of `columns`.
-template <class F>
-__device__ void store(const float (&c)[kMaxTilesN][4], int tiles, int columns, float* features, int stride, F&& f) {
-  const int group = static_cast<int>(threadIdx.x) % kWarp / 4, lane = static_cast<int>(threadIdx.x) % 4;
+/// tanh by the hardware: a relative error of 2^-11, the step of half precision.
+__device__ float activate_fast(Activation activation, float x) {
+  if (activation != Activation::tanh) return activate(activation, x);
+  asm("tanh.approx.f32 %0, %0;" : "+f"(x));
+  return x;
+}
+
+/// Writes the features of a hidden layer: 16 rows, whole tiles of columns and zeros up to the next tile of inputs.
+__device__ void store_features(const float (&c)[kMaxTilesN][4], int tiles, Activation activation, __half* features,
+                               int stride) {
+  const Lane lane;
 #pragma unroll
   for (int j = 0; j < kMaxTilesN; ++j) {
+    if (j >= round_up(tiles, kTileK / kTileN)) break;
+    const bool real = j < tiles;
+    const auto f = [&](int k) { return real ? activate_fast(activation, c[j][k]) : 0.0f; };
+    __half* at = features + lane.group * stride + j * kTileN + lane.pair;
+    *reinterpret_cast<uint32_t*>(at) = pair_of({f(0), f(1)});
+    *reinterpret_cast<uint32_t*>(at + 8 * stride) = pair_of({f(2), f(3)});
+  }
+}
+
+/// Writes the head of 16 rows, as far as it fits into kLogitStride numbers.
+__device__ void store_head(const float (&c)[kMaxTilesN][4], int tiles, float* head) {
+  const Lane lane;
+#pragma unroll
+  for (int j = 0; j < kLogitStride / kTileN + 1; ++j) {
     if (j >= tiles) break;
 #pragma unroll
     for (int k = 0; k < 4; ++k) {
-      const int row = group + (k / 2) * 8, column = j * kTileN + 2 * lane + k % 2;
-      if (column < columns) features[row * stride + column] = f(c[j][k]);
+      const int row = lane.group + k / 2 * 8, column = j * kTileN + lane.pair + k % 2;
+      if (column < kLogitStride) head[row * kLogitStride + column] = c[j][k];
     }
   }
 }
 
 /// The worlds of a block.
 struct BlockWorlds {
-  int64_t world[kBlockRows];
+  int64_t world[kMaxPopulationTeam];
   int count;
 };
 
@@ -184,79 +220,90 @@ __device__ void list_worlds(const NetworkGroups& part, const Phase* phase, int g
 }
 
 /// 16 rows from observations to actions, by one warp.
-__device__ void move_rows(const PopulationPolicy& policy, const NetworkGroups& part, const SharedPlan& plan,
-                          const float* parameters, const BlockWorlds& worlds, int first, float* shared) {
-  const SmallMlp& mlp = policy.mlp;
-  const int lane = static_cast<int>(threadIdx.x) % kWarp, warp = static_cast<int>(threadIdx.x) / kWarp;
-  const int n = part.act.draws.n, rows = worlds.count * n;
+__device__ void move_rows(const SmallMlp& mlp, const NetworkGroups& part, const SharedPlan& plan,
+                          const __half* parameters, const BlockWorlds& worlds, int first, __half* shared) {
+  const Lane lane;
+  const int warp = static_cast<int>(threadIdx.x) / kWarp, n = part.act.draws.n, rows = worlds.count * n;
   const auto row_of = [&](int r) { return worlds.world[r / n] * n + r % n; };
   const auto obs_of = [&](int r) { return r < rows ? part.obs + row_of(r) * mlp.width[0] : nullptr; };
-  float* features = shared + plan.features + warp * kTileRows * plan.feature_stride;
-  LaneRows input{obs_of(first + lane / 4), obs_of(first + lane / 4 + 8)};
+  __half* features = shared + plan.features + warp * plan.per_warp;
+  float* head = reinterpret_cast<float*>(features);
+  const FarRows obs{obs_of(first + lane.group), obs_of(first + lane.group + 8), mlp.width[0]};
+  const NearRows near{features + lane.group * plan.feature_stride + 0,
+                      features + (lane.group + 8) * plan.feature_stride};
   float c[kMaxTilesN][4];
   for (int l = 0; l < mlp.n_layers; ++l) {
-    const int out = mlp.width[l + 1], tiles = (out + kTileN - 1) / kTileN;
-    multiply(input, mlp.width[l], shared + plan.weight[l], shared + plan.bias[l], tiles, c);
+    const int tiles = round_up(mlp.width[l + 1], kTileN) / kTileN;
+    const __half *weight = shared + plan.weight[l], *bias = shared + plan.bias[l];
+    if (l == 0)
+      multiply(obs, mlp.width[0], weight, bias, tiles, c);
+    else
+      multiply(near, mlp.width[l], weight, bias, tiles, c);
     __syncwarp();  // all have read the features that are now replaced
     if (l + 1 < mlp.n_layers)
-      store(c, tiles, tiles * kTileN, features, plan.feature_stride,
-            [&](float x) { return activate(mlp.activation, x); });
+      store_features(c, tiles, mlp.activation, features, plan.feature_stride);
     else
-      store(c, tiles, kLogitStride, features, kLogitStride, [](float x) { return x; });
+      store_head(c, tiles, head);
     __syncwarp();
-    input = {features + lane / 4 * plan.feature_stride, features + (lane / 4 + 8) * plan.feature_stride};
   }
-  if (lane < kTileRows && first + lane < rows)
-    part.act.by_head(row_of(first + lane), features + lane * kLogitStride, parameters + mlp.log_std);
-  __syncwarp();
+  const int r = static_cast<int>(threadIdx.x) % kWarp;
+  if (r >= kTileRows || first + r >= rows) return;
+  float log_std[kActionSize] = {};
+  if (part.act.actions == ActionKind::continuous)
+    for (int k = 0; k < kActionSize; ++k) log_std[k] = __half2float(parameters[mlp.log_std + k]);
+  part.act(row_of(first + r), head + r * kLogitStride, log_std);
 }
 
 /// Blocks of a part: so many per group, each with so many worlds.
 struct PartShape {
   int blocks_per_group, worlds_per_block;
+  __host__ __device__ PartShape(const NetworkGroups& part, int rows) {
+    const int most = rows / part.act.draws.n;
+    blocks_per_group = (part.worlds_per_group + most - 1) / most;
+    worlds_per_block = (part.worlds_per_group + blocks_per_group - 1) / blocks_per_group;
+  }
+  __host__ __device__ int blocks(const NetworkGroups& part) const { return part.groups * blocks_per_group; }
 };
-__host__ __device__ PartShape shape_of(const NetworkGroups& part) {
-  const int most = kBlockRows / part.act.draws.n;
-  const int blocks = (part.worlds_per_group + most - 1) / most;
-  return {blocks, (part.worlds_per_group + blocks - 1) / blocks};
-}
 
-__global__ void __launch_bounds__(kThreads, 2) population_kernel(const __grid_constant__ PopulationPolicy policy) {
-  extern __shared__ __align__(16) float shared[];
+__global__ void __launch_bounds__(kMaxWarps* kWarp, 2) population_kernel(const __grid_constant__ PopulationPolicy policy) {
+  extern __shared__ __align__(16) __half shared[];
   __shared__ BlockWorlds worlds;
+  const int warps = static_cast<int>(blockDim.x) / kWarp, most = warps * kTileRows;
   int block = static_cast<int>(blockIdx.x), k = 0;
-  PartShape shape = shape_of(policy.part[0]);
-  while (block >= policy.part[k].groups * shape.blocks_per_group) {
-    block -= policy.part[k].groups * shape.blocks_per_group;
-    shape = shape_of(policy.part[++k]);
+  PartShape shape(policy.part[0], most);
+  while (block >= shape.blocks(policy.part[k])) {
+    block -= shape.blocks(policy.part[k]);
+    shape = PartShape(policy.part[++k], most);
   }
   const NetworkGroups& part = policy.part[k];
   const int group = block / shape.blocks_per_group, begin = block % shape.blocks_per_group * shape.worlds_per_block;
   const int end = min(begin + shape.worlds_per_block, part.worlds_per_group);
+  const int network = part.network ? part.network[group] : group;
+  if (network < 0) return;
   list_worlds(part, policy.phase, group, begin, end, worlds);
   const int rows = worlds.count * part.act.draws.n;
   if (rows == 0) return;
 
-  const int network = part.network ? part.network[group] : group;
-  if (network < 0) {
-    const int n = part.act.draws.n;
-    for (int r = static_cast<int>(threadIdx.x); r < rows; r += kThreads)
-      part.act.by_script(worlds.world[r / n] * n + r % n, script_of_network(network));
-    return;
-  }
-  const SharedPlan plan(policy.mlp);
-  const float* parameters = part.parameters + network * policy.n_parameters;
+  const SharedPlan plan(policy.mlp, warps);
+  const __half* parameters = reinterpret_cast<const __half*>(part.parameters) + network * policy.parameter_stride;
   load_network(policy.mlp, plan, parameters, shared);
   __syncthreads();
   const int first = static_cast<int>(threadIdx.x) / kWarp * kTileRows;
-  if (first < rows) move_rows(policy, part, plan, parameters, worlds, first, shared);
+  if (first < rows) move_rows(policy.mlp, part, plan, parameters, worlds, first, shared);
+}
+
+/// Warps of a block: enough for the worlds of most groups, or for one world.
+int block_warps(const PopulationPolicy& policy) {
+  int warps = kMinWarps;
+  for (int k = 0; k < policy.n_parts; ++k) {
+    const NetworkGroups& part = policy.part[k];
+    const int n = part.act.draws.n, rows = part.network ? n : n * part.worlds_per_group;
+    warps = std::max(warps, std::min((rows + kTileRows - 1) / kTileRows, kMaxWarps));
+  }
+  return warps;
 }
 
 }  // namespace
-
-size_t population_policy_bytes(const SmallMlp& mlp) {
-  return static_cast<size_t>(SharedPlan(mlp).total) * sizeof(float) + sizeof(BlockWorlds);
-}
 
 bool population_policy_fits(const SmallMlp& mlp, int largest_team, int index) {
   int limit = 0, major = 0;
@@ -266,18 +313,20 @@ bool population_policy_fits(const SmallMlp& mlp, int largest_team, int index) {
     return false;
   for (int l = 0; l < mlp.n_layers; ++l)
     if (mlp.width[l + 1] > SmallMlp::kMaxWidth) return false;
-  return population_policy_bytes(mlp) <= static_cast<size_t>(limit);
+  return SharedPlan(mlp, kMaxWarps).bytes() + sizeof(BlockWorlds) <= static_cast<size_t>(limit);
 }
 
 void launch_population_policy(const PopulationPolicy& policy, int index, void* stream) {
   GIGA_CUDA(cudaSetDevice(index));
+  const int warps = block_warps(policy);
   int blocks = 0;
-  for (int k = 0; k < policy.n_parts; ++k) blocks += policy.part[k].groups * shape_of(policy.part[k]).blocks_per_group;
+  for (int k = 0; k < policy.n_parts; ++k)
+    blocks += PartShape(policy.part[k], warps * kTileRows).blocks(policy.part[k]);
   if (blocks == 0) return;
-  const size_t bytes = static_cast<size_t>(SharedPlan(policy.mlp).total) * sizeof(float);
+  const size_t bytes = SharedPlan(policy.mlp, warps).bytes();
   GIGA_CUDA(cudaFuncSetAttribute(population_kernel, cudaFuncAttributeMaxDynamicSharedMemorySize,
                                  static_cast<int>(bytes)));
-  population_kernel<<<blocks, kThreads, bytes, static_cast<cudaStream_t>(stream)>>>(policy);
+  population_kernel<<<blocks, warps * kWarp, bytes, static_cast<cudaStream_t>(stream)>>>(policy);
   GIGA_CUDA(cudaGetLastError());
 }
 

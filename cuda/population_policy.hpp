@@ -1,4 +1,4 @@
-// The networks of a population in one fused kernel: observation to action with a member's weights in shared memory.
+// The networks of a population in one fused kernel: observation to action with a network's weights in shared memory.
 #pragma once
 
 #include <cstddef>
@@ -15,29 +15,26 @@ struct SmallMlp {
   static constexpr int kMaxLayers = 4;
   static constexpr int kMaxWidth = 128;  ///< of all layers but the input
   int n_layers = 0;
-  int width[kMaxLayers + 1] = {};           ///< input, hidden ..., output
+  int width[kMaxLayers + 1] = {};                      ///< input, hidden ..., output
   int weight[kMaxLayers] = {}, bias[kMaxLayers] = {};  ///< first number of each in a row of parameters
-  int log_std = 0;                          ///< first of the three; continuous actions only
+  int log_std = 0;                                     ///< first of the three; continuous actions only
   Activation activation = Activation::tanh;
 };
 
-/// Bytes of shared memory that a block of the kernel takes.
-size_t population_policy_bytes(const SmallMlp& mlp);
-
 /// Who moves one team in a part of the worlds: groups of worlds, each with one network.
 struct NetworkGroups {
-  const float* parameters = nullptr;   // [networks, n_parameters]
-  const int32_t* network = nullptr;    // [groups] row of parameters or a script (population_actions.hpp); null: row g
+  const uint16_t* parameters = nullptr;  // [networks, stride] half precision
+  const int32_t* network = nullptr;      // [groups] row of parameters; below 0: left out; null: row g
   int groups = 0, worlds_per_group = 0;
   int64_t first_world = 0, group_step = 0, world_step = 0;  // world k of group g: first + g group_step + k world_step
-  const float* obs = nullptr;          // [W, n, width[0]] of the team, all worlds
-  PopulationAct act{};                 // of all worlds: draws.n agents a world
+  const float* obs = nullptr;  // [W, n, width[0]] of the team, all worlds
+  PopulationAct act{};         // of all worlds: draws.n agents a world
 };
 
 struct PopulationPolicy {
   static constexpr int kMaxParts = 4;
   SmallMlp mlp;
-  int64_t n_parameters = 0;
+  int64_t parameter_stride = 0;  ///< numbers from one network to the next; a multiple of 8 is read fastest
   const Phase* phase = nullptr;  // [W] worlds that wait are left out
   NetworkGroups part[kMaxParts];
   int n_parts = 0;
@@ -46,11 +43,11 @@ struct PopulationPolicy {
 /// Agents of a team that one block can take: a world is not divided.
 constexpr int kMaxPopulationTeam = 128;
 
-/// Queues the actions of all parts. Matrix products are TF32, as LibTorch's with precision tf32. Needs a GPU of compute
-/// capability 8.0 or more, teams of at most kMaxPopulationTeam agents, and population_policy_bytes of shared memory.
+/// Queues the actions of all parts. Weights, observations and features are multiplied in half precision, whose mantissa
+/// is that of TF32, and added in fp32; a feature beyond 65504 would be infinite.
 void launch_population_policy(const PopulationPolicy& policy, int index, void* stream = nullptr);
 
-/// Whether the GPU and the network allow it.
+/// Whether the GPU (compute capability 8.0 or more, enough shared memory), the network and the teams allow it.
 bool population_policy_fits(const SmallMlp& mlp, int largest_team, int index);
 
 }  // namespace giga

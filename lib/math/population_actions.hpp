@@ -3,19 +3,23 @@
 
 #include "math/distributions.hpp"
 #include "math/scripted.hpp"
+#include "sim/state.hpp"
 
 namespace giga {
 
-/// How one row acts, whoever moves it.
+/// A script among the networks that move a team: -1 - its number.
+GIGA_HD Scripted script_of_network(int32_t network) { return static_cast<Scripted>(-1 - network); }
+constexpr int32_t network_of_script(Scripted script) { return -1 - static_cast<int32_t>(script); }
+
+/// How a network's head becomes the action of a row.
 struct PopulationAct {
   ActionKind actions;
   bool greedy;  ///< the most likely action instead of a drawn one
   RowDraws draws;
-  const int32_t* episode_length;  // [W] of the simulator's state
-  void* action;                   // [R] int32 or [R, 3] float
+  void* action;  // [R] int32 or [R, 3] float
 
   /// `head`: 27 logits of kLogitStride numbers, aligned to 16 bytes, or 3 means. `log_std` [3]: continuous actions only.
-  GIGA_HD void by_head(int64_t row, const float* head, const float* log_std) const {
+  GIGA_HD void operator()(int64_t row, const float* head, const float* log_std) const {
     if (actions == ActionKind::discrete) {
       const Logits l(head);
       static_cast<int32_t*>(action)[row] = greedy ? l.largest() : l.draw(l.log_sum_exp(), draws, row);
@@ -26,16 +30,10 @@ struct PopulationAct {
     for (int k = 0; k < kActionSize; ++k)
       out[k] = std::tanh(head[k] + (greedy ? 0.0f : std::exp(log_std[k]) * action_normal(key, draws, row, k)));
   }
-  GIGA_HD void by_script(int64_t row, Scripted script) const {
-    ScriptedActions{script, actions, draws, episode_length, action}(row);
-  }
 };
 
-/// A script among the networks that move a team: -1 - its number.
-GIGA_HD Scripted script_of_network(int32_t network) { return static_cast<Scripted>(-1 - network); }
-constexpr int32_t network_of_script(Scripted script) { return -1 - static_cast<int32_t>(script); }
-
-/// The actions of all rows from heads that have been computed: world w is episode w % E of member w / E.
+/// The actions of the rows that networks move, from heads that have been computed: world w is episode w % E of member
+/// w / E.
 struct PopulationActions {
   PopulationAct act;
   const float* head;        // [R, head_size]
@@ -49,10 +47,24 @@ struct PopulationActions {
   GIGA_HD void operator()(int64_t row) const {
     const int64_t world = act.draws.world(row);
     const int64_t id = network ? network[world % n_episodes] : world / n_episodes;
-    if (id < 0)
-      act.by_script(row, script_of_network(static_cast<int32_t>(id)));
-    else
-      act.by_head(row, head + row * head_size, parameters + id * n_parameters + log_std);
+    if (id >= 0) act(row, head + row * head_size, parameters + id * n_parameters + log_std);
+  }
+};
+
+/// The actions of the rows that scripts move, in worlds that play.
+struct PopulationScripts {
+  ScriptedActions script;  // of any kind
+  const Phase* phase;      // [W]
+  const int32_t* network;  // [E]
+  int64_t n_episodes;
+
+  GIGA_HD void operator()(int64_t row) const {
+    const int64_t world = script.draws.world(row);
+    const int32_t id = network[world % n_episodes];
+    if (id >= 0 || phase[world] != Phase::plays) return;
+    ScriptedActions actions = script;
+    actions.kind = script_of_network(id);
+    actions(row);
   }
 };
 

@@ -30,7 +30,7 @@ class Actor final : public Policy {
   /// is common to all.
   at::Tensor forward_members(const at::Tensor& members, const at::Tensor& obs) const;
 
-  /// The layout for the fused kernel (cuda/population_policy.hpp), whose products are TF32; none where it cannot do it.
+  /// The layout for the fused kernel (cuda/population_policy.hpp), for precision tf32; none where it cannot do it.
   std::optional<SmallMlp> small_mlp() const;
   /// First of the three numbers of log_std among the parameters; continuous actions only.
   int64_t log_std_offset() const { return parameters_.offset(log_std_); }

@@ -19,6 +19,15 @@ SimSpec limited(const SimSpec& spec, std::optional<int> max_steps) {
   return result;
 }
 
+/// [K, P] as half precision with rows of a multiple of 8, which start on 16 bytes.
+at::Tensor halves_of(const at::Tensor& networks) {
+  const int64_t p = networks.size(1);
+  at::Tensor halves = at::zeros({networks.size(0), (p + 7) / 8 * 8}, networks.options().dtype(at::kHalf));
+  halves.narrow(1, 0, p).copy_(networks);
+  return halves;
+}
+const uint16_t* numbers_of(const at::Tensor& halves) { return static_cast<const uint16_t*>(halves.const_data_ptr()); }
+
 }  // namespace
 
 PopulationGames::PopulationGames(const SimSpec& spec, const PopulationGamesOptions& options, const Actor& network,
@@ -65,6 +74,9 @@ void PopulationGames::play(const std::vector<Population>& populations, uint32_t 
     opponent_[static_cast<int64_t>(k)].copy_(at::tensor(p.opponent, at::kInt));
     if (!mlp_) group_opponents(p, k);
   }
+  halves_.clear();
+  for (const Population& p : populations)
+    if (mlp_) halves_.insert(halves_.end(), {halves_of(p.members), halves_of(p.opponents)});
   // Draws are addressed by step: each generation has its own steps, one for the start and one for each that is played.
   const int limit = sim_->params().max_episode_length;
   const uint32_t first_step = generation * (static_cast<uint32_t>(limit) + 2);
@@ -73,13 +85,11 @@ void PopulationGames::play(const std::vector<Population>& populations, uint32_t 
 
   sim_->start(io_);
   for (int step = 0; step < limit; ++step) {
-    if (mlp_) {
-      move_fused(populations);
-    } else {
-      for (size_t k = 0; k < populations.size(); ++k) {
-        move_members(populations[k], k);
-        move_opponents(populations[k], k);
-      }
+    if (mlp_) move_fused(populations);
+    for (size_t k = 0; k < populations.size(); ++k) {
+      if (!mlp_) move_members(populations[k], k);
+      if (!mlp_) move_opponents(populations[k], k);
+      move_scripts(populations[k], k);
     }
     sim_->step(io_);
   }
@@ -101,26 +111,47 @@ PopulationAct PopulationGames::act(int team, int64_t first_world) const {
   void* at = static_cast<char*>(action.data_ptr()) + first_world * action.stride(0) * action.itemsize();
   return {sim_->params().actions, options_.greedy,
           {state.draw_step + first_world, sim.seed, first_number, n, team, sim.draw_period},
-          state.episode_length + first_world, at};
+          at};
 }
 
 void PopulationGames::move_fused(const std::vector<Population>& populations) const {
   PopulationPolicy policy;
   policy.mlp = *mlp_;
-  policy.n_parameters = network_.parameters().size();
+  policy.parameter_stride = halves_[0].size(1);
   policy.phase = sim_->state().view().phase;
   const auto members = static_cast<int>(options_.n_members), episodes = static_cast<int>(options_.n_episodes);
   for (size_t k = 0; k < populations.size(); ++k) {
     const Population& p = populations[k];
     const int64_t first = static_cast<int64_t>(k) * n_worlds_each();
     const int other = 1 - p.team;
-    policy.part[policy.n_parts++] = {p.members.const_data_ptr<float>(), nullptr, members, episodes, first, episodes, 1,
+    policy.part[policy.n_parts++] = {numbers_of(halves_[2 * k]), nullptr, members, episodes, first, episodes, 1,
                                      io_.team[p.team].obs, act(p.team, 0)};
-    policy.part[policy.n_parts++] = {p.opponents.const_data_ptr<float>(),
-                                     opponent_.const_data_ptr<int32_t>() + static_cast<int64_t>(k) * episodes,
-                                     episodes, members, first, 1, episodes, io_.team[other].obs, act(other, 0)};
+    policy.part[policy.n_parts++] = {numbers_of(halves_[2 * k + 1]), opponents_of(k), episodes, members, first, 1,
+                                     episodes, io_.team[other].obs, act(other, 0)};
   }
   launch_population_policy(policy, rows_.device().index);
+}
+
+void PopulationGames::move_scripts(const Population& p, size_t k) const {
+  if (std::none_of(p.opponent.begin(), p.opponent.end(), [](int32_t id) { return id < 0; })) return;
+  const int team = 1 - p.team, n = sim_->params().n_team[team];
+  const int64_t first = static_cast<int64_t>(k) * n_worlds_each();
+  const PopulationAct a = act(team, first);
+  const StateView state = sim_->state().view();
+  const at::Tensor& obs = side_[team].obs;
+  const ScriptedActions script{Scripted::noop,
+                               a.actions,
+                               a.draws,
+                               state.episode_length + first,
+                               a.action,
+                               sim_->params(),
+                               obs.const_data_ptr<float>() + first * obs.stride(0),
+                               static_cast<int>(obs.size(2))};
+  rows_.run(PopulationScripts{script, state.phase + first, opponents_of(k), options_.n_episodes}, n_worlds_each() * n);
+}
+
+const int32_t* PopulationGames::opponents_of(size_t k) const {
+  return opponent_.const_data_ptr<int32_t>() + static_cast<int64_t>(k) * options_.n_episodes;
 }
 
 void PopulationGames::run_actions(int team, size_t k, const at::Tensor& head, const at::Tensor& networks,
@@ -163,7 +194,7 @@ void PopulationGames::move_opponents(const Population& p, size_t k) const {
     const at::Tensor out = network_.forward_members(p.opponents.narrow(0, group.network, 1), rows);
     head.index_copy_(1, group.episodes, out.view({m, group.episodes.size(0), n, -1}));
   }
-  run_actions(team, k, head, p.opponents, opponent_.const_data_ptr<int32_t>() + static_cast<int64_t>(k) * e);
+  run_actions(team, k, head, p.opponents, opponents_of(k));
 }
 
 }  // namespace giga

@@ -62,9 +62,11 @@ class PopulationGames {
   int64_t n_worlds_each() const { return options_.n_members * options_.n_episodes; }
   PopulationAct act(int team, int64_t first_world) const;
   void move_fused(const std::vector<Population>& populations) const;
+  void move_scripts(const Population& population, size_t k) const;
   void move_members(const Population& population, size_t k) const;
   void move_opponents(const Population& population, size_t k) const;
   void group_opponents(const Population& population, size_t k);
+  const int32_t* opponents_of(size_t k) const;
   void run_actions(int team, size_t k, const at::Tensor& head, const at::Tensor& networks,
                    const int32_t* network) const;
 
@@ -76,6 +78,7 @@ class PopulationGames {
   Side side_[kNTeams];
   StepIo io_;
   at::Tensor opponent_;  // [n_populations, E] int32
+  std::vector<at::Tensor> halves_;  // of members and opponents in turn, half precision; fused only
   struct OpponentGroup {
     int64_t network;      // row of the opponents
     at::Tensor episodes;  // that it plays, int64

@@ -30,6 +30,8 @@ const char* reward_doc(RewardTerm term) {
       return "penalty for dying";
     case RewardTerm::game_won:
       return "for the living when the opposing team is wiped out";
+    case RewardTerm::approach:
+      return "a second, for the speed at which the agent flies towards the nearest living opponent";
     case RewardTerm::idle_reward:
       break;  // belongs to the agent type
   }

@@ -32,7 +32,23 @@ GIGA_HD int observers_of(const SimParams& p, const WorldView& w, int i) {
   return count;
 }
 
-/// The unscaled value of one term for agent i: the table of SPEC section 5.
+/// The part of agent i's speed that leads towards the nearest living opponent in the plane, seen or not; units a second.
+/// Over a flight it adds up to the distance that was gained on an opponent that stays where it is (shaping by a
+/// potential, Ng et al. 1999).
+GIGA_HD float approach_speed(const SimParams& p, const WorldView& w, int i) {
+  float nearest2 = -1, dx = 0, dy = 0;
+  for (int a = 0; a < p.n_agents; ++a) {
+    if (p.team_of(a) == p.team_of(i) || !w.alive[a]) continue;
+    const float distance2 = planar_distance2(w, a, i);
+    if (nearest2 >= 0 && distance2 >= nearest2) continue;
+    nearest2 = distance2;
+    dx = w.x[a] - w.x[i];
+    dy = w.y[a] - w.y[i];
+  }
+  return nearest2 > 0 ? w.v[i] * (w.dir_x[i] * dx + w.dir_y[i] * dy) / std::sqrt(nearest2) : 0.0f;
+}
+
+/// The unscaled value of one term for agent i: the table of SPEC section 5, then ours.
 GIGA_HD float term_value(const SimParams& p, const WorldView& w, RewardTerm term, int i) {
   const float c = p.reward_weight[static_cast<int>(term)];
   const int team = p.team_of(i);
@@ -67,6 +83,8 @@ GIGA_HD float term_value(const SimParams& p, const WorldView& w, RewardTerm term
       return -c * (1.0f - alive) * was_alive;
     case RewardTerm::game_won:
       return w.counts[kAlive1 - team] == 0 ? c * alive : 0.0f;
+    case RewardTerm::approach:
+      return c * kDt * alive * approach_speed(p, w, i);
   }
   return 0.0f;
 }

@@ -104,7 +104,7 @@ SimParams recorded_params(const Params& params) {
   p.max_episode_length =
       params.is_null("max_episode_length") ? 0 : static_cast<int>(params.number("max_episode_length"));
   p.episode_ends_one_team_dead = params.flag("episode_ends_one_team_dead");
-  for (int t = 0; t < kNRewardTerms; ++t)
+  for (int t = 0; t < kNOriginalRewardTerms; ++t)
     if (static_cast<RewardTerm>(t) != RewardTerm::idle_reward)
       p.reward_weight[t] = f32(params.number(std::string("reward_") + kRewardTermNames[t]));
   p.divide_reward_by_team_size = params.flag("divide_reward_by_team_size");

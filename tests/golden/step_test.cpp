@@ -73,7 +73,7 @@ struct StepCase {
   Array<float> detect, comm, appear, location, time;
   Array<float> reward, vec, margin, margin_obs;
   Array<int32_t> done, episode_done, has_detected, took_damage, seen;
-  Array<float> terms[kNRewardTerms];
+  Array<float> terms[kNOriginalRewardTerms];
 
   StepCase(const std::string& file, const H5Group& g, const std::string& name)
       : where(file + " " + name),
@@ -167,7 +167,7 @@ void compare_values(Comparison& c, StepCase& s, size_t t) {
   for (int i = 0; i < s.world.n_agents(); ++i) {
     c.near("health", i, -1, w.health[i], s.after.health.row(t)[i]);
     c.near("reward", i, -1, s.world.reward(i), s.reward.row(t)[i]);
-    for (int k = 0; k < kNRewardTerms; ++k)
+    for (int k = 0; k < kNOriginalRewardTerms; ++k)
       if (!s.terms[k].empty())
         c.near(std::string("terms/") + kRewardTermNames[k], i, -1, s.world.term(static_cast<RewardTerm>(k), i),
                s.terms[k].row(t)[i]);

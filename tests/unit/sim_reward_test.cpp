@@ -121,6 +121,20 @@ TEST(SimReward, GameWonForSurvivorsInEveryStepFromThen) {
   expect_rewards(world, {5, 0, 0});
 }
 
+// Two against two; after the step agent 0 flies east at speed v and its nearest living opponent is straight ahead.
+TEST(SimReward, ApproachPaysForFlyingTowardsTheNearestLivingOpponent) {
+  TestWorld world(with_reward(2, 2, RewardTerm::approach, 10));
+  world.put(0, 2, 2);
+  world.put(1, 2, 5);
+  world.put(2, 6, 2);
+  world.put(3, 9.95f, 9);  // leaves and counts no more
+  world.step();
+  const WorldView& w = world.now();
+  // 10 x 0.1 s x v: ahead for agent 0; for agent 1 by the cosine of the angle to agent 2; agent 2 flies away from both.
+  const float dx = w.x[2] - w.x[1], dy = w.y[2] - w.y[1];
+  expect_rewards(world, {w.v[0], w.v[1] * dx / std::sqrt(dx * dx + dy * dy), -w.v[2], 0});
+}
+
 TEST(SimReward, GameWonByNobodyTogether) {
   TestWorld world(with_reward(1, 1, RewardTerm::game_won, 5));
   world.put(0, 2, 2);
