@@ -29,8 +29,8 @@ SimSpec spec_of(const EvalOptions& o, const Contestant& a, const Contestant& b) 
   if (!o.scenario.empty()) return compile(load_scenario(o.scenario, data_dirs()));
   for (const Contestant* c : {&a, &b})
     if (c->origin()) return c->origin()->run.spec;
-  throw InputError(cat("neither ", a.name(), " nor ", b.name(),
-                       " was trained in a scenario that would be played: name one with --scenario"));
+  throw InputError(
+      cat("neither ", a.name(), " nor ", b.name(), " says which scenario is played: name one with --scenario"));
 }
 
 /// The sides that A plays on, B on the other. Against a script each policy of A plays on its own side.

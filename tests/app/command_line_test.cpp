@@ -59,7 +59,7 @@ TEST(CommandLine, MistakesNameTheNearest) {
        {"'circel' is neither a scripted team nor a file or folder", "nearest: 'circle'"}},
       {{"eval", "runs/x", "--vs", "circle"}, {"there is no checkpoint or run folder runs/x"}},
       {{"eval", "circle", "--vs", "runs/x.h5"}, {"there is no checkpoint or run folder runs/x.h5"}},
-      {{"eval", "circle", "--vs", "pursuer"}, {"neither circle nor pursuer is a checkpoint", "--scenario"}},
+      {{"eval", "circle", "--vs", "pursuer"}, {"neither circle nor pursuer says which scenario is played", "--scenario"}},
       {{"eval", "circle", "--vs", "pursuer", "--scenario", "identical_2_v_2"}, {"nearest: 'identical_2_vs_2'"}},
       {{"eval", "runs/x", "--vs", "circle", "--episodes", "0"}, {"--episodes"}},
       {{"scenarios", "shwo", "x"}, {"unknown command 'shwo'", "nearest: 'show'", "gigastep scenarios --help"}},
