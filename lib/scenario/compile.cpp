@@ -6,6 +6,8 @@
 #include <cstdint>
 
 #include "core/error.hpp"
+#include "sim/paths.hpp"
+#include "sim/rewards.hpp"
 
 namespace giga {
 namespace {
@@ -224,6 +226,8 @@ SimSpec compile(const Scenario& scenario, Errors& errors) {
       spec.maps.push_back(map_of(name, map->second, scenario, check));
   }
   if (errors.empty()) spec.finish();
+  if (errors.empty() && spec.params.n_boxes > 0 && term_active(spec.params, RewardTerm::approach))
+    for (MapSpec& map : spec.maps) map.paths = make_path_table(scenario.limit_x, scenario.limit_y, map.boxes);
   return spec;
 }
 

@@ -72,6 +72,7 @@ struct MapTable {
   const Box* boxes;           ///< [n_maps, n_boxes], padded with zero boxes
   const float* box_features;  ///< [n_maps, n_boxes * box_features(p)] the boxes as observations tell them
   const StartArea* start;     ///< [n_maps, 2], by team
+  const uint16_t* paths;      ///< [n_maps, kPathGrid, kPathGrid] see paths.hpp; null = ways are straight
 };
 
 /// One world's rules and numbers. Lengths in map units, angles in radians, times in seconds unless said otherwise.
@@ -143,6 +144,7 @@ struct MapSpec {
   std::string name;
   std::vector<Box> boxes;
   StartArea start[kNTeams]{};
+  std::vector<uint16_t> paths{};  ///< make_path_table; empty where no reward needs it
 };
 
 /// A compiled scenario: scalars plus tables. `params.agents` and `params.maps` are empty until a simulator fills them;

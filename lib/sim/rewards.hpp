@@ -1,6 +1,7 @@
 // Rewards: the terms of SPEC section 5, and the bookkeeping of episodes (returns, outcome, statistics).
 #pragma once
 
+#include "sim/paths.hpp"
 #include "sim/sight.hpp"
 #include "sim/world.hpp"
 
@@ -32,20 +33,20 @@ GIGA_HD int observers_of(const SimParams& p, const WorldView& w, int i) {
   return count;
 }
 
-/// The part of agent i's speed that leads towards the nearest living opponent in the plane, seen or not; units a second.
-/// Over a flight it adds up to the distance that was gained on an opponent that stays where it is (shaping by a
-/// potential, Ng et al. 1999).
-GIGA_HD float approach_speed(const SimParams& p, const WorldView& w, int i) {
-  float nearest2 = -1, dx = 0, dy = 0;
+/// By how much agent i's own flight in this step has shortened its way to the nearest living opponent, seen or not, round
+/// obstacles; map units. Over a flight to an opponent that stays where it is this adds up to the way (shaping by a
+/// potential, Ng et al. 1999). w.next holds where agents were before the step.
+GIGA_HD float way_gained(const SimParams& p, const WorldView& w, int i) {
+  float nearest = -1;
+  int target = -1;
   for (int a = 0; a < p.n_agents; ++a) {
     if (p.team_of(a) == p.team_of(i) || !w.alive[a]) continue;
-    const float distance2 = planar_distance2(w, a, i);
-    if (nearest2 >= 0 && distance2 >= nearest2) continue;
-    nearest2 = distance2;
-    dx = w.x[a] - w.x[i];
-    dy = w.y[a] - w.y[i];
+    const float way = way_to(p, w, w.x[i], w.y[i], a);
+    if (target >= 0 && way >= nearest) continue;
+    nearest = way;
+    target = a;
   }
-  return nearest2 > 0 ? w.v[i] * (w.dir_x[i] * dx + w.dir_y[i] * dy) / std::sqrt(nearest2) : 0.0f;
+  return target >= 0 ? way_to(p, w, w.next[i], w.next[p.n_agents + i], target) - nearest : 0.0f;
 }
 
 /// The unscaled value of one term for agent i: the table of SPEC section 5, then ours.
@@ -84,7 +85,7 @@ GIGA_HD float term_value(const SimParams& p, const WorldView& w, RewardTerm term
     case RewardTerm::game_won:
       return w.counts[kAlive1 - team] == 0 ? c * alive : 0.0f;
     case RewardTerm::approach:
-      return c * kDt * alive * approach_speed(p, w, i);
+      return c * alive * way_gained(p, w, i);
   }
   return 0.0f;
 }

@@ -48,18 +48,21 @@ SimTables::SimTables(const SimSpec& spec, Memory& memory) : params_(spec.params)
   const size_t n_boxes = static_cast<size_t>(params_.n_boxes);
   std::vector<Box> boxes(spec.maps.size() * n_boxes, Box{});
   std::vector<StartArea> start;
+  std::vector<uint16_t> paths;
   for (size_t m = 0; m < spec.maps.size(); ++m) {
     for (size_t b = 0; b < spec.maps[m].boxes.size(); ++b) boxes[m * n_boxes + b] = spec.maps[m].boxes[b];
     for (const StartArea& area : spec.maps[m].start) start.push_back(area);
+    paths.insert(paths.end(), spec.maps[m].paths.begin(), spec.maps[m].paths.end());
   }
   ints_ = Buffer<int32_t>(memory, ints);
   floats_ = Buffer<float>(memory, floats);
   boxes_ = Buffer<Box>(memory, boxes);
   box_features_ = Buffer<float>(memory, make_box_features(params_, boxes));
   start_ = Buffer<StartArea>(memory, start);
+  paths_ = Buffer<uint16_t>(memory, paths);
   const float* f = floats_.data();
   params_.agents = {ints_.data(), ints_.data() + n, f, f + n, f + 2 * n, f + 3 * n, f + 4 * n};
-  params_.maps = {boxes_.data(), box_features_.data(), start_.data()};
+  params_.maps = {boxes_.data(), box_features_.data(), start_.data(), paths_.data()};
 }
 
 size_t state_bytes(int n_agents, int64_t n_worlds) {

@@ -42,7 +42,7 @@ class SimTables {
   /// `spec.params` with its pointers set.
   const SimParams& params() const { return params_; }
   size_t bytes() const {
-    return ints_.bytes() + floats_.bytes() + boxes_.bytes() + box_features_.bytes() + start_.bytes();
+    return ints_.bytes() + floats_.bytes() + boxes_.bytes() + box_features_.bytes() + start_.bytes() + paths_.bytes();
   }
 
  private:
@@ -52,6 +52,7 @@ class SimTables {
   Buffer<Box> boxes_;
   Buffer<float> box_features_;
   Buffer<StartArea> start_;
+  Buffer<uint16_t> paths_;
 };
 
 /// Bytes of the state of `n_worlds` worlds.

@@ -104,6 +104,8 @@ GIGA_HD void step_world(const Lanes& lanes, const SimParams& p, WorldView& w, Dr
   lanes.each(n, [&](int i) {
     w.was_alive[i] = w.alive[i];
     w.flags[i] = 0;
+    w.next[i] = w.x[i];
+    w.next[p.n_agents + i] = w.y[i];
     const void* action = io.team[p.team_of(i)].action;
     move(p, w, read_controls(p, action, team_row(p, world, i)), i);
     if (p.waypoints) touch_waypoint(p, w, i);

@@ -28,7 +28,7 @@ struct WorldView {
   float *dir_x, *dir_y;  // [N] cosine and sine of the heading
   float* taken;          // [N] damage units that the agent took in this step
   float* reward;         // [N] of this step
-  float* next;           // [3, N] start coordinates of a round of resampling
+  float* next;           // [3, N] start coordinates of a round of resampling; in a step, x and y before it
   uint8_t* was_alive;    // [N] before the step
   uint8_t* flags;        // [N] bits of AgentFlag
   uint32_t* talk;        // [N, words] bit b of row e: e hears b

@@ -3,6 +3,7 @@
 
 #include <cmath>
 
+#include "sim/paths.hpp"
 #include "support/sim_runner.hpp"
 #include "support/sim_specs.hpp"
 #include "support/sim_world.hpp"
@@ -121,8 +122,8 @@ TEST(SimReward, GameWonForSurvivorsInEveryStepFromThen) {
   expect_rewards(world, {5, 0, 0});
 }
 
-// Two against two; after the step agent 0 flies east at speed v and its nearest living opponent is straight ahead.
-TEST(SimReward, ApproachPaysForFlyingTowardsTheNearestLivingOpponent) {
+// Two against two without obstacles: the way is straight.
+TEST(SimReward, ApproachPaysForTheWayGainedOnTheNearestLivingOpponent) {
   TestWorld world(with_reward(2, 2, RewardTerm::approach, 10));
   world.put(0, 2, 2);
   world.put(1, 2, 5);
@@ -130,9 +131,36 @@ TEST(SimReward, ApproachPaysForFlyingTowardsTheNearestLivingOpponent) {
   world.put(3, 9.95f, 9);  // leaves and counts no more
   world.step();
   const WorldView& w = world.now();
-  // 10 x 0.1 s x v: ahead for agent 0; for agent 1 by the cosine of the angle to agent 2; agent 2 flies away from both.
-  const float dx = w.x[2] - w.x[1], dy = w.y[2] - w.y[1];
-  expect_rewards(world, {w.v[0], w.v[1] * dx / std::sqrt(dx * dx + dy * dy), -w.v[2], 0});
+  // All fly east by the same d. Agent 0 gains 10 d on agent 2; agent 1 (2, 5) looks at agent 2 where it is now; agent 2
+  // has left agent 0 behind it and loses 10 d.
+  const float d = w.x[0] - 2, before = std::hypot(w.x[2] - 2, 3.0f), now = std::hypot(w.x[2] - w.x[1], 3.0f);
+  expect_rewards(world, {10 * d, 10 * (before - now), -10 * d, 0});
+}
+
+// A wall from the left border with a way round its right end: the way from below to above it leads there and back.
+TEST(SimReward, ApproachLeadsRoundObstacles) {
+  const std::vector<Box> wall = {{0, 4.8f, 6, 5.2f, 0, 10}};
+  const std::vector<uint16_t> table = make_path_table(10, 10, wall);
+  const auto way = [&](float x1, float y1, float x2, float y2) {
+    const auto cell = [](float x, float y) { return PathCell(y, 0.1f).nearest() * kPathCells + PathCell(x, 0.1f).nearest(); };
+    return static_cast<float>(table[static_cast<size_t>(cell(x1, y1) * kPathGrid + cell(x2, y2))]) * path_unit(10, 10);
+  };
+  // Cells are 0.625 wide. (0.94, 3.44) to (0.94, 6.56): 3.1 straight, at least 2 x 5.3 round the end at (6.25, 5).
+  EXPECT_GT(way(0.94f, 3.44f, 0.94f, 6.56f), 2 * 5.3f);
+  EXPECT_LT(way(0.94f, 3.44f, 0.94f, 6.56f), 13.0f);
+  EXPECT_EQ(way(0.94f, 3.44f, 0.94f, 6.56f), way(0.94f, 6.56f, 0.94f, 3.44f));
+  // Beside the wall the way is straight: five cells.
+  EXPECT_NEAR(way(8.44f, 3.44f, 8.44f, 6.56f), 3.125f, 0.01f);
+
+  SimSpec spec = with_reward(1, 1, RewardTerm::approach, 1);
+  spec.maps[0].boxes = wall;
+  spec.maps[0].paths = table;
+  TestWorld world(spec);
+  world.put(0, 2, 3.5f);  // flies east, to the end of the wall
+  world.put(1, 2, 6.5f, kPi);  // flies west, away from it
+  world.step();
+  EXPECT_GT(world.reward(0), 0.08f);
+  EXPECT_LT(world.reward(1), -0.08f);
 }
 
 TEST(SimReward, GameWonByNobodyTogether) {
