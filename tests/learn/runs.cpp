@@ -8,6 +8,20 @@
 
 namespace giga::test {
 
+namespace {
+
+template <class T>
+void change_each(NamedArray& array, T (*change)(T)) {
+  for (size_t at = 0; at + sizeof(T) <= array.bytes.size(); at += sizeof(T)) {
+    T value;
+    std::memcpy(&value, &array.bytes[at], sizeof value);
+    value = change(value);
+    std::memcpy(&array.bytes[at], &value, sizeof value);
+  }
+}
+
+}  // namespace
+
 LoadedRun SmallRun::load() const {
   const auto with = [](const std::string& keys) { return keys.empty() ? "" : ", " + keys; };
   const bool evolves = train.find("algorithm") != std::string::npos;
@@ -56,6 +70,21 @@ std::string difference(const Metrics& a, const Metrics& b) {
     if (a[k].first != b[k].first || std::memcmp(&a[k].second, &b[k].second, sizeof(double)) != 0)
       names += cat(names.empty() ? "" : ", ", a[k].first, " ", a[k].second, " / ", b[k].second);
   return names;
+}
+
+void disturb(NamedArray& array) {
+  switch (array.type) {
+    case ArrayType::f32:
+      return change_each<float>(array, [](float x) { return x + 0.25f; });
+    case ArrayType::f64:
+      return change_each<double>(array, [](double x) { return x + 0.25; });
+    case ArrayType::i32:
+      return change_each<int32_t>(array, [](int32_t x) { return x ^ 1; });
+    case ArrayType::i64:
+      return change_each<int64_t>(array, [](int64_t x) { return x + 1; });
+    case ArrayType::u8:
+      return change_each<uint8_t>(array, [](uint8_t x) { return static_cast<uint8_t>(x ^ 1); });
+  }
 }
 
 void expect_finite(const Metrics& metrics, int team) {

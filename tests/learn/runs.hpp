@@ -32,6 +32,9 @@ NamedArrays saved(const Learner& learner);
 std::string difference(const NamedArrays& a, const NamedArrays& b);
 std::string difference(const Metrics& a, const Metrics& b);
 
+/// Changes every number of an array to another valid one.
+void disturb(NamedArray& array);
+
 /// Fails where a figure of a learning team, or a number of a saved float array, is not finite.
 void expect_finite(const Metrics& metrics, int team);
 void expect_finite(const NamedArrays& arrays);

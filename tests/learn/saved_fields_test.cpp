@@ -17,32 +17,6 @@ std::vector<SmallRun> runs() {
   return {plain, continuous};
 }
 
-template <class T>
-void change_each(NamedArray& array, T (*change)(T)) {
-  for (size_t at = 0; at + sizeof(T) <= array.bytes.size(); at += sizeof(T)) {
-    T value;
-    std::memcpy(&value, &array.bytes[at], sizeof value);
-    value = change(value);
-    std::memcpy(&array.bytes[at], &value, sizeof value);
-  }
-}
-
-/// Changes every number of an array to another valid one.
-void disturb(NamedArray& array) {
-  switch (array.type) {
-    case ArrayType::f32:
-      return change_each<float>(array, [](float x) { return x + 0.25f; });
-    case ArrayType::f64:
-      return change_each<double>(array, [](double x) { return x + 0.25; });
-    case ArrayType::i32:
-      return change_each<int32_t>(array, [](int32_t x) { return x ^ 1; });
-    case ArrayType::i64:
-      return change_each<int64_t>(array, [](int64_t x) { return x + 1; });
-    case ArrayType::u8:
-      return change_each<uint8_t>(array, [](uint8_t x) { return static_cast<uint8_t>(x ^ 1); });
-  }
-}
-
 TEST(LearnSavedFields, EachIsLoadedAndChangesTheRun) {
   for (const SmallRun& run : runs()) {
     const auto learner = run.learner();

@@ -58,9 +58,9 @@ void EvolvingTeam::save(const std::string& prefix, NamedArrays& out) const {
 }
 
 void EvolvingTeam::load(const std::string& prefix, const NamedArrays& in) {
-  actor_.load(prefix + "actor/", in);
   strategy_->load(prefix + "strategy/", in);
   pool_.load(prefix + "pool/", in);
+  show_mean();
 }
 
 }  // namespace giga

@@ -26,12 +26,14 @@ void MeanPool::keep() {
 }
 
 void MeanPool::save(const std::string& prefix, NamedArrays& out) const {
-  out.push_back(to_array(prefix + "networks", networks_));
+  if (capacity() == 0) return;
+  out.push_back(to_array(prefix + "networks", networks_.narrow(0, 1, capacity())));
   out.push_back(make_array<int64_t>(prefix + "kept", {kept_}));
 }
 
 void MeanPool::load(const std::string& prefix, const NamedArrays& in) {
-  from_array(find_array(in, prefix + "networks"), networks_);
+  if (capacity() == 0) return;
+  from_array(find_array(in, prefix + "networks"), networks_.narrow(0, 1, capacity()));
   kept_ = array_values<int64_t>(find_array(in, prefix + "kept")).at(0);
 }
 

@@ -25,6 +25,7 @@ class MeanPool {
   int64_t size() const { return std::min(kept_, capacity()); }  ///< past means
   const at::Tensor& networks() const { return networks_; }      // [1 + capacity, P]
 
+  /// The past means; after loading, row 0 is to be set.
   void save(const std::string& prefix, NamedArrays& out) const;
   void load(const std::string& prefix, const NamedArrays& in);
 

@@ -1,0 +1,195 @@
+// Evolution of two teams: who evolves against whom, determinism, saving and going on, and a game that is learned.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "cuda/runtime.hpp"
+#include "io/state_hash.hpp"
+#include "learn/evolution/opponents.hpp"
+#include "math/population_actions.hpp"
+#include "runs.hpp"
+
+namespace giga::test {
+namespace {
+
+/// Eight members of two episodes each, unless `population` says otherwise; further lines of the config in `more`.
+SmallRun evolution(const std::string& algorithm, const std::string& population = "", const std::string& more = "",
+                   const std::string& scenario = "") {
+  SmallRun run;
+  run.train = "algorithm: " + algorithm;
+  run.more = cat("population: {population_size: 8, episodes_per_member: 2, generations: 50, actor: {hidden: [8, 8]}",
+                 population.empty() ? "" : ", ", population, "}\n", more);
+  run.scenario = scenario;
+  return run;
+}
+
+struct Variant {
+  const char* name;
+  SmallRun run;
+};
+void PrintTo(const Variant& v, std::ostream* out) { *out << v.name; }
+SmallRun with_train(SmallRun run, const std::string& keys) {
+  run.train += ", " + keys;
+  return run;
+}
+const Variant kVariants[] = {
+    {"OpenAi", evolution("openai_es")},
+    {"OpenAiPoolLowRankSampled",
+     evolution("openai_es", "noise: low_rank, noise_rank: 2, greedy: false, shaping: {kind: z_score}",
+               "opponents: {pool_size: 3, pool_every_updates: 1, pool_share: 0.5, scripted: [pursuer], scripted_share: "
+               "0.5}\nopenai_es: {optimizer: clip_up}\n")},
+    {"SnesAlternatingWinRate",
+     evolution("snes", "turns: alternating, objective: win_rate, antithetic: false, common_random_numbers: false")},
+    {"DesContinuousDecay", evolution("des", "shaping: {weight_decay: 0.1}, greedy: false", "", "action: continuous\n")},
+    {"SnesScoreWaypoints",
+     evolution("snes", "objective: score, max_steps: 20", "", "waypoints: {enable_waypoints: true}\nmaps: four_rooms\n")},
+    {"OpenAiTeamOneAgainstCircle", with_train(evolution("openai_es"), "opponent: circle, learning_team: 1")},
+};
+
+class LearnEvolutionLearner : public testing::TestWithParam<Variant> {};
+
+TEST_P(LearnEvolutionLearner, SaveLoadAndGoOnEqualsGoingOn) {
+  const auto learner = GetParam().run.learner();
+  for (int u = 0; u < 3; ++u) learner->update();
+  const NamedArrays checkpoint = saved(*learner);
+  expect_finite(checkpoint);
+  const auto loaded = GetParam().run.learner();
+  loaded->update();  // whatever it did before must not matter
+  loaded->load(checkpoint);
+  EXPECT_EQ(loaded->updates_done(), 3);
+  EXPECT_EQ(difference(saved(*loaded), checkpoint), "");
+  for (int u = 0; u < 3; ++u) {
+    const Metrics expected = learner->update(), actual = loaded->update();
+    EXPECT_EQ(difference(expected, actual), "") << "generation " << u << " after loading";
+    ASSERT_EQ(difference(saved(*learner), saved(*loaded)), "") << "generation " << u << " after loading";
+  }
+  EXPECT_FALSE(learner->divergence().has_value());
+}
+
+// Disturbed, a field makes what comes after another run. The actors are the means once more, for those who play them.
+TEST_P(LearnEvolutionLearner, EachSavedFieldMatters) {
+  const auto learner = GetParam().run.learner();
+  for (int u = 0; u < 4; ++u) learner->update();
+  const NamedArrays checkpoint = saved(*learner);
+  const auto after = [&](const NamedArrays& arrays) {
+    learner->load(arrays);
+    for (int u = 0; u < 2; ++u) learner->update();
+    return state_sha256(saved(*learner));
+  };
+  const std::string undisturbed = after(checkpoint);
+  EXPECT_EQ(after(checkpoint), undisturbed);
+  for (size_t k = 0; k < checkpoint.size(); ++k) {
+    if (checkpoint[k].name.find("/actor/") != std::string::npos) continue;
+    NamedArrays disturbed = checkpoint;
+    disturb(disturbed[k]);
+    EXPECT_NE(after(disturbed), undisturbed) << checkpoint[k].name << " makes no difference";
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(All, LearnEvolutionLearner, testing::ValuesIn(kVariants),
+                         [](const auto& variant) { return std::string(variant.param.name); });
+
+TEST(LearnEvolutionTeams, AlternatingTeamsTakeTurns) {
+  const auto learner = evolution("snes", "turns: alternating, generations_per_turn: 2, objective: win_rate").learner();
+  for (int u = 0; u < 6; ++u) {
+    const NamedArrays before = saved(*learner);
+    const Metrics metrics = learner->update();
+    const std::string changed = difference(before, saved(*learner));
+    const int evolves = u / 2 % 2;
+    EXPECT_NE(changed.find(cat("team_", evolves, "/strategy/mean")), std::string::npos) << u << ": " << changed;
+    EXPECT_EQ(changed.find(cat("team_", 1 - evolves)), std::string::npos) << u << ": " << changed;
+    EXPECT_TRUE(std::isnan(metric(metrics, cat("fitness_mean_", 1 - evolves))));
+    EXPECT_EQ(metric(metrics, "episodes"), 16);
+  }
+}
+
+TEST(LearnEvolutionTeams, MetricsCountWhatWasPlayed) {
+  const auto learner = evolution("openai_es").learner();
+  const Metrics metrics = learner->update();
+  EXPECT_EQ(metric(metrics, "episodes"), 32);  // 2 teams x 8 members x 2 episodes
+  const double length = metric(metrics, "episode_length");
+  EXPECT_EQ(learner->agent_steps_done(), std::llround(32 * length * 4));
+  for (int team = 0; team < 2; ++team) {
+    const auto m = [&](const char* name) { return metric(metrics, cat(name, "_", team)); };
+    EXPECT_NEAR(m("win_share") + m("loss_share"), 1, 1);
+    EXPECT_GE(m("fitness_best"), m("fitness_mean"));
+    EXPECT_EQ(m("not_finite"), 0);
+    EXPECT_NEAR(m("fitness_mean"), m("return"), 1e-4);  // the objective is the return
+    EXPECT_GT(m("step_norm"), 0);
+  }
+}
+
+TEST(LearnEvolutionOpponents, SharesOfTheEpisodes) {
+  OpponentsConfig c;
+  c.pool_share = 0.5;
+  c.scripted = {Scripted::circle, Scripted::pursuer};
+  c.scripted_share = 0.25;
+  const int32_t circle = network_of_script(Scripted::circle), pursuer = network_of_script(Scripted::pursuer);
+  // Without a pool yet: 4 of 16 episodes against scripts in turn, the rest against the mean.
+  std::vector<int32_t> expected = {circle, pursuer, circle, pursuer};
+  expected.resize(16, 0);
+  EXPECT_EQ(assign_opponents(c, 16, 0, {1, 0, 0}), expected);
+  // With five past means: 8 episodes draw rows 1 to 5.
+  std::array<int, 6> drawn{};
+  for (uint32_t generation = 0; generation < 500; ++generation) {
+    const std::vector<int32_t> opponents = assign_opponents(c, 16, 5, {1, generation, 0});
+    for (size_t e = 0; e < 4; ++e) EXPECT_EQ(opponents[e], expected[e]);
+    for (size_t e = 4; e < 12; ++e) ++drawn.at(static_cast<size_t>(opponents[e]));
+    for (size_t e = 12; e < 16; ++e) EXPECT_EQ(opponents[e], 0);
+  }
+  EXPECT_EQ(drawn[0], 0);
+  for (size_t k = 1; k < 6; ++k) EXPECT_NEAR(drawn[k], 800, 4 * 26);  // of 4,000; deviation sqrt(4000 x 0.2 x 0.8) = 25
+  EXPECT_NE(assign_opponents(c, 16, 5, {1, 1, 0}), assign_opponents(c, 16, 5, {1, 1, 1})) << "teams draw apart";
+}
+
+TEST(LearnEvolutionOpponents, ThePoolKeepsTheLatestMeans) {
+  MeanPool pool(2, at::full({3}, 1.0));
+  EXPECT_EQ(pool.size(), 0);
+  for (int k = 2; k <= 4; ++k) {
+    pool.keep();  // k - 1
+    pool.set_mean(at::full({3}, static_cast<double>(k)));
+  }
+  EXPECT_EQ(pool.size(), 2);
+  EXPECT_TRUE(at::equal(pool.networks(), at::tensor({4.0f, 4.0f, 4.0f, 3.0f, 3.0f, 3.0f, 2.0f, 2.0f, 2.0f}).view({3, 3})));
+}
+
+// On an empty map where nobody shoots, whoever stays inside longest wins; the opponent flies straight on and is out after
+// at most 70 steps. A team that learns to turn wins every episode.
+TEST(LearnEvolutionGame, ATeamLearnsToStayInside) {
+  for (const char* algorithm : {"openai_es", "snes", "des"}) {
+    SmallRun run = evolution(algorithm, "", "openai_es: {learning_rate: 0.1}\n",
+                             "damage: {damage_cone_depth: 0}\ncollision: {collision_range: 0}\nlimit_x: 10\nlimit_y: "
+                             "10\nmax_episode_length: 120\n");
+    run.train += ", opponent: noop";
+    run.more = "population: {population_size: 32, episodes_per_member: 4, generations: 60, objective: win_rate, sigma_init: "
+               "0.1, actor: {hidden: [8]}}\nopenai_es: {learning_rate: 0.05}\n";
+    const auto learner = run.learner();
+    const double before = metric(learner->update(), "fitness_mean_0");
+    double after = 0;
+    for (int u = 0; u < 59; ++u) after = metric(learner->update(), "fitness_mean_0");
+    EXPECT_LT(before, 0.8) << algorithm;
+    EXPECT_GT(after, 0.95) << algorithm;
+  }
+}
+
+TEST(LearnEvolutionLearnerGpu, GoingOnIsBitForBit) {
+  if (cuda_device_count() == 0) GTEST_SKIP() << "no GPU";
+  const Device gpu{Device::Kind::cuda, 0};
+  for (const Variant& variant : kVariants) {
+    for (const char* precision : {"tf32", "fp32"}) {  // fused, and through LibTorch
+      SCOPED_TRACE(cat(variant.name, ", ", precision));
+      SmallRun run = variant.run;
+      run.precision = precision;
+      const auto learner = run.learner(gpu), loaded = run.learner(gpu);
+      for (int u = 0; u < 3; ++u) learner->update();
+      const NamedArrays checkpoint = saved(*learner);
+      expect_finite(checkpoint);
+      loaded->load(checkpoint);
+      for (int u = 0; u < 2; ++u) EXPECT_EQ(difference(learner->update(), loaded->update()), "");
+      EXPECT_EQ(difference(saved(*learner), saved(*loaded)), "");
+    }
+  }
+}
+
+}  // namespace
+}  // namespace giga::test
