@@ -133,9 +133,9 @@ std::vector<BadInput> meanings() {
       in_config("population out of range", "train: {algorithm: snes}\npopulation: {population_size: 1, sigma_init: 0}",
                 {"run.yaml:3:31: population.population_size: '1' is not an integer in [2, 1000000]",
                  "run.yaml:3:46: population.sigma_init: '0' is not a number > 0"}),
-      in_config("rank beyond the weight matrices",
-                "train: {algorithm: des}\npopulation: {noise: low_rank, noise_rank: 65}",
-                {"run.yaml:3:43: population.noise_rank: 65 is more than the smaller side of any weight matrix; at most 64"}),
+      in_config(
+          "rank beyond the weight matrices", "train: {algorithm: des}\npopulation: {noise: low_rank, noise_rank: 65}",
+          {"run.yaml:3:43: population.noise_rank: 65 is more than the smaller side of any weight matrix; at most 64"}),
       in_config("pool larger than the generations",
                 "train: {algorithm: openai_es}\npopulation: {generations: 5}\nopponents: {pool_size: 6}",
                 {"run.yaml:4:24: opponents.pool_size: 6 past means can never be there in a run of 5 generations"}),

@@ -261,7 +261,8 @@ TEST_F(RatedRuns, AnExportedPolicyCarriesItsRating) {
   const Outcome damaged = here_->run({"export", "carrier/checkpoints/update_00000004.h5", "--team", "1", "--format",
                                       "safetensors", "--out", "without"});
   EXPECT_EQ(damaged.code, 0);
-  EXPECT_TRUE(contains(damaged.err, {"warning: ", "carrier/ratings/ratings.json:1:1: ", "the manifest has no ratings"}));
+  EXPECT_TRUE(
+      contains(damaged.err, {"warning: ", "carrier/ratings/ratings.json:1:1: ", "the manifest has no ratings"}));
 }
 
 TEST_F(RatedRuns, HelpHasExamples) {
