@@ -10,6 +10,7 @@
 #include "apps/program_info.hpp"
 #include "cuda/runtime.hpp"
 #include "eval/round_robin.hpp"
+#include "export/export.hpp"
 #include "rating/sheet.hpp"
 #include "report/report.hpp"
 
@@ -60,7 +61,7 @@ class ProgressLines {
 /// In the folder of a run that is rated alone; of several runs in the current folder.
 fs::path default_folder(const RateOptions& o) {
   std::error_code code;
-  const bool one_run = o.runs.size() == 1 && fs::is_directory(o.runs[0], code);
+  const bool one_run = o.runs.size() == 1 && fs::is_directory(o.runs[0], code) && !is_exported_policy(o.runs[0]);
   return (one_run ? fs::path(o.runs[0]) : fs::path()) / RatingFiles::kFolder;
 }
 
@@ -148,15 +149,15 @@ void add_rate_command(CLI::App& app, Dispatch& dispatch) {
   auto options = std::make_shared<RateOptions>();
   add_options(*command, *options);
   command->footer(
-      "Everybody plays everybody on both sides, a checkpoint with its policy of team 0 on side 0 and that of team 1 "
-      "on\n"
-      "side 1, an exported policy on either side. Ratings are on the Elo scale (400 points = odds of ten to one) by "
-      "Bradley-Terry maximum likelihood, a "
-      "tie\n"
-      "being half a win, with random at 0 and 95 % intervals; who never lost or never won has none that is finite, and "
-      "is\n"
-      "told apart. The folder gets ratings.csv, ratings.json, matrix.csv, rating.svg, win_rate.svg and matrix.svg; a\n"
-      "run's report shows them. The paper's sequential Elo (K 32, start 1200, pair by pair in the order of the table,\n"
+      "Everybody plays everybody on both sides, a checkpoint with its policy of team 0 on side 0 and that of team 1\n"
+      "on side 1, an exported policy on either. Ratings are on the Elo scale (400 points = odds of ten to one) by\n"
+      "Bradley-Terry maximum likelihood, a tie being half a win, with random at 0 and 95 % intervals; who never lost\n"
+      "or never won has none that is finite, and is told apart. The folder gets ratings.csv, ratings.json, "
+      "matrix.csv,\n"
+      "rating.svg and win_rate.svg where checkpoints play, and matrix.svg; a run's report shows them, and export "
+      "writes\n"
+      "a checkpoint's rating into the manifest. The paper's sequential Elo (K 32, start 1200, pair by pair in the "
+      "order of the table,\n"
       "on which it depends) stands beside.\n"
       "Examples:\n"
       "  gigastep rate runs/identical_5_vs_5-mappo-seed1-001\n"

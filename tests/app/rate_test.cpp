@@ -224,10 +224,11 @@ TEST_F(RatedRuns, ExportedPoliciesPlayToo) {
     }
   EXPECT_TRUE(contains(here_->read("exported/win_rate.svg"), {"against duellist"}));
 
-  const Outcome alone = rate({"duellist", "--scripted", "random,circle", "--episodes", "8", "--out", "alone"});
+  const Outcome alone = rate({"duellist", "--scripted", "random,circle", "--episodes", "8"});
   ASSERT_EQ(alone.code, 0) << alone.err;
   EXPECT_TRUE(contains(alone.out, {"duellist", "circle"}));
-  EXPECT_TRUE(here_->has("alone/matrix.svg"));
+  EXPECT_TRUE(here_->has("ratings/matrix.svg") && !here_->has("ratings/win_rate.svg"));
+  EXPECT_FALSE(here_->has("duellist/ratings")) << "an export stays as it was written";
 }
 
 // A folder of its own, so that no other test rates it.
