@@ -22,11 +22,18 @@ struct BadInput {
 
 // Were an input taken for a good one, training would end after one update.
 const std::vector<std::string> kTrain = {"train", "run.yaml", "--set", "train.total_agent_steps=1"};
+const std::vector<std::string> kTrainAsItIs = {"train", "run.yaml"};
 constexpr const char* kGame = "scenario: identical_2_vs_2\n";
 
 /// A line or more of a run config.
 BadInput in_config(const std::string& kind, const std::string& lines, const std::vector<std::string>& parts) {
   return {kind, lines, kTrain, {{"run.yaml", kGame + lines + "\n"}}, parts};
+}
+/// Of an evolution strategy.
+BadInput in_evolution(const std::string& kind, const std::string& lines, const std::vector<std::string>& parts) {
+  BadInput input = in_config(kind, lines, parts);
+  input.arguments = kTrainAsItIs;
+  return input;
 }
 /// The same without anything before it.
 BadInput whole_config(const std::string& kind, const std::string& text, const std::string& shown,
@@ -128,22 +135,24 @@ std::vector<BadInput> meanings() {
       in_config("batch that does not divide", "train: {n_worlds: 10}\nmappo: {horizon: 5, n_minibatches: 4}",
                 {"run.yaml:3:36: mappo.n_minibatches: 4 does not divide train.n_worlds x mappo.horizon = 10 x 5 = 50",
                  "nearest: 2, 5"}),
-      in_config("odd population of pairs", "train: {algorithm: openai_es}\npopulation: {population_size: 33}",
-                {"run.yaml:3:31: population.population_size: 33 is odd", "nearest: 32, 34"}),
-      in_config("population out of range", "train: {algorithm: snes}\npopulation: {population_size: 1, sigma_init: 0}",
-                {"run.yaml:3:31: population.population_size: '1' is not an integer in [2, 1000000]",
-                 "run.yaml:3:46: population.sigma_init: '0' is not a number > 0"}),
-      in_config(
+      in_evolution("odd population of pairs", "train: {algorithm: openai_es}\npopulation: {population_size: 33}",
+                   {"run.yaml:3:31: population.population_size: 33 is odd", "nearest: 32, 34"}),
+      in_evolution("population out of range",
+                   "train: {algorithm: snes}\npopulation: {population_size: 1, sigma_init: 0}",
+                   {"run.yaml:3:31: population.population_size: '1' is not an integer in [2, 1000000]",
+                    "run.yaml:3:46: population.sigma_init: '0' is not a number > 0"}),
+      in_evolution(
           "rank beyond the weight matrices", "train: {algorithm: des}\npopulation: {noise: low_rank, noise_rank: 65}",
           {"run.yaml:3:43: population.noise_rank: 65 is more than the smaller side of any weight matrix; at most 64"}),
-      in_config("pool larger than the generations",
-                "train: {algorithm: openai_es}\npopulation: {generations: 5}\nopponents: {pool_size: 6}",
-                {"run.yaml:4:24: opponents.pool_size: 6 past means can never be there in a run of 5 generations"}),
-      in_config("shares of opponents beyond one",
-                "train: {algorithm: openai_es}\nopponents: {pool_size: 2, pool_share: 0.7, scripted_share: 0.6}",
-                {"run.yaml:3:39: opponents.pool_share: 0.7 and opponents.scripted_share 0.6 are more than 1 together"}),
-      in_config("setting of another algorithm", "train: {algorithm: openai_es, n_worlds: 64}",
-                {"run.yaml:2:41: train.n_worlds: this means nothing to train.algorithm openai_es"}),
+      in_evolution("pool larger than the generations",
+                   "train: {algorithm: openai_es}\npopulation: {generations: 5}\nopponents: {pool_size: 6}",
+                   {"run.yaml:4:24: opponents.pool_size: 6 past means can never be there in a run of 5 generations"}),
+      in_evolution(
+          "shares of opponents beyond one",
+          "train: {algorithm: openai_es}\nopponents: {pool_size: 2, pool_share: 0.7, scripted_share: 0.6}",
+          {"run.yaml:3:39: opponents.pool_share: 0.7 and opponents.scripted_share 0.6 are more than 1 together"}),
+      in_evolution("setting of another algorithm", "train: {algorithm: openai_es, n_worlds: 64}",
+                   {"run.yaml:2:41: train.n_worlds: this means nothing to train.algorithm openai_es"}),
       in_config("horizon longer than an episode", "environment: {max_episode_length: 20}\nmappo: {horizon: 32}",
                 {"run.yaml:3:18: mappo.horizon: 32 is longer than an episode of scenario 'identical_2_vs_2'"}),
       {"run folder that holds something",
