@@ -84,7 +84,9 @@ CLI::App* add_kind(CLI::App& parent, Dispatch& dispatch, const std::shared_ptr<B
       ->check(CLI::Range(1, 16'777'216))
       ->type_name("N,...");
   add_device_option(*command, options->device)->capture_default_str();
-  command->add_option("--steps", options->steps, "steps (train: updates, es: generations) per repeat; 0: about half a second")
+  command
+      ->add_option("--steps", options->steps,
+                   "steps (train: updates, es: generations) per repeat; 0: about half a second")
       ->check(CLI::Range(int64_t{0}, int64_t{1'000'000'000}))
       ->capture_default_str()
       ->type_name("N");
@@ -152,7 +154,8 @@ void add_bench_command(CLI::App& app, Dispatch& dispatch) {
   add_seed_option(*closed, loop->seed);
   closed->footer("Example:\n  gigastep bench closed-loop --scenario identical_5_vs_5 --hidden 256,256");
 
-  CLI::App* train = add_learner(*command, dispatch, "train", "mappo", "whole updates: rollout and learning", bench_train);
+  CLI::App* train =
+      add_learner(*command, dispatch, "train", "mappo", "whole updates: rollout and learning", bench_train);
   train->footer(
       "Scenario, worlds and seed are those of the config unless given.\n"
       "Example:\n  gigastep bench train --config mappo --set mappo.n_minibatches=4 --worlds 4096,16384 --device cuda");
@@ -160,7 +163,8 @@ void add_bench_command(CLI::App& app, Dispatch& dispatch) {
   CLI::App* es = add_learner(*command, dispatch, "es", "openai_es",
                              "whole generations of an evolution strategy, and the closed loop beside it", bench_es);
   es->footer(
-      "Only steps inside episodes count. --worlds: of both teams' populations, in whole pairs of members; without it as "
+      "Only steps inside episodes count. --worlds: of both teams' populations, in whole pairs of members; without it "
+      "as "
       "the\nconfig says.\n"
       "Example:\n  gigastep bench es --config snes --scenario identical_5_vs_5 --worlds 16384,65536 --device cuda");
 }

@@ -51,8 +51,8 @@ BenchResult bench_es(const BenchOptions& options, Device device, int worlds);
 /// Memory in use, for differences: of a GPU by everybody, of the CPU by this process.
 int64_t memory_in_use(Device device);
 
-/// Runs `play(n)`, which does n steps, waits for them and returns the agent-steps made, first to warm up and to find the
-/// number of steps, then `repeats` times; fills steps and rates.
+/// Runs `play(n)`, which does n steps, waits for them and returns the agent-steps made, first to warm up and to find
+/// the number of steps, then `repeats` times; fills steps and rates.
 void measure(const BenchOptions& options, const std::function<double(int64_t)>& play, BenchResult& result);
 
 }  // namespace giga

@@ -77,7 +77,8 @@ int resume(const ResumeOptions& o) {
   if (from.updates >= total_updates(resumed.run.config, resumed.run.spec.params.n_agents)) {
     std::cout << "the run " << folder.path().string() << " is complete: " << from.updates << " updates, "
               << from.agent_steps << " agent-steps; to go on: --set "
-              << (is_evolution(resumed.run.config.train) ? "population.generations" : "train.total_agent_steps") << "=N\n";
+              << (is_evolution(resumed.run.config.train) ? "population.generations" : "train.total_agent_steps")
+              << "=N\n";
     return 0;
   }
   check_memory(setup.run, setup.device);

@@ -1,6 +1,6 @@
-// The fused policies of a population. A block has one network and some worlds; a warp takes 16 rows through all layers by
-// tensor cores (mma.sync m16n8k16, half precision in, fp32 out). Worlds that wait are left out before rows are made, and
-// a block without worlds ends at once.
+// The fused policies of a population. A block has one network and some worlds; a warp takes 16 rows through all layers
+// by tensor cores (mma.sync m16n8k16, half precision in, fp32 out). Worlds that wait are left out before rows are made,
+// and a block without worlds ends at once.
 #include <cuda_fp16.h>
 
 #include <algorithm>
@@ -12,15 +12,15 @@ namespace giga {
 namespace {
 
 constexpr int kWarp = 32;
-constexpr int kMinWarps = 4, kMaxWarps = 8;  // of a block
+constexpr int kMinWarps = 4, kMaxWarps = 8;             // of a block
 constexpr int kTileRows = 16, kTileK = 16, kTileN = 8;  // of one mma
 constexpr int kMaxTilesN = SmallMlp::kMaxWidth / kTileN;
 constexpr int kAhead = 2;  // tiles of inputs that are read before they are needed
 static_assert(kMaxWarps * kTileRows == kMaxPopulationTeam);
 
 __host__ __device__ constexpr int round_up(int n, int unit) { return (n + unit - 1) / unit * unit; }
-/// Numbers from one row in shared memory to the next: the 8 rows x 4 pairs of columns that a warp reads at once lie in 32
-/// different banks.
+/// Numbers from one row in shared memory to the next: the 8 rows x 4 pairs of columns that a warp reads at once lie in
+/// 32 different banks.
 __host__ __device__ constexpr int row_stride(int columns) { return round_up(columns, kTileK) + 8; }
 
 /// Where things lie in shared memory, counted in half-precision numbers; rows of a matrix are followed by the biases.
@@ -88,12 +88,14 @@ __device__ uint32_t pair_of(float2 x) {
 __device__ uint32_t pair_at(const __half* p) { return *reinterpret_cast<const uint32_t*>(p); }
 
 __device__ void multiply_add(float (&c)[4], const uint32_t (&a)[4], uint32_t b0, uint32_t b1) {
-  asm("mma.sync.aligned.m16n8k16.row.col.f32.f16.f16.f32 {%0, %1, %2, %3}, {%4, %5, %6, %7}, {%8, %9}, {%0, %1, %2, %3};"
+  asm("mma.sync.aligned.m16n8k16.row.col.f32.f16.f16.f32 {%0, %1, %2, %3}, {%4, %5, %6, %7}, {%8, %9}, {%0, %1, %2, "
+      "%3};"
       : "+f"(c[0]), "+f"(c[1]), "+f"(c[2]), "+f"(c[3])
       : "r"(a[0]), "r"(a[1]), "r"(a[2]), "r"(a[3]), "r"(b0), "r"(b1));
 }
 
-/// The lane's numbers of a tile of 16 rows x 16 columns: rows `group` and group + 8, columns 2 lane and 2 lane + 8, pairs.
+/// The lane's numbers of a tile of 16 rows x 16 columns: rows `group` and group + 8, columns 2 lane and 2 lane + 8,
+/// pairs.
 struct Lane {
   int group, pair;
   __device__ Lane() : group(static_cast<int>(threadIdx.x) % kWarp / 4), pair(static_cast<int>(threadIdx.x) % 4 * 2) {}
@@ -265,7 +267,8 @@ struct PartShape {
   __host__ __device__ int blocks(const NetworkGroups& part) const { return part.groups * blocks_per_group; }
 };
 
-__global__ void __launch_bounds__(kMaxWarps* kWarp, 2) population_kernel(const __grid_constant__ PopulationPolicy policy) {
+__global__ void __launch_bounds__(kMaxWarps* kWarp, 2)
+    population_kernel(const __grid_constant__ PopulationPolicy policy) {
   extern __shared__ __align__(16) __half shared[];
   __shared__ BlockWorlds worlds;
   const int warps = static_cast<int>(blockDim.x) / kWarp, most = warps * kTileRows;
@@ -324,8 +327,8 @@ void launch_population_policy(const PopulationPolicy& policy, int index, void* s
     blocks += PartShape(policy.part[k], warps * kTileRows).blocks(policy.part[k]);
   if (blocks == 0) return;
   const size_t bytes = SharedPlan(policy.mlp, warps).bytes();
-  GIGA_CUDA(cudaFuncSetAttribute(population_kernel, cudaFuncAttributeMaxDynamicSharedMemorySize,
-                                 static_cast<int>(bytes)));
+  GIGA_CUDA(
+      cudaFuncSetAttribute(population_kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, static_cast<int>(bytes)));
   population_kernel<<<blocks, warps * kWarp, bytes, static_cast<cudaStream_t>(stream)>>>(policy);
   GIGA_CUDA(cudaGetLastError());
 }

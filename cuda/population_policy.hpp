@@ -10,7 +10,8 @@
 
 namespace giga {
 
-/// A small multilayer perceptron as a row of parameters holds it: every layer a matrix [out, in] row by row, and a bias.
+/// A small multilayer perceptron as a row of parameters holds it: every layer a matrix [out, in] row by row, and a
+/// bias.
 struct SmallMlp {
   static constexpr int kMaxLayers = 4;
   static constexpr int kMaxWidth = 128;  ///< of all layers but the input
@@ -27,8 +28,8 @@ struct NetworkGroups {
   const int32_t* network = nullptr;      // [groups] row of parameters; below 0: left out; null: row g
   int groups = 0, worlds_per_group = 0;
   int64_t first_world = 0, group_step = 0, world_step = 0;  // world k of group g: first + g group_step + k world_step
-  const float* obs = nullptr;  // [W, n, width[0]] of the team, all worlds
-  PopulationAct act{};         // of all worlds: draws.n agents a world
+  const float* obs = nullptr;                               // [W, n, width[0]] of the team, all worlds
+  PopulationAct act{};                                      // of all worlds: draws.n agents a world
 };
 
 struct PopulationPolicy {

@@ -107,8 +107,7 @@ __global__ void __launch_bounds__(kTileWarps* kWarp, kTileBlocks) tile_kernel(co
   const bool idle = tile >= per_warp || at >= count;
   const TileLanes lanes{idle ? INT_MAX : lane % n, n};
   // An idle thread looks at some world of the launch, so that it can keep in step.
-  run_world<job, true>(lanes, k, k.world(at < count ? at : count - 1),
-                       shared + slot * (k.copy_bytes + k.layout.size));
+  run_world<job, true>(lanes, k, k.world(at < count ? at : count - 1), shared + slot * (k.copy_bytes + k.layout.size));
 }
 
 template <Job job, bool in_shared>
@@ -205,7 +204,7 @@ class CudaSimulator final : public Simulator {
     int32_t* count = playing_.data() + n_worlds();
     GIGA_CUDA(cudaMemsetAsync(count, 0, sizeof *count, stream_));
     list_playing<<<(n_worlds() + kThreads - 1) / kThreads, kThreads, 0, stream_>>>(state_.view().phase, n_worlds(),
-                                                                                  playing_.data(), count);
+                                                                                   playing_.data(), count);
     GIGA_CUDA(cudaGetLastError());
   }
 

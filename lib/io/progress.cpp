@@ -48,8 +48,8 @@ std::string steps_done(const ProgressState& s) {
 
 std::string progress_text(const ProgressState& s) {
   std::string text = "update " + std::to_string(s.update) + " of " + std::to_string(s.n_updates) + ": " +
-                     steps_done(s) + " agent-steps, " +
-                     print_short(s.agent_steps_per_second) + "/s, " + print_duration(s.seconds_left) + " left";
+                     steps_done(s) + " agent-steps, " + print_short(s.agent_steps_per_second) + "/s, " +
+                     print_duration(s.seconds_left) + " left";
   const double returns[] = {s.team[0].mean_return, s.team[1].mean_return};
   if (!std::isnan(returns[0]) || !std::isnan(returns[1]))
     text += ", return " + of_teams(returns[0], returns[1], print_short);

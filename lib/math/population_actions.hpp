@@ -18,7 +18,8 @@ struct PopulationAct {
   RowDraws draws;
   void* action;  // [R] int32 or [R, 3] float
 
-  /// `head`: 27 logits of kLogitStride numbers, aligned to 16 bytes, or 3 means. `log_std` [3]: continuous actions only.
+  /// `head`: 27 logits of kLogitStride numbers, aligned to 16 bytes, or 3 means. `log_std` [3]: continuous actions
+  /// only.
   GIGA_HD void operator()(int64_t row, const float* head, const float* log_std) const {
     if (actions == ActionKind::discrete) {
       const Logits l(head);
@@ -36,7 +37,7 @@ struct PopulationAct {
 /// w / E.
 struct PopulationActions {
   PopulationAct act;
-  const float* head;        // [R, head_size]
+  const float* head;  // [R, head_size]
   int head_size;
   const float* parameters;  // [networks, n_parameters]
   int64_t n_parameters;

@@ -109,7 +109,8 @@ PopulationAct PopulationGames::act(int team, int64_t first_world) const {
   const int64_t first_number = sim.draw_period > 0 ? sim.first_world : sim.first_world + first_world;
   const at::Tensor& action = side_[team].action;
   void* at = static_cast<char*>(action.data_ptr()) + first_world * action.stride(0) * action.itemsize();
-  return {sim_->params().actions, options_.greedy,
+  return {sim_->params().actions,
+          options_.greedy,
           {state.draw_step + first_world, sim.seed, first_number, n, team, sim.draw_period},
           at};
 }
@@ -124,10 +125,17 @@ void PopulationGames::move_fused(const std::vector<Population>& populations) con
     const Population& p = populations[k];
     const int64_t first = static_cast<int64_t>(k) * n_worlds_each();
     const int other = 1 - p.team;
-    policy.part[policy.n_parts++] = {numbers_of(halves_[2 * k]), nullptr, members, episodes, first, episodes, 1,
-                                     io_.team[p.team].obs, act(p.team, 0)};
-    policy.part[policy.n_parts++] = {numbers_of(halves_[2 * k + 1]), opponents_of(k), episodes, members, first, 1,
-                                     episodes, io_.team[other].obs, act(other, 0)};
+    policy.part[policy.n_parts++] = {numbers_of(halves_[2 * k]), nullptr,       members, episodes, first, episodes, 1,
+                                     io_.team[p.team].obs,       act(p.team, 0)};
+    policy.part[policy.n_parts++] = {numbers_of(halves_[2 * k + 1]),
+                                     opponents_of(k),
+                                     episodes,
+                                     members,
+                                     first,
+                                     1,
+                                     episodes,
+                                     io_.team[other].obs,
+                                     act(other, 0)};
   }
   launch_population_policy(policy, rows_.device().index);
 }

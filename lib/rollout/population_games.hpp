@@ -26,10 +26,10 @@ struct Population {
 
 struct PopulationGamesOptions {
   int64_t n_members = 512, n_episodes = 16;
-  int n_populations = 2;                       ///< that play at the same time
-  bool common_random_numbers = true;           ///< episode e is the same luck for all members
-  bool greedy = true;                          ///< the most likely action instead of a drawn one
-  bool fused = true;                           ///< use the fused kernel where it can be used
+  int n_populations = 2;              ///< that play at the same time
+  bool common_random_numbers = true;  ///< episode e is the same luck for all members
+  bool greedy = true;                 ///< the most likely action instead of a drawn one
+  bool fused = true;                  ///< use the fused kernel where it can be used
   uint64_t seed = 0;
   int n_threads = 0;
   std::optional<int> max_steps = std::nullopt;  ///< episodes are cut off after these, or by the scenario
@@ -77,7 +77,7 @@ class PopulationGames {
   std::optional<SmallMlp> mlp_;  // for the fused kernel; none = through LibTorch
   Side side_[kNTeams];
   StepIo io_;
-  at::Tensor opponent_;  // [n_populations, E] int32
+  at::Tensor opponent_;             // [n_populations, E] int32
   std::vector<at::Tensor> halves_;  // of members and opponents in turn, half precision; fused only
   struct OpponentGroup {
     int64_t network;      // row of the opponents

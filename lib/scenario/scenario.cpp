@@ -31,7 +31,8 @@ const char* reward_doc(RewardTerm term) {
     case RewardTerm::game_won:
       return "for the living when the opposing team is wiped out";
     case RewardTerm::approach:
-      return "for each map unit by which the agent has shortened its way to the nearest living opponent, round obstacles";
+      return "for each map unit by which the agent has shortened its way to the nearest living opponent, round "
+             "obstacles";
     case RewardTerm::idle_reward:
       break;  // belongs to the agent type
   }

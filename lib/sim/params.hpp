@@ -39,9 +39,8 @@ enum class RewardTerm : int {
 };
 constexpr int kNRewardTerms = 11, kNOriginalRewardTerms = 10;
 constexpr const char* kRewardTermNames[kNRewardTerms] = {
-    "hit_waypoint", "idle_reward",     "defeat_one_opponent", "detection",      "damage",
-    "idle",         "collision_agent", "collision_obstacle",  "agent_disabled", "game_won",
-    "approach",
+    "hit_waypoint",    "idle_reward",        "defeat_one_opponent", "detection", "damage",   "idle",
+    "collision_agent", "collision_obstacle", "agent_disabled",      "game_won",  "approach",
 };
 
 /// An axis-aligned obstacle, solid for z1 <= z <= z2 (only looked at with `obstacle_heights`). All zeros = no box.

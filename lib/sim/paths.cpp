@@ -14,7 +14,8 @@ struct Place {
 bool crosses(const Place& a, const Place& b, const Box& box) {
   if (!(box.x1 < box.x2 && box.y1 < box.y2)) return false;
   const float from[2] = {a.x, a.y}, delta[2] = {b.x - a.x, b.y - a.y};
-  const float lo[2] = {box.x1 - kPathMargin, box.y1 - kPathMargin}, hi[2] = {box.x2 + kPathMargin, box.y2 + kPathMargin};
+  const float lo[2] = {box.x1 - kPathMargin, box.y1 - kPathMargin},
+              hi[2] = {box.x2 + kPathMargin, box.y2 + kPathMargin};
   float enter = 0, leave = 1;
   for (int axis = 0; axis < 2; ++axis) {
     if (delta[axis] == 0) {

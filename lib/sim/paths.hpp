@@ -1,4 +1,5 @@
-// Ways round the obstacles of a map, between the cells of a grid laid over it: what the reward for approaching measures.
+// Ways round the obstacles of a map, between the cells of a grid laid over it: what the reward for approaching
+// measures.
 #pragma once
 
 #include <cmath>
@@ -10,10 +11,10 @@
 
 namespace giga {
 
-constexpr int kPathCells = 16;                    ///< along a side of the world
+constexpr int kPathCells = 16;  ///< along a side of the world
 constexpr int kPathGrid = kPathCells * kPathCells;
-constexpr float kPathMargin = 0.25f;              ///< obstacles are grown by this: agents cannot turn on the spot
-constexpr float kPathThroughObstacle = 8.0f;      ///< how much longer a way through an obstacle counts than one beside it
+constexpr float kPathMargin = 0.25f;          ///< obstacles are grown by this: agents cannot turn on the spot
+constexpr float kPathThroughObstacle = 8.0f;  ///< how much longer a way through an obstacle counts than one beside it
 
 /// Lengths of the shortest ways between the centres of all cells, [kPathGrid, kPathGrid] row = from; counted in
 /// path_unit, at most 65535. Moves lead to the eight neighbors.
@@ -21,7 +22,8 @@ std::vector<uint16_t> make_path_table(float limit_x, float limit_y, const std::v
 
 GIGA_HD float path_unit(float limit_x, float limit_y) { return (limit_x + limit_y) * (1.0f / 16384.0f); }
 
-/// The cell, counted along one side, whose centre is the nearest or next smaller one, and how far behind it a place lies.
+/// The cell, counted along one side, whose centre is the nearest or next smaller one, and how far behind it a place
+/// lies.
 struct PathCell {
   int low;
   float share;  // of the next cell, 0 to 1

@@ -33,9 +33,9 @@ GIGA_HD int observers_of(const SimParams& p, const WorldView& w, int i) {
   return count;
 }
 
-/// By how much agent i's own flight in this step has shortened its way to the nearest living opponent, seen or not, round
-/// obstacles; map units. Over a flight to an opponent that stays where it is this adds up to the way (shaping by a
-/// potential, Ng et al. 1999). w.next holds where agents were before the step.
+/// By how much agent i's own flight in this step has shortened its way to the nearest living opponent, seen or not,
+/// round obstacles; map units. Over a flight to an opponent that stays where it is this adds up to the way (shaping by
+/// a potential, Ng et al. 1999). w.next holds where agents were before the step.
 GIGA_HD float way_gained(const SimParams& p, const WorldView& w, int i) {
   float nearest = -1;
   int target = -1;

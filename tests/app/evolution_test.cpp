@@ -52,14 +52,15 @@ TEST_F(EvolutionRun, StoppedAndKilledRunsGoOnBitForBit) {
 
 TEST_F(EvolutionRun, IsEvaluatedInspectedAndBenchmarked) {
   for (const char* algorithm : {"snes", "des"}) {
-    ASSERT_EQ(train(algorithm, {"--set", cat("train.algorithm=", algorithm), "--set", "population.generations=2"}).code, 0);
+    ASSERT_EQ(train(algorithm, {"--set", cat("train.algorithm=", algorithm), "--set", "population.generations=2"}).code,
+              0);
     const Outcome eval = here_.run({"eval", algorithm, "--vs", "circle", "--episodes", "8", "--device", "cpu"});
     EXPECT_EQ(eval.code, 0) << eval.err;
     const Outcome inspect = here_.run({"inspect", algorithm});
     EXPECT_TRUE(contains(inspect.out, {"team_0/strategy/sigma", "team_1/pool/networks"})) << inspect.out;
   }
-  const Outcome bench = here_.run({"bench", "es", "--config", "es.yaml", "--device", "cpu", "--steps", "1", "--repeats", "1",
-                                   "--scenario", "identical_1_vs_1_fobs_vec_void_disc", "--json", "-"});
+  const Outcome bench = here_.run({"bench", "es", "--config", "es.yaml", "--device", "cpu", "--steps", "1", "--repeats",
+                                   "1", "--scenario", "identical_1_vs_1_fobs_vec_void_disc", "--json", "-"});
   ASSERT_EQ(bench.code, 0) << bench.err;
   const Document json = parse_yaml_text(bench.out, "json");
   EXPECT_EQ(number_at(json, {"results", "0", "worlds"}), 32);

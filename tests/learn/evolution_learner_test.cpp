@@ -41,8 +41,8 @@ const Variant kVariants[] = {
     {"SnesAlternatingWinRate",
      evolution("snes", "turns: alternating, objective: win_rate, antithetic: false, common_random_numbers: false")},
     {"DesContinuousDecay", evolution("des", "shaping: {weight_decay: 0.1}, greedy: false", "", "action: continuous\n")},
-    {"SnesScoreWaypoints",
-     evolution("snes", "objective: score, max_steps: 20", "", "waypoints: {enable_waypoints: true}\nmaps: four_rooms\n")},
+    {"SnesScoreWaypoints", evolution("snes", "objective: score, max_steps: 20", "",
+                                     "waypoints: {enable_waypoints: true}\nmaps: four_rooms\n")},
     {"OpenAiTeamOneAgainstCircle", with_train(evolution("openai_es"), "opponent: circle, learning_team: 1")},
 };
 
@@ -150,19 +150,21 @@ TEST(LearnEvolutionOpponents, ThePoolKeepsTheLatestMeans) {
     pool.set_mean(at::full({3}, static_cast<double>(k)));
   }
   EXPECT_EQ(pool.size(), 2);
-  EXPECT_TRUE(at::equal(pool.networks(), at::tensor({4.0f, 4.0f, 4.0f, 3.0f, 3.0f, 3.0f, 2.0f, 2.0f, 2.0f}).view({3, 3})));
+  EXPECT_TRUE(
+      at::equal(pool.networks(), at::tensor({4.0f, 4.0f, 4.0f, 3.0f, 3.0f, 3.0f, 2.0f, 2.0f, 2.0f}).view({3, 3})));
 }
 
-// On an empty map where nobody shoots, whoever stays inside longest wins; the opponent flies straight on and is out after
-// at most 70 steps. A team that learns to turn wins every episode.
+// On an empty map where nobody shoots, whoever stays inside longest wins; the opponent flies straight on and is out
+// after at most 70 steps. A team that learns to turn wins every episode.
 TEST(LearnEvolutionGame, ATeamLearnsToStayInside) {
   for (const char* algorithm : {"openai_es", "snes", "des"}) {
     SmallRun run = evolution(algorithm, "", "openai_es: {learning_rate: 0.1}\n",
                              "damage: {damage_cone_depth: 0}\ncollision: {collision_range: 0}\nlimit_x: 10\nlimit_y: "
                              "10\nmax_episode_length: 120\n");
     run.train += ", opponent: noop";
-    run.more = "population: {population_size: 32, episodes_per_member: 4, generations: 60, objective: win_rate, sigma_init: "
-               "0.1, actor: {hidden: [8]}}\nopenai_es: {learning_rate: 0.05}\n";
+    run.more =
+        "population: {population_size: 32, episodes_per_member: 4, generations: 60, objective: win_rate, sigma_init: "
+        "0.1, actor: {hidden: [8]}}\nopenai_es: {learning_rate: 0.05}\n";
     const auto learner = run.learner();
     const double before = metric(learner->update(), "fitness_mean_0");
     double after = 0;

@@ -63,8 +63,8 @@ TEST(LearnPopulationGames, APopulationOfOneNetworkPlaysTheMatchOfThatNetwork) {
         games.play({{team, n.members.expand({6, -1}).contiguous(), n.opponents, {1, 1, 1, 1}}}, 0);
 
         const Player own{&n.actor, Scripted::random, greedy}, opponent{&other.actor, Scripted::random, greedy};
-        const MatchResult match = play_match(run.spec, team == 0 ? own : opponent, team == 0 ? opponent : own,
-                                             {24, 9, Device{}, 1});
+        const MatchResult match =
+            play_match(run.spec, team == 0 ? own : opponent, team == 0 ? opponent : own, {24, 9, Device{}, 1});
         const at::Tensor results = games.results(0);
         EXPECT_EQ(stat(results, EpisodeStat::episodes), 24);
         EXPECT_EQ(stat(results, EpisodeStat::wins_0), match.wins[0]);
@@ -154,7 +154,8 @@ const FusedCase kFusedCases[] = {
 };
 class LearnPopulationGamesGpu : public testing::TestWithParam<FusedCase> {};
 
-// Products are TF32 in the kernel and fp32 on the CPU, so an action flips now and then: few steps, and nearly all agents.
+// Products are TF32 in the kernel and fp32 on the CPU, so an action flips now and then: few steps, and nearly all
+// agents.
 TEST_P(LearnPopulationGamesGpu, TheFusedKernelPlaysAsTheCpu) {
   if (cuda_device_count() == 0) GTEST_SKIP() << "no GPU";
   const Device gpu{Device::Kind::cuda, 0};

@@ -142,7 +142,9 @@ TEST(SimReward, ApproachLeadsRoundObstacles) {
   const std::vector<Box> wall = {{0, 4.8f, 6, 5.2f, 0, 10}};
   const std::vector<uint16_t> table = make_path_table(10, 10, wall);
   const auto way = [&](float x1, float y1, float x2, float y2) {
-    const auto cell = [](float x, float y) { return PathCell(y, 0.1f).nearest() * kPathCells + PathCell(x, 0.1f).nearest(); };
+    const auto cell = [](float x, float y) {
+      return PathCell(y, 0.1f).nearest() * kPathCells + PathCell(x, 0.1f).nearest();
+    };
     return static_cast<float>(table[static_cast<size_t>(cell(x1, y1) * kPathGrid + cell(x2, y2))]) * path_unit(10, 10);
   };
   // Cells are 0.625 wide. (0.94, 3.44) to (0.94, 6.56): 3.1 straight, at least 2 x 5.3 round the end at (6.25, 5).
@@ -156,7 +158,7 @@ TEST(SimReward, ApproachLeadsRoundObstacles) {
   spec.maps[0].boxes = wall;
   spec.maps[0].paths = table;
   TestWorld world(spec);
-  world.put(0, 2, 3.5f);  // flies east, to the end of the wall
+  world.put(0, 2, 3.5f);       // flies east, to the end of the wall
   world.put(1, 2, 6.5f, kPi);  // flies west, away from it
   world.step();
   EXPECT_GT(world.reward(0), 0.08f);

@@ -37,7 +37,8 @@ template <class V>
 void visit_fields(V& v, ShapingConfig& c) {
   v("kind", c.kind, "ranks from -0.5 to 0.5, mean 0 and deviation 1, or as it is");
   v("weight_decay", c.weight_decay,
-    "then each member loses this share of the mean square of its parameters; snes and des look at the ranks that result",
+    "then each member loses this share of the mean square of its parameters; snes and des look at the ranks that "
+    "result",
     at_least(0));
 }
 

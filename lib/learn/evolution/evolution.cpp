@@ -50,7 +50,7 @@ at::Tensor fitness_of(const at::Tensor& results, int team, Objective objective) 
 
 /// What a population has played and learned, as the host has read it.
 struct PopulationFigures {
-  std::vector<double> stats;  // [kNStatRows] sums over its episodes
+  std::vector<double> stats;   // [kNStatRows] sums over its episodes
   std::vector<float> learned;  // [kNEvolutionFigures]
 };
 

@@ -29,8 +29,8 @@ class EvolutionStrategy {
   /// Parameters of this generation's members [M, P].
   at::Tensor ask();
   /// Learns from the members' fitness [M], the larger the better, and goes on to the next generation. Makes the noise
-  /// of `ask` anew; queues work on the device and waits for nothing. Returns a truth value [] on the device: false where
-  /// the new mean or sigma was not finite, and both stay as they were.
+  /// of `ask` anew; queues work on the device and waits for nothing. Returns a truth value [] on the device: false
+  /// where the new mean or sigma was not finite, and both stay as they were.
   at::Tensor tell(const at::Tensor& fitness);
 
   const at::Tensor& mean() const { return mean_; }    // [P]
