@@ -10,8 +10,6 @@
 namespace giga {
 namespace {
 
-constexpr int64_t kMostWorlds = 16'777'216;
-
 /// Mistakes that show only in the combination of keys and with the scenario.
 class CombinationCheck {
  public:
@@ -37,7 +35,8 @@ class CombinationCheck {
               "a run ends after population.generations");
       not_for(name, "train.n_worlds", a.n_worlds != b.n_worlds,
               "worlds are population.population_size x population.episodes_per_member, for each team that evolves");
-      not_for(name, "train.desynchronize", a.desynchronize != b.desynchronize, "episodes of a generation start together");
+      not_for(name, "train.desynchronize", a.desynchronize != b.desynchronize,
+              "episodes of a generation start together");
       return;
     }
     const OpponentsConfig &p = c_.opponents, &q = defaults.opponents;
@@ -106,8 +105,7 @@ class CombinationCheck {
 
  private:
   void not_for(const std::string& algorithm, const std::string& key, bool changed, const std::string& instead) {
-    if (changed && known({key}))
-      fail(key, cat("this means nothing to train.algorithm ", algorithm, ": ", instead));
+    if (changed && known({key})) fail(key, cat("this means nothing to train.algorithm ", algorithm, ": ", instead));
   }
   bool known(const std::vector<std::string>& keys) const {
     return std::none_of(keys.begin(), keys.end(), [&](const std::string& k) { return is_wrong(k, given_, errors_); });

@@ -37,9 +37,12 @@ template <class V>
 void visit_fields(V& v, ShapingConfig& c) {
   v("kind", c.kind, "ranks from -0.5 to 0.5, mean 0 and deviation 1, or as it is");
   v("weight_decay", c.weight_decay,
-    "then each member loses this share of the mean square of its parameters; snes and des look at the ranks that result",
+    "then each member loses this share of the mean square of its parameters; snes and des look at the ranks that "
+    "result",
     at_least(0));
 }
+
+constexpr int kMostMembers = 1'000'000;
 
 /// A team's population and what it plays.
 struct PopulationConfig {
@@ -61,7 +64,7 @@ struct PopulationConfig {
 };
 template <class V>
 void visit_fields(V& v, PopulationConfig& c) {
-  v("population_size", c.population_size, "members of a team's population", range(2, 1'000'000));
+  v("population_size", c.population_size, "members of a team's population", range(2, kMostMembers));
   v("generations", c.generations, "generations after which the run is complete", range(1, 1'000'000'000));
   v("sigma_init", c.sigma_init, "standard deviation of the perturbations at the start", greater_than(0));
   v("antithetic", c.antithetic, "members come in pairs with opposite perturbations; needs an even population_size");

@@ -2,9 +2,9 @@
 
 #include <algorithm>
 
-#include "learn/team_policy.hpp"
 #include "learn/memory/network.hpp"
 #include "learn/ppo_team.hpp"
+#include "learn/team_policy.hpp"
 #include "math/ppo_loss.hpp"
 #include "policy/actor.hpp"
 #include "policy/critic.hpp"
