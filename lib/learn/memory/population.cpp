@@ -1,13 +1,13 @@
 #include "learn/memory/population.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <vector>
 
 #include "core/error.hpp"
 #include "cuda/population_policy.hpp"
 #include "cuda/runtime.hpp"
 #include "io/number.hpp"
+#include "learn/evolution/opponents.hpp"
 #include "learn/memory/items.hpp"
 #include "learn/memory/network.hpp"
 #include "learn/team_policy.hpp"
@@ -118,11 +118,11 @@ int64_t PopulationMemory::forward(int64_t rows, int64_t members) const {
   return sum(m.peak());
 }
 
-/// PopulationGames::move_opponents, where one network plays all episodes but those of scripts.
+/// PopulationGames::move_opponents, where one network (the pool is empty) plays all episodes but those of scripts.
 int64_t PopulationMemory::play_opponents(int team) const {
-  const OpponentsConfig& c = run_.config.opponents;
-  const int64_t scripted = c.scripted.empty() ? 0 : std::lround(static_cast<double>(c.scripted_share) * e_);
-  const int64_t played = self_play_ ? rows(team) / e_ * (e_ - scripted) : 0;
+  const std::vector<int32_t> met = assign_opponents(run_.config.opponents, e_, 0, {});
+  const auto by_network = std::count_if(met.begin(), met.end(), [](int32_t opponent) { return opponent >= 0; });
+  const int64_t played = self_play_ ? rows(team) / e_ * by_network : 0;
   return kFloat * (rows(team) * head_ + played * d_) + (played > 0 ? forward(played, 1) : 0);
 }
 
