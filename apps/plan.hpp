@@ -8,8 +8,8 @@
 
 namespace giga {
 
-/// Prints what takes how much of the device's memory and the largest train.n_worlds; as JSON to `json` where that is
-/// not empty ("-" = standard output).
+/// Prints what takes how much of the device's memory and the largest size that fits (see RunSize); as JSON to `json`
+/// where that is not empty ("-" = standard output).
 void print_plan(const LoadedRun& run, Device device, const std::string& json = "");
 
 /// Throws InputError where the run needs more memory than the device has free; to be called before anything is created.

@@ -66,7 +66,7 @@ void add_train_command(CLI::App& app, Dispatch& dispatch) {
   command->add_option("--seed", options->seed, "seed of everything random, as --set seed=N")->type_name("N");
   add_display_options(*command, options->quiet, options->no_color);
   command->add_flag("--plan", options->plan,
-                    "only say what would take how much memory, and what the largest train.n_worlds is");
+                    "only say what would take how much memory, and how many worlds or members would fit");
   command->footer(
       "The run folder holds config.yaml and scenario.yaml (all keys, with comments), run.json (seed, versions, "
       "hardware,\n"

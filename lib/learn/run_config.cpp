@@ -10,8 +10,6 @@
 namespace giga {
 namespace {
 
-constexpr int64_t kMostWorlds = 16'777'216;
-
 /// Mistakes that show only in the combination of keys and with the scenario.
 class CombinationCheck {
  public:

@@ -195,6 +195,9 @@ void visit_fields(V& v, RunConfig& c) {
   v.group("checkpoint", c.checkpoint, "checkpoints");
 }
 
+/// The most worlds that a run may step in parallel.
+constexpr int64_t kMostWorlds = 16'777'216;
+
 /// Whether the algorithm is an evolution strategy; an update is a generation then.
 inline bool is_evolution(const TrainConfig& c) { return c.algorithm != "mappo"; }
 /// The policy networks of the algorithm.
@@ -203,6 +206,11 @@ inline const ActorConfig& actor_config(const RunConfig& c) {
 }
 /// Whether policies take their most likely action.
 inline bool acts_greedily(const RunConfig& c) { return is_evolution(c.train) && c.population.greedy; }
+
+/// Evolution strategies: populations that play at the same time.
+inline int populations_at_a_time(const RunConfig& c) {
+  return c.train.opponent == Opponent::self_play && c.population.turns == Turns::together ? 2 : 1;
+}
 
 /// mappo: agent-steps of one update of a scenario with `n_agents` agents.
 inline int64_t agent_steps_per_update(const RunConfig& c, int n_agents) {

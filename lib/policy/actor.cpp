@@ -23,11 +23,15 @@ void Actor::add_parameters(const ActorConfig& config, int64_t obs_size) {
     log_std_ = parameters_.add("log_std", {kActionSize}, {Init::Kind::constant, config.log_std_init});
 }
 
-int64_t Actor::count_parameters(const ActorConfig& config, int64_t obs_size, ActionKind actions) {
+Actor Actor::unallocated(const ActorConfig& config, int64_t obs_size, ActionKind actions) {
   Actor actor;
   actor.actions_ = actions;
   actor.add_parameters(config, obs_size);
-  return actor.parameters_.size();
+  return actor;
+}
+
+int64_t Actor::count_parameters(const ActorConfig& config, int64_t obs_size, ActionKind actions) {
+  return unallocated(config, obs_size, actions).parameters_.size();
 }
 
 at::Tensor Actor::forward(const at::Tensor& obs) const {
@@ -48,6 +52,13 @@ std::optional<SmallMlp> Actor::small_mlp() const {
   std::optional<SmallMlp> mlp = mlp_.small(parameters_);
   if (mlp && actions_ == ActionKind::continuous) mlp->log_std = static_cast<int>(log_std_offset());
   return mlp;
+}
+
+std::optional<SmallMlp> Actor::small_mlp(const ActorConfig& config, int64_t obs_size, ActionKind actions,
+                                         Precision precision) {
+  Actor actor = unallocated(config, obs_size, actions);
+  actor.precision_ = precision;
+  return actor.small_mlp();
 }
 
 void Actor::save(const std::string& prefix, NamedArrays& out) const {

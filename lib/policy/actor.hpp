@@ -32,6 +32,9 @@ class Actor final : public Policy {
 
   /// The layout for the fused kernel (cuda/population_policy.hpp), for precision tf32; none where it cannot do it.
   std::optional<SmallMlp> small_mlp() const;
+  /// That of an actor without a normaliser; nothing is allocated.
+  static std::optional<SmallMlp> small_mlp(const ActorConfig& config, int64_t obs_size, ActionKind actions,
+                                           Precision precision);
   /// First of the three numbers of log_std among the parameters; continuous actions only.
   int64_t log_std_offset() const { return parameters_.offset(log_std_); }
 
@@ -49,6 +52,7 @@ class Actor final : public Policy {
   void load(const std::string& prefix, const NamedArrays& in);
 
  private:
+  static Actor unallocated(const ActorConfig& config, int64_t obs_size, ActionKind actions);
   void add_parameters(const ActorConfig& config, int64_t obs_size);
 
   ActionKind actions_ = ActionKind::discrete;

@@ -84,8 +84,8 @@ std::optional<SmallMlp> Mlp::small(const ParameterSet& p) const {
   mlp.activation = config_.activation;
   for (const Layer& layer : layers_) {
     const int l = mlp.n_layers++;
-    mlp.width[l] = static_cast<int>(p[layer.weight].size(1));
-    mlp.width[l + 1] = static_cast<int>(p[layer.weight].size(0));
+    mlp.width[l] = static_cast<int>(p.shape(layer.weight)[1]);
+    mlp.width[l + 1] = static_cast<int>(p.shape(layer.weight)[0]);
     mlp.weight[l] = static_cast<int>(p.offset(layer.weight));
     mlp.bias[l] = static_cast<int>(p.offset(layer.bias));
   }

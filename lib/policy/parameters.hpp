@@ -40,6 +40,7 @@ class ParameterSet {
 
   /// Parameter `k` of each member of a population [M, P] of such sets: a view [M, shape].
   at::Tensor of_members(const at::Tensor& members, int k) const;
+  const std::vector<int64_t>& shape(int k) const { return specs_[static_cast<size_t>(k)].shape; }
   /// Where parameter `k` begins in the flat buffer.
   int64_t offset(int k) const { return specs_[static_cast<size_t>(k)].offset; }
   /// All parameters of two dimensions.

@@ -1,20 +1,15 @@
 // The memory plan against what LibTorch, our buffers and the process really take.
 #include "learn/memory/plan.hpp"
 
-#include <ATen/DeviceAccelerator.h>
-#include <c10/core/Allocator.h>
 #include <c10/util/ThreadLocalDebugInfo.h>
 #include <gtest/gtest.h>
-#include <malloc.h>
 
 #include <algorithm>
-#include <fstream>
-#include <iostream>
 
 #include "cuda/runtime.hpp"
 #include "eval/match.hpp"
-#include "io/host_info.hpp"
 #include "learn/memory/report.hpp"
+#include "memory_probe.hpp"
 #include "policy/actor.hpp"
 #include "policy/critic.hpp"
 #include "runs.hpp"
@@ -24,20 +19,6 @@ namespace giga::test {
 namespace {
 
 constexpr Device kCpu{};
-
-/// Follows what LibTorch allocates on the CPU for this thread, backward passes included.
-class AllocationPeak final : public c10::MemoryReportingInfoBase {
- public:
-  void reportMemoryUsage(void*, int64_t bytes, size_t, size_t, c10::Device) override {
-    live_ += bytes;
-    peak_ = std::max(peak_, live_);
-  }
-  bool memoryProfilingEnabled() const override { return true; }
-  int64_t peak() const { return peak_; }
-
- private:
-  int64_t live_ = 0, peak_ = 0;
-};
 
 /// 5 against 5 and discrete actions, unless `scenario` says otherwise.
 struct Settings {
@@ -54,12 +35,6 @@ LoadedRun load(const Settings& s, int n_worlds) {
   return load_run_config_text(cat("seed: 1\ntrain: {n_worlds: ", n_worlds, ", n_threads: 1", s.train,
                                   "}\nmappo: {horizon: 16, ", s.mappo, "}\neval: {episodes: 8}\n"),
                               cat("max_episode_length: 100\n", teams_given ? "" : kTeams, s.scenario));
-}
-
-int64_t item(const MemoryPlan& plan, const std::string& name) {
-  for (const MemoryItem& i : plan.items)
-    if (i.name == name) return i.bytes;
-  return 0;
 }
 
 // With one epoch of one minibatch learning takes most; with eight minibatches, the values of the rollout.
@@ -108,22 +83,12 @@ TEST_P(LearnMemory, PlanIsWhatTensorsAndStateTake) {
 INSTANTIATE_TEST_SUITE_P(All, LearnMemory, testing::ValuesIn(kSettings),
                          [](const auto& setting) { return std::string(setting.param.name); });
 
-/// Largest resident memory of this process since it was last reset, bytes.
-int64_t peak_resident() {
-  std::ifstream in("/proc/self/status");
-  for (std::string line; std::getline(in, line);)
-    if (line.starts_with("VmHWM:")) return std::stoll(line.substr(6)) * 1024;
-  return 0;
-}
-
 // Measured: 1.27 with one and with eight minibatches. Both have blocks below 32 MiB, of which the C library keeps an
 // amount that the plan can only bound; the share shrinks as runs grow.
 TEST(LearnMemoryPlan, ResidentMemoryOfTheProcess) {
   for (const char* mappo : {"n_epochs: 2, n_minibatches: 8", "n_epochs: 2, n_minibatches: 1"}) {
     const LoadedRun run = load({"", mappo}, 512);
-    ::malloc_trim(0);
-    std::ofstream("/proc/self/clear_refs") << 5;
-    if (std::abs(peak_resident() - resident_bytes()) > 32 << 20) GTEST_SKIP() << "the system does not reset the peak";
+    if (!reset_peak_resident()) GTEST_SKIP() << "the system does not reset the peak";
     const auto learner = make_learner(run, kCpu);
     for (int u = 0; u < 2; ++u) learner->update();
     const double ratio = static_cast<double>(plan_memory(run, kCpu).total()) / static_cast<double>(peak_resident());
@@ -155,14 +120,14 @@ TEST(LearnMemoryPlan, PartsPerWorld) {
     ASSERT_EQ(a.name, b.name);
     if (a.name == "slack of the allocator") continue;  // a bound, neither proportional nor constant
     // Per field of the state up to 255 bytes of padding.
-    EXPECT_NEAR(static_cast<double>(b.bytes - a.bytes), 64.0 * static_cast<double>(a.bytes_per_world), 8192) << a.bytes;
+    EXPECT_NEAR(static_cast<double>(b.bytes - a.bytes), 64.0 * static_cast<double>(a.bytes_per_unit), 8192) << a.bytes;
   }
   // A world of 10 agents: 17 slots of D floats and a byte, 16 of action, log-probability and reward; 16 times done.
   const int64_t d = load(kSettings[0], 1).spec.padded_observation_size();
   const auto rollout =
       std::find_if(large.items.begin(), large.items.end(), [](const auto& i) { return i.name == "rollout"; });
   ASSERT_NE(rollout, large.items.end());
-  EXPECT_EQ(rollout->bytes_per_world, 17 * 10 * (4 * d + 1) + 16 * 10 * 12 + 16);
+  EXPECT_EQ(rollout->bytes_per_unit, 17 * 10 * (4 * d + 1) + 16 * 10 * 12 + 16);
 }
 
 TEST(LearnMemoryPlan, LargestNumberOfWorldsFitsAndOneMoreDoesNot) {
@@ -173,16 +138,16 @@ TEST(LearnMemoryPlan, LargestNumberOfWorldsFitsAndOneMoreDoesNot) {
     return plan_memory(run, kCpu).total();
   };
   for (const int64_t available : {total(48), total(48) - 1, total(300) + 100, int64_t{50} << 30}) {
-    const int64_t n = largest_n_worlds(run, kCpu, available);
+    const int64_t n = largest_size(run, kCpu, available);
     EXPECT_EQ(n % 3, 0) << n;
     EXPECT_GT(n, 0);
     EXPECT_LE(total(n), available);
     EXPECT_GT(total(n + 3), available);
   }
-  EXPECT_EQ(largest_n_worlds(run, kCpu, total(48)), 48);
-  EXPECT_EQ(largest_n_worlds(run, kCpu, total(48) - 1), 45);
-  EXPECT_EQ(largest_n_worlds(run, kCpu, total(3) - 1), 0);
-  EXPECT_EQ(largest_n_worlds(run, kCpu, int64_t{1} << 60), 16'777'215);  // the largest multiple of 3 allowed
+  EXPECT_EQ(largest_size(run, kCpu, total(48)), 48);
+  EXPECT_EQ(largest_size(run, kCpu, total(48) - 1), 45);
+  EXPECT_EQ(largest_size(run, kCpu, total(3) - 1), 0);
+  EXPECT_EQ(largest_size(run, kCpu, int64_t{1} << 60), 16'777'215);  // the largest multiple of 3 allowed
 }
 
 // What bisection needs, across the sizes at which chunks fill up and blocks leave the heap.
@@ -240,7 +205,7 @@ TEST(LearnMemoryPlan, WhatDoesNotFitIsRefusedWithTheNumbers) {
     const std::string message = e.what();
     for (const std::string& part :
          {std::string("train.n_worlds: 1024 needs "), print_bytes(need), std::string("on cpu"), std::string("rollout "),
-          cat("largest train.n_worlds that fits is ", largest_n_worlds(run, kCpu, need - 1))})
+          cat("largest train.n_worlds that fits is ", largest_size(run, kCpu, need - 1))})
       EXPECT_NE(message.find(part), std::string::npos) << part << " is not in: " << message;
   }
   try {
@@ -260,7 +225,7 @@ TEST(LearnMemoryPlan, TableAndJsonTellTheSame) {
     EXPECT_NE(table.find(i.name), std::string::npos) << i.name;
     EXPECT_NE(json.find(cat("\"bytes\": ", i.bytes)), std::string::npos) << i.name;
   }
-  const int64_t largest = largest_n_worlds(run, kCpu, space.free);
+  const int64_t largest = largest_size(run, kCpu, space.free);
   EXPECT_NE(
       table.find(cat("32.0 GiB free of 64.0 GiB; train.n_worlds 1024 fits\nthe largest train.n_worlds that fits is ",
                      largest)),
@@ -287,21 +252,13 @@ TEST_P(LearnMemoryGpu, PlanIsWhatFreeMemoryLoses) {
   const Device gpu{Device::Kind::cuda, 0};
   const auto& [settings, n_worlds] = GetParam();
   const LoadedRun run = load(settings, n_worlds);
-  const auto free_bytes = [] { return static_cast<int64_t>(cuda_device_info(0).memory_free); };
-  const int64_t before = free_bytes();
+  const int64_t before = free_gpu_bytes();
   const auto learner = make_learner(run, gpu);
   for (int u = 0; u < 2; ++u) learner->update();
   play_match(run.spec, {learner->actor(0)}, {nullptr, Scripted::circle}, {run.config.eval.episodes, 1, gpu, 1});
-  const int64_t measured = before - free_bytes();
+  const int64_t measured = before - free_gpu_bytes();
 
-  const MemoryPlan plan = plan_memory(run, gpu);
-  const double ratio = static_cast<double>(plan.total()) / static_cast<double>(measured);
-  const auto stats = at::getDeviceAllocator(at::kCUDA)->getDeviceStats(0);
-  std::cout << settings.name << ", " << n_worlds << " worlds: predicted " << print_bytes(plan.total()) << ", measured "
-            << print_bytes(measured) << ", ratio " << ratio << "; LibTorch at its peak: allocated "
-            << print_bytes(stats.allocated_bytes[0].peak) << ", reserved " << print_bytes(stats.reserved_bytes[0].peak)
-            << std::endl;
-  for (const MemoryItem& i : plan.items) std::cout << "  " << i.name << ": " << print_bytes(i.bytes) << std::endl;
+  const double ratio = print_gpu_plan(cat(settings.name, ", ", n_worlds, " worlds"), plan_memory(run, gpu), measured);
   // Measured on an H200: 1.01 to 1.13.
   EXPECT_GE(ratio, 1.0);
   EXPECT_LE(ratio, 1.15);

@@ -42,6 +42,8 @@ void visit_fields(V& v, ShapingConfig& c) {
     at_least(0));
 }
 
+constexpr int kMostMembers = 1'000'000;
+
 /// A team's population and what it plays.
 struct PopulationConfig {
   int population_size = 512;
@@ -62,7 +64,7 @@ struct PopulationConfig {
 };
 template <class V>
 void visit_fields(V& v, PopulationConfig& c) {
-  v("population_size", c.population_size, "members of a team's population", range(2, 1'000'000));
+  v("population_size", c.population_size, "members of a team's population", range(2, kMostMembers));
   v("generations", c.generations, "generations after which the run is complete", range(1, 1'000'000'000));
   v("sigma_init", c.sigma_init, "standard deviation of the perturbations at the start", greater_than(0));
   v("antithetic", c.antithetic, "members come in pairs with opposite perturbations; needs an even population_size");

@@ -23,7 +23,7 @@ PopulationGamesOptions games_options(const RunConfig& c) {
   PopulationGamesOptions o;
   o.n_members = c.population.population_size;
   o.n_episodes = c.population.episodes_per_member;
-  o.n_populations = c.train.opponent == Opponent::self_play && c.population.turns == Turns::together ? 2 : 1;
+  o.n_populations = populations_at_a_time(c);
   o.common_random_numbers = c.population.common_random_numbers;
   o.greedy = c.population.greedy;
   o.seed = c.seed;

@@ -47,6 +47,28 @@ void MlpMemory::infer() {
   }
 }
 
+// Parameters are views of the members; in bf16, copies.
+void MlpMemory::infer_members(int64_t members) {
+  int64_t input = 0;
+  for (const Layer& layer : layers_) {
+    const int64_t y = rows_of(layer.out);
+    const int64_t vector_copy = shape_.element_bytes == 2 ? 2 * members * layer.out : 0;
+    const int64_t copies = members * weight_copy_bytes(layer) + vector_copy;
+    ledger_.take(kept_, copies + y);
+    ledger_.give(kept_, copies + input);
+    input = y;
+    if (!layer.hidden) continue;
+    if (config_.layer_norm) {
+      ledger_.take(kept_, y);  // without scale and shift, which are a product and a sum
+      ledger_.touch(statistics_bytes());
+      ledger_.take(kept_, 2 * (vector_copy + y));
+      ledger_.give(kept_, 2 * (vector_copy + y) + y);
+    }
+    ledger_.take(kept_, y);
+    ledger_.give(kept_, y);
+  }
+}
+
 // Kept for the way back: each layer's input, which is the activation before it; what went into silu and gelu, while
 // tanh and relu need no more than their result; input and statistics of layer norms; the means of the team.
 void MlpMemory::forward() {

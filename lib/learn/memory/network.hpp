@@ -31,6 +31,8 @@ class MlpMemory {
 
   /// Without gradients. Ends with the output held; the input is the caller's.
   void infer();
+  /// Likewise Mlp::forward_members: the rows are shared out among so many sets of parameters.
+  void infer_members(int64_t members);
   /// Ends with the output held, and what the backward pass needs.
   void forward();
   /// Gives back what was kept, and ends with the gradient of the input held where asked for; returns its bytes. The

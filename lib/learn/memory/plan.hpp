@@ -12,8 +12,8 @@ namespace giga {
 
 struct MemoryItem {
   std::string name;
-  int64_t bytes = 0;            ///< at the peak of the run
-  int64_t bytes_per_world = 0;  ///< the part that grows with train.n_worlds, by world; 0 where it does not
+  int64_t bytes = 0;           ///< at the peak of the run
+  int64_t bytes_per_unit = 0;  ///< the part that grows with the run's size, by unit of it; 0 where it does not
   std::string note;
 };
 
@@ -25,8 +25,18 @@ struct MemoryPlan {
 /// On a GPU: what its free memory loses. On the CPU: the resident memory of the process.
 MemoryPlan plan_memory(const LoadedRun& run, Device device);
 
-/// The largest train.n_worlds with which the run takes at most `available_bytes` and n_minibatches divides its states;
-/// 0 where not even the smallest fits. Everything else stays as `run` says.
-int64_t largest_n_worlds(const LoadedRun& run, Device device, int64_t available_bytes);
+/// The setting that makes a run larger or smaller: worlds of mappo, members of an evolution strategy.
+struct RunSize {
+  std::string group, name;  ///< "train", "n_worlds"
+  std::string unit;         ///< "world"
+  int value = 0;            ///< in the run's configuration
+  std::string key() const { return group + "." + name; }
+};
+RunSize run_size(const RunConfig& config);
+
+/// The largest size with which the run takes at most `available_bytes` and its configuration is valid: n_minibatches
+/// divides mappo's states, and antithetic members come in pairs. 0 where not even the smallest fits. Everything else
+/// stays as `run` says.
+int64_t largest_size(const LoadedRun& run, Device device, int64_t available_bytes);
 
 }  // namespace giga

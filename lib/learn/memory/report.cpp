@@ -16,10 +16,13 @@ std::string format(const char* pattern, const Args&... args) {
   return text;
 }
 
-std::string advice(int64_t n_worlds) {
-  if (n_worlds == 0)
-    return "not even one world fits with these settings: smaller networks or a shorter horizon take less";
-  return cat("the largest train.n_worlds that fits is ", n_worlds);
+std::string advice(const LoadedRun& run, Device device, int64_t available_bytes) {
+  const int64_t largest = largest_size(run, device, available_bytes);
+  if (largest > 0) return cat("the largest ", run_size(run.config).key(), " that fits is ", largest);
+  return is_evolution(run.config.train)
+             ? "not even the smallest population fits with these settings: smaller networks, fewer episodes per member "
+               "or a smaller pool take less"
+             : "not even one world fits with these settings: smaller networks or a shorter horizon take less";
 }
 
 }  // namespace
@@ -36,31 +39,34 @@ std::string print_bytes(int64_t bytes) {
 std::string plan_table(const LoadedRun& run, Device device, const MemorySpace& space) {
   const MemoryPlan plan = plan_memory(run, device);
   const int64_t total = plan.total();
-  std::string table = format("%-46s %10s %7s %12s  %s\n", "item", "memory", "share", "per world", "what it is");
+  const RunSize size = run_size(run.config);
+  std::string table =
+      format("%-46s %10s %7s %12s  %s\n", "item", "memory", "share", ("per " + size.unit).c_str(), "what it is");
   for (const MemoryItem& item : plan.items)
     table += format("%-46s %10s %6.1f%% %12s  %s\n", item.name.c_str(), print_bytes(item.bytes).c_str(),
                     100 * static_cast<double>(item.bytes) / static_cast<double>(total),
-                    item.bytes_per_world > 0 ? print_bytes(item.bytes_per_world).c_str() : "-", item.note.c_str());
+                    item.bytes_per_unit > 0 ? print_bytes(item.bytes_per_unit).c_str() : "-", item.note.c_str());
   table += format("%-46s %10s\n", "total", print_bytes(total).c_str());
-  table += cat("\n", device.name(), ": ", print_bytes(space.free), " free of ", print_bytes(space.total),
-               "; train.n_worlds ", run.config.train.n_worlds, total <= space.free ? " fits" : " does not fit", "\n",
-               advice(largest_n_worlds(run, device, space.free)), "\n");
+  table += cat("\n", device.name(), ": ", print_bytes(space.free), " free of ", print_bytes(space.total), "; ",
+               size.key(), " ", size.value, total <= space.free ? " fits" : " does not fit", "\n",
+               advice(run, device, space.free), "\n");
   return table;
 }
 
 Json plan_json(const LoadedRun& run, Device device, const MemorySpace& space) {
   const MemoryPlan plan = plan_memory(run, device);
+  const RunSize size = run_size(run.config);
   Json items = Json::array();
   for (const MemoryItem& item : plan.items) {
     Json entry = Json::object();
-    entry.set("name", item.name).set("bytes", item.bytes).set("bytes_per_world", item.bytes_per_world);
+    entry.set("name", item.name).set("bytes", item.bytes).set("bytes_per_" + size.unit, item.bytes_per_unit);
     items.push(std::move(entry.set("note", item.note)));
   }
   Json json = Json::object();
-  json.set("device", device.name()).set("n_worlds", run.config.train.n_worlds).set("items", std::move(items));
+  json.set("device", device.name()).set(size.name, size.value).set("items", std::move(items));
   json.set("total_bytes", plan.total()).set("device_bytes", space.total).set("free_bytes", space.free);
   json.set("fits", plan.total() <= space.free);
-  json.set("largest_n_worlds", largest_n_worlds(run, device, space.free));
+  json.set("largest_" + size.name, largest_size(run, device, space.free));
   return json;
 }
 
@@ -74,9 +80,10 @@ void check_fits(const LoadedRun& run, Device device, const MemorySpace& space) {
   std::string largest;
   for (size_t k = 0; k < named; ++k)
     largest += cat(k ? ", " : "", plan.items[k].name, " ", print_bytes(plan.items[k].bytes));
-  throw InputError(cat("train.n_worlds: ", run.config.train.n_worlds, " needs ", print_bytes(total), " of memory on ",
-                       device.name(), ", which has ", print_bytes(space.free), " free of ", print_bytes(space.total),
-                       "\n  most of it: ", largest, "\n  ", advice(largest_n_worlds(run, device, space.free))));
+  const RunSize size = run_size(run.config);
+  throw InputError(cat(size.key(), ": ", size.value, " needs ", print_bytes(total), " of memory on ", device.name(),
+                       ", which has ", print_bytes(space.free), " free of ", print_bytes(space.total),
+                       "\n  most of it: ", largest, "\n  ", advice(run, device, space.free)));
 }
 
 }  // namespace giga

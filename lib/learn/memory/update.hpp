@@ -1,4 +1,5 @@
-// What LibTorch allocates and gives back in the course of an update (mappo.cpp, ppo_team.cpp) and of an evaluation.
+// What LibTorch allocates and gives back in the course of an update of mappo (mappo.cpp, ppo_team.cpp) and of an
+// evaluation.
 #pragma once
 
 #include <string>
