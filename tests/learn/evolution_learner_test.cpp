@@ -17,6 +17,7 @@ SmallRun evolution(const std::string& algorithm, const std::string& population =
                    const std::string& scenario = "") {
   SmallRun run;
   run.train = "algorithm: " + algorithm;
+  run.n_threads = 1;  // so little work that threads only wait for each other
   run.more = cat("population: {population_size: 8, episodes_per_member: 2, generations: 50, actor: {hidden: [8, 8]}",
                  population.empty() ? "" : ", ", population, "}\n", more);
   run.scenario = scenario;

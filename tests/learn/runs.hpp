@@ -18,6 +18,7 @@ struct SmallRun {
   int seed = 3;
   std::string actor = "hidden: [16, 16]";
   std::string precision = "fp32";
+  int n_threads = 2;
   std::string more = {};  ///< whole lines of further keys of the config
 
   LoadedRun load() const;
