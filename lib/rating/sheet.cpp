@@ -254,9 +254,13 @@ void write_ratings(const fs::path& folder, const RatingSheet& sheet, const Json&
   if (code) throw InputError(cat("cannot create the folder ", folder.string(), ": ", code.message()));
   write_file(folder / RatingFiles::kCsv, ratings_csv(sheet));
   write_file(folder / RatingFiles::kMatrixCsv, matrix_csv(sheet));
-  const std::pair<const char*, std::string> pictures[] = {{RatingFiles::kRatingPicture, rating_picture(sheet)},
-                                                          {RatingFiles::kWinRatePicture, win_rate_picture(sheet)},
-                                                          {RatingFiles::kMatrixPicture, matrix_picture(sheet)}};
+  constexpr TrainingAxis kSteps = TrainingAxis::agent_steps, kTime = TrainingAxis::seconds;
+  const std::pair<const char*, std::string> pictures[] = {
+      {RatingFiles::kRatingPicture, rating_picture(sheet, kSteps)},
+      {RatingFiles::kRatingTimePicture, rating_picture(sheet, kTime)},
+      {RatingFiles::kWinRatePicture, win_rate_picture(sheet, kSteps)},
+      {RatingFiles::kWinRateTimePicture, win_rate_picture(sheet, kTime)},
+      {RatingFiles::kMatrixPicture, matrix_picture(sheet)}};
   for (const auto& [name, picture] : pictures) {
     if (!picture.empty()) write_file(folder / name, picture);
     if (picture.empty()) fs::remove(folder / name, code);

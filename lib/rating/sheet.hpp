@@ -21,7 +21,7 @@ struct PlayerInfo {
   std::string run;                       ///< name of the run folder
   int64_t updates = 0;
   double agent_steps = 0;
-  double seconds = 0;  ///< of training
+  double seconds = 0;  ///< of training, all processes together, as metrics.csv counts them
   bool best = false;   ///< the run's best checkpoint (best.h5)
 
   bool is_baseline() const { return kind != PlayerKind::checkpoint; }
@@ -67,8 +67,10 @@ struct RatingFiles {
   static constexpr const char* kJson = "ratings.json";
   static constexpr const char* kCsv = "ratings.csv";
   static constexpr const char* kMatrixCsv = "matrix.csv";
-  static constexpr const char* kRatingPicture = "rating.svg";
-  static constexpr const char* kWinRatePicture = "win_rate.svg";
+  static constexpr const char* kRatingPicture = "rating.svg";                 ///< along agent-steps
+  static constexpr const char* kRatingTimePicture = "rating_seconds.svg";     ///< along wall-clock time
+  static constexpr const char* kWinRatePicture = "win_rate.svg";              ///< along agent-steps
+  static constexpr const char* kWinRateTimePicture = "win_rate_seconds.svg";  ///< along wall-clock time
   static constexpr const char* kMatrixPicture = "matrix.svg";
 };
 

@@ -65,11 +65,43 @@ TEST_F(RatedRuns, ARunGetsAFolderOfRatingsAndItsReportShowsThem) {
   }
   EXPECT_TRUE(best);
   EXPECT_EQ(csv.cell(csv.rows.size() - 1, "updates"), "4");
-  for (const char* name : {"ratings.json", "matrix.csv", "rating.svg", "win_rate.svg", "matrix.svg"})
+  for (const char* name : {"ratings.json", "matrix.csv", "rating.svg", "rating_seconds.svg", "win_rate.svg",
+                           "win_rate_seconds.svg", "matrix.svg"})
     EXPECT_TRUE(here_->has(std::string("run-seed1/ratings/") + name)) << name;
   if (!here_->has("run-seed1/report.html")) return;  // this gigastep cannot write reports
   EXPECT_TRUE(
       contains(here_->read("run-seed1/report.html"), {"\"kind\": \"pictures\"", "Cross-play: identical_1_vs_1"}));
+}
+
+// A run that was stopped and resumed: its checkpoints have the seconds of metrics.csv, which go on where they were.
+TEST_F(RatedRuns, SecondsAreThoseOfMetricsAlsoOfAResumedRun) {
+  ASSERT_EQ(here_
+                ->run({"train", "short.yaml", "--quiet", "--run-dir", "resumed", "--set", "checkpoint.keep=9", "--set",
+                       "train.total_agent_steps=512"})
+                .code,
+            0);
+  ASSERT_EQ(here_->run({"resume", "resumed", "--quiet", "--set", "train.total_agent_steps=1024"}).code, 0);
+  ASSERT_EQ(rate({"resumed", "--scripted", "random", "--episodes", "4"}).code, 0);
+  const CsvTable rated = parse_csv(here_->read("resumed/ratings/ratings.csv"));
+  const CsvTable metrics = parse_csv(here_->read("resumed/metrics.csv"));
+  const auto seconds = [](const CsvTable& table, size_t row) { return std::stod(table.cell(row, "seconds")); };
+  size_t seen = 0;
+  for (size_t row = 1; row < rated.rows.size(); ++row) {  // behind random
+    const auto updates = static_cast<size_t>(std::stoi(rated.cell(row, "updates")));
+    if (updates == 0) continue;  // before the first row of metrics.csv
+    ++seen;
+    ASSERT_EQ(metrics.cell(updates - 1, "update"), rated.cell(row, "updates"));
+    // A checkpoint is written after its row of metrics.csv and before the next.
+    EXPECT_GE(seconds(rated, row), seconds(metrics, updates - 1)) << updates;
+    if (updates < metrics.rows.size()) {
+      EXPECT_LE(seconds(rated, row), seconds(metrics, updates)) << updates;
+    }
+    if (row > 1) {
+      EXPECT_GT(seconds(rated, row), seconds(rated, row - 1)) << updates;
+    }
+  }
+  EXPECT_EQ(seen, 4u);
+  EXPECT_TRUE(contains(here_->read("resumed/ratings/rating_seconds.svg"), {"wall-clock time of training (seconds)"}));
 }
 
 TEST_F(RatedRuns, TwoRunsInOneTableAsJson) {

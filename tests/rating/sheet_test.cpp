@@ -111,9 +111,14 @@ TEST(RatingSheet, WritesAFolder) {
   EXPECT_EQ(parse_yaml_text(read_file(out / "ratings.json"), "json").root.find("seed")->text, "7");
   for (const char* name : {"rating.svg", "win_rate.svg", "matrix.svg"})
     EXPECT_TRUE(contains(read_file(out / name), {"<svg", "</svg>"})) << name;
+  for (const char* name : {"rating.svg", "win_rate.svg"})
+    EXPECT_TRUE(contains(read_file(out / name), {">agent-steps (millions)<"})) << name;
+  for (const char* name : {"rating_seconds.svg", "win_rate_seconds.svg"})
+    EXPECT_TRUE(contains(read_file(out / name), {">wall-clock time of training (minutes)<"})) << name;
   const RatingSheet scripts = make_sheet({.n_checkpoints = 0});
   write_ratings(out, scripts, ratings_json(scripts));
-  EXPECT_FALSE(std::filesystem::exists(out / "rating.svg")) << "the old picture would belong to other ratings";
+  for (const char* name : {"rating.svg", "rating_seconds.svg", "win_rate.svg", "win_rate_seconds.svg"})
+    EXPECT_FALSE(std::filesystem::exists(out / name)) << name << " would belong to other ratings";
   write_file(folder / "file", "");
   EXPECT_TRUE(
       contains(input_error_of([&] { write_ratings(folder / "file", scripts, {}); }), {"cannot create the folder"}));
