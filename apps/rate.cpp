@@ -91,9 +91,9 @@ void rate_runs(const RateOptions& o) {
   Contestants contestants =
       find_contestants({o.runs, o.scripted, o.scenario, o.checkpoints}, {device, o.trust, o.greedy});
   const RatingSheet sheet = play_and_rate(o, contestants, device);
-  Json json = ratings_json(sheet);
-  json.set("episodes", o.episodes).set("seed", o.seed).set("greedy", o.greedy).set("versions", version_info());
   const fs::path folder = o.out.empty() ? default_folder(o) : fs::path(o.out);
+  Json json = ratings_json(sheet, folder);
+  json.set("episodes", o.episodes).set("seed", o.seed).set("greedy", o.greedy).set("versions", version_info());
   write_ratings(folder, sheet, json);
   renew_report(o, folder);
   if (!o.json.empty()) write_json(json, o.json);

@@ -298,6 +298,30 @@ TEST_F(RatedRuns, AnExportedPolicyCarriesItsRating) {
       contains(damaged.err, {"warning: ", "carrier/ratings/ratings.json:1:1: ", "the manifest has no ratings"}));
 }
 
+// Two runs in folders of the same name, rated together into the folder of one of them.
+TEST_F(RatedRuns, OfTheSameNameAreToldApart) {
+  for (const auto& [from, to] : {std::pair{"run-seed1", "first"}, {"run-seed2", "second"}}) {
+    std::filesystem::create_directory(here_->path() / to);
+    std::filesystem::copy(here_->path() / from, here_->path() / to / "twin", std::filesystem::copy_options::recursive);
+  }
+  const Outcome outcome = rate({"second/twin", "first/twin/checkpoints/update_00000004.h5", "--checkpoints", "1",
+                                "--scripted", "random", "--episodes", "32", "--out", "first/twin/ratings"});
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_TRUE(contains(outcome.out, {"first/twin@4", "second/twin@4"}));
+  const CsvTable csv = parse_csv(here_->read("first/twin/ratings/ratings.csv"));
+  std::string of_first, of_second;
+  for (size_t row = 0; row < csv.rows.size(); ++row) {
+    if (csv.cell(row, "run") == "first/twin") of_first = csv.cell(row, "paper_elo");
+    if (csv.cell(row, "player") == "second/twin@4") of_second = csv.cell(row, "paper_elo");
+  }
+  ASSERT_NE(of_first, of_second);
+  const Outcome exported = here_->run({"export", "first/twin/checkpoints/update_00000004.h5", "--team", "0", "--format",
+                                       "safetensors", "--out", "twin_policy"});
+  ASSERT_EQ(exported.code, 0) << exported.err;
+  EXPECT_EQ(at(parse_yaml_text(here_->read("twin_policy/manifest.json"), "json"), {"ratings", "paper_elo"}).text,
+            of_first);
+}
+
 TEST_F(RatedRuns, HelpHasExamples) {
   const Outcome help = here_->run({"rate", "--help"});
   EXPECT_EQ(help.code, 0);

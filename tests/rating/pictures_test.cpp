@@ -144,7 +144,7 @@ TEST(RatingPictures, WhereTheAnchorNeverWinsCheckpointsAreShownAmongThemselves) 
   add(sheet.table, "run@2", "run@1", {30, 10, 0});
   for (const char* strong : {"run@1", "run@2"}) add(sheet.table, strong, "random", {20, 0, 0});
   sheet.infos = {
-      {}, {PlayerKind::checkpoint, "run", 1, 100, 1, false}, {PlayerKind::checkpoint, "run", 2, 200, 2, false}};
+      {}, {PlayerKind::checkpoint, "run", 1, 100, 1, false, {}}, {PlayerKind::checkpoint, "run", 2, 200, 2, false, {}}};
   sheet.ratings = rate(sheet.table, {});
   const Elements svg = parse_xml(rating_picture(sheet, kSteps));
   EXPECT_EQ(count_texts(svg, "Elo by maximum likelihood, run@1 = 0; bars: 95 % intervals; grey: baselines"), 1);
