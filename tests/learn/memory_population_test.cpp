@@ -199,6 +199,28 @@ TEST(LearnMemoryPopulationPlan, TableAndJsonTellTheSame) {
   EXPECT_EQ(json.find("n_worlds"), std::string::npos) << json;
 }
 
+TEST(LearnMemoryPopulationPlan, SaysWhatComputesTheMembersNetworks) {
+  constexpr MemorySpace kSpace{int64_t{64} << 30, int64_t{32} << 30};
+  constexpr Device kAbsent{Device::Kind::cuda, 99};
+  const auto check = [&](const Settings& s, Device device, MemberNetworks networks, const char* line,
+                         const char* json) {
+    const LoadedRun run = load(s, 512);
+    EXPECT_EQ(plan_memory(run, device).networks, networks) << line;
+    EXPECT_TRUE(contains(plan_table(run, device, kSpace), {line}));
+    EXPECT_TRUE(contains(plan_json(run, device, kSpace).text(), {json}));
+  };
+  const Settings plain{"", "algorithm: snes"}, wide{"", "algorithm: snes", "actor: {layer_norm: true}"};
+  check(plain, kAbsent, MemberNetworks::fused_assumed,
+        "\n\nmembers' networks: in the fused kernel, which is assumed: cuda:99 is not here to be asked\ncuda:99: ",
+        "\"member_networks\": \"fused_assumed\"");
+  for (const auto& [settings, device] : {std::pair{wide, kAbsent}, {plain, kCpu}})
+    check(settings, device, MemberNetworks::libtorch, "\n\nmembers' networks: through LibTorch\n",
+          "\"member_networks\": \"libtorch\"");
+  if (cuda_device_count() > 0)
+    check(plain, kGpu, MemberNetworks::fused, "\n\nmembers' networks: in the fused kernel\n",
+          "\"member_networks\": \"fused\"");
+}
+
 class LearnMemoryPopulationGpu : public testing::TestWithParam<std::tuple<Settings, int>> {};
 
 TEST_P(LearnMemoryPopulationGpu, PlanIsWhatFreeMemoryLoses) {
