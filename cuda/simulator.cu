@@ -19,10 +19,12 @@ constexpr int kTileWarps = 4;  // warps of a block of TileLanes
 constexpr int kTileBlocks = 8;
 constexpr int kMaxBlockThreads = 512;  // threads of a block of BlockLanes
 
+constexpr int kWorldsAlone = 1024;     // playing worlds up to which each has a warp for itself
+
 // Steps after which the list of the worlds that still play is made anew (OnDone::freeze).
 constexpr int kStepsPerList = 8;
 
-enum class Job { start, step, settle, observe };
+enum class Job { start, step, restart, observe };
 
 /// Arguments of the kernel, by value.
 struct Launch {
@@ -76,7 +78,7 @@ __device__ void copy_agents(const Lanes& lanes, const WorldView& from, const Wor
 template <Job job, bool in_shared, class Lanes>
 __device__ void run_world(const Lanes& lanes, const Launch& k, int world, char* shared) {
   const WorldView home = world_view(k.state, k.params, world);
-  if (job == Job::settle && !to_settle(lanes, home)) return;
+  if (job == Job::restart && !to_settle(lanes, home)) return;
   WorldView w = home;
   if constexpr (in_shared) {
     w = working_copy(home, shared, k.params.n_agents);
@@ -85,11 +87,14 @@ __device__ void run_world(const Lanes& lanes, const Launch& k, int world, char* 
   } else {
     attach_scratch(w, k.layout, k.scratch + static_cast<size_t>(world) * k.layout.size);
   }
-  // The step has counted itself already when its end is settled.
-  const uint32_t step = *w.draw_step - (job == Job::settle ? 1 : 0);
+  // The step has counted itself already when an episode follows it.
+  const uint32_t step = *w.draw_step - (job == Job::restart ? 1 : 0);
   PhiloxDraws draws(k.seed, draw_world(k.first_world, k.draw_period, world), step);
-  if (job == Job::step) step_world(lanes, k.params, w, draws, k.io, k.on_done, world);
-  if (job == Job::settle) settle_world(lanes, k.params, w, draws, k.io, k.on_done, world);
+  if (job == Job::step) {
+    step_world(lanes, k.params, w, draws, k.io, k.on_done, world);
+    if (k.on_done == OnDone::freeze && to_settle(lanes, w)) freeze_world(lanes, k.params, w, k.io, world);
+  }
+  if (job == Job::restart) restart_world(lanes, k.params, w, draws, k.io, world);
   if (job == Job::start) start_world(lanes, k.params, w, draws, k.io, world);
   if (job == Job::observe) write_observations(lanes, k.params, w, k.io, world);
   if constexpr (in_shared) copy_agents(lanes, w, home, k.params.n_agents);
@@ -98,14 +103,17 @@ __device__ void run_world(const Lanes& lanes, const Launch& k, int world, char* 
 template <Job job>
 __global__ void __launch_bounds__(kTileWarps* kWarp, kTileBlocks) tile_kernel(const __grid_constant__ Launch k) {
   extern __shared__ char shared[];
-  const int n = k.params.n_agents, per_warp = kWarp / n;
+  const int n = k.params.n_agents, count = k.count();
+  // Few worlds take as long as one does: a warp for each is faster then.
+  const bool alone = k.playing && count <= kWorldsAlone && count <= static_cast<int>(gridDim.x) * kTileWarps;
+  const int width = alone ? kWarp : n, per_warp = kWarp / width;
   const int lane = threadIdx.x % kWarp, warp = threadIdx.x / kWarp;
-  const int tile = lane / n;
+  const int tile = lane / width;
   const int slot = warp * per_warp + (tile < per_warp ? tile : 0);
-  const int at = blockIdx.x * (kTileWarps * per_warp) + slot, count = k.count();
+  const int at = blockIdx.x * (kTileWarps * per_warp) + slot;
   if (static_cast<int>(blockIdx.x) * (kTileWarps * per_warp) >= count) return;
   const bool idle = tile >= per_warp || at >= count;
-  const TileLanes lanes{idle ? INT_MAX : lane % n, n};
+  const TileLanes lanes{idle ? INT_MAX : lane % width, width};
   // An idle thread looks at some world of the launch, so that it can keep in step.
   run_world<job, true>(lanes, k, k.world(at < count ? at : count - 1), shared + slot * (k.copy_bytes + k.layout.size));
 }
@@ -174,7 +182,7 @@ class CudaSimulator final : public Simulator {
     const bool listed = playing_.data() && !io.done && !io.team[0].reward && !io.team[1].reward;
     if (listed && steps_++ % kStepsPerList == 0) list_worlds();
     launch<Job::step>(io, listed);
-    if (options_.on_done != OnDone::keep) launch<Job::settle>(io, listed);
+    if (options_.on_done == OnDone::reset) launch<Job::restart>(io, false);
   }
   void observe(const StepIo& io) override { launch<Job::observe>(io, false); }
 

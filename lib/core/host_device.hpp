@@ -7,9 +7,11 @@
 #define GIGA_HD inline
 #endif
 
-// In front of a loop over a small array that must stay in registers on the GPU.
+// In front of a loop over a small array that must stay in registers on the GPU; and of one that must not grow the code.
 #if defined(__CUDA_ARCH__)
 #define GIGA_UNROLL _Pragma("unroll")
+#define GIGA_ROLLED _Pragma("unroll 1")
 #else
 #define GIGA_UNROLL
+#define GIGA_ROLLED
 #endif

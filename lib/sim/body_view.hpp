@@ -109,18 +109,19 @@ GIGA_HD void write_body_self(const SimParams& p, const WorldView& w, int e, floa
 
 /// Nearness of the first wall in each direction: out [kBodyRays]. A line serves two opposite ones.
 GIGA_HD void write_body_walls(const SimParams& p, const WorldView& w, int e, float* out) {
-  constexpr float kHalf = 0.5f, kRoot = 0.86602540378443864676f;  // of multiples of 30 degrees
   constexpr int kLines = kBodyRays / 2;
   static_assert(kLines == 6);
-  constexpr float kCos[kLines] = {1, kRoot, kHalf, 0, -kHalf, -kRoot},
-                  kSin[kLines] = {0, kHalf, kRoot, 1, kRoot, kHalf};
+  constexpr float kCos30 = 0.86602540378443864676f, kSin30 = 0.5f;
   const Box* boxes = p.maps.boxes + static_cast<int64_t>(*w.map) * p.n_boxes;
-  const float nose_x = w.dir_x[e], nose_y = w.dir_y[e];
+  float dx = w.dir_x[e], dy = w.dir_y[e];
+  GIGA_ROLLED
   for (int k = 0; k < kLines; ++k) {
-    const float dx = nose_x * kCos[k] - nose_y * kSin[k], dy = nose_y * kCos[k] + nose_x * kSin[k];
     const FreeWay way = free_way(p, boxes, w.x[e], w.y[e], w.z[e], dx, dy);
     out[k] = nearness(way.ahead);
     out[k + kLines] = nearness(way.behind);
+    const float turned = dx * kCos30 - dy * kSin30;
+    dy = dy * kCos30 + dx * kSin30;
+    dx = turned;
   }
 }
 

@@ -113,7 +113,7 @@ GIGA_HD void reset_world(const Lanes& lanes, const SimParams& p, WorldView& w, D
 }
 
 /// One step of one world. Between two stages all lanes see all results of the first. Where the episode ends, its world
-/// is left in Phase::terminated or truncated, for settle_world.
+/// is left in Phase::terminated or truncated, for freeze_world or restart_world.
 template <class Lanes, class Draws>
 GIGA_HD void step_world(const Lanes& lanes, const SimParams& p, WorldView& w, Draws& draws, const StepIo& io,
                         OnDone on_done, int64_t world) {
@@ -174,28 +174,41 @@ GIGA_HD bool to_settle(const Lanes& lanes, const WorldView& w) {
   return lanes.any(*w.phase == Phase::terminated || *w.phase == Phase::truncated);
 }
 
-/// What follows a step in which the episode ended: the books are closed, the last observation is kept, and a new
-/// episode starts, or the world waits. `draws` are those of the step. A pass of its own, because it is rare.
-template <class Lanes, class Draws>
-GIGA_HD void settle_world(const Lanes& lanes, const SimParams& p, WorldView& w, Draws& draws, const StepIo& io,
-                          OnDone on_done, int64_t world) {
+/// Where the episode ended: closes its books and keeps its last observation. Returns whether it did.
+template <class Lanes>
+GIGA_HD bool close_world(const Lanes& lanes, const SimParams& p, WorldView& w, const StepIo& io, int64_t world) {
   const bool ended = *w.phase == Phase::terminated || *w.phase == Phase::truncated;
   lanes.each(ended ? kNBookItems : 0, [&](int item) { close_books(p, w, item); });
   keep_final(lanes, p, io, world, ended && (!io.final_of_truncations_only || *w.phase == Phase::truncated));
-  if (on_done == OnDone::freeze) {
-    lanes.each(ended ? 1 : 0, [&](int) { *w.phase = Phase::waits; });
-    return;
-  }
+  return ended;
+}
+
+/// What follows a step in which the episode ended, with OnDone::freeze: the world waits.
+template <class Lanes>
+GIGA_HD void freeze_world(const Lanes& lanes, const SimParams& p, WorldView& w, const StepIo& io, int64_t world) {
+  const bool ended = close_world(lanes, p, w, io, world);
+  lanes.each(ended ? 1 : 0, [&](int) { *w.phase = Phase::waits; });
+}
+
+/// With OnDone::reset: a new episode starts. `draws` are those of the step. A pass of its own, because it is rare.
+template <class Lanes, class Draws>
+GIGA_HD void restart_world(const Lanes& lanes, const SimParams& p, WorldView& w, Draws& draws, const StepIo& io,
+                           int64_t world) {
+  const bool ended = close_world(lanes, p, w, io, world);
   reset_world(lanes, p, w, draws, ended);
   observe_world(lanes, p, w, draws, io, world, true, ended);
 }
 
-/// step_world and, where needed, settle_world: all of a step, for executors that do both at once.
+/// step_world and what follows it: all of a step, for executors that do both at once.
 template <class Lanes, class Draws>
 GIGA_HD void play_step(const Lanes& lanes, const SimParams& p, WorldView& w, Draws& draws, const StepIo& io,
                        OnDone on_done, int64_t world) {
   step_world(lanes, p, w, draws, io, on_done, world);
-  if (to_settle(lanes, w)) settle_world(lanes, p, w, draws, io, on_done, world);
+  if (!to_settle(lanes, w)) return;
+  if (on_done == OnDone::freeze)
+    freeze_world(lanes, p, w, io, world);
+  else
+    restart_world(lanes, p, w, draws, io, world);
 }
 
 /// The first episode of a world: everything zero but the reward factor, then a reset and the first observation.
