@@ -129,30 +129,19 @@ TEST(LearnEvolutionOpponents, SharesOfTheEpisodes) {
   // Without a pool yet: 4 of 16 episodes against scripts in turn, the rest against the mean.
   std::vector<int32_t> expected = {circle, pursuer, circle, pursuer};
   expected.resize(16, 0);
-  EXPECT_EQ(assign_opponents(c, 16, 0, {1, 0, 0}), expected);
+  EXPECT_EQ(assign_opponents(c, 16, {}, {1, 0, 0}), expected);
   // With five past means: 8 episodes draw rows 1 to 5.
   std::array<int, 6> drawn{};
+  const std::vector<double> alike(5, 1.0);
   for (uint32_t generation = 0; generation < 500; ++generation) {
-    const std::vector<int32_t> opponents = assign_opponents(c, 16, 5, {1, generation, 0});
+    const std::vector<int32_t> opponents = assign_opponents(c, 16, alike, {1, generation, 0});
     for (size_t e = 0; e < 4; ++e) EXPECT_EQ(opponents[e], expected[e]);
     for (size_t e = 4; e < 12; ++e) ++drawn.at(static_cast<size_t>(opponents[e]));
     for (size_t e = 12; e < 16; ++e) EXPECT_EQ(opponents[e], 0);
   }
   EXPECT_EQ(drawn[0], 0);
   for (size_t k = 1; k < 6; ++k) EXPECT_NEAR(drawn[k], 800, 4 * 26);  // of 4,000; deviation sqrt(4000 x 0.2 x 0.8) = 25
-  EXPECT_NE(assign_opponents(c, 16, 5, {1, 1, 0}), assign_opponents(c, 16, 5, {1, 1, 1})) << "teams draw apart";
-}
-
-TEST(LearnEvolutionOpponents, ThePoolKeepsTheLatestMeans) {
-  MeanPool pool(2, at::full({3}, 1.0));
-  EXPECT_EQ(pool.size(), 0);
-  for (int k = 2; k <= 4; ++k) {
-    pool.keep();  // k - 1
-    pool.set_mean(at::full({3}, static_cast<double>(k)));
-  }
-  EXPECT_EQ(pool.size(), 2);
-  EXPECT_TRUE(
-      at::equal(pool.networks(), at::tensor({4.0f, 4.0f, 4.0f, 3.0f, 3.0f, 3.0f, 2.0f, 2.0f, 2.0f}).view({3, 3})));
+  EXPECT_NE(assign_opponents(c, 16, alike, {1, 1, 0}), assign_opponents(c, 16, alike, {1, 1, 1})) << "teams draw apart";
 }
 
 // On an empty map where nobody shoots, whoever stays inside longest wins; the opponent flies straight on and is out

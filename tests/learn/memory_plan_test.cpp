@@ -26,6 +26,7 @@ struct Settings {
   const char* mappo;          // keys in flow style
   const char* scenario = "";  // whole lines
   const char* train = "";     // keys in flow style
+  const char* more = "";      // whole lines
 };
 void PrintTo(const Settings& s, std::ostream* out) { *out << s.name; }
 
@@ -33,9 +34,13 @@ LoadedRun load(const Settings& s, int n_worlds) {
   constexpr const char* kTeams = "team_0: [{type: default, count: 5}]\nteam_1: [{type: default, count: 5}]\n";
   const bool teams_given = std::string(s.scenario).find("team_0") != std::string::npos;
   return load_run_config_text(cat("seed: 1\ntrain: {n_worlds: ", n_worlds, ", n_threads: 1", s.train,
-                                  "}\nmappo: {horizon: 16, ", s.mappo, "}\neval: {episodes: 8}\n"),
+                                  "}\nmappo: {horizon: 16, ", s.mappo, "}\neval: {episodes: 8}\n", s.more),
                               cat("max_episode_length: 100\n", teams_given ? "" : kTeams, s.scenario));
 }
+
+constexpr const char* kPool =
+    "opponents: {pool_size: 16, pool_every_updates: 1, pool_share: 0.4, scripted: [circle, pursuer], scripted_share: "
+    "0.1}\n";
 
 // With one epoch of one minibatch learning takes most; with eight minibatches, the values of the rollout.
 const Settings kSettings[] = {
@@ -57,6 +62,10 @@ const Settings kSettings[] = {
      "action: continuous\n"},
     {"AgainstAScript", "n_epochs: 1, n_minibatches: 1", "", ", opponent: circle"},
     {"AgainstAScriptThatLooks", "n_epochs: 1, n_minibatches: 1", "", ", opponent: pursuer"},
+    {"Pool", "n_epochs: 1, n_minibatches: 1", "", "", kPool},
+    {"PoolValuesOfTheRollout", "n_epochs: 1, n_minibatches: 8", "", "", kPool},
+    {"PoolObsNormContinuousState", "n_epochs: 1, n_minibatches: 2, obs_norm: true, critic: {kind: state}",
+     "action: continuous\n", "", kPool},
 };
 
 class LearnMemory : public testing::TestWithParam<Settings> {};
