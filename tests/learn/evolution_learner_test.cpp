@@ -120,6 +120,28 @@ TEST(LearnEvolutionTeams, MetricsCountWhatWasPlayed) {
   }
 }
 
+TEST(LearnEvolutionOpponents, GamesAgainstThePoolAreNoted) {
+  // 8 members x 2 episodes: one of them against a script, one against the pool once it holds something.
+  const auto learner = evolution("snes", "",
+                                 "opponents: {pool_size: 2, pool_every_updates: 2, pool_share: 0.5, pool_draw: pfsp, "
+                                 "scripted_share: 0.5}\n")
+                           .learner();
+  const auto games = [&](int team) {
+    return array_values<double>(find_array(saved(*learner), cat("team_", team, "/pool/games")));
+  };
+  for (int u = 0; u < 3; ++u) {
+    const Metrics metrics = learner->update();
+    for (int team = 0; team < 2; ++team) {
+      EXPECT_EQ(std::isnan(metric(metrics, cat("pool_win_share_", team))), u < 2) << "generation " << u;
+      // Eight episodes against the script.
+      const double wins = 8 * metric(metrics, cat("scripted_win_share_", team));
+      EXPECT_NEAR(wins, std::round(wins), 1e-9);
+      EXPECT_EQ(games(team), (std::vector<double>{u < 2 ? 0.0 : 8.0, 0})) << "generation " << u;
+    }
+  }
+  EXPECT_EQ(learner->headline().back().metric, std::string("scripted_win_share"));
+}
+
 TEST(LearnEvolutionOpponents, SharesOfTheEpisodes) {
   OpponentsConfig c;
   c.pool_share = 0.5;

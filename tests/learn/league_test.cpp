@@ -53,8 +53,8 @@ TEST(LearnLeague, ScriptsAndPastPoliciesMoveTheirWorlds) {
   ASSERT_EQ(games.shares.scripted, 6);
   ASSERT_EQ(games.shares.pooled(), 4);
   games.collect(0);
-  // Indices of the 27 actions: 9 x heading + 3 x dive + throttle, each from -1 to 1.
-  constexpr int kLeft = 2 * 9 + 3 + 1, kRight = 3 + 1;
+  // Indices of the 27 actions: 13 is straight on, three more a turn to the left.
+  constexpr int kLeft = 16, kRight = 10;
   for (int learner = 0; learner < 2; ++learner) {
     const at::Tensor action = games.collector.rollout().team[1 - learner].action;  // [T, W, 2]
     const WorldRange scripts = games.shares.scripts(learner);
@@ -243,25 +243,49 @@ TEST(LearnLeague, GamesAgainstPastPoliciesCountFromTheirDrawOn) {
   EXPECT_EQ(array_values<double>(find_array(arrays, "team_0/wins")), (std::vector<double>{1, 0}));
 }
 
-TEST(LearnLeague, WinSharesAreLoggedForBothTeams) {
-  // Where nobody shoots and who flies straight on leaves the map, a team loses against a circle and beats noop.
-  SmallRun run = with_opponents("pool_size: 2, pool_every_updates: 2, pool_share: 0.4, scripted: [noop], "
-                                "scripted_share: 0.6");
-  run.scenario = "damage: {damage_cone_depth: 0}\ncollision: {collision_range: 0}\nmax_episode_length: 100\n";
-  const auto learner = run.learner();
-  std::array<double, kNTeams> pool{}, scripts{};
-  int n_pool = 0, n_scripts = 0;
-  for (int u = 0; u < 40; ++u) {
-    const Metrics metrics = learner->update();
-    const double p = metric(metrics, "pool_win_share_0"), s = metric(metrics, "scripted_win_share_1");
-    if (std::isfinite(p)) ++n_pool, pool[0] += p;
-    if (std::isfinite(s)) ++n_scripts, scripts[1] += s;
-    EXPECT_EQ(metric(metrics, "episodes") > 0, std::isfinite(metric(metrics, "win_share_0")));
+/// Means of a team's figure over the updates of a run in which it is known.
+std::array<double, kNTeams> mean_figures(Learner& learner, const std::string& name, int n_updates) {
+  std::array<double, kNTeams> sums{};
+  std::array<int, kNTeams> counts{};
+  for (int u = 0; u < n_updates; ++u) {
+    const Metrics metrics = learner.update();
+    for (size_t team = 0; team < kNTeams; ++team) {
+      const double value = metric(metrics, cat(name, "_", team));
+      if (!std::isfinite(value)) continue;
+      sums[team] += value;
+      ++counts[team];
+    }
   }
-  EXPECT_GT(n_pool, 0);
-  EXPECT_GT(n_scripts, 10);
-  EXPECT_GT(scripts[1] / n_scripts, 0.5) << "a policy that turns at random stays inside longer than noop";
-  EXPECT_EQ(learner->headline().back().metric, std::string("scripted_win_share"));
+  for (size_t team = 0; team < kNTeams; ++team) sums[team] /= counts[team];
+  return sums;
+}
+
+// Where nobody shoots, whoever flies straight on is the first to leave the map, and who circles never does.
+TEST(LearnLeague, WinSharesTellStrongOpponentsFromWeakOnes) {
+  const auto win_shares = [](const char* script) {
+    SmallRun run = with_opponents(cat("scripted_share: 0.8, scripted: [", script, "]"));
+    run.scenario =
+        "damage: {damage_cone_depth: 0}\ncollision: {collision_range: 0}\nlimit_x: 10\nlimit_y: 10\n"
+        "max_episode_length: 120\n";
+    const auto learner = run.learner();
+    EXPECT_EQ(learner->headline().back().metric, std::string("scripted_win_share"));
+    return mean_figures(*learner, "scripted_win_share", 60);
+  };
+  const std::array<double, kNTeams> weak = win_shares("noop"), strong = win_shares("circle");
+  for (size_t team = 0; team < kNTeams; ++team) {
+    EXPECT_GT(weak[team], 0.3) << "team " << team;
+    EXPECT_LT(strong[team], 0.1) << "team " << team;
+  }
+}
+
+TEST(LearnLeague, WinSharesAgainstThePoolAreLogged) {
+  // Episodes of at most 40 steps, rollouts of 8: those that begin and end between two draws count.
+  const auto learner = with_opponents("pool_size: 2, pool_every_updates: 12, pool_share: 0.8").learner();
+  EXPECT_TRUE(std::isnan(mean_figures(*learner, "pool_win_share", 12)[0])) << "nothing counts while the pool is empty";
+  for (const double share : mean_figures(*learner, "pool_win_share", 24)) {
+    EXPECT_GT(share, 0.05);
+    EXPECT_LT(share, 0.95);
+  }
 }
 
 TEST(LearnLeague, ARunGoesOnWithOtherShares) {

@@ -163,7 +163,7 @@ TEST(LearnMemoryPlan, LargestNumberOfWorldsFitsAndOneMoreDoesNot) {
 TEST(LearnMemoryPlan, GrowsWithTheNumberOfWorlds) {
   for (const Device device : {kCpu, Device{Device::Kind::cuda, 0}}) {
     for (const Settings& settings : kSettings) {
-      LoadedRun run = load(settings, 8);
+      LoadedRun run = load(settings, 64);
       int64_t before = 0;
       for (int n_worlds = 8; n_worlds < 200'000; n_worlds += n_worlds / 8 / 8 * 8 + 8) {
         run.config.train.n_worlds = n_worlds;

@@ -104,14 +104,15 @@ MemoryByUse TeamWork::play() const {
 void TeamWork::values_of(MemoryLedger& m, int64_t states, int64_t all) const {
   const int64_t chunk = std::min(states, kValueChunk), rows = chunk * n_;
   m.take(MemoryUse::values, kFloat * all * n_);
-  const int64_t global = config_.critic.kind == CriticKind::state ? kFloat * chunk * global_size_ : 0;
-  const int64_t gathered = everywhere() ? 0 : obs_bytes(rows) + global;
-  m.take(MemoryUse::temporary, gathered);
   const int64_t norm = config_.obs_norm ? obs_bytes(rows) : 0, alive = kFloat * rows;
-  m.touch(3 * norm);
-  m.take(MemoryUse::temporary, norm + alive);
+  // Observations of a part of the worlds are gathered, as is the true state.
+  const int64_t obs = everywhere() ? 0 : obs_bytes(rows);
+  const int64_t state = config_.critic.kind == CriticKind::state && !everywhere() ? kFloat * chunk * global_size_ : 0;
+  m.touch(obs + 3 * norm);
+  const int64_t held = std::max(obs, norm) + alive + state;
+  m.take(MemoryUse::temporary, held);
   CriticMemory(m, MemoryUse::temporary, config_.critic, shape_, {chunk, element_}).infer();
-  m.give(MemoryUse::temporary, gathered + norm + alive);
+  m.give(MemoryUse::temporary, held);
 }
 
 // PpoTeam::prepare. The advantages, returns and values of the update before are there until the new ones are.
