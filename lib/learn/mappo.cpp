@@ -150,7 +150,8 @@ double Mappo::schedule_factor() const {
   return 1;
 }
 
-// The order of the states of a team's worlds in an epoch. The generator is seeded afresh each time, so that it has no state to save.
+// The order of the states of a team's worlds in an epoch. The generator is seeded afresh each time, so that it has no
+// state to save.
 at::Tensor Mappo::permutation(int64_t update, int epoch) const {
   const uint64_t epochs = static_cast<uint64_t>(update) * static_cast<uint64_t>(config_.mappo.n_epochs);
   const Philox4 bits = philox4x32(static_cast<uint32_t>(epochs), static_cast<uint32_t>(epochs >> 32),
@@ -164,8 +165,8 @@ at::Tensor Mappo::permutation(int64_t update, int epoch) const {
   return at::randperm(n_states(), generator, at::TensorOptions().dtype(at::kLong).device(device));
 }
 
-// The states of each minibatch of an epoch; none of a team that does not learn. They have equally many, but for one where
-// that does not come out even.
+// The states of each minibatch of an epoch; none of a team that does not learn. They have equally many, but for one
+// where that does not come out even.
 std::vector<at::Tensor> Mappo::minibatches(int team, const at::Tensor& order) const {
   if (!team_[team]) return {};
   return team_[team]->states(order).tensor_split(config_.mappo.n_minibatches);

@@ -51,8 +51,8 @@ at::Tensor PpoTeam::states(const at::Tensor& own) const {
 at::Tensor PpoTeam::values_of(const Seen& seen, const at::Tensor& index) const {
   at::NoGradGuard no_grad;
   const bool all = !index.defined();
-  at::Tensor values = all ? at::empty(seen.alive.sizes(), seen.obs.options())
-                          : at::zeros(seen.alive.sizes(), seen.obs.options());
+  at::Tensor values =
+      all ? at::empty(seen.alive.sizes(), seen.obs.options()) : at::zeros(seen.alive.sizes(), seen.obs.options());
   const int64_t count = all ? seen.obs.size(0) : index.size(0);
   for (int64_t from = 0; from < count; from += kValueChunk) {
     const int64_t to = std::min(from + kValueChunk, count);

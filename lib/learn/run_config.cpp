@@ -125,7 +125,8 @@ class CombinationCheck {
                       what, "; it needs at least ", needed));
     };
     const auto n_scripts = static_cast<int64_t>(p.scripted.size());
-    if (p.pool_size > 0 && p.pool_share > 0) too_few("opponents.pool_share", p.pool_share, shares.pooled(), 1, "the pool");
+    if (p.pool_size > 0 && p.pool_share > 0)
+      too_few("opponents.pool_share", p.pool_share, shares.pooled(), 1, "the pool");
     if (p.scripted_share > 0 && known({"opponents.scripted"}))
       too_few("opponents.scripted_share", p.scripted_share, shares.scripted, n_scripts, "scripts (opponents.scripted)");
     const int64_t states = shares.learning(0).count * c_.mappo.horizon;

@@ -31,9 +31,7 @@ struct Acting {
   int64_t worlds;
 
   int64_t count() const { return worlds * draws.n; }
-  at::Tensor obs() const {
-    return wrap(io.obs, {count(), sim.spec().padded_observation_size()}, sim.device());
-  }
+  at::Tensor obs() const { return wrap(io.obs, {count(), sim.spec().padded_observation_size()}, sim.device()); }
 };
 
 void run_script(Scripted script, const Acting& a, const int32_t* episode_length) {

@@ -41,8 +41,9 @@ const Variant kVariants[] = {
      {"", "", "kind: state, hidden: [16, 12]",
       "maps: four_rooms\nwaypoints: {enable_waypoints: true}\nteam_0: [{type: default, count: 3}]\n"}},
     {"PoolAndScripts",
-     with_opponents({}, "pool_size: 3, pool_every_updates: 1, pool_share: 0.5, pool_draw: pfsp, scripted: [circle, "
-                        "pursuer], scripted_share: 0.25")},
+     with_opponents({},
+                    "pool_size: 3, pool_every_updates: 1, pool_share: 0.5, pool_draw: pfsp, scripted: [circle, "
+                    "pursuer], scripted_share: 0.25")},
     {"ContinuousObsNormStateCriticPool",
      with_opponents({"", "obs_norm: true, advantage_norm: batch", "kind: state, hidden: [16, 12]",
                      "action: continuous\nteam_0: [{type: default, count: 3}]\n"},

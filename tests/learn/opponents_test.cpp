@@ -115,8 +115,8 @@ TEST(LearnOpponents, DrawsFollowTheWeights) {
   c.pool_hardness = 0;
   expect_drawn(pool.weights(c), {1 / 3.0, 1 / 3.0, 1 / 3.0});
 
-  expect_drawn({0, 0}, {0.5, 0.5});          // weights too small for a number
-  expect_drawn({0, 1, 0}, {0, 1, 0});        // what has no weight is not drawn
+  expect_drawn({0, 0}, {0.5, 0.5});               // weights too small for a number
+  expect_drawn({0, 1, 0}, {0, 1, 0});             // what has no weight is not drawn
   EXPECT_EQ(draw_opponent({}, {7, 0, 0}, 0), 0);  // an empty pool: the present policy
 }
 

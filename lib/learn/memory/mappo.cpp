@@ -129,11 +129,11 @@ void add_opponents(PlanItems& items, const LoadedRun& run) {
               cat("opponents.pool_size ", opponents.pool_size, ", ", shares.groups, " at a time"));
   }
   if (shares.side() > 0)
-    items.add("opponents: who learns where",
-              kNTeams * static_cast<int64_t>(sizeof(int64_t)) * shares.learning(0).count *
-                      (run.config.mappo.horizon + 1) +
-                  shares.n_worlds,
-              Grows::yes, cat(shares.self_play().count, " worlds of self-play"));
+    items.add(
+        "opponents: who learns where",
+        kNTeams * static_cast<int64_t>(sizeof(int64_t)) * shares.learning(0).count * (run.config.mappo.horizon + 1) +
+            shares.n_worlds,
+        Grows::yes, cat(shares.self_play().count, " worlds of self-play"));
 }
 
 // What comes and goes, where it is most.

@@ -32,7 +32,8 @@ League::League(const LoadedRun& run, std::array<const Actor*, kNTeams> actors, c
   const Precision precision = precision_on(run, rows.device());
   past_.reserve(kNTeams);
   for (const Actor* actor : actors) {
-    past_.push_back({actor, OpponentPool(config_.pool_size, GroupPolicy::row_of(*actor)),
+    past_.push_back({actor,
+                     OpponentPool(config_.pool_size, GroupPolicy::row_of(*actor)),
                      GroupPolicy(*actor, run.config.mappo.actor, run.spec.padded_observation_size(), precision),
                      {},
                      {}});
@@ -90,22 +91,23 @@ void League::begin(int64_t update, const Simulator& sim) {
     }
     past.policy.set(past.pool.networks().index_select(0, past.row_index));
   }
-  if (draws)
-    counts_.copy_(wrap(sim.state().view().episode_length, {shares_.n_worlds}, sim.device()) == 0);
+  if (draws) counts_.copy_(wrap(sim.state().view().episode_length, {shares_.n_worlds}, sim.device()) == 0);
 }
 
 at::Tensor League::counts_of(const at::Tensor& stats, const WorldRange& worlds, int team) const {
   const at::Tensor of_worlds = stats.narrow(0, worlds.first, worlds.count);
   const auto column = [&](EpisodeStat stat) { return of_worlds.select(1, static_cast<int64_t>(stat)); };
-  return at::stack({column(EpisodeStat::episodes), column(of_team(EpisodeStat::wins_0, team)),
-                    column(EpisodeStat::ties)},
-                   1);  // [worlds, kCounts]
+  return at::stack(
+      {column(EpisodeStat::episodes), column(of_team(EpisodeStat::wins_0, team)), column(EpisodeStat::ties)},
+      1);  // [worlds, kCounts]
 }
 
 void League::count(const Simulator& sim) {
   at::NoGradGuard no_grad;
   const at::Tensor stats = stats_of(sim);
-  const auto rows = [](const at::Tensor& x, const WorldRange& worlds) { return x.narrow(0, worlds.first, worlds.count); };
+  const auto rows = [](const at::Tensor& x, const WorldRange& worlds) {
+    return x.narrow(0, worlds.first, worlds.count);
+  };
   std::vector<at::Tensor> sums = {rows(stats, shares_.self_play()).sum(0, false, at::kDouble)};
   for (int team = 0; team < kNTeams; ++team) {
     if (!past_.empty()) {
