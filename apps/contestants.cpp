@@ -41,29 +41,61 @@ std::vector<std::string> script_names(const std::string& scripted) {
 struct Candidate {
   Contestant contestant;
   PlayerInfo info;
+  fs::path folder = {};  ///< of its run, absolute, by the name that it was asked for
 };
 
 int64_t updates_of(const Candidate& candidate) { return candidate.info.updates; }
 
-std::string folder_name(const fs::path& folder) {
-  fs::path whole = fs::absolute(folder).lexically_normal();
-  if (!whole.has_filename()) whole = whole.parent_path();  // "runs/x/"
-  return whole.filename().string();
+fs::path whole_path(const fs::path& path) {
+  fs::path whole = fs::absolute(path).lexically_normal();
+  return whole.has_filename() ? whole : whole.parent_path();  // "runs/x/"
 }
 
-/// Named "RUN@UPDATES".
-Candidate candidate_of(const fs::path& file, Checkpoint checkpoint, const std::string& run,
+std::string folder_name(const fs::path& folder) { return whole_path(folder).filename().string(); }
+
+/// name_runs() gives the names.
+Candidate candidate_of(const fs::path& file, Checkpoint checkpoint, const fs::path& run,
                        const ContestantOptions& options) {
-  Candidate candidate{Contestant::of_checkpoint({file, std::move(checkpoint), {}, {}}, options), {}};
+  Candidate candidate{Contestant::of_checkpoint({file, std::move(checkpoint), {}, {}}, options), {}, whole_path(run)};
   const Contestant::Origin& origin = *candidate.contestant.origin();
-  candidate.contestant.rename(cat(run, "@", origin.updates));
-  candidate.info = {PlayerKind::checkpoint, run,           origin.updates, static_cast<double>(origin.agent_steps),
-                    origin.seconds,         /*best=*/false};
+  candidate.info.kind = PlayerKind::checkpoint;
+  candidate.info.updates = origin.updates;
+  candidate.info.agent_steps = static_cast<double>(origin.agent_steps);
+  candidate.info.seconds = origin.seconds;
+  candidate.info.folder = fs::weakly_canonical(candidate.folder);
   return candidate;
 }
 
+/// The last `n` names of a path: 2 of "/a/b/c" are "b/c".
+std::string last_names(const fs::path& path, int n) {
+  fs::path last;
+  for (auto at = path.end(); n > 0 && at != path.begin(); --n) {
+    --at;
+    last = last.empty() ? *at : *at / last;
+  }
+  return last.string();
+}
+
+/// Calls a run by its folder, or where another run's folder is called so too, by as much of its path as tells them
+/// apart, "first/seed1" and "second/seed1"; and its checkpoints "RUN@UPDATES".
+void name_runs(std::vector<Candidate>& all) {
+  for (Candidate& c : all) {
+    if (c.info.is_baseline()) continue;
+    const auto is_shared = [&](int n) {
+      return std::any_of(all.begin(), all.end(), [&](const Candidate& other) {
+        return !other.info.is_baseline() && other.info.folder != c.info.folder &&
+               last_names(other.folder, n) == last_names(c.folder, n);
+      });
+    };
+    int n = 1;
+    while (is_shared(n)) ++n;
+    c.info.run = last_names(c.folder, n);
+    c.contestant.rename(cat(c.info.run, "@", c.info.updates));
+  }
+}
+
 /// Of the files those that are whole.
-std::vector<Candidate> read_whole(const std::vector<fs::path>& files, const std::string& run,
+std::vector<Candidate> read_whole(const std::vector<fs::path>& files, const fs::path& run,
                                   const ContestantOptions& options) {
   std::vector<Candidate> whole;
   for (const fs::path& file : files) {
@@ -81,15 +113,14 @@ std::vector<Candidate> read_whole(const std::vector<fs::path>& files, const std:
 
 /// The kept checkpoints of a run in order; the best one is one of them or beside them.
 std::vector<Candidate> candidates_of_run(const fs::path& folder, int most, const ContestantOptions& options) {
-  const std::string run = folder_name(folder);
   const std::vector<fs::path> files = list_checkpoints(folder);
   std::vector<fs::path> chosen;
   for (const size_t k : spread(files.size(), static_cast<size_t>(most))) chosen.push_back(files[k]);
-  std::vector<Candidate> all = read_whole(chosen, run, options);
+  std::vector<Candidate> all = read_whole(chosen, folder, options);
   const fs::path best_file = folder / "checkpoints/best.h5";
   std::error_code code;
   if (fs::exists(best_file, code)) {
-    for (Candidate& best : read_whole({best_file}, run, options)) {
+    for (Candidate& best : read_whole({best_file}, folder, options)) {
       const int64_t updates = updates_of(best);
       auto at = std::find_if(all.begin(), all.end(), [&](const Candidate& c) { return updates_of(c) >= updates; });
       if (at == all.end() || updates_of(*at) != updates) at = all.insert(at, std::move(best));
@@ -128,10 +159,11 @@ std::vector<Candidate> find_candidates(const ContestantRequest& request, const C
     } else if (fs::is_directory(path, code)) {
       for (Candidate& c : candidates_of_run(path, request.checkpoints, options)) all.push_back(std::move(c));
     } else {
-      const fs::path folder = fs::absolute(path).lexically_normal().parent_path().parent_path();
-      all.push_back(candidate_of(path, read_checkpoint(path), folder_name(folder), options));
+      const fs::path folder = whole_path(path).parent_path().parent_path();
+      all.push_back(candidate_of(path, read_checkpoint(path), folder, options));
     }
   }
+  name_runs(all);
   return all;
 }
 

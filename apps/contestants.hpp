@@ -24,9 +24,9 @@ struct Contestants {
   std::vector<PlayerInfo> infos;    ///< [players]
 };
 
-/// Finds and loads them, under names that are all different. A checkpoint of a run folder that is damaged is left out
-/// with a warning. Throws InputError for unknown scripts, folders without whole checkpoints, runs given twice, and
-/// policies that do not fit the scenario.
+/// Finds and loads them, under names that are all different, as those of the runs are. A checkpoint of a run folder
+/// that is damaged is left out with a warning. Throws InputError for unknown scripts, folders without whole
+/// checkpoints, runs given twice, and policies that do not fit the scenario.
 Contestants find_contestants(const ContestantRequest& request, const ContestantOptions& options);
 
 /// `count` of n things (0 = all) at equal distances, the last always among them; indices in order.

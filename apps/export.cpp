@@ -51,7 +51,7 @@ Json rating_of(const std::filesystem::path& checkpoint, int64_t updates, int tea
   std::error_code code;
   if (!fs::exists(file, code)) return Json::object();
   try {
-    return find_rating(file, {run.filename().string(), updates, team});
+    return find_rating(file, {run, updates, team});
   } catch (const InputError& e) {
     std::cerr << "warning: " << e.what() << "; the manifest has no ratings\n";
     return Json::object();

@@ -91,9 +91,9 @@ void rate_runs(const RateOptions& o) {
   Contestants contestants =
       find_contestants({o.runs, o.scripted, o.scenario, o.checkpoints}, {device, o.trust, o.greedy});
   const RatingSheet sheet = play_and_rate(o, contestants, device);
-  Json json = ratings_json(sheet);
-  json.set("episodes", o.episodes).set("seed", o.seed).set("greedy", o.greedy).set("versions", version_info());
   const fs::path folder = o.out.empty() ? default_folder(o) : fs::path(o.out);
+  Json json = ratings_json(sheet, folder);
+  json.set("episodes", o.episodes).set("seed", o.seed).set("greedy", o.greedy).set("versions", version_info());
   write_ratings(folder, sheet, json);
   renew_report(o, folder);
   if (!o.json.empty()) write_json(json, o.json);
@@ -152,13 +152,17 @@ void add_rate_command(CLI::App& app, Dispatch& dispatch) {
       "Everybody plays everybody on both sides, a checkpoint with its policy of team 0 on side 0 and that of team 1\n"
       "on side 1, an exported policy on either. Ratings are on the Elo scale (400 points = odds of ten to one) by\n"
       "Bradley-Terry maximum likelihood, a tie being half a win, with random at 0 and 95 % intervals; who never lost\n"
-      "or never won has none that is finite, and is told apart. The folder gets ratings.csv, ratings.json, "
-      "matrix.csv,\n"
-      "rating.svg and win_rate.svg where checkpoints play, and matrix.svg; a run's report shows them, and export "
-      "writes\n"
-      "a checkpoint's rating into the manifest. The paper's sequential Elo (K 32, start 1200, pair by pair in the "
-      "order of the table,\n"
-      "on which it depends) stands beside.\n"
+      "or never won has none that is finite, and is told apart. The paper's sequential Elo (K 32, start 1200, pair by\n"
+      "pair in the order of the table, on which it depends) stands beside.\n"
+      "The folder gets:\n"
+      "  ratings.csv, ratings.json   everybody's rating, of checkpoints with updates, agent-steps and seconds of "
+      "training\n"
+      "  matrix.csv, matrix.svg      who takes which share of the points from whom\n"
+      "  rating.svg, win_rate.svg    where checkpoints play: over agent-steps, the rating and the win rate against\n"
+      "                              baselines\n"
+      "  rating_seconds.svg, win_rate_seconds.svg\n"
+      "                              the same over the wall-clock time of training\n"
+      "A run's report shows the pictures, and export writes a checkpoint's rating into the manifest.\n"
       "Examples:\n"
       "  gigastep rate runs/identical_5_vs_5-mappo-seed1-001\n"
       "  gigastep rate runs/a runs/b --checkpoints 5 --scripted random,circle --episodes 1024 --out a_and_b\n"

@@ -11,7 +11,9 @@
 namespace giga {
 namespace {
 
-constexpr const char *kSelf = "self", *kNeighbors = "neighbors", *kWaypoint = "waypoint", *kBoxes = "boxes";
+constexpr const char *kSelf = "self", *kNeighbors = "neighbors", *kWaypoint = "waypoint", *kBoxes = "boxes",
+                     *kBodySelfBlock = "body_self", *kWalls = "walls", *kBodyWaypointBlock = "body_waypoint",
+                     *kBodyOpponentsBlock = "body_opponents", *kBodyTeamMatesBlock = "body_team_mates";
 
 struct FeatureText {
   const char *name, *meaning;
@@ -45,6 +47,31 @@ constexpr FeatureText kBoxTexts[] = {
     {"y2", "upper edge / limit_y"}, {"z1", "floor / 10"},           {"z2", "ceiling / 10"},
 };
 
+constexpr FeatureText kBodySelfTexts[] = {
+    {"x", "2 x / limit_x - 1"},
+    {"y", "2 y / limit_y - 1"},
+    {"heading_x", "cosine of the heading"},
+    {"heading_y", "sine of the heading"},
+    {"z", "altitude / 10"},
+    {"speed", "speed / 5"},
+    {"health", "health"},
+};
+static_assert(std::size(kBodySelfTexts) == kBodySelf);
+
+constexpr FeatureText kWallTexts[] = {{"nearness", "1 / (1 + distance of the border or obstacle in this direction)"}};
+
+constexpr FeatureText kBodyAgentTexts[] = {
+    {"nearness", "1 / (1 + distance); 0 = there is none, and all its numbers are 0"},
+    {"ahead", "cosine of the bearing"},
+    {"left", "sine of the bearing"},
+    {"course_ahead", "cosine of its heading minus the agent's own"},
+    {"course_left", "sine of the same"},
+    {"climb", "(altitude - own altitude) / 10"},
+    {"overtakes", "(speed - own speed) / 5"},
+    {"health", "health"},
+};
+static_assert(std::size(kBodyAgentTexts) == kBodyAgent);
+
 template <size_t N>
 std::vector<ObservationFeature> features(const FeatureText (&texts)[N], int size) {
   std::vector<ObservationFeature> list;
@@ -74,6 +101,13 @@ std::vector<ObservationBlock> observation_layout(const SimSpec& spec) {
   add(kNeighbors, p.n_neighbors - 1, kNeighborFeatures);
   add(kWaypoint, p.waypoints ? 1 : 0, kWaypointFeatures);
   add(kBoxes, p.n_boxes, box_features(p));
+  if (p.body_view) {
+    add(kBodySelfBlock, 1, kBodySelf);
+    add(kWalls, kBodyRays, 1);
+    add(kBodyWaypointBlock, p.waypoints ? 1 : 0, kBodyWaypoint);
+    add(kBodyOpponentsBlock, body_opponents(p), kBodyAgent);
+    add(kBodyTeamMatesBlock, body_team_mates(p), kBodyAgent);
+  }
   GIGA_CHECK(at == spec.observation_size(), "the layout has ", at, " numbers, observations ", spec.observation_size());
   return blocks;
 }
@@ -83,12 +117,21 @@ std::string block_meaning(const std::string& block) {
   if (block == kNeighbors) return "the agents that it sees, the nearest first, then items of zeros";
   if (block == kWaypoint) return "the area to be reached, relative to the agent";
   if (block == kBoxes) return "the obstacles of the map, then items of zeros";
+  if (block == kBodySelfBlock) return "the agent itself, once more";
+  if (block == kWalls) return "walls in directions counterclockwise from straight ahead, at equal angles";
+  if (block == kBodyWaypointBlock) return "the centre of the area to be reached, along the own heading";
+  if (block == kBodyOpponentsBlock) return "the nearest opponents that it sees, along the own heading, then zeros";
+  if (block == kBodyTeamMatesBlock) return "the nearest team mates that it sees, along the own heading, then zeros";
   return "";
 }
 
 std::vector<ObservationFeature> block_features(const std::string& block, int size) {
   if (block == kWaypoint) return features(kWaypointTexts, size);
   if (block == kBoxes) return features(kBoxTexts, size);
+  if (block == kBodySelfBlock) return features(kBodySelfTexts, size);
+  if (block == kWalls) return features(kWallTexts, size);
+  if (block == kBodyWaypointBlock || block == kBodyOpponentsBlock || block == kBodyTeamMatesBlock)
+    return features(kBodyAgentTexts, size);
   if (block != kSelf && block != kNeighbors) return {};
   std::vector<ObservationFeature> list = features(kAgentFeatures, size);
   if (block == kNeighbors)

@@ -1,11 +1,13 @@
 #include "rating/find_rating.hpp"
 
 #include <algorithm>
+#include <system_error>
 
 #include "config/document.hpp"
 #include "rating/sheet.hpp"
 
 namespace giga {
+namespace fs = std::filesystem;
 namespace {
 
 const std::vector<Node>& items_of(const Node& map, const char* key) {
@@ -23,13 +25,20 @@ void copy(const Node& from, const char* key, Json& to) {
   if (const Node* value = from.find(key)) to.set(key, json_of(*value));
 }
 
+/// Whether the run of a player, whose folder is told relative to that of the ratings, is in `run`.
+bool is_of_run(const Node& player, const fs::path& ratings_folder, const fs::path& run) {
+  std::error_code code;
+  return fs::equivalent(ratings_folder / text_of(player, "folder"), run, code);
+}
+
 }  // namespace
 
-Json find_rating(const std::filesystem::path& ratings_file, const RatedPolicy& policy) {
+Json find_rating(const fs::path& ratings_file, const RatedPolicy& policy) {
   const Document document = parse_yaml_file(ratings_file);  // JSON is YAML
   const auto is_player = [&](const Node& player) {
-    return text_of(player, "kind") == name_of(PlayerKind::checkpoint) && text_of(player, "run") == policy.run &&
-           text_of(player, "updates") == std::to_string(policy.updates);
+    return text_of(player, "kind") == name_of(PlayerKind::checkpoint) &&
+           text_of(player, "updates") == std::to_string(policy.updates) &&
+           is_of_run(player, ratings_file.parent_path(), policy.run);
   };
   const auto& players = items_of(document.root, "players");
   const auto player = std::find_if(players.begin(), players.end(), is_player);

@@ -3,7 +3,6 @@
 
 #include <cstdint>
 #include <filesystem>
-#include <string>
 
 #include "io/json.hpp"
 
@@ -11,7 +10,7 @@ namespace giga {
 
 /// Team `team` of a checkpoint of a run.
 struct RatedPolicy {
-  std::string run;
+  std::filesystem::path run;  ///< its folder; runs of the same name in different places are different runs
   int64_t updates = 0;
   int team = 0;
 };

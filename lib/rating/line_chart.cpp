@@ -40,7 +40,9 @@ struct Unit {
   double size;
   const char* name;
 };
-Unit unit_for(double largest) {
+Unit unit_for(double largest, AxisUnit kind) {
+  if (kind == AxisUnit::seconds)
+    return largest >= 7200 ? Unit{3600, "hours"} : largest >= 120 ? Unit{60, "minutes"} : Unit{1, "seconds"};
   for (const Unit unit : {Unit{1e9, "billions"}, Unit{1e6, "millions"}, Unit{1e3, "thousands"}})
     if (largest >= unit.size) return unit;
   return {1, ""};
@@ -90,7 +92,8 @@ class Painter {
 
   const LineChart& chart_;
   Range x_{0, 1}, y_{0, 1};
-  std::vector<double> x_ticks_, y_ticks_;
+  Unit x_unit_{1, ""};
+  std::vector<double> x_ticks_, y_ticks_;  // those of x in units of x_unit_
   std::vector<LegendEntry> legend_;
   int columns_ = 1;
   double panel_width_ = 0, panel_height_ = 0;  // of the plot alone
@@ -123,6 +126,7 @@ void Painter::find_ranges() {
       }
   }
   x_ = {0, x_high > 0 ? x_high * 1.03 : 1};
+  x_unit_ = unit_for(x_.high, chart_.x_unit);
   if (high == low) high = low + 1;
   y_ = chart_.y_range ? Range{chart_.y_range->first, chart_.y_range->second} : Range{low, high};
   y_ticks_ = axis_ticks(y_.low, y_.high, 5);
@@ -133,8 +137,8 @@ void Painter::choose_sizes() {
   columns_ = n_panels() == 4 ? 2 : std::min(n_panels(), 3);
   panel_width_ = columns_ == 1 ? 660 : columns_ == 2 ? 380 : 260;
   panel_height_ = columns_ == 1 ? 340 : columns_ == 2 ? 270 : 190;
-  x_ticks_ = axis_ticks(0, x_.high, columns_ == 1 ? 8 : 4);
-  std::erase_if(x_ticks_, [&](double tick) { return tick > x_.high; });
+  x_ticks_ = axis_ticks(0, x_.high / x_unit_.size, columns_ == 1 ? 8 : 4);
+  std::erase_if(x_ticks_, [&](double tick) { return tick * x_unit_.size > x_.high; });
   for (const ChartPanel& panel : chart_.panels)
     for (const LevelLine& level : panel.levels)
       level_width_ = std::max(level_width_, text_width(level.label, kSmallSize) + 12);
@@ -190,8 +194,7 @@ void Painter::draw_heading(Svg& svg) const {
   svg.text(chart_.title,
            {{"x", kMargin}, {"y", 32.0}, {"font-size", kTitleSize}, {"font-weight", "600"}, {"fill", kInk}});
   svg.text(chart_.subtitle, {{"x", kMargin}, {"y", 52.0}, {"font-size", kTextSize}, {"fill", kQuiet}});
-  const Unit unit = unit_for(x_.high);
-  svg.text(*unit.name ? cat(chart_.x_label, " (", unit.name, ")") : chart_.x_label,
+  svg.text(*x_unit_.name ? cat(chart_.x_label, " (", x_unit_.name, ")") : chart_.x_label,
            {{"x", kMargin + kYLabelWidth + kAxisWidth +
                       (width_ - kMargin - kYLabelWidth - kAxisWidth - level_width_ - kGap) / 2},
             {"y", height_ - kMargin / 2 - 8},
@@ -245,12 +248,11 @@ void Painter::draw_axes(Svg& svg, const Box& box) const {
     svg.text(chart_.y_percent ? number_text(100 * tick) + " %" : number_text(tick),
              {{"x", box.x - 8}, {"y", y + 4}, {"text-anchor", "end"}, {"font-size", kSmallSize}, {"fill", kQuiet}});
   }
-  const Unit unit = unit_for(x_.high);
   for (const double tick : x_ticks_) {
-    const double x = px(box, tick);
+    const double x = px(box, tick * x_unit_.size);
     svg.add("line", {{"x1", x}, {"x2", x}, {"y1", box.bottom()}, {"y2", box.bottom() + 5}, {"stroke", kLevel}});
     svg.text(
-        number_text(tick / unit.size),
+        number_text(tick),
         {{"x", x}, {"y", box.bottom() + 19}, {"text-anchor", "middle"}, {"font-size", kSmallSize}, {"fill", kQuiet}});
   }
   svg.add("line", {{"x1", box.x}, {"x2", box.right()}, {"y1", box.bottom()}, {"y2", box.bottom()}, {"stroke", kLevel}});

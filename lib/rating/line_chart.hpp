@@ -1,6 +1,7 @@
 // Line charts with error bars, several panels of the same size side by side, as SVG.
 #pragma once
 
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <utility>
@@ -35,9 +36,14 @@ struct ChartPanel {
   std::vector<LevelLine> levels;
 };
 
+/// Units in which an axis can be labelled, as the values ask for: thousands, millions and billions of what is counted;
+/// seconds, minutes and hours.
+enum class AxisUnit : uint8_t { count, seconds };
+
 struct LineChart {
   std::string title, subtitle;
   std::string x_label, y_label;
+  AxisUnit x_unit = AxisUnit::count;
   std::string ring_label;                            ///< what a ring around a point means
   std::string beyond_label;                          ///< what a triangle means
   std::optional<std::pair<double, double>> y_range;  ///< nothing: as the values ask for

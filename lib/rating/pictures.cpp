@@ -16,10 +16,16 @@ namespace {
 constexpr int kNSides = 2;
 constexpr const char* kBeyond = "beyond any number: never lost (up) or never won (down) against who is rated";
 
-ChartPoint point_of(const RatingSheet& sheet, size_t player) {
+void set_x_axis(TrainingAxis along, LineChart& chart) {
+  const bool time = along == TrainingAxis::seconds;
+  chart.x_label = time ? "wall-clock time of training" : "agent-steps";
+  chart.x_unit = time ? AxisUnit::seconds : AxisUnit::count;
+}
+
+ChartPoint point_of(const PlayerInfo& info, TrainingAxis along) {
   ChartPoint point;
-  point.x = sheet.infos[player].agent_steps;
-  point.ringed = sheet.infos[player].best;
+  point.x = along == TrainingAxis::seconds ? info.seconds : info.agent_steps;
+  point.ringed = info.best;
   return point;
 }
 
@@ -34,14 +40,15 @@ int shown_group(const RatingSheet& sheet) {
 
 class RatingChart {
  public:
-  explicit RatingChart(const RatingSheet& sheet) : sheet_(sheet), shown_(shown_group(sheet)) {}
+  RatingChart(const RatingSheet& sheet, TrainingAxis along)
+      : sheet_(sheet), along_(along), shown_(shown_group(sheet)) {}
 
   std::string draw() const {
     const Ratings& ratings = sheet_.ratings;
     LineChart chart;
     chart.title = "Rating over training: " + sheet_.scenario;
     chart.subtitle = cat("Elo by maximum likelihood, ", reference(), " = 0; bars: 95 % intervals; grey: baselines");
-    chart.x_label = "agent-steps";
+    set_x_axis(along_, chart);
     chart.y_label = "Elo";
     chart.ring_label = "best checkpoint";
     chart.beyond_label = kBeyond;
@@ -86,7 +93,7 @@ class RatingChart {
         const Rating* rating = find(player, side);
         if (!rating || std::isnan(shown(*rating).value)) continue;
         const Estimate e = shown(*rating);
-        ChartPoint point = point_of(sheet_, player);
+        ChartPoint point = point_of(sheet_.infos[player], along_);
         point.y = e.value;
         point.low = e.low();
         point.high = e.high();
@@ -105,11 +112,12 @@ class RatingChart {
   }
 
   const RatingSheet& sheet_;
+  TrainingAxis along_;
   int shown_;
 };
 
 /// A run's team against a baseline.
-ChartLine win_rate_line(const RatingSheet& sheet, const RatedRun& run, int side, size_t baseline) {
+ChartLine win_rate_line(const RatingSheet& sheet, TrainingAxis along, const RatedRun& run, int side, size_t baseline) {
   ChartLine line;
   const size_t n = sheet.table.players.size();
   for (const size_t player : run.players) {
@@ -117,7 +125,7 @@ ChartLine win_rate_line(const RatingSheet& sheet, const RatedRun& run, int side,
     if (n_games(g) == 0) continue;
     const int wins = side == 0 ? g.wins : g.losses;
     const Interval interval = wilson95(wins, n_games(g));
-    ChartPoint point = point_of(sheet, player);
+    ChartPoint point = point_of(sheet.infos[player], along);
     point.y = static_cast<double>(wins) / n_games(g);
     point.low = interval.lo;
     point.high = interval.hi;
@@ -129,13 +137,13 @@ ChartLine win_rate_line(const RatingSheet& sheet, const RatedRun& run, int side,
 
 }  // namespace
 
-std::string rating_picture(const RatingSheet& sheet) { return RatingChart(sheet).draw(); }
+std::string rating_picture(const RatingSheet& sheet, TrainingAxis along) { return RatingChart(sheet, along).draw(); }
 
-std::string win_rate_picture(const RatingSheet& sheet) {
+std::string win_rate_picture(const RatingSheet& sheet, TrainingAxis along) {
   LineChart chart;
   chart.title = "Win rate against baselines over training: " + sheet.scenario;
   chart.subtitle = "share of games won, each team on its own side (a tie is no win); bars: 95 % intervals";
-  chart.x_label = "agent-steps";
+  set_x_axis(along, chart);
   chart.y_label = "games won";
   chart.ring_label = "best checkpoint";
   chart.y_range = {{0, 1}};
@@ -147,7 +155,7 @@ std::string win_rate_picture(const RatingSheet& sheet) {
     panel.title = "against " + sheet.table.players[baseline];
     for (size_t k = 0; k < runs.size(); ++k) {
       for (int side = 0; side < kNSides; ++side) {
-        ChartLine line = win_rate_line(sheet, runs[k], side, baseline);
+        ChartLine line = win_rate_line(sheet, along, runs[k], side, baseline);
         if (line.points.empty()) continue;
         line.label = runs.size() == 1 ? cat("team ", side) : cat(runs[k].short_name, ", team ", side);
         line.colour = runs.size() == 1 ? side : static_cast<int>(k);

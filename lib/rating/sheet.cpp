@@ -36,11 +36,12 @@ Json estimate_json(const Estimate& e) {
       .set("ci95", Json::array(std::vector<double>{e.low(), e.high()}));
 }
 
-Json player_json(const std::string& name, const PlayerInfo& info) {
+Json player_json(const std::string& name, const PlayerInfo& info, const fs::path& folder) {
   Json json = Json::object();
   json.set("name", name).set("kind", name_of(info.kind));
   if (info.is_baseline()) return json;
-  json.set("run", info.run).set("updates", info.updates).set("agent_steps", info.agent_steps);
+  json.set("run", info.run).set("folder", info.folder.lexically_relative(folder).generic_string());
+  json.set("updates", info.updates).set("agent_steps", info.agent_steps);
   return json.set("seconds", info.seconds).set("best", info.best);
 }
 
@@ -231,10 +232,13 @@ std::string matrix_csv(const RatingSheet& sheet) {
   return text;
 }
 
-Json ratings_json(const RatingSheet& sheet) {
+Json ratings_json(const RatingSheet& sheet, const fs::path& folder) {
   const Ratings& ratings = sheet.ratings;
+  std::error_code code;  // a folder that cannot be reached is told where it is written
+  const fs::path whole = fs::weakly_canonical(fs::absolute(folder), code);
   Json players = Json::array(), list = Json::array(), games = Json::object();
-  for (size_t i = 0; i < sheet.infos.size(); ++i) players.push(player_json(sheet.table.players[i], sheet.infos[i]));
+  for (size_t i = 0; i < sheet.infos.size(); ++i)
+    players.push(player_json(sheet.table.players[i], sheet.infos[i], whole));
   for (const Rating& r : ratings.list) list.push(rating_json(ratings, r));
   games.set("wins", matrix_json(sheet.table, &Games::wins)).set("losses", matrix_json(sheet.table, &Games::losses));
   games.set("ties", matrix_json(sheet.table, &Games::ties));
@@ -254,9 +258,13 @@ void write_ratings(const fs::path& folder, const RatingSheet& sheet, const Json&
   if (code) throw InputError(cat("cannot create the folder ", folder.string(), ": ", code.message()));
   write_file(folder / RatingFiles::kCsv, ratings_csv(sheet));
   write_file(folder / RatingFiles::kMatrixCsv, matrix_csv(sheet));
-  const std::pair<const char*, std::string> pictures[] = {{RatingFiles::kRatingPicture, rating_picture(sheet)},
-                                                          {RatingFiles::kWinRatePicture, win_rate_picture(sheet)},
-                                                          {RatingFiles::kMatrixPicture, matrix_picture(sheet)}};
+  constexpr TrainingAxis kSteps = TrainingAxis::agent_steps, kTime = TrainingAxis::seconds;
+  const std::pair<const char*, std::string> pictures[] = {
+      {RatingFiles::kRatingPicture, rating_picture(sheet, kSteps)},
+      {RatingFiles::kRatingTimePicture, rating_picture(sheet, kTime)},
+      {RatingFiles::kWinRatePicture, win_rate_picture(sheet, kSteps)},
+      {RatingFiles::kWinRateTimePicture, win_rate_picture(sheet, kTime)},
+      {RatingFiles::kMatrixPicture, matrix_picture(sheet)}};
   for (const auto& [name, picture] : pictures) {
     if (!picture.empty()) write_file(folder / name, picture);
     if (picture.empty()) fs::remove(folder / name, code);

@@ -18,11 +18,12 @@ const char* name_of(PlayerKind kind);
 /// Where a player comes from; what pictures draw along their x axis.
 struct PlayerInfo {
   PlayerKind kind = PlayerKind::script;  ///< all but checkpoints are baselines, without what follows
-  std::string run;                       ///< name of the run folder
+  std::string run;                       ///< its name: that of the run folder, in one sheet another for each run
   int64_t updates = 0;
   double agent_steps = 0;
-  double seconds = 0;  ///< of training
-  bool best = false;   ///< the run's best checkpoint (best.h5)
+  double seconds = 0;            ///< of training, all processes together, as metrics.csv counts them
+  bool best = false;             ///< the run's best checkpoint (best.h5)
+  std::filesystem::path folder;  ///< the run folder, canonical
 
   bool is_baseline() const { return kind != PlayerKind::checkpoint; }
 };
@@ -58,8 +59,9 @@ std::string ratings_csv(const RatingSheet& sheet);
 std::string matrix_csv(const RatingSheet& sheet);
 
 /// All of it: players, games (matrices of counts: rows side 0, columns side 1, from side 0's view), ratings (null where
-/// infinite or unknown; see `standing`), model, remarks.
-Json ratings_json(const RatingSheet& sheet);
+/// infinite or unknown; see `standing`), model, remarks. `folder` is where it will lie: run folders are told relative
+/// to it, so that find_rating() knows them also after both were moved.
+Json ratings_json(const RatingSheet& sheet, const std::filesystem::path& folder);
 
 /// Names of the files of a folder of results; reports look for the pictures (lib/report).
 struct RatingFiles {
@@ -67,8 +69,10 @@ struct RatingFiles {
   static constexpr const char* kJson = "ratings.json";
   static constexpr const char* kCsv = "ratings.csv";
   static constexpr const char* kMatrixCsv = "matrix.csv";
-  static constexpr const char* kRatingPicture = "rating.svg";
-  static constexpr const char* kWinRatePicture = "win_rate.svg";
+  static constexpr const char* kRatingPicture = "rating.svg";                 ///< along agent-steps
+  static constexpr const char* kRatingTimePicture = "rating_seconds.svg";     ///< along wall-clock time
+  static constexpr const char* kWinRatePicture = "win_rate.svg";              ///< along agent-steps
+  static constexpr const char* kWinRateTimePicture = "win_rate_seconds.svg";  ///< along wall-clock time
   static constexpr const char* kMatrixPicture = "matrix.svg";
 };
 

@@ -7,11 +7,17 @@ function setTheme(dark) {
   document.getElementById("theme").textContent = dark ? "Light" : "Dark";
 }
 
+// The charts follow at once; pictures by the style of the page.
+function setAxis(axis, charts) {
+  document.documentElement.dataset.axis = axis;
+  charts.setAxis(axis);
+}
+
 function connectControls(charts) {
   const reset = document.getElementById("reset"), smoothing = document.getElementById("smoothing");
   charts.onZoom = zoomed => { reset.hidden = !zoomed; };
   reset.addEventListener("click", () => charts.zoom(null));
-  document.getElementById("axis").addEventListener("change", event => charts.setAxis(event.target.value));
+  document.getElementById("axis").addEventListener("change", event => setAxis(event.target.value, charts));
   document.getElementById("colour").hidden = charts.groups.length < 2;
   document.getElementById("colour").addEventListener("change", event => {
     charts.colour = event.target.value;
@@ -40,6 +46,7 @@ function drawPage() {
   document.getElementById("library-version").textContent = Dygraph.VERSION;
   const charts = new ReportCharts(data.groups), parent = document.getElementById("sections");
   for (const section of data.sections) drawSection(parent, section, charts);
+  document.documentElement.dataset.axis = charts.axis;
   connectControls(charts);
   return charts;
 }

@@ -56,6 +56,12 @@ Json rating_table(const Node& results) {
       .set("rows", std::move(rows));
 }
 
+Json picture_list(const std::vector<RatingPicture>& pictures) {
+  Json list = Json::array();
+  for (const RatingPicture& p : pictures) list.push(Json::object().set("svg", p.svg).set("along", p.along));
+  return list;
+}
+
 std::string note_of(const Node& results) {
   std::string note = cat("Elo by maximum likelihood from a round robin on ", text_of(results, "scenario"), ", ",
                          text_of(results, "anchor"), " = 0; a tie is half a win.");
@@ -75,7 +81,7 @@ void add_ratings_sections(const std::vector<RunGroup>& groups, Json& sections) {
                         .set("kind", "pictures")
                         .set("title", alone ? "Ratings" : "Ratings of " + run->name)
                         .set("note", note_of(run->ratings->results))
-                        .set("pictures", Json::array(run->ratings->pictures))
+                        .set("pictures", picture_list(run->ratings->pictures))
                         .set("tables", Json::array().push(rating_table(run->ratings->results))));
     }
   }

@@ -8,7 +8,8 @@
 
 namespace giga {
 
-/// Adds a section of kind `pictures` (a list of SVG, and tables) for each run that was rated.
+/// Adds a section of kind `pictures` (a list of SVG with the x axis that each belongs to, and tables) for each run that
+/// was rated.
 void add_ratings_sections(const std::vector<RunGroup>& groups, Json& sections);
 
 }  // namespace giga

@@ -80,8 +80,12 @@ std::optional<RatingData> read_ratings(const fs::path& folder) {
   std::error_code code;
   if (!fs::exists(folder / RatingFiles::kJson, code)) return std::nullopt;
   RatingData ratings{read_map(folder / RatingFiles::kJson), {}};
-  for (const char* name : {RatingFiles::kRatingPicture, RatingFiles::kWinRatePicture, RatingFiles::kMatrixPicture})
-    if (fs::exists(folder / name, code)) ratings.pictures.push_back(read_file(folder / name));
+  for (const auto& [name, along] : {std::pair{RatingFiles::kRatingPicture, "agent_steps"},
+                                    {RatingFiles::kRatingTimePicture, "seconds"},
+                                    {RatingFiles::kWinRatePicture, "agent_steps"},
+                                    {RatingFiles::kWinRateTimePicture, "seconds"},
+                                    {RatingFiles::kMatrixPicture, ""}})
+    if (fs::exists(folder / name, code)) ratings.pictures.push_back({read_file(folder / name), along});
   return ratings;
 }
 

@@ -22,10 +22,15 @@ struct MetricsTable {
   const std::vector<double>* find(const std::string& name) const;
 };
 
+/// A picture, and along which x axis of the page's charts it is ("agent_steps", "seconds"); "" = along none of them.
+struct RatingPicture {
+  std::string svg, along;
+};
+
 /// What `gigastep rate` wrote into a run folder.
 struct RatingData {
-  Node results;                       ///< ratings.json
-  std::vector<std::string> pictures;  ///< SVG: rating, win rate, cross-play, as far as they are there
+  Node results;                         ///< ratings.json
+  std::vector<RatingPicture> pictures;  ///< rating, win rate, cross-play, as far as they are there
 };
 
 struct RunData {

@@ -42,11 +42,12 @@ const SECTION_KINDS = {
     }
   },
 
-  // A picture is shown as an image, in which nothing is carried out.
+  // A picture is shown as an image, in which nothing is carried out; one along an axis while that one is chosen.
   pictures(parent, section) {
-    for (const svg of section.pictures) {
-      const image = element(element(parent, "div", "card picture"), "img");
-      image.src = "data:image/svg+xml;charset=utf-8," + encodeURIComponent(svg);
+    for (const picture of section.pictures) {
+      const card = element(parent, "div", "card picture"), image = element(card, "img");
+      if (picture.along) card.dataset.along = picture.along;
+      image.src = "data:image/svg+xml;charset=utf-8," + encodeURIComponent(picture.svg);
       image.alt = section.title;
     }
     for (const spec of section.tables) drawTable(parent, spec);

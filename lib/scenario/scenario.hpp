@@ -154,12 +154,15 @@ void visit_fields(V& v, RewardConfig& c) {
 struct ObservationConfig {
   ObservationType type = ObservationType::vector;
   int max_agents = 15;
+  bool body_view = false;
 };
 
 template <class V>
 void visit_fields(V& v, ObservationConfig& c) {
   v("type", c.type, "what an agent's policy is given");
   v("max_agents", c.max_agents, "rows of agents in a vector observation, nearest first, the ego included", at_least(1));
+  v("body_view", c.body_view,
+    "tell in addition what is around as seen along the own heading: walls, opponents, mates (beyond the original)");
 }
 
 struct Scenario {

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "core/geometry.hpp"
+#include "sim/body_view.hpp"
 #include "sim/world.hpp"
 
 namespace giga {
@@ -126,6 +127,6 @@ GIGA_HD int neighbor_columns(const SimParams& p) { return p.n_neighbors * kNeigh
 GIGA_HD int tail_columns(const SimParams& p) {
   return (p.waypoints ? kWaypointFeatures : 0) + p.n_boxes * box_features(p);
 }
-GIGA_HD int observation_size(const SimParams& p) { return neighbor_columns(p) + tail_columns(p); }
+GIGA_HD int observation_size(const SimParams& p) { return neighbor_columns(p) + tail_columns(p) + body_columns(p); }
 
 }  // namespace giga

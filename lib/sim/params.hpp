@@ -124,6 +124,7 @@ struct SimParams {
   bool obstacle_heights = false;       ///< boxes are solid between z1 and z2 only
   bool obstacles_block_sight = false;  ///< no detection through a box
   bool sight_3d = false;               ///< distances and cones of sight and damage use altitude too
+  bool body_view = false;              ///< observations end with the body view, see body_view.hpp
 
   AgentTable agents{};
   MapTable maps{};
@@ -162,7 +163,8 @@ struct SimSpec {
   /// The same with a limit of kEpisodeLimit steps where there is none, so that each episode ends.
   SimSpec with_time_limit() const;
 
-  /// Length of one agent's vector observation: 9 per neighbor, 5 for waypoints, 4 per box (6 with obstacle_heights).
+  /// Length of one agent's vector observation: 9 per neighbor, 5 for waypoints, 4 per box (6 with obstacle_heights),
+  /// and body_columns.
   int observation_size() const;
   /// The same rounded up to a multiple of 8, zeros behind: rows that start on 32 bytes are written and multiplied fast.
   int padded_observation_size() const { return (observation_size() + 7) / 8 * 8; }

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cstdlib>
 
+#include "sim/segment_box.hpp"
+
 namespace giga {
 namespace {
 
@@ -16,17 +18,7 @@ bool crosses(const Place& a, const Place& b, const Box& box) {
   const float from[2] = {a.x, a.y}, delta[2] = {b.x - a.x, b.y - a.y};
   const float lo[2] = {box.x1 - kPathMargin, box.y1 - kPathMargin},
               hi[2] = {box.x2 + kPathMargin, box.y2 + kPathMargin};
-  float enter = 0, leave = 1;
-  for (int axis = 0; axis < 2; ++axis) {
-    if (delta[axis] == 0) {
-      if (from[axis] <= lo[axis] || from[axis] >= hi[axis]) return false;
-      continue;
-    }
-    const float t1 = (lo[axis] - from[axis]) / delta[axis], t2 = (hi[axis] - from[axis]) / delta[axis];
-    enter = std::max(enter, std::min(t1, t2));
-    leave = std::min(leave, std::max(t1, t2));
-  }
-  return enter < leave;
+  return segment_meets_box(from, delta, lo, hi, 2);
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "core/geometry.hpp"
+#include "sim/segment_box.hpp"
 #include "sim/world.hpp"
 
 namespace giga {
@@ -16,17 +17,7 @@ GIGA_HD bool sight_blocked(const SimParams& p, const WorldView& w, int i, int j)
   for (int b = 0; b < p.n_boxes; ++b) {
     const float lo[3] = {boxes[b].x1, boxes[b].y1, boxes[b].z1}, hi[3] = {boxes[b].x2, boxes[b].y2, boxes[b].z2};
     if (!(lo[0] < hi[0] && lo[1] < hi[1])) continue;  // padding
-    float enter = 0, leave = 1;
-    for (int axis = 0; axis < (p.obstacle_heights ? 3 : 2); ++axis) {
-      if (delta[axis] == 0) {
-        if (from[axis] <= lo[axis] || from[axis] >= hi[axis]) leave = -1;
-        continue;
-      }
-      const float t1 = (lo[axis] - from[axis]) / delta[axis], t2 = (hi[axis] - from[axis]) / delta[axis];
-      enter = max_of(enter, min_of(t1, t2));
-      leave = min_of(leave, max_of(t1, t2));
-    }
-    if (enter < leave) return true;
+    if (segment_meets_box(from, delta, lo, hi, p.obstacle_heights ? 3 : 2)) return true;
   }
   return false;
 }

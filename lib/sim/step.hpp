@@ -22,6 +22,23 @@ GIGA_HD int obs_stride(const SimParams& p, const StepIo& io) {
   return io.obs_stride > 0 ? io.obs_stride : observation_size(p);
 }
 
+/// Writes the body views of agents below n behind their other numbers.
+template <class Lanes>
+GIGA_HD void write_body_views(const Lanes& lanes, const SimParams& p, const WorldView& w, const StepIo& io,
+                              int64_t world, int n) {
+  const int at = neighbor_columns(p) + tail_columns(p), stride = obs_stride(p, io);
+  lanes.each(n, [&](int e) {
+    float* obs = io.team[p.team_of(e)].obs;
+    if (obs) write_body_surroundings(p, w, e, obs + team_row(p, world, e) * stride + at);
+  });
+  const int items = body_agents(p);
+  lanes.each(n * items, [&](int k) {
+    const int e = k / items, item = k - e * items;
+    float* obs = io.team[p.team_of(e)].obs;
+    if (obs) write_body_company(p, w, e, item, obs + team_row(p, world, e) * stride + at);
+  });
+}
+
 /// Writes what every agent sees, by w.seen. `active` false keeps the lanes in lockstep without work.
 template <class Lanes>
 GIGA_HD void write_observations(const Lanes& lanes, const SimParams& p, WorldView& w, const StepIo& io, int64_t world,
@@ -30,6 +47,7 @@ GIGA_HD void write_observations(const Lanes& lanes, const SimParams& p, WorldVie
   lanes.each(n, [&](int e) {
     rank_neighbors(p, w, e);
     describe(p, w, e);
+    if (p.body_view) gather_company(p, w, e);
     uint8_t* alive = io.team[p.team_of(e)].alive;
     if (alive) alive[team_row(p, world, e)] = w.alive[e];
   });
@@ -44,6 +62,7 @@ GIGA_HD void write_observations(const Lanes& lanes, const SimParams& p, WorldVie
       float* obs = io.team[p.team_of(e)].obs;
       if (obs) obs[team_row(p, world, e) * stride + front + column] = tail_value(p, w, e, column);
     });
+    if (p.body_view) write_body_views(lanes, p, w, io, world, n);
   }
   const int state_columns = active && io.global ? global_size(p) : 0;
   lanes.each(state_columns, [&](int k) { io.global[world * state_columns + k] = global_value(p, w, k); });

@@ -35,12 +35,14 @@ struct WorldView {
   uint16_t* neighbors;   // [N, n_neighbors] agents of the observation's rows; kNobody = row of zeros
   float* neighbor_keys;  // [N, n_neighbors] their distances
   float* features;       // [N, kNeighborFeatures] of observations, see observe.hpp
+  uint16_t* company;     // [N, kBodyCompany] agents of the body view, see body_view.hpp
   float* terms;          // [kNRewardTerms, N] what each reward term added to the agent's reward
   int32_t* counts;       // [kNCounts] see Count
 };
 
 constexpr uint16_t kNobody = 0xFFFF;
 constexpr int kNeighborFeatures = 9;  ///< numbers per agent in an observation
+constexpr int kBodyCompany = 5;       ///< agents that a body view tells of
 
 /// What happened to an agent in this step.
 enum AgentFlag : uint8_t {
@@ -64,8 +66,8 @@ enum class Done : uint8_t {
 
 /// Bytes of scratch that a world of p needs, and the carving of a 16-byte aligned block of that size.
 struct ScratchLayout {
-  size_t dir_x, dir_y, taken, reward, next, features, terms, neighbor_keys, talk, counts, neighbors, was_alive, flags,
-      size;
+  size_t dir_x, dir_y, taken, reward, next, features, terms, neighbor_keys, talk, counts, neighbors, company, was_alive,
+      flags, size;
 
   GIGA_HD explicit ScratchLayout(const SimParams& p) {
     const size_t n = static_cast<size_t>(p.n_agents);
@@ -86,6 +88,7 @@ struct ScratchLayout {
     talk = take(4 * n * static_cast<size_t>(words_for(p.n_agents)));
     counts = take(4 * kNCounts);
     neighbors = take(2 * n * static_cast<size_t>(p.n_neighbors));
+    company = take(p.body_view ? 2 * n * kBodyCompany : 0);
     was_alive = take(n);
     flags = take(n);
     size = (at + 15) & ~size_t{15};
@@ -104,6 +107,7 @@ GIGA_HD void attach_scratch(WorldView& w, const ScratchLayout& layout, char* blo
   w.talk = reinterpret_cast<uint32_t*>(block + layout.talk);
   w.counts = reinterpret_cast<int32_t*>(block + layout.counts);
   w.neighbors = reinterpret_cast<uint16_t*>(block + layout.neighbors);
+  w.company = reinterpret_cast<uint16_t*>(block + layout.company);
   w.was_alive = reinterpret_cast<uint8_t*>(block + layout.was_alive);
   w.flags = reinterpret_cast<uint8_t*>(block + layout.flags);
 }

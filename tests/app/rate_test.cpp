@@ -65,11 +65,43 @@ TEST_F(RatedRuns, ARunGetsAFolderOfRatingsAndItsReportShowsThem) {
   }
   EXPECT_TRUE(best);
   EXPECT_EQ(csv.cell(csv.rows.size() - 1, "updates"), "4");
-  for (const char* name : {"ratings.json", "matrix.csv", "rating.svg", "win_rate.svg", "matrix.svg"})
+  for (const char* name : {"ratings.json", "matrix.csv", "rating.svg", "rating_seconds.svg", "win_rate.svg",
+                           "win_rate_seconds.svg", "matrix.svg"})
     EXPECT_TRUE(here_->has(std::string("run-seed1/ratings/") + name)) << name;
   if (!here_->has("run-seed1/report.html")) return;  // this gigastep cannot write reports
   EXPECT_TRUE(
       contains(here_->read("run-seed1/report.html"), {"\"kind\": \"pictures\"", "Cross-play: identical_1_vs_1"}));
+}
+
+// A run that was stopped and resumed: its checkpoints have the seconds of metrics.csv, which go on where they were.
+TEST_F(RatedRuns, SecondsAreThoseOfMetricsAlsoOfAResumedRun) {
+  ASSERT_EQ(here_
+                ->run({"train", "short.yaml", "--quiet", "--run-dir", "resumed", "--set", "checkpoint.keep=9", "--set",
+                       "train.total_agent_steps=512"})
+                .code,
+            0);
+  ASSERT_EQ(here_->run({"resume", "resumed", "--quiet", "--set", "train.total_agent_steps=1024"}).code, 0);
+  ASSERT_EQ(rate({"resumed", "--scripted", "random", "--episodes", "4"}).code, 0);
+  const CsvTable rated = parse_csv(here_->read("resumed/ratings/ratings.csv"));
+  const CsvTable metrics = parse_csv(here_->read("resumed/metrics.csv"));
+  const auto seconds = [](const CsvTable& table, size_t row) { return std::stod(table.cell(row, "seconds")); };
+  size_t seen = 0;
+  for (size_t row = 1; row < rated.rows.size(); ++row) {  // behind random
+    const auto updates = static_cast<size_t>(std::stoi(rated.cell(row, "updates")));
+    if (updates == 0) continue;  // before the first row of metrics.csv
+    ++seen;
+    ASSERT_EQ(metrics.cell(updates - 1, "update"), rated.cell(row, "updates"));
+    // A checkpoint is written after its row of metrics.csv and before the next.
+    EXPECT_GE(seconds(rated, row), seconds(metrics, updates - 1)) << updates;
+    if (updates < metrics.rows.size()) {
+      EXPECT_LE(seconds(rated, row), seconds(metrics, updates)) << updates;
+    }
+    if (row > 1) {
+      EXPECT_GT(seconds(rated, row), seconds(rated, row - 1)) << updates;
+    }
+  }
+  EXPECT_EQ(seen, 4u);
+  EXPECT_TRUE(contains(here_->read("resumed/ratings/rating_seconds.svg"), {"wall-clock time of training (seconds)"}));
 }
 
 TEST_F(RatedRuns, TwoRunsInOneTableAsJson) {
@@ -264,6 +296,30 @@ TEST_F(RatedRuns, AnExportedPolicyCarriesItsRating) {
   EXPECT_EQ(damaged.code, 0);
   EXPECT_TRUE(
       contains(damaged.err, {"warning: ", "carrier/ratings/ratings.json:1:1: ", "the manifest has no ratings"}));
+}
+
+// Two runs in folders of the same name, rated together into the folder of one of them.
+TEST_F(RatedRuns, OfTheSameNameAreToldApart) {
+  for (const auto& [from, to] : {std::pair{"run-seed1", "first"}, {"run-seed2", "second"}}) {
+    std::filesystem::create_directory(here_->path() / to);
+    std::filesystem::copy(here_->path() / from, here_->path() / to / "twin", std::filesystem::copy_options::recursive);
+  }
+  const Outcome outcome = rate({"second/twin", "first/twin/checkpoints/update_00000004.h5", "--checkpoints", "1",
+                                "--scripted", "random", "--episodes", "32", "--out", "first/twin/ratings"});
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_TRUE(contains(outcome.out, {"first/twin@4", "second/twin@4"}));
+  const CsvTable csv = parse_csv(here_->read("first/twin/ratings/ratings.csv"));
+  std::string of_first, of_second;
+  for (size_t row = 0; row < csv.rows.size(); ++row) {
+    if (csv.cell(row, "run") == "first/twin") of_first = csv.cell(row, "paper_elo");
+    if (csv.cell(row, "player") == "second/twin@4") of_second = csv.cell(row, "paper_elo");
+  }
+  ASSERT_NE(of_first, of_second);
+  const Outcome exported = here_->run({"export", "first/twin/checkpoints/update_00000004.h5", "--team", "0", "--format",
+                                       "safetensors", "--out", "twin_policy"});
+  ASSERT_EQ(exported.code, 0) << exported.err;
+  EXPECT_EQ(at(parse_yaml_text(here_->read("twin_policy/manifest.json"), "json"), {"ratings", "paper_elo"}).text,
+            of_first);
 }
 
 TEST_F(RatedRuns, HelpHasExamples) {

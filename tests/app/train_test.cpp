@@ -1,7 +1,9 @@
 // Train, then evaluate: a tiny run on the CPU from the config to the win rates.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <filesystem>
+#include <tuple>
 
 #include "io/checkpoint.hpp"
 #include "program.hpp"
@@ -147,6 +149,45 @@ TEST(Train, AScriptedOpponentLearnsNothingAndIsLeftOut) {
   const Document json = parse_yaml_text(eval.out, "json");
   ASSERT_EQ(at(json, {"sides"}).items.size(), 1u);
   EXPECT_EQ(number_at(json, {"sides", "0", "team"}), 1);
+}
+
+/// The names with an underscore in a text: those of figures.
+std::vector<std::string> figure_names(const std::string& text) {
+  constexpr const char* kLetters = "abcdefghijklmnopqrstuvwxyz_";
+  std::vector<std::string> names;
+  for (size_t end = 0, begin; (begin = text.find_first_of(kLetters, end)) != std::string::npos;) {
+    end = std::min(text.find_first_not_of(kLetters, begin), text.size());
+    const std::string name = text.substr(begin, end - begin);
+    if (name.find('_') != std::string::npos) names.push_back(name);
+  }
+  return names;
+}
+
+TEST(Train, HelpNamesTheFiguresOfEachAlgorithm) {
+  const Workplace here;
+  here.write("mappo.yaml", kTinyConfig);
+  here.write("snes.yaml", R"(scenario: identical_2_vs_2_void
+device: cpu
+train: {algorithm: snes}
+population: {population_size: 4, generations: 1, max_steps: 20}
+eval: {episodes: 8}
+)");
+  const std::string help = here.run({"train", "--help"}).out;
+  const size_t mappo = help.find("    mappo  "), evolution = help.find("    openai_es, snes, des  "),
+               behind = help.find("  win_rate_T_vs_O");
+  ASSERT_TRUE(mappo < evolution && evolution < behind && behind != std::string::npos) << help;
+  const size_t figures = help.find("  ", evolution + 4);  // behind the names of the algorithms
+  for (const auto& [algorithm, text, figure] :
+       {std::tuple{"mappo", help.substr(mappo, evolution - mappo), "clip_fraction"},
+        {"snes", help.substr(figures, behind - figures), "fitness_best"}}) {
+    const std::string run = algorithm;
+    const Outcome training = here.run({"train", run + ".yaml", "--quiet", "--run-dir", run});
+    ASSERT_EQ(training.code, 0) << training.err;
+    const CsvTable table = parse_csv(here.read(run + "/metrics.csv"));
+    const std::vector<std::string> names = figure_names(text);
+    EXPECT_EQ(std::count(names.begin(), names.end(), figure), 1) << text;
+    for (const std::string& name : names) EXPECT_NE(table.cell(0, name + "_1"), "") << name;
+  }
 }
 
 TEST(Train, DivergenceHasItsOwnExitCode) {

@@ -38,6 +38,19 @@ TEST(ExportManifest, LayoutByHand) {
   EXPECT_EQ(observation_layout(small_spec(ActionKind::discrete)), expected);
 }
 
+TEST(ExportManifest, LayoutOfTheBodyViewByHand) {
+  SimSpec spec = small_spec(ActionKind::discrete);
+  spec.params.body_view = true;
+  // Behind the 49 numbers above: 7 of the agent, 12 directions, 3 of the waypoint, 2 opponents and 1 mate of 8 each.
+  const std::vector<ObservationBlock> blocks = observation_layout(spec);
+  const std::vector<ObservationBlock> expected = {{"body_self", 49, 1, 7},
+                                                  {"walls", 56, 12, 1},
+                                                  {"body_waypoint", 68, 1, 3},
+                                                  {"body_opponents", 71, 2, 8},
+                                                  {"body_team_mates", 87, 1, 8}};
+  EXPECT_EQ(std::vector<ObservationBlock>(blocks.begin() + 4, blocks.end()), expected);
+}
+
 TEST(ExportManifest, LayoutsCoverEveryObservation) {
   for (unsigned mask = 0; mask < kNSwitchMasks; mask += 7) {
     SimSpec spec = random_spec(mask, 1 + static_cast<int>(mask % 3), 2);

@@ -1,13 +1,13 @@
 // The memory plan against what LibTorch, our buffers and the process really take.
 #include "learn/memory/plan.hpp"
 
-#include <c10/util/ThreadLocalDebugInfo.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
 
+#include "core/error.hpp"
 #include "cuda/runtime.hpp"
-#include "eval/match.hpp"
+#include "io/temporary_folder.hpp"
 #include "learn/memory/report.hpp"
 #include "memory_probe.hpp"
 #include "policy/actor.hpp"
@@ -31,11 +31,9 @@ struct Settings {
 void PrintTo(const Settings& s, std::ostream* out) { *out << s.name; }
 
 LoadedRun load(const Settings& s, int n_worlds) {
-  constexpr const char* kTeams = "team_0: [{type: default, count: 5}]\nteam_1: [{type: default, count: 5}]\n";
-  const bool teams_given = std::string(s.scenario).find("team_0") != std::string::npos;
   return load_run_config_text(cat("seed: 1\ntrain: {n_worlds: ", n_worlds, ", n_threads: 1", s.train,
                                   "}\nmappo: {horizon: 16, ", s.mappo, "}\neval: {episodes: 8}\n", s.more),
-                              cat("max_episode_length: 100\n", teams_given ? "" : kTeams, s.scenario));
+                              five_against_five(s.scenario));
 }
 
 constexpr const char* kPool =
@@ -73,17 +71,12 @@ class LearnMemory : public testing::TestWithParam<Settings> {};
 // Measured: 1.000 to 1.005 for these settings. What is over are numbers per row that the plan gives back late.
 TEST_P(LearnMemory, PlanIsWhatTensorsAndStateTake) {
   const LoadedRun run = load(GetParam(), 96);
-  const auto counter = std::make_shared<AllocationPeak>();
-  const c10::DebugInfoGuard guard(c10::DebugInfoKind::PROFILER_STATE, counter);
-  const auto learner = make_learner(run, kCpu);
-  for (int u = 0; u < 2; ++u) learner->update();
-
+  const ProbedLearner probed = probe_updates(run, 2);
   int64_t state = 0;
-  for (const NamedArray& array : saved(*learner))
+  for (const NamedArray& array : saved(*probed.learner))
     if (array.name.starts_with("simulator/")) state += static_cast<int64_t>(array.bytes.size());
-  const MemoryPlan plan = plan_memory(run, kCpu);
-  const int64_t predicted = plan.total() - item(plan, "program") - item(plan, "slack of the allocator");
-  const double ratio = static_cast<double>(predicted) / static_cast<double>(counter->peak() + state);
+  const int64_t predicted = countable_bytes(plan_memory(run, kCpu));
+  const double ratio = static_cast<double>(predicted) / static_cast<double>(probed.peak + state);
   RecordProperty("predicted_over_measured", std::to_string(ratio));
   EXPECT_GE(ratio, 1.0) << predicted << " bytes predicted";
   EXPECT_LE(ratio, 1.02) << predicted << " bytes predicted";
@@ -96,13 +89,10 @@ INSTANTIATE_TEST_SUITE_P(All, LearnMemory, testing::ValuesIn(kSettings),
 // amount that the plan can only bound; the share shrinks as runs grow.
 TEST(LearnMemoryPlan, ResidentMemoryOfTheProcess) {
   for (const char* mappo : {"n_epochs: 2, n_minibatches: 8", "n_epochs: 2, n_minibatches: 1"}) {
-    const LoadedRun run = load({"", mappo}, 512);
-    if (!reset_peak_resident()) GTEST_SKIP() << "the system does not reset the peak";
-    const auto learner = make_learner(run, kCpu);
-    for (int u = 0; u < 2; ++u) learner->update();
-    const double ratio = static_cast<double>(plan_memory(run, kCpu).total()) / static_cast<double>(peak_resident());
-    EXPECT_GE(ratio, 1.0) << mappo;
-    EXPECT_LE(ratio, 1.5) << mappo;
+    const std::optional<double> ratio = planned_over_resident(load({"", mappo}, 512));
+    if (!ratio) GTEST_SKIP() << "the system does not reset the peak";
+    EXPECT_GE(*ratio, 1.0) << mappo;
+    EXPECT_LE(*ratio, 1.5) << mappo;
   }
 }
 
@@ -122,15 +112,7 @@ TEST(LearnMemoryPlan, CountsAreThoseOfTheNetworks) {
 TEST(LearnMemoryPlan, PartsPerWorld) {
   const MemoryPlan small = plan_memory(load(kSettings[0], 64), kCpu),
                    large = plan_memory(load(kSettings[0], 128), kCpu);
-  ASSERT_EQ(small.items.size(), large.items.size());
-  for (size_t k = 0; k < small.items.size(); ++k) {
-    const MemoryItem &a = small.items[k], &b = large.items[k];
-    SCOPED_TRACE(a.name);
-    ASSERT_EQ(a.name, b.name);
-    if (a.name == "slack of the allocator") continue;  // a bound, neither proportional nor constant
-    // Per field of the state up to 255 bytes of padding.
-    EXPECT_NEAR(static_cast<double>(b.bytes - a.bytes), 64.0 * static_cast<double>(a.bytes_per_unit), 8192) << a.bytes;
-  }
+  expect_growth(small, large, 64);
   // A world of 10 agents: 17 slots of D floats and a byte, 16 of action, log-probability and reward; 16 times done.
   const int64_t d = load(kSettings[0], 1).spec.padded_observation_size();
   const auto rollout =
@@ -207,42 +189,23 @@ TEST(LearnMemoryPlan, WhatDoesNotFitIsRefusedWithTheNumbers) {
   const LoadedRun run = load({"", "n_minibatches: 8"}, 1024);
   const int64_t need = plan_memory(run, kCpu).total();
   EXPECT_NO_THROW(check_fits(run, kCpu, {2 * need, need}));
-  try {
-    check_fits(run, kCpu, {2 * need, need - 1});
-    FAIL() << "not refused";
-  } catch (const InputError& e) {
-    const std::string message = e.what();
-    for (const std::string& part :
-         {std::string("train.n_worlds: 1024 needs "), print_bytes(need), std::string("on cpu"), std::string("rollout "),
-          cat("largest train.n_worlds that fits is ", largest_size(run, kCpu, need - 1))})
-      EXPECT_NE(message.find(part), std::string::npos) << part << " is not in: " << message;
-  }
-  try {
-    check_fits(run, kCpu, {2 * need, 1000});
-    FAIL() << "not refused";
-  } catch (const InputError& e) {
-    EXPECT_NE(std::string(e.what()).find("not even one world fits"), std::string::npos) << e.what();
-  }
+  const std::string message = input_error_of([&] { check_fits(run, kCpu, {2 * need, need - 1}); });
+  EXPECT_TRUE(contains(message, {"train.n_worlds: 1024 needs ", print_bytes(need).c_str(), "on cpu", "rollout "}));
+  const std::string largest = cat("largest train.n_worlds that fits is ", largest_size(run, kCpu, need - 1));
+  EXPECT_TRUE(contains(message, {largest.c_str()}));
+  EXPECT_TRUE(contains(input_error_of([&] { check_fits(run, kCpu, {2 * need, 1000}); }), {"not even one world fits"}));
 }
 
 TEST(LearnMemoryPlan, TableAndJsonTellTheSame) {
   const LoadedRun run = load({"", "n_minibatches: 8"}, 1024);
-  const MemoryPlan plan = plan_memory(run, kCpu);
   const MemorySpace space{int64_t{64} << 30, int64_t{32} << 30};
   const std::string table = plan_table(run, kCpu, space), json = plan_json(run, kCpu, space).text();
-  for (const MemoryItem& i : plan.items) {
-    EXPECT_NE(table.find(i.name), std::string::npos) << i.name;
-    EXPECT_NE(json.find(cat("\"bytes\": ", i.bytes)), std::string::npos) << i.name;
-  }
-  const int64_t largest = largest_size(run, kCpu, space.free);
-  EXPECT_NE(
-      table.find(cat("32.0 GiB free of 64.0 GiB; train.n_worlds 1024 fits\nthe largest train.n_worlds that fits is ",
-                     largest)),
-      std::string::npos)
-      << table;
-  EXPECT_NE(json.find(cat("\"largest_n_worlds\": ", largest)), std::string::npos) << json;
-  EXPECT_NE(json.find("\"fits\": true"), std::string::npos) << json;
-  EXPECT_NE(plan_table(run, kCpu, {100, 100}).find("does not fit"), std::string::npos);
+  expect_told(run, table, json);
+  const std::string largest = std::to_string(largest_size(run, kCpu, space.free));
+  EXPECT_TRUE(contains(table, {"\n\ncpu: 32.0 GiB free of 64.0 GiB; train.n_worlds 1024 fits\n",
+                               cat("the largest train.n_worlds that fits is ", largest).c_str()}));
+  EXPECT_TRUE(contains(json, {cat("\"largest_n_worlds\": ", largest).c_str(), "\"fits\": true"}));
+  EXPECT_TRUE(contains(plan_table(run, kCpu, {100, 100}), {"does not fit"}));
 }
 
 TEST(LearnMemoryPlan, BytesForPeople) {
@@ -254,20 +217,10 @@ TEST(LearnMemoryPlan, BytesForPeople) {
 
 class LearnMemoryGpu : public testing::TestWithParam<std::tuple<Settings, int>> {};
 
-// The drop of the GPU's free memory through two updates and an evaluation, LibTorch's cache included. Run it in a
-// process of its own, as ctest does: what LibTorch and CUDA load once counts in the first test of a process only.
 TEST_P(LearnMemoryGpu, PlanIsWhatFreeMemoryLoses) {
   if (cuda_device_count() == 0) GTEST_SKIP() << "no GPU";
-  const Device gpu{Device::Kind::cuda, 0};
   const auto& [settings, n_worlds] = GetParam();
-  const LoadedRun run = load(settings, n_worlds);
-  const int64_t before = free_gpu_bytes();
-  const auto learner = make_learner(run, gpu);
-  for (int u = 0; u < 2; ++u) learner->update();
-  play_match(run.spec, {learner->actor(0)}, {nullptr, Scripted::circle}, {run.config.eval.episodes, 1, gpu, 1});
-  const int64_t measured = before - free_gpu_bytes();
-
-  const double ratio = print_gpu_plan(cat(settings.name, ", ", n_worlds, " worlds"), plan_memory(run, gpu), measured);
+  const double ratio = planned_over_lost(cat(settings.name, ", ", n_worlds, " worlds"), load(settings, n_worlds), 2);
   // Measured on an H200: 1.01 to 1.13.
   EXPECT_GE(ratio, 1.0);
   EXPECT_LE(ratio, 1.15);
@@ -281,6 +234,7 @@ const Settings kGpuSettings[] = {
     {"WideLayerNorm",
      "n_epochs: 2, n_minibatches: 4, actor: {hidden: [256, 256], layer_norm: true}, critic: {hidden: [256, 256], "
      "layer_norm: true}"},
+    {"Pool", "n_epochs: 2, n_minibatches: 8", "", "", kPool},
 };
 INSTANTIATE_TEST_SUITE_P(All, LearnMemoryGpu,
                          testing::Combine(testing::ValuesIn(kGpuSettings), testing::Values(4096, 65536)),

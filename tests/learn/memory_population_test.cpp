@@ -1,11 +1,11 @@
 // The memory plan of evolution strategies against what LibTorch and our buffers really take.
-#include <c10/util/ThreadLocalDebugInfo.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
 
+#include "core/error.hpp"
 #include "cuda/runtime.hpp"
-#include "eval/match.hpp"
+#include "io/temporary_folder.hpp"
 #include "learn/memory/plan.hpp"
 #include "learn/memory/report.hpp"
 #include "memory_probe.hpp"
@@ -29,12 +29,10 @@ struct Settings {
 void PrintTo(const Settings& s, std::ostream* out) { *out << s.name; }
 
 LoadedRun load(const Settings& s, int members) {
-  constexpr const char* kTeams = "team_0: [{type: default, count: 5}]\nteam_1: [{type: default, count: 5}]\n";
-  const bool teams_given = std::string(s.scenario).find("team_0") != std::string::npos;
   return load_run_config_text(
       cat("seed: 1\ntrain: {n_threads: 1, ", s.train, "}\npopulation: {population_size: ", members,
           ", episodes_per_member: ", s.episodes, ", max_steps: 3, ", s.population, "}\neval: {episodes: 8}\n", s.more),
-      cat("max_episode_length: 100\n", teams_given ? "" : kTeams, s.scenario));
+      five_against_five(s.scenario));
 }
 
 const Settings kSettings[] = {
@@ -61,18 +59,13 @@ class LearnMemoryPopulation : public testing::TestWithParam<Settings> {};
 // Measured: 1.000 to 1.003 for these settings; 1.010 with a pool, for the copies of a checkpoint.
 TEST_P(LearnMemoryPopulation, PlanIsWhatTensorsAndStateTake) {
   const LoadedRun run = load(GetParam(), 64);
-  const auto counter = std::make_shared<AllocationPeak>();
-  const c10::DebugInfoGuard guard(c10::DebugInfoKind::PROFILER_STATE, counter);
-  const auto learner = make_learner(run, kCpu);
-  for (int u = 0; u < 3; ++u) learner->update();
-
+  const ProbedLearner probed = probe_updates(run, 3);
   SimOptions sim;
   sim.n_worlds = populations_at_a_time(run.config) * 64 * GetParam().episodes;
   sim.n_threads = 1;
   const auto state = static_cast<int64_t>(make_simulator(run.spec, sim, kCpu)->state().save().size());
-  const MemoryPlan plan = plan_memory(run, kCpu);
-  const int64_t predicted = plan.total() - item(plan, "program") - item(plan, "slack of the allocator");
-  const double ratio = static_cast<double>(predicted) / static_cast<double>(counter->peak() + state);
+  const int64_t predicted = countable_bytes(plan_memory(run, kCpu));
+  const double ratio = static_cast<double>(predicted) / static_cast<double>(probed.peak + state);
   RecordProperty("predicted_over_measured", std::to_string(ratio));
   EXPECT_GE(ratio, 1.0) << predicted << " bytes predicted";
   EXPECT_LE(ratio, 1.1) << predicted << " bytes predicted";
@@ -87,29 +80,18 @@ TEST(LearnMemoryPopulationPlan, ResidentMemoryOfTheProcess) {
   for (const char* name : {"OpenAiEs", "LayerNormGelu"}) {
     const Settings& settings = *std::find_if(std::begin(kSettings), std::end(kSettings),
                                              [&](const Settings& s) { return std::string(s.name) == name; });
-    const LoadedRun run = load(settings, 512);
-    if (!reset_peak_resident()) GTEST_SKIP() << "the system does not reset the peak";
-    const auto learner = make_learner(run, kCpu);
-    for (int u = 0; u < 2; ++u) learner->update();
-    const double ratio = static_cast<double>(plan_memory(run, kCpu).total()) / static_cast<double>(peak_resident());
-    RecordProperty(cat("predicted_over_measured_", name), std::to_string(ratio));
-    EXPECT_GE(ratio, 1.0) << name;
-    EXPECT_LE(ratio, 1.6) << name;
+    const std::optional<double> ratio = planned_over_resident(load(settings, 512));
+    if (!ratio) GTEST_SKIP() << "the system does not reset the peak";
+    RecordProperty(cat("predicted_over_measured_", name), std::to_string(*ratio));
+    EXPECT_GE(*ratio, 1.0) << name;
+    EXPECT_LE(*ratio, 1.6) << name;
   }
 }
 
 TEST(LearnMemoryPopulationPlan, PartsPerMember) {
   const MemoryPlan small = plan_memory(load(kSettings[0], 64), kCpu),
                    large = plan_memory(load(kSettings[0], 128), kCpu);
-  ASSERT_EQ(small.items.size(), large.items.size());
-  for (size_t k = 0; k < small.items.size(); ++k) {
-    const MemoryItem &a = small.items[k], &b = large.items[k];
-    SCOPED_TRACE(a.name);
-    ASSERT_EQ(a.name, b.name);
-    if (a.name == "slack of the allocator") continue;  // a bound, neither proportional nor constant
-    // Per field of the state up to 255 bytes of padding.
-    EXPECT_NEAR(static_cast<double>(b.bytes - a.bytes), 64.0 * static_cast<double>(a.bytes_per_unit), 8192) << a.bytes;
-  }
+  expect_growth(small, large, 64);
   // Two teams of members, each in 4 worlds of 10 agents with D floats and an action.
   const LoadedRun run = load(kSettings[0], 64);
   const int64_t d = run.spec.padded_observation_size();
@@ -196,57 +178,55 @@ TEST(LearnMemoryPopulationPlan, WhatDoesNotFitIsRefusedWithTheNumbers) {
   const LoadedRun run = load(kSettings[0], 2048);
   const int64_t need = plan_memory(run, kCpu).total();
   EXPECT_NO_THROW(check_fits(run, kCpu, {2 * need, need}));
-  try {
-    check_fits(run, kCpu, {2 * need, need - 1});
-    FAIL() << "not refused";
-  } catch (const InputError& e) {
-    const std::string message = e.what();
-    for (const std::string& part :
-         {std::string("population.population_size: 2048 needs "), print_bytes(need), std::string("on cpu"),
-          std::string("members "), std::string("largest population.population_size that fits is 2046")})
-      EXPECT_NE(message.find(part), std::string::npos) << part << " is not in: " << message;
-  }
-  try {
-    check_fits(run, kCpu, {2 * need, 1000});
-    FAIL() << "not refused";
-  } catch (const InputError& e) {
-    EXPECT_NE(std::string(e.what()).find("not even the smallest population fits"), std::string::npos) << e.what();
-  }
+  const std::string message = input_error_of([&] { check_fits(run, kCpu, {2 * need, need - 1}); });
+  EXPECT_TRUE(contains(message, {"population.population_size: 2048 needs ", print_bytes(need).c_str(), "on cpu",
+                                 "members ", "largest population.population_size that fits is 2046"}));
+  EXPECT_TRUE(contains(input_error_of([&] {
+                         check_fits(run, kCpu, {2 * need, 1000});
+                       }),
+                       {"not even the smallest population fits"}));
 }
 
 TEST(LearnMemoryPopulationPlan, TableAndJsonTellTheSame) {
   const LoadedRun run = load(kSettings[0], 512);
   const MemorySpace space{int64_t{64} << 30, int64_t{32} << 30};
   const std::string table = plan_table(run, kCpu, space), json = plan_json(run, kCpu, space).text();
-  for (const MemoryItem& i : plan_memory(run, kCpu).items) {
-    EXPECT_NE(table.find(i.name), std::string::npos) << i.name;
-    EXPECT_NE(json.find(cat("\"bytes\": ", i.bytes)), std::string::npos) << i.name;
-    EXPECT_NE(json.find(cat("\"bytes_per_member\": ", i.bytes_per_unit)), std::string::npos) << i.name;
-  }
-  const int64_t largest = largest_size(run, kCpu, space.free);
-  EXPECT_NE(table.find(cat("population.population_size 512 fits\nthe largest population.population_size that fits is ",
-                           largest)),
-            std::string::npos)
-      << table;
-  EXPECT_NE(table.find("per member"), std::string::npos) << table;
-  EXPECT_NE(json.find("\"population_size\": 512"), std::string::npos) << json;
-  EXPECT_NE(json.find(cat("\"largest_population_size\": ", largest)), std::string::npos) << json;
+  expect_told(run, table, json);
+  const std::string largest = std::to_string(largest_size(run, kCpu, space.free));
+  EXPECT_TRUE(contains(table, {"per member", "population.population_size 512 fits\n",
+                               cat("the largest population.population_size that fits is ", largest).c_str()}));
+  EXPECT_TRUE(contains(json, {"\"population_size\": 512", cat("\"largest_population_size\": ", largest).c_str()}));
   EXPECT_EQ(json.find("n_worlds"), std::string::npos) << json;
+}
+
+TEST(LearnMemoryPopulationPlan, SaysWhatComputesTheMembersNetworks) {
+  constexpr MemorySpace kSpace{int64_t{64} << 30, int64_t{32} << 30};
+  constexpr Device kAbsent{Device::Kind::cuda, 99};
+  const auto check = [&](const Settings& s, Device device, MemberNetworks networks, const char* line,
+                         const char* json) {
+    const LoadedRun run = load(s, 512);
+    EXPECT_EQ(plan_memory(run, device).networks, networks) << line;
+    EXPECT_TRUE(contains(plan_table(run, device, kSpace), {line}));
+    EXPECT_TRUE(contains(plan_json(run, device, kSpace).text(), {json}));
+  };
+  const Settings plain{"", "algorithm: snes"}, wide{"", "algorithm: snes", "actor: {layer_norm: true}"};
+  check(plain, kAbsent, MemberNetworks::fused_assumed,
+        "\n\nmembers' networks: in the fused kernel, which is assumed: cuda:99 is not here to be asked\ncuda:99: ",
+        "\"member_networks\": \"fused_assumed\"");
+  for (const auto& [settings, device] : {std::pair{wide, kAbsent}, {plain, kCpu}})
+    check(settings, device, MemberNetworks::libtorch, "\n\nmembers' networks: through LibTorch\n",
+          "\"member_networks\": \"libtorch\"");
+  if (cuda_device_count() > 0)
+    check(plain, kGpu, MemberNetworks::fused, "\n\nmembers' networks: in the fused kernel\n",
+          "\"member_networks\": \"fused\"");
 }
 
 class LearnMemoryPopulationGpu : public testing::TestWithParam<std::tuple<Settings, int>> {};
 
-// As LearnMemoryGpu, which see: to be run in a process of its own.
 TEST_P(LearnMemoryPopulationGpu, PlanIsWhatFreeMemoryLoses) {
   if (cuda_device_count() == 0) GTEST_SKIP() << "no GPU";
   const auto& [settings, members] = GetParam();
-  const LoadedRun run = load(settings, members);
-  const int64_t before = free_gpu_bytes();
-  const auto learner = make_learner(run, kGpu);
-  for (int u = 0; u < 3; ++u) learner->update();
-  play_match(run.spec, {learner->actor(0)}, {nullptr, Scripted::circle}, {run.config.eval.episodes, 1, kGpu, 1});
-  const int64_t measured = before - free_gpu_bytes();
-  const double ratio = print_gpu_plan(cat(settings.name, ", ", members, " members"), plan_memory(run, kGpu), measured);
+  const double ratio = planned_over_lost(cat(settings.name, ", ", members, " members"), load(settings, members), 3);
   EXPECT_GE(ratio, 1.0);
   EXPECT_LE(ratio, 1.3);
 }

@@ -31,7 +31,7 @@ void PrintTo(const Case& c, std::ostream* out) {
   *out << c.n_team_0 << " v " << c.n_team_1 << ", " << c.n_worlds << " worlds";
 }
 const Case kCases[] = {
-    {1, 1, 65, 22, 60},  {2, 2, 65, 22, 60},   {5, 5, 65, 22, 60},  {7, 3, 65, 22, 60},   {16, 16, 65, 22, 60},
+    {1, 1, 65, 24, 60},  {2, 2, 65, 24, 60},   {5, 5, 65, 24, 60},  {7, 3, 65, 24, 60},   {16, 16, 65, 24, 60},
     {1, 12, 65, 11, 60}, {20, 20, 65, 11, 60}, {40, 30, 65, 6, 60}, {200, 200, 5, 4, 12},
 };
 
@@ -49,7 +49,7 @@ SimSpec variant_of(const Case& c, int variant) {
   SimSpec spec = random_spec(seed, c.n_team_0, c.n_team_1);
   const unsigned all = kNSwitchMasks - 1;
   unsigned mask = variant == 0 ? all : 0;
-  if (variant >= 2) mask = 1u << ((variant - 2) / 2 % 10);
+  if (variant >= 2) mask = 1u << (static_cast<unsigned>(variant - 2) / 2 % kNSwitches);
   if (variant >= 2 && variant % 2) mask = all ^ mask;
   set_switches(spec, mask);
   spec.params.max_episode_length = variant % 5 == 4 ? 0 : 5 + variant % 9;

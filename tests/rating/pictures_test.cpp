@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <tuple>
 
 #include "games.hpp"
 #include "io/temporary_folder.hpp"
@@ -17,6 +18,7 @@
 namespace giga::test {
 namespace {
 
+constexpr TrainingAxis kSteps = TrainingAxis::agent_steps, kTime = TrainingAxis::seconds;
 using Elements = std::vector<XmlElement>;
 
 int count(const Elements& elements, const std::string& name, const std::string& attribute, const std::string& value) {
@@ -50,7 +52,7 @@ void expect_inside(const Elements& elements) {
 
 TEST(RatingPictures, RatingOverTraining) {
   const RatingSheet sheet = make_sheet({});
-  const Elements svg = parse_xml(rating_picture(sheet));
+  const Elements svg = parse_xml(rating_picture(sheet, kSteps));
   EXPECT_EQ(svg[0].name, "svg");
   for (const char* text : {"Rating over training: duel", "Elo", "agent-steps (millions)", "random", "noop", "circle",
                            "duel-mappo-seed1", "best checkpoint"})
@@ -73,8 +75,47 @@ TEST(RatingPictures, RatingOverTraining) {
               per_elo, 0.001);
 }
 
+// A run whose later updates take longer: along time its checkpoints stand apart as the seconds say.
+TEST(RatingPictures, OverWallClockTime) {
+  RatingSheet sheet = make_sheet({});
+  const double seconds[] = {100, 200, 500, 800};
+  for (size_t k = 0; k < 4; ++k) sheet.infos[3 + k].seconds = seconds[k];  // behind the three scripts
+  const auto x_of = [](const Elements& svg, const std::string& hint) { return number(hinted(svg, hint), "cx"); };
+  const Elements ratings = parse_xml(rating_picture(sheet, kTime)), wins = parse_xml(win_rate_picture(sheet, kTime));
+  double x_rating[4], x_wins[4];
+  for (size_t k = 0; k < 4; ++k) {
+    const Rating& r = sheet.ratings.list[3 + k];
+    x_rating[k] = x_of(ratings, cat(sheet.ratings.name(r), ": ", std::lround(r.rating.value), " +- ",
+                                    std::lround(r.rating.high() - r.rating.value)));
+    const Games& g = sheet.table.games[(3 + k) * sheet.table.players.size() + 2];  // against circle
+    x_wins[k] = x_of(wins, cat(sheet.table.players[3 + k], ", team 0: won ", g.wins, " of 200"));
+  }
+  for (const double* x : {x_rating, x_wins}) {
+    EXPECT_NEAR((x[2] - x[1]) / (x[1] - x[0]), 3, 0.01);  // 300 s after 100 s
+    EXPECT_NEAR((x[3] - x[2]) / (x[1] - x[0]), 3, 0.01);
+  }
+  for (const Elements& svg : {ratings, wins}) {
+    EXPECT_EQ(count_texts(svg, "wall-clock time of training (minutes)"), 1);
+    EXPECT_GE(count_texts(svg, "10"), 1) << "a tick at ten minutes, of 13.3";
+    expect_inside(svg);
+  }
+}
+
+TEST(RatingPictures, TimeIsInTheUnitThatIsEasyToRead) {
+  RatingSheet sheet = make_sheet({.n_checkpoints = 1});
+  for (const auto& [seconds, label, tick] : {std::tuple{1.5, "wall-clock time of training (seconds)", "1.4"},
+                                             {100.0, "wall-clock time of training (seconds)", "80"},
+                                             {3600.0, "wall-clock time of training (minutes)", "60"},
+                                             {36000.0, "wall-clock time of training (hours)", "10"}}) {
+    sheet.infos[3].seconds = seconds;
+    const Elements svg = parse_xml(rating_picture(sheet, kTime));
+    EXPECT_EQ(count_texts(svg, label), 1) << seconds;
+    EXPECT_GE(count_texts(svg, tick), 1) << seconds;
+  }
+}
+
 TEST(RatingPictures, APanelPerTeamWhereSidesAreApart) {
-  const Elements svg = parse_xml(rating_picture(make_sheet({.sides = Sides::apart})));
+  const Elements svg = parse_xml(rating_picture(make_sheet({.sides = Sides::apart}), kSteps));
   EXPECT_EQ(count_texts(svg, "Team 0"), 2);  // panel and legend
   EXPECT_EQ(count_texts(svg, "Team 1"), 2);
   EXPECT_EQ(count(svg, "circle", "fill", line_colour(1)), 4 + 1);
@@ -84,7 +125,7 @@ TEST(RatingPictures, APanelPerTeamWhereSidesAreApart) {
 
 TEST(RatingPictures, InfiniteRatingsAreTrianglesAtTheEdge) {
   const RatingSheet sheet = make_sheet({.gain = 700, .n_games = 20});
-  const Elements svg = parse_xml(rating_picture(sheet));
+  const Elements svg = parse_xml(rating_picture(sheet, kSteps));
   const auto infinite = std::count_if(sheet.ratings.list.begin(), sheet.ratings.list.end(),
                                       [](const Rating& r) { return r.standing == Standing::above; });
   ASSERT_GT(infinite, 0);
@@ -103,16 +144,16 @@ TEST(RatingPictures, WhereTheAnchorNeverWinsCheckpointsAreShownAmongThemselves) 
   add(sheet.table, "run@2", "run@1", {30, 10, 0});
   for (const char* strong : {"run@1", "run@2"}) add(sheet.table, strong, "random", {20, 0, 0});
   sheet.infos = {
-      {}, {PlayerKind::checkpoint, "run", 1, 100, 1, false}, {PlayerKind::checkpoint, "run", 2, 200, 2, false}};
+      {}, {PlayerKind::checkpoint, "run", 1, 100, 1, false, {}}, {PlayerKind::checkpoint, "run", 2, 200, 2, false, {}}};
   sheet.ratings = rate(sheet.table, {});
-  const Elements svg = parse_xml(rating_picture(sheet));
+  const Elements svg = parse_xml(rating_picture(sheet, kSteps));
   EXPECT_EQ(count_texts(svg, "Elo by maximum likelihood, run@1 = 0; bars: 95 % intervals; grey: baselines"), 1);
   EXPECT_NO_THROW(hinted(svg, "run@2: 191 +- 124"));  // 30 : 10, see ratings_test.cpp
 }
 
 TEST(RatingPictures, WinRatesAgainstEachScript) {
   const RatingSheet sheet = make_sheet({.runs = {"duel-a", "duel-b"}});
-  const Elements svg = parse_xml(win_rate_picture(sheet));
+  const Elements svg = parse_xml(win_rate_picture(sheet, kSteps));
   for (const char* text : {"against random", "against noop", "against circle", "a, team 0", "a, team 1", "b, team 0",
                            "games won", "100 %", "agent-steps (millions)"})
     EXPECT_GE(count_texts(svg, text), 1) << text;
@@ -140,8 +181,10 @@ TEST(RatingPictures, CrossPlayMatrixShowsEachShare) {
 
 TEST(RatingPictures, NothingToDrawIsNoPicture) {
   RatingSheet sheet = make_sheet({.n_checkpoints = 0});
-  EXPECT_EQ(rating_picture(sheet), "");
-  EXPECT_EQ(win_rate_picture(sheet), "");
+  for (const TrainingAxis along : {kSteps, kTime}) {
+    EXPECT_EQ(rating_picture(sheet, along), "");
+    EXPECT_EQ(win_rate_picture(sheet, along), "");
+  }
   EXPECT_NE(matrix_picture(sheet), "");
 }
 
@@ -149,9 +192,9 @@ TEST(RatingPictures, NamesAreOnlyText) {
   RatingSheet sheet = make_sheet({.runs = {"<a&\"b\"'>\x01\xff"}});
   sheet.scenario = "</svg><script>";
   const std::string broken = "<a&\"b\"'>\xEF\xBF\xBD\xEF\xBF\xBD";  // what XML cannot hold, replaced
-  EXPECT_EQ(count_texts(parse_xml(rating_picture(sheet)), broken), 1);
+  EXPECT_EQ(count_texts(parse_xml(rating_picture(sheet, kSteps)), broken), 1);
   EXPECT_EQ(count_texts(parse_xml(matrix_picture(sheet)), "Cross-play: </svg><script>"), 1);
-  EXPECT_NO_THROW(parse_xml(win_rate_picture(sheet)));
+  EXPECT_NO_THROW(parse_xml(win_rate_picture(sheet, kSteps)));
 }
 
 TEST(RatingPictures, TicksAreRound) {

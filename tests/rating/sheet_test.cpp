@@ -24,8 +24,8 @@ RatingSheet small_sheet() {
   add(sheet.table, "random", "run, 1@100", {0, 5, 0});
   add(sheet.table, "run, 1@200", "random", {20, 0, 0});
   sheet.infos = {{},
-                 {PlayerKind::checkpoint, "run, 1", 100, 25600, 1.5, false},
-                 {PlayerKind::checkpoint, "run, 1", 200, 51200, 3, true}};
+                 {PlayerKind::checkpoint, "run, 1", 100, 25600, 1.5, false, {}},
+                 {PlayerKind::checkpoint, "run, 1", 200, 51200, 3, true, {}}};
   sheet.ratings = rate(sheet.table, {});
   return sheet;
 }
@@ -50,7 +50,7 @@ TEST(RatingSheet, MatrixHasTheSharesOfSide0) {
 }
 
 TEST(RatingSheet, JsonHoldsAll) {
-  const Document json = parse_yaml_text(ratings_json(small_sheet()).text(), "json");
+  const Document json = parse_yaml_text(ratings_json(small_sheet(), "ratings").text(), "json");
   const auto text = [](const Node* node) { return node ? node->text : "missing"; };
   EXPECT_EQ(text(json.root.find("scenario")), "duel");
   EXPECT_EQ(text(json.root.find("anchor")), "random");
@@ -87,7 +87,7 @@ TEST(RatingSheet, TheSidesAdvantageIsTold) {
   RatingSheet sheet = make_sheet({.sides = Sides::apart});
   const std::string table = ratings_table(sheet);
   EXPECT_TRUE(contains(table, {"Side 0 is ahead by +"}));
-  const Document json = parse_yaml_text(ratings_json(sheet).text(), "json");
+  const Document json = parse_yaml_text(ratings_json(sheet, "ratings").text(), "json");
   const double advantage = std::stod(json.root.find("side_advantage")->find("value")->text);
   EXPECT_NEAR(advantage, 80, 3 * sheet.ratings.side_advantage->standard_error);
 }
@@ -105,46 +105,83 @@ TEST(RatingSheet, WritesAFolder) {
   const TemporaryFolder folder;
   const RatingSheet sheet = make_sheet({});
   const std::filesystem::path out = folder / "new/ratings";
-  write_ratings(out, sheet, ratings_json(sheet).set("seed", 7));
+  write_ratings(out, sheet, ratings_json(sheet, out).set("seed", 7));
   EXPECT_EQ(read_file(out / "ratings.csv"), ratings_csv(sheet));
   EXPECT_EQ(read_file(out / "matrix.csv"), matrix_csv(sheet));
   EXPECT_EQ(parse_yaml_text(read_file(out / "ratings.json"), "json").root.find("seed")->text, "7");
   for (const char* name : {"rating.svg", "win_rate.svg", "matrix.svg"})
     EXPECT_TRUE(contains(read_file(out / name), {"<svg", "</svg>"})) << name;
+  for (const char* name : {"rating.svg", "win_rate.svg"})
+    EXPECT_TRUE(contains(read_file(out / name), {">agent-steps (millions)<"})) << name;
+  for (const char* name : {"rating_seconds.svg", "win_rate_seconds.svg"})
+    EXPECT_TRUE(contains(read_file(out / name), {">wall-clock time of training (minutes)<"})) << name;
   const RatingSheet scripts = make_sheet({.n_checkpoints = 0});
-  write_ratings(out, scripts, ratings_json(scripts));
-  EXPECT_FALSE(std::filesystem::exists(out / "rating.svg")) << "the old picture would belong to other ratings";
+  write_ratings(out, scripts, ratings_json(scripts, out));
+  for (const char* name : {"rating.svg", "rating_seconds.svg", "win_rate.svg", "win_rate_seconds.svg"})
+    EXPECT_FALSE(std::filesystem::exists(out / name)) << name << " would belong to other ratings";
   write_file(folder / "file", "");
   EXPECT_TRUE(
       contains(input_error_of([&] { write_ratings(folder / "file", scripts, {}); }), {"cannot create the folder"}));
 }
 
+/// `small_sheet()` whose run is in the folder `run` of `folder`, written to run/ratings.
+RatingSheet sheet_of_run(const TemporaryFolder& folder) {
+  std::filesystem::create_directories(folder / "run/ratings");
+  RatingSheet sheet = small_sheet();
+  for (PlayerInfo& info : sheet.infos)
+    if (!info.is_baseline()) info.folder = std::filesystem::canonical(folder / "run");
+  return sheet;
+}
+
 TEST(RatingSheet, TheRatingOfACheckpointIsFound) {
   const TemporaryFolder folder;
-  Json json = ratings_json(small_sheet());
+  const std::filesystem::path run = folder / "run", out = run / "ratings", file = out / "ratings.json";
+  Json json = ratings_json(sheet_of_run(folder), out);
   json.set("episodes", 20);
-  write_file(folder / "ratings.json", json.text());
-  const auto text_of = [&](const RatedPolicy& policy) { return find_rating(folder / "ratings.json", policy).text(); };
-  EXPECT_TRUE(contains(text_of({"run, 1", 100, 1}),
+  write_file(file, json.text());
+  const auto text_of = [&](const RatedPolicy& policy) { return find_rating(file, policy).text(); };
+  EXPECT_TRUE(contains(text_of({run, 100, 1}),
                        {"\"scenario\": \"duel\"", "\"anchor\": \"random\"", "\"episodes\": 20", "\"side\": \"both\"",
                         "\"standing\": \"rated\"", "\"rating\": 190.8485", "\"ci95\": [", "\"games\": 40"}));
-  EXPECT_TRUE(contains(text_of({"run, 1", 200, 0}), {"\"standing\": \"above\"", "\"rating\": null"}));
-  EXPECT_EQ(text_of({"run, 1", 300, 0}), "{}");
-  EXPECT_EQ(text_of({"run", 100, 0}), "{}");
+  EXPECT_TRUE(contains(text_of({run, 200, 0}), {"\"standing\": \"above\"", "\"rating\": null"}));
+  EXPECT_EQ(text_of({run, 300, 0}), "{}");
 
-  RatingSheet apart = small_sheet();
+  RatingSheet apart = sheet_of_run(folder);
   RatingOptions options;
   options.sides = Sides::apart;
   add(apart.table, "random", "random", {5, 0, 5});
   apart.ratings = rate(apart.table, options);
-  write_file(folder / "ratings.json", ratings_json(apart).text());
-  EXPECT_TRUE(contains(text_of({"run, 1", 100, 1}), {"\"side\": 1", "\"games\": 5"}));
-  EXPECT_TRUE(contains(text_of({"run, 1", 100, 0}), {"\"side\": 0", "\"games\": 35"}));
+  write_file(file, ratings_json(apart, out).text());
+  EXPECT_TRUE(contains(text_of({run, 100, 1}), {"\"side\": 1", "\"games\": 5"}));
+  EXPECT_TRUE(contains(text_of({run, 100, 0}), {"\"side\": 0", "\"games\": 35"}));
 
-  write_file(folder / "ratings.json", "[1, 2]");
-  EXPECT_EQ(text_of({"run, 1", 100, 0}), "{}");
-  write_file(folder / "ratings.json", "{1: ");
-  EXPECT_TRUE(contains(input_error_of([&] { text_of({"run, 1", 100, 0}); }), {"ratings.json"}));
+  write_file(file, "[1, 2]");
+  EXPECT_EQ(text_of({run, 100, 0}), "{}");
+  write_file(file, "{1: ");
+  EXPECT_TRUE(contains(input_error_of([&] { text_of({run, 100, 0}); }), {"ratings.json"}));
+}
+
+// The ratings of two runs whose folders have the same name, kept in the folder of the second one.
+TEST(RatingSheet, RunsAreKnownByTheirPlaceNotByTheirName) {
+  const TemporaryFolder folder;
+  const std::filesystem::path first = folder / "first/seed1", second = folder / "second/seed1";
+  for (const auto& run : {first, second}) std::filesystem::create_directories(run / "ratings");
+  RatingSheet sheet = small_sheet();
+  sheet.infos[1] = {PlayerKind::checkpoint, "first/seed1", 100, 25600, 1.5, false, std::filesystem::canonical(first)};
+  sheet.infos[2] = {PlayerKind::checkpoint, "second/seed1", 100, 25600, 1.5, false, std::filesystem::canonical(second)};
+  const auto file_of = [](const std::filesystem::path& run) { return run / "ratings/ratings.json"; };
+  const auto games_of = [&](const std::filesystem::path& file, const std::filesystem::path& run) {
+    return print_node(*parse_yaml_text(find_rating(file, {run, 100, 0}).text(), "json").root.find("games"));
+  };
+  write_file(file_of(second), ratings_json(sheet, second / "ratings").text());
+  EXPECT_TRUE(contains(read_file(file_of(second)), {"\"folder\": \"..\"", "\"folder\": \"../../../first/seed1\""}));
+  EXPECT_EQ(games_of(file_of(second), first), "40");
+  EXPECT_EQ(games_of(file_of(second), second), "20");
+  EXPECT_EQ(games_of(file_of(second), folder / "second/../second/seed1/"), "20") << "the same place by another path";
+  std::filesystem::create_directory_symlink(second, folder / "link");
+  EXPECT_EQ(games_of(folder / "link/ratings/ratings.json", folder / "link"), "20");
+  std::filesystem::rename(folder / "second", folder / "moved");
+  EXPECT_EQ(games_of(file_of(folder / "moved/seed1"), folder / "moved/seed1"), "20") << "with its ratings";
 }
 
 }  // namespace

@@ -18,7 +18,7 @@ RatingSheet make_sheet(const SheetOptions& options) {
       truth.side_0.push_back(gained);
       truth.side_1.push_back(options.sides == Sides::apart ? gained / 2 : gained);
       sheet.infos.push_back(
-          {PlayerKind::checkpoint, options.runs[run], 100 * k, 1e7 * k, 200.0 * k, k == options.n_checkpoints - 1});
+          {PlayerKind::checkpoint, options.runs[run], 100 * k, 1e7 * k, 200.0 * k, k == options.n_checkpoints - 1, {}});
     }
   }
   std::mt19937_64 generator(11);

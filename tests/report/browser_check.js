@@ -57,8 +57,12 @@ async function useReport() {
   seen.pixels_hidden = linePixels(entropy)[0];
   entropy.buttons[0].button.click();
 
+  const pictures = () =>
+    [...document.querySelectorAll(".picture img")].filter(image => image.offsetWidth).map(image => image.naturalWidth);
+  seen.pictures = pictures();
   document.querySelector("#axis input[value=seconds]").click();
   seen.seconds_range = ranges();
+  seen.seconds_pictures = pictures();
   const smoothing = document.getElementById("smoothing");
   smoothing.value = 3;
   smoothing.dispatchEvent(new Event("input"));
@@ -73,7 +77,6 @@ async function useReport() {
   seen.other_ground = getComputedStyle(document.body).backgroundColor;
   seen.other_pixels = Math.min(...linePixels(entropy));
   seen.requests = performance.getEntriesByType("resource").map(entry => entry.name);
-  seen.pictures = [...document.querySelectorAll(".picture img")].map(image => image.naturalWidth);
   seen.injected = document.querySelectorAll("#evil").length;
   return seen;
 }

@@ -80,13 +80,15 @@ class ReportInBrowser : public ::testing::Test {
     return parse_yaml_text(drawn.substr(begin + start.size(), end - begin - start.size()), "outcome");
   }
 
-  /// Gives a run a picture of 321 pixels, which would change the page if it could.
+  /// Gives a run pictures, 321 pixels wide along agent-steps, 322 along time and 323 along neither, which would change
+  /// the page if they could.
   void add_ratings(const std::string& name) {
     const std::filesystem::path ratings = folder_ / name / "ratings";
     std::filesystem::create_directory(ratings);
     std::ofstream(ratings / "ratings.json") << R"({"scenario": "duel", "anchor": "random", "ratings": []})";
-    std::ofstream(ratings / "rating.svg") << "<svg xmlns='http://www.w3.org/2000/svg' width='321' height='9'>"
-                                             "<script>parent.problems.push('a script in a picture')</script></svg>";
+    for (const auto& [file, width] : {std::pair{"rating.svg", 321}, {"rating_seconds.svg", 322}, {"matrix.svg", 323}})
+      std::ofstream(ratings / file) << "<svg xmlns='http://www.w3.org/2000/svg' width='" << width << "' height='9'>"
+                                    << "<script>parent.problems.push('a script in a picture')</script></svg>";
   }
 
   std::string browser_;
@@ -145,7 +147,8 @@ TEST_F(ReportInBrowser, ZoomAxisAndNames) {
   EXPECT_EQ(text(seen, "smoothing"), "mean of 7 points");
   EXPECT_GE(number(seen, "pixels_before"), kLinePixels);
   EXPECT_EQ(number(seen, "pixels_hidden"), 0);
-  EXPECT_EQ(texts(seen, "pictures"), Texts{"321"});
+  EXPECT_EQ(texts(seen, "pictures"), (Texts{"321", "323"}));
+  EXPECT_EQ(texts(seen, "seconds_pictures"), (Texts{"322", "323"}));
 }
 
 TEST_F(ReportInBrowser, DarkAndSeveralConfigs) {

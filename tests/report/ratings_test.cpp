@@ -38,14 +38,16 @@ TEST(ReportRatings, PicturesAndTableOfARatedRun) {
   SyntheticRun().write(folder / "run");
   write_text(folder / "run/ratings/ratings.json", kResults);
   write_text(folder / "run/ratings/rating.svg", "<svg>1</svg>");
+  write_text(folder / "run/ratings/rating_seconds.svg", "<svg>2</svg>");
   write_text(folder / "run/ratings/matrix.svg", "<svg>3</svg>");
   const Document sections = sections_of({read_run(folder / "run")});
   const Node* section = section_of(sections, "Ratings");
   ASSERT_TRUE(section);
   EXPECT_EQ(section->find("kind")->text, "pictures");
   EXPECT_TRUE(contains(section->find("note")->text, {"duel, random = 0", "Note: best: won all."}));
-  ASSERT_EQ(section->find("pictures")->items.size(), 2u);  // there is no win_rate.svg
-  EXPECT_EQ(section->find("pictures")->items[1].text, "<svg>3</svg>");
+  EXPECT_EQ(print_node(*section->find("pictures")),  // there is no win_rate.svg
+            R"([{svg: "<svg>1</svg>", along: agent_steps}, {svg: "<svg>2</svg>", along: seconds}, )"
+            R"({svg: "<svg>3</svg>", along: ""}])");
   const Node& rows = *section->find("tables")->items[0].find("rows");
   ASSERT_EQ(rows.items.size(), 2u);
   EXPECT_EQ(print_node(rows.items[0]), R"(["run@3", both, "191", "124", "0.75", "40", "30", "0", "10", "1216"])");

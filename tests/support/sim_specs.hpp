@@ -21,8 +21,8 @@ void set_reward(SimSpec& spec, RewardTerm term, float weight);
 SimSpec random_spec(uint64_t seed, int n_team_0, int n_team_1);
 
 /// Sets every switch of a spec by the bits of `mask`: rules, actions, both stochastic flags, waypoints, options beyond
-/// the original, division, one-team-dead. With all 1,024 masks every combination occurs.
+/// the original, division, one-team-dead, body view. With all 2,048 masks every combination occurs.
 void set_switches(SimSpec& spec, unsigned mask);
-constexpr unsigned kNSwitchMasks = 1024;
+constexpr unsigned kNSwitches = 11, kNSwitchMasks = 1u << kNSwitches;
 
 }  // namespace giga::test

@@ -39,6 +39,8 @@ class PlanItems {
   /// Evaluation, checkpoint, slack, and what the program takes whatever it does.
   void add_rest(const Rest& rest);
 
+  void set_networks(MemberNetworks networks) { plan_.networks = networks; }
+
   const MemoryPlan& plan() const { return plan_; }
 
  private:

@@ -17,8 +17,17 @@ struct MemoryItem {
   std::string note;
 };
 
+/// What computes the networks of a population's members, which decides over their memory.
+enum class MemberNetworks : uint8_t {
+  none,           ///< there are no members: mappo
+  libtorch,       ///< LibTorch, with the activations of a whole population
+  fused,          ///< the fused kernel (cuda/population_policy.hpp), which keeps none
+  fused_assumed,  ///< the same as far as the networks allow it; the GPU is not here to be asked
+};
+
 struct MemoryPlan {
   std::vector<MemoryItem> items;
+  MemberNetworks networks = MemberNetworks::none;
   int64_t total() const;
 };
 

@@ -65,18 +65,21 @@ class PopulationMemory {
   const int64_t m_, e_, d_, head_, p_;
   const int64_t populations_, teams_;  // that play at a time; that learn
   const int64_t element_;              // bytes of a feature
+  const MemberNetworks networks_;
   const bool fused_;
   PlanItems items_;
 };
 
-bool uses_fused_kernel(const LoadedRun& run, Device device) {
-  if (!device.is_cuda()) return false;
+/// As PopulationGames chooses it.
+MemberNetworks member_networks(const LoadedRun& run, Device device) {
+  if (!device.is_cuda()) return MemberNetworks::libtorch;
   const SimParams& sim = run.spec.params;
   const auto mlp = Actor::small_mlp(actor_config(run.config), run.spec.padded_observation_size(), sim.actions,
                                     precision_on(run, device));
-  // A GPU that is not here is taken for one that the kernel runs on.
-  return mlp && (device.index >= cuda_device_count() ||
-                 population_policy_fits(*mlp, std::max(sim.n_team[0], sim.n_team[1]), device.index));
+  if (!mlp) return MemberNetworks::libtorch;
+  if (device.index >= cuda_device_count()) return MemberNetworks::fused_assumed;
+  return population_policy_fits(*mlp, std::max(sim.n_team[0], sim.n_team[1]), device.index) ? MemberNetworks::fused
+                                                                                            : MemberNetworks::libtorch;
 }
 
 PopulationMemory::PopulationMemory(const LoadedRun& run, Device device)
@@ -92,7 +95,8 @@ PopulationMemory::PopulationMemory(const LoadedRun& run, Device device)
       populations_(populations_at_a_time(run.config)),
       teams_(self_play_ ? kNTeams : 1),
       element_(precision_on(run, device) == Precision::bf16 ? 2 : kFloat),
-      fused_(uses_fused_kernel(run, device)),
+      networks_(member_networks(run, device)),
+      fused_(networks_ != MemberNetworks::libtorch),
       items_(run, device) {}
 
 /// Observations and actions of a world.
@@ -198,6 +202,7 @@ MemoryPlan PopulationMemory::plan() {
   // The policy without its gradients.
   const int64_t saved = teams_ * (vectors_of_strategy() - 1 + opponents()) * kFloat * p_;
   items_.add_rest({work, acting(), saved, slack(work, phase.bytes)});
+  items_.set_networks(networks_);
   return items_.plan();
 }
 

@@ -25,6 +25,19 @@ std::string advice(const LoadedRun& run, Device device, int64_t available_bytes)
              : "not even one world fits with these settings: smaller networks or a shorter horizon take less";
 }
 
+/// A line for the table; nothing where there are no members.
+std::string networks_line(MemberNetworks networks, Device device) {
+  if (networks == MemberNetworks::none) return "";
+  const std::string assumed = cat(", which is assumed: ", device.name(), " is not here to be asked");
+  return cat("members' networks: ", networks == MemberNetworks::libtorch ? "through LibTorch" : "in the fused kernel",
+             networks == MemberNetworks::fused_assumed ? assumed : "", "\n");
+}
+
+const char* name_of(MemberNetworks networks) {
+  constexpr const char* kNames[] = {"none", "libtorch", "fused", "fused_assumed"};
+  return kNames[static_cast<size_t>(networks)];
+}
+
 }  // namespace
 
 std::string print_bytes(int64_t bytes) {
@@ -47,9 +60,9 @@ std::string plan_table(const LoadedRun& run, Device device, const MemorySpace& s
                     100 * static_cast<double>(item.bytes) / static_cast<double>(total),
                     item.bytes_per_unit > 0 ? print_bytes(item.bytes_per_unit).c_str() : "-", item.note.c_str());
   table += format("%-46s %10s\n", "total", print_bytes(total).c_str());
-  table += cat("\n", device.name(), ": ", print_bytes(space.free), " free of ", print_bytes(space.total), "; ",
-               size.key(), " ", size.value, total <= space.free ? " fits" : " does not fit", "\n",
-               advice(run, device, space.free), "\n");
+  table += cat("\n", networks_line(plan.networks, device), device.name(), ": ", print_bytes(space.free), " free of ",
+               print_bytes(space.total), "; ", size.key(), " ", size.value,
+               total <= space.free ? " fits" : " does not fit", "\n", advice(run, device, space.free), "\n");
   return table;
 }
 
@@ -64,6 +77,7 @@ Json plan_json(const LoadedRun& run, Device device, const MemorySpace& space) {
   }
   Json json = Json::object();
   json.set("device", device.name()).set(size.name, size.value).set("items", std::move(items));
+  if (plan.networks != MemberNetworks::none) json.set("member_networks", name_of(plan.networks));
   json.set("total_bytes", plan.total()).set("device_bytes", space.total).set("free_bytes", space.free);
   json.set("fits", plan.total() <= space.free);
   json.set("largest_" + size.name, largest_size(run, device, space.free));

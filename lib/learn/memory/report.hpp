@@ -11,9 +11,10 @@
 namespace giga {
 
 /// A table: each item with its bytes, share and bytes per world (of mappo) or member (of an evolution strategy); the
-/// total; the device's memory; whether it fits; the largest train.n_worlds or population.population_size.
+/// total; of an evolution strategy what computes the members' networks (MemberNetworks); the device's memory; whether
+/// it fits; the largest train.n_worlds or population.population_size.
 std::string plan_table(const LoadedRun& run, Device device, const MemorySpace& space);
-/// The same figures, in bytes.
+/// The same, in bytes.
 Json plan_json(const LoadedRun& run, Device device, const MemorySpace& space);
 
 /// Throws InputError where the run needs more than is free: what it needs, what is free, the largest items, and the

@@ -1,0 +1,193 @@
+// The body view: walls in twelve directions, the nearest opponents and mates along the own heading, the waypoint.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "sim/observe.hpp"
+#include "support/sim_specs.hpp"
+#include "support/sim_world.hpp"
+
+namespace giga::test {
+namespace {
+
+constexpr float kTolerance = 1e-5f;
+
+/// Everybody sees everybody and flies on where a test puts them; nobody shoots or collides.
+SimSpec body_spec(int n_team_0, int n_team_1) {
+  SimSpec spec = plain_spec(n_team_0, n_team_1);
+  set_cone(spec.params, 100, kTwoPi);
+  set_damage_cone(spec.params, 0, 1);
+  spec.params.collision_range2 = 0;
+  spec.params.body_view = true;
+  spec.finish();
+  return spec;
+}
+
+/// Number `column` of agent e's body view after a step.
+float body(const TestWorld& world, int e, int column) {
+  return world.obs(e, neighbor_columns(world.params()) + tail_columns(world.params()) + column);
+}
+float wall(const TestWorld& world, int e, int direction) { return body(world, e, kBodySelf + direction); }
+/// Feature of item `item` of the agents (opponents first).
+float company(const TestWorld& world, int e, int item, int feature) {
+  return body(world, e, body_agents_at(world.params()) + item * kBodyAgent + feature);
+}
+
+TEST(SimBodyView, SizesFollowTheTeams) {
+  // 7 + 12 + min(3, 5) x 8 + min(2, 4) x 8 = 59 behind 10 x 9 numbers.
+  EXPECT_EQ(body_spec(5, 5).observation_size(), 90 + 59);
+  // One against one: an opponent, no mate: 7 + 12 + 8 = 27 behind 2 x 9.
+  EXPECT_EQ(body_spec(1, 1).observation_size(), 18 + 27);
+  // The larger team decides for both: 1 against 3 has 3 opponents and 2 mates.
+  EXPECT_EQ(body_spec(1, 3).observation_size(), 36 + 59);
+  SimSpec off = body_spec(5, 5);
+  off.params.body_view = false;
+  EXPECT_EQ(off.observation_size(), 90);
+}
+
+TEST(SimBodyView, TellsTheAgentItself) {
+  TestWorld world(body_spec(1, 1));
+  world.put(0, 2.5f, 7.5f, kPi / 6, 4, 2);
+  world.put(1, 9, 9);
+  world.now().health[0] = 0.5f;
+  world.step();
+  const WorldView& w = world.now();
+  // 2 x / 10 - 1 and so on of the state after the step; the heading of pi / 6 stays.
+  const float expected[kBodySelf] = {w.x[0] / 5 - 1, w.y[0] / 5 - 1, 0.8660254f, 0.5f,
+                                     w.z[0] / 10,    w.v[0] / 5,     w.health[0]};
+  for (int k = 0; k < kBodySelf; ++k) EXPECT_NEAR(body(world, 0, k), expected[k], kTolerance) << k;
+  EXPECT_NEAR(body(world, 0, 4), 0.4f, kTolerance);
+}
+
+TEST(SimBodyView, NearnessOfTheBorder) {
+  TestWorld world(body_spec(1, 1));
+  world.put(0, 6, 3, kPi / 2);  // up
+  world.put(1, 1, 1);
+  world.step();
+  const float x = world.now().x[0], y = world.now().y[0];
+  EXPECT_NEAR(wall(world, 0, 0), 1 / (1 + 10 - y), kTolerance);  // ahead: the upper border
+  EXPECT_NEAR(wall(world, 0, 3), 1 / (1 + x), kTolerance);       // a quarter turn to the left: x = 0
+  EXPECT_NEAR(wall(world, 0, 6), 1 / (1 + y), kTolerance);       // behind: y = 0
+  EXPECT_NEAR(wall(world, 0, 9), 1 / (1 + 10 - x), kTolerance);  // right: x = 10
+  // 30 degrees to the right of up: (1/2, sqrt(3)/2) meets x = 10 after (10 - x) / (1/2), y = 10 after less or more.
+  const float way = std::min((10 - x) / 0.5f, (10 - y) / 0.8660254f);
+  EXPECT_NEAR(wall(world, 0, 11), 1 / (1 + way), kTolerance);
+}
+
+TEST(SimBodyView, NearnessOfObstacles) {
+  SimSpec spec = body_spec(1, 1);
+  spec.maps[0].boxes = {{7, 4, 8, 6, 0, 1}, {2, 4.5f, 3, 5.5f, 2, 3}};
+  spec.finish();
+  TestWorld world(spec);
+  world.put(0, 5, 5);  // flies right, between the two
+  world.put(1, 1, 1);
+  world.step();
+  const float x = world.now().x[0];
+  EXPECT_NEAR(wall(world, 0, 0), 1 / (1 + 7 - x), kTolerance);
+  EXPECT_NEAR(wall(world, 0, 6), 1 / (1 + x - 3), kTolerance);
+  EXPECT_NEAR(wall(world, 0, 3), 1 / (1 + 5.0f), kTolerance);  // up: nothing but the border
+  // 30 degrees up: (7 - x) tan 30 = 1.08 > 1 at x = 5.13, so it passes above the first box, to x = 10.
+  EXPECT_NEAR(wall(world, 0, 1), 1 / (1 + (10 - x) / 0.8660254f), kTolerance);
+
+  spec.params.obstacle_heights = true;
+  spec.finish();
+  TestWorld tall(spec);
+  tall.put(0, 5, 5, 0, 2.5f);  // above the first box, level with the second
+  tall.put(1, 1, 1);
+  tall.step();
+  EXPECT_NEAR(wall(tall, 0, 0), 1 / (1 + 10 - tall.now().x[0]), kTolerance);
+  EXPECT_NEAR(wall(tall, 0, 6), 1 / (1 + tall.now().x[0] - 3), kTolerance);
+}
+
+TEST(SimBodyView, OpponentsAndMatesByDistance) {
+  TestWorld world(body_spec(3, 3));
+  world.put(0, 5, 5, kPi);  // flies left
+  world.put(1, 5, 8, 0);
+  world.put(2, 5, 6, 0);
+  world.put(3, 5, 2, 0, 5);
+  world.put(4, 1, 5, kPi / 2);
+  world.put(5, 9, 9, 0);
+  world.step();
+  const WorldView& w = world.now();
+  const auto distance = [&](int a) { return std::hypot(w.x[a] - w.x[0], w.y[a] - w.y[0]); };
+  // Opponents 3 (3 below, so to the left of who flies left), 4 (ahead), 5; mates 2, 1.
+  const int order[] = {3, 4, 5, 2, 1};
+  for (int k = 0; k < 5; ++k)
+    EXPECT_NEAR(company(world, 0, k, kBodyNearness), 1 / (1 + distance(order[k])), kTolerance) << k;
+  EXPECT_NEAR(company(world, 0, 0, kBodyAhead), -(w.x[3] - w.x[0]) / distance(3), kTolerance);
+  EXPECT_NEAR(company(world, 0, 0, kBodyLeft), -(w.y[3] - w.y[0]) / distance(3), kTolerance);
+  EXPECT_GT(company(world, 0, 0, kBodyLeft), 0.9f);
+  EXPECT_NEAR(company(world, 0, 0, kBodyCourseAhead), -1, kTolerance);  // it flies the other way
+  EXPECT_NEAR(company(world, 0, 0, kBodyClimb), 0.5f, kTolerance);
+  EXPECT_NEAR(company(world, 0, 1, kBodyAhead), 1, 1e-2f);
+  EXPECT_NEAR(company(world, 0, 1, kBodyCourseLeft), -1, kTolerance);  // up, seen from who flies left: to the right
+  EXPECT_NEAR(company(world, 0, 1, kBodyCourseAhead), 0, kTolerance);
+  EXPECT_NEAR(company(world, 0, 1, kBodyOvertakes), (w.v[4] - w.v[0]) / 5, kTolerance);
+  EXPECT_NEAR(company(world, 0, 3, kBodyHealth), w.health[2], kTolerance);
+}
+
+TEST(SimBodyView, NobodySeenAndTheDead) {
+  SimSpec spec = body_spec(2, 2);
+  set_cone(spec.params, 0.1f, 0.1f);
+  spec.params.very_close_depth2 = 0;
+  spec.params.stochastic_communication = true;
+  spec.finish();
+  TestWorld world(spec);
+  world.put(0, 2, 2);
+  world.put(1, 2, 8);
+  world.put(2, 8, 2);
+  world.put(3, 8, 8);
+  world.kill(1);
+  world.step();
+  for (int item = 0; item < body_agents(world.params()); ++item)
+    for (int k = 0; k < kBodyAgent; ++k) EXPECT_EQ(company(world, 0, item, k), 0) << item << " " << k;
+  EXPECT_NE(wall(world, 0, 0), 0);
+  for (int k = 0; k < body_columns(world.params()); ++k) EXPECT_EQ(body(world, 1, k), 0) << k;
+}
+
+TEST(SimBodyView, TheWaypointAlongTheHeading) {
+  SimSpec spec = body_spec(1, 1);
+  spec.params.waypoints = true;
+  spec.finish();
+  TestWorld world(spec);
+  world.put(0, 5, 5, kPi / 2);
+  world.put(1, 1, 1);
+  WorldView& w = world.now();
+  const float place[4] = {1, 5, 2, 6};
+  for (int k = 0; k < 4; ++k) w.waypoint[k] = place[k];
+  *w.waypoint_time = 5;
+  world.step();
+  const float dx = 1.5f - w.x[0], dy = 5.5f - w.y[0], distance = std::hypot(dx, dy);
+  const int at = kBodySelf + kBodyRays;
+  EXPECT_NEAR(body(world, 0, at + kBodyNearness), 1 / (1 + distance), kTolerance);
+  EXPECT_NEAR(body(world, 0, at + kBodyAhead), dy / distance, kTolerance);  // it flies up
+  EXPECT_NEAR(body(world, 0, at + kBodyLeft), -dx / distance, kTolerance);  // and the place lies to its left
+  *w.waypoint_time = 0.05f;                                                 // gone after the next step
+  world.step();
+  for (int k = 0; k < kBodyWaypoint; ++k) EXPECT_EQ(body(world, 0, at + k), 0) << k;
+}
+
+TEST(SimBodyView, TurnsWithTheAgent) {
+  // A world turned by a quarter about its centre looks the same from inside.
+  SimSpec spec = body_spec(2, 2);
+  spec.maps[0].boxes = {{6, 3, 8, 4, 0, 10}};
+  spec.finish();
+  SimSpec turned_spec = spec;
+  turned_spec.maps[0].boxes = {{6, 6, 7, 8, 0, 10}};  // (x, y) -> (10 - y, x)
+  turned_spec.finish();
+  TestWorld world(spec), turned(turned_spec);
+  const float places[4][3] = {{4, 5, 0.3f}, {3, 2, -1}, {7, 6, 2}, {8, 2, 0.5f}};
+  for (int i = 0; i < 4; ++i) {
+    const auto [x, y, heading] = std::tuple(places[i][0], places[i][1], places[i][2]);
+    world.put(i, x, y, heading);
+    turned.put(i, 10 - y, x, heading + kPi / 2);
+  }
+  world.step();
+  turned.step();
+  for (int e = 0; e < 4; ++e)
+    for (int k = kBodySelf; k < body_columns(world.params()); ++k)
+      EXPECT_NEAR(body(world, e, k), body(turned, e, k), 1e-4f) << e << " " << k;
+}
+
+}  // namespace
+}  // namespace giga::test
