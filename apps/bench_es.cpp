@@ -27,13 +27,13 @@ int worlds_of(const RunConfig& c) {
   return (both ? 2 : 1) * c.population.population_size * c.population.episodes_per_member;
 }
 
-/// The median rate of the closed loop with the same networks and worlds.
+/// The median rate of the closed loop with the same scenario, networks and worlds.
 double closed_loop_rate(const BenchOptions& options, const LoadedRun& run, Device device) {
-  BenchOptions loop = options;
-  loop.scenario = run.config.scenario;
-  loop.hidden = run.config.population.actor.hidden;
-  loop.steps = 0;
-  return bench_closed_loop(loop, device, worlds_of(run.config)).quantile(0.5);
+  BenchOptions measured = options;
+  measured.steps = 0;
+  LoadedRun loop = run;
+  loop.config.train.n_worlds = worlds_of(run.config);
+  return bench_closed_loop(measured, device, loop).quantile(0.5);
 }
 
 }  // namespace

@@ -50,7 +50,7 @@ int64_t worlds_reset(Simulator& sim, int64_t steps) {
 
 BenchResult play(const BenchOptions& options, Device device, const LoadedRun& run, const Player (&player)[kNTeams]) {
   BenchResult result;
-  result.scenario = options.scenario;
+  result.scenario = run.config.scenario;
   result.worlds = run.config.train.n_worlds;
   const int64_t memory_before = device.is_cuda() ? memory_in_use(device) : 0;
   SimOptions sim_options;
@@ -115,7 +115,10 @@ BenchResult bench_sim(const BenchOptions& options, Device device, int worlds) {
 }
 
 BenchResult bench_closed_loop(const BenchOptions& options, Device device, int worlds) {
-  const LoadedRun run = bench_run(options, worlds);
+  return bench_closed_loop(options, device, bench_run(options, worlds));
+}
+
+BenchResult bench_closed_loop(const BenchOptions& options, Device device, const LoadedRun& run) {
   Actor actor0 = make_actor(run, 0, device), actor1 = make_actor(run, 1, device);
   return play(options, device, run, {Player{&actor0}, Player{&actor1}});
 }

@@ -11,6 +11,8 @@
 
 namespace giga {
 
+struct LoadedRun;
+
 struct BenchOptions {
   std::string scenario = "identical_5_vs_5";  ///< empty: as the config says (train, es)
   std::vector<int> worlds;                    ///< empty: one size that fills the device
@@ -41,6 +43,8 @@ struct BenchResult {
 BenchResult bench_sim(const BenchOptions& options, Device device, int worlds);
 /// The same with two policy networks that read the observations, and actions drawn from what they give.
 BenchResult bench_closed_loop(const BenchOptions& options, Device device, int worlds);
+/// Likewise of a run: its scenario with its changes, its networks, train.n_worlds worlds.
+BenchResult bench_closed_loop(const BenchOptions& options, Device device, const LoadedRun& run);
 /// Whole updates of a learner. `worlds` 0: as the config says.
 BenchResult bench_train(const BenchOptions& options, Device device, int worlds);
 

@@ -90,10 +90,9 @@ GIGA_HD float term_value(const SimParams& p, const WorldView& w, RewardTerm term
   return 0.0f;
 }
 
-/// What a term's value is worth to agent i's reward: the factor, the division by all agents (Q12), nothing for the
-/// dead.
-GIGA_HD float scale_term(const SimParams& p, const WorldView& w, RewardTerm term, float value, int i) {
-  if (!w.was_alive[i]) return 0.0f;
+/// What a term's value is worth to the reward of an agent that lived before the step: the factor, the division by all
+/// agents (Q12).
+GIGA_HD float scale_term(const SimParams& p, const WorldView& w, RewardTerm term, float value) {
   const float scaled = term == RewardTerm::game_won ? value : *w.reward_factor * value;
   return p.divide_reward_by_team_size ? scaled / static_cast<float>(p.n_agents) : scaled;
 }
@@ -135,8 +134,8 @@ GIGA_HD void keep_books(const SimParams& p, WorldView& w, int item) {
   if (!term_active(p, term)) return;
   float sum = 0;
   for (int i = 0; i < p.n_agents; ++i)
-    if (p.team_of(i) == team) sum += scale_term(p, w, term, w.terms[t * p.n_agents + i], i);
-  w.term_returns[team * kNRewardTerms + t] += sum;
+    if (p.team_of(i) == team && w.was_alive[i]) sum += w.terms[t * p.n_agents + i];
+  w.term_returns[team * kNRewardTerms + t] += scale_term(p, w, term, sum);
 }
 
 /// Counts a team's living agents into w.counts[first + team].
