@@ -107,7 +107,7 @@ Mappo::Mappo(const LoadedRun& run, Device device)
 
 Metrics Mappo::update() {
   clock_->mark(0);
-  if (league_) league_->begin(updates_, *sim_);
+  if (league_) league_->begin();
   collector_->collect();
   if (league_) league_->count(*sim_);
   clock_->mark(1);
@@ -132,7 +132,7 @@ Metrics Mappo::update() {
   clock_->mark(2);
   ++updates_;
   Metrics figures = metrics();
-  if (league_) league_->end(updates_);
+  if (league_) league_->end(updates_, *sim_);
   return figures;
 }
 

@@ -28,8 +28,8 @@ struct Games {
                   std::array<Side, kNTeams>{league.side(0), league.side(1)}) {
     collector.start();
   }
-  void collect(int64_t update) {
-    league.begin(update, *sim);
+  void collect() {
+    league.begin();
     collector.collect();
   }
   const LoadedRun run;
@@ -52,7 +52,7 @@ TEST(LearnLeague, ScriptsAndPastPoliciesMoveTheirWorlds) {
   Games games(with_opponents("pool_size: 2, pool_share: 0.4, scripted: [circle, reverse_circle], scripted_share: 0.5"));
   ASSERT_EQ(games.shares.scripted, 6);
   ASSERT_EQ(games.shares.pooled(), 4);
-  games.collect(0);
+  games.collect();
   // Indices of the 27 actions: 13 is straight on, three more a turn to the left.
   constexpr int kLeft = 16, kRight = 10;
   for (int learner = 0; learner < 2; ++learner) {
@@ -69,8 +69,8 @@ TEST(LearnLeague, WhileThePoolIsEmptyThePresentPolicyPlays) {
   // Its actions are drawn with the same numbers, whoever learns from them.
   const auto same = [](const SmallRun& a, const SmallRun& b) {
     Games one(a), other(b);
-    one.collect(0);
-    other.collect(0);
+    one.collect();
+    other.collect();
     at::Tensor x = one.collector.rollout().team[0].action[0], y = other.collector.rollout().team[0].action[0];
     at::Tensor u = one.collector.rollout().team[1].action[0], v = other.collector.rollout().team[1].action[0];
     return ((x - y).abs().max() < 1e-4).item<bool>() && ((u - v).abs().max() < 1e-4).item<bool>();
@@ -93,9 +93,9 @@ TEST(LearnLeague, EachGroupPlaysItsPolicy) {
       values.zero_();
       values[values.size(0) - kLogitStride + 5 * k + 1] = 100;
     }
-    games.league.end(k + 1);
+    games.league.end(k + 1, *games.sim);
   }
-  games.collect(3);
+  games.collect();
   NamedArrays arrays;
   games.league.save("", arrays);
   for (int learner = 0; learner < 2; ++learner) {
@@ -148,7 +148,7 @@ TEST(LearnLeague, FrozenRowsTakeNoPartInLearning) {
   for (const SmallRun& small : {discrete, continuous}) {
     Games clean(small), spoilt(small);
     for (int64_t u = 0; u < 2; ++u) {
-      clean.collect(u);
+      clean.collect();
       const int64_t own = clean.shares.learning(0).count * clean.run.config.mappo.horizon;
       for (int team = 0; team < kNTeams; ++team) {
         Rollout rollout = copy_of(clean.collector.rollout());
@@ -200,7 +200,6 @@ TEST(LearnLeague, GamesAgainstPastPoliciesCountFromTheirDrawOn) {
   // Worlds: 0 and 1 scripts, 2 to 5 the pool of team 1; 18 to 21 the pool of team 0, 22 and 23 scripts.
   ASSERT_EQ(games.shares.pool(0), (WorldRange{2, 4}));
   ASSERT_EQ(games.shares.pool(1), (WorldRange{18, 4}));
-  games.league.end(2);  // one policy of each team is kept
   Simulator& sim = *games.sim;
   const auto counted = [&] {
     games.league.count(sim);
@@ -212,7 +211,8 @@ TEST(LearnLeague, GamesAgainstPastPoliciesCountFromTheirDrawOn) {
   };
   for (int w = 0; w < kWorlds; ++w) sim.state().view().episode_length[w] = w == 3 ? 0 : 5;
   sim.take_stats();
-  games.league.begin(2, sim);
+  games.league.end(2, sim);  // one policy of each team is kept and drawn
+  games.league.begin();
   set_stats(sim, 0, {3, 1, 0, 2});   // scripts of team 0
   set_stats(sim, 2, {1, 1, 0, 0});   // began before its opponent was drawn
   set_stats(sim, 3, {2, 1, 0, 1});   // began with it
@@ -228,11 +228,9 @@ TEST(LearnLeague, GamesAgainstPastPoliciesCountFromTheirDrawOn) {
   EXPECT_EQ(record[1].pool.episodes, 0);
   EXPECT_EQ(record[1].scripts.win_share(), 1 / 2.0);
   // The next games of worlds 2 and 20 have the same opponent from start to end; that of world 20 is its first to end.
-  games.league.begin(3, sim);
   set_stats(sim, 2, {1, 0, 1, 0});
   set_stats(sim, 20, {1, 0, 1, 0});
   EXPECT_EQ(counted().second[0].pool.episodes, 1);
-  games.league.begin(3, sim);
   set_stats(sim, 20, {1, 0, 1, 0});
   EXPECT_EQ(counted().second[1].pool.wins, 1);
   // Against policy 1 of team 1: 3 games, 1 win, 1 tie; of team 0: one game, won.

@@ -75,23 +75,12 @@ void League::set_rows(Past& past, std::vector<int32_t> rows) const {
   past.row_index = at::tensor(past.row, at::kLong).slice(0, 0, shares_.groups).to(device_);
 }
 
-void League::begin(int64_t update, const Simulator& sim) {
+void League::begin() {
   at::NoGradGuard no_grad;
-  const bool draws = update % config_.pool_every_updates == 0;
-  for (size_t team = 0; team < past_.size(); ++team) {
-    Past& past = past_[team];
+  for (Past& past : past_) {
     past.pool.set_present(GroupPolicy::row_of(*past.actor));
-    if (draws) {
-      const std::vector<double> weights = past.pool.weights(config_);
-      std::vector<int32_t> rows(past.row.size());
-      for (size_t g = 0; g < rows.size(); ++g)
-        rows[g] = draw_opponent(weights, {seed_, static_cast<uint32_t>(update), 1 - static_cast<int>(team)},
-                                static_cast<uint32_t>(g));
-      set_rows(past, std::move(rows));
-    }
     past.policy.set(past.pool.networks().index_select(0, past.row_index));
   }
-  if (draws) counts_.copy_(wrap(sim.state().view().episode_length, {shares_.n_worlds}, sim.device()) == 0);
 }
 
 at::Tensor League::counts_of(const at::Tensor& stats, const WorldRange& worlds, int team) const {
@@ -144,12 +133,20 @@ void League::read(EpisodeStats& self_play, std::array<LeagueRecord, kNTeams>& re
   }
 }
 
-void League::end(int64_t updates_done) {
+void League::end(int64_t updates_done, const Simulator& sim) {
   if (updates_done % config_.pool_every_updates != 0) return;
-  for (Past& past : past_) {
+  at::NoGradGuard no_grad;
+  for (size_t team = 0; team < past_.size(); ++team) {
+    Past& past = past_[team];
     past.pool.set_present(GroupPolicy::row_of(*past.actor));
     past.pool.keep();
+    const std::vector<double> weights = past.pool.weights(config_);
+    const PoolKey key{seed_, static_cast<uint32_t>(updates_done), 1 - static_cast<int>(team)};
+    std::vector<int32_t> rows(past.row.size());
+    for (size_t g = 0; g < rows.size(); ++g) rows[g] = draw_opponent(weights, key, static_cast<uint32_t>(g));
+    set_rows(past, std::move(rows));
   }
+  counts_.copy_(wrap(sim.state().view().episode_length, {shares_.n_worlds}, sim.device()) == 0);
 }
 
 void League::save(const std::string& prefix, NamedArrays& out) const {

@@ -31,16 +31,16 @@ class League {
   /// Who moves a team: its actor where it learns; where it does not, scripts or past policies of its own.
   Side side(int team) const;
 
-  /// Before the rollout of update number `update`, counted from 0: the opponents that are met in it. They are drawn
-  /// anew at the start and with every policy that is kept; a game in progress goes on against the new one.
-  void begin(int64_t update, const Simulator& sim);
+  /// Before a rollout: the opponents that are met in it.
+  void begin();
   /// After a rollout: queues the sums of the simulator's statistics.
   void count(const Simulator& sim);
   /// Reads them, which waits for the device: statistics of the worlds in which both teams learn, and the record of each
   /// team. Of games against past policies those count that began after their opponent was drawn.
   void read(EpisodeStats& self_play, std::array<LeagueRecord, kNTeams>& record);
-  /// After `read` of an update, of which so many are done now: keeps the policies where it is time.
-  void end(int64_t updates_done);
+  /// After `read`, when so many updates are done: where it is time, keeps the policies and draws opponents anew. A game
+  /// in progress goes on against the new ones.
+  void end(int64_t updates_done, const Simulator& sim);
 
   void save(const std::string& prefix, NamedArrays& out) const;
   void load(const std::string& prefix, const NamedArrays& in);
