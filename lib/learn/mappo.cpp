@@ -11,6 +11,7 @@
 #include "cuda/rows.hpp"
 #include "cuda/runtime.hpp"
 #include "learn/libtorch_settings.hpp"
+#include "learn/opponents/league.hpp"
 #include "learn/ppo_team.hpp"
 #include "learn/team_policy.hpp"
 #include "rollout/collector.hpp"
@@ -35,16 +36,20 @@ class Mappo final : public Learner {
   UpdateTimes times() const override { return {clock_->seconds(0, 1), clock_->seconds(1, 2)}; }
   void save_batch(NamedArrays& out) const override;
   std::vector<HeadlineFigure> headline() const override {
-    return {{"policy loss", nullptr, "policy_loss"},
-            {"value loss", "value loss", "value_loss"},
-            {"entropy", "entropy", "entropy"},
-            {"approximate KL", "approx. KL", "approx_kl"},
-            {"expl. variance", nullptr, "explained_variance"}};
+    std::vector<HeadlineFigure> figures = {{"policy loss", nullptr, "policy_loss"},
+                                           {"value loss", "value loss", "value_loss"},
+                                           {"entropy", "entropy", "entropy"},
+                                           {"approximate KL", "approx. KL", "approx_kl"},
+                                           {"expl. variance", nullptr, "explained_variance"}};
+    add_league_headline(config_.opponents, figures);
+    return figures;
   }
 
  private:
   double schedule_factor() const;
+  int64_t n_states() const { return config_.mappo.horizon * n_learning_worlds_; }
   at::Tensor permutation(int64_t update, int epoch) const;
+  std::vector<at::Tensor> minibatches(int team, const at::Tensor& order) const;
   void note_divergence(int team, const float* figures);
   Metrics metrics();
   void team_metrics(int team, const float* figures, Metrics& out) const;
@@ -55,6 +60,8 @@ class Mappo final : public Learner {
   RowRunner rows_;
   std::unique_ptr<Simulator> sim_;
   std::unique_ptr<PpoTeam> team_[kNTeams];  // null = scripted
+  std::unique_ptr<League> league_;          // null = no opponents but each other or train.opponent
+  int64_t n_learning_worlds_;               // of a team
   std::unique_ptr<Collector> collector_;
   std::unique_ptr<DeviceClock> clock_;
   int64_t updates_ = 0;
@@ -65,7 +72,8 @@ Mappo::Mappo(const LoadedRun& run, Device device)
     : config_(run.config),
       device_(device),
       total_updates_(total_updates(run.config, run.spec.params.n_agents)),
-      rows_(device, run.config.train.n_threads) {
+      rows_(device, run.config.train.n_threads),
+      n_learning_worlds_(run.config.train.n_worlds) {
   set_up_libtorch(config_.train, device);
 
   SimOptions options;
@@ -74,26 +82,34 @@ Mappo::Mappo(const LoadedRun& run, Device device)
   options.n_threads = config_.train.n_threads;
   sim_ = make_simulator(run.spec, options, device);
 
-  Player player[kNTeams];
+  const WorldShares shares = world_shares(config_.opponents, config_.train.n_worlds);
+  n_learning_worlds_ = shares.learning(0).count;
+  std::array<const Actor*, kNTeams> actors{};
   bool with_state = false;
   for (int team = 0; team < kNTeams; ++team) {
-    if (!learns(config_.train, team)) {
-      player[team].script = scripted_of(config_.train.opponent);
-      continue;
-    }
-    team_[team] = std::make_unique<PpoTeam>(run, team, device, rows_);
-    player[team].policy = &team_[team]->actor();
+    if (!learns(config_.train, team)) continue;
+    team_[team] = std::make_unique<PpoTeam>(run, team, device, rows_, shares.learning(team));
+    actors[static_cast<size_t>(team)] = &team_[team]->actor();
     with_state = with_state || team_[team]->needs_state();
   }
+  if (League::wanted(config_)) league_ = std::make_unique<League>(run, actors, rows_);
+  const auto side = [&](int team) {
+    if (league_) return league_->side(team);
+    const Actor* actor = actors[static_cast<size_t>(team)];
+    const Player player = actor ? Player{actor} : Player{nullptr, scripted_of(config_.train.opponent)};
+    return Side{{player, {0, config_.train.n_worlds}}};
+  };
   const CollectorOptions collecting{config_.mappo.horizon, with_state, config_.train.desynchronize};
-  collector_ = std::make_unique<Collector>(*sim_, rows_, collecting, player[0], player[1]);
+  collector_ = std::make_unique<Collector>(*sim_, rows_, collecting, std::array<Side, kNTeams>{side(0), side(1)});
   collector_->start();
   clock_ = make_device_clock(device);
 }
 
 Metrics Mappo::update() {
   clock_->mark(0);
+  if (league_) league_->begin();
   collector_->collect();
+  if (league_) league_->count(*sim_);
   clock_->mark(1);
   const Rollout& rollout = collector_->rollout();
   for (const auto& team : team_)
@@ -102,20 +118,22 @@ Metrics Mappo::update() {
   const auto factor = static_cast<float>(schedule_factor());
   const MappoConfig& c = config_.mappo;
   const StepSizes step_sizes{factor * c.learning_rate, factor * c.critic_learning_rate};
-  int minibatch = 0;
   for (int epoch = 0; epoch < c.n_epochs; ++epoch) {
-    for (const at::Tensor& index : permutation(updates_, epoch).chunk(c.n_minibatches)) {
-      ++minibatch;
-      for (const auto& team : team_)
-        if (team) team->learn(rollout, index, minibatch, step_sizes);
-    }
+    const at::Tensor order = permutation(updates_, epoch);
+    const std::vector<at::Tensor> index[kNTeams] = {minibatches(0, order), minibatches(1, order)};
+    for (int k = 0; k < c.n_minibatches; ++k)
+      for (int team = 0; team < kNTeams; ++team)
+        if (team_[team])
+          team_[team]->learn(rollout, index[team][static_cast<size_t>(k)], epoch * c.n_minibatches + k + 1, step_sizes);
   }
 
   for (const auto& team : team_)
     if (team) team->finish(rollout);
   clock_->mark(2);
   ++updates_;
-  return metrics();
+  Metrics figures = metrics();
+  if (league_) league_->end(updates_, *sim_);
+  return figures;
 }
 
 double Mappo::schedule_factor() const {
@@ -132,9 +150,9 @@ double Mappo::schedule_factor() const {
   return 1;
 }
 
-// The order of the T x W states in an epoch. The generator is seeded afresh each time, so that it has no state to save.
+// The order of the states of a team's worlds in an epoch. The generator is seeded afresh each time, so that it has no
+// state to save.
 at::Tensor Mappo::permutation(int64_t update, int epoch) const {
-  const int64_t states = static_cast<int64_t>(config_.mappo.horizon) * config_.train.n_worlds;
   const uint64_t epochs = static_cast<uint64_t>(update) * static_cast<uint64_t>(config_.mappo.n_epochs);
   const Philox4 bits = philox4x32(static_cast<uint32_t>(epochs), static_cast<uint32_t>(epochs >> 32),
                                   static_cast<uint32_t>(Draw::permutation), static_cast<uint32_t>(epoch), config_.seed);
@@ -144,7 +162,14 @@ at::Tensor Mappo::permutation(int64_t update, int epoch) const {
     std::lock_guard lock(generator.mutex());
     generator.set_current_seed(static_cast<uint64_t>(bits.word[0]) << 32 | bits.word[1]);
   }
-  return at::randperm(states, generator, at::TensorOptions().dtype(at::kLong).device(device));
+  return at::randperm(n_states(), generator, at::TensorOptions().dtype(at::kLong).device(device));
+}
+
+// The states of each minibatch of an epoch; none of a team that does not learn. They have equally many, but for one
+// where that does not come out even.
+std::vector<at::Tensor> Mappo::minibatches(int team, const at::Tensor& order) const {
+  if (!team_[team]) return {};
+  return team_[team]->states(order).tensor_split(config_.mappo.n_minibatches);
 }
 
 void Mappo::team_metrics(int team, const float* figures, Metrics& out) const {
@@ -180,14 +205,13 @@ void Mappo::save_batch(NamedArrays& out) const {
   if (!divergence_) return;
   const PpoTeam& team = *team_[divergence_->team];
   const MappoConfig& c = config_.mappo;
-  const int64_t states = static_cast<int64_t>(c.horizon) * config_.train.n_worlds, k = divergence_->minibatch - 1;
+  const int k = divergence_->minibatch - 1;
   at::Tensor index;
   if (k < 0) {
-    index = team.faulty_states(collector_->rollout(), states / c.n_minibatches);
+    index = team.faulty_states(collector_->rollout(), n_states() / c.n_minibatches);
   } else {
-    const std::vector<at::Tensor> minibatches =
-        permutation(updates_ - 1, static_cast<int>(k / c.n_minibatches)).chunk(c.n_minibatches);
-    index = minibatches[static_cast<size_t>(k % c.n_minibatches)];
+    const at::Tensor order = permutation(updates_ - 1, k / c.n_minibatches);
+    index = minibatches(divergence_->team, order)[static_cast<size_t>(k % c.n_minibatches)];
   }
   team.save_batch(collector_->rollout(), index, out);
 }
@@ -200,7 +224,9 @@ Metrics Mappo::metrics() {
   divergence_.reset();
   for (int team = 0; team < kNTeams; ++team)
     if (team_[team]) note_divergence(team, figures[team].const_data_ptr<float>());
-  const EpisodeStats stats = sim_->take_stats();
+  EpisodeStats stats = sim_->take_stats();
+  std::array<LeagueRecord, kNTeams> record;
+  if (league_) league_->read(stats, record);  // of the worlds in which both teams learn
   const double episodes = stats[EpisodeStat::episodes];
 
   Metrics out;
@@ -219,6 +245,7 @@ Metrics Mappo::metrics() {
     for (int t = 0; t < kNRewardTerms; ++t)
       out.emplace_back(cat("reward_", kRewardTermNames[t], "_", team),
                        stats.term(team, static_cast<RewardTerm>(t)) / episodes);
+    record[static_cast<size_t>(team)].add_metrics(team, out);
   }
   return out;
 }
@@ -228,6 +255,7 @@ void Mappo::save(NamedArrays& out) const {
   sim_->state().save("simulator/", out);
   for (int team = 0; team < kNTeams; ++team)
     if (team_[team]) team_[team]->save(cat("team_", team, "/"), out);
+  if (league_) league_->save("league/", out);
 }
 
 void Mappo::load(const NamedArrays& in) {
@@ -235,6 +263,7 @@ void Mappo::load(const NamedArrays& in) {
   sim_->state().load("simulator/", in);
   for (int team = 0; team < kNTeams; ++team)
     if (team_[team]) team_[team]->load(cat("team_", team, "/"), in);
+  if (league_) league_->load("league/", in);
   collector_->resume();
 }
 

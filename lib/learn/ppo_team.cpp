@@ -21,10 +21,12 @@ std::pair<at::Tensor, at::Tensor> moments(const at::Tensor& x, const at::Tensor&
 
 }  // namespace
 
-PpoTeam::PpoTeam(const LoadedRun& run, int team, Device device, const RowRunner& rows)
+PpoTeam::PpoTeam(const LoadedRun& run, int team, Device device, const RowRunner& rows, const WorldRange& worlds)
     : config_(run.config.mappo),
       team_(team),
       n_(run.spec.params.n_team[team]),
+      n_worlds_(run.config.train.n_worlds),
+      worlds_(worlds),
       rows_(rows),
       actor_(make_actor(run, team, device)),
       critic_(config_.critic, critic_shape(run.spec, team), precision_on(run, device), rows, torch_device(device),
@@ -37,17 +39,31 @@ PpoTeam::PpoTeam(const LoadedRun& run, int team, Device device, const RowRunner&
   one_ = at::ones({1}, options);
   stop_ = at::zeros({1}, options);
   figures_ = at::zeros({kNFigures}, options);
+  if (!everywhere()) slots_ = states(at::arange((config_.horizon + 1) * worlds.count, options.dtype(at::kLong)));
 }
 
-at::Tensor PpoTeam::values_of(const at::Tensor& obs, const at::Tensor& alive, const at::Tensor& state) const {
+at::Tensor PpoTeam::states(const at::Tensor& own) const {
+  if (everywhere()) return own;
+  return own + own.div(worlds_.count, "floor").mul_(n_worlds_ - worlds_.count).add_(worlds_.first);
+}
+
+/// Values [S, n] of the states `index`, the others 0; of all where it is undefined.
+at::Tensor PpoTeam::values_of(const Seen& seen, const at::Tensor& index) const {
   at::NoGradGuard no_grad;
-  at::Tensor values = at::empty(alive.sizes(), obs.options());
-  for (int64_t from = 0; from < obs.size(0); from += kValueChunk) {
-    const int64_t to = std::min(from + kValueChunk, obs.size(0));
-    at::Tensor x = obs.slice(0, from, to);
+  const bool all = !index.defined();
+  at::Tensor values =
+      all ? at::empty(seen.alive.sizes(), seen.obs.options()) : at::zeros(seen.alive.sizes(), seen.obs.options());
+  const int64_t count = all ? seen.obs.size(0) : index.size(0);
+  for (int64_t from = 0; from < count; from += kValueChunk) {
+    const int64_t to = std::min(from + kValueChunk, count);
+    const auto part = [&](const at::Tensor& x) {
+      if (!x.defined()) return x;
+      return all ? x.slice(0, from, to) : x.index_select(0, index.slice(0, from, to));
+    };
+    at::Tensor x = part(seen.obs);
     if (actor_.normalizes()) x = actor_.normalizer().apply(x);
-    const at::Tensor s = state.defined() ? state.slice(0, from, to) : state;
-    values.slice(0, from, to).copy_(critic_.forward(x, alive.slice(0, from, to).to(at::kFloat), s));
+    const at::Tensor value = critic_.forward(x, part(seen.alive).to(at::kFloat), part(seen.state));
+    all ? part(values).copy_(value) : values.index_copy_(0, index.slice(0, from, to), value);
   }
   return values;
 }
@@ -56,12 +72,13 @@ void PpoTeam::prepare(const Rollout& rollout) {
   at::NoGradGuard no_grad;
   const TeamRollout& r = rollout.team[team_];
   const int64_t t = r.reward.size(0), w = r.reward.size(1), d = r.obs.size(-1);
-  const auto states = [&](const at::Tensor& global) {
+  const auto true_states = [&](const at::Tensor& global) {
     return critic_.needs_state() ? global.reshape({-1, global.size(-1)}) : at::Tensor();
   };
-  const at::Tensor value =
-      values_of(r.obs.view({(t + 1) * w, n_, d}), r.alive.view({(t + 1) * w, n_}), states(rollout.global));
-  const at::Tensor final_value = values_of(r.final_obs, r.final_alive, states(rollout.final_global));
+  const at::Tensor value = values_of(
+      {r.obs.view({(t + 1) * w, n_, d}), r.alive.view({(t + 1) * w, n_}), true_states(rollout.global)}, slots_);
+  const at::Tensor final_value = values_of({r.final_obs, r.final_alive, true_states(rollout.final_global)},
+                                           everywhere() ? slots_ : slots_.slice(0, 0, worlds_.count));
 
   advantage_ = at::empty_like(r.reward);
   returns_ = at::empty_like(r.reward);
@@ -73,17 +90,17 @@ void PpoTeam::prepare(const Rollout& rollout) {
             w * n_);
   value_ = (value.view({t + 1, w, n_}).slice(0, 0, t) * value_norm_.std() + value_norm_.mean()).contiguous();
 
-  const at::Tensor weight = r.alive.slice(0, 0, t).to(at::kFloat);
+  const at::Tensor weight = own(r.alive.slice(0, 0, t)).to(at::kFloat), returns = own(returns_);
   const at::Tensor inv_count = weight.sum().clamp_min(1).reciprocal();
-  std::tie(batch_mean_, batch_inv_std_) = moments(advantage_, weight, inv_count);
+  std::tie(batch_mean_, batch_inv_std_) = moments(own(advantage_), weight, inv_count);
   figures_.zero_();
   stop_.zero_();
   // Explained variance: 1 - Var(returns - values) / Var(returns), and returns - values are the advantages.
-  const auto [return_mean, return_inv_std] = moments(returns_, weight, inv_count);
+  const auto [return_mean, return_inv_std] = moments(returns, weight, inv_count);
   figures_[kFigExplained].copy_(1.0 - (return_inv_std / batch_inv_std_).square());
   figures_[kFigLiving].copy_(weight.mean());
   note_faults(r);
-  if (config_.value_norm) value_norm_.update(returns_.view({-1, 1}), weight.view({-1}));
+  if (config_.value_norm) value_norm_.update(returns.reshape({-1, 1}), weight.view({-1}));
 }
 
 void PpoTeam::note_faults(const TeamRollout& r) {
@@ -93,7 +110,7 @@ void PpoTeam::note_faults(const TeamRollout& r) {
   FiniteCheck check{};
   check.fault = figures_.data_ptr<float>() + kFirstFault;
   for (size_t k = 0; k < tensors.size(); ++k) {
-    std::tie(least[k], greatest[k]) = at::aminmax(tensors[k]);
+    std::tie(least[k], greatest[k]) = at::aminmax(own(tensors[k]));
     check.least[k] = least[k].const_data_ptr<float>();
     check.greatest[k] = greatest[k].const_data_ptr<float>();
   }
@@ -204,16 +221,17 @@ void PpoTeam::finish(const Rollout& rollout) {
   if (!actor_.normalizes()) return;
   const TeamRollout& r = rollout.team[team_];
   const int64_t t = r.reward.size(0), d = r.obs.size(-1);
-  actor_.normalizer().update(r.obs.slice(0, 0, t).view({-1, d}), r.alive.slice(0, 0, t).to(at::kFloat).view({-1}));
+  actor_.normalizer().update(own(r.obs.slice(0, 0, t)).reshape({-1, d}),
+                             own(r.alive.slice(0, 0, t)).to(at::kFloat).view({-1}));
 }
 
 at::Tensor PpoTeam::faulty_states(const Rollout& rollout, int64_t most) const {
   const TeamRollout& r = rollout.team[team_];
-  const int64_t t = r.reward.size(0), states = t * r.reward.size(1);
-  at::Tensor bad = at::zeros({states}, r.reward.options().dtype(at::kBool));
+  const int64_t t = r.reward.size(0), n_states = t * worlds_.count;
+  at::Tensor bad = at::zeros({n_states}, r.reward.options().dtype(at::kBool));
   for (const at::Tensor& x : {r.obs.slice(0, 0, t), r.log_prob, r.reward, value_, advantage_, returns_})
-    bad.logical_or_(at::isfinite(x).logical_not().reshape({states, -1}).any(1));
-  const at::Tensor index = bad.nonzero().squeeze(1);
+    bad.logical_or_(at::isfinite(own(x)).logical_not().reshape({n_states, -1}).any(1));
+  const at::Tensor index = states(bad.nonzero().squeeze(1));
   return index.slice(0, 0, std::min(most, index.size(0)));
 }
 

@@ -62,15 +62,19 @@ struct StepSizes {
 
 class PpoTeam {
  public:
-  PpoTeam(const LoadedRun& run, int team, Device device, const RowRunner& rows);
+  /// Learns from the worlds `worlds` of a rollout alone.
+  PpoTeam(const LoadedRun& run, int team, Device device, const RowRunner& rows, const WorldRange& worlds);
 
   Actor& actor() { return actor_; }
   bool needs_state() const { return critic_.needs_state(); }
 
+  /// States of the team's worlds, numbered through step by step, as states of the T x W of the rollout; both int64.
+  at::Tensor states(const at::Tensor& own) const;
+
   /// Values, advantages and returns of a rollout; clears the figures.
   void prepare(const Rollout& rollout);
-  /// One gradient step of actor and critic on the states `index` [B] of the T x W of the rollout; the minibatches of an
-  /// update are counted from 1.
+  /// One gradient step of actor and critic on the states `index` [B] of the T x W of the rollout, all of the team's
+  /// worlds; the minibatches of an update are counted from 1.
   void learn(const Rollout& rollout, const at::Tensor& index, int minibatch, StepSizes step_sizes);
   /// Takes the rollout's observations into the normaliser.
   void finish(const Rollout& rollout);
@@ -85,7 +89,14 @@ class PpoTeam {
   void load(const std::string& prefix, const NamedArrays& in);
 
  private:
-  at::Tensor values_of(const at::Tensor& obs, const at::Tensor& alive, const at::Tensor& state) const;
+  /// What the critic sees: obs [S, n, D], alive [S, n], and where it needs it the true state [S, G].
+  struct Seen {
+    at::Tensor obs, alive, state;
+  };
+  at::Tensor values_of(const Seen& seen, const at::Tensor& index) const;
+  bool everywhere() const { return worlds_.count == n_worlds_; }
+  /// The part of x [T, W, ...] in the team's worlds.
+  at::Tensor own(const at::Tensor& x) const { return everywhere() ? x : x.narrow(1, worlds_.first, worlds_.count); }
   at::Tensor policy_gradient(const Rollout& rollout, const at::Tensor& head, const at::Tensor& index,
                              const at::Tensor& alive, const at::Tensor& inv_count, bool first);
   void note_policy(const at::Tensor& sums, const at::Tensor& head, const at::Tensor& alive, bool first);
@@ -94,13 +105,17 @@ class PpoTeam {
 
   const MappoConfig config_;
   const int team_, n_;
+  const int64_t n_worlds_;
+  const WorldRange worlds_;
   const RowRunner& rows_;
   Actor actor_;
   Critic critic_;
   Adam actor_adam_, critic_adam_;
   RunningNorm value_norm_;  // size 1; stays 0 and 1 where it is off
 
-  // Of the rollout at hand; T x W states, n agents.
+  at::Tensor slots_;  // [(T + 1) x own worlds] all states of the team's worlds; undefined where those are all worlds
+
+  // Of the rollout at hand; T x W states, n agents. Of worlds in which the team does not learn they mean nothing.
   at::Tensor value_, advantage_, returns_;  // [T, W, n]; value_ in reward units
   at::Tensor batch_mean_, batch_inv_std_;   // [1] of the advantages
   at::Tensor zero_, one_;                   // [1]

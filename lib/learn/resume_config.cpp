@@ -46,6 +46,8 @@ constexpr std::array kMayChange = {
     Rule{"des.", ""},
     Rule{"opponents.pool_share", ""},
     Rule{"opponents.pool_every_updates", ""},
+    Rule{"opponents.pool_draw", ""},
+    Rule{"opponents.pool_hardness", ""},
     Rule{"opponents.scripted", ""},
     Rule{"opponents.scripted_share", ""},
 };

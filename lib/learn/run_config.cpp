@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "core/error.hpp"
+#include "learn/opponents/world_shares.hpp"
 #include "scenario/compile.hpp"
 #include "scenario/loader.hpp"
 
@@ -27,22 +28,36 @@ class CombinationCheck {
 
   /// Settings that mean nothing to the algorithm, where they were changed.
   void belongs_to_algorithm() {
+    if (!is_evolution(c_.train)) return;
     const RunConfig defaults;
     const TrainConfig &a = c_.train, &b = defaults.train;
     const std::string& name = c_.train.algorithm;
-    if (is_evolution(c_.train)) {
-      not_for(name, "train.total_agent_steps", a.total_agent_steps != b.total_agent_steps,
-              "a run ends after population.generations");
-      not_for(name, "train.n_worlds", a.n_worlds != b.n_worlds,
-              "worlds are population.population_size x population.episodes_per_member, for each team that evolves");
-      not_for(name, "train.desynchronize", a.desynchronize != b.desynchronize,
-              "episodes of a generation start together");
+    not_for(name, "train.total_agent_steps", a.total_agent_steps != b.total_agent_steps,
+            "a run ends after population.generations");
+    not_for(name, "train.n_worlds", a.n_worlds != b.n_worlds,
+            "worlds are population.population_size x population.episodes_per_member, for each team that evolves");
+    not_for(name, "train.desynchronize", a.desynchronize != b.desynchronize, "episodes of a generation start together");
+  }
+
+  void opponents_fit() {
+    const OpponentsConfig& p = c_.opponents;
+    if (c_.train.opponent != Opponent::self_play && known({"train.opponent"})) {
+      const std::string instead = "the other team plays that script everywhere; self_play makes both learn";
+      const std::string opponent = enum_names(Opponent{})[static_cast<size_t>(c_.train.opponent)];
+      const auto refuse = [&](const char* key, bool given) {
+        if (given && known({key})) fail(key, cat("this means nothing with train.opponent ", opponent, ": ", instead));
+      };
+      refuse("opponents.pool_size", p.pool_size > 0);
+      refuse("opponents.scripted_share", p.scripted_share > 0);
       return;
     }
-    const OpponentsConfig &p = c_.opponents, &q = defaults.opponents;
-    not_for(name, "opponents.pool_size", p.pool_size != q.pool_size, "its teams meet each other as they are");
-    not_for(name, "opponents.scripted_share", p.scripted_share != q.scripted_share,
-            "its teams meet each other, or train.opponent");
+    if (known({"opponents.pool_size", "opponents.pool_share", "opponents.scripted_share"}) && p.pool_size > 0 &&
+        p.pool_share + p.scripted_share > 1) {
+      fail("opponents.pool_share",
+           cat(p.pool_share, " and opponents.scripted_share ", p.scripted_share, " are more than 1 together"));
+      return;
+    }
+    if (!is_evolution(c_.train)) worlds_suffice();
   }
 
   void population_fits() {
@@ -54,10 +69,6 @@ class CombinationCheck {
     if (known({"opponents.pool_size", "population.generations"}) && c_.opponents.pool_size > p.generations)
       fail("opponents.pool_size", cat(c_.opponents.pool_size, " past means can never be there in a run of ",
                                       p.generations, " generations (population.generations)"));
-    if (known({"opponents.pool_share", "opponents.scripted_share"}) && c_.opponents.pool_size > 0 &&
-        c_.opponents.pool_share + c_.opponents.scripted_share > 1)
-      fail("opponents.pool_share", cat(c_.opponents.pool_share, " and opponents.scripted_share ",
-                                       c_.opponents.scripted_share, " are more than 1 together"));
     if (known({"population.population_size", "population.episodes_per_member"}) &&
         2 * static_cast<int64_t>(p.population_size) * p.episodes_per_member > kMostWorlds)
       fail("population.population_size",
@@ -104,6 +115,25 @@ class CombinationCheck {
   }
 
  private:
+  /// mappo: shares that come to no world.
+  void worlds_suffice() {
+    const OpponentsConfig& p = c_.opponents;
+    const WorldShares shares = world_shares(p, c_.train.n_worlds);
+    const auto too_few = [&](const char* key, float share, int64_t worlds, int64_t needed, const char* what) {
+      if (worlds < needed && known({key, "train.n_worlds"}))
+        fail(key, cat(share, " of train.n_worlds ", c_.train.n_worlds, " leaves each team ", worlds, " worlds against ",
+                      what, "; it needs at least ", needed));
+    };
+    const auto n_scripts = static_cast<int64_t>(p.scripted.size());
+    if (p.pool_size > 0 && p.pool_share > 0)
+      too_few("opponents.pool_share", p.pool_share, shares.pooled(), 1, "the pool");
+    if (p.scripted_share > 0 && known({"opponents.scripted"}))
+      too_few("opponents.scripted_share", p.scripted_share, shares.scripted, n_scripts, "scripts (opponents.scripted)");
+    const int64_t states = shares.learning(0).count * c_.mappo.horizon;
+    if (states < c_.mappo.n_minibatches && known({"train.n_worlds", "mappo.horizon", "mappo.n_minibatches"}))
+      fail("mappo.n_minibatches", cat(c_.mappo.n_minibatches, " minibatches for ", states,
+                                      " states of the worlds in which a team learns (opponents)"));
+  }
   void not_for(const std::string& algorithm, const std::string& key, bool changed, const std::string& instead) {
     if (changed && known({key})) fail(key, cat("this means nothing to train.algorithm ", algorithm, ": ", instead));
   }
@@ -128,6 +158,7 @@ LoadedRun finish(RunConfig config, std::optional<Scenario> scenario, const KeyPo
   CombinationCheck check(run.config, given, errors);
   check.device();
   check.belongs_to_algorithm();
+  check.opponents_fit();
   check.minibatches_divide();
   check.population_fits();
   if (scenario) {

@@ -119,21 +119,42 @@ void visit_fields(V& v, MappoConfig& c) {
   v.group("critic", c.critic, "the value networks");
 }
 
-/// Whom the teams of evolution strategies meet, besides the other team's present mean.
+/// How an opponent is drawn from the pool: all alike, later ones more often, or those more often that are hard to beat.
+enum class PoolDraw : uint8_t { uniform, recency, pfsp };
+constexpr std::array<const char*, 3> enum_names(PoolDraw) { return {"uniform", "recency", "pfsp"}; }
+
+/// Whom the teams meet, besides the other team as it is.
 struct OpponentsConfig {
   int pool_size = 0;
   int pool_every_updates = 100;
-  float pool_share = 1.0f;
+  float pool_share = 0.25f;
+  PoolDraw pool_draw = PoolDraw::uniform;
+  float pool_hardness = 2.0f;
   std::vector<Scripted> scripted = {Scripted::circle};
   float scripted_share = 0.0f;
 };
 template <class V>
 void visit_fields(V& v, OpponentsConfig& c) {
-  v("pool_size", c.pool_size, "past means of each team that are kept to play against; 0 = none", range(0, 10'000));
-  v("pool_every_updates", c.pool_every_updates, "generations between those that are kept", at_least(1));
-  v("pool_share", c.pool_share, "share of a member's episodes against the pool, once it is not empty", range(0, 1));
+  v("pool_size", c.pool_size,
+    "past policies of each team (of a population: its mean) that are kept for the other team to play against; 0 = none",
+    range(0, 10'000));
+  v("pool_every_updates", c.pool_every_updates,
+    "updates between those that are kept; mappo: opponents are drawn anew with each", at_least(1));
+  v("pool_share", c.pool_share,
+    "share of the worlds (mappo; half of them for each team to learn in) or of a member's episodes (evolution) against "
+    "the pool; while it is empty, against the other team as it is",
+    range(0, 1));
+  v("pool_draw", c.pool_draw,
+    "uniform; recency: the newest of K policies K times as often as the oldest, linear in between; pfsp: in proportion "
+    "to (1 - win rate) ^ pool_hardness (prioritised fictitious self-play, Vinyals et al. 2019, doi "
+    "10.1038/s41586-019-1724-z), ties being half a win, results counting half as much after each pool_every_updates");
+  v("pool_hardness", c.pool_hardness, "pool_draw pfsp: how much more often opponents are drawn that win more often",
+    range(0, 100));
   v("scripted", c.scripted, "scripted opponents, in turn", Allowed{}.items(1, 64));
-  v("scripted_share", c.scripted_share, "share of a member's episodes against them", range(0, 1));
+  v("scripted_share", c.scripted_share,
+    "share of the worlds (mappo; half of them for each team to learn in) or of a member's episodes (evolution) against "
+    "them",
+    range(0, 1));
 }
 
 struct EvalConfig {
@@ -190,7 +211,7 @@ void visit_fields(V& v, RunConfig& c) {
   v.group("openai_es", c.openai_es, "algorithm openai_es (Salimans et al. 2017, arXiv 1703.03864)");
   v.group("snes", c.snes, "algorithm snes (Wierstra et al. 2014, JMLR 15)");
   v.group("des", c.des, "algorithm des, Discovered ES (Lange et al. 2023, arXiv 2211.11260)");
-  v.group("opponents", c.opponents, "algorithms openai_es, snes and des: whom the teams meet");
+  v.group("opponents", c.opponents, "train.opponent self_play: whom the teams meet besides each other");
   v.group("eval", c.eval, "evaluation while training");
   v.group("checkpoint", c.checkpoint, "checkpoints");
 }

@@ -32,8 +32,8 @@ void RunningNorm::update(const at::Tensor& x, const at::Tensor& weight) {
   std_.copy_(at::where(weight_ > 0, (sum_squares_ / correction - mean_.square()).clamp_min(1e-4).sqrt(), 1.0));
 }
 
-at::Tensor RunningNorm::apply(const at::Tensor& x) const {
-  return ((x - mean_) / std_).clamp(-kNormalizedLimit, kNormalizedLimit);
+at::Tensor RunningNorm::normalized(const at::Tensor& x, const at::Tensor& mean, const at::Tensor& std) {
+  return ((x - mean) / std).clamp(-kNormalizedLimit, kNormalizedLimit);
 }
 
 void RunningNorm::save(const std::string& prefix, NamedArrays& out) const {

@@ -20,7 +20,9 @@ class RunningNorm {
   /// Takes in the rows of x [R, size] that have weight; weight [R] of 0 and 1. No effect where all are 0.
   void update(const at::Tensor& x, const at::Tensor& weight);
   /// (x - mean) / std, clamped to +- kNormalizedLimit.
-  at::Tensor apply(const at::Tensor& x) const;
+  at::Tensor apply(const at::Tensor& x) const { return normalized(x, mean_, std_); }
+  /// The same with given moments.
+  static at::Tensor normalized(const at::Tensor& x, const at::Tensor& mean, const at::Tensor& std);
 
   const at::Tensor& mean() const { return mean_; }  // [size]
   const at::Tensor& std() const { return std_; }    // [size]

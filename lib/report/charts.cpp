@@ -18,6 +18,8 @@ struct ChartRow {
 };
 
 constexpr std::array kGames = {
+    ChartRow{"pool_win_share", "Games won against the pool", "against past policies of the other team"},
+    ChartRow{"scripted_win_share", "Games won against scripts", "those of opponents.scripted"},
     ChartRow{"return", "Return", "sum of a team's rewards in an episode, mean over the episodes that ended"},
     ChartRow{"score", "Score", "waypoints that a team collected in an episode"},
     ChartRow{"episode_length", "Episode length", "steps, mean over the episodes that ended"},

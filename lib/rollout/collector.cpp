@@ -1,7 +1,9 @@
 #include "rollout/collector.hpp"
 
+#include <algorithm>
 #include <vector>
 
+#include "core/error.hpp"
 #include "core/philox.hpp"
 #include "rollout/shapes.hpp"
 #include "rollout/tensors.hpp"
@@ -26,18 +28,32 @@ at::Tensor zeros(const BufferShape& shape, Device device) {
   return at::zeros(shape.sides, options);
 }
 
-BufferSet buffers_of(const Player& player) {
-  if (player.policy) return BufferSet::learning;
-  return player.looks() ? BufferSet::observations : BufferSet::actions;
+BufferSet buffers_of(const Side& side) {
+  const auto any = [&side](auto&& holds) {
+    return std::any_of(side.begin(), side.end(), [&](const SidePart& part) { return holds(part.player); });
+  };
+  if (any([](const Player& player) { return player.policy != nullptr; })) return BufferSet::learning;
+  return any([](const Player& player) { return player.looks(); }) ? BufferSet::observations : BufferSet::actions;
+}
+
+void check_complete(const Side& side, int64_t n_worlds) {
+  int64_t next = 0;
+  for (const SidePart& part : side) {
+    GIGA_CHECK(part.worlds.first == next && part.worlds.count > 0, "worlds ", part.worlds.first, " to ",
+               part.worlds.end(), " after ", next);
+    next = part.worlds.end();
+  }
+  GIGA_CHECK(next == n_worlds, "somebody moves in ", next, " of ", n_worlds, " worlds");
 }
 
 }  // namespace
 
-Collector::Collector(Simulator& sim, const RowRunner& rows, const CollectorOptions& options, const Player& side0,
-                     const Player& side1)
-    : sim_(sim), rows_(rows), options_(options), player_{side0, side1} {
+Collector::Collector(Simulator& sim, const RowRunner& rows, const CollectorOptions& options,
+                     std::array<Side, kNTeams> sides)
+    : sim_(sim), rows_(rows), options_(options), side_(std::move(sides)) {
+  for (const Side& side : side_) check_complete(side, sim.n_worlds());
   const RolloutShapes shapes = rollout_shapes(
-      sim.spec(), {sim.n_worlds(), options.horizon, options.with_state, {buffers_of(side0), buffers_of(side1)}});
+      sim.spec(), {sim.n_worlds(), options.horizon, options.with_state, {buffers_of(side_[0]), buffers_of(side_[1])}});
   const auto make = [&](const BufferShape& shape) {
     return shape.exists() ? zeros(shape, sim.device()) : at::Tensor();
   };
@@ -102,8 +118,9 @@ void Collector::collect() {
     for (int team = 0; team < kNTeams; ++team) {
       const TeamRollout& r = rollout_.team[team];
       void* action = static_cast<char*>(r.action.data_ptr()) + t * r.action.stride(0) * r.action.itemsize();
-      act(player_[team], sim_, rows_, team,
-          {slot<float>(r.obs, t), action, slot<float>(r.raw, t), slot<float>(r.log_prob, t)});
+      const ActIo io{slot<float>(r.obs, t), action, slot<float>(r.raw, t), slot<float>(r.log_prob, t)};
+      for (const SidePart& part : side_[static_cast<size_t>(team)])
+        act(part.player, sim_, rows_, team, io, part.worlds);
     }
     sim_.step(io(t));
   }

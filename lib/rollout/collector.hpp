@@ -3,16 +3,20 @@
 
 #include <torch/types.h>
 
+#include <array>
+#include <vector>
+
 #include "rollout/player.hpp"
 #include "sim/simulator.hpp"
 
 namespace giga {
 
 /// What one team saw, did and got. T = horizon, W = worlds, n = agents of the team, D = padded observation size. The
-/// simulator and the policy write straight into these; buffers of a scripted team that nobody reads are undefined,
-/// and a script that looks at observations has the last ones only.
+/// simulator and the policy write straight into these; buffers of a team that learns nowhere, which nobody reads, are
+/// undefined, and where it looks at observations, it has the last ones only. In worlds in which a team does not learn,
+/// `raw` and `log_prob` mean nothing.
 struct TeamRollout {
-  at::Tensor obs;          // [T + 1, W, n, D] slot t: before step t; [1, W, n, D] of a script
+  at::Tensor obs;          // [T + 1, W, n, D] slot t: before step t; [1, W, n, D] of a team that does not learn
   at::Tensor alive;        // [T + 1, W, n] uint8, at `obs`
   at::Tensor action;       // [T, W, n] int32 or [T, W, n, 3] float
   at::Tensor raw;          // [T, W, n, 3] float, continuous actions only
@@ -35,11 +39,21 @@ struct CollectorOptions {
   bool desynchronize = false;  ///< first episodes start at a random age, so that worlds do not reset in step
 };
 
+/// Who moves a team in which worlds; together the parts are all worlds.
+struct SidePart {
+  Player player;
+  WorldRange worlds;
+};
+using Side = std::vector<SidePart>;
+
 class Collector {
  public:
-  /// The simulator must outlive the collector.
+  /// The simulator must outlive the collector. Sides by team.
+  Collector(Simulator& sim, const RowRunner& rows, const CollectorOptions& options, std::array<Side, kNTeams> sides);
+  /// One player for each team.
   Collector(Simulator& sim, const RowRunner& rows, const CollectorOptions& options, const Player& side0,
-            const Player& side1);
+            const Player& side1)
+      : Collector(sim, rows, options, {Side{{side0, {0, sim.n_worlds()}}}, Side{{side1, {0, sim.n_worlds()}}}}) {}
 
   /// Starts all worlds and fills slot T, from which the next rollout goes on.
   void start();
@@ -57,7 +71,7 @@ class Collector {
   Simulator& sim_;
   const RowRunner& rows_;
   CollectorOptions options_;
-  Player player_[kNTeams];
+  const std::array<Side, kNTeams> side_;
   Rollout rollout_;
 };
 

@@ -120,6 +120,28 @@ TEST(LearnEvolutionTeams, MetricsCountWhatWasPlayed) {
   }
 }
 
+TEST(LearnEvolutionOpponents, GamesAgainstThePoolAreNoted) {
+  // 8 members x 2 episodes: one of them against a script, one against the pool once it holds something.
+  const auto learner = evolution("snes", "",
+                                 "opponents: {pool_size: 2, pool_every_updates: 2, pool_share: 0.5, pool_draw: pfsp, "
+                                 "scripted_share: 0.5}\n")
+                           .learner();
+  const auto games = [&](int team) {
+    return array_values<double>(find_array(saved(*learner), cat("team_", team, "/pool/games")));
+  };
+  for (int u = 0; u < 3; ++u) {
+    const Metrics metrics = learner->update();
+    for (int team = 0; team < 2; ++team) {
+      EXPECT_EQ(std::isnan(metric(metrics, cat("pool_win_share_", team))), u < 2) << "generation " << u;
+      // Eight episodes against the script.
+      const double wins = 8 * metric(metrics, cat("scripted_win_share_", team));
+      EXPECT_NEAR(wins, std::round(wins), 1e-9);
+      EXPECT_EQ(games(team), (std::vector<double>{u < 2 ? 0.0 : 8.0, 0})) << "generation " << u;
+    }
+  }
+  EXPECT_EQ(learner->headline().back().metric, std::string("scripted_win_share"));
+}
+
 TEST(LearnEvolutionOpponents, SharesOfTheEpisodes) {
   OpponentsConfig c;
   c.pool_share = 0.5;
@@ -129,30 +151,19 @@ TEST(LearnEvolutionOpponents, SharesOfTheEpisodes) {
   // Without a pool yet: 4 of 16 episodes against scripts in turn, the rest against the mean.
   std::vector<int32_t> expected = {circle, pursuer, circle, pursuer};
   expected.resize(16, 0);
-  EXPECT_EQ(assign_opponents(c, 16, 0, {1, 0, 0}), expected);
+  EXPECT_EQ(assign_opponents(c, 16, {}, {1, 0, 0}), expected);
   // With five past means: 8 episodes draw rows 1 to 5.
   std::array<int, 6> drawn{};
+  const std::vector<double> alike(5, 1.0);
   for (uint32_t generation = 0; generation < 500; ++generation) {
-    const std::vector<int32_t> opponents = assign_opponents(c, 16, 5, {1, generation, 0});
+    const std::vector<int32_t> opponents = assign_opponents(c, 16, alike, {1, generation, 0});
     for (size_t e = 0; e < 4; ++e) EXPECT_EQ(opponents[e], expected[e]);
     for (size_t e = 4; e < 12; ++e) ++drawn.at(static_cast<size_t>(opponents[e]));
     for (size_t e = 12; e < 16; ++e) EXPECT_EQ(opponents[e], 0);
   }
   EXPECT_EQ(drawn[0], 0);
   for (size_t k = 1; k < 6; ++k) EXPECT_NEAR(drawn[k], 800, 4 * 26);  // of 4,000; deviation sqrt(4000 x 0.2 x 0.8) = 25
-  EXPECT_NE(assign_opponents(c, 16, 5, {1, 1, 0}), assign_opponents(c, 16, 5, {1, 1, 1})) << "teams draw apart";
-}
-
-TEST(LearnEvolutionOpponents, ThePoolKeepsTheLatestMeans) {
-  MeanPool pool(2, at::full({3}, 1.0));
-  EXPECT_EQ(pool.size(), 0);
-  for (int k = 2; k <= 4; ++k) {
-    pool.keep();  // k - 1
-    pool.set_mean(at::full({3}, static_cast<double>(k)));
-  }
-  EXPECT_EQ(pool.size(), 2);
-  EXPECT_TRUE(
-      at::equal(pool.networks(), at::tensor({4.0f, 4.0f, 4.0f, 3.0f, 3.0f, 3.0f, 2.0f, 2.0f, 2.0f}).view({3, 3})));
+  EXPECT_NE(assign_opponents(c, 16, alike, {1, 1, 0}), assign_opponents(c, 16, alike, {1, 1, 1})) << "teams draw apart";
 }
 
 // On an empty map where nobody shoots, whoever stays inside longest wins; the opponent flies straight on and is out

@@ -17,6 +17,10 @@ struct Variant {
   SmallRun run;
 };
 void PrintTo(const Variant& v, std::ostream* out) { *out << v.name; }
+SmallRun with_opponents(SmallRun run, const std::string& keys) {
+  run.more = "opponents: {" + keys + "}\n";
+  return run;
+}
 const Variant kVariants[] = {
     {"Plain", {}},
     {"ContinuousObsNormStateCritic", {"", "obs_norm: true", "kind: state, hidden: [16, 12]", "action: continuous\n"}},
@@ -36,6 +40,15 @@ const Variant kVariants[] = {
     {"ObstaclesWaypointsThreeAgainstOne",
      {"", "", "kind: state, hidden: [16, 12]",
       "maps: four_rooms\nwaypoints: {enable_waypoints: true}\nteam_0: [{type: default, count: 3}]\n"}},
+    {"PoolAndScripts",
+     with_opponents({},
+                    "pool_size: 3, pool_every_updates: 1, pool_share: 0.5, pool_draw: pfsp, scripted: [circle, "
+                    "pursuer], scripted_share: 0.25")},
+    {"ContinuousObsNormStateCriticPool",
+     with_opponents({"", "obs_norm: true, advantage_norm: batch", "kind: state, hidden: [16, 12]",
+                     "action: continuous\nteam_0: [{type: default, count: 3}]\n"},
+                    "pool_size: 2, pool_every_updates: 2, pool_share: 0.4, pool_draw: recency")},
+    {"NoSelfPlay", with_opponents({}, "pool_size: 5, pool_every_updates: 2, pool_share: 1")},
 };
 
 class LearnVariants : public testing::TestWithParam<Variant> {};

@@ -26,14 +26,19 @@ struct Settings {
   const char* mappo;          // keys in flow style
   const char* scenario = "";  // whole lines
   const char* train = "";     // keys in flow style
+  const char* more = "";      // whole lines
 };
 void PrintTo(const Settings& s, std::ostream* out) { *out << s.name; }
 
 LoadedRun load(const Settings& s, int n_worlds) {
   return load_run_config_text(cat("seed: 1\ntrain: {n_worlds: ", n_worlds, ", n_threads: 1", s.train,
-                                  "}\nmappo: {horizon: 16, ", s.mappo, "}\neval: {episodes: 8}\n"),
+                                  "}\nmappo: {horizon: 16, ", s.mappo, "}\neval: {episodes: 8}\n", s.more),
                               five_against_five(s.scenario));
 }
+
+constexpr const char* kPool =
+    "opponents: {pool_size: 16, pool_every_updates: 1, pool_share: 0.4, scripted: [circle, pursuer], scripted_share: "
+    "0.1}\n";
 
 // With one epoch of one minibatch learning takes most; with eight minibatches, the values of the rollout.
 const Settings kSettings[] = {
@@ -55,6 +60,10 @@ const Settings kSettings[] = {
      "action: continuous\n"},
     {"AgainstAScript", "n_epochs: 1, n_minibatches: 1", "", ", opponent: circle"},
     {"AgainstAScriptThatLooks", "n_epochs: 1, n_minibatches: 1", "", ", opponent: pursuer"},
+    {"Pool", "n_epochs: 1, n_minibatches: 1", "", "", kPool},
+    {"PoolValuesOfTheRollout", "n_epochs: 1, n_minibatches: 8", "", "", kPool},
+    {"PoolObsNormContinuousState", "n_epochs: 1, n_minibatches: 2, obs_norm: true, critic: {kind: state}",
+     "action: continuous\n", "", kPool},
 };
 
 class LearnMemory : public testing::TestWithParam<Settings> {};
@@ -136,7 +145,7 @@ TEST(LearnMemoryPlan, LargestNumberOfWorldsFitsAndOneMoreDoesNot) {
 TEST(LearnMemoryPlan, GrowsWithTheNumberOfWorlds) {
   for (const Device device : {kCpu, Device{Device::Kind::cuda, 0}}) {
     for (const Settings& settings : kSettings) {
-      LoadedRun run = load(settings, 8);
+      LoadedRun run = load(settings, 64);
       int64_t before = 0;
       for (int n_worlds = 8; n_worlds < 200'000; n_worlds += n_worlds / 8 / 8 * 8 + 8) {
         run.config.train.n_worlds = n_worlds;
@@ -225,6 +234,7 @@ const Settings kGpuSettings[] = {
     {"WideLayerNorm",
      "n_epochs: 2, n_minibatches: 4, actor: {hidden: [256, 256], layer_norm: true}, critic: {hidden: [256, 256], "
      "layer_norm: true}"},
+    {"Pool", "n_epochs: 2, n_minibatches: 8", "", "", kPool},
 };
 INSTANTIATE_TEST_SUITE_P(All, LearnMemoryGpu,
                          testing::Combine(testing::ValuesIn(kGpuSettings), testing::Values(4096, 65536)),

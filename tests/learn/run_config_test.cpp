@@ -117,6 +117,33 @@ TEST_F(LearnRunConfig, NoErrorsThatFollowFromOthers) {
   EXPECT_EQ(missing.find("unknown agent type"), std::string::npos) << missing;
 }
 
+TEST_F(LearnRunConfig, OpponentsNeedSelfPlayAndWorlds) {
+  const auto error = [this](const std::string& opponents, const std::string& train = "n_worlds: 24") {
+    return error_of(cat("scenario: identical_2_vs_2\ntrain: {", train, "}\nopponents: {", opponents, "}\n"));
+  };
+  EXPECT_EQ(error("pool_size: 4, scripted_share: 0.2"), "no error");
+  EXPECT_EQ(error("pool_size: 4, scripted_share: 0.2", "n_worlds: 24, opponent: circle"),
+            "run.yaml:3:24: opponents.pool_size: this means nothing with train.opponent circle: the other team plays "
+            "that script everywhere; self_play makes both learn\n"
+            "run.yaml:3:43: opponents.scripted_share: this means nothing with train.opponent circle: the other team "
+            "plays that script everywhere; self_play makes both learn");
+  EXPECT_EQ(error("pool_size: 4, pool_share: 0.7, scripted_share: 0.5"),
+            "run.yaml:3:39: opponents.pool_share: 0.7 and opponents.scripted_share 0.5 are more than 1 together");
+  // Half of 24 worlds is 12: 0.04 of it rounds to none, 0.1 of it to one.
+  EXPECT_EQ(
+      error("pool_size: 4, pool_share: 0.04"),
+      "run.yaml:3:39: opponents.pool_share: 0.04 of train.n_worlds 24 leaves each team 0 worlds against the pool; "
+      "it needs at least 1");
+  EXPECT_EQ(
+      error("scripted: [circle, pursuer], scripted_share: 0.1"),
+      "run.yaml:3:58: opponents.scripted_share: 0.1 of train.n_worlds 24 leaves each team 1 worlds against scripts "
+      "(opponents.scripted); it needs at least 2");
+  EXPECT_EQ(
+      error_of("scenario: identical_2_vs_2\ntrain: {n_worlds: 8}\nmappo: {horizon: 1}\n"
+               "opponents: {pool_size: 2, pool_share: 1}\n"),
+      "default of mappo.n_minibatches: 8 minibatches for 4 states of the worlds in which a team learns (opponents)");
+}
+
 TEST_F(LearnRunConfig, DevicesByName) {
   for (const char* good : {"auto", "cpu", "cuda", "cuda:0", "cuda:15"})
     EXPECT_EQ(error_of(cat("scenario: identical_2_vs_2\ndevice: ", good, "\n")), "no error");

@@ -9,18 +9,20 @@ namespace {
 
 /// Settings under which a learner saves all that it can.
 std::vector<SmallRun> runs() {
-  SmallRun plain, continuous;
+  SmallRun plain, continuous, pool;
   plain.scenario = "waypoints: {enable_waypoints: true}\nmaps: all\n";
   continuous.mappo = "obs_norm: true";
   continuous.critic = "kind: state, hidden: [16, 12]";
   continuous.scenario = "action: continuous\n";
-  return {plain, continuous};
+  // After three updates there is one past policy, which was drawn everywhere: a disturbed row is the present one, 0.
+  pool.more = "opponents: {pool_size: 3, pool_every_updates: 2, pool_share: 0.5, pool_draw: pfsp}\n";
+  return {plain, continuous, pool};
 }
 
 TEST(LearnSavedFields, EachIsLoadedAndChangesTheRun) {
   for (const SmallRun& run : runs()) {
     const auto learner = run.learner();
-    for (int u = 0; u < 2; ++u) learner->update();
+    for (int u = 0; u < 3; ++u) learner->update();
     const NamedArrays checkpoint = saved(*learner);
     EXPECT_GT(checkpoint.size(), 50u);
     const auto after_update = [&](const NamedArrays& arrays) {
@@ -47,7 +49,9 @@ TEST(LearnSavedFields, EachIsLoadedAndChangesTheRun) {
 }
 
 TEST(LearnSavedFields, AMissingOrMisshapenOneIsRefused) {
-  const auto learner = SmallRun{}.learner();
+  SmallRun run;
+  run.more = "opponents: {pool_size: 3, pool_share: 0.5}\n";
+  const auto learner = run.learner();
   const NamedArrays checkpoint = saved(*learner);
   for (size_t k = 0; k < checkpoint.size(); ++k) {
     NamedArrays missing = checkpoint, shorter = checkpoint;

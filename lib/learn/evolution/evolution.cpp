@@ -8,7 +8,9 @@
 #include "cuda/device_clock.hpp"
 #include "cuda/rows.hpp"
 #include "learn/evolution/evolving_team.hpp"
+#include "learn/evolution/opponents.hpp"
 #include "learn/libtorch_settings.hpp"
+#include "learn/opponents/record.hpp"
 #include "learn/team_policy.hpp"
 #include "math/population_actions.hpp"
 #include "rollout/population_games.hpp"
@@ -52,6 +54,7 @@ at::Tensor fitness_of(const at::Tensor& results, int team, Objective objective) 
 struct PopulationFigures {
   std::vector<double> stats;   // [kNStatRows] sums over its episodes
   std::vector<float> learned;  // [kNEvolutionFigures]
+  LeagueRecord record;
 };
 
 class Evolution final : public Learner {
@@ -63,11 +66,13 @@ class Evolution final : public Learner {
   UpdateTimes times() const override { return {clock_->seconds(0, 1), clock_->seconds(1, 2)}; }
   void save_batch(NamedArrays& out) const override;
   std::vector<HeadlineFigure> headline() const override {
-    return {{"mean fitness", "mean fitness", "fitness_mean"},
-            {"best fitness", nullptr, "fitness_best"},
-            {"wins in play", "wins in play", "win_share"},
-            {"sigma", "sigma", "sigma"},
-            {"step", nullptr, "step_norm"}};
+    std::vector<HeadlineFigure> figures = {{"mean fitness", "mean fitness", "fitness_mean"},
+                                           {"best fitness", nullptr, "fitness_best"},
+                                           {"wins in play", "wins in play", "win_share"},
+                                           {"sigma", "sigma", "sigma"},
+                                           {"step", nullptr, "step_norm"}};
+    add_league_headline(config_.opponents, figures);
+    return figures;
   }
   int64_t updates_done() const override { return generations_; }
   int64_t agent_steps_done() const override { return agent_steps_; }
@@ -78,7 +83,8 @@ class Evolution final : public Learner {
  private:
   std::vector<int> teams_of_generation() const;
   Population population_of(int team) const;
-  Metrics metrics(const std::vector<int>& teams);
+  Metrics metrics(const std::vector<Population>& populations);
+  PopulationFigures figures_of(const Population& population, size_t k);
   void team_metrics(int team, const PopulationFigures* figures, Metrics& out) const;
 
   const RunConfig config_;
@@ -116,7 +122,7 @@ Population Evolution::population_of(int team) const {
   const int64_t episodes = config_.population.episodes_per_member;
   Population population{team, team_[team]->ask(), other ? other->pool().networks() : no_networks_, {}};
   if (other)
-    population.opponent = assign_opponents(config_.opponents, episodes, other->pool().size(),
+    population.opponent = assign_opponents(config_.opponents, episodes, other->pool().weights(config_.opponents),
                                            {config_.seed, static_cast<uint32_t>(generations_), team});
   else
     population.opponent.assign(static_cast<size_t>(episodes), network_of_script(scripted_of(config_.train.opponent)));
@@ -134,11 +140,13 @@ Metrics Evolution::update() {
   for (size_t k = 0; k < teams.size(); ++k)
     team_[teams[k]]->tell(fitness_of(games_->results(k), teams[k], config_.population.objective));
   ++generations_;
+  clock_->mark(2);
+  Metrics figures = metrics(populations);
+  // After the results, which belong to the pool that was played against.
   if (generations_ % config_.opponents.pool_every_updates == 0)
     for (const auto& team : team_)
-      if (team) team->keep_mean();
-  clock_->mark(2);
-  return metrics(teams);
+      if (team) team->pool().keep();
+  return figures;
 }
 
 void Evolution::team_metrics(int team, const PopulationFigures* f, Metrics& out) const {
@@ -164,27 +172,47 @@ void Evolution::team_metrics(int team, const PopulationFigures* f, Metrics& out)
     const int row = kNEpisodeStats + team * kNRewardTerms + t;
     add(cat("reward_", kRewardTermNames[t]).c_str(), stat(EpisodeStat{}, row));
   }
+  (f ? f->record : LeagueRecord{}).add_metrics(team, out);
+}
+
+// Reads what population k of those that played has come to, and notes how it fared against the other team's pool.
+PopulationFigures Evolution::figures_of(const Population& population, size_t k) {
+  const at::Tensor by_episode = games_->results(k).sum(0, false, at::kDouble).cpu();  // [E, kNStatRows]
+  const at::Tensor sums = by_episode.sum(0), learned = team_[population.team]->figures().cpu();
+  PopulationFigures f;
+  f.stats.assign(sums.const_data_ptr<double>(), sums.const_data_ptr<double>() + kNStatRows);
+  f.learned.assign(learned.const_data_ptr<float>(), learned.const_data_ptr<float>() + kNEvolutionFigures);
+  EvolvingTeam* other = team_[1 - population.team].get();
+  for (size_t e = 0; other && e < population.opponent.size(); ++e) {
+    const double* stats = by_episode.const_data_ptr<double>() + e * kNStatRows;
+    const auto stat = [stats](EpisodeStat s) { return stats[static_cast<size_t>(s)]; };
+    const GameCount games{stat(EpisodeStat::episodes), stat(of_team(EpisodeStat::wins_0, population.team)),
+                          stat(EpisodeStat::ties)};
+    const int32_t opponent = population.opponent[e];
+    if (opponent < 0) f.record.scripts += games;
+    if (opponent <= 0) continue;
+    f.record.pool += games;
+    other->pool().note(opponent, games.episodes, games.points());
+  }
+  return f;
 }
 
 // The one place of a generation where the host waits for the device.
-Metrics Evolution::metrics(const std::vector<int>& teams) {
+Metrics Evolution::metrics(const std::vector<Population>& populations) {
   std::unique_ptr<PopulationFigures> figures[kNTeams];
   double episodes = 0, steps = 0, ties = 0, truncated = 0;
   divergence_.reset();
-  for (size_t k = 0; k < teams.size(); ++k) {
-    const at::Tensor sums = games_->results(k).sum(at::IntArrayRef{0, 1}, false, at::kDouble).cpu();
-    const at::Tensor learned = team_[teams[k]]->figures().cpu();
-    auto f = std::make_unique<PopulationFigures>();
-    f->stats.assign(sums.const_data_ptr<double>(), sums.const_data_ptr<double>() + kNStatRows);
-    f->learned.assign(learned.const_data_ptr<float>(), learned.const_data_ptr<float>() + kNEvolutionFigures);
+  for (size_t k = 0; k < populations.size(); ++k) {
+    const int team = populations[k].team;
+    auto f = std::make_unique<PopulationFigures>(figures_of(populations[k], k));
     const auto sum = [&f](EpisodeStat s) { return f->stats[static_cast<size_t>(s)]; };
     episodes += sum(EpisodeStat::episodes);
     steps += sum(EpisodeStat::length);
     ties += sum(EpisodeStat::ties);
     truncated += sum(EpisodeStat::truncated);
     if (f->learned[kFigDiverged] > 0 && !divergence_)
-      divergence_ = Divergence{"new mean or sigma of the population", teams[k], generations_, 0};
-    figures[teams[k]] = std::move(f);
+      divergence_ = Divergence{"new mean or sigma of the population", team, generations_, 0};
+    figures[team] = std::move(f);
   }
   agent_steps_ += static_cast<int64_t>(std::llround(steps)) * games_->simulator().params().n_agents;
 

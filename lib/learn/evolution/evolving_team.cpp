@@ -48,7 +48,7 @@ void EvolvingTeam::tell(const at::Tensor& fitness) {
 void EvolvingTeam::show_mean() {
   at::NoGradGuard no_grad;
   actor_.parameters().values().copy_(strategy_->mean());
-  pool_.set_mean(strategy_->mean());
+  pool_.set_present(strategy_->mean());
 }
 
 void EvolvingTeam::save(const std::string& prefix, NamedArrays& out) const {

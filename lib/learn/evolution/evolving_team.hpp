@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "cuda/rows.hpp"
-#include "learn/evolution/opponents.hpp"
 #include "learn/evolution/strategy.hpp"
+#include "learn/opponents/pool.hpp"
 #include "policy/actor.hpp"
 
 namespace giga {
@@ -34,12 +34,11 @@ class EvolvingTeam {
   at::Tensor ask() { return strategy_->ask(); }
   /// Learns from the fitness [M] of the members asked for last; the actor becomes the new mean.
   void tell(const at::Tensor& fitness);
-  /// Keeps the mean for the pool.
-  void keep_mean() { pool_.keep(); }
 
   Actor& actor() { return actor_; }
   const Actor& actor() const { return actor_; }
-  const MeanPool& pool() const { return pool_; }
+  const OpponentPool& pool() const { return pool_; }
+  OpponentPool& pool() { return pool_; }
   const at::Tensor& figures() const { return figures_; }  // [kNEvolutionFigures]
   const at::Tensor& fitness() const { return fitness_; }  // [M] of the last tell
 
@@ -51,7 +50,7 @@ class EvolvingTeam {
 
   Actor actor_;  // its parameters are the mean
   std::unique_ptr<EvolutionStrategy> strategy_;
-  MeanPool pool_;
+  OpponentPool pool_;  // of means
   at::Tensor figures_, fitness_;
 };
 

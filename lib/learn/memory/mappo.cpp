@@ -6,6 +6,7 @@
 #include "io/number.hpp"
 #include "learn/memory/items.hpp"
 #include "learn/memory/update.hpp"
+#include "learn/opponents/world_shares.hpp"
 #include "learn/team_policy.hpp"
 #include "policy/actor.hpp"
 #include "policy/critic.hpp"
@@ -36,14 +37,16 @@ int64_t rollout_bytes(const RolloutShapes& shapes) {
   return bytes;
 }
 
+int64_t actor_parameters(const LoadedRun& run) {
+  return Actor::count_parameters(run.config.mappo.actor, run.spec.padded_observation_size(), run.spec.params.actions);
+}
+
 /// Values, gradients and two moments of all networks.
 int64_t parameter_bytes(const LoadedRun& run) {
   int64_t count = 0;
   for (int team = 0; team < kNTeams; ++team) {
     if (!learns(run.config.train, team)) continue;
-    count +=
-        Actor::count_parameters(run.config.mappo.actor, run.spec.padded_observation_size(), run.spec.params.actions);
-    count += Critic::count_parameters(run.config.mappo.critic, critic_shape(run.spec, team));
+    count += actor_parameters(run) + Critic::count_parameters(run.config.mappo.critic, critic_shape(run.spec, team));
   }
   return 4 * kFloat * count;
 }
@@ -65,6 +68,11 @@ int64_t advantage_bytes(const LoadedRun& run) {
   for (int team = 0; team < kNTeams; ++team)
     if (learns(run.config.train, team)) agents += run.spec.params.n_team[team];
   return 3 * kFloat * run.config.train.n_worlds * run.config.mappo.horizon * agents;
+}
+
+/// Numbers of a past policy: GroupPolicy::row_of.
+int64_t policy_numbers(const LoadedRun& run) {
+  return actor_parameters(run) + (run.config.mappo.obs_norm ? 2 * run.spec.padded_observation_size() : 0);
 }
 
 /// What the C library holds on the CPU beyond what is in use at the peak of the largest phase. Grows with the number of
@@ -109,6 +117,25 @@ void add_buffers(PlanItems& items, const LoadedRun& run) {
   items.add("normalisers, figures", small_tensor_bytes(run), Grows::no, "moments of values and observations");
 }
 
+// What a League has: both teams' present and past policies, those that play, and a network that tells their shape, with
+// its gradients; the places of the teams' worlds in the rollout.
+void add_opponents(PlanItems& items, const LoadedRun& run) {
+  const OpponentsConfig& opponents = run.config.opponents;
+  const WorldShares shares = world_shares(opponents, run.config.train.n_worlds);
+  if (opponents.pool_size > 0) {
+    const int64_t policies = 1 + opponents.pool_size + shares.groups;
+    items.add("opponents: past policies",
+              kNTeams * kFloat * (policies * policy_numbers(run) + 2 * actor_parameters(run)), Grows::no,
+              cat("opponents.pool_size ", opponents.pool_size, ", ", shares.groups, " at a time"));
+  }
+  if (shares.side() > 0)
+    items.add(
+        "opponents: who learns where",
+        kNTeams * static_cast<int64_t>(sizeof(int64_t)) * shares.learning(0).count * (run.config.mappo.horizon + 1) +
+            shares.n_worlds,
+        Grows::yes, cat(shares.self_play().count, " worlds of self-play"));
+}
+
 // What comes and goes, where it is most.
 void add_work(PlanItems& items, const WorkPhase& largest) {
   for (size_t use = 0; use < kNMemoryUses; ++use)
@@ -122,6 +149,7 @@ MemoryPlan plan_mappo(const LoadedRun& run, Device device) {
   PlanItems items(run, device);
   items.add_simulator(run.config.train.n_worlds);
   add_buffers(items, run);
+  add_opponents(items, run);
 
   const std::vector<WorkPhase> phases = work_phases(run, device);
   const WorkPhase& largest = *std::max_element(phases.begin(), phases.end(),
@@ -129,7 +157,8 @@ MemoryPlan plan_mappo(const LoadedRun& run, Device device) {
   add_work(items, largest);
   const int64_t work = sum(largest.peak);
   // Gradients are not saved.
-  const int64_t saved = simulator_bytes(run, run.config.train.n_worlds) + parameter_bytes(run) * 3 / 4;
+  const int64_t saved = simulator_bytes(run, run.config.train.n_worlds) + parameter_bytes(run) * 3 / 4 +
+                        kNTeams * kFloat * run.config.opponents.pool_size * policy_numbers(run);
   const int64_t slack =
       device.is_cuda() ? static_cast<int64_t>(kCudaSlack * static_cast<double>(work)) : heap_slack(phases, work);
   items.add_rest({work, sum(phases.back().peak), saved, slack});

@@ -124,7 +124,7 @@ int64_t PopulationMemory::forward(int64_t rows, int64_t members) const {
 
 /// PopulationGames::move_opponents, where one network (the pool is empty) plays all episodes but those of scripts.
 int64_t PopulationMemory::play_opponents(int team) const {
-  const std::vector<int32_t> met = assign_opponents(run_.config.opponents, e_, 0, {});
+  const std::vector<int32_t> met = assign_opponents(run_.config.opponents, e_, {}, {});
   const auto by_network = std::count_if(met.begin(), met.end(), [](int32_t opponent) { return opponent >= 0; });
   const int64_t played = self_play_ ? rows(team) / e_ * by_network : 0;
   return kFloat * (rows(team) * head_ + played * d_) + (played > 0 ? forward(played, 1) : 0);

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "learn/memory/network.hpp"
+#include "learn/opponents/world_shares.hpp"
 #include "learn/ppo_team.hpp"
 #include "learn/team_policy.hpp"
 #include "math/ppo_loss.hpp"
@@ -26,28 +27,37 @@ class TeamWork {
         head_(Actor::head_size(run.spec.params.actions)),
         n_(run.spec.params.n_team[team]),
         n_worlds_(run.config.train.n_worlds),
+        shares_(world_shares(run.config.opponents, n_worlds_)),
+        learning_(shares_.learning(team).count),
+        global_size_(run.spec.global_size()),
         element_(device.is_cuda() && run.config.train.precision == Precision::bf16 ? 2 : 4) {}
 
+  MemoryByUse play() const;
   MemoryByUse act(int64_t worlds) const;
   MemoryByUse values() const;
   MemoryByUse learn(bool cuda) const;
   MemoryByUse normalise() const;
 
  private:
-  int64_t states() const { return n_worlds_ * config_.horizon; }
+  bool everywhere() const { return learning_ == n_worlds_; }
+  int64_t states() const { return learning_ * config_.horizon; }  // that are learned from
   int64_t obs_bytes(int64_t rows) const { return kFloat * rows * shape_.obs_size; }
   MlpMemory actor(MemoryLedger& m, MemoryUse use, int64_t rows) const {
     return {m, use, config_.actor, {shape_.obs_size, head_, rows, 0, element_}};
   }
   int64_t actor_input(MemoryLedger& m, MemoryUse use, int64_t rows) const;
-  void values_of(MemoryLedger& m, int64_t states) const;
+  MemoryByUse act_in_groups() const;
+  void values_of(MemoryLedger& m, int64_t states, int64_t all) const;
   void learn_actor(MemoryLedger& m, int64_t rows) const;
   int64_t information_floats() const;
 
   const MappoConfig config_;
   const CriticShape shape_;
   const bool discrete_;
-  const int64_t head_, n_, n_worlds_, element_;
+  const int64_t head_, n_, n_worlds_;
+  const WorldShares shares_;
+  const int64_t learning_;  // worlds
+  const int64_t global_size_, element_;
 };
 
 // What the actor makes of the observations before its first layer; (x - mean) / std with limits takes three steps.
@@ -73,26 +83,47 @@ MemoryByUse TeamWork::act(int64_t worlds) const {
   return m.peak();
 }
 
-// PpoTeam::values_of, in chunks.
-void TeamWork::values_of(MemoryLedger& m, int64_t states) const {
+// GroupPolicy::forward for the worlds in which the team is frozen.
+MemoryByUse TeamWork::act_in_groups() const {
+  MemoryLedger m;
+  const int64_t rows = shares_.pooled() * n_;
+  if (rows == 0) return m.peak();
+  actor_input(m, MemoryUse::temporary, rows);
+  actor(m, MemoryUse::temporary, rows).infer_members(shares_.groups);
+  m.touch(element_ == kFloat ? 0 : kFloat * rows * head_);
+  return m.peak();
+}
+
+// One part of a team's worlds after the other.
+MemoryByUse TeamWork::play() const {
+  const MemoryByUse learner = act(learning_), groups = act_in_groups();
+  return sum(learner) > sum(groups) ? learner : groups;
+}
+
+// PpoTeam::values_of of some of all states, in chunks.
+void TeamWork::values_of(MemoryLedger& m, int64_t states, int64_t all) const {
   const int64_t chunk = std::min(states, kValueChunk), rows = chunk * n_;
-  m.take(MemoryUse::values, kFloat * states * n_);
+  m.take(MemoryUse::values, kFloat * all * n_);
   const int64_t norm = config_.obs_norm ? obs_bytes(rows) : 0, alive = kFloat * rows;
-  m.touch(3 * norm);
-  m.take(MemoryUse::temporary, norm + alive);
+  // Observations of a part of the worlds are gathered, as is the true state.
+  const int64_t obs = everywhere() ? 0 : obs_bytes(rows);
+  const int64_t state = config_.critic.kind == CriticKind::state && !everywhere() ? kFloat * chunk * global_size_ : 0;
+  m.touch(obs + 3 * norm);
+  const int64_t held = std::max(obs, norm) + alive + state;
+  m.take(MemoryUse::temporary, held);
   CriticMemory(m, MemoryUse::temporary, config_.critic, shape_, {chunk, element_}).infer();
-  m.give(MemoryUse::temporary, norm + alive);
+  m.give(MemoryUse::temporary, held);
 }
 
 // PpoTeam::prepare. The advantages, returns and values of the update before are there until the new ones are.
 MemoryByUse TeamWork::values() const {
   MemoryLedger m;
-  const int64_t of_rollout = kFloat * states() * n_;
-  values_of(m, states() + n_worlds_);
-  values_of(m, n_worlds_);
-  m.touch(2 * of_rollout);                // values in reward units: a product, a sum
-  m.take(MemoryUse::values, of_rollout);  // weights
-  m.touch(3 * of_rollout);                // moments: difference, square, product
+  const int64_t own = kFloat * states() * n_, of_rollout = kFloat * n_worlds_ * config_.horizon * n_;
+  values_of(m, states() + learning_, n_worlds_ * (config_.horizon + 1));
+  values_of(m, learning_, n_worlds_);
+  m.touch(2 * of_rollout);         // values in reward units: a product, a sum
+  m.take(MemoryUse::values, own);  // weights
+  m.touch(3 * own);                // moments: difference, square, product
   return m.peak();
 }
 
@@ -133,8 +164,12 @@ MemoryByUse TeamWork::learn(bool cuda) const {
   const int64_t index = static_cast<int64_t>(sizeof(int64_t)) * states();
   if (cuda) m.touch(kShuffleCopies * index);
   m.take(MemoryUse::permutation, index);
+  if (!everywhere()) {
+    m.touch(3 * index);                         // the second team's: a quotient, the result
+    m.take(MemoryUse::permutation, 2 * index);  // places among all worlds, by team
+  }
 
-  const int64_t batch = states() / config_.n_minibatches, rows = batch * n_;
+  const int64_t batch = (states() + config_.n_minibatches - 1) / config_.n_minibatches, rows = batch * n_;
   m.take(MemoryUse::minibatch, obs_bytes(rows) + kFloat * rows);
   learn_actor(m, rows);
   if (config_.obs_norm) m.touch(3 * obs_bytes(rows));
@@ -145,7 +180,8 @@ MemoryByUse TeamWork::learn(bool cuda) const {
 // PpoTeam::finish: the squares of all observations of the rollout.
 MemoryByUse TeamWork::normalise() const {
   MemoryLedger m;
-  if (config_.obs_norm) m.touch(obs_bytes(states() * n_) + 2 * kFloat * states() * n_);
+  const int64_t copies = everywhere() ? 1 : 2;  // observations side by side
+  if (config_.obs_norm) m.touch(copies * obs_bytes(states() * n_) + 2 * kFloat * states() * n_);
   return m.peak();
 }
 
@@ -173,7 +209,7 @@ std::vector<WorkPhase> work_phases(const LoadedRun& run, Device device) {
   for (int team = 0; team < kNTeams; ++team) {
     if (!learns(run.config.train, team)) continue;
     const TeamWork work(run, team, device);
-    const MemoryByUse peaks[] = {work.act(w), work.values(), work.learn(device.is_cuda()), work.normalise(),
+    const MemoryByUse peaks[] = {work.play(), work.values(), work.learn(device.is_cuda()), work.normalise(),
                                  work.act(episodes)};
     for (size_t k = 0; k < phases.size(); ++k)
       if (sum(peaks[k]) > sum(phases[k].peak)) phases[k].peak = peaks[k];

@@ -1,0 +1,177 @@
+#include "learn/opponents/league.hpp"
+
+#include <algorithm>
+
+#include "core/error.hpp"
+#include "learn/team_policy.hpp"
+#include "policy/parameters.hpp"
+#include "rollout/tensors.hpp"
+
+namespace giga {
+namespace {
+
+/// Statistics of games that are counted: episodes, wins of a team, ties.
+constexpr int64_t kCounts = 3;
+
+at::Tensor stats_of(const Simulator& sim) {
+  return wrap(sim.state().view().stats, {sim.n_worlds(), kNStatRows}, sim.device());
+}
+
+GameCount game_count(const double* counts) { return {counts[0], counts[1], counts[2]}; }
+
+}  // namespace
+
+League::League(const LoadedRun& run, std::array<const Actor*, kNTeams> actors, const RowRunner& rows)
+    : config_(run.config.opponents),
+      seed_(run.config.seed),
+      device_(torch_device(rows.device())),
+      shares_(world_shares(config_, run.config.train.n_worlds)),
+      actor_(actors),
+      counts_(at::zeros({shares_.n_worlds}, at::TensorOptions().dtype(at::kByte).device(device_))) {
+  if (config_.pool_size == 0) return;
+  const Precision precision = precision_on(run, rows.device());
+  past_.reserve(kNTeams);
+  for (const Actor* actor : actors) {
+    past_.push_back({actor,
+                     OpponentPool(config_.pool_size, GroupPolicy::row_of(*actor)),
+                     GroupPolicy(*actor, run.config.mappo.actor, run.spec.padded_observation_size(), precision),
+                     {},
+                     {}});
+    // Of a fixed number of groups, so that a run may go on with other shares.
+    set_rows(past_.back(), std::vector<int32_t>(std::min<size_t>(static_cast<size_t>(config_.pool_size), kMostGroups)));
+  }
+}
+
+Side League::side(int team) const {
+  const int other = 1 - team;  // that learns where this one is frozen
+  Side side;
+  const auto add = [&side](const Player& player, const WorldRange& worlds) {
+    if (worlds.count > 0) side.push_back({player, worlds});
+  };
+  const auto add_scripts = [&] {
+    const auto n = static_cast<int64_t>(config_.scripted.size());
+    for (int64_t k = 0; k < n; ++k)
+      add({nullptr, config_.scripted[static_cast<size_t>(k)]}, part_of(shares_.scripts(other), k, n));
+  };
+  const auto add_past = [&] {
+    if (!past_.empty())
+      add({nullptr, Scripted::noop, false, &past_[static_cast<size_t>(team)].policy}, shares_.pool(other));
+  };
+  const Player learner{actor_[static_cast<size_t>(team)]};
+  if (team == 0) {
+    add(learner, shares_.learning(0));
+    add_past();
+    add_scripts();
+  } else {
+    add_scripts();
+    add_past();
+    add(learner, shares_.learning(1));
+  }
+  return side;
+}
+
+void League::set_rows(Past& past, std::vector<int32_t> rows) const {
+  past.row = std::move(rows);
+  past.row_index = at::tensor(past.row, at::kLong).slice(0, 0, shares_.groups).to(device_);
+}
+
+void League::begin() {
+  at::NoGradGuard no_grad;
+  for (Past& past : past_) {
+    past.pool.set_present(GroupPolicy::row_of(*past.actor));
+    past.policy.set(past.pool.networks().index_select(0, past.row_index));
+  }
+}
+
+at::Tensor League::counts_of(const at::Tensor& stats, const WorldRange& worlds, int team) const {
+  const at::Tensor of_worlds = stats.narrow(0, worlds.first, worlds.count);
+  const auto column = [&](EpisodeStat stat) { return of_worlds.select(1, static_cast<int64_t>(stat)); };
+  return at::stack(
+      {column(EpisodeStat::episodes), column(of_team(EpisodeStat::wins_0, team)), column(EpisodeStat::ties)},
+      1);  // [worlds, kCounts]
+}
+
+void League::count(const Simulator& sim) {
+  at::NoGradGuard no_grad;
+  const at::Tensor stats = stats_of(sim);
+  const auto rows = [](const at::Tensor& x, const WorldRange& worlds) {
+    return x.narrow(0, worlds.first, worlds.count);
+  };
+  std::vector<at::Tensor> sums = {rows(stats, shares_.self_play()).sum(0, false, at::kDouble)};
+  for (int team = 0; team < kNTeams; ++team) {
+    if (!past_.empty()) {
+      const WorldRange worlds = shares_.pool(team);
+      const at::Tensor counts = counts_of(stats, worlds, team), began = rows(counts_, worlds);
+      sums.push_back((counts * began.unsqueeze(1))
+                         .view({shares_.groups, shares_.group_size, kCounts})
+                         .sum(1, false, at::kDouble)
+                         .flatten());
+      began.logical_or_(counts.select(1, 0) > 0);
+    }
+    sums.push_back(counts_of(stats, shares_.scripts(team), team).sum(0, false, at::kDouble));
+  }
+  sums_ = at::cat(sums);
+}
+
+void League::read(EpisodeStats& self_play, std::array<LeagueRecord, kNTeams>& record) {
+  const at::Tensor host = sums_.cpu();
+  const double* next = host.const_data_ptr<double>();
+  std::copy_n(next, self_play.rows.size(), self_play.rows.begin());
+  next += self_play.rows.size();
+  for (size_t team = 0; team < kNTeams; ++team) {
+    record[team] = {};
+    for (int64_t g = 0; !past_.empty() && g < shares_.groups; ++g, next += kCounts) {
+      Past& met = past_[1 - team];
+      const int32_t row = met.row[static_cast<size_t>(g)];
+      const GameCount games = game_count(next);
+      if (row == 0) continue;  // the other team as it is
+      record[team].pool += games;
+      met.pool.note(row, games.episodes, games.points());
+    }
+    record[team].scripts = game_count(next);
+    next += kCounts;
+  }
+}
+
+void League::end(int64_t updates_done, const Simulator& sim) {
+  if (updates_done % config_.pool_every_updates != 0) return;
+  at::NoGradGuard no_grad;
+  for (size_t team = 0; team < past_.size(); ++team) {
+    Past& past = past_[team];
+    past.pool.set_present(GroupPolicy::row_of(*past.actor));
+    past.pool.keep();
+    const std::vector<double> weights = past.pool.weights(config_);
+    const PoolKey key{seed_, static_cast<uint32_t>(updates_done), 1 - static_cast<int>(team)};
+    std::vector<int32_t> rows(past.row.size());
+    for (size_t g = 0; g < rows.size(); ++g) rows[g] = draw_opponent(weights, key, static_cast<uint32_t>(g));
+    set_rows(past, std::move(rows));
+  }
+  counts_.copy_(wrap(sim.state().view().episode_length, {shares_.n_worlds}, sim.device()) == 0);
+}
+
+void League::save(const std::string& prefix, NamedArrays& out) const {
+  for (size_t team = 0; team < past_.size(); ++team) {
+    const std::string place = cat(prefix, "team_", team, "/");
+    past_[team].pool.save(place, out);
+    out.push_back(make_array<int32_t>(place + "row", past_[team].row));
+  }
+  if (!past_.empty()) out.push_back(to_array(prefix + "counts", counts_));
+}
+
+void League::load(const std::string& prefix, const NamedArrays& in) {
+  for (size_t team = 0; team < past_.size(); ++team) {
+    Past& past = past_[team];
+    const std::string place = cat(prefix, "team_", team, "/");
+    past.pool.load(place, in);
+    std::vector<int32_t> rows = array_values<int32_t>(find_array(in, place + "row"));
+    if (rows.size() != past.row.size())
+      throw InputError(cat("array '", place, "row' has ", rows.size(), " numbers, expected ", past.row.size()));
+    for (const int32_t row : rows)
+      if (row < 0 || row > past.pool.size())
+        throw InputError(cat("array '", place, "row' holds ", row, ", the pool has ", past.pool.size(), " policies"));
+    set_rows(past, std::move(rows));
+  }
+  if (!past_.empty()) from_array(find_array(in, prefix + "counts"), counts_);
+}
+
+}  // namespace giga

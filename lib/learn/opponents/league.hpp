@@ -1,0 +1,70 @@
+// League: the frozen opponents of mappo. It says who moves a team in which worlds, draws past policies, and counts how
+// the learning teams fare against them and against scripts.
+#pragma once
+
+#include <torch/types.h>
+
+#include <array>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "learn/opponents/pool.hpp"
+#include "learn/opponents/record.hpp"
+#include "learn/opponents/world_shares.hpp"
+#include "rollout/collector.hpp"
+#include "rollout/group_policy.hpp"
+
+namespace giga {
+
+class League {
+ public:
+  /// Whether the run has frozen opponents besides train.opponent.
+  static bool wanted(const RunConfig& config) {
+    return config.opponents.pool_size > 0 || config.opponents.scripted_share > 0;
+  }
+
+  /// Of a run in which both teams learn; the actors must outlive this.
+  League(const LoadedRun& run, std::array<const Actor*, kNTeams> actors, const RowRunner& rows);
+
+  const WorldShares& shares() const { return shares_; }
+  /// Who moves a team: its actor where it learns; where it does not, scripts or past policies of its own.
+  Side side(int team) const;
+
+  /// Before a rollout: the opponents that are met in it.
+  void begin();
+  /// After a rollout: queues the sums of the simulator's statistics.
+  void count(const Simulator& sim);
+  /// Reads them, which waits for the device: statistics of the worlds in which both teams learn, and the record of each
+  /// team. Of games against past policies those count that began after their opponent was drawn.
+  void read(EpisodeStats& self_play, std::array<LeagueRecord, kNTeams>& record);
+  /// After `read`, when so many updates are done: where it is time, keeps the policies and draws opponents anew. A game
+  /// in progress goes on against the new ones.
+  void end(int64_t updates_done, const Simulator& sim);
+
+  void save(const std::string& prefix, NamedArrays& out) const;
+  void load(const std::string& prefix, const NamedArrays& in);
+
+ private:
+  /// A team's past policies, which the other team meets.
+  struct Past {
+    const Actor* actor;
+    OpponentPool pool;
+    GroupPolicy policy;
+    std::vector<int32_t> row;  // of the pool, by group; there may be more than there are groups
+    at::Tensor row_index;      // [groups] the same on the device
+  };
+  void set_rows(Past& past, std::vector<int32_t> rows) const;
+  at::Tensor counts_of(const at::Tensor& stats, const WorldRange& worlds, int team) const;
+
+  const OpponentsConfig config_;
+  const uint64_t seed_;
+  const at::Device device_;
+  const WorldShares shares_;
+  std::array<const Actor*, kNTeams> actor_;
+  std::vector<Past> past_;  // by team; empty without a pool
+  at::Tensor counts_;       // [W] 1: the game that is on began after its opponent was drawn
+  at::Tensor sums_;         // statistics of self-play, then of each team: groups, scripts; see count
+};
+
+}  // namespace giga

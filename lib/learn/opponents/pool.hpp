@@ -1,0 +1,61 @@
+// OpponentPool: the policies of a team that the other team may meet, how it fared against them, and whom it meets next.
+#pragma once
+
+#include <torch/types.h>
+
+#include <algorithm>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "core/named_array.hpp"
+#include "learn/run_config.hpp"
+
+namespace giga {
+
+/// A policy is a row of numbers; row 0 is the team's present one, the others are a ring of past ones.
+class OpponentPool {
+ public:
+  /// `present` [P]: the first of all.
+  OpponentPool(int64_t capacity, const at::Tensor& present);
+
+  /// Takes the team's present policy [P] into row 0.
+  void set_present(const at::Tensor& present);
+  /// Keeps the policy of row 0 as a past one, in the place of the oldest where the pool is full. Results so far count
+  /// half as much from now on.
+  void keep();
+  int64_t size() const { return std::min(kept_, capacity()); }  ///< past policies: rows 1 to size
+  const at::Tensor& networks() const { return networks_; }      // [1 + capacity, P]
+
+  /// What the other team has won in `games` against a row; a tie is half a win. Row 0 has no record.
+  void note(int64_t row, double games, double wins);
+  /// The other team's win rate against a past policy; half a win in one game is added, so that it is never 0 or 1.
+  double win_rate(int64_t row) const;
+  /// With what weight each past policy is drawn: [size], of rows 1 to size. See PoolDraw.
+  std::vector<double> weights(const OpponentsConfig& config) const;
+
+  /// The past policies and the record; after loading, row 0 is to be set.
+  void save(const std::string& prefix, NamedArrays& out) const;
+  void load(const std::string& prefix, const NamedArrays& in);
+
+ private:
+  int64_t capacity() const { return networks_.size(0) - 1; }
+  int64_t place_of(int64_t kept) const { return kept % capacity(); }
+
+  at::Tensor networks_;
+  int64_t kept_ = 0;                  // since the start
+  std::vector<double> games_, wins_;  // [capacity] of rows 1 and up, older ones at less than they were
+};
+
+/// What draws of opponents depend on besides the weights.
+struct PoolKey {
+  uint64_t seed = 0;
+  uint32_t update = 0;
+  int team = 0;  ///< that meets them
+};
+
+/// The row of draw number `number`: 1 to weights.size() in proportion to the weights, all alike where they are 0; 0
+/// where there are none.
+int32_t draw_opponent(const std::vector<double>& weights, const PoolKey& key, uint32_t number);
+
+}  // namespace giga

@@ -1,0 +1,36 @@
+// LeagueRecord: how a team fared in an update against past policies and against scripts, and the metrics of that.
+#pragma once
+
+#include <vector>
+
+#include "learn/learner.hpp"
+
+namespace giga {
+
+/// Games of a team that ended.
+struct GameCount {
+  double episodes = 0, wins = 0, ties = 0;
+
+  GameCount& operator+=(const GameCount& other) {
+    episodes += other.episodes;
+    wins += other.wins;
+    ties += other.ties;
+    return *this;
+  }
+  /// A tie is half a win.
+  double points() const { return wins + 0.5 * ties; }
+  /// NaN where no game has ended.
+  double win_share() const { return wins / episodes; }
+};
+
+struct LeagueRecord {
+  GameCount pool, scripts;
+
+  /// Adds pool_win_share_T and scripted_win_share_T.
+  void add_metrics(int team, Metrics& out) const;
+};
+
+/// Adds the figures of the record that a run with such opponents has.
+void add_league_headline(const OpponentsConfig& config, std::vector<HeadlineFigure>& figures);
+
+}  // namespace giga

@@ -1,0 +1,29 @@
+#include "learn/opponents/world_shares.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace giga {
+
+int64_t share_of(float share, int64_t whole, int64_t most) {
+  return std::min<int64_t>(std::llround(static_cast<double>(share) * static_cast<double>(whole)), most);
+}
+
+WorldShares world_shares(const OpponentsConfig& config, int64_t n_worlds) {
+  WorldShares shares;
+  shares.n_worlds = n_worlds;
+  const int64_t half = n_worlds / 2;
+  shares.scripted = share_of(config.scripted_share, half, half);
+  const int64_t pooled = config.pool_size > 0 ? share_of(config.pool_share, half, half - shares.scripted) : 0;
+  if (pooled == 0) return shares;
+  shares.groups = std::min({static_cast<int64_t>(config.pool_size), kMostGroups, pooled});
+  shares.group_size = pooled / shares.groups;
+  return shares;
+}
+
+WorldRange part_of(const WorldRange& range, int64_t k, int64_t n) {
+  const int64_t from = range.count * k / n, to = range.count * (k + 1) / n;
+  return {range.first + from, to - from};
+}
+
+}  // namespace giga

@@ -1,0 +1,41 @@
+// GroupPolicy: networks of one shape that move a team, each in a group of worlds of its own, evaluated together.
+#pragma once
+
+#include <ATen/core/Tensor.h>
+
+#include <cstdint>
+
+#include "policy/actor.hpp"
+
+namespace giga {
+
+/// G groups of equally many worlds in a row. A network is a row of numbers: the P parameters of an actor, and where
+/// that normalises its observations, their mean and deviation, D each.
+class GroupPolicy {
+ public:
+  /// `network` tells the shape and whether observations are normalised; `obs_size` D.
+  GroupPolicy(const Actor& network, const ActorConfig& config, int64_t obs_size, Precision precision);
+
+  /// The row [row size] of an actor as it is now.
+  static at::Tensor row_of(const Actor& actor);
+
+  /// The networks [G, row size] of the groups; they are not copied.
+  void set(const at::Tensor& rows) { rows_ = rows; }
+  /// obs [R, D] of all groups, R / G each -> [R, head size], as Actor::forward.
+  at::Tensor forward(const at::Tensor& obs) const;
+
+  const at::Tensor& rows() const { return rows_; }
+  int64_t groups() const { return rows_.size(0); }
+  ActionKind actions() const { return shape_.actions(); }
+  /// As those of Actor.
+  int64_t head_size() const { return shape_.head_size(); }
+  int64_t log_std_offset() const { return shape_.log_std_offset(); }
+
+ private:
+  const int64_t obs_size_;
+  const bool normalize_;
+  Actor shape_;  // without a normaliser: the groups have their own
+  at::Tensor rows_;
+};
+
+}  // namespace giga

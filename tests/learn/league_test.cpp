@@ -1,0 +1,307 @@
+// Mappo with frozen opponents: who moves which worlds, what is learned from, and how games against past policies count.
+#include "learn/opponents/league.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+#include "learn/ppo_team.hpp"
+#include "runs.hpp"
+
+namespace giga::test {
+namespace {
+
+constexpr Device kCpu{};
+constexpr int kWorlds = 24;  // of SmallRun
+
+/// Both teams with their networks, and a league that collects rollouts; nothing is learned.
+struct Games {
+  explicit Games(const SmallRun& small)
+      : run(small.load()),
+        rows(kCpu, 1),
+        shares(world_shares(run.config.opponents, kWorlds)),
+        team{{run, 0, kCpu, rows, shares.learning(0)}, {run, 1, kCpu, rows, shares.learning(1)}},
+        league(run, {&team[0].actor(), &team[1].actor()}, rows),
+        sim(make_cpu_simulator(run.spec, {kWorlds, 17, 0, OnDone::reset, 1})),
+        collector(*sim, rows, {run.config.mappo.horizon, team[0].needs_state(), false},
+                  std::array<Side, kNTeams>{league.side(0), league.side(1)}) {
+    collector.start();
+  }
+  void collect() {
+    league.begin();
+    collector.collect();
+  }
+  const LoadedRun run;
+  const RowRunner rows;
+  const WorldShares shares;
+  PpoTeam team[kNTeams];
+  League league;
+  std::unique_ptr<Simulator> sim;
+  Collector collector;
+};
+
+SmallRun with_opponents(const std::string& keys) {
+  SmallRun run;
+  run.more = "opponents: {" + keys + "}\n";
+  return run;
+}
+
+TEST(LearnLeague, ScriptsAndPastPoliciesMoveTheirWorlds) {
+  // Half of 24 worlds is 12: 6 against scripts, three of each, and 2 groups of 2 against the pool.
+  Games games(with_opponents("pool_size: 2, pool_share: 0.4, scripted: [circle, reverse_circle], scripted_share: 0.5"));
+  ASSERT_EQ(games.shares.scripted, 6);
+  ASSERT_EQ(games.shares.pooled(), 4);
+  games.collect();
+  // Indices of the 27 actions: 13 is straight on, three more a turn to the left.
+  constexpr int kLeft = 16, kRight = 10;
+  for (int learner = 0; learner < 2; ++learner) {
+    const at::Tensor action = games.collector.rollout().team[1 - learner].action;  // [T, W, 2]
+    const WorldRange scripts = games.shares.scripts(learner);
+    EXPECT_TRUE((action.narrow(1, scripts.first, 3) == kLeft).all().item<bool>());
+    EXPECT_TRUE((action.narrow(1, scripts.first + 3, 3) == kRight).all().item<bool>());
+    const at::Tensor rest = action.narrow(1, games.shares.pool(learner).first, 4);
+    EXPECT_GT(std::get<0>(at::_unique(rest)).size(0), 10) << "a network draws from all actions";
+  }
+}
+
+TEST(LearnLeague, WhileThePoolIsEmptyThePresentPolicyPlays) {
+  // Its actions are drawn with the same numbers, whoever learns from them.
+  const auto same = [](const SmallRun& a, const SmallRun& b) {
+    Games one(a), other(b);
+    one.collect();
+    other.collect();
+    at::Tensor x = one.collector.rollout().team[0].action[0], y = other.collector.rollout().team[0].action[0];
+    at::Tensor u = one.collector.rollout().team[1].action[0], v = other.collector.rollout().team[1].action[0];
+    return ((x - y).abs().max() < 1e-4).item<bool>() && ((u - v).abs().max() < 1e-4).item<bool>();
+  };
+  for (const char* actions : {"action: discrete\n", "action: continuous\n"}) {
+    SmallRun pool = with_opponents("pool_size: 3, pool_share: 1"), none = with_opponents("pool_size: 3, pool_share: 0");
+    pool.scenario = none.scenario = actions;
+    pool.mappo = none.mappo = "obs_norm: true";
+    EXPECT_TRUE(same(pool, none)) << actions;
+  }
+}
+
+TEST(LearnLeague, EachGroupPlaysItsPolicy) {
+  // Three policies that always take another action: a bias of the last layer towards it.
+  Games games(with_opponents("pool_size: 3, pool_every_updates: 1, pool_share: 0.5"));
+  for (int k = 0; k < 3; ++k) {
+    for (PpoTeam& team : games.team) {
+      at::NoGradGuard no_grad;
+      const at::Tensor& values = team.actor().parameters().values();  // the last bias stands at the end
+      values.zero_();
+      values[values.size(0) - kLogitStride + 5 * k + 1] = 100;
+    }
+    games.league.end(k + 1, *games.sim);
+  }
+  games.collect();
+  NamedArrays arrays;
+  games.league.save("", arrays);
+  for (int learner = 0; learner < 2; ++learner) {
+    const auto rows = array_values<int32_t>(find_array(arrays, cat("team_", 1 - learner, "/row")));
+    const at::Tensor action = games.collector.rollout().team[1 - learner].action;
+    const WorldRange worlds = games.shares.pool(learner);
+    ASSERT_EQ(worlds.count, 6);  // three groups of two
+    for (int64_t g = 0; g < 3; ++g)
+      EXPECT_TRUE((action.narrow(1, worlds.first + 2 * g, 2) == 5 * (rows.at(static_cast<size_t>(g)) - 1) + 1)
+                      .all()
+                      .item<bool>())
+          << "group " << g << " of the opponents of team " << learner;
+  }
+}
+
+Rollout copy_of(const Rollout& rollout) {
+  const auto copy = [](const at::Tensor& x) { return x.defined() ? x.clone() : x; };
+  Rollout result;
+  for (int team = 0; team < kNTeams; ++team) {
+    const TeamRollout& r = rollout.team[team];
+    result.team[team] = {copy(r.obs),      copy(r.alive),  copy(r.action),    copy(r.raw),
+                         copy(r.log_prob), copy(r.reward), copy(r.final_obs), copy(r.final_alive)};
+  }
+  result.done = copy(rollout.done);
+  result.global = copy(rollout.global);
+  result.final_global = copy(rollout.final_global);
+  return result;
+}
+
+/// Makes everything in the worlds in which `team` does not learn useless to learn from.
+void spoil_frozen(Rollout& rollout, int team, const WorldRange& learning) {
+  constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+  const auto spoil = [&](const at::Tensor& x, int64_t dim) {
+    if (!x.defined() || !x.is_floating_point()) return;
+    x.narrow(dim, 0, learning.first).fill_(kNan);
+    x.narrow(dim, learning.end(), kWorlds - learning.end()).fill_(kNan);
+  };
+  const TeamRollout& r = rollout.team[team];
+  for (const at::Tensor& x : {r.obs, r.raw, r.log_prob, r.reward, rollout.global}) spoil(x, 1);
+  for (const at::Tensor& x : {r.final_obs, rollout.final_global}) spoil(x, 0);
+}
+
+// Everything in which a NaN could hide: advantages by minibatch and batch, both normalisers, all critics' inputs.
+TEST(LearnLeague, FrozenRowsTakeNoPartInLearning) {
+  constexpr const char* kOpponents = "pool_size: 2, pool_share: 0.4, scripted_share: 0.2";
+  SmallRun discrete = with_opponents(kOpponents), continuous = with_opponents(kOpponents);
+  continuous.scenario = "action: continuous\n";
+  continuous.mappo = "obs_norm: true, advantage_norm: batch";
+  continuous.critic = "kind: state, hidden: [16, 12]";
+  for (const SmallRun& small : {discrete, continuous}) {
+    Games clean(small), spoilt(small);
+    for (int64_t u = 0; u < 2; ++u) {
+      clean.collect();
+      const int64_t own = clean.shares.learning(0).count * clean.run.config.mappo.horizon;
+      for (int team = 0; team < kNTeams; ++team) {
+        Rollout rollout = copy_of(clean.collector.rollout());
+        const auto learn = [&](PpoTeam& of) {
+          of.prepare(rollout);
+          int minibatch = 0;
+          for (const at::Tensor& index : of.states(at::arange(own, at::kLong)).tensor_split(3))
+            of.learn(rollout, index, ++minibatch, {1e-3f, 1e-3f});
+          of.finish(rollout);
+          NamedArrays arrays;
+          of.save("", arrays);
+          return arrays;
+        };
+        const NamedArrays expected = learn(clean.team[team]);
+        spoil_frozen(rollout, team, clean.shares.learning(team));
+        const NamedArrays actual = learn(spoilt.team[team]);
+        EXPECT_EQ(difference(expected, actual), "") << "team " << team << ", update " << u;
+        expect_finite(actual);
+        const at::Tensor figures = clean.team[team].figures();
+        EXPECT_TRUE(at::equal(figures, spoilt.team[team].figures())) << "team " << team << ", update " << u;
+        EXPECT_EQ(figures.slice(0, kFirstFault).sum().item<float>(), 0);
+        EXPECT_EQ(spoilt.team[team].faulty_states(rollout, 1000).size(0), 0);
+      }
+    }
+  }
+}
+
+TEST(LearnLeague, StatesAreThoseOfTheLearningWorlds) {
+  const Games games(with_opponents("pool_size: 2, pool_share: 0.4, scripted_share: 0.2"));
+  // Of 12: 2.4 against scripts, 4.8 against two policies: 2 + 4 worlds for each team; 18 of 24 are learned from.
+  ASSERT_EQ(games.shares.learning(1), (WorldRange{6, 18}));
+  const at::Tensor own = at::tensor({int64_t{0}, int64_t{17}, int64_t{18}, int64_t{36 + 5}});
+  // Steps 0, 0, 1, 2 and worlds 0, 17, 0, 5 of the team's.
+  EXPECT_TRUE(
+      at::equal(games.team[0].states(own), at::tensor({int64_t{0}, int64_t{17}, int64_t{24}, int64_t{48 + 5}})));
+  EXPECT_TRUE(
+      at::equal(games.team[1].states(own), at::tensor({int64_t{6}, int64_t{23}, int64_t{30}, int64_t{48 + 11}})));
+}
+
+/// Writes episodes, wins of team 0, wins of team 1 and ties of a world.
+void set_stats(const Simulator& sim, int64_t world, std::array<float, 4> counts) {
+  float* stats = sim.state().view().stats + world * kNStatRows;
+  const EpisodeStat stat[] = {EpisodeStat::episodes, EpisodeStat::wins_0, EpisodeStat::wins_1, EpisodeStat::ties};
+  for (size_t k = 0; k < 4; ++k) stats[static_cast<int>(stat[k])] = counts[k];
+}
+
+TEST(LearnLeague, GamesAgainstPastPoliciesCountFromTheirDrawOn) {
+  Games games(with_opponents("pool_size: 2, pool_every_updates: 2, pool_share: 0.4, scripted_share: 0.2"));
+  // Worlds: 0 and 1 scripts, 2 to 5 the pool of team 1; 18 to 21 the pool of team 0, 22 and 23 scripts.
+  ASSERT_EQ(games.shares.pool(0), (WorldRange{2, 4}));
+  ASSERT_EQ(games.shares.pool(1), (WorldRange{18, 4}));
+  Simulator& sim = *games.sim;
+  const auto counted = [&] {
+    games.league.count(sim);
+    sim.take_stats();
+    EpisodeStats self_play;
+    std::array<LeagueRecord, kNTeams> record;
+    games.league.read(self_play, record);
+    return std::pair{self_play, record};
+  };
+  for (int w = 0; w < kWorlds; ++w) sim.state().view().episode_length[w] = w == 3 ? 0 : 5;
+  sim.take_stats();
+  games.league.end(2, sim);  // one policy of each team is kept and drawn
+  games.league.begin();
+  set_stats(sim, 0, {3, 1, 0, 2});   // scripts of team 0
+  set_stats(sim, 2, {1, 1, 0, 0});   // began before its opponent was drawn
+  set_stats(sim, 3, {2, 1, 0, 1});   // began with it
+  set_stats(sim, 10, {4, 1, 2, 1});  // self-play
+  set_stats(sim, 23, {2, 0, 1, 1});  // scripts of team 1
+  const auto [self_play, record] = counted();
+  EXPECT_EQ(self_play[EpisodeStat::episodes], 4);
+  EXPECT_EQ(self_play[EpisodeStat::wins_1], 2);
+  EXPECT_EQ(record[0].pool.episodes, 2);
+  EXPECT_EQ(record[0].pool.wins, 1);
+  EXPECT_EQ(record[0].pool.ties, 1);
+  EXPECT_EQ(record[0].scripts.win_share(), 1 / 3.0);
+  EXPECT_EQ(record[1].pool.episodes, 0);
+  EXPECT_EQ(record[1].scripts.win_share(), 1 / 2.0);
+  // The next games of worlds 2 and 20 have the same opponent from start to end; that of world 20 is its first to end.
+  set_stats(sim, 2, {1, 0, 1, 0});
+  set_stats(sim, 20, {1, 0, 1, 0});
+  EXPECT_EQ(counted().second[0].pool.episodes, 1);
+  set_stats(sim, 20, {1, 0, 1, 0});
+  EXPECT_EQ(counted().second[1].pool.wins, 1);
+  // Against policy 1 of team 1: 3 games, 1 win, 1 tie; of team 0: one game, won.
+  NamedArrays arrays;
+  games.league.save("", arrays);
+  EXPECT_EQ(array_values<double>(find_array(arrays, "team_1/games")), (std::vector<double>{3, 0}));
+  EXPECT_EQ(array_values<double>(find_array(arrays, "team_1/wins")), (std::vector<double>{1.5, 0}));
+  EXPECT_EQ(array_values<double>(find_array(arrays, "team_0/games")), (std::vector<double>{1, 0}));
+  EXPECT_EQ(array_values<double>(find_array(arrays, "team_0/wins")), (std::vector<double>{1, 0}));
+}
+
+/// Means of a team's figure over the updates of a run in which it is known.
+std::array<double, kNTeams> mean_figures(Learner& learner, const std::string& name, int n_updates) {
+  std::array<double, kNTeams> sums{};
+  std::array<int, kNTeams> counts{};
+  for (int u = 0; u < n_updates; ++u) {
+    const Metrics metrics = learner.update();
+    for (size_t team = 0; team < kNTeams; ++team) {
+      const double value = metric(metrics, cat(name, "_", team));
+      if (!std::isfinite(value)) continue;
+      sums[team] += value;
+      ++counts[team];
+    }
+  }
+  for (size_t team = 0; team < kNTeams; ++team) sums[team] /= counts[team];
+  return sums;
+}
+
+// Where nobody shoots, whoever flies straight on is the first to leave the map, and who circles never does.
+TEST(LearnLeague, WinSharesTellStrongOpponentsFromWeakOnes) {
+  const auto win_shares = [](const char* script) {
+    SmallRun run = with_opponents(cat("scripted_share: 0.8, scripted: [", script, "]"));
+    run.scenario =
+        "damage: {damage_cone_depth: 0}\ncollision: {collision_range: 0}\nlimit_x: 10\nlimit_y: 10\n"
+        "max_episode_length: 120\n";
+    run.n_threads = 1;
+    const auto learner = run.learner();
+    EXPECT_EQ(learner->headline().back().metric, std::string("scripted_win_share"));
+    return mean_figures(*learner, "scripted_win_share", 40);
+  };
+  const std::array<double, kNTeams> weak = win_shares("noop"), strong = win_shares("circle");
+  for (size_t team = 0; team < kNTeams; ++team) {
+    EXPECT_GT(weak[team], 0.3) << "team " << team;
+    EXPECT_LT(strong[team], 0.1) << "team " << team;
+  }
+}
+
+TEST(LearnLeague, WinSharesAgainstThePoolAreLogged) {
+  // Episodes of at most 40 steps, rollouts of 8: those that begin and end between two draws count.
+  const auto learner = with_opponents("pool_size: 2, pool_every_updates: 12, pool_share: 0.8").learner();
+  EXPECT_TRUE(std::isnan(mean_figures(*learner, "pool_win_share", 12)[0])) << "nothing counts while the pool is empty";
+  for (const double share : mean_figures(*learner, "pool_win_share", 24)) {
+    EXPECT_GT(share, 0.05);
+    EXPECT_LT(share, 0.95);
+  }
+}
+
+TEST(LearnLeague, ARunGoesOnWithOtherShares) {
+  SmallRun run = with_opponents("pool_size: 3, pool_every_updates: 1, pool_share: 0.2");
+  const auto learner = run.learner();
+  for (int u = 0; u < 3; ++u) learner->update();
+  const NamedArrays checkpoint = saved(*learner);
+  run.more = "opponents: {pool_size: 3, pool_every_updates: 1, pool_share: 0.8, scripted_share: 0.1}\n";
+  const auto other = run.learner();
+  other->load(checkpoint);
+  expect_finite(other->update(), 0);
+  NamedArrays broken = checkpoint;
+  for (NamedArray& array : broken)
+    if (array.name == "league/team_1/row") array = make_array<int32_t>(array.name, {0, 4, 1});
+  EXPECT_THROW(other->load(broken), InputError);  // row 4 of a pool of three
+}
+
+}  // namespace
+}  // namespace giga::test
