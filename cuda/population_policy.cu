@@ -222,12 +222,13 @@ __device__ void list_worlds(const NetworkGroups& part, const Phase* phase, int g
 }
 
 /// 16 rows from observations to actions, by one warp.
-__device__ void move_rows(const SmallMlp& mlp, const NetworkGroups& part, const SharedPlan& plan,
+__device__ void move_rows(const PopulationPolicy& policy, const NetworkGroups& part, const SharedPlan& plan,
                           const __half* parameters, const BlockWorlds& worlds, int first, __half* shared) {
   const Lane lane;
+  const SmallMlp& mlp = policy.mlp;
   const int warp = static_cast<int>(threadIdx.x) / kWarp, n = part.act.draws.n, rows = worlds.count * n;
   const auto row_of = [&](int r) { return worlds.world[r / n] * n + r % n; };
-  const auto obs_of = [&](int r) { return r < rows ? part.obs + row_of(r) * mlp.width[0] : nullptr; };
+  const auto obs_of = [&](int r) { return r < rows ? part.obs + row_of(r) * policy.obs_stride : nullptr; };
   __half* features = shared + plan.features + warp * plan.per_warp;
   float* head = reinterpret_cast<float*>(features);
   const FarRows obs{obs_of(first + lane.group), obs_of(first + lane.group + 8), mlp.width[0]};
@@ -267,32 +268,66 @@ struct PartShape {
   __host__ __device__ int blocks(const NetworkGroups& part) const { return part.groups * blocks_per_group; }
 };
 
-__global__ void __launch_bounds__(kMaxWarps* kWarp, 2)
-    population_kernel(const __grid_constant__ PopulationPolicy policy) {
-  extern __shared__ __align__(16) __half shared[];
-  __shared__ BlockWorlds worlds;
-  const int warps = static_cast<int>(blockDim.x) / kWarp, most = warps * kTileRows;
-  int block = static_cast<int>(blockIdx.x), k = 0;
-  PartShape shape(policy.part[0], most);
-  while (block >= shape.blocks(policy.part[k])) {
-    block -= shape.blocks(policy.part[k]);
-    shape = PartShape(policy.part[++k], most);
+/// A piece of work: some worlds of a group.
+struct Piece {
+  const NetworkGroups& part;
+  int group, begin, end;  // worlds of the group
+  int network;            // below 0: nothing to do
+
+  __device__ static Piece number(const PopulationPolicy& policy, int piece, int most_rows) {
+    int k = 0;
+    PartShape shape(policy.part[0], most_rows);
+    while (piece >= shape.blocks(policy.part[k])) {
+      piece -= shape.blocks(policy.part[k]);
+      shape = PartShape(policy.part[++k], most_rows);
+    }
+    const NetworkGroups& part = policy.part[k];
+    const int group = piece / shape.blocks_per_group, begin = piece % shape.blocks_per_group * shape.worlds_per_block;
+    return {part, group, begin, min(begin + shape.worlds_per_block, part.worlds_per_group),
+            part.network ? part.network[group] : group};
   }
-  const NetworkGroups& part = policy.part[k];
-  const int group = block / shape.blocks_per_group, begin = block % shape.blocks_per_group * shape.worlds_per_block;
-  const int end = min(begin + shape.worlds_per_block, part.worlds_per_group);
-  const int network = part.network ? part.network[group] : group;
-  if (network < 0) return;
-  list_worlds(part, policy.phase, group, begin, end, worlds);
-  const int rows = worlds.count * part.act.draws.n;
+};
+
+__device__ void move_piece(const PopulationPolicy& policy, int number, __half* shared, BlockWorlds& worlds) {
+  const int warps = static_cast<int>(blockDim.x) / kWarp;
+  const Piece piece = Piece::number(policy, number, warps * kTileRows);
+  if (piece.network < 0) return;
+  list_worlds(piece.part, policy.phase, piece.group, piece.begin, piece.end, worlds);
+  const int rows = worlds.count * piece.part.act.draws.n;
   if (rows == 0) return;
 
   const SharedPlan plan(policy.mlp, warps);
-  const __half* parameters = reinterpret_cast<const __half*>(part.parameters) + network * policy.parameter_stride;
+  const __half* parameters =
+      reinterpret_cast<const __half*>(piece.part.parameters) + piece.network * policy.parameter_stride;
   load_network(policy.mlp, plan, parameters, shared);
   __syncthreads();
   const int first = static_cast<int>(threadIdx.x) / kWarp * kTileRows;
-  if (first < rows) move_rows(policy.mlp, part, plan, parameters, worlds, first, shared);
+  if (first < rows) move_rows(policy, piece.part, plan, parameters, worlds, first, shared);
+}
+
+__global__ void __launch_bounds__(kMaxWarps* kWarp, 2)
+    population_kernel(const __grid_constant__ PopulationPolicy policy, int pieces) {
+  extern __shared__ __align__(16) __half shared[];
+  __shared__ BlockWorlds worlds;
+  const int count = policy.work ? policy.work[pieces] : pieces;
+  for (int k = static_cast<int>(blockIdx.x); k < count; k += static_cast<int>(gridDim.x)) {
+    move_piece(policy, policy.work ? policy.work[k] : k, shared, worlds);
+    __syncthreads();  // the next piece takes the same memory
+  }
+}
+
+/// A warp per piece. `count` starts at 0.
+__global__ void list_work(const __grid_constant__ PopulationPolicy policy, int pieces, int most_rows, int32_t* work,
+                          int32_t* count) {
+  const int thread = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x), number = thread / kWarp;
+  if (number >= pieces) return;
+  const Piece piece = Piece::number(policy, number, most_rows);
+  bool plays = false;
+  for (int k = piece.begin + thread % kWarp; k < piece.end && piece.network >= 0; k += kWarp)
+    plays = plays ||
+            policy.phase[piece.part.first_world + piece.group * piece.part.group_step + k * piece.part.world_step] ==
+                Phase::plays;
+  if (__any_sync(0xFFFFFFFFu, plays) && thread % kWarp == 0) work[atomicAdd(count, 1)] = number;
 }
 
 /// Warps of a block: enough for the worlds of most groups, or for one world.
@@ -319,17 +354,46 @@ bool population_policy_fits(const SmallMlp& mlp, int largest_team, int index) {
   return SharedPlan(mlp, kMaxWarps).bytes() + sizeof(BlockWorlds) <= static_cast<size_t>(limit);
 }
 
-void launch_population_policy(const PopulationPolicy& policy, int index, void* stream) {
+int population_work(const PopulationPolicy& policy) {
+  const int most_rows = block_warps(policy) * kTileRows;
+  int pieces = 0;
+  for (int k = 0; k < policy.n_parts; ++k) pieces += PartShape(policy.part[k], most_rows).blocks(policy.part[k]);
+  return pieces;
+}
+
+void list_population_work(const PopulationPolicy& policy, int32_t* work, int index, void* stream) {
+  GIGA_CUDA(cudaSetDevice(index));
+  const int pieces = population_work(policy);
+  if (pieces == 0) return;
+  constexpr int kThreads = 256;
+  GIGA_CUDA(cudaMemsetAsync(work + pieces, 0, sizeof *work, static_cast<cudaStream_t>(stream)));
+  list_work<<<(pieces * kWarp + kThreads - 1) / kThreads, kThreads, 0, static_cast<cudaStream_t>(stream)>>>(
+      policy, pieces, block_warps(policy) * kTileRows, work, work + pieces);
+  GIGA_CUDA(cudaGetLastError());
+}
+
+int population_blocks(const PopulationPolicy& policy, int index) {
   GIGA_CUDA(cudaSetDevice(index));
   const int warps = block_warps(policy);
-  int blocks = 0;
-  for (int k = 0; k < policy.n_parts; ++k)
-    blocks += PartShape(policy.part[k], warps * kTileRows).blocks(policy.part[k]);
-  if (blocks == 0) return;
   const size_t bytes = SharedPlan(policy.mlp, warps).bytes();
   GIGA_CUDA(
       cudaFuncSetAttribute(population_kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, static_cast<int>(bytes)));
-  population_kernel<<<blocks, warps * kWarp, bytes, static_cast<cudaStream_t>(stream)>>>(policy);
+  int per_multiprocessor = 0, multiprocessors = 0;
+  GIGA_CUDA(
+      cudaOccupancyMaxActiveBlocksPerMultiprocessor(&per_multiprocessor, population_kernel, warps * kWarp, bytes));
+  GIGA_CUDA(cudaDeviceGetAttribute(&multiprocessors, cudaDevAttrMultiProcessorCount, index));
+  return 2 * per_multiprocessor * multiprocessors;
+}
+
+void launch_population_policy(const PopulationPolicy& policy, int index, void* stream) {
+  GIGA_CUDA(cudaSetDevice(index));
+  const int warps = block_warps(policy), pieces = population_work(policy);
+  if (pieces == 0) return;
+  const size_t bytes = SharedPlan(policy.mlp, warps).bytes();
+  GIGA_CUDA(
+      cudaFuncSetAttribute(population_kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, static_cast<int>(bytes)));
+  const int blocks = policy.blocks > 0 ? std::min(pieces, policy.blocks) : pieces;
+  population_kernel<<<blocks, warps * kWarp, bytes, static_cast<cudaStream_t>(stream)>>>(policy, pieces);
   GIGA_CUDA(cudaGetLastError());
 }
 

@@ -19,7 +19,7 @@ constexpr int kTileWarps = 4;  // warps of a block of TileLanes
 constexpr int kTileBlocks = 8;
 constexpr int kMaxBlockThreads = 512;  // threads of a block of BlockLanes
 
-constexpr int kWorldsAlone = 1024;     // playing worlds up to which each has a warp for itself
+constexpr int kWorldsAlone = 1024;  // playing worlds up to which each has a warp for itself
 
 // Steps after which the list of the worlds that still play is made anew (OnDone::freeze).
 constexpr int kStepsPerList = 8;

@@ -33,6 +33,18 @@ NamedArray resized(const NamedArray& array, const std::string& name, const std::
   return result;
 }
 
+/// A first layer's weights [out, columns read] as [out, row]: 0 for the columns that are not read.
+NamedArray for_whole_rows(const NamedArray& weight, const InputColumns& inputs) {
+  const std::vector<float> from = array_values<float>(weight);
+  const int64_t rows = weight.shape[0];
+  std::vector<float> values(static_cast<size_t>(rows * inputs.row), 0.0f);
+  for (int64_t row = 0; row < rows; ++row)
+    std::copy_n(from.begin() + row * inputs.size, inputs.size, values.begin() + row * inputs.row + inputs.first);
+  NamedArray result = make_array(weight.name, values);
+  result.shape = {rows, inputs.row};
+  return result;
+}
+
 /// The moments of a normaliser with that mean and deviation, as it saves them after infinitely many updates.
 void add_moments(const PolicyModel& model, int64_t size, NamedArrays& arrays) {
   const NamedArray mean = resized(find_array(model.tensors, kMeanTensor), "normalizer/mean", {size}, 0);
@@ -52,8 +64,12 @@ PolicyModel model_of(const Actor& actor, int inputs) {
   actor.save("", arrays);
   PolicyModel model;
   model.shape = {inputs, actor.actions(), actor.network(), actor.normalizes()};
-  for (const TensorShape& tensor : tensors_of(model.shape))
-    model.tensors.push_back(resized(find_array(arrays, actor_name(tensor.name)), tensor.name, tensor.shape, 0));
+  model.shape.network.inputs = NetworkInputs::all;
+  for (const TensorShape& tensor : tensors_of(model.shape)) {
+    NamedArray array = find_array(arrays, actor_name(tensor.name));
+    if (tensor.name == layer_tensor(0, "weight")) array = for_whole_rows(array, actor.inputs());
+    model.tensors.push_back(resized(array, tensor.name, tensor.shape, 0));
+  }
   return model;
 }
 

@@ -12,8 +12,9 @@ namespace giga {
 namespace {
 
 constexpr const char *kSelf = "self", *kNeighbors = "neighbors", *kWaypoint = "waypoint", *kBoxes = "boxes",
-                     *kBodySelfBlock = "body_self", *kWalls = "walls", *kBodyWaypointBlock = "body_waypoint",
-                     *kBodyOpponentsBlock = "body_opponents", *kBodyTeamMatesBlock = "body_team_mates";
+                     *kUnused = "unused", *kBodySelfBlock = "body_self", *kWalls = "walls",
+                     *kBodyWaypointBlock = "body_waypoint", *kBodyOpponentsBlock = "body_opponents",
+                     *kBodyTeamMatesBlock = "body_team_mates";
 
 struct FeatureText {
   const char *name, *meaning;
@@ -94,7 +95,7 @@ std::vector<ObservationBlock> observation_layout(const SimSpec& spec) {
   std::vector<ObservationBlock> blocks;
   int at = 0;
   const auto add = [&](const char* name, int count, int size) {
-    if (count > 0) blocks.push_back({name, at, count, size});
+    if (count > 0 && size > 0) blocks.push_back({name, at, count, size});
     at += count * size;
   };
   add(kSelf, 1, kNeighborFeatures);
@@ -102,6 +103,7 @@ std::vector<ObservationBlock> observation_layout(const SimSpec& spec) {
   add(kWaypoint, p.waypoints ? 1 : 0, kWaypointFeatures);
   add(kBoxes, p.n_boxes, box_features(p));
   if (p.body_view) {
+    add(kUnused, 1, body_at(p) - at);
     add(kBodySelfBlock, 1, kBodySelf);
     add(kWalls, kBodyRays, 1);
     add(kBodyWaypointBlock, p.waypoints ? 1 : 0, kBodyWaypoint);
@@ -117,6 +119,7 @@ std::string block_meaning(const std::string& block) {
   if (block == kNeighbors) return "the agents that it sees, the nearest first, then items of zeros";
   if (block == kWaypoint) return "the area to be reached, relative to the agent";
   if (block == kBoxes) return "the obstacles of the map, then items of zeros";
+  if (block == kUnused) return "zeros, so that the body view starts at a multiple of 8";
   if (block == kBodySelfBlock) return "the agent itself, once more";
   if (block == kWalls) return "walls in directions counterclockwise from straight ahead, at equal angles";
   if (block == kBodyWaypointBlock) return "the centre of the area to be reached, along the own heading";
@@ -128,6 +131,7 @@ std::string block_meaning(const std::string& block) {
 std::vector<ObservationFeature> block_features(const std::string& block, int size) {
   if (block == kWaypoint) return features(kWaypointTexts, size);
   if (block == kBoxes) return features(kBoxTexts, size);
+  if (block == kUnused) return std::vector<ObservationFeature>(static_cast<size_t>(size), {"zero", "0"});
   if (block == kBodySelfBlock) return features(kBodySelfTexts, size);
   if (block == kWalls) return features(kWallTexts, size);
   if (block == kBodyWaypointBlock || block == kBodyOpponentsBlock || block == kBodyTeamMatesBlock)

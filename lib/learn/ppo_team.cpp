@@ -29,8 +29,8 @@ PpoTeam::PpoTeam(const LoadedRun& run, int team, Device device, const RowRunner&
       worlds_(worlds),
       rows_(rows),
       actor_(make_actor(run, team, device)),
-      critic_(config_.critic, critic_shape(run.spec, team), precision_on(run, device), rows, torch_device(device),
-              network_seed(run, team, 1)),
+      critic_(config_.critic, critic_shape(config_.critic, run.spec, team), precision_on(run, device), rows,
+              torch_device(device), network_seed(run, team, 1)),
       actor_adam_(actor_.parameters(), config_.adam_epsilon),
       critic_adam_(critic_.parameters(), config_.adam_epsilon),
       value_norm_(1, config_.value_norm_beta, torch_device(device)) {

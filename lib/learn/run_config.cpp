@@ -5,6 +5,7 @@
 
 #include "core/error.hpp"
 #include "learn/opponents/world_shares.hpp"
+#include "policy/inputs.hpp"
 #include "scenario/compile.hpp"
 #include "scenario/loader.hpp"
 
@@ -79,8 +80,8 @@ class CombinationCheck {
   void noise_rank_fits(const SimSpec& spec) {
     const PopulationConfig& p = c_.population;
     if (!is_evolution(c_.train) || p.noise != EsNoiseKind::low_rank) return;
-    if (!known({"population.noise_rank", "population.actor.hidden"})) return;
-    int input = spec.padded_observation_size(), most = 0;
+    if (!known({"population.noise_rank", "population.actor.hidden", "population.actor.inputs"})) return;
+    auto input = static_cast<int>(input_columns(p.actor.inputs, spec).size), most = 0;
     for (const int size : p.actor.hidden) {
       most = std::max(most, std::min(input, size));
       input = size;
@@ -88,6 +89,17 @@ class CombinationCheck {
     if (p.noise_rank > most)
       fail("population.noise_rank", cat(p.noise_rank, " is more than the smaller side of any weight matrix; at most ",
                                         most, " for population.actor.hidden"));
+  }
+
+  void inputs_are_there(const SimSpec& spec) {
+    if (spec.params.body_view) return;
+    const auto check = [this](const char* key, NetworkInputs inputs) {
+      if (inputs == NetworkInputs::body && known({key}))
+        fail(key, "'body' needs environment.observation.body_view: true; allowed without it: all");
+    };
+    check("mappo.actor.inputs", c_.mappo.actor.inputs);
+    check("mappo.critic.inputs", c_.mappo.critic.inputs);
+    check("population.actor.inputs", c_.population.actor.inputs);
   }
 
   void minibatches_divide() {
@@ -166,6 +178,7 @@ LoadedRun finish(RunConfig config, std::optional<Scenario> scenario, const KeyPo
     if (run.config.rules) run.scenario.rules = *run.config.rules;
     check.horizon_fits(run.scenario);
     run.spec = compile(run.scenario, errors);
+    if (errors.empty()) check.inputs_are_there(run.spec);
     check.noise_rank_fits(run.spec);
   }
   errors.throw_if_any();

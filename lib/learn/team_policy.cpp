@@ -21,9 +21,9 @@ Precision precision_on(const LoadedRun& run, Device device) {
 
 Actor make_actor(const LoadedRun& run, int team, Device device) {
   const bool gradients = !is_evolution(run.config.train);
-  return Actor(actor_config(run.config), run.spec.padded_observation_size(), run.spec.params.actions,
-               gradients && run.config.mappo.obs_norm, precision_on(run, device), torch_device(device),
-               network_seed(run, team, 0));
+  return Actor(actor_config(run.config), input_columns(actor_config(run.config).inputs, run.spec),
+               run.spec.params.actions, gradients && run.config.mappo.obs_norm, precision_on(run, device),
+               torch_device(device), network_seed(run, team, 0));
 }
 
 }  // namespace giga

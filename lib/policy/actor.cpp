@@ -9,42 +9,46 @@ namespace giga {
 
 constexpr double kObsNormBeta = 0.99;  // share kept per rollout
 
-Actor::Actor(const ActorConfig& config, int64_t obs_size, ActionKind actions, bool normalize, Precision precision,
-             at::Device device, uint64_t seed)
+Actor::Actor(const ActorConfig& config, const InputColumns& inputs, ActionKind actions, bool normalize,
+             Precision precision, at::Device device, uint64_t seed)
     : actions_(actions), normalize_(normalize), precision_(precision) {
-  add_parameters(config, obs_size);
+  add_parameters(config, inputs);
   parameters_.allocate(device, seed);
-  if (normalize) normalizer_ = RunningNorm(obs_size, kObsNormBeta, device);
+  if (normalize) normalizer_ = RunningNorm(inputs.row, kObsNormBeta, device);
 }
 
-void Actor::add_parameters(const ActorConfig& config, int64_t obs_size) {
-  mlp_ = Mlp(parameters_, "mlp", obs_size, config, head_size(), config.output_gain);
+void Actor::add_parameters(const ActorConfig& config, const InputColumns& inputs) {
+  inputs_ = inputs;
+  mlp_ = Mlp(parameters_, "mlp", inputs.size, config, head_size(), config.output_gain);
   if (actions_ == ActionKind::continuous)
     log_std_ = parameters_.add("log_std", {kActionSize}, {Init::Kind::constant, config.log_std_init});
 }
 
-Actor Actor::unallocated(const ActorConfig& config, int64_t obs_size, ActionKind actions) {
+Actor Actor::unallocated(const ActorConfig& config, const InputColumns& inputs, ActionKind actions) {
   Actor actor;
   actor.actions_ = actions;
-  actor.add_parameters(config, obs_size);
+  actor.add_parameters(config, inputs);
   return actor;
 }
 
-int64_t Actor::count_parameters(const ActorConfig& config, int64_t obs_size, ActionKind actions) {
-  return unallocated(config, obs_size, actions).parameters_.size();
+int64_t Actor::count_parameters(const ActorConfig& config, const InputColumns& inputs, ActionKind actions) {
+  return unallocated(config, inputs, actions).parameters_.size();
+}
+
+at::Tensor Actor::input_of(const at::Tensor& obs) const {
+  at::Tensor x = columns_of(inputs_, obs);
+  if (normalize_)
+    x = RunningNorm::normalized(x, columns_of(inputs_, normalizer_.mean()), columns_of(inputs_, normalizer_.std()));
+  return precision_ == Precision::bf16 ? x.to(at::kBFloat16) : x;
 }
 
 at::Tensor Actor::forward(const at::Tensor& obs) const {
-  at::Tensor x = normalize_ ? normalizer_.apply(obs) : obs;
-  if (precision_ == Precision::bf16) x = x.to(at::kBFloat16);
-  return mlp_.forward(parameters_, x).to(at::kFloat);
+  return mlp_.forward(parameters_, input_of(obs)).to(at::kFloat);
 }
 
 at::Tensor Actor::forward_members(const at::Tensor& members, const at::Tensor& obs) const {
   at::NoGradGuard no_grad;
-  at::Tensor x = normalize_ ? normalizer_.apply(obs) : obs;
-  if (precision_ == Precision::bf16) x = x.to(at::kBFloat16);
-  return mlp_.forward_members(parameters_, members, x).to(at::kFloat);
+  return mlp_.forward_members(parameters_, members, input_of(obs)).to(at::kFloat);
 }
 
 std::optional<SmallMlp> Actor::small_mlp() const {
@@ -54,9 +58,9 @@ std::optional<SmallMlp> Actor::small_mlp() const {
   return mlp;
 }
 
-std::optional<SmallMlp> Actor::small_mlp(const ActorConfig& config, int64_t obs_size, ActionKind actions,
+std::optional<SmallMlp> Actor::small_mlp(const ActorConfig& config, const InputColumns& inputs, ActionKind actions,
                                          Precision precision) {
-  Actor actor = unallocated(config, obs_size, actions);
+  Actor actor = unallocated(config, inputs, actions);
   actor.precision_ = precision;
   return actor.small_mlp();
 }

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "math/distributions.hpp"
+#include "policy/inputs.hpp"
 #include "policy/layers.hpp"
 #include "policy/normalizer.hpp"
 #include "policy/parameters.hpp"
@@ -18,12 +19,13 @@ namespace giga {
 class Actor final : public Policy {
  public:
   Actor() = default;
-  /// `normalize`: observations pass a running normaliser first (see RunningNorm).
-  Actor(const ActorConfig& config, int64_t obs_size, ActionKind actions, bool normalize, Precision precision,
+  /// `inputs`: what it reads of observations, whose rows are whole. `normalize`: they pass a running normaliser first
+  /// (see RunningNorm).
+  Actor(const ActorConfig& config, const InputColumns& inputs, ActionKind actions, bool normalize, Precision precision,
         at::Device device, uint64_t seed);
 
   /// Number of parameters of such an actor; nothing is allocated.
-  static int64_t count_parameters(const ActorConfig& config, int64_t obs_size, ActionKind actions);
+  static int64_t count_parameters(const ActorConfig& config, const InputColumns& inputs, ActionKind actions);
 
   at::Tensor forward(const at::Tensor& obs) const override;
   /// Likewise for each member of a population [M, P] of parameters: obs [M, R, D] -> [M, R, head size]. The normaliser
@@ -33,7 +35,7 @@ class Actor final : public Policy {
   /// The layout for the fused kernel (cuda/population_policy.hpp), for precision tf32; none where it cannot do it.
   std::optional<SmallMlp> small_mlp() const;
   /// That of an actor without a normaliser; nothing is allocated.
-  static std::optional<SmallMlp> small_mlp(const ActorConfig& config, int64_t obs_size, ActionKind actions,
+  static std::optional<SmallMlp> small_mlp(const ActorConfig& config, const InputColumns& inputs, ActionKind actions,
                                            Precision precision);
   /// First of the three numbers of log_std among the parameters; continuous actions only.
   int64_t log_std_offset() const { return parameters_.offset(log_std_); }
@@ -44,6 +46,7 @@ class Actor final : public Policy {
   at::Tensor log_std() const override { return parameters_[log_std_]; }
   const ParameterSet& parameters() const { return parameters_; }
   const MlpConfig& network() const { return mlp_.config(); }
+  const InputColumns& inputs() const { return inputs_; }
   bool normalizes() const { return normalize_; }
   RunningNorm& normalizer() { return normalizer_; }
   const RunningNorm& normalizer() const { return normalizer_; }
@@ -52,10 +55,12 @@ class Actor final : public Policy {
   void load(const std::string& prefix, const NamedArrays& in);
 
  private:
-  static Actor unallocated(const ActorConfig& config, int64_t obs_size, ActionKind actions);
-  void add_parameters(const ActorConfig& config, int64_t obs_size);
+  at::Tensor input_of(const at::Tensor& obs) const;
+  static Actor unallocated(const ActorConfig& config, const InputColumns& inputs, ActionKind actions);
+  void add_parameters(const ActorConfig& config, const InputColumns& inputs);
 
   ActionKind actions_ = ActionKind::discrete;
+  InputColumns inputs_;
   bool normalize_ = false;
   Precision precision_ = Precision::fp32;
   ParameterSet parameters_;

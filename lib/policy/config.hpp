@@ -18,15 +18,22 @@ constexpr float kNormalizedLimit = 10;
 /// What LibTorch adds to the variance in a layer normalisation.
 constexpr float kLayerNormEpsilon = 1e-5f;
 
+/// What of an observation a network reads: everything, or its body view alone (sim/body_view.hpp).
+enum class NetworkInputs : uint8_t { all, body };
+constexpr std::array<const char*, 2> enum_names(NetworkInputs) { return {"all", "body"}; }
+
 struct MlpConfig {
   std::vector<int> hidden = {64, 64};
   Activation activation = Activation::tanh;
   bool layer_norm = false;
   float hidden_gain = 1.41421356f;
+  NetworkInputs inputs = NetworkInputs::all;
 };
 
 template <class V>
 void visit_mlp_fields(V& v, MlpConfig& c) {
+  v("inputs", c.inputs,
+    "what of an observation is read: all, or the body view alone (needs environment.observation.body_view: true)");
   v("hidden", c.hidden, "sizes of the hidden layers", range(1, 16384).items(1, 16));
   v("activation", c.activation, "nonlinearity after each hidden layer");
   v("layer_norm", c.layer_norm, "layer normalisation before each nonlinearity");

@@ -6,9 +6,9 @@
 
 namespace giga {
 
-CriticShape critic_shape(const SimSpec& spec, int team) {
+CriticShape critic_shape(const CriticConfig& config, const SimSpec& spec, int team) {
   const SimParams& p = spec.params;
-  return {team, {p.n_team[0], p.n_team[1]}, spec.padded_observation_size(), world_feature_count(p)};
+  return {team, {p.n_team[0], p.n_team[1]}, input_columns(config.inputs, spec), world_feature_count(p)};
 }
 
 std::pair<MlpConfig, MlpConfig> split_state_critic(const CriticConfig& config) {
@@ -35,10 +35,10 @@ int64_t Critic::count_parameters(const CriticConfig& config, const CriticShape& 
 void Critic::add_parameters(const CriticConfig& config, const CriticShape& shape) {
   switch (config.kind) {
     case CriticKind::composed:
-      team_mlp_ = TeamMlp(parameters_, "team_mlp", shape.obs_size, config, 1, config.output_gain);
+      team_mlp_ = TeamMlp(parameters_, "team_mlp", shape.inputs.size, config, 1, config.output_gain);
       break;
     case CriticKind::independent:
-      mlp_ = Mlp(parameters_, "mlp", shape.obs_size, config, 1, config.output_gain);
+      mlp_ = Mlp(parameters_, "mlp", shape.inputs.size, config, 1, config.output_gain);
       break;
     case CriticKind::state: {
       const auto [first, rest] = split_state_critic(config);
@@ -51,7 +51,8 @@ void Critic::add_parameters(const CriticConfig& config, const CriticShape& shape
 
 at::Tensor Critic::forward(const at::Tensor& obs, const at::Tensor& alive, const at::Tensor& state) const {
   if (kind_ == CriticKind::state) return forward_state(state);
-  const at::Tensor x = precision_ == Precision::bf16 ? obs.to(at::kBFloat16) : obs;
+  at::Tensor x = columns_of(shape_.inputs, obs);
+  if (precision_ == Precision::bf16) x = x.to(at::kBFloat16);
   const at::Tensor value =
       kind_ == CriticKind::composed ? team_mlp_.forward(parameters_, *rows_, x, alive) : mlp_.forward(parameters_, x);
   return value.squeeze(-1).to(at::kFloat);

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "cuda/rows.hpp"
+#include "policy/inputs.hpp"
 #include "policy/layers.hpp"
 #include "policy/normalizer.hpp"
 #include "policy/parameters.hpp"
@@ -17,12 +18,12 @@ namespace giga {
 /// Sizes of what a critic reads.
 struct CriticShape {
   int team = 0;
-  int n_team[2] = {0, 0};  ///< agents of each team; the state lists team 0 first
-  int64_t obs_size = 0;
+  int n_team[2] = {0, 0};      ///< agents of each team; the state lists team 0 first
+  InputColumns inputs;         ///< of observations
   int64_t world_features = 0;  ///< numbers of the state behind the agents' (state_encoding.hpp)
 };
 
-CriticShape critic_shape(const SimSpec& spec, int team);
+CriticShape critic_shape(const CriticConfig& config, const SimSpec& spec, int team);
 
 /// Kind state: the encoder of one agent has the first hidden layer, the value network the others (or, where there is
 /// one only, another of that size).

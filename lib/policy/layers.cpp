@@ -26,6 +26,10 @@ at::Tensor activate(const at::Tensor& x, Activation activation) {
   return x;
 }
 
+at::Tensor columns_of(const InputColumns& columns, const at::Tensor& x) {
+  return columns.all() ? x : x.narrow(-1, columns.first, columns.size);
+}
+
 Mlp::Mlp(ParameterSet& parameters, const std::string& name, int64_t input, const MlpConfig& config, int64_t output,
          float output_gain)
     : config_(config) {

@@ -10,6 +10,7 @@
 #include "cuda/population_policy.hpp"
 #include "cuda/rows.hpp"
 #include "policy/config.hpp"
+#include "policy/inputs.hpp"
 #include "policy/parameters.hpp"
 
 namespace giga {
@@ -18,6 +19,9 @@ namespace giga {
 at::Tensor linear(const at::Tensor& x, const at::Tensor& weight, const at::Tensor& bias);
 
 at::Tensor activate(const at::Tensor& x, Activation activation);
+
+/// What a network reads of x [..., row]; a view.
+at::Tensor columns_of(const InputColumns& columns, const at::Tensor& x);
 
 /// input -> hidden ... -> output, with the activation after every hidden layer.
 class Mlp {

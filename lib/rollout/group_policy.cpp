@@ -4,10 +4,10 @@
 
 namespace giga {
 
-GroupPolicy::GroupPolicy(const Actor& network, const ActorConfig& config, int64_t obs_size, Precision precision)
-    : obs_size_(obs_size),
-      normalize_(network.normalizes()),
-      shape_(config, obs_size, network.actions(), false, precision, network.parameters().values().device(), 0) {}
+GroupPolicy::GroupPolicy(const Actor& network, const ActorConfig& config, Precision precision)
+    : normalize_(network.normalizes()),
+      shape_(config, network.inputs(), network.actions(), false, precision, network.parameters().values().device(), 0) {
+}
 
 at::Tensor GroupPolicy::row_of(const Actor& actor) {
   at::NoGradGuard no_grad;
@@ -18,10 +18,11 @@ at::Tensor GroupPolicy::row_of(const Actor& actor) {
 
 at::Tensor GroupPolicy::forward(const at::Tensor& obs) const {
   at::NoGradGuard no_grad;
-  at::Tensor x = obs.view({groups(), -1, obs_size_});
+  const int64_t d = shape_.inputs().row;
+  at::Tensor x = obs.view({groups(), -1, d});
   const int64_t p = shape_.parameters().size();
   if (normalize_) {
-    const auto moment = [&](int64_t k) { return rows_.narrow(1, p + k * obs_size_, obs_size_).unsqueeze(1); };
+    const auto moment = [&](int64_t k) { return rows_.narrow(1, p + k * d, d).unsqueeze(1); };
     x = RunningNorm::normalized(x, moment(0), moment(1));
   }
   return shape_.forward_members(rows_.narrow(1, 0, p), x).contiguous().view({obs.size(0), -1});

@@ -13,8 +13,8 @@ namespace giga {
 /// that normalises its observations, their mean and deviation, D each.
 class GroupPolicy {
  public:
-  /// `network` tells the shape and whether observations are normalised; `obs_size` D.
-  GroupPolicy(const Actor& network, const ActorConfig& config, int64_t obs_size, Precision precision);
+  /// `network` tells the shape and whether observations are normalised.
+  GroupPolicy(const Actor& network, const ActorConfig& config, Precision precision);
 
   /// The row [row size] of an actor as it is now.
   static at::Tensor row_of(const Actor& actor);
@@ -32,7 +32,6 @@ class GroupPolicy {
   int64_t log_std_offset() const { return shape_.log_std_offset(); }
 
  private:
-  const int64_t obs_size_;
   const bool normalize_;
   Actor shape_;  // without a normaliser: the groups have their own
   at::Tensor rows_;

@@ -11,6 +11,9 @@
 namespace giga {
 namespace {
 
+/// Steps after which the list of what is left to do is made anew.
+constexpr int kStepsPerList = 8;
+
 /// With a limit, so that each episode ends.
 SimSpec limited(const SimSpec& spec, std::optional<int> max_steps) {
   SimSpec result = spec.with_time_limit();
@@ -83,9 +86,18 @@ void PopulationGames::play(const std::vector<Population>& populations, uint32_t 
   wrap(reinterpret_cast<int32_t*>(sim_->state().view().draw_step), {sim_->n_worlds()}, sim_->device())
       .fill_(static_cast<int64_t>(static_cast<int32_t>(first_step)));
 
+  const int device = rows_.device().index;
+  PopulationPolicy fused;
+  if (mlp_) {
+    fused = fused_policy(populations);
+    work_ = at::empty({population_work(fused) + 1}, opponent_.options());
+    fused.work = work_.const_data_ptr<int32_t>();
+    fused.blocks = population_blocks(fused, device);
+  }
   sim_->start(io_);
   for (int step = 0; step < limit; ++step) {
-    if (mlp_) move_fused(populations);
+    if (mlp_ && step % kStepsPerList == 0) list_population_work(fused, work_.data_ptr<int32_t>(), device);
+    if (mlp_) launch_population_policy(fused, device);
     for (size_t k = 0; k < populations.size(); ++k) {
       if (!mlp_) move_members(populations[k], k);
       if (!mlp_) move_opponents(populations[k], k);
@@ -115,18 +127,26 @@ PopulationAct PopulationGames::act(int team, int64_t first_world) const {
           at};
 }
 
-void PopulationGames::move_fused(const std::vector<Population>& populations) const {
+PopulationPolicy PopulationGames::fused_policy(const std::vector<Population>& populations) const {
   PopulationPolicy policy;
   policy.mlp = *mlp_;
   policy.parameter_stride = halves_[0].size(1);
+  policy.obs_stride = network_.inputs().row;
   policy.phase = sim_->state().view().phase;
   const auto members = static_cast<int>(options_.n_members), episodes = static_cast<int>(options_.n_episodes);
   for (size_t k = 0; k < populations.size(); ++k) {
     const Population& p = populations[k];
     const int64_t first = static_cast<int64_t>(k) * n_worlds_each();
     const int other = 1 - p.team;
-    policy.part[policy.n_parts++] = {numbers_of(halves_[2 * k]), nullptr,       members, episodes, first, episodes, 1,
-                                     io_.team[p.team].obs,       act(p.team, 0)};
+    policy.part[policy.n_parts++] = {numbers_of(halves_[2 * k]),
+                                     nullptr,
+                                     members,
+                                     episodes,
+                                     first,
+                                     episodes,
+                                     1,
+                                     io_.team[p.team].obs + network_.inputs().first,
+                                     act(p.team, 0)};
     policy.part[policy.n_parts++] = {numbers_of(halves_[2 * k + 1]),
                                      opponents_of(k),
                                      episodes,
@@ -134,10 +154,10 @@ void PopulationGames::move_fused(const std::vector<Population>& populations) con
                                      first,
                                      1,
                                      episodes,
-                                     io_.team[other].obs,
+                                     io_.team[other].obs + network_.inputs().first,
                                      act(other, 0)};
   }
-  launch_population_policy(policy, rows_.device().index);
+  return policy;
 }
 
 void PopulationGames::move_scripts(const Population& p, size_t k) const {

@@ -61,7 +61,7 @@ class PopulationGames {
   };
   int64_t n_worlds_each() const { return options_.n_members * options_.n_episodes; }
   PopulationAct act(int team, int64_t first_world) const;
-  void move_fused(const std::vector<Population>& populations) const;
+  PopulationPolicy fused_policy(const std::vector<Population>& populations) const;
   void move_scripts(const Population& population, size_t k) const;
   void move_members(const Population& population, size_t k) const;
   void move_opponents(const Population& population, size_t k) const;
@@ -78,6 +78,7 @@ class PopulationGames {
   Side side_[kNTeams];
   StepIo io_;
   at::Tensor opponent_;             // [n_populations, E] int32
+  at::Tensor work_;                 // [pieces + 1] int32: see PopulationPolicy; fused only
   std::vector<at::Tensor> halves_;  // of members and opponents in turn, half precision; fused only
   struct OpponentGroup {
     int64_t network;      // row of the opponents

@@ -43,6 +43,9 @@ GIGA_HD int body_agents_at(const SimParams& p) { return kBodySelf + kBodyRays + 
 GIGA_HD int body_columns(const SimParams& p) {
   return p.body_view ? body_agents_at(p) + body_agents(p) * kBodyAgent : 0;
 }
+/// Where the block starts behind `before` numbers: at a multiple of 8, so that a network can read it alone. Zeros fill
+/// the gap.
+GIGA_HD int body_at(int before) { return (before + 7) / 8 * 8; }
 
 /// Near things change much, far ones little; 0 for what is not there.
 GIGA_HD float nearness(float distance) { return 1.0f / (1.0f + distance); }

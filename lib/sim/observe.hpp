@@ -127,6 +127,10 @@ GIGA_HD int neighbor_columns(const SimParams& p) { return p.n_neighbors * kNeigh
 GIGA_HD int tail_columns(const SimParams& p) {
   return (p.waypoints ? kWaypointFeatures : 0) + p.n_boxes * box_features(p);
 }
-GIGA_HD int observation_size(const SimParams& p) { return neighbor_columns(p) + tail_columns(p) + body_columns(p); }
+/// First number of the body view in an observation.
+GIGA_HD int body_at(const SimParams& p) { return body_at(neighbor_columns(p) + tail_columns(p)); }
+GIGA_HD int observation_size(const SimParams& p) {
+  return p.body_view ? body_at(p) + body_columns(p) : neighbor_columns(p) + tail_columns(p);
+}
 
 }  // namespace giga

@@ -26,10 +26,13 @@ GIGA_HD int obs_stride(const SimParams& p, const StepIo& io) {
 template <class Lanes>
 GIGA_HD void write_body_views(const Lanes& lanes, const SimParams& p, const WorldView& w, const StepIo& io,
                               int64_t world, int n) {
-  const int at = neighbor_columns(p) + tail_columns(p), stride = obs_stride(p, io);
+  const int before = neighbor_columns(p) + tail_columns(p), at = body_at(p), stride = obs_stride(p, io);
   lanes.each(n, [&](int e) {
     float* obs = io.team[p.team_of(e)].obs;
-    if (obs) write_body_surroundings(p, w, e, obs + team_row(p, world, e) * stride + at);
+    if (!obs) return;
+    obs += team_row(p, world, e) * stride;
+    write_nothing(at - before, obs + before);
+    write_body_surroundings(p, w, e, obs + at);
   });
   const int items = body_agents(p);
   lanes.each(n * items, [&](int k) {

@@ -41,13 +41,12 @@ TEST(ExportManifest, LayoutByHand) {
 TEST(ExportManifest, LayoutOfTheBodyViewByHand) {
   SimSpec spec = small_spec(ActionKind::discrete);
   spec.params.body_view = true;
-  // Behind the 49 numbers above: 7 of the agent, 12 directions, 3 of the waypoint, 2 opponents and 1 mate of 8 each.
+  // From the first multiple of 8 behind the 49 numbers above: 7 of the agent, 12 directions, 3 of the waypoint, 2
+  // opponents and 1 mate of 8 each.
   const std::vector<ObservationBlock> blocks = observation_layout(spec);
-  const std::vector<ObservationBlock> expected = {{"body_self", 49, 1, 7},
-                                                  {"walls", 56, 12, 1},
-                                                  {"body_waypoint", 68, 1, 3},
-                                                  {"body_opponents", 71, 2, 8},
-                                                  {"body_team_mates", 87, 1, 8}};
+  const std::vector<ObservationBlock> expected = {{"unused", 49, 1, 7},         {"body_self", 56, 1, 7},
+                                                  {"walls", 63, 12, 1},         {"body_waypoint", 75, 1, 3},
+                                                  {"body_opponents", 78, 2, 8}, {"body_team_mates", 94, 1, 8}};
   EXPECT_EQ(std::vector<ObservationBlock>(blocks.begin() + 4, blocks.end()), expected);
 }
 

@@ -28,7 +28,7 @@ SimSpec small_spec(ActionKind actions) {
 
 std::string ActorKind::name() const {
   return FieldCodec<ActionKind>::print(actions) + "_" + FieldCodec<Activation>::print(activation) +
-         (layer_norm ? "_layer_norm" : "") + (normalizes ? "_normalizes" : "");
+         (layer_norm ? "_layer_norm" : "") + (normalizes ? "_normalizes" : "") + (reads_part ? "_reads_part" : "");
 }
 
 std::vector<ActorKind> all_kinds() {
@@ -37,6 +37,8 @@ std::vector<ActorKind> all_kinds() {
     for (const Activation activation : {Activation::tanh, Activation::relu, Activation::silu, Activation::gelu})
       for (const bool layer_norm : {false, true})
         for (const bool normalizes : {false, true}) kinds.push_back({actions, activation, layer_norm, normalizes});
+  kinds.push_back({ActionKind::discrete, Activation::tanh, false, false, true});
+  kinds.push_back({ActionKind::continuous, Activation::relu, false, true, true});
   return kinds;
 }
 
@@ -46,7 +48,8 @@ Actor make_random_actor(const ActorKind& kind) {
   config.activation = kind.activation;
   config.layer_norm = kind.layer_norm;
   config.output_gain = 1;
-  Actor actor(config, kPaddedInputs, kind.actions, kind.normalizes, Precision::fp32, at::kCPU, 1);
+  const InputColumns inputs = kind.reads_part ? InputColumns(kPaddedInputs, 8, 40) : InputColumns(kPaddedInputs);
+  Actor actor(config, inputs, kind.actions, kind.normalizes, Precision::fp32, at::kCPU, 1);
   actor.parameters().values().add_(random({actor.parameters().size()}, 2), 0.1);
   if (kind.normalizes) actor.normalizer().update(random_observations(64), at::ones({64}));
   return actor;

@@ -19,10 +19,11 @@ struct ActorKind {
   ActionKind actions = ActionKind::discrete;
   Activation activation = Activation::tanh;
   bool layer_norm = false, normalizes = false;
+  bool reads_part = false;  ///< columns 8 to 47 only
 
   std::string name() const;  ///< "discrete_tanh_layer_norm"
 };
-/// All 2 x 4 x 2 x 2.
+/// All 2 x 4 x 2 x 2 that read everything, and one of each kind of action that reads a part.
 std::vector<ActorKind> all_kinds();
 
 /// Hidden layers of 12 and 10; every parameter, biases too, is random, and so are the moments of the normaliser.

@@ -151,6 +151,10 @@ const FusedCase kFusedCases[] = {
     {"TwentyAgainstOne",
      "limit_x: 20\nlimit_y: 20\nteam_0: [{type: default, count: 20}]\nteam_1: [{type: default, count: 1}]\n",
      "hidden: [40, 24]"},
+    {"BodyViewAlone",
+     "team_0: [{type: default, count: 3}]\nteam_1: [{type: default, count: 2}]\nmaps: two_rooms1\nobservation: "
+     "{body_view: true}\n",
+     "hidden: [64, 64], inputs: body"},
 };
 class LearnPopulationGamesGpu : public testing::TestWithParam<FusedCase> {};
 

@@ -32,6 +32,27 @@ TEST(PolicyActor, SeesItsOwnObservationOnly) {
   }
 }
 
+TEST(PolicyActor, ReadsTheColumnsThatItIsGiven) {
+  ActorConfig config;
+  config.hidden = {16, 16};
+  config.output_gain = 1;
+  const auto make_part = [&](const InputColumns& inputs, bool normalize) {
+    return Actor(config, inputs, ActionKind::discrete, normalize, Precision::fp32, at::kCPU, 1);
+  };
+  const at::Tensor obs = random({9, kObs}, 2), part = obs.narrow(1, 4, 6);
+  const Actor actor = make_part({kObs, 4, 6}, false), plain = make_part(6, false);
+  EXPECT_EQ(actor.parameters().size(), plain.parameters().size());
+  EXPECT_TRUE(same(actor.forward(obs), plain.forward(part)));
+  const at::Tensor members = actor.parameters().values().detach().unsqueeze(0).repeat({3, 1});
+  EXPECT_TRUE(same(actor.forward_members(members, obs.view({3, 3, kObs})),
+                   plain.forward_members(members, part.reshape({3, 3, 6}))));
+  // The normaliser keeps the moments of whole rows; each column has its own.
+  Actor normalized = make_part({kObs, 4, 6}, true), expected = make_part(6, true);
+  normalized.normalizer().update(obs, at::ones({9}));
+  expected.normalizer().update(part, at::ones({9}));
+  EXPECT_LT(largest(normalized.forward(obs) - expected.forward(part)), 1e-5);
+}
+
 TEST(PolicyActor, SmallOutputGainStartsNearlyUniform) {
   // Hidden features lie in (-1, 1)^16 and the output rows have length 0.01: |logit| <= 0.01 sqrt(16) = 0.04.
   const Actor actor = make(ActionKind::discrete, false, 1, 0.01f);

@@ -24,9 +24,7 @@ SimSpec body_spec(int n_team_0, int n_team_1) {
 }
 
 /// Number `column` of agent e's body view after a step.
-float body(const TestWorld& world, int e, int column) {
-  return world.obs(e, neighbor_columns(world.params()) + tail_columns(world.params()) + column);
-}
+float body(const TestWorld& world, int e, int column) { return world.obs(e, body_at(world.params()) + column); }
 float wall(const TestWorld& world, int e, int direction) { return body(world, e, kBodySelf + direction); }
 /// Feature of item `item` of the agents (opponents first).
 float company(const TestWorld& world, int e, int item, int feature) {
@@ -34,12 +32,12 @@ float company(const TestWorld& world, int e, int item, int feature) {
 }
 
 TEST(SimBodyView, SizesFollowTheTeams) {
-  // 7 + 12 + min(3, 5) x 8 + min(2, 4) x 8 = 59 behind 10 x 9 numbers.
-  EXPECT_EQ(body_spec(5, 5).observation_size(), 90 + 59);
+  // 7 + 12 + min(3, 5) x 8 + min(2, 4) x 8 = 59 behind 10 x 9 numbers, from a multiple of 8 on.
+  EXPECT_EQ(body_spec(5, 5).observation_size(), 96 + 59);
   // One against one: an opponent, no mate: 7 + 12 + 8 = 27 behind 2 x 9.
-  EXPECT_EQ(body_spec(1, 1).observation_size(), 18 + 27);
+  EXPECT_EQ(body_spec(1, 1).observation_size(), 24 + 27);
   // The larger team decides for both: 1 against 3 has 3 opponents and 2 mates.
-  EXPECT_EQ(body_spec(1, 3).observation_size(), 36 + 59);
+  EXPECT_EQ(body_spec(1, 3).observation_size(), 40 + 59);
   SimSpec off = body_spec(5, 5);
   off.params.body_view = false;
   EXPECT_EQ(off.observation_size(), 90);
@@ -142,6 +140,7 @@ TEST(SimBodyView, NobodySeenAndTheDead) {
   for (int item = 0; item < body_agents(world.params()); ++item)
     for (int k = 0; k < kBodyAgent; ++k) EXPECT_EQ(company(world, 0, item, k), 0) << item << " " << k;
   EXPECT_NE(wall(world, 0, 0), 0);
+  for (int k = 36; k < 40; ++k) EXPECT_EQ(world.obs(0, k), 0) << k;  // between the 36 other numbers and the block
   for (int k = 0; k < body_columns(world.params()); ++k) EXPECT_EQ(body(world, 1, k), 0) << k;
 }
 

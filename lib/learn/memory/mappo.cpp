@@ -38,7 +38,8 @@ int64_t rollout_bytes(const RolloutShapes& shapes) {
 }
 
 int64_t actor_parameters(const LoadedRun& run) {
-  return Actor::count_parameters(run.config.mappo.actor, run.spec.padded_observation_size(), run.spec.params.actions);
+  return Actor::count_parameters(run.config.mappo.actor, input_columns(run.config.mappo.actor.inputs, run.spec),
+                                 run.spec.params.actions);
 }
 
 /// Values, gradients and two moments of all networks.
@@ -46,7 +47,8 @@ int64_t parameter_bytes(const LoadedRun& run) {
   int64_t count = 0;
   for (int team = 0; team < kNTeams; ++team) {
     if (!learns(run.config.train, team)) continue;
-    count += actor_parameters(run) + Critic::count_parameters(run.config.mappo.critic, critic_shape(run.spec, team));
+    count += actor_parameters(run) +
+             Critic::count_parameters(run.config.mappo.critic, critic_shape(run.config.mappo.critic, run.spec, team));
   }
   return 4 * kFloat * count;
 }

@@ -125,7 +125,7 @@ CriticMemory::CriticMemory(MemoryLedger& ledger, MemoryUse kept, const CriticCon
   const int64_t rows = size.states * own();
   if (config.kind != CriticKind::state) {
     const int64_t states = config.kind == CriticKind::composed ? size.states : 0;
-    value_.emplace(ledger, kept, config, MlpMemory::Shape{shape.obs_size, 1, rows, states, size.element_bytes});
+    value_.emplace(ledger, kept, config, MlpMemory::Shape{shape.inputs.size, 1, rows, states, size.element_bytes});
     return;
   }
   const auto [first, rest] = split_state_critic(config);

@@ -85,7 +85,7 @@ class CriticMemory {
   int64_t values_bytes() const { return 4 * size_.states * own(); }
   int64_t value_input_bytes() const { return per_state(own() * (3 * code_ + shape_.world_features)); }
   /// Observations in bf16; without that the network reads the caller's.
-  int64_t cast_bytes() const { return size_.element_bytes == 2 ? per_state(own() * shape_.obs_size) : 0; }
+  int64_t cast_bytes() const { return size_.element_bytes == 2 ? per_state(own() * shape_.inputs.size) : 0; }
   int64_t state_bytes() const { return 4 * size_.states * (n_agents() * kEntityFeatures + shape_.world_features); }
   int64_t living_bytes() const { return 4 * size_.states * n_agents(); }  // by team, for its mean
   int64_t cast_of_values() const { return size_.element_bytes == 2 ? values_bytes() / 2 : 0; }

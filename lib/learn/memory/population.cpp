@@ -74,8 +74,8 @@ class PopulationMemory {
 MemberNetworks member_networks(const LoadedRun& run, Device device) {
   if (!device.is_cuda()) return MemberNetworks::libtorch;
   const SimParams& sim = run.spec.params;
-  const auto mlp = Actor::small_mlp(actor_config(run.config), run.spec.padded_observation_size(), sim.actions,
-                                    precision_on(run, device));
+  const auto mlp = Actor::small_mlp(actor_config(run.config), input_columns(actor_config(run.config).inputs, run.spec),
+                                    sim.actions, precision_on(run, device));
   if (!mlp) return MemberNetworks::libtorch;
   if (device.index >= cuda_device_count()) return MemberNetworks::fused_assumed;
   return population_policy_fits(*mlp, std::max(sim.n_team[0], sim.n_team[1]), device.index) ? MemberNetworks::fused
@@ -91,7 +91,8 @@ PopulationMemory::PopulationMemory(const LoadedRun& run, Device device)
       e_(config_.episodes_per_member),
       d_(run.spec.padded_observation_size()),
       head_(Actor::head_size(run.spec.params.actions)),
-      p_(Actor::count_parameters(actor_config(run.config), d_, run.spec.params.actions)),
+      p_(Actor::count_parameters(actor_config(run.config), input_columns(actor_config(run.config).inputs, run.spec),
+                                 run.spec.params.actions)),
       populations_(populations_at_a_time(run.config)),
       teams_(self_play_ ? kNTeams : 1),
       element_(precision_on(run, device) == Precision::bf16 ? 2 : kFloat),

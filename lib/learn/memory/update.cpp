@@ -22,7 +22,8 @@ class TeamWork {
  public:
   TeamWork(const LoadedRun& run, int team, Device device)
       : config_(run.config.mappo),
-        shape_(critic_shape(run.spec, team)),
+        shape_(critic_shape(config_.critic, run.spec, team)),
+        inputs_(input_columns(config_.actor.inputs, run.spec)),
         discrete_(run.spec.params.actions == ActionKind::discrete),
         head_(Actor::head_size(run.spec.params.actions)),
         n_(run.spec.params.n_team[team]),
@@ -41,9 +42,9 @@ class TeamWork {
  private:
   bool everywhere() const { return learning_ == n_worlds_; }
   int64_t states() const { return learning_ * config_.horizon; }  // that are learned from
-  int64_t obs_bytes(int64_t rows) const { return kFloat * rows * shape_.obs_size; }
+  int64_t obs_bytes(int64_t rows) const { return kFloat * rows * shape_.inputs.row; }
   MlpMemory actor(MemoryLedger& m, MemoryUse use, int64_t rows) const {
-    return {m, use, config_.actor, {shape_.obs_size, head_, rows, 0, element_}};
+    return {m, use, config_.actor, {inputs_.size, head_, rows, 0, element_}};
   }
   int64_t actor_input(MemoryLedger& m, MemoryUse use, int64_t rows) const;
   MemoryByUse act_in_groups() const;
@@ -53,6 +54,7 @@ class TeamWork {
 
   const MappoConfig config_;
   const CriticShape shape_;
+  const InputColumns inputs_;  // of the actor
   const bool discrete_;
   const int64_t head_, n_, n_worlds_;
   const WorldShares shares_;
