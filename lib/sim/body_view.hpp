@@ -64,7 +64,7 @@ struct FreeWay {
 
 /// From (x, y) inside the world, along the unit vector (dx, dy), at altitude z.
 GIGA_HD FreeWay free_way(const SimParams& p, const Box* boxes, float x, float y, float z, float dx, float dy) {
-  // Along an axis that the line does not cross, anything is infinitely far, or, for `within`, everywhere.
+  // A line that runs along an axis never meets what lies across the other one.
   constexpr float kFar = 1e9f;
   const float inv_x = dx != 0 ? 1.0f / dx : 0.0f, inv_y = dy != 0 ? 1.0f / dy : 0.0f;
   const float x0 = -x * inv_x, x1 = (p.limit_x - x) * inv_x, y0 = -y * inv_y, y1 = (p.limit_y - y) * inv_y;
