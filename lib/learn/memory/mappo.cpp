@@ -161,8 +161,8 @@ MemoryPlan plan_mappo(const LoadedRun& run, Device device) {
   // Gradients are not saved.
   const int64_t saved = simulator_bytes(run, run.config.train.n_worlds) + parameter_bytes(run) * 3 / 4 +
                         kNTeams * kFloat * run.config.opponents.pool_size * policy_numbers(run);
-  const bool in_parts = world_shares(run.config.opponents, run.config.train.n_worlds).learning(0).count !=
-                        run.config.train.n_worlds;
+  const bool in_parts =
+      world_shares(run.config.opponents, run.config.train.n_worlds).learning(0).count != run.config.train.n_worlds;
   const double share = in_parts ? kCudaSlackOfParts : kCudaSlack;
   const int64_t slack =
       device.is_cuda() ? static_cast<int64_t>(share * static_cast<double>(work)) : heap_slack(phases, work);
