@@ -152,6 +152,29 @@ TEST_P(GpuParity, WholeTrajectories) {
   }
 }
 
+// The worlds that play are listed, and the last ones have a warp each.
+TEST_P(GpuParity, WorldsThatFreezeOneAfterTheOther) {
+  const Case c = cut(GetParam());
+  for (const int variant : {0, 4, 5}) {
+    SimSpec spec = variant_of(c, variant);
+    spec.params.max_episode_length = c.n_steps;
+    SimOptions options = options_of(c, variant);
+    options.on_done = OnDone::freeze;
+    SimRunner on_cpu(cpu(spec, options), Outputs::observations, stride_of(spec, variant));
+    SimRunner on_gpu(gpu(spec, options), Outputs::observations, stride_of(spec, variant));
+    on_cpu.start();
+    on_gpu.start();
+    for (int k = 0; k < c.n_steps; ++k) {
+      on_cpu.step(static_cast<uint64_t>(2000 + k));
+      on_gpu.step(static_cast<uint64_t>(2000 + k));
+      ASSERT_EQ(difference(on_cpu.snapshot(), on_gpu.snapshot()), "") << "variant " << variant << ", step " << k;
+    }
+    const EpisodeStats stats = on_cpu.sim().take_stats();
+    EXPECT_EQ(stats[EpisodeStat::episodes], c.n_worlds) << "all worlds have ended";
+    expect_same_stats(stats, on_gpu.sim().take_stats());
+  }
+}
+
 TEST_P(GpuParity, OutputsThatNobodyWantsChangeNothing) {
   Case c = cut(GetParam());
   const SimSpec spec = variant_of(c, 0);

@@ -101,12 +101,13 @@ SimRunner::SimRunner(std::unique_ptr<Simulator> sim, Outputs outputs, int obs_st
     if (outputs == Outputs::none) continue;
     const std::string team = cat(" of team ", t);
     io.obs = static_cast<float*>(add("obs" + team, rows * columns, columns, 4, true));
+    if (outputs == Outputs::observations) continue;
     io.reward = static_cast<float*>(add("reward" + team, rows, 1, 4, true));
     io.alive = static_cast<uint8_t*>(add("alive" + team, rows, 1, 1, false));
     io.final_obs = static_cast<float*>(add("final_obs" + team, rows * columns, columns, 4, true));
     io.final_alive = static_cast<uint8_t*>(add("final_alive" + team, rows, 1, 1, false));
   }
-  if (outputs == Outputs::none) return;
+  if (outputs != Outputs::all) return;
   const size_t g = static_cast<size_t>(global_size(p));
   io_.done = static_cast<uint8_t*>(add("done", 1, 1, 1, false));
   io_.global = static_cast<float*>(add("global", g, g, 4, true));

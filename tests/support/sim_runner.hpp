@@ -38,8 +38,8 @@ std::string difference(const Snapshot& expected, const Snapshot& actual);
 /// Random actions of a team: controls a little beyond [-1, 1], or indices -1 to 27, as bytes of its action buffer.
 std::vector<uint8_t> random_actions(const SimSpec& spec, int team, int n_worlds, uint64_t seed);
 
-/// Which outputs a runner asks for.
-enum class Outputs { all, none };
+/// Which outputs a runner asks for; `observations` as populations do, who leave waiting worlds out of a step.
+enum class Outputs { all, observations, none };
 
 class SimRunner {
  public:
@@ -52,7 +52,7 @@ class SimRunner {
   void step(uint64_t action_seed);
   /// Writes the observations once more; the other outputs are left poisoned.
   void observe();
-  /// The state, then the outputs. With Outputs::none, the state alone.
+  /// The state, then the outputs. With Outputs::none the state alone.
   Snapshot snapshot();
 
  private:
