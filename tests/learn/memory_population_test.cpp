@@ -227,10 +227,10 @@ TEST_P(LearnMemoryPopulationGpu, PlanIsWhatFreeMemoryLoses) {
   if (cuda_device_count() == 0) GTEST_SKIP() << "no GPU";
   const auto& [settings, members] = GetParam();
   const double ratio = planned_over_lost(cat(settings.name, ", ", members, " members"), load(settings, members), 3);
-  // Measured on an H200: 1.29 to 1.38 for 512 members, of 0.3 to 0.4 GiB, where what CUDA takes is planned some 0.1 GiB
-  // too large; 1.02 to 1.13 for 8,192.
+  // Measured on an H200, less the 35 MiB by which the plan has shrunk since: 1.20 to 1.27 for 512 members, of 0.3 to
+  // 0.4 GiB, and 1.00 to 1.12 for 8,192.
   EXPECT_GE(ratio, 1.0);
-  EXPECT_LE(ratio, members <= 512 ? 1.4 : 1.15);
+  EXPECT_LE(ratio, members <= 512 ? 1.3 : 1.15);
 }
 
 const Settings kGpuSettings[] = {

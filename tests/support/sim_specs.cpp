@@ -105,6 +105,14 @@ SimSpec plain_spec(int n_team_0, int n_team_1) {
   return spec;
 }
 
+SimSpec open_spec(int n_team_0, int n_team_1) {
+  SimSpec spec = plain_spec(n_team_0, n_team_1);
+  set_cone(spec.params, 100, kTwoPi);
+  set_damage_cone(spec.params, 0, 1);
+  spec.params.collision_range2 = 0;
+  return spec;
+}
+
 void set_switches(SimSpec& spec, unsigned mask) {
   const auto bit = [mask](unsigned b) { return (mask >> b & 1u) != 0; };
   SimParams& p = spec.params;

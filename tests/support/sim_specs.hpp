@@ -16,6 +16,9 @@ void set_cone(SimParams& params, float depth, float half_angle);
 void set_damage_cone(SimParams& params, float depth, float half_angle);
 void set_reward(SimSpec& spec, RewardTerm term, float weight);
 
+/// plain_spec where everybody sees everybody, nobody shoots and nobody collides: for what agents observe.
+SimSpec open_spec(int n_team_0, int n_team_1);
+
 /// A random scenario with teams of these sizes: agent types and their order, maps with boxes, size of the world (it
 /// grows with the teams), cones, damage, rewards, rules, options. Finished. A function of the arguments alone.
 SimSpec random_spec(uint64_t seed, int n_team_0, int n_team_1);

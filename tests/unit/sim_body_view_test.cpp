@@ -12,12 +12,8 @@ namespace {
 
 constexpr float kTolerance = 1e-5f;
 
-/// Everybody sees everybody and flies on where a test puts them; nobody shoots or collides.
 SimSpec body_spec(int n_team_0, int n_team_1) {
-  SimSpec spec = plain_spec(n_team_0, n_team_1);
-  set_cone(spec.params, 100, kTwoPi);
-  set_damage_cone(spec.params, 0, 1);
-  spec.params.collision_range2 = 0;
+  SimSpec spec = open_spec(n_team_0, n_team_1);
   spec.params.body_view = true;
   spec.finish();
   return spec;

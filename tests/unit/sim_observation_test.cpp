@@ -14,15 +14,6 @@ namespace {
 
 constexpr float kTolerance = 1e-6f;
 
-/// Everybody sees everybody, so that only order and numbers matter.
-SimSpec open_spec(int n_team_0, int n_team_1) {
-  SimSpec spec = plain_spec(n_team_0, n_team_1);
-  set_cone(spec.params, 100, kTwoPi);
-  set_damage_cone(spec.params, 0, 1);
-  spec.params.collision_range2 = 0;
-  return spec;
-}
-
 /// Observations of team 0 from the state as it stands, with sight decided anew: [agent][columns].
 std::vector<std::vector<float>> observe_team_0(TestWorld& world) {
   const SimParams& p = world.params();

@@ -15,8 +15,9 @@ namespace {
 
 // What a process takes on a GPU whatever it computes. Measured on an H200 with LibTorch 2.11: 222 to 225 MiB of loaded
 // kernels and libraries (what asks for the free memory has made the CUDA context already), and 65 to 70 MiB of cuBLAS
-// workspaces, one for each of the two threads that multiply matrices.
-constexpr int64_t kCudaFixed = 300 * kMiB;
+// workspaces, one for each of the two threads that multiply matrices: the program's and that of gradients, which
+// evolution has not.
+constexpr int64_t kCudaFixed = 300 * kMiB, kCudaFixedWithoutGradients = kCudaFixed - 35 * kMiB;
 // The program on the CPU: training with 16 worlds of 5 against 5 reaches 494 MiB resident, 4 MiB of them planned.
 constexpr int64_t kCpuFixed = 500 * kMiB;
 // A checkpoint is there three times while it is written: the arrays, the file's image, and its bytes.
@@ -69,7 +70,8 @@ void PlanItems::add_rest(const Rest& rest) {
   if (device_.is_cuda()) {
     add("evaluation", evaluation, Grows::no, episodes);
     add("slack of the allocator", rest.slack, Grows::yes, "blocks that LibTorch keeps for later");
-    add("CUDA", kCudaFixed, Grows::no, "context, kernels, cuBLAS workspaces");
+    const bool gradients = !is_evolution(run_.config.train);
+    add("CUDA", gradients ? kCudaFixed : kCudaFixedWithoutGradients, Grows::no, "context, kernels, cuBLAS workspaces");
     return;
   }
   // On the CPU what learning has given back serves these.
