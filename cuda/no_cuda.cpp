@@ -17,9 +17,9 @@ Memory& cuda_memory(int) { missing(); }
 // NOLINTNEXTLINE(performance-unnecessary-value-param): the signature of the real one
 std::unique_ptr<Simulator> make_cuda_simulator(SimSpec, const SimOptions&, int, void*) { missing(); }
 std::unique_ptr<DeviceClock> make_cuda_clock(int, void*) { missing(); }
-bool population_policy_fits(const SmallMlp&, int, int) { missing(); }
+bool population_policy_fits(const SmallMlp&, int) { missing(); }
+void pack_population(const PackedMlp&, const float*, int64_t, int64_t, uint16_t*, int, void*) { missing(); }
 int population_work(const PopulationPolicy&) { missing(); }
-int population_blocks(const PopulationPolicy&, int) { missing(); }
 void list_population_work(const PopulationPolicy&, int32_t*, int, void*) { missing(); }
 void launch_population_policy(const PopulationPolicy&, int, void*) { missing(); }
 

@@ -1,4 +1,4 @@
-// The networks of a population in one fused kernel: observation to action with a network's weights in shared memory.
+// The networks of a population in one fused kernel: observation to action, a warp for some worlds of one network.
 #pragma once
 
 #include <cstddef>
@@ -22,10 +22,40 @@ struct SmallMlp {
   Activation activation = Activation::tanh;
 };
 
+/// Where a network lies in half precision, in the order in which tensor cores take it: of each layer the weights
+/// [slabs of 32 inputs][tiles of 8 outputs][32 lanes][8 numbers], zero where a slab or tile is not filled, then the
+/// biases of whole tiles; behind all layers the three numbers of log_std. Lane 4 i + j holds for output i of the tile
+/// the inputs 2 j and 2 j + 1 of each eighth of the slab (PTX, mma.m16n8k16).
+struct PackedMlp {
+  static constexpr int kSlab = 32, kTile = 8, kFragment = kSlab * kTile;
+  SmallMlp mlp;
+  int weight[SmallMlp::kMaxLayers] = {}, bias[SmallMlp::kMaxLayers] = {};
+  int log_std = 0;
+  int size = 0;  ///< numbers of a network, a multiple of 8
+
+  PackedMlp() = default;
+  explicit PackedMlp(const SmallMlp& small) : mlp(small) {
+    for (int l = 0; l < mlp.n_layers; ++l) {
+      weight[l] = size;
+      size += slabs(l) * tiles(l) * kFragment;
+      bias[l] = size;
+      size += tiles(l) * kTile;
+    }
+    log_std = size;
+    size += kTile;
+  }
+  GIGA_HD int slabs(int layer) const { return (mlp.width[layer] + kSlab - 1) / kSlab; }
+  GIGA_HD int tiles(int layer) const { return (mlp.width[layer + 1] + kTile - 1) / kTile; }
+};
+
+/// Queues the packing of networks [n, stride] into `packed` [n, PackedMlp::size].
+void pack_population(const PackedMlp& layout, const float* networks, int64_t n, int64_t stride, uint16_t* packed,
+                     int index, void* stream = nullptr);
+
 /// Who moves one team in a part of the worlds: groups of worlds, each with one network.
 struct NetworkGroups {
-  const uint16_t* parameters = nullptr;  // [networks, stride] half precision
-  const int32_t* network = nullptr;      // [groups] row of parameters; below 0: left out; null: row g
+  const uint16_t* networks = nullptr;  // [networks, PackedMlp::size]
+  const int32_t* network = nullptr;    // [groups] row of networks; below 0: left out; null: row g
   int groups = 0, worlds_per_group = 0;
   int64_t first_world = 0, group_step = 0, world_step = 0;  // world k of group g: first + g group_step + k world_step
   const float* obs = nullptr;                               // [W, n, obs_stride] of the team, all worlds
@@ -34,8 +64,7 @@ struct NetworkGroups {
 
 struct PopulationPolicy {
   static constexpr int kMaxParts = 4;
-  SmallMlp mlp;
-  int64_t parameter_stride = 0;  ///< numbers from one network to the next; a multiple of 8 is read fastest
+  PackedMlp packed;
   int64_t obs_stride = 0;        ///< numbers from one observation to the next; a multiple of 2
   const Phase* phase = nullptr;  // [W] worlds that wait are left out
   NetworkGroups part[kMaxParts];
@@ -43,17 +72,10 @@ struct PopulationPolicy {
   /// [population_work(policy) + 1] the pieces of work in which a world plays, then their number, as
   /// list_population_work leaves them; null: each launch looks at all.
   const int32_t* work = nullptr;
-  int blocks = 0;  ///< of threads that share the pieces, see population_blocks; 0: one for each piece
 };
 
-/// Agents of a team that one block can take: a world is not divided.
-constexpr int kMaxPopulationTeam = 128;
-
-/// Pieces into which the work of all parts is cut, each for one block of threads.
+/// Pieces into which the work of all parts is cut, each for one warp: some worlds of one network.
 int population_work(const PopulationPolicy& policy);
-/// Twice as many blocks of threads as the GPU holds: enough to even out the work, and few to start where little is
-/// left.
-int population_blocks(const PopulationPolicy& policy, int index);
 /// Queues the listing of the pieces in which a world plays now. The list holds until another world begins to play.
 void list_population_work(const PopulationPolicy& policy, int32_t* work, int index, void* stream = nullptr);
 
@@ -61,7 +83,7 @@ void list_population_work(const PopulationPolicy& policy, int32_t* work, int ind
 /// is that of TF32, and added in fp32; a feature beyond 65504 would be infinite.
 void launch_population_policy(const PopulationPolicy& policy, int index, void* stream = nullptr);
 
-/// Whether the GPU (compute capability 8.0 or more, enough shared memory), the network and the teams allow it.
-bool population_policy_fits(const SmallMlp& mlp, int largest_team, int index);
+/// Whether the GPU (compute capability 8.0 or more) and the network allow it.
+bool population_policy_fits(const SmallMlp& mlp, int index);
 
 }  // namespace giga

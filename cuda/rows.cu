@@ -39,7 +39,7 @@ template void launch_rows(const CategoricalLoss&, int64_t, int, void*);
 template void launch_rows(const GaussianLoss&, int64_t, int, void*);
 template void launch_rows(const ValueLoss&, int64_t, int, void*);
 template void launch_rows(const PopulationActions&, int64_t, int, void*);
-template void launch_rows(const PopulationScripts&, int64_t, int, void*);
+template void launch_rows(const PopulationScriptsOfAll&, int64_t, int, void*);
 template void launch_rows(const PerturbMembers&, int64_t, int, void*);
 template void launch_rows(const NoiseMoments&, int64_t, int, void*);
 template void launch_rows(const FiniteCheck&, int64_t, int, void*);

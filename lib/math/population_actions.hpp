@@ -63,9 +63,25 @@ struct PopulationScripts {
     const int64_t world = script.draws.world(row);
     const int32_t id = network[world % n_episodes];
     if (id >= 0 || phase[world] != Phase::plays) return;
-    ScriptedActions actions = script;
-    actions.kind = script_of_network(id);
-    actions(row);
+    script.act(script_of_network(id), row);
+  }
+};
+
+/// The same for up to two populations, one after the other.
+struct PopulationScriptsOfAll {
+  PopulationScripts part[2];
+  int64_t end[2] = {0, 0};  // rows up to there
+  int n_parts = 0;
+
+  void add(const PopulationScripts& scripts, int64_t n_rows) {
+    part[n_parts] = scripts;
+    end[n_parts] = rows() + n_rows;
+    ++n_parts;
+  }
+  GIGA_HD int64_t rows() const { return n_parts > 0 ? end[n_parts - 1] : 0; }
+  GIGA_HD void operator()(int64_t row) const {
+    const int k = row < end[0] ? 0 : 1;
+    part[k](k == 0 ? row : row - end[0]);
   }
 };
 

@@ -45,18 +45,20 @@ struct ScriptedActions {
   const float* obs = nullptr;  // [R, obs_stride]
   int obs_stride = 0;
 
-  GIGA_HD void operator()(int64_t row) const {
-    if (uses_observation(kind))
-      write(row, decide(row));
+  GIGA_HD void operator()(int64_t row) const { act(kind, row); }
+  /// As `script`, whatever `kind` is.
+  GIGA_HD void act(Scripted script, int64_t row) const {
+    if (uses_observation(script))
+      write(row, decide(script, row));
     else
-      write_blind(row);
+      write_blind(script, row);
   }
 
  private:
-  GIGA_HD Controls decide(int64_t row) const {
+  GIGA_HD Controls decide(Scripted script, int64_t row) const {
     const ObservationReader reader(params, obs + row * obs_stride);
     const Pilot pilot(reader, actions == ActionKind::discrete);
-    switch (kind) {
+    switch (script) {
       case Scripted::pursuer:
         return pursue(reader, pilot);
       case Scripted::evader:
@@ -82,23 +84,23 @@ struct ScriptedActions {
   }
 
   /// The paper's scripts.
-  GIGA_HD void write_blind(int64_t row) const {
+  GIGA_HD void write_blind(Scripted script, int64_t row) const {
     DrawKey key = draws.key(row);
-    if (kind == Scripted::random && actions == ActionKind::discrete) {
+    if (script == Scripted::random && actions == ActionKind::discrete) {
       const float u = key.uniform(Draw::opponent, draws.agent(row), 0);
       static_cast<int32_t*>(action)[row] = static_cast<int32_t>(u * kNDiscreteActions);
       return;
     }
     Controls c{0, 0, 0};
-    if (kind == Scripted::circle) c.heading = 1;
-    if (kind == Scripted::reverse_circle) c.heading = -1;
-    if (kind == Scripted::circle_random) {
+    if (script == Scripted::circle) c.heading = 1;
+    if (script == Scripted::reverse_circle) c.heading = -1;
+    if (script == Scripted::circle_random) {
       // The step at which the episode began stands for the episode.
       const uint32_t age = static_cast<uint32_t>(episode_length[draws.world(row)]);
       DrawKey begin = draws.key(row, age);
       c.heading = begin.uniform(Draw::opponent, draws.agent(row), 4) < 0.5f ? 1.0f : -1.0f;
     }
-    if (kind == Scripted::random) {
+    if (script == Scripted::random) {
       const auto control = [&](uint32_t k) { return 2.0f * key.uniform(Draw::opponent, draws.agent(row), k) - 1.0f; };
       c = {control(0), control(1), control(2)};
     }

@@ -22,15 +22,6 @@ SimSpec limited(const SimSpec& spec, std::optional<int> max_steps) {
   return result;
 }
 
-/// [K, P] as half precision with rows of a multiple of 8, which start on 16 bytes.
-at::Tensor halves_of(const at::Tensor& networks) {
-  const int64_t p = networks.size(1);
-  at::Tensor halves = at::zeros({networks.size(0), (p + 7) / 8 * 8}, networks.options().dtype(at::kHalf));
-  halves.narrow(1, 0, p).copy_(networks);
-  return halves;
-}
-const uint16_t* numbers_of(const at::Tensor& halves) { return static_cast<const uint16_t*>(halves.const_data_ptr()); }
-
 }  // namespace
 
 PopulationGames::PopulationGames(const SimSpec& spec, const PopulationGamesOptions& options, const Actor& network,
@@ -46,9 +37,8 @@ PopulationGames::PopulationGames(const SimSpec& spec, const PopulationGamesOptio
 
   const Device device = rows.device();
   if (options.fused && device.is_cuda()) {
-    const int* n = spec.params.n_team;
-    mlp_ = network.small_mlp();
-    if (mlp_ && !population_policy_fits(*mlp_, std::max(n[0], n[1]), device.index)) mlp_.reset();
+    const std::optional<SmallMlp> mlp = network.small_mlp();
+    if (mlp && population_policy_fits(*mlp, device.index)) fused_.emplace(*mlp);
   }
   const auto floats = at::TensorOptions().dtype(at::kFloat).device(torch_device(device));
   const bool discrete = spec.params.actions == ActionKind::discrete;
@@ -75,11 +65,11 @@ void PopulationGames::play(const std::vector<Population>& populations, uint32_t 
                    static_cast<int64_t>(p.opponent.size()) == options_.n_episodes,
                p.members.size(0), " members, ", p.opponent.size(), " opponents");
     opponent_[static_cast<int64_t>(k)].copy_(at::tensor(p.opponent, at::kInt));
-    if (!mlp_) group_opponents(p, k);
+    if (!fused_) group_opponents(p, k);
   }
-  halves_.clear();
+  packed_.clear();
   for (const Population& p : populations)
-    if (mlp_) halves_.insert(halves_.end(), {halves_of(p.members), halves_of(p.opponents)});
+    if (fused_) packed_.insert(packed_.end(), {packed(p.members), packed(p.opponents)});
   // Draws are addressed by step: each generation has its own steps, one for the start and one for each that is played.
   const int limit = sim_->params().max_episode_length;
   const uint32_t first_step = generation * (static_cast<uint32_t>(limit) + 2);
@@ -88,21 +78,20 @@ void PopulationGames::play(const std::vector<Population>& populations, uint32_t 
 
   const int device = rows_.device().index;
   PopulationPolicy fused;
-  if (mlp_) {
+  if (fused_) {
     fused = fused_policy(populations);
     work_ = at::empty({population_work(fused) + 1}, opponent_.options());
     fused.work = work_.const_data_ptr<int32_t>();
-    fused.blocks = population_blocks(fused, device);
   }
   sim_->start(io_);
   for (int step = 0; step < limit; ++step) {
-    if (mlp_ && step % kStepsPerList == 0) list_population_work(fused, work_.data_ptr<int32_t>(), device);
-    if (mlp_) launch_population_policy(fused, device);
-    for (size_t k = 0; k < populations.size(); ++k) {
-      if (!mlp_) move_members(populations[k], k);
-      if (!mlp_) move_opponents(populations[k], k);
-      move_scripts(populations[k], k);
+    if (fused_ && step % kStepsPerList == 0) list_population_work(fused, work_.data_ptr<int32_t>(), device);
+    if (fused_) launch_population_policy(fused, device);
+    for (size_t k = 0; k < populations.size() && !fused_; ++k) {
+      move_members(populations[k], k);
+      move_opponents(populations[k], k);
     }
+    move_scripts(populations);
     sim_->step(io_);
   }
 }
@@ -127,18 +116,27 @@ PopulationAct PopulationGames::act(int team, int64_t first_world) const {
           at};
 }
 
+at::Tensor PopulationGames::packed(const at::Tensor& networks) const {
+  at::Tensor packed = at::empty({networks.size(0), fused_->size}, networks.options().dtype(at::kHalf));
+  pack_population(*fused_, networks.const_data_ptr<float>(), networks.size(0), networks.size(1),
+                  static_cast<uint16_t*>(packed.data_ptr()), rows_.device().index);
+  return packed;
+}
+
 PopulationPolicy PopulationGames::fused_policy(const std::vector<Population>& populations) const {
   PopulationPolicy policy;
-  policy.mlp = *mlp_;
-  policy.parameter_stride = halves_[0].size(1);
+  policy.packed = *fused_;
   policy.obs_stride = network_.inputs().row;
   policy.phase = sim_->state().view().phase;
+  const auto numbers_of = [](const at::Tensor& packed) {
+    return static_cast<const uint16_t*>(packed.const_data_ptr());
+  };
   const auto members = static_cast<int>(options_.n_members), episodes = static_cast<int>(options_.n_episodes);
   for (size_t k = 0; k < populations.size(); ++k) {
     const Population& p = populations[k];
     const int64_t first = static_cast<int64_t>(k) * n_worlds_each();
     const int other = 1 - p.team;
-    policy.part[policy.n_parts++] = {numbers_of(halves_[2 * k]),
+    policy.part[policy.n_parts++] = {numbers_of(packed_[2 * k]),
                                      nullptr,
                                      members,
                                      episodes,
@@ -147,7 +145,7 @@ PopulationPolicy PopulationGames::fused_policy(const std::vector<Population>& po
                                      1,
                                      io_.team[p.team].obs + network_.inputs().first,
                                      act(p.team, 0)};
-    policy.part[policy.n_parts++] = {numbers_of(halves_[2 * k + 1]),
+    policy.part[policy.n_parts++] = {numbers_of(packed_[2 * k + 1]),
                                      opponents_of(k),
                                      episodes,
                                      members,
@@ -160,9 +158,8 @@ PopulationPolicy PopulationGames::fused_policy(const std::vector<Population>& po
   return policy;
 }
 
-void PopulationGames::move_scripts(const Population& p, size_t k) const {
-  if (std::none_of(p.opponent.begin(), p.opponent.end(), [](int32_t id) { return id < 0; })) return;
-  const int team = 1 - p.team, n = sim_->params().n_team[team];
+PopulationScripts PopulationGames::scripts_of(const Population& p, size_t k) const {
+  const int team = 1 - p.team;
   const int64_t first = static_cast<int64_t>(k) * n_worlds_each();
   const PopulationAct a = act(team, first);
   const StateView state = sim_->state().view();
@@ -175,7 +172,17 @@ void PopulationGames::move_scripts(const Population& p, size_t k) const {
                                sim_->params(),
                                obs.const_data_ptr<float>() + first * obs.stride(0),
                                static_cast<int>(obs.size(2))};
-  rows_.run(PopulationScripts{script, state.phase + first, opponents_of(k), options_.n_episodes}, n_worlds_each() * n);
+  return {script, state.phase + first, opponents_of(k), options_.n_episodes};
+}
+
+void PopulationGames::move_scripts(const std::vector<Population>& populations) const {
+  PopulationScriptsOfAll all;
+  for (size_t k = 0; k < populations.size(); ++k) {
+    const std::vector<int32_t>& opponent = populations[k].opponent;
+    if (std::none_of(opponent.begin(), opponent.end(), [](int32_t id) { return id < 0; })) continue;
+    all.add(scripts_of(populations[k], k), n_worlds_each() * sim_->params().n_team[1 - populations[k].team]);
+  }
+  if (all.rows() > 0) rows_.run(all, all.rows());
 }
 
 const int32_t* PopulationGames::opponents_of(size_t k) const {

@@ -52,7 +52,7 @@ class PopulationGames {
 
   const Simulator& simulator() const { return *sim_; }
   /// Whether the fused kernel is used.
-  bool fused() const { return mlp_.has_value(); }
+  bool fused() const { return fused_.has_value(); }
 
  private:
   struct Side {
@@ -61,8 +61,10 @@ class PopulationGames {
   };
   int64_t n_worlds_each() const { return options_.n_members * options_.n_episodes; }
   PopulationAct act(int team, int64_t first_world) const;
+  at::Tensor packed(const at::Tensor& networks) const;
   PopulationPolicy fused_policy(const std::vector<Population>& populations) const;
-  void move_scripts(const Population& population, size_t k) const;
+  PopulationScripts scripts_of(const Population& population, size_t k) const;
+  void move_scripts(const std::vector<Population>& populations) const;
   void move_members(const Population& population, size_t k) const;
   void move_opponents(const Population& population, size_t k) const;
   void group_opponents(const Population& population, size_t k);
@@ -74,12 +76,12 @@ class PopulationGames {
   const Actor& network_;
   const RowRunner& rows_;
   std::unique_ptr<Simulator> sim_;
-  std::optional<SmallMlp> mlp_;  // for the fused kernel; none = through LibTorch
+  std::optional<PackedMlp> fused_;  // layout of networks for the fused kernel; none = through LibTorch
   Side side_[kNTeams];
   StepIo io_;
   at::Tensor opponent_;             // [n_populations, E] int32
   at::Tensor work_;                 // [pieces + 1] int32: see PopulationPolicy; fused only
-  std::vector<at::Tensor> halves_;  // of members and opponents in turn, half precision; fused only
+  std::vector<at::Tensor> packed_;  // [networks, PackedMlp::size] members and opponents in turn; fused only
   struct OpponentGroup {
     int64_t network;      // row of the opponents
     at::Tensor episodes;  // that it plays, int64

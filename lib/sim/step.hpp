@@ -155,7 +155,7 @@ GIGA_HD void step_world(const Lanes& lanes, const SimParams& p, WorldView& w, Dr
           term_active(p, static_cast<RewardTerm>(t)) ? w.terms[t * p.n_agents + i] : 0.0f;
   });
   lanes.each(active ? kNBookItems : 0, [&](int item) { keep_books(p, w, item); });
-  observe_world(lanes, p, w, draws, io, world, false);
+  observe_world(lanes, p, w, draws, io, world, false, active);
 
   lanes.each(1, [&](int) {
     const Done done = active ? static_cast<Done>(w.counts[kDone]) : Done::running;

@@ -142,11 +142,11 @@ TEST(LearnMemoryPopulationPlan, GrowsWithThePopulation) {
 
 TEST(LearnMemoryPopulationPlan, ForCuda) {
   const MemoryPlan fused = plan_memory(load({"", "algorithm: snes"}, 512), kGpu);
-  // Networks in half precision, rows rounded up to 8 numbers; activations only where the kernel cannot be used.
-  const LoadedRun run = load({"", "algorithm: snes"}, 512);
-  const int64_t p =
-      Actor::count_parameters(run.config.population.actor, run.spec.padded_observation_size(), ActionKind::discrete);
-  EXPECT_EQ(item(fused, "members in half precision"), 2 * 512 * 2 * ((p + 7) / 8 * 8));
+  // Networks 112 -> 64 -> 64 -> 28 in half precision: slabs of 32 inputs x tiles of 8 outputs x 256 numbers, and
+  // biases: (4 x 8 x 256 + 64) + (2 x 8 x 256 + 64) + (2 x 4 x 256 + 32), and 8 for log_std.
+  ASSERT_EQ(load({"", "algorithm: snes"}, 512).spec.padded_observation_size(), 112);
+  EXPECT_EQ(item(fused, "members in half precision"), 2 * 512 * 2 * 14'504);
+  // Activations only where the kernel cannot be used.
   EXPECT_EQ(item(fused, "playing: activations"), 0);
   EXPECT_EQ(item(fused, "simulator: list of worlds"), 4 * (2 * 512 * 4 + 1));
   for (const Settings& s : {Settings{"", "algorithm: snes, precision: bf16", "", "", "", 64},

@@ -96,18 +96,29 @@ int64_t heap_slack(const std::vector<WorkPhase>& phases, int64_t largest) {
   return static_cast<int64_t>(most) - largest;
 }
 
+RolloutShapes shapes_of(const LoadedRun& run) {
+  const TrainConfig& c = run.config.train;
+  return rollout_shapes(run.spec,
+                        {c.n_worlds, run.config.mappo.horizon, with_state(run), {buffers_of(c, 0), buffers_of(c, 1)}});
+}
+
+/// What LibTorch's allocator on a GPU keeps beyond what is in use at the peak.
+int64_t cuda_slack(const LoadedRun& run, int64_t work) {
+  const bool in_parts =
+      world_shares(run.config.opponents, run.config.train.n_worlds).learning(0).count != run.config.train.n_worlds;
+  const int64_t gathered_from = in_parts ? rollout_bytes(shapes_of(run)) : 0;
+  return static_cast<int64_t>(kCudaSlack * static_cast<double>(work) +
+                              kCudaSlackOfParts * static_cast<double>(gathered_from));
+}
+
 // The buffers of LibTorch that stay from the start to the end.
 void add_buffers(PlanItems& items, const LoadedRun& run) {
-  const RolloutSize size{run.config.train.n_worlds,
-                         run.config.mappo.horizon,
-                         with_state(run),
-                         {buffers_of(run.config.train, 0), buffers_of(run.config.train, 1)}};
-  const RolloutShapes shapes = rollout_shapes(run.spec, size);
+  const RolloutShapes shapes = shapes_of(run);
   int64_t final_bytes = 0;
   for (const TeamRolloutShapes& s : shapes.team) final_bytes += s.final_obs.bytes() + s.final_alive.bytes();
 
   items.add("rollout", rollout_bytes(shapes), Grows::yes,
-            cat(size.horizon, " steps: observations of ", run.spec.padded_observation_size(), " numbers"));
+            cat(run.config.mappo.horizon, " steps: observations of ", run.spec.padded_observation_size(), " numbers"));
   items.add("rollout: final observations", final_bytes, Grows::yes, "of episodes that ran out of time");
   items.add("rollout: true state", shapes.global.bytes() + shapes.final_global.bytes(), Grows::yes,
             cat("critic.kind state: ", run.spec.global_size(), " numbers"));
@@ -161,11 +172,7 @@ MemoryPlan plan_mappo(const LoadedRun& run, Device device) {
   // Gradients are not saved.
   const int64_t saved = simulator_bytes(run, run.config.train.n_worlds) + parameter_bytes(run) * 3 / 4 +
                         kNTeams * kFloat * run.config.opponents.pool_size * policy_numbers(run);
-  const bool in_parts =
-      world_shares(run.config.opponents, run.config.train.n_worlds).learning(0).count != run.config.train.n_worlds;
-  const double share = in_parts ? kCudaSlackOfParts : kCudaSlack;
-  const int64_t slack =
-      device.is_cuda() ? static_cast<int64_t>(share * static_cast<double>(work)) : heap_slack(phases, work);
+  const int64_t slack = device.is_cuda() ? cuda_slack(run, work) : heap_slack(phases, work);
   items.add_rest({work, sum(phases.back().peak), saved, slack});
   return items.plan();
 }

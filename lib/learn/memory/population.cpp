@@ -1,6 +1,7 @@
 #include "learn/memory/population.hpp"
 
 #include <algorithm>
+#include <optional>
 #include <vector>
 
 #include "core/error.hpp"
@@ -47,7 +48,6 @@ class PopulationMemory {
   int64_t n(int team) const { return run_.spec.params.n_team[team]; }
   int64_t world_bytes() const;
   int64_t opponents() const { return self_play_ ? 1 + run_.config.opponents.pool_size : 1; }  // networks, with the mean
-  int64_t half_row() const { return kHalf * ((p_ + 7) / 8 * 8); }
   int64_t vectors_of_strategy() const;
   int64_t forward(int64_t rows, int64_t members) const;
   int64_t play_opponents(int team) const;
@@ -70,16 +70,19 @@ class PopulationMemory {
   PlanItems items_;
 };
 
+std::optional<SmallMlp> small_mlp(const LoadedRun& run, Device device) {
+  const ActorConfig& actor = actor_config(run.config);
+  return Actor::small_mlp(actor, input_columns(actor.inputs, run.spec), run.spec.params.actions,
+                          precision_on(run, device));
+}
+
 /// As PopulationGames chooses it.
 MemberNetworks member_networks(const LoadedRun& run, Device device) {
   if (!device.is_cuda()) return MemberNetworks::libtorch;
-  const SimParams& sim = run.spec.params;
-  const auto mlp = Actor::small_mlp(actor_config(run.config), input_columns(actor_config(run.config).inputs, run.spec),
-                                    sim.actions, precision_on(run, device));
+  const auto mlp = small_mlp(run, device);
   if (!mlp) return MemberNetworks::libtorch;
   if (device.index >= cuda_device_count()) return MemberNetworks::fused_assumed;
-  return population_policy_fits(*mlp, std::max(sim.n_team[0], sim.n_team[1]), device.index) ? MemberNetworks::fused
-                                                                                            : MemberNetworks::libtorch;
+  return population_policy_fits(*mlp, device.index) ? MemberNetworks::fused : MemberNetworks::libtorch;
 }
 
 PopulationMemory::PopulationMemory(const LoadedRun& run, Device device)
@@ -177,8 +180,9 @@ void PopulationMemory::add_teams() {
   items_.add("members", kFloat * populations_ * m_ * p_, Grows::yes,
              cat(populations_ == 1 ? "a population" : "both populations", " of ", parameters));
   if (!fused_) return;
-  items_.add("members in half precision", populations_ * m_ * half_row(), Grows::yes, "for the fused kernel");
-  items_.add("opponents in half precision", populations_ * opponents() * half_row(), Grows::no, "for the fused kernel");
+  const int64_t packed = kHalf * PackedMlp(*small_mlp(run_, device_)).size;
+  items_.add("members in half precision", populations_ * m_ * packed, Grows::yes, "for the fused kernel");
+  items_.add("opponents in half precision", populations_ * opponents() * packed, Grows::no, "for the fused kernel");
 }
 
 /// Never falls as the population grows, which largest_size needs. Members have the same size in each generation and fit
