@@ -17,14 +17,14 @@ LoadedRun load(const BenchOptions& options, Device device, int worlds) {
   if (!is_evolution(run.config.train)) throw InputError("bench es: " + options.config + " does not evolve");
   if (worlds == 0) return run;
   // Two teams' populations share the worlds; members come in pairs.
-  const int per_pair = 4 * run.config.population.episodes_per_member;
+  const int per_pair = 4 * run.config.population.n_worlds();
   overrides.push_back(cat("population.population_size=", std::max(1, worlds / per_pair) * 2));
   return load_run_config(find_config(options.config), overrides);
 }
 
 int worlds_of(const RunConfig& c) {
   const bool both = c.train.opponent == Opponent::self_play && c.population.turns == Turns::together;
-  return (both ? 2 : 1) * c.population.population_size * c.population.episodes_per_member;
+  return (both ? 2 : 1) * c.population.population_size * c.population.n_worlds();
 }
 
 /// The median rate of the closed loop with the same scenario, networks and worlds.
@@ -70,8 +70,8 @@ BenchResult bench_es(const BenchOptions& options, Device device, int worlds) {
                    {"mean_episode_length", steps / episodes / run.spec.params.n_agents},
                    {"closed_loop_agent_steps_per_second", loop},
                    {"share_of_closed_loop", result.quantile(0.5) / loop}};
-  if (!(episodes > 0) || episodes != generations * result.worlds)
-    throw Error("the benchmark is void: not every world has played one episode a generation");
+  if (!(episodes > 0) || episodes != generations * result.worlds * run.config.population.n_rounds())
+    throw Error("the benchmark is void: not every world has played its episodes");
   return result;
 }
 

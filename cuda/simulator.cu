@@ -23,8 +23,10 @@ constexpr int kWorldsAlone = 1024;  // playing worlds up to which each has a war
 
 // Steps after which the list of the worlds that still play is made anew (OnDone::freeze).
 constexpr int kStepsPerList = 8;
+// Lists after which the host looks how many worlds were on one: work enough that the device does not wait for it.
+constexpr int64_t kListsLater = 2;
 
-enum class Job { start, step, restart, observe };
+enum class Job { start, step, restart, play_on, observe };
 
 /// Arguments of the kernel, by value.
 struct Launch {
@@ -38,6 +40,7 @@ struct Launch {
   int64_t first_world, draw_period;
   int n_worlds;
   OnDone on_done;
+  int episodes;              // that a world plays, OnDone::freeze
   const int32_t* playing;    // [n_playing] the worlds to work on; null = all
   const int32_t* n_playing;  // [1]
 
@@ -78,7 +81,7 @@ __device__ void copy_agents(const Lanes& lanes, const WorldView& from, const Wor
 template <Job job, bool in_shared, class Lanes>
 __device__ void run_world(const Lanes& lanes, const Launch& k, int world, char* shared) {
   const WorldView home = world_view(k.state, k.params, world);
-  if (job == Job::restart && !to_settle(lanes, home)) return;
+  if ((job == Job::restart || job == Job::play_on) && !to_settle(lanes, home)) return;
   WorldView w = home;
   if constexpr (in_shared) {
     w = working_copy(home, shared, k.params.n_agents);
@@ -87,12 +90,16 @@ __device__ void run_world(const Lanes& lanes, const Launch& k, int world, char* 
   } else {
     attach_scratch(w, k.layout, k.scratch + static_cast<size_t>(world) * k.layout.size);
   }
+  const auto draws_at = [&](uint32_t step) {
+    return PhiloxDraws(k.seed, draw_world(k.first_world, k.draw_period, world), step);
+  };
+  if (job == Job::play_on) play_on(lanes, k.params, w, draws_at, k.io, world, k.episodes);
   // The step has counted itself already when an episode follows it.
-  const uint32_t step = *w.draw_step - (job == Job::restart ? 1 : 0);
-  PhiloxDraws draws(k.seed, draw_world(k.first_world, k.draw_period, world), step);
+  PhiloxDraws draws = draws_at(*w.draw_step - (job == Job::restart ? 1 : 0));
   if (job == Job::step) {
     step_world(lanes, k.params, w, draws, k.io, k.on_done, world);
-    if (k.on_done == OnDone::freeze && to_settle(lanes, w)) freeze_world(lanes, k.params, w, k.io, world);
+    if (k.on_done == OnDone::freeze && k.episodes == 1 && to_settle(lanes, w))
+      freeze_world(lanes, k.params, w, k.io, world);
   }
   if (job == Job::restart) restart_world(lanes, k.params, w, draws, k.io, world);
   if (job == Job::start) start_world(lanes, k.params, w, draws, k.io, world);
@@ -158,6 +165,38 @@ __global__ void sum_stats(float* stats, int n_worlds, double* partial) {  // par
   }
 }
 
+/// Numbers that the device counts, read by the host some counts later, when it need not wait for long.
+class RecentCounts {
+ public:
+  RecentCounts() = default;
+  RecentCounts(const RecentCounts&) = delete;
+  RecentCounts& operator=(const RecentCounts&) = delete;
+  ~RecentCounts() {
+    for (cudaEvent_t event : done_)
+      if (event) cudaEventDestroy(event);
+    if (count_) cudaFreeHost(count_);
+  }
+  /// Queues the reading of count k.
+  void record(int64_t k, const int32_t* count, cudaStream_t stream) {
+    if (!count_) {
+      GIGA_CUDA(cudaMallocHost(&count_, kSlots * sizeof *count_));
+      for (cudaEvent_t& event : done_) GIGA_CUDA(cudaEventCreateWithFlags(&event, cudaEventDisableTiming));
+    }
+    GIGA_CUDA(cudaMemcpyAsync(count_ + k % kSlots, count, sizeof *count_, cudaMemcpyDeviceToHost, stream));
+    GIGA_CUDA(cudaEventRecord(done_[k % kSlots], stream));
+  }
+  /// Count k, one of the last kSlots; waits until it is read.
+  int32_t at(int64_t k) const {
+    GIGA_CUDA(cudaEventSynchronize(done_[k % kSlots]));
+    return count_[k % kSlots];
+  }
+
+ private:
+  static constexpr int64_t kSlots = kListsLater + 1;
+  int32_t* count_ = nullptr;  // [kSlots] of the host
+  cudaEvent_t done_[kSlots] = {};
+};
+
 class CudaSimulator final : public Simulator {
  public:
   CudaSimulator(SimSpec spec, const SimOptions& options, int index, void* stream)
@@ -175,7 +214,7 @@ class CudaSimulator final : public Simulator {
 
   void start(const StepIo& io) override {
     launch<Job::start>(io, false);
-    steps_ = 0;
+    steps_ = lists_ = 0;
   }
   void step(const StepIo& io) override {
     // Worlds that wait have nothing to write but reward and done; where nobody wants these, they are left out.
@@ -183,8 +222,11 @@ class CudaSimulator final : public Simulator {
     if (listed && steps_++ % kStepsPerList == 0) list_worlds();
     launch<Job::step>(io, listed);
     if (options_.on_done == OnDone::reset) launch<Job::restart>(io, false);
+    if (options_.on_done == OnDone::freeze && options_.episodes > 1) launch<Job::play_on>(io, listed);
   }
   void observe(const StepIo& io) override { launch<Job::observe>(io, false); }
+
+  bool over() override { return lists_ > kListsLater && counts_.at(lists_ - 1 - kListsLater) == 0; }
 
   EpisodeStats take_stats() override {
     GIGA_CUDA(cudaSetDevice(index_));
@@ -214,6 +256,7 @@ class CudaSimulator final : public Simulator {
     list_playing<<<(n_worlds() + kThreads - 1) / kThreads, kThreads, 0, stream_>>>(state_.view().phase, n_worlds(),
                                                                                    playing_.data(), count);
     GIGA_CUDA(cudaGetLastError());
+    counts_.record(lists_++, count, stream_);
   }
 
   template <Job job>
@@ -231,6 +274,7 @@ class CudaSimulator final : public Simulator {
                    options_.draw_period,
                    options_.n_worlds,
                    options_.on_done,
+                   options_.episodes,
                    listed ? playing_.data() : nullptr,
                    listed ? playing_.data() + n_worlds() : nullptr};
     if (tiles_) {
@@ -254,8 +298,9 @@ class CudaSimulator final : public Simulator {
   bool tiles_ = false;
   Buffer<char> scratch_;
   Buffer<double> partial_;
-  Buffer<int32_t> playing_;  // [W + 1] OnDone::freeze: worlds that play, then their number
-  int64_t steps_ = 0;        // since the start
+  Buffer<int32_t> playing_;        // [W + 1] OnDone::freeze: worlds that play, then their number
+  int64_t steps_ = 0, lists_ = 0;  // since the start
+  RecentCounts counts_;            // of the worlds that play, at the last lists
 };
 
 }  // namespace

@@ -36,7 +36,9 @@ class CombinationCheck {
     not_for(name, "train.total_agent_steps", a.total_agent_steps != b.total_agent_steps,
             "a run ends after population.generations");
     not_for(name, "train.n_worlds", a.n_worlds != b.n_worlds,
-            "worlds are population.population_size x population.episodes_per_member, for each team that evolves");
+            "worlds are population.population_size x population.episodes_per_member (or parallel_episodes), for each "
+            "team that "
+            "evolves");
     not_for(name, "train.desynchronize", a.desynchronize != b.desynchronize, "episodes of a generation start together");
   }
 
@@ -70,11 +72,15 @@ class CombinationCheck {
     if (known({"opponents.pool_size", "population.generations"}) && c_.opponents.pool_size > p.generations)
       fail("opponents.pool_size", cat(c_.opponents.pool_size, " past means can never be there in a run of ",
                                       p.generations, " generations (population.generations)"));
-    if (known({"population.population_size", "population.episodes_per_member"}) &&
-        2 * static_cast<int64_t>(p.population_size) * p.episodes_per_member > kMostWorlds)
+    if (!known({"population.episodes_per_member", "population.parallel_episodes"})) return;
+    if (p.parallel_episodes && p.episodes_per_member % *p.parallel_episodes != 0)
+      return fail("population.parallel_episodes",
+                  cat(*p.parallel_episodes, " does not divide population.episodes_per_member ", p.episodes_per_member));
+    if (known({"population.population_size"}) &&
+        2 * static_cast<int64_t>(p.population_size) * p.n_worlds() > kMostWorlds)
       fail("population.population_size",
-           cat(p.population_size, " x population.episodes_per_member ", p.episodes_per_member,
-               " for two teams are more than ", kMostWorlds, " worlds"));
+           cat(p.population_size, " x population.", p.parallel_episodes ? "parallel_episodes " : "episodes_per_member ",
+               p.n_worlds(), " for two teams are more than ", kMostWorlds, " worlds"));
   }
 
   void noise_rank_fits(const SimSpec& spec) {

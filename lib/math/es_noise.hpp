@@ -59,24 +59,30 @@ struct PerturbMembers {
   }
 };
 
-/// Weighted sums over the members of the noise and of its square, from which every strategy here learns: row =
-/// parameter. The order of the additions is fixed.
+/// Weighted sums of the noise and of its square, from which every strategy here learns, over parts of the members:
+/// row = part x P + parameter. The order of the additions is fixed.
 struct NoiseMoments {
+  static constexpr int64_t kPart = 128;  ///< members of a part; the last has what is left
+
   EsNoise noise;
   const float* weight;  // [M]
   int64_t n_members;    // M
-  float* first;         // [P] out: sum of weight x noise
-  float* second;        // [P] out: sum of weight x noise^2
+  float* first;         // [parts, P] out: sum of weight x noise
+  float* second;        // [parts, P] out: sum of weight x noise^2
 
-  GIGA_HD void operator()(int64_t p) const {
+  static constexpr int64_t parts(int64_t members) { return (members + kPart - 1) / kPart; }
+
+  GIGA_HD void operator()(int64_t row) const {
+    const int64_t part = row / noise.n_parameters, p = row - part * noise.n_parameters;
+    const int64_t begin = part * kPart, end = begin + kPart < n_members ? begin + kPart : n_members;
     float sum = 0, square_sum = 0;
-    for (int64_t m = 0; m < n_members; ++m) {
+    for (int64_t m = begin; m < end; ++m) {
       const float e = noise(m, p), w = weight[m];
       sum += w * e;
       square_sum += w * e * e;
     }
-    first[p] = sum;
-    second[p] = square_sum;
+    first[row] = sum;
+    second[row] = square_sum;
   }
 };
 

@@ -33,7 +33,7 @@ struct PopulationAct {
   }
 };
 
-/// The actions of the rows that networks move, from heads that have been computed: world w is episode w % E of member
+/// The actions of the rows that networks move, from heads that have been computed: world w is world w % E of member
 /// w / E.
 struct PopulationActions {
   PopulationAct act;
@@ -42,12 +42,12 @@ struct PopulationActions {
   const float* parameters;  // [networks, n_parameters]
   int64_t n_parameters;
   int64_t log_std;         // first of the three in a row of parameters; continuous actions only
-  const int32_t* network;  // [E] row of parameters or a script, by episode; null = each member's own
-  int64_t n_episodes;      // E
+  const int32_t* network;  // [E] row of parameters or a script, by world; null = each member's own
+  int64_t n_worlds;        // E
 
   GIGA_HD void operator()(int64_t row) const {
     const int64_t world = act.draws.world(row);
-    const int64_t id = network ? network[world % n_episodes] : world / n_episodes;
+    const int64_t id = network ? network[world % n_worlds] : world / n_worlds;
     if (id >= 0) act(row, head + row * head_size, parameters + id * n_parameters + log_std);
   }
 };
@@ -57,11 +57,11 @@ struct PopulationScripts {
   ScriptedActions script;  // of any kind
   const Phase* phase;      // [W]
   const int32_t* network;  // [E]
-  int64_t n_episodes;
+  int64_t n_worlds;
 
   GIGA_HD void operator()(int64_t row) const {
     const int64_t world = script.draws.world(row);
-    const int32_t id = network[world % n_episodes];
+    const int32_t id = network[world % n_worlds];
     if (id >= 0 || phase[world] != Phase::plays) return;
     script.act(script_of_network(id), row);
   }

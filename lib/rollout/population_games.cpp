@@ -11,7 +11,7 @@
 namespace giga {
 namespace {
 
-/// Steps after which the list of what is left to do is made anew.
+/// Steps after which it is looked at what is left to do.
 constexpr int kStepsPerList = 8;
 
 /// With a limit, so that each episode ends.
@@ -30,8 +30,9 @@ PopulationGames::PopulationGames(const SimSpec& spec, const PopulationGamesOptio
   SimOptions sim;
   sim.n_worlds = static_cast<int>(options.n_populations * n_worlds_each());
   sim.seed = options.seed;
-  sim.draw_period = options.common_random_numbers ? options.n_episodes : 0;
+  sim.draw_period = options.common_random_numbers ? options.n_worlds : 0;
   sim.on_done = OnDone::freeze;
+  sim.episodes = options.n_rounds;
   sim.n_threads = options.n_threads;
   sim_ = make_simulator(limited(spec, options.max_steps), sim, rows.device());
 
@@ -52,7 +53,7 @@ PopulationGames::PopulationGames(const SimSpec& spec, const PopulationGamesOptio
     io_.team[team].obs = side.obs.data_ptr<float>();
     io_.team[team].action = side.action.data_ptr();
   }
-  opponent_ = at::zeros({options.n_populations, options.n_episodes}, floats.dtype(at::kInt));
+  opponent_ = at::zeros({options.n_populations, options.n_worlds}, floats.dtype(at::kInt));
 }
 
 void PopulationGames::play(const std::vector<Population>& populations, uint32_t generation) {
@@ -62,7 +63,7 @@ void PopulationGames::play(const std::vector<Population>& populations, uint32_t 
   for (size_t k = 0; k < populations.size(); ++k) {
     const Population& p = populations[k];
     GIGA_CHECK(p.members.size(0) == options_.n_members && p.members.is_contiguous() && p.opponents.is_contiguous() &&
-                   static_cast<int64_t>(p.opponent.size()) == options_.n_episodes,
+                   static_cast<int64_t>(p.opponent.size()) == options_.n_worlds,
                p.members.size(0), " members, ", p.opponent.size(), " opponents");
     opponent_[static_cast<int64_t>(k)].copy_(at::tensor(p.opponent, at::kInt));
     if (!fused_) group_opponents(p, k);
@@ -70,9 +71,9 @@ void PopulationGames::play(const std::vector<Population>& populations, uint32_t 
   packed_.clear();
   for (const Population& p : populations)
     if (fused_) packed_.insert(packed_.end(), {packed(p.members), packed(p.opponents)});
-  // Draws are addressed by step: each generation has its own steps, one for the start and one for each that is played.
-  const int limit = sim_->params().max_episode_length;
-  const uint32_t first_step = generation * (static_cast<uint32_t>(limit) + 2);
+  // Draws are addressed by step: each episode has its own steps, two and one for each that is played (sim/step.hpp).
+  const int limit = options_.n_rounds * sim_->params().max_episode_length;
+  const uint32_t first_step = generation * static_cast<uint32_t>(limit + 2 * options_.n_rounds);
   wrap(reinterpret_cast<int32_t*>(sim_->state().view().draw_step), {sim_->n_worlds()}, sim_->device())
       .fill_(static_cast<int64_t>(static_cast<int32_t>(first_step)));
 
@@ -85,6 +86,7 @@ void PopulationGames::play(const std::vector<Population>& populations, uint32_t 
   }
   sim_->start(io_);
   for (int step = 0; step < limit; ++step) {
+    if (step % kStepsPerList == 0 && sim_->over()) break;
     if (fused_ && step % kStepsPerList == 0) list_population_work(fused, work_.data_ptr<int32_t>(), device);
     if (fused_) launch_population_policy(fused, device);
     for (size_t k = 0; k < populations.size() && !fused_; ++k) {
@@ -99,7 +101,7 @@ void PopulationGames::play(const std::vector<Population>& populations, uint32_t 
 at::Tensor PopulationGames::results(size_t k) const {
   const at::Tensor all = wrap(sim_->state().view().stats, {sim_->n_worlds(), kNStatRows}, sim_->device());
   return all.narrow(0, static_cast<int64_t>(k) * n_worlds_each(), n_worlds_each())
-      .view({options_.n_members, options_.n_episodes, kNStatRows});
+      .view({options_.n_members, options_.n_worlds, kNStatRows});
 }
 
 PopulationAct PopulationGames::act(int team, int64_t first_world) const {
@@ -131,7 +133,7 @@ PopulationPolicy PopulationGames::fused_policy(const std::vector<Population>& po
   const auto numbers_of = [](const at::Tensor& packed) {
     return static_cast<const uint16_t*>(packed.const_data_ptr());
   };
-  const auto members = static_cast<int>(options_.n_members), episodes = static_cast<int>(options_.n_episodes);
+  const auto members = static_cast<int>(options_.n_members), episodes = static_cast<int>(options_.n_worlds);
   for (size_t k = 0; k < populations.size(); ++k) {
     const Population& p = populations[k];
     const int64_t first = static_cast<int64_t>(k) * n_worlds_each();
@@ -172,7 +174,7 @@ PopulationScripts PopulationGames::scripts_of(const Population& p, size_t k) con
                                sim_->params(),
                                obs.const_data_ptr<float>() + first * obs.stride(0),
                                static_cast<int>(obs.size(2))};
-  return {script, state.phase + first, opponents_of(k), options_.n_episodes};
+  return {script, state.phase + first, opponents_of(k), options_.n_worlds};
 }
 
 void PopulationGames::move_scripts(const std::vector<Population>& populations) const {
@@ -186,7 +188,7 @@ void PopulationGames::move_scripts(const std::vector<Population>& populations) c
 }
 
 const int32_t* PopulationGames::opponents_of(size_t k) const {
-  return opponent_.const_data_ptr<int32_t>() + static_cast<int64_t>(k) * options_.n_episodes;
+  return opponent_.const_data_ptr<int32_t>() + static_cast<int64_t>(k) * options_.n_worlds;
 }
 
 void PopulationGames::run_actions(int team, size_t k, const at::Tensor& head, const at::Tensor& networks,
@@ -195,7 +197,7 @@ void PopulationGames::run_actions(int team, size_t k, const at::Tensor& head, co
   const bool continuous = network_.actions() == ActionKind::continuous;
   rows_.run(PopulationActions{act(team, first), head.const_data_ptr<float>(), static_cast<int>(network_.head_size()),
                               networks.const_data_ptr<float>(), networks.size(1),
-                              continuous ? network_.log_std_offset() : 0, network, options_.n_episodes},
+                              continuous ? network_.log_std_offset() : 0, network, options_.n_worlds},
             n_worlds_each() * sim_->params().n_team[team]);
 }
 
@@ -221,13 +223,13 @@ void PopulationGames::group_opponents(const Population& p, size_t k) {
 void PopulationGames::move_opponents(const Population& p, size_t k) const {
   const int team = 1 - p.team;
   const at::Tensor& obs = side_[team].obs;
-  const int64_t m = options_.n_members, e = options_.n_episodes, n = obs.size(1), d = obs.size(2);
+  const int64_t m = options_.n_members, e = options_.n_worlds, n = obs.size(1), d = obs.size(2);
   const at::Tensor all = obs.narrow(0, static_cast<int64_t>(k) * n_worlds_each(), n_worlds_each()).view({m, e, n, d});
   const at::Tensor head = at::empty({m, e, n, network_.head_size()}, obs.options());
   for (const OpponentGroup& group : groups_[k]) {
-    const at::Tensor rows = all.index_select(1, group.episodes).view({1, -1, d});
+    const at::Tensor rows = all.index_select(1, group.worlds).view({1, -1, d});
     const at::Tensor out = network_.forward_members(p.opponents.narrow(0, group.network, 1), rows);
-    head.index_copy_(1, group.episodes, out.view({m, group.episodes.size(0), n, -1}));
+    head.index_copy_(1, group.worlds, out.view({m, group.worlds.size(0), n, -1}));
   }
   run_actions(team, k, head, p.opponents, opponents_of(k));
 }

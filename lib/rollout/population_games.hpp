@@ -1,5 +1,6 @@
-// PopulationGames: the episodes of a generation. Every member of a population plays the same number of them against
-// opponents that depend on the episode only; all worlds step together, and those whose episode is over are left alone.
+// PopulationGames: the episodes of a generation. Every member of a population plays the same number of them, in worlds
+// of its own against opponents that depend on the world only. All worlds step together; one whose episode is over plays
+// its next, and is left alone after the last.
 #pragma once
 
 #include <torch/types.h>
@@ -16,7 +17,7 @@
 
 namespace giga {
 
-/// One team's population and whom it meets. M = members, P = parameters of a network, E = episodes of a member.
+/// One team's population and whom it meets. M = members, P = parameters of a network, E = worlds of a member.
 struct Population {
   int team = 0;
   at::Tensor members;             // [M, P]
@@ -25,14 +26,15 @@ struct Population {
 };
 
 struct PopulationGamesOptions {
-  int64_t n_members = 512, n_episodes = 16;
-  int n_populations = 2;              ///< that play at the same time
-  bool common_random_numbers = true;  ///< episode e is the same luck for all members
-  bool greedy = true;                 ///< the most likely action instead of a drawn one
-  bool fused = true;                  ///< use the fused kernel where it can be used
+  int64_t n_members = 512, n_worlds = 16;  ///< n_worlds: of a member
+  int n_populations = 2;                   ///< that play at the same time
+  bool common_random_numbers = true;       ///< episode k of world e is the same luck for all members
+  bool greedy = true;                      ///< the most likely action instead of a drawn one
+  bool fused = true;                       ///< use the fused kernel where it can be used
   uint64_t seed = 0;
   int n_threads = 0;
   std::optional<int> max_steps = std::nullopt;  ///< episodes are cut off after these, or by the scenario
+  int n_rounds = 1;                             ///< episodes that each world plays, one after the other
 };
 
 class PopulationGames {
@@ -46,8 +48,8 @@ class PopulationGames {
   /// host does not wait.
   void play(const std::vector<Population>& populations, uint32_t generation);
 
-  /// What the episodes of population k came to: [M, E, kNStatRows], a view that the next play overwrites. Each world
-  /// has played one episode.
+  /// What the episodes of population k came to: [M, E, kNStatRows], a view that the next play overwrites; sums over the
+  /// n_rounds episodes of a world.
   at::Tensor results(size_t k) const;
 
   const Simulator& simulator() const { return *sim_; }
@@ -59,7 +61,7 @@ class PopulationGames {
     at::Tensor obs;     // [W, n, D]
     at::Tensor action;  // [W, n] int32 or [W, n, 3]
   };
-  int64_t n_worlds_each() const { return options_.n_members * options_.n_episodes; }
+  int64_t n_worlds_each() const { return options_.n_members * options_.n_worlds; }
   PopulationAct act(int team, int64_t first_world) const;
   at::Tensor packed(const at::Tensor& networks) const;
   PopulationPolicy fused_policy(const std::vector<Population>& populations) const;
@@ -83,8 +85,8 @@ class PopulationGames {
   at::Tensor work_;                 // [pieces + 1] int32: see PopulationPolicy; fused only
   std::vector<at::Tensor> packed_;  // [networks, PackedMlp::size] members and opponents in turn; fused only
   struct OpponentGroup {
-    int64_t network;      // row of the opponents
-    at::Tensor episodes;  // that it plays, int64
+    int64_t network;    // row of the opponents
+    at::Tensor worlds;  // of each member in which it plays, int64
   };
   std::vector<std::vector<OpponentGroup>> groups_;  // by population; not fused only
 };

@@ -1,4 +1,6 @@
 // The CPU back end: worlds in parallel over threads, each stepped by one worker.
+#include <algorithm>
+
 #include "core/thread_pool.hpp"
 #include "sim/draws.hpp"
 #include "sim/lanes.hpp"
@@ -24,13 +26,23 @@ class CpuSimulator final : public Simulator {
 
   void step(const StepIo& io) override {
     for_worlds([&](WorldView& w, PhiloxDraws& draws, int64_t world) {
-      play_step(SerialLanes{}, params(), w, draws, io, options_.on_done, world);
+      if (options_.episodes == 1) return play_step(SerialLanes{}, params(), w, draws, io, options_.on_done, world);
+      step_world(SerialLanes{}, params(), w, draws, io, options_.on_done, world);
+      if (to_settle(SerialLanes{}, w))
+        play_on(
+            SerialLanes{}, params(), w, [&](uint32_t step) { return draws_of(world, step); }, io, world,
+            options_.episodes);
     });
   }
 
   void observe(const StepIo& io) override {
     for_worlds(
         [&](WorldView& w, PhiloxDraws&, int64_t world) { write_observations(SerialLanes{}, params(), w, io, world); });
+  }
+
+  bool over() override {
+    const Phase* phase = state_.view().phase;
+    return std::all_of(phase, phase + n_worlds(), [](Phase p) { return p == Phase::waits; });
   }
 
   EpisodeStats take_stats() override {
@@ -47,13 +59,17 @@ class CpuSimulator final : public Simulator {
   }
 
  private:
+  PhiloxDraws draws_of(int64_t world, uint32_t step) const {
+    return {options_.seed, draw_world(options_.first_world, options_.draw_period, world), step};
+  }
+
   template <class F>
   void for_worlds(F&& f) {
     pool_.for_ranges(n_worlds(), [&](int64_t begin, int64_t end, int thread) {
       for (int64_t world = begin; world < end; ++world) {
         WorldView w = world_view(state_.view(), params(), world);
         attach_scratch(w, layout_, scratch_[static_cast<size_t>(thread)].data());
-        PhiloxDraws draws(options_.seed, draw_world(options_.first_world, options_.draw_period, world), *w.draw_step);
+        PhiloxDraws draws = draws_of(world, *w.draw_step);
         f(w, draws, world);
       }
     });

@@ -119,6 +119,9 @@ void SimState::load(const std::string& prefix, const NamedArrays& in) {
 Simulator::Simulator(SimSpec spec, const SimOptions& options, Memory& memory)
     : spec_(std::move(spec)), options_(options), memory_(&memory) {
   GIGA_CHECK(options.n_worlds > 0, "n_worlds is ", options.n_worlds);
+  GIGA_CHECK(options.episodes == 1 ||
+                 (options.episodes > 1 && options.on_done == OnDone::freeze && spec_.params.max_episode_length > 0),
+             options.episodes, " episodes");
   tables_ = SimTables(spec_, memory);
   state_ = SimState(spec_.params.n_agents, options.n_worlds, memory);
 }

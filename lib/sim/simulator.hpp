@@ -21,6 +21,9 @@ struct SimOptions {
   OnDone on_done = OnDone::reset;
   int n_threads = 0;        ///< CPU back end: 0 = as many as cores
   int64_t draw_period = 0;  ///< worlds so far apart draw the same numbers (see draw_world); 0 = none do
+  /// OnDone::freeze: episodes that a world plays before it waits, counted by its statistics, which nobody may read in
+  /// between. More than one needs a scenario with a time limit.
+  int episodes = 1;
 };
 
 /// Sums over all episodes that ended since the last reading.
@@ -106,6 +109,9 @@ class Simulator {
   virtual void observe(const StepIo& io) = 0;
   /// Sums of finished episodes since the last call; waits for queued steps.
   virtual EpisodeStats take_stats() = 0;
+  /// OnDone::freeze: whether all worlds wait, as far as is known without waiting for the steps queued last: on a GPU it
+  /// is known some steps later, the same number in every run.
+  virtual bool over() { return false; }
   /// Waits until everything queued is done.
   virtual void synchronize() {}
 

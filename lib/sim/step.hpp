@@ -202,6 +202,28 @@ GIGA_HD void restart_world(const Lanes& lanes, const SimParams& p, WorldView& w,
   observe_world(lanes, p, w, draws, io, world, true, ended);
 }
 
+/// What follows a step in which the episode ended, with OnDone::freeze and several episodes: the world plays its next
+/// one, or waits if it has played them all. Each episode has max_episode_length + 2 steps of the draws for itself, so
+/// that worlds that draw the same numbers do so however long their episodes were; `draws_at(step)` makes them. A pass
+/// of its own, because it is rare.
+template <class Lanes, class DrawsAt>
+GIGA_HD void play_on(const Lanes& lanes, const SimParams& p, WorldView& w, const DrawsAt& draws_at, const StepIo& io,
+                     int64_t world, int episodes) {
+  // The step has counted itself already, and so did the start.
+  const uint32_t step = *w.draw_step + static_cast<uint32_t>(p.max_episode_length + 1 - *w.episode_length);
+  const bool ended = close_world(lanes, p, w, io, world);
+  const bool more = ended && w.stats[static_cast<int>(EpisodeStat::episodes)] < static_cast<float>(episodes);
+  lanes.each(ended ? 1 : 0, [&](int) {
+    if (more)
+      *w.draw_step = step + 1;
+    else
+      *w.phase = Phase::waits;
+  });
+  auto draws = draws_at(step);
+  reset_world(lanes, p, w, draws, more);
+  observe_world(lanes, p, w, draws, io, world, true, more);
+}
+
 /// step_world and what follows it: all of a step, for executors that do both at once.
 template <class Lanes, class Draws>
 GIGA_HD void play_step(const Lanes& lanes, const SimParams& p, WorldView& w, Draws& draws, const StepIo& io,

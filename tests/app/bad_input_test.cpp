@@ -147,6 +147,10 @@ std::vector<BadInput> meanings() {
       in_evolution(
           "rank beyond the weight matrices", "train: {algorithm: des}\npopulation: {noise: low_rank, noise_rank: 65}",
           {"run.yaml:3:43: population.noise_rank: 65 is more than the smaller side of any weight matrix; at most 64"}),
+      in_evolution(
+          "episodes that do not come out even",
+          "train: {algorithm: snes}\npopulation: {episodes_per_member: 16, parallel_episodes: 5}",
+          {"run.yaml:3:58: population.parallel_episodes: 5 does not divide population.episodes_per_member 16"}),
       in_evolution("pool larger than the generations",
                    "train: {algorithm: openai_es}\npopulation: {generations: 5}\nopponents: {pool_size: 6}",
                    {"run.yaml:4:24: opponents.pool_size: 6 past means can never be there in a run of 5 generations"}),

@@ -18,8 +18,9 @@ SmallRun evolution(const std::string& algorithm, const std::string& population =
   SmallRun run;
   run.train = "algorithm: " + algorithm;
   run.n_threads = 1;  // so little work that threads only wait for each other
-  run.more = cat("population: {population_size: 8, episodes_per_member: 2, generations: 50, actor: {hidden: [8, 8]}",
-                 population.empty() ? "" : ", ", population, "}\n", more);
+  const bool episodes = population.find("episodes_per_member") != std::string::npos;
+  run.more = cat("population: {population_size: 8, generations: 50, actor: {hidden: [8, 8]}",
+                 episodes ? "" : ", episodes_per_member: 2", population.empty() ? "" : ", ", population, "}\n", more);
   run.scenario = scenario;
   return run;
 }
@@ -44,6 +45,7 @@ const Variant kVariants[] = {
     {"DesContinuousDecay", evolution("des", "shaping: {weight_decay: 0.1}, greedy: false", "", "action: continuous\n")},
     {"SnesScoreWaypoints", evolution("snes", "objective: score, max_steps: 20", "",
                                      "waypoints: {enable_waypoints: true}\nmaps: four_rooms\n")},
+    {"DesRounds", evolution("des", "episodes_per_member: 6, parallel_episodes: 2, max_steps: 30, greedy: false")},
     {"OpenAiTeamOneAgainstCircle", with_train(evolution("openai_es"), "opponent: circle, learning_team: 1")},
 };
 
@@ -117,6 +119,21 @@ TEST(LearnEvolutionTeams, MetricsCountWhatWasPlayed) {
     EXPECT_EQ(m("not_finite"), 0);
     EXPECT_NEAR(m("fitness_mean"), m("return"), 1e-4);  // the objective is the return
     EXPECT_GT(m("step_norm"), 0);
+  }
+}
+
+// Six episodes of a member, two at a time: means over all six.
+TEST(LearnEvolutionTeams, EpisodesOneAfterTheOther) {
+  const auto learner = evolution("snes", "episodes_per_member: 6, parallel_episodes: 2, max_steps: 30",
+                                 "opponents: {scripted_share: 0.5}\n")
+                           .learner();
+  const Metrics metrics = learner->update();
+  EXPECT_EQ(metric(metrics, "episodes"), 96);  // 2 teams x 8 members x 6 episodes
+  EXPECT_LE(metric(metrics, "episode_length"), 30);
+  for (int team = 0; team < 2; ++team) {
+    EXPECT_NEAR(metric(metrics, cat("fitness_mean_", team)), metric(metrics, cat("return_", team)), 1e-4);
+    const double wins = 24 * metric(metrics, cat("scripted_win_share_", team));  // half of the worlds, 8 x 3 episodes
+    EXPECT_NEAR(wins, std::round(wins), 1e-9);
   }
 }
 

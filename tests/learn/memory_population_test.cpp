@@ -49,10 +49,20 @@ const Settings kSettings[] = {
     {"Alternating", "algorithm: openai_es", "turns: alternating"},
     // Activations take most.
     {"Activations", "algorithm: snes", "actor: {hidden: [32, 24]}", "", "", 64},
+    {"Rounds", "algorithm: des", "parallel_episodes: 2"},
     {"LayerNormGelu", "algorithm: snes", "actor: {hidden: [32, 24], activation: gelu, layer_norm: true}", "", "", 64},
     {"UnequalTeams", "algorithm: snes, opponent: circle", "actor: {hidden: [32]}", "",
      "maps: four_rooms\nteam_0: [{type: default, count: 2}]\nteam_1: [{type: default, count: 7}]\n", 64},
 };
+
+// A world takes what it takes, however many episodes it plays.
+TEST(LearnMemoryPopulationPlan, EpisodesOneAfterTheOtherShareAWorld) {
+  const auto total = [](int episodes, const char* population) {
+    return plan_memory(load({"", "algorithm: snes", population, "", "", episodes}, 64), kCpu).total();
+  };
+  EXPECT_EQ(total(64, "parallel_episodes: 4"), total(4, ""));
+  EXPECT_LT(total(4, ""), total(64, ""));
+}
 
 class LearnMemoryPopulation : public testing::TestWithParam<Settings> {};
 
@@ -61,7 +71,7 @@ TEST_P(LearnMemoryPopulation, PlanIsWhatTensorsAndStateTake) {
   const LoadedRun run = load(GetParam(), 64);
   const ProbedLearner probed = probe_updates(run, 3);
   SimOptions sim;
-  sim.n_worlds = populations_at_a_time(run.config) * 64 * GetParam().episodes;
+  sim.n_worlds = populations_at_a_time(run.config) * 64 * run.config.population.n_worlds();
   sim.n_threads = 1;
   const auto state = static_cast<int64_t>(make_simulator(run.spec, sim, kCpu)->state().save().size());
   const int64_t predicted = countable_bytes(plan_memory(run, kCpu));

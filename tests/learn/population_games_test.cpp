@@ -111,6 +111,34 @@ TEST(LearnPopulationGames, CommonRandomNumbers) {
   }
 }
 
+// The second round of generation 0 draws what the only round of generation 1 does.
+void expect_rounds_to_be_generations(const LoadedRun& run, const Networks& n, const RowRunner& rows, bool fused) {
+  const Population population{1, n.members, n.opponents, {0, 1, network_of_script(Scripted::circle_random), 2}};
+  PopulationGames once(run.spec, {6, 4, 1, true, false, fused, 9, 1}, n.actor, rows);
+  once.play({population}, 0);
+  const at::Tensor first = once.results(0).clone();
+  once.play({population}, 1);
+  PopulationGames twice(run.spec, {6, 4, 1, true, false, fused, 9, 1, std::nullopt, 2}, n.actor, rows);
+  twice.play({population}, 0);
+  EXPECT_EQ(twice.fused(), fused);
+  EXPECT_EQ(stat(twice.results(0), EpisodeStat::episodes), 48);
+  EXPECT_TRUE(at::equal(twice.results(0), first + once.results(0)));
+  EXPECT_FALSE(at::equal(first, once.results(0)));
+}
+
+TEST(LearnPopulationGames, AWorldPlaysSeveralEpisodes) {
+  const LoadedRun run = run_of();
+  expect_rounds_to_be_generations(run, Networks(run, 6, {}), RowRunner(Device{}, 2), false);
+}
+
+TEST(LearnPopulationGamesGpu, AWorldPlaysSeveralEpisodes) {
+  if (cuda_device_count() == 0) GTEST_SKIP() << "no GPU";
+  const Device gpu{Device::Kind::cuda, 0};
+  const LoadedRun run = run_of("", "hidden: [16, 16]", "tf32");
+  for (const bool fused : {true, false})
+    expect_rounds_to_be_generations(run, Networks(run, 6, gpu), RowRunner(gpu), fused);
+}
+
 TEST(LearnPopulationGames, AGenerationIsRepeatableAndAnotherIsNot) {
   const LoadedRun run = run_of();
   Networks n(run, 4, {});

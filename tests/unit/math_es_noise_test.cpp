@@ -128,5 +128,27 @@ TEST(MathEsNoise, MomentsAreSumsOverTheMembers) {
   }
 }
 
+TEST(MathEsNoise, MomentsOfPartsOfTheMembers) {
+  const EsNoise noise = full(2);
+  constexpr int64_t kMembers = 300;  // 128, 128 and 44
+  ASSERT_EQ(NoiseMoments::parts(kMembers), 3);
+  std::vector<float> weight(kMembers), first(6, NAN), second(6, NAN);
+  for (size_t m = 0; m < weight.size(); ++m) weight[m] = 0.01f * static_cast<float>(m);
+  const NoiseMoments moments{noise, weight.data(), kMembers, first.data(), second.data()};
+  for (int64_t row = 0; row < 6; ++row) moments(row);
+  for (int64_t p = 0; p < 2; ++p) {
+    double expected[3] = {}, expected_square[3] = {};
+    for (int64_t m = 0; m < kMembers; ++m) {
+      const auto w = static_cast<double>(weight[static_cast<size_t>(m)]), e = static_cast<double>(noise(m, p));
+      expected[m / 128] += w * e;
+      expected_square[m / 128] += w * e * e;
+    }
+    for (int64_t part = 0; part < 3; ++part) {
+      EXPECT_NEAR(first[static_cast<size_t>(2 * part + p)], expected[part], 1e-3);
+      EXPECT_NEAR(second[static_cast<size_t>(2 * part + p)], expected_square[part], 1e-3);
+    }
+  }
+}
+
 }  // namespace
 }  // namespace giga::test

@@ -1,7 +1,10 @@
 // The end of an episode: termination, truncation, outcome, returns, statistics, automatic reset, freeze and keep.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <map>
+#include <set>
 
 #include "support/sim_runner.hpp"
 #include "support/sim_specs.hpp"
@@ -271,11 +274,11 @@ TEST(SimEpisode, FreezeWaits) {
   EXPECT_EQ(world.done(), Done::truncated);
   EXPECT_EQ(*world.now().phase, Phase::waits);
   EXPECT_EQ(world.final_alive(0), 1);
-  const float x = world.now().x[0], own_x = world.obs(0, 2);
+  const float x = world.now().x[0];
   const uint32_t draw_step = *world.now().draw_step;
   world.steps(3);
   EXPECT_EQ(world.now().x[0], x);
-  EXPECT_EQ(world.obs(0, 2), own_x) << "the last observation is written again";
+  EXPECT_TRUE(std::isnan(world.obs(0, 2))) << "it is not observed any more";
   EXPECT_EQ(world.reward(0), 0.0f);
   EXPECT_EQ(world.reward(2), 0.0f);
   EXPECT_EQ(world.done(), Done::running) << "done is told once";
@@ -285,6 +288,48 @@ TEST(SimEpisode, FreezeWaits) {
   EXPECT_EQ(world.stat(EpisodeStat::return_0), 4.0f);
   world.start();
   EXPECT_EQ(*world.now().phase, Phase::plays) << "a start wakes it";
+}
+
+// Worlds with the same luck and different actions: their first episodes differ in length, their second ones start
+// alike.
+TEST(SimEpisode, FreezeAfterSeveralEpisodes) {
+  SimSpec spec = plain_spec(3, 3);
+  spec.params.max_episode_length = 40;
+  spec.maps[0].start[0] = spec.maps[0].start[1] = {3, 3, 7, 7, 0, 4, 0, 6};
+  spec.finish();
+  SimOptions options;
+  options.n_worlds = 32;
+  options.draw_period = 1;
+  options.on_done = OnDone::freeze;
+  options.episodes = 3;
+  SimRunner runner(make_cpu_simulator(spec, options), Outputs::observations);
+  runner.start();
+  const StateView state = runner.sim().state().view();
+  const auto row = [&](int world, EpisodeStat s) { return state.stats[world * kNStatRows + static_cast<int>(s)]; };
+  std::map<float, std::set<float>> starts;  // of agent 0, by the number of the episode
+  std::set<float> first_lengths;
+  int steps = 0;
+  for (; !runner.sim().over() && steps < 3 * 40; ++steps) {
+    for (int world = 0; world < 32; ++world) {
+      if (*(state.phase + world) != Phase::plays || state.episode_length[world] != 0) continue;
+      const float episodes = row(world, EpisodeStat::episodes);
+      starts[episodes].insert(state.x[world * 6]);
+      if (episodes == 1) first_lengths.insert(row(world, EpisodeStat::length));
+    }
+    runner.step(static_cast<uint64_t>(steps));
+  }
+  EXPECT_TRUE(runner.sim().over());
+  EXPECT_GT(first_lengths.size(), 3u);
+  ASSERT_EQ(starts.size(), 3u);
+  for (const auto& [episode, x] : starts) EXPECT_EQ(x.size(), 1u) << "episode " << episode;
+  EXPECT_NE(*starts[0].begin(), *starts[1].begin());
+  EXPECT_NE(*starts[1].begin(), *starts[2].begin());
+  float longest = 0;
+  for (int world = 0; world < 32; ++world) {
+    EXPECT_EQ(row(world, EpisodeStat::episodes), 3.0f);
+    longest = std::max(longest, row(world, EpisodeStat::length));
+  }
+  EXPECT_EQ(static_cast<float>(steps), longest) << "the last world decides";
 }
 
 TEST(SimEpisode, TakeStatsSumsWorldsOnce) {

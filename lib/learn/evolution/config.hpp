@@ -53,6 +53,7 @@ struct PopulationConfig {
   EsNoiseKind noise = EsNoiseKind::full;
   int noise_rank = 1;
   int episodes_per_member = 16;
+  std::optional<int> parallel_episodes = std::nullopt;
   std::optional<int> max_steps = std::nullopt;
   Objective objective = Objective::mean_return;
   bool common_random_numbers = true;
@@ -61,6 +62,10 @@ struct PopulationConfig {
   int generations_per_turn = 1;
   ShapingConfig shaping;
   ActorConfig actor;
+
+  /// Worlds of a member, and the episodes that each of them plays.
+  int n_worlds() const { return parallel_episodes.value_or(episodes_per_member); }
+  int n_rounds() const { return episodes_per_member / n_worlds(); }
 };
 template <class V>
 void visit_fields(V& v, PopulationConfig& c) {
@@ -72,6 +77,10 @@ void visit_fields(V& v, PopulationConfig& c) {
   v("noise_rank", c.noise_rank, "noise low_rank: columns of A and B, at most the smaller side of the largest matrix",
     range(1, 16384));
   v("episodes_per_member", c.episodes_per_member, "episodes that each member plays in a generation", range(1, 65536));
+  v("parallel_episodes", c.parallel_episodes,
+    "of these, how many are played at the same time, each in a world that meets one opponent and plays one episode "
+    "after the other; divides episodes_per_member; none = all",
+    range(1, 65536));
   v("max_steps", c.max_steps, "steps after which an episode of training is cut off; none = as the scenario says",
     range(1, 1'000'000));
   v("objective", c.objective,

@@ -24,7 +24,8 @@ constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 PopulationGamesOptions games_options(const RunConfig& c) {
   PopulationGamesOptions o;
   o.n_members = c.population.population_size;
-  o.n_episodes = c.population.episodes_per_member;
+  o.n_worlds = c.population.n_worlds();
+  o.n_rounds = c.population.n_rounds();
   o.n_populations = populations_at_a_time(c);
   o.common_random_numbers = c.population.common_random_numbers;
   o.greedy = c.population.greedy;
@@ -34,10 +35,10 @@ PopulationGamesOptions games_options(const RunConfig& c) {
   return o;
 }
 
-/// Fitness [M] of a population's results [M, E, kNStatRows], each world one episode.
-at::Tensor fitness_of(const at::Tensor& results, int team, Objective objective) {
+/// Fitness [M] of a population's results [M, E, kNStatRows], sums over the `n_rounds` episodes of each world.
+at::Tensor fitness_of(const at::Tensor& results, int64_t n_rounds, int team, Objective objective) {
   const auto mean_of = [&](EpisodeStat first, int offset = 0) {
-    return results.select(2, static_cast<int64_t>(first) + offset).mean(1);
+    return results.select(2, static_cast<int64_t>(first) + offset).mean(1) / n_rounds;
   };
   switch (objective) {
     case Objective::mean_return:
@@ -119,13 +120,13 @@ std::vector<int> Evolution::teams_of_generation() const {
 
 Population Evolution::population_of(int team) const {
   const EvolvingTeam* other = team_[1 - team].get();
-  const int64_t episodes = config_.population.episodes_per_member;
+  const int64_t worlds = config_.population.n_worlds();
   Population population{team, team_[team]->ask(), other ? other->pool().networks() : no_networks_, {}};
   if (other)
-    population.opponent = assign_opponents(config_.opponents, episodes, other->pool().weights(config_.opponents),
+    population.opponent = assign_opponents(config_.opponents, worlds, other->pool().weights(config_.opponents),
                                            {config_.seed, static_cast<uint32_t>(generations_), team});
   else
-    population.opponent.assign(static_cast<size_t>(episodes), network_of_script(scripted_of(config_.train.opponent)));
+    population.opponent.assign(static_cast<size_t>(worlds), network_of_script(scripted_of(config_.train.opponent)));
   return population;
 }
 
@@ -138,7 +139,8 @@ Metrics Evolution::update() {
   clock_->mark(1);
 
   for (size_t k = 0; k < teams.size(); ++k)
-    team_[teams[k]]->tell(fitness_of(games_->results(k), teams[k], config_.population.objective));
+    team_[teams[k]]->tell(
+        fitness_of(games_->results(k), config_.population.n_rounds(), teams[k], config_.population.objective));
   ++generations_;
   clock_->mark(2);
   Metrics figures = metrics(populations);
@@ -177,14 +179,14 @@ void Evolution::team_metrics(int team, const PopulationFigures* f, Metrics& out)
 
 // Reads what population k of those that played has come to, and notes how it fared against the other team's pool.
 PopulationFigures Evolution::figures_of(const Population& population, size_t k) {
-  const at::Tensor by_episode = games_->results(k).sum(0, false, at::kDouble).cpu();  // [E, kNStatRows]
-  const at::Tensor sums = by_episode.sum(0), learned = team_[population.team]->figures().cpu();
+  const at::Tensor by_world = games_->results(k).sum(0, false, at::kDouble).cpu();  // [E, kNStatRows]
+  const at::Tensor sums = by_world.sum(0), learned = team_[population.team]->figures().cpu();
   PopulationFigures f;
   f.stats.assign(sums.const_data_ptr<double>(), sums.const_data_ptr<double>() + kNStatRows);
   f.learned.assign(learned.const_data_ptr<float>(), learned.const_data_ptr<float>() + kNEvolutionFigures);
   EvolvingTeam* other = team_[1 - population.team].get();
   for (size_t e = 0; other && e < population.opponent.size(); ++e) {
-    const double* stats = by_episode.const_data_ptr<double>() + e * kNStatRows;
+    const double* stats = by_world.const_data_ptr<double>() + e * kNStatRows;
     const auto stat = [stats](EpisodeStat s) { return stats[static_cast<size_t>(s)]; };
     const GameCount games{stat(EpisodeStat::episodes), stat(of_team(EpisodeStat::wins_0, population.team)),
                           stat(EpisodeStat::ties)};

@@ -83,11 +83,13 @@ at::Tensor EvolutionStrategy::tell(const at::Tensor& fitness) {
 
 EvolutionStrategy::Moments EvolutionStrategy::moments(const at::Tensor& weights) const {
   const at::Tensor w = weights.contiguous();
-  Moments sums{at::empty_like(mean_), at::empty_like(mean_)};
-  rows_.run(NoiseMoments{noise(), w.const_data_ptr<float>(), population_size(), sums.first.data_ptr<float>(),
-                         sums.second.data_ptr<float>()},
-            mean_.size(0));
-  return sums;
+  const int64_t n = NoiseMoments::parts(population_size());
+  const Moments parts{at::empty({n, mean_.size(0)}, mean_.options()), at::empty({n, mean_.size(0)}, mean_.options())};
+  rows_.run(NoiseMoments{noise(), w.const_data_ptr<float>(), population_size(), parts.first.data_ptr<float>(),
+                         parts.second.data_ptr<float>()},
+            parts.first.numel());
+  if (n == 1) return {parts.first[0], parts.second[0]};
+  return {parts.first.sum(0), parts.second.sum(0)};
 }
 
 void EvolutionStrategy::save(const std::string& prefix, NamedArrays& out) const {

@@ -16,7 +16,7 @@ struct AllowedSizes {
 
 AllowedSizes allowed_sizes(const RunConfig& c) {
   if (is_evolution(c.train)) {
-    const int64_t most = kMostWorlds / (2 * static_cast<int64_t>(c.population.episodes_per_member));
+    const int64_t most = kMostWorlds / (2 * static_cast<int64_t>(c.population.n_worlds()));
     return {c.population.antithetic ? 2 : 1, 2, std::min<int64_t>(most, kMostMembers)};
   }
   // n_worlds x horizon must be a multiple of n_minibatches.

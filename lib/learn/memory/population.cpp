@@ -12,6 +12,7 @@
 #include "learn/memory/items.hpp"
 #include "learn/memory/network.hpp"
 #include "learn/team_policy.hpp"
+#include "math/es_noise.hpp"
 #include "policy/actor.hpp"
 #include "sim/state.hpp"
 
@@ -22,8 +23,8 @@ using Grows = PlanItems::Grows;
 
 constexpr int64_t kFloat = 4, kHalf = 2;
 /// Vectors [P] while a strategy learns: the old mean (twice) and sigma, both moments of the noise, and up to four on
-/// the way to the new mean.
-constexpr int64_t kLearningVectors = 9;
+/// the way to the new mean; before, sums over parts of the members beside five of these.
+constexpr int64_t kLearningVectors = 9, kLearningVectorsBesideParts = 5;
 /// Bytes by member that stay (the fitness, the mean square of the parameters, sums of the ranks' weights), and those
 /// that ranking takes: sorted values, places and ranges of ranks in 64 bits.
 constexpr int64_t kFitnessBytes = 16, kRankingBytes = 128;
@@ -36,7 +37,7 @@ struct Phase {
   Grows grows;
 };
 
-/// The sizes of a run, and what they come to. M = members, P = parameters, E = episodes of a member.
+/// The sizes of a run, and what they come to. M = members, P = parameters, E = worlds of a member.
 class PopulationMemory {
  public:
   PopulationMemory(const LoadedRun& run, Device device);
@@ -49,6 +50,9 @@ class PopulationMemory {
   int64_t world_bytes() const;
   int64_t opponents() const { return self_play_ ? 1 + run_.config.opponents.pool_size : 1; }  // networks, with the mean
   int64_t vectors_of_strategy() const;
+  int64_t learning_vectors() const {
+    return std::max(kLearningVectors, kLearningVectorsBesideParts + 2 * NoiseMoments::parts(m_));
+  }
   int64_t forward(int64_t rows, int64_t members) const;
   int64_t play_opponents(int team) const;
   int64_t play() const;
@@ -91,7 +95,7 @@ PopulationMemory::PopulationMemory(const LoadedRun& run, Device device)
       config_(run.config.population),
       self_play_(run.config.train.opponent == Opponent::self_play),
       m_(config_.population_size),
-      e_(config_.episodes_per_member),
+      e_(config_.n_worlds()),
       d_(run.spec.padded_observation_size()),
       head_(Actor::head_size(run.spec.params.actions)),
       p_(Actor::count_parameters(actor_config(run.config), input_columns(actor_config(run.config).inputs, run.spec),
@@ -150,7 +154,8 @@ Phase PopulationMemory::largest_phase() const {
   const Phase phases[] = {
       {"squares of a population", squares, Grows::yes},
       {"playing: activations", play(), Grows::yes},
-      {"learning: vectors of the strategy", kLearningVectors * kFloat * p_, Grows::no},
+      {"learning: vectors of the strategy", learning_vectors() * kFloat * p_,
+       learning_vectors() > kLearningVectors ? Grows::yes : Grows::no},
       // They are summed in fp64, after a cast.
       {"results of the episodes", static_cast<int64_t>(sizeof(double)) * m_ * e_ * kNStatRows, Grows::yes},
       {"evaluation: activations", acting() - members, Grows::no},  // the members are gone by then
