@@ -43,6 +43,7 @@ void measure(const BenchOptions& options, const std::function<double(int64_t)>& 
   int64_t steps = std::max<int64_t>(options.steps, 1);
   double seconds = timed(play, steps).seconds;
   if (options.steps == 0) {
+    seconds = timed(play, steps).seconds;  // without what is done once
     while (seconds < kRepeatSeconds / 4) {
       steps *= 2;
       seconds = timed(play, steps).seconds;

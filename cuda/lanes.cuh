@@ -12,11 +12,13 @@ struct TileLanes {
     for (int i = first; i < n; i += stride) f(i);
     __syncwarp();
   }
-  template <class F>
-  __device__ void each_cell(int rows, int columns, F&& f) const {
-    for (int row = 0; row < rows; ++row) {
+  template <class OfRow, class F>
+  __device__ void each_cell(int rows, int columns, OfRow&& of_row, F&& f) const {
+    for (int row = 0; row < rows && first < columns; ++row) {
+      const auto common = of_row(row);
+      if (!common) continue;
 #pragma unroll 2
-      for (int column = first; column < columns; column += stride) f(row, column);
+      for (int column = first; column < columns; column += stride) f(common, column);
     }
     __syncwarp();
   }
@@ -32,11 +34,13 @@ struct BlockLanes {
     __syncthreads();
   }
   /// A warp per row.
-  template <class F>
-  __device__ void each_cell(int rows, int columns, F&& f) const {
+  template <class OfRow, class F>
+  __device__ void each_cell(int rows, int columns, OfRow&& of_row, F&& f) const {
     for (int row = first / 32; row < rows; row += stride / 32) {
+      const auto common = of_row(row);
+      if (!common) continue;
 #pragma unroll 2
-      for (int column = first % 32; column < columns; column += 32) f(row, column);
+      for (int column = first % 32; column < columns; column += 32) f(common, column);
     }
     __syncthreads();
   }

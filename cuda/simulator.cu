@@ -58,8 +58,8 @@ __device__ WorldView working_copy(const WorldView& home, char* block, int n) {
   w.v = floats + 3 * n;
   w.heading = floats + 4 * n;
   w.health = floats + 5 * n;
-  w.alive = reinterpret_cast<uint8_t*>(floats + 6 * n);
-  w.tracked = w.alive + n;
+  w.tracked = reinterpret_cast<uint8_t*>(floats + 6 * n);
+  w.alive = w.tracked + n * n;
   return w;
 }
 template <class Lanes>
@@ -73,7 +73,12 @@ __device__ void copy_agents(const Lanes& lanes, const WorldView& from, const Wor
     to.health[i] = from.health[i];
     to.alive[i] = from.alive[i];
   });
-  lanes.each(n * n, [&](int k) { to.tracked[k] = from.tracked[k]; });
+  if (n % 2 == 0)  // whole words
+    lanes.each(n * n / 4, [&](int k) {
+      reinterpret_cast<uint32_t*>(to.tracked)[k] = reinterpret_cast<const uint32_t*>(from.tracked)[k];
+    });
+  else
+    lanes.each(n * n, [&](int k) { to.tracked[k] = from.tracked[k]; });
 }
 
 /// Runs the job for one world. `shared` = this world's block of shared memory; a template parameter says whether it is

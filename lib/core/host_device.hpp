@@ -15,3 +15,18 @@
 #define GIGA_UNROLL
 #define GIGA_ROLLED
 #endif
+
+namespace giga {
+
+/// A number of a table that does not change while a kernel runs. The GPU may read it early and keep it, which it may
+/// not do with what lies in memory that is written.
+template <class T>
+GIGA_HD T table_value(const T* p) {
+#if defined(__CUDA_ARCH__)
+  return __ldg(p);
+#else
+  return *p;
+#endif
+}
+
+}  // namespace giga

@@ -54,11 +54,11 @@ GIGA_HD float nearness(float distance) { return 1.0f / (1.0f + distance); }
 struct FreeWay {
   float ahead, behind;
 
-  /// Takes in the stretch [enter, leave] of the line that lies in an obstacle.
-  GIGA_HD void block(float enter, float leave) {
-    if (!(enter < leave)) return;
-    if (leave > 0) ahead = min_of(ahead, max_of(enter, 0.0f));
-    if (enter < 0) behind = min_of(behind, max_of(-leave, 0.0f));
+  /// Takes in the stretch [enter, leave] of the line that lies in an obstacle, if there is one.
+  GIGA_HD void block(bool solid, float enter, float leave) {
+    const bool met = solid && enter < leave;
+    ahead = met && leave > 0 ? min_of(ahead, max_of(enter, 0.0f)) : ahead;
+    behind = met && enter < 0 ? min_of(behind, max_of(-leave, 0.0f)) : behind;
   }
 };
 
@@ -71,14 +71,15 @@ GIGA_HD FreeWay free_way(const SimParams& p, const Box* boxes, float x, float y,
   const float ahead_x = dx != 0 ? max_of(x0, x1) : kFar, ahead_y = dy != 0 ? max_of(y0, y1) : kFar;
   const float behind_x = dx != 0 ? -min_of(x0, x1) : kFar, behind_y = dy != 0 ? -min_of(y0, y1) : kFar;
   FreeWay way{max_of(min_of(ahead_x, ahead_y), 0.0f), max_of(min_of(behind_x, behind_y), 0.0f)};
+  // Selections rather than branches, so that the numbers of a box are read at the same time.
   for (int b = 0; b < p.n_boxes; ++b) {
-    const Box& box = boxes[b];
-    if (!(box.x1 < box.x2 && box.y1 < box.y2)) continue;  // padding
-    if (p.obstacle_heights && (z < box.z1 || z > box.z2)) continue;
-    if ((dx == 0 && (x <= box.x1 || x >= box.x2)) || (dy == 0 && (y <= box.y1 || y >= box.y2))) continue;
+    const Box box = table_box(boxes + b);
+    const bool some = box.x1 < box.x2 && box.y1 < box.y2;  // else padding
+    const bool at_height = !p.obstacle_heights || !(z < box.z1 || z > box.z2);
+    const bool beside = (dx == 0 && (x <= box.x1 || x >= box.x2)) || (dy == 0 && (y <= box.y1 || y >= box.y2));
     const float a = (box.x1 - x) * inv_x, c = (box.x2 - x) * inv_x;
     const float e = (box.y1 - y) * inv_y, f = (box.y2 - y) * inv_y;
-    way.block(max_of(dx != 0 ? min_of(a, c) : -kFar, dy != 0 ? min_of(e, f) : -kFar),
+    way.block(some && at_height && !beside, max_of(dx != 0 ? min_of(a, c) : -kFar, dy != 0 ? min_of(e, f) : -kFar),
               min_of(dx != 0 ? max_of(a, c) : kFar, dy != 0 ? max_of(e, f) : kFar));
   }
   return way;

@@ -1,6 +1,7 @@
 // Lanes: how the agents of one world are spread over workers. A stage is lanes.each(n, f): f(0) ... f(n - 1) in any
-// order, all finished and visible to every worker when it returns. lanes.each_cell(rows, columns, f) does the same with
-// f(row, column) over a matrix, neighboring lanes at neighboring columns.
+// order, all finished and visible to every worker when it returns. lanes.each_cell(rows, columns, of_row, f) does the
+// same with f(of_row(row), column) over a matrix, neighboring lanes at neighboring columns: each worker calls of_row
+// once for a row, for what its cells have in common; where that converts to false the row is left out.
 //   SerialLanes  one worker (CPU; worlds run in parallel over threads)
 //   TileLanes    part of a warp, several worlds a warp (small teams); cuda/lanes.cuh
 //   BlockLanes   one thread block (dozens to hundreds of agents); cuda/lanes.cuh
@@ -15,10 +16,12 @@ struct SerialLanes {
   GIGA_HD void each(int n, F&& f) const {
     for (int i = 0; i < n; ++i) f(i);
   }
-  template <class F>
-  GIGA_HD void each_cell(int rows, int columns, F&& f) const {
-    for (int row = 0; row < rows; ++row)
-      for (int column = 0; column < columns; ++column) f(row, column);
+  template <class OfRow, class F>
+  GIGA_HD void each_cell(int rows, int columns, OfRow&& of_row, F&& f) const {
+    for (int row = 0; row < rows; ++row) {
+      const auto common = of_row(row);
+      for (int column = 0; common && column < columns; ++column) f(common, column);
+    }
   }
   /// Whether `flag` holds in any world that shares this one's workers: stages guarded by it stay in lockstep.
   GIGA_HD bool any(bool flag) const { return flag; }

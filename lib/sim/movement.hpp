@@ -90,7 +90,7 @@ GIGA_HD void check_agents(const SimParams& p, WorldView& w, int i) {
 GIGA_HD bool inside_obstacle(const SimParams& p, const WorldView& w, float x, float y, float z, float margin) {
   const Box* boxes = p.maps.boxes + static_cast<int64_t>(*w.map) * p.n_boxes;
   for (int b = 0; b < p.n_boxes; ++b) {
-    const Box& box = boxes[b];
+    const Box box = table_box(boxes + b);
     const bool planar = box.x1 - margin < x && x < box.x2 + margin && box.y1 - margin < y && y < box.y2 + margin;
     if (planar && (!p.obstacle_heights || (box.z1 - margin <= z && z <= box.z2 + margin))) return true;
   }

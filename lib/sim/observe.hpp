@@ -50,7 +50,8 @@ GIGA_HD void look(const SimParams& p, WorldView& w, int e) {
   }
 }
 
-/// The agents of e's rows: e itself, then those seen by ascending distance (equal ones by index), then nobody.
+/// The agents of e's rows: e itself, then those seen by ascending distance (equal ones by index), then nobody. Leaves
+/// in w.neighbor_keys how they head relative to e.
 GIGA_HD void rank_neighbors(const SimParams& p, WorldView& w, int e) {
   const int n = p.n_agents, words = words_for(n), limit = p.n_neighbors;
   const uint32_t* seen = w.seen + static_cast<int64_t>(e) * words;
@@ -70,6 +71,11 @@ GIGA_HD void rank_neighbors(const SimParams& p, WorldView& w, int e) {
     }
     keys[at] = key;
     rows[at] = static_cast<uint16_t>(a);
+  }
+  const bool original = p.original();
+  for (int k = 0; k < count; ++k) {
+    const float turn = w.heading[rows[k] == kNobody ? e : rows[k]] - w.heading[e];
+    keys[k] = original ? wrap_original(turn) : wrap_angle(turn);
   }
   for (; count < limit; ++count) rows[count] = kNobody;
 }
@@ -91,34 +97,47 @@ GIGA_HD void describe(const SimParams& p, WorldView& w, int a) {
   f[kSprite] = static_cast<float>(p.agents.sprite[a]);
 }
 
-/// Number `column` of the part of e's observation that is about agents, after rank_neighbors and describe. Selections
-/// rather than branches: on the GPU the lanes of a warp work on different features.
-GIGA_HD float neighbor_value(const SimParams& p, const WorldView& w, int e, int column) {
+/// What e sees, as far as agents go; after rank_neighbors and describe.
+struct NeighborRows {
+  const uint16_t* agent;  // [p.n_neighbors] or kNobody
+  const float* turn;      // [p.n_neighbors] how they head relative to e
+  const float *own, *features;
+  int e;
+
+  GIGA_HD NeighborRows(const SimParams& p, const WorldView& w, int e_)
+      : agent(w.neighbors + static_cast<int64_t>(e_) * p.n_neighbors),
+        turn(w.neighbor_keys + static_cast<int64_t>(e_) * p.n_neighbors),
+        own(w.features + e_ * kNeighborFeatures),
+        features(w.features),
+        e(e_) {}
+};
+
+/// Number `column` of the part of an observation that is about agents. Selections rather than branches: on the GPU the
+/// lanes of a warp work on different features.
+GIGA_HD float neighbor_value(const NeighborRows& rows, int column) {
   const int row = column / kNeighborFeatures, feature = column - row * kNeighborFeatures;
-  const uint16_t a = w.neighbors[e * p.n_neighbors + row];
+  const uint16_t a = rows.agent[row];
   if (a == kNobody) return 0.0f;
-  const float own = w.features[e * kNeighborFeatures + feature];
-  float value = w.features[a * kNeighborFeatures + feature];
-  if (feature == kSameTeam) return value == own ? 1.0f : 0.0f;
-  if (a != e && feature >= kFirstRelative && feature <= kLastRelative) {
-    value -= own;
-    if (feature == kHeading) value = p.original() ? wrap_original(value) : wrap_angle(value);
-  }
-  return value;
+  const float own = rows.own[feature];
+  const float value = rows.features[a * kNeighborFeatures + feature];
+  const float apart = feature == kHeading ? rows.turn[row] : value - own;
+  const bool relative = a != rows.e && feature >= kFirstRelative && feature <= kLastRelative;
+  const float same = value == own ? 1.0f : 0.0f;
+  return feature == kSameTeam ? same : relative ? apart : value;
 }
 
 /// Numbers of a box: x1 y1 x2 y2 as shares of the world's size, with obstacle_heights z1 z2 too.
 GIGA_HD int box_features(const SimParams& p) { return p.obstacle_heights ? 6 : 4; }
-/// The same of all boxes of the world's map, one after the other; from a table (make_box_features).
-GIGA_HD float box_feature(const SimParams& p, const WorldView& w, int column) {
-  return p.maps.box_features[*w.map * p.n_boxes * box_features(p) + column];
+/// The same of all boxes of the world's map, one after the other; a table (make_box_features).
+GIGA_HD const float* features_of_boxes(const SimParams& p, const WorldView& w) {
+  return p.maps.box_features + *w.map * p.n_boxes * box_features(p);
 }
 
 /// Numbers behind the neighbors: the waypoint relative to e and its remaining seconds, then the boxes of the map.
 constexpr int kWaypointFeatures = 5;
-GIGA_HD float tail_value(const SimParams& p, const WorldView& w, int e, int column) {
-  if (!p.waypoints) return box_feature(p, w, column);
-  if (column >= kWaypointFeatures) return box_feature(p, w, column - kWaypointFeatures);
+GIGA_HD float tail_value(const SimParams& p, const WorldView& w, const float* boxes, int e, int column) {
+  const int before = p.waypoints ? kWaypointFeatures : 0;
+  if (column >= before) return table_value(boxes + column - before);
   if (column == 4) return *w.waypoint_time;
   return (column & 1) ? (w.waypoint[column] - w.y[e]) * p.inv_limit_y : (w.waypoint[column] - w.x[e]) * p.inv_limit_x;
 }

@@ -47,6 +47,10 @@ constexpr const char* kRewardTermNames[kNRewardTerms] = {
 struct Box {
   float x1, y1, x2, y2, z1, z2;
 };
+GIGA_HD Box table_box(const Box* box) {
+  return {table_value(&box->x1), table_value(&box->y1), table_value(&box->x2),
+          table_value(&box->y2), table_value(&box->z1), table_value(&box->z2)};
+}
 
 /// Where a team starts on a map: uniform in the area, altitude range and heading range.
 struct StartArea {

@@ -64,7 +64,7 @@ GIGA_HD float world_feature(const SimParams& p, const WorldView& w, int column) 
     default:
       break;
   }
-  return box_feature(p, w, column - kWorldFeatures);
+  return table_value(features_of_boxes(p, w) + column - kWorldFeatures);
 }
 
 /// Number `column` of the world's state vector: the entities in the order of the agents, then the world.

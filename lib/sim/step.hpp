@@ -14,7 +14,7 @@ namespace giga {
 
 /// Row of agent i in its team's buffers.
 GIGA_HD int64_t team_row(const SimParams& p, int64_t world, int i) {
-  return world * p.n_team[p.team_of(i)] + p.agents.slot[i];
+  return world * p.n_team[p.team_of(i)] + table_value(p.agents.slot + i);
 }
 
 /// Numbers from one row of observations to the next.
@@ -22,23 +22,28 @@ GIGA_HD int obs_stride(const SimParams& p, const StepIo& io) {
   return io.obs_stride > 0 ? io.obs_stride : observation_size(p);
 }
 
+/// Agent e's observation among those of all worlds; null where nobody wants it.
+GIGA_HD float* obs_row(const SimParams& p, const StepIo& io, int64_t world, int e) {
+  float* obs = io.team[p.team_of(e)].obs;
+  return obs ? obs + team_row(p, world, e) * obs_stride(p, io) : nullptr;
+}
+
 /// Writes the body views of agents below n behind their other numbers.
 template <class Lanes>
 GIGA_HD void write_body_views(const Lanes& lanes, const SimParams& p, const WorldView& w, const StepIo& io,
                               int64_t world, int n) {
-  const int before = neighbor_columns(p) + tail_columns(p), at = body_at(p), stride = obs_stride(p, io);
+  const int before = neighbor_columns(p) + tail_columns(p), at = body_at(p);
   lanes.each(n, [&](int e) {
-    float* obs = io.team[p.team_of(e)].obs;
+    float* obs = obs_row(p, io, world, e);
     if (!obs) return;
-    obs += team_row(p, world, e) * stride;
     write_nothing(at - before, obs + before);
     write_body_surroundings(p, w, e, obs + at);
   });
   const int items = body_agents(p);
   lanes.each(n * items, [&](int k) {
     const int e = k / items, item = k - e * items;
-    float* obs = io.team[p.team_of(e)].obs;
-    if (obs) write_body_company(p, w, e, item, obs + team_row(p, world, e) * stride + at);
+    float* obs = obs_row(p, io, world, e);
+    if (obs) write_body_company(p, w, e, item, obs + at);
   });
 }
 
@@ -55,15 +60,19 @@ GIGA_HD void write_observations(const Lanes& lanes, const SimParams& p, WorldVie
     if (alive) alive[team_row(p, world, e)] = w.alive[e];
   });
   // Number by number, so that neighboring lanes write neighboring numbers.
-  const int front = neighbor_columns(p), tail = tail_columns(p), stride = obs_stride(p, io);
+  const int front = neighbor_columns(p), tail = tail_columns(p);
   if (io.team[0].obs || io.team[1].obs) {
-    lanes.each_cell(n, front, [&](int e, int column) {
-      float* obs = io.team[p.team_of(e)].obs;
-      if (obs) obs[team_row(p, world, e) * stride + column] = neighbor_value(p, w, e, column);
-    });
-    lanes.each_cell(tail > 0 ? n : 0, tail, [&](int e, int column) {
-      float* obs = io.team[p.team_of(e)].obs;
-      if (obs) obs[team_row(p, world, e) * stride + front + column] = tail_value(p, w, e, column);
+    struct Row {
+      float* obs;
+      NeighborRows seen;
+      GIGA_HD explicit operator bool() const { return obs != nullptr; }
+    };
+    const auto row_of = [&](int e) { return Row{obs_row(p, io, world, e), {p, w, e}}; };
+    lanes.each_cell(n, front, row_of,
+                    [&](const Row& row, int column) { row.obs[column] = neighbor_value(row.seen, column); });
+    const float* boxes = features_of_boxes(p, w);
+    lanes.each_cell(n, tail, row_of, [&](const Row& row, int column) {
+      row.obs[front + column] = tail_value(p, w, boxes, row.seen.e, column);
     });
     if (p.body_view) write_body_views(lanes, p, w, io, world, n);
   }
@@ -84,17 +93,24 @@ GIGA_HD void observe_world(const Lanes& lanes, const SimParams& p, WorldView& w,
 /// Copies the observations that have just been written to where those before a reset are kept.
 template <class Lanes>
 GIGA_HD void keep_final(const Lanes& lanes, const SimParams& p, const StepIo& io, int64_t world, bool active) {
-  const int n = active ? p.n_agents : 0, columns = observation_size(p), stride = obs_stride(p, io);
+  const int n = active ? p.n_agents : 0, columns = observation_size(p);
   lanes.each(n, [&](int e) {
     const TeamIo& team = io.team[p.team_of(e)];
     if (team.final_alive && team.alive) team.final_alive[team_row(p, world, e)] = team.alive[team_row(p, world, e)];
   });
-  if (io.team[0].final_obs || io.team[1].final_obs)
-    lanes.each_cell(n, columns, [&](int e, int column) {
+  if (io.team[0].final_obs || io.team[1].final_obs) {
+    struct Row {
+      const float* from;
+      float* to;
+      GIGA_HD explicit operator bool() const { return to != nullptr; }
+    };
+    const auto row_of = [&](int e) {
       const TeamIo& team = io.team[p.team_of(e)];
-      const int64_t at = team_row(p, world, e) * stride + column;
-      if (team.final_obs && team.obs) team.final_obs[at] = team.obs[at];
-    });
+      const float* from = obs_row(p, io, world, e);
+      return Row{from, from && team.final_obs ? team.final_obs + (from - team.obs) : nullptr};
+    };
+    lanes.each_cell(n, columns, row_of, [](const Row& row, int column) { row.to[column] = row.from[column]; });
+  }
   const int state_columns = active && io.final_global && io.global ? global_size(p) : 0;
   lanes.each(state_columns,
              [&](int k) { io.final_global[world * state_columns + k] = io.global[world * state_columns + k]; });

@@ -33,7 +33,7 @@ struct WorldView {
   uint8_t* flags;        // [N] bits of AgentFlag
   uint32_t* talk;        // [N, words] bit b of row e: e hears b
   uint16_t* neighbors;   // [N, n_neighbors] agents of the observation's rows; kNobody = row of zeros
-  float* neighbor_keys;  // [N, n_neighbors] their distances
+  float* neighbor_keys;  // [N, n_neighbors] their distances, then their headings relative to the agent's
   float* features;       // [N, kNeighborFeatures] of observations, see observe.hpp
   uint16_t* company;     // [N, kBodyCompany] agents of the body view, see body_view.hpp
   float* terms;          // [kNRewardTerms, N] what each reward term added to the agent's reward

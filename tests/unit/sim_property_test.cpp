@@ -46,9 +46,11 @@ struct ScrambledLanes {
         for (int i = start; i < n; i += 2) f(i);
     }
   }
-  template <class F>
-  void each_cell(int rows, int columns, F&& f) const {
-    each(rows * columns, [&](int k) { f(k / columns, k % columns); });
+  template <class OfRow, class F>
+  void each_cell(int rows, int columns, OfRow&& of_row, F&& f) const {
+    each(rows * columns, [&](int k) {
+      if (const auto common = of_row(k / columns)) f(common, k % columns);
+    });
   }
   bool any(bool) const { return true; }  // as if another world of the same warp had ended
 };
