@@ -22,6 +22,14 @@ SimSpec limited(const SimSpec& spec, std::optional<int> max_steps) {
   return result;
 }
 
+/// Whether any opponent is a script that looks at its observation, which networks of body views leave unread.
+bool scripts_look(const std::vector<Population>& populations) {
+  return std::any_of(populations.begin(), populations.end(), [](const Population& p) {
+    return std::any_of(p.opponent.begin(), p.opponent.end(),
+                       [](int32_t id) { return id < 0 && uses_observation(script_of_network(id)); });
+  });
+}
+
 }  // namespace
 
 PopulationGames::PopulationGames(const SimSpec& spec, const PopulationGamesOptions& options, const Actor& network,
@@ -71,6 +79,7 @@ void PopulationGames::play(const std::vector<Population>& populations, uint32_t 
   packed_.clear();
   for (const Population& p : populations)
     if (fused_) packed_.insert(packed_.end(), {packed(p.members), packed(p.opponents)});
+  io_.body_only = !network_.inputs().all() && !scripts_look(populations);
   // Draws are addressed by step: each episode has its own steps, two and one for each that is played (sim/step.hpp).
   const int limit = options_.n_rounds * sim_->params().max_episode_length;
   const uint32_t first_step = generation * static_cast<uint32_t>(limit + 2 * options_.n_rounds);

@@ -36,7 +36,7 @@ GIGA_HD void write_body_views(const Lanes& lanes, const SimParams& p, const Worl
   lanes.each(n, [&](int e) {
     float* obs = obs_row(p, io, world, e);
     if (!obs) return;
-    write_nothing(at - before, obs + before);
+    if (!io.body_only) write_nothing(at - before, obs + before);
     write_body_surroundings(p, w, e, obs + at);
   });
   const int items = body_agents(p);
@@ -61,7 +61,8 @@ GIGA_HD void write_observations(const Lanes& lanes, const SimParams& p, WorldVie
   });
   // Number by number, so that neighboring lanes write neighboring numbers.
   const int front = neighbor_columns(p), tail = tail_columns(p);
-  if (io.team[0].obs || io.team[1].obs) {
+  const bool wanted = io.team[0].obs || io.team[1].obs;
+  if (wanted && !io.body_only) {
     struct Row {
       float* obs;
       NeighborRows seen;
@@ -74,8 +75,8 @@ GIGA_HD void write_observations(const Lanes& lanes, const SimParams& p, WorldVie
     lanes.each_cell(n, tail, row_of, [&](const Row& row, int column) {
       row.obs[front + column] = tail_value(p, w, boxes, row.seen.e, column);
     });
-    if (p.body_view) write_body_views(lanes, p, w, io, world, n);
   }
+  if (wanted && p.body_view) write_body_views(lanes, p, w, io, world, n);
   const int state_columns = active && io.global ? global_size(p) : 0;
   lanes.each(state_columns, [&](int k) { io.global[world * state_columns + k] = global_value(p, w, k); });
 }

@@ -157,7 +157,8 @@ struct TeamIo {
 };
 struct StepIo {
   TeamIo team[kNTeams];
-  int obs_stride = 0;  // from one row of obs and final_obs to the next; 0 = D. The rest is not touched
+  int obs_stride = 0;      // from one row of obs and final_obs to the next; 0 = D. The rest is not touched
+  bool body_only = false;  // of obs write the body view alone (SimParams::body_view), for whom nobody reads the rest
   bool final_of_truncations_only = false;  // leave final_* alone where a game was decided: values need no more of it
   uint8_t* done = nullptr;                 // [W] Done
   float* global = nullptr;                 // [W, G] true state, see state_encoding.hpp

@@ -90,6 +90,23 @@ TEST(LearnPopulationGames, ScriptsArePlayedAsInAMatch) {
   EXPECT_EQ(stat(games.results(0), EpisodeStat::length) / 16, match.mean_length);
 }
 
+// Networks that read the body view alone, beside scripts that read the rest of the observation and those that do not.
+TEST(LearnPopulationGames, NetworksOfBodyViewsMeetScriptsThatLook) {
+  const LoadedRun run = run_of("maps: two_rooms1\nobservation: {body_view: true}\n", "hidden: [16, 16], inputs: body");
+  Networks n(run, 1, {});
+  n.take(n.members[0]);
+  const RowRunner rows(Device{}, 1);
+  PopulationGames games(run.spec, {8, 2, 1, false, false, true, 9, 1}, n.actor, rows);
+  for (const Scripted script : {Scripted::circle, Scripted::pursuer, Scripted::circle}) {
+    const int32_t id = network_of_script(script);
+    games.play({{0, n.members.expand({8, -1}).contiguous(), n.opponents, {id, id}}}, 0);
+    const MatchResult match =
+        play_match(run.spec, {&n.actor, Scripted::random}, {nullptr, script}, {16, 9, Device{}, 1});
+    EXPECT_EQ(stat(games.results(0), EpisodeStat::wins_0), match.wins[0]) << name_of(script);
+    EXPECT_EQ(stat(games.results(0), EpisodeStat::length) / 16, match.mean_length) << name_of(script);
+  }
+}
+
 // With common random numbers two equal members have equal episodes, and only those.
 TEST(LearnPopulationGames, CommonRandomNumbers) {
   const LoadedRun run = run_of();

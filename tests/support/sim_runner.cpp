@@ -91,6 +91,7 @@ SimRunner::SimRunner(std::unique_ptr<Simulator> sim, Outputs outputs, int obs_st
   const SimParams& p = sim_->params();
   const size_t columns = static_cast<size_t>(obs_stride > 0 ? obs_stride : observation_size(p));
   io_.obs_stride = obs_stride;
+  io_.body_only = outputs == Outputs::body_view;
   const size_t n = static_cast<size_t>(p.n_agents);
   for (size_t t = 0; t < kNTeams; ++t) {
     TeamIo& io = io_.team[t];
@@ -101,7 +102,7 @@ SimRunner::SimRunner(std::unique_ptr<Simulator> sim, Outputs outputs, int obs_st
     if (outputs == Outputs::none) continue;
     const std::string team = cat(" of team ", t);
     io.obs = static_cast<float*>(add("obs" + team, rows * columns, columns, 4, true));
-    if (outputs == Outputs::observations) continue;
+    if (outputs != Outputs::all) continue;
     io.reward = static_cast<float*>(add("reward" + team, rows, 1, 4, true));
     io.alive = static_cast<uint8_t*>(add("alive" + team, rows, 1, 1, false));
     io.final_obs = static_cast<float*>(add("final_obs" + team, rows * columns, columns, 4, true));

@@ -38,8 +38,9 @@ std::string difference(const Snapshot& expected, const Snapshot& actual);
 /// Random actions of a team: controls a little beyond [-1, 1], or indices -1 to 27, as bytes of its action buffer.
 std::vector<uint8_t> random_actions(const SimSpec& spec, int team, int n_worlds, uint64_t seed);
 
-/// Which outputs a runner asks for; `observations` as populations do, who leave waiting worlds out of a step.
-enum class Outputs { all, observations, none };
+/// Which outputs a runner asks for; `observations` and `body_view` as populations do, who leave waiting worlds out of a
+/// step.
+enum class Outputs { all, observations, body_view, none };
 
 class SimRunner {
  public:

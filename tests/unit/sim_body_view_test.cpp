@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "sim/observe.hpp"
+#include "support/sim_runner.hpp"
 #include "support/sim_specs.hpp"
 #include "support/sim_world.hpp"
 
@@ -37,6 +38,34 @@ TEST(SimBodyView, SizesFollowTheTeams) {
   SimSpec off = body_spec(5, 5);
   off.params.body_view = false;
   EXPECT_EQ(off.observation_size(), 90);
+}
+
+TEST(SimBodyView, AloneItIsTheSameAndNothingElseIsWritten) {
+  SimSpec spec = random_spec(7, 3, 2);
+  spec.params.body_view = true;
+  spec.finish();
+  SimOptions options;
+  options.n_worlds = 16;
+  SimRunner whole(make_cpu_simulator(spec, options), Outputs::observations);
+  SimRunner alone(make_cpu_simulator(spec, options), Outputs::body_view);
+  whole.start();
+  alone.start();
+  const auto columns = static_cast<size_t>(spec.observation_size()), at = static_cast<size_t>(body_at(spec.params));
+  ASSERT_LT(at, columns);
+  for (uint64_t step = 0; step < 30; ++step) {
+    whole.step(step);
+    alone.step(step);
+    const Snapshot a = whole.snapshot(), b = alone.snapshot();
+    for (const char* team : {"obs of team 0", "obs of team 1"}) {
+      const size_t numbers = a.field(team).bytes.size() / 4;
+      for (size_t k = 0; k < numbers; ++k) {
+        if (k % columns < at)
+          EXPECT_TRUE(std::isnan(b.float_at(team, k))) << k;
+        else
+          ASSERT_EQ(a.float_at(team, k), b.float_at(team, k)) << k;
+      }
+    }
+  }
 }
 
 TEST(SimBodyView, TellsTheAgentItself) {
