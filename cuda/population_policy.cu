@@ -144,7 +144,7 @@ __device__ uint32_t observed(const float* row, int column, int columns) {
   return pair_of(row && column < columns ? *reinterpret_cast<const float2*>(row + column) : float2{0, 0});
 }
 
-/// Rows `first` and after of the worlds in `memory`, agents of a team after each other.
+/// The rows of the worlds in `memory`: one for each agent of the team, world after world.
 struct Rows {
   const WarpMemory& memory;
   int n, count;  // agents of a world; rows

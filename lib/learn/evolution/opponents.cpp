@@ -5,11 +5,11 @@
 
 namespace giga {
 
-std::vector<int32_t> assign_opponents(const OpponentsConfig& config, int64_t n_episodes,
+std::vector<int32_t> assign_opponents(const OpponentsConfig& config, int64_t n_worlds,
                                       const std::vector<double>& weights, const PoolKey& key) {
-  const int64_t scripted = config.scripted.empty() ? 0 : share_of(config.scripted_share, n_episodes, n_episodes);
-  const int64_t pooled = weights.empty() ? 0 : share_of(config.pool_share, n_episodes, n_episodes - scripted);
-  std::vector<int32_t> opponents(static_cast<size_t>(n_episodes), 0);
+  const int64_t scripted = config.scripted.empty() ? 0 : share_of(config.scripted_share, n_worlds, n_worlds);
+  const int64_t pooled = weights.empty() ? 0 : share_of(config.pool_share, n_worlds, n_worlds - scripted);
+  std::vector<int32_t> opponents(static_cast<size_t>(n_worlds), 0);
   for (int64_t e = 0; e < scripted + pooled; ++e)
     opponents[static_cast<size_t>(e)] =
         e < scripted ? network_of_script(config.scripted[static_cast<size_t>(e) % config.scripted.size()])

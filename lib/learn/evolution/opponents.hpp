@@ -9,10 +9,10 @@
 
 namespace giga {
 
-/// The opponent of each of `n_episodes` episodes: a row of the other team's pool, or a script. First the scripts'
-/// share, in turn; then that of the pool, drawn with its `weights` (none while it is empty); the rest meets the mean.
-/// Shares are rounded to whole episodes.
-std::vector<int32_t> assign_opponents(const OpponentsConfig& config, int64_t n_episodes,
+/// The opponent in each of a member's `n_worlds` worlds: a row of the other team's pool, or a script. First the
+/// scripts' share, in turn; then that of the pool, drawn with its `weights` (none while it is empty); the rest meets
+/// the mean. Shares are rounded to whole worlds.
+std::vector<int32_t> assign_opponents(const OpponentsConfig& config, int64_t n_worlds,
                                       const std::vector<double>& weights, const PoolKey& key);
 
 }  // namespace giga
