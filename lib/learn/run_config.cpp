@@ -37,8 +37,7 @@ class CombinationCheck {
             "a run ends after population.generations");
     not_for(name, "train.n_worlds", a.n_worlds != b.n_worlds,
             "worlds are population.population_size x population.episodes_per_member (or parallel_episodes), for each "
-            "team that "
-            "evolves");
+            "team that evolves");
     not_for(name, "train.desynchronize", a.desynchronize != b.desynchronize, "episodes of a generation start together");
   }
 
