@@ -8,6 +8,7 @@
 
 #include "io/files.hpp"
 #include "program.hpp"
+#include "support/source.hpp"
 
 namespace giga::test {
 namespace {
@@ -288,7 +289,7 @@ TEST(BadInput, EveryKindIsToldAndTheTableInTheDocsIsCurrent) {
     for (const std::string& part : input.parts) EXPECT_TRUE(contains(message, {part})) << input.kind;
     page += "| " + input.kind + " | " + cell(shortened(input.shown)) + " | " + cell(message) + " |\n";
   }
-  const std::string file = GIGASTEP_SOURCE_DIR "/docs/bad_input.md";
+  const std::string file = source_path("docs/bad_input.md");
   if (std::getenv("GIGASTEP_WRITE_DOCS")) std::ofstream(file) << page;
   EXPECT_EQ(read_file(file), page) << "scripts/docs writes it anew";
 }

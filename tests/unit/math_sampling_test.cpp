@@ -6,12 +6,13 @@
 #include <limits>
 #include <vector>
 
+#include "support/numbers.hpp"
+
 #include "math/distributions.hpp"
 
 namespace giga {
 namespace {
 
-constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 /// Chi-square with 26 degrees of freedom lies above this with probability 1e-4.
 constexpr double kChiSquare26 = 61.7;
 
