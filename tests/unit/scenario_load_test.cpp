@@ -13,7 +13,7 @@
 namespace giga {
 namespace {
 
-DataDirs source_data() { return {source_path()}; }
+DataDirs source_data() { return {test::source_path()}; }
 Scenario load(const std::string& name) { return load_scenario(name, source_data()); }
 
 /// Agents per team and side of the world.
@@ -247,8 +247,8 @@ TEST(ScenarioData, FoldersAreFound) {
   EXPECT_FALSE(find_data_file(dirs, "scenarios/nothing.yaml"));
   setenv("GIGASTEP_DATA_DIR", "/nowhere", 1);
   EXPECT_THROW(data_dirs(), InputError);
-  setenv("GIGASTEP_DATA_DIR", source_path().c_str(), 1);
-  EXPECT_EQ(data_dirs().front(), source_path());
+  setenv("GIGASTEP_DATA_DIR", test::source_path().c_str(), 1);
+  EXPECT_EQ(data_dirs().front(), test::source_path());
   unsetenv("GIGASTEP_DATA_DIR");
 }
 

@@ -31,7 +31,7 @@ class ScenarioUser : public testing::Test {
     return (folder_ / name).string();
   }
   static Scenario load(const std::string& name, const Node* changes = nullptr) {
-    return load_scenario(name, {source_path()}, changes, changes ? "environment" : "");
+    return load_scenario(name, {test::source_path()}, changes, changes ? "environment" : "");
   }
   /// Message of loading and compiling this text as f.yaml, without the folder.
   std::string error_of(const std::string& text) const {
