@@ -83,7 +83,7 @@ std::string program_command() {
 Json version_info() {
   Json info = Json::object();
   info.set("gigastep", program_version()).set("torch", TORCH_VERSION).set("compiler", __VERSION__);
-  info.set("built_with_cuda", static_cast<bool>(GIGASTEP_HAS_CUDA));
+  info.set("built_with_cuda", built_with_cuda());
   return info;
 }
 

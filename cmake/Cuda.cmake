@@ -1,32 +1,14 @@
-# CUDA where wanted and found: sets GIGASTEP_HAS_CUDA (0 or 1), defines giga::cudart, the one CUDA runtime library.
-
-set(GIGASTEP_HAS_CUDA 0)
-if(GIGASTEP_CUDA)  # AUTO or ON
-  # Which compiler: decided by scripts/locate (PATH, /usr/local/cuda, the project's .venv; CUDA 13, as LibTorch).
-  if(NOT CMAKE_CUDA_COMPILER AND NOT DEFINED ENV{CUDACXX})
-    execute_process(COMMAND ${PROJECT_SOURCE_DIR}/scripts/locate nvcc
-                    OUTPUT_VARIABLE nvcc OUTPUT_STRIP_TRAILING_WHITESPACE ERROR_QUIET)
-    if(nvcc)
-      set(CMAKE_CUDA_COMPILER ${nvcc} CACHE FILEPATH "CUDA compiler")
-    endif()
-  endif()
-  if(CMAKE_CUDA_COMPILER OR DEFINED ENV{CUDACXX})
-    set(GIGASTEP_HAS_CUDA 1)
-  elseif(NOT GIGASTEP_CUDA STREQUAL "AUTO")
-    message(FATAL_ERROR "GIGASTEP_CUDA=${GIGASTEP_CUDA}, but no CUDA 13 compiler was found: run scripts/bootstrap")
-  endif()
-endif()
+# The CUDA language, where the build has CUDA: architectures, flags, and giga::cudart, the one CUDA runtime library.
 
 if(GIGASTEP_HAS_CUDA)
   # Architectures: those of the GPUs present; else 8.0 (serves Ampere and Ada), 9.0 (Hopper) and PTX of 9.0, which the
   # driver translates for anything newer. Each entry costs compile time; set CMAKE_CUDA_ARCHITECTURES for another list.
   if(NOT DEFINED CMAKE_CUDA_ARCHITECTURES AND NOT DEFINED ENV{CUDAARCHS})
-    execute_process(COMMAND nvidia-smi --query-gpu=compute_cap --format=csv,noheader
-                    OUTPUT_VARIABLE capabilities RESULT_VARIABLE failed ERROR_QUIET)
+    execute_process(COMMAND ${PROJECT_SOURCE_DIR}/scripts/locate gpu OUTPUT_VARIABLE capabilities ERROR_QUIET)
     string(REGEX MATCHALL "[0-9]+\\.[0-9]+" capabilities "${capabilities}")
     list(REMOVE_DUPLICATES capabilities)
     list(TRANSFORM capabilities REPLACE "([0-9]+)\\.([0-9]+)" "\\1\\2-real")
-    if(failed OR NOT capabilities)
+    if(NOT capabilities)
       set(capabilities 80-real 90-real 90-virtual)
     endif()
     set(CMAKE_CUDA_ARCHITECTURES "${capabilities}" CACHE STRING "CUDA architectures")
@@ -67,5 +49,5 @@ if(GIGASTEP_HAS_CUDA)
   target_link_libraries(giga_cudart INTERFACE ${GIGASTEP_CUDART})
   message(STATUS "CUDA: ${CMAKE_CUDA_COMPILER} ${CMAKE_CUDA_COMPILER_VERSION} for ${CMAKE_CUDA_ARCHITECTURES}, ${GIGASTEP_CUDART}")
 else()
-  message(STATUS "CUDA: off (GIGASTEP_CUDA=${GIGASTEP_CUDA})")
+  message(STATUS "CUDA: off, ${GIGASTEP_WITHOUT_CUDA}")
 endif()

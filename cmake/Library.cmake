@@ -1,12 +1,54 @@
-# giga_library(): the library of the current folder.
+# giga_library(): the library of the current folder. giga_together(), giga_cold(): how its files are compiled.
 
-# giga_library(<name> [TORCH] [FILES <files>...] [EXCEPT <files>...] [PUBLIC <targets>...] [PRIVATE <targets>...])
+# giga_together(<target> <files>...): compiles the C++ files of a folder in groups of at most GIGASTEP_UNITY, which saves
+# what parsing the same headers costs. The files of a group share one file scope, so names in their anonymous namespaces
+# must differ. 0 compiles each file alone: quicker where one is changed again and again.
+set(GIGASTEP_UNITY 8 CACHE STRING "how many C++ files of a folder are compiled together; 0: each alone")
+function(giga_together target)
+  if(NOT GIGASTEP_UNITY GREATER 0)
+    return()
+  endif()
+  # As even as they can be: nine files are groups of five and four.
+  set(folders "")
+  foreach(file ${ARGN})
+    if(NOT file MATCHES "\\.cpp$")
+      continue()
+    endif()
+    get_filename_component(path ${file} ABSOLUTE)
+    get_filename_component(folder ${path} DIRECTORY)
+    string(MAKE_C_IDENTIFIER "${folder}" key)
+    list(APPEND folders ${key})
+    list(APPEND files_${key} ${path})
+  endforeach()
+  list(REMOVE_DUPLICATES folders)
+  set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_MODE GROUP)
+  set(group 0)
+  foreach(key ${folders})
+    list(LENGTH files_${key} count)
+    math(EXPR groups "(${count} + ${GIGASTEP_UNITY} - 1) / ${GIGASTEP_UNITY}")
+    math(EXPR size "(${count} + ${groups} - 1) / ${groups}")
+    set(at 0)
+    foreach(path ${files_${key}})
+      math(EXPR index "${group} + ${at} / ${size}")
+      set_property(SOURCE ${path} PROPERTY UNITY_GROUP group_${index})
+      math(EXPR at "${at} + 1")
+    endforeach()
+    math(EXPR group "${group} + ${groups}")
+  endforeach()
+endfunction()
+
+# giga_cold(<target>): code that takes no share of a run's time, compiled quickly (-O1) where the build is optimised.
+function(giga_cold target)
+  target_compile_options(${target} PRIVATE $<$<AND:$<CONFIG:Release>,$<COMPILE_LANGUAGE:CXX>>:-O1>)
+endfunction()
+
+# giga_library(<name> [TORCH] [COLD] [FILES <files>...] [EXCEPT <files>...] [PUBLIC <targets>...] [PRIVATE <targets>...])
 #
 # Defines giga::<name> from the .cpp files (and .cu files, where CUDA is on) of the current folder. A folder of headers
 # only becomes an INTERFACE target. FILES, EXCEPT: these alone, all but these, where a folder makes two libraries. TORCH:
-# the files start from the precompiled LibTorch header.
+# the files start from the precompiled LibTorch header. COLD: see giga_cold().
 function(giga_library name)
-  cmake_parse_arguments(PARSE_ARGV 1 arg "TORCH" "" "FILES;EXCEPT;PUBLIC;PRIVATE")
+  cmake_parse_arguments(PARSE_ARGV 1 arg "TORCH;COLD" "" "FILES;EXCEPT;PUBLIC;PRIVATE")
   file(GLOB_RECURSE sources CONFIGURE_DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/*.cpp)
   if(arg_FILES)
     set(sources ${arg_FILES})
@@ -24,8 +66,12 @@ function(giga_library name)
     add_library(${target} STATIC ${sources})
     target_include_directories(${target} PUBLIC ${PROJECT_SOURCE_DIR}/lib)
     target_link_libraries(${target} PUBLIC ${arg_PUBLIC} PRIVATE ${arg_PRIVATE})
+    giga_together(${target} ${sources})
     if(arg_TORCH)
       giga_use_torch_pch(${target})
+    endif()
+    if(arg_COLD)
+      giga_cold(${target})
     endif()
   else()
     add_library(${target} INTERFACE)

@@ -4,7 +4,7 @@ if(NOT CMAKE_BUILD_TYPE AND NOT CMAKE_CONFIGURATION_TYPES)
   set(CMAKE_BUILD_TYPE Release CACHE STRING "Release, Debug or RelWithDebInfo" FORCE)
 endif()
 
-set(GIGASTEP_CUDA AUTO CACHE STRING "CUDA back end: AUTO (where a CUDA compiler is found), ON or OFF")
+set(GIGASTEP_CUDA AUTO CACHE STRING "CUDA back end: AUTO (where there is a GPU), ON or OFF")
 set_property(CACHE GIGASTEP_CUDA PROPERTY STRINGS AUTO ON OFF)
 set(GIGASTEP_LIBTORCH "" CACHE PATH "folder of LibTorch or of Python's torch package; empty: see scripts/locate")
 option(GIGASTEP_PCH "precompile the LibTorch headers" ON)
@@ -65,12 +65,14 @@ endif()
 add_compile_options("$<$<COMPILE_LANGUAGE:CXX>:${giga_host_flags}>" "$<$<COMPILE_LANGUAGE:CXX>:${giga_host_warnings}>"
                     "$<$<COMPILE_LANGUAGE:CXX>:-Wpedantic;-Wshadow;-Wnon-virtual-dtor>")
 
-# The compiler cache. The sloppiness is what ccache asks for to cache files that use a precompiled header.
+# The compiler cache. The sloppiness is what ccache asks for to cache files that use a precompiled header; paths count from
+# the checkout, so that another checkout finds what this one compiled.
 if(GIGASTEP_CCACHE)
   find_program(GIGASTEP_CCACHE_PROGRAM ccache)
   mark_as_advanced(GIGASTEP_CCACHE_PROGRAM)
   if(GIGASTEP_CCACHE_PROGRAM)
-    set(launcher ${CMAKE_COMMAND} -E env CCACHE_SLOPPINESS=pch_defines,time_macros ${GIGASTEP_CCACHE_PROGRAM})
+    set(launcher ${CMAKE_COMMAND} -E env CCACHE_SLOPPINESS=pch_defines,time_macros CCACHE_BASEDIR=${PROJECT_SOURCE_DIR}
+                 CCACHE_NOHASHDIR=1 ${GIGASTEP_CCACHE_PROGRAM})
     set(CMAKE_C_COMPILER_LAUNCHER ${launcher})
     set(CMAKE_CXX_COMPILER_LAUNCHER ${launcher})
     set(CMAKE_CUDA_COMPILER_LAUNCHER ${launcher})

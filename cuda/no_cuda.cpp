@@ -1,16 +1,18 @@
 // The CUDA back end of a build without CUDA: no device.
-#if !GIGASTEP_HAS_CUDA
-
 #include "core/error.hpp"
 #include "cuda/device_clock.hpp"
 #include "cuda/population_policy.hpp"
+#include "cuda/row_operations.hpp"
+#include "cuda/rows.hpp"
 #include "cuda/runtime.hpp"
+#include "cuda/sensors.hpp"
 
 namespace giga {
 namespace {
 [[noreturn]] void missing() { throw InputError("this build has no CUDA; use --device cpu"); }
 }  // namespace
 
+bool built_with_cuda() { return false; }
 int cuda_device_count() { return 0; }
 GpuInfo cuda_device_info(int) { missing(); }
 Memory& cuda_memory(int) { missing(); }
@@ -22,7 +24,15 @@ void pack_population(const PackedMlp&, const float*, int64_t, int64_t, uint16_t*
 int population_work(const PopulationPolicy&) { missing(); }
 void list_population_work(const PopulationPolicy&, int32_t*, int, void*) { missing(); }
 void launch_population_policy(const PopulationPolicy&, int, void*) { missing(); }
+GpuSensors::GpuSensors(int index) : index_(index), thermometer_("") { missing(); }
+GpuReading GpuSensors::read() const { missing(); }
+
+template <class Op>
+void launch_rows(const Op&, int64_t, int, void*) {
+  missing();
+}
+#define GIGA_INSTANTIATE(Op) template void launch_rows(const Op&, int64_t, int, void*);
+GIGA_ROW_OPERATIONS(GIGA_INSTANTIATE)
+#undef GIGA_INSTANTIATE
 
 }  // namespace giga
-
-#endif

@@ -1,14 +1,7 @@
 // Row operations on the GPU: one thread per row.
 #include "cuda/check.cuh"
+#include "cuda/row_operations.hpp"
 #include "cuda/rows.hpp"
-#include "math/distributions.hpp"
-#include "math/es_noise.hpp"
-#include "math/gae.hpp"
-#include "math/population_actions.hpp"
-#include "math/ppo_loss.hpp"
-#include "math/scripted.hpp"
-#include "math/step_gate.hpp"
-#include "math/team_mean.hpp"
 
 namespace giga {
 namespace {
@@ -31,22 +24,8 @@ void launch_rows(const Op& op, int64_t n, int index, void* stream) {
   GIGA_CUDA(cudaGetLastError());
 }
 
-template void launch_rows(const SampleCategorical&, int64_t, int, void*);
-template void launch_rows(const SampleGaussian&, int64_t, int, void*);
-template void launch_rows(const ScriptedActions&, int64_t, int, void*);
-template void launch_rows(const Gae&, int64_t, int, void*);
-template void launch_rows(const CategoricalLoss&, int64_t, int, void*);
-template void launch_rows(const GaussianLoss&, int64_t, int, void*);
-template void launch_rows(const ValueLoss&, int64_t, int, void*);
-template void launch_rows(const PopulationActions&, int64_t, int, void*);
-template void launch_rows(const PopulationScriptsOfAll&, int64_t, int, void*);
-template void launch_rows(const PerturbMembers&, int64_t, int, void*);
-template void launch_rows(const NoiseMoments&, int64_t, int, void*);
-template void launch_rows(const FiniteCheck&, int64_t, int, void*);
-template void launch_rows(const StepGate&, int64_t, int, void*);
-template void launch_rows(const LivingMean<float>&, int64_t, int, void*);
-template void launch_rows(const LivingMean<BFloat16>&, int64_t, int, void*);
-template void launch_rows(const LivingMeanGradient<float>&, int64_t, int, void*);
-template void launch_rows(const LivingMeanGradient<BFloat16>&, int64_t, int, void*);
+#define GIGA_INSTANTIATE(Op) template void launch_rows(const Op&, int64_t, int, void*);
+GIGA_ROW_OPERATIONS(GIGA_INSTANTIATE)
+#undef GIGA_INSTANTIATE
 
 }  // namespace giga

@@ -9,7 +9,8 @@
 
 namespace giga {
 
-/// Queues op(0) ... op(n - 1) on a GPU. Instantiated in rows.cu for the operations listed there.
+/// Queues op(0) ... op(n - 1) on a GPU, for the operations listed in row_operations.hpp. Throws in a build without
+/// CUDA.
 template <class Op>
 void launch_rows(const Op& op, int64_t n, int index, void* stream);
 
@@ -25,9 +26,7 @@ class RowRunner {
   template <class Op>
   void run(const Op& op, int64_t n) const {
     if (n <= 0) return;
-#if GIGASTEP_HAS_CUDA
     if (device_.is_cuda()) return launch_rows(op, n, device_.index, stream_);
-#endif
     pool_->for_ranges(n, [&op](int64_t begin, int64_t end, int) {
       for (int64_t row = begin; row < end; ++row) op(row);
     });
@@ -35,7 +34,7 @@ class RowRunner {
 
  private:
   Device device_;
-  [[maybe_unused]] void* stream_;  // a build without CUDA has no use for it
+  void* stream_;
   std::unique_ptr<ThreadPool> pool_;
 };
 

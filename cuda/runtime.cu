@@ -1,10 +1,11 @@
-// Devices and memory of the CUDA runtime.
+// Devices, memory and sensors of the CUDA runtime.
 #include <array>
 #include <memory>
 #include <mutex>
 
 #include "cuda/check.cuh"
 #include "cuda/runtime.hpp"
+#include "cuda/sensors.hpp"
 
 namespace giga {
 namespace {
@@ -38,7 +39,15 @@ class CudaMemory final : public Memory {
   int index_;
 };
 
+std::string pci_bus_id(int index) {
+  char text[32];
+  GIGA_CUDA(cudaDeviceGetPCIBusId(text, sizeof text, index));
+  return text;
+}
+
 }  // namespace
+
+bool built_with_cuda() { return true; }
 
 int cuda_device_count() {
   int count = 0;
@@ -71,6 +80,19 @@ Memory& cuda_memory(int index) {
   auto& memory = memories[static_cast<size_t>(index)];
   if (!memory) memory = std::make_unique<CudaMemory>(index);
   return *memory;
+}
+
+GpuSensors::GpuSensors(int index) : index_(index), thermometer_(pci_bus_id(index)) {}
+
+GpuReading GpuSensors::read() const {
+  int before = 0;
+  GIGA_CUDA(cudaGetDevice(&before));
+  GIGA_CUDA(cudaSetDevice(index_));
+  size_t free = 0, total = 0;
+  const cudaError_t status = cudaMemGetInfo(&free, &total);
+  GIGA_CUDA(cudaSetDevice(before));
+  GIGA_CUDA(status);
+  return {static_cast<int64_t>(total - free), static_cast<int64_t>(total), thermometer_.read()};
 }
 
 }  // namespace giga

@@ -11,6 +11,9 @@
 
 namespace giga {
 
+/// Whether this build has kernels.
+bool built_with_cuda();
+
 /// Number of usable GPUs; 0 without a driver, without a GPU, or in a build without CUDA.
 int cuda_device_count();
 

@@ -1,12 +1,7 @@
-// Reading a GPU's memory by the CUDA runtime and its temperature by NVML.
+// Reading the temperature of a GPU by NVML.
 #include "cuda/sensors.hpp"
 
 #include <dlfcn.h>
-
-#include "core/error.hpp"
-#if GIGASTEP_HAS_CUDA
-#include "cuda/check.cuh"
-#endif
 
 namespace giga {
 
@@ -71,39 +66,5 @@ double GpuThermometer::read() const {
   }
   return GpuReading{}.temperature;
 }
-
-#if GIGASTEP_HAS_CUDA
-
-namespace {
-
-std::string pci_bus_id(int index) {
-  char text[32];
-  GIGA_CUDA(cudaDeviceGetPCIBusId(text, sizeof text, index));
-  return text;
-}
-
-}  // namespace
-
-GpuSensors::GpuSensors(int index) : index_(index), thermometer_(pci_bus_id(index)) {}
-
-GpuReading GpuSensors::read() const {
-  int before = 0;
-  GIGA_CUDA(cudaGetDevice(&before));
-  GIGA_CUDA(cudaSetDevice(index_));
-  size_t free = 0, total = 0;
-  const cudaError_t status = cudaMemGetInfo(&free, &total);
-  GIGA_CUDA(cudaSetDevice(before));
-  GIGA_CUDA(status);
-  return {static_cast<int64_t>(total - free), static_cast<int64_t>(total), thermometer_.read()};
-}
-
-#else
-
-GpuSensors::GpuSensors(int index) : index_(index), thermometer_("") {
-  throw InputError("this build has no CUDA; use --device cpu");
-}
-GpuReading GpuSensors::read() const { return {}; }
-
-#endif
 
 }  // namespace giga

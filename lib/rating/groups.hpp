@@ -8,6 +8,8 @@
 
 namespace giga {
 
+constexpr int kNSides = 2;
+
 /// A group is a largest set of players in which a chain of "took points from" leads from each to each other: within it
 /// the differences of strength are finite, between two groups they are infinite or unknown.
 struct PlayerGroups {

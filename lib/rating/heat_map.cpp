@@ -12,9 +12,8 @@
 namespace giga {
 namespace {
 
-constexpr const char *kInk = "#1c2430", *kQuiet = "#5d6878", *kEmpty = "#eef0f3";
-constexpr double kMargin = 20, kHeadingHeight = 70, kAxisLabel = 22, kLabelGap = 8;
-constexpr double kTitleSize = 17, kTextSize = 13;
+constexpr const char* kEmpty = "#eef0f3";
+constexpr double kAxisLabel = 22, kLabelGap = 8;
 constexpr double kBlockGap = 6, kScaleGap = 34, kScaleWidth = 14, kScaleText = 44;
 constexpr double kNarrowestHeading = 480;  // room for title and subtitle over a small matrix
 

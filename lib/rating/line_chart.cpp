@@ -12,9 +12,9 @@
 namespace giga {
 namespace {
 
-constexpr const char *kInk = "#1c2430", *kQuiet = "#5d6878", *kGrid = "#e4e8ed", *kLevel = "#8a94a3";
-constexpr double kTitleSize = 17, kTextSize = 13, kSmallSize = 12;
-constexpr double kMargin = 20, kHeadingHeight = 70, kYLabelWidth = 16, kAxisWidth = 52, kTickHeight = 30;
+constexpr const char *kGrid = "#e4e8ed", *kLevel = "#8a94a3";
+constexpr double kSmallSize = 12;
+constexpr double kYLabelWidth = 16, kAxisWidth = 52, kTickHeight = 30;
 constexpr double kXLabelHeight = 26, kGap = 24, kLevelDistance = 15;
 constexpr double kLineWidth = 2, kPointRadius = 3.6, kRingRadius = 6.5;
 constexpr const char* kDashes = "6 4";

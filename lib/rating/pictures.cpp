@@ -7,13 +7,13 @@
 
 #include "core/error.hpp"
 #include "math/wilson.hpp"
+#include "rating/groups.hpp"
 #include "rating/heat_map.hpp"
 #include "rating/line_chart.hpp"
 
 namespace giga {
 namespace {
 
-constexpr int kNSides = 2;
 constexpr const char* kBeyond = "beyond any number: never lost (up) or never won (down) against who is rated";
 
 void set_x_axis(TrainingAxis along, LineChart& chart) {

@@ -13,7 +13,6 @@
 namespace giga {
 namespace {
 
-constexpr int kNSides = 2;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 const double kEloPerNaturalUnit = 400 / std::log(10.0);

@@ -37,6 +37,10 @@ class Svg {
   std::string out_, hint_;
 };
 
+/// The look that all pictures share: colours, pixels.
+constexpr const char *kInk = "#1c2430", *kQuiet = "#5d6878";
+constexpr double kMargin = 20, kHeadingHeight = 70, kTitleSize = 17, kTextSize = 13;
+
 /// "12.5": at most two decimals, no zeros behind.
 std::string svg_number(double value);
 

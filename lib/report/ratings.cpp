@@ -29,17 +29,17 @@ double spread_of(const Node& rating) {
   return (number_of(&interval->items[1]) - number_of(&interval->items[0])) / 2;
 }
 
-std::string rounded(double value) { return std::isnan(value) ? "-" : print_number(std::round(value)); }
+std::string whole_number(double value) { return std::isnan(value) ? "-" : print_number(std::round(value)); }
 
 std::vector<std::string> table_row(const Node& rating) {
   const std::string standing = text_of(rating, "standing");
-  std::string elo = rounded(number_of(rating.find("rating")));
+  std::string elo = whole_number(number_of(rating.find("rating")));
   if (standing == "above") elo = "+infinity";
   if (standing == "below") elo = "-infinity";
-  std::vector<std::string> row = {text_of(rating, "player"), text_of(rating, "side"), elo, rounded(spread_of(rating)),
-                                  print_share(number_of(rating.find("score")))};
+  std::vector<std::string> row = {text_of(rating, "player"), text_of(rating, "side"), elo,
+                                  whole_number(spread_of(rating)), print_share(number_of(rating.find("score")))};
   for (const char* key : {"games", "wins", "ties", "losses"}) row.push_back(text_of(rating, key));
-  row.push_back(rounded(number_of(rating.find("paper_elo"))));
+  row.push_back(whole_number(number_of(rating.find("paper_elo"))));
   return row;
 }
 

@@ -8,6 +8,8 @@
 
 #include "io/files.hpp"
 #include "program.hpp"
+#include "support/source.hpp"
+#include "support/thinning.hpp"
 
 namespace giga::test {
 namespace {
@@ -283,14 +285,21 @@ TEST(BadInput, EveryKindIsToldAndTheTableInTheDocsIsCurrent) {
       "shown, it is line 2 of `run.yaml`, behind `scenario: identical_2_vs_2`; a line of a scenario is line 2 of\n"
       "`game.yaml`, behind `base: identical_2_vs_2`. This page is written by `scripts/docs` from a test.\n\n"
       "| kind | input | message |\n|---|---|---|\n";
-  for (const BadInput& input : all_bad_inputs()) {
+  const std::string file = source_path("docs/bad_input.md");
+  const bool writes = std::getenv("GIGASTEP_WRITE_DOCS") != nullptr;
+  const std::string current = read_file(file);
+  const std::vector<BadInput> inputs = all_bad_inputs();
+  const size_t stride = writes ? 1 : static_cast<size_t>(thinned(4));
+  for (size_t k = stride / 2; k < inputs.size(); k += stride) {
+    const BadInput& input = inputs[k];
     const std::string message = message_of(input);
     for (const std::string& part : input.parts) EXPECT_TRUE(contains(message, {part})) << input.kind;
-    page += "| " + input.kind + " | " + cell(shortened(input.shown)) + " | " + cell(message) + " |\n";
+    const std::string row = "| " + input.kind + " | " + cell(shortened(input.shown)) + " | " + cell(message) + " |\n";
+    if (!writes) EXPECT_TRUE(contains(current, {row})) << "scripts/docs writes the page anew";
+    page += row;
   }
-  const std::string file = GIGASTEP_SOURCE_DIR "/docs/bad_input.md";
-  if (std::getenv("GIGASTEP_WRITE_DOCS")) std::ofstream(file) << page;
-  EXPECT_EQ(read_file(file), page) << "scripts/docs writes it anew";
+  if (writes) std::ofstream(file) << page;
+  if (stride == 1) EXPECT_EQ(read_file(file), page) << "scripts/docs writes it anew";
 }
 
 }  // namespace

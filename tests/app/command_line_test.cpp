@@ -4,6 +4,7 @@
 #include <filesystem>
 
 #include "program.hpp"
+#include "support/source.hpp"
 
 namespace giga::test {
 namespace {
@@ -119,14 +120,20 @@ TEST(CommandLine, AnInstalledTreeFindsItsOwnData) {
   const Workplace here;
   fs::create_directories(here.path() / "bin");
   fs::create_directories(here.path() / "share/gigastep/configs");
-  fs::copy_file(GIGASTEP_EXECUTABLE, here.path() / "bin/gigastep");
-  fs::copy(GIGASTEP_SOURCE_DIR "/scenarios", here.path() / "share/gigastep/scenarios", fs::copy_options::recursive);
+  fs::copy_file(kGigastep, here.path() / "bin/gigastep");
+  fs::copy(source_path("scenarios"), here.path() / "share/gigastep/scenarios", fs::copy_options::recursive);
   here.write("share/gigastep/scenarios/only_here.yaml",
              "description: mine\nteam_0: [{count: 1}]\nteam_1: [{count: 2}]\n");
   here.write("share/gigastep/configs/small.yaml", "scenario: only_here\n");
   const std::string program = (here.path() / "bin/gigastep").string();
   EXPECT_TRUE(contains(here.run({"scenarios"}, program).out, {"only_here", "mine", "identical_5_vs_5"}));
   EXPECT_TRUE(contains(here.run({"config", "small"}, program).out, {"scenario: only_here"}));
+}
+
+// The tests themselves start other programs by name, as a user's python3.
+TEST(CommandLine, AProgramWithoutASlashIsLookedForInPath) {
+  EXPECT_EQ(Workplace().run({"-c", "exit 7"}, "sh").code, 7);
+  EXPECT_EQ(Workplace().run({}, "no_such_program_of_gigastep").code, 127);
 }
 
 }  // namespace

@@ -95,12 +95,12 @@ TEST_F(ExportedRun, MistakesEndWithCodeTwoAndLeaveNothing) {
 // The policy and the example are written, then the disk is full (ENOSPC).
 TEST_F(ExportedRun, AllFilesOrNone) {
   const std::vector<std::string> before = here_->entries();
-  const Environment full_disk = {{"LD_PRELOAD", GIGASTEP_FAULT_LIBRARY},
+  const Environment full_disk = {{"LD_PRELOAD", kFaultLibrary},
                                  {"FAULT_PATH", "new/manifest.json"},
                                  {"FAULT_AT", "1"},
                                  {"FAULT_ERRNO", std::to_string(ENOSPC)}};
   const Outcome outcome =
-      here_->run({"export", "run", "--team", "0", "--format", "onnx", "--out", "new"}, GIGASTEP_EXECUTABLE, full_disk);
+      here_->run({"export", "run", "--team", "0", "--format", "onnx", "--out", "new"}, kGigastep, full_disk);
   EXPECT_EQ(outcome.code, 1);
   EXPECT_TRUE(contains(outcome.err, {"new/manifest.json", "No space left"}));
   EXPECT_EQ(here_->entries(), before);

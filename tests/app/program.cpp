@@ -19,6 +19,9 @@
 namespace giga::test {
 namespace fs = std::filesystem;
 
+// Paths of the build are in this file alone, so that the others compile to the same anywhere.
+const std::string kGigastep = GIGASTEP_EXECUTABLE, kFaultLibrary = GIGASTEP_FAULT_LIBRARY;
+
 const char* const kTinyConfig = R"(scenario: identical_2_vs_2_void
 device: cpu
 train: {n_worlds: 64, total_agent_steps: 12_000}   # an update is 64 x 16 x 4 = 4096 agent-steps
@@ -74,7 +77,7 @@ Process::Process(const fs::path& folder, const std::vector<std::string>& argumen
   // Threads of LibTorch that wait by spinning would take the cores from each other where tests run side by side.
   ::setenv("OMP_WAIT_POLICY", "passive", 1);
   for (const auto& [name, value] : environment) ::setenv(name.c_str(), value.c_str(), 1);
-  if (::chdir(folder.c_str()) == 0) ::execv(program.c_str(), words.data());
+  if (::chdir(folder.c_str()) == 0) ::execvp(program.c_str(), words.data());
   ::_exit(127);
 }
 

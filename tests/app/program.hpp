@@ -21,6 +21,9 @@ struct Outcome {
   std::string out, err;
 };
 
+/// The built program, and the library that makes file operations of a process fail (fault/fault.c).
+extern const std::string kGigastep, kFaultLibrary;
+
 /// Settings of the environment of one process: {"NAME", "value"}.
 using Environment = std::vector<std::pair<std::string, std::string>>;
 
@@ -51,12 +54,11 @@ class Workplace {
   Workplace(const Workplace&) = delete;
   Workplace& operator=(const Workplace&) = delete;
 
-  /// `gigastep arguments...` in the folder.
-  Outcome run(const std::vector<std::string>& arguments, const std::string& program = GIGASTEP_EXECUTABLE,
+  /// `gigastep arguments...` in the folder. A program without a slash is looked for in PATH, as a shell does.
+  Outcome run(const std::vector<std::string>& arguments, const std::string& program = kGigastep,
               const Environment& environment = {}) const;
   /// The same without waiting; one at a time.
-  std::unique_ptr<Process> start(const std::vector<std::string>& arguments,
-                                 const std::string& program = GIGASTEP_EXECUTABLE,
+  std::unique_ptr<Process> start(const std::vector<std::string>& arguments, const std::string& program = kGigastep,
                                  const Environment& environment = {}) const;
 
   const std::filesystem::path& path() const { return path_; }

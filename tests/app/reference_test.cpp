@@ -2,11 +2,11 @@
 // tries on the files that come with gigastep and on bad ones.
 #include <gtest/gtest.h>
 
-#include <cstdlib>
 #include <filesystem>
 
 #include "io/files.hpp"
 #include "program.hpp"
+#include "support/source.hpp"
 
 namespace giga::test {
 namespace {
@@ -18,7 +18,7 @@ TEST(Reference, ThePageInTheDocsIsCurrent) {
   EXPECT_TRUE(
       contains(page.out, {"| `gamma` | float | `0.99` | [0, 1] | discount of one step |",
                           "| `n_minibatches` | int | `8` | [1, 1000000] |", "### `map_definitions.NAME.team_0`"}));
-  EXPECT_EQ(read_file(GIGASTEP_SOURCE_DIR "/docs/reference.md"), page.out) << "scripts/docs writes it anew";
+  EXPECT_EQ(read_file(source_path("docs/reference.md")), page.out) << "scripts/docs writes it anew";
 }
 
 TEST(Schema, IsPrintedForEveryKindOfFile) {
@@ -39,13 +39,6 @@ TEST(Schema, IsPrintedForEveryKindOfFile) {
   EXPECT_EQ(here.run({"config", "quickstart", "--schema"}).code, 2);
 }
 
-/// A Python with jsonschema and PyYAML; empty where there is none.
-std::string python_with_validator() {
-  for (const std::string python : {GIGASTEP_SOURCE_DIR "/.venv/bin/python", "python3"})
-    if (std::system((python + " -c 'import jsonschema, yaml' >/dev/null 2>&1").c_str()) == 0) return python;
-  return "";
-}
-
 class SchemaWithValidator : public testing::Test {
  protected:
   void SetUp() override {
@@ -54,18 +47,18 @@ class SchemaWithValidator : public testing::Test {
   /// Exit code of the check of files against a schema: 0 all fit, 1 none fits; its output says which.
   Outcome check(const std::string& kind, const std::vector<std::string>& files) const {
     here_.write("schema.json", here_.run({"config", "--schema", kind}).out);
-    std::vector<std::string> arguments = {GIGASTEP_SOURCE_DIR "/tests/app/check_schema.py", "schema.json"};
+    std::vector<std::string> arguments = {source_path("tests/app/check_schema.py"), "schema.json"};
     arguments.insert(arguments.end(), files.begin(), files.end());
     return here_.run(arguments, python_);
   }
 
-  const std::string python_ = python_with_validator();
+  const std::string python_ = python_with("jsonschema, yaml");
   Workplace here_;
 };
 
 std::vector<std::string> shipped(const std::string& folder) {
   std::vector<std::string> files;
-  for (const fs::directory_entry& entry : fs::directory_iterator(fs::path(GIGASTEP_SOURCE_DIR) / folder))
+  for (const fs::directory_entry& entry : fs::directory_iterator(source_path(folder)))
     if (entry.path().extension() == ".yaml" && entry.path().filename() != "agent_types.yaml")
       files.push_back(entry.path().string());
   return files;
@@ -76,7 +69,7 @@ TEST_F(SchemaWithValidator, AcceptsWhatComesWithGigastep) {
       {"run", shipped("configs")},
       {"scenario", shipped("scenarios")},
       {"map", shipped("scenarios/maps")},
-      {"agent_types", {GIGASTEP_SOURCE_DIR "/scenarios/agent_types.yaml"}}};
+      {"agent_types", {source_path("scenarios/agent_types.yaml")}}};
   for (const auto& [kind, files] : kinds) {
     ASSERT_FALSE(files.empty()) << kind;
     const Outcome outcome = check(kind, files);

@@ -110,7 +110,7 @@ TEST(ExportManifest, ReadsBackToTheSame) {
 }
 
 /// What is said to a manifest in which `from` became `to`.
-std::string refusal(const std::string& from, const std::string& to) {
+std::string manifest_refusal(const std::string& from, const std::string& to) {
   std::string text = text_of(sample(ActionKind::continuous));
   const size_t at = text.find(from);
   GIGA_CHECK(at != std::string::npos, from);
@@ -119,39 +119,43 @@ std::string refusal(const std::string& from, const std::string& to) {
 }
 
 TEST(ExportManifest, MistakesAreSaidWithTheirPlace) {
+  EXPECT_TRUE(contains(manifest_refusal("\"gigastep policy\"", "\"x\""),
+                       {"manifest.json:2:11: kind: '\"x\"'", "gigastep policy"}));
   EXPECT_TRUE(
-      contains(refusal("\"gigastep policy\"", "\"x\""), {"manifest.json:2:11: kind: '\"x\"'", "gigastep policy"}));
-  EXPECT_TRUE(contains(refusal("\"format_version\": 1", "\"format_version\": 2"), {"format_version is 2", "up to 1"}));
-  EXPECT_TRUE(contains(refusal("\"gelu\"", "\"gel\""), {"activation: '\"gel\"'", "tanh"}));
-  EXPECT_TRUE(contains(refusal("[12, 10]", "[12, 0]"), {"hidden[1]: '0'", "[1, 16384]"}));
-  EXPECT_TRUE(contains(refusal("[12, 10]", "[]"), {"hidden"}));
-  EXPECT_TRUE(contains(refusal("\"layer_norm\": true,", ""), {"layer_norm: is missing"}));
-  EXPECT_TRUE(contains(refusal("\"sampled\"", "\"sample\""), {"action_selection: '\"sample\"'", "sampled, greedy"}));
-  EXPECT_TRUE(contains(refusal("[-0.5, 0.25, -1]", "[-0.5, .nan, -1]"), {"log_std[1]"}));
-  EXPECT_TRUE(contains(refusal("[-0.5, 0.25, -1]", "[-0.5]"), {"log_std"}));
-  EXPECT_TRUE(contains(refusal("\"training\": {", "\"training\": 3, \"other\": {"), {"training: a map is needed"}));
-  EXPECT_TRUE(contains(refusal("\"first\": 9", "\"first\": -9"), {"first: '-9'"}));
+      contains(manifest_refusal("\"format_version\": 1", "\"format_version\": 2"), {"format_version is 2", "up to 1"}));
+  EXPECT_TRUE(contains(manifest_refusal("\"gelu\"", "\"gel\""), {"activation: '\"gel\"'", "tanh"}));
+  EXPECT_TRUE(contains(manifest_refusal("[12, 10]", "[12, 0]"), {"hidden[1]: '0'", "[1, 16384]"}));
+  EXPECT_TRUE(contains(manifest_refusal("[12, 10]", "[]"), {"hidden"}));
+  EXPECT_TRUE(contains(manifest_refusal("\"layer_norm\": true,", ""), {"layer_norm: is missing"}));
+  EXPECT_TRUE(
+      contains(manifest_refusal("\"sampled\"", "\"sample\""), {"action_selection: '\"sample\"'", "sampled, greedy"}));
+  EXPECT_TRUE(contains(manifest_refusal("[-0.5, 0.25, -1]", "[-0.5, .nan, -1]"), {"log_std[1]"}));
+  EXPECT_TRUE(contains(manifest_refusal("[-0.5, 0.25, -1]", "[-0.5]"), {"log_std"}));
+  EXPECT_TRUE(
+      contains(manifest_refusal("\"training\": {", "\"training\": 3, \"other\": {"), {"training: a map is needed"}));
+  EXPECT_TRUE(contains(manifest_refusal("\"first\": 9", "\"first\": -9"), {"first: '-9'"}));
   EXPECT_TRUE(contains(input_error_of([] { parse_manifest("[1]", "manifest.json"); }), {"is no manifest"}));
 }
 
 TEST(ExportManifest, ADifferenceInTheLayoutIsNamed) {
   const Manifest manifest = sample(ActionKind::discrete);
   const SimSpec same = small_spec(ActionKind::discrete);
-  const auto refusal = [&](const SimSpec& spec) {
+  const auto manifest_refusal = [&](const SimSpec& spec) {
     return input_error_of([&] { check_fits(interface_of(manifest), spec, "p"); });
   };
-  EXPECT_EQ(refusal(same), "no error");
+  EXPECT_EQ(manifest_refusal(same), "no error");
   SimSpec without = same;
   without.params.waypoints = false;
   without.finish();
   EXPECT_EQ(
-      refusal(without),
+      manifest_refusal(without),
       "p was trained in 'small', where an agent observes 49 numbers: self 1 x 9, neighbors 3 x 9, waypoint 1 x 5, "
       "boxes 2 x 4; in 'small' it observes 44 numbers: self 1 x 9, neighbors 3 x 9, boxes 2 x 4");
   SimSpec fewer = same;
   fewer.maps[0].boxes.clear();
   fewer.finish();
-  EXPECT_TRUE(contains(refusal(fewer), {"it observes 41 numbers: self 1 x 9, neighbors 3 x 9, waypoint 1 x 5"}));
+  EXPECT_TRUE(
+      contains(manifest_refusal(fewer), {"it observes 41 numbers: self 1 x 9, neighbors 3 x 9, waypoint 1 x 5"}));
 }
 
 }  // namespace

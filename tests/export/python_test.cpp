@@ -10,8 +10,10 @@
 #include "config/fields.hpp"
 #include "export/export.hpp"
 #include "io/files.hpp"
+#include "io/shell_word.hpp"
 #include "io/temporary_folder.hpp"
 #include "policies.hpp"
+#include "support/source.hpp"
 
 namespace giga::test {
 namespace {
@@ -26,8 +28,7 @@ struct Outcome {
 };
 
 Outcome run_python(const std::string& arguments) {
-  const std::string own = GIGASTEP_SOURCE_DIR "/.venv/bin/python";
-  const std::string command = (fs::exists(own) ? own : "python3") + " -B " + arguments + " 2>&1";
+  const std::string command = shell_word(python_with("sys")) + " -B " + arguments + " 2>&1";
   FILE* pipe = ::popen(command.c_str(), "r");
   GIGA_CHECK(pipe, command);
   Outcome outcome;
@@ -56,8 +57,8 @@ void compare_with_python(ExportFormat format) {
     write_export(folder / kind.name(), format, actor, small_spec(kind.actions), origin);
     write_tensor(folder / (kind.name() + ".f32"), actor.forward(obs).slice(1, 0, outputs));
   }
-  const Outcome outcome =
-      run_python(GIGASTEP_SOURCE_DIR "/tests/export/compare.py '" + folder.path().string() + "' 1e-5");
+  const Outcome outcome = run_python(shell_word(source_path("tests/export/compare.py")) + " " +
+                                     shell_word(folder.path().string()) + " 1e-5");
   if (outcome.code == kNotInstalled || outcome.code == kNoPython)
     GTEST_SKIP() << "not all that reads the format is installed (scripts/bootstrap --dev): " << outcome.out;
   EXPECT_EQ(outcome.code, 0) << outcome.out;

@@ -25,7 +25,7 @@ ReadPolicy read(const fs::path& path, const SimSpec& spec, bool trust, Device de
 }
 
 /// The message of the InputError when a policy is read for a scenario of discrete actions.
-std::string refusal(const fs::path& path, bool trust = true) {
+std::string export_refusal(const fs::path& path, bool trust = true) {
   return input_error_of([&] { read(path, small_spec(ActionKind::discrete), trust); });
 }
 
@@ -94,7 +94,7 @@ TEST(ExportRoundTrip, FilesAndFoldersAreRecognised) {
   write(folder / "module", ExportFormat::torchscript);
   fs::rename(folder / "module/policy.pt", folder / "module/of_another_name");
   EXPECT_TRUE(is_exported_policy(folder / "module/of_another_name"));
-  EXPECT_EQ(refusal(folder / "tensors/policy.safetensors"), "no error");
+  EXPECT_EQ(export_refusal(folder / "tensors/policy.safetensors"), "no error");
 }
 
 TEST(ExportRoundTrip, WhatEvolvedToBeGreedyStaysSo) {
@@ -135,19 +135,19 @@ TEST(ExportRoundTrip, WhatCannotPlayIsSaid) {
   write(folder / "onnx", ExportFormat::onnx);
   write(folder / "module", ExportFormat::torchscript);
   write(folder / "tensors", ExportFormat::safetensors);
-  EXPECT_TRUE(contains(refusal(folder / "onnx"), {"policy.onnx is an ONNX graph", "--format safetensors"}));
-  EXPECT_TRUE(contains(refusal(folder / "onnx/policy.onnx"), {"policy.onnx is an ONNX graph"}));
-  EXPECT_TRUE(contains(refusal(folder / "module", false), {"policy.pt is a TorchScript module", "--trust"}));
-  EXPECT_TRUE(contains(refusal(folder / "nothing"), {"there is no exported policy", "nothing"}));
-  EXPECT_TRUE(contains(refusal(folder / "tensors/act.py"), {"act.py is no exported policy", ".safetensors"}));
+  EXPECT_TRUE(contains(export_refusal(folder / "onnx"), {"policy.onnx is an ONNX graph", "--format safetensors"}));
+  EXPECT_TRUE(contains(export_refusal(folder / "onnx/policy.onnx"), {"policy.onnx is an ONNX graph"}));
+  EXPECT_TRUE(contains(export_refusal(folder / "module", false), {"policy.pt is a TorchScript module", "--trust"}));
+  EXPECT_TRUE(contains(export_refusal(folder / "nothing"), {"there is no exported policy", "nothing"}));
+  EXPECT_TRUE(contains(export_refusal(folder / "tensors/act.py"), {"act.py is no exported policy", ".safetensors"}));
   fs::remove(folder / "tensors/manifest.json");
-  EXPECT_TRUE(contains(refusal(folder / "tensors/policy.safetensors"), {"manifest.json"}));
+  EXPECT_TRUE(contains(export_refusal(folder / "tensors/policy.safetensors"), {"manifest.json"}));
 }
 
 TEST(ExportRoundTrip, OfAnotherScenario) {
   const TemporaryFolder folder;
   write(folder / "continuous", ExportFormat::safetensors, {ActionKind::continuous});
-  EXPECT_TRUE(contains(refusal(folder / "continuous"),
+  EXPECT_TRUE(contains(export_refusal(folder / "continuous"),
                        {"trained in 'small' with continuous actions; those of 'small' are discrete"}));
   write(folder / "tensors", ExportFormat::safetensors);
   SimSpec bigger = small_spec(ActionKind::discrete);
@@ -169,7 +169,7 @@ TEST(ExportRoundTrip, DamagedFiles) {
   const NamedArrays good = decode_safetensors(read_file(file), "good");
   const auto refusal_of = [&](const NamedArrays& tensors) {
     write_file(file, encode_safetensors(tensors, {}));
-    return refusal(file);
+    return export_refusal(file);
   };
   EXPECT_EQ(refusal_of(good), "no error");
   NamedArrays fewer(good.begin() + 1, good.end());
@@ -187,9 +187,9 @@ TEST(ExportRoundTrip, DamagedFiles) {
   infinite[1] = make_array<float>("layers.0.bias", std::vector<float>(12, 1.0f / 0.0f));
   EXPECT_TRUE(contains(refusal_of(infinite), {"layers.0.bias': number 0 is inf; it must be finite"}));
   write_file(file, "");
-  EXPECT_TRUE(contains(refusal(file), {"policy.safetensors is no safetensors file"}));
+  EXPECT_TRUE(contains(export_refusal(file), {"policy.safetensors is no safetensors file"}));
   write_file(folder / "junk.pt", "not a module");
-  EXPECT_TRUE(contains(refusal(folder / "junk.pt"), {"junk.pt is no TorchScript module"}));
+  EXPECT_TRUE(contains(export_refusal(folder / "junk.pt"), {"junk.pt is no TorchScript module"}));
 }
 
 TEST(ExportRoundTrip, DeviationsArePositive) {
@@ -203,7 +203,7 @@ TEST(ExportRoundTrip, DeviationsArePositive) {
   for (NamedArray& tensor : tensors)
     tensor.shape = tensor.name == kStdTensor ? std::vector<int64_t>{kInputs} : tensor.shape;
   write_file(file, encode_safetensors(tensors, {}));
-  EXPECT_TRUE(contains(refusal(file), {"observation.std': number 0 is 0; a deviation must be > 0"}));
+  EXPECT_TRUE(contains(export_refusal(file), {"observation.std': number 0 is 0; a deviation must be > 0"}));
 }
 
 }  // namespace

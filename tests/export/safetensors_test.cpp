@@ -13,10 +13,12 @@ namespace {
 std::string file_of(const std::string& header, size_t n_bytes) {
   return little_endian(uint64_t{header.size()}) + header + std::string(n_bytes, '\0');
 }
-std::string refusal(const std::string& bytes) {
+std::string tensors_refusal(const std::string& bytes) {
   return input_error_of([&] { decode_safetensors(bytes, "x.safetensors"); });
 }
-std::string refusal(const std::string& header, size_t n_bytes) { return refusal(file_of(header, n_bytes)); }
+std::string tensors_refusal(const std::string& header, size_t n_bytes) {
+  return tensors_refusal(file_of(header, n_bytes));
+}
 
 TEST(Safetensors, BytesOfAFile) {
   const std::string bytes = encode_safetensors({make_array<float>("a", {1.0f, -2.0f})}, {});
@@ -56,17 +58,19 @@ TEST(Safetensors, ReadsACompactHeader) {
 }
 
 TEST(Safetensors, LengthOfTheHeader) {
-  EXPECT_TRUE(contains(refusal("1234567"), {"x.safetensors is no safetensors file", "7 bytes"}));
-  EXPECT_TRUE(contains(refusal(little_endian(uint64_t{3}) + "{}"), {"header would have 3 bytes", "allowed here: 2"}));
-  EXPECT_TRUE(contains(refusal(std::string(8, '\xFF') + "{}"), {"header would have 18446744073709551615 bytes"}));
-  EXPECT_TRUE(contains(refusal("{" + std::string(1 << 20, ' ') + "}", 0), {"allowed here: 1048576"}));
-  EXPECT_TRUE(contains(refusal("[]", 0), {"does not begin with {"}));
-  EXPECT_TRUE(contains(refusal("", 0), {"does not begin with {"}));
-  EXPECT_TRUE(contains(refusal("{\"a\": ", 0), {"x.safetensors"}));
+  EXPECT_TRUE(contains(tensors_refusal("1234567"), {"x.safetensors is no safetensors file", "7 bytes"}));
+  EXPECT_TRUE(
+      contains(tensors_refusal(little_endian(uint64_t{3}) + "{}"), {"header would have 3 bytes", "allowed here: 2"}));
+  EXPECT_TRUE(
+      contains(tensors_refusal(std::string(8, '\xFF') + "{}"), {"header would have 18446744073709551615 bytes"}));
+  EXPECT_TRUE(contains(tensors_refusal("{" + std::string(1 << 20, ' ') + "}", 0), {"allowed here: 1048576"}));
+  EXPECT_TRUE(contains(tensors_refusal("[]", 0), {"does not begin with {"}));
+  EXPECT_TRUE(contains(tensors_refusal("", 0), {"does not begin with {"}));
+  EXPECT_TRUE(contains(tensors_refusal("{\"a\": ", 0), {"x.safetensors"}));
 }
 
 TEST(Safetensors, EntriesOfTheHeader) {
-  const auto entry = [](const std::string& text) { return refusal("{\"a\": " + text + "}", 8); };
+  const auto entry = [](const std::string& text) { return tensors_refusal("{\"a\": " + text + "}", 8); };
   EXPECT_EQ(entry(R"({"dtype": "F32", "shape": [2], "data_offsets": [0, 8]})"), "no error");
   EXPECT_TRUE(
       contains(entry(R"({"dtype": "F16", "shape": [4], "data_offsets": [0, 8]})"), {"F16", "is not one of: F32, F64"}));
@@ -83,13 +87,13 @@ TEST(Safetensors, EntriesOfTheHeader) {
   // 2^62 x 4 x 4 bytes = 2^66, which is 0 in 64 bits.
   EXPECT_TRUE(contains(entry(R"({"dtype": "F32", "shape": [4611686018427387904, 4], "data_offsets": [0, 0]})"),
                        {"does not fit the 0 bytes"}));
-  EXPECT_TRUE(contains(refusal(R"({"__metadata__": {"a": 1}})", 0), {"__metadata__: 'a' is no text"}));
+  EXPECT_TRUE(contains(tensors_refusal(R"({"__metadata__": {"a": 1}})", 0), {"__metadata__: 'a' is no text"}));
 }
 
 TEST(Safetensors, PlacesOfTensors) {
   const auto two = [](const std::string& first, const std::string& second, size_t n_bytes) {
     const std::string rest = R"({"dtype": "F32", "shape": [2], "data_offsets": )";
-    return refusal("{\"a\": " + rest + first + "}, \"b\": " + rest + second + "}}", n_bytes);
+    return tensors_refusal("{\"a\": " + rest + first + "}, \"b\": " + rest + second + "}}", n_bytes);
   };
   EXPECT_EQ(two("[0, 8]", "[8, 16]", 16), "no error");
   EXPECT_EQ(two("[8, 16]", "[0, 8]", 16), "no error");
@@ -99,7 +103,7 @@ TEST(Safetensors, PlacesOfTensors) {
   EXPECT_TRUE(contains(two("[0, 8]", "[8, 16]", 20), {"4 bytes at the end belong to no tensor"}));
   EXPECT_TRUE(contains(two("[0, 8]", "[8, 16]", 12), {"[8, 16] lie outside of the 12 bytes"}));
   EXPECT_TRUE(contains(two("[0, 8]", "[16, 8]", 16), {"[16, 8] lie outside"}));
-  EXPECT_TRUE(contains(refusal(R"({"a": {"dtype": "F32", "shape": [1], "data_offsets": [0, 4]}, "a": 1})", 4),
+  EXPECT_TRUE(contains(tensors_refusal(R"({"a": {"dtype": "F32", "shape": [1], "data_offsets": [0, 4]}, "a": 1})", 4),
                        {"duplicate key 'a'"}));
 }
 

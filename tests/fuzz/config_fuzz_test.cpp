@@ -13,12 +13,13 @@
 #include "mutations.hpp"
 #include "scenario/compile.hpp"
 #include "scenario/loader.hpp"
+#include "support/source.hpp"
 
 namespace giga::test {
 namespace {
 namespace fs = std::filesystem;
 
-DataDirs source_data() { return {GIGASTEP_SOURCE_DIR}; }
+DataDirs source_data() { return {source_path()}; }
 
 std::string file_text(const fs::path& file) {
   std::ifstream in(file, std::ios::binary);
@@ -28,7 +29,7 @@ std::string file_text(const fs::path& file) {
 /// The YAML files directly in a folder, in the same order everywhere.
 std::vector<std::string> texts_in(const std::string& folder) {
   std::vector<fs::path> files;
-  for (const fs::directory_entry& entry : fs::directory_iterator(fs::path(GIGASTEP_SOURCE_DIR) / folder))
+  for (const fs::directory_entry& entry : fs::directory_iterator(source_path(folder)))
     if (entry.path().extension() == ".yaml" && entry.path().filename() != "agent_types.yaml")
       files.push_back(entry.path());
   std::sort(files.begin(), files.end());
@@ -71,7 +72,7 @@ TEST(ConfigFuzz, Scenarios) {
 // As part of a scenario, so that they are compiled too.
 TEST(ConfigFuzz, MapsAndAgentTypes) {
   const std::vector<std::string> maps = texts_in("scenarios/maps");
-  const std::string types = file_text(GIGASTEP_SOURCE_DIR "/scenarios/agent_types.yaml");
+  const std::string types = file_text(source_path("scenarios/agent_types.yaml"));
   ASSERT_EQ(maps.size(), 8u);
   const auto make = [&](int64_t k) {
     if (k % 3 == 0) return "base: identical_1_vs_1\nteam_0: [{type: super}]\n" + mutation({types}, k);

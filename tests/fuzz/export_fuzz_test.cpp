@@ -21,7 +21,7 @@ std::string sample_tensors() {
 }
 
 /// Whatever is accepted has shapes that fit its bytes, and no more bytes than the file.
-void decode(const std::string& bytes) {
+void decode_tensors(const std::string& bytes) {
   size_t total = 0;
   for (const NamedArray& array : decode_safetensors(bytes, "fuzz.safetensors")) {
     size_t count = 1;
@@ -37,7 +37,7 @@ TEST(ExportFuzz, BytesOfSafetensors) {
   const auto make = [&good](int64_t k) {
     return Mutator(static_cast<uint64_t>(k)).bytes(good, k % 2 ? kLengthBytes : 0);
   };
-  const FuzzCount count = fuzz("safetensors", 20'000, make, decode);
+  const FuzzCount count = fuzz("safetensors", 20'000, make, decode_tensors);
   EXPECT_GT(count.accepted, 100);  // numbers of tensors may be any
   EXPECT_GT(count.refused, 1000);
 }
@@ -53,7 +53,7 @@ TEST(ExportFuzz, HeadersOfSafetensors) {
     for (size_t byte = 0; byte < kLengthBytes; ++byte) bytes[byte] = static_cast<char>(changed.size() >> (8 * byte));
     return bytes;
   };
-  const FuzzCount count = fuzz("headers of safetensors", 10'000, make, decode);
+  const FuzzCount count = fuzz("headers of safetensors", 10'000, make, decode_tensors);
   EXPECT_GT(count.accepted, 50);
   EXPECT_GT(count.refused, 1000);
 }

@@ -8,6 +8,7 @@
 
 #include "core/error.hpp"
 #include "core/geometry.hpp"
+#include "support/source.hpp"
 
 namespace giga::golden {
 namespace {
@@ -23,9 +24,8 @@ bool foreign_folder() {
 }
 
 std::vector<Recording> recordings() {
-  const std::filesystem::path folder = foreign_folder()
-                                           ? std::filesystem::path(std::getenv("GIGASTEP_GOLDEN_DIR"))
-                                           : std::filesystem::path(GIGASTEP_SOURCE_DIR) / "tests" / "golden" / "data";
+  const std::filesystem::path folder = foreign_folder() ? std::filesystem::path(std::getenv("GIGASTEP_GOLDEN_DIR"))
+                                                        : std::filesystem::path(test::source_path("tests/golden/data"));
   GIGA_CHECK(std::filesystem::is_directory(folder), "no folder ", folder.string());
   std::vector<Recording> found;
   for (const auto& entry : std::filesystem::directory_iterator(folder)) {

@@ -15,7 +15,7 @@
 namespace giga::golden {
 namespace {
 
-constexpr double kMaxLooseShare = 0.01;
+constexpr double kMaxLooseResets = 0.01;
 
 /// One reset case in memory.
 struct ResetCase {
@@ -101,12 +101,12 @@ void compare_certain(Comparison& c, ResetCase& s, size_t t) {
   c.same("episode_length", -1, -1, *w.episode_length, 0);
 }
 
-struct Totals {
+struct ResetTotals {
   long files = 0, cases = 0, records = 0, passed = 0, loose = 0, resampled = 0;
   WorstDifferences worst;
 };
 
-void check_record(ResetCase& s, size_t t, Totals& totals) {
+void check_reset(ResetCase& s, size_t t, ResetTotals& totals) {
   ++totals.records;
   CountingDraws draws;
   draws.n_agents = s.world.n_agents();
@@ -152,7 +152,7 @@ void check_record(ResetCase& s, size_t t, Totals& totals) {
 }
 
 TEST(GoldenResets, EveryRecordedResetIsReproduced) {
-  Totals totals;
+  ResetTotals totals;
   for (const Recording& recording : recordings()) {
     if (!recording.root.has("reset")) continue;
     ++totals.files;
@@ -161,7 +161,7 @@ TEST(GoldenResets, EveryRecordedResetIsReproduced) {
       ResetCase s(recording.file, resets.group(name), name);
       ASSERT_GT(s.n_records(), 0u) << s.where << " has no records";
       ++totals.cases;
-      for (size_t t = 0; t < s.n_records(); ++t) check_record(s, t, totals);
+      for (size_t t = 0; t < s.n_records(); ++t) check_reset(s, t, totals);
     }
   }
   std::printf("golden resets: %ld files, %ld cases, %ld records run, %ld passed, %ld of them compared loosely\n",
@@ -171,7 +171,7 @@ TEST(GoldenResets, EveryRecordedResetIsReproduced) {
   if (totals.records == 0 && foreign_folder()) GTEST_SKIP() << "no recorded resets in GIGASTEP_GOLDEN_DIR";
   EXPECT_GT(totals.records, 0);
   EXPECT_EQ(totals.passed, totals.records);
-  EXPECT_LE(static_cast<double>(totals.loose), std::max(1.0, kMaxLooseShare * static_cast<double>(totals.records)));
+  EXPECT_LE(static_cast<double>(totals.loose), std::max(1.0, kMaxLooseResets * static_cast<double>(totals.records)));
 }
 
 }  // namespace

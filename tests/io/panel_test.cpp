@@ -12,7 +12,7 @@
 namespace giga::test {
 namespace {
 
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+constexpr double kNotKnown = std::numeric_limits<double>::quiet_NaN();
 constexpr TerminalStyle kPlain{false, true}, kAscii{false, false}, kColor{true, true};
 
 std::string text_of(const std::vector<Line>& lines, TerminalStyle style = kPlain) {
@@ -25,7 +25,7 @@ TEST(Sparkline, HeightsBetweenLowestAndHighest) {
   // Eighths of 0 to 8: 0 is the lowest block, 4 the fifth of eight, 8 the highest.
   EXPECT_EQ(sparkline({0, 1, 4, 7.9, 8}, true), "▁▂▅██");
   EXPECT_EQ(sparkline({0, 1, 2, 3, 4, 5, 6, 7, 8}, false), ".:-=+*#@@");
-  EXPECT_EQ(sparkline({0.5, kNan, 1}, 0, 1, true), "▅ █");
+  EXPECT_EQ(sparkline({0.5, kNotKnown, 1}, 0, 1, true), "▅ █");
   EXPECT_EQ(sparkline({3, 3}, true), "▅▅") << "no course: middle height";
   EXPECT_EQ(sparkline({-1, 2}, 0, 1, true), "▁█") << "beyond the scale";
   EXPECT_EQ(sparkline({}, true), "");
@@ -33,12 +33,12 @@ TEST(Sparkline, HeightsBetweenLowestAndHighest) {
 
 TEST(Sparkline, SeriesIsThinnedByMeans) {
   Series series;
-  series.add(kNan);  // before the first value
+  series.add(kNotKnown);  // before the first value
   for (int k = 1; k <= 7; ++k) series.add(k);
   EXPECT_EQ(series.points(7), (std::vector<double>{1, 2, 3, 4, 5, 6, 7}));
   EXPECT_EQ(series.points(6), (std::vector<double>{1.5, 3.5, 5.5, 7}));
   EXPECT_EQ(series.points(3), (std::vector<double>{2.5, 6}));  // (1 + 2 + 3 + 4) / 4, (5 + 6 + 7) / 3
-  series.add(kNan);
+  series.add(kNotKnown);
   EXPECT_EQ(series.points(3), (std::vector<double>{2.5, 6}));
   EXPECT_TRUE(std::isnan(series.points(8).back()));
 }
@@ -222,8 +222,9 @@ TEST(Panel, UnknownFiguresAreDashes) {
   ProgressState s;
   s.title = "nothing known";
   s.n_updates = 10;
-  s.team[0].win_rates = {{"random", kNan}};
-  for (TeamProgress& team : s.team) team.figures = learner_figures({kNan, kNan, kNan, kNan, kNan});
+  s.team[0].win_rates = {{"random", kNotKnown}};
+  for (TeamProgress& team : s.team)
+    team.figures = learner_figures({kNotKnown, kNotKnown, kNotKnown, kNotKnown, kNotKnown});
   const std::string text = text_of(panel(s, PanelHistory(), {80, 30}, kAscii));
   for (const char* label : {"return", "wins vs random", "policy loss", "value loss", "entropy", "approximate KL"}) {
     const size_t at = text.find(std::string("\n ") + label);
@@ -247,7 +248,7 @@ TEST(Panel, InAsciiWhereTheLocaleIsNotUtf8) {
 }
 
 TEST(Panel, Figures) {
-  EXPECT_EQ(print_figure(kNan), "-");
+  EXPECT_EQ(print_figure(kNotKnown), "-");
   EXPECT_EQ(print_figure(0), "0.0000");
   EXPECT_EQ(print_figure(-0.01234), "-0.0123");
   EXPECT_EQ(print_figure(0.0004), "4.0e-04");

@@ -15,6 +15,8 @@
 
 #include "core/error.hpp"
 #include "io/files.hpp"
+#include "io/shell_word.hpp"
+#include "support/source.hpp"
 #include "temporary_folder.hpp"
 
 namespace giga::test {
@@ -22,10 +24,7 @@ namespace {
 
 constexpr const char* kPauseMark = "\x1b]2;pause\x07";  // sets the title of a window: nothing on the screen
 
-std::string python() {
-  const std::string own = GIGASTEP_SOURCE_DIR "/.venv/bin/python3";
-  return std::filesystem::exists(own) ? own : "python3";
-}
+std::string python() { return python_with("pyte"); }
 
 std::string event(const char* name, TerminalSize size) { return cat(name, " ", size.columns, " ", size.rows, "\n"); }
 
@@ -67,7 +66,7 @@ winsize window(TerminalSize size) {
 
 }  // namespace
 
-bool has_terminal_emulator() { return std::system((python() + " -c 'import pyte' 2>/dev/null").c_str()) == 0; }
+bool has_terminal_emulator() { return !python().empty(); }
 
 PseudoTerminal::PseudoTerminal(TerminalSize size, const std::map<std::string, std::string>& environment,
                                const std::function<void(const Pause&)>& program)
@@ -116,7 +115,8 @@ std::string PseudoTerminal::emulate(const std::string& command) const {
   const TemporaryFolder folder;
   const std::string in = (folder / "in").string(), out = (folder / "out").string();
   std::ofstream(in) << events_ << command << "\n";
-  const std::string line = python() + " " GIGASTEP_SOURCE_DIR "/tests/io/screen.py <" + in + " >" + out;
+  const std::string line = shell_word(python()) + " " + shell_word(source_path("tests/io/screen.py")) + " <" +
+                           shell_word(in) + " >" + shell_word(out);
   GIGA_CHECK(std::system(line.c_str()) == 0, line);
   return read_file(out);
 }

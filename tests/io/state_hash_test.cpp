@@ -8,7 +8,7 @@
 namespace giga::test {
 namespace {
 
-NamedArrays sample() { return {make_array<float>("a", {1, 2, 3, 4}), make_array<int32_t>("b", {5})}; }
+NamedArrays two_arrays() { return {make_array<float>("a", {1, 2, 3, 4}), make_array<int32_t>("b", {5})}; }
 
 // printf 'a\n0 1 1\n\x00\x00\x80\x3f' | sha256sum: array "a" of type f32 (0), 1 dimension of 1, the number 1.0f.
 TEST(StateHash, IsSha256OfHeaderAndBytes) {
@@ -19,9 +19,9 @@ TEST(StateHash, IsSha256OfHeaderAndBytes) {
 }
 
 TEST(StateHash, EveryDifferenceShows) {
-  std::set<std::string> hashes = {state_sha256(sample())};
+  std::set<std::string> hashes = {state_sha256(two_arrays())};
   const auto differs = [&](auto&& change) {
-    NamedArrays arrays = sample();
+    NamedArrays arrays = two_arrays();
     change(arrays);
     return hashes.insert(state_sha256(arrays)).second;
   };

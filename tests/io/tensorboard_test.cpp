@@ -8,6 +8,8 @@
 #include <limits>
 
 #include "io/files.hpp"
+#include "io/shell_word.hpp"
+#include "support/source.hpp"
 #include "temporary_folder.hpp"
 
 namespace giga::test {
@@ -108,12 +110,10 @@ struct Reading {
 };
 
 Reading read_with_tensorboard(const std::filesystem::path& folder) {
-  const std::filesystem::path source = GIGASTEP_SOURCE_DIR;
-  const std::filesystem::path own = source / ".venv/bin/python";
-  const std::string python = std::filesystem::exists(own) ? own.string() : "python3";
+  const std::string python = python_with("sys");
   const TemporaryFolder streams;
-  const auto quoted = [](const std::filesystem::path& path) { return "'" + path.string() + "'"; };
-  const std::string command = quoted(python) + " -B " + quoted(source / "tests/io/read_tensorboard.py") + " " +
+  const auto quoted = [](const std::filesystem::path& path) { return shell_word(path.string()); };
+  const std::string command = quoted(python) + " -B " + quoted(source_path("tests/io/read_tensorboard.py")) + " " +
                               quoted(folder) + " >" + quoted(streams / "out") + " 2>" + quoted(streams / "err");
   const int status = std::system(command.c_str());
   return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, read_file(streams / "out"), read_file(streams / "err")};

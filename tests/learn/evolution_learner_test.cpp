@@ -25,16 +25,16 @@ SmallRun evolution(const std::string& algorithm, const std::string& population =
   return run;
 }
 
-struct Variant {
+struct EvolutionVariant {
   const char* name;
   SmallRun run;
 };
-void PrintTo(const Variant& v, std::ostream* out) { *out << v.name; }
+void PrintTo(const EvolutionVariant& v, std::ostream* out) { *out << v.name; }
 SmallRun with_train(SmallRun run, const std::string& keys) {
   run.train += ", " + keys;
   return run;
 }
-const Variant kVariants[] = {
+const EvolutionVariant kEvolutionVariants[] = {
     {"OpenAi", evolution("openai_es")},
     {"OpenAiPoolLowRankSampled",
      evolution("openai_es", "noise: low_rank, noise_rank: 2, greedy: false, shaping: {kind: z_score}",
@@ -49,7 +49,7 @@ const Variant kVariants[] = {
     {"OpenAiTeamOneAgainstCircle", with_train(evolution("openai_es"), "opponent: circle, learning_team: 1")},
 };
 
-class LearnEvolutionLearner : public testing::TestWithParam<Variant> {};
+class LearnEvolutionLearner : public testing::TestWithParam<EvolutionVariant> {};
 
 TEST_P(LearnEvolutionLearner, SaveLoadAndGoOnEqualsGoingOn) {
   const auto learner = GetParam().run.learner();
@@ -89,7 +89,7 @@ TEST_P(LearnEvolutionLearner, EachSavedFieldMatters) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(All, LearnEvolutionLearner, testing::ValuesIn(kVariants),
+INSTANTIATE_TEST_SUITE_P(All, LearnEvolutionLearner, testing::ValuesIn(kEvolutionVariants),
                          [](const auto& variant) { return std::string(variant.param.name); });
 
 TEST(LearnEvolutionTeams, AlternatingTeamsTakeTurns) {
@@ -206,7 +206,7 @@ TEST(LearnEvolutionGame, ATeamLearnsToStayInside) {
 TEST(LearnEvolutionLearnerGpu, GoingOnIsBitForBit) {
   if (cuda_device_count() == 0) GTEST_SKIP() << "no GPU";
   const Device gpu{Device::Kind::cuda, 0};
-  for (const Variant& variant : kVariants) {
+  for (const EvolutionVariant& variant : kEvolutionVariants) {
     for (const char* precision : {"tf32", "fp32"}) {  // fused, and through LibTorch
       SCOPED_TRACE(cat(variant.name, ", ", precision));
       SmallRun run = variant.run;

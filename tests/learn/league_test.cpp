@@ -12,18 +12,17 @@
 namespace giga::test {
 namespace {
 
-constexpr Device kCpu{};
-constexpr int kWorlds = 24;  // of SmallRun
+constexpr int kSmallRunWorlds = 24;  // of SmallRun
 
 /// Both teams with their networks, and a league that collects rollouts; nothing is learned.
 struct Games {
   explicit Games(const SmallRun& small)
       : run(small.load()),
         rows(kCpu, 1),
-        shares(world_shares(run.config.opponents, kWorlds)),
+        shares(world_shares(run.config.opponents, kSmallRunWorlds)),
         team{{run, 0, kCpu, rows, shares.learning(0)}, {run, 1, kCpu, rows, shares.learning(1)}},
         league(run, {&team[0].actor(), &team[1].actor()}, rows),
-        sim(make_cpu_simulator(run.spec, {kWorlds, 17, 0, OnDone::reset, 1})),
+        sim(make_cpu_simulator(run.spec, {kSmallRunWorlds, 17, 0, OnDone::reset, 1})),
         collector(*sim, rows, {run.config.mappo.horizon, team[0].needs_state(), false},
                   std::array<Side, kNTeams>{league.side(0), league.side(1)}) {
     collector.start();
@@ -131,7 +130,7 @@ void spoil_frozen(Rollout& rollout, int team, const WorldRange& learning) {
   const auto spoil = [&](const at::Tensor& x, int64_t dim) {
     if (!x.defined() || !x.is_floating_point()) return;
     x.narrow(dim, 0, learning.first).fill_(kNan);
-    x.narrow(dim, learning.end(), kWorlds - learning.end()).fill_(kNan);
+    x.narrow(dim, learning.end(), kSmallRunWorlds - learning.end()).fill_(kNan);
   };
   const TeamRollout& r = rollout.team[team];
   for (const at::Tensor& x : {r.obs, r.raw, r.log_prob, r.reward, rollout.global}) spoil(x, 1);
@@ -209,7 +208,7 @@ TEST(LearnLeague, GamesAgainstPastPoliciesCountFromTheirDrawOn) {
     games.league.read(self_play, record);
     return std::pair{self_play, record};
   };
-  for (int w = 0; w < kWorlds; ++w) sim.state().view().episode_length[w] = w == 3 ? 0 : 5;
+  for (int w = 0; w < kSmallRunWorlds; ++w) sim.state().view().episode_length[w] = w == 3 ? 0 : 5;
   sim.take_stats();
   games.league.end(2, sim);  // one policy of each team is kept and drawn
   games.league.begin();

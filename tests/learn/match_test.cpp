@@ -59,7 +59,7 @@ TEST(LearnMatch, WithoutATimeLimitItIsCutOff) {
   EXPECT_EQ(r.mean_length, kEpisodeLimit);
 }
 
-bool equal(const MatchResult& a, const MatchResult& b) {
+bool same_result(const MatchResult& a, const MatchResult& b) {
   return a.wins[0] == b.wins[0] && a.wins[1] == b.wins[1] && a.ties == b.ties && a.mean_length == b.mean_length &&
          a.mean_return[0] == b.mean_return[0] && a.mean_return[1] == b.mean_return[1] &&
          a.mean_return_masked[0] == b.mean_return_masked[0] && a.mean_score[0] == b.mean_score[0];
@@ -77,9 +77,9 @@ TEST(LearnMatch, CountsAddUpAndTheSeedDecides) {
   EXPECT_GT(first.wins[1], 0);
   EXPECT_GT(first.mean_length, 1);
   EXPECT_LE(first.mean_length, 40);
-  EXPECT_TRUE(equal(first, play(1, 2)));
-  EXPECT_TRUE(equal(first, play(1, 3)));  // whatever the number of threads
-  EXPECT_FALSE(equal(first, play(2, 2)));
+  EXPECT_TRUE(same_result(first, play(1, 2)));
+  EXPECT_TRUE(same_result(first, play(1, 3)));  // whatever the number of threads
+  EXPECT_FALSE(same_result(first, play(2, 2)));
 }
 
 TEST(LearnMatch, LearnedPolicyPlaysBothSides) {
@@ -88,9 +88,9 @@ TEST(LearnMatch, LearnedPolicyPlaysBothSides) {
   const SimSpec spec = small.load().spec;
   const MatchResult a = play_match(spec, {learner->actor(0)}, {learner->actor(1)}, {33, 1, {}, 2});
   EXPECT_EQ(a.wins[0] + a.wins[1] + a.ties, 33);
-  EXPECT_TRUE(equal(a, play_match(spec, {learner->actor(0)}, {learner->actor(1)}, {33, 1, {}, 2})));
+  EXPECT_TRUE(same_result(a, play_match(spec, {learner->actor(0)}, {learner->actor(1)}, {33, 1, {}, 2})));
   const Player greedy{learner->actor(0), Scripted::random, true};
-  EXPECT_FALSE(equal(a, play_match(spec, greedy, {learner->actor(1)}, {33, 1, {}, 2})));
+  EXPECT_FALSE(same_result(a, play_match(spec, greedy, {learner->actor(1)}, {33, 1, {}, 2})));
 }
 
 }  // namespace

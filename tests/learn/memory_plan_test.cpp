@@ -18,8 +18,6 @@
 namespace giga::test {
 namespace {
 
-constexpr Device kCpu{};
-
 /// 5 against 5 and discrete actions, unless `scenario` says otherwise.
 struct Settings {
   const char* name;

@@ -15,10 +15,10 @@
 namespace giga::test {
 namespace {
 
-constexpr Device kCpu{}, kGpu{Device::Kind::cuda, 0};
+constexpr Device kGpu{Device::Kind::cuda, 0};
 
 /// 5 against 5 and discrete actions, unless `scenario` says otherwise; 4 episodes a member, 3 steps each.
-struct Settings {
+struct PopulationSettings {
   const char* name;
   const char* train;            // keys in flow style
   const char* population = "";  // likewise
@@ -26,16 +26,16 @@ struct Settings {
   const char* scenario = "";    // likewise
   int episodes = 4;             // of a member
 };
-void PrintTo(const Settings& s, std::ostream* out) { *out << s.name; }
+void PrintTo(const PopulationSettings& s, std::ostream* out) { *out << s.name; }
 
-LoadedRun load(const Settings& s, int members) {
+LoadedRun load(const PopulationSettings& s, int members) {
   return load_run_config_text(
       cat("seed: 1\ntrain: {n_threads: 1, ", s.train, "}\npopulation: {population_size: ", members,
           ", episodes_per_member: ", s.episodes, ", max_steps: 3, ", s.population, "}\neval: {episodes: 8}\n", s.more),
       five_against_five(s.scenario));
 }
 
-const Settings kSettings[] = {
+const PopulationSettings kPopulationSettings[] = {
     {"OpenAiEs", "algorithm: openai_es"},
     {"Snes", "algorithm: snes"},
     {"Des", "algorithm: des"},
@@ -64,7 +64,7 @@ TEST(LearnMemoryPopulationPlan, EpisodesOneAfterTheOtherShareAWorld) {
   EXPECT_LT(total(4, ""), total(64, ""));
 }
 
-class LearnMemoryPopulation : public testing::TestWithParam<Settings> {};
+class LearnMemoryPopulation : public testing::TestWithParam<PopulationSettings> {};
 
 // Measured: 1.000 to 1.003 for these settings; 1.010 with a pool, for the copies of a checkpoint.
 TEST_P(LearnMemoryPopulation, PlanIsWhatTensorsAndStateTake) {
@@ -81,15 +81,16 @@ TEST_P(LearnMemoryPopulation, PlanIsWhatTensorsAndStateTake) {
   EXPECT_LE(ratio, 1.1) << predicted << " bytes predicted";
 }
 
-INSTANTIATE_TEST_SUITE_P(All, LearnMemoryPopulation, testing::ValuesIn(kSettings),
+INSTANTIATE_TEST_SUITE_P(All, LearnMemoryPopulation, testing::ValuesIn(kPopulationSettings),
                          [](const auto& setting) { return std::string(setting.param.name); });
 
 // Measured: 1.37 where members take most, 1.25 where activations do; the difference is the program, which is smaller in
 // a test than in training.
 TEST(LearnMemoryPopulationPlan, ResidentMemoryOfTheProcess) {
   for (const char* name : {"OpenAiEs", "LayerNormGelu"}) {
-    const Settings& settings = *std::find_if(std::begin(kSettings), std::end(kSettings),
-                                             [&](const Settings& s) { return std::string(s.name) == name; });
+    const PopulationSettings& settings =
+        *std::find_if(std::begin(kPopulationSettings), std::end(kPopulationSettings),
+                      [&](const PopulationSettings& s) { return std::string(s.name) == name; });
     const std::optional<double> ratio = planned_over_resident(load(settings, 512));
     if (!ratio) GTEST_SKIP() << "the system does not reset the peak";
     RecordProperty(cat("predicted_over_measured_", name), std::to_string(*ratio));
@@ -99,11 +100,11 @@ TEST(LearnMemoryPopulationPlan, ResidentMemoryOfTheProcess) {
 }
 
 TEST(LearnMemoryPopulationPlan, PartsPerMember) {
-  const MemoryPlan small = plan_memory(load(kSettings[0], 64), kCpu),
-                   large = plan_memory(load(kSettings[0], 128), kCpu);
+  const MemoryPlan small = plan_memory(load(kPopulationSettings[0], 64), kCpu),
+                   large = plan_memory(load(kPopulationSettings[0], 128), kCpu);
   expect_growth(small, large, 64);
   // Two teams of members, each in 4 worlds of 10 agents with D floats and an action.
-  const LoadedRun run = load(kSettings[0], 64);
+  const LoadedRun run = load(kPopulationSettings[0], 64);
   const int64_t d = run.spec.padded_observation_size();
   EXPECT_EQ(item(small, "observations, actions"), 64 * 2 * 4 * 10 * 4 * (d + 1));
   const int64_t p = Actor::count_parameters(run.config.population.actor, d, ActionKind::discrete);
@@ -111,7 +112,7 @@ TEST(LearnMemoryPopulationPlan, PartsPerMember) {
 }
 
 TEST(LearnMemoryPopulationPlan, LargestPopulationFitsAndTwoMoreDoNot) {
-  LoadedRun run = load(kSettings[0], 64);
+  LoadedRun run = load(kPopulationSettings[0], 64);
   const auto total = [&run](int64_t members) {
     run.config.population.population_size = static_cast<int>(members);
     return plan_memory(run, kCpu).total();
@@ -137,7 +138,7 @@ TEST(LearnMemoryPopulationPlan, LargestPopulationFitsAndTwoMoreDoNot) {
 // What bisection needs, across the sizes at which blocks leave the heap and other phases become the largest.
 TEST(LearnMemoryPopulationPlan, GrowsWithThePopulation) {
   for (const Device device : {kCpu, kGpu}) {
-    for (const Settings& settings : kSettings) {
+    for (const PopulationSettings& settings : kPopulationSettings) {
       LoadedRun run = load(settings, 2);
       int64_t before = 0;
       for (int members = 2; members < 100'000; members += members / 8 / 2 * 2 + 2) {
@@ -159,9 +160,10 @@ TEST(LearnMemoryPopulationPlan, ForCuda) {
   // Activations only where the kernel cannot be used.
   EXPECT_EQ(item(fused, "playing: activations"), 0);
   EXPECT_EQ(item(fused, "simulator: list of worlds"), 4 * (2 * 512 * 4 + 1));
-  for (const Settings& s : {Settings{"", "algorithm: snes, precision: bf16", "", "", "", 64},
-                            Settings{"", "algorithm: snes", "actor: {layer_norm: true}", "", "", 64},
-                            Settings{"", "algorithm: snes", "actor: {hidden: [32, 32, 32, 32]}", "", "", 64}}) {
+  for (const PopulationSettings& s :
+       {PopulationSettings{"", "algorithm: snes, precision: bf16", "", "", "", 64},
+        PopulationSettings{"", "algorithm: snes", "actor: {layer_norm: true}", "", "", 64},
+        PopulationSettings{"", "algorithm: snes", "actor: {hidden: [32, 32, 32, 32]}", "", "", 64}}) {
     const MemoryPlan plan = plan_memory(load(s, 512), kGpu);
     EXPECT_EQ(item(plan, "members in half precision"), 0) << s.train << s.population;
     EXPECT_GT(item(plan, "playing: activations"), 0) << s.train << s.population;
@@ -169,7 +171,7 @@ TEST(LearnMemoryPopulationPlan, ForCuda) {
 }
 
 TEST(LearnMemoryPopulationPlan, TheKernelsLayoutNeedsNoActor) {
-  const ActorConfig config = load(kSettings[0], 2).config.population.actor;
+  const ActorConfig config = load(kPopulationSettings[0], 2).config.population.actor;
   for (const ActionKind actions : {ActionKind::discrete, ActionKind::continuous}) {
     const Actor actor(config, 40, actions, false, Precision::tf32, at::kCPU, 1);
     const auto expected = actor.small_mlp(), found = Actor::small_mlp(config, 40, actions, Precision::tf32);
@@ -185,7 +187,7 @@ TEST(LearnMemoryPopulationPlan, TheKernelsLayoutNeedsNoActor) {
 }
 
 TEST(LearnMemoryPopulationPlan, WhatDoesNotFitIsRefusedWithTheNumbers) {
-  const LoadedRun run = load(kSettings[0], 2048);
+  const LoadedRun run = load(kPopulationSettings[0], 2048);
   const int64_t need = plan_memory(run, kCpu).total();
   EXPECT_NO_THROW(check_fits(run, kCpu, {2 * need, need}));
   const std::string message = input_error_of([&] { check_fits(run, kCpu, {2 * need, need - 1}); });
@@ -198,7 +200,7 @@ TEST(LearnMemoryPopulationPlan, WhatDoesNotFitIsRefusedWithTheNumbers) {
 }
 
 TEST(LearnMemoryPopulationPlan, TableAndJsonTellTheSame) {
-  const LoadedRun run = load(kSettings[0], 512);
+  const LoadedRun run = load(kPopulationSettings[0], 512);
   const MemorySpace space{int64_t{64} << 30, int64_t{32} << 30};
   const std::string table = plan_table(run, kCpu, space), json = plan_json(run, kCpu, space).text();
   expect_told(run, table, json);
@@ -212,14 +214,14 @@ TEST(LearnMemoryPopulationPlan, TableAndJsonTellTheSame) {
 TEST(LearnMemoryPopulationPlan, SaysWhatComputesTheMembersNetworks) {
   constexpr MemorySpace kSpace{int64_t{64} << 30, int64_t{32} << 30};
   constexpr Device kAbsent{Device::Kind::cuda, 99};
-  const auto check = [&](const Settings& s, Device device, MemberNetworks networks, const char* line,
+  const auto check = [&](const PopulationSettings& s, Device device, MemberNetworks networks, const char* line,
                          const char* json) {
     const LoadedRun run = load(s, 512);
     EXPECT_EQ(plan_memory(run, device).networks, networks) << line;
     EXPECT_TRUE(contains(plan_table(run, device, kSpace), {line}));
     EXPECT_TRUE(contains(plan_json(run, device, kSpace).text(), {json}));
   };
-  const Settings plain{"", "algorithm: snes"}, wide{"", "algorithm: snes", "actor: {layer_norm: true}"};
+  const PopulationSettings plain{"", "algorithm: snes"}, wide{"", "algorithm: snes", "actor: {layer_norm: true}"};
   check(plain, kAbsent, MemberNetworks::fused_assumed,
         "\n\nmembers' networks: in the fused kernel, which is assumed: cuda:99 is not here to be asked\ncuda:99: ",
         "\"member_networks\": \"fused_assumed\"");
@@ -231,7 +233,7 @@ TEST(LearnMemoryPopulationPlan, SaysWhatComputesTheMembersNetworks) {
           "\"member_networks\": \"fused\"");
 }
 
-class LearnMemoryPopulationGpu : public testing::TestWithParam<std::tuple<Settings, int>> {};
+class LearnMemoryPopulationGpu : public testing::TestWithParam<std::tuple<PopulationSettings, int>> {};
 
 TEST_P(LearnMemoryPopulationGpu, PlanIsWhatFreeMemoryLoses) {
   if (cuda_device_count() == 0) GTEST_SKIP() << "no GPU";
@@ -243,7 +245,7 @@ TEST_P(LearnMemoryPopulationGpu, PlanIsWhatFreeMemoryLoses) {
   EXPECT_LE(ratio, members <= 512 ? 1.3 : 1.15);
 }
 
-const Settings kGpuSettings[] = {
+const PopulationSettings kGpuPopulationSettings[] = {
     {"Fused", "algorithm: openai_es", "", "", "", 16},
     {"FusedWeightDecayPool", "algorithm: snes", "shaping: {weight_decay: 0.01}",
      "opponents: {pool_size: 100, pool_every_updates: 1, pool_share: 0.5}\n", "", 16},
@@ -253,7 +255,7 @@ const Settings kGpuSettings[] = {
     {"AgainstAScript", "algorithm: openai_es, opponent: circle, precision: fp32", "", "", "", 16},
 };
 INSTANTIATE_TEST_SUITE_P(All, LearnMemoryPopulationGpu,
-                         testing::Combine(testing::ValuesIn(kGpuSettings), testing::Values(512, 8192)),
+                         testing::Combine(testing::ValuesIn(kGpuPopulationSettings), testing::Values(512, 8192)),
                          [](const auto& p) { return cat(std::get<0>(p.param).name, std::get<1>(p.param)); });
 
 }  // namespace

@@ -4,9 +4,12 @@
 #include <memory>
 #include <string>
 
+#include "core/memory.hpp"
 #include "learn/learner.hpp"
 
 namespace giga::test {
+
+constexpr Device kCpu{};
 
 /// 2 against 2 on an empty map of 6 x 6, where agents see, shoot, collide and fly out of bounds within 40 steps;
 /// 24 worlds, rollouts of 8 steps, 2 epochs of 4 minibatches. YAML of what a test changes:

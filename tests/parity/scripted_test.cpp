@@ -74,7 +74,6 @@ const size_t kNScripts = FieldCodec<Scripted>::names().size();
 
 TEST(GpuScripted, DecidesAsTheCpu) {
   if (cuda_device_count() == 0) GTEST_SKIP() << "skipped: no GPU";
-#if GIGASTEP_HAS_CUDA
   for (int variant = 0; variant < kVariants; ++variant) {
     const Decisions decisions(variant);
     for (size_t script = 0; script < kNScripts; ++script)
@@ -89,7 +88,6 @@ TEST(GpuScripted, DecidesAsTheCpu) {
               << ", GPU " << gpu[k];
       }
   }
-#endif
 }
 
 TEST(Scripted, TheWorldsOfTheComparisonBringDifferentDecisions) {

@@ -11,7 +11,7 @@
 namespace giga::test {
 namespace {
 
-constexpr int64_t kObs = 10, kWorld = 7;
+constexpr int64_t kCriticObs = 10, kWorld = 7;
 
 CriticConfig config_of(CriticKind kind) {
   CriticConfig config;
@@ -19,7 +19,7 @@ CriticConfig config_of(CriticKind kind) {
   config.hidden = {16, 12};
   return config;
 }
-CriticShape shape_of(int team) { return {team, {3, 2}, kObs, kWorld}; }
+CriticShape shape_of(int team) { return {team, {3, 2}, kCriticObs, kWorld}; }
 Critic make(CriticKind kind, int team = 0, uint64_t seed = 1) {
   return Critic(config_of(kind), shape_of(team), Precision::fp32, cpu_rows(), at::kCPU, seed);
 }
@@ -37,7 +37,7 @@ TEST(PolicyCritic, ComposedGradientReachesEveryLivingAgentOfItsStateAndNobodyEls
   const at::Tensor alive = some_alive(3);
   for (int64_t state = 0; state < 3; ++state)
     for (int64_t i = 0; i < 3; ++i) {
-      at::Tensor obs = random({3, 3, kObs}, 5).requires_grad_(true);
+      at::Tensor obs = random({3, 3, kCriticObs}, 5).requires_grad_(true);
       critic.forward(obs, alive, at::Tensor())[state][i].backward();
       for (int64_t s = 0; s < 3; ++s)
         for (int64_t j = 0; j < 3; ++j) {
@@ -53,7 +53,7 @@ TEST(PolicyCritic, ComposedGradientReachesEveryLivingAgentOfItsStateAndNobodyEls
 
 TEST(PolicyCritic, TheDeadDoNotInfluenceTheOthers) {
   const Critic critic = make(CriticKind::composed);
-  const at::Tensor alive = some_alive(3), obs = random({3, 3, kObs}, 5);
+  const at::Tensor alive = some_alive(3), obs = random({3, 3, kCriticObs}, 5);
   const at::Tensor before = critic.forward(obs, alive, at::Tensor());
   at::Tensor changed = obs.clone();
   changed[1][1].add_(5);  // the dead agent of state 1
@@ -68,8 +68,8 @@ TEST(PolicyCritic, TheDeadDoNotInfluenceTheOthers) {
 TEST(PolicyCritic, TeamsHoldSeparateParameters) {
   // Learning from team 0's values leaves team 1's critic without gradient, and team 0's with one in every parameter.
   const Critic own = make(CriticKind::composed, 0, 1), other = make(CriticKind::composed, 1, 2);
-  const at::Tensor other_values = other.forward(random({3, 2, kObs}, 6), some_alive(2), at::Tensor());
-  own.forward(random({3, 3, kObs}, 5), some_alive(3), at::Tensor()).square().sum().backward();
+  const at::Tensor other_values = other.forward(random({3, 2, kCriticObs}, 6), some_alive(2), at::Tensor());
+  own.forward(random({3, 3, kCriticObs}, 5), some_alive(3), at::Tensor()).square().sum().backward();
   EXPECT_EQ(largest(other.parameters().gradient()), 0);
   EXPECT_NE(own.parameters().values().data_ptr(), other.parameters().values().data_ptr());
   NamedArrays arrays;
@@ -89,7 +89,7 @@ TEST(PolicyCritic, TeamsHoldSeparateParameters) {
 
 TEST(PolicyCritic, IndependentValuesAreOfOneAgentEach) {
   const Critic critic = make(CriticKind::independent);
-  const at::Tensor alive = at::ones({2, 3}), obs = random({2, 3, kObs}, 5);
+  const at::Tensor alive = at::ones({2, 3}), obs = random({2, 3, kCriticObs}, 5);
   const at::Tensor before = critic.forward(obs, alive, at::Tensor());
   at::Tensor changed = obs.clone();
   changed[1][2].add_(1);
@@ -100,7 +100,7 @@ TEST(PolicyCritic, IndependentValuesAreOfOneAgentEach) {
 
 TEST(PolicyCritic, ComposedFollowsThePermutationOfItsAgents) {
   const Critic critic = make(CriticKind::composed);
-  const at::Tensor alive = some_alive(3), obs = random({3, 3, kObs}, 5);
+  const at::Tensor alive = some_alive(3), obs = random({3, 3, kCriticObs}, 5);
   const at::Tensor order = torch::tensor({2, 0, 1}, at::kLong);
   const at::Tensor permuted = critic.forward(obs.index_select(1, order), alive.index_select(1, order), at::Tensor());
   const at::Tensor expected = critic.forward(obs, alive, at::Tensor()).index_select(1, order);
@@ -169,7 +169,8 @@ TEST(PolicyCriticGpu, HalfPrecisionStaysClose) {
   // Same seed, same parameters; bf16 keeps 8 bits, so values of order 1 agree to a few hundredths.
   const at::Device gpu(at::kCUDA, 0);
   const RowRunner rows(Device{Device::Kind::cuda, 0});
-  const at::Tensor alive = some_alive(3).to(gpu), obs = random({3, 3, kObs}, 5).to(gpu), state = some_states().to(gpu);
+  const at::Tensor alive = some_alive(3).to(gpu), obs = random({3, 3, kCriticObs}, 5).to(gpu),
+                   state = some_states().to(gpu);
   for (const CriticKind kind : {CriticKind::composed, CriticKind::state, CriticKind::independent}) {
     const Critic full(config_of(kind), shape_of(0), Precision::fp32, rows, gpu, 1);
     const Critic half(config_of(kind), shape_of(0), Precision::bf16, rows, gpu, 1);

@@ -9,7 +9,7 @@
 namespace giga::test {
 namespace {
 
-constexpr int64_t kMembers = 5, kRows = 7, kObs = 12;
+constexpr int64_t kMembers = 5, kMemberRows = 7, kMemberObs = 12;
 
 struct Kind {
   ActionKind actions;
@@ -27,19 +27,19 @@ Actor make(const Kind& kind, Device device) {
   config.output_gain = 1;
   config.layer_norm = kind.layer_norm;
   config.activation = kind.activation;
-  return Actor(config, kObs, kind.actions, kind.normalize, Precision::fp32, torch_device(device), 1);
+  return Actor(config, kMemberObs, kind.actions, kind.normalize, Precision::fp32, torch_device(device), 1);
 }
 
 void expect_members_are_actors(Device device, double tolerance) {
   for (const Kind& kind : kKinds) {
     Actor actor = make(kind, device);
     const at::Device on = torch_device(device);
-    if (kind.normalize) actor.normalizer().update(3 * random({20, kObs}, 4).to(on) + 1, at::ones({20}).to(on));
+    if (kind.normalize) actor.normalizer().update(3 * random({20, kMemberObs}, 4).to(on) + 1, at::ones({20}).to(on));
     const at::Tensor members =
         actor.parameters().values().detach() + 0.3 * random({kMembers, actor.parameters().size()}, 2).to(on);
-    const at::Tensor obs = random({kMembers, kRows, kObs}, 3).to(on);
+    const at::Tensor obs = random({kMembers, kMemberRows, kMemberObs}, 3).to(on);
     const at::Tensor heads = actor.forward_members(members, obs);
-    ASSERT_EQ(heads.sizes(), (std::vector<int64_t>{kMembers, kRows, actor.head_size()}));
+    ASSERT_EQ(heads.sizes(), (std::vector<int64_t>{kMembers, kMemberRows, actor.head_size()}));
     EXPECT_FALSE(heads.requires_grad());
     for (int64_t m = 0; m < kMembers; ++m) {
       {

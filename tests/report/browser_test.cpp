@@ -12,6 +12,7 @@
 #include "io/shell_word.hpp"
 #include "io/temporary_folder.hpp"
 #include "report/report.hpp"
+#include "support/source.hpp"
 #include "synthetic_run.hpp"
 
 namespace giga::test {
@@ -61,7 +62,7 @@ class ReportInBrowser : public ::testing::Test {
     replace(text, "<body>",
             "<body><script>const problems = []; addEventListener('error', e => problems.push(e.message));"
             "addEventListener('securitypolicyviolation', e => problems.push(e.blockedURI));</script>");
-    const std::string check = read_file(GIGASTEP_SOURCE_DIR "/tests/report/browser_check.js");
+    const std::string check = read_file(source_path("tests/report/browser_check.js"));
     replace(text, "</body>", "<script>" + check + "</script></body>");
     std::ofstream(page, std::ios::binary) << text;
 

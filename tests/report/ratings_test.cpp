@@ -27,7 +27,7 @@ void write_text(const std::filesystem::path& file, const std::string& text) {
 Document sections_of(const std::vector<RunData>& runs) {
   return parse_yaml_text(report_sections(group_runs(runs, points_for(runs)), {}).text(), "sections");
 }
-const Node* section_of(const Document& sections, const std::string& title) {
+const Node* rating_section(const Document& sections, const std::string& title) {
   for (const Node& section : sections.root.items)
     if (section.find("title")->text == title) return &section;
   return nullptr;
@@ -41,7 +41,7 @@ TEST(ReportRatings, PicturesAndTableOfARatedRun) {
   write_text(folder / "run/ratings/rating_seconds.svg", "<svg>2</svg>");
   write_text(folder / "run/ratings/matrix.svg", "<svg>3</svg>");
   const Document sections = sections_of({read_run(folder / "run")});
-  const Node* section = section_of(sections, "Ratings");
+  const Node* section = rating_section(sections, "Ratings");
   ASSERT_TRUE(section);
   EXPECT_EQ(section->find("kind")->text, "pictures");
   EXPECT_TRUE(contains(section->find("note")->text, {"duel, random = 0", "Note: best: won all."}));
@@ -59,9 +59,9 @@ TEST(ReportRatings, OfSeveralRunsThoseThatWereRated) {
   for (const char* name : {"a", "b"}) SyntheticRun().write(folder / name);
   write_text(folder / "b/ratings/ratings.json", kResults);
   const Document sections = sections_of({read_run(folder / "a"), read_run(folder / "b")});
-  EXPECT_TRUE(section_of(sections, "Ratings of b"));
-  EXPECT_FALSE(section_of(sections, "Ratings of a"));
-  EXPECT_FALSE(section_of(sections, "Ratings"));
+  EXPECT_TRUE(rating_section(sections, "Ratings of b"));
+  EXPECT_FALSE(rating_section(sections, "Ratings of a"));
+  EXPECT_FALSE(rating_section(sections, "Ratings"));
 }
 
 TEST(ReportRatings, ADamagedFileIsNamed) {

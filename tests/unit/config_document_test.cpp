@@ -11,7 +11,7 @@ namespace giga {
 namespace {
 
 /// What reading the text complains about; empty if nothing.
-std::string errors_of(std::string_view text) {
+std::string parse_errors_of(std::string_view text) {
   Errors errors;
   parse_yaml_text(text, "f.yaml", errors);
   return errors.text();
@@ -36,33 +36,36 @@ TEST(ConfigDocument, RemembersWhereKeysAndValuesStand) {
 }
 
 TEST(ConfigDocument, RejectsWhatIsAmbiguousOrClever) {
-  EXPECT_EQ(errors_of("a: 1\nb: 2\na: 3\n"), "f.yaml:3:1: duplicate key 'a', first given at line 1");
-  EXPECT_EQ(errors_of("a: {b: 1, b: 2}\n"), "f.yaml:1:11: duplicate key 'b', first given at line 1");
-  EXPECT_EQ(errors_of("a: &x 1\nb: *x\n"),
+  EXPECT_EQ(parse_errors_of("a: 1\nb: 2\na: 3\n"), "f.yaml:3:1: duplicate key 'a', first given at line 1");
+  EXPECT_EQ(parse_errors_of("a: {b: 1, b: 2}\n"), "f.yaml:1:11: duplicate key 'b', first given at line 1");
+  EXPECT_EQ(parse_errors_of("a: &x 1\nb: *x\n"),
             "f.yaml:1:4: anchors are not allowed: &x; write the value where it is needed\n"
             "f.yaml:2:4: aliases are not allowed: *x; write the value itself");
-  EXPECT_EQ(errors_of("a: !!int 1\n"),
+  EXPECT_EQ(parse_errors_of("a: !!int 1\n"),
             "f.yaml:1:4: tags are not allowed: tag:yaml.org,2002:int; write the value alone");
-  EXPECT_EQ(errors_of("a: !mine {b: 1}\nc: !mine []\n"),
+  EXPECT_EQ(parse_errors_of("a: !mine {b: 1}\nc: !mine []\n"),
             "f.yaml:1:4: tags are not allowed: !mine; write the value alone\n"
             "f.yaml:2:4: tags are not allowed: !mine; write the value alone");
-  EXPECT_EQ(errors_of("a: 1\n---\nb: 2\n"), "f.yaml:3:1: a second document starts here; a file may have one only");
-  EXPECT_EQ(errors_of("[a, b]: 1\n"), "f.yaml:1:1: a key must be a name, not a list");
-  EXPECT_FALSE(errors_of("a: 1\n---\n").empty());
+  EXPECT_EQ(parse_errors_of("a: 1\n---\nb: 2\n"),
+            "f.yaml:3:1: a second document starts here; a file may have one only");
+  EXPECT_EQ(parse_errors_of("[a, b]: 1\n"), "f.yaml:1:1: a key must be a name, not a list");
+  EXPECT_FALSE(parse_errors_of("a: 1\n---\n").empty());
 }
 
 TEST(ConfigDocument, RejectsWhatIsNotYamlText) {
-  EXPECT_EQ(errors_of("a: [1, 2\nb: 3\n").substr(0, 28), "f.yaml:2:2: not valid YAML: ");
-  EXPECT_EQ(errors_of("a: 1\nb: \xC3(\n"), "f.yaml:2:4: not UTF-8: byte 195; save the file as UTF-8");
-  EXPECT_EQ(errors_of("# \xED\xA0\x80"), "f.yaml:1:3: not UTF-8: byte 237; save the file as UTF-8");  // a surrogate
-  EXPECT_EQ(errors_of("# \xC0\xAF"), "f.yaml:1:3: not UTF-8: byte 192; save the file as UTF-8");      // overlong
-  EXPECT_EQ(errors_of(std::string_view("a: \0", 4)), "f.yaml:1:4: control character 0; a file may hold text only");
-  EXPECT_EQ(errors_of(std::string(5000, '[')), "f.yaml:1:1: nested too deeply");
-  EXPECT_EQ(errors_of("a: \xC3\xA4\xF0\x9F\x9A\x80\n"), "");
+  EXPECT_EQ(parse_errors_of("a: [1, 2\nb: 3\n").substr(0, 28), "f.yaml:2:2: not valid YAML: ");
+  EXPECT_EQ(parse_errors_of("a: 1\nb: \xC3(\n"), "f.yaml:2:4: not UTF-8: byte 195; save the file as UTF-8");
+  EXPECT_EQ(parse_errors_of("# \xED\xA0\x80"),
+            "f.yaml:1:3: not UTF-8: byte 237; save the file as UTF-8");                                 // a surrogate
+  EXPECT_EQ(parse_errors_of("# \xC0\xAF"), "f.yaml:1:3: not UTF-8: byte 192; save the file as UTF-8");  // overlong
+  EXPECT_EQ(parse_errors_of(std::string_view("a: \0", 4)),
+            "f.yaml:1:4: control character 0; a file may hold text only");
+  EXPECT_EQ(parse_errors_of(std::string(5000, '[')), "f.yaml:1:1: nested too deeply");
+  EXPECT_EQ(parse_errors_of("a: \xC3\xA4\xF0\x9F\x9A\x80\n"), "");
 }
 
 TEST(ConfigDocument, ListsAllErrorsByPosition) {
-  EXPECT_EQ(errors_of("a: &x 1\na: 2\nb: !t 3\n"),
+  EXPECT_EQ(parse_errors_of("a: &x 1\na: 2\nb: !t 3\n"),
             "f.yaml:1:4: anchors are not allowed: &x; write the value where it is needed\n"
             "f.yaml:2:1: duplicate key 'a', first given at line 1\n"
             "f.yaml:3:4: tags are not allowed: !t; write the value alone");

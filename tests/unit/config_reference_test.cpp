@@ -8,25 +8,25 @@
 namespace giga {
 namespace {
 
-struct Part {
+struct DocumentedPart {
   std::vector<int> sizes = {8};
 };
 template <class V>
-void visit_fields(V& v, Part& c) {
+void visit_fields(V& v, DocumentedPart& c) {
   v("sizes", c.sizes, "sizes", range(1, 9).items(1, 4));
 }
 
-struct Config {
+struct DocumentedConfig {
   float gamma = 0.5f;
   std::optional<int> limit = std::nullopt;
   bool flag = false;
   std::string mode = "a";
   std::array<float, 2> pair = {1, 2};
-  std::map<std::string, Part> parts;
+  std::map<std::string, DocumentedPart> parts;
   Node rest;
 };
 template <class V>
-void visit_fields(V& v, Config& c) {
+void visit_fields(V& v, DocumentedConfig& c) {
   v("gamma", c.gamma, "a | b <c>", range(0, 1).below(1));
   v("limit", c.limit, "a limit", at_least(1));
   v("flag", c.flag, "a switch");
@@ -37,7 +37,7 @@ void visit_fields(V& v, Config& c) {
 }
 
 TEST(ConfigReference, OneTableForEachGroup) {
-  EXPECT_EQ(reference_tables(fields_of_default<Config>(), "##", "elsewhere"),
+  EXPECT_EQ(reference_tables(fields_of_default<DocumentedConfig>(), "##", "elsewhere"),
             "| key | type | default | allowed | meaning |\n"
             "|---|---|---|---|---|\n"
             "| `gamma` | float | `0.5` | [0, 1) | a \\| b &lt;c> |\n"

@@ -7,10 +7,10 @@
 #include <limits>
 #include <vector>
 
+#include "support/numbers.hpp"
+
 namespace giga {
 namespace {
-
-constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 
 /// A rollout of T = 3 steps with gamma = lambda = 1/2, so that all numbers are exact. One world and one agent unless
 /// the vectors are made longer; rewards 1, 2, 4 and values 2, 4, 8, then 16 behind the rollout.

@@ -10,11 +10,11 @@
 
 #include "core/philox.hpp"
 #include "math/ppo_loss.hpp"
+#include "support/numbers.hpp"
 
 namespace giga {
 namespace {
 
-constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 constexpr float kClip = 0.2f, kEntropyCoef = 0.1f;
 
 TEST(MathPolicyLoss, ClippedSurrogateInAllFourCorners) {

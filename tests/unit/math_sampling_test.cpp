@@ -6,16 +6,17 @@
 #include <limits>
 #include <vector>
 
+#include "support/numbers.hpp"
+
 #include "math/distributions.hpp"
 
 namespace giga {
 namespace {
 
-constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 /// Chi-square with 26 degrees of freedom lies above this with probability 1e-4.
 constexpr double kChiSquare26 = 61.7;
 
-struct alignas(16) LogitRow {
+struct alignas(16) SampledLogits {
   float x[kLogitStride];
 };
 
@@ -40,7 +41,7 @@ double chi_square(const std::array<int, 27>& counts, const std::array<double, 27
 
 TEST(MathSampling, CategoricalFrequenciesFollowTheSoftmax) {
   // 20,000 worlds of 5 agents, all with the logits 3 sin(k), and one that is not used.
-  LogitRow row{};
+  SampledLogits row{};
   std::array<double, 27> p{}, uniform{};
   double sum = 0;
   for (size_t k = 0; k < 27; ++k) {
@@ -52,7 +53,7 @@ TEST(MathSampling, CategoricalFrequenciesFollowTheSoftmax) {
   uniform.fill(1.0 / 27);
   row.x[27] = 40;
   const int total = 100'000;
-  const std::vector<LogitRow> logits(static_cast<size_t>(total), row);
+  const std::vector<SampledLogits> logits(static_cast<size_t>(total), row);
   std::vector<int32_t> action(static_cast<size_t>(total), -1);
   std::vector<float> log_prob(static_cast<size_t>(total), kNan);
   const Draws draws(total / 5, 5, 3);
@@ -71,8 +72,8 @@ TEST(MathSampling, CategoricalFrequenciesFollowTheSoftmax) {
 }
 
 TEST(MathSampling, TeamsWorldsStepsAndSeedsDrawApart) {
-  const LogitRow row{};
-  const std::vector<LogitRow> logits(400, row);
+  const SampledLogits row{};
+  const std::vector<SampledLogits> logits(400, row);
   const auto actions = [&](const RowDraws& draws) {
     std::vector<int32_t> action(400, -1);
     const SampleCategorical sample{logits[0].x, draws, action.data(), nullptr};
@@ -93,8 +94,8 @@ TEST(MathSampling, TeamsWorldsStepsAndSeedsDrawApart) {
 }
 
 TEST(MathSampling, GreedyTakesTheFirstLargestLogit) {
-  std::vector<LogitRow> logits(3);
-  for (LogitRow& row : logits) row.x[27] = 9;  // not an action
+  std::vector<SampledLogits> logits(3);
+  for (SampledLogits& row : logits) row.x[27] = 9;  // not an action
   logits[0].x[0] = 1;
   logits[1].x[26] = 1;
   logits[2].x[13] = logits[2].x[20] = 2;
@@ -109,7 +110,7 @@ TEST(MathSampling, GreedyTakesTheFirstLargestLogit) {
 }
 
 TEST(MathSampling, HugeLogitsDoNotOverflow) {
-  LogitRow row{};
+  SampledLogits row{};
   for (float& x : row.x) x = -1e4f;
   row.x[5] = 1e4f;
   int32_t action = -1;

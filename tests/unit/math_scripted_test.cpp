@@ -7,10 +7,10 @@
 #include <limits>
 #include <vector>
 
+#include "support/numbers.hpp"
+
 namespace giga {
 namespace {
-
-constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 
 /// Worlds of 3 agents that have lived `age` steps when the draw step is `step`.
 struct Worlds {

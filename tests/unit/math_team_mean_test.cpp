@@ -7,10 +7,10 @@
 #include <limits>
 #include <vector>
 
+#include "support/numbers.hpp"
+
 namespace giga {
 namespace {
-
-constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 
 TEST(MathTeamMean, MeanOverTheLiving) {
   // Three states of 3 agents with 2 features: the middle agent is dead; all live; none lives.

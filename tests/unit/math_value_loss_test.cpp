@@ -8,11 +8,10 @@
 
 #include "core/philox.hpp"
 #include "math/ppo_loss.hpp"
+#include "support/numbers.hpp"
 
 namespace giga {
 namespace {
-
-constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 
 struct Result {
   float loss, d_value;

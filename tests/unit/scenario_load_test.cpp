@@ -8,11 +8,12 @@
 #include "core/error.hpp"
 #include "scenario/compile.hpp"
 #include "scenario/loader.hpp"
+#include "support/source.hpp"
 
 namespace giga {
 namespace {
 
-DataDirs source_data() { return {GIGASTEP_SOURCE_DIR}; }
+DataDirs source_data() { return {test::source_path()}; }
 Scenario load(const std::string& name) { return load_scenario(name, source_data()); }
 
 /// Agents per team and side of the world.
@@ -246,8 +247,8 @@ TEST(ScenarioData, FoldersAreFound) {
   EXPECT_FALSE(find_data_file(dirs, "scenarios/nothing.yaml"));
   setenv("GIGASTEP_DATA_DIR", "/nowhere", 1);
   EXPECT_THROW(data_dirs(), InputError);
-  setenv("GIGASTEP_DATA_DIR", GIGASTEP_SOURCE_DIR, 1);
-  EXPECT_EQ(data_dirs().front(), GIGASTEP_SOURCE_DIR);
+  setenv("GIGASTEP_DATA_DIR", test::source_path().c_str(), 1);
+  EXPECT_EQ(data_dirs().front(), test::source_path());
   unsetenv("GIGASTEP_DATA_DIR");
 }
 

@@ -7,6 +7,7 @@
 #include "core/error.hpp"
 #include "scenario/compile.hpp"
 #include "scenario/loader.hpp"
+#include "support/source.hpp"
 
 namespace giga {
 namespace {
@@ -30,7 +31,7 @@ class ScenarioUser : public testing::Test {
     return (folder_ / name).string();
   }
   static Scenario load(const std::string& name, const Node* changes = nullptr) {
-    return load_scenario(name, {GIGASTEP_SOURCE_DIR}, changes, changes ? "environment" : "");
+    return load_scenario(name, {test::source_path()}, changes, changes ? "environment" : "");
   }
   /// Message of loading and compiling this text as f.yaml, without the folder.
   std::string error_of(const std::string& text) const {

@@ -11,7 +11,7 @@
 namespace giga::test {
 namespace {
 
-constexpr float kTolerance = 1e-5f;
+constexpr float kViewTolerance = 1e-5f;
 
 SimSpec body_spec(int n_team_0, int n_team_1) {
   SimSpec spec = open_spec(n_team_0, n_team_1);
@@ -78,8 +78,8 @@ TEST(SimBodyView, TellsTheAgentItself) {
   // 2 x / 10 - 1 and so on of the state after the step; the heading of pi / 6 stays.
   const float expected[kBodySelf] = {w.x[0] / 5 - 1, w.y[0] / 5 - 1, 0.8660254f, 0.5f,
                                      w.z[0] / 10,    w.v[0] / 5,     w.health[0]};
-  for (int k = 0; k < kBodySelf; ++k) EXPECT_NEAR(body(world, 0, k), expected[k], kTolerance) << k;
-  EXPECT_NEAR(body(world, 0, 4), 0.4f, kTolerance);
+  for (int k = 0; k < kBodySelf; ++k) EXPECT_NEAR(body(world, 0, k), expected[k], kViewTolerance) << k;
+  EXPECT_NEAR(body(world, 0, 4), 0.4f, kViewTolerance);
 }
 
 TEST(SimBodyView, NearnessOfTheBorder) {
@@ -88,13 +88,13 @@ TEST(SimBodyView, NearnessOfTheBorder) {
   world.put(1, 1, 1);
   world.step();
   const float x = world.now().x[0], y = world.now().y[0];
-  EXPECT_NEAR(wall(world, 0, 0), 1 / (1 + 10 - y), kTolerance);  // ahead: the upper border
-  EXPECT_NEAR(wall(world, 0, 3), 1 / (1 + x), kTolerance);       // a quarter turn to the left: x = 0
-  EXPECT_NEAR(wall(world, 0, 6), 1 / (1 + y), kTolerance);       // behind: y = 0
-  EXPECT_NEAR(wall(world, 0, 9), 1 / (1 + 10 - x), kTolerance);  // right: x = 10
+  EXPECT_NEAR(wall(world, 0, 0), 1 / (1 + 10 - y), kViewTolerance);  // ahead: the upper border
+  EXPECT_NEAR(wall(world, 0, 3), 1 / (1 + x), kViewTolerance);       // a quarter turn to the left: x = 0
+  EXPECT_NEAR(wall(world, 0, 6), 1 / (1 + y), kViewTolerance);       // behind: y = 0
+  EXPECT_NEAR(wall(world, 0, 9), 1 / (1 + 10 - x), kViewTolerance);  // right: x = 10
   // 30 degrees to the right of up: (1/2, sqrt(3)/2) meets x = 10 after (10 - x) / (1/2), y = 10 after less or more.
   const float way = std::min((10 - x) / 0.5f, (10 - y) / 0.8660254f);
-  EXPECT_NEAR(wall(world, 0, 11), 1 / (1 + way), kTolerance);
+  EXPECT_NEAR(wall(world, 0, 11), 1 / (1 + way), kViewTolerance);
 }
 
 TEST(SimBodyView, NearnessOfObstacles) {
@@ -106,11 +106,11 @@ TEST(SimBodyView, NearnessOfObstacles) {
   world.put(1, 1, 1);
   world.step();
   const float x = world.now().x[0];
-  EXPECT_NEAR(wall(world, 0, 0), 1 / (1 + 7 - x), kTolerance);
-  EXPECT_NEAR(wall(world, 0, 6), 1 / (1 + x - 3), kTolerance);
-  EXPECT_NEAR(wall(world, 0, 3), 1 / (1 + 5.0f), kTolerance);  // up: nothing but the border
+  EXPECT_NEAR(wall(world, 0, 0), 1 / (1 + 7 - x), kViewTolerance);
+  EXPECT_NEAR(wall(world, 0, 6), 1 / (1 + x - 3), kViewTolerance);
+  EXPECT_NEAR(wall(world, 0, 3), 1 / (1 + 5.0f), kViewTolerance);  // up: nothing but the border
   // 30 degrees up: (7 - x) tan 30 = 1.08 > 1 at x = 5.13, so it passes above the first box, to x = 10.
-  EXPECT_NEAR(wall(world, 0, 1), 1 / (1 + (10 - x) / 0.8660254f), kTolerance);
+  EXPECT_NEAR(wall(world, 0, 1), 1 / (1 + (10 - x) / 0.8660254f), kViewTolerance);
 
   spec.params.obstacle_heights = true;
   spec.finish();
@@ -118,8 +118,8 @@ TEST(SimBodyView, NearnessOfObstacles) {
   tall.put(0, 5, 5, 0, 2.5f);  // above the first box, level with the second
   tall.put(1, 1, 1);
   tall.step();
-  EXPECT_NEAR(wall(tall, 0, 0), 1 / (1 + 10 - tall.now().x[0]), kTolerance);
-  EXPECT_NEAR(wall(tall, 0, 6), 1 / (1 + tall.now().x[0] - 3), kTolerance);
+  EXPECT_NEAR(wall(tall, 0, 0), 1 / (1 + 10 - tall.now().x[0]), kViewTolerance);
+  EXPECT_NEAR(wall(tall, 0, 6), 1 / (1 + tall.now().x[0] - 3), kViewTolerance);
 }
 
 TEST(SimBodyView, OpponentsAndMatesByDistance) {
@@ -136,17 +136,17 @@ TEST(SimBodyView, OpponentsAndMatesByDistance) {
   // Opponents 3 (3 below, so to the left of who flies left), 4 (ahead), 5; mates 2, 1.
   const int order[] = {3, 4, 5, 2, 1};
   for (int k = 0; k < 5; ++k)
-    EXPECT_NEAR(company(world, 0, k, kBodyNearness), 1 / (1 + distance(order[k])), kTolerance) << k;
-  EXPECT_NEAR(company(world, 0, 0, kBodyAhead), -(w.x[3] - w.x[0]) / distance(3), kTolerance);
-  EXPECT_NEAR(company(world, 0, 0, kBodyLeft), -(w.y[3] - w.y[0]) / distance(3), kTolerance);
+    EXPECT_NEAR(company(world, 0, k, kBodyNearness), 1 / (1 + distance(order[k])), kViewTolerance) << k;
+  EXPECT_NEAR(company(world, 0, 0, kBodyAhead), -(w.x[3] - w.x[0]) / distance(3), kViewTolerance);
+  EXPECT_NEAR(company(world, 0, 0, kBodyLeft), -(w.y[3] - w.y[0]) / distance(3), kViewTolerance);
   EXPECT_GT(company(world, 0, 0, kBodyLeft), 0.9f);
-  EXPECT_NEAR(company(world, 0, 0, kBodyCourseAhead), -1, kTolerance);  // it flies the other way
-  EXPECT_NEAR(company(world, 0, 0, kBodyClimb), 0.5f, kTolerance);
+  EXPECT_NEAR(company(world, 0, 0, kBodyCourseAhead), -1, kViewTolerance);  // it flies the other way
+  EXPECT_NEAR(company(world, 0, 0, kBodyClimb), 0.5f, kViewTolerance);
   EXPECT_NEAR(company(world, 0, 1, kBodyAhead), 1, 1e-2f);
-  EXPECT_NEAR(company(world, 0, 1, kBodyCourseLeft), -1, kTolerance);  // up, seen from who flies left: to the right
-  EXPECT_NEAR(company(world, 0, 1, kBodyCourseAhead), 0, kTolerance);
-  EXPECT_NEAR(company(world, 0, 1, kBodyOvertakes), (w.v[4] - w.v[0]) / 5, kTolerance);
-  EXPECT_NEAR(company(world, 0, 3, kBodyHealth), w.health[2], kTolerance);
+  EXPECT_NEAR(company(world, 0, 1, kBodyCourseLeft), -1, kViewTolerance);  // up, seen from who flies left: to the right
+  EXPECT_NEAR(company(world, 0, 1, kBodyCourseAhead), 0, kViewTolerance);
+  EXPECT_NEAR(company(world, 0, 1, kBodyOvertakes), (w.v[4] - w.v[0]) / 5, kViewTolerance);
+  EXPECT_NEAR(company(world, 0, 3, kBodyHealth), w.health[2], kViewTolerance);
 }
 
 TEST(SimBodyView, NobodySeenAndTheDead) {
@@ -183,10 +183,10 @@ TEST(SimBodyView, TheWaypointAlongTheHeading) {
   world.step();
   const float dx = 1.5f - w.x[0], dy = 5.5f - w.y[0], distance = std::hypot(dx, dy);
   const int at = kBodySelf + kBodyRays;
-  EXPECT_NEAR(body(world, 0, at + kBodyNearness), 1 / (1 + distance), kTolerance);
-  EXPECT_NEAR(body(world, 0, at + kBodyAhead), dy / distance, kTolerance);  // it flies up
-  EXPECT_NEAR(body(world, 0, at + kBodyLeft), -dx / distance, kTolerance);  // and the place lies to its left
-  *w.waypoint_time = 0.05f;                                                 // gone after the next step
+  EXPECT_NEAR(body(world, 0, at + kBodyNearness), 1 / (1 + distance), kViewTolerance);
+  EXPECT_NEAR(body(world, 0, at + kBodyAhead), dy / distance, kViewTolerance);  // it flies up
+  EXPECT_NEAR(body(world, 0, at + kBodyLeft), -dx / distance, kViewTolerance);  // and the place lies to its left
+  *w.waypoint_time = 0.05f;                                                     // gone after the next step
   world.step();
   for (int k = 0; k < kBodyWaypoint; ++k) EXPECT_EQ(body(world, 0, at + k), 0) << k;
 }

@@ -7,7 +7,7 @@
 namespace giga::test {
 namespace {
 
-constexpr float kTolerance = 2e-6f;  // a few roundings of numbers below 8
+constexpr float kMotionTolerance = 2e-6f;  // a few roundings of numbers below 8
 
 TEST(SimKinematics, AllControlsAtOnce) {
   SimSpec spec = plain_spec(1, 1);
@@ -20,11 +20,11 @@ TEST(SimKinematics, AllControlsAtOnce) {
   // heading 0.5 + 0.1*1*4 = 0.9; v1 = 2 + 0.1*1*1.5*2 = 2.3; v2 = 2.3 - 0.04*2.3^2 = 2.0884
   // x = 5 + 0.1*2.0884*cos 0.9 = 5.12981703; y = 5 + 0.1*2.0884*sin 0.9 = 5.16358999
   // z = 3 - 0.1*5 = 2.5; v = sqrt(2.0884^2 + 0.5*9.81*0.5) = 2.61034759
-  EXPECT_NEAR(world.now().heading[0], 0.9f, kTolerance);
-  EXPECT_NEAR(world.now().x[0], 5.12981703f, kTolerance);
-  EXPECT_NEAR(world.now().y[0], 5.16358999f, kTolerance);
-  EXPECT_NEAR(world.now().z[0], 2.5f, kTolerance);
-  EXPECT_NEAR(world.now().v[0], 2.61034759f, kTolerance);
+  EXPECT_NEAR(world.now().heading[0], 0.9f, kMotionTolerance);
+  EXPECT_NEAR(world.now().x[0], 5.12981703f, kMotionTolerance);
+  EXPECT_NEAR(world.now().y[0], 5.16358999f, kMotionTolerance);
+  EXPECT_NEAR(world.now().z[0], 2.5f, kMotionTolerance);
+  EXPECT_NEAR(world.now().v[0], 2.61034759f, kMotionTolerance);
   EXPECT_TRUE(world.neighbors_untouched());
 }
 
@@ -37,11 +37,11 @@ TEST(SimKinematics, ClimbingCostsSpeedDownToTheFloor) {
   world.control(1, 0, 1, 0);
   world.step();
   // v2 = 3 - 0.04*9 = 2.64; v = sqrt(6.9696 - 4.905*0.5) = sqrt(4.5171) = 2.12534703
-  EXPECT_NEAR(world.now().z[0], 0.5f, kTolerance);
-  EXPECT_NEAR(world.now().v[0], 2.12534703f, kTolerance);
+  EXPECT_NEAR(world.now().z[0], 0.5f, kMotionTolerance);
+  EXPECT_NEAR(world.now().v[0], 2.12534703f, kMotionTolerance);
   // v2 = 1.5 - 0.04*2.25 = 1.41; 1.9881 - 2.4525 < 1.69, so the floor
-  EXPECT_NEAR(world.now().v[1], 1.3f, kTolerance);
-  EXPECT_NEAR(world.now().x[1], 3.141f, kTolerance) << "the position uses the speed before the exchange";
+  EXPECT_NEAR(world.now().v[1], 1.3f, kMotionTolerance);
+  EXPECT_NEAR(world.now().x[1], 3.141f, kMotionTolerance) << "the position uses the speed before the exchange";
 }
 
 TEST(SimKinematics, AltitudeIsClampedAndOnlyTheRealChangeCosts) {
@@ -54,10 +54,10 @@ TEST(SimKinematics, AltitudeIsClampedAndOnlyTheRealChangeCosts) {
   world.step();
   // 9.8 + 0.5 is cut to 10: v = sqrt(2.64^2 - 4.905*0.2) = sqrt(5.9886) = 2.44716162
   EXPECT_EQ(world.now().z[0], 10.0f);
-  EXPECT_NEAR(world.now().v[0], 2.44716162f, kTolerance);
+  EXPECT_NEAR(world.now().v[0], 2.44716162f, kMotionTolerance);
   // 0.2 - 0.5 is cut to 0: v2 = 1.3 - 0.04*1.69 = 1.2324, v = sqrt(1.51880976 + 4.905*0.2) = sqrt(2.49980976)
   EXPECT_EQ(world.now().z[1], 0.0f);
-  EXPECT_NEAR(world.now().v[1], 1.58107867f, kTolerance);
+  EXPECT_NEAR(world.now().v[1], 1.58107867f, kMotionTolerance);
 }
 
 TEST(SimKinematics, StartSpeedIsOneBelowTheFloorForOneStep) {
@@ -67,8 +67,8 @@ TEST(SimKinematics, StartSpeedIsOneBelowTheFloorForOneStep) {
   world.control(0, 0, 0, -1);
   world.step();
   // v1 = 1 - 0.15 = 0.85; v2 = 0.85 - 0.04*0.7225 = 0.8211; team 0 starts with heading pi
-  EXPECT_NEAR(world.now().x[0], x - 0.08211f, kTolerance);
-  EXPECT_NEAR(world.now().v[0], 1.3f, kTolerance);
+  EXPECT_NEAR(world.now().x[0], x - 0.08211f, kMotionTolerance);
+  EXPECT_NEAR(world.now().v[0], 1.3f, kMotionTolerance);
 }
 
 TEST(SimKinematics, ControlsAreClipped) {
@@ -96,8 +96,8 @@ TEST(SimKinematics, TheDeadStayWhereTheyAre) {
   EXPECT_EQ(world.now().x[0], 3.0f);
   EXPECT_EQ(world.now().y[0], 3.0f);
   EXPECT_EQ(world.now().z[0], 2.0f);
-  EXPECT_NEAR(world.now().heading[0], 0.5f, kTolerance);
-  EXPECT_NEAR(world.now().v[0], 3.0f, kTolerance);
+  EXPECT_NEAR(world.now().heading[0], 0.5f, kMotionTolerance);
+  EXPECT_NEAR(world.now().v[0], 3.0f, kMotionTolerance);
   EXPECT_FALSE(world.alive(0));
 }
 
@@ -125,10 +125,10 @@ TEST(SimKinematics, DiscreteActionsMove) {
   world.act(0, 16);  // heading +1
   world.act(1, 22);  // throttle +1
   world.step();
-  EXPECT_NEAR(world.now().heading[0], 0.4f, kTolerance);
-  EXPECT_NEAR(world.now().v[0], 1.84f, kTolerance);  // 2 - 0.04*4
+  EXPECT_NEAR(world.now().heading[0], 0.4f, kMotionTolerance);
+  EXPECT_NEAR(world.now().v[0], 1.84f, kMotionTolerance);  // 2 - 0.04*4
   EXPECT_EQ(world.now().heading[1], 0.0f);
-  EXPECT_NEAR(world.now().v[1], 1.9651f, kTolerance);  // 2.15 - 0.04*4.6225
+  EXPECT_NEAR(world.now().v[1], 1.9651f, kMotionTolerance);  // 2.15 - 0.04*4.6225
   EXPECT_EQ(world.now().z[0], 5.0f);
 }
 

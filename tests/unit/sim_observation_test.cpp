@@ -12,7 +12,7 @@
 namespace giga::test {
 namespace {
 
-constexpr float kTolerance = 1e-6f;
+constexpr float kObservationTolerance = 1e-6f;
 
 /// Observations of team 0 from the state as it stands, with sight decided anew: [agent][columns].
 std::vector<std::vector<float>> observe_team_0(TestWorld& world) {
@@ -64,7 +64,7 @@ TEST(SimObservation, NineNumbersOfEgoAndOther) {
   // Relative heading -2.9 - 0.5 = -3.4 -> + 2 pi = 2.88318531
   const float expected[18] = {1, 1, 0.2f, 0.25f,  0.1f, 0.5f,        0.0670820393f, 0.25f, 3,
                               1, 0, 0.4f, -0.05f, 0.3f, 2.88318531f, 0.0447213595f, 2.5f,  6};
-  for (size_t k = 0; k < 18; ++k) EXPECT_NEAR(obs[k], expected[k], kTolerance) << "column " << k;
+  for (size_t k = 0; k < 18; ++k) EXPECT_NEAR(obs[k], expected[k], kObservationTolerance) << "column " << k;
 }
 
 TEST(SimObservation, AscendingDistanceAndTiesByIndex) {
@@ -183,7 +183,7 @@ TEST(SimObservation, DeadEgo) {
     world.draws.comm_draw = [](int, int, bool) { return 0.0f; };  // below 1 / 8: nobody is heard
     const auto deaf = order_of(observe_team_0(world)[0], 3);
     EXPECT_EQ(deaf, partial ? (std::vector<int>{-1, -1, -1}) : order);
-    EXPECT_NEAR(rows[0][27], -0.5f, kTolerance) << "the tail is not masked: (0 - 5) / 10";
+    EXPECT_NEAR(rows[0][27], -0.5f, kObservationTolerance) << "the tail is not masked: (0 - 5) / 10";
     EXPECT_EQ(order_of(rows[1], 3), (std::vector<int>{1, 2, -1})) << "the dead are neither seen nor heard";
   }
 }
@@ -205,9 +205,9 @@ TEST(SimObservation, WaypointAndBoxesBehindTheAgents) {
   // (4 - 2)/10, (10 - 5)/20, (4.6 - 2)/10, (10.6 - 5)/20, seconds; the box over (10, 20, 10, 20); padding
   const float expected[] = {0.2f, 0.25f, 0.26f, 0.28f, 3.5f, 0.1f, 0.1f, 0.3f, 0.2f, 0, 0, 0, 0};
   const std::vector<float> obs = observe_team_0(world)[0];
-  for (size_t k = 0; k < 13; ++k) EXPECT_NEAR(obs[18 + k], expected[k], kTolerance) << "column " << 18 + k;
+  for (size_t k = 0; k < 13; ++k) EXPECT_NEAR(obs[18 + k], expected[k], kObservationTolerance) << "column " << 18 + k;
   *world.now().map = 1;
-  EXPECT_NEAR(observe_team_0(world)[0][18 + 5 + 3], 0.4f, kTolerance)
+  EXPECT_NEAR(observe_team_0(world)[0][18 + 5 + 3], 0.4f, kObservationTolerance)
       << "the boxes are those of the world's map: 8 / 20";
 }
 
@@ -221,7 +221,7 @@ TEST(SimObservation, SixNumbersABoxWithHeights) {
   world.put(1, 8, 8);
   const float expected[] = {0.1f, 0.2f, 0.3f, 0.4f, 0.05f, 0.5f};
   const std::vector<float> obs = observe_team_0(world)[0];
-  for (size_t k = 0; k < 6; ++k) EXPECT_NEAR(obs[18 + k], expected[k], kTolerance) << "column " << 18 + k;
+  for (size_t k = 0; k < 6; ++k) EXPECT_NEAR(obs[18 + k], expected[k], kObservationTolerance) << "column " << 18 + k;
 }
 
 TEST(SimObservation, BuiltInSizes) {
@@ -263,10 +263,10 @@ TEST(SimObservation, GlobalState) {
   for (int k = 0; k < 12; ++k) EXPECT_EQ(value(12 + k), 0.0f) << "the dead are zeros, column " << 12 + k;
   // alive, x, y, z over (10, 20, 10), sine and cosine of 0.5, v / 5, health, health / 3, thrust, range, damage range
   const float entity[] = {1, 0.6f, 0.25f, 0.4f, 0.479425539f, 0.877582562f, 0.4f, 1.5f, 0.5f, 0.8f, 2, 0.5f};
-  for (int k = 0; k < 12; ++k) EXPECT_NEAR(value(24 + k), entity[k], kTolerance) << "column " << 24 + k;
+  for (int k = 0; k < 12; ++k) EXPECT_NEAR(value(24 + k), entity[k], kObservationTolerance) << "column " << 24 + k;
   // centre (4.5, 11) over (10, 20), active, 2.5 / 10, 2 / 8 steps, the box
   const float rest[] = {0.45f, 0.55f, 1, 0.25f, 0.25f, 0.1f, 0.1f, 0.3f, 0.2f};
-  for (int k = 0; k < 9; ++k) EXPECT_NEAR(value(36 + k), rest[k], kTolerance) << "column " << 36 + k;
+  for (int k = 0; k < 9; ++k) EXPECT_NEAR(value(36 + k), rest[k], kObservationTolerance) << "column " << 36 + k;
   *world.now().waypoint_time = 0;
   for (int k = 0; k < 4; ++k) EXPECT_EQ(value(36 + k), 0.0f) << "no waypoint, column " << 36 + k;
 }

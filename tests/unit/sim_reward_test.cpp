@@ -11,7 +11,7 @@
 namespace giga::test {
 namespace {
 
-constexpr float kTolerance = 1e-5f;
+constexpr float kRewardTolerance = 1e-5f;
 
 SimSpec with_reward(int n_team_0, int n_team_1, RewardTerm term, float weight) {
   SimSpec spec = plain_spec(n_team_0, n_team_1);
@@ -21,7 +21,7 @@ SimSpec with_reward(int n_team_0, int n_team_1, RewardTerm term, float weight) {
 
 void expect_rewards(const TestWorld& world, const std::vector<float>& expected) {
   for (size_t i = 0; i < expected.size(); ++i)
-    EXPECT_NEAR(world.reward(static_cast<int>(i)), expected[i], kTolerance) << "agent " << i;
+    EXPECT_NEAR(world.reward(static_cast<int>(i)), expected[i], kRewardTolerance) << "agent " << i;
 }
 
 TEST(SimReward, DefeatOneOpponent) {
@@ -200,10 +200,10 @@ TEST(SimReward, FactorDivisionAndOrder) {
   world.put(2, 9.95f, 8);
   world.step();
   // Terms of agent 0: type 2, defeat 9 * 1 / 3 = 3, idle -0.1: 0.5 * 4.9 + 6 = 8.45, / 3 agents
-  EXPECT_NEAR(world.term(RewardTerm::idle_reward, 0), 2.0f, kTolerance);
-  EXPECT_NEAR(world.term(RewardTerm::defeat_one_opponent, 0), 3.0f, kTolerance);
-  EXPECT_NEAR(world.term(RewardTerm::idle, 0), -0.1f, kTolerance);
-  EXPECT_NEAR(world.term(RewardTerm::game_won, 0), 6.0f, kTolerance);
+  EXPECT_NEAR(world.term(RewardTerm::idle_reward, 0), 2.0f, kRewardTolerance);
+  EXPECT_NEAR(world.term(RewardTerm::defeat_one_opponent, 0), 3.0f, kRewardTolerance);
+  EXPECT_NEAR(world.term(RewardTerm::idle, 0), -0.1f, kRewardTolerance);
+  EXPECT_NEAR(world.term(RewardTerm::game_won, 0), 6.0f, kRewardTolerance);
   EXPECT_EQ(world.term(RewardTerm::damage, 0), 0.0f) << "a term that is off";
   expect_rewards(world, {8.45f / 3, (0.5f * 2.9f + 6) / 3, 0});
 }

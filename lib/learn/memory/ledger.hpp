@@ -7,6 +7,8 @@
 
 namespace giga {
 
+constexpr int64_t kFloat = 4;  ///< bytes of a number in fp32
+
 /// What the memory of an update that comes and goes is for.
 enum class MemoryUse : uint8_t { permutation, minibatch, actor, critic, values, temporary };
 constexpr size_t kNMemoryUses = 6;

@@ -17,7 +17,6 @@ namespace {
 
 using Grows = PlanItems::Grows;
 
-constexpr int64_t kFloat = 4;
 // What the C library keeps in pieces while blocks are smaller than kHeapBlock, as multiples of what learning holds at
 // its peak. Measured: 1.6 to 3.0 (5 against 5; 1,024 and 3,072 worlds of 16 steps; 1, 2 and 8 minibatches). With
 // MALLOC_MMAP_THRESHOLD_=4194304 in the environment nothing is kept, for a tenth to half more CPU time.

@@ -21,7 +21,7 @@ namespace {
 
 using Grows = PlanItems::Grows;
 
-constexpr int64_t kFloat = 4, kHalf = 2;
+constexpr int64_t kHalf = 2;
 /// Vectors [P] while a strategy learns: the old mean (twice) and sigma, both moments of the noise, and up to four on
 /// the way to the new mean; before, sums over parts of the members beside five of these.
 constexpr int64_t kLearningVectors = 9, kLearningVectorsBesideParts = 5;

@@ -13,7 +13,6 @@
 namespace giga {
 namespace {
 
-constexpr int64_t kFloat = 4;
 /// LibTorch shuffles on a GPU by sorting: keys and values, sorted and unsorted, and the sort's own memory.
 constexpr int64_t kShuffleCopies = 5;
 

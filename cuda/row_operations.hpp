@@ -1,0 +1,30 @@
+// The list of all row operations: what rows.cu makes for a GPU, and a build without CUDA leaves out.
+#pragma once
+
+#include "math/distributions.hpp"
+#include "math/es_noise.hpp"
+#include "math/gae.hpp"
+#include "math/population_actions.hpp"
+#include "math/ppo_loss.hpp"
+#include "math/scripted.hpp"
+#include "math/step_gate.hpp"
+#include "math/team_mean.hpp"
+
+#define GIGA_ROW_OPERATIONS(APPLY) \
+  APPLY(SampleCategorical)         \
+  APPLY(SampleGaussian)            \
+  APPLY(ScriptedActions)           \
+  APPLY(Gae)                       \
+  APPLY(CategoricalLoss)           \
+  APPLY(GaussianLoss)              \
+  APPLY(ValueLoss)                 \
+  APPLY(PopulationActions)         \
+  APPLY(PopulationScriptsOfAll)    \
+  APPLY(PerturbMembers)            \
+  APPLY(NoiseMoments)              \
+  APPLY(FiniteCheck)               \
+  APPLY(StepGate)                  \
+  APPLY(LivingMean<float>)         \
+  APPLY(LivingMean<BFloat16>)      \
+  APPLY(LivingMeanGradient<float>) \
+  APPLY(LivingMeanGradient<BFloat16>)
