@@ -32,7 +32,7 @@ struct LockstepThreads::Switch {
   size_t stack_bytes = 0;
 
   GIGA_UNCHECKED static void jump(Switch& to) { __builtin_longjmp(to.point, 1); }
-  /// Leaves here and returns when somebody jumps back. `entered` = null: `to` is entered for the first time.
+  /// Leaves here and returns when somebody jumps back. `first`: where `to` begins, if it has not yet.
   GIGA_UNCHECKED static void change(Switch& from, Switch& to, const ucontext_t* first) {
 #if defined(__SANITIZE_ADDRESS__)
     void* fake = nullptr;
@@ -60,19 +60,22 @@ struct LockstepThreads::Fiber {
 };
 
 LockstepThreads::LockstepThreads(int n_threads) : main_(std::make_unique<Switch>()) {
-  for (int k = 0; k < n_threads; ++k) {
-    auto fiber = std::make_unique<Fiber>();
-    std::fill_n(fiber->stack.get(), kGuardBytes, kGuard);
-    getcontext(&fiber->first);
-    fiber->first.uc_stack.ss_sp = fiber->stack.get();
-    fiber->first.uc_stack.ss_size = kStackBytes;
-    fiber->at.stack = fiber->stack.get();
-    fiber->at.stack_bytes = kStackBytes;
-    const auto self = reinterpret_cast<uintptr_t>(this);  // makecontext hands on ints
-    makecontext(&fiber->first, reinterpret_cast<void (*)()>(&LockstepThreads::enter), 2,
-                static_cast<unsigned>(static_cast<uint64_t>(self) >> 32), static_cast<unsigned>(self));
-    fibers_.push_back(std::move(fiber));
-  }
+  for (int k = 0; k < n_threads; ++k) fibers_.push_back(make_fiber());
+}
+
+std::unique_ptr<LockstepThreads::Fiber> LockstepThreads::make_fiber() {
+  auto fiber = std::make_unique<Fiber>();
+  char* stack = fiber->stack.get();
+  std::fill_n(stack, kGuardBytes, kGuard);
+  getcontext(&fiber->first);
+  fiber->first.uc_stack.ss_sp = stack;
+  fiber->first.uc_stack.ss_size = kStackBytes;
+  fiber->at.stack = stack;
+  fiber->at.stack_bytes = kStackBytes;
+  const auto self = static_cast<uint64_t>(reinterpret_cast<uintptr_t>(this));  // makecontext hands on ints
+  makecontext(&fiber->first, reinterpret_cast<void (*)()>(&LockstepThreads::enter), 2,
+              static_cast<unsigned>(self >> 32), static_cast<unsigned>(self));
+  return fiber;
 }
 
 LockstepThreads::~LockstepThreads() = default;

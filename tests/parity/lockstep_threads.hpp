@@ -32,6 +32,7 @@ class LockstepThreads {
   struct Fiber;
   struct Switch;
 
+  std::unique_ptr<Fiber> make_fiber();
   static void enter(unsigned high, unsigned low);
   void resume(int thread);
   bool pause(State state, bool flag);
