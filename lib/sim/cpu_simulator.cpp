@@ -18,66 +18,41 @@ class CpuSimulator final : public Simulator {
     for (auto& block : scratch_) block = Buffer<char>(host_memory(), layout_.size);
   }
 
-  void start(const StepIo& io) override {
-    for_worlds([&](WorldView& w, PhiloxDraws& draws, int64_t world) {
-      start_world(SerialLanes{}, params(), w, draws, io, world);
-    });
-  }
-
-  void step(const StepIo& io) override {
-    for_worlds([&](WorldView& w, PhiloxDraws& draws, int64_t world) {
-      if (options_.episodes == 1) return play_step(SerialLanes{}, params(), w, draws, io, options_.on_done, world);
-      step_world(SerialLanes{}, params(), w, draws, io, options_.on_done, world);
-      if (to_settle(SerialLanes{}, w))
-        play_on(
-            SerialLanes{}, params(), w, [&](uint32_t step) { return draws_of(world, step); }, io, world,
-            options_.episodes);
-    });
-  }
-
-  void observe(const StepIo& io) override {
-    for_worlds(
-        [&](WorldView& w, PhiloxDraws&, int64_t world) { write_observations(SerialLanes{}, params(), w, io, world); });
-  }
-
   bool over() override {
     const Phase* phase = state_.view().phase;
     return std::all_of(phase, phase + n_worlds(), [](Phase p) { return p == Phase::waits; });
   }
 
-  EpisodeStats take_stats() override {
-    EpisodeStats sums;
-    float* stats = state_.view().stats;
-    for (int64_t world = 0; world < n_worlds(); ++world) {
-      float* row = stats + world * kNStatRows;
-      for (int k = 0; k < kNStatRows; ++k) {
-        sums.rows[static_cast<size_t>(k)] += static_cast<double>(row[k]);
-        row[k] = 0;
-      }
-    }
-    return sums;
-  }
+  EpisodeStats take_stats() override { return take_host_stats(state_.view(), n_worlds()); }
 
- private:
-  PhiloxDraws draws_of(int64_t world, uint32_t step) const {
-    return {options_.seed, draw_world(options_.first_world, options_.draw_period, world), step};
-  }
-
-  template <class F>
-  void for_worlds(F&& f) {
-    pool_.for_ranges(n_worlds(), [&](int64_t begin, int64_t end, int thread) {
-      for (int64_t world = begin; world < end; ++world) {
+ protected:
+  void run(const Jobs& jobs, const StepIo& io, Worlds worlds) override {
+    const bool listed = worlds == Worlds::listed;
+    const int64_t count = listed ? static_cast<int64_t>(playing_.size()) : n_worlds();
+    pool_.for_ranges(count, [&](int64_t begin, int64_t end, int thread) {
+      char* scratch = scratch_[static_cast<size_t>(thread)].data();
+      for (int64_t k = begin; k < end; ++k) {
+        const int64_t world = listed ? playing_[static_cast<size_t>(k)] : k;
         WorldView w = world_view(state_.view(), params(), world);
-        attach_scratch(w, layout_, scratch_[static_cast<size_t>(thread)].data());
-        PhiloxDraws draws = draws_of(world, *w.draw_step);
-        f(w, draws, world);
+        attach_scratch(w, layout_, scratch);
+        const uint32_t number = draw_world(options_.first_world, options_.draw_period, world);
+        const auto draws_at = [&](uint32_t step) { return PhiloxDraws(options_.seed, number, step); };
+        run_jobs(SerialLanes{}, jobs, params(), w, draws_at, io, ending(), world);
       }
     });
   }
 
+  void list_playing() override {
+    playing_.clear();
+    for (int64_t world = 0; world < n_worlds(); ++world)
+      if (state_.view().phase[world] == Phase::plays) playing_.push_back(world);
+  }
+
+ private:
   ScratchLayout layout_;
   ThreadPool pool_;
   std::vector<Buffer<char>> scratch_;  // by thread
+  std::vector<int64_t> playing_;       // worlds of the last list
 };
 
 }  // namespace

@@ -3,8 +3,8 @@
 // same with f(of_row(row), column) over a matrix, neighboring lanes at neighboring columns: each worker calls of_row
 // once for a row, for what its cells have in common; where that converts to false the row is left out.
 //   SerialLanes  one worker (CPU; worlds run in parallel over threads)
-//   TileLanes    part of a warp, several worlds a warp (small teams); cuda/lanes.cuh
-//   BlockLanes   one thread block (dozens to hundreds of agents); cuda/lanes.cuh
+//   TileLanes    part of a warp, several worlds a warp (small teams); cuda/lanes.hpp
+//   BlockLanes   one thread block (dozens to hundreds of agents); cuda/lanes.hpp
 #pragma once
 
 #include "core/host_device.hpp"

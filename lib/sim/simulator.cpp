@@ -87,6 +87,7 @@ SimState::SimState(int n_agents, int n_worlds, Memory& memory)
 void SimState::load(const std::vector<uint8_t>& bytes) {
   GIGA_CHECK(bytes.size() == bytes_.size(), "state of ", bytes.size(), " bytes, ", bytes_.size(), " expected");
   bytes_.from_host(bytes);
+  ++n_loads_;
 }
 
 void SimState::save(const std::string& prefix, NamedArrays& out) const {
@@ -124,6 +125,39 @@ Simulator::Simulator(SimSpec spec, const SimOptions& options, Memory& memory)
              options.episodes, " episodes");
   tables_ = SimTables(spec_, memory);
   state_ = SimState(spec_.params.n_agents, options.n_worlds, memory);
+}
+
+void Simulator::start(const StepIo& io) {
+  run(jobs_of_start(), io, Worlds::all);
+  n_lists_ = 0;
+}
+
+void Simulator::step(const StepIo& io) {
+  const Worlds worlds = worlds_of_step(ending(), io);
+  if (worlds == Worlds::listed) {
+    if (steps_to_list_ == 0 || n_lists() == 0) {
+      list_playing();
+      n_lists_ = n_lists() + 1;
+      listed_loads_ = state_.n_loads();
+      steps_to_list_ = kListPeriod;
+    }
+    --steps_to_list_;
+  }
+  run(jobs_of_step(ending()), io, worlds);
+}
+
+void Simulator::observe(const StepIo& io) { run(jobs_of_observe(), io, Worlds::all); }
+
+EpisodeStats take_host_stats(const StateView& state, int64_t n_worlds) {
+  EpisodeStats sums;
+  for (int64_t world = 0; world < n_worlds; ++world) {
+    float* row = state.stats + world * kNStatRows;
+    for (int k = 0; k < kNStatRows; ++k) {
+      sums.rows[static_cast<size_t>(k)] += static_cast<double>(row[k]);
+      row[k] = 0;
+    }
+  }
+  return sums;
 }
 
 }  // namespace giga

@@ -10,6 +10,7 @@
 #include "core/memory.hpp"
 #include "core/named_array.hpp"
 #include "sim/params.hpp"
+#include "sim/schedule.hpp"
 #include "sim/world.hpp"
 
 namespace giga {
@@ -70,6 +71,8 @@ class SimState {
   /// All bytes of the state in the order of the field list.
   std::vector<uint8_t> save() const { return bytes_.to_host(); }
   void load(const std::vector<uint8_t>& bytes);
+  /// How often a state was loaded.
+  int64_t n_loads() const { return n_loads_; }
 
   /// The same field by field, as arrays PREFIX/NAME [W, elements of a world]. `load` throws InputError where one is
   /// missing or has another size.
@@ -78,6 +81,7 @@ class SimState {
 
  private:
   int n_agents_ = 0, n_worlds_ = 0;
+  int64_t n_loads_ = 0;
   Buffer<uint8_t> bytes_;
   StateView view_{};
 };
@@ -101,12 +105,13 @@ class Simulator {
   int64_t agents_per_step() const { return static_cast<int64_t>(options_.n_worlds) * spec_.params.n_agents; }
 
   /// Starts the first episode of every world and writes obs, alive and global of `io`.
-  virtual void start(const StepIo& io) = 0;
+  void start(const StepIo& io);
   /// One step of every world; reads the actions of both teams and writes the rest of `io`. Of a world that waits, only
-  /// reward and done are written.
-  virtual void step(const StepIo& io) = 0;
-  /// Writes obs, alive and global of `io` once more, as the last start or step did (after loading a state).
-  virtual void observe(const StepIo& io) = 0;
+  /// reward and done are written: its observations are those that its last step wrote.
+  void step(const StepIo& io);
+  /// Writes obs, alive and global of `io` once more, for buffers that do not hold them (after loading a state): of
+  /// every world, those that wait too, what its own last start or step wrote.
+  void observe(const StepIo& io);
   /// Sums of finished episodes since the last call; waits for queued steps.
   virtual EpisodeStats take_stats() = 0;
   /// OnDone::freeze: whether all worlds wait, as far as is known without waiting for the steps queued last: on a GPU it
@@ -116,12 +121,27 @@ class Simulator {
   virtual void synchronize() {}
 
  protected:
+  /// Runs `jobs` (run_job in step.hpp) in each of the worlds.
+  virtual void run(const Jobs& jobs, const StepIo& io, Worlds worlds) = 0;
+  /// Lists the worlds that play now, for Worlds::listed. Only called with OnDone::freeze.
+  virtual void list_playing() = 0;
+  /// Lists of playing worlds made since the start or since a state was loaded, which makes older ones void.
+  int64_t n_lists() const { return listed_loads_ == state_.n_loads() ? n_lists_ : 0; }
+  Ending ending() const { return {options_.on_done, options_.episodes}; }
+
   SimSpec spec_;
   SimOptions options_;
   Memory* memory_;
   SimTables tables_;
   SimState state_;
+
+ private:
+  int64_t n_lists_ = 0, listed_loads_ = 0;
+  int steps_to_list_ = 0;  // until the next list
 };
+
+/// take_stats of a back end whose state lies in host memory.
+EpisodeStats take_host_stats(const StateView& state, int64_t n_worlds);
 
 std::unique_ptr<Simulator> make_cpu_simulator(SimSpec spec, const SimOptions& options);
 

@@ -1,10 +1,12 @@
-// The one copy of a world's step and reset: the ordered list of stages that every executor runs.
+// The one copy of a world's step and reset: the ordered list of stages that every executor runs, and the jobs made of
+// them.
 #pragma once
 
 #include "sim/movement.hpp"
 #include "sim/observe.hpp"
 #include "sim/reset.hpp"
 #include "sim/rewards.hpp"
+#include "sim/schedule.hpp"
 #include "sim/sight.hpp"
 #include "sim/state_encoding.hpp"
 #include "sim/waypoint.hpp"
@@ -236,21 +238,9 @@ GIGA_HD void play_on(const Lanes& lanes, const SimParams& p, WorldView& w, const
     else
       *w.phase = Phase::waits;
   });
-  auto draws = draws_at(step);
+  auto&& draws = draws_at(step);
   reset_world(lanes, p, w, draws, more);
   observe_world(lanes, p, w, draws, io, world, true, more);
-}
-
-/// step_world and what follows it: all of a step, for executors that do both at once.
-template <class Lanes, class Draws>
-GIGA_HD void play_step(const Lanes& lanes, const SimParams& p, WorldView& w, Draws& draws, const StepIo& io,
-                       OnDone on_done, int64_t world) {
-  step_world(lanes, p, w, draws, io, on_done, world);
-  if (!to_settle(lanes, w)) return;
-  if (on_done == OnDone::freeze)
-    freeze_world(lanes, p, w, io, world);
-  else
-    restart_world(lanes, p, w, draws, io, world);
 }
 
 /// The first episode of a world: everything zero but the reward factor, then a reset and the first observation.
@@ -266,6 +256,46 @@ GIGA_HD void start_world(const Lanes& lanes, const SimParams& p, WorldView& w, D
   reset_world(lanes, p, w, draws);
   observe_world(lanes, p, w, draws, io, world, true);
   lanes.each(1, [&](int) { *w.draw_step += 1; });
+}
+
+/// Whether a job has anything to do in any world that shares these lanes; asked before the job.
+template <Job job, class Lanes>
+GIGA_HD bool has_work(const Lanes& lanes, const WorldView& w) {
+  if constexpr (job == Job::restart || job == Job::play_on) return to_settle(lanes, w);
+  return true;
+}
+
+/// Runs a job for one world, where it has work. `draws_at(step)` makes the draws of a step.
+template <Job job, class Lanes, class DrawsAt>
+GIGA_HD void run_job(const Lanes& lanes, const SimParams& p, WorldView& w, const DrawsAt& draws_at, const StepIo& io,
+                     Ending ending, int64_t world) {
+  if constexpr (job == Job::start) {
+    auto&& draws = draws_at(*w.draw_step);
+    start_world(lanes, p, w, draws, io, world);
+  }
+  if constexpr (job == Job::step) {
+    auto&& draws = draws_at(*w.draw_step);
+    step_world(lanes, p, w, draws, io, ending.on_done, world);
+    if (step_freezes(ending) && to_settle(lanes, w)) freeze_world(lanes, p, w, io, world);
+  }
+  if constexpr (job == Job::restart) {
+    auto&& draws = draws_at(*w.draw_step - 1);  // the step's own: it has counted itself already
+    restart_world(lanes, p, w, draws, io, world);
+  }
+  if constexpr (job == Job::play_on) play_on(lanes, p, w, draws_at, io, world, ending.episodes);
+  // Every world, those that wait too: the buffers need not hold what was written before.
+  if constexpr (job == Job::observe) write_observations(lanes, p, w, io, world);
+}
+
+/// All jobs of a call for one world, for executors whose workers see to one world at a time.
+template <class Lanes, class DrawsAt>
+void run_jobs(const Lanes& lanes, const Jobs& jobs, const SimParams& p, WorldView& w, const DrawsAt& draws_at,
+              const StepIo& io, Ending ending, int64_t world) {
+  for (const Job job : jobs)
+    with_job(job, [&](auto constant) {
+      constexpr Job kJob = decltype(constant)::value;
+      if (has_work<kJob>(lanes, w)) run_job<kJob>(lanes, p, w, draws_at, io, ending, world);
+    });
 }
 
 }  // namespace giga

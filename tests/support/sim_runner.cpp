@@ -50,6 +50,15 @@ Snapshot observations(const Snapshot& snapshot) {
   return part;
 }
 
+void keep_observations(Snapshot& kept, const Snapshot& before, const Snapshot& after) {
+  for (SnapshotField& f : kept.fields) {
+    const size_t size = f.per_world * f.element;
+    for (size_t w = 0; w < kept.n_worlds; ++w)
+      if (static_cast<Phase>(before.byte_at("phase", w)) == Phase::plays)
+        std::memcpy(f.bytes.data() + w * size, after.field(f.name).bytes.data() + w * size, size);
+  }
+}
+
 std::string difference(const Snapshot& expected, const Snapshot& actual) {
   if (expected.n_worlds != actual.n_worlds || expected.fields.size() != actual.fields.size())
     return "snapshots of different shape";

@@ -32,6 +32,9 @@ struct Snapshot {
 /// What Simulator::observe writes: observations, alive flags and the true state.
 Snapshot observations(const Snapshot& snapshot);
 
+/// Of the worlds that play in `before`: replaces their observations in `kept` by those of `after`.
+void keep_observations(Snapshot& kept, const Snapshot& before, const Snapshot& after);
+
 /// Empty if all bits are equal; else the first differing fields with world, agent, index and both values.
 std::string difference(const Snapshot& expected, const Snapshot& actual);
 

@@ -77,12 +77,17 @@ void TestWorld::poison() {
 
 void TestWorld::start() {
   poison();
-  start_world(SerialLanes{}, params(), view_, draws, io_, kWorld);
+  run(jobs_of_start());
 }
 
 void TestWorld::step() {
   poison();
-  play_step(SerialLanes{}, params(), view_, draws, io_, on_done_, kWorld);
+  run(jobs_of_step({on_done_}));
+}
+
+void TestWorld::run(const Jobs& jobs) {
+  const auto draws_at = [this](uint32_t) -> FixedDraws& { return draws; };
+  run_jobs(SerialLanes{}, jobs, params(), view_, draws_at, io_, {on_done_}, kWorld);
 }
 
 void TestWorld::put(int i, float x, float y, float heading, float z, float v) {

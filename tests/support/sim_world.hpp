@@ -105,6 +105,7 @@ class TestWorld {
     return (rows[row * words_for(n_agents()) + column / 32] >> (column % 32) & 1u) != 0;
   }
   void poison();
+  void run(const Jobs& jobs);
 
   SimTables tables_;
   SimState state_;

@@ -59,35 +59,23 @@ class ScrambledSimulator final : public Simulator {
  public:
   ScrambledSimulator(SimSpec spec, const SimOptions& options)
       : Simulator(std::move(spec), options, host_memory()), layout_(params()), scratch_(host_memory(), layout_.size) {}
-  void start(const StepIo& io) override {
-    run([&](const ScrambledLanes& lanes, WorldView& w, PhiloxDraws& draws, int64_t world) {
-      start_world(lanes, params(), w, draws, io, world);
-    });
-  }
-  void step(const StepIo& io) override {
-    run([&](const ScrambledLanes& lanes, WorldView& w, PhiloxDraws& draws, int64_t world) {
-      play_step(lanes, params(), w, draws, io, options_.on_done, world);
-    });
-  }
-  void observe(const StepIo& io) override {
-    run([&](const ScrambledLanes& lanes, WorldView& w, PhiloxDraws&, int64_t world) {
-      write_observations(lanes, params(), w, io, world);
-    });
-  }
   EpisodeStats take_stats() override { return {}; }
 
- private:
-  template <class F>
-  void run(F&& f) {
+ protected:
+  void run(const Jobs& jobs, const StepIo& io, Worlds) override {
     int stage = 0;
     for (int64_t world = n_worlds() - 1; world >= 0; --world) {
       std::memset(scratch_.data(), 0xFF, scratch_.size());  // scratch must not carry anything from step to step
       WorldView w = world_view(state_.view(), params(), world);
       attach_scratch(w, layout_, scratch_.data());
-      PhiloxDraws draws(options_.seed, static_cast<uint32_t>(options_.first_world + world), *w.draw_step);
-      f(ScrambledLanes{&stage}, w, draws, world);
+      const auto number = static_cast<uint32_t>(options_.first_world + world);
+      const auto draws_at = [&](uint32_t step) { return PhiloxDraws(options_.seed, number, step); };
+      run_jobs(ScrambledLanes{&stage}, jobs, params(), w, draws_at, io, ending(), world);
     }
   }
+  void list_playing() override {}
+
+ private:
   ScratchLayout layout_;
   Buffer<char> scratch_;
 };
