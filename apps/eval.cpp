@@ -60,7 +60,8 @@ Json to_json(const EvalOptions& o, const MatchReport& report, const Contestant& 
   Json sides = Json::array();
   for (const TeamResult& r : report.results) sides.push(result_json(r));
   Json json = Json::object();
-  json.set("a", o.a).set("b", o.b).set("scenario", report.scenario).set("sides", std::move(sides));
+  json.set("a", o.a).set("b", o.b).set("scenario", report.scenario).set("win", report.win);
+  json.set("sides", std::move(sides));
   json.set("origin_a", origin_json(a)).set("origin_b", origin_json(b));
   json.set("seed", o.seed).set("greedy", o.greedy).set("versions", version_info());
   return json;
@@ -82,7 +83,7 @@ void play(const EvalOptions& o) {
 
   const SimSpec spec = spec_of(o, a, b);
   const MatchOptions options{o.episodes, o.seed, device, 0};
-  MatchReport report{o.a, spec.name, {}};
+  MatchReport report{o.a, spec.name, describe_win(spec.params.win, spec.params.max_episode_length), {}};
   for (const int side : sides_of(o, a, b)) {
     const Player players[kNTeams] = {(side == 0 ? a : b).player(0, spec), (side == 0 ? b : a).player(1, spec)};
     report.results.push_back({side, o.b, play_match(spec, players[0], players[1], options)});
@@ -91,7 +92,7 @@ void play(const EvalOptions& o) {
   if (!o.csv.empty()) write_file(o.csv, report_csv(report));
   if (!o.json.empty()) write_json(to_json(o, report, a, b), o.json);
   if (o.json == "-") return;
-  std::cout << "scenario " << report.scenario << '\n';
+  std::cout << "scenario " << report.scenario << '\n' << report.win << '\n';
   print_origin(a);
   print_origin(b);
   std::cout << '\n' << report_text(report);
@@ -108,6 +109,9 @@ const char* const kHelp =
     "that it has a policy for; an exported policy and a module are for both.\n"
     "The scenario is that of A, else that of B; --scenario plays another with the same observations.\n"
     "\n"
+    "What a win is, the scenario says (its group win; scenarios show NAME), and the result repeats it. Where it has "
+    "no\n"
+    "time limit, episodes are cut off after 10,000 steps.\n"
     "A tie is no win. Intervals are Wilson's, 95 %. Steps are 0.1 s; the return is the sum of all rewards of the team "
     "in\n"
     "an episode (mean_return_original: that of the original's evaluator, living agents without the last step), the\n"

@@ -12,6 +12,7 @@ namespace giga {
 /// Matches of A, seen from A: TeamResult::team is its side, TeamResult::opponent the name of B.
 struct MatchReport {
   std::string a, scenario;
+  std::string win;  ///< what a win is, in words
   std::vector<TeamResult> results;
 };
 

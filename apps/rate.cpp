@@ -27,9 +27,10 @@ struct RateOptions {
   bool greedy = false, trust = false;
 };
 
-/// `auto`: apart where the teams are made of different agents.
+/// `auto`: apart where the teams are made of different agents, or one of them wins at the time limit.
 Sides sides_of(const RateOptions& o, const Scenario& scenario) {
-  if (o.sides == "auto") return scenario.team_0 == scenario.team_1 ? Sides::alike : Sides::apart;
+  const bool alike = scenario.team_0 == scenario.team_1 && scenario.win.at_time_limit == LimitWinner::tie;
+  if (o.sides == "auto") return alike ? Sides::alike : Sides::apart;
   return o.sides == "alike" ? Sides::alike : Sides::apart;
 }
 
@@ -92,13 +93,20 @@ void rate_runs(const RateOptions& o) {
       find_contestants({o.runs, o.scripted, o.scenario, o.checkpoints}, {device, o.trust, o.greedy});
   const RatingSheet sheet = play_and_rate(o, contestants, device);
   const fs::path folder = o.out.empty() ? default_folder(o) : fs::path(o.out);
+  const SimParams& params = contestants.spec.params;
+  const std::string win = describe_win(params.win, params.max_episode_length);
   Json json = ratings_json(sheet, folder);
-  json.set("episodes", o.episodes).set("seed", o.seed).set("greedy", o.greedy).set("versions", version_info());
+  json.set("win", win)
+      .set("episodes", o.episodes)
+      .set("seed", o.seed)
+      .set("greedy", o.greedy)
+      .set("versions", version_info());
   write_ratings(folder, sheet, json);
   renew_report(o, folder);
   if (!o.json.empty()) write_json(json, o.json);
   if (o.json != "-")
     std::cout << sheet.scenario << ", " << o.episodes << " episodes of each pair on each side\n"
+              << win << '\n'
               << ratings_table(sheet) << "Written: " << folder.string() << "\n";
 }
 
@@ -124,8 +132,10 @@ void add_options(CLI::App& command, RateOptions& o) {
       ->type_name("N");
   command.add_option("--scenario", o.scenario, "what is played; default: the scenario of the runs")->type_name("S");
   command
-      .add_option("--sides", o.sides,
-                  "alike: one rating per player; apart: one for each team; auto: apart where the teams differ")
+      .add_option(
+          "--sides", o.sides,
+          "alike: one rating per player; apart: one for each team; auto: apart where the teams differ, or one of "
+          "them wins at the time limit")
       ->check(CLI::IsMember({"auto", "alike", "apart"}))
       ->capture_default_str()
       ->type_name("auto|alike|apart");
@@ -153,7 +163,9 @@ void add_rate_command(CLI::App& app, Dispatch& dispatch) {
       "on side 1, an exported policy on either. Ratings are on the Elo scale (400 points = odds of ten to one) by\n"
       "Bradley-Terry maximum likelihood, a tie being half a win, with random at 0 and 95 % intervals; who never lost\n"
       "or never won has none that is finite, and is told apart. The paper's sequential Elo (K 32, start 1200, pair by\n"
-      "pair in the order of the table, on which it depends) stands beside.\n"
+      "pair in the order of the table, on which it depends) stands beside. What a win is, the scenario says (its "
+      "group\n"
+      "win; scenarios show NAME), and the table repeats it.\n"
       "The folder gets:\n"
       "  ratings.csv, ratings.json   everybody's rating, of checkpoints with updates, agent-steps and seconds of "
       "training\n"

@@ -16,9 +16,14 @@ int team_size(const std::vector<TeamEntry>& team) {
   return size;
 }
 
+/// By what episodes are won, in a word or two.
+std::string won_by(const WinRule& win) {
+  return FieldCodec<WinBy>::print(win.by) + (win.at_time_limit == LimitWinner::tie ? "" : " or time");
+}
+
 void list() {
   const DataDirs dirs = data_dirs();
-  std::printf("%-30s %-18s %12s  %s\n", "scenario", "agents", "observation", "");
+  std::printf("%-30s %-14s %11s  %-19s  %s\n", "scenario", "agents", "observation", "won by", "");
   for (const ScenarioInfo& info : list_scenarios(dirs)) {
     const Scenario scenario = load_scenario(info.name, dirs);
     const int n0 = team_size(scenario.team_0), n1 = team_size(scenario.team_1);
@@ -26,7 +31,8 @@ void list() {
     // Larger worlds than the simulators handle can be looked at, but have no compiled form.
     const bool playable = n0 + n1 <= kMaxAgents;
     const std::string numbers = playable ? std::to_string(compile(scenario).observation_size()) : "-";
-    std::printf("%-30s %-18s %12s  %s\n", info.name.c_str(), agents.c_str(), numbers.c_str(), info.description.c_str());
+    std::printf("%-30s %-14s %11s  %-19s  %s\n", info.name.c_str(), agents.c_str(), numbers.c_str(),
+                won_by(scenario.win).c_str(), info.description.c_str());
   }
 }
 
@@ -35,7 +41,8 @@ void list() {
 void add_scenarios_command(CLI::App& app, Dispatch& dispatch) {
   CLI::App* command = app.add_subcommand("scenarios", "list the scenarios, or show one");
   command->footer(
-      "The list gives agents per team and the numbers in an agent's vector observation.\n"
+      "The list gives agents per team, the numbers in an agent's vector observation, and by what episodes are won;\n"
+      "`show` begins with what a win is, in words.\n"
       "Examples:\n"
       "  gigastep scenarios\n"
       "  gigastep scenarios show identical_5_vs_5           all keys with values, units and defaults, as YAML\n"

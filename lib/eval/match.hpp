@@ -20,7 +20,7 @@ struct MatchOptions {
 /// Sums over the episodes of a match, by side.
 struct MatchResult {
   int episodes = 0;
-  int wins[2] = {0, 0};
+  int wins[2] = {0, 0};  ///< by SimParams::win
   int ties = 0;
   double mean_return[2] = {0, 0};         ///< full return of the team
   double mean_return_masked[2] = {0, 0};  ///< the original evaluator's (SPEC section 13)
@@ -31,7 +31,8 @@ struct MatchResult {
 };
 
 /// Plays `episodes` whole episodes, each in a world of its own: exactly one each, so that short ones do not count more.
-/// Deterministic by seed. Scenarios without a time limit are cut off after kEpisodeLimit steps (a tie).
+/// Deterministic by seed. Scenarios without a time limit are cut off after kEpisodeLimit steps,
+/// which nobody wins by living.
 MatchResult play_match(const SimSpec& spec, const Player& side0, const Player& side1, const MatchOptions& options);
 
 }  // namespace giga

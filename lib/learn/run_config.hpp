@@ -179,7 +179,8 @@ void visit_fields(V& v, CheckpointConfig& c) {
   v("every_updates", c.every_updates, "updates between checkpoints; 0 = only at the end", at_least(0));
   v("keep", c.keep, "newest checkpoints that are kept", at_least(1));
   v("keep_best", c.keep_best,
-    "keep the best one too, as best.h5: that in which the weaker team's mean win rate over eval.opponents is highest");
+    "keep the best one too, as best.h5: that in which the weaker team's mean win rate over eval.opponents is highest; "
+    "what a win is, the scenario says (win)");
 }
 
 struct RunConfig {

@@ -16,10 +16,8 @@ constexpr int kStepsPerList = 8;
 
 /// With a limit, so that each episode ends.
 SimSpec limited(const SimSpec& spec, std::optional<int> max_steps) {
-  SimSpec result = spec.with_time_limit();
-  int& limit = result.params.max_episode_length;
-  limit = std::min(limit, max_steps.value_or(limit));
-  return result;
+  const SimSpec result = spec.with_time_limit();
+  return max_steps ? result.cut_off_after(*max_steps) : result;
 }
 
 /// Whether any opponent is a script that looks at its observation, which networks of body views leave unread.

@@ -80,6 +80,7 @@ SimParams numbers_of(const Scenario& s) {
 
   p.max_episode_length = s.max_episode_length.value_or(0);
   p.episode_ends_one_team_dead = s.episode_ends_one_team_dead;
+  p.win = s.win;
 
   for (int t = 0; t < kNRewardTerms; ++t) p.reward_weight[t] = s.rewards[static_cast<RewardTerm>(t)];
   p.reward_weight[static_cast<int>(RewardTerm::idle_reward)] = 0;
@@ -108,6 +109,13 @@ void check_numbers(const Scenario& s, Checker& check) {
     check.fail({"waypoints.waypoint_size", "waypoints.enable_waypoints"},
                cat("waypoints.waypoint_size: ", s.waypoints.waypoint_size, " does not fit into a world of ", s.limit_x,
                    " x ", s.limit_y));
+  if (s.win.by == WinBy::waypoints && !s.waypoints.enable_waypoints && check.can_judge({"win", "waypoints"}))
+    check.fail({"win.by", "waypoints.enable_waypoints"}, "win.by: waypoints needs waypoints.enable_waypoints: true");
+  if (s.win.at_time_limit != LimitWinner::tie && !s.max_episode_length &&
+      check.can_judge({"win", "max_episode_length"}))
+    check.fail({"win.at_time_limit", "max_episode_length"},
+               cat("win.at_time_limit: ", FieldCodec<LimitWinner>::print(s.win.at_time_limit),
+                   " needs a time limit, and max_episode_length is none"));
 }
 
 void add_team(const Scenario& s, int team, std::vector<AgentSpec>& agents, Checker& check) {

@@ -101,8 +101,22 @@ std::string FieldCodec<MapBox>::print(const MapBox& box) {
   return FieldCodec<std::vector<float>>::print(values);
 }
 
+std::string describe_win(const WinRule& win, int time_limit) {
+  const bool by_waypoints = win.by == WinBy::waypoints;
+  const std::string at_limit = cat(by_waypoints ? "as many" : "both live", " after ", time_limit, " steps");
+  const bool limit_wins = time_limit > 0 && win.at_time_limit != LimitWinner::tie;
+  std::string text = by_waypoints ? "A win: more waypoints than the other team when the episode ends"
+                                  : "A win: the other team is wiped out first";
+  if (limit_wins) text += cat("; for team ", win.at_time_limit == LimitWinner::team_0 ? 0 : 1, " also: ", at_limit);
+  text += by_waypoints ? ". A tie: as many" : ". A tie: both are wiped out in the same step";
+  if (limit_wins && by_waypoints) return text + " in an episode that ends earlier.";
+  if (time_limit > 0 && !limit_wins && !by_waypoints) text += ", or " + at_limit;
+  return text + ".";
+}
+
 std::string print_scenario(const Scenario& scenario) {
-  return cat("# Scenario ", scenario.name, " with all its keys.\n", print_yaml(scenario, true));
+  return cat("# Scenario ", scenario.name, " with all its keys.\n# ",
+             describe_win(scenario.win, scenario.max_episode_length.value_or(0)), "\n", print_yaml(scenario, true));
 }
 
 }  // namespace giga

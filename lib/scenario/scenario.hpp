@@ -130,6 +130,19 @@ void visit_fields(V& v, WaypointConfig& c) {
   v("waypoint_size", c.waypoint_size, "side of the square (units)", greater_than(0));
 }
 
+constexpr std::array<const char*, 2> enum_names(WinBy) { return {"elimination", "waypoints"}; }
+constexpr std::array<const char*, 3> enum_names(LimitWinner) { return {"tie", "team_0", "team_1"}; }
+
+template <class V>
+void visit_fields(V& v, WinRule& c) {
+  v("by", c.by,
+    "elimination: the team loses that is wiped out in an earlier step, in the same step it is a tie; waypoints: the "
+    "team wins that has collected more of them when the episode ends, as many is a tie");
+  v("at_time_limit", c.at_time_limit,
+    "who wins an episode that max_episode_length ends undecided: both teams alive, or, by waypoints, as many "
+    "collected");
+}
+
 struct RewardConfig {
   std::array<float, kNRewardTerms> weight;  ///< by RewardTerm; that of idle_reward is unused
   bool divide_reward_by_team_size = true;
@@ -180,6 +193,7 @@ struct Scenario {
   DamageConfig damage;
   CollisionConfig collision;
   WaypointConfig waypoints;
+  WinRule win;
   RewardConfig rewards;
   ObservationConfig observation;
   std::map<std::string, AgentType> agent_types;  ///< loaded: those that the teams name
@@ -205,11 +219,17 @@ void visit_fields(V& v, Scenario& c) {
   v.group("damage", c.damage, "shooting and healing");
   v.group("collision", c.collision, "agents and obstacles");
   v.group("waypoints", c.waypoints, "places to reach");
+  v.group("win", c.win,
+          "what a win is, wherever wins are counted: eval, ratings, best checkpoint, opponents, objective win_rate; no "
+          "step, reward or observation depends on it");
   v.group("rewards", c.rewards, "weights of the reward's terms; 0 or less switches a term off");
   v.group("observation", c.observation, "what a policy sees");
   v.table("agent_types", c.agent_types, "agent types by name, beside those of agent_types.yaml");
   v.table("map_definitions", c.map_definitions, "maps by name, beside those of maps/");
 }
+
+/// What is a win and what a tie, in two sentences; a time limit of 0 steps is none.
+std::string describe_win(const WinRule& win, int time_limit);
 
 /// The scenario as YAML with documentation, units and defaults; stands alone and loads again.
 std::string print_scenario(const Scenario& scenario);

@@ -39,10 +39,16 @@ void SimSpec::finish() {
   params.inv_diagonal = 1.0f / std::sqrt(params.limit_x * params.limit_x + params.limit_y * params.limit_y);
 }
 
+SimSpec SimSpec::cut_off_after(int steps) const {
+  SimSpec cut = *this;
+  if (params.max_episode_length > 0 && params.max_episode_length <= steps) return cut;
+  cut.params.max_episode_length = steps;
+  cut.params.win.at_time_limit = LimitWinner::tie;
+  return cut;
+}
+
 SimSpec SimSpec::with_time_limit() const {
-  SimSpec limited = *this;
-  if (limited.params.max_episode_length == 0) limited.params.max_episode_length = kEpisodeLimit;
-  return limited;
+  return params.max_episode_length > 0 ? *this : cut_off_after(kEpisodeLimit);
 }
 
 int SimSpec::observation_size() const { return giga::observation_size(params); }

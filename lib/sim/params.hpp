@@ -43,6 +43,20 @@ constexpr const char* kRewardTermNames[kNRewardTerms] = {
     "collision_agent", "collision_obstacle", "agent_disabled",      "game_won",  "approach",
 };
 
+/// By what an episode is won.
+enum class WinBy : uint8_t {
+  elimination,  ///< the team that is wiped out in an earlier step loses; together is a tie (SPEC section 13)
+  waypoints,    ///< the team that has collected more when the episode ends wins; as many is a tie
+};
+/// Who wins an episode that the time limit ends undecided: both teams alive, or with as many waypoints.
+enum class LimitWinner : uint8_t { tie, team_0, team_1 };
+
+/// What a win is. It is counted only: no step, reward or observation depends on it.
+struct WinRule {
+  WinBy by = WinBy::elimination;
+  LimitWinner at_time_limit = LimitWinner::tie;
+};
+
 /// An axis-aligned obstacle, solid for z1 <= z <= z2 (only looked at with `obstacle_heights`). All zeros = no box.
 struct Box {
   float x1, y1, x2, y2, z1, z2;
@@ -119,6 +133,7 @@ struct SimParams {
 
   int max_episode_length = 500;  ///< steps; 0 = no limit
   bool episode_ends_one_team_dead = true;
+  WinRule win;
 
   float reward_weight[kNRewardTerms] = {};  ///< 0 or less switches a term off; [idle_reward] is unused
   bool has_idle_reward = false;             ///< some agent type has one
@@ -164,7 +179,10 @@ struct SimSpec {
   /// where a team is empty or there are more than kMaxAgents agents.
   void finish();
 
-  /// The same with a limit of kEpisodeLimit steps where there is none, so that each episode ends.
+  /// The same with episodes of at most `steps`. Such a cut is no time limit of the scenario: who lives to see it has
+  /// not won by that, so an undecided episode is a tie there. Waypoints count up to the cut.
+  SimSpec cut_off_after(int steps) const;
+  /// The same with a cut after kEpisodeLimit steps where there is no time limit, so that each episode ends.
   SimSpec with_time_limit() const;
 
   /// Length of one agent's vector observation: 9 per neighbor, 5 for waypoints, 4 per box (6 with obstacle_heights),

@@ -112,21 +112,18 @@ GIGA_HD void compute_reward(const SimParams& p, WorldView& w, int i) {
   w.reward[i] = w.was_alive[i] ? reward : 0.0f;
 }
 
-/// Adds the step to the episode's sums: item 0 to 1 = a team's returns and score, then one item per team and term.
+/// Adds the step to the episode's sums: item 0 to 1 = a team's returns, then one item per team and term.
 constexpr int kNBookItems = kNTeams + kNTeams * kNRewardTerms;
 GIGA_HD void keep_books(const SimParams& p, WorldView& w, int item) {
   if (item < kNTeams) {
     float sum = 0, masked = 0;
-    bool scored = false;
     for (int i = 0; i < p.n_agents; ++i) {
       if (p.team_of(i) != item) continue;
       sum += w.reward[i];
       if (w.alive[i] && !w.counts[kDone]) masked += w.reward[i];
-      scored = scored || ((w.flags[i] & kHitWaypoint) && w.was_alive[i]);
     }
     w.returns[item] += sum;
     w.returns_masked[item] += masked;
-    if (scored) w.score[item] += 1;
     return;
   }
   const int team = (item - kNTeams) / kNRewardTerms, t = (item - kNTeams) % kNRewardTerms;
@@ -146,15 +143,30 @@ GIGA_HD void count_team(const SimParams& p, WorldView& w, const uint8_t* alive, 
   w.counts[first + team] = count;
 }
 
-/// 4.6: the episode's length, its outcome (the team wiped out in an earlier step loses) and its end.
+/// The team that is ahead, or a tie.
+GIGA_HD Outcome leader(bool team_0, bool team_1) {
+  return team_0 == team_1 ? Outcome::tie : (team_0 ? Outcome::team_0 : Outcome::team_1);
+}
+
+/// Who has won an episode that was undecided before this step: what a win is (WinRule) stands here and nowhere else.
+/// By elimination the first wipe-out decides, in whatever step it comes; all else is decided when the episode ends.
+GIGA_HD Outcome outcome_of(const WinRule& win, const int32_t* alive, const float* score, Done done) {
+  const bool gone0 = alive[0] == 0, gone1 = alive[1] == 0;
+  if (win.by == WinBy::elimination && (gone0 || gone1)) return leader(!gone0, !gone1);
+  if (done == Done::running) return Outcome::open;
+  if (win.by == WinBy::waypoints && score[0] != score[1]) return leader(score[0] > score[1], score[1] > score[0]);
+  if (done == Done::terminated) return Outcome::tie;  // the time limit did not come
+  return leader(win.at_time_limit == LimitWinner::team_0, win.at_time_limit == LimitWinner::team_1);
+}
+
+/// 4.6: the episode's length, its end and its outcome.
 GIGA_HD void end_of_step(const SimParams& p, WorldView& w) {
   const bool gone0 = w.counts[kAlive0] == 0, gone1 = w.counts[kAlive1] == 0;
-  if (*w.outcome == Outcome::open && (gone0 || gone1))
-    *w.outcome = gone0 && gone1 ? Outcome::tie : (gone0 ? Outcome::team_1 : Outcome::team_0);
   *w.episode_length += 1;
   Done done = Done::running;
   if (p.max_episode_length > 0 && *w.episode_length >= p.max_episode_length) done = Done::truncated;
   if ((gone0 && gone1) || (p.episode_ends_one_team_dead && (gone0 || gone1))) done = Done::terminated;
+  if (*w.outcome == Outcome::open) *w.outcome = outcome_of(p.win, w.counts + kAlive0, w.score, done);
   w.counts[kDone] = static_cast<int32_t>(done);
 }
 

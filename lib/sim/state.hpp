@@ -13,7 +13,7 @@ namespace giga {
 enum class EpisodeStat : int {
   episodes,
   length,  ///< steps
-  wins_0,  ///< team 1 was wiped out in an earlier step than team 0
+  wins_0,  ///< episodes that team 0 has won, by SimParams::win
   wins_1,
   ties,
   truncated,  ///< ended by the time limit
@@ -21,7 +21,7 @@ enum class EpisodeStat : int {
   return_1,
   return_masked_0,  ///< the original's: without the last step and without the steps in which an agent died
   return_masked_1,
-  score_0,  ///< waypoints in which a living agent of the team was
+  score_0,  ///< waypoints that the team has collected; one in which both teams are counts for both
   score_1,
   survivors_0,  ///< agents of the team that lived at the end
   survivors_1,
@@ -66,7 +66,7 @@ constexpr EpisodeStat of_team(EpisodeStat of_team_0, int team) {
 /// Rows of the statistics buffer: EpisodeStat, then the return of each reward term for team 0, then for team 1.
 constexpr int kNStatRows = kNEpisodeStats + kNTeams * kNRewardTerms;
 
-/// How the episode of a world stands.
+/// Who has won the episode of a world: open while it runs and is undecided, decided at its end at the latest.
 enum class Outcome : int32_t { open, team_0, team_1, tie };
 
 /// What an agent died of, once an episode at most. Where a step brings several, the one that comes first in the step:
@@ -112,11 +112,11 @@ struct StateView {
   float* reward_factor;     // [W] the original's aux_rewards_factor: scales all terms but game_won
   int32_t* episode_length;  // [W] steps since the reset
   uint32_t* draw_step;      // [W] steps since the start: the step of the next draw
-  Outcome* outcome;         // [W] decided when a team is wiped out first
+  Outcome* outcome;         // [W] see outcome_of in rewards.hpp
   Phase* phase;             // [W]
   float* returns;           // [W, 2] by team, this episode
   float* returns_masked;    // [W, 2] see EpisodeStat
-  float* score;             // [W, 2]
+  float* score;             // [W, 2] waypoints collected, this episode
   float* term_returns;      // [W, 2, kNRewardTerms] by team and term, this episode
   float* stats;             // [W, kNStatRows] of finished episodes since they were last read
 };

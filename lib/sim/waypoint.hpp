@@ -13,12 +13,19 @@ GIGA_HD void touch_waypoint(const SimParams& p, WorldView& w, int i) {
   if (*w.waypoint_time > 0 && inside && (p.original() || w.was_alive[i])) w.flags[i] |= kHitWaypoint;
 }
 
-/// Ages the waypoint, removes a collected one, and lets a new one appear with 5 % a step where there is none.
+/// Ages the waypoint, removes a collected one, which counts once for each team that had a living agent in it, and lets
+/// a new one appear with 5 % a step where there is none.
 template <class Draws>
 GIGA_HD void update_waypoint(const SimParams& p, WorldView& w, Draws& draws) {
   float time = *w.waypoint_time - kDt;
-  for (int i = 0; i < p.n_agents; ++i)
-    if (w.flags[i] & kHitWaypoint) time = 0;
+  bool collected[kNTeams] = {false, false};
+  for (int i = 0; i < p.n_agents; ++i) {
+    if (!(w.flags[i] & kHitWaypoint)) continue;
+    time = 0;
+    if (w.was_alive[i]) collected[p.team_of(i)] = true;
+  }
+  for (int team = 0; team < kNTeams; ++team)
+    if (collected[team]) w.score[team] += 1;
   const bool appears = time <= 0 && draws.waypoint_appears() < 0.05f;
   time = max_of(time, 0.0f);
   if (appears) {

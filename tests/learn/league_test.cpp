@@ -287,6 +287,41 @@ TEST(LearnLeague, WinSharesAgainstThePoolAreLogged) {
   }
 }
 
+// A waypoint covers half of the world: team 0, in the middle, is in nearly every one, team 1, at the border, in one of
+// fifty, and nobody dies or gets to another place. In 14 % of the episodes no waypoint appears (0.95^39).
+TEST(LearnLeague, WhereWaypointsDecideTheRecordOfThePoolGoesByThem) {
+  const auto play = [](const std::string& win) {
+    SmallRun run = with_opponents("pool_size: 2, pool_every_updates: 12, pool_share: 0.8, pool_draw: pfsp");
+    run.n_threads = 1;
+    run.scenario = cat(
+        "limit_x: 2000\nlimit_y: 1000\nmaps: m\nmap_definitions: {m: {size: [2000, 1000], team_0: {area: [995, 495, "
+        "1005, 505]}, team_1: {area: [20, 495, 30, 505]}}}\ndamage: {damage_cone_depth: 0}\ncollision: "
+        "{collision_range: 0}\nwaypoints: {enable_waypoints: true, waypoint_size: 1000}\nwin: {by: ",
+        win, "}\n");
+    return run.learner();
+  };
+  // What a team has won of its games against the other's past policies, ties being half a win; as PFSP looks at it.
+  const auto pool_record = [](const Learner& learner, int team) {
+    const NamedArrays arrays = saved(learner);
+    const auto sum = [&](const char* name) {
+      double total = 0;
+      for (const double x : array_values<double>(find_array(arrays, cat("league/team_", 1 - team, "/", name))))
+        total += x;
+      return total;
+    };
+    EXPECT_GT(sum("games"), 0);
+    return sum("wins") / sum("games");
+  };
+  const auto race = play("waypoints"), survival = play("elimination");
+  const std::array<double, kNTeams> shares = mean_figures(*race, "pool_win_share", 24);
+  EXPECT_GT(shares[0], 0.6);
+  EXPECT_LT(shares[1], 0.1);
+  EXPECT_GT(pool_record(*race, 0), 0.7);
+  EXPECT_LT(pool_record(*race, 1), 0.3);
+  for (const double share : mean_figures(*survival, "pool_win_share", 24)) EXPECT_EQ(share, 0);
+  EXPECT_EQ(pool_record(*survival, 0), 0.5) << "ties";
+}
+
 TEST(LearnLeague, ARunGoesOnWithOtherShares) {
   SmallRun run = with_opponents("pool_size: 3, pool_every_updates: 1, pool_share: 0.2");
   const auto learner = run.learner();

@@ -53,9 +53,19 @@ TEST(LearnMatch, WhoFliesStraightOnLoses) {
   }
 }
 
+TEST(LearnMatch, AtTheTimeLimitHidersWin) {
+  SimSpec spec = peaceful();
+  spec.params.win.at_time_limit = LimitWinner::team_1;
+  const MatchResult r = play_match(spec, script(Scripted::circle), script(Scripted::circle), {65, 4, {}, 2});
+  EXPECT_EQ(r.wins[1], 65);
+  EXPECT_EQ(r.mean_length, 150);
+}
+
 TEST(LearnMatch, WithoutATimeLimitItIsCutOff) {
-  const MatchResult r = play_match(peaceful("none"), script(Scripted::circle), script(Scripted::circle), {1, 4, {}, 1});
-  EXPECT_EQ(r.ties, 1);
+  SimSpec spec = peaceful("none");
+  spec.params.win.at_time_limit = LimitWinner::team_1;
+  const MatchResult r = play_match(spec, script(Scripted::circle), script(Scripted::circle), {1, 4, {}, 1});
+  EXPECT_EQ(r.ties, 1) << "a cut is no time limit";
   EXPECT_EQ(r.mean_length, kEpisodeLimit);
 }
 

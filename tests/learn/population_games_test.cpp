@@ -107,6 +107,25 @@ TEST(LearnPopulationGames, NetworksOfBodyViewsMeetScriptsThatLook) {
   }
 }
 
+// Nobody dies in a world of 60 x 60 in 30 steps. A cut is not the scenario's own time limit: nobody wins by living.
+TEST(LearnPopulationGames, WhoHidesWinsAtTheTimeLimitAndNotAtACut) {
+  const LoadedRun run = run_of(
+      "limit_x: 60\nlimit_y: 60\nmax_episode_length: 30\ndamage: {damage_cone_depth: 0}\n"
+      "collision: {collision_range: 0}\nwin: {at_time_limit: team_1}\n");
+  Networks n(run, 4, {});
+  const RowRunner rows(Device{}, 1);
+  for (const std::optional<int> max_steps : {std::optional<int>(), std::optional<int>(20), std::optional<int>(40)}) {
+    PopulationGamesOptions options{4, 2, 1, true, true, true, 9, 1};
+    options.max_steps = max_steps;
+    PopulationGames games(run.spec, options, n.actor, rows);
+    games.play({{0, n.members, n.opponents, {0, 1}}}, 0);
+    const bool cut = max_steps == 20;
+    EXPECT_EQ(stat(games.results(0), EpisodeStat::wins_1), cut ? 0 : 8);
+    EXPECT_EQ(stat(games.results(0), EpisodeStat::ties), cut ? 8 : 0);
+    EXPECT_EQ(stat(games.results(0), EpisodeStat::length), 8 * (cut ? 20 : 30));
+  }
+}
+
 // With common random numbers two equal members have equal episodes, and only those.
 TEST(LearnPopulationGames, CommonRandomNumbers) {
   const LoadedRun run = run_of();

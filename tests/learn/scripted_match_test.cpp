@@ -43,7 +43,7 @@ TEST(LearnScripted, EvaderAndHiderOutliveCirclesAgainstPursuers) {
             1.2 * play("identical_5_vs_5_published", Scripted::pursuer, Scripted::circle).mean_length);
 }
 
-TEST(LearnScripted, WaypointRunnerCollects) {
+TEST(LearnScripted, WaypointRunnerCollectsAndWins) {
   const MatchResult r = play("waypoint_5_vs_5", Scripted::waypoint_runner, Scripted::random);
   EXPECT_GT(r.mean_score[0], 8);                                                                     // 10.6
   EXPECT_LT(r.mean_score[1], 1);                                                                     // 0.1

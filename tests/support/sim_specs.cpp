@@ -165,6 +165,7 @@ SimSpec random_spec(uint64_t seed, int n_team_0, int n_team_1) {
   for (float& weight : p.reward_weight) weight = dice.chance(0.7f) ? dice.real(0.1f, 10) : dice.real(-1, 0);
   spec.neighbor_limit = dice.integer(1, 16);
   set_switches(spec, static_cast<unsigned>(dice.integer(0, kNSwitchMasks - 1)));
+  p.win = {static_cast<WinBy>(dice.integer(0, 1)), static_cast<LimitWinner>(dice.integer(0, 2))};
   spec.finish();
   return spec;
 }

@@ -20,7 +20,8 @@ void set_reward(SimSpec& spec, RewardTerm term, float weight);
 SimSpec open_spec(int n_team_0, int n_team_1);
 
 /// A random scenario with teams of these sizes: agent types and their order, maps with boxes, size of the world (it
-/// grows with the teams), cones, damage, rewards, rules, options. Finished. A function of the arguments alone.
+/// grows with the teams), cones, damage, rewards, rules, options, what a win is. Finished. A function of the arguments
+/// alone.
 SimSpec random_spec(uint64_t seed, int n_team_0, int n_team_1);
 
 /// Sets every switch of a spec by the bits of `mask`: rules, actions, both stochastic flags, waypoints, options beyond

@@ -141,12 +141,16 @@ TEST(ScenarioLoad, HideAndSeekAndWaypoints) {
   EXPECT_EQ(hide.agents[14].team, 1);
   EXPECT_EQ(hide.agents[14].damage_range, 0.0f);  // a hider
   EXPECT_EQ(hide.agents[14].idle_reward, 1.0f);
+  EXPECT_EQ(hide.params.win.by, WinBy::elimination);
+  EXPECT_EQ(hide.params.win.at_time_limit, LimitWinner::team_1);  // of the hiders
 
   const SimSpec waypoint = compile(load("waypoint_5_vs_3"));
   EXPECT_TRUE(waypoint.params.waypoints);
   EXPECT_FALSE(waypoint.params.episode_ends_one_team_dead);
   EXPECT_EQ(waypoint.params.damage_cone_depth2, 0.0f);
   EXPECT_EQ(waypoint.agents[7].thrust, 2.0f);
+  EXPECT_EQ(waypoint.params.win.by, WinBy::waypoints);
+  EXPECT_EQ(waypoint.params.win.at_time_limit, LimitWinner::tie);
   for (int t = 0; t < kNRewardTerms; ++t)
     EXPECT_EQ(waypoint.params.reward_weight[t], t == static_cast<int>(RewardTerm::hit_waypoint) ? 50.0f : 0.0f);
 }
@@ -220,6 +224,49 @@ TEST(ScenarioLoad, EveryScenarioIsListedWithADescription) {
   }
 }
 
+TEST(ScenarioLoad, EveryScenarioSaysWhatAWinIs) {
+  for (const ScenarioInfo& info : list_scenarios(source_data())) {
+    std::string expected = "A win: the other team is wiped out first";
+    if (info.name.starts_with("waypoint_"))
+      expected = "A win: more waypoints than the other team when the episode ends. A tie: as many.";
+    else if (info.name.starts_with("hide_and_seek_"))  // team 1 hides
+      expected += "; for team 1 also: both live after 500 steps. A tie: both are wiped out in the same step.";
+    else
+      expected += cat(". A tie: both are wiped out in the same step, or both live after ",
+                      info.name == "identical_5_vs_5_published" ? 256 : 500, " steps.");
+    EXPECT_TRUE(print_scenario(load(info.name))
+                    .starts_with(cat("# Scenario ", info.name, " with all its keys.\n# ", expected, "\n")))
+        << info.name;
+  }
+}
+
+TEST(ScenarioLoad, WinsInWords) {
+  const auto words = [](const char* keys) {
+    const Scenario s = parse_scenario(cat("team_0: [{}]\nteam_1: [{}]\n", keys), "mine", source_data());
+    return describe_win(s.win, s.max_episode_length.value_or(0));
+  };
+  EXPECT_EQ(words("max_episode_length: none\n"),
+            "A win: the other team is wiped out first. A tie: both are wiped out in the same step.");
+  EXPECT_EQ(words("win: {at_time_limit: team_0}\nmax_episode_length: 9\n"),
+            "A win: the other team is wiped out first; for team 0 also: both live after 9 steps. A tie: both are wiped "
+            "out in the same step.");
+  EXPECT_EQ(words("win: {by: waypoints, at_time_limit: team_1}\n"),
+            "A win: more waypoints than the other team when the episode ends; for team 1 also: as many after 500 "
+            "steps. A tie: as many in an episode that ends earlier.");
+}
+
+// As a checkpoint or manifest keeps it that is older than the key.
+TEST(ScenarioLoad, AStoredScenarioWithoutTheKeyIsByElimination) {
+  std::string text = print_scenario(load("waypoint_5_vs_5"));
+  const size_t begin = text.find("\nwin:"), end = text.find("\nrewards:");
+  ASSERT_LT(begin, end);
+  EXPECT_EQ(compile(parse_scenario(text, "stored", {})).params.win.by, WinBy::waypoints);
+  text.erase(begin, end - begin);
+  const SimSpec spec = compile(parse_scenario(text, "stored", {}));
+  EXPECT_EQ(spec.params.win.by, WinBy::elimination);
+  EXPECT_EQ(spec.params.win.at_time_limit, LimitWinner::tie);
+}
+
 TEST(ScenarioLoad, AResolvedScenarioStandsAlone) {
   for (const ScenarioInfo& info : list_scenarios(source_data())) {
     const Scenario scenario = load(info.name);
@@ -230,6 +277,8 @@ TEST(ScenarioLoad, AResolvedScenarioStandsAlone) {
     const SimSpec a = compile(scenario), b = compile(back);
     EXPECT_EQ(a.params.cone_cos, b.params.cone_cos);
     EXPECT_EQ(a.params.damage_cone_depth2, b.params.damage_cone_depth2);
+    EXPECT_EQ(a.params.win.by, b.params.win.by);
+    EXPECT_EQ(a.params.win.at_time_limit, b.params.win.at_time_limit);
     EXPECT_EQ(a.agents.size(), b.agents.size());
     ASSERT_EQ(a.maps.size(), b.maps.size());
     for (size_t k = 0; k < a.maps.size(); ++k) {

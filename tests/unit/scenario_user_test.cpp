@@ -195,6 +195,10 @@ TEST_F(ScenarioUser, SaysWhatIsWrongWithAFile) {
        "f.yaml:2:29: damage.max_tracking_time: '256' is not an integer in [0, 255]"},
       {head + "waypoints: {enable_waypoints: true, waypoint_size: 11}\n",
        "f.yaml:2:52: waypoints.waypoint_size: 11 does not fit into a world of 10 x 10"},
+      {head + "win: {by: waypoints}\n", "f.yaml:2:11: win.by: waypoints needs waypoints.enable_waypoints: true"},
+      {head + "win: {at_time_limit: team_1}\nmax_episode_length: none\n",
+       "f.yaml:2:22: win.at_time_limit: team_1 needs a time limit, and max_episode_length is none"},
+      {head + "win: {by: score}\n", "f.yaml:2:11: win.by: 'score' is not one of: elimination, waypoints"},
       {head + "observation: {type: rgb}\n",
        "f.yaml:2:21: observation.type: 'rgb' is not built yet: images come with a later version; use vector (in a "
        "name: _vec)"},

@@ -81,11 +81,13 @@ void visit_fields(V& v, PopulationConfig& c) {
     "of these, how many are played at the same time, each in a world that meets one opponent and plays one episode "
     "after the other; divides episodes_per_member; none = all",
     range(1, 65536));
-  v("max_steps", c.max_steps, "steps after which an episode of training is cut off; none = as the scenario says",
+  v("max_steps", c.max_steps,
+    "steps after which an episode of training is cut off, which nobody wins by living (win.at_time_limit); none = as "
+    "the scenario says",
     range(1, 1'000'000));
   v("objective", c.objective,
-    "a member's fitness, mean over its episodes: return of the team; win_rate: 1 for a win, 0.5 for a tie; score: "
-    "waypoints collected");
+    "a member's fitness, mean over its episodes: return of the team; win_rate: 1 for a win (the scenario's "
+    "win), 0.5 for a tie; score: waypoints collected");
   v("common_random_numbers", c.common_random_numbers,
     "all members of a team meet the same starts and the same luck, so that they differ by their parameters only");
   v("greedy", c.greedy, "policies take their most likely action, in training and evaluation, instead of drawing one");
