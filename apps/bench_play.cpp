@@ -4,6 +4,7 @@
 
 #include "apps/benchmark.hpp"
 #include "core/error.hpp"
+#include "core/seeds.hpp"
 #include "cuda/runtime.hpp"
 #include "learn/team_policy.hpp"
 #include "policy/actor.hpp"
@@ -55,7 +56,7 @@ BenchResult play(const BenchOptions& options, Device device, const LoadedRun& ru
   const int64_t memory_before = device.is_cuda() ? memory_in_use(device) : 0;
   SimOptions sim_options;
   sim_options.n_worlds = result.worlds;
-  sim_options.seed = options.seed;
+  sim_options.seed = seed_of(options.seed, Purpose::bench);
   const auto sim = make_simulator(run.spec, sim_options, device);
   const RowRunner rows(device);
   TeamBuffers team[kNTeams] = {TeamBuffers(*sim, 0), TeamBuffers(*sim, 1)};

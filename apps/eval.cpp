@@ -8,6 +8,7 @@
 #include "apps/match_report.hpp"
 #include "apps/program_info.hpp"
 #include "core/error.hpp"
+#include "core/seeds.hpp"
 #include "cuda/runtime.hpp"
 #include "eval/contestant.hpp"
 #include "io/files.hpp"
@@ -82,7 +83,7 @@ void play(const EvalOptions& o) {
       for (const std::string& line : c->origin()->warnings) std::cerr << "warning: " << line << '\n';
 
   const SimSpec spec = spec_of(o, a, b);
-  const MatchOptions options{o.episodes, o.seed, device, 0};
+  const MatchOptions options{o.episodes, seed_of(o.seed, Purpose::eval), device, 0};
   MatchReport report{o.a, spec.name, describe_win(spec.params.win, spec.params.max_episode_length), {}};
   for (const int side : sides_of(o, a, b)) {
     const Player players[kNTeams] = {(side == 0 ? a : b).player(0, spec), (side == 0 ? b : a).player(1, spec)};

@@ -5,15 +5,10 @@
 #include <limits>
 
 #include "core/error.hpp"
+#include "core/seeds.hpp"
 #include "math/wilson.hpp"
 
 namespace giga {
-namespace {
-
-/// Evaluation plays other episodes than training, whose seed is the run's own.
-constexpr uint64_t kEvaluationSeed = 0x6576616c75617465;  // "evaluate"
-
-}  // namespace
 
 TeamResult play_script(const SimSpec& spec, const Player& player, int team, Scripted opponent,
                        const MatchOptions& options) {
@@ -25,7 +20,9 @@ TeamResult play_script(const SimSpec& spec, const Player& player, int team, Scri
 
 std::vector<TeamResult> evaluate(const LoadedRun& run, Device device, Learner& learner) {
   const EvalConfig& config = run.config.eval;
-  const MatchOptions options{config.episodes, run.config.seed ^ kEvaluationSeed, device, run.config.train.n_threads};
+  const auto updates = static_cast<uint64_t>(learner.updates_done());
+  const MatchOptions options{config.episodes, seed_of(run.config.seed, Purpose::evaluation, updates), device,
+                             run.config.train.n_threads};
   std::vector<TeamResult> results;
   for (const Scripted opponent : config.opponents)
     for (int team = 0; team < kNTeams; ++team)

@@ -25,7 +25,8 @@ struct TeamResult {
 TeamResult play_script(const SimSpec& spec, const Player& player, int team, Scripted opponent,
                        const MatchOptions& options);
 
-/// All learning teams of a run against all of its `eval.opponents`; the same episodes at each call.
+/// All learning teams of a run against all of its `eval.opponents`. The episodes depend on the seed of the run and on
+/// how many updates are done, so that each evaluation plays new ones.
 std::vector<TeamResult> evaluate(const LoadedRun& run, Device device, Learner& learner);
 
 /// win_rate_T_vs_O, loss_rate_T_vs_O and mean_return_T_vs_O for teams T and opponents O; NaN for what has no result,

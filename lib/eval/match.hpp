@@ -12,7 +12,7 @@ namespace giga {
 
 struct MatchOptions {
   int episodes = 512;
-  uint64_t seed = 0;
+  uint64_t seed = 0;  ///< of the stretch of draws (core/seeds.hpp)
   Device device;
   int n_threads = 0;
 };

@@ -7,6 +7,7 @@
 #include <limits>
 #include <numbers>
 
+#include "core/seeds.hpp"
 #include "cuda/device_clock.hpp"
 #include "cuda/rows.hpp"
 #include "cuda/runtime.hpp"
@@ -49,9 +50,8 @@ class Mappo final : public Learner {
   double schedule_factor() const;
   int64_t n_states() const { return config_.mappo.horizon * n_learning_worlds_; }
   at::Tensor permutation(int64_t update, int epoch) const;
-  std::vector<at::Tensor> minibatches(int team, const at::Tensor& order) const;
   void note_divergence(int team, const float* figures);
-  Metrics metrics();
+  Metrics metrics(double factor);
   void team_metrics(int team, const float* figures, Metrics& out) const;
 
   const RunConfig config_;
@@ -78,7 +78,7 @@ Mappo::Mappo(const LoadedRun& run, Device device)
 
   SimOptions options;
   options.n_worlds = config_.train.n_worlds;
-  options.seed = config_.seed;
+  options.seed = seed_of(config_.seed, Purpose::training);
   options.n_threads = config_.train.n_threads;
   sim_ = make_simulator(run.spec, options, device);
 
@@ -115,12 +115,15 @@ Metrics Mappo::update() {
   for (const auto& team : team_)
     if (team) team->prepare(rollout);
 
-  const auto factor = static_cast<float>(schedule_factor());
+  const double factor = schedule_factor();
   const MappoConfig& c = config_.mappo;
-  const StepSizes step_sizes{factor * c.learning_rate, factor * c.critic_learning_rate};
+  const auto scale = static_cast<float>(factor);
+  const StepSizes step_sizes{scale * c.learning_rate, scale * c.critic_learning_rate};
   for (int epoch = 0; epoch < c.n_epochs; ++epoch) {
     const at::Tensor order = permutation(updates_, epoch);
-    const std::vector<at::Tensor> index[kNTeams] = {minibatches(0, order), minibatches(1, order)};
+    std::vector<at::Tensor> index[kNTeams];
+    for (int team = 0; team < kNTeams; ++team)
+      if (team_[team]) index[team] = team_[team]->minibatches(order);
     for (int k = 0; k < c.n_minibatches; ++k)
       for (int team = 0; team < kNTeams; ++team)
         if (team_[team])
@@ -131,7 +134,7 @@ Metrics Mappo::update() {
     if (team) team->finish(rollout);
   clock_->mark(2);
   ++updates_;
-  Metrics figures = metrics();
+  Metrics figures = metrics(factor);
   if (league_) league_->end(updates_, *sim_);
   return figures;
 }
@@ -153,23 +156,14 @@ double Mappo::schedule_factor() const {
 // The order of the states of a team's worlds in an epoch. The generator is seeded afresh each time, so that it has no
 // state to save.
 at::Tensor Mappo::permutation(int64_t update, int epoch) const {
-  const uint64_t epochs = static_cast<uint64_t>(update) * static_cast<uint64_t>(config_.mappo.n_epochs);
-  const Philox4 bits = philox4x32(static_cast<uint32_t>(epochs), static_cast<uint32_t>(epochs >> 32),
-                                  static_cast<uint32_t>(Draw::permutation), static_cast<uint32_t>(epoch), config_.seed);
+  const uint64_t index = static_cast<uint64_t>(update) << 16 | static_cast<uint64_t>(epoch);
   const at::Device device = torch_device(device_);
   at::Generator generator = at::globalContext().defaultGenerator(device);
   {
     std::lock_guard lock(generator.mutex());
-    generator.set_current_seed(static_cast<uint64_t>(bits.word[0]) << 32 | bits.word[1]);
+    generator.set_current_seed(seed_of(config_.seed, Purpose::permutation, index));
   }
   return at::randperm(n_states(), generator, at::TensorOptions().dtype(at::kLong).device(device));
-}
-
-// The states of each minibatch of an epoch; none of a team that does not learn. They have equally many, but for one
-// where that does not come out even.
-std::vector<at::Tensor> Mappo::minibatches(int team, const at::Tensor& order) const {
-  if (!team_[team]) return {};
-  return team_[team]->states(order).tensor_split(config_.mappo.n_minibatches);
 }
 
 void Mappo::team_metrics(int team, const float* figures, Metrics& out) const {
@@ -211,13 +205,13 @@ void Mappo::save_batch(NamedArrays& out) const {
     index = team.faulty_states(collector_->rollout(), n_states() / c.n_minibatches);
   } else {
     const at::Tensor order = permutation(updates_ - 1, k / c.n_minibatches);
-    index = minibatches(divergence_->team, order)[static_cast<size_t>(k % c.n_minibatches)];
+    index = team.minibatches(order)[static_cast<size_t>(k % c.n_minibatches)];
   }
   team.save_batch(collector_->rollout(), index, out);
 }
 
-// The one place of an update where the host waits for the device.
-Metrics Mappo::metrics() {
+// The one place of an update where the host waits for the device. `factor` is that of the step sizes of this update.
+Metrics Mappo::metrics(double factor) {
   at::Tensor figures[kNTeams];
   for (int team = 0; team < kNTeams; ++team)
     if (team_[team]) figures[team] = team_[team]->figures().cpu();
@@ -230,7 +224,7 @@ Metrics Mappo::metrics() {
   const double episodes = stats[EpisodeStat::episodes];
 
   Metrics out;
-  out.emplace_back("learning_rate_factor", schedule_factor());
+  out.emplace_back("learning_rate_factor", factor);
   out.emplace_back("episodes", episodes);
   out.emplace_back("episode_length", stats[EpisodeStat::length] / episodes);  // NaN where none has ended
   out.emplace_back("win_share_0", stats[EpisodeStat::wins_0] / episodes);

@@ -47,6 +47,10 @@ at::Tensor PpoTeam::states(const at::Tensor& own) const {
   return own + own.div(worlds_.count, "floor").mul_(n_worlds_ - worlds_.count).add_(worlds_.first);
 }
 
+std::vector<at::Tensor> PpoTeam::minibatches(const at::Tensor& order) const {
+  return states(order).tensor_split(config_.n_minibatches);
+}
+
 /// Values [S, n] of the states `index`, the others 0; of all where it is undefined.
 at::Tensor PpoTeam::values_of(const Seen& seen, const at::Tensor& index) const {
   at::NoGradGuard no_grad;
@@ -88,7 +92,7 @@ void PpoTeam::prepare(const Rollout& rollout) {
                 r.final_alive.const_data_ptr<uint8_t>(), value_norm_.mean().const_data_ptr<float>(),
                 value_norm_.std().const_data_ptr<float>(), advantage_.data_ptr<float>(), returns_.data_ptr<float>()},
             w * n_);
-  value_ = (value.view({t + 1, w, n_}).slice(0, 0, t) * value_norm_.std() + value_norm_.mean()).contiguous();
+  value_ = value.view({t + 1, w, n_}).slice(0, 0, t);
 
   const at::Tensor weight = own(r.alive.slice(0, 0, t)).to(at::kFloat), returns = own(returns_);
   const at::Tensor inv_count = weight.sum().clamp_min(1).reciprocal();
@@ -111,6 +115,10 @@ void PpoTeam::note_faults(const TeamRollout& r) {
   check.fault = figures_.data_ptr<float>() + kFirstFault;
   for (size_t k = 0; k < tensors.size(); ++k) {
     std::tie(least[k], greatest[k]) = at::aminmax(own(tensors[k]));
+    if (k == kFaultValues) {  // in reward units, so that a fault of their normaliser shows
+      least[k] = least[k] * value_norm_.std() + value_norm_.mean();
+      greatest[k] = greatest[k] * value_norm_.std() + value_norm_.mean();
+    }
     check.least[k] = least[k].const_data_ptr<float>();
     check.greatest[k] = greatest[k].const_data_ptr<float>();
   }

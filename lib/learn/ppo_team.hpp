@@ -4,6 +4,7 @@
 #include <torch/types.h>
 
 #include <array>
+#include <vector>
 
 #include "cuda/rows.hpp"
 #include "learn/learner.hpp"
@@ -73,6 +74,10 @@ class PpoTeam {
 
   /// Values, advantages and returns of a rollout; clears the figures.
   void prepare(const Rollout& rollout);
+  /// An order [S] of the states of the team's worlds, numbered as `states` has them, cut into the minibatches of an
+  /// epoch: states of the rollout, each in one of them. They have equally many, but for one where that does not come
+  /// out even.
+  std::vector<at::Tensor> minibatches(const at::Tensor& order) const;
   /// One gradient step of actor and critic on the states `index` [B] of the T x W of the rollout, all of the team's
   /// worlds; the minibatches of an update are counted from 1.
   void learn(const Rollout& rollout, const at::Tensor& index, int minibatch, StepSizes step_sizes);
@@ -116,11 +121,12 @@ class PpoTeam {
   at::Tensor slots_;  // [(T + 1) x own worlds] all states of the team's worlds; undefined where those are all worlds
 
   // Of the rollout at hand; T x W states, n agents. Of worlds in which the team does not learn they mean nothing.
-  at::Tensor value_, advantage_, returns_;  // [T, W, n]; value_ in reward units
-  at::Tensor batch_mean_, batch_inv_std_;   // [1] of the advantages
-  at::Tensor zero_, one_;                   // [1]
-  at::Tensor stop_;                         // [1] 1 once approx_kl has passed target_kl
-  at::Tensor figures_;                      // [kNFigures]
+  at::Tensor value_;                       // [T, W, n] as the critic says before the update, normalised
+  at::Tensor advantage_, returns_;         // [T, W, n] in reward units
+  at::Tensor batch_mean_, batch_inv_std_;  // [1] of the advantages
+  at::Tensor zero_, one_;                  // [1]
+  at::Tensor stop_;                        // [1] 1 once approx_kl has passed target_kl
+  at::Tensor figures_;                     // [kNFigures]
 };
 
 }  // namespace giga

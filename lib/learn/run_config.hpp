@@ -165,7 +165,7 @@ struct EvalConfig {
 template <class V>
 void visit_fields(V& v, EvalConfig& c) {
   v("every_updates", c.every_updates, "updates between evaluations; 0 = only at the end", at_least(0));
-  v("episodes", c.episodes, "episodes per side and opponent", range(1, 1'000'000));
+  v("episodes", c.episodes, "episodes per side and opponent, new ones at each evaluation", range(1, 1'000'000));
   v("opponents", c.opponents, "scripted opponents to play against");
 }
 

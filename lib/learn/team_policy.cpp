@@ -1,6 +1,7 @@
 #include "learn/team_policy.hpp"
 
 #include "core/error.hpp"
+#include "core/seeds.hpp"
 #include "rollout/tensors.hpp"
 
 namespace giga {
@@ -12,7 +13,7 @@ bool learns(const TrainConfig& config, int team) {
 std::string actor_prefix(int team) { return cat("team_", team, "/actor/"); }
 
 uint64_t network_seed(const LoadedRun& run, int team, int role) {
-  return run.config.seed * 4 + static_cast<uint64_t>(team * 2 + role);
+  return seed_of(run.config.seed, Purpose::network, static_cast<uint64_t>(team * 2 + role));
 }
 
 Precision precision_on(const LoadedRun& run, Device device) {

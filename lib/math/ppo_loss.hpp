@@ -133,11 +133,13 @@ struct GaussianLoss {
   }
 };
 
-/// Squared or Huber value loss, clipped around the old value or not, in the normaliser's units.
+/// Squared or Huber value loss, clipped around the old value or not, in the units of the network's output. The old
+/// value is the output itself: the normaliser has moved since, and what it says of the old value in reward units is
+/// another number, though the network says the same.
 struct ValueLoss {
   RowIndex rows;
   const float* value;       // [R] as the network says, normalised
-  const float* old_value;   // [rollout rows] of the rollout, in reward units
+  const float* old_value;   // [rollout rows] as the network said of the rollout
   const float* returns;     // [rollout rows] in reward units
   const uint8_t* alive;     // [rollout rows]
   const float* value_mean;  // scalar of the normaliser; null = 0
@@ -167,7 +169,7 @@ struct ValueLoss {
     const float mean = value_mean ? *value_mean : 0.0f, inv_std = 1.0f / (value_std ? *value_std : 1.0f);
     const float target = (returns[source] - mean) * inv_std;
     Error chosen = error(value[row] - target);
-    const float old = (old_value[source] - mean) * inv_std, moved = value[row] - old;
+    const float old = old_value[source], moved = value[row] - old;
     if (clip_coef > 0 && (moved < -clip_coef || moved > clip_coef)) {
       const Error held = error(old + (moved < 0 ? -clip_coef : clip_coef) - target);
       if (held.loss > chosen.loss) chosen = {held.loss, 0.0f};  // which does not depend on the value

@@ -168,12 +168,9 @@ TeamMlp::TeamMlp(ParameterSet& parameters, const std::string& name, int64_t inpu
                  int64_t output, float output_gain)
     : own_(parameters, name, input, config, output, output_gain) {
   team_weights_.push_back(-1);
-  for (size_t k = 1; k < own_.layers_.size(); ++k) {
-    const int64_t from = config.hidden[k - 1], to = k < config.hidden.size() ? config.hidden[k] : output;
-    const float gain = k < config.hidden.size() ? config.hidden_gain : output_gain;
-    team_weights_.push_back(
-        parameters.add(name + "/" + std::to_string(k) + "/team_weight", {to, from}, {Init::Kind::orthogonal, gain}));
-  }
+  for (size_t k = 1; k < own_.layers_.size(); ++k)
+    team_weights_.push_back(parameters.add_beside(
+        own_.layers_[k].weight, name + "/" + std::to_string(k) + "/team_weight", config.hidden[k - 1]));
 }
 
 at::Tensor TeamMlp::forward(const ParameterSet& p, const RowRunner& rows, at::Tensor x, const at::Tensor& alive) const {

@@ -46,19 +46,47 @@ int ParameterSet::add(const std::string& name, std::vector<int64_t> shape, Init 
   return static_cast<int>(specs_.size()) - 1;
 }
 
+int ParameterSet::add_beside(int k, const std::string& name, int64_t columns) {
+  const Spec first = specs_.at(static_cast<size_t>(k));
+  GIGA_CHECK(first.init.kind == Init::Kind::orthogonal && first.beside < 0, first.name);
+  const int right = add(name, {first.shape[0], columns}, first.init);
+  specs_[static_cast<size_t>(k)].beside = right;
+  return right;
+}
+
+/// What each parameter starts with, on the CPU.
+std::vector<at::Tensor> ParameterSet::starts(uint64_t seed) const {
+  at::Generator generator = at::detail::createCPUGenerator(seed);
+  std::vector<at::Tensor> start(specs_.size());
+  for (size_t k = 0; k < specs_.size(); ++k) {
+    const Spec& spec = specs_[k];
+    if (start[k].defined()) continue;  // the right part of an earlier one
+    if (spec.init.kind == Init::Kind::constant) {
+      start[k] = at::full(spec.shape, spec.init.value);
+    } else if (spec.beside < 0) {
+      start[k] = orthogonal(spec.shape, spec.init.value, generator);
+    } else {
+      const auto right = static_cast<size_t>(spec.beside);
+      const int64_t columns = spec.shape[1], more = specs_[right].shape[1];
+      const at::Tensor both = orthogonal({spec.shape[0], columns + more}, spec.init.value, generator);
+      start[k] = both.narrow(1, 0, columns);
+      start[right] = both.narrow(1, columns, more);
+    }
+  }
+  return start;
+}
+
 void ParameterSet::allocate(at::Device device, uint64_t seed) {
   at::NoGradGuard no_grad;
-  at::Generator generator = at::detail::createCPUGenerator(seed);
+  const std::vector<at::Tensor> start = starts(seed);
   values_ = at::zeros({size_}, at::TensorOptions().dtype(at::kFloat).device(device));
   gradient_ = at::zeros_like(values_);
-  for (const Spec& spec : specs_) {
-    const at::Tensor start = spec.init.kind == Init::Kind::orthogonal
-                                 ? orthogonal(spec.shape, spec.init.value, generator)
-                                 : at::full(spec.shape, spec.init.value);
-    at::Tensor view = values_.narrow(0, spec.offset, start.numel()).view(spec.shape).detach();
-    view.copy_(start);
+  for (size_t k = 0; k < specs_.size(); ++k) {
+    const Spec& spec = specs_[k];
+    at::Tensor view = values_.narrow(0, spec.offset, start[k].numel()).view(spec.shape).detach();
+    view.copy_(start[k]);
     view.set_requires_grad(true);
-    view.mutable_grad() = gradient_.narrow(0, spec.offset, start.numel()).view(spec.shape);
+    view.mutable_grad() = gradient_.narrow(0, spec.offset, start[k].numel()).view(spec.shape);
     views_.push_back(view);
   }
 }

@@ -27,6 +27,9 @@ class ParameterSet {
  public:
   /// Announces a parameter and returns its number; all before `allocate`.
   int add(const std::string& name, std::vector<int64_t> shape, Init init);
+  /// Announces a matrix [rows, columns] with as many rows as matrix `k`: two inputs of one layer. They start as one, an
+  /// orthogonal matrix over the columns of both; each alone would, with unit rows, make the layer's output too large.
+  int add_beside(int k, const std::string& name, int64_t columns);
 
   /// Allocates and initialises everything; the same seed gives the same values on every device.
   void allocate(at::Device device, uint64_t seed);
@@ -55,7 +58,9 @@ class ParameterSet {
     std::vector<int64_t> shape;
     Init init;
     int64_t offset;
+    int beside = -1;  // the parameter whose columns follow in the matrix that both start as; none
   };
+  std::vector<at::Tensor> starts(uint64_t seed) const;
   std::vector<Spec> specs_;
   std::vector<at::Tensor> views_;
   at::Tensor values_, gradient_;

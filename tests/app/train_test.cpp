@@ -209,5 +209,26 @@ TEST(Train, DivergenceHasItsOwnExitCode) {
       0);
 }
 
+// Steps so small that the policies stay what they are: what differs between two evaluations is what they played.
+TEST(Evaluation, EachOneOfARunPlaysEpisodesOfItsOwn) {
+  const Workplace here;
+  here.write("still.yaml", std::string(kTinyConfig) + "seed: 4\n");
+  std::vector<CsvTable> tables;
+  for (const char* folder : {"one", "two"}) {
+    const Outcome training =
+        here.run({"train", "still.yaml", "--run-dir", folder, "--quiet", "--set", "eval.every_updates=1", "--set",
+                  "mappo.learning_rate=1.0e-30", "--set", "train.n_threads=1"});
+    ASSERT_EQ(training.code, 0) << training.err;
+    tables.push_back(parse_csv(here.read(std::string(folder) + "/metrics.csv")));
+    ASSERT_EQ(tables.back().rows.size(), 3u);
+  }
+  for (const char* figure : {"mean_return_0_vs_random", "mean_return_1_vs_circle"}) {
+    EXPECT_NE(tables[0].cell(0, figure), tables[0].cell(1, figure)) << figure;
+    EXPECT_NE(tables[0].cell(1, figure), tables[0].cell(2, figure)) << figure;
+    for (size_t row = 0; row < 3; ++row)
+      EXPECT_EQ(tables[0].cell(row, figure), tables[1].cell(row, figure)) << figure << ", the same seed";
+  }
+}
+
 }  // namespace
 }  // namespace giga::test

@@ -112,14 +112,22 @@ TEST(LearnEvolutionTeams, MetricsCountWhatWasPlayed) {
   EXPECT_EQ(metric(metrics, "episodes"), 32);  // 2 teams x 8 members x 2 episodes
   const double length = metric(metrics, "episode_length");
   EXPECT_EQ(learner->agent_steps_done(), std::llround(32 * length * 4));
+  double decided = 0;  // episodes
   for (int team = 0; team < 2; ++team) {
     const auto m = [&](const char* name) { return metric(metrics, cat(name, "_", team)); };
-    EXPECT_NEAR(m("win_share") + m("loss_share"), 1, 1);
+    for (const char* share : {"win_share", "loss_share"}) {
+      const double games = 16 * m(share);
+      EXPECT_NEAR(games, std::round(games), 1e-9) << share;
+      EXPECT_GE(games, 0) << share;
+      decided += games;
+    }
     EXPECT_GE(m("fitness_best"), m("fitness_mean"));
     EXPECT_EQ(m("not_finite"), 0);
     EXPECT_NEAR(m("fitness_mean"), m("return"), 1e-4);  // the objective is the return
     EXPECT_GT(m("step_norm"), 0);
   }
+  EXPECT_GT(decided, 0);
+  EXPECT_NEAR(decided + 32 * metric(metrics, "tie_share"), 32, 1e-9);  // each episode is won, lost or tied
 }
 
 // Six episodes of a member, two at a time: means over all six.

@@ -234,6 +234,42 @@ TEST(LearnEvolutionStrategy, WhatIsNotFiniteIsNotLearned) {
   EXPECT_EQ(strategy->generation(), 1u);
 }
 
+// Nor is anything else of the state: after a step that was not sound all of it is what it was, and learning goes on.
+TEST(LearnEvolutionStrategy, AfterAnUnsoundStepAllOfTheStateIsPutBack) {
+  const RowRunner rows(Device{}, 1);
+  PopulationConfig population = population_of(0.1f);
+  population.shaping.kind = FitnessShaping::raw;
+  at::Tensor unsound = at::full({64}, 3e38f);  // finite, but their sums are not
+  unsound.slice(0, 32).neg_();
+  std::vector<std::pair<std::string, std::unique_ptr<EvolutionStrategy>>> strategies;
+  for (const MeanOptimizer optimizer : {MeanOptimizer::adam, MeanOptimizer::momentum, MeanOptimizer::clip_up}) {
+    OpenAiEsConfig config;
+    config.optimizer = optimizer;
+    strategies.emplace_back(cat("optimizer ", static_cast<int>(optimizer)),
+                            make_openai_es(population, config, {}, at::ones({8}), rows));
+  }
+  for (auto& [name, strategy] : strategies) {
+    SCOPED_TRACE(name);
+    const auto state = [&] {
+      NamedArrays arrays;
+      strategy->save("", arrays);
+      std::erase_if(arrays, [](const NamedArray& a) { return a.name == "generation"; });
+      return arrays;
+    };
+    for (int g = 0; g < 3; ++g) EXPECT_TRUE(strategy->tell(-strategy->ask().square().sum(1)).item<bool>());
+    const NamedArrays before = state();
+    strategy->ask();
+    EXPECT_FALSE(strategy->tell(unsound).item<bool>());
+    const NamedArrays after = state();
+    ASSERT_EQ(before.size(), 5u);  // mean, sigma, and the optimizer's
+    for (size_t k = 0; k < before.size(); ++k) EXPECT_EQ(after[k].bytes, before[k].bytes) << before[k].name;
+    EXPECT_EQ(strategy->generation(), 4u);
+    const at::Tensor mean = strategy->mean().clone();
+    EXPECT_TRUE(strategy->tell(-strategy->ask().square().sum(1)).item<bool>());
+    EXPECT_FALSE(at::equal(strategy->mean(), mean));
+  }
+}
+
 // Equal fitness for all: only the weight decay of the shaping is left, which draws the mean to zero.
 TEST(LearnEvolutionStrategy, WeightDecayOfTheShapingPrefersSmallParameters) {
   const RowRunner rows(Device{}, 1);

@@ -5,6 +5,7 @@
 
 #include <cmath>
 
+#include "core/seeds.hpp"
 #include "cuda/runtime.hpp"
 #include "runs.hpp"
 
@@ -106,6 +107,25 @@ TEST(LearnLearner, SameSeedSameArraysAnotherSeedOthers) {
     EXPECT_NE(differing.find(name), std::string::npos) << name << " is the same; differing: " << differing;
 }
 
+// Training with a seed does not play the episodes that a match, or another command, plays with that seed.
+TEST(LearnLearner, TrainingHasItsOwnStretchOfDraws) {
+  SmallRun small;
+  small.train = "desynchronize: false";
+  const LoadedRun run = small.load();
+  const auto starts = [&](uint64_t seed) {
+    const auto sim = make_cpu_simulator(run.spec, {run.config.train.n_worlds, seed, 0, OnDone::reset, 1});
+    sim->start({});
+    NamedArrays state;
+    sim->state().save("simulator/", state);
+    return find_array(state, "simulator/x").bytes;
+  };
+  const std::vector<uint8_t> training = find_array(saved(*small.learner()), "simulator/x").bytes;
+  EXPECT_EQ(training, starts(seed_of(3, Purpose::training)));
+  EXPECT_NE(training, starts(3));
+  EXPECT_NE(training, starts(seed_of(3, Purpose::eval)));
+  EXPECT_NE(training, starts(seed_of(3, Purpose::evaluation, 0)));
+}
+
 TEST(LearnLearner, TeamsStartDifferently) {
   const NamedArrays arrays = saved(*SmallRun{}.learner());
   EXPECT_NE(find_array(arrays, "team_0/actor/mlp/0/weight").bytes,
@@ -152,12 +172,13 @@ TEST(LearnLearner, TargetKlSkipsTheRestOfAnUpdate) {
 }
 
 TEST(LearnLearner, ScheduleAndCounters) {
-  // 24 worlds x 8 steps x 4 agents = 768 agent-steps an update; 100,000 make 131 updates. Linear to zero.
+  // 24 worlds x 8 steps x 4 agents = 768 agent-steps an update; 100,000 make 131 updates. Linear to zero; update u is
+  // made with the factor of u - 1 updates done, the first with 1.
   const auto learner = SmallRun{}.learner();
   EXPECT_EQ(learner->agent_steps_done(), 0);
   for (int u = 1; u <= 3; ++u) {
     const Metrics metrics = learner->update();
-    EXPECT_NEAR(metric(metrics, "learning_rate_factor"), 1 - u / 131.0, 1e-12);
+    EXPECT_NEAR(metric(metrics, "learning_rate_factor"), 1 - (u - 1) / 131.0, 1e-12);
     EXPECT_EQ(learner->agent_steps_done(), 768 * u);
   }
 }

@@ -50,6 +50,17 @@ TEST_F(LearnRunConfig, EnvironmentAndRulesChangeTheScenario) {
   EXPECT_EQ(total_updates(run.config, 3), 2);
 }
 
+// The original's published setting is that of its rules; the same under ours has a name that says so.
+TEST_F(LearnRunConfig, ThePublishedSettingIsTheOriginals) {
+  LoadedRun published = load_run_config(GIGASTEP_SOURCE_DIR "/configs/published.yaml", {});
+  const LoadedRun corrected = load_run_config(GIGASTEP_SOURCE_DIR "/configs/published_corrected.yaml", {});
+  EXPECT_EQ(published.spec.params.rules, Rules::original);
+  EXPECT_EQ(corrected.spec.params.rules, Rules::corrected);
+  // Nothing else differs.
+  published.config.rules = corrected.config.rules;
+  EXPECT_EQ(print_yaml(published.config, false), print_yaml(corrected.config, false));
+}
+
 TEST_F(LearnRunConfig, MinibatchesMustDivide) {
   EXPECT_EQ(error_of("scenario: identical_2_vs_2\ntrain:\n  n_worlds: 10\nmappo:\n  horizon: 5\n  n_minibatches: 4\n"),
             "run.yaml:6:18: mappo.n_minibatches: 4 does not divide train.n_worlds x mappo.horizon = 10 x 5 = 50; "

@@ -97,6 +97,41 @@ TEST(PolicyParameters, OrthogonalStartsWithTheGain) {
   EXPECT_EQ(p.size(), 28 + 24 + 5);
 }
 
+// One layer of a TeamMlp reads own and mean features side by side: its weights start as one orthogonal matrix.
+TEST(PolicyLayers, OwnAndTeamWeightsStartAsOneLayer) {
+  MlpConfig config;
+  config.hidden = {16, 12, 40};
+  ParameterSet p;
+  const TeamMlp mlp(p, "m", 10, config, 1, 0.5f);
+  p.allocate(at::kCPU, 3);
+  NamedArrays arrays;
+  p.save("", arrays);
+  const auto layer = [&](int k) {
+    at::Tensor parts[2];
+    for (int j = 0; j < 2; ++j) {
+      const NamedArray& a = find_array(arrays, cat("m/", k, j == 0 ? "/weight" : "/team_weight"));
+      parts[j] = numbers(array_values<float>(a)).view(a.shape);
+    }
+    return at::cat({parts[0], parts[1]}, 1);
+  };
+  // Gain sqrt(2): rows of length sqrt(2) over all 2 x 16 inputs. If each half had such rows, the outputs would have
+  // twice the variance.
+  const at::Tensor wide = layer(1);
+  ASSERT_EQ(wide.sizes(), at::IntArrayRef({12, 32}));
+  EXPECT_LT(worst(at::mm(wide, wide.t()), 2 * at::eye(12)), 1e-5);
+  const at::Tensor tall = layer(2);
+  ASSERT_EQ(tall.sizes(), at::IntArrayRef({40, 24}));
+  EXPECT_LT(worst(at::mm(tall.t(), tall), 2 * at::eye(24)), 1e-5);
+  const at::Tensor output = layer(3);  // gain 0.5
+  ASSERT_EQ(output.sizes(), at::IntArrayRef({1, 80}));
+  EXPECT_NEAR(output.norm().item<double>(), 0.5, 1e-6);
+  for (const at::Tensor& w : {wide, tall, output}) {  // both halves have their part of it
+    const int64_t half = w.size(1) / 2;
+    EXPECT_GT(largest(w.slice(1, 0, half)), 0.03);
+    EXPECT_GT(largest(w.slice(1, half)), 0.03);
+  }
+}
+
 TEST(PolicyParameters, SeedDecides) {
   const auto values = [](uint64_t seed) {
     ParameterSet p;

@@ -17,7 +17,8 @@ struct Result {
   float loss, d_value;
 };
 
-/// The loss of one living row; value_coef 1/2 and inv_count 1/4. The normaliser says value = 10 + 2 v.
+/// The loss of one living row; value_coef 1/2 and inv_count 1/4. The normaliser says value = 10 + 2 v; both values are
+/// v.
 Result value_loss(float value, float old_value, float returns, float clip_coef, float huber_delta, bool alive = true) {
   const float mean = 10, deviation = 2, inv_count = 0.25f;
   const uint8_t lives = alive;
@@ -35,16 +36,16 @@ TEST(MathValueLoss, ByHand) {
   };
   // The target is (returns - 10) / 2 = 3 in the normaliser's units; d = 0.5 x slope / 4.
   const Case cases[] = {
-      {"squared: e = -2, loss 2, slope -2", 1, 10, 16, 0, 0, 2, -0.25f},
-      {"squared: e = 1.5", 4.5f, 10, 16, 0, 0, 1.125f, 0.1875f},
-      {"Huber, linear: 1 (2 - 1/2), slope -1", 1, 10, 16, 0, 1, 1.5f, -0.125f},
-      {"Huber, linear above: 1 (1.5 - 1/2), slope 1", 4.5f, 10, 16, 0, 1, 1, 0.125f},
-      {"Huber, quadratic: e = -0.5", 2.5f, 10, 16, 0, 1, 0.125f, -0.0625f},
-      {"clipped: old 0, held at 0.5, e = -2.5 is worse than -2: flat", 1, 10, 16, 0.5f, 0, 3.125f, 0},
-      {"clipped: old 3.5, held at 3, e = 0 is better than -2: the plain error", 1, 17, 16, 0.5f, 0, 2, -0.25f},
-      {"clipped: old 6, held at 5.5, e = 2.5 is worse than 1.5: flat", 4.5f, 22, 16, 0.5f, 0, 3.125f, 0},
-      {"clipped: old 0.75, within 0.5: the plain error", 1, 11.5f, 16, 0.5f, 0, 2, -0.25f},
-      {"clipped Huber: held at 0.5, 1 (2.5 - 1/2)", 1, 10, 16, 0.5f, 1, 2, 0},
+      {"squared: e = -2, loss 2, slope -2", 1, 0, 16, 0, 0, 2, -0.25f},
+      {"squared: e = 1.5", 4.5f, 0, 16, 0, 0, 1.125f, 0.1875f},
+      {"Huber, linear: 1 (2 - 1/2), slope -1", 1, 0, 16, 0, 1, 1.5f, -0.125f},
+      {"Huber, linear above: 1 (1.5 - 1/2), slope 1", 4.5f, 0, 16, 0, 1, 1, 0.125f},
+      {"Huber, quadratic: e = -0.5", 2.5f, 0, 16, 0, 1, 0.125f, -0.0625f},
+      {"clipped: old 0, held at 0.5, e = -2.5 is worse than -2: flat", 1, 0, 16, 0.5f, 0, 3.125f, 0},
+      {"clipped: old 3.5, held at 3, e = 0 is better than -2: the plain error", 1, 3.5f, 16, 0.5f, 0, 2, -0.25f},
+      {"clipped: old 6, held at 5.5, e = 2.5 is worse than 1.5: flat", 4.5f, 6, 16, 0.5f, 0, 3.125f, 0},
+      {"clipped: old 0.75, within 0.5: the plain error", 1, 0.75f, 16, 0.5f, 0, 2, -0.25f},
+      {"clipped Huber: held at 0.5, 1 (2.5 - 1/2)", 1, 0, 16, 0.5f, 1, 2, 0},
   };
   for (const Case& c : cases) {
     const Result r = value_loss(c.value, c.old_value, c.returns, c.clip, c.huber);
@@ -53,8 +54,20 @@ TEST(MathValueLoss, ByHand) {
   }
 }
 
+TEST(MathValueLoss, WhatTheNetworkSaidHasNotMovedWhateverTheNormaliserDid) {
+  // value = old value: the plain error, however narrow the clip and wherever the normaliser is. Target (returns - 10)
+  // / 2.
+  for (uint32_t trial = 0; trial < 100; ++trial) {
+    DrawKey key(12, trial, 0);
+    const float value = 4 * key.uniform(Draw::init, 0, 0) - 2, returns = 30 * key.uniform(Draw::init, 0, 1);
+    const Result plain = value_loss(value, value, returns, 0, 0), clipped = value_loss(value, value, returns, 1e-6f, 0);
+    EXPECT_EQ(clipped.loss, plain.loss) << "value " << value << ", returns " << returns;
+    EXPECT_EQ(clipped.d_value, plain.d_value) << "value " << value << ", returns " << returns;
+  }
+}
+
 TEST(MathValueLoss, TheDeadDoNotCount) {
-  const Result r = value_loss(1, 10, 16, 0, 0, false);
+  const Result r = value_loss(1, 0, 16, 0, 0, false);
   EXPECT_EQ(r.loss, 0.0f);
   EXPECT_EQ(r.d_value, 0.0f);
 }
@@ -84,8 +97,8 @@ TEST(MathValueLoss, GradientAgainstFiniteDifferences) {
     for (uint32_t trial = 0; trial < 100; ++trial) {
       DrawKey key(11, trial, 0);
       const auto draw = [&](uint32_t k) { return 4 * key.uniform(Draw::init, 0, k) - 2; };
-      const float value = draw(0), old_value = 10 + 2 * draw(1), returns = 10 + 2 * draw(2);
-      const double old = (static_cast<double>(old_value) - 10) / 2, target = (static_cast<double>(returns) - 10) / 2;
+      const float value = draw(0), old_value = draw(1), returns = 10 + 2 * draw(2);
+      const double old = static_cast<double>(old_value), target = (static_cast<double>(returns) - 10) / 2;
       const auto error = [&](double v) {
         const double e = std::abs(v - target);
         return kind.huber > 0 && e > kind.huber ? kind.huber * (e - kind.huber / 2) : e * e / 2;

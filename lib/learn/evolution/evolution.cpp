@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "core/seeds.hpp"
 #include "cuda/device_clock.hpp"
 #include "cuda/rows.hpp"
 #include "learn/evolution/evolving_team.hpp"
@@ -29,7 +30,7 @@ PopulationGamesOptions games_options(const RunConfig& c) {
   o.n_populations = populations_at_a_time(c);
   o.common_random_numbers = c.population.common_random_numbers;
   o.greedy = c.population.greedy;
-  o.seed = c.seed;
+  o.seed = seed_of(c.seed, Purpose::training);
   o.n_threads = c.train.n_threads;
   o.max_steps = c.population.max_steps;
   return o;
@@ -123,8 +124,9 @@ Population Evolution::population_of(int team) const {
   const int64_t worlds = config_.population.n_worlds();
   Population population{team, team_[team]->ask(), other ? other->pool().networks() : no_networks_, {}};
   if (other)
-    population.opponent = assign_opponents(config_.opponents, worlds, other->pool().weights(config_.opponents),
-                                           {config_.seed, static_cast<uint32_t>(generations_), team});
+    population.opponent =
+        assign_opponents(config_.opponents, worlds, other->pool().weights(config_.opponents),
+                         {seed_of(config_.seed, Purpose::training), static_cast<uint32_t>(generations_), team});
   else
     population.opponent.assign(static_cast<size_t>(worlds), network_of_script(scripted_of(config_.train.opponent)));
   return population;

@@ -3,6 +3,7 @@
 #include <limits>
 
 #include "core/error.hpp"
+#include "core/seeds.hpp"
 #include "learn/evolution/fitness.hpp"
 #include "learn/team_policy.hpp"
 
@@ -11,7 +12,7 @@ namespace {
 
 std::unique_ptr<EvolutionStrategy> make_strategy(const RunConfig& c, int team, const Actor& actor,
                                                  const RowRunner& rows) {
-  const PopulationPlace place{c.seed, team, actor.parameters().matrices()};
+  const PopulationPlace place{seed_of(c.seed, Purpose::training), team, actor.parameters().matrices()};
   const at::Tensor& mean = actor.parameters().values();
   const std::string& name = c.train.algorithm;
   if (name == "openai_es") return make_openai_es(c.population, c.openai_es, place, mean, rows);

@@ -19,20 +19,16 @@ class OpenAiEs final : public EvolutionStrategy {
         config_(config),
         sigma_init_(population.sigma_init),
         velocity_(at::zeros_like(mean)),
-        square_(at::zeros_like(mean)) {}
-
-  void save(const std::string& prefix, NamedArrays& out) const override {
-    EvolutionStrategy::save(prefix, out);
-    out.push_back(to_array(prefix + "velocity", velocity_));
-    out.push_back(to_array(prefix + "square", square_));
-  }
-  void load(const std::string& prefix, const NamedArrays& in) override {
-    EvolutionStrategy::load(prefix, in);
-    from_array(find_array(in, prefix + "velocity"), velocity_);
-    from_array(find_array(in, prefix + "square"), square_);
-  }
+        square_(at::zeros_like(mean)),
+        steps_(at::zeros({}, mean.options().dtype(at::kDouble))) {}
 
  private:
+  std::vector<StateTensor> state() const override {
+    std::vector<StateTensor> all = EvolutionStrategy::state();
+    all.insert(all.end(), {{"velocity", velocity_}, {"square", square_}, {"steps", steps_}});
+    return all;
+  }
+
   /// A setting after so many generations of decay; one that starts below the limit stays as it is.
   static double decayed(float start, float decay, float least, double generations) {
     const double value = static_cast<double>(start) * std::pow(static_cast<double>(decay), generations);
@@ -51,11 +47,11 @@ class OpenAiEs final : public EvolutionStrategy {
   void step(const at::Tensor& gradient, double rate) {
     switch (config_.optimizer) {
       case MeanOptimizer::adam: {  // Kingma and Ba 2015
-        const double t = generation_ + 1.0;
+        steps_.add_(1);
         velocity_.mul_(kBeta1).add_(gradient, 1 - kBeta1);
         square_.mul_(kBeta2).addcmul_(gradient, gradient, 1 - kBeta2);
-        const at::Tensor deviation = (square_ / (1 - std::pow(kBeta2, t))).sqrt() + kEpsilon;
-        mean_.addcdiv_(velocity_, deviation, rate / (1 - std::pow(kBeta1, t)));
+        const at::Tensor deviation = (square_ / (1 - at::pow(kBeta2, steps_))).sqrt() + kEpsilon;
+        mean_.add_(velocity_ / deviation * (rate / (1 - at::pow(kBeta1, steps_))));
         return;
       }
       case MeanOptimizer::momentum:
@@ -74,6 +70,7 @@ class OpenAiEs final : public EvolutionStrategy {
   const OpenAiEsConfig config_;
   const float sigma_init_;
   at::Tensor velocity_, square_;  // [P] of the optimizer
+  at::Tensor steps_;              // [] that Adam has taken, which steps that were not sound are not among
 };
 
 }  // namespace

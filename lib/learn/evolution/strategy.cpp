@@ -72,12 +72,14 @@ at::Tensor EvolutionStrategy::tell(const at::Tensor& fitness) {
              " members, the population has ", population_size());
   at::Tensor shaped = shape_fitness(fitness.to(mean_.options()), config_.shaping.kind);
   if (mean_squares_.defined()) shaped = shaped - config_.shaping.weight_decay * mean_squares_;
-  const at::Tensor old_mean = mean_.clone(), old_sigma = sigma_.clone();
+  const std::vector<StateTensor> now = state();  // the same memory before and after
+  std::vector<at::Tensor> before;
+  for (const StateTensor& s : now) before.push_back(s.tensor.clone());
   learn(shaped);
   ++generation_;
-  const at::Tensor sound = at::isfinite(mean_).all().logical_and(at::isfinite(sigma_).all());
-  mean_.copy_(at::where(sound, mean_, old_mean));
-  sigma_.copy_(at::where(sound, sigma_, old_sigma));
+  at::Tensor sound = at::ones({}, mean_.options().dtype(at::kBool));
+  for (const StateTensor& s : now) sound = sound.logical_and(at::isfinite(s.tensor).all());
+  for (size_t k = 0; k < now.size(); ++k) now[k].tensor.copy_(at::where(sound, now[k].tensor, before[k]));
   return sound;
 }
 
@@ -93,14 +95,12 @@ EvolutionStrategy::Moments EvolutionStrategy::moments(const at::Tensor& weights)
 }
 
 void EvolutionStrategy::save(const std::string& prefix, NamedArrays& out) const {
-  out.push_back(to_array(prefix + "mean", mean_));
-  out.push_back(to_array(prefix + "sigma", sigma_));
+  for (const StateTensor& s : state()) out.push_back(to_array(prefix + s.name, s.tensor));
   out.push_back(make_array<int64_t>(prefix + "generation", {static_cast<int64_t>(generation_)}));
 }
 
 void EvolutionStrategy::load(const std::string& prefix, const NamedArrays& in) {
-  from_array(find_array(in, prefix + "mean"), mean_);
-  from_array(find_array(in, prefix + "sigma"), sigma_);
+  for (const StateTensor& s : state()) from_array(find_array(in, prefix + s.name), s.tensor);
   generation_ = static_cast<uint32_t>(array_values<int64_t>(find_array(in, prefix + "generation")).at(0));
 }
 

@@ -30,7 +30,7 @@ class EvolutionStrategy {
   at::Tensor ask();
   /// Learns from the members' fitness [M], the larger the better, and goes on to the next generation. Makes the noise
   /// of `ask` anew; queues work on the device and waits for nothing. Returns a truth value [] on the device: false
-  /// where the new mean or sigma was not finite, and both stay as they were.
+  /// where a number of the new state was not finite; then all of it stays as it was, and only the generation goes on.
   at::Tensor tell(const at::Tensor& fitness);
 
   const at::Tensor& mean() const { return mean_; }    // [P]
@@ -38,8 +38,8 @@ class EvolutionStrategy {
   int64_t population_size() const { return config_.population_size; }
   uint32_t generation() const { return generation_; }
 
-  virtual void save(const std::string& prefix, NamedArrays& out) const;
-  virtual void load(const std::string& prefix, const NamedArrays& in);
+  void save(const std::string& prefix, NamedArrays& out) const;
+  void load(const std::string& prefix, const NamedArrays& in);
 
  protected:
   EvolutionStrategy(const PopulationConfig& config, const PopulationPlace& place, const at::Tensor& mean,
@@ -50,8 +50,15 @@ class EvolutionStrategy {
     at::Tensor first, second;
   };
   Moments moments(const at::Tensor& weights) const;
-  /// Changes mean and sigma by the shaped fitness [M], in which every number is finite.
+  /// Changes the state by the shaped fitness [M], in which every number is finite.
   virtual void learn(const at::Tensor& shaped) = 0;
+
+  struct StateTensor {
+    const char* name;  // in a checkpoint
+    at::Tensor tensor;
+  };
+  /// Everything that `learn` changes: it is saved, loaded, and put back after a step that was not sound.
+  virtual std::vector<StateTensor> state() const { return {{"mean", mean_}, {"sigma", sigma_}}; }
 
   at::Tensor mean_, sigma_;
   uint32_t generation_ = 0;

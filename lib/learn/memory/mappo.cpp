@@ -63,12 +63,12 @@ int64_t small_tensor_bytes(const LoadedRun& run) {
   return bytes;
 }
 
-/// Values, advantages and returns of the learning teams.
+/// Values (of one step more), advantages and returns of the learning teams.
 int64_t advantage_bytes(const LoadedRun& run) {
   int64_t agents = 0;
   for (int team = 0; team < kNTeams; ++team)
     if (learns(run.config.train, team)) agents += run.spec.params.n_team[team];
-  return 3 * kFloat * run.config.train.n_worlds * run.config.mappo.horizon * agents;
+  return kFloat * run.config.train.n_worlds * (3 * run.config.mappo.horizon + 1) * agents;
 }
 
 /// Numbers of a past policy: GroupPolicy::row_of.

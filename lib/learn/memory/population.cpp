@@ -23,7 +23,8 @@ using Grows = PlanItems::Grows;
 
 constexpr int64_t kHalf = 2;
 /// Vectors [P] while a strategy learns: the old mean (twice) and sigma, both moments of the noise, and up to four on
-/// the way to the new mean; before, sums over parts of the members beside five of these.
+/// the way to the new mean; before, sums over parts of the members beside five of these. To both come the old vectors
+/// of an optimizer.
 constexpr int64_t kLearningVectors = 9, kLearningVectorsBesideParts = 5;
 /// Bytes by member that stay (the fitness, the mean square of the parameters, sums of the ranks' weights), and those
 /// that ranking takes: sorted values, places and ranges of ranks in 64 bits.
@@ -51,8 +52,9 @@ class PopulationMemory {
   int64_t opponents() const { return self_play_ ? 1 + run_.config.opponents.pool_size : 1; }  // networks, with the mean
   int64_t vectors_of_strategy() const;
   int64_t learning_vectors() const {
-    return std::max(kLearningVectors, kLearningVectorsBesideParts + 2 * NoiseMoments::parts(m_));
+    return std::max(kLearningVectors, kLearningVectorsBesideParts + 2 * NoiseMoments::parts(m_)) + optimizer_vectors();
   }
+  int64_t optimizer_vectors() const { return run_.config.train.algorithm == "openai_es" ? 2 : 0; }
   int64_t forward(int64_t rows, int64_t members) const;
   int64_t play_opponents(int team) const;
   int64_t play() const;
@@ -115,9 +117,8 @@ int64_t PopulationMemory::world_bytes() const {
 
 /// Vectors [P] of a team: the actor's values and gradients, mean and sigma, and what the algorithm adds.
 int64_t PopulationMemory::vectors_of_strategy() const {
-  const int64_t optimizer = run_.config.train.algorithm == "openai_es" ? 2 : 0;
   const int64_t places = config_.noise == EsNoiseKind::low_rank ? 2 : 0;  // int32
-  return 4 + optimizer + places;
+  return 4 + optimizer_vectors() + places;
 }
 
 /// Actor::forward_members, or Actor::forward where `members` is 0; observations are the caller's.
@@ -155,7 +156,7 @@ Phase PopulationMemory::largest_phase() const {
       {"squares of a population", squares, Grows::yes},
       {"playing: activations", play(), Grows::yes},
       {"learning: vectors of the strategy", learning_vectors() * kFloat * p_,
-       learning_vectors() > kLearningVectors ? Grows::yes : Grows::no},
+       learning_vectors() > kLearningVectors + optimizer_vectors() ? Grows::yes : Grows::no},
       // They are summed in fp64, after a cast.
       {"results of the episodes", static_cast<int64_t>(sizeof(double)) * m_ * e_ * kNStatRows, Grows::yes},
       {"evaluation: activations", acting() - members, Grows::no},  // the members are gone by then

@@ -116,15 +116,17 @@ void TeamWork::values_of(MemoryLedger& m, int64_t states, int64_t all) const {
   m.give(MemoryUse::temporary, held);
 }
 
-// PpoTeam::prepare. The advantages, returns and values of the update before are there until the new ones are.
+// PpoTeam::prepare. The advantages, returns and values of the update before are there until the new ones take their
+// place.
 MemoryByUse TeamWork::values() const {
   MemoryLedger m;
   const int64_t own = kFloat * states() * n_, of_rollout = kFloat * n_worlds_ * config_.horizon * n_;
   values_of(m, states() + learning_, n_worlds_ * (config_.horizon + 1));
   values_of(m, learning_, n_worlds_);
-  m.touch(2 * of_rollout);         // values in reward units: a product, a sum
-  m.take(MemoryUse::values, own);  // weights
-  m.touch(3 * own);                // moments: difference, square, product
+  m.touch(of_rollout);                                              // advantages
+  m.give(MemoryUse::values, of_rollout + kFloat * n_worlds_ * n_);  // the old values
+  m.take(MemoryUse::values, own);                                   // weights
+  m.touch(3 * own);                                                 // moments: difference, square, product
   return m.peak();
 }
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "core/error.hpp"
+#include "core/seeds.hpp"
 #include "learn/team_policy.hpp"
 #include "policy/parameters.hpp"
 #include "rollout/tensors.hpp"
@@ -23,7 +24,7 @@ GameCount game_count(const double* counts) { return {counts[0], counts[1], count
 
 League::League(const LoadedRun& run, std::array<const Actor*, kNTeams> actors, const RowRunner& rows)
     : config_(run.config.opponents),
-      seed_(run.config.seed),
+      seed_(seed_of(run.config.seed, Purpose::training)),
       device_(torch_device(rows.device())),
       shares_(world_shares(config_, run.config.train.n_worlds)),
       actor_(actors),

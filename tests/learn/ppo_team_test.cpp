@@ -1,0 +1,202 @@
+// PpoTeam on a rollout of eight rows that is worked out by hand: values, advantages, moments over the living, losses.
+#include "learn/ppo_team.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "core/error.hpp"
+#include "runs.hpp"
+
+namespace giga::test {
+namespace {
+
+// Two worlds of two agents, two steps; gamma = lambda = 1/2. Rows are [t][world][agent]:
+//
+//                     t = 0                             t = 1                                    after
+//   world 0, agent 0: V 1, r  1, A 1.5,   R 2.5         V 2, r 2, A 2, R 4                       V 4
+//   world 0, agent 1: V 3, r  0, A -2.25, R 0.75        V 1, r 1, A 1, R 2                       V 2
+//   world 1, agent 0: V 2, r -1, A -1,    R 1           V 2, r 3, A 4, R 6                       cut off, V 6
+//   world 1, agent 1: V 1, r  2, A 1,     R 2           dead since step 0: V 50 and r 100 do not count
+//
+// for at the end A = r + V' / 2 - V: 2 + 2 - 2 = 2; 1 + 1 - 1 = 1; 3 + 3 - 2 = 4; and before it A = r + V' / 2 - V + A'
+// / 4: 1 + 1 - 1 + 1/2 = 1.5; 0 + 0.5 - 3 + 1/4 = -2.25; -1 + 1 - 2 + 1 = -1; who dies has nothing to come: 2 - 1 = 1.
+// R = A + V.
+const std::vector<float> kValue = {1, 3, 2, 1, 2, 1, 2, 50, 4, 2, 9, 9}, kFinalValue = {70, 70, 6, 70};
+const std::vector<float> kReward = {1, 0, -1, 2, 2, 1, 3, 100};
+const std::vector<uint8_t> kAlive = {1, 1, 1, 1, 1, 1, 1, 0, 1, 1, 1, 1}, kFinalAlive = {1, 1, 1, 0};
+const std::vector<float> kAdvantage = {1.5f, -2.25f, -1, 1, 2, 1, 4, 0}, kReturns = {2.5f, 0.75f, 1, 2, 4, 2, 6, 0};
+// How much more probable the uniform policy makes the actions than the one that chose them. The clip is 0.2: of 1.5
+// counts 1.2 where the advantage is above the mean, of 0.5 all.
+const std::vector<float> kRatio = {1.1f, 0.9f, 1, 1, 1.5f, 1, 0.5f, 3};
+
+constexpr int kLiving = 7;
+// Over the living: advantages sum to 6.25, their squares to 30.3125; returns to 18.25 and 67.8125.
+const double kAdvantageVariance = 30.3125 / 7 - 6.25 / 7 * 6.25 / 7;                              // 3.533163
+const double kReturnMean = 18.25 / 7, kReturnVariance = 67.8125 / 7 - kReturnMean * kReturnMean;  // 2.890306
+
+LoadedRun small_run(const std::string& mappo) {
+  SmallRun small;
+  small.mappo = mappo;
+  small.critic = "kind: independent, hidden: [1], activation: relu";
+  LoadedRun run = small.load();
+  run.config.train.n_worlds = 2;
+  run.config.mappo.horizon = 2;
+  run.config.mappo.n_minibatches = 2;
+  run.config.mappo.gamma = run.config.mappo.gae_lambda = 0.5f;
+  return run;
+}
+
+/// Copies, so that the numbers of a test stay.
+template <class T>
+at::Tensor tensor_of(const std::vector<T>& values, at::ScalarType type, at::IntArrayRef shape) {
+  return at::tensor(values).to(type).view(shape).clone();
+}
+
+/// The values are the first number of each observation, the rest is 0.
+Rollout rollout_by_hand(const SimSpec& spec) {
+  const auto observations = [&](const std::vector<float>& values, std::vector<int64_t> shape) {
+    shape.push_back(spec.padded_observation_size());
+    at::Tensor obs = at::zeros(shape);
+    shape.pop_back();
+    obs.select(-1, 0).copy_(tensor_of(values, at::kFloat, shape));
+    return obs;
+  };
+  Rollout rollout;
+  TeamRollout& r = rollout.team[0];
+  r.obs = observations(kValue, {3, 2, 2});
+  r.alive = tensor_of(kAlive, at::kByte, {3, 2, 2});
+  r.action = at::full({2, 2, 2}, 5, at::kInt);
+  r.log_prob = (-std::log(27.0) - tensor_of(kRatio, at::kFloat, {2, 2, 2}).to(at::kDouble).log()).to(at::kFloat);
+  r.reward = tensor_of(kReward, at::kFloat, {2, 2, 2});
+  r.final_obs = observations(kFinalValue, {2, 2});
+  r.final_alive = tensor_of(kFinalAlive, at::kByte, {2, 2});
+  rollout.done = at::zeros({2, 2}, at::kByte);
+  rollout.done[1][1] = static_cast<int>(Done::truncated);
+  return rollout;
+}
+
+/// A team whose policy is uniform and whose critic says the first number of the observation.
+class Team {
+ public:
+  explicit Team(const std::string& mappo)
+      : run_(small_run(mappo)), team_(run_, 0, Device{}, rows_, {0, 2}), rollout_(rollout_by_hand(run_.spec)) {
+    NamedArrays arrays;
+    team_.save("", arrays);
+    for (NamedArray& a : arrays) {
+      if (!a.name.starts_with("actor/mlp/") && !a.name.starts_with("critic/mlp/")) continue;
+      std::fill(a.bytes.begin(), a.bytes.end(), uint8_t{0});
+      const float one = 1;
+      if (a.name == "critic/mlp/0/weight" || a.name == "critic/mlp/1/weight")
+        std::memcpy(a.bytes.data(), &one, sizeof one);
+    }
+    team_.load("", arrays);
+    team_.prepare(rollout_);
+  }
+
+  /// Two epochs of two minibatches, with steps of size 0: the networks stay as they are.
+  void learn() {
+    int minibatch = 0;
+    for (int epoch = 0; epoch < 2; ++epoch)
+      for (const at::Tensor& index : team_.minibatches(at::tensor({3, 0, 2, 1}, at::kLong)))
+        team_.learn(rollout_, index, ++minibatch, {0, 0});
+  }
+  double figure(PpoFigure k) const { return team_.figures()[k].item<double>(); }
+  std::vector<float> batch(const char* name) const {
+    NamedArrays arrays;
+    team_.save_batch(rollout_, at::arange(4, at::kLong), arrays);
+    return array_values<float>(find_array(arrays, cat("batch/", name)));
+  }
+
+ private:
+  const RowRunner rows_{Device{}, 1};
+  const LoadedRun run_;
+  PpoTeam team_;
+  const Rollout rollout_;
+};
+
+TEST(LearnPpoTeam, ValuesAdvantagesAndMomentsByHand) {
+  const Team team("");
+  EXPECT_EQ(team.batch("value"), std::vector<float>(kValue.begin(), kValue.begin() + 8));
+  EXPECT_EQ(team.batch("advantage"), kAdvantage);
+  EXPECT_EQ(team.batch("returns"), kReturns);
+  EXPECT_NEAR(team.figure(kFigLiving), 7 / 8.0, 1e-6);
+  // 1 - Var(returns - values) / Var(returns), over the living: 1 - 3.533163 / 2.890306 = -0.222419.
+  EXPECT_NEAR(team.figure(kFigExplained), 1 - kAdvantageVariance / kReturnVariance, 1e-5);
+  EXPECT_NEAR(team.figure(kFigExplained), -0.222419, 1e-5);
+}
+
+TEST(LearnPpoTeam, EachLivingRowCountsOnceAnEpoch) {
+  Team team("");
+  team.learn();
+  EXPECT_EQ(team.figure(kFigRows), 2 * kLiving);
+  // Of 1.5 and 0.5 the ratio is beyond 1 +- 0.2; errors are 0.1, 0.1, 0.5 and 0.5.
+  EXPECT_EQ(team.figure(kFigClipped), 2 * 2);
+  EXPECT_NEAR(team.figure(kFigRatioError), 2 * 1.2, 1e-5);
+  EXPECT_NEAR(team.figure(kFigEntropy), 2 * kLiving * std::log(27.0), 1e-4);
+}
+
+TEST(LearnPpoTeam, AdvantagesOfTheBatchAreNormalisedOverTheLiving) {
+  Team team("advantage_norm: batch");
+  team.learn();
+  // The mean is 6.25 / 7 = 0.892857, the deviation sqrt(3.533163) = 1.879671. Sum of ratio x (A - mean) with 1.2
+  // for 1.5: 1.1 x 0.607143 - 0.9 x 3.142857 - 1.892857 + 0.107143 + 1.2 x 1.107143 + 0.107143 + 0.5 x 3.107143 =
+  // -0.957143.
+  EXPECT_NEAR(team.figure(kFigPolicyLoss), 2 * 0.957143 / 1.879671, 1e-5);
+}
+
+TEST(LearnPpoTeam, AdvantagesOfAMinibatchAreNormalisedOverItsLiving) {
+  Team team("advantage_norm: minibatch");
+  team.learn();
+  // States 3 and 0: 4, 1.5, -2.25, mean 3.25 / 3 = 1.083333, variance 23.3125 / 3 - 1.173611 = 6.597222:
+  //   0.5 x 2.916667 + 1.1 x 0.416667 - 0.9 x 3.333333 = -1.083333, over 2.568506.
+  // States 2 and 1: 2, 1, -1, 1, mean 3 / 4, variance 7 / 4 - 9 / 16 = 1.1875:
+  //   1.2 x 1.25 + 0.25 - 1.75 + 0.25 = 0.25, over 1.089725.
+  EXPECT_NEAR(team.figure(kFigPolicyLoss), 2 * (1.083333 / 2.568506 - 0.25 / 1.089725), 1e-5);
+}
+
+TEST(LearnPpoTeam, ValueLossInUnitsOfTheReturnsSoFar) {
+  Team team("value_norm: true");
+  team.learn();
+  // The normaliser has taken in the returns before: their mean 2.607143 and deviation 1.700090. The critic says 1, 3,
+  // ...
+  double sum = 0;
+  for (size_t row = 0; row < 7; ++row) {
+    const double target = (static_cast<double>(kReturns[row]) - kReturnMean) / std::sqrt(kReturnVariance);
+    sum += 0.5 * std::pow(static_cast<double>(kValue[row]) - target, 2);
+  }
+  EXPECT_NEAR(sum, 15.81511, 1e-4);
+  EXPECT_NEAR(team.figure(kFigValueLoss), 2 * sum, 1e-4);
+}
+
+// The normaliser moves from (0, 1) to (2.6, 1.7) before anything is learned. What the critic says has not moved by
+// that: with unchanged parameters a clipped loss is the plain one, to the last bit.
+TEST(LearnPpoTeam, ANormaliserThatMovesDoesNotClip) {
+  Team plain("value_norm: true, value_loss: squared");
+  plain.learn();
+  for (const char* clip : {"0.001", "0.2"}) {
+    Team clipped(cat("value_norm: true, value_loss: clipped, value_clip_coef: ", clip));
+    clipped.learn();
+    EXPECT_EQ(clipped.figure(kFigValueLoss), plain.figure(kFigValueLoss)) << clip;
+    EXPECT_EQ(clipped.figure(kFigCriticNorm), plain.figure(kFigCriticNorm)) << clip;
+  }
+}
+
+// Worlds 1 and 2 of 4, three steps: states t x 4 + world.
+TEST(LearnPpoTeam, MinibatchesHaveEachStateOfTheTeamsWorldsOnce) {
+  LoadedRun run = small_run("");
+  run.config.train.n_worlds = 4;
+  run.config.mappo.horizon = 3;
+  const RowRunner rows(Device{}, 1);
+  const PpoTeam team(run, 0, Device{}, rows, {1, 2});
+  const std::vector<at::Tensor> minibatches = team.minibatches(at::tensor({4, 1, 0, 5, 3, 2}, at::kLong));
+  ASSERT_EQ(minibatches.size(), 2u);
+  // State k of the team's own is step k / 2, world 1 + k % 2.
+  EXPECT_TRUE(at::equal(minibatches[0], at::tensor({9, 2, 1}, at::kLong)));
+  EXPECT_TRUE(at::equal(minibatches[1], at::tensor({10, 6, 5}, at::kLong)));
+}
+
+}  // namespace
+}  // namespace giga::test
