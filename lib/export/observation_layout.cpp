@@ -73,10 +73,26 @@ constexpr FeatureText kBodyAgentTexts[] = {
 };
 static_assert(std::size(kBodyAgentTexts) == kBodyAgent);
 
+/// Behind the numbers of an agent where a team mixes kinds.
+constexpr FeatureText kBodyKindTexts[] = {
+    {"sprite_centre", "1 where the drawn shape of its type has a centre (bit 1 of the mask), else 0"},
+    {"sprite_edges", "the same of the edges (bit 2)"},
+    {"sprite_corners", "the same of the corners (bit 4)"},
+};
+static_assert(std::size(kBodyKindTexts) == kBodyKind);
+
 template <size_t N>
 std::vector<ObservationFeature> features(const FeatureText (&texts)[N], int size) {
   std::vector<ObservationFeature> list;
   for (int k = 0; k < size && k < static_cast<int>(N); ++k) list.push_back({texts[k].name, texts[k].meaning});
+  return list;
+}
+
+/// The numbers of an agent in the body view, then its kind where the item is long enough for it.
+template <size_t N>
+std::vector<ObservationFeature> with_kind(const FeatureText (&texts)[N], int size) {
+  std::vector<ObservationFeature> list = features(texts, size);
+  for (const ObservationFeature& bit : features(kBodyKindTexts, size - static_cast<int>(N))) list.push_back(bit);
   return list;
 }
 
@@ -104,11 +120,11 @@ std::vector<ObservationBlock> observation_layout(const SimSpec& spec) {
   add(kBoxes, p.n_boxes, box_features(p));
   if (p.body_view) {
     add(kUnused, 1, body_at(p) - at);
-    add(kBodySelfBlock, 1, kBodySelf);
+    add(kBodySelfBlock, 1, body_self_columns(p));
     add(kWalls, kBodyRays, 1);
     add(kBodyWaypointBlock, p.waypoints ? 1 : 0, kBodyWaypoint);
-    add(kBodyOpponentsBlock, body_opponents(p), kBodyAgent);
-    add(kBodyTeamMatesBlock, body_team_mates(p), kBodyAgent);
+    add(kBodyOpponentsBlock, body_opponents(p), body_agent_columns(p));
+    add(kBodyTeamMatesBlock, body_team_mates(p), body_agent_columns(p));
   }
   GIGA_CHECK(at == spec.observation_size(), "the layout has ", at, " numbers, observations ", spec.observation_size());
   return blocks;
@@ -132,10 +148,10 @@ std::vector<ObservationFeature> block_features(const std::string& block, int siz
   if (block == kWaypoint) return features(kWaypointTexts, size);
   if (block == kBoxes) return features(kBoxTexts, size);
   if (block == kUnused) return std::vector<ObservationFeature>(static_cast<size_t>(size), {"zero", "0"});
-  if (block == kBodySelfBlock) return features(kBodySelfTexts, size);
+  if (block == kBodySelfBlock) return with_kind(kBodySelfTexts, size);
   if (block == kWalls) return features(kWallTexts, size);
-  if (block == kBodyWaypointBlock || block == kBodyOpponentsBlock || block == kBodyTeamMatesBlock)
-    return features(kBodyAgentTexts, size);
+  if (block == kBodyWaypointBlock) return features(kBodyAgentTexts, size);
+  if (block == kBodyOpponentsBlock || block == kBodyTeamMatesBlock) return with_kind(kBodyAgentTexts, size);
   if (block != kSelf && block != kNeighbors) return {};
   std::vector<ObservationFeature> list = features(kAgentFeatures, size);
   if (block == kNeighbors)

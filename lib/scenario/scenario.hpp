@@ -175,7 +175,8 @@ void visit_fields(V& v, ObservationConfig& c) {
   v("type", c.type, "what an agent's policy is given");
   v("max_agents", c.max_agents, "rows of agents in a vector observation, nearest first, the ego included", at_least(1));
   v("body_view", c.body_view,
-    "tell in addition what is around as seen along the own heading: walls, opponents, mates (beyond the original)");
+    "add the body view (beyond the original): along the own heading the nearness of walls in 12 directions, of the "
+    "waypoint, the nearest 3 opponents and 2 mates that are seen, and what kind they are where a team mixes kinds");
 }
 
 struct Scenario {

@@ -1,5 +1,8 @@
 // The body view: what is around an agent, told along its own heading (SPEC has no such thing: it is ours, off by
 // default). It says nothing that the observation before it does not; what a pilot needs is just easier to read off it.
+// It says less: nothing of agents beyond the nearest kBodyOpponents and kBodyTeamMates, nor how long the waypoint will
+// stay, nor of obstacles more than where the twelve directions meet them. Kinds of agents are told where a team mixes
+// them; elsewhere the team tells the kind.
 #pragma once
 
 #include <cmath>
@@ -11,10 +14,11 @@ namespace giga {
 
 /// Numbers of the block, in this order: the agent itself, how near walls are in each direction, the waypoint, then the
 /// nearest opponents and the nearest team mates that it sees. All are 0 where the agent sees not even itself.
-constexpr int kBodySelf = 7;       ///< x and y in [-1, 1], cosine and sine of the heading, z / 10, speed / 5, health
-constexpr int kBodyRays = 12;      ///< directions, counterclockwise from straight ahead
-constexpr int kBodyWaypoint = 3;   ///< nearness, ahead, left
-constexpr int kBodyAgent = 8;      ///< see BodyFeature
+constexpr int kBodySelf = 7;      ///< x and y in [-1, 1], cosine and sine of the heading, z / 10, speed / 5, health
+constexpr int kBodyRays = 12;     ///< directions, counterclockwise from straight ahead
+constexpr int kBodyWaypoint = 3;  ///< nearness, ahead, left
+constexpr int kBodyAgent = 8;     ///< see BodyFeature
+constexpr int kBodyKind = 3;  ///< behind the numbers of an agent, itself included, in mixed teams: bits of its sprite
 constexpr int kBodyOpponents = 3;  ///< at most
 constexpr int kBodyTeamMates = 2;  ///< at most
 static_assert(kBodyCompany == kBodyOpponents + kBodyTeamMates);
@@ -38,10 +42,15 @@ GIGA_HD int body_team_mates(const SimParams& p) {
   return most < kBodyTeamMates ? most : kBodyTeamMates;
 }
 GIGA_HD int body_agents(const SimParams& p) { return body_opponents(p) + body_team_mates(p); }
+GIGA_HD int body_kind_columns(const SimParams& p) { return p.mixed_teams ? kBodyKind : 0; }
+GIGA_HD int body_self_columns(const SimParams& p) { return kBodySelf + body_kind_columns(p); }
+GIGA_HD int body_agent_columns(const SimParams& p) { return kBodyAgent + body_kind_columns(p); }
 /// First number about other agents.
-GIGA_HD int body_agents_at(const SimParams& p) { return kBodySelf + kBodyRays + (p.waypoints ? kBodyWaypoint : 0); }
+GIGA_HD int body_agents_at(const SimParams& p) {
+  return body_self_columns(p) + kBodyRays + (p.waypoints ? kBodyWaypoint : 0);
+}
 GIGA_HD int body_columns(const SimParams& p) {
-  return p.body_view ? body_agents_at(p) + body_agents(p) * kBodyAgent : 0;
+  return p.body_view ? body_agents_at(p) + body_agents(p) * body_agent_columns(p) : 0;
 }
 /// Where the block starts behind `before` numbers: at a multiple of 8, so that a network can read it alone. Zeros fill
 /// the gap.
@@ -100,7 +109,14 @@ GIGA_HD void gather_company(const SimParams& p, WorldView& w, int e) {
   face(w, e);
 }
 
-/// The part about e itself: out [kBodySelf].
+/// The kind of agent a: its sprite's bits, each as 0 or 1; out [body_kind_columns(p)].
+GIGA_HD void write_body_kind(const SimParams& p, int a, float* out) {
+  if (!p.mixed_teams) return;
+  const int sprite = table_value(p.agents.sprite + a);
+  for (int bit = 0; bit < kBodyKind; ++bit) out[bit] = static_cast<float>(sprite >> bit & 1);
+}
+
+/// The part about e itself: out [body_self_columns(p)].
 GIGA_HD void write_body_self(const SimParams& p, const WorldView& w, int e, float* out) {
   out[0] = 2 * w.x[e] * p.inv_limit_x - 1;
   out[1] = 2 * w.y[e] * p.inv_limit_y - 1;
@@ -109,6 +125,7 @@ GIGA_HD void write_body_self(const SimParams& p, const WorldView& w, int e, floa
   out[4] = w.z[e] * (1.0f / kAltitudeLimit);
   out[5] = w.v[e] * 0.2f;
   out[6] = w.health[e];
+  write_body_kind(p, e, out + kBodySelf);
 }
 
 /// Nearness of the first wall in each direction: out [kBodyRays]. A line serves two opposite ones.
@@ -144,14 +161,15 @@ GIGA_HD void write_body_waypoint(const WorldView& w, int e, float* out) {
   write_body_place(w, e, x - w.x[e], y - w.y[e], out);
 }
 
-/// Agent a as e sees it: out [kBodyAgent].
-GIGA_HD void write_body_agent(const WorldView& w, int e, int a, float* out) {
+/// Agent a as e sees it: out [body_agent_columns(p)].
+GIGA_HD void write_body_agent(const SimParams& p, const WorldView& w, int e, int a, float* out) {
   write_body_place(w, e, w.x[a] - w.x[e], w.y[a] - w.y[e], out);
   out[kBodyCourseAhead] = w.dir_x[a] * w.dir_x[e] + w.dir_y[a] * w.dir_y[e];
   out[kBodyCourseLeft] = w.dir_y[a] * w.dir_x[e] - w.dir_x[a] * w.dir_y[e];
   out[kBodyClimb] = (w.z[a] - w.z[e]) * (1.0f / kAltitudeLimit);
   out[kBodyOvertakes] = (w.v[a] - w.v[e]) * 0.2f;
   out[kBodyHealth] = w.health[a];
+  write_body_kind(p, a, out + kBodyAgent);
 }
 
 GIGA_HD void write_nothing(int size, float* out) {
@@ -163,21 +181,22 @@ GIGA_HD void write_body_surroundings(const SimParams& p, const WorldView& w, int
   const bool sees = w.neighbors[static_cast<int64_t>(e) * p.n_neighbors] != kNobody;
   if (!sees) return write_nothing(body_agents_at(p), out);
   write_body_self(p, w, e, out);
-  write_body_walls(p, w, e, out + kBodySelf);
+  out += body_self_columns(p);
+  write_body_walls(p, w, e, out);
   if (!p.waypoints) return;
   if (*w.waypoint_time > 0)
-    write_body_waypoint(w, e, out + kBodySelf + kBodyRays);
+    write_body_waypoint(w, e, out + kBodyRays);
   else
-    write_nothing(kBodyWaypoint, out + kBodySelf + kBodyRays);
+    write_nothing(kBodyWaypoint, out + kBodyRays);
 }
 
 /// The rest: agent number `item` of e's body view.
 GIGA_HD void write_body_company(const SimParams& p, const WorldView& w, int e, int item, float* out) {
   const uint16_t a = w.company[e * kBodyCompany + item];
   const bool sees = w.neighbors[static_cast<int64_t>(e) * p.n_neighbors] != kNobody;
-  out += body_agents_at(p) + item * kBodyAgent;
-  if (a == kNobody || !sees) return write_nothing(kBodyAgent, out);
-  write_body_agent(w, e, a, out);
+  out += body_agents_at(p) + item * body_agent_columns(p);
+  if (a == kNobody || !sees) return write_nothing(body_agent_columns(p), out);
+  write_body_agent(p, w, e, a, out);
 }
 
 }  // namespace giga

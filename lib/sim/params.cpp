@@ -18,14 +18,18 @@ void SimSpec::finish() {
     throw InputError(cat("scenario '", name, "': max_tracking_time is ", params.max_tracking_time,
                          "; allowed: min_tracking_time (", params.min_tracking_time, ") to 255"));
   params.n_team[0] = params.n_team[1] = 0;
-  params.has_idle_reward = false;
+  params.has_idle_reward = params.mixed_teams = false;
   for (uint32_t& bits : params.team_bits) bits = 0;
+  const AgentSpec* first_of_team[kNTeams] = {};
   for (size_t i = 0; i < agents.size(); ++i) {
     const AgentSpec& agent = agents[i];
     GIGA_CHECK(agent.team == 0 || agent.team == 1, "team ", agent.team);
     params.team_bits[i / 32] |= static_cast<uint32_t>(agent.team) << (i % 32);
     ++params.n_team[agent.team];
     params.has_idle_reward = params.has_idle_reward || agent.idle_reward != 0;
+    const AgentSpec*& first = first_of_team[agent.team];
+    if (!first) first = &agent;
+    params.mixed_teams = params.mixed_teams || agent.sprite != first->sprite;
   }
   for (int team = 0; team < kNTeams; ++team)
     if (params.n_team[team] == 0) throw InputError(cat("scenario '", name, "': team ", team, " has no agents"));

@@ -144,6 +144,7 @@ struct SimParams {
   bool obstacles_block_sight = false;  ///< no detection through a box
   bool sight_3d = false;               ///< distances and cones of sight and damage use altitude too
   bool body_view = false;              ///< observations end with the body view, see body_view.hpp
+  bool mixed_teams = false;            ///< some team has agents of different sprites: the body view tells kinds
 
   AgentTable agents{};
   MapTable maps{};
@@ -175,8 +176,8 @@ struct SimSpec {
   std::vector<MapSpec> maps;
   int neighbor_limit = 15;  ///< max_agent_in_vec_obs
 
-  /// Sets n_agents, n_team, team_bits, n_maps, n_boxes, n_neighbors, has_idle_reward and the reciprocals; throws Error
-  /// where a team is empty or there are more than kMaxAgents agents.
+  /// Sets n_agents, n_team, team_bits, n_maps, n_boxes, n_neighbors, has_idle_reward, mixed_teams and the reciprocals;
+  /// throws Error where a team is empty or there are more than kMaxAgents agents.
   void finish();
 
   /// The same with episodes of at most `steps`. Such a cut is no time limit of the scenario: who lives to see it has

@@ -50,6 +50,26 @@ TEST(ExportManifest, LayoutOfTheBodyViewByHand) {
   EXPECT_EQ(std::vector<ObservationBlock>(blocks.begin() + 4, blocks.end()), expected);
 }
 
+TEST(ExportManifest, LayoutOfTheBodyViewOfMixedTeams) {
+  SimSpec spec = small_spec(ActionKind::discrete);
+  spec.params.body_view = true;
+  spec.agents[0].sprite = 6;
+  spec.finish();
+  // As above, with three bits of the sprite behind the numbers of each agent.
+  const std::vector<ObservationBlock> blocks = observation_layout(spec);
+  const std::vector<ObservationBlock> expected = {{"unused", 49, 1, 7},          {"body_self", 56, 1, 10},
+                                                  {"walls", 66, 12, 1},          {"body_waypoint", 78, 1, 3},
+                                                  {"body_opponents", 81, 2, 11}, {"body_team_mates", 103, 1, 11}};
+  EXPECT_EQ(std::vector<ObservationBlock>(blocks.begin() + 4, blocks.end()), expected);
+  for (const ObservationBlock& block : {expected[1], expected[4], expected[5]}) {
+    const std::vector<ObservationFeature> features = block_features(block.name, block.size);
+    ASSERT_EQ(features.size(), static_cast<size_t>(block.size));
+    EXPECT_EQ(features[static_cast<size_t>(block.size) - 4].name, "health");
+    EXPECT_EQ(features[static_cast<size_t>(block.size) - 3].name, "sprite_centre");
+    EXPECT_EQ(features.back().name, "sprite_corners");
+  }
+}
+
 TEST(ExportManifest, LayoutsCoverEveryObservation) {
   for (unsigned mask = 0; mask < kNSwitchMasks; mask += 7) {
     SimSpec spec = random_spec(mask, 1 + static_cast<int>(mask % 3), 2);

@@ -20,12 +20,23 @@ SimSpec body_spec(int n_team_0, int n_team_1) {
   return spec;
 }
 
+/// Five against five, on each side one agent of each of five kinds, as in special_5_vs_5.
+constexpr int kSprites[] = {7, 3, 5, 6, 1};
+SimSpec mixed_spec() {
+  SimSpec spec = body_spec(5, 5);
+  for (size_t i = 0; i < spec.agents.size(); ++i) spec.agents[i].sprite = kSprites[i % 5];
+  spec.finish();
+  return spec;
+}
+
 /// Number `column` of agent e's body view after a step.
 float body(const TestWorld& world, int e, int column) { return world.obs(e, body_at(world.params()) + column); }
-float wall(const TestWorld& world, int e, int direction) { return body(world, e, kBodySelf + direction); }
+float wall(const TestWorld& world, int e, int direction) {
+  return body(world, e, body_self_columns(world.params()) + direction);
+}
 /// Feature of item `item` of the agents (opponents first).
 float company(const TestWorld& world, int e, int item, int feature) {
-  return body(world, e, body_agents_at(world.params()) + item * kBodyAgent + feature);
+  return body(world, e, body_agents_at(world.params()) + item * body_agent_columns(world.params()) + feature);
 }
 
 TEST(SimBodyView, SizesFollowTheTeams) {
@@ -38,6 +49,89 @@ TEST(SimBodyView, SizesFollowTheTeams) {
   SimSpec off = body_spec(5, 5);
   off.params.body_view = false;
   EXPECT_EQ(off.observation_size(), 90);
+}
+
+TEST(SimBodyView, KindsAreToldWhereATeamMixesThem) {
+  // 3 bits more of the agent itself and of each of 3 + 2 others: 59 + 18.
+  EXPECT_EQ(mixed_spec().observation_size(), 96 + 77);
+  EXPECT_EQ(body_at(mixed_spec().params), body_at(body_spec(5, 5).params));
+  // Teams of one kind each, be they different ones: the team tells the kind, and nothing is added.
+  SimSpec spec = body_spec(5, 5);
+  for (size_t i = 5; i < 10; ++i) spec.agents[i].sprite = 6;
+  spec.finish();
+  EXPECT_EQ(spec.observation_size(), 96 + 59);
+  // One odd agent in either team is enough.
+  for (const size_t odd : {4, 5}) {
+    SimSpec mixed = spec;
+    mixed.agents[odd].sprite = 3;
+    mixed.finish();
+    EXPECT_EQ(mixed.observation_size(), 96 + 77) << odd;
+  }
+}
+
+/// Agent 0 flies left in the middle; by distance from it stand opponents 8, 6, 9, 5, 7 and mates 2, 4, 1, 3.
+void put_ten(TestWorld& world) {
+  world.put(0, 5, 5, kPi);
+  world.put(8, 5, 4);
+  world.put(6, 5, 3);
+  world.put(9, 5, 2);
+  world.put(5, 9, 1);
+  world.put(7, 9, 9);
+  world.put(2, 5, 6);
+  world.put(4, 5, 7);
+  world.put(1, 1, 8);
+  world.put(3, 1, 9);
+}
+
+TEST(SimBodyView, TellsTheKindOfEachAgent) {
+  TestWorld world(mixed_spec());
+  put_ten(world);
+  world.step();
+  const auto expect_kind = [](int sprite, auto&& number) {
+    for (int bit = 0; bit < kBodyKind; ++bit)
+      EXPECT_EQ(number(bit), sprite / (1 << bit) % 2) << "sprite " << sprite << ", bit " << bit;
+  };
+  expect_kind(7, [&](int bit) { return body(world, 0, kBodySelf + bit); });
+  expect_kind(6, [&](int bit) { return body(world, 8, kBodySelf + bit); });
+  const int sprites[] = {6, 3, 1, 5, 1};  // of opponents 8, 6, 9 and mates 2, 4
+  for (int item = 0; item < 5; ++item)
+    expect_kind(sprites[item], [&](int bit) { return company(world, 0, item, kBodyAgent + bit); });
+}
+
+TEST(SimBodyView, KindsLeaveTheOtherNumbersAlone) {
+  SimSpec spec = mixed_spec();
+  TestWorld world(spec);
+  for (AgentSpec& agent : spec.agents) agent.sprite = 1;
+  spec.finish();
+  TestWorld alike(spec);
+  for (TestWorld* w : {&world, &alike}) {
+    put_ten(*w);
+    w->step();
+  }
+  for (int e = 0; e < 10; ++e) {
+    for (int k = 0; k < kBodySelf; ++k) EXPECT_EQ(body(world, e, k), body(alike, e, k)) << e << ", " << k;
+    for (int k = 0; k < kBodyRays; ++k) EXPECT_EQ(wall(world, e, k), wall(alike, e, k)) << e << ", " << k;
+    for (int item = 0; item < 5; ++item)
+      for (int k = 0; k < kBodyAgent; ++k)
+        EXPECT_EQ(company(world, e, item, k), company(alike, e, item, k)) << e << ", " << item << ", " << k;
+  }
+}
+
+TEST(SimBodyView, TheKindOfWhoIsNotSeenIsZero) {
+  SimSpec spec = mixed_spec();
+  set_cone(spec.params, 0.1f, 0.1f);
+  spec.params.very_close_depth2 = 0;
+  spec.params.stochastic_communication = true;
+  spec.params.communication_range = 0.01f;
+  spec.finish();
+  TestWorld world(spec);
+  for (int i = 0; i < 10; ++i) world.put(i, i < 5 ? 2.0f : 8.0f, 1.0f + 1.5f * static_cast<float>(i % 5));
+  world.kill(1);
+  world.step();
+  for (int item = 0; item < 5; ++item)
+    for (int k = 0; k < body_agent_columns(spec.params); ++k) EXPECT_EQ(company(world, 0, item, k), 0) << item << k;
+  for (int bit = 0; bit < kBodyKind; ++bit) EXPECT_EQ(body(world, 0, kBodySelf + bit), 1) << bit;  // its own: 7
+  for (int k = 0; k < body_columns(spec.params); ++k) EXPECT_EQ(body(world, 1, k), 0) << k;        // of the dead
 }
 
 TEST(SimBodyView, AloneItIsTheSameAndNothingElseIsWritten) {

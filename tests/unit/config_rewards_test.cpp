@@ -1,0 +1,185 @@
+// The rewards of the shipped configs in every scenario: who fights earns more than who dies at once, idles or circles,
+// and dying at once is never the better way to lose.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <filesystem>
+#include <map>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "core/error.hpp"
+#include "math/scripted.hpp"
+#include "scenario/compile.hpp"
+#include "scenario/loader.hpp"
+#include "sim/simulator.hpp"
+
+namespace giga {
+namespace {
+
+constexpr int kMostAgents = 40;
+
+/// How a team plays. `fight` is what a scenario is about: shooting, waypoints, staying unseen.
+enum class Way : uint8_t { fight, circle, leave, straight_out, idle };
+constexpr const char* kWayNames[] = {"fight", "circle", "leave", "straight_out", "idle"};
+
+/// The `environment:` of the configs that set rewards, each once.
+std::map<std::string, Node> environments() {
+  std::map<std::string, Node> distinct;
+  for (const auto& file : std::filesystem::directory_iterator(GIGASTEP_SOURCE_DIR "/configs")) {
+    const Document config = parse_yaml_file(file.path());
+    const Node* environment = config.root.find("environment");
+    if (environment && environment->find("rewards")) distinct.emplace(print_node(*environment), *environment);
+  }
+  return distinct;
+}
+
+/// Full throttle to the nearest border: dead within 6 to 20 steps.
+int32_t leave(const ObservationReader& obs) {
+  const SimParams& p = obs.rules();
+  const OwnState own = obs.own();
+  const float distance[] = {own.x, p.limit_x - own.x, own.y, p.limit_y - own.y};
+  const Direction out[] = {{-1, 0}, {1, 0}, {0, -1}, {0, 1}};
+  const Direction& d = out[std::min_element(distance, distance + 4) - distance];
+  const SinCos ahead = sin_cos(own.heading);
+  const float sine = ahead.cos * d.y - ahead.sin * d.x;
+  const bool turned = ahead.cos * d.x + ahead.sin * d.y > 0 && std::fabs(sine) < 0.2f;
+  return discrete_action({turned ? 0.0f : (sine < 0 ? -1.0f : 1.0f), 0, 1});
+}
+
+/// Whole episodes of one scenario between two ways to play.
+class Games {
+ public:
+  explicit Games(SimSpec spec) : spec_(std::move(spec)) {}
+
+  /// Mean return of a team per episode, as EpisodeStat::return_0 counts it.
+  double mean_return(int team, Way own, Way other) {
+    const auto ways = team == 0 ? std::pair(own, other) : std::pair(other, own);
+    if (const auto found = played_.find(ways); found != played_.end()) return found->second[static_cast<size_t>(team)];
+    return (played_[ways] = play({ways.first, ways.second}))[static_cast<size_t>(team)];
+  }
+
+ private:
+  Scripted script(int team, Way way) const {
+    if (way == Way::circle) return Scripted::circle;
+    if (spec_.params.waypoints) return Scripted::waypoint_runner;
+    return spec_.name.starts_with("hide") && team == 1 ? Scripted::evader : Scripted::pursuer;
+  }
+
+  std::array<double, kNTeams> play(const std::array<Way, kNTeams>& ways) const {
+    SimOptions options;
+    options.n_worlds = spec_.params.n_agents > 20 ? 16 : 32;
+    options.seed = 3;
+    options.on_done = OnDone::freeze;
+    options.n_threads = 1;
+    const auto sim = make_cpu_simulator(spec_, options);
+    const SimParams& p = sim->params();
+    const StateView& state = sim->state().view();
+    std::vector<float> obs[kNTeams];
+    std::vector<int32_t> action[kNTeams];
+    StepIo io;
+    for (int team = 0; team < kNTeams; ++team) {
+      action[team].resize(static_cast<size_t>(options.n_worlds) * static_cast<size_t>(p.n_team[team]));
+      obs[team].resize(action[team].size() * static_cast<size_t>(spec_.observation_size()));
+      io.team[team].action = action[team].data();
+      io.team[team].obs = obs[team].data();
+    }
+    sim->start(io);
+    for (int step = 0; step < p.max_episode_length; ++step) {
+      for (int team = 0; team < kNTeams; ++team) {
+        const Way way = ways[static_cast<size_t>(team)];
+        const RowDraws draws{state.draw_step, options.seed, 0, p.n_team[team], team};
+        const ScriptedActions scripted{
+            script(team, way),       p.actions, draws, state.episode_length, action[team].data(), p, obs[team].data(),
+            spec_.observation_size()};
+        for (size_t row = 0; row < action[team].size(); ++row) {
+          if (way == Way::leave)
+            action[team][row] = leave({p, obs[team].data() + row * static_cast<size_t>(spec_.observation_size())});
+          else if (way == Way::straight_out)
+            action[team][row] = 22;  // straight with full throttle
+          else if (way == Way::idle)
+            action[team][row] = 13;  // nothing
+          else
+            scripted(static_cast<int64_t>(row));
+        }
+      }
+      sim->step(io);
+    }
+    const EpisodeStats stats = sim->take_stats();
+    GIGA_CHECK(stats[EpisodeStat::episodes] == options.n_worlds, "not all episodes ended");
+    return {stats[EpisodeStat::return_0] / options.n_worlds, stats[EpisodeStat::return_1] / options.n_worlds};
+  }
+
+  SimSpec spec_;
+  std::map<std::pair<Way, Way>, std::array<double, kNTeams>> played_;
+};
+
+int n_agents(const Scenario& scenario) {
+  int count = 0;
+  for (const auto* team : {&scenario.team_0, &scenario.team_1})
+    for (const TeamEntry& entry : *team) count += entry.count;
+  return count;
+}
+
+DataDirs source_data() { return {GIGASTEP_SOURCE_DIR}; }
+constexpr const char* kFamilies[] = {"identical", "special", "waypoint", "hide_and_seek"};
+
+class ConfigRewards : public ::testing::TestWithParam<const char*> {
+ protected:
+  /// Calls f(games, team, opponent) in every scenario of the family, under every environment, for both teams against
+  /// teams that circle and teams that fight.
+  template <class F>
+  void in_each(F&& f) {
+    int n_scenarios = 0;
+    for (const ScenarioInfo& info : list_scenarios(source_data())) {
+      if (!info.name.starts_with(GetParam())) continue;
+      for (const auto& [text, environment] : environments()) {
+        const Scenario scenario = load_scenario(info.name, source_data(), &environment, "environment");
+        if (n_agents(scenario) > kMostAgents) continue;
+        SimSpec spec = compile(scenario);
+        spec.params.body_view = false;  // nobody here reads it
+        ++n_scenarios;
+        Games games(std::move(spec));
+        for (int team = 0; team < kNTeams; ++team)
+          for (const Way opponent : {Way::circle, Way::fight}) {
+            SCOPED_TRACE(cat(info.name, ", team ", team, " against a team that plays ",
+                             kWayNames[static_cast<size_t>(opponent)], "; environment: ", text));
+            f(games, team, opponent);
+          }
+      }
+    }
+    EXPECT_GT(n_scenarios, 0);
+  }
+};
+
+TEST_P(ConfigRewards, FightingEarnsMostAndDyingAtOnceLeast) {
+  in_each([](Games& games, int team, Way opponent) {
+    const double fight = games.mean_return(team, Way::fight, opponent);
+    const double circle = games.mean_return(team, Way::circle, opponent);
+    const double leave = games.mean_return(team, Way::leave, opponent);
+    EXPECT_GT(fight, circle);
+    EXPECT_GT(fight, leave);
+    EXPECT_GT(fight, games.mean_return(team, Way::straight_out, opponent));
+    EXPECT_GT(fight, games.mean_return(team, Way::idle, opponent));
+    // A team that is shot down while it stays must not wish that it had left: the price of leaving exceeds what the
+    // shots cost that kill an agent, 0.05 x weight of damage x (health / 0.1), which is 75 for the health 3 of `super`.
+    EXPECT_GT(circle, leave);
+  });
+}
+INSTANTIATE_TEST_SUITE_P(Families, ConfigRewards, ::testing::ValuesIn(kFamilies),
+                         [](const auto& family) { return std::string(family.param); });
+
+TEST(ConfigRewardsFamilies, CoverEveryScenario) {
+  for (const ScenarioInfo& info : list_scenarios(source_data())) {
+    int families = 0;
+    for (const char* family : kFamilies) families += info.name.starts_with(family);
+    EXPECT_EQ(families, 1) << info.name;
+  }
+  EXPECT_FALSE(environments().empty());
+}
+
+}  // namespace
+}  // namespace giga
