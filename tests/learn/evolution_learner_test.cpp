@@ -207,7 +207,7 @@ TEST(LearnEvolutionLearnerGpu, GoingOnIsBitForBit) {
   if (cuda_device_count() == 0) GTEST_SKIP() << "no GPU";
   const Device gpu{Device::Kind::cuda, 0};
   for (const Variant& variant : kVariants) {
-    for (const char* precision : {"tf32", "fp32"}) {  // fused, and through LibTorch
+    for (const char* precision : {"fp16", "tf32", "fp32"}) {  // fused, and through LibTorch
       SCOPED_TRACE(cat(variant.name, ", ", precision));
       SmallRun run = variant.run;
       run.precision = precision;
