@@ -190,10 +190,10 @@ double share_near(const at::Tensor& a, const at::Tensor& b) {
 // equal.
 TEST(LearnPopulationGames, HalfPrecisionPlaysAsFp32) {
   const LoadedRun run = run_of("", "hidden: [64, 64]");
-  const Networks half(run, 40, {}, Precision::fp16), full(run, 40, {}, Precision::fp32);
+  const Networks half(run, 60, {}, Precision::fp16), full(run, 60, {}, Precision::fp32);
   const RowRunner rows(Device{}, 2);
   const auto play = [&](const Networks& n) {
-    PopulationGames games(run.spec, {40, 6, 1, true, true, 9, 2, 6}, n.actor, rows);
+    PopulationGames games(run.spec, {60, 6, 1, true, true, 9, 2, 10}, n.actor, rows);
     EXPECT_FALSE(games.fused());
     games.play({{0, n.members, n.opponents, {0, 1, 2, 0, 1, 2}}}, 0);
     return positions(games);

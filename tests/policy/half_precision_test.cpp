@@ -108,8 +108,8 @@ TEST(PolicyHalfPrecision, MembersAreActors) {
       at::NoGradGuard no_grad;
       shape.parameters().values().copy_(members[m]);
       EXPECT_LT(worst(heads[m], shape.forward(obs[m])), 1e-3);  // a feature between two halves, as above
-      if (actions == ActionKind::continuous)
-        EXPECT_TRUE(same(shape.log_std(), rounded_to_half(members[m].narrow(0, shape.log_std_offset(), 3))));
+      if (actions == ActionKind::discrete) continue;
+      EXPECT_TRUE(same(shape.log_std(), rounded_to_half(members[m].narrow(0, shape.log_std_offset(), 3))));
     }
   }
 }
@@ -147,6 +147,9 @@ at::Tensor with_errors_of_tanh(const Actor& actor, at::Tensor x, double error) {
   return x;
 }
 
+// Measured over ten networks at deviation 0.5, whose logits reach 18: 0.0025 of a row's largest and probabilities by
+// 0.0038; with errors of tanh 0.0030 and 0.0042, these alone 0.0019 and 0.0031. The most likely action is another one
+// in 0.08 % of the rows.
 TEST(PolicyHalfPrecision, IsAsNearToFp32AsStated) {
   for (const double deviation : {0.0, 0.1, 0.3, 0.5}) {
     const Actor half = actor_of(config_of({64, 64}), ActionKind::discrete, Precision::fp16, deviation);
@@ -237,7 +240,7 @@ TEST(PolicyHalfPrecisionGpu, TheFusedKernelIsAsNearAsStated) {
                                                   {config_of({128}, Activation::gelu), 1e-3}};
   for (const auto& [config, tolerance] : cases) {
     for (const ActionKind actions : {ActionKind::discrete, ActionKind::continuous}) {
-      for (const double deviation : {0.1, 0.3}) {
+      for (const double deviation : {0.1, 0.5}) {
         SCOPED_TRACE(testing::Message() << config.hidden.size() << " layers, deviation " << deviation);
         const Actor half = actor_of(config, actions, Precision::fp16, deviation);
         const Actor full = actor_of(config, actions, Precision::fp32, deviation);
