@@ -3,32 +3,12 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <vector>
 
-#include "math/activation.hpp"
 #include "math/population_actions.hpp"
+#include "math/small_mlp.hpp"
 #include "sim/state.hpp"
 
 namespace giga {
-
-/// A small multilayer perceptron as a row of parameters holds it: every layer a matrix [out, in] row by row, and a
-/// bias.
-struct SmallMlp {
-  static constexpr int kMaxLayers = 4;
-  static constexpr int kMaxWidth = 128;  ///< of all layers but the input
-  int n_layers = 0;
-  int width[kMaxLayers + 1] = {};                      ///< input, hidden ..., output
-  int weight[kMaxLayers] = {}, bias[kMaxLayers] = {};  ///< first number of each in a row of parameters
-  int log_std = 0;                                     ///< first of the three; continuous actions only
-  Activation activation = Activation::tanh;
-
-  /// Whether a network with these hidden layers fits in.
-  static bool has_room_for(const std::vector<int>& hidden) {
-    for (const int size : hidden)
-      if (size > kMaxWidth) return false;
-    return hidden.size() < kMaxLayers;
-  }
-};
 
 /// Where a network lies in half precision, in the order in which tensor cores take it: of each layer the weights
 /// [slabs of 32 inputs][tiles of 8 outputs][32 lanes][8 numbers], zero where a slab or tile is not filled, then the

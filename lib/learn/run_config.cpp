@@ -4,8 +4,8 @@
 #include <algorithm>
 
 #include "core/error.hpp"
-#include "cuda/population_policy.hpp"
 #include "learn/opponents/world_shares.hpp"
+#include "math/small_mlp.hpp"
 #include "policy/inputs.hpp"
 #include "scenario/compile.hpp"
 #include "scenario/loader.hpp"

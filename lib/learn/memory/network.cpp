@@ -23,8 +23,10 @@ int64_t MlpMemory::rounded_bytes(const Layer& layer) const {
 // y = x W^T + b; with a team's mean, a second y is the sum. Numbers pass through half precision on the way to their
 // rounded copies.
 void MlpMemory::linear(const Layer& layer) {
-  ledger_.touch(rounded_bytes(layer) + rounded_bytes(layer) / 2);
-  ledger_.touch(rounded_bytes(layer) + rows_of(layer.out));
+  if (const int64_t copies = rounded_bytes(layer); copies > 0) {
+    ledger_.touch(copies + copies / 2);
+    ledger_.touch(copies + rows_of(layer.out));
+  }
   ledger_.take(kept_, weight_copy_bytes(layer) + rows_of(layer.out));
   if (!layer.team) return;
   ledger_.take(kept_, states_of(layer.in));
