@@ -19,7 +19,7 @@ Memory& cuda_memory(int) { missing(); }
 // NOLINTNEXTLINE(performance-unnecessary-value-param): the signature of the real one
 std::unique_ptr<Simulator> make_cuda_simulator(SimSpec, const SimOptions&, int, void*) { missing(); }
 std::unique_ptr<DeviceClock> make_cuda_clock(int, void*) { missing(); }
-bool population_policy_fits(const SmallMlp&, int) { missing(); }
+bool population_policy_runs(int) { missing(); }
 void pack_population(const PackedMlp&, const float*, int64_t, int64_t, uint16_t*, int, void*) { missing(); }
 int population_work(const PopulationPolicy&) { missing(); }
 void list_population_work(const PopulationPolicy&, int32_t*, int, void*) { missing(); }

@@ -22,6 +22,7 @@ Json architecture_json(const PolicyShape& shape, Precision precision) {
   json.set("layer_norm", shape.network.layer_norm).set("layer_norm_epsilon", static_cast<double>(kLayerNormEpsilon));
   json.set("normalizes_observations", shape.normalizes);
   json.set("normalized_limit", static_cast<double>(kNormalizedLimit)).set("training_precision", name_of(precision));
+  json.set("training_arithmetic", cat("on a GPU: ", meaning_of(precision), "; on a CPU: fp32"));
   return json;
 }
 

@@ -29,8 +29,8 @@ void set_up_libtorch(const TrainConfig& config, Device device) {
   (x * x).backward();
 
   let_segments_grow();
-  // bf16 is done by casts and needs no setting.
-  at::globalContext().setAllowTF32CuBLAS(config.precision == Precision::tf32);
+  // bf16 is done by casts and needs no setting; products of numbers in half precision are exact in TF32.
+  at::globalContext().setAllowTF32CuBLAS(config.precision == Precision::tf32 || config.precision == Precision::fp16);
   if (config.n_threads > 0) at::set_num_threads(config.n_threads);
 }
 

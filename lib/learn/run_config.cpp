@@ -5,6 +5,7 @@
 
 #include "core/error.hpp"
 #include "learn/opponents/world_shares.hpp"
+#include "math/small_mlp.hpp"
 #include "policy/inputs.hpp"
 #include "scenario/compile.hpp"
 #include "scenario/loader.hpp"
@@ -39,6 +40,22 @@ class CombinationCheck {
             "worlds are population.population_size x population.episodes_per_member (or parallel_episodes), for each "
             "team that evolves");
     not_for(name, "train.desynchronize", a.desynchronize != b.desynchronize, "episodes of a generation start together");
+  }
+
+  /// fp16 is what the fused kernel of populations computes, and nothing else.
+  void precision_fits() {
+    if (c_.train.precision != Precision::fp16 || !known({"train.precision", "train.algorithm"})) return;
+    const auto refuse = [this](const std::string& reason) {
+      fail("train.precision", cat("fp16 ", reason, "; allowed there: fp32, tf32, bf16"));
+    };
+    if (!is_evolution(c_.train))
+      return refuse("is for the populations of openai_es, snes and des, and train.algorithm is " + c_.train.algorithm);
+    const ActorConfig& actor = c_.population.actor;
+    if (known({"population.actor.layer_norm"}) && actor.layer_norm)
+      refuse("has no layer normalisation, and population.actor.layer_norm is true");
+    if (known({"population.actor.hidden"}) && !SmallMlp::has_room_for(actor.hidden))
+      refuse(cat("takes at most ", SmallMlp::kMaxLayers - 1, " hidden layers of at most ", SmallMlp::kMaxWidth,
+                 ", and population.actor.hidden is ", FieldCodec<std::vector<int>>::print(actor.hidden)));
   }
 
   void opponents_fit() {
@@ -175,6 +192,7 @@ LoadedRun finish(RunConfig config, std::optional<Scenario> scenario, const KeyPo
   CombinationCheck check(run.config, given, errors);
   check.device();
   check.belongs_to_algorithm();
+  check.precision_fits();
   check.opponents_fit();
   check.minibatches_divide();
   check.population_fits();

@@ -2,6 +2,8 @@
 
 #include "core/error.hpp"
 #include "core/seeds.hpp"
+#include "cuda/population_policy.hpp"
+#include "cuda/runtime.hpp"
 #include "rollout/tensors.hpp"
 
 namespace giga {
@@ -18,6 +20,13 @@ uint64_t network_seed(const LoadedRun& run, int team, int role) {
 
 Precision precision_on(const LoadedRun& run, Device device) {
   return device.is_cuda() ? run.config.train.precision : Precision::fp32;
+}
+
+void check_precision(const LoadedRun& run, Device device) {
+  if (precision_on(run, device) != Precision::fp16 || device.index >= cuda_device_count()) return;
+  if (!population_policy_runs(device.index))
+    throw InputError(cat("train.precision: fp16 needs a GPU of compute capability 8.0 or more, and ", device.name(),
+                         " has less; allowed there: fp32, tf32, bf16"));
 }
 
 Actor make_actor(const LoadedRun& run, int team, Device device) {

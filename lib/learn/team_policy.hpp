@@ -23,5 +23,7 @@ uint64_t network_seed(const LoadedRun& run, int team, int role);
 
 /// Reduced precision is for the GPU; CPUs run fp32.
 Precision precision_on(const LoadedRun& run, Device device);
+/// Throws InputError where a GPU of this machine is too old for it.
+void check_precision(const LoadedRun& run, Device device);
 
 }  // namespace giga

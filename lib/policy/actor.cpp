@@ -43,16 +43,20 @@ at::Tensor Actor::input_of(const at::Tensor& obs) const {
 }
 
 at::Tensor Actor::forward(const at::Tensor& obs) const {
-  return mlp_.forward(parameters_, input_of(obs)).to(at::kFloat);
+  return mlp_.forward(parameters_, input_of(obs), rounding()).to(at::kFloat);
 }
 
 at::Tensor Actor::forward_members(const at::Tensor& members, const at::Tensor& obs) const {
   at::NoGradGuard no_grad;
-  return mlp_.forward_members(parameters_, members, input_of(obs)).to(at::kFloat);
+  return mlp_.forward_members(parameters_, members, input_of(obs), rounding()).to(at::kFloat);
+}
+
+at::Tensor Actor::log_std() const {
+  return precision_ == Precision::fp16 ? rounded_to_half(parameters_[log_std_]) : parameters_[log_std_];
 }
 
 std::optional<SmallMlp> Actor::small_mlp() const {
-  if (normalize_ || precision_ != Precision::tf32) return std::nullopt;
+  if (normalize_ || precision_ != Precision::fp16) return std::nullopt;
   std::optional<SmallMlp> mlp = mlp_.small(parameters_);
   if (mlp && actions_ == ActionKind::continuous) mlp->log_std = static_cast<int>(log_std_offset());
   return mlp;

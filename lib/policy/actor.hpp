@@ -32,7 +32,8 @@ class Actor final : public Policy {
   /// is common to all.
   at::Tensor forward_members(const at::Tensor& members, const at::Tensor& obs) const;
 
-  /// The layout for the fused kernel (cuda/population_policy.hpp), for precision tf32; none where it cannot do it.
+  /// The layout for the fused kernel (cuda/population_policy.hpp), which is for precision fp16; none where it has no
+  /// room.
   std::optional<SmallMlp> small_mlp() const;
   /// That of an actor without a normaliser; nothing is allocated.
   static std::optional<SmallMlp> small_mlp(const ActorConfig& config, const InputColumns& inputs, ActionKind actions,
@@ -43,7 +44,8 @@ class Actor final : public Policy {
   ActionKind actions() const override { return actions_; }
   int64_t head_size() const { return head_size(actions_); }
   static int64_t head_size(ActionKind actions) { return actions == ActionKind::discrete ? kLogitStride : kActionSize; }
-  at::Tensor log_std() const override { return parameters_[log_std_]; }
+  at::Tensor log_std() const override;
+  Precision precision() const { return precision_; }
   const ParameterSet& parameters() const { return parameters_; }
   const MlpConfig& network() const { return mlp_.config(); }
   const InputColumns& inputs() const { return inputs_; }
@@ -55,6 +57,7 @@ class Actor final : public Policy {
   void load(const std::string& prefix, const NamedArrays& in);
 
  private:
+  Rounding rounding() const { return precision_ == Precision::fp16 ? Rounding::to_half : Rounding::none; }
   at::Tensor input_of(const at::Tensor& obs) const;
   static Actor unallocated(const ActorConfig& config, const InputColumns& inputs, ActionKind actions);
   void add_parameters(const ActorConfig& config, const InputColumns& inputs);

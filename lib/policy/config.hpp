@@ -9,9 +9,21 @@
 
 namespace giga {
 
-/// Arithmetic of matrix products on the GPU; parameters and everything else are fp32.
-enum class Precision : uint8_t { fp32, tf32, bf16 };
-constexpr std::array<const char*, 3> enum_names(Precision) { return {"fp32", "tf32", "bf16"}; }
+/// Arithmetic of networks on the GPU; parameters, and all that is not said here, are fp32. fp16 is for evolution:
+/// weights, biases, log_std and what a layer takes in are rounded to the nearest number of half precision, and added up
+/// in fp32. Products of halves are exact in TF32, so LibTorch computes it too: it plays the mean in evaluations. The
+/// fused kernel plays the games of populations and differs by its tanh (cuda/population_policy.hpp).
+enum class Precision : uint8_t { fp32, tf32, bf16, fp16 };
+constexpr std::array<const char*, 4> enum_names(Precision) { return {"fp32", "tf32", "bf16", "fp16"}; }
+/// The same in words.
+constexpr const char* meaning_of(Precision precision) {
+  constexpr const char* kMeanings[] = {"fp32",
+                                       "factors of matrix products rounded to TF32 (10 bits of mantissa), sums in fp32",
+                                       "weights and features in bfloat16, sums in fp32",
+                                       "weights, biases and what a layer takes in rounded to half precision, sums in "
+                                       "fp32; tanh within 2^-11 of its value"};
+  return kMeanings[static_cast<size_t>(precision)];
+}
 
 /// Normalised observations are clamped to +- this.
 constexpr float kNormalizedLimit = 10;

@@ -26,6 +26,8 @@ at::Tensor activate(const at::Tensor& x, Activation activation) {
   return x;
 }
 
+at::Tensor rounded_to_half(const at::Tensor& x) { return x.to(at::kHalf).to(at::kFloat); }
+
 at::Tensor columns_of(const InputColumns& columns, const at::Tensor& x) {
   return columns.all() ? x : x.narrow(-1, columns.first, columns.size);
 }
@@ -80,16 +82,27 @@ at::Tensor Mlp::finish(const ParameterSet& p, const Layer& layer, at::Tensor x) 
   return activate(x, config_.activation);
 }
 
-at::Tensor Mlp::forward(const ParameterSet& p, at::Tensor x) const {
-  for (const Layer& layer : layers_) x = finish(p, layer, linear(x, p[layer.weight], p[layer.bias]));
+namespace {
+at::Tensor rounded(const at::Tensor& x, Rounding rounding) {
+  return rounding == Rounding::to_half ? rounded_to_half(x) : x;
+}
+}  // namespace
+
+at::Tensor Mlp::forward(const ParameterSet& p, at::Tensor x, Rounding rounding) const {
+  const auto product = [&](const Layer& layer) {
+    return linear(rounded(x, rounding), rounded(p[layer.weight], rounding), rounded(p[layer.bias], rounding));
+  };
+  for (const Layer& layer : layers_) x = finish(p, layer, product(layer));
   return x;
 }
 
-at::Tensor Mlp::forward_members(const ParameterSet& p, const at::Tensor& members, at::Tensor x) const {
+at::Tensor Mlp::forward_members(const ParameterSet& p, const at::Tensor& members, at::Tensor x,
+                                Rounding rounding) const {
   const auto of = [&](int k) { return p.of_members(members, k).to(x.scalar_type()); };
   const auto of_features = [&](int k) { return of(k).unsqueeze(1); };  // [M, 1, H]
   for (const Layer& layer : layers_) {
-    x = at::baddbmm(of_features(layer.bias), x, of(layer.weight).transpose(1, 2));
+    x = at::baddbmm(rounded(of_features(layer.bias), rounding), rounded(x, rounding),
+                    rounded(of(layer.weight), rounding).transpose(1, 2));
     if (!layer.hidden) continue;
     if (layer.norm_weight >= 0)
       x = at::layer_norm(x, {x.size(-1)}) * of_features(layer.norm_weight) + of_features(layer.norm_bias);
@@ -99,7 +112,7 @@ at::Tensor Mlp::forward_members(const ParameterSet& p, const at::Tensor& members
 }
 
 std::optional<SmallMlp> Mlp::small(const ParameterSet& p) const {
-  if (config_.layer_norm || layers_.size() > SmallMlp::kMaxLayers) return std::nullopt;
+  if (config_.layer_norm || !SmallMlp::has_room_for(config_.hidden)) return std::nullopt;
   SmallMlp mlp;
   mlp.activation = config_.activation;
   for (const Layer& layer : layers_) {

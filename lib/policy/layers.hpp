@@ -20,6 +20,11 @@ at::Tensor linear(const at::Tensor& x, const at::Tensor& weight, const at::Tenso
 
 at::Tensor activate(const at::Tensor& x, Activation activation);
 
+/// The nearest numbers of half precision, as fp32. Beyond 65,504 they are infinite, below 2^-25 zero.
+at::Tensor rounded_to_half(const at::Tensor& x);
+/// Whether a layer rounds what it multiplies and its bias to half precision.
+enum class Rounding : bool { none, to_half };
+
 /// What a network reads of x [..., row]; a view.
 at::Tensor columns_of(const InputColumns& columns, const at::Tensor& x);
 
@@ -30,11 +35,13 @@ class Mlp {
   /// `output` 0 = no output layer: the last hidden features are the result.
   Mlp(ParameterSet& parameters, const std::string& name, int64_t input, const MlpConfig& config, int64_t output,
       float output_gain);
-  at::Tensor forward(const ParameterSet& p, at::Tensor x) const;  // [R, input] -> [R, output]
+  at::Tensor forward(const ParameterSet& p, at::Tensor x,
+                     Rounding rounding = Rounding::none) const;  // [R, input] -> [R, output]
   /// Each member of a population [M, P] on rows of its own, one batched product a layer: x [M, R, input] ->
   /// [M, R, output].
-  at::Tensor forward_members(const ParameterSet& p, const at::Tensor& members, at::Tensor x) const;
-  /// The layout for the fused kernel; none where that has no room for it (layer normalisation, many layers).
+  at::Tensor forward_members(const ParameterSet& p, const at::Tensor& members, at::Tensor x,
+                             Rounding rounding = Rounding::none) const;
+  /// The layout for the fused kernel; none where that has no room for it (layer normalisation, many or wide layers).
   std::optional<SmallMlp> small(const ParameterSet& p) const;
 
   const MlpConfig& config() const { return config_; }

@@ -43,9 +43,10 @@ PopulationGames::PopulationGames(const SimSpec& spec, const PopulationGamesOptio
   sim_ = make_simulator(limited(spec, options.max_steps), sim, rows.device());
 
   const Device device = rows.device();
-  if (options.fused && device.is_cuda()) {
+  if (network.precision() == Precision::fp16 && device.is_cuda()) {
     const std::optional<SmallMlp> mlp = network.small_mlp();
-    if (mlp && population_policy_fits(*mlp, device.index)) fused_.emplace(*mlp);
+    GIGA_CHECK(mlp && population_policy_runs(device.index), "no fused kernel for these networks on ", device.name());
+    fused_.emplace(*mlp);
   }
   const auto floats = at::TensorOptions().dtype(at::kFloat).device(torch_device(device));
   const bool discrete = spec.params.actions == ActionKind::discrete;

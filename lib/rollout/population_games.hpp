@@ -30,7 +30,6 @@ struct PopulationGamesOptions {
   int n_populations = 2;                   ///< that play at the same time
   bool common_random_numbers = true;       ///< episode k of world e is the same luck for all members
   bool greedy = true;                      ///< the most likely action instead of a drawn one
-  bool fused = true;                       ///< use the fused kernel where it can be used
   uint64_t seed = 0;
   int n_threads = 0;
   std::optional<int> max_steps = std::nullopt;  ///< episodes are cut off after these, or by the scenario
@@ -39,8 +38,9 @@ struct PopulationGamesOptions {
 
 class PopulationGames {
  public:
-  /// `network` tells the shape of all networks; it and `rows` must outlive this. Scenarios without a time limit are cut
-  /// off after kEpisodeLimit steps (sim/simulator.hpp).
+  /// `network` tells the shape of all networks and their arithmetic: on a GPU those in fp16 are computed by the fused
+  /// kernel, which must have room for them, all others by LibTorch. It and `rows` must outlive this. Scenarios without
+  /// a time limit are cut off after kEpisodeLimit steps (sim/simulator.hpp).
   PopulationGames(const SimSpec& spec, const PopulationGamesOptions& options, const Actor& network,
                   const RowRunner& rows);
 

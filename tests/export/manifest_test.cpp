@@ -107,6 +107,17 @@ TEST(ExportManifest, SaysWhereEachNumberStands) {
   EXPECT_EQ(at(json.root, {"action", "output"}).text, "logits");
 }
 
+TEST(ExportManifest, SaysInWhichArithmeticItWasTrained) {
+  Manifest manifest = sample(ActionKind::discrete);
+  manifest.origin.precision = Precision::fp16;
+  const Document json = parse_yaml_text(text_of(manifest), "manifest");
+  EXPECT_EQ(at(json.root, {"architecture", "training_precision"}).text, "fp16");
+  const std::string text = at(json.root, {"architecture", "training_arithmetic"}).text;
+  EXPECT_TRUE(contains(
+      text, {"on a GPU: weights, biases and what a layer takes in rounded to half precision", "on a CPU: fp32"}));
+  EXPECT_EQ(parse_manifest(text_of(manifest), "manifest.json").origin.precision, Precision::fp16);
+}
+
 TEST(ExportManifest, TableOfActions) {
   const Document json = parse_yaml_text(text_of(sample(ActionKind::discrete)), "manifest");
   const Node& table = at(json.root, {"action", "table"});

@@ -211,11 +211,25 @@ TEST(LearnEvolutionGame, ATeamLearnsToStayInside) {
   }
 }
 
+// Whatever the precision, which is for the GPU.
+TEST(LearnEvolutionPrecision, TheCpuComputesInFp32) {
+  SmallRun run = kEvolutionVariants[0].run;
+  run.precision = "fp32";
+  const auto expected = run.learner();
+  expected->update();
+  for (const char* precision : {"fp16", "tf32", "bf16"}) {
+    run.precision = precision;
+    const auto learner = run.learner();
+    learner->update();
+    EXPECT_EQ(difference(saved(*learner), saved(*expected)), "") << precision;
+  }
+}
+
 TEST(LearnEvolutionLearnerGpu, GoingOnIsBitForBit) {
   if (cuda_device_count() == 0) GTEST_SKIP() << "no GPU";
   const Device gpu{Device::Kind::cuda, 0};
   for (const EvolutionVariant& variant : kEvolutionVariants) {
-    for (const char* precision : {"tf32", "fp32"}) {  // fused, and through LibTorch
+    for (const char* precision : {"fp16", "tf32", "fp32"}) {  // fused, and through LibTorch
       SCOPED_TRACE(cat(variant.name, ", ", precision));
       SmallRun run = variant.run;
       run.precision = precision;

@@ -11,6 +11,7 @@
 #include "memory_probe.hpp"
 #include "policy/actor.hpp"
 #include "runs.hpp"
+#include "support/source.hpp"
 
 namespace giga::test {
 namespace {
@@ -152,18 +153,18 @@ TEST(LearnMemoryPopulationPlan, GrowsWithThePopulation) {
 }
 
 TEST(LearnMemoryPopulationPlan, ForCuda) {
-  const MemoryPlan fused = plan_memory(load({"", "algorithm: snes"}, 512), kGpu);
+  const MemoryPlan fused = plan_memory(load({"", "algorithm: snes, precision: fp16"}, 512), kGpu);
   // Networks 112 -> 64 -> 64 -> 28 in half precision: slabs of 32 inputs x tiles of 8 outputs x 256 numbers, and
   // biases: (4 x 8 x 256 + 64) + (2 x 8 x 256 + 64) + (2 x 4 x 256 + 32), and 8 for log_std.
   ASSERT_EQ(load({"", "algorithm: snes"}, 512).spec.padded_observation_size(), 112);
   EXPECT_EQ(item(fused, "members in half precision"), 2 * 512 * 2 * 14'504);
-  // Activations only where the kernel cannot be used.
+  // Activations only where LibTorch computes.
   EXPECT_EQ(item(fused, "playing: activations"), 0);
   EXPECT_EQ(item(fused, "simulator: list of worlds"), 4 * (2 * 512 * 4 + 1));
   for (const PopulationSettings& s :
        {PopulationSettings{"", "algorithm: snes, precision: bf16", "", "", "", 64},
         PopulationSettings{"", "algorithm: snes", "actor: {layer_norm: true}", "", "", 64},
-        PopulationSettings{"", "algorithm: snes", "actor: {hidden: [32, 32, 32, 32]}", "", "", 64}}) {
+        PopulationSettings{"", "algorithm: snes", "actor: {hidden: [32, 32]}", "", "", 64}}) {
     const MemoryPlan plan = plan_memory(load(s, 512), kGpu);
     EXPECT_EQ(item(plan, "members in half precision"), 0) << s.train << s.population;
     EXPECT_GT(item(plan, "playing: activations"), 0) << s.train << s.population;
@@ -173,8 +174,8 @@ TEST(LearnMemoryPopulationPlan, ForCuda) {
 TEST(LearnMemoryPopulationPlan, TheKernelsLayoutNeedsNoActor) {
   const ActorConfig config = load(kPopulationSettings[0], 2).config.population.actor;
   for (const ActionKind actions : {ActionKind::discrete, ActionKind::continuous}) {
-    const Actor actor(config, 40, actions, false, Precision::tf32, at::kCPU, 1);
-    const auto expected = actor.small_mlp(), found = Actor::small_mlp(config, 40, actions, Precision::tf32);
+    const Actor actor(config, 40, actions, false, Precision::fp16, at::kCPU, 1);
+    const auto expected = actor.small_mlp(), found = Actor::small_mlp(config, 40, actions, Precision::fp16);
     ASSERT_TRUE(expected && found);
     EXPECT_EQ(found->n_layers, expected->n_layers);
     EXPECT_TRUE(std::equal(std::begin(found->width), std::end(found->width), std::begin(expected->width)));
@@ -183,7 +184,7 @@ TEST(LearnMemoryPopulationPlan, TheKernelsLayoutNeedsNoActor) {
     EXPECT_EQ(found->width[found->n_layers], actor.head_size());
     EXPECT_EQ(found->log_std, expected->log_std);
   }
-  EXPECT_FALSE(Actor::small_mlp(config, 40, ActionKind::discrete, Precision::fp32));
+  EXPECT_FALSE(Actor::small_mlp(config, 40, ActionKind::discrete, Precision::tf32));
 }
 
 TEST(LearnMemoryPopulationPlan, WhatDoesNotFitIsRefusedWithTheNumbers) {
@@ -215,22 +216,29 @@ TEST(LearnMemoryPopulationPlan, SaysWhatComputesTheMembersNetworks) {
   constexpr MemorySpace kSpace{int64_t{64} << 30, int64_t{32} << 30};
   constexpr Device kAbsent{Device::Kind::cuda, 99};
   const auto check = [&](const PopulationSettings& s, Device device, MemberNetworks networks, const char* line,
-                         const char* json) {
+                         const char* json, const char* precision) {
     const LoadedRun run = load(s, 512);
     EXPECT_EQ(plan_memory(run, device).networks, networks) << line;
     EXPECT_TRUE(contains(plan_table(run, device, kSpace), {line}));
-    EXPECT_TRUE(contains(plan_json(run, device, kSpace).text(), {json}));
+    EXPECT_TRUE(contains(plan_json(run, device, kSpace).text(), {json, precision}));
   };
-  const PopulationSettings plain{"", "algorithm: snes"}, wide{"", "algorithm: snes", "actor: {layer_norm: true}"};
-  check(plain, kAbsent, MemberNetworks::fused_assumed,
-        "\n\nmembers' networks: in the fused kernel, which is assumed: cuda:99 is not here to be asked\ncuda:99: ",
-        "\"member_networks\": \"fused_assumed\"");
-  for (const auto& [settings, device] : {std::pair{wide, kAbsent}, {plain, kCpu}})
-    check(settings, device, MemberNetworks::libtorch, "\n\nmembers' networks: through LibTorch\n",
-          "\"member_networks\": \"libtorch\"");
-  if (cuda_device_count() > 0)
-    check(plain, kGpu, MemberNetworks::fused, "\n\nmembers' networks: in the fused kernel\n",
-          "\"member_networks\": \"fused\"");
+  // The config alone decides, not the GPU and not the sizes of networks; the CPU computes in fp32.
+  const PopulationSettings half{"", "algorithm: snes, precision: fp16"}, plain{"", "algorithm: snes"};
+  check(half, kAbsent, MemberNetworks::fused,
+        "\n\nmembers' networks: in fp16, by the fused kernel\ncuda:99: ", "\"member_networks\": \"fused\"",
+        "\"precision\": \"fp16\"");
+  check(half, kCpu, MemberNetworks::libtorch,
+        "\n\nmembers' networks: in fp32, through LibTorch\ncpu: ", "\"member_networks\": \"libtorch\"",
+        "\"precision\": \"fp32\"");
+  check(plain, kAbsent, MemberNetworks::libtorch, "\n\nmembers' networks: in tf32, through LibTorch\n",
+        "\"member_networks\": \"libtorch\"", "\"precision\": \"tf32\"");
+}
+
+TEST(LearnMemoryPopulationPlan, ShippedConfigsAskForTheFusedKernel) {
+  for (const char* name : {"openai_es", "snes", "des"}) {
+    const LoadedRun run = load_run_config(source_path(cat("configs/", name, ".yaml")), {});
+    EXPECT_EQ(plan_memory(run, {Device::Kind::cuda, 99}).networks, MemberNetworks::fused) << name;
+  }
 }
 
 class LearnMemoryPopulationGpu : public testing::TestWithParam<std::tuple<PopulationSettings, int>> {};
@@ -246,8 +254,8 @@ TEST_P(LearnMemoryPopulationGpu, PlanIsWhatFreeMemoryLoses) {
 }
 
 const PopulationSettings kGpuPopulationSettings[] = {
-    {"Fused", "algorithm: openai_es", "", "", "", 16},
-    {"FusedWeightDecayPool", "algorithm: snes", "shaping: {weight_decay: 0.01}",
+    {"Fused", "algorithm: openai_es, precision: fp16", "", "", "", 16},
+    {"FusedWeightDecayPool", "algorithm: snes, precision: fp16", "shaping: {weight_decay: 0.01}",
      "opponents: {pool_size: 100, pool_every_updates: 1, pool_share: 0.5}\n", "", 16},
     {"Bf16", "algorithm: snes, precision: bf16", "", "", "", 16},
     {"LayerNormContinuous", "algorithm: des", "noise: low_rank, actor: {layer_norm: true}",

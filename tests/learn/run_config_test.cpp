@@ -8,6 +8,7 @@
 #include <fstream>
 
 #include "core/error.hpp"
+#include "support/source.hpp"
 
 namespace giga::test {
 namespace {
@@ -52,8 +53,8 @@ TEST_F(LearnRunConfig, EnvironmentAndRulesChangeTheScenario) {
 
 // The original's published setting is that of its rules; the same under ours has a name that says so.
 TEST_F(LearnRunConfig, ThePublishedSettingIsTheOriginals) {
-  LoadedRun published = load_run_config(GIGASTEP_SOURCE_DIR "/configs/published.yaml", {});
-  const LoadedRun corrected = load_run_config(GIGASTEP_SOURCE_DIR "/configs/published_corrected.yaml", {});
+  LoadedRun published = load_run_config(source_path("configs/published.yaml"), {});
+  const LoadedRun corrected = load_run_config(source_path("configs/published_corrected.yaml"), {});
   EXPECT_EQ(published.spec.params.rules, Rules::original);
   EXPECT_EQ(corrected.spec.params.rules, Rules::corrected);
   // Nothing else differs.
@@ -96,7 +97,7 @@ TEST_F(LearnRunConfig, AllMistakesOfAllStagesAtOnce) {
                      {"seed=x", "nonsense"}),
             "--set nonsense: expected KEY=VALUE\n"
             "run.yaml:2:23: team_1: the team is empty; it needs at least one entry such as {type: default, count: 5}\n"
-            "run.yaml:3:34: train.precision: 'fp8' is not one of: fp32, tf32, bf16; nearest: 'fp32'\n"
+            "run.yaml:3:34: train.precision: 'fp8' is not one of: fp32, tf32, bf16, fp16; nearest: 'fp16'\n"
             "run.yaml:4:18: mappo.horizon: 5 is longer than an episode of scenario 'identical_2_vs_2' "
             "(max_episode_length 3)\n"
             "--set seed: 'x' is not an integer >= 0\n"
@@ -153,6 +154,26 @@ TEST_F(LearnRunConfig, OpponentsNeedSelfPlayAndWorlds) {
       error_of("scenario: identical_2_vs_2\ntrain: {n_worlds: 8}\nmappo: {horizon: 1}\n"
                "opponents: {pool_size: 2, pool_share: 1}\n"),
       "default of mappo.n_minibatches: 8 minibatches for 4 states of the worlds in which a team learns (opponents)");
+}
+
+TEST_F(LearnRunConfig, HalfPrecisionIsForSmallNetworksOfPopulations) {
+  const auto error = [this](const std::string& train, const std::string& actor = "") {
+    return error_of(
+        cat("scenario: identical_2_vs_2\ntrain: {precision: fp16", train, "}\npopulation: {actor: {", actor, "}}\n"));
+  };
+  for (const char* algorithm : {"openai_es", "snes", "des"})
+    EXPECT_EQ(error(cat(", algorithm: ", algorithm), "hidden: [128, 7, 128], activation: gelu"), "no error");
+  const std::string at = "run.yaml:2:20: train.precision: fp16 ", allowed = "; allowed there: fp32, tf32, bf16";
+  EXPECT_EQ(error(""),
+            at + "is for the populations of openai_es, snes and des, and train.algorithm is mappo" + allowed);
+  EXPECT_EQ(error(", algorithm: snes", "layer_norm: true"),
+            at + "has no layer normalisation, and population.actor.layer_norm is true" + allowed);
+  const std::string room = "takes at most 3 hidden layers of at most 128, and population.actor.hidden is ";
+  EXPECT_EQ(error(", algorithm: snes", "hidden: [129]"), at + room + "[129]" + allowed);
+  EXPECT_EQ(error(", algorithm: snes", "hidden: [8, 8, 8, 8]"), at + room + "[8, 8, 8, 8]" + allowed);
+  EXPECT_EQ(error_of("scenario: identical_2_vs_2\ntrain: {algorithm: snes, precision: tf32}\n"
+                     "population: {actor: {hidden: [129], layer_norm: true}}\n"),
+            "no error");
 }
 
 TEST_F(LearnRunConfig, DevicesByName) {

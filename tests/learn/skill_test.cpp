@@ -6,13 +6,14 @@
 #include "eval/match.hpp"
 #include "policy/actor.hpp"
 #include "runs.hpp"
+#include "support/source.hpp"
 
 namespace giga::test {
 namespace {
 
 TEST(LearnSkill, TheQuickstartBeatsScriptsAfterThreeMillionAgentSteps) {
   const LoadedRun run =
-      load_run_config(GIGASTEP_SOURCE_DIR "/configs/quickstart.yaml",
+      load_run_config(source_path("configs/quickstart.yaml"),
                       {"train.total_agent_steps=3_000_000", "train.n_threads=2", "device=cpu", "seed=1"});
   const auto learner = make_learner(run, Device{});
   while (learner->agent_steps_done() < 3'000'000) learner->update();

@@ -16,6 +16,7 @@
 #include "scenario/compile.hpp"
 #include "scenario/loader.hpp"
 #include "sim/simulator.hpp"
+#include "support/source.hpp"
 
 namespace giga {
 namespace {
@@ -29,7 +30,7 @@ constexpr const char* kWayNames[] = {"fight", "circle", "leave", "straight_out",
 /// The `environment:` of the configs that set rewards, each once.
 std::map<std::string, Node> environments() {
   std::map<std::string, Node> distinct;
-  for (const auto& file : std::filesystem::directory_iterator(GIGASTEP_SOURCE_DIR "/configs")) {
+  for (const auto& file : std::filesystem::directory_iterator(test::source_path("configs"))) {
     const Document config = parse_yaml_file(file.path());
     const Node* environment = config.root.find("environment");
     if (environment && environment->find("rewards")) distinct.emplace(print_node(*environment), *environment);
@@ -124,7 +125,7 @@ int n_agents(const Scenario& scenario) {
   return count;
 }
 
-DataDirs source_data() { return {GIGASTEP_SOURCE_DIR}; }
+DataDirs source_data() { return {test::source_path()}; }
 constexpr const char* kFamilies[] = {"identical", "special", "waypoint", "hide_and_seek"};
 
 class ConfigRewards : public ::testing::TestWithParam<const char*> {

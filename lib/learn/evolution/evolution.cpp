@@ -101,6 +101,7 @@ class Evolution final : public Learner {
 
 Evolution::Evolution(const LoadedRun& run, Device device)
     : config_(run.config), rows_(device, run.config.train.n_threads) {
+  check_precision(run, device);
   set_up_libtorch(config_.train, device);
   const Actor* network = nullptr;
   for (int team = 0; team < kNTeams; ++team) {

@@ -15,8 +15,18 @@ MlpMemory::MlpMemory(MemoryLedger& ledger, MemoryUse kept, const MlpConfig& conf
   if (shape.output > 0) add(from, shape.output, false);
 }
 
-// y = x W^T + b; with a team's mean, a second y is the sum.
+/// Rounded copies of what a layer takes in, of weights and bias.
+int64_t MlpMemory::rounded_bytes(const Layer& layer) const {
+  return shape_.rounds ? 4 * (shape_.rows * layer.in + layer.in * layer.out + layer.out) : 0;
+}
+
+// y = x W^T + b; with a team's mean, a second y is the sum. Numbers pass through half precision on the way to their
+// rounded copies.
 void MlpMemory::linear(const Layer& layer) {
+  if (const int64_t copies = rounded_bytes(layer); copies > 0) {
+    ledger_.touch(copies + copies / 2);
+    ledger_.touch(copies + rows_of(layer.out));
+  }
   ledger_.take(kept_, weight_copy_bytes(layer) + rows_of(layer.out));
   if (!layer.team) return;
   ledger_.take(kept_, states_of(layer.in));

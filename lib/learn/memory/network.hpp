@@ -22,6 +22,7 @@ class MlpMemory {
     int64_t rows = 0;
     int64_t states = 0;         ///< TeamMlp: rows / agents; Mlp: 0
     int64_t element_bytes = 4;  ///< 2 in bf16
+    bool rounds = false;        ///< fp16: layers round what they multiply; `infer` only
   };
   MlpMemory(MemoryLedger& ledger, MemoryUse kept, const MlpConfig& config, const Shape& shape);
 
@@ -53,6 +54,7 @@ class MlpMemory {
     return config_.activation == Activation::silu || config_.activation == Activation::gelu;
   }
   void linear(const Layer& layer);
+  int64_t rounded_bytes(const Layer& layer) const;
   void team_mean_backward(const Layer& layer);
 
   MemoryLedger& ledger_;

@@ -19,10 +19,9 @@ struct MemoryItem {
 
 /// What computes the networks of a population's members, which decides over their memory.
 enum class MemberNetworks : uint8_t {
-  none,           ///< there are no members: mappo
-  libtorch,       ///< LibTorch, with the activations of a whole population
-  fused,          ///< the fused kernel (cuda/population_policy.hpp), which keeps none
-  fused_assumed,  ///< the same as far as the networks allow it; the GPU is not here to be asked
+  none,      ///< there are no members: mappo
+  libtorch,  ///< LibTorch, with the activations of a whole population
+  fused,     ///< the fused kernel (cuda/population_policy.hpp), which keeps none: precision fp16 on a GPU
 };
 
 struct MemoryPlan {

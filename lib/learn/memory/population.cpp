@@ -6,7 +6,6 @@
 
 #include "core/error.hpp"
 #include "cuda/population_policy.hpp"
-#include "cuda/runtime.hpp"
 #include "io/number.hpp"
 #include "learn/evolution/opponents.hpp"
 #include "learn/memory/items.hpp"
@@ -82,13 +81,9 @@ std::optional<SmallMlp> small_mlp(const LoadedRun& run, Device device) {
                           precision_on(run, device));
 }
 
-/// As PopulationGames chooses it.
+/// As PopulationGames has it.
 MemberNetworks member_networks(const LoadedRun& run, Device device) {
-  if (!device.is_cuda()) return MemberNetworks::libtorch;
-  const auto mlp = small_mlp(run, device);
-  if (!mlp) return MemberNetworks::libtorch;
-  if (device.index >= cuda_device_count()) return MemberNetworks::fused_assumed;
-  return population_policy_fits(*mlp, device.index) ? MemberNetworks::fused : MemberNetworks::libtorch;
+  return precision_on(run, device) == Precision::fp16 ? MemberNetworks::fused : MemberNetworks::libtorch;
 }
 
 PopulationMemory::PopulationMemory(const LoadedRun& run, Device device)
@@ -121,11 +116,11 @@ int64_t PopulationMemory::vectors_of_strategy() const {
   return 4 + optimizer_vectors() + places;
 }
 
-/// Actor::forward_members, or Actor::forward where `members` is 0; observations are the caller's.
+/// Actor::forward_members (not in fp16), or Actor::forward where `members` is 0; observations are the caller's.
 int64_t PopulationMemory::forward(int64_t rows, int64_t members) const {
   MemoryLedger m;
   if (element_ != kFloat) m.take(MemoryUse::actor, element_ * rows * d_);
-  MlpMemory network(m, MemoryUse::actor, actor_config(run_.config), {d_, head_, rows, 0, element_});
+  MlpMemory network(m, MemoryUse::actor, actor_config(run_.config), {d_, head_, rows, 0, element_, fused_});
   members > 0 ? network.infer_members(members) : network.infer();
   if (element_ != kFloat) m.take(MemoryUse::actor, kFloat * rows * head_);
   return sum(m.peak());
@@ -219,6 +214,9 @@ MemoryPlan PopulationMemory::plan() {
 
 }  // namespace
 
-MemoryPlan plan_population(const LoadedRun& run, Device device) { return PopulationMemory(run, device).plan(); }
+MemoryPlan plan_population(const LoadedRun& run, Device device) {
+  check_precision(run, device);
+  return PopulationMemory(run, device).plan();
+}
 
 }  // namespace giga

@@ -5,6 +5,7 @@
 #include <cstdio>
 
 #include "core/error.hpp"
+#include "learn/team_policy.hpp"
 
 namespace giga {
 namespace {
@@ -25,16 +26,20 @@ std::string advice(const LoadedRun& run, Device device, int64_t available_bytes)
              : "not even one world fits with these settings: smaller networks or a shorter horizon take less";
 }
 
+/// What networks are computed in on the device.
+std::string print_precision(const LoadedRun& run, Device device) {
+  return FieldCodec<Precision>::print(precision_on(run, device));
+}
+
 /// A line for the table; nothing where there are no members.
-std::string networks_line(MemberNetworks networks, Device device) {
+std::string networks_line(const LoadedRun& run, Device device, MemberNetworks networks) {
   if (networks == MemberNetworks::none) return "";
-  const std::string assumed = cat(", which is assumed: ", device.name(), " is not here to be asked");
-  return cat("members' networks: ", networks == MemberNetworks::libtorch ? "through LibTorch" : "in the fused kernel",
-             networks == MemberNetworks::fused_assumed ? assumed : "", "\n");
+  return cat("members' networks: in ", print_precision(run, device), ", ",
+             networks == MemberNetworks::libtorch ? "through LibTorch" : "by the fused kernel", "\n");
 }
 
 const char* name_of(MemberNetworks networks) {
-  constexpr const char* kNames[] = {"none", "libtorch", "fused", "fused_assumed"};
+  constexpr const char* kNames[] = {"none", "libtorch", "fused"};
   return kNames[static_cast<size_t>(networks)];
 }
 
@@ -60,8 +65,8 @@ std::string plan_table(const LoadedRun& run, Device device, const MemorySpace& s
                     100 * static_cast<double>(item.bytes) / static_cast<double>(total),
                     item.bytes_per_unit > 0 ? print_bytes(item.bytes_per_unit).c_str() : "-", item.note.c_str());
   table += format("%-46s %10s\n", "total", print_bytes(total).c_str());
-  table += cat("\n", networks_line(plan.networks, device), device.name(), ": ", print_bytes(space.free), " free of ",
-               print_bytes(space.total), "; ", size.key(), " ", size.value,
+  table += cat("\n", networks_line(run, device, plan.networks), device.name(), ": ", print_bytes(space.free),
+               " free of ", print_bytes(space.total), "; ", size.key(), " ", size.value,
                total <= space.free ? " fits" : " does not fit", "\n", advice(run, device, space.free), "\n");
   return table;
 }
@@ -76,7 +81,8 @@ Json plan_json(const LoadedRun& run, Device device, const MemorySpace& space) {
     items.push(std::move(entry.set("note", item.note)));
   }
   Json json = Json::object();
-  json.set("device", device.name()).set(size.name, size.value).set("items", std::move(items));
+  json.set("device", device.name()).set("precision", print_precision(run, device));
+  json.set(size.name, size.value).set("items", std::move(items));
   if (plan.networks != MemberNetworks::none) json.set("member_networks", name_of(plan.networks));
   json.set("total_bytes", plan.total()).set("device_bytes", space.total).set("free_bytes", space.free);
   json.set("fits", plan.total() <= space.free);

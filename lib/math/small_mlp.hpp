@@ -1,0 +1,29 @@
+// SmallMlp: where the numbers of a small network are; what the fused kernel of populations has room for.
+#pragma once
+
+#include <vector>
+
+#include "math/activation.hpp"
+
+namespace giga {
+
+/// A small multilayer perceptron as a row of parameters holds it: every layer a matrix [out, in] row by row, and a
+/// bias.
+struct SmallMlp {
+  static constexpr int kMaxLayers = 4;
+  static constexpr int kMaxWidth = 128;  ///< of all layers but the input
+  int n_layers = 0;
+  int width[kMaxLayers + 1] = {};                      ///< input, hidden ..., output
+  int weight[kMaxLayers] = {}, bias[kMaxLayers] = {};  ///< first number of each in a row of parameters
+  int log_std = 0;                                     ///< first of the three; continuous actions only
+  Activation activation = Activation::tanh;
+
+  /// Whether a network with these hidden layers fits in.
+  static bool has_room_for(const std::vector<int>& hidden) {
+    for (const int size : hidden)
+      if (size > kMaxWidth) return false;
+    return hidden.size() < kMaxLayers;
+  }
+};
+
+}  // namespace giga
