@@ -1,5 +1,6 @@
 // gigastep bench: agent-steps per second of simulation, closed loop, training and evolution.
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <iostream>
@@ -8,6 +9,7 @@
 #include "apps/command_line.hpp"
 #include "apps/commands.hpp"
 #include "apps/program_info.hpp"
+#include "config/fields.hpp"
 #include "cuda/runtime.hpp"
 #include "io/number.hpp"
 
@@ -18,27 +20,52 @@ constexpr int kCpuWorlds = 1024, kGpuWorlds = 65536;
 
 using Measure = BenchResult (*)(const BenchOptions&, Device, int);
 
+/// The seconds of a part of an update, and the rate if an update were that part alone.
+Json part_json(const BenchResult& r, double seconds) {
+  return Json::object()
+      .set("seconds_per_update", seconds / static_cast<double>(r.steps) / static_cast<double>(r.rates.size()))
+      .set("agent_steps_per_second", r.work.agent_steps / seconds);
+}
+
+std::string part_text(const BenchResult& r, double seconds) {
+  char text[80];
+  std::snprintf(text, sizeof text, "%.4g s an update, %s agent-steps/s",
+                seconds / static_cast<double>(r.steps) / static_cast<double>(r.rates.size()),
+                print_short(r.work.agent_steps / seconds).c_str());
+  return text;
+}
+
 Json result_json(const BenchResult& r) {
   Json checks = Json::object();
   for (const auto& [name, value] : r.checks) checks.set(name, value);
   Json json = Json::object();
+  json.set("arithmetic", r.arithmetic).set("commit", program_commit());
   json.set("worlds", r.worlds).set("steps", r.steps).set("repeats", r.rates.size());
   json.set("agent_steps_per_second", r.quantile(0.5)).set("min", r.rates.front()).set("max", r.rates.back());
   json.set("interquartile", Json::array(std::vector<double>{r.quantile(0.25), r.quantile(0.75)}));
   json.set("rates", Json::array(r.rates)).set("memory_bytes", r.memory_bytes).set("checksum", std::move(checks));
+  if (r.work.learning_seconds > 0)
+    json.set("rollout", part_json(r, r.work.rollout_seconds)).set("learning", part_json(r, r.work.learning_seconds));
+  if (!r.closed_loop_arithmetic.empty()) json.set("closed_loop_arithmetic", r.closed_loop_arithmetic);
   return json;
 }
 
 std::string result_lines(const BenchResult& r) {
-  char line[160];
-  std::snprintf(line, sizeof line, "%10d %10lld %12s %10s - %-10s %10s - %-10s %8s\n", r.worlds,
-                static_cast<long long>(r.steps), print_short(r.quantile(0.5)).c_str(),
-                print_short(r.rates.front()).c_str(), print_short(r.rates.back()).c_str(),
-                print_short(r.quantile(0.25)).c_str(), print_short(r.quantile(0.75)).c_str(),
-                print_short(static_cast<double>(r.memory_bytes)).c_str());
+  char line[200];
+  std::snprintf(line, sizeof line, "%10d %10lld %10s %18s %12s %10s - %-10s %10s - %-10s %8s\n", r.worlds,
+                static_cast<long long>(r.steps), r.arithmetic.c_str(), program_commit(),
+                print_short(r.quantile(0.5)).c_str(), print_short(r.rates.front()).c_str(),
+                print_short(r.rates.back()).c_str(), print_short(r.quantile(0.25)).c_str(),
+                print_short(r.quantile(0.75)).c_str(), print_short(static_cast<double>(r.memory_bytes)).c_str());
+  const std::string indent(11, ' ');
+  std::string text = line;
+  if (r.work.learning_seconds > 0)
+    text += indent + "rollout " + part_text(r, r.work.rollout_seconds) + "; learning " +
+            part_text(r, r.work.learning_seconds) + "\n";
   std::string checks;
   for (const auto& [name, value] : r.checks) checks += (checks.empty() ? "" : ", ") + name + " " + print_number(value);
-  return line + std::string(11, ' ') + checks + "\n";
+  if (!r.closed_loop_arithmetic.empty()) checks += ", closed_loop_arithmetic " + r.closed_loop_arithmetic;
+  return text + indent + checks + "\n";
 }
 
 void bench(const std::string& kind, Measure measure_one, const BenchOptions& o) {
@@ -48,8 +75,10 @@ void bench(const std::string& kind, Measure measure_one, const BenchOptions& o) 
 
   const bool for_people = o.json != "-";
   if (for_people)
-    std::cout << kind << " on " << device.name() << ", agent-steps/s over " << o.repeats << " repeats\n"
-              << "    worlds      steps       median         min - max            quartiles           bytes\n";
+    std::cout
+        << kind << " on " << device.name() << ", agent-steps/s over " << o.repeats << " repeats\n"
+        << "    worlds      steps arithmetic             commit       median         min - max            quartiles  "
+           "         bytes\n";
   Json results = Json::array();
   double best = 0;
   std::string scenario;
@@ -119,6 +148,20 @@ void add_seed_option(CLI::App& command, uint64_t& seed) {
   command.add_option("--seed", seed, "seed of everything random")->capture_default_str()->type_name("N");
 }
 
+void add_precision_option(CLI::App& command, Precision& precision) {
+  const std::vector<std::string> names = FieldCodec<Precision>::names();
+  command
+      .add_option_function<std::string>(
+          "--precision",
+          [names, &precision](const std::string& name) {
+            precision = static_cast<Precision>(std::find(names.begin(), names.end(), name) - names.begin());
+          },
+          "arithmetic of the networks' matrix products on a GPU")
+      ->check(CLI::IsMember(names))
+      ->default_str(FieldCodec<Precision>::print(precision))
+      ->type_name("P");
+}
+
 }  // namespace
 
 void add_bench_command(CLI::App& app, Dispatch& dispatch) {
@@ -129,7 +172,8 @@ void add_bench_command(CLI::App& app, Dispatch& dispatch) {
       "repeats after a warm-up; episodes that end are reset. Memory (bytes) is what a GPU lost in free memory, on the\n"
       "CPU the resident set of the process. The checksum proves the work: observations are finite and written, "
       "episodes\n"
-      "end and begin anew.\n"
+      "end and begin anew. Each row names the arithmetic of the networks' matrix products (CPUs compute in fp32), the\n"
+      "commit of the program, and, where a learner is timed, what rollout and learning took on the device.\n"
       "Examples:\n"
       "  gigastep bench sim --scenario identical_2_vs_2 --worlds 1024,16384,65536\n"
       "  gigastep bench closed-loop --hidden 64,64 --json -\n"
@@ -151,6 +195,7 @@ void add_bench_command(CLI::App& app, Dispatch& dispatch) {
       ->check(CLI::Range(1, 16384))
       ->capture_default_str()
       ->type_name("N,...");
+  add_precision_option(*closed, loop->precision);
   add_seed_option(*closed, loop->seed);
   closed->footer("Example:\n  gigastep bench closed-loop --scenario identical_5_vs_5 --hidden 256,256");
 
@@ -165,7 +210,7 @@ void add_bench_command(CLI::App& app, Dispatch& dispatch) {
   es->footer(
       "Only steps inside episodes count. --worlds: of both teams' populations, in whole pairs of members; without it "
       "as "
-      "the\nconfig says.\n"
+      "the\nconfig says. The closed loop computes as train.precision says, for every number of worlds.\n"
       "Example:\n  gigastep bench es --config snes --scenario identical_5_vs_5 --worlds 16384,65536 --device cuda");
 }
 

@@ -27,13 +27,13 @@ int worlds_of(const RunConfig& c) {
   return (both ? 2 : 1) * c.population.population_size * c.population.n_worlds();
 }
 
-/// The median rate of the closed loop with the same scenario, networks and worlds.
-double closed_loop_rate(const BenchOptions& options, const LoadedRun& run, Device device) {
+/// The closed loop with the same scenario, networks and worlds.
+BenchResult closed_loop(const BenchOptions& options, const LoadedRun& run, Device device) {
   BenchOptions measured = options;
   measured.steps = 0;
   LoadedRun loop = run;
   loop.config.train.n_worlds = worlds_of(run.config);
-  return bench_closed_loop(measured, device, loop).quantile(0.5);
+  return bench_closed_loop(measured, device, loop);
 }
 
 }  // namespace
@@ -42,8 +42,10 @@ BenchResult bench_es(const BenchOptions& options, Device device, int worlds) {
   const LoadedRun run = load(options, device, worlds);
   BenchResult result;
   result.scenario = run.config.scenario;
+  result.arithmetic = arithmetic_of(run, device);
   result.worlds = worlds_of(run.config);
-  const double loop = closed_loop_rate(options, run, device);
+  const BenchResult loop = closed_loop(options, run, device);
+  result.closed_loop_arithmetic = loop.arithmetic;
 
   const int64_t memory_before = device.is_cuda() ? memory_in_use(device) : 0;
   const auto learner = make_learner(run, device);
@@ -51,13 +53,10 @@ BenchResult bench_es(const BenchOptions& options, Device device, int worlds) {
   measure(
       options,
       [&](int64_t n) {
-        const int64_t before = learner->agent_steps_done();
-        for (int64_t k = 0; k < n; ++k)
-          for (const auto& [name, value] : learner->update())  // waits: it reads the figures
-            if (name == "episodes") episodes += value;
-        const auto made = static_cast<double>(learner->agent_steps_done() - before);
-        steps += made;
-        return made;
+        const Updates updates = make_updates(*learner, n);
+        episodes += updates.episodes;
+        steps += updates.work.agent_steps;
+        return updates.work;
       },
       result);
   result.memory_bytes = memory_in_use(device) - memory_before;
@@ -68,8 +67,8 @@ BenchResult bench_es(const BenchOptions& options, Device device, int worlds) {
                    {"generations_per_second", result.quantile(0.5) / per_generation},
                    {"episodes_ended", episodes},
                    {"mean_episode_length", steps / episodes / run.spec.params.n_agents},
-                   {"closed_loop_agent_steps_per_second", loop},
-                   {"share_of_closed_loop", result.quantile(0.5) / loop}};
+                   {"closed_loop_agent_steps_per_second", loop.quantile(0.5)},
+                   {"share_of_closed_loop", result.quantile(0.5) / loop.quantile(0.5)}};
   if (!(episodes > 0) || episodes != generations * result.worlds * run.config.population.n_rounds())
     throw Error("the benchmark is void: not every world has played its episodes");
   return result;

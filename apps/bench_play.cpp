@@ -3,9 +3,11 @@
 #include <memory>
 
 #include "apps/benchmark.hpp"
+#include "config/fields.hpp"
 #include "core/error.hpp"
 #include "core/seeds.hpp"
 #include "cuda/runtime.hpp"
+#include "learn/libtorch_settings.hpp"
 #include "learn/team_policy.hpp"
 #include "policy/actor.hpp"
 #include "rollout/player.hpp"
@@ -34,6 +36,7 @@ LoadedRun bench_run(const BenchOptions& options, int worlds) {
   run.config.scenario = options.scenario;
   run.config.seed = options.seed;
   run.config.train.n_worlds = worlds;
+  run.config.train.precision = options.precision;
   run.config.mappo.actor.hidden = options.hidden;
   run.scenario = load_scenario(options.scenario, data_dirs());
   run.spec = compile(run.scenario);
@@ -83,7 +86,7 @@ BenchResult play(const BenchOptions& options, Device device, const LoadedRun& ru
         }
         sim->synchronize();
         steps_made += n;
-        return static_cast<double>(sim->agents_per_step()) * static_cast<double>(n);
+        return Work{static_cast<double>(sim->agents_per_step()) * static_cast<double>(n), 0, 0};
       },
       result);
   result.memory_bytes = memory_in_use(device) - memory_before;
@@ -112,7 +115,9 @@ BenchResult play(const BenchOptions& options, Device device, const LoadedRun& ru
 }  // namespace
 
 BenchResult bench_sim(const BenchOptions& options, Device device, int worlds) {
-  return play(options, device, bench_run(options, worlds), {Player{}, Player{}});
+  BenchResult result = play(options, device, bench_run(options, worlds), {Player{}, Player{}});
+  result.arithmetic = FieldCodec<Precision>::print(Precision::fp32);
+  return result;
 }
 
 BenchResult bench_closed_loop(const BenchOptions& options, Device device, int worlds) {
@@ -120,8 +125,11 @@ BenchResult bench_closed_loop(const BenchOptions& options, Device device, int wo
 }
 
 BenchResult bench_closed_loop(const BenchOptions& options, Device device, const LoadedRun& run) {
+  set_up_libtorch(run.config.train, device);  // whatever a measurement before this one left
   Actor actor0 = make_actor(run, 0, device), actor1 = make_actor(run, 1, device);
-  return play(options, device, run, {Player{&actor0}, Player{&actor1}});
+  BenchResult result = play(options, device, run, {Player{&actor0}, Player{&actor1}});
+  result.arithmetic = arithmetic_of(run, device);
+  return result;
 }
 
 }  // namespace giga

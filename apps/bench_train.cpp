@@ -18,6 +18,7 @@ BenchResult bench_train(const BenchOptions& options, Device device, int worlds) 
 
   BenchResult result;
   result.scenario = run.config.scenario;
+  result.arithmetic = arithmetic_of(run, device);
   result.worlds = run.config.train.n_worlds;
   const int64_t memory_before = device.is_cuda() ? memory_in_use(device) : 0;
   const auto learner = make_learner(run, device);
@@ -26,13 +27,10 @@ BenchResult bench_train(const BenchOptions& options, Device device, int worlds) 
   measure(
       options,
       [&](int64_t n) {
-        const int64_t before = learner->agent_steps_done();
-        for (int64_t k = 0; k < n; ++k) {
-          metrics = learner->update();  // waits: it reads the figures
-          for (const auto& [name, value] : metrics)
-            if (name == "episodes") episodes += value;
-        }
-        return static_cast<double>(learner->agent_steps_done() - before);
+        Updates updates = make_updates(*learner, n);
+        episodes += updates.episodes;
+        metrics = std::move(updates.last);
+        return updates.work;
       },
       result);
   result.memory_bytes = memory_in_use(device) - memory_before;

@@ -5,9 +5,11 @@
 #include <chrono>
 #include <cmath>
 
+#include "config/fields.hpp"
 #include "core/error.hpp"
 #include "cuda/runtime.hpp"
 #include "io/host_info.hpp"
+#include "learn/team_policy.hpp"
 
 namespace giga {
 namespace {
@@ -15,12 +17,19 @@ namespace {
 constexpr double kRepeatSeconds = 0.5;
 
 struct Timed {
-  double agent_steps, seconds;
+  Work work;
+  double seconds;
 };
-Timed timed(const std::function<double(int64_t)>& play, int64_t steps) {
+Timed timed(const std::function<Work(int64_t)>& play, int64_t steps) {
   const auto start = std::chrono::steady_clock::now();
-  const double agent_steps = play(steps);
-  return {agent_steps, std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count()};
+  const Work work = play(steps);
+  return {work, std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count()};
+}
+
+void add(Work& sum, const Work& w) {
+  sum.agent_steps += w.agent_steps;
+  sum.rollout_seconds += w.rollout_seconds;
+  sum.learning_seconds += w.learning_seconds;
 }
 
 }  // namespace
@@ -38,7 +47,25 @@ int64_t memory_in_use(Device device) {
   return static_cast<int64_t>(info.memory_total - info.memory_free);
 }
 
-void measure(const BenchOptions& options, const std::function<double(int64_t)>& play, BenchResult& result) {
+std::string arithmetic_of(const LoadedRun& run, Device device) {
+  return FieldCodec<Precision>::print(precision_on(run, device));
+}
+
+Updates make_updates(Learner& learner, int64_t n) {
+  Updates updates;
+  const int64_t before = learner.agent_steps_done();
+  for (int64_t k = 0; k < n; ++k) {
+    updates.last = learner.update();  // waits: it reads the figures
+    const UpdateTimes times = learner.times();
+    add(updates.work, {0, times.rollout, times.learning});
+    for (const auto& [name, value] : updates.last)
+      if (name == "episodes") updates.episodes += value;
+  }
+  updates.work.agent_steps = static_cast<double>(learner.agent_steps_done() - before);
+  return updates;
+}
+
+void measure(const BenchOptions& options, const std::function<Work(int64_t)>& play, BenchResult& result) {
   // Warm-up: what is done at first use, and a state in which episodes end all the time.
   int64_t steps = std::max<int64_t>(options.steps, 1);
   double seconds = timed(play, steps).seconds;
@@ -53,7 +80,8 @@ void measure(const BenchOptions& options, const std::function<double(int64_t)>& 
   result.steps = steps;
   for (int k = 0; k < options.repeats; ++k) {
     const Timed repeat = timed(play, steps);
-    result.rates.push_back(repeat.agent_steps / repeat.seconds);
+    result.rates.push_back(repeat.work.agent_steps / repeat.seconds);
+    add(result.work, repeat.work);
   }
   std::sort(result.rates.begin(), result.rates.end());
 }

@@ -8,10 +8,9 @@
 #include <vector>
 
 #include "core/memory.hpp"
+#include "learn/learner.hpp"
 
 namespace giga {
-
-struct LoadedRun;
 
 struct BenchOptions {
   std::string scenario = "identical_5_vs_5";  ///< empty: as the config says (train, es)
@@ -19,19 +18,28 @@ struct BenchOptions {
   std::string device = "auto";
   int64_t steps = 0;  ///< per repeat; 0 = about half a second of them
   int repeats = 7;
-  uint64_t seed = 0;                   ///< of sim and closed-loop
-  std::vector<int> hidden = {64, 64};  ///< closed-loop: of both policies
-  std::string config = "mappo";        ///< train and es
-  std::vector<std::string> overrides;  ///< train and es
+  uint64_t seed = 0;                              ///< of sim and closed-loop
+  std::vector<int> hidden = {64, 64};             ///< closed-loop: of both policies
+  Precision precision = TrainConfig{}.precision;  ///< closed-loop
+  std::string config = "mappo";                   ///< train and es
+  std::vector<std::string> overrides;             ///< train and es
   std::string json;
+};
+
+/// What a piece of work made. A learner says how long the device played and learned for it.
+struct Work {
+  double agent_steps = 0, rollout_seconds = 0, learning_seconds = 0;
 };
 
 /// One measurement.
 struct BenchResult {
   std::string scenario;
+  std::string arithmetic;              ///< of the networks' matrix products, or of the simulation where there are none
+  std::string closed_loop_arithmetic;  ///< es: of the closed loop beside it
   int worlds = 0;
   int64_t steps = 0;          ///< per repeat; training: updates, es: generations
   std::vector<double> rates;  ///< agent-steps per second of each repeat, sorted
+  Work work;                  ///< of all repeats together, without the warm-up
   int64_t memory_bytes = 0;   ///< GPU: taken from its free memory; CPU: resident set of the process
   std::vector<std::pair<std::string, double>> checks;
 
@@ -55,8 +63,19 @@ BenchResult bench_es(const BenchOptions& options, Device device, int worlds);
 /// Memory in use, for differences: of a GPU by everybody, of the CPU by this process.
 int64_t memory_in_use(Device device);
 
-/// Runs `play(n)`, which does n steps, waits for them and returns the agent-steps made, first to warm up and to find
-/// the number of steps, then `repeats` times; fills steps and rates.
-void measure(const BenchOptions& options, const std::function<double(int64_t)>& play, BenchResult& result);
+/// The arithmetic of a run's networks on a device, by its name in the config.
+std::string arithmetic_of(const LoadedRun& run, Device device);
+
+/// What some updates of a learner did.
+struct Updates {
+  Work work;
+  double episodes = 0;  ///< that ended
+  Metrics last;         ///< figures of the last one
+};
+Updates make_updates(Learner& learner, int64_t n);
+
+/// Runs `play(n)`, which does n steps and waits for them, first to warm up and to find the number of steps, then
+/// `repeats` times; fills steps, rates and work.
+void measure(const BenchOptions& options, const std::function<Work(int64_t)>& play, BenchResult& result);
 
 }  // namespace giga

@@ -68,7 +68,8 @@ std::string cuda_version_text(int version) {
 
 std::string program_version() {
   const std::string id = build_id();
-  return id.empty() ? GIGASTEP_VERSION : GIGASTEP_VERSION " (build " + id.substr(0, 12) + ")";
+  const std::string version = std::string(GIGASTEP_VERSION " (commit ") + program_commit();
+  return id.empty() ? version + ")" : version + ", build " + id.substr(0, 12) + ")";
 }
 
 std::string program_command() {
@@ -82,7 +83,10 @@ std::string program_command() {
 
 Json version_info() {
   Json info = Json::object();
-  info.set("gigastep", program_version()).set("torch", TORCH_VERSION).set("compiler", __VERSION__);
+  info.set("gigastep", program_version())
+      .set("commit", program_commit())
+      .set("torch", TORCH_VERSION)
+      .set("compiler", __VERSION__);
   info.set("built_with_cuda", built_with_cuda());
   return info;
 }

@@ -9,8 +9,12 @@
 
 namespace giga {
 
-/// "0.1.0".
+/// "0.1.0 (commit 0123456789ab, build 0123456789ab)".
 std::string program_version();
+
+/// The commit that this program was built from: "0123456789ab", "...-dirty" where its sources were changed since,
+/// "unknown" where the build could not tell. Written at each build by cmake/Commit.cmake.
+const char* program_commit();
 
 /// How to call this very program in a shell: "gigastep", or its path where it was called by path.
 std::string program_command();

@@ -6,9 +6,11 @@
 namespace giga::test {
 namespace {
 
-Document bench(const Workplace& here, std::vector<std::string> arguments) {
+Document bench(const Workplace& here, std::vector<std::string> arguments, const std::string& device = "cpu") {
   arguments.insert(arguments.begin(), "bench");
-  for (const char* more : {"--device", "cpu", "--repeats", "2", "--json", "-"}) arguments.emplace_back(more);
+  for (const std::string& more : {std::string("--device"), device, std::string("--repeats"), std::string("2"),
+                                  std::string("--json"), std::string("-")})
+    arguments.push_back(more);
   const Outcome outcome = here.run(arguments);
   EXPECT_EQ(outcome.code, 0) << outcome.err;
   return parse_yaml_text(outcome.out, "json");
@@ -22,6 +24,22 @@ void expect_sound(const Document& json, const std::string& result) {
   EXPECT_EQ(n("repeats"), 2);
   EXPECT_GT(n("memory_bytes"), 0);
   EXPECT_GT(number_at(json, {"results", result, "checksum", "episodes_ended"}), 0);
+  EXPECT_EQ(at(json, {"results", result, "arithmetic"}).text, "fp32");  // whatever was asked for: CPUs have no other
+  EXPECT_EQ(at(json, {"results", result, "commit"}).text, at(json, {"versions", "commit"}).text);
+}
+
+/// Both parts of an update took time, together no more than all of it: a rate is agent-steps / seconds, so 1 / rate
+/// adds up. The slowest repeat bounds the mean of all.
+void expect_split(const Document& json, const std::string& result, double agent_steps_per_update) {
+  double seconds_per_agent_step = 0;
+  for (const char* part : {"rollout", "learning"}) {
+    const double seconds = number_at(json, {"results", result, part, "seconds_per_update"});
+    const double rate = number_at(json, {"results", result, part, "agent_steps_per_second"});
+    EXPECT_GT(seconds, 0) << part;
+    if (agent_steps_per_update > 0) EXPECT_NEAR(seconds * rate, agent_steps_per_update, 1e-6 * agent_steps_per_update);
+    seconds_per_agent_step += 1 / rate;
+  }
+  EXPECT_LE(seconds_per_agent_step, 1.001 / number_at(json, {"results", result, "min"}));
 }
 
 TEST(Bench, Simulation) {
@@ -58,6 +76,37 @@ TEST(Bench, ClosedLoop) {
   expect_sound(json, "0");
 }
 
+TEST(Bench, ClosedLoopKnowsThePrecisions) {
+  const Workplace here;
+  for (const std::string precision : {"fp32", "tf32", "bf16"})
+    expect_sound(bench(here, {"closed-loop", "--scenario", "identical_2_vs_2", "--worlds", "16", "--steps", "150",
+                              "--hidden", "8", "--precision", precision}),
+                 "0");
+  const Outcome wrong = here.run({"bench", "closed-loop", "--precision", "fp64"});
+  EXPECT_EQ(wrong.code, 2);
+  EXPECT_TRUE(contains(wrong.err, {"fp64", "tf32"}));
+  EXPECT_TRUE(contains(here.run({"bench", "closed-loop", "--help"}).out, {"--precision P [tf32]"}));
+}
+
+// The precision reaches the products, and each row sets its own: the same games in TF32 end elsewhere than in fp32, and
+// alike in the first and in the second row.
+TEST(BenchGpu, ClosedLoopComputesInThePrecisionOfEachRow) {
+  const Workplace here;
+  if (here.run({"bench", "sim", "--worlds", "8", "--steps", "2", "--repeats", "1", "--device", "cuda"}).code != 0)
+    GTEST_SKIP() << "no GPU";
+  const auto sums = [&](const std::string& precision) {
+    const Document json = bench(here,
+                                {"closed-loop", "--scenario", "identical_2_vs_2", "--worlds", "64,64", "--steps", "150",
+                                 "--hidden", "64,64", "--precision", precision},
+                                "cuda");
+    for (const std::string result : {"0", "1"}) EXPECT_EQ(at(json, {"results", result, "arithmetic"}).text, precision);
+    const std::string first = at(json, {"results", "0", "checksum", "last_observation_sum"}).text;
+    EXPECT_EQ(at(json, {"results", "1", "checksum", "last_observation_sum"}).text, first) << precision;
+    return first;
+  };
+  EXPECT_NE(sums("fp32"), sums("tf32"));
+}
+
 TEST(Bench, Training) {
   const Workplace here;
   here.write("tiny.yaml", kTinyConfig);
@@ -66,6 +115,20 @@ TEST(Bench, Training) {
   EXPECT_EQ(number_at(json, {"results", "0", "worlds"}), 32);
   expect_sound(json, "0");
   EXPECT_EQ(number_at(json, {"results", "0", "checksum", "updates"}), 6);
+  expect_split(json, "0", 32 * 16 * 4);  // worlds x horizon x agents
+}
+
+// Both numbers of worlds are divided by loops of one arithmetic.
+TEST(Bench, Evolution) {
+  const Workplace here;
+  const Document json = bench(here, {"es", "--scenario", "identical_2_vs_2_void", "--worlds", "16,32", "--steps", "1",
+                                     "--set", "population.max_steps=20", "--set", "population.actor.hidden=[8]"});
+  for (const std::string result : {"0", "1"}) {
+    expect_sound(json, result);
+    expect_split(json, result, 0);  // members' episodes differ in length: no update makes as many steps as another
+    EXPECT_EQ(at(json, {"results", result, "closed_loop_arithmetic"}).text, "fp32");
+    EXPECT_GT(number_at(json, {"results", result, "checksum", "share_of_closed_loop"}), 0);
+  }
 }
 
 TEST(Bench, TableForPeople) {
@@ -73,7 +136,7 @@ TEST(Bench, TableForPeople) {
   const Outcome outcome =
       here.run({"bench", "sim", "--worlds", "8", "--steps", "60", "--device", "cpu", "--repeats", "1"});
   EXPECT_EQ(outcome.code, 0) << outcome.err;
-  EXPECT_TRUE(contains(outcome.out, {"worlds", "median", "episodes_ended"}));
+  EXPECT_TRUE(contains(outcome.out, {"worlds", "median", "episodes_ended", "arithmetic", "fp32", "commit"}));
 }
 
 }  // namespace

@@ -36,7 +36,7 @@ TEST(CommandLine, Version) {
   const Workplace here;
   const Outcome version = here.run({"--version"});
   EXPECT_EQ(version.code, 0);
-  EXPECT_TRUE(contains(version.out, {"0."}));
+  EXPECT_TRUE(contains(version.out, {"0.", "(commit "}));
 }
 
 TEST(CommandLine, MistakesNameTheNearest) {

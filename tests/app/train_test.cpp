@@ -47,6 +47,7 @@ TEST_F(TrainedRun, FolderHoldsEverything) {
   EXPECT_EQ(at(info, {"hardware", "device"}).text, "cpu");
   EXPECT_GE(number_at(info, {"hardware", "cores"}), 1);
   EXPECT_NE(at(info, {"versions", "torch"}).text, "");
+  EXPECT_TRUE(contains(here_->run({"--version"}).out, {"(commit " + at(info, {"versions", "commit"}).text}));
 }
 
 TEST_F(TrainedRun, MetricsHaveARowPerUpdate) {

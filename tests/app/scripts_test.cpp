@@ -1,0 +1,171 @@
+// The scripts that say of which sources a figure is: scripts/commit, scripts/gpu_check --fresh, scripts/measure docs.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <filesystem>
+
+#include "program.hpp"
+
+namespace giga::test {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// A folder with copies of some scripts and a source, called as scripts are.
+class Copy {
+ public:
+  Copy() {
+    fs::create_directories(here_.path() / "tree/scripts");
+    for (const char* name : {"commit", "gpu_check"})
+      fs::copy_file(fs::path(GIGASTEP_SOURCE_DIR) / "scripts" / name, here_.path() / "tree/scripts" / name);
+    write("lib/a.hpp", "int a();\n");
+    write("lib/sub/b.cpp", "int b();\n");
+    write("docs/page.md", "a page\n");
+  }
+
+  void write(const std::string& name, const std::string& text) const {
+    fs::create_directories((here_.path() / "tree" / name).parent_path());
+    here_.write("tree/" + name, text);
+  }
+  std::string read(const std::string& name) const { return here_.read("tree/" + name); }
+  Outcome run(const std::string& script, const std::vector<std::string>& arguments = {},
+              const Environment& environment = {}) const {
+    return here_.run(arguments, (here_.path() / "tree/scripts" / script).string(), environment);
+  }
+  Outcome git(std::vector<std::string> arguments) const {
+    arguments.insert(arguments.begin(),
+                     {"git", "-C", (here_.path() / "tree").string(), "-c", "user.name=a", "-c", "user.email=a@b.c"});
+    return here_.run(arguments, "/usr/bin/env");
+  }
+  const Workplace& here() const { return here_; }
+
+ private:
+  Workplace here_;
+};
+
+TEST(Scripts, CommitOfACopyIsWhatTheEnvironmentSays) {
+  const Copy copy;
+  const Outcome unknown = copy.run("commit", {}, {{"GIGASTEP_COMMIT", ""}});
+  EXPECT_EQ(unknown.out, "unknown\n") << unknown.err;
+  EXPECT_EQ(copy.run("commit", {}, {{"GIGASTEP_COMMIT", "0123abc"}}).out, "0123abc\n");
+  EXPECT_EQ(copy.run("commit", {}, {{"GIGASTEP_COMMIT", "a\"; evil"}}).code, 2);  // it goes into a source file
+}
+
+TEST(Scripts, CommitOfACheckoutTellsChangedSources) {
+  const Copy copy;
+  if (copy.git({"init", "-q"}).code != 0) GTEST_SKIP() << "no git";
+  ASSERT_EQ(copy.git({"add", "."}).code, 0);
+  const Outcome made = copy.git({"commit", "-q", "-m", "first"});
+  ASSERT_EQ(made.code, 0) << made.err;
+  const std::string commit = copy.git({"rev-parse", "--short=12", "HEAD"}).out;
+  const std::string name = commit.substr(0, 12);
+
+  EXPECT_EQ(copy.run("commit", {}, {{"GIGASTEP_COMMIT", "other"}}).out, name + "\n");
+  copy.write("docs/page.md", "another page\n");
+  EXPECT_EQ(copy.run("commit").out, name + "\n");  // pages do not change what the program does
+  copy.write("lib/c.cpp", "int c();\n");
+  EXPECT_EQ(copy.run("commit").out, name + "-dirty\n");
+}
+
+/// A page of these sources with rows of all six steps.
+void write_page(const Copy& copy, const std::string& hash, const std::string& result_of_tests) {
+  std::string page = "Sources: `" + hash + "`\n\n";
+  for (const std::string step : {"build", "test", "sanitize", "bench", "train", "resume"})
+    page += "| " + step + " | what | " + (step == "test" ? result_of_tests : "ok") + " | 1.0 | | | | |\n";
+  copy.write("docs/gpu_check.md", page);
+}
+
+TEST(Scripts, FreshComparesThePageWithTheSources) {
+  const Copy copy;
+  const auto fresh = [&] { return copy.run("gpu_check", {"--fresh"}); };
+  EXPECT_EQ(fresh().code, 1);
+  EXPECT_TRUE(contains(fresh().out, {"not checked"}));
+
+  // The hash by hand: names and contents of the sources in the order of their bytes.
+  const Outcome sums = copy.here().run(
+      {"-c", "cd tree && sha256sum lib/a.hpp lib/sub/b.cpp | sha256sum | cut -c1-64 | tr -d '\\n'"}, "/bin/sh");
+  ASSERT_EQ(sums.out.size(), 64u) << sums.err;
+  write_page(copy, sums.out, "ok");
+  EXPECT_EQ(fresh().code, 0) << fresh().out;
+  EXPECT_EQ(copy.run("gpu_check", {"--fresh"}, {{"LC_ALL", "C"}}).code, 0);
+
+  // What is no source does not matter; what failed does; so does any changed, renamed or new source.
+  copy.write("lib/notes.txt", "nothing\n");
+  copy.write("docs/page.md", "another page\n");
+  EXPECT_EQ(fresh().code, 0);
+  write_page(copy, sums.out, "FAILED (1)");
+  EXPECT_EQ(fresh().code, 1);
+  EXPECT_TRUE(contains(fresh().out, {"1 rows failed"}));
+  write_page(copy, sums.out, "ok");
+  copy.write("lib/sub/b.cpp", "int b(int);\n");
+  EXPECT_EQ(fresh().code, 1);
+  copy.write("lib/sub/b.cpp", "int b();\n");
+  EXPECT_EQ(fresh().code, 0);
+  copy.write("cuda/c.cu", "int c();\n");
+  EXPECT_EQ(fresh().code, 1);
+}
+
+TEST(Scripts, FreshAsksForEveryStep) {
+  const Copy copy;
+  const Outcome sums = copy.here().run(
+      {"-c", "cd tree && sha256sum lib/a.hpp lib/sub/b.cpp | sha256sum | cut -c1-64 | tr -d '\\n'"}, "/bin/sh");
+  copy.write("docs/gpu_check.md", "Sources: `" + sums.out + "`\n\n| bench | what | ok | 1.0 | | | | |\n");
+  const Outcome fresh = copy.run("gpu_check", {"--fresh"});
+  EXPECT_EQ(fresh.code, 1);
+  EXPECT_TRUE(contains(fresh.out, {"no rows of build test sanitize train resume"}));
+}
+
+// Everything that scripts/measure does, with tiny sizes on the CPU: rows as soon as they are measured, nothing twice,
+// tables.
+TEST(Scripts, MeasureWritesRowsAndTables) {
+  const Copy copy;
+  if (copy.here().run({"python3", "--version"}, "/usr/bin/env").code != 0) GTEST_SKIP() << "no python3";
+  const fs::path tree = copy.here().path() / "tree", source = GIGASTEP_SOURCE_DIR;
+  fs::copy_file(source / "scripts/measure", tree / "scripts/measure");
+  fs::copy_file(source / "docs/measurements.md", tree / "docs/measurements.md");
+  fs::copy(source / "configs", tree / "configs");
+  const Environment environment = {{"GIGASTEP_MEASURE_TINY", "1"},
+                                   {"BUILD", fs::path(GIGASTEP_EXECUTABLE).parent_path().parent_path().string()},
+                                   {"OUT", (tree / "build/measure_tiny").string()}};
+  const auto measure = [&](const std::vector<std::string>& arguments) {
+    return copy.run("measure", arguments, environment);
+  };
+
+  // Two runs of two seeds at most are done in a call without time; those that are left say so.
+  EXPECT_EQ(measure({"cpu", "quickstart", "--limit", "0"}).code, 3);
+  for (const char* piece : {"quickstart", "bench-cpu"}) {
+    const Outcome outcome = measure({"cpu", piece});
+    EXPECT_EQ(outcome.code, 0) << outcome.out << outcome.err;
+  }
+  const std::string rows = copy.read("build/measure_tiny/quickstart.jsonl");
+  EXPECT_EQ(std::count(rows.begin(), rows.end(), '\n'), 2);  // a row per seed
+  EXPECT_TRUE(contains(measure({"cpu"}).out, {"5 of 5 measured"}));
+  EXPECT_EQ(copy.read("build/measure_tiny/quickstart.jsonl"), rows);
+  EXPECT_TRUE(contains(measure({"left"}).out, {"left: mappo: MAPPO, seed 1"}));
+
+  const Outcome docs = measure({"docs"});
+  ASSERT_EQ(docs.code, 0) << docs.out << docs.err;
+  const std::string page = copy.read("build/measure_tiny/measurements.md");
+  EXPECT_TRUE(contains(
+      page, {"| the quickstart | ", "| 1, 2 | ", "wins against evader", "| sim, identical_5_vs_5, 16 worlds | fp32 |",
+             "rollout ", "learning ", "`gigastep train configs/quickstart.yaml --seed S",
+             "Not measured yet: `scripts/measure gpu-learn mappo`."}));
+
+  // Rows of another machine come in once, and of two commits the newer one is shown.
+  copy.write("other.jsonl", R"({"key": "bench-cpu: x", "piece": "bench-cpu", "commit": "feedc0de", "device": "a GPU",
+    "date": "2999-01-01T00:00:00+00:00", "command": "gigastep bench x", "kind": "sim", "scenario": "s", "results": [
+    {"worlds": 8, "arithmetic": "bf16", "agent_steps_per_second": 2e9, "interquartile": [1e9, 3e9], "checksum": {}}]})");
+  std::string line = copy.read("other.jsonl");
+  line.erase(std::remove(line.begin(), line.end(), '\n'), line.end());
+  copy.write("other.jsonl", line + "\n");
+  const std::string other = (tree / "other.jsonl").string();
+  EXPECT_TRUE(contains(measure({"add", other}).out, {"1 new rows"}));
+  EXPECT_TRUE(contains(measure({"add", other}).out, {"0 new rows"}));
+  ASSERT_EQ(measure({"docs"}).code, 0);
+  const std::string newer = copy.read("build/measure_tiny/measurements.md");
+  EXPECT_TRUE(contains(newer, {"| sim, s, 8 worlds | bf16 | **2 G** (1 G to 3 G) |  | a GPU | `feedc0de` |"}));
+  EXPECT_EQ(newer.find("16 worlds"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace giga::test
