@@ -295,11 +295,12 @@ TEST(BadInput, EveryKindIsToldAndTheTableInTheDocsIsCurrent) {
     const std::string message = message_of(input);
     for (const std::string& part : input.parts) EXPECT_TRUE(contains(message, {part})) << input.kind;
     const std::string row = "| " + input.kind + " | " + cell(shortened(input.shown)) + " | " + cell(message) + " |\n";
-    if (!writes) EXPECT_TRUE(contains(current, {row})) << "scripts/docs writes the page anew";
+    EXPECT_TRUE(writes || contains(current, {row})) << "scripts/docs writes the page anew; not there: " << row;
     page += row;
   }
   if (writes) std::ofstream(file) << page;
-  if (stride == 1) EXPECT_EQ(read_file(file), page) << "scripts/docs writes it anew";
+  if (stride > 1) return;
+  EXPECT_EQ(read_file(file), page) << "scripts/docs writes it anew";
 }
 
 }  // namespace

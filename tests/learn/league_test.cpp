@@ -126,11 +126,11 @@ Rollout copy_of(const Rollout& rollout) {
 
 /// Makes everything in the worlds in which `team` does not learn useless to learn from.
 void spoil_frozen(Rollout& rollout, int team, const WorldRange& learning) {
-  constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+  constexpr double kSpoiled = std::numeric_limits<double>::quiet_NaN();
   const auto spoil = [&](const at::Tensor& x, int64_t dim) {
     if (!x.defined() || !x.is_floating_point()) return;
-    x.narrow(dim, 0, learning.first).fill_(kNan);
-    x.narrow(dim, learning.end(), kSmallRunWorlds - learning.end()).fill_(kNan);
+    x.narrow(dim, 0, learning.first).fill_(kSpoiled);
+    x.narrow(dim, learning.end(), kSmallRunWorlds - learning.end()).fill_(kSpoiled);
   };
   const TeamRollout& r = rollout.team[team];
   for (const at::Tensor& x : {r.obs, r.raw, r.log_prob, r.reward, rollout.global}) spoil(x, 1);

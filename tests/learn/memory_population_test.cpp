@@ -29,7 +29,7 @@ struct PopulationSettings {
 };
 void PrintTo(const PopulationSettings& s, std::ostream* out) { *out << s.name; }
 
-LoadedRun load(const PopulationSettings& s, int members) {
+LoadedRun load_population(const PopulationSettings& s, int members) {
   return load_run_config_text(
       cat("seed: 1\ntrain: {n_threads: 1, ", s.train, "}\npopulation: {population_size: ", members,
           ", episodes_per_member: ", s.episodes, ", max_steps: 3, ", s.population, "}\neval: {episodes: 8}\n", s.more),
@@ -59,7 +59,7 @@ const PopulationSettings kPopulationSettings[] = {
 // A world takes what it takes, however many episodes it plays.
 TEST(LearnMemoryPopulationPlan, EpisodesOneAfterTheOtherShareAWorld) {
   const auto total = [](int episodes, const char* population) {
-    return plan_memory(load({"", "algorithm: snes", population, "", "", episodes}, 64), kCpu).total();
+    return plan_memory(load_population({"", "algorithm: snes", population, "", "", episodes}, 64), kCpu).total();
   };
   EXPECT_EQ(total(64, "parallel_episodes: 4"), total(4, ""));
   EXPECT_LT(total(4, ""), total(64, ""));
@@ -69,7 +69,7 @@ class LearnMemoryPopulation : public testing::TestWithParam<PopulationSettings> 
 
 // Measured: 1.000 to 1.003 for these settings; 1.010 with a pool, for the copies of a checkpoint.
 TEST_P(LearnMemoryPopulation, PlanIsWhatTensorsAndStateTake) {
-  const LoadedRun run = load(GetParam(), 64);
+  const LoadedRun run = load_population(GetParam(), 64);
   const ProbedLearner probed = probe_updates(run, 3);
   SimOptions sim;
   sim.n_worlds = populations_at_a_time(run.config) * 64 * run.config.population.n_worlds();
@@ -92,7 +92,7 @@ TEST(LearnMemoryPopulationPlan, ResidentMemoryOfTheProcess) {
     const PopulationSettings& settings =
         *std::find_if(std::begin(kPopulationSettings), std::end(kPopulationSettings),
                       [&](const PopulationSettings& s) { return std::string(s.name) == name; });
-    const std::optional<double> ratio = planned_over_resident(load(settings, 512));
+    const std::optional<double> ratio = planned_over_resident(load_population(settings, 512));
     if (!ratio) GTEST_SKIP() << "the system does not reset the peak";
     RecordProperty(cat("predicted_over_measured_", name), std::to_string(*ratio));
     EXPECT_GE(*ratio, 1.0) << name;
@@ -101,11 +101,11 @@ TEST(LearnMemoryPopulationPlan, ResidentMemoryOfTheProcess) {
 }
 
 TEST(LearnMemoryPopulationPlan, PartsPerMember) {
-  const MemoryPlan small = plan_memory(load(kPopulationSettings[0], 64), kCpu),
-                   large = plan_memory(load(kPopulationSettings[0], 128), kCpu);
+  const MemoryPlan small = plan_memory(load_population(kPopulationSettings[0], 64), kCpu),
+                   large = plan_memory(load_population(kPopulationSettings[0], 128), kCpu);
   expect_growth(small, large, 64);
   // Two teams of members, each in 4 worlds of 10 agents with D floats and an action.
-  const LoadedRun run = load(kPopulationSettings[0], 64);
+  const LoadedRun run = load_population(kPopulationSettings[0], 64);
   const int64_t d = run.spec.padded_observation_size();
   EXPECT_EQ(item(small, "observations, actions"), 64 * 2 * 4 * 10 * 4 * (d + 1));
   const int64_t p = Actor::count_parameters(run.config.population.actor, d, ActionKind::discrete);
@@ -113,7 +113,7 @@ TEST(LearnMemoryPopulationPlan, PartsPerMember) {
 }
 
 TEST(LearnMemoryPopulationPlan, LargestPopulationFitsAndTwoMoreDoNot) {
-  LoadedRun run = load(kPopulationSettings[0], 64);
+  LoadedRun run = load_population(kPopulationSettings[0], 64);
   const auto total = [&run](int64_t members) {
     run.config.population.population_size = static_cast<int>(members);
     return plan_memory(run, kCpu).total();
@@ -140,7 +140,7 @@ TEST(LearnMemoryPopulationPlan, LargestPopulationFitsAndTwoMoreDoNot) {
 TEST(LearnMemoryPopulationPlan, GrowsWithThePopulation) {
   for (const Device device : {kCpu, kGpu}) {
     for (const PopulationSettings& settings : kPopulationSettings) {
-      LoadedRun run = load(settings, 2);
+      LoadedRun run = load_population(settings, 2);
       int64_t before = 0;
       for (int members = 2; members < 100'000; members += members / 8 / 2 * 2 + 2) {
         run.config.population.population_size = members;
@@ -153,10 +153,10 @@ TEST(LearnMemoryPopulationPlan, GrowsWithThePopulation) {
 }
 
 TEST(LearnMemoryPopulationPlan, ForCuda) {
-  const MemoryPlan fused = plan_memory(load({"", "algorithm: snes, precision: fp16"}, 512), kGpu);
+  const MemoryPlan fused = plan_memory(load_population({"", "algorithm: snes, precision: fp16"}, 512), kGpu);
   // Networks 112 -> 64 -> 64 -> 28 in half precision: slabs of 32 inputs x tiles of 8 outputs x 256 numbers, and
   // biases: (4 x 8 x 256 + 64) + (2 x 8 x 256 + 64) + (2 x 4 x 256 + 32), and 8 for log_std.
-  ASSERT_EQ(load({"", "algorithm: snes"}, 512).spec.padded_observation_size(), 112);
+  ASSERT_EQ(load_population({"", "algorithm: snes"}, 512).spec.padded_observation_size(), 112);
   EXPECT_EQ(item(fused, "members in half precision"), 2 * 512 * 2 * 14'504);
   // Activations only where LibTorch computes.
   EXPECT_EQ(item(fused, "playing: activations"), 0);
@@ -165,14 +165,14 @@ TEST(LearnMemoryPopulationPlan, ForCuda) {
        {PopulationSettings{"", "algorithm: snes, precision: bf16", "", "", "", 64},
         PopulationSettings{"", "algorithm: snes", "actor: {layer_norm: true}", "", "", 64},
         PopulationSettings{"", "algorithm: snes", "actor: {hidden: [32, 32]}", "", "", 64}}) {
-    const MemoryPlan plan = plan_memory(load(s, 512), kGpu);
+    const MemoryPlan plan = plan_memory(load_population(s, 512), kGpu);
     EXPECT_EQ(item(plan, "members in half precision"), 0) << s.train << s.population;
     EXPECT_GT(item(plan, "playing: activations"), 0) << s.train << s.population;
   }
 }
 
 TEST(LearnMemoryPopulationPlan, TheKernelsLayoutNeedsNoActor) {
-  const ActorConfig config = load(kPopulationSettings[0], 2).config.population.actor;
+  const ActorConfig config = load_population(kPopulationSettings[0], 2).config.population.actor;
   for (const ActionKind actions : {ActionKind::discrete, ActionKind::continuous}) {
     const Actor actor(config, 40, actions, false, Precision::fp16, at::kCPU, 1);
     const auto expected = actor.small_mlp(), found = Actor::small_mlp(config, 40, actions, Precision::fp16);
@@ -188,7 +188,7 @@ TEST(LearnMemoryPopulationPlan, TheKernelsLayoutNeedsNoActor) {
 }
 
 TEST(LearnMemoryPopulationPlan, WhatDoesNotFitIsRefusedWithTheNumbers) {
-  const LoadedRun run = load(kPopulationSettings[0], 2048);
+  const LoadedRun run = load_population(kPopulationSettings[0], 2048);
   const int64_t need = plan_memory(run, kCpu).total();
   EXPECT_NO_THROW(check_fits(run, kCpu, {2 * need, need}));
   const std::string message = input_error_of([&] { check_fits(run, kCpu, {2 * need, need - 1}); });
@@ -201,7 +201,7 @@ TEST(LearnMemoryPopulationPlan, WhatDoesNotFitIsRefusedWithTheNumbers) {
 }
 
 TEST(LearnMemoryPopulationPlan, TableAndJsonTellTheSame) {
-  const LoadedRun run = load(kPopulationSettings[0], 512);
+  const LoadedRun run = load_population(kPopulationSettings[0], 512);
   const MemorySpace space{int64_t{64} << 30, int64_t{32} << 30};
   const std::string table = plan_table(run, kCpu, space), json = plan_json(run, kCpu, space).text();
   expect_told(run, table, json);
@@ -217,7 +217,7 @@ TEST(LearnMemoryPopulationPlan, SaysWhatComputesTheMembersNetworks) {
   constexpr Device kAbsent{Device::Kind::cuda, 99};
   const auto check = [&](const PopulationSettings& s, Device device, MemberNetworks networks, const char* line,
                          const char* json, const char* precision) {
-    const LoadedRun run = load(s, 512);
+    const LoadedRun run = load_population(s, 512);
     EXPECT_EQ(plan_memory(run, device).networks, networks) << line;
     EXPECT_TRUE(contains(plan_table(run, device, kSpace), {line}));
     EXPECT_TRUE(contains(plan_json(run, device, kSpace).text(), {json, precision}));
@@ -246,7 +246,8 @@ class LearnMemoryPopulationGpu : public testing::TestWithParam<std::tuple<Popula
 TEST_P(LearnMemoryPopulationGpu, PlanIsWhatFreeMemoryLoses) {
   if (cuda_device_count() == 0) GTEST_SKIP() << "no GPU";
   const auto& [settings, members] = GetParam();
-  const double ratio = planned_over_lost(cat(settings.name, ", ", members, " members"), load(settings, members), 3);
+  const double ratio =
+      planned_over_lost(cat(settings.name, ", ", members, " members"), load_population(settings, members), 3);
   // Measured on an H200, less the 35 MiB by which the plan has shrunk since: 1.20 to 1.27 for 512 members, of 0.3 to
   // 0.4 GiB, and 1.00 to 1.12 for 8,192.
   EXPECT_GE(ratio, 1.0);

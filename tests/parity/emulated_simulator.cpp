@@ -10,7 +10,7 @@ namespace giga::test {
 namespace {
 
 constexpr int kPoison = 0xFF;
-constexpr size_t kGuardBytes = 64;  // behind the shared memory of a block
+constexpr size_t kSharedGuardBytes = 64;  // behind the shared memory of a block
 
 struct EmulatedSync {
   LockstepThreads* threads;
@@ -24,7 +24,7 @@ class EmulatedSimulator final : public LaunchingSimulator {
       : LaunchingSimulator(std::move(spec), options, host_memory()),
         order_(order),
         threads_(shape().threads),
-        shared_(host_memory(), shape().shared_bytes + kGuardBytes) {}
+        shared_(host_memory(), shape().shared_bytes + kSharedGuardBytes) {}
 
   bool over() override { return n_lists() > 0 && *n_playing() == 0; }
   EpisodeStats take_stats() override { return take_host_stats(state_.view(), n_worlds()); }
@@ -61,8 +61,8 @@ class EmulatedSimulator final : public LaunchingSimulator {
           run_block_thread<job, false>(k, at, shared, sync);
       });
       const char* guard = shared + s.shared_bytes;
-      GIGA_CHECK(std::count(guard, guard + kGuardBytes, static_cast<char>(kPoison)) == kGuardBytes, "block ", block,
-                 " wrote beyond its ", s.shared_bytes, " bytes of shared memory");
+      GIGA_CHECK(std::count(guard, guard + kSharedGuardBytes, static_cast<char>(kPoison)) == kSharedGuardBytes,
+                 "block ", block, " wrote beyond its ", s.shared_bytes, " bytes of shared memory");
     }
   }
 

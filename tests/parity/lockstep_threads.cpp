@@ -20,7 +20,7 @@ namespace giga::test {
 namespace {
 
 constexpr size_t kStackBytes = 128 << 10;
-constexpr size_t kGuardBytes = 256;
+constexpr size_t kStackGuardBytes = 256;
 constexpr char kGuard = 0x5A;
 
 }  // namespace
@@ -56,7 +56,9 @@ struct LockstepThreads::Fiber {
   bool flag = false;                                     // handed in
   bool answer = false;                                   // of the group
   std::unique_ptr<char[]> stack{new char[kStackBytes]};  // NOLINT: grows downwards to the guard
-  bool overflowed() const { return std::count(stack.get(), stack.get() + kGuardBytes, kGuard) != kGuardBytes; }
+  bool overflowed() const {
+    return std::count(stack.get(), stack.get() + kStackGuardBytes, kGuard) != kStackGuardBytes;
+  }
 };
 
 LockstepThreads::LockstepThreads(int n_threads) : main_(std::make_unique<Switch>()) {
@@ -66,7 +68,7 @@ LockstepThreads::LockstepThreads(int n_threads) : main_(std::make_unique<Switch>
 std::unique_ptr<LockstepThreads::Fiber> LockstepThreads::make_fiber() {
   auto fiber = std::make_unique<Fiber>();
   char* stack = fiber->stack.get();
-  std::fill_n(stack, kGuardBytes, kGuard);
+  std::fill_n(stack, kStackGuardBytes, kGuard);
   getcontext(&fiber->first);
   fiber->first.uc_stack.ss_sp = stack;
   fiber->first.uc_stack.ss_size = kStackBytes;
