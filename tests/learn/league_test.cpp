@@ -293,11 +293,12 @@ TEST(LearnLeague, WhereWaypointsDecideTheRecordOfThePoolGoesByThem) {
   const auto play = [](const std::string& win) {
     SmallRun run = with_opponents("pool_size: 2, pool_every_updates: 12, pool_share: 0.8, pool_draw: pfsp");
     run.n_threads = 1;
-    run.scenario = cat(
-        "limit_x: 2000\nlimit_y: 1000\nmaps: m\nmap_definitions: {m: {size: [2000, 1000], team_0: {area: [995, 495, "
-        "1005, 505]}, team_1: {area: [20, 495, 30, 505]}}}\ndamage: {damage_cone_depth: 0}\ncollision: "
-        "{collision_range: 0}\nwaypoints: {enable_waypoints: true, waypoint_size: 1000}\nwin: {by: ",
-        win, "}\n");
+    run.scenario =
+        cat("limit_x: 2000\nlimit_y: 1000\nmaps: m\nmap_definitions:\n"
+            "  m: {size: [2000, 1000], team_0: {area: [995, 495, 1005, 505]}, team_1: {area: [20, 495, 30, 505]}}\n"
+            "team_0: [{type: default, count: 1}]\nteam_1: [{type: default, count: 1}]\n"
+            "waypoints: {enable_waypoints: true, waypoint_size: 1000}\nwin: {by: ",
+            win, "}\n");
     return run.learner();
   };
   // What a team has won of its games against the other's past policies, ties being half a win; as PFSP looks at it.
