@@ -147,7 +147,7 @@ TEST(Scripts, MeasureWritesRowsAndTables) {
   ASSERT_EQ(docs.code, 0) << docs.out << docs.err;
   const std::string page = copy.read("build/measure_tiny/measurements.md");
   EXPECT_TRUE(contains(
-      page, {"| the quickstart | ", "| 1, 2 | ", "wins against evader", "| sim, identical_5_vs_5, 16 worlds | fp32 |",
+      page, {"| the quickstart | ", "| 1, 2 | ", "wins against evader", "| sim, identical_5_vs_5, 64 worlds | fp32 |",
              "rollout ", "learning ", "`gigastep train configs/quickstart.yaml --seed S",
              "Not measured yet: `scripts/measure gpu-learn mappo`."}));
 
@@ -164,7 +164,7 @@ TEST(Scripts, MeasureWritesRowsAndTables) {
   ASSERT_EQ(measure({"docs"}).code, 0);
   const std::string newer = copy.read("build/measure_tiny/measurements.md");
   EXPECT_TRUE(contains(newer, {"| sim, s, 8 worlds | bf16 | **2 G** (1 G to 3 G) |  | a GPU | `feedc0de` |"}));
-  EXPECT_EQ(newer.find("16 worlds"), std::string::npos);
+  EXPECT_EQ(newer.find("64 worlds"), std::string::npos);
 }
 
 }  // namespace
