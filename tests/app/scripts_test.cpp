@@ -97,6 +97,9 @@ TEST(Scripts, FreshComparesThePageWithTheSources) {
   EXPECT_EQ(fresh().code, 1);
   EXPECT_TRUE(contains(fresh().out, {"1 rows failed"}));
   write_page(copy, sums.out, "ok");
+  copy.write("docs/gpu_check.md", copy.read("docs/gpu_check.md") + "| test | what | ok | 1.0 | | no GPU | | |\n");
+  EXPECT_EQ(fresh().code, 1);
+  write_page(copy, sums.out, "ok");
   copy.write("lib/sub/b.cpp", "int b(int);\n");
   EXPECT_EQ(fresh().code, 1);
   copy.write("lib/sub/b.cpp", "int b();\n");
