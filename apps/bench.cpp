@@ -130,6 +130,24 @@ CLI::App* add_kind(CLI::App& parent, Dispatch& dispatch, const std::shared_ptr<B
   return command;
 }
 
+void add_seed_option(CLI::App& command, uint64_t& seed) {
+  command.add_option("--seed", seed, "seed of everything random")->capture_default_str()->type_name("N");
+}
+
+void add_precision_option(CLI::App& command, const std::string& name, Precision& precision) {
+  const std::vector<std::string> names = FieldCodec<Precision>::names();
+  command
+      .add_option_function<std::string>(
+          name,
+          [names, &precision](const std::string& value) {
+            precision = static_cast<Precision>(std::find(names.begin(), names.end(), value) - names.begin());
+          },
+          "arithmetic of the closed loop's networks on a GPU")
+      ->check(CLI::IsMember(names))
+      ->default_str(FieldCodec<Precision>::print(precision))
+      ->type_name("P");
+}
+
 /// A benchmark of a learner, which takes a config.
 CLI::App* add_learner(CLI::App& parent, Dispatch& dispatch, const std::string& kind, const std::string& config,
                       const std::string& description, Measure measure_one) {
@@ -141,25 +159,8 @@ CLI::App* add_learner(CLI::App& parent, Dispatch& dispatch, const std::string& k
       ->capture_default_str()
       ->type_name("CONFIG");
   add_set_option(*command, options->overrides);
+  if (kind == "es") add_precision_option(*command, "--closed-loop-precision", options->precision);
   return command;
-}
-
-void add_seed_option(CLI::App& command, uint64_t& seed) {
-  command.add_option("--seed", seed, "seed of everything random")->capture_default_str()->type_name("N");
-}
-
-void add_precision_option(CLI::App& command, Precision& precision) {
-  const std::vector<std::string> names = FieldCodec<Precision>::names();
-  command
-      .add_option_function<std::string>(
-          "--precision",
-          [names, &precision](const std::string& name) {
-            precision = static_cast<Precision>(std::find(names.begin(), names.end(), name) - names.begin());
-          },
-          "arithmetic of the networks' matrix products on a GPU")
-      ->check(CLI::IsMember(names))
-      ->default_str(FieldCodec<Precision>::print(precision))
-      ->type_name("P");
 }
 
 }  // namespace
@@ -195,7 +196,7 @@ void add_bench_command(CLI::App& app, Dispatch& dispatch) {
       ->check(CLI::Range(1, 16384))
       ->capture_default_str()
       ->type_name("N,...");
-  add_precision_option(*closed, loop->precision);
+  add_precision_option(*closed, "--precision", loop->precision);
   add_seed_option(*closed, loop->seed);
   closed->footer("Example:\n  gigastep bench closed-loop --scenario identical_5_vs_5 --hidden 256,256");
 
@@ -210,7 +211,7 @@ void add_bench_command(CLI::App& app, Dispatch& dispatch) {
   es->footer(
       "Only steps inside episodes count. --worlds: of both teams' populations, in whole pairs of members; without it "
       "as "
-      "the\nconfig says. The closed loop computes as train.precision says, for every number of worlds.\n"
+      "the\nconfig says.\n"
       "Example:\n  gigastep bench es --config snes --scenario identical_5_vs_5 --worlds 16384,65536 --device cuda");
 }
 

@@ -33,6 +33,7 @@ BenchResult closed_loop(const BenchOptions& options, const LoadedRun& run, Devic
   measured.steps = 0;
   LoadedRun loop = run;
   loop.config.train.n_worlds = worlds_of(run.config);
+  loop.config.train.precision = options.precision;
   return bench_closed_loop(measured, device, loop);
 }
 

@@ -20,7 +20,7 @@ struct BenchOptions {
   int repeats = 7;
   uint64_t seed = 0;                              ///< of sim and closed-loop
   std::vector<int> hidden = {64, 64};             ///< closed-loop: of both policies
-  Precision precision = TrainConfig{}.precision;  ///< closed-loop
+  Precision precision = TrainConfig{}.precision;  ///< of a closed loop
   std::string config = "mappo";                   ///< train and es
   std::vector<std::string> overrides;             ///< train and es
   std::string json;

@@ -97,6 +97,9 @@ TEST(Scripts, FreshComparesThePageWithTheSources) {
   EXPECT_EQ(fresh().code, 1);
   EXPECT_TRUE(contains(fresh().out, {"1 rows failed"}));
   write_page(copy, sums.out, "ok");
+  copy.write("docs/gpu_check.md", copy.read("docs/gpu_check.md") + "| test | what | ok | 1.0 | | no GPU | | |\n");
+  EXPECT_EQ(fresh().code, 1);
+  write_page(copy, sums.out, "ok");
   copy.write("lib/sub/b.cpp", "int b(int);\n");
   EXPECT_EQ(fresh().code, 1);
   copy.write("lib/sub/b.cpp", "int b();\n");
@@ -147,7 +150,7 @@ TEST(Scripts, MeasureWritesRowsAndTables) {
   ASSERT_EQ(docs.code, 0) << docs.out << docs.err;
   const std::string page = copy.read("build/measure_tiny/measurements.md");
   EXPECT_TRUE(contains(
-      page, {"| the quickstart | ", "| 1, 2 | ", "wins against evader", "| sim, identical_5_vs_5, 16 worlds | fp32 |",
+      page, {"| the quickstart | ", "| 1, 2 | ", "wins against evader", "| sim, identical_5_vs_5, 64 worlds | fp32 |",
              "rollout ", "learning ", "`gigastep train configs/quickstart.yaml --seed S",
              "Not measured yet: `scripts/measure gpu-learn mappo`."}));
 
@@ -164,7 +167,7 @@ TEST(Scripts, MeasureWritesRowsAndTables) {
   ASSERT_EQ(measure({"docs"}).code, 0);
   const std::string newer = copy.read("build/measure_tiny/measurements.md");
   EXPECT_TRUE(contains(newer, {"| sim, s, 8 worlds | bf16 | **2 G** (1 G to 3 G) |  | a GPU | `feedc0de` |"}));
-  EXPECT_EQ(newer.find("16 worlds"), std::string::npos);
+  EXPECT_EQ(newer.find("64 worlds"), std::string::npos);
 }
 
 }  // namespace
