@@ -39,7 +39,11 @@ endfunction()
 
 # giga_cold(<target>): code that takes no share of a run's time, compiled quickly (-O1) where the build is optimised.
 function(giga_cold target)
-  target_compile_options(${target} PRIVATE $<$<AND:$<CONFIG:Release>,$<COMPILE_LANGUAGE:CXX>>:-O1>)
+  set(flags -O1)
+  if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND CMAKE_CXX_COMPILER_VERSION VERSION_GREATER_EQUAL 13 AND GIGASTEP_MARCH MATCHES x86)
+    list(APPEND flags -munroll-only-small-loops)  # -O2 sets it, and a precompiled header wants the same
+  endif()
+  target_compile_options(${target} PRIVATE "$<$<AND:$<CONFIG:Release>,$<COMPILE_LANGUAGE:CXX>>:${flags}>")
 endfunction()
 
 # giga_library(<name> [TORCH] [COLD] [FILES <files>...] [EXCEPT <files>...] [PUBLIC <targets>...] [PRIVATE <targets>...])

@@ -5,6 +5,7 @@
 #include <filesystem>
 
 #include "program.hpp"
+#include "support/source.hpp"
 
 namespace giga::test {
 namespace {
@@ -17,7 +18,7 @@ class Copy {
   Copy() {
     fs::create_directories(here_.path() / "tree/scripts");
     for (const char* name : {"commit", "gpu_check"})
-      fs::copy_file(fs::path(GIGASTEP_SOURCE_DIR) / "scripts" / name, here_.path() / "tree/scripts" / name);
+      fs::copy_file(source_path(std::string("scripts/") + name), here_.path() / "tree/scripts" / name);
     write("lib/a.hpp", "int a();\n");
     write("lib/sub/b.cpp", "int b();\n");
     write("docs/page.md", "a page\n");
@@ -123,7 +124,7 @@ TEST(Scripts, FreshAsksForEveryStep) {
 TEST(Scripts, MeasureWritesRowsAndTables) {
   const Copy copy;
   if (copy.here().run({"python3", "--version"}, "/usr/bin/env").code != 0) GTEST_SKIP() << "no python3";
-  const fs::path tree = copy.here().path() / "tree", source = GIGASTEP_SOURCE_DIR;
+  const fs::path tree = copy.here().path() / "tree", source = source_path();
   fs::copy_file(source / "scripts/measure", tree / "scripts/measure");
   fs::copy_file(source / "docs/measurements.md", tree / "docs/measurements.md");
   fs::copy(source / "configs", tree / "configs");

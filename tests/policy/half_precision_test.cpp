@@ -14,7 +14,7 @@
 namespace giga::test {
 namespace {
 
-constexpr int64_t kObs = 112;
+constexpr int64_t kHalfObs = 112;
 
 /// To 11 bits of mantissa, or to multiples of 2^-24; of two that are equally near the even one.
 double nearest_half(double x) {
@@ -53,7 +53,7 @@ ActorConfig config_of(std::vector<int> hidden, Activation activation = Activatio
 /// An actor whose parameters are those of its initialisation plus normal numbers of this deviation.
 Actor actor_of(const ActorConfig& config, ActionKind actions, Precision precision, double deviation,
                Device device = {}) {
-  Actor actor(config, kObs, actions, false, precision, torch_device(device), 1);
+  Actor actor(config, kHalfObs, actions, false, precision, torch_device(device), 1);
   at::NoGradGuard no_grad;
   actor.parameters().values().add_((deviation * random({actor.parameters().size()}, 7)).to(torch_device(device)));
   return actor;
@@ -61,7 +61,7 @@ Actor actor_of(const ActorConfig& config, ActionKind actions, Precision precisio
 
 /// As body views are: numbers in [-1, 1], of which a quarter, the unseen, is 0.
 at::Tensor observations(int64_t rows) {
-  return at::where(random({rows, kObs}, 5) < 0.7, random({rows, kObs}, 3).clamp(-1, 1), 0.0);
+  return at::where(random({rows, kHalfObs}, 5) < 0.7, random({rows, kHalfObs}, 3).clamp(-1, 1), 0.0);
 }
 
 // One hidden layer by hand: in double precision, where only what is said to be rounded is.
@@ -84,8 +84,8 @@ TEST(PolicyHalfPrecision, EachLayerRoundsWeightsBiasesAndWhatItTakesIn) {
   };
   double rounding_shows = 0;
   for (int64_t row = 0; row < obs.size(0); ++row) {
-    std::vector<double> x(kObs);
-    for (int64_t j = 0; j < kObs; ++j) x[static_cast<size_t>(j)] = obs[row][j].item<float>();
+    std::vector<double> x(kHalfObs);
+    for (int64_t j = 0; j < kHalfObs; ++j) x[static_cast<size_t>(j)] = obs[row][j].item<float>();
     std::vector<double> hidden = layer(0, x, 33);
     for (double& h : hidden) h = std::tanh(h);
     const std::vector<double> head = layer(1, hidden, actor.head_size());
@@ -101,7 +101,7 @@ TEST(PolicyHalfPrecision, EachLayerRoundsWeightsBiasesAndWhatItTakesIn) {
 TEST(PolicyHalfPrecision, MembersAreActors) {
   for (const ActionKind actions : {ActionKind::discrete, ActionKind::continuous}) {
     const Actor shape = actor_of(config_of({16, 9}, Activation::silu), actions, Precision::fp16, 0);
-    const at::Tensor obs = observations(14).view({2, 7, kObs});
+    const at::Tensor obs = observations(14).view({2, 7, kHalfObs});
     const at::Tensor members = 0.3 * random({2, shape.parameters().size()}, 4);
     const at::Tensor heads = shape.forward_members(members, obs);
     for (int64_t m = 0; m < 2; ++m) {
