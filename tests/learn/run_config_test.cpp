@@ -97,7 +97,7 @@ TEST_F(LearnRunConfig, AllMistakesOfAllStagesAtOnce) {
                      {"seed=x", "nonsense"}),
             "--set nonsense: expected KEY=VALUE\n"
             "run.yaml:2:23: team_1: the team is empty; it needs at least one entry such as {type: default, count: 5}\n"
-            "run.yaml:3:34: train.precision: 'fp8' is not one of: fp32, tf32, bf16, fp16; nearest: 'fp16'\n"
+            "run.yaml:3:34: train.precision: 'fp8' is not one of: fp32, tf32, bf16, fp16; nearest: 'fp32'\n"
             "run.yaml:4:18: mappo.horizon: 5 is longer than an episode of scenario 'identical_2_vs_2' "
             "(max_episode_length 3)\n"
             "--set seed: 'x' is not an integer >= 0\n"
