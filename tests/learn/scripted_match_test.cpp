@@ -45,9 +45,17 @@ TEST(LearnScripted, EvaderAndHiderOutliveCirclesAgainstPursuers) {
 
 TEST(LearnScripted, WaypointRunnerCollectsAndWins) {
   const MatchResult r = play("waypoint_5_vs_5", Scripted::waypoint_runner, Scripted::random);
-  EXPECT_GT(r.mean_score[0], 8);                                                                     // 10.6
-  EXPECT_LT(r.mean_score[1], 1);                                                                     // 0.1
-  EXPECT_GT(play("waypoint_5_vs_5", Scripted::circle, Scripted::waypoint_runner).mean_score[1], 8);  // 10.3
+  EXPECT_GT(r.mean_score[0], 8);     // 10.6
+  EXPECT_LT(r.mean_score[1], 1);     // 0.1
+  EXPECT_GT(share(r.wins[0]), 0.9);  // 1
+  const MatchResult other = play("waypoint_5_vs_5", Scripted::circle, Scripted::waypoint_runner);
+  EXPECT_GT(other.mean_score[1], 8);     // 10.3
+  EXPECT_GT(share(other.wins[1]), 0.9);  // 1; all ties by elimination, where nobody dies
+}
+
+TEST(LearnScripted, HidersWinAtTheTimeLimit) {
+  EXPECT_GT(share(play("hide_and_seek_5_vs_5", Scripted::circle, Scripted::hider).wins[1]), 0.9);   // 1, by the limit
+  EXPECT_GT(share(play("hide_and_seek_5_vs_5", Scripted::pursuer, Scripted::hider).wins[0]), 0.9);  // 1
 }
 
 TEST(LearnScripted, PatrollerShootsWhatItMeets) {
