@@ -38,7 +38,7 @@ std::map<std::string, Node> environments() {
   return distinct;
 }
 
-/// Full throttle to the nearest border: dead within 6 to 20 steps.
+/// Full throttle to the nearest border: a whole team is gone within about 20 steps.
 int32_t leave(const ObservationReader& obs) {
   const SimParams& p = obs.rules();
   const OwnState own = obs.own();
