@@ -1,7 +1,7 @@
 // The CPU back end against the executors of the GPU, bit for bit: every state field and every output, step by step from
 // identical states and over whole trajectories, for team sizes that exercise every way of spreading a world over
 // threads. Each test runs twice: on a GPU where there is one, and everywhere with the GPU's threads run by the CPU.
-// GIGASTEP_PARITY_SMALL=1 cuts the sizes on the GPU, for compute-sanitizer.
+// GIGASTEP_PARITY_SMALL=1 cuts the sizes, for compute-sanitizer; a build with the address sanitizer does so by itself.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -25,8 +25,12 @@ enum class Executor { gpu, emulated };
 void PrintTo(Executor executor, std::ostream* out) { *out << (executor == Executor::gpu ? "GPU" : "emulated"); }
 
 bool small() {
+#if defined(__SANITIZE_ADDRESS__)
+  return true;
+#else
   const char* text = std::getenv("GIGASTEP_PARITY_SMALL");
   return text && std::string(text) == "1";
+#endif
 }
 
 /// Sizes of a test. TileLanes serve up to 32 agents: 16, 8, 3, 3, 1 and 2 worlds a warp; BlockLanes the rest: the
@@ -54,8 +58,8 @@ Case cut(Case c, Executor executor) {
   c.n_steps = large ? 3 : 8;
   if (executor == Executor::gpu) return c;
   if (c.n_team_0 < 20) c.n_worlds = 4 * (32 / (c.n_team_0 + c.n_team_1)) + 1;  // a block and one world of the next
-  c.n_variants = large ? 4 : 8;
-  c.n_steps = large ? 6 : 24;
+  c.n_variants = large || small() ? 4 : 8;
+  c.n_steps = large ? 6 : (small() ? 12 : 24);
   return c;
 }
 
@@ -137,7 +141,7 @@ class SimulatorParity : public ::testing::TestWithParam<std::tuple<Executor, Cas
   /// Steps that are looked at one by one: 5 suffice, for the more variants.
   int n_single_steps() const { return case_.thin ? 5 : std::max(5, case_.n_steps / 3); }
   int n_single_variants() const {
-    return executor_ == Executor::emulated ? std::get<1>(GetParam()).n_variants : case_.n_variants;
+    return executor_ == Executor::emulated && !small() ? std::get<1>(GetParam()).n_variants : case_.n_variants;
   }
 
   const Executor executor_ = std::get<0>(GetParam());
