@@ -47,8 +47,8 @@ GIGA_HD uint32_t draw_world(int64_t first, int64_t period, int64_t world) {
   return static_cast<uint32_t>(first + (period > 0 ? world % period : world));
 }
 
-/// What a draw decides; part of the counter, so that no two purposes share numbers.
-enum class Draw : uint32_t { waypoint, detect, comm, map, start, action, opponent, permutation, init, es_noise, pool };
+/// What a draw decides; part of the counter, so that no two purposes share numbers. Each keeps its number for good.
+enum class Draw : uint32_t { waypoint, detect, comm, map, start, action, opponent, init = 8, es_noise, pool };
 
 /// The draws of one world at one step, addressed by purpose and indices. Consecutive indices share a Philox call,
 /// whose result is remembered.
