@@ -129,7 +129,7 @@ TEST(Scripts, MeasureWritesRowsAndTables) {
   fs::copy_file(source / "docs/measurements.md", tree / "docs/measurements.md");
   fs::copy(source / "configs", tree / "configs");
   const Environment environment = {{"GIGASTEP_MEASURE_TINY", "1"},
-                                   {"BUILD", fs::path(GIGASTEP_EXECUTABLE).parent_path().parent_path().string()},
+                                   {"BUILD", fs::path(kGigastep).parent_path().parent_path().string()},
                                    {"OUT", (tree / "build/measure_tiny").string()}};
   const auto measure = [&](const std::vector<std::string>& arguments) {
     return copy.run("measure", arguments, environment);
