@@ -20,8 +20,8 @@ namespace {
 // evolution has not.
 constexpr int64_t kCudaFixed = 300 * kMiB, kCudaFixedWithoutGradients = kCudaFixed - 35 * kMiB;
 // The program on the CPU: training with 16 worlds of 5 against 5 reaches 494 MiB resident where it links the CUDA part
-// of LibTorch, 154 MiB where it does not, 4 MiB of them planned. There, runs of some hundred MiB take up to 25 MiB more,
-// which the allocator keeps.
+// of LibTorch, 154 MiB where it does not, 4 MiB of them planned. There, runs of some hundred MiB take up to 25 MiB
+// more, which the allocator keeps.
 int64_t cpu_fixed() { return (built_with_cuda() ? 500 : 190) * kMiB; }
 // A checkpoint is there three times while it is written: the arrays, the file's image, and its bytes.
 constexpr int64_t kCheckpointCopies = 3;
