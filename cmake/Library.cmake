@@ -37,13 +37,14 @@ function(giga_together target)
   endforeach()
 endfunction()
 
-# giga_cold(<target>): code that takes no share of a run's time, compiled quickly (-O1) where the build is optimised.
+# giga_cold(<target> [TORCH]): code that takes no share of a run's time, compiled quickly (-O1) where the build is optimised.
+# TORCH: it starts from the precompiled LibTorch header, which GCC from 13 on refuses below -O2.
 function(giga_cold target)
-  set(flags -O1)
-  if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND CMAKE_CXX_COMPILER_VERSION VERSION_GREATER_EQUAL 13 AND GIGASTEP_MARCH MATCHES x86)
-    list(APPEND flags -munroll-only-small-loops)  # -O2 sets it, and a precompiled header wants the same
+  set(level -O1)
+  if("TORCH" IN_LIST ARGN AND CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND CMAKE_CXX_COMPILER_VERSION VERSION_GREATER_EQUAL 13)
+    set(level -O2)
   endif()
-  target_compile_options(${target} PRIVATE "$<$<AND:$<CONFIG:Release>,$<COMPILE_LANGUAGE:CXX>>:${flags}>")
+  target_compile_options(${target} PRIVATE $<$<AND:$<CONFIG:Release>,$<COMPILE_LANGUAGE:CXX>>:${level}>)
 endfunction()
 
 # giga_library(<name> [TORCH] [COLD] [FILES <files>...] [EXCEPT <files>...] [PUBLIC <targets>...] [PRIVATE <targets>...])
