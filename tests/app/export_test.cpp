@@ -95,7 +95,7 @@ TEST_F(ExportedRun, MistakesEndWithCodeTwoAndLeaveNothing) {
 // The policy and the example are written, then the disk is full (ENOSPC).
 TEST_F(ExportedRun, AllFilesOrNone) {
   const std::vector<std::string> before = here_->entries();
-  const Environment full_disk = {{"LD_PRELOAD", kFaultLibrary},
+  const Environment full_disk = {{"LD_PRELOAD", fault_library()},
                                  {"FAULT_PATH", "new/manifest.json"},
                                  {"FAULT_AT", "1"},
                                  {"FAULT_ERRNO", std::to_string(ENOSPC)}};

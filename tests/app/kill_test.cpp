@@ -30,7 +30,7 @@ class KilledRun : public ::testing::Test {
   /// Trains in the folder `name`; the fault strikes at the file operation `at` below it.
   Outcome run(const std::string& name, int at, int error) const {
     return here_.run({"train", "short.yaml", "--run-dir", name, "--quiet"}, kGigastep,
-                     {{"LD_PRELOAD", kFaultLibrary},
+                     {{"LD_PRELOAD", fault_library()},
                       {"FAULT_PATH", name + "/"},
                       {"FAULT_AT", std::to_string(at)},
                       {"FAULT_ERRNO", std::to_string(error)},

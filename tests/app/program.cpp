@@ -20,7 +20,20 @@ namespace giga::test {
 namespace fs = std::filesystem;
 
 // Paths of the build are in this file alone, so that the others compile to the same anywhere.
-const std::string kGigastep = GIGASTEP_EXECUTABLE, kFaultLibrary = GIGASTEP_FAULT_LIBRARY;
+const std::string kGigastep = GIGASTEP_EXECUTABLE;
+
+std::string fault_library() {
+  struct Link {
+    fs::path path = fs::temp_directory_path() / ("gigastep_fault_" + std::to_string(getpid()) + ".so");
+    Link() { fs::create_symlink(GIGASTEP_FAULT_LIBRARY, path); }
+    ~Link() {
+      std::error_code error;
+      fs::remove(path, error);
+    }
+  };
+  static const Link link;
+  return link.path.string();
+}
 
 const char* const kTinyConfig = R"(scenario: identical_2_vs_2_void
 device: cpu

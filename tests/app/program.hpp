@@ -21,8 +21,11 @@ struct Outcome {
   std::string out, err;
 };
 
-/// The built program, and the library that makes file operations of a process fail (fault/fault.c).
-extern const std::string kGigastep, kFaultLibrary;
+/// The built program.
+extern const std::string kGigastep;
+/// The library that makes file operations of a process fail (fault/fault.c), under a name for LD_PRELOAD, which ends a name
+/// at a space.
+std::string fault_library();
 
 /// Settings of the environment of one process: {"NAME", "value"}.
 using Environment = std::vector<std::pair<std::string, std::string>>;

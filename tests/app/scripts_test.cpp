@@ -6,6 +6,7 @@
 
 #include "program.hpp"
 #include "support/source.hpp"
+#include "support/thinning.hpp"
 
 namespace giga::test {
 namespace {
@@ -123,6 +124,7 @@ TEST(Scripts, FreshAsksForEveryStep) {
 // Everything that scripts/measure does, with tiny sizes on the CPU: rows as soon as they are measured, nothing twice,
 // tables.
 TEST(Scripts, MeasureWritesRowsAndTables) {
+  if (!tests_run_in_full()) GTEST_SKIP() << "slow; run with GIGASTEP_TEST_FULL=1";
   const Copy copy;
   if (copy.here().run({"python3", "--version"}, "/usr/bin/env").code != 0) GTEST_SKIP() << "no python3";
   const fs::path tree = copy.here().path() / "tree", source = source_path();

@@ -17,6 +17,7 @@
 #include "scenario/loader.hpp"
 #include "sim/simulator.hpp"
 #include "support/source.hpp"
+#include "support/thinning.hpp"
 
 namespace giga {
 namespace {
@@ -134,9 +135,10 @@ class ConfigRewards : public ::testing::TestWithParam<const char*> {
   /// teams that circle and teams that fight.
   template <class F>
   void in_each(F&& f) {
-    int n_scenarios = 0;
+    int n_scenarios = 0, n_of_family = 0;
+    const int stride = test::thinned(3);
     for (const ScenarioInfo& info : list_scenarios(source_data())) {
-      if (!info.name.starts_with(GetParam())) continue;
+      if (!info.name.starts_with(GetParam()) || n_of_family++ % stride != 0) continue;
       for (const auto& [text, environment] : environments()) {
         const Scenario scenario = load_scenario(info.name, source_data(), &environment, "environment");
         if (n_agents(scenario) > kMostAgents) continue;
