@@ -135,7 +135,8 @@ void add_seed_option(CLI::App& command, uint64_t& seed) {
 }
 
 void add_precision_option(CLI::App& command, const std::string& name, Precision& precision) {
-  const std::vector<std::string> names = FieldCodec<Precision>::names();
+  std::vector<std::string> names = FieldCodec<Precision>::names();
+  std::erase(names, "fp16");  // is for populations alone
   command
       .add_option_function<std::string>(
           name,

@@ -87,6 +87,7 @@ TEST(Bench, ClosedLoopKnowsThePrecisions) {
   const Outcome wrong = here.run({"bench", "closed-loop", "--precision", "fp64"});
   EXPECT_EQ(wrong.code, 2);
   EXPECT_TRUE(contains(wrong.err, {"fp64", "tf32"}));
+  EXPECT_EQ(here.run({"bench", "closed-loop", "--precision", "fp16"}).code, 2);  // for populations alone
   EXPECT_TRUE(contains(here.run({"bench", "closed-loop", "--help"}).out, {"--precision P", "tf32"}));
 }
 
@@ -94,8 +95,10 @@ TEST(Bench, ClosedLoopKnowsThePrecisions) {
 // TF32 need not differ: new networks are so small that rounding rarely changes a drawn action.)
 TEST(BenchGpu, ClosedLoopComputesInThePrecisionOfEachRow) {
   const Workplace here;
-  if (here.run({"bench", "sim", "--worlds", "8", "--steps", "2", "--repeats", "1", "--device", "cuda"}).code != 0)
-    GTEST_SKIP() << "no GPU";
+  const Outcome probe =
+      here.run({"bench", "sim", "--worlds", "8", "--steps", "2", "--repeats", "1", "--device", "cuda"});
+  if (probe.code == 2 && contains(probe.err, {"0 GPUs found"})) GTEST_SKIP() << "no GPU";
+  ASSERT_EQ(probe.code, 0) << probe.err;
   for (const std::string precision : {"fp32", "tf32", "bf16"}) {
     const Document json = bench(here,
                                 {"closed-loop", "--scenario", "identical_2_vs_2", "--worlds", "64,64", "--steps", "150",

@@ -1,5 +1,6 @@
-// The rewards of the shipped configs in every scenario: who fights earns more than who dies at once, idles or circles,
-// and dying at once is never the better way to lose.
+// The rewards of the configs that set them (the published setting has the original's), under the corrected rules, in
+// every scenario of up to 40 agents: who fights earns more than who dies at once, idles or circles, and dying at once
+// is never the better way to lose.
 #include <gtest/gtest.h>
 
 #include <algorithm>
