@@ -23,8 +23,8 @@ struct Outcome {
 
 /// The built program.
 extern const std::string kGigastep;
-/// The library that makes file operations of a process fail (fault/fault.c), under a name for LD_PRELOAD, which ends a name
-/// at a space.
+/// The library that makes file operations of a process fail (fault/fault.c), under a name for LD_PRELOAD, which ends a
+/// name at a space.
 std::string fault_library();
 
 /// Settings of the environment of one process: {"NAME", "value"}.
