@@ -16,7 +16,7 @@ enum class Purpose : uint32_t {
   evaluation,   ///< of a run while it trains; index: updates done, so that each evaluation plays new episodes
   eval,         ///< the command of that name
   rate,         ///< likewise; index: a hash of who plays whom
-  bench,        ///< likewise
+  bench,        ///< of the simulators of bench sim and closed-loop; bench train and es train as a run does
 };
 
 /// The seed of stretch `index` of a purpose. Philox maps counters one to one, and `Draw` stays below the 0xFF here: no

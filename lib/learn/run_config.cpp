@@ -42,7 +42,7 @@ class CombinationCheck {
     not_for(name, "train.desynchronize", a.desynchronize != b.desynchronize, "episodes of a generation start together");
   }
 
-  /// fp16 is what the fused kernel of populations computes, and nothing else.
+  /// fp16 is for populations, whose games the fused kernel plays: it must have room for their networks.
   void precision_fits() {
     if (c_.train.precision != Precision::fp16 || !known({"train.precision", "train.algorithm"})) return;
     const auto refuse = [this](const std::string& reason) {

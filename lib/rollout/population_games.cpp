@@ -7,12 +7,10 @@
 #include "cuda/runtime.hpp"
 #include "rollout/shapes.hpp"
 #include "rollout/tensors.hpp"
+#include "sim/schedule.hpp"
 
 namespace giga {
 namespace {
-
-/// Steps after which it is looked at what is left to do.
-constexpr int kStepsPerList = 8;
 
 /// With a limit, so that each episode ends.
 SimSpec limited(const SimSpec& spec, std::optional<int> max_steps) {
@@ -94,8 +92,8 @@ void PopulationGames::play(const std::vector<Population>& populations, uint32_t 
   }
   sim_->start(io_);
   for (int step = 0; step < limit; ++step) {
-    if (step % kStepsPerList == 0 && sim_->over()) break;
-    if (fused_ && step % kStepsPerList == 0) list_population_work(fused, work_.data_ptr<int32_t>(), device);
+    if (step % kListPeriod == 0 && sim_->over()) break;
+    if (fused_ && step % kListPeriod == 0) list_population_work(fused, work_.data_ptr<int32_t>(), device);
     if (fused_) launch_population_policy(fused, device);
     for (size_t k = 0; k < populations.size() && !fused_; ++k) {
       move_members(populations[k], k);

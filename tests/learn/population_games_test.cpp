@@ -114,7 +114,7 @@ TEST(LearnPopulationGames, WhoHidesWinsAtTheTimeLimitAndNotAtACut) {
   Networks n(run, 4, {});
   const RowRunner rows(Device{}, 1);
   for (const std::optional<int> max_steps : {std::optional<int>(), std::optional<int>(20), std::optional<int>(40)}) {
-    PopulationGamesOptions options{4, 2, 1, true, true, true, 9, 1};
+    PopulationGamesOptions options{4, 2, 1, true, true, 9, 1};
     options.max_steps = max_steps;
     PopulationGames games(run.spec, options, n.actor, rows);
     games.play({{0, n.members, n.opponents, {0, 1}}}, 0);
