@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <optional>
 #include <string_view>
 
 #include "core/error.hpp"
@@ -63,6 +64,7 @@ constexpr std::array kReasons = {
     Rule{"train.opponent", "who learns is decided at the start"},
     Rule{"train.learning_team", "who learns is decided at the start"},
     Rule{"population.actor.", "the saved parameters fit their networks only"},
+    Rule{"openai_es.optimizer", "the checkpoint holds the moments of this optimizer"},
     Rule{"population.greedy", "the policies have been learned for the one or the other"},
     Rule{"population.", "the draws of the rest of the run would no longer be those of one run"},
     Rule{"opponents.pool_size", "the checkpoint holds a pool of this size"},
@@ -74,12 +76,23 @@ constexpr std::array kReasons = {
     Rule{"eval.opponents", "metrics.csv has columns for these opponents"},
 };
 
+/// The longest rule that fits.
 template <size_t N>
 const Rule* find_rule(const std::array<Rule, N>& rules, std::string_view key) {
-  const auto found = std::find_if(rules.begin(), rules.end(), [key](const Rule& rule) {
-    return key == rule.key || (rule.key.ends_with('.') && key.starts_with(rule.key));
-  });
-  return found == rules.end() ? nullptr : &*found;
+  const Rule* longest = nullptr;
+  for (const Rule& rule : rules) {
+    const bool fits = key == rule.key || (rule.key.ends_with('.') && key.starts_with(rule.key));
+    if (fits && (!longest || rule.key.size() > longest->key.size())) longest = &rule;
+  }
+  return longest;
+}
+
+/// Why this setting may not change; none = it may. Where several rules fit, the longest decides.
+std::optional<std::string_view> reason_against(std::string_view key) {
+  const Rule* allowed = find_rule(kMayChange, key);
+  const Rule* reason = find_rule(kReasons, key);
+  if (allowed && (!reason || reason->key.size() <= allowed->key.size())) return std::nullopt;
+  return reason ? reason->text : "what has been learned so far rests on it";
 }
 
 std::string keys_that_may_change() {
@@ -97,12 +110,11 @@ std::vector<std::string> compare(RunConfig& before, RunConfig& after, Errors& er
     const FieldInfo &from = old_fields[k], &to = new_fields[k];
     if (from.default_value == to.default_value) continue;
     changes.push_back(cat(from.path, ": ", from.default_value, " -> ", to.default_value));
-    if (find_rule(kMayChange, from.path)) continue;
-    const Rule* rule = find_rule(kReasons, from.path);
-    const std::string_view reason = rule ? rule->text : "what has been learned so far rests on it";
+    const std::optional<std::string_view> reason = reason_against(from.path);
+    if (!reason) continue;
     errors.add({std::make_shared<const std::string>("--set " + from.path), 0, 0},
                cat(to.default_value, " instead of ", from.default_value,
-                   ": this may not change when a run goes on: ", reason));
+                   ": this may not change when a run goes on: ", *reason));
   }
   return changes;
 }

@@ -55,6 +55,11 @@ TEST(LearnResumeConfig, TheRestIsRefusedWithTheReasonAllAtOnce) {
   EXPECT_NE(refusal({"mappo.learning_rate=-1"}).find("a number > 0"), std::string::npos);
 }
 
+TEST(LearnResumeConfig, TheLongestRuleDecides) {
+  EXPECT_EQ(resumed({"openai_es.sigma_decay=0.9"}).changes.size(), 1u);  // openai_es. may change
+  EXPECT_NE(refusal({"openai_es.optimizer=momentum"}).find("the moments of this optimizer"), std::string::npos);
+}
+
 // Every key is either allowed or refused, and the help names those that are allowed.
 TEST(LearnResumeConfig, TheHelpListsWhatMayChange) {
   const std::string help = resumable_settings();
