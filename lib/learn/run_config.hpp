@@ -58,14 +58,11 @@ void visit_fields(V& v, TrainConfig& c) {
   v("n_threads", c.n_threads, "CPU back end: threads; 0 = one per core", range(0, 4096));
   v("precision", c.precision,
     "arithmetic of networks on the GPU while training; parameters stay fp32. A CPU computes in fp32 whatever this "
-    "says, "
-    "and eval, rate and export compute what was trained in tf32 in fp32. tf32: factors of matrix products are rounded "
-    "to "
-    "10 bits of mantissa. bf16: weights and features are bfloat16. fp16, for openai_es, snes and des: weights, biases "
-    "and what a layer takes in are rounded to half precision and added up in fp32; one fused kernel does it for all "
-    "members, with a tanh that is off by up to 2^-11 of its value; it takes up to 3 hidden layers of up to 128, "
-    "without "
-    "layer_norm; perturbations far below 2^-11 of a weight are lost to rounding");
+    "says, and eval, rate and export compute what was trained in tf32 in fp32. tf32: factors of matrix products are "
+    "rounded to 10 bits of mantissa. bf16: weights and features are bfloat16. fp16, for openai_es, snes and des: "
+    "weights, biases and what a layer takes in are rounded to half precision and added up in fp32; one fused kernel "
+    "does it for all members, with a tanh that is off by up to 2^-11 of its value; it takes up to 3 hidden layers "
+    "of up to 128, without layer_norm; perturbations far below 2^-11 of a weight are lost to rounding");
   v("desynchronize", c.desynchronize,
     "mappo: let the first episodes end at different times, so that the worlds do not reset in step");
   v("max_wall_time", c.max_wall_time, "save and stop after this time of one `train` or `resume`");
