@@ -63,44 +63,51 @@ struct ThreadIndex {
   int thread, n_threads;  // of the block
 };
 
-/// Points the agents' state to shared memory; copy_agents moves it there or back.
+/// Points the working fields of the state to shared memory; copy_agents moves them there or back. Words come first, so
+/// that each array is aligned.
 GIGA_HD WorldView working_copy(const WorldView& home, char* block, int n) {
   WorldView w = home;
-  float* floats = reinterpret_cast<float*>(block);
-  w.x = floats;
-  w.y = floats + n;
-  w.z = floats + 2 * n;
-  w.v = floats + 3 * n;
-  w.heading = floats + 4 * n;
-  w.health = floats + 5 * n;
-  w.tracked = reinterpret_cast<uint8_t*>(floats + 6 * n);
-  w.alive = w.tracked + n * n;
+  size_t at = 0;
+  const auto take = [&](auto field, auto member) {
+    auto*& array = w.*member;
+    array = reinterpret_cast<std::remove_reference_t<decltype(array)>>(block + at);
+    at += sizeof(*array) * static_cast<size_t>(field.count(n));
+  };
+  for_each_field([&](auto field, auto member) {
+    if constexpr (field.working && sizeof(*(w.*member)) == sizeof(uint32_t)) take(field, member);
+  });
+  for_each_field([&](auto field, auto member) {
+    if constexpr (field.working && field.per == Per::pair) take(field, member);
+  });
+  for_each_field([&](auto field, auto member) {
+    if constexpr (field.working && field.per != Per::pair && sizeof(*(w.*member)) == 1) take(field, member);
+  });
   return w;
 }
 template <class Lanes>
 GIGA_HD void copy_agents(const Lanes& lanes, const WorldView& from, const WorldView& to, int n) {
   lanes.each(n, [&](int i) {
-    to.x[i] = from.x[i];
-    to.y[i] = from.y[i];
-    to.z[i] = from.z[i];
-    to.v[i] = from.v[i];
-    to.heading[i] = from.heading[i];
-    to.health[i] = from.health[i];
-    to.alive[i] = from.alive[i];
-  });
-  if (n % 2 == 0)  // whole words
-    lanes.each(n * n / 4, [&](int k) {
-      reinterpret_cast<uint32_t*>(to.tracked)[k] = reinterpret_cast<const uint32_t*>(from.tracked)[k];
+    for_each_field([&](auto field, auto member) {
+      if constexpr (field.working && field.per == Per::agent) (to.*member)[i] = (from.*member)[i];
     });
-  else
-    lanes.each(n * n, [&](int k) { to.tracked[k] = from.tracked[k]; });
+  });
+  for_each_field([&](auto field, auto member) {
+    if constexpr (field.working && field.per == Per::pair) {
+      if (n % 2 == 0)  // whole words
+        lanes.each(n * n / 4, [&](int k) {
+          reinterpret_cast<uint32_t*>(to.*member)[k] = reinterpret_cast<const uint32_t*>(from.*member)[k];
+        });
+      else
+        lanes.each(n * n, [&](int k) { (to.*member)[k] = (from.*member)[k]; });
+    }
+  });
 }
 
 /// Runs the job for one world. `shared` = this world's block of shared memory; a template parameter says whether it is
 /// used, so that the compiler knows which memory its pointers mean.
 template <Job job, bool in_shared, class Lanes>
 GIGA_HD void run_world(const Lanes& lanes, const Launch& k, int world, char* shared) {
-  const WorldView home = world_view(k.state, k.params, world);
+  const WorldView home = world_view(k.state, k.params.n_agents, world);
   if (!has_work<job>(lanes, home)) return;
   WorldView w = home;
   if constexpr (in_shared) {
@@ -157,19 +164,19 @@ class LaunchingSimulator : public Simulator {
 
   Launch launch_of(const StepIo& io, Worlds worlds) {
     const bool listed = worlds == Worlds::listed;
-    return {params(),
-            state_.view(),
-            io,
-            layout_,
-            working_copy_bytes(params().n_agents),
-            scratch_.data(),
-            options_.seed,
-            options_.first_world,
-            options_.draw_period,
-            n_worlds(),
-            ending(),
-            listed ? playing_.data() : nullptr,
-            listed ? n_playing() : nullptr};
+    return {.params = params(),
+            .state = state_.view(),
+            .io = io,
+            .layout = layout_,
+            .copy_bytes = working_copy_bytes(params().n_agents),
+            .scratch = scratch_.data(),
+            .seed = options_.seed,
+            .first_world = options_.first_world,
+            .draw_period = options_.draw_period,
+            .n_worlds = n_worlds(),
+            .ending = ending(),
+            .playing = listed ? playing_.data() : nullptr,
+            .n_playing = listed ? n_playing() : nullptr};
   }
   const LaunchShape& shape() const { return shape_; }
   size_t scratch_bytes() const { return scratch_.bytes(); }

@@ -13,8 +13,12 @@ constexpr size_t kSharedLimit = 48 << 10;  // beyond it a world's scratch lies i
 
 /// Bytes of the working copy of the agents' state, in front of a world's scratch in shared memory.
 GIGA_HD size_t working_copy_bytes(int n_agents) {
-  const size_t n = static_cast<size_t>(n_agents);
-  return (n * (6 * sizeof(float) + 1 + n) + 15) & ~size_t{15};
+  size_t bytes = 0;
+  for_each_field([&](auto field, auto member) {
+    const StateView fields{};
+    if constexpr (field.working) bytes += sizeof(*(fields.*member)) * static_cast<size_t>(field.count(n_agents));
+  });
+  return (bytes + 15) & ~size_t{15};
 }
 
 /// Bytes of shared memory that a world takes where its scratch lies there.

@@ -1,9 +1,9 @@
-// ObservationReader: the numbers of one agent's observation by name. The layout is written by sim/observe.hpp; this is
+// ObservationReader: the numbers of one agent's observation by name. The layout is written by sim/vector_observation.hpp; this is
 // the one place that scripts read it through.
 #pragma once
 
 #include "core/geometry.hpp"
-#include "sim/observe.hpp"
+#include "sim/vector_observation.hpp"
 #include "sim/params.hpp"
 
 namespace giga {

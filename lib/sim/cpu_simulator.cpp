@@ -33,7 +33,7 @@ class CpuSimulator final : public Simulator {
       char* scratch = scratch_[static_cast<size_t>(thread)].data();
       for (int64_t k = begin; k < end; ++k) {
         const int64_t world = listed ? playing_[static_cast<size_t>(k)] : k;
-        WorldView w = world_view(state_.view(), params(), world);
+        WorldView w = world_view(state_.view(), params().n_agents, world);
         attach_scratch(w, layout_, scratch);
         const uint32_t number = draw_world(options_.first_world, options_.draw_period, world);
         const auto draws_at = [&](uint32_t step) { return PhiloxDraws(options_.seed, number, step); };

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "core/geometry.hpp"
+#include "sim/physics.hpp"
 #include "sim/world.hpp"
 
 namespace giga {
@@ -25,28 +26,27 @@ GIGA_HD int32_t discrete_action(Controls c) {
 }
 
 /// The controls of agent i from its team's action buffer (see TeamIo::action), `row` = row of the agent there.
-GIGA_HD Controls read_controls(const SimParams& p, const void* action, int64_t row) {
+GIGA_HD Controls read_controls(const Parameters auto& p, const void* action, int64_t row) {
   if (p.actions == ActionKind::discrete) return discrete_controls(static_cast<const int32_t*>(action)[row]);
   const float* c = static_cast<const float*>(action) + row * kActionSize;
   return {clamp(c[0], -1.0f, 1.0f), clamp(c[1], -1.0f, 1.0f), clamp(c[2], -1.0f, 1.0f)};
 }
 
-/// 4.1: new heading, position, altitude and speed. Gains: turn 4 rad/s, climb 5, throttle 1.5; drag 0.4; floor 1.3.
-GIGA_HD void move(const SimParams& p, WorldView& w, Controls c, int i) {
-  constexpr float kMinSpeed = 1.3f, kDrag = 0.04f, kGravityHalf = 4.905f;
+/// 4.1: new heading, position, altitude and speed.
+GIGA_HD void move(const Parameters auto& p, World auto& w, Controls c, int i) {
   const float a = w.was_alive[i] ? 1.0f : 0.0f;
 
-  const float turned = w.heading[i] + kDt * c.heading * 4.0f * a;
+  const float turned = w.heading[i] + kDt * c.heading * Physics::turn_rate * a;
   const float heading = p.original() ? wrap_original(turned) : wrap_angle(turned);
   const SinCos dir = sin_cos(heading);
 
-  const float pushed = w.v[i] + kDt * c.throttle * 1.5f * a * p.agents.thrust[i];
-  const float speed = pushed - kDrag * (pushed * pushed) * a;
+  const float pushed = w.v[i] + kDt * c.throttle * Physics::thrust * a * p.agents.thrust[i];
+  const float speed = pushed - Physics::drag * (pushed * pushed) * a;
 
   w.x[i] += kDt * (speed * dir.cos) * a;
   w.y[i] += kDt * (speed * dir.sin) * a;
-  const float z = clamp(w.z[i] + kDt * (5.0f * c.dive) * a, 0.0f, kAltitudeLimit);
-  w.v[i] = std::sqrt(max_of(speed * speed + kGravityHalf * (w.z[i] - z), kMinSpeed * kMinSpeed));
+  const float z = clamp(w.z[i] + kDt * (Physics::climb_rate * c.dive) * a, 0.0f, kAltitudeLimit);
+  w.v[i] = std::sqrt(max_of(speed * speed + Physics::half_gravity * (w.z[i] - z), Physics::min_speed * Physics::min_speed));
   w.z[i] = z;
   w.heading[i] = heading;
   w.dir_x[i] = dir.cos;
@@ -54,27 +54,27 @@ GIGA_HD void move(const SimParams& p, WorldView& w, Controls c, int i) {
 }
 
 /// The unit vector of a heading, kept for sight.
-GIGA_HD void face(WorldView& w, int i) {
+GIGA_HD void face(World auto& w, int i) {
   const SinCos dir = sin_cos(w.heading[i]);
   w.dir_x[i] = dir.cos;
   w.dir_y[i] = dir.sin;
 }
 
 /// 4.3.1: beyond the limits, which themselves are inside.
-GIGA_HD void check_bounds(const SimParams& p, WorldView& w, int i) {
+GIGA_HD void check_bounds(const Parameters auto& p, World auto& w, int i) {
   if (w.x[i] < 0 || w.x[i] > p.limit_x || w.y[i] < 0 || w.y[i] > p.limit_y) {
     w.flags[i] |= kOutOfBounds;
     w.alive[i] = 0;
   }
 }
 
-GIGA_HD float planar_distance2(const WorldView& w, int i, int j) {
+GIGA_HD float planar_distance2(const World auto& w, int i, int j) {
   const float dx = w.x[i] - w.x[j], dy = w.y[i] - w.y[j];
   return dx * dx + dy * dy;
 }
 
 /// 4.3.2: touching another living agent of any team. Only flags, since others still look at `alive`.
-GIGA_HD void check_agents(const SimParams& p, WorldView& w, int i) {
+GIGA_HD void check_agents(const Parameters auto& p, World auto& w, int i) {
   if (!w.alive[i]) return;
   for (int j = 0; j < p.n_agents; ++j) {
     if (j == i || !w.alive[j]) continue;
@@ -87,7 +87,7 @@ GIGA_HD void check_agents(const SimParams& p, WorldView& w, int i) {
 }
 
 /// Strictly inside a box of the world's map, each grown by `margin` on every side.
-GIGA_HD bool inside_obstacle(const SimParams& p, const WorldView& w, float x, float y, float z, float margin) {
+GIGA_HD bool inside_obstacle(const Parameters auto& p, const World auto& w, float x, float y, float z, float margin) {
   const Box* boxes = p.maps.boxes + static_cast<int64_t>(*w.map) * p.n_boxes;
   for (int b = 0; b < p.n_boxes; ++b) {
     const Box box = table_box(boxes + b);
@@ -98,7 +98,7 @@ GIGA_HD bool inside_obstacle(const SimParams& p, const WorldView& w, float x, fl
 }
 
 /// 4.3.2 applied, then 4.3.3: inside an obstacle.
-GIGA_HD void check_obstacles(const SimParams& p, WorldView& w, int i) {
+GIGA_HD void check_obstacles(const Parameters auto& p, World auto& w, int i) {
   if (w.flags[i] & kHitAgent) w.alive[i] = 0;
   if (inside_obstacle(p, w, w.x[i], w.y[i], w.z[i], 0.0f)) {
     w.flags[i] |= kHitObstacle;

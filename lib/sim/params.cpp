@@ -4,8 +4,8 @@
 #include <cmath>
 
 #include "core/error.hpp"
-#include "sim/observe.hpp"
-#include "sim/state_encoding.hpp"
+#include "sim/observations.hpp"
+#include "sim/row_layout.hpp"
 
 namespace giga {
 
@@ -55,7 +55,15 @@ SimSpec SimSpec::with_time_limit() const {
   return params.max_episode_length > 0 ? *this : cut_off_after(kEpisodeLimit);
 }
 
-int SimSpec::observation_size() const { return giga::observation_size(params); }
-int SimSpec::global_size() const { return giga::global_size(params); }
+ObservationSet SimSpec::observations() const {
+  ObservationSet set;
+  for_each_observation([&](auto kind) {
+    if (kind.of == ObservationOf::agent && kind.offered(params)) set |= kind.id;
+  });
+  return set;
+}
+
+int SimSpec::observation_size() const { return RowLayout(params, observations()).numbers(); }
+int SimSpec::state_size() const { return giga::state_size(params); }
 
 }  // namespace giga

@@ -2,11 +2,13 @@
 // scenario/compile.hpp makes a SimSpec from a Scenario; a simulator copies its tables to its device.
 #pragma once
 
+#include <concepts>
 #include <cstdint>
 #include <string>
 #include <vector>
 
 #include "core/host_device.hpp"
+#include "sim/observation.hpp"
 
 namespace giga {
 
@@ -143,8 +145,8 @@ struct SimParams {
   bool obstacle_heights = false;       ///< boxes are solid between z1 and z2 only
   bool obstacles_block_sight = false;  ///< no detection through a box
   bool sight_3d = false;               ///< distances and cones of sight and damage use altitude too
-  bool body_view = false;              ///< observations end with the body view, see body_view.hpp
-  bool mixed_teams = false;            ///< some team has agents of different sprites: the body view tells kinds
+  bool egocentric_view = false;        ///< agents can be told the egocentric view, see egocentric_view.hpp
+  bool mixed_teams = false;            ///< some team has agents of different sprites: the egocentric view tells kinds
 
   AgentTable agents{};
   MapTable maps{};
@@ -153,6 +155,12 @@ struct SimParams {
   /// Team of agent i, 0 or 1.
   GIGA_HD int team_of(int i) const { return static_cast<int>(team_bits[i >> 5] >> (i & 31) & 1u); }
 };
+
+/// What the stages of a step take as parameters: SimParams, or a type in which some of its members are constants of the
+/// compiler's, so that it can leave out what a scenario does not use:
+///   struct FiveVsFive : SimParams { static constexpr int n_agents = 10; static constexpr bool waypoints = false; ... };
+template <class P>
+concept Parameters = std::derived_from<P, SimParams>;
 
 struct AgentSpec {
   int32_t team = 0;
@@ -186,13 +194,12 @@ struct SimSpec {
   /// The same with a cut after kEpisodeLimit steps where there is no time limit, so that each episode ends.
   SimSpec with_time_limit() const;
 
-  /// Length of one agent's vector observation: 9 per neighbor, 5 for waypoints, 4 per box (6 with obstacle_heights),
-  /// and body_columns.
+  /// The observations of an agent that the scenario offers.
+  ObservationSet observations() const;
+  /// Numbers of a row that holds them all (sim/row_layout.hpp), without the zeros behind the last.
   int observation_size() const;
-  /// The same rounded up to a multiple of 8, zeros behind: rows that start on 32 bytes are written and multiplied fast.
-  int padded_observation_size() const { return (observation_size() + 7) / 8 * 8; }
-  /// Length of one world's true-state vector (critic.kind: state); see state_encoding.hpp.
-  int global_size() const;
+  /// Length of one world's true state (critic.kind: state); see state_observation.hpp.
+  int state_size() const;
 };
 
 }  // namespace giga

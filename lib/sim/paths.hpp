@@ -38,7 +38,7 @@ struct PathCell {
 
 /// Length of the way from (x, y) to agent a: straight on a map set without obstacles, else by the table, between the
 /// centres of four cells by proportion.
-GIGA_HD float way_to(const SimParams& p, const WorldView& w, float x, float y, int a) {
+GIGA_HD float way_to(const Parameters auto& p, const World auto& w, float x, float y, int a) {
   if (!p.maps.paths) {
     const float dx = w.x[a] - x, dy = w.y[a] - y;
     return std::sqrt(dx * dx + dy * dy);

@@ -11,7 +11,7 @@ constexpr int kResampleRounds = 3;
 constexpr float kStartMargin = 0.1f;  ///< added to the squared collision range, the altitude gap and every box
 
 template <class Draws>
-GIGA_HD void begin_episode(const SimParams& p, WorldView& w, Draws& draws) {
+GIGA_HD void begin_episode(const Parameters auto& p, World auto& w, Draws& draws) {
   *w.map = draws.map(p.n_maps);
   for (int k = 0; k < 4; ++k) w.waypoint[k] = 0;
   *w.waypoint_time = 0;
@@ -20,13 +20,13 @@ GIGA_HD void begin_episode(const SimParams& p, WorldView& w, Draws& draws) {
   *w.phase = Phase::plays;
 }
 
-GIGA_HD const StartArea& start_area(const SimParams& p, const WorldView& w, int i) {
+GIGA_HD const StartArea& start_area(const Parameters auto& p, const World auto& w, int i) {
   return p.maps.start[*w.map * kNTeams + p.team_of(i)];
 }
 
 /// Start coordinates of agent i in a round of draws, into w.next.
 template <class Draws>
-GIGA_HD void draw_place(const SimParams& p, WorldView& w, Draws& draws, int round, int i) {
+GIGA_HD void draw_place(const Parameters auto& p, World auto& w, Draws& draws, int round, int i) {
   const StartArea& area = start_area(p, w, i);
   const int n = p.n_agents;
   w.next[i] = area.x1 + draws.start(i, round, StartDraw::x) * (area.x2 - area.x1);
@@ -34,7 +34,7 @@ GIGA_HD void draw_place(const SimParams& p, WorldView& w, Draws& draws, int roun
   w.next[2 * n + i] = area.z_lo + draws.start(i, round, StartDraw::z) * (area.z_hi - area.z_lo);
 }
 
-GIGA_HD void take_place(const SimParams& p, WorldView& w, int i) {
+GIGA_HD void take_place(const Parameters auto& p, World auto& w, int i) {
   w.x[i] = w.next[i];
   w.y[i] = w.next[p.n_agents + i];
   w.z[i] = w.next[2 * p.n_agents + i];
@@ -43,7 +43,7 @@ GIGA_HD void take_place(const SimParams& p, WorldView& w, int i) {
 /// Agent i as it starts. Health is 1 for everybody in the original, whatever the type's maximum (Q5); speed is 1,
 /// below the floor that holds from the first step on (Q6).
 template <class Draws>
-GIGA_HD void place_agent(const SimParams& p, WorldView& w, Draws& draws, int i) {
+GIGA_HD void place_agent(const Parameters auto& p, World auto& w, Draws& draws, int i) {
   const int64_t n = p.n_agents, words = words_for(p.n_agents);
   const StartArea& area = start_area(p, w, i);
   draw_place(p, w, draws, 0, i);
@@ -61,7 +61,7 @@ GIGA_HD void place_agent(const SimParams& p, WorldView& w, Draws& draws, int i) 
 
 /// Decides from everybody's place whether agent i needs another, and draws it. Both of a close pair move (Q24).
 template <class Draws>
-GIGA_HD void propose_place(const SimParams& p, WorldView& w, Draws& draws, int round, int i) {
+GIGA_HD void propose_place(const Parameters auto& p, World auto& w, Draws& draws, int round, int i) {
   bool crowded = inside_obstacle(p, w, w.x[i], w.y[i], w.z[i], kStartMargin);
   for (int j = 0; j < p.n_agents && !crowded; ++j) {
     const float dz = w.z[i] - w.z[j];
@@ -72,7 +72,7 @@ GIGA_HD void propose_place(const SimParams& p, WorldView& w, Draws& draws, int r
   if (crowded) draw_place(p, w, draws, round, i);
 }
 
-GIGA_HD void accept_place(const SimParams& p, WorldView& w, int i) {
+GIGA_HD void accept_place(const Parameters auto& p, World auto& w, int i) {
   if (w.flags[i] & kNeedsResample) take_place(p, w, i);
 }
 

@@ -10,7 +10,7 @@
 namespace giga {
 
 /// Whether the segment from agent i to agent j passes through an obstacle (an option beyond the original).
-GIGA_HD bool sight_blocked(const SimParams& p, const WorldView& w, int i, int j) {
+GIGA_HD bool sight_blocked(const Parameters auto& p, const World auto& w, int i, int j) {
   const Box* boxes = p.maps.boxes + static_cast<int64_t>(*w.map) * p.n_boxes;
   const float from[3] = {w.x[i], w.y[i], w.z[i]};
   const float delta[3] = {w.x[j] - w.x[i], w.y[j] - w.y[i], w.z[j] - w.z[i]};
@@ -32,7 +32,7 @@ struct Sighting {
 /// |angle| < limit <=> d cos(angle) > d cos(limit), and d cos(angle) is a dot product. At d = 0 the direction does not
 /// matter: such a pair is close, and a squared distance of 0 passes `<= [inside]` either way (Q3).
 template <class Draws>
-GIGA_HD Sighting sight(const SimParams& p, const WorldView& w, Draws& draws, int a, int b) {
+GIGA_HD Sighting sight(const Parameters auto& p, const World auto& w, Draws& draws, int a, int b) {
   const float dx = w.x[a] - w.x[b], dy = w.y[a] - w.y[b];
   float d2 = dx * dx + dy * dy;
   if (p.sight_3d) d2 += (w.z[a] - w.z[b]) * (w.z[a] - w.z[b]);
@@ -60,7 +60,7 @@ GIGA_HD Sighting sight(const SimParams& p, const WorldView& w, Draws& draws, int
 }
 
 /// Damage units of a tracking counter: 0 up to the minimum, then growing by 1 a step.
-GIGA_HD int damage_units(const SimParams& p, int tracked) {
+GIGA_HD int damage_units(const Parameters auto& p, int tracked) {
   const int t = tracked < p.min_tracking_time ? p.min_tracking_time
                                               : (tracked > p.max_tracking_time ? p.max_tracking_time : tracked);
   return t - p.min_tracking_time;
@@ -68,7 +68,7 @@ GIGA_HD int damage_units(const SimParams& p, int tracked) {
 
 /// Everything that is done to target a: who detects it, who fires at it and for how long, what it takes.
 template <class Draws>
-GIGA_HD void detect_and_track(const SimParams& p, WorldView& w, Draws& draws, int a) {
+GIGA_HD void detect_and_track(const Parameters auto& p, World auto& w, Draws& draws, int a) {
   const int n = p.n_agents, words = words_for(n);
   uint8_t* tracked = w.tracked + static_cast<int64_t>(a) * n;
   uint32_t* detected = w.detected + static_cast<int64_t>(a) * words;
@@ -94,14 +94,14 @@ GIGA_HD void detect_and_track(const SimParams& p, WorldView& w, Draws& draws, in
 
 /// Detection without fire, for the first observation of an episode.
 template <class Draws>
-GIGA_HD void detect_only(const SimParams& p, WorldView& w, Draws& draws, int a) {
+GIGA_HD void detect_only(const Parameters auto& p, World auto& w, Draws& draws, int a) {
   for (int b = 0; b < p.n_agents; ++b)
     if (p.team_of(a) != p.team_of(b) && sight(p, w, draws, a, b).detected)
       w.detected[static_cast<int64_t>(a) * words_for(p.n_agents) + b / 32] |= 1u << (b & 31);
 }
 
 /// 4.5: damage, healing and the waypoint's refill; death at zero health.
-GIGA_HD void update_health(const SimParams& p, WorldView& w, int i) {
+GIGA_HD void update_health(const Parameters auto& p, World auto& w, int i) {
   const float limit = p.agents.max_health[i];
   const float refill = (w.flags[i] & kHitWaypoint) ? limit : 0.0f;
   const float health = w.health[i] - w.taken[i] * p.damage_per_second * kDt + p.healing_per_second * kDt + refill;
@@ -110,7 +110,7 @@ GIGA_HD void update_health(const SimParams& p, WorldView& w, int i) {
 }
 
 /// What agent i died of, if it did in this step; after update_health.
-GIGA_HD void note_death(WorldView& w, int i) {
+GIGA_HD void note_death(World auto& w, int i) {
   if (!w.was_alive[i] || w.alive[i]) return;
   const uint8_t flags = w.flags[i];
   w.death[i] = (flags & kOutOfBounds)   ? Death::out_of_bounds

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <type_traits>
+#include <utility>
 
 #include "core/error.hpp"
 
@@ -66,21 +67,21 @@ SimTables::SimTables(const SimSpec& spec, Memory& memory) : params_(spec.params)
 }
 
 size_t state_bytes(int n_agents, int64_t n_worlds) {
-  const StateView fields{};
   size_t total = 0;
-  for_each_field(fields, FieldExtents(n_agents), [&](const char*, auto* field, size_t per_world) {
-    total += padded(per_world * static_cast<size_t>(n_worlds) * sizeof(*field));
+  for_each_field([&](auto field, auto member) {
+    using Element = std::remove_pointer_t<std::remove_cvref_t<decltype(std::declval<StateView>().*member)>>;
+    total += padded(static_cast<size_t>(field.count(n_agents) * n_worlds) * sizeof(Element));
   });
   return total;
 }
 
 SimState::SimState(int n_agents, int n_worlds, Memory& memory)
     : n_agents_(n_agents), n_worlds_(n_worlds), bytes_(memory, state_bytes(n_agents, static_cast<int64_t>(n_worlds))) {
-  const FieldExtents extents(n_agents);
   uint8_t* at = bytes_.data();
-  for_each_field(view_, extents, [&](const char*, auto*& field, size_t per_world) {
-    field = reinterpret_cast<std::remove_reference_t<decltype(field)>>(at);
-    at += padded(per_world * static_cast<size_t>(n_worlds) * sizeof(*field));
+  for_each_field([&](auto field, auto member) {
+    auto*& array = view_.*member;
+    array = reinterpret_cast<std::remove_reference_t<decltype(array)>>(at);
+    at += padded(static_cast<size_t>(field.count(n_agents) * n_worlds) * sizeof(*array));
   });
 }
 
@@ -92,11 +93,13 @@ void SimState::load(const std::vector<uint8_t>& bytes) {
 
 void SimState::save(const std::string& prefix, NamedArrays& out) const {
   const std::vector<uint8_t> bytes = bytes_.to_host();
-  for_each_field(view_, FieldExtents(n_agents_), [&](const char* name, auto* field, size_t per_world) {
-    using T = std::remove_pointer_t<decltype(field)>;
-    NamedArray array{prefix + name, file_type<T>(), {n_worlds_, static_cast<int64_t>(per_world)}, {}};
-    const auto offset = reinterpret_cast<const uint8_t*>(field) - bytes_.data();
-    const auto size = static_cast<int64_t>(per_world * static_cast<size_t>(n_worlds_) * sizeof(T));
+  for_each_field([&](auto field, auto member) {
+    const auto* from = view_.*member;
+    using T = std::remove_cvref_t<decltype(*from)>;
+    const int64_t per_world = field.count(n_agents_);
+    NamedArray array{prefix + field.name, file_type<T>(), {n_worlds_, per_world}, {}};
+    const auto offset = reinterpret_cast<const uint8_t*>(from) - bytes_.data();
+    const auto size = per_world * n_worlds_ * static_cast<int64_t>(sizeof(T));
     array.bytes.assign(bytes.begin() + offset, bytes.begin() + offset + size);
     out.push_back(std::move(array));
   });
@@ -104,15 +107,16 @@ void SimState::save(const std::string& prefix, NamedArrays& out) const {
 
 void SimState::load(const std::string& prefix, const NamedArrays& in) {
   std::vector<uint8_t> bytes(bytes_.size());
-  for_each_field(view_, FieldExtents(n_agents_), [&](const char* name, auto* field, size_t per_world) {
-    using T = std::remove_pointer_t<decltype(field)>;
-    const NamedArray& array = find_array(in, prefix + name);
-    const size_t size = per_world * static_cast<size_t>(n_worlds_) * sizeof(T);
+  for_each_field([&](auto field, auto member) {
+    const auto* to = view_.*member;
+    using T = std::remove_cvref_t<decltype(*to)>;
+    const NamedArray& array = find_array(in, prefix + field.name);
+    const size_t size = static_cast<size_t>(field.count(n_agents_) * n_worlds_) * sizeof(T);
     if (array.type != file_type<T>() || array.bytes.size() != size)
       throw InputError(cat("array '", array.name, "' of the checkpoint has ", array.bytes.size(), " bytes, expected ",
                            size, ": it was written with other settings"));
     std::copy(array.bytes.begin(), array.bytes.end(),
-              bytes.begin() + (reinterpret_cast<uint8_t*>(field) - bytes_.data()));
+              bytes.begin() + (reinterpret_cast<const uint8_t*>(to) - bytes_.data()));
   });
   load(bytes);
 }

@@ -1,4 +1,4 @@
-// State of all worlds: one list of fields drives allocation, checkpoints, comparison and copying.
+// State of all worlds: a member and its line in the field list below declare a field everywhere.
 #pragma once
 
 #include <cstddef>
@@ -93,7 +93,7 @@ enum class Phase : uint8_t {
 /// Words of 32 bits for one bit per agent.
 GIGA_HD int words_for(int n_agents) { return (n_agents + 31) / 32; }
 
-/// Views of the arrays of a number of worlds; W worlds, N agents. Everything here is saved in a checkpoint.
+/// Pointers to the arrays of W worlds of N agents, or of one world (W = 1). Everything here is saved in a checkpoint.
 struct StateView {
   float* x;                 // [W, N] position, map units
   float* y;                 // [W, N]
@@ -121,42 +121,62 @@ struct StateView {
   float* stats;             // [W, kNStatRows] of finished episodes since they were last read
 };
 
-/// Number of elements that a field has in one world.
-struct FieldExtents {
-  size_t agent, pair, bits;
-  explicit FieldExtents(int n_agents)
-      : agent(static_cast<size_t>(n_agents)),
-        pair(agent * agent),
-        bits(agent * static_cast<size_t>(words_for(n_agents))) {}
-};
+/// What an array of the state has a row for.
+enum class Per : uint8_t { world, agent, pair, agent_words };
 
-/// The field list: calls f(name, view.member, elements per world) for every member of StateView.
-template <class View, class F>
-void for_each_field(View& view, const FieldExtents& n, F&& f) {
-  f("x", view.x, n.agent);
-  f("y", view.y, n.agent);
-  f("z", view.z, n.agent);
-  f("v", view.v, n.agent);
-  f("heading", view.heading, n.agent);
-  f("health", view.health, n.agent);
-  f("alive", view.alive, n.agent);
-  f("death", view.death, n.agent);
-  f("tracked", view.tracked, n.pair);
-  f("detected", view.detected, n.bits);
-  f("seen", view.seen, n.bits);
-  f("map", view.map, size_t{1});
-  f("waypoint", view.waypoint, size_t{4});
-  f("waypoint_time", view.waypoint_time, size_t{1});
-  f("reward_factor", view.reward_factor, size_t{1});
-  f("episode_length", view.episode_length, size_t{1});
-  f("draw_step", view.draw_step, size_t{1});
-  f("outcome", view.outcome, size_t{1});
-  f("phase", view.phase, size_t{1});
-  f("returns", view.returns, size_t{kNTeams});
-  f("returns_masked", view.returns_masked, size_t{kNTeams});
-  f("score", view.score, size_t{kNTeams});
-  f("term_returns", view.term_returns, size_t{kNTeams * kNRewardTerms});
-  f("stats", view.stats, size_t{kNStatRows});
+/// How large a field is: one row of `columns` numbers for each of what `per` says. `working`: the steps of a world work
+/// on a copy near to hand (shared memory on the GPU).
+template <Per per_, int columns_ = 1, bool working_ = false>
+struct StateField {
+  static constexpr Per per = per_;
+  static constexpr bool working = working_;
+  const char* name;
+
+  /// Elements in one world.
+  GIGA_HD static int64_t count(int n_agents) {
+    const int64_t n = n_agents;
+    const int64_t rows = per == Per::agent ? n : per == Per::pair ? n * n : n * words_for(n_agents);
+    return (per == Per::world ? 1 : rows) * columns_;
+  }
+};
+template <Per per>
+using WorkingField = StateField<per, 1, true>;
+
+/// The field list: calls f(field, pointer to the member) for every member of StateView, in its order. Allocation,
+/// checkpoints, comparison, the view of one world and the working copy all go by it.
+template <class F>
+GIGA_HD constexpr void for_each_field(F&& f) {
+  f(WorkingField<Per::agent>{"x"}, &StateView::x);
+  f(WorkingField<Per::agent>{"y"}, &StateView::y);
+  f(WorkingField<Per::agent>{"z"}, &StateView::z);
+  f(WorkingField<Per::agent>{"v"}, &StateView::v);
+  f(WorkingField<Per::agent>{"heading"}, &StateView::heading);
+  f(WorkingField<Per::agent>{"health"}, &StateView::health);
+  f(WorkingField<Per::agent>{"alive"}, &StateView::alive);
+  f(StateField<Per::agent>{"death"}, &StateView::death);
+  f(WorkingField<Per::pair>{"tracked"}, &StateView::tracked);
+  f(StateField<Per::agent_words>{"detected"}, &StateView::detected);
+  f(StateField<Per::agent_words>{"seen"}, &StateView::seen);
+  f(StateField<Per::world>{"map"}, &StateView::map);
+  f(StateField<Per::world, 4>{"waypoint"}, &StateView::waypoint);
+  f(StateField<Per::world>{"waypoint_time"}, &StateView::waypoint_time);
+  f(StateField<Per::world>{"reward_factor"}, &StateView::reward_factor);
+  f(StateField<Per::world>{"episode_length"}, &StateView::episode_length);
+  f(StateField<Per::world>{"draw_step"}, &StateView::draw_step);
+  f(StateField<Per::world>{"outcome"}, &StateView::outcome);
+  f(StateField<Per::world>{"phase"}, &StateView::phase);
+  f(StateField<Per::world, kNTeams>{"returns"}, &StateView::returns);
+  f(StateField<Per::world, kNTeams>{"returns_masked"}, &StateView::returns_masked);
+  f(StateField<Per::world, kNTeams>{"score"}, &StateView::score);
+  f(StateField<Per::world, kNTeams * kNRewardTerms>{"term_returns"}, &StateView::term_returns);
+  f(StateField<Per::world, kNStatRows>{"stats"}, &StateView::stats);
 }
+
+constexpr size_t count_fields() {
+  size_t count = 0;
+  for_each_field([&count](auto, auto) { ++count; });
+  return count;
+}
+static_assert(sizeof(StateView) == count_fields() * sizeof(void*), "a member of StateView is not in the field list");
 
 }  // namespace giga

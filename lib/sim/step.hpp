@@ -2,90 +2,22 @@
 // them.
 #pragma once
 
+#include "sim/communication.hpp"
+#include "sim/episode.hpp"
 #include "sim/movement.hpp"
-#include "sim/observe.hpp"
+#include "sim/observations.hpp"
 #include "sim/reset.hpp"
 #include "sim/rewards.hpp"
 #include "sim/schedule.hpp"
 #include "sim/sight.hpp"
-#include "sim/state_encoding.hpp"
 #include "sim/waypoint.hpp"
 #include "sim/world.hpp"
 
 namespace giga {
 
-/// Row of agent i in its team's buffers.
-GIGA_HD int64_t team_row(const SimParams& p, int64_t world, int i) {
-  return world * p.n_team[p.team_of(i)] + table_value(p.agents.slot + i);
-}
-
-/// Numbers from one row of observations to the next.
-GIGA_HD int obs_stride(const SimParams& p, const StepIo& io) {
-  return io.obs_stride > 0 ? io.obs_stride : observation_size(p);
-}
-
-/// Agent e's observation among those of all worlds; null where nobody wants it.
-GIGA_HD float* obs_row(const SimParams& p, const StepIo& io, int64_t world, int e) {
-  float* obs = io.team[p.team_of(e)].obs;
-  return obs ? obs + team_row(p, world, e) * obs_stride(p, io) : nullptr;
-}
-
-/// Writes the body views of agents below n behind their other numbers.
-template <class Lanes>
-GIGA_HD void write_body_views(const Lanes& lanes, const SimParams& p, const WorldView& w, const StepIo& io,
-                              int64_t world, int n) {
-  const int before = neighbor_columns(p) + tail_columns(p), at = body_at(p);
-  lanes.each(n, [&](int e) {
-    float* obs = obs_row(p, io, world, e);
-    if (!obs) return;
-    if (!io.body_only) write_nothing(at - before, obs + before);
-    write_body_surroundings(p, w, e, obs + at);
-  });
-  const int items = body_agents(p);
-  lanes.each(n * items, [&](int k) {
-    const int e = k / items, item = k - e * items;
-    float* obs = obs_row(p, io, world, e);
-    if (obs) write_body_company(p, w, e, item, obs + at);
-  });
-}
-
-/// Writes what every agent sees, by w.seen. `active` false keeps the lanes in lockstep without work.
-template <class Lanes>
-GIGA_HD void write_observations(const Lanes& lanes, const SimParams& p, WorldView& w, const StepIo& io, int64_t world,
-                                bool active = true) {
-  const int n = active ? p.n_agents : 0;
-  lanes.each(n, [&](int e) {
-    rank_neighbors(p, w, e);
-    describe(p, w, e);
-    if (p.body_view) gather_company(p, w, e);
-    uint8_t* alive = io.team[p.team_of(e)].alive;
-    if (alive) alive[team_row(p, world, e)] = w.alive[e];
-  });
-  // Number by number, so that neighboring lanes write neighboring numbers.
-  const int front = neighbor_columns(p), tail = tail_columns(p);
-  const bool wanted = io.team[0].obs || io.team[1].obs;
-  if (wanted && !io.body_only) {
-    struct Row {
-      float* obs;
-      NeighborRows seen;
-      GIGA_HD explicit operator bool() const { return obs != nullptr; }
-    };
-    const auto row_of = [&](int e) { return Row{obs_row(p, io, world, e), {p, w, e}}; };
-    lanes.each_cell(n, front, row_of,
-                    [&](const Row& row, int column) { row.obs[column] = neighbor_value(row.seen, column); });
-    const float* boxes = features_of_boxes(p, w);
-    lanes.each_cell(n, tail, row_of, [&](const Row& row, int column) {
-      row.obs[front + column] = tail_value(p, w, boxes, row.seen.e, column);
-    });
-  }
-  if (wanted && p.body_view) write_body_views(lanes, p, w, io, world, n);
-  const int state_columns = active && io.global ? global_size(p) : 0;
-  lanes.each(state_columns, [&](int k) { io.global[world * state_columns + k] = global_value(p, w, k); });
-}
-
 /// Decides what every agent sees and writes it.
 template <class Lanes, class Draws>
-GIGA_HD void observe_world(const Lanes& lanes, const SimParams& p, WorldView& w, Draws& draws, const StepIo& io,
+GIGA_HD void observe_world(const Lanes& lanes, const Parameters auto& p, World auto& w, Draws& draws, const StepIo& io,
                            int64_t world, bool after_reset, bool active = true) {
   const int n = active ? p.n_agents : 0;
   if (p.stochastic_communication) lanes.each(n, [&](int e) { listen(p, w, draws, e, after_reset); });
@@ -93,35 +25,9 @@ GIGA_HD void observe_world(const Lanes& lanes, const SimParams& p, WorldView& w,
   write_observations(lanes, p, w, io, world, active);
 }
 
-/// Copies the observations that have just been written to where those before a reset are kept.
-template <class Lanes>
-GIGA_HD void keep_final(const Lanes& lanes, const SimParams& p, const StepIo& io, int64_t world, bool active) {
-  const int n = active ? p.n_agents : 0, columns = observation_size(p);
-  lanes.each(n, [&](int e) {
-    const TeamIo& team = io.team[p.team_of(e)];
-    if (team.final_alive && team.alive) team.final_alive[team_row(p, world, e)] = team.alive[team_row(p, world, e)];
-  });
-  if (io.team[0].final_obs || io.team[1].final_obs) {
-    struct Row {
-      const float* from;
-      float* to;
-      GIGA_HD explicit operator bool() const { return to != nullptr; }
-    };
-    const auto row_of = [&](int e) {
-      const TeamIo& team = io.team[p.team_of(e)];
-      const float* from = obs_row(p, io, world, e);
-      return Row{from, from && team.final_obs ? team.final_obs + (from - team.obs) : nullptr};
-    };
-    lanes.each_cell(n, columns, row_of, [](const Row& row, int column) { row.to[column] = row.from[column]; });
-  }
-  const int state_columns = active && io.final_global && io.global ? global_size(p) : 0;
-  lanes.each(state_columns,
-             [&](int k) { io.final_global[world * state_columns + k] = io.global[world * state_columns + k]; });
-}
-
-/// Starts an episode. `active` as above.
+/// Starts an episode. `active` as for write_observations.
 template <class Lanes, class Draws>
-GIGA_HD void reset_world(const Lanes& lanes, const SimParams& p, WorldView& w, Draws& draws, bool active = true) {
+GIGA_HD void reset_world(const Lanes& lanes, const Parameters auto& p, World auto& w, Draws& draws, bool active = true) {
   const int n = active ? p.n_agents : 0, one = active ? 1 : 0;
   lanes.each(one, [&](int) { begin_episode(p, w, draws); });
   lanes.each(n, [&](int i) { place_agent(p, w, draws, i); });
@@ -137,7 +43,7 @@ GIGA_HD void reset_world(const Lanes& lanes, const SimParams& p, WorldView& w, D
 /// One step of one world. Between two stages all lanes see all results of the first. Where the episode ends, its world
 /// is left in Phase::terminated or truncated, for freeze_world or restart_world.
 template <class Lanes, class Draws>
-GIGA_HD void step_world(const Lanes& lanes, const SimParams& p, WorldView& w, Draws& draws, const StepIo& io,
+GIGA_HD void step_world(const Lanes& lanes, const Parameters auto& p, World auto& w, Draws& draws, const StepIo& io,
                         OnDone on_done, int64_t world) {
   const bool active = *w.phase == Phase::plays;
   const int n = active ? p.n_agents : 0, one = active ? 1 : 0, teams = active ? kNTeams : 0;
@@ -173,7 +79,7 @@ GIGA_HD void step_world(const Lanes& lanes, const SimParams& p, WorldView& w, Dr
       io.terms[(world * kNRewardTerms + t) * p.n_agents + i] =
           term_active(p, static_cast<RewardTerm>(t)) ? w.terms[t * p.n_agents + i] : 0.0f;
   });
-  lanes.each(active ? kNBookItems : 0, [&](int item) { keep_books(p, w, item); });
+  lanes.each(active ? kNEpisodeItems : 0, [&](int item) { accumulate_episode(p, w, item); });
   observe_world(lanes, p, w, draws, io, world, false, active);
 
   lanes.each(1, [&](int) {
@@ -192,31 +98,31 @@ GIGA_HD void step_world(const Lanes& lanes, const SimParams& p, WorldView& w, Dr
 
 /// Whether any world that shares these lanes has an episode to settle.
 template <class Lanes>
-GIGA_HD bool to_settle(const Lanes& lanes, const WorldView& w) {
+GIGA_HD bool to_settle(const Lanes& lanes, const World auto& w) {
   return lanes.any(*w.phase == Phase::terminated || *w.phase == Phase::truncated);
 }
 
-/// Where the episode ended: closes its books and keeps its last observation. Returns whether it did.
+/// Where the episode ended: adds it to the statistics and keeps its last observation. Returns whether it did.
 template <class Lanes>
-GIGA_HD bool close_world(const Lanes& lanes, const SimParams& p, WorldView& w, const StepIo& io, int64_t world) {
+GIGA_HD bool finish_world(const Lanes& lanes, const Parameters auto& p, World auto& w, const StepIo& io, int64_t world) {
   const bool ended = *w.phase == Phase::terminated || *w.phase == Phase::truncated;
-  lanes.each(ended ? kNBookItems : 0, [&](int item) { close_books(p, w, item); });
+  lanes.each(ended ? kNEpisodeItems : 0, [&](int item) { finish_episode(p, w, item); });
   keep_final(lanes, p, io, world, ended && (!io.final_of_truncations_only || *w.phase == Phase::truncated));
   return ended;
 }
 
 /// What follows a step in which the episode ended, with OnDone::freeze: the world waits.
 template <class Lanes>
-GIGA_HD void freeze_world(const Lanes& lanes, const SimParams& p, WorldView& w, const StepIo& io, int64_t world) {
-  const bool ended = close_world(lanes, p, w, io, world);
+GIGA_HD void freeze_world(const Lanes& lanes, const Parameters auto& p, World auto& w, const StepIo& io, int64_t world) {
+  const bool ended = finish_world(lanes, p, w, io, world);
   lanes.each(ended ? 1 : 0, [&](int) { *w.phase = Phase::waits; });
 }
 
 /// With OnDone::reset: a new episode starts. `draws` are those of the step. A pass of its own, because it is rare.
 template <class Lanes, class Draws>
-GIGA_HD void restart_world(const Lanes& lanes, const SimParams& p, WorldView& w, Draws& draws, const StepIo& io,
+GIGA_HD void restart_world(const Lanes& lanes, const Parameters auto& p, World auto& w, Draws& draws, const StepIo& io,
                            int64_t world) {
-  const bool ended = close_world(lanes, p, w, io, world);
+  const bool ended = finish_world(lanes, p, w, io, world);
   reset_world(lanes, p, w, draws, ended);
   observe_world(lanes, p, w, draws, io, world, true, ended);
 }
@@ -226,11 +132,11 @@ GIGA_HD void restart_world(const Lanes& lanes, const SimParams& p, WorldView& w,
 /// that worlds that draw the same numbers do so however long their episodes were; `draws_at(step)` makes them. A pass
 /// of its own, because it is rare.
 template <class Lanes, class DrawsAt>
-GIGA_HD void play_on(const Lanes& lanes, const SimParams& p, WorldView& w, const DrawsAt& draws_at, const StepIo& io,
+GIGA_HD void play_on(const Lanes& lanes, const Parameters auto& p, World auto& w, const DrawsAt& draws_at, const StepIo& io,
                      int64_t world, int episodes) {
   // The step has counted itself already, and so did the start.
   const uint32_t step = *w.draw_step + static_cast<uint32_t>(p.max_episode_length + 1 - *w.episode_length);
-  const bool ended = close_world(lanes, p, w, io, world);
+  const bool ended = finish_world(lanes, p, w, io, world);
   const bool more = ended && w.stats[static_cast<int>(EpisodeStat::episodes)] < static_cast<float>(episodes);
   lanes.each(ended ? 1 : 0, [&](int) {
     if (more)
@@ -245,7 +151,7 @@ GIGA_HD void play_on(const Lanes& lanes, const SimParams& p, WorldView& w, const
 
 /// The first episode of a world: everything zero but the reward factor, then a reset and the first observation.
 template <class Lanes, class Draws>
-GIGA_HD void start_world(const Lanes& lanes, const SimParams& p, WorldView& w, Draws& draws, const StepIo& io,
+GIGA_HD void start_world(const Lanes& lanes, const Parameters auto& p, World auto& w, Draws& draws, const StepIo& io,
                          int64_t world) {
   lanes.each(1, [&](int) {
     *w.reward_factor = 1.0f;
@@ -260,14 +166,14 @@ GIGA_HD void start_world(const Lanes& lanes, const SimParams& p, WorldView& w, D
 
 /// Whether a job has anything to do in any world that shares these lanes; asked before the job.
 template <Job job, class Lanes>
-GIGA_HD bool has_work(const Lanes& lanes, const WorldView& w) {
+GIGA_HD bool has_work(const Lanes& lanes, const World auto& w) {
   if constexpr (job == Job::restart || job == Job::play_on) return to_settle(lanes, w);
   return true;
 }
 
 /// Runs a job for one world, where it has work. `draws_at(step)` makes the draws of a step.
 template <Job job, class Lanes, class DrawsAt>
-GIGA_HD void run_job(const Lanes& lanes, const SimParams& p, WorldView& w, const DrawsAt& draws_at, const StepIo& io,
+GIGA_HD void run_job(const Lanes& lanes, const Parameters auto& p, World auto& w, const DrawsAt& draws_at, const StepIo& io,
                      Ending ending, int64_t world) {
   if constexpr (job == Job::start) {
     auto&& draws = draws_at(*w.draw_step);
@@ -289,7 +195,7 @@ GIGA_HD void run_job(const Lanes& lanes, const SimParams& p, WorldView& w, const
 
 /// All jobs of a call for one world, for executors whose workers see to one world at a time.
 template <class Lanes, class DrawsAt>
-void run_jobs(const Lanes& lanes, const Jobs& jobs, const SimParams& p, WorldView& w, const DrawsAt& draws_at,
+void run_jobs(const Lanes& lanes, const Jobs& jobs, const Parameters auto& p, World auto& w, const DrawsAt& draws_at,
               const StepIo& io, Ending ending, int64_t world) {
   for (const Job job : jobs)
     with_job(job, [&](auto constant) {

@@ -1,48 +1,41 @@
 // WorldView: one world as the stages see it: its state, and scratch that lives for one step.
 #pragma once
 
+#include "sim/observation.hpp"
 #include "sim/state.hpp"
 
 namespace giga {
 
-/// Pointers to one world's arrays, N agents. The fields of the first block may point to a working copy (shared memory
-/// on the GPU); what they hold is explained in state.hpp.
-struct WorldView {
-  float *x, *y, *z, *v, *heading, *health;  // [N]
-  uint8_t* alive;                           // [N]
-  uint8_t* tracked;                         // [N, N] [target, shooter]
-  uint32_t *detected, *seen;                // [N, words]
-  Death* death;                             // [N]
-  int32_t* map;
-  float* waypoint;  // [4]
-  float *waypoint_time, *reward_factor;
-  int32_t* episode_length;
-  uint32_t* draw_step;
-  Outcome* outcome;
-  Phase* phase;
-  float *returns, *returns_masked, *score;  // [2]
-  float* term_returns;                      // [2, kNRewardTerms]
-  float* stats;                             // [kNStatRows]
-
-  // Scratch.
+/// Pointers to one world's arrays, N agents: its state (state.hpp), some of it perhaps in a working copy, and scratch.
+struct WorldView : StateView {
   float *dir_x, *dir_y;  // [N] cosine and sine of the heading
   float* taken;          // [N] damage units that the agent took in this step
   float* reward;         // [N] of this step
   float* next;           // [3, N] start coordinates of a round of resampling; in a step, x and y before it
   uint8_t* was_alive;    // [N] before the step
   uint8_t* flags;        // [N] bits of AgentFlag
-  uint32_t* talk;        // [N, words] bit b of row e: e hears b
+  uint32_t* hears;       // [N, words] bit b of row e: e hears b
   uint16_t* neighbors;   // [N, n_neighbors] agents of the observation's rows; kNobody = row of zeros
-  float* neighbor_keys;  // [N, n_neighbors] their distances, then their headings relative to the agent's
-  float* features;       // [N, kNeighborFeatures] of observations, see observe.hpp
-  uint16_t* company;     // [N, kBodyCompany] agents of the body view, see body_view.hpp
+  float* neighbor_distance;  // [N, n_neighbors] while they are ranked
+  float* neighbor_turn;      // [N, n_neighbors] their headings relative to the agent's; in the same memory
+  float* features;           // [N, kNeighborFeatures] see vector_observation.hpp
+  uint16_t* nearest_agents;  // [N, kNearestAgents] see egocentric_view.hpp
   float* terms;          // [kNRewardTerms, N] what each reward term added to the agent's reward
   int32_t* counts;       // [kNCounts] see Count
 };
 
+/// What the stages of a step work on: WorldView, or a type with the same members, whose arrays may be anything that
+/// takes an index: an agent's own numbers may be in registers.
+template <class W>
+concept World = requires(W& w) {
+  w.x[0];
+  w.alive[0];
+  w.neighbors[0];
+};
+
 constexpr uint16_t kNobody = 0xFFFF;
 constexpr int kNeighborFeatures = 9;  ///< numbers per agent in an observation
-constexpr int kBodyCompany = 5;       ///< agents that a body view tells of
+constexpr int kNearestAgents = 5;     ///< agents that an egocentric view tells of
 
 /// What happened to an agent in this step.
 enum AgentFlag : uint8_t {
@@ -66,7 +59,7 @@ enum class Done : uint8_t {
 
 /// Bytes of scratch that a world of p needs, and the carving of a 16-byte aligned block of that size.
 struct ScratchLayout {
-  size_t dir_x, dir_y, taken, reward, next, features, terms, neighbor_keys, talk, counts, neighbors, company, was_alive,
+  size_t dir_x, dir_y, taken, reward, next, features, terms, neighbor_keys, hears, counts, neighbors, nearest_agents, was_alive,
       flags, size;
 
   GIGA_HD explicit ScratchLayout(const SimParams& p) {
@@ -85,10 +78,10 @@ struct ScratchLayout {
     features = take(4 * n * kNeighborFeatures);
     terms = take(4 * n * kNRewardTerms);
     neighbor_keys = take(4 * n * static_cast<size_t>(p.n_neighbors));
-    talk = take(4 * n * static_cast<size_t>(words_for(p.n_agents)));
+    hears = take(4 * n * static_cast<size_t>(words_for(p.n_agents)));
     counts = take(4 * kNCounts);
     neighbors = take(2 * n * static_cast<size_t>(p.n_neighbors));
-    company = take(p.body_view ? 2 * n * kBodyCompany : 0);
+    nearest_agents = take(p.egocentric_view ? 2 * n * kNearestAgents : 0);
     was_alive = take(n);
     flags = take(n);
     size = (at + 15) & ~size_t{15};
@@ -103,66 +96,49 @@ GIGA_HD void attach_scratch(WorldView& w, const ScratchLayout& layout, char* blo
   w.next = reinterpret_cast<float*>(block + layout.next);
   w.features = reinterpret_cast<float*>(block + layout.features);
   w.terms = reinterpret_cast<float*>(block + layout.terms);
-  w.neighbor_keys = reinterpret_cast<float*>(block + layout.neighbor_keys);
-  w.talk = reinterpret_cast<uint32_t*>(block + layout.talk);
+  w.neighbor_distance = w.neighbor_turn = reinterpret_cast<float*>(block + layout.neighbor_keys);
+  w.hears = reinterpret_cast<uint32_t*>(block + layout.hears);
   w.counts = reinterpret_cast<int32_t*>(block + layout.counts);
   w.neighbors = reinterpret_cast<uint16_t*>(block + layout.neighbors);
-  w.company = reinterpret_cast<uint16_t*>(block + layout.company);
+  w.nearest_agents = reinterpret_cast<uint16_t*>(block + layout.nearest_agents);
   w.was_alive = reinterpret_cast<uint8_t*>(block + layout.was_alive);
   w.flags = reinterpret_cast<uint8_t*>(block + layout.flags);
 }
 
 /// The view of world number `world`; scratch is attached separately.
-GIGA_HD WorldView world_view(const StateView& s, const SimParams& p, int64_t world) {
-  const int64_t n = p.n_agents, words = words_for(p.n_agents);
-  const int64_t a = world * n, b = a * words;
+GIGA_HD WorldView world_view(const StateView& all, int n_agents, int64_t world) {
   WorldView w{};
-  w.x = s.x + a;
-  w.y = s.y + a;
-  w.z = s.z + a;
-  w.v = s.v + a;
-  w.heading = s.heading + a;
-  w.health = s.health + a;
-  w.alive = s.alive + a;
-  w.tracked = s.tracked + a * n;
-  w.detected = s.detected + b;
-  w.seen = s.seen + b;
-  w.death = s.death + a;
-  w.map = s.map + world;
-  w.waypoint = s.waypoint + world * 4;
-  w.waypoint_time = s.waypoint_time + world;
-  w.reward_factor = s.reward_factor + world;
-  w.episode_length = s.episode_length + world;
-  w.draw_step = s.draw_step + world;
-  w.outcome = s.outcome + world;
-  w.phase = s.phase + world;
-  w.returns = s.returns + world * kNTeams;
-  w.returns_masked = s.returns_masked + world * kNTeams;
-  w.score = s.score + world * kNTeams;
-  w.term_returns = s.term_returns + world * kNTeams * kNRewardTerms;
-  w.stats = s.stats + world * kNStatRows;
+  for_each_field([&](auto field, auto member) { w.*member = all.*member + world * field.count(n_agents); });
   return w;
 }
 
-/// What a step reads and writes besides the state: one team's buffers, n = agents of the team, D = observation size.
-/// Null = not wanted. `final_*` are copies of obs, alive and global (which must be wanted too) from before a reset, and
-/// are written only where an episode ended in this step.
+/// Rows of one observation (sim/observations.hpp), of a team's agents [W, n] or of the worlds [W]. Null = not wanted.
+/// `final_rows` are copies of `rows` (which must be wanted too) from before a reset, and are written only where an
+/// episode ended in this step.
+struct ObservationIo {
+  void* rows = nullptr;
+  void* final_rows = nullptr;
+  int stride = 0;  // numbers from one row to the next, of both; 0 = the observation's size. The rest is not touched
+};
+struct ObservationIos {
+  ObservationIo kinds[kNObservations];
+  GIGA_HD ObservationIo& operator[](Observation kind) { return kinds[static_cast<int>(kind)]; }
+  GIGA_HD const ObservationIo& operator[](Observation kind) const { return kinds[static_cast<int>(kind)]; }
+};
+
+/// What a step reads and writes besides the state: one team's buffers, n = agents of the team. Null = not wanted.
 struct TeamIo {
   const void* action = nullptr;    // [W, n] int32 (discrete) or [W, n, 3] float (continuous)
-  float* obs = nullptr;            // [W, n, D] after the step (after the reset where the episode ended)
   float* reward = nullptr;         // [W, n]
-  uint8_t* alive = nullptr;        // [W, n] at `obs`
-  float* final_obs = nullptr;      // [W, n, D]
-  uint8_t* final_alive = nullptr;  // [W, n]
+  uint8_t* alive = nullptr;        // [W, n] when observed: after the reset where the episode ended
+  uint8_t* final_alive = nullptr;  // [W, n] as final_rows
+  ObservationIos obs;              // of the agents
 };
 struct StepIo {
   TeamIo team[kNTeams];
-  int obs_stride = 0;      // from one row of obs and final_obs to the next; 0 = D. The rest is not touched
-  bool body_only = false;  // of obs write the body view alone (SimParams::body_view), for whom nobody reads the rest
+  ObservationIos world;                    // of the worlds
   bool final_of_truncations_only = false;  // leave final_* alone where a game was decided: values need no more of it
   uint8_t* done = nullptr;                 // [W] Done
-  float* global = nullptr;                 // [W, G] true state, see state_encoding.hpp
-  float* final_global = nullptr;           // [W, G]
   float* terms = nullptr;  // [W, kNRewardTerms, N] what each term added, in the original's units (tests)
 };
 

@@ -10,7 +10,7 @@ GoldenWorld::GoldenWorld(SimSpec spec)
     : spec_(std::move(spec)), tables_(spec_, host_memory()), state_(spec_.params.n_agents, 1, host_memory()) {
   const ScratchLayout layout(params());
   scratch_ = Buffer<char>(host_memory(), layout.size);
-  view_ = world_view(state_.view(), params(), 0);
+  view_ = world_view(state_.view(), params().n_agents, 0);
   attach_scratch(view_, layout, scratch_.data());
   terms_.resize(static_cast<size_t>(kNRewardTerms * n_agents()));
   for (int t = 0; t < kNTeams; ++t) {
@@ -35,7 +35,7 @@ StepIo GoldenWorld::io() {
     io.team[t].action = params().actions == ActionKind::discrete ? static_cast<const void*>(team.discrete.data())
                                                                  : static_cast<const void*>(team.continuous.data());
     io.team[t].reward = team.reward.data();
-    io.team[t].obs = team.obs.data();
+    io.team[t].obs[Observation::vector].rows = team.obs.data();
     io.team[t].alive = team.alive.data();
   }
   std::fill(terms_.begin(), terms_.end(), kUnwritten);

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <vector>
 
-#include "sim/observe.hpp"
+#include "sim/vector_observation.hpp"
 
 namespace giga::golden {
 namespace {

@@ -32,7 +32,7 @@ class Decisions {
     for (int team = 0; team < kNTeams; ++team) {
       const auto t = static_cast<size_t>(team);
       obs_[t].resize(rows(team) * static_cast<size_t>(spec_.observation_size()));
-      io.team[team].obs = obs_[t].data();
+      io.team[team].obs[Observation::vector].rows = obs_[t].data();
     }
     sim_->start(io);
     for (uint64_t step = 0; step < 12; ++step) {

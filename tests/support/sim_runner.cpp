@@ -7,8 +7,7 @@
 
 #include "core/error.hpp"
 #include "core/philox.hpp"
-#include "sim/observe.hpp"
-#include "sim/state_encoding.hpp"
+#include "sim/observations.hpp"
 
 namespace giga::test {
 namespace {
@@ -45,8 +44,7 @@ Snapshot observations(const Snapshot& snapshot) {
   Snapshot part;
   part.n_worlds = snapshot.n_worlds;
   for (const SnapshotField& f : snapshot.fields)
-    if (f.name.rfind("obs of", 0) == 0 || f.name.rfind("alive of", 0) == 0 || f.name == "global")
-      part.fields.push_back(f);
+    if (f.observed) part.fields.push_back(f);
   return part;
 }
 
@@ -96,12 +94,10 @@ std::vector<uint8_t> random_actions(const SimSpec& spec, int team, int n_worlds,
   return bytes;
 }
 
-SimRunner::SimRunner(std::unique_ptr<Simulator> sim, Outputs outputs, int obs_stride) : sim_(std::move(sim)) {
+SimRunner::SimRunner(std::unique_ptr<Simulator> sim, Outputs outputs, int row_step) : sim_(std::move(sim)) {
   const SimParams& p = sim_->params();
-  const size_t columns = static_cast<size_t>(obs_stride > 0 ? obs_stride : observation_size(p));
-  io_.obs_stride = obs_stride;
-  io_.body_only = outputs == Outputs::body_view;
   const size_t n = static_cast<size_t>(p.n_agents);
+  const bool all = outputs == Outputs::all;
   for (size_t t = 0; t < kNTeams; ++t) {
     TeamIo& io = io_.team[t];
     const size_t rows = static_cast<size_t>(p.n_team[t]);
@@ -110,28 +106,41 @@ SimRunner::SimRunner(std::unique_ptr<Simulator> sim, Outputs outputs, int obs_st
     io.action = actions_[t].data();
     if (outputs == Outputs::none) continue;
     const std::string team = cat(" of team ", t);
-    io.obs = static_cast<float*>(add("obs" + team, rows * columns, columns, 4, true));
-    if (outputs != Outputs::all) continue;
+    for_each_observation([&](auto kind) {
+      if (kind.of == ObservationOf::world || !kind.offered(p)) return;
+      if (outputs == Outputs::egocentric && kind.id != Observation::egocentric) return;
+      io.obs[kind.id] = add_observation(kind.name + team, rows, kind.shape(p).size(), row_step, all);
+    });
+    if (!all) continue;
     io.reward = static_cast<float*>(add("reward" + team, rows, 1, 4, true));
-    io.alive = static_cast<uint8_t*>(add("alive" + team, rows, 1, 1, false));
-    io.final_obs = static_cast<float*>(add("final_obs" + team, rows * columns, columns, 4, true));
+    io.alive = static_cast<uint8_t*>(add("alive" + team, rows, 1, 1, false, true));
     io.final_alive = static_cast<uint8_t*>(add("final_alive" + team, rows, 1, 1, false));
   }
-  if (outputs != Outputs::all) return;
-  const size_t g = static_cast<size_t>(global_size(p));
+  if (!all) return;
   io_.done = static_cast<uint8_t*>(add("done", 1, 1, 1, false));
-  io_.global = static_cast<float*>(add("global", g, g, 4, true));
-  io_.final_global = static_cast<float*>(add("final_global", g, g, 4, true));
+  for_each_observation([&](auto kind) {
+    if (kind.of == ObservationOf::world && kind.offered(p))
+      io_.world[kind.id] = add_observation(kind.name, 1, kind.shape(p).size(), row_step, true);
+  });
   io_.terms = static_cast<float*>(add("terms [term][agent]", n * kNRewardTerms, n, 4, true));
 }
 
-void* SimRunner::add(const std::string& name, size_t per_world, size_t per_agent, size_t element, bool is_float) {
+ObservationIo SimRunner::add_observation(const std::string& name, size_t rows, int size, int row_step, bool final) {
+  const int stride = row_step > 0 ? size / row_step * row_step + row_step : size;
+  const auto columns = static_cast<size_t>(stride);
+  return {add(name, rows * columns, columns, 4, true, true),
+          final ? add("final " + name, rows * columns, columns, 4, true) : nullptr, row_step > 0 ? stride : 0};
+}
+
+void* SimRunner::add(const std::string& name, size_t per_world, size_t per_agent, size_t element, bool is_float,
+                     bool observed) {
   Output output;
   output.shape.name = name;
   output.shape.per_world = per_world;
   output.shape.per_agent = per_agent;
   output.shape.element = element;
   output.shape.is_float = is_float;
+  output.shape.observed = observed;
   output.buffer = Buffer<uint8_t>(sim_->memory(), per_world * element * static_cast<size_t>(sim_->n_worlds()));
   outputs_.push_back(std::move(output));
   return outputs_.back().buffer.data();
@@ -167,10 +176,12 @@ Snapshot SimRunner::snapshot() {
   const int n_agents = sim_->params().n_agents;
   SimState on_host(n_agents, sim_->n_worlds(), host_memory());
   on_host.load(sim_->state().save());
-  for_each_field(on_host.view(), FieldExtents(n_agents), [&](const char* name, const auto* field, size_t per_world) {
+  for_each_field([&](auto kind, auto member) {
+    const auto* field = on_host.view().*member;
+    const auto per_world = static_cast<size_t>(kind.count(n_agents));
     using T = std::remove_cvref_t<decltype(*field)>;
     SnapshotField f;
-    f.name = name;
+    f.name = kind.name;
     f.per_world = per_world;
     const size_t n = static_cast<size_t>(n_agents);
     f.per_agent = per_world % n == 0 && per_world >= n ? per_world / n : per_world;

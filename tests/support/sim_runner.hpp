@@ -18,6 +18,7 @@ struct SnapshotField {
   size_t per_world = 1, per_agent = 1;  ///< elements
   size_t element = 1;                   ///< bytes
   bool is_float = false;
+  bool observed = false;  ///< Simulator::observe writes it
 };
 
 /// State and outputs of all worlds after a start or a step, on the host.
@@ -41,14 +42,14 @@ std::string difference(const Snapshot& expected, const Snapshot& actual);
 /// Random actions of a team: controls a little beyond [-1, 1], or indices -1 to 27, as bytes of its action buffer.
 std::vector<uint8_t> random_actions(const SimSpec& spec, int team, int n_worlds, uint64_t seed);
 
-/// Which outputs a runner asks for; `observations` and `body_view` as populations do, who leave waiting worlds out of a
+/// Which outputs a runner asks for; `observations` and `egocentric` as populations do, who leave waiting worlds out of a
 /// step.
-enum class Outputs { all, observations, body_view, none };
+enum class Outputs { all, observations, egocentric, none };
 
 class SimRunner {
  public:
-  /// `obs_stride` as in StepIo.
-  explicit SimRunner(std::unique_ptr<Simulator> sim, Outputs outputs = Outputs::all, int obs_stride = 0);
+  /// `row_step`: from one row of observations to the next it is the next larger multiple of this; 0 = rows are dense.
+  explicit SimRunner(std::unique_ptr<Simulator> sim, Outputs outputs = Outputs::all, int row_step = 0);
 
   Simulator& sim() { return *sim_; }
   void start();
@@ -64,7 +65,9 @@ class SimRunner {
     SnapshotField shape;  // without bytes
     Buffer<uint8_t> buffer;
   };
-  void* add(const std::string& name, size_t per_world, size_t per_agent, size_t element, bool is_float);
+  ObservationIo add_observation(const std::string& name, size_t rows, int size, int row_step, bool final);
+  void* add(const std::string& name, size_t per_world, size_t per_agent, size_t element, bool is_float,
+            bool observed = false);
   void poison();
 
   std::unique_ptr<Simulator> sim_;

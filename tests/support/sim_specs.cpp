@@ -126,7 +126,7 @@ void set_switches(SimSpec& spec, unsigned mask) {
   p.sight_3d = bit(7);
   p.divide_reward_by_team_size = bit(8);
   p.episode_ends_one_team_dead = bit(9);
-  p.body_view = bit(10);
+  p.egocentric_view = bit(10);
 }
 
 SimSpec random_spec(uint64_t seed, int n_team_0, int n_team_1) {

@@ -31,18 +31,21 @@ TestWorld::TestWorld(SimSpec spec, OnDone on_done)
   std::vector<uint8_t> bytes(state_.save().size(), kPoison);
   state_.load(bytes);
   const StateView& s = state_.view();
-  view_ = world_view(s, params(), kWorld);
+  view_ = world_view(s, params().n_agents, kWorld);
   *view_.draw_step = 0;
   *view_.phase = Phase::plays;
   attach_scratch(view_, layout_, scratch_.data());
-  columns_ = observation_size(params());
+  ObservationSet offered;
+  for_each_observation([&](auto kind) {
+    if (kind.of == ObservationOf::agent && kind.offered(params())) offered |= kind.id;
+  });
+  rows_ = RowLayout(params(), offered);
   done_.resize(kNWorlds);
-  global_.resize(kNWorlds * global_columns());
-  final_global_ = global_;
+  true_state_.resize(kNWorlds * state_columns());
+  final_state_ = true_state_;
   terms_.resize(kNWorlds * static_cast<size_t>(kNRewardTerms * n_agents()));
   io_.done = done_.data();
-  io_.global = global_.data();
-  io_.final_global = final_global_.data();
+  io_.world[Observation::state] = {true_state_.data(), final_state_.data()};
   io_.terms = terms_.data();
   for (int t = 0; t < kNTeams; ++t) {
     Team& team = teams_[t];
@@ -56,10 +59,9 @@ TestWorld::TestWorld(SimSpec spec, OnDone on_done)
     team.final_alive.resize(rows);
     const bool discrete = params().actions == ActionKind::discrete;
     io_.team[t].action = discrete ? static_cast<const void*>(team.indices.data()) : team.controls.data();
-    io_.team[t].obs = team.obs.data();
+    rows_.attach(io_.team[t], team.obs.data(), team.final_obs.data());
     io_.team[t].reward = team.reward.data();
     io_.team[t].alive = team.alive.data();
-    io_.team[t].final_obs = team.final_obs.data();
     io_.team[t].final_alive = team.final_alive.data();
   }
   start();
@@ -72,7 +74,7 @@ void TestWorld::poison() {
     for (auto* out : {&team.alive, &team.final_alive}) std::fill(out->begin(), out->end(), kPoison);
   }
   std::fill(done_.begin(), done_.end(), kPoison);
-  for (auto* out : {&global_, &final_global_, &terms_}) std::fill(out->begin(), out->end(), kNan);
+  for (auto* out : {&true_state_, &final_state_, &terms_}) std::fill(out->begin(), out->end(), kNan);
 }
 
 void TestWorld::start() {
@@ -126,11 +128,12 @@ bool TestWorld::neighbors_untouched() const {
   };
   for (const Team& team : teams_)
     for (const auto* out : {&team.obs, &team.final_obs, &team.reward}) check(*out);
-  for (const auto* out : {&global_, &final_global_, &terms_}) check(*out);
+  for (const auto* out : {&true_state_, &final_state_, &terms_}) check(*out);
   const StateView& s = state_.view();
-  for_each_field(s, FieldExtents(n_agents()), [&](const char*, auto* field, size_t per_world) {
-    const auto* bytes = reinterpret_cast<const uint8_t*>(field);
-    const size_t size = per_world * sizeof(*field);
+  for_each_field([&](auto field, auto member) {
+    const auto* array = s.*member;
+    const auto* bytes = reinterpret_cast<const uint8_t*>(array);
+    const size_t size = static_cast<size_t>(field.count(n_agents())) * sizeof(*array);
     for (size_t k = 0; k < size; ++k) untouched = untouched && bytes[k] == kPoison && bytes[2 * size + k] == kPoison;
   });
   return untouched;

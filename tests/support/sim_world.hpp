@@ -6,6 +6,7 @@
 
 #include "sim/draws.hpp"
 #include "sim/lanes.hpp"
+#include "sim/row_layout.hpp"
 #include "sim/simulator.hpp"
 #include "sim/step.hpp"
 
@@ -59,7 +60,8 @@ class TestWorld {
   const SimParams& params() const { return tables_.params(); }
   WorldView& now() { return view_; }
   int n_agents() const { return params().n_agents; }
-  int columns() const { return columns_; }
+  /// Numbers of a row of observations, which holds all that the scenario offers.
+  int columns() const { return rows_.numbers(); }
 
   bool alive(int i) const { return view_.alive[i] != 0; }
   /// Did b detect a in the last step?
@@ -71,15 +73,19 @@ class TestWorld {
   float reward(int i) const { return teams_[team(i)].reward[row(i)]; }
   float term(RewardTerm t, int i) const;
   float obs(int e, int column) const { return teams_[team(e)].obs[row(e) * stride() + static_cast<size_t>(column)]; }
+  /// Number `column` of the egocentric view.
+  float egocentric(int e, int column) const {
+    return obs(e, static_cast<int>(rows_.columns(Observation::egocentric).first) + column);
+  }
   float final_obs(int e, int column) const {
     return teams_[team(e)].final_obs[row(e) * stride() + static_cast<size_t>(column)];
   }
   uint8_t alive_out(int i) const { return teams_[team(i)].alive[row(i)]; }
   uint8_t final_alive(int i) const { return teams_[team(i)].final_alive[row(i)]; }
   Done done() const { return static_cast<Done>(done_[kWorld]); }
-  float global(int column) const { return global_[kWorld * global_columns() + static_cast<size_t>(column)]; }
-  float final_global(int column) const {
-    return final_global_[kWorld * global_columns() + static_cast<size_t>(column)];
+  float state(int column) const { return true_state_[kWorld * state_columns() + static_cast<size_t>(column)]; }
+  float final_state(int column) const {
+    return final_state_[kWorld * state_columns() + static_cast<size_t>(column)];
   }
   float stat(EpisodeStat s) const { return view_.stats[static_cast<int>(s)]; }
   float term_stat(int team, RewardTerm t) const {
@@ -99,8 +105,8 @@ class TestWorld {
 
   size_t team(int i) const { return static_cast<size_t>(params().team_of(i)); }
   size_t row(int i) const { return static_cast<size_t>(team_row(params(), kWorld, i)); }
-  size_t stride() const { return static_cast<size_t>(columns_); }
-  size_t global_columns() const { return static_cast<size_t>(global_size(params())); }
+  size_t stride() const { return static_cast<size_t>(rows_.stride()); }
+  size_t state_columns() const { return static_cast<size_t>(state_size(params())); }
   bool bit(const uint32_t* rows, int row, int column) const {
     return (rows[row * words_for(n_agents()) + column / 32] >> (column % 32) & 1u) != 0;
   }
@@ -113,10 +119,10 @@ class TestWorld {
   ScratchLayout layout_;
   Buffer<char> scratch_;
   WorldView view_;
-  int columns_;
+  RowLayout rows_;
   Team teams_[kNTeams];
   std::vector<uint8_t> done_;
-  std::vector<float> global_, final_global_, terms_;
+  std::vector<float> true_state_, final_state_, terms_;
   StepIo io_;
 };
 

@@ -88,7 +88,7 @@ class Games {
       action[team].resize(static_cast<size_t>(options.n_worlds) * static_cast<size_t>(p.n_team[team]));
       obs[team].resize(action[team].size() * static_cast<size_t>(spec_.observation_size()));
       io.team[team].action = action[team].data();
-      io.team[team].obs = obs[team].data();
+      io.team[team].obs[Observation::vector].rows = obs[team].data();
     }
     sim->start(io);
     for (int step = 0; step < p.max_episode_length; ++step) {
@@ -144,7 +144,7 @@ class ConfigRewards : public ::testing::TestWithParam<const char*> {
         const Scenario scenario = load_scenario(info.name, source_data(), &environment, "environment");
         if (n_agents(scenario) > kMostAgents) continue;
         SimSpec spec = compile(scenario);
-        spec.params.body_view = false;  // nobody here reads it
+        spec.params.egocentric_view = false;  // nobody here reads it
         ++n_scenarios;
         Games games(std::move(spec));
         for (int team = 0; team < kNTeams; ++team)

@@ -243,8 +243,8 @@ TEST(SimEpisode, AutomaticResetKeepsTheFinalObservation) {
     EXPECT_EQ(world.now().health[i], 1.0f) << "agent " << i;
     EXPECT_EQ(world.obs(i, 2), world.now().x[i] * 0.1f) << "agent " << i;
   }
-  for (int column = 0; column < global_size(world.params()); ++column)
-    EXPECT_EQ(world.final_global(column), twin.global(column)) << "column " << column;
+  for (int column = 0; column < state_size(world.params()); ++column)
+    EXPECT_EQ(world.final_state(column), twin.state(column)) << "column " << column;
   EXPECT_EQ(*world.now().episode_length, 0);
   EXPECT_EQ(*world.now().outcome, Outcome::open);
   EXPECT_TRUE(std::isnan(twin.final_obs(0, 0))) << "keep has no final observation";

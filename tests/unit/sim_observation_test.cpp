@@ -28,7 +28,7 @@ std::vector<std::vector<float>> observe_team_0(TestWorld& world) {
   }
   std::vector<float> flat(static_cast<size_t>(p.n_team[0] * world.columns()), NAN);
   StepIo io;
-  io.team[0].obs = flat.data();
+  io.team[0].obs[Observation::vector].rows = flat.data();
   observe_world(SerialLanes{}, p, w, world.draws, io, 0, false);
   std::vector<std::vector<float>> rows;
   for (int i = 0; i < p.n_team[0]; ++i)
@@ -154,10 +154,10 @@ TEST(SimObservation, CommunicationProbability) {
       PhiloxDraws draws(9, static_cast<uint32_t>(k % 65), static_cast<uint32_t>(k / 65));
       listen(world.params(), world.now(), draws, 0, false);
       listen(world.params(), world.now(), draws, 1, false);
-      const bool forth = (world.now().talk[0] & 2u) != 0, back = (world.now().talk[1] & 1u) != 0;
+      const bool forth = (world.now().hears[0] & 2u) != 0, back = (world.now().hears[1] & 1u) != 0;
       heard += forth;
       mutual += forth && back;
-      ASSERT_TRUE(world.now().talk[0] & 1u) << "oneself";
+      ASSERT_TRUE(world.now().hears[0] & 1u) << "oneself";
     }
     const double p = std::max(0.0, 1 - static_cast<double>(d) / 8);
     EXPECT_NEAR(heard / static_cast<double>(n), p, 0.016) << "distance " << d;
@@ -249,7 +249,7 @@ TEST(SimObservation, GlobalState) {
   spec.agents[2] = {1, 1, 0.8f, 3, 2, 0.5f, 0};
   spec.maps[0].boxes = {{1, 2, 3, 4, 0, 5}};
   TestWorld world(spec);
-  ASSERT_EQ(global_size(world.params()), 3 * 12 + 5 + 4);
+  ASSERT_EQ(state_size(world.params()), 3 * 12 + 5 + 4);
   world.put(0, 2, 2);
   world.put(1, 2, 8);
   world.put(2, 6, 5, 0.5f, 4, 2);
@@ -259,7 +259,7 @@ TEST(SimObservation, GlobalState) {
   for (int k = 0; k < 4; ++k) world.now().waypoint[k] = corners[k];
   *world.now().waypoint_time = 2.5f;
   *world.now().episode_length = 2;
-  const auto value = [&](int column) { return global_value(world.params(), world.now(), column); };
+  const auto value = [&](int column) { return state_value(world.params(), world.now(), column); };
   for (int k = 0; k < 12; ++k) EXPECT_EQ(value(12 + k), 0.0f) << "the dead are zeros, column " << 12 + k;
   // alive, x, y, z over (10, 20, 10), sine and cosine of 0.5, v / 5, health, health / 3, thrust, range, damage range
   const float entity[] = {1, 0.6f, 0.25f, 0.4f, 0.479425539f, 0.877582562f, 0.4f, 1.5f, 0.5f, 0.8f, 2, 0.5f};

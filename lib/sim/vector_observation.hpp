@@ -1,81 +1,40 @@
-// Vector observations: whom an agent sees, in which order, and each number of its row (SPEC sections 6 and 7).
+// The vector observation, the original's: agents in order of distance, then waypoint and obstacles (SPEC section 7).
 #pragma once
 
 #include <cmath>
 
 #include "core/geometry.hpp"
-#include "sim/body_view.hpp"
 #include "sim/world.hpp"
 
 namespace giga {
 
-/// Bits of w.talk: whom of its team agent e hears: the living, itself included, the nearer the more likely. A dead
-/// agent listens on: the recordings of the original say so (SPEC section 6 has it wrong).
-template <class Draws>
-GIGA_HD void listen(const SimParams& p, WorldView& w, Draws& draws, int e, bool after_reset) {
-  const int n = p.n_agents, words = words_for(n);
-  for (int word = 0; word < words; ++word) {
-    uint32_t bits = 0;
-    const int end = (word + 1) * 32 < n ? (word + 1) * 32 : n;
-    for (int b = word * 32; b < end; ++b) {
-      if (p.team_of(b) != p.team_of(e) || !w.alive[b]) continue;
-      bool heard = b == e;
-      if (!heard) {
-        const float dx = w.x[e] - w.x[b], dy = w.y[e] - w.y[b];
-        const float loss = std::sqrt(dx * dx + dy * dy) / p.communication_range;
-        heard = clamp(loss, 0.0f, 1.0f) <= draws.comm(e, b, after_reset);
-      }
-      if (heard) bits |= 1u << (b & 31);
-    }
-    w.talk[static_cast<int64_t>(e) * words + word] = bits;
-  }
-}
-
-/// Bits of w.seen: agents that e hears, and those that somebody whom e hears detects. Without stochastic communication
-/// everybody detected is seen, by the dead too (SPEC section 6).
-GIGA_HD void look(const SimParams& p, WorldView& w, int e) {
-  const int n = p.n_agents, words = words_for(n);
-  const uint32_t* talk = w.talk + static_cast<int64_t>(e) * words;
-  for (int word = 0; word < words; ++word) {
-    uint32_t bits = p.stochastic_communication ? talk[word] : 0u;
-    const int end = (word + 1) * 32 < n ? (word + 1) * 32 : n;
-    for (int a = word * 32; a < end; ++a) {
-      const uint32_t* detected = w.detected + static_cast<int64_t>(a) * words;
-      uint32_t known = 0;
-      for (int k = 0; k < words; ++k) known |= p.stochastic_communication ? detected[k] & talk[k] : detected[k];
-      if (!p.stochastic_communication && p.team_of(a) == p.team_of(e) && w.alive[a]) known = 1;
-      if (known) bits |= 1u << (a & 31);
-    }
-    w.seen[static_cast<int64_t>(e) * words + word] = bits;
-  }
-}
-
 /// The agents of e's rows: e itself, then those seen by ascending distance (equal ones by index), then nobody. Leaves
-/// in w.neighbor_keys how they head relative to e.
-GIGA_HD void rank_neighbors(const SimParams& p, WorldView& w, int e) {
+/// in w.neighbor_turn how they head relative to e.
+GIGA_HD void rank_neighbors(const Parameters auto& p, World auto& w, int e) {
   const int n = p.n_agents, words = words_for(n), limit = p.n_neighbors;
   const uint32_t* seen = w.seen + static_cast<int64_t>(e) * words;
   uint16_t* rows = w.neighbors + static_cast<int64_t>(e) * limit;
-  float* keys = w.neighbor_keys + static_cast<int64_t>(e) * limit;
+  float* distance = w.neighbor_distance + static_cast<int64_t>(e) * limit;
   rows[0] = (seen[e / 32] >> (e & 31) & 1u) ? static_cast<uint16_t>(e) : kNobody;
   int count = 1;
   for (int a = 0; a < n; ++a) {
     if (a == e || !(seen[a / 32] >> (a & 31) & 1u)) continue;
     const float dx = w.x[a] - w.x[e], dy = w.y[a] - w.y[e];
-    const float key = std::sqrt(dx * dx + dy * dy);
-    if (count == limit && (limit == 1 || key >= keys[limit - 1])) continue;
+    const float away = std::sqrt(dx * dx + dy * dy);
+    if (count == limit && (limit == 1 || away >= distance[limit - 1])) continue;
     int at = count < limit ? count++ : limit - 1;
-    for (; at > 1 && key < keys[at - 1]; --at) {
-      keys[at] = keys[at - 1];
+    for (; at > 1 && away < distance[at - 1]; --at) {
+      distance[at] = distance[at - 1];
       rows[at] = rows[at - 1];
     }
-    keys[at] = key;
+    distance[at] = away;
     rows[at] = static_cast<uint16_t>(a);
   }
   const bool original = p.original();
+  float* turns = w.neighbor_turn + static_cast<int64_t>(e) * limit;
   for (int k = 0; k < count; ++k) {
     const float turn = w.heading[rows[k] == kNobody ? e : rows[k]] - w.heading[e];
-    keys[k] = original ? wrap_original(turn) : wrap_angle(turn);
+    turns[k] = original ? wrap_original(turn) : wrap_angle(turn);
   }
   for (; count < limit; ++count) rows[count] = kNobody;
 }
@@ -84,7 +43,7 @@ GIGA_HD void rank_neighbors(const SimParams& p, WorldView& w, int e) {
 /// in [kFirstRelative, kLastRelative].
 enum Feature : int { kSeen, kSameTeam, kX, kY, kZ, kHeading, kSpeed, kHealth, kSprite };
 constexpr int kFirstRelative = kX, kLastRelative = kSpeed;
-GIGA_HD void describe(const SimParams& p, WorldView& w, int a) {
+GIGA_HD void describe(const Parameters auto& p, World auto& w, int a) {
   float* f = w.features + a * kNeighborFeatures;
   f[kSeen] = 1.0f;
   f[kSameTeam] = static_cast<float>(p.team_of(a));  // compared with the ego's
@@ -104,9 +63,9 @@ struct NeighborRows {
   const float *own, *features;
   int e;
 
-  GIGA_HD NeighborRows(const SimParams& p, const WorldView& w, int e_)
+  GIGA_HD NeighborRows(const Parameters auto& p, const World auto& w, int e_)
       : agent(w.neighbors + static_cast<int64_t>(e_) * p.n_neighbors),
-        turn(w.neighbor_keys + static_cast<int64_t>(e_) * p.n_neighbors),
+        turn(w.neighbor_turn + static_cast<int64_t>(e_) * p.n_neighbors),
         own(w.features + e_ * kNeighborFeatures),
         features(w.features),
         e(e_) {}
@@ -127,29 +86,55 @@ GIGA_HD float neighbor_value(const NeighborRows& rows, int column) {
 }
 
 /// Numbers of a box: x1 y1 x2 y2 as shares of the world's size, with obstacle_heights z1 z2 too.
-GIGA_HD int box_features(const SimParams& p) { return p.obstacle_heights ? 6 : 4; }
+GIGA_HD int box_features(const Parameters auto& p) { return p.obstacle_heights ? 6 : 4; }
 /// The same of all boxes of the world's map, one after the other; a table (make_box_features).
-GIGA_HD const float* features_of_boxes(const SimParams& p, const WorldView& w) {
+GIGA_HD const float* features_of_boxes(const Parameters auto& p, const World auto& w) {
   return p.maps.box_features + *w.map * p.n_boxes * box_features(p);
 }
 
 /// Numbers behind the neighbors: the waypoint relative to e and its remaining seconds, then the boxes of the map.
 constexpr int kWaypointFeatures = 5;
-GIGA_HD float tail_value(const SimParams& p, const WorldView& w, const float* boxes, int e, int column) {
+GIGA_HD float tail_value(const Parameters auto& p, const World auto& w, const float* boxes, int e, int column) {
   const int before = p.waypoints ? kWaypointFeatures : 0;
   if (column >= before) return table_value(boxes + column - before);
   if (column == 4) return *w.waypoint_time;
   return (column & 1) ? (w.waypoint[column] - w.y[e]) * p.inv_limit_y : (w.waypoint[column] - w.x[e]) * p.inv_limit_x;
 }
 
-GIGA_HD int neighbor_columns(const SimParams& p) { return p.n_neighbors * kNeighborFeatures; }
-GIGA_HD int tail_columns(const SimParams& p) {
+GIGA_HD int neighbor_columns(const Parameters auto& p) { return p.n_neighbors * kNeighborFeatures; }
+GIGA_HD int tail_columns(const Parameters auto& p) {
   return (p.waypoints ? kWaypointFeatures : 0) + p.n_boxes * box_features(p);
 }
-/// First number of the body view in an observation.
-GIGA_HD int body_at(const SimParams& p) { return body_at(neighbor_columns(p) + tail_columns(p)); }
-GIGA_HD int observation_size(const SimParams& p) {
-  return p.body_view ? body_at(p) + body_columns(p) : neighbor_columns(p) + tail_columns(p);
-}
+
+/// Agents in order of distance, then the waypoint and the boxes; [n_neighbors * 9 + 5 + n_boxes * 4 or 6].
+struct VectorObservation {
+  static constexpr Observation id = Observation::vector;
+  static constexpr const char* name = "vector";
+  static constexpr ObservationOf of = ObservationOf::agent;
+  using Element = float;
+  static constexpr ElementType type = ElementType::f32;
+
+  GIGA_HD static bool offered(const Parameters auto&) { return true; }
+  GIGA_HD static ObservationShape shape(const Parameters auto& p) { return neighbor_columns(p) + tail_columns(p); }
+  GIGA_HD static void prepare(const Parameters auto& p, World auto& w, int a) { describe(p, w, a); }
+
+  /// Number by number, so that neighboring lanes write neighboring numbers.
+  template <class Lanes, class RowOf>
+  GIGA_HD static void write(const Lanes& lanes, const Parameters auto& p, const World auto& w, int n, RowOf&& row_of) {
+    struct Row {
+      float* numbers;
+      NeighborRows seen;
+      GIGA_HD explicit operator bool() const { return numbers != nullptr; }
+    };
+    const auto rows = [&](int e) { return Row{row_of(e), {p, w, e}}; };
+    const int front = neighbor_columns(p);
+    lanes.each_cell(n, front, rows,
+                    [](const Row& row, int column) { row.numbers[column] = neighbor_value(row.seen, column); });
+    const float* boxes = features_of_boxes(p, w);
+    lanes.each_cell(n, tail_columns(p), rows, [&](const Row& row, int column) {
+      row.numbers[front + column] = tail_value(p, w, boxes, row.seen.e, column);
+    });
+  }
+};
 
 }  // namespace giga

@@ -1,9 +1,10 @@
-// The body view: walls in twelve directions, the nearest opponents and mates along the own heading, the waypoint.
+// The egocentric view: walls in twelve directions, the nearest opponents and mates along the own heading, the waypoint.
 #include <gtest/gtest.h>
 
 #include <cmath>
 
-#include "sim/observe.hpp"
+#include "sim/observations.hpp"
+#include "sim/row_layout.hpp"
 #include "support/sim_runner.hpp"
 #include "support/sim_specs.hpp"
 #include "support/sim_world.hpp"
@@ -13,9 +14,9 @@ namespace {
 
 constexpr float kViewTolerance = 1e-5f;
 
-SimSpec body_spec(int n_team_0, int n_team_1) {
+SimSpec view_spec(int n_team_0, int n_team_1) {
   SimSpec spec = open_spec(n_team_0, n_team_1);
-  spec.params.body_view = true;
+  spec.params.egocentric_view = true;
   spec.finish();
   return spec;
 }
@@ -23,40 +24,40 @@ SimSpec body_spec(int n_team_0, int n_team_1) {
 /// Five against five, on each side one agent of each of five kinds, as in special_5_vs_5.
 constexpr int kSprites[] = {7, 3, 5, 6, 1};
 SimSpec mixed_spec() {
-  SimSpec spec = body_spec(5, 5);
+  SimSpec spec = view_spec(5, 5);
   for (size_t i = 0; i < spec.agents.size(); ++i) spec.agents[i].sprite = kSprites[i % 5];
   spec.finish();
   return spec;
 }
 
-/// Number `column` of agent e's body view after a step.
-float body(const TestWorld& world, int e, int column) { return world.obs(e, body_at(world.params()) + column); }
+/// Number `column` of agent e's egocentric view after a step.
+float view(const TestWorld& world, int e, int column) { return world.egocentric(e, column); }
 float wall(const TestWorld& world, int e, int direction) {
-  return body(world, e, body_self_columns(world.params()) + direction);
+  return view(world, e, view_self_columns(world.params()) + direction);
 }
 /// Feature of item `item` of the agents (opponents first).
-float company(const TestWorld& world, int e, int item, int feature) {
-  return body(world, e, body_agents_at(world.params()) + item * body_agent_columns(world.params()) + feature);
+float nearest(const TestWorld& world, int e, int item, int feature) {
+  return view(world, e, view_agents_at(world.params()) + item * view_agent_columns(world.params()) + feature);
 }
 
-TEST(SimBodyView, SizesFollowTheTeams) {
+TEST(SimEgocentricView, SizesFollowTheTeams) {
   // 7 + 12 + min(3, 5) x 8 + min(2, 4) x 8 = 59 behind 10 x 9 numbers, from a multiple of 8 on.
-  EXPECT_EQ(body_spec(5, 5).observation_size(), 96 + 59);
+  EXPECT_EQ(view_spec(5, 5).observation_size(), 96 + 59);
   // One against one: an opponent, no mate: 7 + 12 + 8 = 27 behind 2 x 9.
-  EXPECT_EQ(body_spec(1, 1).observation_size(), 24 + 27);
+  EXPECT_EQ(view_spec(1, 1).observation_size(), 24 + 27);
   // The larger team decides for both: 1 against 3 has 3 opponents and 2 mates.
-  EXPECT_EQ(body_spec(1, 3).observation_size(), 40 + 59);
-  SimSpec off = body_spec(5, 5);
-  off.params.body_view = false;
+  EXPECT_EQ(view_spec(1, 3).observation_size(), 40 + 59);
+  SimSpec off = view_spec(5, 5);
+  off.params.egocentric_view = false;
   EXPECT_EQ(off.observation_size(), 90);
 }
 
-TEST(SimBodyView, KindsAreToldWhereATeamMixesThem) {
+TEST(SimEgocentricView, KindsAreToldWhereATeamMixesThem) {
   // 3 bits more of the agent itself and of each of 3 + 2 others: 59 + 18.
   EXPECT_EQ(mixed_spec().observation_size(), 96 + 77);
-  EXPECT_EQ(body_at(mixed_spec().params), body_at(body_spec(5, 5).params));
+  EXPECT_EQ(RowLayout(mixed_spec().params, mixed_spec().observations()).columns(Observation::egocentric).first, 96);
   // Teams of one kind each, be they different ones: the team tells the kind, and nothing is added.
-  SimSpec spec = body_spec(5, 5);
+  SimSpec spec = view_spec(5, 5);
   for (size_t i = 5; i < 10; ++i) spec.agents[i].sprite = 6;
   spec.finish();
   EXPECT_EQ(spec.observation_size(), 96 + 59);
@@ -83,22 +84,22 @@ void put_ten(TestWorld& world) {
   world.put(3, 1, 9);
 }
 
-TEST(SimBodyView, TellsTheKindOfEachAgent) {
+TEST(SimEgocentricView, TellsTheKindOfEachAgent) {
   TestWorld world(mixed_spec());
   put_ten(world);
   world.step();
   const auto expect_kind = [](int sprite, auto&& number) {
-    for (int bit = 0; bit < kBodyKind; ++bit)
+    for (int bit = 0; bit < kViewKind; ++bit)
       EXPECT_EQ(number(bit), sprite / (1 << bit) % 2) << "sprite " << sprite << ", bit " << bit;
   };
-  expect_kind(7, [&](int bit) { return body(world, 0, kBodySelf + bit); });
-  expect_kind(6, [&](int bit) { return body(world, 8, kBodySelf + bit); });
+  expect_kind(7, [&](int bit) { return view(world, 0, kViewSelf + bit); });
+  expect_kind(6, [&](int bit) { return view(world, 8, kViewSelf + bit); });
   const int sprites[] = {6, 3, 1, 5, 1};  // of opponents 8, 6, 9 and mates 2, 4
   for (int item = 0; item < 5; ++item)
-    expect_kind(sprites[item], [&](int bit) { return company(world, 0, item, kBodyAgent + bit); });
+    expect_kind(sprites[item], [&](int bit) { return nearest(world, 0, item, kViewAgent + bit); });
 }
 
-TEST(SimBodyView, KindsLeaveTheOtherNumbersAlone) {
+TEST(SimEgocentricView, KindsLeaveTheOtherNumbersAlone) {
   SimSpec spec = mixed_spec();
   TestWorld world(spec);
   for (AgentSpec& agent : spec.agents) agent.sprite = 1;
@@ -109,15 +110,15 @@ TEST(SimBodyView, KindsLeaveTheOtherNumbersAlone) {
     w->step();
   }
   for (int e = 0; e < 10; ++e) {
-    for (int k = 0; k < kBodySelf; ++k) EXPECT_EQ(body(world, e, k), body(alike, e, k)) << e << ", " << k;
-    for (int k = 0; k < kBodyRays; ++k) EXPECT_EQ(wall(world, e, k), wall(alike, e, k)) << e << ", " << k;
+    for (int k = 0; k < kViewSelf; ++k) EXPECT_EQ(view(world, e, k), view(alike, e, k)) << e << ", " << k;
+    for (int k = 0; k < kViewRays; ++k) EXPECT_EQ(wall(world, e, k), wall(alike, e, k)) << e << ", " << k;
     for (int item = 0; item < 5; ++item)
-      for (int k = 0; k < kBodyAgent; ++k)
-        EXPECT_EQ(company(world, e, item, k), company(alike, e, item, k)) << e << ", " << item << ", " << k;
+      for (int k = 0; k < kViewAgent; ++k)
+        EXPECT_EQ(nearest(world, e, item, k), nearest(alike, e, item, k)) << e << ", " << item << ", " << k;
   }
 }
 
-TEST(SimBodyView, TheKindOfWhoIsNotSeenIsZero) {
+TEST(SimEgocentricView, TheKindOfWhoIsNotSeenIsZero) {
   SimSpec spec = mixed_spec();
   set_cone(spec.params, 0.1f, 0.1f);
   spec.params.very_close_depth2 = 0;
@@ -129,55 +130,47 @@ TEST(SimBodyView, TheKindOfWhoIsNotSeenIsZero) {
   world.kill(1);
   world.step();
   for (int item = 0; item < 5; ++item)
-    for (int k = 0; k < body_agent_columns(spec.params); ++k) EXPECT_EQ(company(world, 0, item, k), 0) << item << k;
-  for (int bit = 0; bit < kBodyKind; ++bit) EXPECT_EQ(body(world, 0, kBodySelf + bit), 1) << bit;  // its own: 7
-  for (int k = 0; k < body_columns(spec.params); ++k) EXPECT_EQ(body(world, 1, k), 0) << k;        // of the dead
+    for (int k = 0; k < view_agent_columns(spec.params); ++k) EXPECT_EQ(nearest(world, 0, item, k), 0) << item << k;
+  for (int bit = 0; bit < kViewKind; ++bit) EXPECT_EQ(view(world, 0, kViewSelf + bit), 1) << bit;  // its own: 7
+  for (int k = 0; k < view_size(spec.params); ++k) EXPECT_EQ(view(world, 1, k), 0) << k;        // of the dead
 }
 
-TEST(SimBodyView, AloneItIsTheSameAndNothingElseIsWritten) {
+TEST(SimEgocentricView, AloneItIsTheSame) {
   SimSpec spec = random_spec(7, 3, 2);
-  spec.params.body_view = true;
+  spec.params.egocentric_view = true;
   spec.finish();
   SimOptions options;
   options.n_worlds = 16;
   SimRunner whole(make_cpu_simulator(spec, options), Outputs::observations);
-  SimRunner alone(make_cpu_simulator(spec, options), Outputs::body_view);
+  SimRunner alone(make_cpu_simulator(spec, options), Outputs::egocentric);
   whole.start();
   alone.start();
-  const auto columns = static_cast<size_t>(spec.observation_size()), at = static_cast<size_t>(body_at(spec.params));
-  ASSERT_LT(at, columns);
   for (uint64_t step = 0; step < 30; ++step) {
     whole.step(step);
     alone.step(step);
     const Snapshot a = whole.snapshot(), b = alone.snapshot();
-    for (const char* team : {"obs of team 0", "obs of team 1"}) {
-      const size_t numbers = a.field(team).bytes.size() / 4;
-      for (size_t k = 0; k < numbers; ++k) {
-        if (k % columns < at)
-          EXPECT_TRUE(std::isnan(b.float_at(team, k))) << k;
-        else
-          ASSERT_EQ(a.float_at(team, k), b.float_at(team, k)) << k;
-      }
-    }
+    for (const char* team : {"egocentric of team 0", "egocentric of team 1"})
+      for (size_t k = 0; k < a.field(team).bytes.size() / 4; ++k)
+        ASSERT_EQ(a.float_at(team, k), b.float_at(team, k)) << team << ", " << k;
   }
 }
 
-TEST(SimBodyView, TellsTheAgentItself) {
-  TestWorld world(body_spec(1, 1));
+TEST(SimEgocentricView, TellsTheAgentItself) {
+  TestWorld world(view_spec(1, 1));
   world.put(0, 2.5f, 7.5f, kPi / 6, 4, 2);
   world.put(1, 9, 9);
   world.now().health[0] = 0.5f;
   world.step();
   const WorldView& w = world.now();
   // 2 x / 10 - 1 and so on of the state after the step; the heading of pi / 6 stays.
-  const float expected[kBodySelf] = {w.x[0] / 5 - 1, w.y[0] / 5 - 1, 0.8660254f, 0.5f,
+  const float expected[kViewSelf] = {w.x[0] / 5 - 1, w.y[0] / 5 - 1, 0.8660254f, 0.5f,
                                      w.z[0] / 10,    w.v[0] / 5,     w.health[0]};
-  for (int k = 0; k < kBodySelf; ++k) EXPECT_NEAR(body(world, 0, k), expected[k], kViewTolerance) << k;
-  EXPECT_NEAR(body(world, 0, 4), 0.4f, kViewTolerance);
+  for (int k = 0; k < kViewSelf; ++k) EXPECT_NEAR(view(world, 0, k), expected[k], kViewTolerance) << k;
+  EXPECT_NEAR(view(world, 0, 4), 0.4f, kViewTolerance);
 }
 
-TEST(SimBodyView, NearnessOfTheBorder) {
-  TestWorld world(body_spec(1, 1));
+TEST(SimEgocentricView, NearnessOfTheBorder) {
+  TestWorld world(view_spec(1, 1));
   world.put(0, 6, 3, kPi / 2);  // up
   world.put(1, 1, 1);
   world.step();
@@ -191,8 +184,8 @@ TEST(SimBodyView, NearnessOfTheBorder) {
   EXPECT_NEAR(wall(world, 0, 11), 1 / (1 + way), kViewTolerance);
 }
 
-TEST(SimBodyView, NearnessOfObstacles) {
-  SimSpec spec = body_spec(1, 1);
+TEST(SimEgocentricView, NearnessOfObstacles) {
+  SimSpec spec = view_spec(1, 1);
   spec.maps[0].boxes = {{7, 4, 8, 6, 0, 1}, {2, 4.5f, 3, 5.5f, 2, 3}};
   spec.finish();
   TestWorld world(spec);
@@ -216,8 +209,8 @@ TEST(SimBodyView, NearnessOfObstacles) {
   EXPECT_NEAR(wall(tall, 0, 6), 1 / (1 + tall.now().x[0] - 3), kViewTolerance);
 }
 
-TEST(SimBodyView, OpponentsAndMatesByDistance) {
-  TestWorld world(body_spec(3, 3));
+TEST(SimEgocentricView, OpponentsAndMatesByDistance) {
+  TestWorld world(view_spec(3, 3));
   world.put(0, 5, 5, kPi);  // flies left
   world.put(1, 5, 8, 0);
   world.put(2, 5, 6, 0);
@@ -230,21 +223,21 @@ TEST(SimBodyView, OpponentsAndMatesByDistance) {
   // Opponents 3 (3 below, so to the left of who flies left), 4 (ahead), 5; mates 2, 1.
   const int order[] = {3, 4, 5, 2, 1};
   for (int k = 0; k < 5; ++k)
-    EXPECT_NEAR(company(world, 0, k, kBodyNearness), 1 / (1 + distance(order[k])), kViewTolerance) << k;
-  EXPECT_NEAR(company(world, 0, 0, kBodyAhead), -(w.x[3] - w.x[0]) / distance(3), kViewTolerance);
-  EXPECT_NEAR(company(world, 0, 0, kBodyLeft), -(w.y[3] - w.y[0]) / distance(3), kViewTolerance);
-  EXPECT_GT(company(world, 0, 0, kBodyLeft), 0.9f);
-  EXPECT_NEAR(company(world, 0, 0, kBodyCourseAhead), -1, kViewTolerance);  // it flies the other way
-  EXPECT_NEAR(company(world, 0, 0, kBodyClimb), 0.5f, kViewTolerance);
-  EXPECT_NEAR(company(world, 0, 1, kBodyAhead), 1, 1e-2f);
-  EXPECT_NEAR(company(world, 0, 1, kBodyCourseLeft), -1, kViewTolerance);  // up, seen from who flies left: to the right
-  EXPECT_NEAR(company(world, 0, 1, kBodyCourseAhead), 0, kViewTolerance);
-  EXPECT_NEAR(company(world, 0, 1, kBodyOvertakes), (w.v[4] - w.v[0]) / 5, kViewTolerance);
-  EXPECT_NEAR(company(world, 0, 3, kBodyHealth), w.health[2], kViewTolerance);
+    EXPECT_NEAR(nearest(world, 0, k, kViewNearness), 1 / (1 + distance(order[k])), kViewTolerance) << k;
+  EXPECT_NEAR(nearest(world, 0, 0, kViewAhead), -(w.x[3] - w.x[0]) / distance(3), kViewTolerance);
+  EXPECT_NEAR(nearest(world, 0, 0, kViewLeft), -(w.y[3] - w.y[0]) / distance(3), kViewTolerance);
+  EXPECT_GT(nearest(world, 0, 0, kViewLeft), 0.9f);
+  EXPECT_NEAR(nearest(world, 0, 0, kViewCourseAhead), -1, kViewTolerance);  // it flies the other way
+  EXPECT_NEAR(nearest(world, 0, 0, kViewClimb), 0.5f, kViewTolerance);
+  EXPECT_NEAR(nearest(world, 0, 1, kViewAhead), 1, 1e-2f);
+  EXPECT_NEAR(nearest(world, 0, 1, kViewCourseLeft), -1, kViewTolerance);  // up, seen from who flies left: to the right
+  EXPECT_NEAR(nearest(world, 0, 1, kViewCourseAhead), 0, kViewTolerance);
+  EXPECT_NEAR(nearest(world, 0, 1, kViewOvertakes), (w.v[4] - w.v[0]) / 5, kViewTolerance);
+  EXPECT_NEAR(nearest(world, 0, 3, kViewHealth), w.health[2], kViewTolerance);
 }
 
-TEST(SimBodyView, NobodySeenAndTheDead) {
-  SimSpec spec = body_spec(2, 2);
+TEST(SimEgocentricView, NobodySeenAndTheDead) {
+  SimSpec spec = view_spec(2, 2);
   set_cone(spec.params, 0.1f, 0.1f);
   spec.params.very_close_depth2 = 0;
   spec.params.stochastic_communication = true;
@@ -256,15 +249,15 @@ TEST(SimBodyView, NobodySeenAndTheDead) {
   world.put(3, 8, 8);
   world.kill(1);
   world.step();
-  for (int item = 0; item < body_agents(world.params()); ++item)
-    for (int k = 0; k < kBodyAgent; ++k) EXPECT_EQ(company(world, 0, item, k), 0) << item << " " << k;
+  for (int item = 0; item < view_agents(world.params()); ++item)
+    for (int k = 0; k < kViewAgent; ++k) EXPECT_EQ(nearest(world, 0, item, k), 0) << item << " " << k;
   EXPECT_NE(wall(world, 0, 0), 0);
-  for (int k = 36; k < 40; ++k) EXPECT_EQ(world.obs(0, k), 0) << k;  // between the 36 other numbers and the block
-  for (int k = 0; k < body_columns(world.params()); ++k) EXPECT_EQ(body(world, 1, k), 0) << k;
+  for (int k = 36; k < 40; ++k) EXPECT_TRUE(std::isnan(world.obs(0, k))) << k;  // between the 36 other numbers and it
+  for (int k = 0; k < view_size(world.params()); ++k) EXPECT_EQ(view(world, 1, k), 0) << k;
 }
 
-TEST(SimBodyView, TheWaypointAlongTheHeading) {
-  SimSpec spec = body_spec(1, 1);
+TEST(SimEgocentricView, TheWaypointAlongTheHeading) {
+  SimSpec spec = view_spec(1, 1);
   spec.params.waypoints = true;
   spec.finish();
   TestWorld world(spec);
@@ -276,18 +269,18 @@ TEST(SimBodyView, TheWaypointAlongTheHeading) {
   *w.waypoint_time = 5;
   world.step();
   const float dx = 1.5f - w.x[0], dy = 5.5f - w.y[0], distance = std::hypot(dx, dy);
-  const int at = kBodySelf + kBodyRays;
-  EXPECT_NEAR(body(world, 0, at + kBodyNearness), 1 / (1 + distance), kViewTolerance);
-  EXPECT_NEAR(body(world, 0, at + kBodyAhead), dy / distance, kViewTolerance);  // it flies up
-  EXPECT_NEAR(body(world, 0, at + kBodyLeft), -dx / distance, kViewTolerance);  // and the place lies to its left
+  const int at = kViewSelf + kViewRays;
+  EXPECT_NEAR(view(world, 0, at + kViewNearness), 1 / (1 + distance), kViewTolerance);
+  EXPECT_NEAR(view(world, 0, at + kViewAhead), dy / distance, kViewTolerance);  // it flies up
+  EXPECT_NEAR(view(world, 0, at + kViewLeft), -dx / distance, kViewTolerance);  // and the place lies to its left
   *w.waypoint_time = 0.05f;                                                     // gone after the next step
   world.step();
-  for (int k = 0; k < kBodyWaypoint; ++k) EXPECT_EQ(body(world, 0, at + k), 0) << k;
+  for (int k = 0; k < kViewWaypoint; ++k) EXPECT_EQ(view(world, 0, at + k), 0) << k;
 }
 
-TEST(SimBodyView, TurnsWithTheAgent) {
+TEST(SimEgocentricView, TurnsWithTheAgent) {
   // A world turned by a quarter about its centre looks the same from inside.
-  SimSpec spec = body_spec(2, 2);
+  SimSpec spec = view_spec(2, 2);
   spec.maps[0].boxes = {{6, 3, 8, 4, 0, 10}};
   spec.finish();
   SimSpec turned_spec = spec;
@@ -303,8 +296,8 @@ TEST(SimBodyView, TurnsWithTheAgent) {
   world.step();
   turned.step();
   for (int e = 0; e < 4; ++e)
-    for (int k = kBodySelf; k < body_columns(world.params()); ++k)
-      EXPECT_NEAR(body(world, e, k), body(turned, e, k), 1e-4f) << e << " " << k;
+    for (int k = kViewSelf; k < view_size(world.params()); ++k)
+      EXPECT_NEAR(view(world, e, k), view(turned, e, k), 1e-4f) << e << " " << k;
 }
 
 }  // namespace

@@ -2,7 +2,7 @@
 #pragma once
 
 #include "core/geometry.hpp"
-#include "sim/observe.hpp"
+#include "sim/vector_observation.hpp"
 #include "sim/world.hpp"
 
 namespace giga {
@@ -14,10 +14,10 @@ constexpr int kEntityFeatures = 12;
 /// four numbers per box of the map (six with obstacle_heights).
 constexpr int kWorldFeatures = 5;
 
-GIGA_HD int world_feature_count(const SimParams& p) { return kWorldFeatures + p.n_boxes * box_features(p); }
-GIGA_HD int global_size(const SimParams& p) { return p.n_agents * kEntityFeatures + world_feature_count(p); }
+GIGA_HD int world_feature_count(const Parameters auto& p) { return kWorldFeatures + p.n_boxes * box_features(p); }
+GIGA_HD int state_size(const Parameters auto& p) { return p.n_agents * kEntityFeatures + world_feature_count(p); }
 
-GIGA_HD float entity_feature(const SimParams& p, const WorldView& w, int i, int feature) {
+GIGA_HD float entity_feature(const Parameters auto& p, const World auto& w, int i, int feature) {
   if (!w.alive[i]) return 0.0f;
   switch (feature) {
     case 0:
@@ -47,7 +47,7 @@ GIGA_HD float entity_feature(const SimParams& p, const WorldView& w, int i, int 
   }
 }
 
-GIGA_HD float world_feature(const SimParams& p, const WorldView& w, int column) {
+GIGA_HD float world_feature(const Parameters auto& p, const World auto& w, int column) {
   const bool active = p.waypoints && *w.waypoint_time > 0;
   switch (column) {
     case 0:
@@ -68,10 +68,28 @@ GIGA_HD float world_feature(const SimParams& p, const WorldView& w, int column) 
 }
 
 /// Number `column` of the world's state vector: the entities in the order of the agents, then the world.
-GIGA_HD float global_value(const SimParams& p, const WorldView& w, int column) {
+GIGA_HD float state_value(const Parameters auto& p, const World auto& w, int column) {
   const int n_entity_columns = p.n_agents * kEntityFeatures;
   if (column >= n_entity_columns) return world_feature(p, w, column - n_entity_columns);
   return entity_feature(p, w, column / kEntityFeatures, column % kEntityFeatures);
 }
+
+/// The true state of a world; [state_size(p)].
+struct StateObservation {
+  static constexpr Observation id = Observation::state;
+  static constexpr const char* name = "state";
+  static constexpr ObservationOf of = ObservationOf::world;
+  using Element = float;
+  static constexpr ElementType type = ElementType::f32;
+
+  GIGA_HD static bool offered(const Parameters auto&) { return true; }
+  GIGA_HD static ObservationShape shape(const Parameters auto& p) { return state_size(p); }
+
+  template <class Lanes, class RowOf>
+  GIGA_HD static void write(const Lanes& lanes, const Parameters auto& p, const World auto& w, int n, RowOf&& row_of) {
+    float* row = row_of(0);
+    lanes.each(n > 0 ? state_size(p) : 0, [&](int k) { row[k] = state_value(p, w, k); });
+  }
+};
 
 }  // namespace giga

@@ -1,0 +1,53 @@
+// What can be observed, by name: a table row for each kind stands in sim/observations.hpp.
+#pragma once
+
+#include <cstdint>
+
+#include "core/host_device.hpp"
+
+namespace giga {
+
+/// The kinds of observations, in the order of the table.
+enum class Observation : uint8_t {
+  vector,      ///< of an agent: the original's row of numbers (sim/vector_observation.hpp)
+  egocentric,  ///< of an agent: what is around it along its own heading (sim/egocentric_view.hpp)
+  state,       ///< of a world: its true state, for critics (sim/state_observation.hpp)
+};
+constexpr int kNObservations = 3;
+
+/// What the elements of an observation are.
+enum class ElementType : uint8_t { f32, bf16, u8 };
+constexpr int size_of(ElementType type) { return type == ElementType::f32 ? 4 : type == ElementType::bf16 ? 2 : 1; }
+
+/// Whose an observation is: each agent has one, or each world.
+enum class ObservationOf : uint8_t { agent, world };
+
+/// The shape of an observation: [size] or, for images, [height, width, channels].
+struct ObservationShape {
+  int sides[3] = {1, 1, 1};
+  int n_sides = 1;
+
+  constexpr ObservationShape(int size) : sides{size, 1, 1} {}
+  constexpr ObservationShape(int height, int width, int channels) : sides{height, width, channels}, n_sides(3) {}
+  constexpr int size() const { return sides[0] * sides[1] * sides[2]; }
+};
+
+/// Some of the observations.
+class ObservationSet {
+ public:
+  constexpr ObservationSet() = default;
+  constexpr ObservationSet(Observation one) : bits_(1u << static_cast<int>(one)) {}
+  constexpr bool has(Observation one) const { return (bits_ >> static_cast<int>(one) & 1u) != 0; }
+  constexpr bool empty() const { return bits_ == 0; }
+  constexpr ObservationSet& operator|=(ObservationSet other) {
+    bits_ |= other.bits_;
+    return *this;
+  }
+  friend constexpr ObservationSet operator|(ObservationSet a, ObservationSet b) { return a |= b; }
+  bool operator==(const ObservationSet&) const = default;
+
+ private:
+  uint32_t bits_ = 0;
+};
+
+}  // namespace giga

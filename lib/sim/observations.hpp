@@ -1,0 +1,120 @@
+// The table of observations, and what writes them. To add one: a header that says of what, type, shape and how it is
+// written, an entry in sim/observation.hpp and a row in for_each_observation. Buffers, rows, exports and the parity
+// test go by the table.
+#pragma once
+
+#include "sim/egocentric_view.hpp"
+#include "sim/state_observation.hpp"
+#include "sim/vector_observation.hpp"
+#include "sim/world.hpp"
+
+namespace giga {
+
+/// The table: calls f with each kind of observation, in the order of the enumeration. A kind K has
+///   K::id, K::name, K::of, K::Element (what a row is made of) and K::type (the same, as a value)
+///   K::offered(p), K::shape(p)               whether a scenario has it, and with which shape
+///   K::prepare(p, w, e)                      of an agent: what its row needs, before any row is written
+///   K::write(lanes, p, w, n, row_of)         all rows; row_of(e) = agent e's (or the world's, e = 0), null = not wanted
+/// n agents are written, or 0 (then lanes only keep in step).
+template <class F>
+GIGA_HD constexpr void for_each_observation(F&& f) {
+  f(VectorObservation{});
+  f(EgocentricView{});
+  f(StateObservation{});
+}
+
+/// Row of agent i in its team's buffers.
+GIGA_HD int64_t team_row(const Parameters auto& p, int64_t world, int i) {
+  return world * p.n_team[p.team_of(i)] + table_value(p.agents.slot + i);
+}
+
+/// The rows of one kind of observation that somebody wants.
+template <class Kind>
+struct WantedRows {
+  using Element = typename Kind::Element;
+
+  GIGA_HD static bool any(const StepIo& io) {
+    if constexpr (Kind::of == ObservationOf::world)
+      return io.world[Kind::id].rows != nullptr;
+    else
+      return io.team[0].obs[Kind::id].rows || io.team[1].obs[Kind::id].rows;
+  }
+  /// Those of agent e, or of the world.
+  GIGA_HD static const ObservationIo& of(const Parameters auto& p, const StepIo& io, int e) {
+    if constexpr (Kind::of == ObservationOf::world)
+      return io.world[Kind::id];
+    else
+      return io.team[p.team_of(e)].obs[Kind::id];
+  }
+  /// Where the row of agent e (or of the world) begins, in elements.
+  GIGA_HD static int64_t start(const Parameters auto& p, const StepIo& io, int64_t world, int e) {
+    const int stride = of(p, io, e).stride;
+    const int64_t row = Kind::of == ObservationOf::world ? world : team_row(p, world, e);
+    return row * (stride > 0 ? stride : Kind::shape(p).size());
+  }
+  /// The row itself; null where nobody wants it.
+  GIGA_HD static Element* row(const Parameters auto& p, const StepIo& io, int64_t world, int e) {
+    Element* rows = static_cast<Element*>(of(p, io, e).rows);
+    return rows ? rows + start(p, io, world, e) : nullptr;
+  }
+};
+
+/// Writes what every agent sees, by w.seen, and the worlds' observations. `active` false keeps the lanes in lockstep
+/// without work.
+template <class Lanes>
+GIGA_HD void write_observations(const Lanes& lanes, const Parameters auto& p, World auto& w, const StepIo& io,
+                                int64_t world, bool active = true) {
+  const int n = active ? p.n_agents : 0;
+  bool wanted = false;
+  for_each_observation([&](auto kind) {
+    if (decltype(kind)::of == ObservationOf::agent && WantedRows<decltype(kind)>::any(io)) wanted = true;
+  });
+  lanes.each(n, [&](int e) {
+    if (wanted) rank_neighbors(p, w, e);
+    for_each_observation([&](auto kind) {
+      using Kind = decltype(kind);
+      if constexpr (Kind::of == ObservationOf::agent)
+        if (WantedRows<Kind>::any(io)) Kind::prepare(p, w, e);
+    });
+    uint8_t* alive = io.team[p.team_of(e)].alive;
+    if (alive) alive[team_row(p, world, e)] = w.alive[e];
+  });
+  for_each_observation([&](auto kind) {
+    using Rows = WantedRows<decltype(kind)>;
+    if (Rows::any(io)) decltype(kind)::write(lanes, p, w, n, [&](int e) { return Rows::row(p, io, world, e); });
+  });
+}
+
+/// Copies the observations that have just been written to where those before a reset are kept.
+template <class Lanes>
+GIGA_HD void keep_final(const Lanes& lanes, const Parameters auto& p, const StepIo& io, int64_t world, bool active) {
+  const int n = active ? p.n_agents : 0;
+  lanes.each(n, [&](int e) {
+    const TeamIo& team = io.team[p.team_of(e)];
+    if (team.final_alive && team.alive) team.final_alive[team_row(p, world, e)] = team.alive[team_row(p, world, e)];
+  });
+  for_each_observation([&](auto kind) {
+    using Kind = decltype(kind);
+    using Rows = WantedRows<Kind>;
+    if (!Rows::any(io)) return;
+    struct Row {
+      const typename Kind::Element* from;
+      typename Kind::Element* to;
+      GIGA_HD explicit operator bool() const { return from && to; }
+    };
+    const auto row_of = [&](int e) {
+      auto* final_rows = static_cast<typename Kind::Element*>(Rows::of(p, io, e).final_rows);
+      return Row{Rows::row(p, io, world, e), final_rows ? final_rows + Rows::start(p, io, world, e) : nullptr};
+    };
+    const auto copy = [](const Row& row, int k) { row.to[k] = row.from[k]; };
+    const int columns = Kind::shape(p).size();
+    if constexpr (Kind::of == ObservationOf::agent) {
+      lanes.each_cell(n, columns, row_of, copy);
+    } else {
+      const Row row = row_of(0);
+      lanes.each(active && row ? columns : 0, [&](int k) { copy(row, k); });
+    }
+  });
+}
+
+}  // namespace giga

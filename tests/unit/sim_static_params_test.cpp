@@ -1,0 +1,106 @@
+// A step whose parameters are constants of the compiler is the same step, bit for bit.
+#include <gtest/gtest.h>
+
+#include <vector>
+
+
+#include "sim/draws.hpp"
+#include "sim/lanes.hpp"
+#include "sim/simulator.hpp"
+#include "sim/step.hpp"
+#include "support/sim_specs.hpp"
+
+namespace giga::test {
+namespace {
+
+/// 3 against 2, all numbers that decide about loops and branches known when this is compiled.
+struct ThreeVsTwo : SimParams {
+  explicit ThreeVsTwo(const SimParams& p) : SimParams(p) {}
+  static constexpr Rules rules = Rules::corrected;
+  static constexpr ActionKind actions = ActionKind::discrete;
+  static constexpr int n_agents = 5, n_neighbors = 5, n_boxes = 1;
+  static constexpr bool waypoints = false, stochastic_communication = true, stochastic_detection = true;
+  static constexpr bool obstacle_heights = false, obstacles_block_sight = false, sight_3d = false;
+  static constexpr bool egocentric_view = false, cone_is_full = false, damage_cone_is_full = false;
+  GIGA_HD static constexpr bool original() { return false; }
+};
+
+SimSpec three_vs_two() {
+  SimSpec spec = plain_spec(3, 2);
+  spec.params.actions = ActionKind::discrete;
+  spec.params.stochastic_communication = spec.params.stochastic_detection = true;
+  spec.params.max_episode_length = 40;
+  spec.maps[0].boxes = {{4, 4, 6, 6, 0, 10}};
+  spec.params.reward_weight[static_cast<int>(RewardTerm::damage)] = 3;
+  spec.finish();
+  return spec;
+}
+
+/// One world that steps on and on, with parameters of either kind.
+template <class P>
+class OneWorld {
+ public:
+  explicit OneWorld(const SimSpec& spec)
+      : tables_(spec, host_memory()),
+        params_(tables_.params()),
+        state_(params_.n_agents, 1, host_memory()),
+        scratch_(host_memory(), ScratchLayout(params_).size) {
+    for (int t = 0; t < kNTeams; ++t) {
+      obs_[t].resize(static_cast<size_t>(params_.n_team[t] * VectorObservation::shape(params_).size()));
+      reward_[t].resize(static_cast<size_t>(params_.n_team[t]));
+      io_.team[t].obs[Observation::vector].rows = obs_[t].data();
+      io_.team[t].reward = reward_[t].data();
+    }
+  }
+
+  void run(const Jobs& jobs, const std::vector<int32_t> (&actions)[kNTeams]) {
+    for (int t = 0; t < kNTeams; ++t) io_.team[t].action = actions[t].data();
+    WorldView w = world_view(state_.view(), params_.n_agents, 0);
+    attach_scratch(w, ScratchLayout(params_), scratch_.data());
+    const auto draws_at = [](uint32_t step) { return PhiloxDraws(7, 0, step); };
+    run_jobs(SerialLanes{}, jobs, params_, w, draws_at, io_, {OnDone::reset, 1}, 0);
+  }
+
+  std::vector<uint8_t> bytes() const {
+    std::vector<uint8_t> all = state_.save();
+    const auto add = [&all](const std::vector<float>& numbers) {
+      const auto* from = reinterpret_cast<const uint8_t*>(numbers.data());
+      all.insert(all.end(), from, from + numbers.size() * sizeof(float));
+    };
+    for (int t = 0; t < kNTeams; ++t) {
+      add(obs_[t]);
+      add(reward_[t]);
+    }
+    return all;
+  }
+
+ private:
+  SimTables tables_;
+  P params_;
+  SimState state_;
+  Buffer<char> scratch_;
+  std::vector<float> obs_[kNTeams], reward_[kNTeams];
+  StepIo io_;
+};
+
+TEST(SimStaticParams, AStepWithConstantsIsTheSame) {
+  const SimSpec spec = three_vs_two();
+  OneWorld<SimParams> plain(spec);
+  OneWorld<ThreeVsTwo> constants(spec);
+  std::vector<int32_t> actions[kNTeams] = {{13, 13, 13}, {13, 13}};
+  plain.run(jobs_of_start(), actions);
+  constants.run(jobs_of_start(), actions);
+  ASSERT_EQ(plain.bytes(), constants.bytes());
+  const std::vector<uint8_t> first = plain.bytes();
+  for (int step = 0; step < 100; ++step) {  // more than two episodes
+    for (int t = 0; t < kNTeams; ++t)
+      for (size_t k = 0; k < actions[t].size(); ++k) actions[t][k] = (step * 7 + static_cast<int>(k) * 5 + t) % 27;
+    plain.run(jobs_of_step({OnDone::reset, 1}), actions);
+    constants.run(jobs_of_step({OnDone::reset, 1}), actions);
+    ASSERT_EQ(plain.bytes(), constants.bytes()) << "step " << step;
+  }
+  EXPECT_NE(plain.bytes(), first);
+}
+
+}  // namespace
+}  // namespace giga::test
