@@ -23,7 +23,7 @@ struct MatchResult {
   int wins[2] = {0, 0};  ///< by SimParams::win
   int ties = 0;
   double mean_return[2] = {0, 0};         ///< full return of the team
-  double mean_return_masked[2] = {0, 0};  ///< the original evaluator's (SPEC section 13)
+  double mean_return_masked[2] = {0, 0};  ///< the original evaluator's (rules 13.3)
   double mean_score[2] = {0, 0};          ///< waypoints collected
   double mean_length = 0;                 ///< steps
   double mean_survivors[2] = {0, 0};      ///< agents of the side that live at the end

@@ -1,10 +1,10 @@
-// ObservationReader: the numbers of one agent's observation by name. The layout is written by sim/vector_observation.hpp; this is
-// the one place that scripts read it through.
+// ObservationReader: the numbers of one agent's observation by name. The layout is written by
+// sim/vector_observation.hpp; this is the one place that scripts read it through.
 #pragma once
 
 #include "core/geometry.hpp"
-#include "sim/vector_observation.hpp"
 #include "sim/params.hpp"
+#include "sim/vector_observation.hpp"
 
 namespace giga {
 

@@ -1,4 +1,4 @@
-// Scripted teams: actions without learning. The first five are the paper's (SPEC section 13); docs/scripted_teams.md
+// Scripted teams: actions without learning. The first five are the paper's (rules 13.5); docs/scripted_teams.md
 // has a table of all.
 #pragma once
 

@@ -1,4 +1,4 @@
-// Who hears whom, and whom an agent therefore sees (SPEC section 6).
+// Who hears whom, and whom an agent therefore sees (rules 6).
 #pragma once
 
 #include <cmath>
@@ -9,7 +9,7 @@
 namespace giga {
 
 /// Bits of w.hears: whom of its team agent e hears: the living, itself included, the nearer the more likely. A dead
-/// agent listens on: the recordings of the original say so (SPEC section 6 has it wrong).
+/// agent listens on: the recordings of the original say so (rules 6).
 template <class Draws>
 GIGA_HD void listen(const Parameters auto& p, World auto& w, Draws& draws, int e, bool after_reset) {
   const int n = p.n_agents, words = words_for(n);
@@ -31,7 +31,7 @@ GIGA_HD void listen(const Parameters auto& p, World auto& w, Draws& draws, int e
 }
 
 /// Bits of w.seen: agents that e hears, and those that somebody whom e hears detects. Without stochastic communication
-/// everybody detected is seen, by the dead too (SPEC section 6).
+/// everybody detected is seen, by the dead too (rules 6).
 GIGA_HD void look(const Parameters auto& p, World auto& w, int e) {
   const int n = p.n_agents, words = words_for(n);
   const uint32_t* hears = w.hears + static_cast<int64_t>(e) * words;

@@ -1,8 +1,7 @@
-// The egocentric view: what is around an agent, told along its own heading (SPEC has no such thing: it is ours, off by
-// default). It says nothing that the observation before it does not; what a pilot needs is just easier to read off it.
-// It says less: nothing of agents beyond the nearest kViewOpponents and kViewTeamMates, nor how long the waypoint will
-// stay, nor of obstacles more than where the twelve directions meet them. Kinds of agents are told where a team mixes
-// them; elsewhere the team tells the kind.
+// The egocentric view: what is around an agent, told along its own heading (rules 7.5; ours, off by default). It adds
+// nothing to the vector observation; it only tells part of it in a form that is easier to use. It leaves out agents
+// beyond the nearest kViewOpponents and kViewTeamMates, how long the waypoint stays, and of obstacles all but where the
+// twelve directions meet them. Types of agents are told where a team mixes them; elsewhere the team tells the type.
 #pragma once
 
 #include <cmath>
@@ -13,7 +12,7 @@
 namespace giga {
 
 /// Numbers of the block, in this order: the agent itself, how near walls are in each direction, the waypoint, then the
-/// nearest opponents and the nearest team mates that it sees. All are 0 where the agent sees not even itself.
+/// nearest opponents and the nearest team mates that it sees. All are 0 if the agent does not see itself.
 constexpr int kViewSelf = 7;      ///< x and y in [-1, 1], cosine and sine of the heading, z / 10, speed / 5, health
 constexpr int kViewRays = 12;     ///< directions, counterclockwise from straight ahead
 constexpr int kViewWaypoint = 3;  ///< nearness, ahead, left
@@ -82,7 +81,8 @@ GIGA_HD FreeWay free_way(const Parameters auto& p, const Box* boxes, float x, fl
     const bool beside = (dx == 0 && (x <= box.x1 || x >= box.x2)) || (dy == 0 && (y <= box.y1 || y >= box.y2));
     const float a = (box.x1 - x) * inv_x, c = (box.x2 - x) * inv_x;
     const float e = (box.y1 - y) * inv_y, f = (box.y2 - y) * inv_y;
-    way.block(some && at_height && !beside, max_of(dx != 0 ? min_of(a, c) : -kBeyond, dy != 0 ? min_of(e, f) : -kBeyond),
+    way.block(some && at_height && !beside,
+              max_of(dx != 0 ? min_of(a, c) : -kBeyond, dy != 0 ? min_of(e, f) : -kBeyond),
               min_of(dx != 0 ? max_of(a, c) : kBeyond, dy != 0 ? max_of(e, f) : kBeyond));
   }
   return way;

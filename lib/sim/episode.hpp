@@ -53,7 +53,7 @@ GIGA_HD Outcome outcome_of(const WinRule& win, const int32_t* alive, const float
   return leader(win.at_time_limit == LimitWinner::team_0, win.at_time_limit == LimitWinner::team_1);
 }
 
-/// 4.6: the episode's length, its end and its outcome.
+/// Rules 4.6: the episode's length, its end and its outcome.
 GIGA_HD void end_of_step(const Parameters auto& p, World auto& w) {
   const bool gone0 = w.counts[kAlive0] == 0, gone1 = w.counts[kAlive1] == 0;
   *w.episode_length += 1;

@@ -1,4 +1,4 @@
-// Movement: kinematics, bounds, collisions between agents and with obstacles (SPEC sections 4.1 and 4.3).
+// Movement: kinematics, bounds, collisions between agents and with obstacles (rules 4.1 and 4.3).
 #pragma once
 
 #include "core/geometry.hpp"
@@ -32,7 +32,7 @@ GIGA_HD Controls read_controls(const Parameters auto& p, const void* action, int
   return {clamp(c[0], -1.0f, 1.0f), clamp(c[1], -1.0f, 1.0f), clamp(c[2], -1.0f, 1.0f)};
 }
 
-/// 4.1: new heading, position, altitude and speed.
+/// Rules 4.1: new heading, position, altitude and speed.
 GIGA_HD void move(const Parameters auto& p, World auto& w, Controls c, int i) {
   const float a = w.was_alive[i] ? 1.0f : 0.0f;
 
@@ -46,7 +46,8 @@ GIGA_HD void move(const Parameters auto& p, World auto& w, Controls c, int i) {
   w.x[i] += kDt * (speed * dir.cos) * a;
   w.y[i] += kDt * (speed * dir.sin) * a;
   const float z = clamp(w.z[i] + kDt * (Physics::climb_rate * c.dive) * a, 0.0f, kAltitudeLimit);
-  w.v[i] = std::sqrt(max_of(speed * speed + Physics::half_gravity * (w.z[i] - z), Physics::min_speed * Physics::min_speed));
+  w.v[i] =
+      std::sqrt(max_of(speed * speed + Physics::half_gravity * (w.z[i] - z), Physics::min_speed * Physics::min_speed));
   w.z[i] = z;
   w.heading[i] = heading;
   w.dir_x[i] = dir.cos;
@@ -60,7 +61,7 @@ GIGA_HD void face(World auto& w, int i) {
   w.dir_y[i] = dir.sin;
 }
 
-/// 4.3.1: beyond the limits, which themselves are inside.
+/// Rules 4.3.1: beyond the limits, which themselves are inside.
 GIGA_HD void check_bounds(const Parameters auto& p, World auto& w, int i) {
   if (w.x[i] < 0 || w.x[i] > p.limit_x || w.y[i] < 0 || w.y[i] > p.limit_y) {
     w.flags[i] |= kOutOfBounds;
@@ -73,7 +74,7 @@ GIGA_HD float planar_distance2(const World auto& w, int i, int j) {
   return dx * dx + dy * dy;
 }
 
-/// 4.3.2: touching another living agent of any team. Only flags, since others still look at `alive`.
+/// Rules 4.3.2: touching another living agent of any team. Only flags, since others still look at `alive`.
 GIGA_HD void check_agents(const Parameters auto& p, World auto& w, int i) {
   if (!w.alive[i]) return;
   for (int j = 0; j < p.n_agents; ++j) {
@@ -97,7 +98,7 @@ GIGA_HD bool inside_obstacle(const Parameters auto& p, const World auto& w, floa
   return false;
 }
 
-/// 4.3.2 applied, then 4.3.3: inside an obstacle.
+/// Rules 4.3.2 applied, then 4.3.3: inside an obstacle.
 GIGA_HD void check_obstacles(const Parameters auto& p, World auto& w, int i) {
   if (w.flags[i] & kHitAgent) w.alive[i] = 0;
   if (inside_obstacle(p, w, w.x[i], w.y[i], w.z[i], 0.0f)) {

@@ -14,7 +14,8 @@ namespace giga {
 ///   K::id, K::name, K::of, K::Element (what a row is made of) and K::type (the same, as a value)
 ///   K::offered(p), K::shape(p)               whether a scenario has it, and with which shape
 ///   K::prepare(p, w, e)                      of an agent: what its row needs, before any row is written
-///   K::write(lanes, p, w, n, row_of)         all rows; row_of(e) = agent e's (or the world's, e = 0), null = not wanted
+///   K::write(lanes, p, w, n, row_of)         all rows; row_of(e) = agent e's (or the world's, e = 0), null = not
+///   wanted
 /// n agents are written, or 0 (then lanes only keep in step).
 template <class F>
 GIGA_HD constexpr void for_each_observation(F&& f) {

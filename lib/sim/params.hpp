@@ -20,7 +20,7 @@ constexpr int kNTeams = 2;
 constexpr int kNDiscreteActions = 27;
 constexpr int kActionSize = 3;  ///< heading, dive, throttle
 
-/// `original` reproduces the published JAX package, quirks included; `corrected` mends those listed in the README.
+/// `original` reproduces the published JAX package, quirks included; `corrected` mends those listed in rules 15.
 enum class Rules : uint8_t { corrected, original };
 enum class ActionKind : uint8_t { discrete, continuous };
 
@@ -47,7 +47,7 @@ constexpr const char* kRewardTermNames[kNRewardTerms] = {
 
 /// By what an episode is won.
 enum class WinBy : uint8_t {
-  elimination,  ///< the team that is wiped out in an earlier step loses; together is a tie (SPEC section 13)
+  elimination,  ///< the team that is wiped out in an earlier step loses; together is a tie (rules 13.1)
   waypoints,    ///< the team that has collected more when the episode ends wins; as many is a tie
 };
 /// Who wins an episode that the time limit ends undecided: both teams alive, or with as many waypoints.
@@ -158,7 +158,8 @@ struct SimParams {
 
 /// What the stages of a step take as parameters: SimParams, or a type in which some of its members are constants of the
 /// compiler's, so that it can leave out what a scenario does not use:
-///   struct FiveVsFive : SimParams { static constexpr int n_agents = 10; static constexpr bool waypoints = false; ... };
+///   struct FiveVsFive : SimParams { static constexpr int n_agents = 10; static constexpr bool waypoints = false; ...
+///   };
 template <class P>
 concept Parameters = std::derived_from<P, SimParams>;
 
@@ -188,8 +189,8 @@ struct SimSpec {
   /// throws Error where a team is empty or there are more than kMaxAgents agents.
   void finish();
 
-  /// The same with episodes of at most `steps`. Such a cut is no time limit of the scenario: who lives to see it has
-  /// not won by that, so an undecided episode is a tie there. Waypoints count up to the cut.
+  /// The same with episodes of at most `steps`. Such a cut is no time limit of the scenario: surviving to the
+  /// cut is not a win, so an undecided episode is a tie. Waypoints count up to the cut.
   SimSpec cut_off_after(int steps) const;
   /// The same with a cut after kEpisodeLimit steps where there is no time limit, so that each episode ends.
   SimSpec with_time_limit() const;

@@ -1,4 +1,4 @@
-// The start of an episode: map, places, resampling of those who start too close (SPEC section 9).
+// The start of an episode: map, places, resampling of those who start too close (rules 9).
 #pragma once
 
 #include "sim/draws.hpp"
@@ -59,7 +59,7 @@ GIGA_HD void place_agent(const Parameters auto& p, World auto& w, Draws& draws, 
   face(w, i);
 }
 
-/// Decides from everybody's place whether agent i needs another, and draws it. Both of a close pair move (Q24).
+/// Checks agent i against all positions and redraws it if it is too close. Both agents of a close pair move (Q24).
 template <class Draws>
 GIGA_HD void propose_place(const Parameters auto& p, World auto& w, Draws& draws, int round, int i) {
   bool crowded = inside_obstacle(p, w, w.x[i], w.y[i], w.z[i], kStartMargin);

@@ -1,4 +1,4 @@
-// Rewards: the terms of SPEC section 5, then ours, and their sum.
+// Rewards: the terms of rules 5, then ours, and their sum.
 #pragma once
 
 #include "sim/paths.hpp"
@@ -49,7 +49,7 @@ GIGA_HD float way_gained(const Parameters auto& p, const World auto& w, int i) {
   return target >= 0 ? way_to(p, w, w.next[i], w.next[p.n_agents + i], target) - nearest : 0.0f;
 }
 
-/// The unscaled value of one term for agent i: the table of SPEC section 5, then ours.
+/// The unscaled value of one term for agent i: the table of rules 5.1.
 GIGA_HD float term_value(const Parameters auto& p, const World auto& w, RewardTerm term, int i) {
   const float c = p.reward_weight[static_cast<int>(term)];
   const int team = p.team_of(i);

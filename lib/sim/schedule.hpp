@@ -68,7 +68,7 @@ enum class Worlds : uint8_t {
   listed,  ///< those that played when Simulator::list_playing was last called
 };
 
-/// Worlds that wait have nothing to write in a step but reward and done; where nobody wants these, they are left out.
+/// Worlds that wait have nothing to write in a step but reward and done; if neither is requested, they are skipped.
 inline Worlds worlds_of_step(Ending ending, const StepIo& io) {
   const bool wanted = io.done || io.team[0].reward || io.team[1].reward;
   return ending.on_done == OnDone::freeze && !wanted ? Worlds::listed : Worlds::all;

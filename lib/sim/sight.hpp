@@ -1,4 +1,4 @@
-// Sight and damage: who detects whom, who fires, tracking counters, health (SPEC sections 4.4 and 4.5).
+// Sight and damage: who detects whom, who fires, tracking counters, health (rules 4.4 and 4.5).
 #pragma once
 
 #include <cmath>
@@ -9,7 +9,7 @@
 
 namespace giga {
 
-/// Whether the segment from agent i to agent j passes through an obstacle (an option beyond the original).
+/// Whether the segment from agent i to agent j passes through an obstacle (an option beyond the original, rules 16.2).
 GIGA_HD bool sight_blocked(const Parameters auto& p, const World auto& w, int i, int j) {
   const Box* boxes = p.maps.boxes + static_cast<int64_t>(*w.map) * p.n_boxes;
   const float from[3] = {w.x[i], w.y[i], w.z[i]};
@@ -100,7 +100,7 @@ GIGA_HD void detect_only(const Parameters auto& p, World auto& w, Draws& draws, 
       w.detected[static_cast<int64_t>(a) * words_for(p.n_agents) + b / 32] |= 1u << (b & 31);
 }
 
-/// 4.5: damage, healing and the waypoint's refill; death at zero health.
+/// Rules 4.5: damage, healing and the waypoint's refill; death at zero health.
 GIGA_HD void update_health(const Parameters auto& p, World auto& w, int i) {
   const float limit = p.agents.max_health[i];
   const float refill = (w.flags[i] & kHitWaypoint) ? limit : 0.0f;

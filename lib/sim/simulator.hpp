@@ -22,7 +22,7 @@ struct SimOptions {
   OnDone on_done = OnDone::reset;
   int n_threads = 0;        ///< CPU back end: 0 = as many as cores
   int64_t draw_period = 0;  ///< worlds so far apart draw the same numbers (see draw_world); 0 = none do
-  /// OnDone::freeze: episodes that a world plays before it waits, counted by its statistics, which nobody may read in
+  /// OnDone::freeze: episodes that a world plays before it waits, counted in its statistics, so do not read these in
   /// between. More than one needs a scenario with a time limit.
   int episodes = 1;
 };

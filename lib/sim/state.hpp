@@ -70,8 +70,8 @@ constexpr int kNStatRows = kNEpisodeStats + kNTeams * kNRewardTerms;
 enum class Outcome : int32_t { open, team_0, team_1, tie };
 
 /// What an agent died of, once an episode at most. Where a step brings several, the one that comes first in the step:
-/// who leaves the map collides with nobody any more, who collides with an agent is not looked for in obstacles, and
-/// shots hit the living only.
+/// an agent that leaves the map cannot collide, one that collides is not checked against obstacles, and only living
+/// agents can be shot.
 enum class Death : uint8_t {
   none,           ///< it lives
   damage,         ///< shot

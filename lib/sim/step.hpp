@@ -27,7 +27,8 @@ GIGA_HD void observe_world(const Lanes& lanes, const Parameters auto& p, World a
 
 /// Starts an episode. `active` as for write_observations.
 template <class Lanes, class Draws>
-GIGA_HD void reset_world(const Lanes& lanes, const Parameters auto& p, World auto& w, Draws& draws, bool active = true) {
+GIGA_HD void reset_world(const Lanes& lanes, const Parameters auto& p, World auto& w, Draws& draws,
+                         bool active = true) {
   const int n = active ? p.n_agents : 0, one = active ? 1 : 0;
   lanes.each(one, [&](int) { begin_episode(p, w, draws); });
   lanes.each(n, [&](int i) { place_agent(p, w, draws, i); });
@@ -104,7 +105,8 @@ GIGA_HD bool to_settle(const Lanes& lanes, const World auto& w) {
 
 /// Where the episode ended: adds it to the statistics and keeps its last observation. Returns whether it did.
 template <class Lanes>
-GIGA_HD bool finish_world(const Lanes& lanes, const Parameters auto& p, World auto& w, const StepIo& io, int64_t world) {
+GIGA_HD bool finish_world(const Lanes& lanes, const Parameters auto& p, World auto& w, const StepIo& io,
+                          int64_t world) {
   const bool ended = *w.phase == Phase::terminated || *w.phase == Phase::truncated;
   lanes.each(ended ? kNEpisodeItems : 0, [&](int item) { finish_episode(p, w, item); });
   keep_final(lanes, p, io, world, ended && (!io.final_of_truncations_only || *w.phase == Phase::truncated));
@@ -113,7 +115,8 @@ GIGA_HD bool finish_world(const Lanes& lanes, const Parameters auto& p, World au
 
 /// What follows a step in which the episode ended, with OnDone::freeze: the world waits.
 template <class Lanes>
-GIGA_HD void freeze_world(const Lanes& lanes, const Parameters auto& p, World auto& w, const StepIo& io, int64_t world) {
+GIGA_HD void freeze_world(const Lanes& lanes, const Parameters auto& p, World auto& w, const StepIo& io,
+                          int64_t world) {
   const bool ended = finish_world(lanes, p, w, io, world);
   lanes.each(ended ? 1 : 0, [&](int) { *w.phase = Phase::waits; });
 }
@@ -132,8 +135,8 @@ GIGA_HD void restart_world(const Lanes& lanes, const Parameters auto& p, World a
 /// that worlds that draw the same numbers do so however long their episodes were; `draws_at(step)` makes them. A pass
 /// of its own, because it is rare.
 template <class Lanes, class DrawsAt>
-GIGA_HD void play_on(const Lanes& lanes, const Parameters auto& p, World auto& w, const DrawsAt& draws_at, const StepIo& io,
-                     int64_t world, int episodes) {
+GIGA_HD void play_on(const Lanes& lanes, const Parameters auto& p, World auto& w, const DrawsAt& draws_at,
+                     const StepIo& io, int64_t world, int episodes) {
   // The step has counted itself already, and so did the start.
   const uint32_t step = *w.draw_step + static_cast<uint32_t>(p.max_episode_length + 1 - *w.episode_length);
   const bool ended = finish_world(lanes, p, w, io, world);
@@ -173,8 +176,8 @@ GIGA_HD bool has_work(const Lanes& lanes, const World auto& w) {
 
 /// Runs a job for one world, where it has work. `draws_at(step)` makes the draws of a step.
 template <Job job, class Lanes, class DrawsAt>
-GIGA_HD void run_job(const Lanes& lanes, const Parameters auto& p, World auto& w, const DrawsAt& draws_at, const StepIo& io,
-                     Ending ending, int64_t world) {
+GIGA_HD void run_job(const Lanes& lanes, const Parameters auto& p, World auto& w, const DrawsAt& draws_at,
+                     const StepIo& io, Ending ending, int64_t world) {
   if constexpr (job == Job::start) {
     auto&& draws = draws_at(*w.draw_step);
     start_world(lanes, p, w, draws, io, world);

@@ -1,4 +1,4 @@
-// The vector observation, the original's: agents in order of distance, then waypoint and obstacles (SPEC section 7).
+// The vector observation, the original's: agents in order of distance, then waypoint and obstacles (rules 7).
 #pragma once
 
 #include <cmath>
@@ -8,8 +8,8 @@
 
 namespace giga {
 
-/// The agents of e's rows: e itself, then those seen by ascending distance (equal ones by index), then nobody. Leaves
-/// in w.neighbor_turn how they head relative to e.
+/// The agents of e's rows: e itself, then those seen by ascending distance (equal ones by index), then nobody. Stores
+/// their headings relative to e in w.neighbor_turn.
 GIGA_HD void rank_neighbors(const Parameters auto& p, World auto& w, int e) {
   const int n = p.n_agents, words = words_for(n), limit = p.n_neighbors;
   const uint32_t* seen = w.seen + static_cast<int64_t>(e) * words;

@@ -1,4 +1,4 @@
-// Waypoints: who reaches the present one, and when the next appears (SPEC section 4.2).
+// Waypoints: who reaches the present one, and when the next appears (rules 4.2).
 #pragma once
 
 #include "core/geometry.hpp"

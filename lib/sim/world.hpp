@@ -8,20 +8,20 @@ namespace giga {
 
 /// Pointers to one world's arrays, N agents: its state (state.hpp), some of it perhaps in a working copy, and scratch.
 struct WorldView : StateView {
-  float *dir_x, *dir_y;  // [N] cosine and sine of the heading
-  float* taken;          // [N] damage units that the agent took in this step
-  float* reward;         // [N] of this step
-  float* next;           // [3, N] start coordinates of a round of resampling; in a step, x and y before it
-  uint8_t* was_alive;    // [N] before the step
-  uint8_t* flags;        // [N] bits of AgentFlag
-  uint32_t* hears;       // [N, words] bit b of row e: e hears b
-  uint16_t* neighbors;   // [N, n_neighbors] agents of the observation's rows; kNobody = row of zeros
+  float *dir_x, *dir_y;      // [N] cosine and sine of the heading
+  float* taken;              // [N] damage units that the agent took in this step
+  float* reward;             // [N] of this step
+  float* next;               // [3, N] start coordinates of a round of resampling; in a step, x and y before it
+  uint8_t* was_alive;        // [N] before the step
+  uint8_t* flags;            // [N] bits of AgentFlag
+  uint32_t* hears;           // [N, words] bit b of row e: e hears b
+  uint16_t* neighbors;       // [N, n_neighbors] agents of the observation's rows; kNobody = row of zeros
   float* neighbor_distance;  // [N, n_neighbors] while they are ranked
   float* neighbor_turn;      // [N, n_neighbors] their headings relative to the agent's; in the same memory
   float* features;           // [N, kNeighborFeatures] see vector_observation.hpp
   uint16_t* nearest_agents;  // [N, kNearestAgents] see egocentric_view.hpp
-  float* terms;          // [kNRewardTerms, N] what each reward term added to the agent's reward
-  int32_t* counts;       // [kNCounts] see Count
+  float* terms;              // [kNRewardTerms, N] what each reward term added to the agent's reward
+  int32_t* counts;           // [kNCounts] see Count
 };
 
 /// What the stages of a step work on: WorldView, or a type with the same members, whose arrays may be anything that
@@ -59,8 +59,8 @@ enum class Done : uint8_t {
 
 /// Bytes of scratch that a world of p needs, and the carving of a 16-byte aligned block of that size.
 struct ScratchLayout {
-  size_t dir_x, dir_y, taken, reward, next, features, terms, neighbor_keys, hears, counts, neighbors, nearest_agents, was_alive,
-      flags, size;
+  size_t dir_x, dir_y, taken, reward, next, features, terms, neighbor_keys, hears, counts, neighbors, nearest_agents,
+      was_alive, flags, size;
 
   GIGA_HD explicit ScratchLayout(const SimParams& p) {
     const size_t n = static_cast<size_t>(p.n_agents);

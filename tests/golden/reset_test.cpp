@@ -95,7 +95,7 @@ void compare_certain(Comparison& c, ResetCase& s, size_t t) {
       c.same("has_detected", i, j, s.world.detected(i, j), 0);
     }
   }
-  // SPEC section 2: what the original starts with, in fields that were not recorded.
+  // Rules 2: what the original starts with, in fields that were not recorded.
   for (int k = 0; k < 4; ++k) c.near("waypoint_location", -1, k, w.waypoint[k], 0);
   c.near("waypoint_enabled", -1, -1, *w.waypoint_time, 0);
   c.same("episode_length", -1, -1, *w.episode_length, 0);

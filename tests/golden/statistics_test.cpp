@@ -143,7 +143,7 @@ TEST(GoldenStatistics, Resets) {
 }
 
 /// What each episode gave, by the names of the recorded columns. A recorded return is the sum of all rewards of a team,
-/// not the masked one of the original's evaluator (SPEC section 13): of the 40 recorded means, the full return matches
+/// not the masked one of the original's evaluator (rules 13.3): of the 40 recorded means, the full return matches
 /// all with |z| < 2.4, the masked one misses 14, by |z| up to 37.
 struct Episodes {
   std::vector<double> length, win[kNTeams], ret[kNTeams], alive_end[kNTeams];

@@ -42,8 +42,8 @@ std::string difference(const Snapshot& expected, const Snapshot& actual);
 /// Random actions of a team: controls a little beyond [-1, 1], or indices -1 to 27, as bytes of its action buffer.
 std::vector<uint8_t> random_actions(const SimSpec& spec, int team, int n_worlds, uint64_t seed);
 
-/// Which outputs a runner asks for; `observations` and `egocentric` as populations do, who leave waiting worlds out of a
-/// step.
+/// Which outputs a runner asks for; `observations` and `egocentric` as populations do, who leave waiting worlds out of
+/// a step.
 enum class Outputs { all, observations, egocentric, none };
 
 class SimRunner {

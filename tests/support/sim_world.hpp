@@ -84,9 +84,7 @@ class TestWorld {
   uint8_t final_alive(int i) const { return teams_[team(i)].final_alive[row(i)]; }
   Done done() const { return static_cast<Done>(done_[kWorld]); }
   float state(int column) const { return true_state_[kWorld * state_columns() + static_cast<size_t>(column)]; }
-  float final_state(int column) const {
-    return final_state_[kWorld * state_columns() + static_cast<size_t>(column)];
-  }
+  float final_state(int column) const { return final_state_[kWorld * state_columns() + static_cast<size_t>(column)]; }
   float stat(EpisodeStat s) const { return view_.stats[static_cast<int>(s)]; }
   float term_stat(int team, RewardTerm t) const {
     return view_.stats[kNEpisodeStats + team * kNRewardTerms + static_cast<int>(t)];

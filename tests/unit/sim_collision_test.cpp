@@ -1,4 +1,4 @@
-// Deaths by movement: bounds, agents, obstacles, and their order (SPEC 4.3).
+// Deaths by movement: bounds, agents, obstacles, and their order (rules 4.3).
 #include <gtest/gtest.h>
 
 #include "support/sim_specs.hpp"

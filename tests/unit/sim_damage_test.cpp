@@ -1,4 +1,4 @@
-// Damage and health: tracking counters, the damage sequence, healing, limits, death (SPEC 4.5).
+// Damage and health: tracking counters, the damage sequence, healing, limits, death (rules 4.5).
 #include <gtest/gtest.h>
 
 #include <algorithm>

@@ -132,7 +132,7 @@ TEST(SimEgocentricView, TheKindOfWhoIsNotSeenIsZero) {
   for (int item = 0; item < 5; ++item)
     for (int k = 0; k < view_agent_columns(spec.params); ++k) EXPECT_EQ(nearest(world, 0, item, k), 0) << item << k;
   for (int bit = 0; bit < kViewKind; ++bit) EXPECT_EQ(view(world, 0, kViewSelf + bit), 1) << bit;  // its own: 7
-  for (int k = 0; k < view_size(spec.params); ++k) EXPECT_EQ(view(world, 1, k), 0) << k;        // of the dead
+  for (int k = 0; k < view_size(spec.params); ++k) EXPECT_EQ(view(world, 1, k), 0) << k;           // of the dead
 }
 
 TEST(SimEgocentricView, AloneItIsTheSame) {

@@ -1,4 +1,4 @@
-// Movement by hand arithmetic: heading, speed, position, altitude, energy exchange, action decoding (SPEC 3 and 4.1).
+// Movement by hand arithmetic: heading, speed, position, altitude, energy exchange, action decoding (rules 3 and 4.1).
 #include <gtest/gtest.h>
 
 #include "support/sim_specs.hpp"

@@ -1,4 +1,4 @@
-// Vector observations and the true-state vector: every number, order, ties, limits, communication, dead egos (SPEC 6,
+// Vector observations and the true-state vector: every number, order, ties, limits, communication, dead egos (rules 6,
 // 7).
 #include <gtest/gtest.h>
 
@@ -225,7 +225,7 @@ TEST(SimObservation, SixNumbersABoxWithHeights) {
 }
 
 TEST(SimObservation, BuiltInSizes) {
-  // SPEC 7: agents and box count of the set "all" (4) -> D.
+  // Rules 7.4: agents and box count of the set "all" (4) -> D.
   const struct {
     int n0, n1;
     bool waypoints;

@@ -270,7 +270,8 @@ TEST(SimProperty, StridedObservationsHoldTheSameNumbers) {
     dense.step(k);
     strided.step(k);
     const Snapshot a = dense.snapshot(), b = strided.snapshot();
-    for (const char* name : {"vector of team 0", "vector of team 1", "final vector of team 0", "final vector of team 1"})
+    for (const char* name :
+         {"vector of team 0", "vector of team 1", "final vector of team 0", "final vector of team 1"})
       for (size_t row = 0; row < a.field(name).bytes.size() / 4 / columns; ++row) {
         const uint8_t* in_dense = a.field(name).bytes.data() + 4 * row * columns;
         const uint8_t* in_strided = b.field(name).bytes.data() + 4 * row * stride;

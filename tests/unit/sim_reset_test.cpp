@@ -1,4 +1,4 @@
-// The start of an episode: places, resampling, state, maps, the first observation (SPEC 9).
+// The start of an episode: places, resampling, state, maps, the first observation (rules 9).
 #include <gtest/gtest.h>
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// Rewards by hand numbers: every term, the factor, the division, the masks (SPEC 5).
+// Rewards by hand numbers: every term, the factor, the division, the masks (rules 5).
 #include <gtest/gtest.h>
 
 #include <cmath>

@@ -1,5 +1,5 @@
-// Each line of "what `corrected` changes" (SPEC 16) that concerns the simulator: the corrected behaviour, and beside it
-// the original's, which must differ. Rules that hold under both sets are tested under both.
+// Each line of "what `corrected` changes" (rules 15) that concerns the simulator: the corrected behaviour, and beside
+// it the original's, which must differ. Rules that hold under both sets are tested under both.
 #include <gtest/gtest.h>
 
 #include <cmath>

@@ -1,4 +1,4 @@
-// Sight: cones, ranges, the very-close circle, stochastic detection, and the options that change it (SPEC 4.4).
+// Sight: cones, ranges, the very-close circle, stochastic detection, and the options that change it (rules 4.4).
 #include <gtest/gtest.h>
 
 #include <cmath>

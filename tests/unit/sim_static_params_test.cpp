@@ -3,7 +3,6 @@
 
 #include <vector>
 
-
 #include "sim/draws.hpp"
 #include "sim/lanes.hpp"
 #include "sim/simulator.hpp"

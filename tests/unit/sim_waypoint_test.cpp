@@ -1,4 +1,4 @@
-// Waypoints: appearing, collecting, expiring, payment and score (SPEC 4.2).
+// Waypoints: appearing, collecting, expiring, payment and score (rules 4.2).
 #include <gtest/gtest.h>
 
 #include "support/sim_specs.hpp"
