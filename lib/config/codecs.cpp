@@ -211,9 +211,15 @@ bool is_none(const Node& node) { return node.is_null() || (node.is_scalar() && !
 
 std::string expected_choice(const std::vector<std::string>& names) { return "one of: " + join(names); }
 
-int read_choice(const Node& node, const std::vector<std::string>& names, const ReadSite& site) {
+int read_choice(const Node& node, const std::vector<std::string>& names, const ReadSite& site,
+                const std::vector<RenamedChoice>& renamed) {
   for (size_t k = 0; k < names.size(); ++k)
     if (node.is_scalar() && node.text == names[k]) return static_cast<int>(k);
+  for (const RenamedChoice& r : renamed) {
+    if (!node.is_scalar() || node.text != r.before) continue;
+    site.errors.add(node.at, cat(site.path, ": '", r.before, "' is now called '", r.now, "'"));
+    return -1;
+  }
   site.fail(node, expected_choice(names) + (node.is_scalar() ? nearest_hint(node.text, names) : ""));
   return -1;
 }

@@ -203,6 +203,11 @@ void read_fields(const Node& node, const FieldList& fields, Errors& errors, KeyP
     const auto& all = fields.fields();
     const auto field = std::find_if(all.begin(), all.end(), [&](const Field& f) { return f.name == entry.key; });
     if (field == all.end()) {
+      if (const auto now = fields.renamed().find(entry.key); now != fields.renamed().end()) {
+        errors.add(entry.at, cat(key_path, ": this key is now called '", now->second, "'"));
+        if (given) given->emplace(joined_path(path, now->second), entry.at);
+        continue;
+      }
       std::vector<std::string> names;
       for (const Field& known : all) names.push_back(known.name);
       const std::string hint = nearest_hint(entry.key, names);

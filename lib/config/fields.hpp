@@ -7,8 +7,8 @@
 //     v.group("critic", c.critic, "the value function");
 //   }
 //
-// Values: bool, int, int64_t, uint64_t, float, double, std::string, enums with an `enum_names(Enum)` beside them,
-// std::vector, std::array and std::optional of these, and every type with a FieldCodec.
+// Values: bool, int, int64_t, uint64_t, float, double, std::string, enums with an `enum_names(Enum)` beside them (and a
+// `renamed_choices(Enum)` where names have changed), std::vector, std::array and std::optional of these, and every type with a FieldCodec.
 #pragma once
 
 #include <array>
@@ -105,8 +105,14 @@ struct FieldCodec<double> : ScalarCodec<double> {};
 template <>
 struct FieldCodec<std::string> : ScalarCodec<std::string> {};
 
+/// A choice that once had another name.
+struct RenamedChoice {
+  const char *before, *now;
+};
+
 /// Index of the scalar in `names`, or -1 after reporting it.
-int read_choice(const Node& node, const std::vector<std::string>& names, const ReadSite& site);
+int read_choice(const Node& node, const std::vector<std::string>& names, const ReadSite& site,
+                const std::vector<RenamedChoice>& renamed = {});
 std::string expected_choice(const std::vector<std::string>& names);
 std::string expected_list(const Allowed& allowed, const std::string& item);
 /// Checks that the node is a list of an allowed length.
@@ -124,7 +130,10 @@ struct FieldCodec<T> {
     return list;
   }
   static bool read(const Node& node, T& value, const Allowed&, const ReadSite& site) {
-    const int index = read_choice(node, names(), site);
+    std::vector<RenamedChoice> renamed;
+    if constexpr (requires { renamed_choices(T{}); })
+      for (const RenamedChoice& r : renamed_choices(T{})) renamed.push_back(r);
+    const int index = read_choice(node, names(), site, renamed);
     if (index >= 0) value = static_cast<T>(index);
     return index >= 0;
   }
@@ -212,13 +221,18 @@ class FieldList {
   /// A map that somebody else reads; `keys` gives those that it may have, where that is known.
   void tree(const std::string& name, Node& value, const std::string& doc, std::function<FieldList()> keys = {});
 
+  /// A key that was once called `before`: who still writes it is told the new name.
+  void renamed(const std::string& before, const std::string& now) { renamed_[before] = now; }
+
   const std::vector<Field>& fields() const { return fields_; }
+  const std::map<std::string, std::string>& renamed() const { return renamed_; }
   void keep(std::shared_ptr<void> owner) { owner_ = std::move(owner); }
 
  private:
   Field& add(FieldShape shape, const std::string& name, const std::string& doc);
 
   std::vector<Field> fields_;
+  std::map<std::string, std::string> renamed_;  // new names by old ones
   std::shared_ptr<void> owner_;  // of the struct, where nobody else holds it
 };
 

@@ -1,20 +1,36 @@
 #include "core/thread_pool.hpp"
 
+#if defined(_OPENMP)
 #include <omp.h>
+#endif
 
 #include <exception>
 #include <mutex>
 
 namespace giga {
+namespace {
 
-ThreadPool::ThreadPool(int n_threads) : n_threads_(n_threads > 0 ? n_threads : omp_get_max_threads()) {}
+/// As many as OpenMP gives; without it there is one.
+int default_threads() {
+#if defined(_OPENMP)
+  return omp_get_max_threads();
+#else
+  return 1;
+#endif
+}
+
+}  // namespace
+
+ThreadPool::ThreadPool(int n_threads) : n_threads_(n_threads > 0 ? n_threads : default_threads()) {}
 
 void ThreadPool::for_ranges(int64_t count, const std::function<void(int64_t, int64_t, int)>& body) const {
   std::exception_ptr error;
   std::mutex mutex;
   const int n = n_threads_;
   // A loop over the ranges, not over threads: all are done even where OpenMP gives fewer threads than asked for.
+#if defined(_OPENMP)
 #pragma omp parallel for num_threads(n) schedule(static, 1)
+#endif
   for (int thread = 0; thread < n; ++thread) {
     const int64_t begin = count * thread / n, end = count * (thread + 1) / n;
     if (begin == end) continue;

@@ -18,6 +18,7 @@ namespace {
 
 enum class Shade { light, dark };
 constexpr std::array<const char*, 2> enum_names(Shade) { return {"light", "dark"}; }
+constexpr std::array<RenamedChoice, 1> renamed_choices(Shade) { return {{{"black", "dark"}}}; }
 
 struct Critic {
   std::vector<int> hidden = {64, 64};
@@ -39,6 +40,7 @@ template <class V>
 void visit_fields(V& v, Part& c) {
   v("type", c.type, "kind");
   v("count", c.count, "how many", at_least(0));
+  v.renamed("number", "count");
 }
 
 struct Config {
@@ -167,6 +169,8 @@ TEST(ConfigFields, SaysWhereAndWhatIsAllowed) {
       {"named: []", "f.yaml:1:8: named: a list is not a map from names to maps"},
       {"named: {p: {counts: 1}}", "f.yaml:1:13: named.p.counts: unknown key; nearest: 'count'; allowed: type, count"},
       {"extra: 3", "f.yaml:1:8: extra: '3' is not a map"},
+      {"parts: [{number: 1}]", "f.yaml:1:10: parts[0].number: this key is now called 'count'"},
+      {"critic: {shade: black}", "f.yaml:1:17: critic.shade: 'black' is now called 'dark'"},
   };
   for (const auto& [text, expected] : cases) EXPECT_EQ(errors_of(text), expected) << text;
 }
