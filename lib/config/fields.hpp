@@ -8,7 +8,8 @@
 //   }
 //
 // Values: bool, int, int64_t, uint64_t, float, double, std::string, enums with an `enum_names(Enum)` beside them (and a
-// `renamed_choices(Enum)` where names have changed), std::vector, std::array and std::optional of these, and every type with a FieldCodec.
+// `renamed_choices(Enum)` where names have changed), std::vector, std::array and std::optional of these, and every type
+// with a FieldCodec.
 #pragma once
 
 #include <array>
@@ -233,7 +234,7 @@ class FieldList {
 
   std::vector<Field> fields_;
   std::map<std::string, std::string> renamed_;  // new names by old ones
-  std::shared_ptr<void> owner_;  // of the struct, where nobody else holds it
+  std::shared_ptr<void> owner_;                 // of the struct, where nobody else holds it
 };
 
 /// One key: what is known about it, and how to reach the member behind it.

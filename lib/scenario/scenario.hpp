@@ -206,7 +206,8 @@ struct Scenario {
 template <class V>
 void visit_fields(V& v, Scenario& c) {
   v("description", c.description, "one line for people");
-  v("rules", c.rules, "original = the published JAX package with its quirks; corrected = those of docs/rules.md, section 15, mended");
+  v("rules", c.rules,
+    "original = the published JAX package with its quirks; corrected = those of docs/rules.md, section 15, mended");
   v("action", c.action, "discrete = 27 combinations of heading, dive, throttle in {-1, 0, 1}; continuous = [-1, 1]^3");
   v("limit_x", c.limit_x, "width of the world (units)", greater_than(0));
   v("limit_y", c.limit_y, "height of the world (units)", greater_than(0));

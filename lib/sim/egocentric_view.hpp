@@ -8,6 +8,7 @@
 
 #include "core/geometry.hpp"
 #include "sim/movement.hpp"
+#include "sim/observation_text.hpp"
 
 namespace giga {
 
@@ -200,6 +201,7 @@ struct EgocentricView {
   static constexpr ObservationOf of = ObservationOf::agent;
   using Element = float;
   static constexpr ElementType type = ElementType::f32;
+  static std::vector<ObservationPart> describe(const SimParams& p);
 
   GIGA_HD static bool offered(const Parameters auto& p) { return p.egocentric_view; }
   GIGA_HD static ObservationShape shape(const Parameters auto& p) { return view_size(p); }

@@ -13,6 +13,7 @@ namespace giga {
 /// The table: calls f with each kind of observation, in the order of the enumeration. A kind K has
 ///   K::id, K::name, K::of, K::Element (what a row is made of) and K::type (the same, as a value)
 ///   K::offered(p), K::shape(p)               whether a scenario has it, and with which shape
+///   K::describe(p)                           what its numbers mean
 ///   K::prepare(p, w, e)                      of an agent: what its row needs, before any row is written
 ///   K::write(lanes, p, w, n, row_of)         all rows; row_of(e) = agent e's (or the world's, e = 0), null = not
 ///   wanted

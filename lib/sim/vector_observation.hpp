@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "core/geometry.hpp"
+#include "sim/observation_text.hpp"
 #include "sim/world.hpp"
 
 namespace giga {
@@ -113,6 +114,7 @@ struct VectorObservation {
   static constexpr ObservationOf of = ObservationOf::agent;
   using Element = float;
   static constexpr ElementType type = ElementType::f32;
+  static std::vector<ObservationPart> describe(const SimParams& p);
 
   GIGA_HD static bool offered(const Parameters auto&) { return true; }
   GIGA_HD static ObservationShape shape(const Parameters auto& p) { return neighbor_columns(p) + tail_columns(p); }
