@@ -6,6 +6,7 @@
 #include <ctime>
 #include <iostream>
 #include <limits>
+#include <nlohmann/json.hpp>
 
 #include "apps/evaluation.hpp"
 #include "apps/program_info.hpp"
@@ -343,11 +344,13 @@ int train_in(const RunFolder& folder, TrainingSetup setup) {
 }
 
 Json run_info(const LoadedRun& run, Device device) {
-  Json info = Json::object();
-  info.set("scenario", run.config.scenario).set("algorithm", run.config.train.algorithm).set("seed", run.config.seed);
-  info.set("started", utc_now()).set("command_line", command_line());
-  info.set("versions", version_info()).set("hardware", hardware_info(device));
-  return info;
+  return {{"scenario", run.config.scenario},
+          {"algorithm", run.config.train.algorithm},
+          {"seed", run.config.seed},
+          {"started", utc_now()},
+          {"command_line", command_line()},
+          {"versions", version_info()},
+          {"hardware", hardware_info(device)}};
 }
 
 }  // namespace giga

@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <cstdlib>
+#include <nlohmann/json.hpp>
 #include <string>
 
 #include "core/error.hpp"
@@ -46,19 +47,15 @@ std::vector<std::string> table_row(const Node& rating) {
 Json rating_table(const Node& results) {
   Json rows = Json::array();
   if (const Node* ratings = results.find("ratings"))
-    for (const Node& rating : ratings->items) rows.push(Json::array(table_row(rating)));
+    for (const Node& rating : ratings->items) rows.push_back(table_row(rating));
   const std::vector<std::string> head = {"player", "team", "Elo",  "+- 95 %", "score",
                                          "games",  "wins", "ties", "losses",  "paper's Elo"};
-  return Json::object()
-      .set("caption", "All ratings")
-      .set("folded", true)
-      .set("head", Json::array(head))
-      .set("rows", std::move(rows));
+  return {{"caption", "All ratings"}, {"folded", true}, {"head", head}, {"rows", std::move(rows)}};
 }
 
 Json picture_list(const std::vector<RatingPicture>& pictures) {
   Json list = Json::array();
-  for (const RatingPicture& p : pictures) list.push(Json::object().set("svg", p.svg).set("along", p.along));
+  for (const RatingPicture& p : pictures) list.push_back({{"svg", p.svg}, {"along", p.along}});
   return list;
 }
 
@@ -77,12 +74,11 @@ void add_ratings_sections(const std::vector<RunGroup>& groups, Json& sections) {
     for (const RunData* run : group.runs) {
       if (!run->ratings) continue;
       const bool alone = groups.size() == 1 && group.runs.size() == 1;
-      sections.push(Json::object()
-                        .set("kind", "pictures")
-                        .set("title", alone ? "Ratings" : "Ratings of " + run->name)
-                        .set("note", note_of(run->ratings->results))
-                        .set("pictures", picture_list(run->ratings->pictures))
-                        .set("tables", Json::array().push(rating_table(run->ratings->results))));
+      sections.push_back({{"kind", "pictures"},
+                          {"title", alone ? "Ratings" : "Ratings of " + run->name},
+                          {"note", note_of(run->ratings->results)},
+                          {"pictures", picture_list(run->ratings->pictures)},
+                          {"tables", Json::array({rating_table(run->ratings->results)})}});
     }
   }
 }

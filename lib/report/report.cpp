@@ -2,6 +2,7 @@
 #include "report/report.hpp"
 
 #include <map>
+#include <nlohmann/json.hpp>
 #include <string_view>
 
 #include "core/error.hpp"
@@ -36,7 +37,7 @@ std::string escape_html(std::string text) {
 
 /// JSON inside a script element, which ends at the first "</script": in JSON a "<" stands only in texts.
 std::string json_for_script(const Json& json) {
-  std::string text = json.text();
+  std::string text = json_text(json);
   replace_all(text, "<", "\\u003c");
   return text;
 }
@@ -87,9 +88,10 @@ std::string report_page(const std::vector<RunData>& runs, const std::vector<Fiel
   GIGA_CHECK(!runs.empty(), "a report needs a run");
   if (const std::string obstacle = report_obstacle(); !obstacle.empty()) throw Error(obstacle);
   const std::vector<RunGroup> groups = group_runs(runs, points_for(runs));
-  Json data = Json::object();
-  data.set("title", page_title(groups)).set("written", utc_now());
-  data.set("groups", report_groups(groups)).set("sections", report_sections(groups, keys));
+  const Json data{{"title", page_title(groups)},
+                  {"written", utc_now()},
+                  {"groups", report_groups(groups)},
+                  {"sections", report_sections(groups, keys)}};
   return fill(asset("page.html"), {{"title", escape_html(page_title(groups))},
                                    {"style", library_style() + asset("page.css")},
                                    {"data", json_for_script(data)},

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
+#include <nlohmann/json.hpp>
 #include <set>
 
 #include "core/error.hpp"
@@ -27,7 +28,7 @@ double rounded(double value) {
 
 Json rounded_array(const std::vector<double>& values) {
   Json list = Json::array();
-  for (const double value : values) list.push(rounded(value));
+  for (const double value : values) list.push_back(rounded(value));
   return list;
 }
 
@@ -64,7 +65,7 @@ Json last_win_rate(const RunGroup& group, const std::string& column) {
     ++count;
   }
   if (count == 0) return {};
-  return Json::object().set("mean", sum / count).set("low", low).set("high", high).set("runs", count);
+  return {{"mean", sum / count}, {"low", low}, {"high", high}, {"runs", count}};
 }
 
 /// Names of the opponents in columns win_rate_T_vs_NAME.
@@ -85,27 +86,26 @@ Json figures_section(const std::vector<RunGroup>& groups) {
     for (const std::string& opponent : opponents_of(group)) {
       Json teams = Json::array();
       for (int team = 0; team < kNTeams; ++team)
-        teams.push(last_win_rate(group, cat("win_rate_", team, "_vs_", opponent)));
-      results.push(Json::object().set("opponent", opponent).set("teams", std::move(teams)));
+        teams.push_back(last_win_rate(group, cat("win_rate_", team, "_vs_", opponent)));
+      results.push_back({{"opponent", opponent}, {"teams", std::move(teams)}});
     }
     const std::string episodes = setting(flatten(group.runs.front()->config), "eval.episodes");
-    list.push(Json::object()
-                  .set("label", title_of(group))
-                  .set("episodes", episodes)
-                  .set("facts", run_facts(group))
-                  .set("results", std::move(results)));
+    list.push_back({{"label", title_of(group)},
+                    {"episodes", episodes},
+                    {"facts", run_facts(group)},
+                    {"results", std::move(results)}});
   }
-  return Json::object().set("kind", "figures").set("title", "Final figures").set("groups", std::move(list));
+  return {{"kind", "figures"}, {"title", "Final figures"}, {"groups", std::move(list)}};
 }
 
 Json chart_json(const Chart& chart) {
   Json series = Json::array();
   for (const ChartSeries& s : chart.series)
-    series.push(Json::object().set("label", s.label).set("column", s.column).set("team", s.team));
-  Json json = Json::object();
-  json.set("title", chart.title).set("note", chart.note);
-  json.set("range", chart.range ? Json::array().push(chart.range->first).push(chart.range->second) : Json());
-  return json.set("series", std::move(series));
+    series.push_back({{"label", s.label}, {"column", s.column}, {"team", s.team}});
+  return {{"title", chart.title},
+          {"note", chart.note},
+          {"range", chart.range ? Json(*chart.range) : Json()},
+          {"series", std::move(series)}};
 }
 
 std::vector<ColumnFacts> columns_of(const std::vector<RunGroup>& groups) {
@@ -130,13 +130,12 @@ std::vector<ColumnFacts> columns_of(const std::vector<RunGroup>& groups) {
 void add_chart_sections(const std::vector<RunGroup>& groups, Json& sections) {
   for (const ChartSection& section : choose_charts(columns_of(groups))) {
     Json charts = Json::array();
-    for (const Chart& chart : section.charts) charts.push(chart_json(chart));
-    sections.push(Json::object()
-                      .set("kind", "charts")
-                      .set("title", section.title)
-                      .set("note", section.note)
-                      .set("folded", section.folded)
-                      .set("charts", std::move(charts)));
+    for (const Chart& chart : section.charts) charts.push_back(chart_json(chart));
+    sections.push_back({{"kind", "charts"},
+                        {"title", section.title},
+                        {"note", section.note},
+                        {"folded", section.folded},
+                        {"charts", std::move(charts)}});
   }
 }
 
@@ -160,16 +159,15 @@ Json time_section(const std::vector<RunGroup>& groups) {
     }
     Json parts = Json::array();
     const auto add = [&](const char* name, double seconds) {
-      parts.push(
-          Json::object().set("name", name).set("seconds", rounded(seconds)).set("text", print_duration(seconds)));
+      parts.push_back({{"name", name}, {"seconds", rounded(seconds)}, {"text", print_duration(seconds)}});
     };
     add("updates", update);
     add("evaluation", evaluation);
     add("checkpoints", checkpoint);
     add("the rest", std::max(0.0, all - update - evaluation - checkpoint));
-    list.push(Json::object().set("label", title_of(group)).set("parts", std::move(parts)));
+    list.push_back({{"label", title_of(group)}, {"parts", std::move(parts)}});
   }
-  return Json::object().set("kind", "time").set("title", "Time spent").set("groups", std::move(list));
+  return {{"kind", "time"}, {"title", "Time spent"}, {"groups", std::move(list)}};
 }
 
 }  // namespace
@@ -179,32 +177,29 @@ Json report_groups(const std::vector<RunGroup>& groups) {
   for (const RunGroup& group : groups) {
     Json curves = Json::object();
     for (const Curve& curve : group.curves) {
-      Json values = Json::object();
-      values.set("mean", rounded_array(curve.mean));
-      if (group.has_band()) values.set("low", rounded_array(curve.low)).set("high", rounded_array(curve.high));
-      curves.set(curve.name, std::move(values));
+      Json& values = curves[curve.name] = {{"mean", rounded_array(curve.mean)}};
+      if (group.has_band()) values["low"] = rounded_array(curve.low), values["high"] = rounded_array(curve.high);
     }
-    list.push(Json::object()
-                  .set("letter", group.letter)
-                  .set("label", title_of(group))
-                  .set("reading", reading_of(group))
-                  .set("agent_steps", Json::array(group.agent_steps))
-                  .set("seconds", rounded_array(group.seconds))
-                  .set("curves", std::move(curves)));
+    list.push_back({{"letter", group.letter},
+                    {"label", title_of(group)},
+                    {"reading", reading_of(group)},
+                    {"agent_steps", group.agent_steps},
+                    {"seconds", rounded_array(group.seconds)},
+                    {"curves", std::move(curves)}});
   }
   return list;
 }
 
 Json report_sections(const std::vector<RunGroup>& groups, const std::vector<FieldInfo>& keys) {
   Json sections = Json::array();
-  sections.push(figures_section(groups));
+  sections.push_back(figures_section(groups));
   add_ratings_sections(groups, sections);
   add_chart_sections(groups, sections);
-  sections.push(time_section(groups));
-  sections.push(config_section(groups, keys));
-  sections.push(runs_section(groups));
-  sections.push(machine_section(groups));
-  sections.push(commands_section(groups));
+  sections.push_back(time_section(groups));
+  sections.push_back(config_section(groups, keys));
+  sections.push_back(runs_section(groups));
+  sections.push_back(machine_section(groups));
+  sections.push_back(commands_section(groups));
   return sections;
 }
 

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdlib>
 #include <map>
+#include <nlohmann/json.hpp>
 #include <set>
 
 #include "core/error.hpp"
@@ -27,17 +28,11 @@ void add_new(std::vector<std::string>& words, const std::string& word) {
 }
 
 Json table(const std::string& caption, const Row& head, const std::vector<Row>& rows, bool folded = false) {
-  Json body = Json::array();
-  for (const Row& row : rows) body.push(Json::array(row));
-  return Json::object()
-      .set("caption", caption)
-      .set("folded", folded)
-      .set("head", Json::array(head))
-      .set("rows", std::move(body));
+  return {{"caption", caption}, {"folded", folded}, {"head", head}, {"rows", rows}};
 }
 
 Json tables_section(const char* title, Json tables) {
-  return Json::object().set("kind", "tables").set("title", title).set("tables", std::move(tables));
+  return {{"kind", "tables"}, {"title", title}, {"tables", std::move(tables)}};
 }
 
 Settings info_of(const RunData& run) { return flatten(run.info, plain_text); }
@@ -122,7 +117,7 @@ Json run_facts(const RunGroup& group) {
   const size_t n = group.runs.size();
   Json facts = Json::array();
   const auto add = [&facts](const std::string& name, const std::string& value) {
-    facts.push(Json::array(std::vector<std::string>{name, value}));
+    facts.push_back(Json::array({name, value}));
   };
   add("algorithm", info(*group.runs.front(), "algorithm"));
   add(n > 1 ? "seeds" : "seed", joined(seeds));
@@ -172,10 +167,10 @@ Json config_section(const std::vector<RunGroup>& groups, const std::vector<Field
       }
       differing.push_back(std::move(row));
     }
-    tables.push(table("What differs", labels, differing));
+    tables.push_back(table("What differs", labels, differing));
   }
-  tables.push(table("Changed from the defaults", head, changed));
-  tables.push(table(cat("All ", all.size(), " keys"), head, all, true));
+  tables.push_back(table("Changed from the defaults", head, changed));
+  tables.push_back(table(cat("All ", all.size(), " keys"), head, all, true));
   return tables_section("Configuration", std::move(tables));
 }
 
@@ -186,7 +181,7 @@ Json runs_section(const std::vector<RunGroup>& groups) {
       rows.push_back({run->name, title_of(group), info(*run, "seed"), info(*run, "started"), cat(run->metrics.rows()),
                       progress_of(*run), print_duration(seconds_spent(*run))});
   Json tables = Json::array();
-  tables.push(table("", {"run", "configuration", "seed", "started", "updates", "agent-steps", "time"}, rows));
+  tables.push_back(table("", {"run", "configuration", "seed", "started", "updates", "agent-steps", "time"}, rows));
   return tables_section("Runs", std::move(tables));
 }
 
@@ -215,7 +210,7 @@ Json machine_section(const std::vector<RunGroup>& groups) {
     rows.push_back(std::move(row));
   }
   Json tables = Json::array();
-  tables.push(table("", head, rows));
+  tables.push_back(table("", head, rows));
   return tables_section("Hardware and versions", std::move(tables));
 }
 
@@ -226,13 +221,10 @@ Json commands_section(const std::vector<RunGroup>& groups) {
     if (!words || !words->is_sequence()) continue;
     std::string line;
     for (const Node& word : words->items) line += (line.empty() ? "" : " ") + shell_word(word.text);
-    lines.push(line);
+    lines.push_back(line);
   }
-  return Json::object()
-      .set("kind", "commands")
-      .set("title", "Commands")
-      .set("note", "How the runs were started.")
-      .set("lines", std::move(lines));
+  return {
+      {"kind", "commands"}, {"title", "Commands"}, {"note", "How the runs were started."}, {"lines", std::move(lines)}};
 }
 
 }  // namespace giga

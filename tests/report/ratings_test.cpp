@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <fstream>
+#include <nlohmann/json.hpp>
 
 #include "io/temporary_folder.hpp"
 #include "report/report.hpp"
@@ -25,7 +26,7 @@ void write_text(const std::filesystem::path& file, const std::string& text) {
 
 /// The section of a title, from the JSON that the page draws.
 Document sections_of(const std::vector<RunData>& runs) {
-  return parse_yaml_text(report_sections(group_runs(runs, points_for(runs)), {}).text(), "sections");
+  return parse_yaml_text(json_text(report_sections(group_runs(runs, points_for(runs)), {})), "sections");
 }
 const Node* rating_section(const Document& sections, const std::string& title) {
   for (const Node& section : sections.root.items)
