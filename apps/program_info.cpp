@@ -92,12 +92,8 @@ Json version_info() {
 
 Json hardware_info(Device device) {
   const HostInfo host = host_info();
-  Json info{{"device", device.name()},
-            {"cpu", host.cpu},
-            {"cores", host.cores},
-            {"memory_bytes", host.memory_bytes},
-            {"os", host.os},
-            {"kernel", host.kernel}};
+  Json info{{"device", device.name()},           {"cpu", host.cpu}, {"cores", host.cores},
+            {"memory_bytes", host.memory_bytes}, {"os", host.os},   {"kernel", host.kernel}};
   if (device.is_cuda()) {
     const GpuInfo gpu = cuda_device_info(device.index);
     info["gpu"] = {{"name", gpu.name},

@@ -329,8 +329,6 @@ int Training::stop_early(int code) {
 
 void Training::write_final_report() {
   if (learner_->updates_done() == 0) return;  // no figures yet
-  if (const std::string obstacle = report_obstacle(); !obstacle.empty())
-    return log_.note("no report.html: " + obstacle);
   write_report({folder_.path()}, folder_.report_file(), list_fields<RunConfig>());
 }
 
@@ -344,12 +342,9 @@ int train_in(const RunFolder& folder, TrainingSetup setup) {
 }
 
 Json run_info(const LoadedRun& run, Device device) {
-  return {{"scenario", run.config.scenario},
-          {"algorithm", run.config.train.algorithm},
-          {"seed", run.config.seed},
-          {"started", utc_now()},
-          {"command_line", command_line()},
-          {"versions", version_info()},
+  return {{"scenario", run.config.scenario},  {"algorithm", run.config.train.algorithm},
+          {"seed", run.config.seed},          {"started", utc_now()},
+          {"command_line", command_line()},   {"versions", version_info()},
           {"hardware", hardware_info(device)}};
 }
 

@@ -11,8 +11,8 @@ struct Node;
 
 using Json = nlohmann::ordered_json;
 
-/// Indented by two spaces, arrays of numbers on one line. Numbers read back to the same value, whole ones have no point;
-/// NaN and infinity, which JSON does not have, become null. Ends without newline.
+/// Indented by two spaces, arrays of numbers on one line. Numbers read back to the same value, whole ones have no
+/// point; NaN and infinity, which JSON does not have, become null. Ends without newline.
 std::string json_text(const Json& json);
 
 /// A document that was read as JSON.

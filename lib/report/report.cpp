@@ -42,20 +42,6 @@ std::string json_for_script(const Json& json) {
   return text;
 }
 
-/// The library with its licence before it, and without the line that makes a browser's debugger look for another file.
-std::string library_script() {
-  std::string script = asset("dygraph.js"), license = asset("dygraph.license");
-  if (const size_t at = script.rfind("//# sourceMappingURL"); at != std::string::npos) script.resize(at);
-  replace_all(license, "*/", "* /");
-  return "/*! " + license + "*/\n" + script;
-}
-
-std::string library_style() {
-  std::string style = asset("dygraph.css");
-  if (const size_t at = style.rfind("/*# sourceMappingURL"); at != std::string::npos) style.resize(at);
-  return style;
-}
-
 /// Puts texts in the places {{name}} of a template; what is put in is not looked at again.
 std::string fill(const std::string& page, const std::map<std::string, std::string>& texts) {
   std::string out;
@@ -77,25 +63,16 @@ std::string page_title(const std::vector<RunGroup>& groups) {
 
 }  // namespace
 
-std::string report_obstacle() {
-  if (report_asset("dygraph.js")) return "";
-  return "this gigastep was built without dygraphs, which draws the charts of a report: install libjs-dygraphs "
-         "(Debian, "
-         "Ubuntu) or configure with -DGIGASTEP_DYGRAPHS=<folder of dygraph.min.js>, then build again";
-}
-
 std::string report_page(const std::vector<RunData>& runs, const std::vector<FieldInfo>& keys) {
   GIGA_CHECK(!runs.empty(), "a report needs a run");
-  if (const std::string obstacle = report_obstacle(); !obstacle.empty()) throw Error(obstacle);
   const std::vector<RunGroup> groups = group_runs(runs, points_for(runs));
   const Json data{{"title", page_title(groups)},
                   {"written", utc_now()},
                   {"groups", report_groups(groups)},
                   {"sections", report_sections(groups, keys)}};
   return fill(asset("page.html"), {{"title", escape_html(page_title(groups))},
-                                   {"style", library_style() + asset("page.css")},
+                                   {"style", asset("page.css")},
                                    {"data", json_for_script(data)},
-                                   {"library", library_script()},
                                    {"script", asset("chart.js") + asset("sections.js") + asset("page.js")}});
 }
 

@@ -2,12 +2,14 @@
 #include "report/sections.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <nlohmann/json.hpp>
 #include <set>
 
+#include "chart/curve_plot.hpp"
 #include "core/error.hpp"
 #include "io/number.hpp"
 #include "report/charts.hpp"
@@ -98,14 +100,52 @@ Json figures_section(const std::vector<RunGroup>& groups) {
   return {{"kind", "figures"}, {"title", "Final figures"}, {"groups", std::move(list)}};
 }
 
-Json chart_json(const Chart& chart) {
-  Json series = Json::array();
-  for (const ChartSeries& s : chart.series)
-    series.push_back({{"label", s.label}, {"column", s.column}, {"team", s.team}});
+/// A curve by team has the colour of its team and the dashes of its group; by configuration the colour of its group and
+/// the dashes of its place in the chart. page.css chooses.
+std::string line_style(const std::string& colour, size_t group, size_t index) {
+  static constexpr std::array kDashes = {"none", "7 4", "2 3", "11 4 2 4", "16 5"};
+  return cat("--by-team: var(--", colour, "); --dashes-by-team: ", kDashes[group % kDashes.size()],
+             "; --by-group: var(--hue-", group % 8, "); --dashes-by-group: ", kDashes[index % kDashes.size()]);
+}
+
+/// The first and the last agent-steps of all groups.
+std::pair<double, double> steps_range(const std::vector<RunGroup>& groups) {
+  std::pair range(groups.front().agent_steps.front(), groups.front().agent_steps.back());
+  for (const RunGroup& group : groups) {
+    range.first = std::min(range.first, group.agent_steps.front());
+    range.second = std::max(range.second, group.agent_steps.back());
+  }
+  return range;
+}
+
+/// A chart as it is drawn first, along agent-steps, with what the page's script needs to know of its lines.
+Json chart_json(const Chart& chart, const std::vector<RunGroup>& groups) {
+  static const std::vector<double> kNoBand;
+  const bool has_teams =
+      std::any_of(chart.series.begin(), chart.series.end(), [](const ChartSeries& s) { return s.team >= 0; });
+  CurvePlot plot{steps_range(groups), chart.range, {}};
+  Json lines = Json::array();
+  for (size_t index = 0; index < chart.series.size(); ++index) {
+    const ChartSeries& s = chart.series[index];
+    const std::string colour = s.team >= 0                ? cat("team-", s.team)
+                               : chart.series.size() == 1 ? "neutral"
+                                                          : cat("hue-", has_teams ? 5 : index % 8);
+    for (size_t g = 0; g < groups.size(); ++g) {
+      const Curve* curve = groups[g].find(s.column);
+      if (!curve) continue;
+      const std::string name = chart.series.size() > 1 ? s.label : "", letter = groups[g].letter;
+      const std::string style = line_style(colour, g, index);
+      const bool band = groups[g].has_band();
+      plot.curves.push_back(
+          {style, groups[g].agent_steps, curve->mean, band ? curve->low : kNoBand, band ? curve->high : kNoBand});
+      lines.push_back({{"name", letter.empty() ? s.label : letter + " " + name}, {"group", g}, {"style", style}});
+    }
+  }
   return {{"title", chart.title},
           {"note", chart.note},
-          {"range", chart.range ? Json(*chart.range) : Json()},
-          {"series", std::move(series)}};
+          {"has_range", chart.range.has_value()},
+          {"svg", draw_curve_plot(plot)},
+          {"lines", std::move(lines)}};
 }
 
 std::vector<ColumnFacts> columns_of(const std::vector<RunGroup>& groups) {
@@ -130,7 +170,7 @@ std::vector<ColumnFacts> columns_of(const std::vector<RunGroup>& groups) {
 void add_chart_sections(const std::vector<RunGroup>& groups, Json& sections) {
   for (const ChartSection& section : choose_charts(columns_of(groups))) {
     Json charts = Json::array();
-    for (const Chart& chart : section.charts) charts.push_back(chart_json(chart));
+    for (const Chart& chart : section.charts) charts.push_back(chart_json(chart, groups));
     sections.push_back({{"kind", "charts"},
                         {"title", section.title},
                         {"note", section.note},
@@ -175,17 +215,11 @@ Json time_section(const std::vector<RunGroup>& groups) {
 Json report_groups(const std::vector<RunGroup>& groups) {
   Json list = Json::array();
   for (const RunGroup& group : groups) {
-    Json curves = Json::object();
-    for (const Curve& curve : group.curves) {
-      Json& values = curves[curve.name] = {{"mean", rounded_array(curve.mean)}};
-      if (group.has_band()) values["low"] = rounded_array(curve.low), values["high"] = rounded_array(curve.high);
-    }
-    list.push_back({{"letter", group.letter},
-                    {"label", title_of(group)},
+    list.push_back({{"label", title_of(group)},
                     {"reading", reading_of(group)},
+                    {"style", line_style("neutral", list.size(), 0)},
                     {"agent_steps", group.agent_steps},
-                    {"seconds", rounded_array(group.seconds)},
-                    {"curves", std::move(curves)}});
+                    {"seconds", rounded_array(group.seconds)}});
   }
   return list;
 }

@@ -14,7 +14,7 @@ namespace giga {
 /// function here, a kind in sections.js if none fits.
 Json report_sections(const std::vector<RunGroup>& groups, const std::vector<FieldInfo>& keys);
 
-/// The groups with their points: what the charts draw.
+/// The groups: how their curves are to be read, and the x of their points.
 Json report_groups(const std::vector<RunGroup>& groups);
 
 }  // namespace giga

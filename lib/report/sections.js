@@ -18,7 +18,7 @@ const SECTION_KINDS = {
   },
 
   charts(parent, section, charts) {
-    if (charts.charts.length === 0) drawReadings(parent, charts);
+    if (charts.charts.length === 0) drawReadings(parent, charts.groups);
     const grid = element(parent, "div", "grid");
     for (const spec of section.charts) charts.add(grid, spec);
   },
@@ -63,17 +63,17 @@ const SECTION_KINDS = {
 };
 
 // How the curves are to be read, above the first of them; the key of the groups where there are several.
-function drawReadings(parent, charts) {
-  const list = element(parent, "ul", "readings"), several = charts.groups.length > 1;
-  charts.groups.forEach((group, g) => {
-    const item = element(list, "li");
-    if (several) {
-      charts.keys.push(lineSample(item));
-      charts.styleKey(charts.keys[g], g);
+function drawReadings(parent, groups) {
+  const list = element(parent, "ul", "readings");
+  for (const group of groups) {
+    const item = element(list, "li", "line");
+    if (groups.length > 1) {
+      item.style.cssText = group.style;
+      lineSample(item);
       element(item, "b", "", group.label);
     }
     element(item, "span", "", group.reading);
-  });
+  }
 }
 
 // Win rates of both teams against one opponent, as bars from 0 to 1 with the spread over the seeds.
@@ -120,7 +120,7 @@ function drawTable(parent, spec) {
   }
 }
 
-// A section with its title; what is folded is drawn when it is opened, since a chart needs to know its width.
+// A section with its title; what is folded is drawn when it is opened.
 function drawSection(parent, section, charts) {
   const box = element(parent, "section", "section"), draw = SECTION_KINDS[section.kind];
   if (!draw) throw new Error("no section kind " + section.kind);

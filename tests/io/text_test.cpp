@@ -41,23 +41,17 @@ TEST(Number, ForPeople) {
 }
 
 TEST(JsonText, ObjectsKeepTheirOrder) {
-  const Json json{{"z", 1},
-                  {"a", {0.5, kNan, 3.0}},
-                  {"e", Json::object()},
-                  {"n", nullptr},
-                  {"none", Json::array()},
-                  {"list", Json::array({{{"x", true}}})}};
+  const Json json{{"z", 1},       {"a", {0.5, kNan, 3.0}}, {"e", Json::object()},
+                  {"n", nullptr}, {"none", Json::array()}, {"list", Json::array({{{"x", true}}})}};
   EXPECT_EQ(json_text(json),
             "{\n  \"z\": 1,\n  \"a\": [0.5, null, 3],\n  \"e\": {},\n  \"n\": null,\n  \"none\": [],\n"
             "  \"list\": [\n    {\n      \"x\": true\n    }\n  ]\n}");
 }
 
 TEST(JsonText, OfWhatWasRead) {
-  const Json json{{"text", "7"},  {"number", -0.25},
-                  {"count", 12},  {"none", nullptr},
-                  {"yes", true},  {"no", false},
-                  {"empty", ""},  {"word", "null"},
-                  {"list", Json::array({{{"x", {1e300, kNan}}}})}};
+  const Json json{{"text", "7"},     {"number", -0.25}, {"count", 12},
+                  {"none", nullptr}, {"yes", true},     {"no", false},
+                  {"empty", ""},     {"word", "null"},  {"list", Json::array({{{"x", {1e300, kNan}}}})}};
   EXPECT_EQ(json_text(json_of(parse_yaml_text(json_text(json), "json").root)), json_text(json));
 }
 

@@ -45,9 +45,6 @@ FieldInfo key(const std::string& path, const std::string& default_value) {
 
 class ReportPage : public ::testing::Test {
  protected:
-  void SetUp() override {
-    if (!report_obstacle().empty()) GTEST_SKIP() << report_obstacle();
-  }
   std::string page_of(const std::vector<std::string>& names, const std::vector<FieldInfo>& keys = {}) const {
     std::vector<RunData> runs;
     for (const std::string& name : names) runs.push_back(read_run(folder_ / name));
@@ -63,12 +60,6 @@ TEST_F(ReportPage, AsksNothingOfTheNetwork) {
   EXPECT_FALSE(std::regex_search(page, std::regex(R"(@import|url\(\s*["']?(https?:)?//)"))) << "an outside style";
   EXPECT_EQ(page.find("sourceMappingURL"), std::string::npos);
   EXPECT_TRUE(contains(page, {"default-src 'none'"}));  // and the browser sees to it
-}
-
-TEST_F(ReportPage, KeepsTheLicenceOfTheLibrary) {
-  SyntheticRun().write(folder_ / "run");
-  EXPECT_TRUE(contains(page_of({"run"}), {"Dan Vanderkam", "Permission is hereby granted, free of charge",
-                                          "THE SOFTWARE IS PROVIDED \"AS IS\"", "MIT licence"}));
 }
 
 TEST_F(ReportPage, NamesAndSettingsAreOnlyText) {
@@ -187,21 +178,6 @@ TEST_F(ReportPage, WritesTheFileAndRefusesARunGivenTwice) {
                        }),
                        {"is given twice"}));
   EXPECT_FALSE(std::filesystem::exists(folder_ / "two.html"));
-}
-
-TEST(ReportWithoutLibrary, SaysWhatToInstall) {
-  const std::string obstacle = report_obstacle();
-  if (obstacle.empty()) GTEST_SKIP() << "built with dygraphs";
-  EXPECT_TRUE(contains(obstacle, {"libjs-dygraphs", "GIGASTEP_DYGRAPHS"}));
-  const TemporaryFolder folder;
-  SyntheticRun().write(folder / "run");
-  try {
-    write_report({folder / "run"}, folder / "page.html", {});
-    FAIL() << "a page without charts";
-  } catch (const Error& e) {
-    EXPECT_EQ(e.kind(), ErrorKind::internal);
-    EXPECT_EQ(e.what(), obstacle);
-  }
 }
 
 }  // namespace

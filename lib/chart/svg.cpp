@@ -1,5 +1,5 @@
 // Writing of SVG.
-#include "rating/svg.hpp"
+#include "chart/svg.hpp"
 
 #include <cstdio>
 
@@ -69,8 +69,16 @@ Svg::Svg(double width, double height, const std::string& description) {
 
 void Svg::open(std::string_view element, std::initializer_list<SvgAttribute> attributes) {
   out_ += cat("<", element);
-  for (const SvgAttribute& a : attributes) out_ += cat(" ", a.name, "=\"", escaped(a.value), "\"");
+  for (const SvgAttribute& a : attributes)
+    if (!a.value.empty()) out_ += cat(" ", a.name, "=\"", escaped(a.value), "\"");
 }
+
+void Svg::begin(std::string_view element, std::initializer_list<SvgAttribute> attributes) {
+  open(element, attributes);
+  out_ += ">\n";
+}
+
+void Svg::end(std::string_view element) { out_ += cat("</", element, ">\n"); }
 
 void Svg::add(std::string_view element, std::initializer_list<SvgAttribute> attributes) {
   open(element, attributes);

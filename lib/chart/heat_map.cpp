@@ -1,13 +1,13 @@
 // Drawing of heat maps.
-#include "rating/heat_map.hpp"
+#include "chart/heat_map.hpp"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdio>
 
+#include "chart/svg.hpp"
 #include "core/error.hpp"
-#include "rating/svg.hpp"
 
 namespace giga {
 namespace {

@@ -1,13 +1,13 @@
 // Drawing of line charts.
-#include "rating/line_chart.hpp"
+#include "chart/line_chart.hpp"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdio>
 
+#include "chart/svg.hpp"
 #include "core/error.hpp"
-#include "rating/svg.hpp"
 
 namespace giga {
 namespace {

@@ -22,13 +22,18 @@ class Svg {
  public:
   /// `description` is what a screen reader says.
   Svg(double width, double height, const std::string& description);
+  /// An element of a page, which gives size and looks.
+  explicit Svg(std::initializer_list<SvgAttribute> attributes) { begin("svg", attributes); }
 
   void add(std::string_view element, std::initializer_list<SvgAttribute> attributes);
   void text(const std::string& text, std::initializer_list<SvgAttribute> attributes);
+  /// An element into which all goes until its end(); attributes without a value are left out.
+  void begin(std::string_view element, std::initializer_list<SvgAttribute> attributes);
+  void end(std::string_view element);
   /// A line of text that is shown while the pointer rests on the next element added.
   void hint(const std::string& text) { hint_ = text; }
 
-  /// The whole document.
+  /// The whole picture.
   std::string finish() const { return out_ + "</svg>\n"; }
 
  private:
