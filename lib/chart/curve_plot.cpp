@@ -8,7 +8,7 @@
 #include <limits>
 
 #include "chart/line_chart.hpp"
-#include "chart/svg.hpp"
+#include "chart/markup.hpp"
 #include "core/error.hpp"
 
 namespace giga {
@@ -50,11 +50,11 @@ std::string tick_label(double value) {
   return text;
 }
 
-void draw_plot_axes(Svg& svg, const Limits& x, const Limits& y) {
+void draw_plot_axes(Markup& svg, const Limits& x, const Limits& y) {
   const auto percent = [](double value, double from, double to) {
     return svg_number(100 * (value - from) / (to - from)) + "%";
   };
-  svg.begin("g", {{"class", "axes"}});
+  const auto axes = svg.open("g", {{"class", "axes"}});
   for (const double tick : axis_ticks(y.first, y.second, 6)) {
     if (tick < y.first || tick > y.second) continue;
     const std::string at = percent(tick, y.second, y.first);
@@ -65,10 +65,9 @@ void draw_plot_axes(Svg& svg, const Limits& x, const Limits& y) {
     if (tick >= x.first && tick <= x.second)
       svg.text(tick_label(tick),
                {{"class", "x"}, {"x", percent(tick, x.first, x.second)}, {"y", "100%"}, {"dy", "17"}});
-  svg.end("g");
 }
 
-void draw_curve(Svg& svg, const PlotCurve& curve, const Limits& x, const Limits& y) {
+void draw_curve(Markup& svg, const PlotCurve& curve, const Limits& x, const Limits& y) {
   const auto place = [](double share) { return std::to_string(std::lround(kFinest * share)); };
   const auto point = [&](size_t k, const std::vector<double>& values) {
     return cat(place((curve.x[k] - x.first) / (x.second - x.first)), " ",
@@ -89,33 +88,36 @@ void draw_curve(Svg& svg, const PlotCurve& curve, const Limits& x, const Limits&
   if (!curve.low.empty())
     for (auto k = known.rbegin(); k != known.rend(); ++k) band += " " + point(*k, curve.low);
 
-  svg.begin("g",
-            {{"class", "line"}, {"style", curve.style}, {"data-rows", known.size() < curve.mean.size() ? rows : ""}});
+  const std::string known_rows = known.size() < curve.mean.size() ? rows : "";
+  const auto group = svg.open("g", {{"class", "line"}, {"style", curve.style}, {"data-rows", known_rows}});
   if (!band.empty()) svg.add("path", {{"class", "band"}, {"d", band}});
   svg.add("path", {{"class", "curve"}, {"d", line}});
   if (known.size() <= kFewPoints) svg.add("path", {{"class", "dots"}, {"d", dots}});
-  svg.end("g");
 }
 
 }  // namespace
 
-std::string draw_curve_plot(const CurvePlot& plot) {
+void draw_curve_plot(Markup& page, const CurvePlot& plot) {
   Limits x = plot.x_range;
   if (x.first == x.second) x = {x.first - 1, x.second + 1};
   const Limits y = y_limits(plot);
-  Svg svg({{"class", "plot"}, {"role", "img"}, {"data-low", exact(y.first)}, {"data-high", exact(y.second)}});
-  draw_plot_axes(svg, x, y);
-  const std::string side = svg_number(kFinest);
-  svg.begin("svg", {{"class", "curves"},
-                    {"viewBox", cat("0 0 ", side, " ", side)},
-                    {"preserveAspectRatio", "none"},
-                    {"width", "100%"},
-                    {"height", "100%"}});
-  for (const PlotCurve& curve : plot.curves) draw_curve(svg, curve, x, y);
-  svg.end("svg");
-  svg.add("rect", {{"class", "selection"}, {"width", "0"}, {"height", "100%"}});
-  svg.add("line", {{"class", "hairline"}, {"y2", "100%"}, {"visibility", "hidden"}});
-  return svg.finish();
+  const auto svg = page.open("svg", {{"class", "plot"},
+                                     {"role", "img"},
+                                     {"aria-label", plot.description},
+                                     {"data-low", exact(y.first)},
+                                     {"data-high", exact(y.second)}});
+  draw_plot_axes(page, x, y);
+  {
+    const std::string side = svg_number(kFinest);
+    const auto curves = page.open("svg", {{"class", "curves"},
+                                          {"viewBox", cat("0 0 ", side, " ", side)},
+                                          {"preserveAspectRatio", "none"},
+                                          {"width", "100%"},
+                                          {"height", "100%"}});
+    for (const PlotCurve& curve : plot.curves) draw_curve(page, curve, x, y);
+  }
+  page.add("rect", {{"class", "selection"}, {"width", "0"}, {"height", "100%"}});
+  page.add("line", {{"class", "hairline"}, {"y2", "100%"}, {"visibility", "hidden"}});
 }
 
 }  // namespace giga

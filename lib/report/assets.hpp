@@ -6,7 +6,7 @@
 
 namespace giga {
 
-/// page.html, page.css, chart.js, sections.js, page.js; nothing for other names.
+/// page.html, page.css, chart.js, page.js; nothing for other names.
 std::optional<std::string_view> report_asset(std::string_view name);
 
 }  // namespace giga

@@ -42,26 +42,29 @@ function smoothed(values, reach) {
   });
 }
 
-// The points of a drawn line: `rows` in the x of its group, and values, those of the band where it has one.
-function readLine(drawn, group, {size, low, high}) {
+// A line of a chart: its name, what is drawn of it, and its points as they were drawn: `rows` in the x of its group,
+// and values, those of the band where it has one. `edges`: the values of the upper and the lower edge of the drawing.
+function readLine(button, drawn, group, size, edges) {
   const [curve, band, dots] = ["curve", "band", "dots"].map(name => drawn.getElementsByClassName(name)[0]);
-  const step = (high - low) / size, digit = 10 ** Math.ceil(Math.log10(step));  // finer digits are not in the drawing
-  const value = y => Math.round((high - step * y) / digit) * digit;
+  const step = (edges.high - edges.low) / size, digit = 10 ** Math.ceil(Math.log10(step));  // what the drawing resolves
+  const value = y => Math.round((edges.high - step * y) / digit) * digit;
   const values = path => path.getAttribute("d").slice(1).split(" ").filter((_, k) => k % 2).map(value);
-  const mean = values(curve), n = mean.length, edges = band ? values(band) : null;
+  const mean = values(curve), n = mean.length, both = band ? values(band) : [...mean, ...mean.slice().reverse()];
   const rows = drawn.dataset.rows ? drawn.dataset.rows.split(" ").map(Number) : mean.map((_, k) => k);
-  return {drawn, curve, band, dots, group, rows, mean, high: edges ? edges.slice(0, n) : mean,
-          low: edges ? edges.slice(n).reverse() : mean};
+  return {button, value: button.querySelector(".value"), drawn, curve, band, dots, group, rows, mean,
+          high: both.slice(0, n), low: both.slice(n).reverse()};
 }
 
 class ReportCharts {
-  constructor(groups) {
+  constructor(groups, cards) {
     this.groups = groups;
-    this.charts = [];
     this.axis = "agent_steps";
     this.reach = 0;      // of smoothing
     this.window = null;  // of x; null = all
     this.onZoom = () => {};
+    this.charts = [...cards].map(card => this.connect(card));
+    this.placePoints();
+    this.tell(null);
   }
 
   xText(x) { return this.axis === "seconds" ? clockText(x) : shortNumber(x) + " agent-steps"; }
@@ -74,44 +77,23 @@ class ReportCharts {
     return from < to ? [from, to] : [from - 1, to + 1];
   }
 
-  // Puts a chart into an element of the page. `spec`: title, note, svg, has_range, lines of {name, group, style}.
-  add(parent, spec) {
-    const card = element(parent, "article", "card chart"), head = element(card, "div", "head");
-    element(head, "h3", "", spec.title);
-    const chart = {spec, at: element(head, "span", "at")};
-    element(card, "p", "note", spec.note);
-    const names = element(card, "div", "names"), frame = element(card, "div", "plot-frame");
-    frame.innerHTML = spec.svg;  // numbers, and names of colours
-    chart.plot = frame.firstElementChild;
-    chart.plot.setAttribute("aria-label", spec.title + ", a chart");
-    [chart.axes, chart.curves, chart.selection, chart.hairline] = chart.plot.children;
-    chart.limits = {size: chart.curves.viewBox.baseVal.width, low: Number(chart.plot.dataset.low),
-                    high: Number(chart.plot.dataset.high)};
-    chart.lines = spec.lines.map((line, k) => {
-      const read = readLine(chart.curves.children[k], this.groups[line.group], chart.limits);
-      return {...read, ...this.addName(names, chart, spec, k)};
-    });
-    this.follow(frame, chart);
-    this.charts.push(chart);
-    this.update(chart);
-    this.tell(null);
-  }
-
-  // The name of a line, which shows and hides it, and the place of its value.
-  addName(names, chart, spec, k) {
-    const button = element(names, "button", "line"), {name, style} = spec.lines[k];
-    button.type = "button";
-    button.style.cssText = style;
-    button.setAttribute("aria-pressed", "true");
-    lineSample(button);
-    if (spec.lines.length > 1 || this.groups.length > 1) element(button, "span", "name", name);
-    button.addEventListener("click", () => {
-      const line = chart.lines[k], shown = line.drawn.style.display === "none";
-      line.drawn.style.display = shown ? "" : "none";
-      button.setAttribute("aria-pressed", shown);
-      this.draw(chart);
-    });
-    return {button, value: element(button, "span", "value")};
+  connect(card) {
+    const plot = card.querySelector(".plot"), [axes, curves, selection, hairline] = plot.children;
+    const edges = {low: Number(plot.dataset.low), high: Number(plot.dataset.high)}, size = curves.viewBox.baseVal.width;
+    const lines = [...card.querySelectorAll(".names button")].map((button, k) =>
+      readLine(button, curves.children[k], this.groups[button.dataset.group], size, edges));
+    const chart = {title: card.querySelector("h3").textContent, at: card.querySelector(".at"), lines, edges, size,
+                   isFixed: Boolean(card.dataset.fixed), plot, axes, selection, hairline};
+    for (const {button, drawn} of lines) {
+      button.addEventListener("click", () => {
+        const shown = drawn.style.display === "none";
+        drawn.style.display = shown ? "" : "none";
+        button.setAttribute("aria-pressed", shown);
+        this.draw(chart);
+      });
+    }
+    this.follow(plot.parentElement, chart);
+    return chart;
   }
 
   // Pointer and zoom of one chart are those of all.
@@ -156,19 +138,19 @@ class ReportCharts {
     this.zoom(null);
   }
 
+  // Draws all again after a change of axis, zoom or smoothing.
   redraw() {
-    for (const chart of this.charts) this.update(chart);
+    this.placePoints();
+    for (const chart of this.charts) this.draw(chart);
     this.tell(null);
   }
 
-  // After a change of axis, zoom or smoothing; a chart comes drawn as it is without them.
-  update(chart) {
-    for (const line of chart.lines) {
+  placePoints() {
+    for (const line of this.charts.flatMap(chart => chart.lines)) {
       line.x = line.rows.map(row => line.group[this.axis][row]);
       line.now = {};
       for (const key of ["mean", "low", "high"]) line.now[key] = smoothed(line[key], this.reach);
     }
-    if (this.window || this.reach || this.axis !== "agent_steps" || chart.changed) this.draw(chart);
   }
 
   // The values between which a chart shows what is in its range of x.
@@ -178,15 +160,14 @@ class ReportCharts {
       const inside = (_, k) => x[k] >= from && x[k] <= to;
       return [...now.low.filter(inside), ...now.high.filter(inside)];
     });
-    if (chart.spec.has_range || values.length === 0) return [chart.limits.low, chart.limits.high];
+    if (chart.isFixed || values.length === 0) return [chart.edges.low, chart.edges.high];
     const low = values.reduce((a, b) => Math.min(a, b)), high = values.reduce((a, b) => Math.max(a, b));
     const edge = 0.04 * (high - low) || Math.abs(high) / 10 || 1e-9;
     return [low - edge, high + edge];
   }
 
   draw(chart) {
-    const {size} = chart.limits, [from, to] = this.range(), [low, high] = this.limits(chart, from, to);
-    chart.changed = true;
+    const {size} = chart, [from, to] = this.range(), [low, high] = this.limits(chart, from, to);
     for (const {x, now, curve, band, dots} of chart.lines) {
       const points = values => values.map((value, k) =>
         Math.round(size * (x[k] - from) / (to - from)) + " " + Math.round(size * (high - value) / (high - low)));
@@ -219,7 +200,9 @@ class ReportCharts {
       for (const {value, x: xs, now: {mean, low, high}} of lines) {
         const k = x === null ? mean.length - 1 : nearest(xs, x);
         value.textContent = shortNumber(mean[k]);
-        if (low[k] !== high[k]) element(value, "small", "", ` ${shortNumber(low[k])} to ${shortNumber(high[k])}`);
+        if (low[k] === high[k]) continue;
+        const spread = value.appendChild(document.createElement("small"));
+        spread.textContent = ` ${shortNumber(low[k])} to ${shortNumber(high[k])}`;
       }
     }
   }
@@ -233,19 +216,4 @@ function nearest(numbers, x) {
     if (numbers[middle] <= x) low = middle; else high = middle;
   }
   return x - numbers[low] <= numbers[high] - x ? low : high;
-}
-
-// A short line that shows colour and dashes of the line that its parent stands for.
-function lineSample(parent) {
-  parent.insertAdjacentHTML("beforeend",
-    '<svg class="sample" aria-hidden="true"><path class="curve" d="M1 4H29"/></svg>');
-}
-
-// A new element at the end of another one.
-function element(parent, tag, className = "", text = "") {
-  const made = document.createElement(tag);
-  if (className) made.className = className;
-  if (text) made.textContent = text;
-  parent.appendChild(made);
-  return made;
 }

@@ -1,4 +1,4 @@
-// Draws the page from its data and connects its controls.
+// Connects the controls of the page.
 
 function usesDark() { return document.documentElement.dataset.theme === "dark"; }
 
@@ -32,15 +32,8 @@ function connectControls(charts) {
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", event => setTheme(event.matches));
 }
 
-function drawPage() {
-  const data = JSON.parse(document.getElementById("report-data").textContent);
-  setTheme(matchMedia("(prefers-color-scheme: dark)").matches);
-  document.getElementById("written").textContent = "Written " + data.written.replace("T", " ").replace("Z", " UTC");
-  const charts = new ReportCharts(data.groups), parent = document.getElementById("sections");
-  for (const section of data.sections) drawSection(parent, section, charts);
-  document.documentElement.dataset.axis = charts.axis;
-  connectControls(charts);
-  return charts;
-}
-
-const reportCharts = drawPage();
+setTheme(matchMedia("(prefers-color-scheme: dark)").matches);
+document.documentElement.dataset.axis = "agent_steps";
+const reportCharts = new ReportCharts(JSON.parse(document.getElementById("axes").textContent),
+                                      document.getElementsByClassName("chart"));
+connectControls(reportCharts);

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 #include <string_view>
 
+#include "chart/markup.hpp"
 #include "core/error.hpp"
 #include "io/files.hpp"
 #include "io/host_info.hpp"
@@ -25,21 +26,6 @@ std::string asset(const char* name) {
 void replace_all(std::string& text, std::string_view from, std::string_view to) {
   for (size_t at = 0; (at = text.find(from, at)) != std::string::npos; at += to.size())
     text.replace(at, from.size(), to);
-}
-
-std::string escape_html(std::string text) {
-  replace_all(text, "&", "&amp;");
-  replace_all(text, "<", "&lt;");
-  replace_all(text, ">", "&gt;");
-  replace_all(text, "\"", "&quot;");
-  return text;
-}
-
-/// JSON inside a script element, which ends at the first "</script": in JSON a "<" stands only in texts.
-std::string json_for_script(const Json& json) {
-  std::string text = json_text(json);
-  replace_all(text, "<", "\\u003c");
-  return text;
 }
 
 /// Puts texts in the places {{name}} of a template; what is put in is not looked at again.
@@ -66,14 +52,15 @@ std::string page_title(const std::vector<RunGroup>& groups) {
 std::string report_page(const std::vector<RunData>& runs, const std::vector<FieldInfo>& keys) {
   GIGA_CHECK(!runs.empty(), "a report needs a run");
   const std::vector<RunGroup> groups = group_runs(runs, points_for(runs));
-  const Json data{{"title", page_title(groups)},
-                  {"written", utc_now()},
-                  {"groups", report_groups(groups)},
-                  {"sections", report_sections(groups, keys)}};
-  return fill(asset("page.html"), {{"title", escape_html(page_title(groups))},
+  std::string written = utc_now();
+  replace_all(written, "T", " ");
+  replace_all(written, "Z", " UTC");
+  return fill(asset("page.html"), {{"title", escaped(page_title(groups))},
+                                   {"written", written},
                                    {"style", asset("page.css")},
-                                   {"data", json_for_script(data)},
-                                   {"script", asset("chart.js") + asset("sections.js") + asset("page.js")}});
+                                   {"sections", page_sections(groups, keys)},
+                                   {"data", json_text(group_axes(groups))},
+                                   {"script", asset("chart.js") + asset("page.js")}});
 }
 
 void write_report(const std::vector<fs::path>& runs, const fs::path& out, const std::vector<FieldInfo>& keys) {

@@ -6,7 +6,7 @@
 #include "chart/curve_plot.hpp"
 #include "chart/heat_map.hpp"
 #include "chart/line_chart.hpp"
-#include "chart/svg.hpp"
+#include "chart/markup.hpp"
 #include "core/error.hpp"
 #include "support/xml.hpp"
 
@@ -26,12 +26,18 @@ Texts all_of(const Elements& elements, const std::string& of_class, const std::s
   return values;
 }
 
+Elements elements_of(const CurvePlot& plot) {
+  Markup page;
+  draw_curve_plot(page, plot);
+  return parse_xml(page.str());
+}
+
 const std::vector<double> kX = {0, 100, 400}, kNone;
 
 // Left and top are 0, right and bottom 100000.
 TEST(CurvePlot, PointsStandWhereTheirValuesAre) {
   const std::vector<double> mean = {0, 2, 1}, low = {0, 1, 0}, high = {0, 4, 2};
-  const Elements svg = parse_xml(draw_curve_plot({{0, 400}, {}, {{"a: b", kX, mean, low, high}}}));
+  const Elements svg = elements_of({"", {0, 400}, {}, {{"a: b", kX, mean, low, high}}});
   // 0 to 4 with 4 % of 4 at both ends: -0.16 to 4.16, in which 0 is at 4.16 / 4.32 = 0.96296.
   EXPECT_EQ(svg[0].attributes.at("class"), "plot");
   EXPECT_DOUBLE_EQ(std::stod(svg[0].attributes.at("data-low")), -0.16);
@@ -44,7 +50,7 @@ TEST(CurvePlot, PointsStandWhereTheirValuesAre) {
 
 TEST(CurvePlot, UnknownValuesAreBridgedAndTold) {
   const std::vector<double> mean = {0.5, kNan, 1};
-  const Elements svg = parse_xml(draw_curve_plot({{0, 400}, {{0, 1}}, {{"", kX, mean, kNone, kNone}}}));
+  const Elements svg = elements_of({"", {0, 400}, {{0, 1}}, {{"", kX, mean, kNone, kNone}}});
   EXPECT_EQ(all_of(svg, "curve", "d"), Texts{"M0 50000 100000 1923"});  // 0.02 / 1.04 below the upper edge
   EXPECT_EQ(all_of(svg, "line", "data-rows"), Texts{"0 2"});
   EXPECT_EQ(all_of(svg, "band", "d"), Texts());
@@ -52,7 +58,7 @@ TEST(CurvePlot, UnknownValuesAreBridgedAndTold) {
 
 TEST(CurvePlot, AxesHaveRoundLabels) {
   const std::vector<double> x = {0, 120'000}, mean = {-1, 1.5};
-  const Elements svg = parse_xml(draw_curve_plot({{0, 120'000}, {}, {{"", x, mean, kNone, kNone}}}));
+  const Elements svg = elements_of({"", {0, 120'000}, {}, {{"", x, mean, kNone, kNone}}});
   Texts labels;
   for (const XmlElement& e : svg)
     if (e.name == "text") labels.push_back(e.text);
@@ -62,13 +68,13 @@ TEST(CurvePlot, AxesHaveRoundLabels) {
 
 TEST(CurvePlot, OnePointAndConstantsAreDrawn) {
   const std::vector<double> x = {7}, mean = {0};
-  const Elements svg = parse_xml(draw_curve_plot({{7, 7}, {}, {{"", x, mean, kNone, kNone}}}));
+  const Elements svg = elements_of({"", {7, 7}, {}, {{"", x, mean, kNone, kNone}}});
   EXPECT_EQ(all_of(svg, "curve", "d"), Texts{"M50000 50000"});
 }
 
 TEST(CurvePlot, ManyPointsHaveNoDots) {
   const std::vector<double> x(41, 1.0), mean(41, 2.0);
-  EXPECT_EQ(all_of(parse_xml(draw_curve_plot({{0, 1}, {}, {{"", x, mean, kNone, kNone}}})), "dots", "d"), Texts());
+  EXPECT_EQ(all_of(elements_of({"", {0, 1}, {}, {{"", x, mean, kNone, kNone}}}), "dots", "d"), Texts());
 }
 
 TEST(Chart, TicksAreRound) {

@@ -9,7 +9,7 @@
 
 #include "chart/heat_map.hpp"
 #include "chart/line_chart.hpp"
-#include "chart/svg.hpp"
+#include "chart/markup.hpp"
 #include "games.hpp"
 #include "io/temporary_folder.hpp"
 #include "sheets.hpp"

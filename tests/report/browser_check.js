@@ -9,8 +9,8 @@ function widthOf(line) {
     ? 0 : line.curve.getBoundingClientRect().width;
 }
 const lineWidths = chart => chart.lines.map(widthOf);
-const charts = () => reportCharts.charts;
-const chartOf = title => charts().find(chart => chart.spec.title === title);
+const charts = () => reportCharts.charts.filter(chart => !chart.plot.closest("details:not([open])"));
+const chartOf = title => charts().find(chart => chart.title === title);
 
 // An event of the pointer over a chart at a share of its width.
 function point(chart, type, share) {
@@ -81,6 +81,7 @@ async function useReport() {
 }
 
 useReport().catch(error => { problems.push(String(error.stack || error)); return {}; }).then(seen => {
-  element(document.body, "pre").id = "outcome";
-  document.getElementById("outcome").textContent = JSON.stringify({...seen, problems});
+  const outcome = document.body.appendChild(document.createElement("pre"));
+  outcome.id = "outcome";
+  outcome.textContent = JSON.stringify({...seen, problems});
 });
