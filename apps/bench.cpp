@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdio>
 #include <iostream>
+#include <nlohmann/json.hpp>
 
 #include "apps/benchmark.hpp"
 #include "apps/command_line.hpp"
@@ -22,9 +23,8 @@ using Measure = BenchResult (*)(const BenchOptions&, Device, int);
 
 /// The seconds of a part of an update, and the rate if an update were that part alone.
 Json part_json(const BenchResult& r, double seconds) {
-  return Json::object()
-      .set("seconds_per_update", seconds / static_cast<double>(r.steps) / static_cast<double>(r.rates.size()))
-      .set("agent_steps_per_second", r.work.agent_steps / seconds);
+  return {{"seconds_per_update", seconds / static_cast<double>(r.steps) / static_cast<double>(r.rates.size())},
+          {"agent_steps_per_second", r.work.agent_steps / seconds}};
 }
 
 std::string part_text(const BenchResult& r, double seconds) {
@@ -37,16 +37,24 @@ std::string part_text(const BenchResult& r, double seconds) {
 
 Json result_json(const BenchResult& r) {
   Json checks = Json::object();
-  for (const auto& [name, value] : r.checks) checks.set(name, value);
-  Json json = Json::object();
-  json.set("arithmetic", r.arithmetic).set("commit", program_commit());
-  json.set("worlds", r.worlds).set("steps", r.steps).set("repeats", r.rates.size());
-  json.set("agent_steps_per_second", r.quantile(0.5)).set("min", r.rates.front()).set("max", r.rates.back());
-  json.set("interquartile", Json::array(std::vector<double>{r.quantile(0.25), r.quantile(0.75)}));
-  json.set("rates", Json::array(r.rates)).set("memory_bytes", r.memory_bytes).set("checksum", std::move(checks));
-  if (r.work.learning_seconds > 0)
-    json.set("rollout", part_json(r, r.work.rollout_seconds)).set("learning", part_json(r, r.work.learning_seconds));
-  if (!r.closed_loop_arithmetic.empty()) json.set("closed_loop_arithmetic", r.closed_loop_arithmetic);
+  for (const auto& [name, value] : r.checks) checks[name] = value;
+  Json json{{"arithmetic", r.arithmetic},
+            {"commit", program_commit()},
+            {"worlds", r.worlds},
+            {"steps", r.steps},
+            {"repeats", r.rates.size()},
+            {"agent_steps_per_second", r.quantile(0.5)},
+            {"min", r.rates.front()},
+            {"max", r.rates.back()},
+            {"interquartile", {r.quantile(0.25), r.quantile(0.75)}},
+            {"rates", r.rates},
+            {"memory_bytes", r.memory_bytes},
+            {"checksum", std::move(checks)}};
+  if (r.work.learning_seconds > 0) {
+    json["rollout"] = part_json(r, r.work.rollout_seconds);
+    json["learning"] = part_json(r, r.work.learning_seconds);
+  }
+  if (!r.closed_loop_arithmetic.empty()) json["closed_loop_arithmetic"] = r.closed_loop_arithmetic;
   return json;
 }
 
@@ -84,20 +92,20 @@ void bench(const std::string& kind, Measure measure_one, const BenchOptions& o) 
   std::string scenario;
   for (const int worlds : sizes) {
     const BenchResult result = measure_one(o, device, worlds);
-    results.push(result_json(result));
+    results.push_back(result_json(result));
     best = std::max(best, result.quantile(0.5));
     scenario = result.scenario;
     if (for_people) std::cout << result_lines(result) << std::flush;
   }
   if (o.json.empty()) return;
-  Json json = Json::object();
-  json.set("kind", kind)
-      .set("scenario", scenario)
-      .set("agent_steps_per_second", best)
-      .set("results", std::move(results));
-  json.set("versions", version_info()).set("hardware", hardware_info(device));
-  json.set("command_line", command_line());
-  write_json(json, o.json);
+  write_json({{"kind", kind},
+              {"scenario", scenario},
+              {"agent_steps_per_second", best},
+              {"results", std::move(results)},
+              {"versions", version_info()},
+              {"hardware", hardware_info(device)},
+              {"command_line", command_line()}},
+             o.json);
 }
 
 /// One of the benchmarks, with the options that all have.

@@ -1,6 +1,7 @@
 // gigastep config: prints a run config with all its keys, or what is known about all keys.
 #include <CLI/CLI.hpp>
 #include <iostream>
+#include <nlohmann/json.hpp>
 
 #include "apps/command_line.hpp"
 #include "apps/commands.hpp"

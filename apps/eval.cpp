@@ -2,6 +2,7 @@
 // scripted teams.
 #include <CLI/CLI.hpp>
 #include <iostream>
+#include <nlohmann/json.hpp>
 
 #include "apps/command_line.hpp"
 #include "apps/commands.hpp"
@@ -50,22 +51,25 @@ std::vector<int> sides_of(const EvalOptions& o, const Contestant& a, const Conte
 
 Json origin_json(const Contestant& c) {
   if (!c.origin()) return {};
-  return Json::object()
-      .set("file", c.origin()->file)
-      .set("updates", c.origin()->updates)
-      .set("agent_steps", c.origin()->agent_steps)
-      .set("scenario", c.origin()->scenario_name);
+  return {{"file", c.origin()->file},
+          {"updates", c.origin()->updates},
+          {"agent_steps", c.origin()->agent_steps},
+          {"scenario", c.origin()->scenario_name}};
 }
 
 Json to_json(const EvalOptions& o, const MatchReport& report, const Contestant& a, const Contestant& b) {
   Json sides = Json::array();
-  for (const TeamResult& r : report.results) sides.push(result_json(r));
-  Json json = Json::object();
-  json.set("a", o.a).set("b", o.b).set("scenario", report.scenario).set("win", report.win);
-  json.set("sides", std::move(sides));
-  json.set("origin_a", origin_json(a)).set("origin_b", origin_json(b));
-  json.set("seed", o.seed).set("greedy", o.greedy).set("versions", version_info());
-  return json;
+  for (const TeamResult& r : report.results) sides.push_back(result_json(r));
+  return {{"a", o.a},
+          {"b", o.b},
+          {"scenario", report.scenario},
+          {"win", report.win},
+          {"sides", std::move(sides)},
+          {"origin_a", origin_json(a)},
+          {"origin_b", origin_json(b)},
+          {"seed", o.seed},
+          {"greedy", o.greedy},
+          {"versions", version_info()}};
 }
 
 void print_origin(const Contestant& c) {

@@ -1,6 +1,7 @@
 // gigastep export: writes the policy of a team for use in other programs, with a manifest and an example.
 #include <CLI/CLI.hpp>
 #include <iostream>
+#include <nlohmann/json.hpp>
 
 #include "apps/commands.hpp"
 #include "apps/program_info.hpp"
@@ -70,8 +71,8 @@ void export_policy(const ExportOptions& o) {
   if (!actor)
     throw InputError(cat("team ", o.team, " of ", file, " has no learned policy: it was scripted in training; team ",
                          1 - o.team, " has one"));
-  write_export(o.out, format, *actor, loaded.run.spec, origin_of(checkpoint, loaded.run, o.team),
-               rating_of(found.file, checkpoint.updates, o.team));
+  const Json ratings = rating_of(found.file, checkpoint.updates, o.team);
+  write_export(o.out, format, *actor, loaded.run.spec, origin_of(checkpoint, loaded.run, o.team), &ratings);
   std::cout << o.out << ": the policy of team " << o.team << " after " << checkpoint.updates << " updates in "
             << checkpoint.scenario_name << "\ntry it: python " << (std::filesystem::path(o.out) / kExampleName).string()
             << std::endl;

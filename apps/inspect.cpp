@@ -2,6 +2,7 @@
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <iostream>
+#include <nlohmann/json.hpp>
 
 #include "apps/command_line.hpp"
 #include "apps/commands.hpp"
@@ -31,19 +32,19 @@ Json to_json(const FoundCheckpoint& found) {
   const Checkpoint& c = found.checkpoint;
   Json arrays = Json::array();
   for (const NamedArray& a : c.arrays)
-    arrays.push(Json::object()
-                    .set("name", a.name)
-                    .set("type", type_name(a.type))
-                    .set("shape", Json::array(a.shape))
-                    .set("bytes", a.bytes.size()));
-  Json json = Json::object();
-  json.set("file", found.file.string()).set("format_version", c.format_version);
-  json.set("gigastep_version", c.gigastep_version).set("scenario", c.scenario_name).set("seed", c.seed);
-  json.set("updates", c.updates).set("agent_steps", c.agent_steps).set("seconds", c.cursor.seconds);
-  json.set("best_score", c.cursor.best_score < 0 ? Json() : Json(c.cursor.best_score));
-  json.set("best_updates", c.cursor.best_updates);
-  json.set("sha256", state_sha256(c.arrays)).set("arrays", std::move(arrays));
-  return json;
+    arrays.push_back({{"name", a.name}, {"type", type_name(a.type)}, {"shape", a.shape}, {"bytes", a.bytes.size()}});
+  return {{"file", found.file.string()},
+          {"format_version", c.format_version},
+          {"gigastep_version", c.gigastep_version},
+          {"scenario", c.scenario_name},
+          {"seed", c.seed},
+          {"updates", c.updates},
+          {"agent_steps", c.agent_steps},
+          {"seconds", c.cursor.seconds},
+          {"best_score", c.cursor.best_score < 0 ? Json() : Json(c.cursor.best_score)},
+          {"best_updates", c.cursor.best_updates},
+          {"sha256", state_sha256(c.arrays)},
+          {"arrays", std::move(arrays)}};
 }
 
 void print(const FoundCheckpoint& found) {

@@ -1,6 +1,7 @@
 #include "apps/match_report.hpp"
 
 #include <cstdio>
+#include <nlohmann/json.hpp>
 
 #include "config/names.hpp"
 #include "core/error.hpp"
@@ -92,19 +93,16 @@ std::string report_csv(const MatchReport& report) {
 }
 
 Json result_json(const TeamResult& r) {
-  Json json = Json::object();
-  json.set("team", r.team).set("episodes", r.match.episodes);
-  for (const Share& s : shares(r)) json.set(s.count_name, s.count);
+  Json json{{"team", r.team}, {"episodes", r.match.episodes}};
+  for (const Share& s : shares(r)) json[s.count_name] = s.count;
   for (const Share& s : shares(r)) {
     const Interval ci = wilson95(s.count, r.match.episodes);
-    json.set(s.rate_name, r.share(s.count));
-    json.set(cat(s.rate_name, "_ci95"), Json::array(std::vector<double>{ci.lo, ci.hi}));
+    json[s.rate_name] = r.share(s.count);
+    json[cat(s.rate_name, "_ci95")] = {ci.lo, ci.hi};
   }
-  json.set("mean_length", r.match.mean_length);
-  for (const auto& [name, value] : side_figures(r.match, r.team)) json.set(name, value);
-  Json opponent = Json::object();
-  for (const auto& [name, value] : side_figures(r.match, 1 - r.team)) opponent.set(name, value);
-  json.set("opponent", std::move(opponent));
+  json["mean_length"] = r.match.mean_length;
+  for (const auto& [name, value] : side_figures(r.match, r.team)) json[name] = value;
+  for (const auto& [name, value] : side_figures(r.match, 1 - r.team)) json["opponent"][name] = value;
   return json;
 }
 

@@ -2,6 +2,7 @@
 #include "apps/plan.hpp"
 
 #include <iostream>
+#include <nlohmann/json.hpp>
 
 #include "cuda/runtime.hpp"
 #include "learn/memory/report.hpp"

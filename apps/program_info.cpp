@@ -7,6 +7,7 @@
 
 #include <filesystem>
 #include <fstream>
+#include <nlohmann/json.hpp>
 #include <system_error>
 #include <vector>
 
@@ -82,32 +83,28 @@ std::string program_command() {
 }
 
 Json version_info() {
-  Json info = Json::object();
-  info.set("gigastep", program_version())
-      .set("commit", program_commit())
-      .set("torch", TORCH_VERSION)
-      .set("compiler", __VERSION__);
-  info.set("built_with_cuda", built_with_cuda());
-  return info;
+  return {{"gigastep", program_version()},
+          {"commit", program_commit()},
+          {"torch", TORCH_VERSION},
+          {"compiler", __VERSION__},
+          {"built_with_cuda", built_with_cuda()}};
 }
 
 Json hardware_info(Device device) {
   const HostInfo host = host_info();
-  Json info = Json::object();
-  info.set("device", device.name()).set("cpu", host.cpu).set("cores", host.cores);
-  info.set("memory_bytes", host.memory_bytes).set("os", host.os).set("kernel", host.kernel);
+  Json info{{"device", device.name()},           {"cpu", host.cpu}, {"cores", host.cores},
+            {"memory_bytes", host.memory_bytes}, {"os", host.os},   {"kernel", host.kernel}};
   if (device.is_cuda()) {
     const GpuInfo gpu = cuda_device_info(device.index);
-    Json card = Json::object();
-    card.set("name", gpu.name).set("memory_bytes", gpu.memory_total);
-    card.set("compute_capability", gpu.compute_capability);
-    card.set("driver_cuda", cuda_version_text(gpu.driver_version));
-    card.set("runtime_cuda", cuda_version_text(gpu.runtime_version));
-    info.set("gpu", std::move(card));
+    info["gpu"] = {{"name", gpu.name},
+                   {"memory_bytes", gpu.memory_total},
+                   {"compute_capability", gpu.compute_capability},
+                   {"driver_cuda", cuda_version_text(gpu.driver_version)},
+                   {"runtime_cuda", cuda_version_text(gpu.runtime_version)}};
   }
   return info;
 }
 
-Json command_line() { return Json::array(arguments()); }
+Json command_line() { return arguments(); }
 
 }  // namespace giga

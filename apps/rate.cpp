@@ -3,6 +3,7 @@
 #include <chrono>
 #include <filesystem>
 #include <iostream>
+#include <nlohmann/json.hpp>
 
 #include "apps/command_line.hpp"
 #include "apps/commands.hpp"
@@ -70,7 +71,7 @@ fs::path default_folder(const RateOptions& o) {
 void renew_report(const RateOptions& o, const fs::path& folder) {
   const fs::path run = folder.parent_path(), report = run / "report.html";
   std::error_code code;
-  if (!o.out.empty() || run.empty() || !fs::exists(report, code) || !report_obstacle().empty()) return;
+  if (!o.out.empty() || run.empty() || !fs::exists(report, code)) return;
   write_report({run}, report, list_fields<RunConfig>());
 }
 
@@ -96,11 +97,8 @@ void rate_runs(const RateOptions& o) {
   const SimParams& params = contestants.spec.params;
   const std::string win = describe_win(params.win, params.max_episode_length);
   Json json = ratings_json(sheet, folder);
-  json.set("win", win)
-      .set("episodes", o.episodes)
-      .set("seed", o.seed)
-      .set("greedy", o.greedy)
-      .set("versions", version_info());
+  json.update(
+      {{"win", win}, {"episodes", o.episodes}, {"seed", o.seed}, {"greedy", o.greedy}, {"versions", version_info()}});
   write_ratings(folder, sheet, json);
   renew_report(o, folder);
   if (!o.json.empty()) write_json(json, o.json);

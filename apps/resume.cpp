@@ -2,6 +2,7 @@
 #include <CLI/CLI.hpp>
 #include <filesystem>
 #include <iostream>
+#include <nlohmann/json.hpp>
 #include <system_error>
 
 #include "apps/command_line.hpp"
@@ -55,8 +56,9 @@ void set_aside(const std::vector<fs::path>& damaged) {
 
 Json resume_info(const ResumedRun& resumed, Device device, const FoundCheckpoint& found) {
   Json info = run_info(resumed.run, device);
-  info.set("checkpoint", found.file.filename().string()).set("updates", found.checkpoint.updates);
-  info.set("changes", Json::array(resumed.changes));
+  info["checkpoint"] = found.file.filename().string();
+  info["updates"] = found.checkpoint.updates;
+  info["changes"] = resumed.changes;
   return info;
 }
 

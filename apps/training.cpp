@@ -6,6 +6,7 @@
 #include <ctime>
 #include <iostream>
 #include <limits>
+#include <nlohmann/json.hpp>
 
 #include "apps/evaluation.hpp"
 #include "apps/program_info.hpp"
@@ -328,8 +329,6 @@ int Training::stop_early(int code) {
 
 void Training::write_final_report() {
   if (learner_->updates_done() == 0) return;  // no figures yet
-  if (const std::string obstacle = report_obstacle(); !obstacle.empty())
-    return log_.note("no report.html: " + obstacle);
   write_report({folder_.path()}, folder_.report_file(), list_fields<RunConfig>());
 }
 
@@ -343,11 +342,10 @@ int train_in(const RunFolder& folder, TrainingSetup setup) {
 }
 
 Json run_info(const LoadedRun& run, Device device) {
-  Json info = Json::object();
-  info.set("scenario", run.config.scenario).set("algorithm", run.config.train.algorithm).set("seed", run.config.seed);
-  info.set("started", utc_now()).set("command_line", command_line());
-  info.set("versions", version_info()).set("hardware", hardware_info(device));
-  return info;
+  return {{"scenario", run.config.scenario},  {"algorithm", run.config.train.algorithm},
+          {"seed", run.config.seed},          {"started", utc_now()},
+          {"command_line", command_line()},   {"versions", version_info()},
+          {"hardware", hardware_info(device)}};
 }
 
 }  // namespace giga

@@ -8,8 +8,9 @@ find_package(spdlog REQUIRED)
 find_package(CLI11 REQUIRED)
 find_package(HDF5 REQUIRED COMPONENTS C)
 find_package(Eigen3 3.3 REQUIRED NO_MODULE)
-find_package(PNG REQUIRED)
 find_package(OpenSSL REQUIRED COMPONENTS Crypto)
+find_package(nlohmann_json REQUIRED)
+find_package(ZLIB REQUIRED)
 
 # yaml-cpp 0.8 renamed its target and leaves the old name as one that warns.
 add_library(giga_yaml INTERFACE IMPORTED)

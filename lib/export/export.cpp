@@ -5,6 +5,7 @@
 #include <cerrno>
 #include <cstring>
 #include <fstream>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <system_error>
 #include <vector>
@@ -110,7 +111,7 @@ std::optional<ExportFormat> format_of_file(const fs::path& file) {
 }  // namespace
 
 void write_export(const fs::path& folder, ExportFormat format, const Actor& actor, const SimSpec& spec,
-                  const PolicyOrigin& origin, const Json& ratings) {
+                  const PolicyOrigin& origin, const Json* ratings) {
   const PolicyModel model = model_of(actor, spec.observation_size());
   Manifest manifest{format, model.shape, observation_layout(spec), spec.params.rules, {}, origin};
   if (model.shape.actions == ActionKind::continuous)
@@ -118,7 +119,7 @@ void write_export(const fs::path& folder, ExportFormat format, const Actor& acto
   // The manifest comes last: a folder that has one is whole.
   write_all(folder, {{policy_file_name(format), encode(model, format, origin.gigastep_version)},
                      {kExampleName, example_of(format)},
-                     {kManifestName, manifest_json(manifest, ratings).text() + "\n"}});
+                     {kManifestName, json_text(manifest_json(manifest, ratings ? *ratings : Json::object())) + "\n"}});
 }
 
 bool is_exported_policy(const fs::path& path) {

@@ -18,7 +18,7 @@ constexpr const char* kExampleName = "act.py";
 /// Writes policy.*, act.py and, last, manifest.json (with `ratings`, an object) into a folder that does not exist or is
 /// empty; InputError where it is not or cannot be made. Where something fails nothing is left behind.
 void write_export(const std::filesystem::path& folder, ExportFormat format, const Actor& actor, const SimSpec& spec,
-                  const PolicyOrigin& origin, const Json& ratings = Json::object());
+                  const PolicyOrigin& origin, const Json* ratings = nullptr);
 
 /// Whether a path is that of an exported policy: the folder of an export, a file named like a policy (.safetensors,
 /// .onnx, .pt), or a ZIP archive, which is what TorchScript modules are.

@@ -2,6 +2,7 @@
 #include "export/manifest.hpp"
 
 #include <cmath>
+#include <nlohmann/json.hpp>
 
 #include "config/fields.hpp"
 #include "core/error.hpp"
@@ -17,13 +18,14 @@ std::string name_of(T value) {
 }
 
 Json architecture_json(const PolicyShape& shape, Precision precision) {
-  Json json = Json::object();
-  json.set("hidden", Json::array(shape.network.hidden)).set("activation", name_of(shape.network.activation));
-  json.set("layer_norm", shape.network.layer_norm).set("layer_norm_epsilon", static_cast<double>(kLayerNormEpsilon));
-  json.set("normalizes_observations", shape.normalizes);
-  json.set("normalized_limit", static_cast<double>(kNormalizedLimit)).set("training_precision", name_of(precision));
-  json.set("training_arithmetic", cat("on a GPU: ", meaning_of(precision), "; on a CPU: fp32"));
-  return json;
+  return {{"hidden", shape.network.hidden},
+          {"activation", name_of(shape.network.activation)},
+          {"layer_norm", shape.network.layer_norm},
+          {"layer_norm_epsilon", kLayerNormEpsilon},
+          {"normalizes_observations", shape.normalizes},
+          {"normalized_limit", kNormalizedLimit},
+          {"training_precision", name_of(precision)},
+          {"training_arithmetic", cat("on a GPU: ", meaning_of(precision), "; on a CPU: fp32")}};
 }
 
 /// Feature j of the items of a block is obs[start:stop:step].
@@ -31,23 +33,24 @@ Json block_json(const ObservationBlock& block) {
   Json features = Json::array();
   int start = block.first;
   for (const ObservationFeature& feature : block_features(block.name, block.size))
-    features.push(Json::object()
-                      .set("name", feature.name)
-                      .set("slice", Json::array(std::vector<int>{start++, block.end(), block.size}))
-                      .set("meaning", feature.meaning));
-  Json json = Json::object();
-  json.set("name", block.name).set("first", block.first).set("count", block.count).set("size", block.size);
-  json.set("meaning", block_meaning(block.name)).set("features", std::move(features));
-  return json;
+    features.push_back(
+        {{"name", feature.name}, {"slice", {start++, block.end(), block.size}}, {"meaning", feature.meaning}});
+  return {{"name", block.name},
+          {"first", block.first},
+          {"count", block.count},
+          {"size", block.size},
+          {"meaning", block_meaning(block.name)},
+          {"features", std::move(features)}};
 }
 
 Json observation_json(const Manifest& manifest) {
   Json blocks = Json::array();
-  for (const ObservationBlock& block : manifest.observation) blocks.push(block_json(block));
-  Json json = Json::object();
-  json.set("input", "obs").set("type", "float32").set("size", manifest.shape.inputs);
-  json.set("layout", "item k of a block begins at first + k * size; a feature of all items is obs[start:stop:step]");
-  return json.set("blocks", std::move(blocks));
+  for (const ObservationBlock& block : manifest.observation) blocks.push_back(block_json(block));
+  return {{"input", "obs"},
+          {"type", "float32"},
+          {"size", manifest.shape.inputs},
+          {"layout", "item k of a block begins at first + k * size; a feature of all items is obs[start:stop:step]"},
+          {"blocks", std::move(blocks)}};
 }
 
 constexpr const char* kControls[kActionSize][2] = {
@@ -61,9 +64,9 @@ Json discrete_actions() {
   for (int action = 0; action < kNDiscreteActions; ++action) {
     const Controls c = discrete_controls(action);
     const double values[kActionSize] = {c.heading, c.dive, c.throttle};
-    Json row = Json::object().set("index", action);
-    for (int k = 0; k < kActionSize; ++k) row.set(kControls[k][0], values[k]);
-    table.push(std::move(row));
+    Json row{{"index", action}};
+    for (int k = 0; k < kActionSize; ++k) row[kControls[k][0]] = values[k];
+    table.push_back(std::move(row));
   }
   return table;
 }
@@ -71,17 +74,20 @@ Json discrete_actions() {
 Json action_json(const Manifest& manifest) {
   const bool discrete = manifest.shape.actions == ActionKind::discrete;
   Json controls = Json::array();
-  for (const auto& [name, meaning] : kControls) controls.push(Json::object().set("name", name).set("meaning", meaning));
-  Json json = Json::object();
-  json.set("kind", name_of(manifest.shape.actions));
-  json.set("output", manifest.shape.output_name()).set("size", manifest.shape.outputs());
-  json.set("rule", discrete ? "the action is an index drawn from softmax(logits), or their argmax"
-                            : "the action is tanh(mean + exp(log_std) * normal), or tanh(mean)");
-  json.set("steps_per_second", static_cast<int>(std::lround(1 / kDt))).set("controls", std::move(controls));
-  if (discrete) return json.set("table", discrete_actions());
-  Json log_std = Json::array();
-  for (const float value : manifest.log_std) log_std.push(static_cast<double>(value));
-  return json.set("log_std", std::move(log_std));
+  for (const auto& [name, meaning] : kControls) controls.push_back({{"name", name}, {"meaning", meaning}});
+  Json json{{"kind", name_of(manifest.shape.actions)},
+            {"output", manifest.shape.output_name()},
+            {"size", manifest.shape.outputs()},
+            {"rule", discrete ? "the action is an index drawn from softmax(logits), or their argmax"
+                              : "the action is tanh(mean + exp(log_std) * normal), or tanh(mean)"},
+            {"steps_per_second", std::lround(1 / kDt)},
+            {"controls", std::move(controls)}};
+  if (discrete) {
+    json["table"] = discrete_actions();
+  } else {
+    json["log_std"] = manifest.log_std;
+  }
+  return json;
 }
 
 /// Reads members of maps of the file, each needed; what is wrong is collected.
@@ -191,18 +197,25 @@ const char* policy_file_name(ExportFormat format) {
 
 Json manifest_json(const Manifest& manifest, Json ratings) {
   const PolicyOrigin& origin = manifest.origin;
-  Json training = Json::object();
-  training.set("scenario", origin.scenario_name).set("rules", name_of(manifest.rules)).set("team", origin.team);
-  training.set("seed", origin.seed).set("updates", origin.updates).set("agent_steps", origin.agent_steps);
-  training.set("scenario_yaml", origin.scenario_yaml).set("config_yaml", origin.config_yaml);
-  Json json = Json::object();
-  json.set("kind", kManifestKind).set("format_version", kManifestFormat);
-  json.set("gigastep_version", origin.gigastep_version).set("format", name_of(manifest.format));
-  json.set("file", policy_file_name(manifest.format));
-  json.set("architecture", architecture_json(manifest.shape, origin.precision));
-  json.set("observation", observation_json(manifest)).set("action", action_json(manifest));
-  json.set("action_selection", name_of(origin.selection));
-  return json.set("ratings", std::move(ratings)).set("training", std::move(training));
+  return {{"kind", kManifestKind},
+          {"format_version", kManifestFormat},
+          {"gigastep_version", origin.gigastep_version},
+          {"format", name_of(manifest.format)},
+          {"file", policy_file_name(manifest.format)},
+          {"architecture", architecture_json(manifest.shape, origin.precision)},
+          {"observation", observation_json(manifest)},
+          {"action", action_json(manifest)},
+          {"action_selection", name_of(origin.selection)},
+          {"ratings", std::move(ratings)},
+          {"training",
+           {{"scenario", origin.scenario_name},
+            {"rules", name_of(manifest.rules)},
+            {"team", origin.team},
+            {"seed", origin.seed},
+            {"updates", origin.updates},
+            {"agent_steps", origin.agent_steps},
+            {"scenario_yaml", origin.scenario_yaml},
+            {"config_yaml", origin.config_yaml}}}};
 }
 
 Manifest parse_manifest(std::string_view text, const std::string& name) {

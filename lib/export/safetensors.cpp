@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <nlohmann/json.hpp>
 
 #include "config/fields.hpp"
 #include "core/error.hpp"
@@ -129,19 +130,16 @@ std::string encode_safetensors(const NamedArrays& tensors,
   std::stable_sort(order.begin(), order.end(),
                    [](const NamedArray* a, const NamedArray* b) { return size_of(a->type) > size_of(b->type); });
   Json header = Json::object();
-  Json texts = Json::object();
-  for (const auto& [key, value] : metadata) texts.set(key, value);
-  if (!metadata.empty()) header.set(kMetadata, std::move(texts));
+  for (const auto& [key, value] : metadata) header[kMetadata][key] = value;
   std::string data;
   for (const NamedArray* tensor : order) {
-    const std::vector<size_t> offsets = {data.size(), data.size() + tensor->bytes.size()};
+    const size_t begin = data.size();
     data.append(reinterpret_cast<const char*>(tensor->bytes.data()), tensor->bytes.size());
-    header.set(tensor->name, Json::object()
-                                 .set("dtype", FieldCodec<Dtype>::print(static_cast<Dtype>(tensor->type)))
-                                 .set("shape", Json::array(tensor->shape))
-                                 .set("data_offsets", Json::array(offsets)));
+    header[tensor->name] = {{"dtype", FieldCodec<Dtype>::print(static_cast<Dtype>(tensor->type))},
+                            {"shape", tensor->shape},
+                            {"data_offsets", {begin, data.size()}}};
   }
-  std::string text = header.text();
+  std::string text = json_text(header);
   text.resize((text.size() + kAlignment - 1) / kAlignment * kAlignment, ' ');
   GIGA_CHECK(text.size() <= kMostHeaderBytes, "a header of ", text.size(), " bytes");
   return little_endian(uint64_t{text.size()}) + text + data;

@@ -108,7 +108,7 @@ fs::path RunFolder::events_file() const { return path_ / kTensorBoardFile; }
 
 void RunFolder::describe(const std::string& config_yaml, const std::string& scenario_yaml, const Json& info) const {
   write_file(scenario_file(), scenario_yaml);
-  write_file(info_file(), info.text() + "\n");
+  write_file(info_file(), json_text(info) + "\n");
   write_file(config_file(), config_yaml);
 }
 
@@ -120,7 +120,7 @@ void RunFolder::describe_resume(const std::string& config_yaml, const Json& info
     std::snprintf(name, sizeof name, "resume_%03d.json", number);
     file = path_ / name;
   }
-  write_file(file, info.text() + "\n");
+  write_file(file, json_text(info) + "\n");
   write_file(config_file(), config_yaml);
 }
 

@@ -1,6 +1,7 @@
 #include "rating/find_rating.hpp"
 
 #include <algorithm>
+#include <nlohmann/json.hpp>
 #include <system_error>
 
 #include "config/document.hpp"
@@ -22,7 +23,7 @@ std::string text_of(const Node& map, const char* key) {
 }
 
 void copy(const Node& from, const char* key, Json& to) {
-  if (const Node* value = from.find(key)) to.set(key, json_of(*value));
+  if (const Node* value = from.find(key)) to[key] = json_of(*value);
 }
 
 /// Whether the run of a player, whose folder is told relative to that of the ratings, is in `run`.

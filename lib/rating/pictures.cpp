@@ -5,11 +5,11 @@
 #include <cmath>
 #include <limits>
 
+#include "chart/heat_map.hpp"
+#include "chart/line_chart.hpp"
 #include "core/error.hpp"
 #include "math/wilson.hpp"
 #include "rating/groups.hpp"
-#include "rating/heat_map.hpp"
-#include "rating/line_chart.hpp"
 
 namespace giga {
 namespace {

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <nlohmann/json.hpp>
 #include <system_error>
 
 #include "core/error.hpp"
@@ -30,31 +31,38 @@ std::string csv_number(double value) { return std::isnan(value) ? "" : print_num
 std::string csv_side(const Rating& r) { return r.side < 0 ? "both" : std::to_string(r.side); }
 
 Json estimate_json(const Estimate& e) {
-  return Json::object()
-      .set("value", e.value)
-      .set("standard_error", e.standard_error)
-      .set("ci95", Json::array(std::vector<double>{e.low(), e.high()}));
+  return {{"value", e.value}, {"standard_error", e.standard_error}, {"ci95", {e.low(), e.high()}}};
 }
 
 Json player_json(const std::string& name, const PlayerInfo& info, const fs::path& folder) {
-  Json json = Json::object();
-  json.set("name", name).set("kind", name_of(info.kind));
-  if (info.is_baseline()) return json;
-  json.set("run", info.run).set("folder", info.folder.lexically_relative(folder).generic_string());
-  json.set("updates", info.updates).set("agent_steps", info.agent_steps);
-  return json.set("seconds", info.seconds).set("best", info.best);
+  if (info.is_baseline()) return {{"name", name}, {"kind", name_of(info.kind)}};
+  return {{"name", name},
+          {"kind", name_of(info.kind)},
+          {"run", info.run},
+          {"folder", info.folder.lexically_relative(folder).generic_string()},
+          {"updates", info.updates},
+          {"agent_steps", info.agent_steps},
+          {"seconds", info.seconds},
+          {"best", info.best}};
 }
 
 Json rating_json(const Ratings& ratings, const Rating& r) {
-  Json json = Json::object();
-  json.set("player", ratings.name(r)).set("side", r.side < 0 ? Json("both") : Json(r.side));
-  json.set("standing", name_of(r.standing)).set("rating", r.rating.value);
-  json.set("standard_error", r.rating.standard_error);
-  json.set("ci95", Json::array(std::vector<double>{r.rating.low(), r.rating.high()}));
-  json.set("group", r.group).set("group_reference", ratings.name(ratings.list[static_cast<size_t>(r.reference)]));
-  json.set("group_rating", r.in_group.value).set("group_standard_error", r.in_group.standard_error);
-  json.set("games", n_games(r.games)).set("wins", r.games.wins).set("ties", r.games.ties).set("losses", r.games.losses);
-  return json.set("score", share_of_points(r.games)).set("paper_elo", r.paper_elo);
+  return {{"player", ratings.name(r)},
+          {"side", r.side < 0 ? Json("both") : Json(r.side)},
+          {"standing", name_of(r.standing)},
+          {"rating", r.rating.value},
+          {"standard_error", r.rating.standard_error},
+          {"ci95", {r.rating.low(), r.rating.high()}},
+          {"group", r.group},
+          {"group_reference", ratings.name(ratings.list[static_cast<size_t>(r.reference)])},
+          {"group_rating", r.in_group.value},
+          {"group_standard_error", r.in_group.standard_error},
+          {"games", n_games(r.games)},
+          {"wins", r.games.wins},
+          {"ties", r.games.ties},
+          {"losses", r.games.losses},
+          {"score", share_of_points(r.games)},
+          {"paper_elo", r.paper_elo}};
 }
 
 /// Rows side 0, columns side 1.
@@ -63,8 +71,8 @@ Json matrix_json(const GameTable& table, int Games::*count) {
   Json rows = Json::array();
   for (size_t i = 0; i < n; ++i) {
     Json row = Json::array();
-    for (size_t j = 0; j < n; ++j) row.push(table.games[i * n + j].*count);
-    rows.push(std::move(row));
+    for (size_t j = 0; j < n; ++j) row.push_back(table.games[i * n + j].*count);
+    rows.push_back(std::move(row));
   }
   return rows;
 }
@@ -236,20 +244,24 @@ Json ratings_json(const RatingSheet& sheet, const fs::path& folder) {
   const Ratings& ratings = sheet.ratings;
   std::error_code code;  // a folder that cannot be reached is told where it is written
   const fs::path whole = fs::weakly_canonical(fs::absolute(folder), code);
-  Json players = Json::array(), list = Json::array(), games = Json::object();
+  Json players = Json::array(), list = Json::array();
   for (size_t i = 0; i < sheet.infos.size(); ++i)
-    players.push(player_json(sheet.table.players[i], sheet.infos[i], whole));
-  for (const Rating& r : ratings.list) list.push(rating_json(ratings, r));
-  games.set("wins", matrix_json(sheet.table, &Games::wins)).set("losses", matrix_json(sheet.table, &Games::losses));
-  games.set("ties", matrix_json(sheet.table, &Games::ties));
-  Json json = Json::object();
-  json.set("scenario", sheet.scenario).set("anchor", ratings.anchor);
-  json.set("sides", ratings.sides == Sides::alike ? "alike" : "apart");
-  json.set("side_advantage", ratings.side_advantage ? estimate_json(*ratings.side_advantage) : Json());
-  json.set("log_likelihood", ratings.log_likelihood).set("iterations", ratings.iterations);
-  json.set("paper_elo", Json::object().set("k", ratings.elo.k).set("start", ratings.elo.start));
-  json.set("players", std::move(players)).set("ratings", std::move(list)).set("games", std::move(games));
-  return json.set("remarks", Json::array(remarks(ratings)));
+    players.push_back(player_json(sheet.table.players[i], sheet.infos[i], whole));
+  for (const Rating& r : ratings.list) list.push_back(rating_json(ratings, r));
+  return {{"scenario", sheet.scenario},
+          {"anchor", ratings.anchor},
+          {"sides", ratings.sides == Sides::alike ? "alike" : "apart"},
+          {"side_advantage", ratings.side_advantage ? estimate_json(*ratings.side_advantage) : Json()},
+          {"log_likelihood", ratings.log_likelihood},
+          {"iterations", ratings.iterations},
+          {"paper_elo", {{"k", ratings.elo.k}, {"start", ratings.elo.start}}},
+          {"players", std::move(players)},
+          {"ratings", std::move(list)},
+          {"games",
+           {{"wins", matrix_json(sheet.table, &Games::wins)},
+            {"losses", matrix_json(sheet.table, &Games::losses)},
+            {"ties", matrix_json(sheet.table, &Games::ties)}}},
+          {"remarks", remarks(ratings)}};
 }
 
 void write_ratings(const fs::path& folder, const RatingSheet& sheet, const Json& json) {
@@ -269,7 +281,7 @@ void write_ratings(const fs::path& folder, const RatingSheet& sheet, const Json&
     if (!picture.empty()) write_file(folder / name, picture);
     if (picture.empty()) fs::remove(folder / name, code);
   }
-  write_file(folder / RatingFiles::kJson, json.text() + "\n");
+  write_file(folder / RatingFiles::kJson, json_text(json) + "\n");
 }
 
 }  // namespace giga

@@ -6,8 +6,7 @@
 
 namespace giga {
 
-/// page.html, page.css, chart.js, sections.js, page.js; dygraph.js, dygraph.css and dygraph.license where the library
-/// was found at build time. Nothing for other names.
+/// page.html, page.css, chart.js, page.js; nothing for other names.
 std::optional<std::string_view> report_asset(std::string_view name);
 
 }  // namespace giga

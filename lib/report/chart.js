@@ -1,8 +1,6 @@
-// ReportCharts: the charts of a report. All share the x axis, the zoom and the place of the pointer.
+// ReportCharts: what a reader does with the charts of a report, which come drawn (lib/chart/curve_plot.cpp): reads
+// values, hides lines, zooms, smooths, changes the x axis. All charts share x axis, zoom and the place of the pointer.
 "use strict";
-
-const DASHES = [null, [7, 4], [2, 3], [11, 4, 2, 4], [16, 5]];
-const FEW_POINTS = 40;  // up to here a line shows its points
 
 // 1234567 as "1.23M"; 0.001234 as "0.00123".
 function shortNumber(value, digits = 3) {
@@ -24,262 +22,198 @@ function clockText(seconds) {
   return h > 0 ? `${h}:${pad(m)}:${pad(s)}` : `${m}:${pad(s)}`;
 }
 
-// Ticks of a time axis, at whole seconds, minutes and hours where dygraphs would take powers of ten.
-function clockTicks(from, to, pixels) {
-  const wanted = (to - from) / Math.max(2, pixels / 80);
-  const steps = [1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 10800, 21600, 43200, 86400];
-  const nice = 10 ** Math.ceil(Math.log10(wanted));
-  const step = wanted < 0.5 || wanted > 86400 ? nice : steps.find(s => s >= wanted);
+// Round places of an axis, about `count` of them; those of time at whole seconds, minutes and hours.
+function axisTicks(from, to, count, isTime) {
+  const rough = (to - from) / count, power = 10 ** Math.floor(Math.log10(rough));
+  const times = [1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 10800, 21600, 43200, 86400];
+  const round = [1, 2, 5, 10].map(factor => factor * power).find(step => step >= 0.8 * rough);
+  const step = (isTime && rough > 0.5 && times.find(time => time >= rough)) || round;
   const ticks = [];
-  for (let k = Math.ceil(from / step); k * step <= to; ++k) ticks.push({v: k * step, label: clockText(k * step)});
+  for (let k = Math.ceil(from / step); k * step <= to; ++k) ticks.push(k * step);
   return ticks;
 }
 
-// Values averaged over `reach` known neighbours to each side; unknown ones stay unknown.
+// Values averaged over `reach` neighbours to each side, fewer at the ends, so that these do not lean.
 function smoothed(values, reach) {
   if (reach === 0) return values;
-  const known = values.map((v, k) => k).filter(k => values[k] !== null);
-  const out = values.slice();
-  known.forEach((k, n) => {
-    const r = Math.min(reach, n, known.length - 1 - n);  // as far to the left as to the right, so that ends do not lean
-    let sum = 0;
-    for (let j = n - r; j <= n + r; ++j) sum += values[known[j]];
-    out[k] = sum / (2 * r + 1);
+  return values.map((_, k) => {
+    const r = Math.min(reach, k, values.length - 1 - k), near = values.slice(k - r, k + r + 1);
+    return near.reduce((a, b) => a + b) / near.length;
   });
-  return out;
+}
+
+// A line of a chart: its name, what is drawn of it, and its points as they were drawn: `rows` in the x of its group,
+// and values, those of the band where it has one. `edges`: the values of the upper and the lower edge of the drawing.
+function readLine(button, drawn, group, size, edges) {
+  const [curve, band, dots] = ["curve", "band", "dots"].map(name => drawn.getElementsByClassName(name)[0]);
+  const step = (edges.high - edges.low) / size, digit = 10 ** Math.ceil(Math.log10(step));  // what the drawing resolves
+  const value = y => Math.round((edges.high - step * y) / digit) * digit;
+  const values = path => path.getAttribute("d").slice(1).split(" ").filter((_, k) => k % 2).map(value);
+  const mean = values(curve), n = mean.length, both = band ? values(band) : [...mean, ...mean.slice().reverse()];
+  const rows = drawn.dataset.rows ? drawn.dataset.rows.split(" ").map(Number) : mean.map((_, k) => k);
+  return {button, value: button.querySelector(".value"), drawn, curve, band, dots, group, rows, mean,
+          high: both.slice(0, n), low: both.slice(n).reverse()};
 }
 
 class ReportCharts {
-  constructor(groups) {
+  constructor(groups, cards) {
     this.groups = groups;
-    this.charts = [];
-    this.keys = [];  // samples in the key of the groups
     this.axis = "agent_steps";
-    this.colour = "team";
-    this.reach = 0;
+    this.reach = 0;      // of smoothing
     this.window = null;  // of x; null = all
     this.onZoom = () => {};
-    this.makeRows();
-  }
-
-  // The x values of all groups in one list, and where each group's points stand in it.
-  makeRows() {
-    this.x = [...new Set(this.groups.flatMap(group => group[this.axis]))].sort((a, b) => a - b);
-    const rowOf = new Map(this.x.map((x, row) => [x, row]));
-    this.rows = this.groups.map(group => group[this.axis].map(x => rowOf.get(x)));
+    this.charts = [...cards].map(card => this.connect(card));
+    this.placePoints();
+    this.tell(null);
   }
 
   xText(x) { return this.axis === "seconds" ? clockText(x) : shortNumber(x) + " agent-steps"; }
 
-  style(line) {
-    const css = getComputedStyle(document.documentElement), read = name => css.getPropertyValue(name).trim();
-    const hue = n => read(`--hue-${n % 8}`);
-    if (this.colour === "group") return {color: hue(line.group), dash: DASHES[line.index % DASHES.length]};
-    const dash = DASHES[line.group % DASHES.length];
-    if (line.team >= 0) return {color: read(`--team-${line.team}`), dash};
-    return {color: line.alone ? read("--neutral") : hue(line.hue), dash};
+  // The first and the last x that are shown.
+  range() {
+    if (this.window) return this.window;
+    const from = Math.min(...this.groups.map(group => group[this.axis][0]));
+    const to = Math.max(...this.groups.map(group => group[this.axis].at(-1)));
+    return from < to ? [from, to] : [from - 1, to + 1];
   }
 
-  // The key of the groups: where lines are told apart by group, its colour and dashes.
-  styleKey(sample, group) {
-    const {color, dash} = this.style({group, index: 0, team: -1, alone: true, hue: 0});
-    styleSample(sample, color, dash);
-  }
-
-  // Draws a chart into an element of the page. `spec`: title, note, range, series of {label, column, team}.
-  add(parent, spec) {
-    const chart = {spec, lines: [], shown: []};
-    const several = this.groups.length > 1, ofNoTeam = spec.series.filter(s => s.team < 0).length;
-    spec.series.forEach((series, index) => {
-      this.groups.forEach((group, g) => {
-        const curve = group.curves[series.column];
-        if (!curve) return;
-        const name = several ? `${group.letter} ${spec.series.length > 1 ? series.label : ""}` : series.label;
-        const hue = spec.series.length > ofNoTeam ? 5 : index;  // beside teams: grey
-        chart.lines.push({name, curve, index, group: g, team: series.team, alone: spec.series.length === 1, hue});
+  connect(card) {
+    const plot = card.querySelector(".plot"), [axes, curves, selection, hairline] = plot.children;
+    const edges = {low: Number(plot.dataset.low), high: Number(plot.dataset.high)}, size = curves.viewBox.baseVal.width;
+    const lines = [...card.querySelectorAll(".names button")].map((button, k) =>
+      readLine(button, curves.children[k], this.groups[button.dataset.group], size, edges));
+    const chart = {title: card.querySelector("h3").textContent, at: card.querySelector(".at"), lines, edges, size,
+                   isFixed: Boolean(card.dataset.fixed), plot, axes, selection, hairline};
+    for (const {button, drawn} of lines) {
+      button.addEventListener("click", () => {
+        const shown = drawn.style.display === "none";
+        drawn.style.display = shown ? "" : "none";
+        button.setAttribute("aria-pressed", shown);
+        this.draw(chart);
       });
-    });
-    chart.shown = chart.lines.map(() => true);
-    this.build(parent, chart);
-    chart.graph = new Dygraph(chart.plot, this.table(chart), this.options(chart));
-    this.charts.push(chart);
-    this.follow(chart);
-    this.tell(null);
+    }
+    this.follow(plot.parentElement, chart);
     return chart;
   }
 
-  // The elements around a plot.
-  build(parent, chart) {
-    const card = element(parent, "article", "card chart");
-    const head = element(card, "div", "head");
-    element(head, "h3", "", chart.spec.title);
-    chart.at = element(head, "span", "at");
-    element(card, "p", "note", chart.spec.note);
-    const names = element(card, "div", "names");
-    chart.buttons = chart.lines.map((line, k) => {
-      const button = element(names, "button");
-      button.type = "button";
-      button.setAttribute("aria-pressed", "true");
-      const sample = lineSample(button);
-      if (chart.lines.length > 1 || this.groups.length > 1) element(button, "span", "name", line.name);
-      const value = element(button, "span", "value");
-      button.addEventListener("click", () => {
-        chart.shown[k] = !chart.shown[k];
-        button.setAttribute("aria-pressed", chart.shown[k]);
-        chart.graph.setVisibility(k, chart.shown[k]);
-      });
-      return {button, value, sample};
-    });
-    const frame = element(card, "div", "plot-frame");
-    chart.plot = element(frame, "div", "plot");
-    chart.plot.setAttribute("role", "img");
-    chart.plot.setAttribute("aria-label", chart.spec.title + ", a chart");
-    chart.hairline = element(frame, "div", "hairline");
-    chart.hairline.hidden = true;
-  }
-
-  // Rows of dygraphs: x, then [low, mean, high] per line.
-  table(chart) {
-    const table = this.x.map(x => [x, ...chart.lines.map(() => [null, null, null])]);
-    chart.lines.forEach((line, k) => {
-      const mean = smoothed(line.curve.mean, this.reach);
-      const low = line.curve.low ? smoothed(line.curve.low, this.reach) : mean;
-      const high = line.curve.high ? smoothed(line.curve.high, this.reach) : mean;
-      line.points = [];
-      this.rows[line.group].forEach((row, n) => {
-        if (mean[n] === null) return;
-        table[row][k + 1] = [low[n], mean[n], high[n]];
-        line.points.push({x: this.x[row], mean: mean[n], low: low[n], high: high[n]});
-      });
-    });
-    return table;
-  }
-
-  options(chart) {
-    const css = getComputedStyle(document.documentElement), series = {};
-    chart.lines.forEach((line, k) => {
-      const {color, dash} = this.style(line);
-      series["line" + k] = {color, strokePattern: dash, drawPoints: line.points.length <= FEW_POINTS};
-      styleSample(chart.buttons[k].sample, color, dash);
-    });
-    const range = chart.spec.range, clock = this.axis === "seconds";
-    return {
-      labels: ["x", ...chart.lines.map((_, k) => "line" + k)],
-      series,
-      customBars: true,
-      connectSeparatedPoints: true,
-      legend: "never",
-      strokeWidth: 1.8,
-      pointSize: 2,
-      fillAlpha: 0.16,
-      highlightCircleSize: 3,
-      gridLineColor: css.getPropertyValue("--grid").trim(),
-      axisLineColor: css.getPropertyValue("--line").trim(),
-      yRangePad: 8,
-      rightGap: 12,
-      dateWindow: this.window,
-      valueRange: range ? [range[0] - 0.02, range[1] + 0.02] : null,
-      axes: {
-        x: {drawGrid: false, axisLabelFormatter: x => clock ? clockText(x) : shortNumber(x), pixelsPerLabel: 80,
-            ticker: clock ? clockTicks : Dygraph.numericLinearTicks},
-        y: {axisLabelWidth: 46, axisLabelFormatter: y => shortNumber(y), pixelsPerLabel: range ? 24 : 30},
-      },
+  // Pointer and zoom of one chart are those of all.
+  follow(frame, chart) {
+    let start = null;
+    const share = event => {
+      const box = chart.plot.getBoundingClientRect();
+      return Math.min(1, Math.max(0, (event.clientX - box.left) / box.width));
     };
-  }
-
-  // Zoom and pointer of one chart are those of all.
-  follow(chart) {
-    chart.graph.updateOptions({
-      drawCallback: (graph, first) => {
-        if (first || this.busy) return;
-        const [from, to] = graph.xAxisRange(), all = graph.xAxisExtremes();
-        this.zoom(from <= all[0] && to >= all[1] ? null : [from, to]);
-      },
-      highlightCallback: (event, x) => this.tell(x, chart),
-      unhighlightCallback: () => this.tell(null),
-    }, true);
+    const xAt = place => { const [from, to] = this.range(); return from + place * (to - from); };
+    const select = (from, to) => {
+      chart.selection.setAttribute("x", 100 * from + "%");
+      chart.selection.setAttribute("width", 100 * (to - from) + "%");
+    };
+    frame.addEventListener("pointermove", event => {
+      const here = share(event);
+      if (start !== null) select(Math.min(start, here), Math.max(start, here));
+      this.tell(xAt(here));
+    });
+    frame.addEventListener("pointerdown", event => {
+      start = share(event);
+      addEventListener("pointerup", up => {
+        const [from, to] = [start, share(up)].sort((a, b) => a - b);
+        start = null;
+        select(0, 0);
+        if (to - from > 0.01) this.zoom([xAt(from), xAt(to)]);
+      }, {once: true});
+    });
+    frame.addEventListener("pointerleave", () => this.tell(null));
+    frame.addEventListener("dblclick", () => this.zoom(null));
   }
 
   // Shows the range [from, to] of x in all charts; null = all of it.
   zoom(range) {
-    const same = range === this.window || (range && this.window && range.every((v, k) => v === this.window[k]));
-    if (same) return;
     this.window = range;
-    this.busy = true;
-    for (const {graph} of this.charts) graph.updateOptions({dateWindow: range});
-    this.busy = false;
+    this.redraw();
     this.onZoom(range !== null);
-  }
-
-  // Values beside the names: those nearest to x, or the last ones.
-  tell(x, source) {
-    for (const chart of this.charts) {
-      chart.at.textContent = x === null ? "" : "at " + this.xText(x);
-      chart.hairline.hidden = x === null;
-      if (x !== null) chart.hairline.style.left = chart.graph.toDomXCoord(x) + "px";
-      if (x === null && chart !== source) chart.graph.clearSelection();
-      chart.lines.forEach((line, k) => {
-        const point = x === null ? line.points[line.points.length - 1] : nearest(line.points, x);
-        const {value} = chart.buttons[k];
-        value.textContent = point ? shortNumber(point.mean) : "-";
-        if (point && point.low !== point.high)
-          element(value, "small", "", ` ${shortNumber(point.low)} to ${shortNumber(point.high)}`);
-      });
-    }
-  }
-
-  // Draws all again after a change of axis, colours or smoothing.
-  redraw() {
-    this.busy = true;
-    for (const chart of this.charts) {
-      const file = this.table(chart);
-      chart.graph.updateOptions({...this.options(chart), file});
-    }
-    this.busy = false;
-    this.keys.forEach((sample, g) => this.styleKey(sample, g));
-    this.tell(null);
   }
 
   setAxis(axis) {
     this.axis = axis;
-    this.window = null;
-    this.onZoom(false);
-    this.makeRows();
-    this.redraw();
+    this.zoom(null);
+  }
+
+  // Draws all again after a change of axis, zoom or smoothing.
+  redraw() {
+    this.placePoints();
+    for (const chart of this.charts) this.draw(chart);
+    this.tell(null);
+  }
+
+  placePoints() {
+    for (const line of this.charts.flatMap(chart => chart.lines)) {
+      line.x = line.rows.map(row => line.group[this.axis][row]);
+      line.now = {};
+      for (const key of ["mean", "low", "high"]) line.now[key] = smoothed(line[key], this.reach);
+    }
+  }
+
+  // The values between which a chart shows what is in its range of x.
+  limits(chart, from, to) {
+    const shown = chart.lines.filter(line => line.drawn.style.display !== "none");
+    const values = shown.flatMap(({x, now}) => {
+      const inside = (_, k) => x[k] >= from && x[k] <= to;
+      return [...now.low.filter(inside), ...now.high.filter(inside)];
+    });
+    if (chart.isFixed || values.length === 0) return [chart.edges.low, chart.edges.high];
+    const low = values.reduce((a, b) => Math.min(a, b)), high = values.reduce((a, b) => Math.max(a, b));
+    const edge = 0.04 * (high - low) || Math.abs(high) / 10 || 1e-9;
+    return [low - edge, high + edge];
+  }
+
+  draw(chart) {
+    const {size} = chart, [from, to] = this.range(), [low, high] = this.limits(chart, from, to);
+    for (const {x, now, curve, band, dots} of chart.lines) {
+      const points = values => values.map((value, k) =>
+        Math.round(size * (x[k] - from) / (to - from)) + " " + Math.round(size * (high - value) / (high - low)));
+      const mean = points(now.mean);
+      curve.setAttribute("d", "M" + mean.join(" "));
+      if (band) band.setAttribute("d", "M" + [...points(now.high), ...points(now.low).reverse()].join(" "));
+      if (dots) dots.setAttribute("d", mean.map(point => `M${point}h0`).join(""));
+    }
+    const isTime = this.axis === "seconds", text = isTime ? clockText : shortNumber;
+    const rows = axisTicks(low, high, 6, false).map(y => {
+      const at = 100 * (high - y) / (high - low) + "%";
+      return `<line x2="100%" y1="${at}" y2="${at}"/><text class="y" x="-8" y="${at}">${shortNumber(y)}</text>`;
+    });
+    const columns = axisTicks(from, to, 6, isTime).map(x =>
+      `<text class="x" x="${100 * (x - from) / (to - from)}%" y="100%" dy="17">${text(x)}</text>`);
+    chart.axes.innerHTML = rows.join("") + columns.join("");
+  }
+
+  // Values beside the names: those at the point that is nearest to x, or the last ones.
+  tell(x) {
+    const [from, to] = this.range();
+    if (x !== null) {
+      const known = this.groups.map(group => group[this.axis]).map(xs => xs[nearest(xs, x)]);
+      x = known.reduce((a, b) => Math.abs(b - x) < Math.abs(a - x) ? b : a);
+    }
+    for (const {at, hairline, lines} of this.charts) {
+      at.textContent = x === null ? "" : "at " + this.xText(x);
+      hairline.setAttribute("visibility", x === null ? "hidden" : "visible");
+      for (const end of ["x1", "x2"]) hairline.setAttribute(end, 100 * ((x ?? from) - from) / (to - from) + "%");
+      for (const {value, x: xs, now: {mean, low, high}} of lines) {
+        const k = x === null ? mean.length - 1 : nearest(xs, x);
+        value.textContent = shortNumber(mean[k]);
+        if (low[k] === high[k]) continue;
+        const spread = value.appendChild(document.createElement("small"));
+        spread.textContent = ` ${shortNumber(low[k])} to ${shortNumber(high[k])}`;
+      }
+    }
   }
 }
 
-// The point whose x is nearest; points are in the order of x.
-function nearest(points, x) {
-  let low = 0, high = points.length - 1;
-  if (high < 0) return null;
+// Where the nearest of some growing numbers stands.
+function nearest(numbers, x) {
+  let low = 0, high = numbers.length - 1;
   while (high - low > 1) {
     const middle = (low + high) >> 1;
-    if (points[middle].x <= x) low = middle; else high = middle;
+    if (numbers[middle] <= x) low = middle; else high = middle;
   }
-  return x - points[low].x <= points[high].x - x ? points[low] : points[high];
-}
-
-// A short line that shows colour and dashes of a curve.
-function lineSample(parent) {
-  const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg");
-  svg.innerHTML = '<line x1="1" x2="29" y1="4" y2="4" stroke-width="2.5"/>';
-  svg.setAttribute("class", "sample");
-  svg.setAttribute("aria-hidden", "true");
-  parent.appendChild(svg);
-  return svg.firstChild;
-}
-
-function styleSample(sample, color, dash) {
-  sample.setAttribute("stroke", color);
-  sample.setAttribute("stroke-dasharray", (dash || []).join(" "));
-}
-
-// A new element at the end of another one.
-function element(parent, tag, className = "", text = "") {
-  const made = document.createElement(tag);
-  if (className) made.className = className;
-  if (text) made.textContent = text;
-  parent.appendChild(made);
-  return made;
+  return x - numbers[low] <= numbers[high] - x ? low : high;
 }

@@ -1,4 +1,4 @@
-// Draws the page from its data and connects its controls.
+// Connects the controls of the page.
 
 function usesDark() { return document.documentElement.dataset.theme === "dark"; }
 
@@ -20,8 +20,7 @@ function connectControls(charts) {
   document.getElementById("axis").addEventListener("change", event => setAxis(event.target.value, charts));
   document.getElementById("colour").hidden = charts.groups.length < 2;
   document.getElementById("colour").addEventListener("change", event => {
-    charts.colour = event.target.value;
-    charts.redraw();
+    document.documentElement.dataset.colour = event.target.value;
   });
   smoothing.addEventListener("input", () => {
     charts.reach = Number(smoothing.value);
@@ -29,26 +28,12 @@ function connectControls(charts) {
       charts.reach ? `mean of ${2 * charts.reach + 1} points` : "off";
     charts.redraw();
   });
-  document.getElementById("theme").addEventListener("click", () => {
-    setTheme(!usesDark());
-    charts.redraw();
-  });
-  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", event => {
-    setTheme(event.matches);
-    charts.redraw();
-  });
+  document.getElementById("theme").addEventListener("click", () => setTheme(!usesDark()));
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", event => setTheme(event.matches));
 }
 
-function drawPage() {
-  const data = JSON.parse(document.getElementById("report-data").textContent);
-  setTheme(matchMedia("(prefers-color-scheme: dark)").matches);
-  document.getElementById("written").textContent = "Written " + data.written.replace("T", " ").replace("Z", " UTC");
-  document.getElementById("library-version").textContent = Dygraph.VERSION;
-  const charts = new ReportCharts(data.groups), parent = document.getElementById("sections");
-  for (const section of data.sections) drawSection(parent, section, charts);
-  document.documentElement.dataset.axis = charts.axis;
-  connectControls(charts);
-  return charts;
-}
-
-const reportCharts = drawPage();
+setTheme(matchMedia("(prefers-color-scheme: dark)").matches);
+document.documentElement.dataset.axis = "agent_steps";
+const reportCharts = new ReportCharts(JSON.parse(document.getElementById("axes").textContent),
+                                      document.getElementsByClassName("chart"));
+connectControls(reportCharts);

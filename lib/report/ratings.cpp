@@ -1,12 +1,15 @@
 // Ratings as pictures and a table.
 #include "report/ratings.hpp"
 
+#include <cctype>
 #include <cmath>
+#include <cstdio>
 #include <cstdlib>
 #include <string>
 
 #include "core/error.hpp"
 #include "io/number.hpp"
+#include "report/tables.hpp"
 
 namespace giga {
 namespace {
@@ -43,26 +46,22 @@ std::vector<std::string> table_row(const Node& rating) {
   return row;
 }
 
-Json rating_table(const Node& results) {
-  Json rows = Json::array();
-  if (const Node* ratings = results.find("ratings"))
-    for (const Node& rating : ratings->items) rows.push(Json::array(table_row(rating)));
-  const std::vector<std::string> head = {"player", "team", "Elo",  "+- 95 %", "score",
-                                         "games",  "wins", "ties", "losses",  "paper's Elo"};
-  return Json::object()
-      .set("caption", "All ratings")
-      .set("folded", true)
-      .set("head", Json::array(head))
-      .set("rows", std::move(rows));
+/// As an image, in which nothing is carried out.
+std::string data_url(const std::string& svg) {
+  std::string url = "data:image/svg+xml;charset=utf-8,";
+  for (const char c : svg) {
+    char text[8] = {c};
+    const auto byte = static_cast<unsigned char>(c);
+    if (!std::isalnum(byte)) std::snprintf(text, sizeof text, "%%%02X", byte);
+    url += text;
+  }
+  return url;
 }
 
-Json picture_list(const std::vector<RatingPicture>& pictures) {
-  Json list = Json::array();
-  for (const RatingPicture& p : pictures) list.push(Json::object().set("svg", p.svg).set("along", p.along));
-  return list;
-}
+}  // namespace
 
-std::string note_of(const Node& results) {
+std::string rating_note(const RatingData& ratings) {
+  const Node& results = ratings.results;
   std::string note = cat("Elo by maximum likelihood from a round robin on ", text_of(results, "scenario"), ", ",
                          text_of(results, "anchor"), " = 0; a tie is half a win.");
   if (const Node* remarks = results.find("remarks"))
@@ -70,21 +69,17 @@ std::string note_of(const Node& results) {
   return note;
 }
 
-}  // namespace
-
-void add_ratings_sections(const std::vector<RunGroup>& groups, Json& sections) {
-  for (const RunGroup& group : groups) {
-    for (const RunData* run : group.runs) {
-      if (!run->ratings) continue;
-      const bool alone = groups.size() == 1 && group.runs.size() == 1;
-      sections.push(Json::object()
-                        .set("kind", "pictures")
-                        .set("title", alone ? "Ratings" : "Ratings of " + run->name)
-                        .set("note", note_of(run->ratings->results))
-                        .set("pictures", picture_list(run->ratings->pictures))
-                        .set("tables", Json::array().push(rating_table(run->ratings->results))));
-    }
+void write_rating_section(Markup& page, const RatingData& ratings, const std::string& title) {
+  for (const RatingPicture& picture : ratings.pictures) {
+    const auto card = page.open("div", {{"class", "card picture"}, {"data-along", picture.along}});
+    page.add("img", {{"src", data_url(picture.svg)}, {"alt", title}});
   }
+  std::vector<TableRow> rows;
+  if (const Node* list = ratings.results.find("ratings"))
+    for (const Node& rating : list->items) rows.push_back(table_row(rating));
+  write_table(page, "All ratings",
+              {"player", "team", "Elo", "+- 95 %", "score", "games", "wins", "ties", "losses", "paper's Elo"}, rows,
+              true);
 }
 
 }  // namespace giga

@@ -1,15 +1,17 @@
-// The ratings of a report: what `gigastep rate` left in the run folders.
+// The ratings of a report: what `gigastep rate` left in a run folder.
 #pragma once
 
-#include <vector>
+#include <string>
 
-#include "io/json.hpp"
-#include "report/curves.hpp"
+#include "chart/markup.hpp"
+#include "report/run_data.hpp"
 
 namespace giga {
 
-/// Adds a section of kind `pictures` (a list of SVG with the x axis that each belongs to, and tables) for each run that
-/// was rated.
-void add_ratings_sections(const std::vector<RunGroup>& groups, Json& sections);
+/// How the ratings were made, and what a reader must know of them.
+std::string rating_note(const RatingData& ratings);
+
+/// The pictures, each shown while the charts are along its x axis, and the table of all ratings.
+void write_rating_section(Markup& page, const RatingData& ratings, const std::string& title);
 
 }  // namespace giga

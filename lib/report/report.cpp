@@ -2,8 +2,10 @@
 #include "report/report.hpp"
 
 #include <map>
+#include <nlohmann/json.hpp>
 #include <string_view>
 
+#include "chart/markup.hpp"
 #include "core/error.hpp"
 #include "io/files.hpp"
 #include "io/host_info.hpp"
@@ -24,35 +26,6 @@ std::string asset(const char* name) {
 void replace_all(std::string& text, std::string_view from, std::string_view to) {
   for (size_t at = 0; (at = text.find(from, at)) != std::string::npos; at += to.size())
     text.replace(at, from.size(), to);
-}
-
-std::string escape_html(std::string text) {
-  replace_all(text, "&", "&amp;");
-  replace_all(text, "<", "&lt;");
-  replace_all(text, ">", "&gt;");
-  replace_all(text, "\"", "&quot;");
-  return text;
-}
-
-/// JSON inside a script element, which ends at the first "</script": in JSON a "<" stands only in texts.
-std::string json_for_script(const Json& json) {
-  std::string text = json.text();
-  replace_all(text, "<", "\\u003c");
-  return text;
-}
-
-/// The library with its licence before it, and without the line that makes a browser's debugger look for another file.
-std::string library_script() {
-  std::string script = asset("dygraph.js"), license = asset("dygraph.license");
-  if (const size_t at = script.rfind("//# sourceMappingURL"); at != std::string::npos) script.resize(at);
-  replace_all(license, "*/", "* /");
-  return "/*! " + license + "*/\n" + script;
-}
-
-std::string library_style() {
-  std::string style = asset("dygraph.css");
-  if (const size_t at = style.rfind("/*# sourceMappingURL"); at != std::string::npos) style.resize(at);
-  return style;
 }
 
 /// Puts texts in the places {{name}} of a template; what is put in is not looked at again.
@@ -76,25 +49,18 @@ std::string page_title(const std::vector<RunGroup>& groups) {
 
 }  // namespace
 
-std::string report_obstacle() {
-  if (report_asset("dygraph.js")) return "";
-  return "this gigastep was built without dygraphs, which draws the charts of a report: install libjs-dygraphs "
-         "(Debian, "
-         "Ubuntu) or configure with -DGIGASTEP_DYGRAPHS=<folder of dygraph.min.js>, then build again";
-}
-
 std::string report_page(const std::vector<RunData>& runs, const std::vector<FieldInfo>& keys) {
   GIGA_CHECK(!runs.empty(), "a report needs a run");
-  if (const std::string obstacle = report_obstacle(); !obstacle.empty()) throw Error(obstacle);
   const std::vector<RunGroup> groups = group_runs(runs, points_for(runs));
-  Json data = Json::object();
-  data.set("title", page_title(groups)).set("written", utc_now());
-  data.set("groups", report_groups(groups)).set("sections", report_sections(groups, keys));
-  return fill(asset("page.html"), {{"title", escape_html(page_title(groups))},
-                                   {"style", library_style() + asset("page.css")},
-                                   {"data", json_for_script(data)},
-                                   {"library", library_script()},
-                                   {"script", asset("chart.js") + asset("sections.js") + asset("page.js")}});
+  std::string written = utc_now();
+  replace_all(written, "T", " ");
+  replace_all(written, "Z", " UTC");
+  return fill(asset("page.html"), {{"title", escaped(page_title(groups))},
+                                   {"written", written},
+                                   {"style", asset("page.css")},
+                                   {"sections", page_sections(groups, keys)},
+                                   {"data", json_text(group_axes(groups))},
+                                   {"script", asset("chart.js") + asset("page.js")}});
 }
 
 void write_report(const std::vector<fs::path>& runs, const fs::path& out, const std::vector<FieldInfo>& keys) {

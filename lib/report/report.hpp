@@ -11,13 +11,8 @@
 
 namespace giga {
 
-/// Why this program cannot write reports: the library that draws charts was not there when it was built. Empty where it
-/// can.
-std::string report_obstacle();
-
 /// The page of some runs (at least one). Runs that differ only in their seed become one curve. `keys` are the keys of a
-/// run config (`list_fields<RunConfig>()`): what is not the default is shown first. Throws Error where there is an
-/// obstacle.
+/// run config (`list_fields<RunConfig>()`): what is not the default is shown first.
 std::string report_page(const std::vector<RunData>& runs, const std::vector<FieldInfo>& keys);
 
 /// Reads run folders and writes their page. Throws InputError for folders that are no runs or are given twice.

@@ -2,11 +2,13 @@
 #include "report/sections.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdio>
-#include <cstdlib>
-#include <set>
+#include <nlohmann/json.hpp>
+#include <utility>
 
+#include "chart/curve_plot.hpp"
 #include "core/error.hpp"
 #include "io/number.hpp"
 #include "report/charts.hpp"
@@ -17,19 +19,6 @@ namespace giga {
 namespace {
 
 constexpr int kNTeams = 2;
-
-/// To 6 significant digits: more than a chart can show, and a third of the bytes.
-double rounded(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.6g", value);
-  return std::strtod(text, nullptr);
-}
-
-Json rounded_array(const std::vector<double>& values) {
-  Json list = Json::array();
-  for (const double value : values) list.push(rounded(value));
-  return list;
-}
 
 /// How the curves of a group are to be read.
 std::string reading_of(const RunGroup& group) {
@@ -50,21 +39,23 @@ double last_known(const std::vector<double>& values) {
   return last == values.rend() ? std::nan("") : *last;
 }
 
-/// A team's share of the games of the last evaluation of each run: mean, least and greatest; null where there is none.
-Json last_win_rate(const RunGroup& group, const std::string& column) {
-  double sum = 0, low = 1, high = 0;
-  int count = 0;
+/// A team's share of the games of the last evaluation of each run.
+struct LastWinRate {
+  double mean = 0, low = 1, high = 0;
+  int runs = 0;
+};
+LastWinRate last_win_rate(const RunGroup& group, const std::string& column) {
+  LastWinRate rate;
   for (const RunData* run : group.runs) {
     const std::vector<double>* values = run->metrics.find(column);
-    const double rate = values ? last_known(*values) : std::nan("");
-    if (std::isnan(rate)) continue;
-    sum += rate;
-    low = std::min(low, rate);
-    high = std::max(high, rate);
-    ++count;
+    const double last = values ? last_known(*values) : std::nan("");
+    if (std::isnan(last)) continue;
+    rate.mean = (rate.mean * rate.runs + last) / (rate.runs + 1);
+    rate.low = std::min(rate.low, last);
+    rate.high = std::max(rate.high, last);
+    ++rate.runs;
   }
-  if (count == 0) return {};
-  return Json::object().set("mean", sum / count).set("low", low).set("high", high).set("runs", count);
+  return rate;
 }
 
 /// Names of the opponents in columns win_rate_T_vs_NAME.
@@ -77,35 +68,141 @@ std::vector<std::string> opponents_of(const RunGroup& group) {
   return names;
 }
 
-/// Win rates at the end.
-Json figures_section(const std::vector<RunGroup>& groups) {
-  Json list = Json::array();
-  for (const RunGroup& group : groups) {
-    Json results = Json::array();
-    for (const std::string& opponent : opponents_of(group)) {
-      Json teams = Json::array();
-      for (int team = 0; team < kNTeams; ++team)
-        teams.push(last_win_rate(group, cat("win_rate_", team, "_vs_", opponent)));
-      results.push(Json::object().set("opponent", opponent).set("teams", std::move(teams)));
-    }
-    const std::string episodes = setting(flatten(group.runs.front()->config), "eval.episodes");
-    list.push(Json::object()
-                  .set("label", title_of(group))
-                  .set("episodes", episodes)
-                  .set("facts", run_facts(group))
-                  .set("results", std::move(results)));
+/// A team's bar from 0 to 1, with the spread over the seeds.
+void write_bar(Markup& page, int team, const LastWinRate& rate) {
+  const auto bar = page.open("div", {{"class", "bar"}});
+  page.element("span", cat("team ", team));
+  {
+    const auto track = page.open("div", {{"class", "track"}});
+    page.element(
+        "div", "",
+        {{"class", "fill"}, {"style", cat("width: ", 100 * rate.mean, "%; background: var(--team-", team, ")")}});
+    if (rate.runs > 1)
+      page.element("div", "",
+                   {{"class", "spread"},
+                    {"style", cat("left: ", 100 * rate.low, "%; width: ", 100 * (rate.high - rate.low), "%")}});
   }
-  return Json::object().set("kind", "figures").set("title", "Final figures").set("groups", std::move(list));
+  const auto number = page.open("span", {{"class", "number"}});
+  page.element("b", print_share(rate.mean));
+  if (rate.runs > 1) page.element("span", cat(print_share(rate.low), " to ", print_share(rate.high)));
 }
 
-Json chart_json(const Chart& chart) {
-  Json series = Json::array();
-  for (const ChartSeries& s : chart.series)
-    series.push(Json::object().set("label", s.label).set("column", s.column).set("team", s.team));
-  Json json = Json::object();
-  json.set("title", chart.title).set("note", chart.note);
-  json.set("range", chart.range ? Json::array().push(chart.range->first).push(chart.range->second) : Json());
-  return json.set("series", std::move(series));
+/// Win rates against one opponent at the end.
+void write_result(Markup& page, const RunGroup& group, const std::string& opponent) {
+  LastWinRate rates[kNTeams];
+  int runs = 0;
+  for (int team = 0; team < kNTeams; ++team) {
+    rates[team] = last_win_rate(group, cat("win_rate_", team, "_vs_", opponent));
+    runs = std::max(runs, rates[team].runs);
+  }
+  const auto box = page.open("div");
+  {
+    const auto title = page.open("h4");
+    page.insert(escaped("Won against " + opponent));
+    page.element("span", cat(" in ", setting(flatten(group.runs.front()->config), "eval.episodes"), " episodes",
+                             runs > 1 ? cat(", mean of ", runs, " seeds") : ""));
+  }
+  for (int team = 0; team < kNTeams; ++team)
+    if (rates[team].runs > 0) write_bar(page, team, rates[team]);
+}
+
+void write_figures(Markup& page, const std::vector<RunGroup>& groups) {
+  for (const RunGroup& group : groups) {
+    const auto card = page.open("div", {{"class", "card figures"}});
+    if (groups.size() > 1) page.element("h3", title_of(group));
+    {
+      const auto facts = page.open("dl", {{"class", "facts"}});
+      for (const auto& [name, value] : run_facts(group)) {
+        const auto fact = page.open("div");
+        page.element("dt", name);
+        page.element("dd", value);
+      }
+    }
+    const std::vector<std::string> opponents = opponents_of(group);
+    if (opponents.empty()) continue;
+    const auto results = page.open("div", {{"class", "results"}});
+    for (const std::string& opponent : opponents) write_result(page, group, opponent);
+  }
+}
+
+/// A curve by team has the colour of its team and the dashes of its group; by configuration the colour of its group and
+/// the dashes of its place in the chart. page.css chooses.
+std::string line_style(const std::string& colour, size_t group, size_t index) {
+  static constexpr std::array kDashes = {"none", "7 4", "2 3", "11 4 2 4", "16 5"};
+  return cat("--by-team: var(--", colour, "); --dashes-by-team: ", kDashes[group % kDashes.size()],
+             "; --by-group: var(--hue-", group % 8, "); --dashes-by-group: ", kDashes[index % kDashes.size()]);
+}
+
+/// The first and the last agent-steps of all groups.
+std::pair<double, double> steps_range(const std::vector<RunGroup>& groups) {
+  std::pair range(groups.front().agent_steps.front(), groups.front().agent_steps.back());
+  for (const RunGroup& group : groups) {
+    range.first = std::min(range.first, group.agent_steps.front());
+    range.second = std::max(range.second, group.agent_steps.back());
+  }
+  return range;
+}
+
+/// A short line that shows colour and dashes of the line that its parent stands for.
+void write_sample(Markup& page) {
+  const auto svg = page.open("svg", {{"class", "sample"}, {"aria-hidden", "true"}});
+  page.add("path", {{"class", "curve"}, {"d", "M1 4H29"}});
+}
+
+/// A chart along agent-steps with the names of its lines, which page.js connects.
+void write_chart(Markup& page, const Chart& chart, const std::vector<RunGroup>& groups) {
+  static const std::vector<double> kNoBand;
+  const auto card = page.open("article", {{"class", "card chart"}, {"data-fixed", chart.range ? "yes" : ""}});
+  {
+    const auto head = page.open("div", {{"class", "head"}});
+    page.element("h3", chart.title);
+    page.element("span", "", {{"class", "at"}});
+  }
+  page.element("p", chart.note, {{"class", "note"}});
+  const bool has_teams =
+      std::any_of(chart.series.begin(), chart.series.end(), [](const ChartSeries& s) { return s.team >= 0; });
+  CurvePlot plot{chart.title + ", a chart", steps_range(groups), chart.range, {}};
+  {
+    const auto names = page.open("div", {{"class", "names"}});
+    for (size_t index = 0; index < chart.series.size(); ++index) {
+      const ChartSeries& s = chart.series[index];
+      const bool alone = chart.series.size() == 1;
+      const std::string colour = s.team >= 0 ? cat("team-", s.team)
+                                 : alone     ? "neutral"
+                                             : cat("hue-", has_teams ? 5 : index % 8);
+      for (size_t g = 0; g < groups.size(); ++g) {
+        const Curve* curve = groups[g].find(s.column);
+        if (!curve) continue;
+        const bool band = groups[g].has_band();
+        plot.curves.push_back({line_style(colour, g, index), groups[g].agent_steps, curve->mean,
+                               band ? curve->low : kNoBand, band ? curve->high : kNoBand});
+        const auto button = page.open("button", {{"type", "button"},
+                                                 {"class", "line"},
+                                                 {"style", plot.curves.back().style},
+                                                 {"aria-pressed", "true"},
+                                                 {"data-group", std::to_string(g)}});
+        write_sample(page);
+        const std::string name = groups.size() == 1 ? s.label : groups[g].letter + (alone ? "" : " " + s.label);
+        if (!alone || groups.size() > 1) page.element("span", name, {{"class", "name"}});
+        page.element("span", "", {{"class", "value"}});
+      }
+    }
+  }
+  const auto frame = page.open("div", {{"class", "plot-frame"}});
+  draw_curve_plot(page, plot);
+}
+
+/// How the curves are to be read; the key of the groups where there are several.
+void write_readings(Markup& page, const std::vector<RunGroup>& groups) {
+  const auto list = page.open("ul", {{"class", "readings"}});
+  for (size_t g = 0; g < groups.size(); ++g) {
+    const auto item = page.open("li", {{"class", "line"}, {"style", line_style("neutral", g, 0)}});
+    if (groups.size() > 1) {
+      write_sample(page);
+      page.element("b", title_of(groups[g]));
+    }
+    page.element("span", reading_of(groups[g]));
+  }
 }
 
 std::vector<ColumnFacts> columns_of(const std::vector<RunGroup>& groups) {
@@ -127,17 +224,9 @@ std::vector<ColumnFacts> columns_of(const std::vector<RunGroup>& groups) {
   return columns;
 }
 
-void add_chart_sections(const std::vector<RunGroup>& groups, Json& sections) {
-  for (const ChartSection& section : choose_charts(columns_of(groups))) {
-    Json charts = Json::array();
-    for (const Chart& chart : section.charts) charts.push(chart_json(chart));
-    sections.push(Json::object()
-                      .set("kind", "charts")
-                      .set("title", section.title)
-                      .set("note", section.note)
-                      .set("folded", section.folded)
-                      .set("charts", std::move(charts)));
-  }
+void write_charts(Markup& page, const std::vector<RunGroup>& groups, const std::vector<Chart>& charts) {
+  const auto grid = page.open("div", {{"class", "grid"}});
+  for (const Chart& chart : charts) write_chart(page, chart, groups);
 }
 
 double total(const RunData& run, const char* column) {
@@ -148,8 +237,8 @@ double total(const RunData& run, const char* column) {
 }
 
 /// Where the wall-clock time went, over the runs of a group.
-Json time_section(const std::vector<RunGroup>& groups) {
-  Json list = Json::array();
+void write_time(Markup& page, const std::vector<RunGroup>& groups) {
+  const auto card = page.open("div", {{"class", "card time"}});
   for (const RunGroup& group : groups) {
     double update = 0, evaluation = 0, checkpoint = 0, all = 0;
     for (const RunData* run : group.runs) {
@@ -158,54 +247,82 @@ Json time_section(const std::vector<RunGroup>& groups) {
       checkpoint += total(*run, "checkpoint_seconds");
       all += run->metrics.find("seconds")->back();
     }
-    Json parts = Json::array();
-    const auto add = [&](const char* name, double seconds) {
-      parts.push(
-          Json::object().set("name", name).set("seconds", rounded(seconds)).set("text", print_duration(seconds)));
+    struct Part {
+      const char *name, *hue;
+      double seconds;
     };
-    add("updates", update);
-    add("evaluation", evaluation);
-    add("checkpoints", checkpoint);
-    add("the rest", std::max(0.0, all - update - evaluation - checkpoint));
-    list.push(Json::object().set("label", title_of(group)).set("parts", std::move(parts)));
+    const double rest = std::max(0.0, all - update - evaluation - checkpoint);
+    const Part parts[] = {{"updates", "0", update},
+                          {"evaluation", "2", evaluation},
+                          {"checkpoints", "1", checkpoint},
+                          {"the rest", "5", rest}};
+    all = update + evaluation + checkpoint + rest;
+    if (groups.size() > 1) page.element("h3", title_of(group));
+    const auto box = page.open("div");
+    {
+      const auto stack = page.open("div", {{"class", "stack"}});
+      for (const Part& p : parts)
+        page.element("span", "", {{"style", cat("flex: ", p.seconds, " 0 0; background: var(--hue-", p.hue, ")")}});
+    }
+    const auto names = page.open("div", {{"class", "parts"}});
+    for (const Part& p : parts) {
+      const auto name = page.open("span");
+      page.element("i", "", {{"style", cat("background: var(--hue-", p.hue, ")")}});
+      char share[64];
+      std::snprintf(share, sizeof share, "%s %.1f %% ", p.name, all > 0 ? 100 * p.seconds / all : 0);
+      page.insert(share);
+      page.element("span", print_duration(p.seconds));
+    }
   }
-  return Json::object().set("kind", "time").set("title", "Time spent").set("groups", std::move(list));
+}
+
+/// A section with its title, and what `write` puts into it; `folded`: opened by the reader.
+template <class Write>
+void write_section(Markup& page, const std::string& title, const std::string& note, bool folded, const Write& write) {
+  const auto section = page.open("section", {{"class", "section"}});
+  const auto inner = page.open(folded ? "details" : "div");
+  {
+    const auto head = page.open(folded ? "summary" : "div");
+    page.element("h2", title);
+  }
+  if (!note.empty()) page.element("p", note, {{"class", "note"}});
+  write();
 }
 
 }  // namespace
 
-Json report_groups(const std::vector<RunGroup>& groups) {
-  Json list = Json::array();
-  for (const RunGroup& group : groups) {
-    Json curves = Json::object();
-    for (const Curve& curve : group.curves) {
-      Json values = Json::object();
-      values.set("mean", rounded_array(curve.mean));
-      if (group.has_band()) values.set("low", rounded_array(curve.low)).set("high", rounded_array(curve.high));
-      curves.set(curve.name, std::move(values));
+std::string page_sections(const std::vector<RunGroup>& groups, const std::vector<FieldInfo>& keys) {
+  Markup page;
+  const auto add = [&page](const std::string& title, const auto& write) {
+    write_section(page, title, "", false, write);
+  };
+  add("Final figures", [&] { write_figures(page, groups); });
+  for (const RunGroup& group : groups)
+    for (const RunData* run : group.runs) {
+      if (!run->ratings) continue;
+      const bool alone = groups.size() == 1 && group.runs.size() == 1;
+      const std::string title = alone ? "Ratings" : "Ratings of " + run->name;
+      write_section(page, title, rating_note(*run->ratings), false,
+                    [&] { write_rating_section(page, *run->ratings, title); });
     }
-    list.push(Json::object()
-                  .set("letter", group.letter)
-                  .set("label", title_of(group))
-                  .set("reading", reading_of(group))
-                  .set("agent_steps", Json::array(group.agent_steps))
-                  .set("seconds", rounded_array(group.seconds))
-                  .set("curves", std::move(curves)));
-  }
-  return list;
+  bool first = true;
+  for (const ChartSection& section : choose_charts(columns_of(groups)))
+    write_section(page, section.title, section.note, section.folded, [&] {
+      if (std::exchange(first, false)) write_readings(page, groups);
+      write_charts(page, groups, section.charts);
+    });
+  add("Time spent", [&] { write_time(page, groups); });
+  add("Configuration", [&] { write_config(page, groups, keys); });
+  add("Runs", [&] { write_runs(page, groups); });
+  add("Hardware and versions", [&] { write_machines(page, groups); });
+  write_section(page, "Commands", "How the runs were started.", false, [&] { write_commands(page, groups); });
+  return page.str();
 }
 
-Json report_sections(const std::vector<RunGroup>& groups, const std::vector<FieldInfo>& keys) {
-  Json sections = Json::array();
-  sections.push(figures_section(groups));
-  add_ratings_sections(groups, sections);
-  add_chart_sections(groups, sections);
-  sections.push(time_section(groups));
-  sections.push(config_section(groups, keys));
-  sections.push(runs_section(groups));
-  sections.push(machine_section(groups));
-  sections.push(commands_section(groups));
-  return sections;
+Json group_axes(const std::vector<RunGroup>& groups) {
+  Json list = Json::array();
+  for (const RunGroup& group : groups) list.push_back({{"agent_steps", group.agent_steps}, {"seconds", group.seconds}});
+  return list;
 }
 
 }  // namespace giga

@@ -1,6 +1,7 @@
-// The sections of a report, as the JSON that the page draws.
+// The sections of a report, as HTML.
 #pragma once
 
+#include <string>
 #include <vector>
 
 #include "config/fields.hpp"
@@ -9,12 +10,11 @@
 
 namespace giga {
 
-/// Every section has a `kind`, which sections.js knows how to draw, and a `title`; what else it has is the kind's. All
-/// sections in the order of the page; `keys` are the keys of a run config with their defaults. To add a section: a
-/// function here, a kind in sections.js if none fits.
-Json report_sections(const std::vector<RunGroup>& groups, const std::vector<FieldInfo>& keys);
+/// All sections in the order of the page; `keys` are the keys of a run config with their defaults. To add a section: a
+/// function that writes it, a line in page_sections().
+std::string page_sections(const std::vector<RunGroup>& groups, const std::vector<FieldInfo>& keys);
 
-/// The groups with their points: what the charts draw.
-Json report_groups(const std::vector<RunGroup>& groups);
+/// Where the points of each group are along the axes, for the page's script.
+Json group_axes(const std::vector<RunGroup>& groups);
 
 }  // namespace giga

@@ -14,8 +14,6 @@
 namespace giga {
 namespace {
 
-using Row = std::vector<std::string>;
-
 std::string joined(const std::vector<std::string>& words) {
   std::string text;
   for (const std::string& word : words) text += (text.empty() ? "" : ", ") + word;
@@ -24,20 +22,6 @@ std::string joined(const std::vector<std::string>& words) {
 
 void add_new(std::vector<std::string>& words, const std::string& word) {
   if (std::find(words.begin(), words.end(), word) == words.end()) words.push_back(word);
-}
-
-Json table(const std::string& caption, const Row& head, const std::vector<Row>& rows, bool folded = false) {
-  Json body = Json::array();
-  for (const Row& row : rows) body.push(Json::array(row));
-  return Json::object()
-      .set("caption", caption)
-      .set("folded", folded)
-      .set("head", Json::array(head))
-      .set("rows", std::move(body));
-}
-
-Json tables_section(const char* title, Json tables) {
-  return Json::object().set("kind", "tables").set("title", title).set("tables", std::move(tables));
 }
 
 Settings info_of(const RunData& run) { return flatten(run.info, plain_text); }
@@ -103,11 +87,35 @@ Settings machine_of(const RunData& run) {
 
 }  // namespace
 
+void write_table(Markup& page, const std::string& caption, const TableRow& head, const std::vector<TableRow>& rows,
+                 bool folded) {
+  const auto card = page.open(folded ? "details" : "div", {{"class", folded ? "card folded" : "card scroll"}});
+  if (folded) page.element("summary", caption);
+  const auto frame = page.open("div", {{"class", folded ? "scroll" : ""}});
+  const auto table = page.open("table");
+  if (!folded && !caption.empty()) page.element("caption", caption);
+  {
+    const auto top = page.open("thead");
+    const auto line = page.open("tr");
+    for (const std::string& name : head) page.element("th", name);
+  }
+  // Of a table that has them: the column of the defaults, before which the values stand out that are others.
+  const auto default_at = static_cast<size_t>(std::find(head.begin(), head.end(), "default") - head.begin());
+  const auto body = page.open("tbody");
+  for (const TableRow& row : rows) {
+    const auto line = page.open("tr");
+    for (size_t k = 0; k < row.size(); ++k) {
+      const bool own = default_at < head.size() && k > 0 && k < default_at && row[k] != row[default_at];
+      page.element("td", row[k], {{"class", own ? "own" : head[k] == "meaning" ? "meaning" : ""}});
+    }
+  }
+}
+
 std::string title_of(const RunGroup& group) {
   return group.letter.empty() ? group.label : group.letter + ": " + group.label;
 }
 
-Json run_facts(const RunGroup& group) {
+std::vector<std::pair<std::string, std::string>> run_facts(const RunGroup& group) {
   std::vector<std::string> seeds, progress, devices, versions;
   double steps = 0, seconds = 0;
   for (const RunData* run : group.runs) {
@@ -120,10 +128,8 @@ Json run_facts(const RunGroup& group) {
     seconds += seconds_spent(*run);
   }
   const size_t n = group.runs.size();
-  Json facts = Json::array();
-  const auto add = [&facts](const std::string& name, const std::string& value) {
-    facts.push(Json::array(std::vector<std::string>{name, value}));
-  };
+  std::vector<std::pair<std::string, std::string>> facts;
+  const auto add = [&facts](const std::string& name, const std::string& value) { facts.emplace_back(name, value); };
   add("algorithm", info(*group.runs.front(), "algorithm"));
   add(n > 1 ? "seeds" : "seed", joined(seeds));
   add(n > 1 ? "agent-steps per run" : "agent-steps", joined(progress));
@@ -134,7 +140,7 @@ Json run_facts(const RunGroup& group) {
   return facts;
 }
 
-Json config_section(const std::vector<RunGroup>& groups, const std::vector<FieldInfo>& keys) {
+void write_config(Markup& page, const std::vector<RunGroup>& groups, const std::vector<FieldInfo>& keys) {
   std::map<std::string, const FieldInfo*> known;
   for (const FieldInfo& key : keys) known[key.path] = &key;
   std::vector<std::string> paths;
@@ -143,14 +149,14 @@ Json config_section(const std::vector<RunGroup>& groups, const std::vector<Field
     for (const auto& [path, value] : flatten(run->config))
       if (seen.insert(path).second) paths.push_back(path);
 
-  Row head = {"key"};
+  TableRow head = {"key"};
   for (const RunGroup& group : groups) head.push_back(group.letter.empty() ? "value" : group.letter);
   head.insert(head.end(), {"default", "meaning"});
-  std::vector<Row> all, changed;
+  std::vector<TableRow> all, changed;
   for (const std::string& path : paths) {
     const FieldInfo* key = known.contains(path) ? known[path] : nullptr;
     const std::string default_value = key ? normal_text(key->default_value) : "";
-    Row row = {path};
+    TableRow row = {path};
     for (const RunGroup& group : groups) row.push_back(values_of(group, path));
     const bool is_default =
         std::all_of(row.begin() + 1, row.end(), [&](const auto& value) { return value == default_value; });
@@ -159,38 +165,34 @@ Json config_section(const std::vector<RunGroup>& groups, const std::vector<Field
     all.push_back(std::move(row));
   }
 
-  Json tables = Json::array();
   if (groups.size() > 1) {
-    Row labels = {"key"};
+    TableRow labels = {"key"};
     for (const RunGroup& group : groups) labels.push_back(group.letter);
-    std::vector<Row> differing;
+    std::vector<TableRow> differing;
     for (const std::string& path : differing_settings(groups)) {
-      Row row = {path};
+      TableRow row = {path};
       for (const RunGroup& group : groups) {
         const std::string value = values_of(group, path);
         row.push_back(value.empty() ? setting(flatten(group.runs.front()->scenario, plain_text), path) : value);
       }
       differing.push_back(std::move(row));
     }
-    tables.push(table("What differs", labels, differing));
+    write_table(page, "What differs", labels, differing);
   }
-  tables.push(table("Changed from the defaults", head, changed));
-  tables.push(table(cat("All ", all.size(), " keys"), head, all, true));
-  return tables_section("Configuration", std::move(tables));
+  write_table(page, "Changed from the defaults", head, changed);
+  write_table(page, cat("All ", all.size(), " keys"), head, all, true);
 }
 
-Json runs_section(const std::vector<RunGroup>& groups) {
-  std::vector<Row> rows;
+void write_runs(Markup& page, const std::vector<RunGroup>& groups) {
+  std::vector<TableRow> rows;
   for (const RunGroup& group : groups)
     for (const RunData* run : group.runs)
       rows.push_back({run->name, title_of(group), info(*run, "seed"), info(*run, "started"), cat(run->metrics.rows()),
                       progress_of(*run), print_duration(seconds_spent(*run))});
-  Json tables = Json::array();
-  tables.push(table("", {"run", "configuration", "seed", "started", "updates", "agent-steps", "time"}, rows));
-  return tables_section("Runs", std::move(tables));
+  write_table(page, "", {"run", "configuration", "seed", "started", "updates", "agent-steps", "time"}, rows);
 }
 
-Json machine_section(const std::vector<RunGroup>& groups) {
+void write_machines(Markup& page, const std::vector<RunGroup>& groups) {
   // A column for all runs that say the same.
   std::vector<Settings> machines;
   std::vector<std::vector<std::string>> names;
@@ -206,33 +208,27 @@ Json machine_section(const std::vector<RunGroup>& groups) {
       names[static_cast<size_t>(at - machines.begin())].push_back(run->name);
     }
   }
-  Row head = {""};
+  TableRow head = {""};
   for (const std::vector<std::string>& runs : names) head.push_back(machines.size() > 1 ? joined(runs) : "all runs");
-  std::vector<Row> rows;
+  std::vector<TableRow> rows;
   for (const std::string& key : keys) {
-    Row row = {key};
+    TableRow row = {key};
     for (const Settings& facts : machines) row.push_back(setting(facts, key));
     rows.push_back(std::move(row));
   }
-  Json tables = Json::array();
-  tables.push(table("", head, rows));
-  return tables_section("Hardware and versions", std::move(tables));
+  write_table(page, "", head, rows);
 }
 
-Json commands_section(const std::vector<RunGroup>& groups) {
-  Json lines = Json::array();
+void write_commands(Markup& page, const std::vector<RunGroup>& groups) {
+  std::string lines;
   for (const RunData* run : all_runs(groups)) {
     const Node* words = run->info.find("command_line");
     if (!words || !words->is_sequence()) continue;
     std::string line;
     for (const Node& word : words->items) line += (line.empty() ? "" : " ") + shell_word(word.text);
-    lines.push(line);
+    lines += (lines.empty() ? "" : "\n") + line;
   }
-  return Json::object()
-      .set("kind", "commands")
-      .set("title", "Commands")
-      .set("note", "How the runs were started.")
-      .set("lines", std::move(lines));
+  page.element("pre", lines, {{"class", "card"}});
 }
 
 }  // namespace giga

@@ -2,26 +2,31 @@
 #pragma once
 
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "chart/markup.hpp"
 #include "config/fields.hpp"
-#include "io/json.hpp"
 #include "report/curves.hpp"
 
 namespace giga {
 
+using TableRow = std::vector<std::string>;
+
+/// A table with an optional caption; `folded`: opened by the reader.
+void write_table(Markup& page, const std::string& caption, const TableRow& head, const std::vector<TableRow>& rows,
+                 bool folded = false);
+
 /// "A: gamma=0.99".
 std::string title_of(const RunGroup& group);
 
-/// What a group is known by, as [name, value] pairs: algorithm, seeds, agent-steps, time, speed, device.
-Json run_facts(const RunGroup& group);
+/// What a group is known by, as names and values: algorithm, seeds, agent-steps, time, speed, device.
+std::vector<std::pair<std::string, std::string>> run_facts(const RunGroup& group);
 
-// Sections of kind `tables`: a list of {caption, folded, head, rows}.
-Json config_section(const std::vector<RunGroup>& groups, const std::vector<FieldInfo>& keys);
-Json runs_section(const std::vector<RunGroup>& groups);
-Json machine_section(const std::vector<RunGroup>& groups);
-
-/// Section of kind `commands`: how each run was started.
-Json commands_section(const std::vector<RunGroup>& groups);
+// What stands in the sections of these names.
+void write_config(Markup& page, const std::vector<RunGroup>& groups, const std::vector<FieldInfo>& keys);
+void write_runs(Markup& page, const std::vector<RunGroup>& groups);
+void write_machines(Markup& page, const std::vector<RunGroup>& groups);
+void write_commands(Markup& page, const std::vector<RunGroup>& groups);
 
 }  // namespace giga

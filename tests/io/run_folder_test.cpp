@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include <fstream>
+#include <nlohmann/json.hpp>
 #include <set>
 
 #include "io/files.hpp"
@@ -37,7 +38,7 @@ class InFolder {
 TEST(RunFolder, HoldsWhatItSays) {
   const TemporaryFolder folder;
   const RunFolder run = RunFolder::create((folder / "deep/run").string(), "unused");
-  run.describe("seed: 1\n", "rules: original\n", Json::object().set("seed", 1));
+  run.describe("seed: 1\n", "rules: original\n", {{"seed", 1}});
   EXPECT_EQ(read_file(folder / "deep/run/config.yaml"), "seed: 1\n");
   EXPECT_EQ(read_file(folder / "deep/run/scenario.yaml"), "rules: original\n");
   EXPECT_EQ(read_file(folder / "deep/run/run.json"), "{\n  \"seed\": 1\n}\n");
@@ -135,7 +136,7 @@ TEST(RunFolder, IsOpenedAgainAndDescribedAgain) {
   EXPECT_TRUE(contains(input_error_of([&] { RunFolder::open(path); }), {"no config.yaml"}));
   RunFolder::create(path, "").describe("seed: 1\n", "", Json::object());
   std::ofstream(folder / "run/report.html.4711.tmp") << "half";
-  for (int n = 1; n <= 2; ++n) RunFolder::open(path).describe_resume("seed: 1\nmore: 2\n", Json::object().set("n", n));
+  for (int n = 1; n <= 2; ++n) RunFolder::open(path).describe_resume("seed: 1\nmore: 2\n", {{"n", n}});
   EXPECT_EQ(read_file(folder / "run/config.yaml"), "seed: 1\nmore: 2\n");
   EXPECT_EQ(read_file(folder / "run/run.json"), "{}\n");
   EXPECT_FALSE(fs::exists(folder / "run/report.html.4711.tmp")) << "what a killed process left";

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <nlohmann/json.hpp>
 #include <optional>
 
 namespace giga::test {
@@ -52,7 +53,7 @@ void visit_fields(V& v, Config& c) {
 /// The schema at a path such as {"properties", "flag"}, printed on one line.
 std::string schema_at(std::initializer_list<const char*> path) {
   const Document document =
-      parse_yaml_text(json_schema(fields_of_default<Config>(), "a title").text(), "the schema");  // JSON is YAML
+      parse_yaml_text(json_text(json_schema(fields_of_default<Config>(), "a title")), "the schema");  // JSON is YAML
   const Node* node = &document.root;
   for (const char* key : path) {
     node = node->is_sequence() ? &node->items.at(std::stoul(key)) : node->find(key);

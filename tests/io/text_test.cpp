@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdlib>
 #include <limits>
+#include <nlohmann/json.hpp>
 
 #include "config/document.hpp"
 #include "io/files.hpp"
@@ -40,36 +41,35 @@ TEST(Number, ForPeople) {
 }
 
 TEST(JsonText, ObjectsKeepTheirOrder) {
-  Json json = Json::object();
-  json.set("z", 1).set("a", Json::array(std::vector<double>{0.5, kNan})).set("e", Json::object()).set("n", Json());
-  json.set("list", Json::array().push(Json::object().set("x", true)));
-  EXPECT_EQ(
-      json.text(),
-      "{\n  \"z\": 1,\n  \"a\": [0.5, null],\n  \"e\": {},\n  \"n\": null,\n  \"list\": [\n    {\n      \"x\": true\n"
-      "    }\n  ]\n}");
+  const Json json{{"z", 1},       {"a", {0.5, kNan, 3.0}}, {"e", Json::object()},
+                  {"n", nullptr}, {"none", Json::array()}, {"list", Json::array({{{"x", true}}})}};
+  EXPECT_EQ(json_text(json),
+            "{\n  \"z\": 1,\n  \"a\": [0.5, null, 3],\n  \"e\": {},\n  \"n\": null,\n  \"none\": [],\n"
+            "  \"list\": [\n    {\n      \"x\": true\n    }\n  ]\n}");
 }
 
 TEST(JsonText, OfWhatWasRead) {
-  Json json = Json::object();
-  json.set("text", "7").set("number", -0.25).set("count", 12).set("none", Json()).set("yes", true).set("no", false);
-  json.set("list", Json::array().push(Json::object().set("x", Json::array(std::vector<double>{1e300, kNan}))));
-  json.set("empty", "").set("word", "null");
-  EXPECT_EQ(json_of(parse_yaml_text(json.text(), "json").root).text(), json.text());
+  const Json json{{"text", "7"},     {"number", -0.25}, {"count", 12},
+                  {"none", nullptr}, {"yes", true},     {"no", false},
+                  {"empty", ""},     {"word", "null"},  {"list", Json::array({{{"x", {1e300, kNan}}}})}};
+  EXPECT_EQ(json_text(json_of(parse_yaml_text(json_text(json), "json").root)), json_text(json));
 }
 
-TEST(JsonText, Integers) {
-  EXPECT_EQ(Json(std::numeric_limits<uint64_t>::max()).text(), "18446744073709551615");
-  EXPECT_EQ(Json(std::numeric_limits<int64_t>::min()).text(), "-9223372036854775808");
-  EXPECT_EQ(Json(int8_t{-3}).text(), "-3");
+TEST(JsonText, Numbers) {
+  EXPECT_EQ(json_text(std::numeric_limits<uint64_t>::max()), "18446744073709551615");
+  EXPECT_EQ(json_text(std::numeric_limits<int64_t>::min()), "-9223372036854775808");
+  EXPECT_EQ(json_text(int8_t{-3}), "-3");
+  EXPECT_EQ(json_text(0.1), "0.1");
+  EXPECT_EQ(json_text(3e8), "300000000");
 }
 
 // JSON is YAML: the project's own reader serves as the check.
 TEST(JsonText, StringsAreEscaped) {
-  EXPECT_EQ(Json("a\"b\\c\n\t\x01").text(), "\"a\\\"b\\\\c\\n\\t\\u0001\"");
-  EXPECT_EQ(Json("größe €").text(), "\"größe €\"");
-  EXPECT_EQ(Json("\xff\xc0\x80").text(), "\"\xEF\xBF\xBD\xEF\xBF\xBD\xEF\xBF\xBD\"");  // not UTF-8
+  EXPECT_EQ(json_text("a\"b\\c\n\t\x01"), "\"a\\\"b\\\\c\\n\\t\\u0001\"");
+  EXPECT_EQ(json_text("größe €"), "\"größe €\"");
+  EXPECT_EQ(json_text("\xff\xc0\x80"), "\"\xEF\xBF\xBD\xEF\xBF\xBD\xEF\xBF\xBD\"");  // not UTF-8
   const std::string text = "quotes \" and \\ and\nlines: [1, 2] # no comment";
-  const Document document = parse_yaml_text(Json::object().set("key", text).text(), "json");
+  const Document document = parse_yaml_text(json_text({{"key", text}}), "json");
   EXPECT_EQ(document.root.find("key")->text, text);
 }
 

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <nlohmann/json.hpp>
 
 #include "core/error.hpp"
 #include "cuda/runtime.hpp"
@@ -197,7 +198,7 @@ TEST(LearnMemoryPlan, WhatDoesNotFitIsRefusedWithTheNumbers) {
 TEST(LearnMemoryPlan, TableAndJsonTellTheSame) {
   const LoadedRun run = load({"", "n_minibatches: 8"}, 1024);
   const MemorySpace space{int64_t{64} << 30, int64_t{32} << 30};
-  const std::string table = plan_table(run, kCpu, space), json = plan_json(run, kCpu, space).text();
+  const std::string table = plan_table(run, kCpu, space), json = json_text(plan_json(run, kCpu, space));
   expect_told(run, table, json);
   const std::string largest = std::to_string(largest_size(run, kCpu, space.free));
   EXPECT_TRUE(contains(table, {"\n\ncpu: 32.0 GiB free of 64.0 GiB; train.n_worlds 1024 fits\n",

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <nlohmann/json.hpp>
 
 #include "core/error.hpp"
 #include "cuda/runtime.hpp"
@@ -203,7 +204,7 @@ TEST(LearnMemoryPopulationPlan, WhatDoesNotFitIsRefusedWithTheNumbers) {
 TEST(LearnMemoryPopulationPlan, TableAndJsonTellTheSame) {
   const LoadedRun run = load_population(kPopulationSettings[0], 512);
   const MemorySpace space{int64_t{64} << 30, int64_t{32} << 30};
-  const std::string table = plan_table(run, kCpu, space), json = plan_json(run, kCpu, space).text();
+  const std::string table = plan_table(run, kCpu, space), json = json_text(plan_json(run, kCpu, space));
   expect_told(run, table, json);
   const std::string largest = std::to_string(largest_size(run, kCpu, space.free));
   EXPECT_TRUE(contains(table, {"per member", "population.population_size 512 fits\n",
@@ -220,7 +221,7 @@ TEST(LearnMemoryPopulationPlan, SaysWhatComputesTheMembersNetworks) {
     const LoadedRun run = load_population(s, 512);
     EXPECT_EQ(plan_memory(run, device).networks, networks) << line;
     EXPECT_TRUE(contains(plan_table(run, device, kSpace), {line}));
-    EXPECT_TRUE(contains(plan_json(run, device, kSpace).text(), {json, precision}));
+    EXPECT_TRUE(contains(json_text(plan_json(run, device, kSpace)), {json, precision}));
   };
   // The config alone decides, not the GPU and not the sizes of networks; the CPU computes in fp32.
   const PopulationSettings half{"", "algorithm: snes, precision: fp16"}, plain{"", "algorithm: snes"};

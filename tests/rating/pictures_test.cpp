@@ -7,13 +7,13 @@
 #include <cmath>
 #include <tuple>
 
+#include "chart/heat_map.hpp"
+#include "chart/line_chart.hpp"
+#include "chart/markup.hpp"
 #include "games.hpp"
 #include "io/temporary_folder.hpp"
-#include "rating/heat_map.hpp"
-#include "rating/line_chart.hpp"
-#include "rating/svg.hpp"
 #include "sheets.hpp"
-#include "xml.hpp"
+#include "support/xml.hpp"
 
 namespace giga::test {
 namespace {
@@ -195,32 +195,6 @@ TEST(RatingPictures, NamesAreOnlyText) {
   EXPECT_EQ(count_texts(parse_xml(rating_picture(sheet, kSteps)), broken), 1);
   EXPECT_EQ(count_texts(parse_xml(matrix_picture(sheet)), "Cross-play: </svg><script>"), 1);
   EXPECT_NO_THROW(parse_xml(win_rate_picture(sheet, kSteps)));
-}
-
-TEST(RatingPictures, TicksAreRound) {
-  using Ticks = std::vector<double>;
-  EXPECT_EQ(axis_ticks(-63, 556, 5), (Ticks{-100, 0, 100, 200, 300, 400, 500, 600}));
-  EXPECT_EQ(axis_ticks(0, 1, 5), (Ticks{0, 0.2, 0.4, 0.2 * 3, 0.8, 1}));
-  EXPECT_EQ(axis_ticks(0, 82, 4), (Ticks{0, 20, 40, 60, 80, 100}));
-}
-
-TEST(RatingPictures, ColoursOfShares) {
-  EXPECT_EQ(share_colour(0), "#c44e00");
-  EXPECT_EQ(share_colour(0.5), "#f8f8f7");
-  EXPECT_EQ(share_colour(1), "#0060a0");
-}
-
-TEST(RatingPictures, NumbersInSvgAreShort) {
-  EXPECT_EQ(svg_number(12.5), "12.5");
-  EXPECT_EQ(svg_number(100), "100");
-  EXPECT_EQ(svg_number(1.0 / 3), "0.33");
-  EXPECT_EQ(svg_number(-0.001), "0");
-}
-
-TEST(RatingPictures, TheReaderOfXmlIsStrict) {
-  EXPECT_NO_THROW(parse_xml("<a b=\"&lt;\"><c/>x</a>\n"));
-  for (const char* bad : {"<a>", "<a></b>", "<a b=c/>", "<a b=\"&\"/>", "<a b=\"1\" b=\"2\"/>", "<a>&</a>", "<a/><b/>"})
-    EXPECT_THROW(parse_xml(bad), Error) << bad;
 }
 
 }  // namespace

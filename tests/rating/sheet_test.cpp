@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <nlohmann/json.hpp>
 
 #include "config/document.hpp"
 #include "games.hpp"
@@ -50,7 +51,7 @@ TEST(RatingSheet, MatrixHasTheSharesOfSide0) {
 }
 
 TEST(RatingSheet, JsonHoldsAll) {
-  const Document json = parse_yaml_text(ratings_json(small_sheet(), "ratings").text(), "json");
+  const Document json = parse_yaml_text(json_text(ratings_json(small_sheet(), "ratings")), "json");
   const auto text = [](const Node* node) { return node ? node->text : "missing"; };
   EXPECT_EQ(text(json.root.find("scenario")), "duel");
   EXPECT_EQ(text(json.root.find("anchor")), "random");
@@ -87,7 +88,7 @@ TEST(RatingSheet, TheSidesAdvantageIsTold) {
   RatingSheet sheet = make_sheet({.sides = Sides::apart});
   const std::string table = ratings_table(sheet);
   EXPECT_TRUE(contains(table, {"Side 0 is ahead by +"}));
-  const Document json = parse_yaml_text(ratings_json(sheet, "ratings").text(), "json");
+  const Document json = parse_yaml_text(json_text(ratings_json(sheet, "ratings")), "json");
   const double advantage = std::stod(json.root.find("side_advantage")->find("value")->text);
   EXPECT_NEAR(advantage, 80, 3 * sheet.ratings.side_advantage->standard_error);
 }
@@ -105,7 +106,9 @@ TEST(RatingSheet, WritesAFolder) {
   const TemporaryFolder folder;
   const RatingSheet sheet = make_sheet({});
   const std::filesystem::path out = folder / "new/ratings";
-  write_ratings(out, sheet, ratings_json(sheet, out).set("seed", 7));
+  Json json = ratings_json(sheet, out);
+  json["seed"] = 7;
+  write_ratings(out, sheet, json);
   EXPECT_EQ(read_file(out / "ratings.csv"), ratings_csv(sheet));
   EXPECT_EQ(read_file(out / "matrix.csv"), matrix_csv(sheet));
   EXPECT_EQ(parse_yaml_text(read_file(out / "ratings.json"), "json").root.find("seed")->text, "7");
@@ -137,9 +140,9 @@ TEST(RatingSheet, TheRatingOfACheckpointIsFound) {
   const TemporaryFolder folder;
   const std::filesystem::path run = folder / "run", out = run / "ratings", file = out / "ratings.json";
   Json json = ratings_json(sheet_of_run(folder), out);
-  json.set("episodes", 20);
-  write_file(file, json.text());
-  const auto text_of = [&](const RatedPolicy& policy) { return find_rating(file, policy).text(); };
+  json["episodes"] = 20;
+  write_file(file, json_text(json));
+  const auto text_of = [&](const RatedPolicy& policy) { return json_text(find_rating(file, policy)); };
   EXPECT_TRUE(contains(text_of({run, 100, 1}),
                        {"\"scenario\": \"duel\"", "\"anchor\": \"random\"", "\"episodes\": 20", "\"side\": \"both\"",
                         "\"standing\": \"rated\"", "\"rating\": 190.8485", "\"ci95\": [", "\"games\": 40"}));
@@ -151,7 +154,7 @@ TEST(RatingSheet, TheRatingOfACheckpointIsFound) {
   options.sides = Sides::apart;
   add(apart.table, "random", "random", {5, 0, 5});
   apart.ratings = rate(apart.table, options);
-  write_file(file, ratings_json(apart, out).text());
+  write_file(file, json_text(ratings_json(apart, out)));
   EXPECT_TRUE(contains(text_of({run, 100, 1}), {"\"side\": 1", "\"games\": 5"}));
   EXPECT_TRUE(contains(text_of({run, 100, 0}), {"\"side\": 0", "\"games\": 35"}));
 
@@ -171,9 +174,9 @@ TEST(RatingSheet, RunsAreKnownByTheirPlaceNotByTheirName) {
   sheet.infos[2] = {PlayerKind::checkpoint, "second/seed1", 100, 25600, 1.5, false, std::filesystem::canonical(second)};
   const auto file_of = [](const std::filesystem::path& run) { return run / "ratings/ratings.json"; };
   const auto games_of = [&](const std::filesystem::path& file, const std::filesystem::path& run) {
-    return print_node(*parse_yaml_text(find_rating(file, {run, 100, 0}).text(), "json").root.find("games"));
+    return print_node(*parse_yaml_text(json_text(find_rating(file, {run, 100, 0})), "json").root.find("games"));
   };
-  write_file(file_of(second), ratings_json(sheet, second / "ratings").text());
+  write_file(file_of(second), json_text(ratings_json(sheet, second / "ratings")));
   EXPECT_TRUE(contains(read_file(file_of(second)), {"\"folder\": \"..\"", "\"folder\": \"../../../first/seed1\""}));
   EXPECT_EQ(games_of(file_of(second), first), "40");
   EXPECT_EQ(games_of(file_of(second), second), "20");

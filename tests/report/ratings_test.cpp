@@ -5,8 +5,8 @@
 #include <fstream>
 
 #include "io/temporary_folder.hpp"
+#include "read_page.hpp"
 #include "report/report.hpp"
-#include "report/sections.hpp"
 #include "synthetic_run.hpp"
 
 namespace giga::test {
@@ -23,16 +23,6 @@ void write_text(const std::filesystem::path& file, const std::string& text) {
   std::ofstream(file, std::ios::binary) << text;
 }
 
-/// The section of a title, from the JSON that the page draws.
-Document sections_of(const std::vector<RunData>& runs) {
-  return parse_yaml_text(report_sections(group_runs(runs, points_for(runs)), {}).text(), "sections");
-}
-const Node* rating_section(const Document& sections, const std::string& title) {
-  for (const Node& section : sections.root.items)
-    if (section.find("title")->text == title) return &section;
-  return nullptr;
-}
-
 TEST(ReportRatings, PicturesAndTableOfARatedRun) {
   const TemporaryFolder folder;
   SyntheticRun().write(folder / "run");
@@ -40,28 +30,30 @@ TEST(ReportRatings, PicturesAndTableOfARatedRun) {
   write_text(folder / "run/ratings/rating.svg", "<svg>1</svg>");
   write_text(folder / "run/ratings/rating_seconds.svg", "<svg>2</svg>");
   write_text(folder / "run/ratings/matrix.svg", "<svg>3</svg>");
-  const Document sections = sections_of({read_run(folder / "run")});
-  const Node* section = rating_section(sections, "Ratings");
-  ASSERT_TRUE(section);
-  EXPECT_EQ(section->find("kind")->text, "pictures");
-  EXPECT_TRUE(contains(section->find("note")->text, {"duel, random = 0", "Note: best: won all."}));
-  EXPECT_EQ(print_node(*section->find("pictures")),  // there is no win_rate.svg
-            R"([{svg: "<svg>1</svg>", along: agent_steps}, {svg: "<svg>2</svg>", along: seconds}, )"
-            R"({svg: "<svg>3</svg>", along: ""}])");
-  const Node& rows = *section->find("tables")->items[0].find("rows");
-  ASSERT_EQ(rows.items.size(), 2u);
-  EXPECT_EQ(print_node(rows.items[0]), R"(["run@3", both, "191", "124", "0.75", "40", "30", "0", "10", "1216"])");
-  EXPECT_EQ(print_node(rows.items[1]), R"([best, "1", "+infinity", "-", "1.00", "20", "20", "0", "0", "1231"])");
+  const Elements section = section_of(report_page({read_run(folder / "run")}, {}), "Ratings");
+  EXPECT_TRUE(contains(texts_of(section, "p", "note").at(0), {"duel, random = 0", "Note: best: won all."}));
+  Rows pictures;  // there is no win_rate.svg
+  for (const XmlElement& e : section) {
+    const auto along = e.attributes.find("data-along");
+    if (e.name == "div" && e.attributes.contains("class") && e.attributes.at("class") == "card picture")
+      pictures.push_back({along == e.attributes.end() ? "" : along->second});
+    if (e.name == "img") pictures.back().push_back(e.attributes.at("src"));
+  }
+  const std::string start = "data:image/svg+xml;charset=utf-8,%3Csvg%3E", end = "%3C%2Fsvg%3E";
+  EXPECT_EQ(pictures,
+            (Rows{{"agent_steps", start + "1" + end}, {"seconds", start + "2" + end}, {"", start + "3" + end}}));
+  EXPECT_EQ(tables_of(section).at(0), (Rows{{"run@3", "both", "191", "124", "0.75", "40", "30", "0", "10", "1216"},
+                                            {"best", "1", "+infinity", "-", "1.00", "20", "20", "0", "0", "1231"}}));
 }
 
 TEST(ReportRatings, OfSeveralRunsThoseThatWereRated) {
   const TemporaryFolder folder;
   for (const char* name : {"a", "b"}) SyntheticRun().write(folder / name);
   write_text(folder / "b/ratings/ratings.json", kResults);
-  const Document sections = sections_of({read_run(folder / "a"), read_run(folder / "b")});
-  EXPECT_TRUE(rating_section(sections, "Ratings of b"));
-  EXPECT_FALSE(rating_section(sections, "Ratings of a"));
-  EXPECT_FALSE(rating_section(sections, "Ratings"));
+  const std::string page = report_page({read_run(folder / "a"), read_run(folder / "b")}, {});
+  EXPECT_FALSE(section_of(page, "Ratings of b").empty());
+  EXPECT_TRUE(section_of(page, "Ratings of a").empty());
+  EXPECT_TRUE(section_of(page, "Ratings").empty());
 }
 
 TEST(ReportRatings, ADamagedFileIsNamed) {

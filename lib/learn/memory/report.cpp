@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <nlohmann/json.hpp>
 
 #include "core/error.hpp"
 #include "learn/team_policy.hpp"
@@ -76,17 +77,19 @@ Json plan_json(const LoadedRun& run, Device device, const MemorySpace& space) {
   const RunSize size = run_size(run.config);
   Json items = Json::array();
   for (const MemoryItem& item : plan.items) {
-    Json entry = Json::object();
-    entry.set("name", item.name).set("bytes", item.bytes).set("bytes_per_" + size.unit, item.bytes_per_unit);
-    items.push(std::move(entry.set("note", item.note)));
+    items.push_back({{"name", item.name},
+                     {"bytes", item.bytes},
+                     {"bytes_per_" + size.unit, item.bytes_per_unit},
+                     {"note", item.note}});
   }
-  Json json = Json::object();
-  json.set("device", device.name()).set("precision", print_precision(run, device));
-  json.set(size.name, size.value).set("items", std::move(items));
-  if (plan.networks != MemberNetworks::none) json.set("member_networks", name_of(plan.networks));
-  json.set("total_bytes", plan.total()).set("device_bytes", space.total).set("free_bytes", space.free);
-  json.set("fits", plan.total() <= space.free);
-  json.set("largest_" + size.name, largest_size(run, device, space.free));
+  Json json{{"device", device.name()}, {"precision", print_precision(run, device)}, {size.name, size.value}};
+  json["items"] = std::move(items);
+  if (plan.networks != MemberNetworks::none) json["member_networks"] = name_of(plan.networks);
+  json["total_bytes"] = plan.total();
+  json["device_bytes"] = space.total;
+  json["free_bytes"] = space.free;
+  json["fits"] = plan.total() <= space.free;
+  json["largest_" + size.name] = largest_size(run, device, space.free);
   return json;
 }
 

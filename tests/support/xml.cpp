@@ -1,4 +1,4 @@
-#include "xml.hpp"
+#include "support/xml.hpp"
 
 #include <cctype>
 

@@ -1,5 +1,5 @@
-// Writing of SVG.
-#include "rating/svg.hpp"
+// Writing of SVG and HTML.
+#include "chart/markup.hpp"
 
 #include <cstdio>
 
@@ -7,7 +7,6 @@
 #include "core/utf8.hpp"
 
 namespace giga {
-namespace {
 
 std::string escaped(std::string_view text) {
   std::string out;
@@ -32,9 +31,7 @@ std::string escaped(std::string_view text) {
   return out;
 }
 
-}  // namespace
-
-SvgAttribute::SvgAttribute(std::string_view n, double v) : name(n), value(svg_number(v)) {}
+Attribute::Attribute(std::string_view n, double v) : name(n), value(svg_number(v)) {}
 
 std::string svg_number(double value) {
   char text[32];
@@ -58,29 +55,37 @@ double text_width(const std::string& text, double font_size) {
   return ems * font_size;
 }
 
-Svg::Svg(double width, double height, const std::string& description) {
-  const std::string w = svg_number(width), h = svg_number(height);
-  out_ =
-      cat("<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"", w, "\" height=\"", h, "\" viewBox=\"0 0 ", w, " ", h,
-          "\" role=\"img\" font-family=\"system-ui, 'Segoe UI', Roboto, 'Noto Sans', 'DejaVu Sans', sans-serif\">\n");
-  out_ += "<desc>" + escaped(description) + "</desc>\n";
-  add("rect", {{"width", width}, {"height", height}, {"fill", "#ffffff"}});
-}
-
-void Svg::open(std::string_view element, std::initializer_list<SvgAttribute> attributes) {
+void Markup::start(std::string_view element, Attributes attributes) {
   out_ += cat("<", element);
-  for (const SvgAttribute& a : attributes) out_ += cat(" ", a.name, "=\"", escaped(a.value), "\"");
+  for (const Attribute& a : attributes)
+    if (!a.value.empty()) out_ += cat(" ", a.name, "=\"", escaped(a.value), "\"");
 }
 
-void Svg::add(std::string_view element, std::initializer_list<SvgAttribute> attributes) {
-  open(element, attributes);
+Markup::Scope Markup::open(std::string_view element, Attributes attributes) {
+  start(element, attributes);
+  out_ += ">\n";
+  return {*this, element};
+}
+
+void Markup::element(std::string_view element, const std::string& text, Attributes attributes) {
+  start(element, attributes);
+  out_ += cat(">", escaped(text), "</", element, ">\n");
+}
+
+void Markup::add(std::string_view element, Attributes attributes) {
+  start(element, attributes);
   out_ += hint_.empty() ? "/>\n" : cat("><title>", escaped(hint_), "</title></", element, ">\n");
   hint_.clear();
 }
 
-void Svg::text(const std::string& text, std::initializer_list<SvgAttribute> attributes) {
-  open("text", attributes);
-  out_ += ">" + escaped(text) + "</text>\n";
+Markup::Scope open_picture(Markup& svg, double width, double height, const std::string& description) {
+  const std::string w = svg_number(width), h = svg_number(height);
+  svg.insert(
+      cat("<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"", w, "\" height=\"", h, "\" viewBox=\"0 0 ", w, " ", h,
+          "\" role=\"img\" font-family=\"system-ui, 'Segoe UI', Roboto, 'Noto Sans', 'DejaVu Sans', sans-serif\">\n"));
+  svg.element("desc", description);
+  svg.add("rect", {{"width", width}, {"height", height}, {"fill", "#ffffff"}});
+  return {svg, "svg"};
 }
 
 }  // namespace giga

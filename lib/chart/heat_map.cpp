@@ -1,13 +1,13 @@
 // Drawing of heat maps.
-#include "rating/heat_map.hpp"
+#include "chart/heat_map.hpp"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdio>
 
+#include "chart/markup.hpp"
 #include "core/error.hpp"
-#include "rating/svg.hpp"
 
 namespace giga {
 namespace {
@@ -70,7 +70,7 @@ struct Layout {
   double left, top, right, bottom, width, height;
 };
 
-void draw_names(Svg& svg, const HeatMap& map, const Layout& at) {
+void draw_names(Markup& svg, const HeatMap& map, const Layout& at) {
   for (size_t i = 0; i < map.rows.size(); ++i)
     svg.text(map.rows[i], {{"x", at.left - kLabelGap},
                            {"y", at.top + at.offset[i] + at.cell / 2 + at.label * 0.36},
@@ -97,7 +97,7 @@ void draw_names(Svg& svg, const HeatMap& map, const Layout& at) {
                            {"fill", kQuiet}});
 }
 
-void draw_cells(Svg& svg, const HeatMap& map, const Layout& at) {
+void draw_cells(Markup& svg, const HeatMap& map, const Layout& at) {
   const size_t n_columns = map.columns.size();
   for (size_t i = 0; i < map.rows.size(); ++i) {
     for (size_t j = 0; j < n_columns; ++j) {
@@ -121,7 +121,7 @@ void draw_cells(Svg& svg, const HeatMap& map, const Layout& at) {
   }
 }
 
-void draw_scale(Svg& svg, const HeatMap& map, const Layout& at) {
+void draw_scale(Markup& svg, const HeatMap& map, const Layout& at) {
   constexpr int kSteps = 40;
   const double x = at.right + kScaleGap, tall = std::min(at.bottom - at.top, 240.0), step = tall / kSteps;
   for (int k = 0; k < kSteps; ++k)
@@ -142,6 +142,15 @@ void draw_scale(Svg& svg, const HeatMap& map, const Layout& at) {
             {"fill", kQuiet}});
 }
 
+void draw_picture(Markup& svg, const HeatMap& map, const Layout& at) {
+  const auto picture = open_picture(svg, at.width, at.height, map.title + ". " + map.subtitle);
+  svg.text(map.title, {{"x", kMargin}, {"y", 32.0}, {"font-size", kTitleSize}, {"font-weight", "600"}, {"fill", kInk}});
+  svg.text(map.subtitle, {{"x", kMargin}, {"y", 52.0}, {"font-size", kTextSize}, {"fill", kQuiet}});
+  draw_names(svg, map, at);
+  draw_cells(svg, map, at);
+  draw_scale(svg, map, at);
+}
+
 }  // namespace
 
 std::string share_colour(double share) {
@@ -158,13 +167,9 @@ std::string draw_heat_map(const HeatMap& map) {
              map.values.size(), " values and ", map.hints.size(), " hints of ", map.rows.size(), " x ",
              map.columns.size());
   const Layout at(map);
-  Svg svg(at.width, at.height, map.title + ". " + map.subtitle);
-  svg.text(map.title, {{"x", kMargin}, {"y", 32.0}, {"font-size", kTitleSize}, {"font-weight", "600"}, {"fill", kInk}});
-  svg.text(map.subtitle, {{"x", kMargin}, {"y", 52.0}, {"font-size", kTextSize}, {"fill", kQuiet}});
-  draw_names(svg, map, at);
-  draw_cells(svg, map, at);
-  draw_scale(svg, map, at);
-  return svg.finish();
+  Markup svg;
+  draw_picture(svg, map, at);
+  return svg.str();
 }
 
 }  // namespace giga

@@ -1,13 +1,13 @@
 // Drawing of line charts.
-#include "rating/line_chart.hpp"
+#include "chart/line_chart.hpp"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdio>
 
+#include "chart/markup.hpp"
 #include "core/error.hpp"
-#include "rating/svg.hpp"
 
 namespace giga {
 namespace {
@@ -77,13 +77,13 @@ class Painter {
   void choose_sizes();
   void fill_legend();
 
-  void draw_heading(Svg& svg) const;
-  void draw_legend(Svg& svg) const;
-  void draw_panel(Svg& svg, const ChartPanel& panel, const Box& box) const;
-  void draw_axes(Svg& svg, const Box& box) const;
-  void draw_levels(Svg& svg, const ChartPanel& panel, const Box& box) const;
-  void draw_line(Svg& svg, const ChartLine& line, const Box& box) const;
-  void draw_point(Svg& svg, const ChartLine& line, const ChartPoint& p, const Box& box) const;
+  void draw_heading(Markup& svg) const;
+  void draw_legend(Markup& svg) const;
+  void draw_panel(Markup& svg, const ChartPanel& panel, const Box& box) const;
+  void draw_axes(Markup& svg, const Box& box) const;
+  void draw_levels(Markup& svg, const ChartPanel& panel, const Box& box) const;
+  void draw_line(Markup& svg, const ChartLine& line, const Box& box) const;
+  void draw_point(Markup& svg, const ChartLine& line, const ChartPoint& p, const Box& box) const;
 
   Box box_of(int panel) const;
   double px(const Box& box, double x) const { return box.x + (x - x_.low) / (x_.high - x_.low) * box.width; }
@@ -183,14 +183,17 @@ Box Painter::box_of(int panel) const {
 }
 
 std::string Painter::draw() const {
-  Svg svg(width_, height_, chart_.title + ". " + chart_.subtitle);
-  draw_heading(svg);
-  draw_legend(svg);
-  for (int k = 0; k < n_panels(); ++k) draw_panel(svg, chart_.panels[static_cast<size_t>(k)], box_of(k));
-  return svg.finish();
+  Markup svg;
+  {
+    const auto picture = open_picture(svg, width_, height_, chart_.title + ". " + chart_.subtitle);
+    draw_heading(svg);
+    draw_legend(svg);
+    for (int k = 0; k < n_panels(); ++k) draw_panel(svg, chart_.panels[static_cast<size_t>(k)], box_of(k));
+  }
+  return svg.str();
 }
 
-void Painter::draw_heading(Svg& svg) const {
+void Painter::draw_heading(Markup& svg) const {
   svg.text(chart_.title,
            {{"x", kMargin}, {"y", 32.0}, {"font-size", kTitleSize}, {"font-weight", "600"}, {"fill", kInk}});
   svg.text(chart_.subtitle, {{"x", kMargin}, {"y", 52.0}, {"font-size", kTextSize}, {"fill", kQuiet}});
@@ -209,7 +212,7 @@ void Painter::draw_heading(Svg& svg) const {
             {"fill", kQuiet}});
 }
 
-void Painter::draw_legend(Svg& svg) const {
+void Painter::draw_legend(Markup& svg) const {
   for (const LegendEntry& entry : legend_) {
     const double y = kHeadingHeight + kLegendRow * entry.row + 6, middle = entry.x + kLegendSample / 2 - 4;
     if (entry.kind == LegendEntry::Kind::line) {
@@ -233,7 +236,7 @@ void Painter::draw_legend(Svg& svg) const {
   }
 }
 
-void Painter::draw_panel(Svg& svg, const ChartPanel& panel, const Box& box) const {
+void Painter::draw_panel(Markup& svg, const ChartPanel& panel, const Box& box) const {
   svg.text(panel.title,
            {{"x", box.x}, {"y", box.y - 10}, {"font-size", kTextSize + 1}, {"font-weight", "600"}, {"fill", kInk}});
   draw_axes(svg, box);
@@ -241,7 +244,7 @@ void Painter::draw_panel(Svg& svg, const ChartPanel& panel, const Box& box) cons
   for (const ChartLine& line : panel.lines) draw_line(svg, line, box);
 }
 
-void Painter::draw_axes(Svg& svg, const Box& box) const {
+void Painter::draw_axes(Markup& svg, const Box& box) const {
   for (const double tick : y_ticks_) {
     const double y = py(box, tick);
     svg.add("line", {{"x1", box.x}, {"x2", box.right()}, {"y1", y}, {"y2", y}, {"stroke", tick == 0 ? kLevel : kGrid}});
@@ -259,7 +262,7 @@ void Painter::draw_axes(Svg& svg, const Box& box) const {
 }
 
 /// The labels of levels that lie close together are moved apart, from the lowest one up.
-void Painter::draw_levels(Svg& svg, const ChartPanel& panel, const Box& box) const {
+void Painter::draw_levels(Markup& svg, const ChartPanel& panel, const Box& box) const {
   std::vector<const LevelLine*> levels;
   for (const LevelLine& level : panel.levels) levels.push_back(&level);
   std::stable_sort(levels.begin(), levels.end(), [](const auto* a, const auto* b) { return a->y < b->y; });
@@ -283,7 +286,7 @@ void Painter::draw_levels(Svg& svg, const ChartPanel& panel, const Box& box) con
   }
 }
 
-void Painter::draw_line(Svg& svg, const ChartLine& line, const Box& box) const {
+void Painter::draw_line(Markup& svg, const ChartLine& line, const Box& box) const {
   std::string path;
   bool down = false;  // a point beyond the scale interrupts the line
   for (const ChartPoint& p : line.points) {
@@ -300,7 +303,7 @@ void Painter::draw_line(Svg& svg, const ChartLine& line, const Box& box) const {
   for (const ChartPoint& p : line.points) draw_point(svg, line, p, box);
 }
 
-void Painter::draw_point(Svg& svg, const ChartLine& line, const ChartPoint& p, const Box& box) const {
+void Painter::draw_point(Markup& svg, const ChartLine& line, const ChartPoint& p, const Box& box) const {
   const char* colour = line_colour(line.colour);
   const double x = px(box, p.x);
   if (!std::isfinite(p.y)) {
