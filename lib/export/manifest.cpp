@@ -32,15 +32,11 @@ Json architecture_json(const PolicyShape& shape, Precision precision) {
 Json block_json(const ObservationBlock& block) {
   Json features = Json::array();
   int start = block.first;
-  for (const ObservationFeature& feature : block_features(block.name, block.size))
+  for (const FeatureText& feature : block.features)
     features.push_back(
         {{"name", feature.name}, {"slice", {start++, block.end(), block.size}}, {"meaning", feature.meaning}});
-  return {{"name", block.name},
-          {"first", block.first},
-          {"count", block.count},
-          {"size", block.size},
-          {"meaning", block_meaning(block.name)},
-          {"features", std::move(features)}};
+  return {{"name", block.name}, {"first", block.first},     {"count", block.count},
+          {"size", block.size}, {"meaning", block.meaning}, {"features", std::move(features)}};
 }
 
 Json observation_json(const Manifest& manifest) {

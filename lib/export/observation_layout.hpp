@@ -4,34 +4,28 @@
 #include <string>
 #include <vector>
 
+#include "sim/observation_text.hpp"
 #include "sim/params.hpp"
 
 namespace giga {
 
-/// `count` items of `size` numbers each, item k at first + k * size: "self", "neighbors", "waypoint" or "boxes".
+/// `count` items of `size` numbers each, item k at first + k * size: "self", "neighbors", "walls" and so on.
 struct ObservationBlock {
   std::string name;
   int first = 0, count = 0, size = 0;
+  std::string meaning = {};
+  std::vector<FeatureText> features = {};  ///< of an item; empty where the block was read from a manifest
 
   int end() const { return first + count * size; }
-  bool operator==(const ObservationBlock&) const = default;
+  /// The same numbers in the same places.
+  bool operator==(const ObservationBlock& other) const {
+    return name == other.name && first == other.first && count == other.count && size == other.size;
+  }
 };
 
-/// One of the numbers of an item.
-struct ObservationFeature {
-  std::string name, meaning;
-};
-
-/// The blocks of an observation of a compiled scenario, from 0 to SimSpec::observation_size() without gaps; those
-/// without items are left out.
+/// The blocks of a row that holds all observations which a scenario offers an agent, from 0 to
+/// SimSpec::observation_size() without gaps.
 std::vector<ObservationBlock> observation_layout(const SimSpec& spec);
-
-/// What the items of a block are and how they are ordered.
-std::string block_meaning(const std::string& block);
-
-/// The numbers of an item of a block, in order; empty for a name that is none of a block. `size` as in the block: boxes
-/// have two numbers more where their heights count.
-std::vector<ObservationFeature> block_features(const std::string& block, int size);
 
 /// What a policy takes in and gives out, and the scenario in which it learned to.
 struct PolicyInterface {

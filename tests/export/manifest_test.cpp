@@ -8,7 +8,7 @@
 #include "config/document.hpp"
 #include "io/temporary_folder.hpp"
 #include "policies.hpp"
-#include "sim/observe.hpp"
+#include "sim/vector_observation.hpp"
 #include "support/sim_specs.hpp"
 
 namespace giga::test {
@@ -40,31 +40,37 @@ TEST(ExportManifest, LayoutByHand) {
   EXPECT_EQ(observation_layout(small_spec(ActionKind::discrete)), expected);
 }
 
-TEST(ExportManifest, LayoutOfTheBodyViewByHand) {
+TEST(ExportManifest, LayoutOfTheEgocentricViewByHand) {
   SimSpec spec = small_spec(ActionKind::discrete);
-  spec.params.body_view = true;
+  spec.params.egocentric_view = true;
   // From the first multiple of 8 behind the 49 numbers above: 7 of the agent, 12 directions, 3 of the waypoint, 2
   // opponents and 1 mate of 8 each.
   const std::vector<ObservationBlock> blocks = observation_layout(spec);
-  const std::vector<ObservationBlock> expected = {{"unused", 49, 1, 7},         {"body_self", 56, 1, 7},
-                                                  {"walls", 63, 12, 1},         {"body_waypoint", 75, 1, 3},
-                                                  {"body_opponents", 78, 2, 8}, {"body_team_mates", 94, 1, 8}};
+  const std::vector<ObservationBlock> expected = {{"unused", 49, 1, 7},
+                                                  {"egocentric_self", 56, 1, 7},
+                                                  {"walls", 63, 12, 1},
+                                                  {"egocentric_waypoint", 75, 1, 3},
+                                                  {"egocentric_opponents", 78, 2, 8},
+                                                  {"egocentric_team_mates", 94, 1, 8}};
   EXPECT_EQ(std::vector<ObservationBlock>(blocks.begin() + 4, blocks.end()), expected);
 }
 
-TEST(ExportManifest, LayoutOfTheBodyViewOfMixedTeams) {
+TEST(ExportManifest, LayoutOfTheEgocentricViewOfMixedTeams) {
   SimSpec spec = small_spec(ActionKind::discrete);
-  spec.params.body_view = true;
+  spec.params.egocentric_view = true;
   spec.agents[0].sprite = 6;
   spec.finish();
   // As above, with three bits of the sprite behind the numbers of each agent.
   const std::vector<ObservationBlock> blocks = observation_layout(spec);
-  const std::vector<ObservationBlock> expected = {{"unused", 49, 1, 7},          {"body_self", 56, 1, 10},
-                                                  {"walls", 66, 12, 1},          {"body_waypoint", 78, 1, 3},
-                                                  {"body_opponents", 81, 2, 11}, {"body_team_mates", 103, 1, 11}};
+  const std::vector<ObservationBlock> expected = {{"unused", 49, 1, 7},
+                                                  {"egocentric_self", 56, 1, 10},
+                                                  {"walls", 66, 12, 1},
+                                                  {"egocentric_waypoint", 78, 1, 3},
+                                                  {"egocentric_opponents", 81, 2, 11},
+                                                  {"egocentric_team_mates", 103, 1, 11}};
   EXPECT_EQ(std::vector<ObservationBlock>(blocks.begin() + 4, blocks.end()), expected);
-  for (const ObservationBlock& block : {expected[1], expected[4], expected[5]}) {
-    const std::vector<ObservationFeature> features = block_features(block.name, block.size);
+  for (const ObservationBlock& block : {blocks[5], blocks[8], blocks[9]}) {
+    const std::vector<FeatureText>& features = block.features;
     ASSERT_EQ(features.size(), static_cast<size_t>(block.size));
     EXPECT_EQ(features[static_cast<size_t>(block.size) - 4].name, "health");
     EXPECT_EQ(features[static_cast<size_t>(block.size) - 3].name, "sprite_centre");
@@ -80,8 +86,8 @@ TEST(ExportManifest, LayoutsCoverEveryObservation) {
     int at = 0;
     for (const ObservationBlock& block : observation_layout(spec)) {
       EXPECT_EQ(block.first, at);
-      EXPECT_EQ(block_features(block.name, block.size).size(), static_cast<size_t>(block.size)) << block.name;
-      EXPECT_FALSE(block_meaning(block.name).empty());
+      EXPECT_EQ(block.features.size(), static_cast<size_t>(block.size)) << block.name;
+      EXPECT_FALSE(block.meaning.empty());
       at = block.end();
     }
     EXPECT_EQ(at, spec.observation_size());
@@ -89,7 +95,7 @@ TEST(ExportManifest, LayoutsCoverEveryObservation) {
 }
 
 TEST(ExportManifest, NamesOfAgentFeaturesFollowTheSimulator) {
-  const std::vector<ObservationFeature> features = block_features("neighbors", kNeighborFeatures);
+  const std::vector<FeatureText> features = observation_layout(small_spec(ActionKind::discrete))[1].features;
   const std::pair<Feature, const char*> expected[] = {
       {kSeen, "seen"},       {kSameTeam, "same_team"}, {kX, "x"},           {kY, "y"},          {kZ, "z"},
       {kHeading, "heading"}, {kSpeed, "speed"},        {kHealth, "health"}, {kSprite, "sprite"}};
