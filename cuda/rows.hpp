@@ -22,6 +22,7 @@ class RowRunner {
       : device_(device), stream_(stream), pool_(device.is_cuda() ? nullptr : new ThreadPool(n_threads)) {}
 
   Device device() const { return device_; }
+  void* stream() const { return stream_; }
 
   template <class Op>
   void run(const Op& op, int64_t n) const {
