@@ -8,10 +8,6 @@
 
 namespace giga {
 
-/// A script among the networks that move a team: -1 - its number.
-GIGA_HD Scripted script_of_network(int32_t network) { return static_cast<Scripted>(-1 - network); }
-constexpr int32_t network_of_script(Scripted script) { return -1 - static_cast<int32_t>(script); }
-
 /// The actions of the rows that scripts move, in worlds that play.
 struct PopulationScripts {
   ScriptedActions script;  // of any kind

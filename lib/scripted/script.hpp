@@ -30,4 +30,8 @@ constexpr const char* name_of(Scripted script) { return enum_names(script)[stati
 /// Whether a script looks at the agent's observation.
 GIGA_HD bool uses_observation(Scripted script) { return script >= Scripted::pursuer; }
 
+/// Where networks are told by their rows: a script among them is -1 - its number.
+GIGA_HD Scripted script_of_network(int32_t network) { return static_cast<Scripted>(-1 - network); }
+constexpr int32_t network_of_script(Scripted script) { return -1 - static_cast<int32_t>(script); }
+
 }  // namespace giga

@@ -7,7 +7,7 @@
 #include "io/state_hash.hpp"
 #include "learn/evolution/opponents.hpp"
 #include "runs.hpp"
-#include "scripted/population_scripts.hpp"
+#include "scripted/script.hpp"
 
 namespace giga::test {
 namespace {

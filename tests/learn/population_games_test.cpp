@@ -11,7 +11,7 @@
 #include "rollout/policy_controllers.hpp"
 #include "rollout/tensors.hpp"
 #include "runs.hpp"
-#include "scripted/population_scripts.hpp"
+#include "scripted/script.hpp"
 
 namespace giga::test {
 namespace {

@@ -16,7 +16,7 @@
 #include "rollout/population_games.hpp"
 #include "rollout/stream.hpp"
 #include "rollout/tensors.hpp"
-#include "scripted/population_scripts.hpp"
+#include "scripted/script.hpp"
 
 namespace giga {
 namespace {

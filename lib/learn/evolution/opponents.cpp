@@ -1,7 +1,7 @@
 #include "learn/evolution/opponents.hpp"
 
 #include "learn/opponents/world_shares.hpp"
-#include "scripted/population_scripts.hpp"
+#include "scripted/script.hpp"
 
 namespace giga {
 
