@@ -5,8 +5,9 @@
 
 namespace giga {
 
-/// The stream of a GPU on which LibTorch queues its work now (a cudaStream_t); null on the CPU. Simulators and kernels
-/// are given it too, so that all work of a run stays in order and nobody waits.
+/// The stream of a GPU on which LibTorch queues this thread's work (a cudaStream_t); null on the CPU. In the place of
+/// the default stream LibTorch gets a work stream (cuda/runtime.hpp). Simulators and kernels are given the same one, so
+/// that all work of a run stays in order and nobody waits.
 void* current_stream(Device device);
 
 }  // namespace giga
