@@ -1,34 +1,54 @@
 // gigastep bench sim and closed-loop: worlds stepped with random actions, or by policies.
 #include <cmath>
 #include <memory>
+#include <utility>
+#include <vector>
 
 #include "apps/benchmark.hpp"
 #include "config/fields.hpp"
 #include "core/error.hpp"
 #include "core/seeds.hpp"
 #include "cuda/runtime.hpp"
+#include "game/game.hpp"
 #include "learn/libtorch_settings.hpp"
 #include "learn/team_policy.hpp"
 #include "policy/actor.hpp"
-#include "rollout/player.hpp"
+#include "rollout/policy_controllers.hpp"
+#include "rollout/stream.hpp"
 #include "scenario/compile.hpp"
 #include "scenario/loader.hpp"
 
 namespace giga {
 namespace {
 
-/// What a step writes for one team.
-struct TeamBuffers {
-  Buffer<float> obs, reward, action;  // [W, n, padded D], [W, n], [W, n, 3]: three floats hold either kind of action
-  Buffer<uint8_t> alive;              // [W, n]
-
-  TeamBuffers(const Simulator& sim, int team) {
-    const size_t n = static_cast<size_t>(sim.n_worlds()) * static_cast<size_t>(sim.params().n_team[team]);
-    obs = Buffer<float>(sim.memory(), n * static_cast<size_t>(sim.spec().padded_observation_size()));
-    reward = Buffer<float>(sim.memory(), n);
-    action = Buffer<float>(sim.memory(), n * kActionSize);
-    alive = Buffer<uint8_t>(sim.memory(), n);
+/// Has everything written that a learner may want.
+class EveryOutput final : public GameObserver {
+ public:
+  explicit EveryOutput(const Simulator& sim) : done_(sim.memory(), static_cast<size_t>(sim.n_worlds())) {
+    for (int k = 0; k < kNTeams; ++k) {
+      const size_t n = static_cast<size_t>(sim.n_worlds()) * static_cast<size_t>(sim.params().n_team[k]);
+      team_[k].obs = Buffer<float>(sim.memory(), n * static_cast<size_t>(sim.spec().padded_observation_size()));
+      team_[k].reward = Buffer<float>(sim.memory(), n);
+      team_[k].alive = Buffer<uint8_t>(sim.memory(), n);
+    }
   }
+  void before_step(int64_t, GameStep& step) override {
+    for (int k = 0; k < kNTeams; ++k) {
+      step.io.team[k].obs = team_[k].obs.data();
+      step.io.team[k].reward = team_[k].reward.data();
+      step.io.team[k].alive = team_[k].alive.data();
+    }
+    step.io.done = done_.data();
+  }
+  std::vector<float> obs(int team) const { return team_[team].obs.to_host(); }
+
+ private:
+  struct Team {
+    Buffer<float> obs, reward;  // [W, n, padded D], [W, n]
+    Buffer<uint8_t> alive;      // [W, n]
+  };
+  Team team_[kNTeams];
+  Buffer<uint8_t> done_;
 };
 
 LoadedRun bench_run(const BenchOptions& options, int worlds) {
@@ -52,7 +72,8 @@ int64_t worlds_reset(Simulator& sim, int64_t steps) {
   return count;
 }
 
-BenchResult play(const BenchOptions& options, Device device, const LoadedRun& run, const Player (&player)[kNTeams]) {
+BenchResult play(const BenchOptions& options, Device device, const LoadedRun& run,
+                 std::shared_ptr<TeamController> team0, std::shared_ptr<TeamController> team1) {
   BenchResult result;
   result.scenario = run.config.scenario;
   result.worlds = run.config.train.n_worlds;
@@ -60,30 +81,17 @@ BenchResult play(const BenchOptions& options, Device device, const LoadedRun& ru
   SimOptions sim_options;
   sim_options.n_worlds = result.worlds;
   sim_options.seed = seed_of(options.seed, Purpose::bench);
-  const auto sim = make_simulator(run.spec, sim_options, device);
-  const RowRunner rows(device);
-  TeamBuffers team[kNTeams] = {TeamBuffers(*sim, 0), TeamBuffers(*sim, 1)};
-  Buffer<uint8_t> done(sim->memory(), static_cast<size_t>(result.worlds));
-  StepIo io;
-  io.done = done.data();
-  io.obs_stride = run.spec.padded_observation_size();
-  for (int t = 0; t < kNTeams; ++t) {
-    io.team[t].action = team[t].action.data();
-    io.team[t].obs = team[t].obs.data();
-    io.team[t].reward = team[t].reward.data();
-    io.team[t].alive = team[t].alive.data();
-  }
-
-  sim->start(io);
+  void* const stream = current_stream(device);
+  const auto sim = make_simulator(run.spec, sim_options, device, stream);
+  const RowRunner rows(device, 0, stream);
+  EveryOutput output(*sim);
+  Game game(*sim, rows, {everywhere(std::move(team0), *sim), everywhere(std::move(team1), *sim)}, {&output});
+  game.start();
   int64_t steps_made = 0;
   measure(
       options,
       [&](int64_t n) {
-        for (int64_t k = 0; k < n; ++k) {
-          for (int t = 0; t < kNTeams; ++t)
-            act(player[t], *sim, rows, t, {team[t].obs.data(), team[t].action.data(), nullptr, nullptr});
-          sim->step(io);
-        }
+        game.play(n);
         sim->synchronize();
         steps_made += n;
         return Work{static_cast<double>(sim->agents_per_step()) * static_cast<double>(n), 0, 0};
@@ -93,8 +101,8 @@ BenchResult play(const BenchOptions& options, Device device, const LoadedRun& ru
 
   // The proof: the last observations are numbers and not all the same, and episodes ended and began anew.
   double sum = 0, squares = 0;
-  for (const TeamBuffers& buffers : team) {
-    for (const float x : buffers.obs.to_host()) {
+  for (int team = 0; team < kNTeams; ++team) {
+    for (const float x : output.obs(team)) {
       sum += static_cast<double>(x);
       squares += static_cast<double>(x) * static_cast<double>(x);
     }
@@ -115,7 +123,8 @@ BenchResult play(const BenchOptions& options, Device device, const LoadedRun& ru
 }  // namespace
 
 BenchResult bench_sim(const BenchOptions& options, Device device, int worlds) {
-  BenchResult result = play(options, device, bench_run(options, worlds), {Player{}, Player{}});
+  BenchResult result = play(options, device, bench_run(options, worlds), script_controller(Scripted::random),
+                            script_controller(Scripted::random));
   result.arithmetic = FieldCodec<Precision>::print(Precision::fp32);
   return result;
 }
@@ -127,7 +136,7 @@ BenchResult bench_closed_loop(const BenchOptions& options, Device device, int wo
 BenchResult bench_closed_loop(const BenchOptions& options, Device device, const LoadedRun& run) {
   set_up_libtorch(run.config.train, device);  // whatever a measurement before this one left
   Actor actor0 = make_actor(run, 0, device), actor1 = make_actor(run, 1, device);
-  BenchResult result = play(options, device, run, {Player{&actor0}, Player{&actor1}});
+  BenchResult result = play(options, device, run, policy_controller(actor0), policy_controller(actor1));
   result.arithmetic = arithmetic_of(run, device);
   return result;
 }

@@ -11,7 +11,7 @@
 #include "core/error.hpp"
 #include "core/seeds.hpp"
 #include "cuda/runtime.hpp"
-#include "eval/contestant.hpp"
+#include "eval/player.hpp"
 #include "io/files.hpp"
 #include "scenario/compile.hpp"
 #include "scenario/loader.hpp"
@@ -26,19 +26,19 @@ struct EvalOptions {
   bool both_sides = false, greedy = false, trust = false;
 };
 
-/// The scenario that is asked for, or that of the first contestant which was trained in one.
-SimSpec spec_of(const EvalOptions& o, const Contestant& a, const Contestant& b) {
+/// The scenario that is asked for, or that of the first player which was trained in one.
+SimSpec spec_of(const EvalOptions& o, const Player& a, const Player& b) {
   if (!o.scenario.empty()) return compile(load_scenario(o.scenario, data_dirs()));
-  for (const Contestant* c : {&a, &b})
+  for (const Player* c : {&a, &b})
     if (c->origin()) return c->origin()->run.spec;
   throw InputError(
       cat("neither ", a.name(), " nor ", b.name(), " says which scenario is played: name one with --scenario"));
 }
 
 /// The sides that A plays on, B on the other. Against a script each policy of A plays on its own side.
-std::vector<int> sides_of(const EvalOptions& o, const Contestant& a, const Contestant& b) {
+std::vector<int> sides_of(const EvalOptions& o, const Player& a, const Player& b) {
   if (o.both_sides) return {0, 1};
-  if (!b.is_script() || a.is_script()) return {0};
+  if (!b.script() || a.script()) return {0};
   std::vector<int> sides;
   for (int side = 0; side < kNTeams; ++side) {
     if (a.can_play(side))
@@ -49,7 +49,7 @@ std::vector<int> sides_of(const EvalOptions& o, const Contestant& a, const Conte
   return sides;
 }
 
-Json origin_json(const Contestant& c) {
+Json origin_json(const Player& c) {
   if (!c.origin()) return {};
   return {{"file", c.origin()->file},
           {"updates", c.origin()->updates},
@@ -57,7 +57,7 @@ Json origin_json(const Contestant& c) {
           {"scenario", c.origin()->scenario_name}};
 }
 
-Json to_json(const EvalOptions& o, const MatchReport& report, const Contestant& a, const Contestant& b) {
+Json to_json(const EvalOptions& o, const MatchReport& report, const Player& a, const Player& b) {
   Json sides = Json::array();
   for (const TeamResult& r : report.results) sides.push_back(result_json(r));
   return {{"a", o.a},
@@ -72,17 +72,17 @@ Json to_json(const EvalOptions& o, const MatchReport& report, const Contestant& 
           {"versions", version_info()}};
 }
 
-void print_origin(const Contestant& c) {
-  if (const Contestant::Origin* origin = c.origin())
+void print_origin(const Player& c) {
+  if (const Player::Origin* origin = c.origin())
     std::cout << c.name() << ": " << origin->file << ", after " << origin->updates << " updates\n";
 }
 
 void play(const EvalOptions& o) {
   const Device device = parse_device(o.device);
-  const ContestantOptions loading{device, o.trust, o.greedy};
-  Contestant b = Contestant::load(o.b, loading);  // first: a wrong name is told before anything large is read
-  Contestant a = Contestant::load(o.a, loading);
-  for (const Contestant* c : {&a, &b})
+  const PlayerOptions loading{device, o.trust, o.greedy};
+  Player b = Player::load(o.b, loading);  // first: a wrong name is told before anything large is read
+  Player a = Player::load(o.a, loading);
+  for (const Player* c : {&a, &b})
     if (c->origin())
       for (const std::string& line : c->origin()->warnings) std::cerr << "warning: " << line << '\n';
 
@@ -90,8 +90,9 @@ void play(const EvalOptions& o) {
   const MatchOptions options{o.episodes, seed_of(o.seed, Purpose::eval), device, 0};
   MatchReport report{o.a, spec.name, describe_win(spec.params.win, spec.params.max_episode_length), {}};
   for (const int side : sides_of(o, a, b)) {
-    const Player players[kNTeams] = {(side == 0 ? a : b).player(0, spec), (side == 0 ? b : a).player(1, spec)};
-    report.results.push_back({side, o.b, play_match(spec, players[0], players[1], options)});
+    Player &side0 = side == 0 ? a : b, &side1 = side == 0 ? b : a;
+    report.results.push_back(
+        {side, o.b, play_match(spec, side0.controller(0, spec), side1.controller(1, spec), options)});
   }
 
   if (!o.csv.empty()) write_file(o.csv, report_csv(report));

@@ -3,20 +3,14 @@
 
 #include <cstdio>
 #include <limits>
+#include <utility>
 
 #include "core/error.hpp"
 #include "core/seeds.hpp"
 #include "math/wilson.hpp"
+#include "rollout/policy_controllers.hpp"
 
 namespace giga {
-
-TeamResult play_script(const SimSpec& spec, const Player& player, int team, Scripted opponent,
-                       const MatchOptions& options) {
-  const Player script{nullptr, opponent, false};
-  TeamResult result{team, name_of(opponent), {}};
-  result.match = team == 0 ? play_match(spec, player, script, options) : play_match(spec, script, player, options);
-  return result;
-}
 
 std::vector<TeamResult> evaluate(const LoadedRun& run, Device device, Learner& learner) {
   const EvalConfig& config = run.config.eval;
@@ -27,9 +21,10 @@ std::vector<TeamResult> evaluate(const LoadedRun& run, Device device, Learner& l
   for (const Scripted opponent : config.opponents)
     for (int team = 0; team < kNTeams; ++team)
       if (const Actor* actor = learner.actor(team)) {
-        Player player = player_of(*actor);
-        player.greedy = acts_greedily(run.config);
-        results.push_back(play_script(run.spec, player, team, opponent, options));
+        auto learned = policy_controller(*actor, acts_greedily(run.config)), script = script_controller(opponent);
+        if (team == 1) std::swap(learned, script);
+        results.push_back(
+            {team, name_of(opponent), play_match(run.spec, std::move(learned), std::move(script), options)});
       }
   return results;
 }

@@ -21,10 +21,6 @@ struct TeamResult {
   double share(int count) const { return static_cast<double>(count) / match.episodes; }
 };
 
-/// Team `player` on side `team` against a script.
-TeamResult play_script(const SimSpec& spec, const Player& player, int team, Scripted opponent,
-                       const MatchOptions& options);
-
 /// All learning teams of a run against all of its `eval.opponents`. The episodes depend on the seed of the run and on
 /// how many updates are done, so that each evaluation plays new ones.
 std::vector<TeamResult> evaluate(const LoadedRun& run, Device device, Learner& learner);

@@ -1,4 +1,4 @@
-// The result of matches between two contestants: for people, as CSV and as JSON.
+// The result of matches between two players: for people, as CSV and as JSON.
 #pragma once
 
 #include <string>

@@ -7,7 +7,7 @@
 
 #include "apps/command_line.hpp"
 #include "apps/commands.hpp"
-#include "apps/contestants.hpp"
+#include "apps/players.hpp"
 #include "apps/program_info.hpp"
 #include "cuda/runtime.hpp"
 #include "eval/round_robin.hpp"
@@ -36,10 +36,10 @@ Sides sides_of(const RateOptions& o, const Scenario& scenario) {
 }
 
 /// random, or without it the first player that has games on both sides.
-std::string choose_anchor(const Contestants& contestants) {
-  for (const Contestant& c : contestants.players)
+std::string choose_anchor(const RoundRobin& all) {
+  for (const Player& c : all.players)
     if (c.name() == RatingOptions().anchor) return c.name();
-  for (const Contestant& c : contestants.players)
+  for (const Player& c : all.players)
     if (c.can_play(0) && c.can_play(1)) return c.name();
   throw InputError("no player plays both sides, so that none can be at rating 0: add --scripted random");
 }
@@ -47,7 +47,7 @@ std::string choose_anchor(const Contestants& contestants) {
 /// A line at the first pair, then one every few seconds.
 class ProgressLines {
  public:
-  void operator()(int done, int all, const Contestant& side_0, const Contestant& side_1) {
+  void operator()(int done, int all, const Player& side_0, const Player& side_1) {
     const auto now = std::chrono::steady_clock::now();
     if (done > 0 && now - last_ < kPause) return;
     last_ = now;
@@ -75,26 +75,25 @@ void renew_report(const RateOptions& o, const fs::path& folder) {
   write_report({run}, report, list_fields<RunConfig>());
 }
 
-RatingSheet play_and_rate(const RateOptions& o, Contestants& contestants, Device device) {
+RatingSheet play_and_rate(const RateOptions& o, RoundRobin& all, Device device) {
   RatingSheet sheet;
-  sheet.scenario = contestants.scenario.name;
-  sheet.infos = contestants.infos;
+  sheet.scenario = all.scenario.name;
+  sheet.infos = all.infos;
   RatingOptions rating;
-  rating.anchor = choose_anchor(contestants);
-  rating.sides = sides_of(o, contestants.scenario);
-  const MatchOptions match{o.episodes, o.seed, device, contestants.n_threads};
-  sheet.table = play_table(contestants.players, contestants.spec, match, ProgressLines());
+  rating.anchor = choose_anchor(all);
+  rating.sides = sides_of(o, all.scenario);
+  const MatchOptions match{o.episodes, o.seed, device, all.n_threads};
+  sheet.table = play_table(all.players, all.spec, match, ProgressLines());
   sheet.ratings = rate(sheet.table, rating);
   return sheet;
 }
 
 void rate_runs(const RateOptions& o) {
   const Device device = parse_device(o.device);
-  Contestants contestants =
-      find_contestants({o.runs, o.scripted, o.scenario, o.checkpoints}, {device, o.trust, o.greedy});
-  const RatingSheet sheet = play_and_rate(o, contestants, device);
+  RoundRobin all = find_players({o.runs, o.scripted, o.scenario, o.checkpoints}, {device, o.trust, o.greedy});
+  const RatingSheet sheet = play_and_rate(o, all, device);
   const fs::path folder = o.out.empty() ? default_folder(o) : fs::path(o.out);
-  const SimParams& params = contestants.spec.params;
+  const SimParams& params = all.spec.params;
   const std::string win = describe_win(params.win, params.max_episode_length);
   Json json = ratings_json(sheet, folder);
   json.update(

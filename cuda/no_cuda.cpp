@@ -16,6 +16,7 @@ bool built_with_cuda() { return false; }
 int cuda_device_count() { return 0; }
 GpuInfo cuda_device_info(int) { missing(); }
 Memory& cuda_memory(int) { missing(); }
+void* work_stream(int) { missing(); }
 // NOLINTNEXTLINE(performance-unnecessary-value-param): the signature of the real one
 std::unique_ptr<Simulator> make_cuda_simulator(SimSpec, const SimOptions&, int, void*) { missing(); }
 std::unique_ptr<DeviceClock> make_cuda_clock(int, void*) { missing(); }

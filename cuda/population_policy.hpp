@@ -38,7 +38,7 @@ struct PackedMlp {
 
 /// Queues the packing of networks [n, stride] into `packed` [n, PackedMlp::size].
 void pack_population(const PackedMlp& layout, const float* networks, int64_t n, int64_t stride, uint16_t* packed,
-                     int index, void* stream = nullptr);
+                     int index, void* stream);
 
 /// Who moves one team in a part of the worlds: groups of worlds, each with one network.
 struct NetworkGroups {
@@ -72,14 +72,14 @@ struct PopulationPolicy {
 /// Pieces into which the work of all parts is cut, each for one warp: some worlds of one network.
 int population_work(const PopulationPolicy& policy);
 /// Queues the listing of the pieces in which a world plays now. The list holds until another world begins to play.
-void list_population_work(const PopulationPolicy& policy, int32_t* work, int index, void* stream = nullptr);
+void list_population_work(const PopulationPolicy& policy, int32_t* work, int index, void* stream);
 
 /// Queues the actions of all parts, in the arithmetic that Precision::fp16 names (policy/config.hpp): weights, biases,
 /// log_std, observations and features rounded to half precision, 11 bits of which the first is 1; sums in fp32, in
 /// another order than LibTorch's; tanh by the hardware, off by up to 2^-11 of its value (PTX, tanh.approx.f32), other
 /// activations as everywhere; logits and means of actions in fp32. What lies beyond 65,504 is infinite.
 /// How near it is to other arithmetic: kHalfTolerance, kFusedTolerance.
-void launch_population_policy(const PopulationPolicy& policy, int index, void* stream = nullptr);
+void launch_population_policy(const PopulationPolicy& policy, int index, void* stream);
 
 /// Whether the GPU can do it: tensor cores of compute capability 8.0 or more.
 bool population_policy_runs(int index);

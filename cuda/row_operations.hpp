@@ -6,9 +6,10 @@
 #include "math/gae.hpp"
 #include "math/population_actions.hpp"
 #include "math/ppo_loss.hpp"
-#include "math/scripted.hpp"
 #include "math/step_gate.hpp"
 #include "math/team_mean.hpp"
+#include "scripted/actions.hpp"
+#include "scripted/population_scripts.hpp"
 
 #define GIGA_ROW_OPERATIONS(APPLY) \
   APPLY(SampleCategorical)         \

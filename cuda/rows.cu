@@ -1,4 +1,4 @@
-// Row operations on the GPU: one thread per row.
+// Row operations on the GPU: one thread per element.
 #include "cuda/check.cuh"
 #include "cuda/row_operations.hpp"
 #include "cuda/rows.hpp"

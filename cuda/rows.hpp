@@ -1,4 +1,4 @@
-// RowRunner: applies a row operation (math/rows.hpp) to all rows of a device's buffers.
+// RowRunner: a loop whose rounds are independent, op(0) ... op(n - 1), on the threads of the CPU or on a GPU.
 #pragma once
 
 #include <cstdint>
@@ -9,19 +9,19 @@
 
 namespace giga {
 
-/// Queues op(0) ... op(n - 1) on a GPU, for the operations listed in row_operations.hpp. Throws in a build without
-/// CUDA.
+/// Queues the loop on a GPU, for the operations listed in row_operations.hpp. Throws in a build without CUDA.
 template <class Op>
 void launch_rows(const Op& op, int64_t n, int index, void* stream);
 
-/// Where row operations run. On a GPU they are queued on the stream; on the CPU they are done on return.
+/// On a GPU the loop is queued on the stream; on the CPU it is done on return.
 class RowRunner {
  public:
-  /// `n_threads` as in SimOptions; `stream` is a cudaStream_t, null = the default stream.
+  /// `n_threads`: of the CPU, as in SimOptions. `stream`: of the GPU, a cudaStream_t; null = the default stream.
   explicit RowRunner(Device device, int n_threads = 0, void* stream = nullptr)
       : device_(device), stream_(stream), pool_(device.is_cuda() ? nullptr : new ThreadPool(n_threads)) {}
 
   Device device() const { return device_; }
+  void* stream() const { return stream_; }
 
   template <class Op>
   void run(const Op& op, int64_t n) const {

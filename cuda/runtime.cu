@@ -82,6 +82,19 @@ Memory& cuda_memory(int index) {
   return *memory;
 }
 
+void* work_stream(int index) {
+  static std::array<cudaStream_t, 64> streams{};  // handles without state, one per device
+  static std::mutex mutex;
+  GIGA_CHECK(index >= 0 && index < static_cast<int>(streams.size()), "device ", index);
+  std::lock_guard lock(mutex);
+  cudaStream_t& stream = streams[static_cast<size_t>(index)];
+  if (!stream) {
+    GIGA_CUDA(cudaSetDevice(index));
+    GIGA_CUDA(cudaStreamCreate(&stream));  // not cudaStreamNonBlocking: the default stream waits for it
+  }
+  return stream;
+}
+
 GpuSensors::GpuSensors(int index) : index_(index), thermometer_(pci_bus_id(index)) {}
 
 GpuReading GpuSensors::read() const {

@@ -11,7 +11,7 @@ struct Games {
   int wins = 0, losses = 0, ties = 0;
 };
 
-/// The outcome of a round robin. A player is whatever can play a side, or both: a script, or a checkpoint with its
+/// The outcome of a round robin. A player has a side, or both: a script, an exported policy, or a checkpoint with its
 /// policy of team 0 on side 0 and that of team 1 on side 1. Pairs that did not play have no games.
 struct GameTable {
   std::vector<std::string> players;  ///< [P] names, all different

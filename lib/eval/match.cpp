@@ -1,25 +1,15 @@
 #include "eval/match.hpp"
 
-#include <algorithm>
 #include <cmath>
-#include <vector>
+#include <utility>
 
 #include "core/error.hpp"
-#include "cuda/rows.hpp"
 #include "cuda/runtime.hpp"
-#include "rollout/shapes.hpp"
+#include "game/game.hpp"
+#include "rollout/stream.hpp"
 
 namespace giga {
 namespace {
-
-constexpr int kStepsBetweenChecks = 64;  // looking whether all episodes are over makes the host wait
-
-bool all_finished(Simulator& sim) {
-  std::vector<Phase> phases(static_cast<size_t>(sim.n_worlds()));
-  sim.synchronize();
-  sim.memory().to_host(phases.data(), sim.state().view().phase, phases.size());
-  return std::all_of(phases.begin(), phases.end(), [](Phase phase) { return phase == Phase::waits; });
-}
 
 MatchResult match_result(const EpisodeStats& stats) {
   const auto count = [&](EpisodeStat s) { return static_cast<int>(std::lround(stats[s])); };
@@ -44,37 +34,22 @@ MatchResult match_result(const EpisodeStats& stats) {
 
 }  // namespace
 
-MatchResult play_match(const SimSpec& spec, const Player& side0, const Player& side1, const MatchOptions& options) {
+MatchResult play_match(const SimSpec& spec, std::shared_ptr<TeamController> side0,
+                       std::shared_ptr<TeamController> side1, const MatchOptions& options) {
   GIGA_CHECK(options.episodes > 0, "episodes: ", options.episodes);
-  const Player player[kNTeams] = {side0, side1};
   const SimSpec limited = spec.with_time_limit();  // every episode ends, so that each is counted
   SimOptions sim_options;
   sim_options.n_worlds = options.episodes;
   sim_options.seed = options.seed;
   sim_options.on_done = OnDone::freeze;
   sim_options.n_threads = options.n_threads;
-  const auto sim = make_simulator(limited, sim_options, options.device);
-  const RowRunner rows(options.device, options.n_threads);
+  void* const stream = current_stream(options.device);
+  const auto sim = make_simulator(limited, sim_options, options.device, stream);
+  const RowRunner rows(options.device, options.n_threads, stream);
 
-  Buffer<float> obs[kNTeams];
-  Buffer<float> action[kNTeams];
-  StepIo io;
-  io.obs_stride = spec.padded_observation_size();
-  for (int team = 0; team < kNTeams; ++team) {
-    const MatchShapes shapes = match_shapes(spec, team, options.episodes, player[team].looks());
-    action[team] = Buffer<float>(sim->memory(), static_cast<size_t>(shapes.action.elements()));
-    obs[team] = Buffer<float>(sim->memory(), static_cast<size_t>(shapes.obs.elements()));
-    io.team[team].action = action[team].data();
-    io.team[team].obs = obs[team].data();
-  }
-
-  sim->start(io);
-  for (int step = 0; step < limited.params.max_episode_length; ++step) {
-    if (step % kStepsBetweenChecks == 0 && step > 0 && all_finished(*sim)) break;
-    for (int team = 0; team < kNTeams; ++team)
-      act(player[team], *sim, rows, team, {obs[team].data(), action[team].data(), nullptr, nullptr});
-    sim->step(io);
-  }
+  Game game(*sim, rows, {everywhere(std::move(side0), *sim), everywhere(std::move(side1), *sim)});
+  game.start();
+  game.play(limited.params.max_episode_length);
 
   const MatchResult result = match_result(sim->take_stats());
   GIGA_CHECK(result.episodes == options.episodes, result.episodes, " of ", options.episodes, " episodes ended");

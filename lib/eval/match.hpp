@@ -1,11 +1,11 @@
-// Matches: episodes between two policies, learned or scripted, and what came out.
+// Matches: episodes between two teams, whoever moves them, and what came of them.
 #pragma once
 
 #include <cstdint>
+#include <memory>
 
 #include "core/memory.hpp"
-#include "rollout/player.hpp"
-#include "sim/simulator.hpp"
+#include "game/team_controller.hpp"
 #include "sim/state.hpp"
 
 namespace giga {
@@ -31,8 +31,9 @@ struct MatchResult {
 };
 
 /// Plays `episodes` whole episodes, each in a world of its own: exactly one each, so that short ones do not count more.
-/// Deterministic by seed. Scenarios without a time limit are cut off after kEpisodeLimit steps,
-/// which nobody wins by living.
-MatchResult play_match(const SimSpec& spec, const Player& side0, const Player& side1, const MatchOptions& options);
+/// Deterministic by seed. Scenarios without a time limit are cut off after kEpisodeLimit steps, which nobody wins by
+/// living.
+MatchResult play_match(const SimSpec& spec, std::shared_ptr<TeamController> side0,
+                       std::shared_ptr<TeamController> side1, const MatchOptions& options);
 
 }  // namespace giga

@@ -21,27 +21,28 @@ uint64_t pair_seed(uint64_t seed, const std::string& side0, const std::string& s
 
 }  // namespace
 
-GameTable play_table(std::vector<Contestant>& contestants, const SimSpec& spec, const MatchOptions& options,
+GameTable play_table(std::vector<Player>& players, const SimSpec& spec, const MatchOptions& options,
                      const RoundRobinProgress& progress) {
   GameTable table;
   std::set<std::string> names;
-  for (const Contestant& c : contestants) {
-    if (!names.insert(c.name()).second) throw InputError(cat("'", c.name(), "' takes part twice"));
-    table.players.push_back(c.name());
+  for (const Player& player : players) {
+    if (!names.insert(player.name()).second) throw InputError(cat("'", player.name(), "' takes part twice"));
+    table.players.push_back(player.name());
   }
   const auto count = [&](int side) {
-    return std::count_if(contestants.begin(), contestants.end(), [side](const auto& c) { return c.can_play(side); });
+    return std::count_if(players.begin(), players.end(),
+                         [side](const Player& player) { return player.can_play(side); });
   };
   const int all = static_cast<int>(count(0) * count(1));
   int done = 0;
-  for (Contestant& a : contestants) {
-    for (Contestant& b : contestants) {
+  for (Player& a : players) {
+    for (Player& b : players) {
       Games& games = table.games.emplace_back();
       if (!a.can_play(0) || !b.can_play(1)) continue;
       if (progress) progress(done++, all, a, b);
       MatchOptions pair = options;
       pair.seed = pair_seed(options.seed, a.name(), b.name());
-      const MatchResult r = play_match(spec, a.player(0, spec), b.player(1, spec), pair);
+      const MatchResult r = play_match(spec, a.controller(0, spec), b.controller(1, spec), pair);
       games = {r.wins[0], r.wins[1], r.ties};
     }
   }

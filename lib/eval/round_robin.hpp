@@ -1,23 +1,23 @@
-// A round robin of contestants.
+// A round robin of players.
 #pragma once
 
 #include <functional>
 #include <vector>
 
-#include "eval/contestant.hpp"
 #include "eval/game_table.hpp"
 #include "eval/match.hpp"
+#include "eval/player.hpp"
 
 namespace giga {
 
 /// Called before each pair: pairs that are done, pairs of all, who plays.
-using RoundRobinProgress = std::function<void(int done, int all, const Contestant& side_0, const Contestant& side_1)>;
+using RoundRobinProgress = std::function<void(int done, int all, const Player& side_0, const Player& side_1)>;
 
-/// Plays every contestant on side 0 against every contestant on side 1, itself included, `options.episodes` times each.
+/// Plays every player on side 0 against every player on side 1, itself included, `options.episodes` times each.
 /// Pairs of which one has no policy for its side are left at zero games. The episodes of a pair depend on
 /// `options.seed` and the two names alone, not on who else plays or in which order. Throws InputError where a policy
-/// does not fit the scenario, or two contestants have the same name.
-GameTable play_table(std::vector<Contestant>& contestants, const SimSpec& spec, const MatchOptions& options,
+/// does not fit the scenario, or two players have the same name.
+GameTable play_table(std::vector<Player>& players, const SimSpec& spec, const MatchOptions& options,
                      const RoundRobinProgress& progress = {});
 
 }  // namespace giga

@@ -16,6 +16,8 @@
 #include "learn/ppo_team.hpp"
 #include "learn/team_policy.hpp"
 #include "rollout/collector.hpp"
+#include "rollout/policy_controllers.hpp"
+#include "rollout/stream.hpp"
 #include "rollout/tensors.hpp"
 
 namespace giga {
@@ -72,7 +74,7 @@ Mappo::Mappo(const LoadedRun& run, Device device)
     : config_(run.config),
       device_(device),
       total_updates_(total_updates(run.config, run.spec.params.n_agents)),
-      rows_(device, run.config.train.n_threads),
+      rows_(device, run.config.train.n_threads, current_stream(device)),
       n_learning_worlds_(run.config.train.n_worlds) {
   set_up_libtorch(config_.train, device);
 
@@ -80,7 +82,7 @@ Mappo::Mappo(const LoadedRun& run, Device device)
   options.n_worlds = config_.train.n_worlds;
   options.seed = seed_of(config_.seed, Purpose::training);
   options.n_threads = config_.train.n_threads;
-  sim_ = make_simulator(run.spec, options, device);
+  sim_ = make_simulator(run.spec, options, device, rows_.stream());
 
   const WorldShares shares = world_shares(config_.opponents, config_.train.n_worlds);
   n_learning_worlds_ = shares.learning(0).count;
@@ -96,13 +98,13 @@ Mappo::Mappo(const LoadedRun& run, Device device)
   const auto side = [&](int team) {
     if (league_) return league_->side(team);
     const Actor* actor = actors[static_cast<size_t>(team)];
-    const Player player = actor ? Player{actor} : Player{nullptr, scripted_of(config_.train.opponent)};
-    return Side{{player, {0, config_.train.n_worlds}}};
+    return everywhere(actor ? policy_controller(*actor) : script_controller(scripted_of(config_.train.opponent)),
+                      *sim_);
   };
   const CollectorOptions collecting{config_.mappo.horizon, with_state, config_.train.desynchronize};
-  collector_ = std::make_unique<Collector>(*sim_, rows_, collecting, std::array<Side, kNTeams>{side(0), side(1)});
+  collector_ = std::make_unique<Collector>(*sim_, rows_, collecting, BothSides{side(0), side(1)});
   collector_->start();
-  clock_ = make_device_clock(device);
+  clock_ = make_device_clock(device, rows_.stream());
 }
 
 Metrics Mappo::update() {

@@ -10,9 +10,9 @@
 #include "config/duration.hpp"
 #include "config/fields.hpp"
 #include "learn/evolution/config.hpp"
-#include "math/scripted.hpp"
 #include "policy/config.hpp"
 #include "scenario/scenario.hpp"
+#include "scripted/script.hpp"
 
 namespace giga {
 

@@ -1,15 +1,14 @@
-// Actions of a team in the worlds of a population, where each world has a network, or a script, of its own.
+// Actions of a team in the worlds of a population, where each world has a network of its own.
 #pragma once
 
+#include <cmath>
+#include <cstdint>
+
 #include "math/distributions.hpp"
-#include "math/scripted.hpp"
-#include "sim/state.hpp"
+#include "math/rows.hpp"
+#include "sim/params.hpp"
 
 namespace giga {
-
-/// A script among the networks that move a team: -1 - its number.
-GIGA_HD Scripted script_of_network(int32_t network) { return static_cast<Scripted>(-1 - network); }
-constexpr int32_t network_of_script(Scripted script) { return -1 - static_cast<int32_t>(script); }
 
 /// How a network's head becomes the action of a row.
 struct PopulationAct {
@@ -42,46 +41,13 @@ struct PopulationActions {
   const float* parameters;  // [networks, n_parameters]
   int64_t n_parameters;
   int64_t log_std;         // first of the three in a row of parameters; continuous actions only
-  const int32_t* network;  // [E] row of parameters or a script, by world; null = each member's own
+  const int32_t* network;  // [E] row of parameters, below 0 a script, by world; null = each member's own
   int64_t n_worlds;        // E
 
   GIGA_HD void operator()(int64_t row) const {
     const int64_t world = act.draws.world(row);
     const int64_t id = network ? network[world % n_worlds] : world / n_worlds;
     if (id >= 0) act(row, head + row * head_size, parameters + id * n_parameters + log_std);
-  }
-};
-
-/// The actions of the rows that scripts move, in worlds that play.
-struct PopulationScripts {
-  ScriptedActions script;  // of any kind
-  const Phase* phase;      // [W]
-  const int32_t* network;  // [E]
-  int64_t n_worlds;
-
-  GIGA_HD void operator()(int64_t row) const {
-    const int64_t world = script.draws.world(row);
-    const int32_t id = network[world % n_worlds];
-    if (id >= 0 || phase[world] != Phase::plays) return;
-    script.act(script_of_network(id), row);
-  }
-};
-
-/// The same for up to two populations, one after the other.
-struct PopulationScriptsOfAll {
-  PopulationScripts part[2];
-  int64_t end[2] = {0, 0};  // rows up to there
-  int n_parts = 0;
-
-  void add(const PopulationScripts& scripts, int64_t n_rows) {
-    part[n_parts] = scripts;
-    end[n_parts] = rows() + n_rows;
-    ++n_parts;
-  }
-  GIGA_HD int64_t rows() const { return n_parts > 0 ? end[n_parts - 1] : 0; }
-  GIGA_HD void operator()(int64_t row) const {
-    const int k = row < end[0] ? 0 : 1;
-    part[k](k == 0 ? row : row - end[0]);
   }
 };
 

@@ -3,17 +3,13 @@
 
 #include <torch/types.h>
 
-#include <array>
-#include <vector>
-
-#include "rollout/player.hpp"
-#include "sim/simulator.hpp"
+#include "game/game.hpp"
 
 namespace giga {
 
 /// What one team saw, did and got. T = horizon, W = worlds, n = agents of the team, D = padded observation size. The
-/// simulator and the policy write straight into these; buffers of a team that learns nowhere, which nobody reads, are
-/// undefined, and where it looks at observations, it has the last ones only. In worlds in which a team does not learn,
+/// simulator and the policy write straight into these. A team that learns nowhere has its actions alone, and the last
+/// observations if its controller looks; its other buffers are undefined. In worlds in which a team does not learn,
 /// `raw` and `log_prob` mean nothing.
 struct TeamRollout {
   at::Tensor obs;          // [T + 1, W, n, D] slot t: before step t; [1, W, n, D] of a team that does not learn
@@ -39,40 +35,30 @@ struct CollectorOptions {
   bool desynchronize = false;  ///< first episodes start at a random age, so that worlds do not reset in step
 };
 
-/// Who moves a team in which worlds; together the parts are all worlds.
-struct SidePart {
-  Player player;
-  WorldRange worlds;
-};
-using Side = std::vector<SidePart>;
-
-class Collector {
+class Collector final : GameObserver {
  public:
-  /// The simulator must outlive the collector. Sides by team.
-  Collector(Simulator& sim, const RowRunner& rows, const CollectorOptions& options, std::array<Side, kNTeams> sides);
-  /// One player for each team.
-  Collector(Simulator& sim, const RowRunner& rows, const CollectorOptions& options, const Player& side0,
-            const Player& side1)
-      : Collector(sim, rows, options, {Side{{side0, {0, sim.n_worlds()}}}, Side{{side1, {0, sim.n_worlds()}}}}) {}
+  /// The simulator and `rows` must outlive the collector.
+  Collector(Simulator& sim, const RowRunner& rows, const CollectorOptions& options, const BothSides& sides);
+  Collector(const Collector&) = delete;
+  Collector& operator=(const Collector&) = delete;
 
   /// Starts all worlds and fills slot T, from which the next rollout goes on.
   void start();
   /// Fills slot T from the simulator's state, after loading one.
-  void resume();
+  void resume() { game_.resume(); }
   /// Plays `horizon` steps; slot 0 is the previous slot T.
-  void collect();
+  void collect() { game_.play(options_.horizon); }
 
   const Rollout& rollout() const { return rollout_; }
   int horizon() const { return options_.horizon; }
 
  private:
-  StepIo io(int t) const;  // step t: reads actions t, writes slot t + 1
+  void before_play(int64_t n_steps) override;
+  void before_step(int64_t t, GameStep& step) override;
 
-  Simulator& sim_;
-  const RowRunner& rows_;
-  CollectorOptions options_;
-  const std::array<Side, kNTeams> side_;
+  const CollectorOptions options_;
   Rollout rollout_;
+  Game game_;
 };
 
 }  // namespace giga

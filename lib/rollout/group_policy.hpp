@@ -1,4 +1,4 @@
-// GroupPolicy: networks of one shape that move a team, each in a group of worlds of its own, evaluated together.
+// GroupPolicy: several networks of one shape, each for its own group of worlds, evaluated together.
 #pragma once
 
 #include <ATen/core/Tensor.h>
@@ -9,8 +9,8 @@
 
 namespace giga {
 
-/// G groups of equally many worlds in a row. A network is a row of numbers: the P parameters of an actor, and where
-/// that normalises its observations, their mean and deviation, D each.
+/// G groups of equally many worlds in a row. A network is a row of numbers: the P parameters of an actor; if that
+/// normalises its observations, their mean and deviation follow, D numbers each.
 class GroupPolicy {
  public:
   /// `network` tells the shape and whether observations are normalised.

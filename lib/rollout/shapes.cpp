@@ -30,12 +30,4 @@ RolloutShapes rollout_shapes(const SimSpec& spec, const RolloutSize& size) {
   return shapes;
 }
 
-MatchShapes match_shapes(const SimSpec& spec, int team, int64_t episodes, bool looks) {
-  const int64_t n = spec.params.n_team[team];
-  MatchShapes shapes;
-  shapes.action = {ElementType::f32, {episodes, n, kActionSize}};
-  if (looks) shapes.obs = {ElementType::f32, {episodes, n, spec.padded_observation_size()}};
-  return shapes;
-}
-
 }  // namespace giga

@@ -19,9 +19,9 @@
 #include "core/error.hpp"
 #include "golden/comparison.hpp"
 #include "golden/recording.hpp"
-#include "math/scripted.hpp"
 #include "scenario/compile.hpp"
 #include "scenario/loader.hpp"
+#include "scripted/actions.hpp"
 #include "sim/movement.hpp"
 
 namespace giga::golden {

@@ -6,8 +6,8 @@
 #include "cuda/runtime.hpp"
 #include "io/state_hash.hpp"
 #include "learn/evolution/opponents.hpp"
-#include "math/population_actions.hpp"
 #include "runs.hpp"
+#include "scripted/script.hpp"
 
 namespace giga::test {
 namespace {

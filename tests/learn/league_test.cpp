@@ -24,7 +24,7 @@ struct Games {
         league(run, {&team[0].actor(), &team[1].actor()}, rows),
         sim(make_cpu_simulator(run.spec, {kSmallRunWorlds, 17, 0, OnDone::reset, 1})),
         collector(*sim, rows, {run.config.mappo.horizon, team[0].needs_state(), false},
-                  std::array<Side, kNTeams>{league.side(0), league.side(1)}) {
+                  {league.side(0), league.side(1)}) {
     collector.start();
   }
   void collect() {

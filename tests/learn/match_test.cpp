@@ -3,13 +3,13 @@
 
 #include <gtest/gtest.h>
 
-#include "policy/actor.hpp"
+#include "rollout/policy_controllers.hpp"
 #include "runs.hpp"
 
 namespace giga::test {
 namespace {
 
-Player script(Scripted kind) { return {nullptr, kind}; }
+std::unique_ptr<TeamController> script(Scripted kind) { return script_controller(kind); }
 
 /// 1 against 1 on an empty map of 10 x 10 where nobody shoots or collides: who circles (radius 0.33) stays inside, who
 /// flies straight on leaves it after at most 9 / 0.13 = 70 steps.
@@ -37,9 +37,8 @@ TEST(LearnMatch, CircleAgainstCircleIsATie) {
 
 TEST(LearnMatch, WhoFliesStraightOnLoses) {
   for (const int loser : {0, 1}) {
-    const Player side[2] = {script(loser == 0 ? Scripted::noop : Scripted::circle),
-                            script(loser == 1 ? Scripted::noop : Scripted::circle)};
-    const MatchResult r = play_match(peaceful(), side[0], side[1], {65, 4, {}, 2});
+    const MatchResult r = play_match(peaceful(), script(loser == 0 ? Scripted::noop : Scripted::circle),
+                                     script(loser == 1 ? Scripted::noop : Scripted::circle), {65, 4, {}, 2});
     EXPECT_EQ(r.wins[1 - loser], 65);
     EXPECT_EQ(r.wins[loser] + r.ties, 0);
     EXPECT_EQ(r.mean_return[loser], -3);  // collision_obstacle 3, once
@@ -96,11 +95,14 @@ TEST(LearnMatch, LearnedPolicyPlaysBothSides) {
   const SmallRun small;
   const auto learner = small.learner();
   const SimSpec spec = small.load().spec;
-  const MatchResult a = play_match(spec, {learner->actor(0)}, {learner->actor(1)}, {33, 1, {}, 2});
+  const auto play = [&](bool greedy) {
+    return play_match(spec, policy_controller(*learner->actor(0), greedy), policy_controller(*learner->actor(1)),
+                      {33, 1, {}, 2});
+  };
+  const MatchResult a = play(false);
   EXPECT_EQ(a.wins[0] + a.wins[1] + a.ties, 33);
-  EXPECT_TRUE(same_result(a, play_match(spec, {learner->actor(0)}, {learner->actor(1)}, {33, 1, {}, 2})));
-  const Player greedy{learner->actor(0), Scripted::random, true};
-  EXPECT_FALSE(same_result(a, play_match(spec, greedy, {learner->actor(1)}, {33, 1, {}, 2})));
+  EXPECT_TRUE(same_result(a, play(false)));
+  EXPECT_FALSE(same_result(a, play(true)));
 }
 
 }  // namespace

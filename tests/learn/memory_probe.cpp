@@ -16,7 +16,7 @@
 #include "eval/match.hpp"
 #include "io/host_info.hpp"
 #include "learn/memory/report.hpp"
-#include "policy/actor.hpp"
+#include "rollout/policy_controllers.hpp"
 
 namespace giga::test {
 namespace {
@@ -90,7 +90,8 @@ double planned_over_lost(const std::string& name, const LoadedRun& run, int n_up
   const int64_t before = free_gpu_bytes();
   const auto learner = make_learner(run, gpu);
   for (int u = 0; u < n_updates; ++u) learner->update();
-  play_match(run.spec, {learner->actor(0)}, {nullptr, Scripted::circle}, {run.config.eval.episodes, 1, gpu, 1});
+  play_match(run.spec, policy_controller(*learner->actor(0)), script_controller(Scripted::circle),
+             {run.config.eval.episodes, 1, gpu, 1});
   const int64_t lost = before - free_gpu_bytes();
 
   const MemoryPlan plan = plan_memory(run, gpu);

@@ -2,7 +2,7 @@
 #include <gtest/gtest.h>
 
 #include "eval/match.hpp"
-#include "policy/actor.hpp"
+#include "rollout/policy_controllers.hpp"
 #include "runs.hpp"
 
 namespace giga::test {
@@ -50,7 +50,9 @@ Returns train(const std::string& critic, const std::string& settings, const std:
       kScenario + ("action: " + action + "\n"));
   const auto learner = make_learner(run, Device{});
   const auto play = [&] {
-    return play_match(run.spec, {learner->actor(0)}, {nullptr, Scripted::circle}, {256, 9, Device{}, 1}).mean_return[0];
+    return play_match(run.spec, policy_controller(*learner->actor(0)), script_controller(Scripted::circle),
+                      {256, 9, Device{}, 1})
+        .mean_return[0];
   };
   Returns returns{play(), 0};
   for (int64_t u = 0; u < total_updates(run.config, 2); ++u) learner->update();

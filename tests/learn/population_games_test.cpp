@@ -8,8 +8,10 @@
 
 #include "cuda/runtime.hpp"
 #include "eval/match.hpp"
+#include "rollout/policy_controllers.hpp"
 #include "rollout/tensors.hpp"
 #include "runs.hpp"
+#include "scripted/script.hpp"
 
 namespace giga::test {
 namespace {
@@ -61,9 +63,9 @@ TEST(LearnPopulationGames, APopulationOfOneNetworkPlaysTheMatchOfThatNetwork) {
         PopulationGames games(run.spec, {6, 4, 1, false, greedy, 9, 1}, n.actor, rows);
         games.play({{team, n.members.expand({6, -1}).contiguous(), n.opponents, {1, 1, 1, 1}}}, 0);
 
-        const Player own{&n.actor, Scripted::random, greedy}, opponent{&other.actor, Scripted::random, greedy};
-        const MatchResult match =
-            play_match(run.spec, team == 0 ? own : opponent, team == 0 ? opponent : own, {24, 9, Device{}, 1});
+        auto own = policy_controller(n.actor, greedy), opponent = policy_controller(other.actor, greedy);
+        if (team == 1) std::swap(own, opponent);
+        const MatchResult match = play_match(run.spec, std::move(own), std::move(opponent), {24, 9, Device{}, 1});
         const at::Tensor results = games.results(0);
         EXPECT_EQ(stat(results, EpisodeStat::episodes), 24);
         EXPECT_EQ(stat(results, EpisodeStat::wins_0), match.wins[0]);
@@ -84,7 +86,7 @@ TEST(LearnPopulationGames, ScriptsArePlayedAsInAMatch) {
   const int32_t circle = network_of_script(Scripted::circle);
   games.play({{1, n.members.expand({8, -1}).contiguous(), n.opponents, {circle, circle}}}, 0);
   const MatchResult match =
-      play_match(run.spec, {nullptr, Scripted::circle}, {&n.actor, Scripted::random}, {16, 9, Device{}, 1});
+      play_match(run.spec, script_controller(Scripted::circle), policy_controller(n.actor), {16, 9, Device{}, 1});
   EXPECT_EQ(stat(games.results(0), EpisodeStat::wins_0), match.wins[0]);
   EXPECT_EQ(stat(games.results(0), EpisodeStat::length) / 16, match.mean_length);
 }
@@ -100,7 +102,7 @@ TEST(LearnPopulationGames, NetworksOfBodyViewsMeetScriptsThatLook) {
     const int32_t id = network_of_script(script);
     games.play({{0, n.members.expand({8, -1}).contiguous(), n.opponents, {id, id}}}, 0);
     const MatchResult match =
-        play_match(run.spec, {&n.actor, Scripted::random}, {nullptr, script}, {16, 9, Device{}, 1});
+        play_match(run.spec, policy_controller(n.actor), script_controller(script), {16, 9, Device{}, 1});
     EXPECT_EQ(stat(games.results(0), EpisodeStat::wins_0), match.wins[0]) << name_of(script);
     EXPECT_EQ(stat(games.results(0), EpisodeStat::length) / 16, match.mean_length) << name_of(script);
   }

@@ -7,6 +7,7 @@
 #include "learn/team_policy.hpp"
 #include "policy/actor.hpp"
 #include "rollout/collector.hpp"
+#include "rollout/policy_controllers.hpp"
 #include "runs.hpp"
 
 namespace giga::test {
@@ -27,7 +28,8 @@ struct Play {
       : rows(Device{}, 2),
         actor{make_actor(run, 0, Device{}), make_actor(run, 1, Device{})},
         sim(make_cpu_simulator(run.spec, {kWorlds, 17, 0, OnDone::reset, 2})),
-        collector(*sim, rows, {horizon, true, true}, {&actor[0]}, {&actor[1]}) {
+        collector(*sim, rows, {horizon, true, true},
+                  {everywhere(policy_controller(actor[0]), *sim), everywhere(policy_controller(actor[1]), *sim)}) {
     collector.start();
   }
   RowRunner rows;
@@ -65,7 +67,9 @@ TEST(LearnRollout, AScriptThatLooksSeesEveryStep) {
   // It has the last observations only, in rollouts of any length; what it does depends on all of them.
   const LoadedRun run = cramped();
   const auto make = [&](Simulator& sim, const RowRunner& rows, const Actor& actor, int horizon) {
-    return Collector(sim, rows, {horizon, false, true}, {&actor}, {nullptr, Scripted::pursuer});
+    return Collector(
+        sim, rows, {horizon, false, true},
+        {everywhere(policy_controller(actor), sim), everywhere(script_controller(Scripted::pursuer), sim)});
   };
   const RowRunner rows(Device{}, 2);
   const Actor actor = make_actor(run, 0, Device{});

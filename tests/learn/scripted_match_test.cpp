@@ -14,7 +14,7 @@ constexpr int kEpisodes = 64;
 
 MatchResult play(const std::string& scenario, Scripted side0, Scripted side1) {
   const SimSpec spec = compile(load_scenario(scenario, data_dirs()));
-  return play_match(spec, {nullptr, side0}, {nullptr, side1}, {kEpisodes, 11, {}, 2});
+  return play_match(spec, script_controller(side0), script_controller(side1), {kEpisodes, 11, {}, 2});
 }
 double share(int count) { return static_cast<double>(count) / kEpisodes; }
 

@@ -4,7 +4,7 @@
 #include <string>
 
 #include "eval/match.hpp"
-#include "policy/actor.hpp"
+#include "rollout/policy_controllers.hpp"
 #include "runs.hpp"
 #include "support/source.hpp"
 
@@ -24,11 +24,10 @@ TEST(LearnSkill, TheQuickstartBeatsScriptsAfterThreeMillionAgentSteps) {
     double win_rate;
   };
   for (const Bound bound : {Bound{Scripted::random, 0.9}, Bound{Scripted::circle, 0.35}}) {
-    const Player script{nullptr, bound.opponent};
     for (int team = 0; team < 2; ++team) {
-      const Player player{learner->actor(team)};
-      const MatchResult r =
-          play_match(run.spec, team == 0 ? player : script, team == 0 ? script : player, {512, 7, {}, 1});
+      auto learned = policy_controller(*learner->actor(team)), script = script_controller(bound.opponent);
+      if (team == 1) std::swap(learned, script);
+      const MatchResult r = play_match(run.spec, std::move(learned), std::move(script), {512, 7, {}, 1});
       const double win_rate = r.wins[team] / 512.0;
       const std::string name = cat("team_", team, "_vs_", enum_names(Scripted{})[static_cast<size_t>(bound.opponent)]);
       RecordProperty(name, std::to_string(win_rate));

@@ -9,7 +9,7 @@
 #include "config/fields.hpp"
 #include "cuda/rows.hpp"
 #include "cuda/runtime.hpp"
-#include "math/scripted.hpp"
+#include "scripted/actions.hpp"
 #include "support/sim_runner.hpp"
 #include "support/sim_specs.hpp"
 

@@ -194,7 +194,7 @@ at::Tensor actions_by_the_kernel(const Actor& actor, const at::Tensor& obs) {
   const at::Tensor& parameters = actor.parameters().values();
   const at::Tensor packed = at::empty({layout.size}, obs.options().dtype(at::kHalf));
   pack_population(layout, parameters.const_data_ptr<float>(), 1, parameters.size(0),
-                  static_cast<uint16_t*>(packed.data_ptr()), 0);
+                  static_cast<uint16_t*>(packed.data_ptr()), 0, nullptr);
   const at::Tensor phase = at::full({rows}, static_cast<int>(Phase::plays), obs.options().dtype(at::kByte));
   const at::Tensor steps = at::zeros({rows}, obs.options().dtype(at::kInt));
   const bool discrete = actor.actions() == ActionKind::discrete;
@@ -211,7 +211,7 @@ at::Tensor actions_by_the_kernel(const Actor& actor, const at::Tensor& obs) {
   part.obs = obs.const_data_ptr<float>();
   part.act = {
       actor.actions(), true, {static_cast<const uint32_t*>(steps.const_data_ptr()), 9, 0, 1, 0}, actions.data_ptr()};
-  launch_population_policy(policy, 0);
+  launch_population_policy(policy, 0, nullptr);
   return actions.cpu();
 }
 

@@ -13,9 +13,9 @@
 #include <vector>
 
 #include "core/error.hpp"
-#include "math/scripted.hpp"
 #include "scenario/compile.hpp"
 #include "scenario/loader.hpp"
+#include "scripted/actions.hpp"
 #include "sim/simulator.hpp"
 #include "support/source.hpp"
 #include "support/thinning.hpp"

@@ -13,9 +13,10 @@
 #include "learn/libtorch_settings.hpp"
 #include "learn/opponents/record.hpp"
 #include "learn/team_policy.hpp"
-#include "math/population_actions.hpp"
 #include "rollout/population_games.hpp"
+#include "rollout/stream.hpp"
 #include "rollout/tensors.hpp"
+#include "scripted/script.hpp"
 
 namespace giga {
 namespace {
@@ -100,7 +101,7 @@ class Evolution final : public Learner {
 };
 
 Evolution::Evolution(const LoadedRun& run, Device device)
-    : config_(run.config), rows_(device, run.config.train.n_threads) {
+    : config_(run.config), rows_(device, run.config.train.n_threads, current_stream(device)) {
   check_precision(run, device);
   set_up_libtorch(config_.train, device);
   const Actor* network = nullptr;
@@ -111,7 +112,7 @@ Evolution::Evolution(const LoadedRun& run, Device device)
   }
   games_ = std::make_unique<PopulationGames>(run.spec, games_options(config_), *network, rows_);
   no_networks_ = at::zeros({1, network->parameters().size()}, at::TensorOptions().device(torch_device(device)));
-  clock_ = make_device_clock(device);
+  clock_ = make_device_clock(device, rows_.stream());
 }
 
 std::vector<int> Evolution::teams_of_generation() const {

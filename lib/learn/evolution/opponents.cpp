@@ -1,7 +1,7 @@
 #include "learn/evolution/opponents.hpp"
 
 #include "learn/opponents/world_shares.hpp"
-#include "math/population_actions.hpp"
+#include "scripted/script.hpp"
 
 namespace giga {
 

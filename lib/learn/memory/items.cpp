@@ -7,8 +7,8 @@
 #include "core/thread_pool.hpp"
 #include "cuda/runtime.hpp"
 #include "cuda/scratch.hpp"
+#include "game/shapes.hpp"
 #include "learn/team_policy.hpp"
-#include "rollout/shapes.hpp"
 #include "sim/simulator.hpp"
 
 namespace giga {
@@ -43,8 +43,8 @@ int64_t evaluation_bytes(const LoadedRun& run, Device device) {
     if (!learns(run.config.train, player)) continue;
     int64_t bytes = 0;
     for (int team = 0; team < kNTeams; ++team) {
-      const MatchShapes shapes =
-          match_shapes(run.spec, team, episodes, team == player || any_looks(run.config.eval.opponents));
+      const GameShapes shapes =
+          game_shapes(run.spec, team, episodes, team == player || any_looks(run.config.eval.opponents));
       bytes += shapes.action.bytes() + shapes.obs.bytes();
     }
     buffers = std::max(buffers, bytes);

@@ -6,6 +6,7 @@
 #include "core/seeds.hpp"
 #include "learn/team_policy.hpp"
 #include "policy/parameters.hpp"
+#include "rollout/policy_controllers.hpp"
 #include "rollout/tensors.hpp"
 
 namespace giga {
@@ -46,27 +47,26 @@ League::League(const LoadedRun& run, std::array<const Actor*, kNTeams> actors, c
 Side League::side(int team) const {
   const int other = 1 - team;  // that learns where this one is frozen
   Side side;
-  const auto add = [&side](const Player& player, const WorldRange& worlds) {
-    if (worlds.count > 0) side.push_back({player, worlds});
+  const auto add = [&side](std::shared_ptr<TeamController> controller, const WorldRange& worlds) {
+    if (worlds.count > 0) side.push_back({std::move(controller), worlds});
   };
   const auto add_scripts = [&] {
     const auto n = static_cast<int64_t>(config_.scripted.size());
     for (int64_t k = 0; k < n; ++k)
-      add({nullptr, config_.scripted[static_cast<size_t>(k)]}, part_of(shares_.scripts(other), k, n));
+      add(script_controller(config_.scripted[static_cast<size_t>(k)]), part_of(shares_.scripts(other), k, n));
   };
   const auto add_past = [&] {
-    if (!past_.empty())
-      add({nullptr, Scripted::noop, false, &past_[static_cast<size_t>(team)].policy}, shares_.pool(other));
+    if (!past_.empty()) add(group_controller(past_[static_cast<size_t>(team)].policy), shares_.pool(other));
   };
-  const Player learner{actor_[static_cast<size_t>(team)]};
+  const auto add_learner = [&] { add(policy_controller(*actor_[static_cast<size_t>(team)]), shares_.learning(team)); };
   if (team == 0) {
-    add(learner, shares_.learning(0));
+    add_learner();
     add_past();
     add_scripts();
   } else {
     add_scripts();
     add_past();
-    add(learner, shares_.learning(1));
+    add_learner();
   }
   return side;
 }

@@ -1,5 +1,5 @@
-// League: the frozen opponents of mappo. It says who moves a team in which worlds, draws past policies, and counts how
-// the learning teams fare against them and against scripts.
+// League: the frozen opponents of mappo. It seats controllers, draws past policies, and counts how the learning teams
+// do against them and against scripts.
 #pragma once
 
 #include <torch/types.h>
@@ -9,10 +9,10 @@
 #include <string>
 #include <vector>
 
+#include "game/game.hpp"
 #include "learn/opponents/pool.hpp"
 #include "learn/opponents/record.hpp"
 #include "learn/opponents/world_shares.hpp"
-#include "rollout/collector.hpp"
 #include "rollout/group_policy.hpp"
 
 namespace giga {
@@ -28,18 +28,19 @@ class League {
   League(const LoadedRun& run, std::array<const Actor*, kNTeams> actors, const RowRunner& rows);
 
   const WorldShares& shares() const { return shares_; }
-  /// Who moves a team: its actor where it learns; where it does not, scripts or past policies of its own.
+  /// Who moves a team: its actor where it learns; where it does not, scripts or past policies of its own. This must
+  /// outlive them.
   Side side(int team) const;
 
   /// Before a rollout: the opponents that are met in it.
   void begin();
   /// After a rollout: queues the sums of the simulator's statistics.
   void count(const Simulator& sim);
-  /// Reads them, which waits for the device: statistics of the worlds in which both teams learn, and the record of each
-  /// team. Of games against past policies those count that began after their opponent was drawn.
+  /// Reads them and waits for the device: statistics of the worlds in which both teams learn, and the record of each
+  /// team. A game against a past policy counts if it began after that opponent was drawn.
   void read(EpisodeStats& self_play, std::array<LeagueRecord, kNTeams>& record);
-  /// After `read`, when so many updates are done: where it is time, keeps the policies and draws opponents anew. A game
-  /// in progress goes on against the new ones.
+  /// After `read`: if an update with this number calls for it, keeps the policies and draws new opponents. A game in
+  /// progress goes on against the new ones.
   void end(int64_t updates_done, const Simulator& sim);
 
   void save(const std::string& prefix, NamedArrays& out) const;

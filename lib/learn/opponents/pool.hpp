@@ -1,4 +1,4 @@
-// OpponentPool: the policies of a team that the other team may meet, how it fared against them, and whom it meets next.
+// OpponentPool: the policies of a team that the other team may meet, its record against each, and whom it meets next.
 #pragma once
 
 #include <torch/types.h>
@@ -54,8 +54,8 @@ struct PoolKey {
   int team = 0;  ///< that meets them
 };
 
-/// The row of draw number `number`: 1 to weights.size() in proportion to the weights, all alike where they are 0; 0
-/// where there are none.
+/// Draw number `number`: a row from 1 to weights.size() in proportion to the weights, or with equal chances if all are
+/// 0. Row 0 if there are no weights.
 int32_t draw_opponent(const std::vector<double>& weights, const PoolKey& key, uint32_t number);
 
 }  // namespace giga

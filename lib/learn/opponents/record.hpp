@@ -1,4 +1,4 @@
-// LeagueRecord: how a team fared in an update against past policies and against scripts, and the metrics of that.
+// LeagueRecord: how a team did in an update against past policies and against scripts, and the metrics of that.
 #pragma once
 
 #include <vector>

@@ -1,10 +1,10 @@
-// WorldShares: which worlds of mappo are played against past policies and scripts, and which by both teams as they are.
+// WorldShares: in which worlds of mappo a team meets past policies or scripts, and in which both teams learn.
 #pragma once
 
 #include <cstdint>
 
+#include "game/world_range.hpp"
 #include "learn/run_config.hpp"
-#include "rollout/world_range.hpp"
 
 namespace giga {
 
@@ -25,7 +25,7 @@ struct WorldShares {
   int64_t pooled() const { return groups * group_size; }
   int64_t side() const { return scripted + pooled(); }  ///< worlds in which only one given team learns
   WorldRange self_play() const { return {side(), n_worlds - 2 * side()}; }
-  /// Where `team` learns; all of these, and those only against the pool, and those only against scripts.
+  /// Where `team` learns: all these worlds, those against the pool, and those against scripts.
   WorldRange learning(int team) const { return {team == 0 ? 0 : side(), n_worlds - side()}; }
   WorldRange pool(int team) const { return {team == 0 ? scripted : n_worlds - side(), pooled()}; }
   WorldRange scripts(int team) const { return {team == 0 ? 0 : n_worlds - scripted, scripted}; }

@@ -3,7 +3,7 @@
 #pragma once
 
 #include "core/geometry.hpp"
-#include "math/observation_reader.hpp"
+#include "scripted/observation_reader.hpp"
 #include "sim/movement.hpp"
 
 namespace giga {
@@ -103,8 +103,8 @@ class Pilot {
     leave = min_of(leave, max_of(a, b));
   }
 
-  /// `where`, or where something is in the way the direction, of sixteen all around, that is free and near it, and
-  /// rather ahead than behind, so that the agent sticks to the side that it has chosen.
+  /// `where` if the way there is free. Else the best of sixteen directions all around: free, close to `where`, and
+  /// rather ahead than behind, so that the agent stays on the side that it has chosen.
   GIGA_HD Direction detour(Direction where) const {
     constexpr float kCos = 0.92387953f, kSin = 0.38268343f;  // of a sixteenth of the circle
     const float length = std::sqrt(where.x * where.x + where.y * where.y);
@@ -140,8 +140,8 @@ class Pilot {
     return nearest - radius;
   }
 
-  /// Room that a turn leaves: after it the agent can still go round on a circle to its left or to its right. Who always
-  /// keeps one of them free never has to hit anything.
+  /// Room that a turn leaves: after it the agent can still go round on a circle to its left or to its right. An agent
+  /// that always keeps one of the two circles free never has to hit anything.
   GIGA_HD float room(float turn) const {
     const SinCos dir = sin_cos(own_.heading + kFullTurn * turn);
     const float x = own_.x + kDt * own_.speed * dir.cos, y = own_.y + kDt * own_.speed * dir.sin;

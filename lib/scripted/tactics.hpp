@@ -2,8 +2,8 @@
 // it. docs/scripted_teams.md explains them to users.
 #pragma once
 
-#include "math/observation_reader.hpp"
-#include "math/pilot.hpp"
+#include "scripted/observation_reader.hpp"
+#include "scripted/pilot.hpp"
 #include "sim/movement.hpp"
 
 namespace giga {
@@ -12,8 +12,8 @@ constexpr float kLevel = 0, kClimb = 1, kDive = -1;
 constexpr float kSlow = -1, kFast = 1;
 constexpr float kFar = 4;  ///< units: a direction as a place that is further away than a pilot looks ahead
 
-/// Round the middle of the map on a square ring, as wide as `ring` of the map, in the sense that is nearer to where the
-/// agent is flying. Half-way between middle and wall an agent with the usual sight sees most of a 10 x 10 map.
+/// Along a square ring round the middle of the map; `ring`: 0 = the middle, 1 = the walls. Of the two senses it takes
+/// the one nearer to where the agent is flying. Half-way out an agent with the usual sight sees most of a 10 x 10 map.
 GIGA_HD Direction along_ring(const ObservationReader& obs, const Pilot& pilot, float ring) {
   const SimParams& p = obs.rules();
   const float half_x = 0.5f * p.limit_x, half_y = 0.5f * p.limit_y;
@@ -83,9 +83,9 @@ GIGA_HD Controls run_to_waypoint(const ObservationReader& obs, const Pilot& pilo
   return pilot.fly_to(to_it, kLevel, kFast);
 }
 
-/// Relative to the agent, the place that is near to it and far from `enemy` among those where it is hard to be found:
-/// the corners of the map, and for each obstacle the side that is turned away from the enemy. Without an enemy (`seen`
-/// false) the middle of the map stands for it and only nearness counts.
+/// The best hiding place, relative to the agent: near to it and far from `enemy`. The places are the corners of the map
+/// and, for each obstacle, the side turned away from the enemy. Without an enemy (`seen` false) the middle of the map
+/// stands for it and only nearness counts.
 GIGA_HD Direction cover(const ObservationReader& obs, const Pilot& pilot, const SeenAgent& enemy) {
   constexpr float kInset = 1.0f;  // room to circle
   const SimParams& p = obs.rules();

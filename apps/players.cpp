@@ -1,5 +1,5 @@
-// Finding and loading contestants.
-#include "apps/contestants.hpp"
+// Finding and loading players.
+#include "apps/players.hpp"
 
 #include <algorithm>
 #include <iostream>
@@ -39,7 +39,7 @@ std::vector<std::string> script_names(const std::string& scripted) {
 
 /// Who takes part beside the scripts.
 struct Candidate {
-  Contestant contestant;
+  Player player;
   PlayerInfo info;
   fs::path folder = {};  ///< of its run, absolute, by the name that it was asked for
 };
@@ -54,10 +54,9 @@ fs::path whole_path(const fs::path& path) {
 std::string folder_name(const fs::path& folder) { return whole_path(folder).filename().string(); }
 
 /// name_runs() gives the names.
-Candidate candidate_of(const fs::path& file, Checkpoint checkpoint, const fs::path& run,
-                       const ContestantOptions& options) {
-  Candidate candidate{Contestant::of_checkpoint({file, std::move(checkpoint), {}, {}}, options), {}, whole_path(run)};
-  const Contestant::Origin& origin = *candidate.contestant.origin();
+Candidate candidate_of(const fs::path& file, Checkpoint checkpoint, const fs::path& run, const PlayerOptions& options) {
+  Candidate candidate{Player::of_checkpoint({file, std::move(checkpoint), {}, {}}, options), {}, whole_path(run)};
+  const Player::Origin& origin = *candidate.player.origin();
   candidate.info.kind = PlayerKind::checkpoint;
   candidate.info.updates = origin.updates;
   candidate.info.agent_steps = static_cast<double>(origin.agent_steps);
@@ -90,13 +89,13 @@ void name_runs(std::vector<Candidate>& all) {
     int n = 1;
     while (is_shared(n)) ++n;
     c.info.run = last_names(c.folder, n);
-    c.contestant.rename(cat(c.info.run, "@", c.info.updates));
+    c.player.rename(cat(c.info.run, "@", c.info.updates));
   }
 }
 
 /// Of the files those that are whole.
 std::vector<Candidate> read_whole(const std::vector<fs::path>& files, const fs::path& run,
-                                  const ContestantOptions& options) {
+                                  const PlayerOptions& options) {
   std::vector<Candidate> whole;
   for (const fs::path& file : files) {
     Checkpoint checkpoint;
@@ -112,7 +111,7 @@ std::vector<Candidate> read_whole(const std::vector<fs::path>& files, const fs::
 }
 
 /// The kept checkpoints of a run in order; the best one is one of them or beside them.
-std::vector<Candidate> candidates_of_run(const fs::path& folder, int most, const ContestantOptions& options) {
+std::vector<Candidate> candidates_of_run(const fs::path& folder, int most, const PlayerOptions& options) {
   const std::vector<fs::path> files = list_checkpoints(folder);
   std::vector<fs::path> chosen;
   for (const size_t k : spread(files.size(), static_cast<size_t>(most))) chosen.push_back(files[k]);
@@ -134,18 +133,18 @@ std::vector<Candidate> candidates_of_run(const fs::path& folder, int most, const
 }
 
 /// Named like its folder, or as a module from elsewhere like its file.
-Candidate exported_candidate(const fs::path& path, const ContestantOptions& options) {
-  Candidate candidate{Contestant::load(path.string(), options), {}};
+Candidate exported_candidate(const fs::path& path, const PlayerOptions& options) {
+  Candidate candidate{Player::load(path.string(), options), {}};
   std::error_code code;
-  const bool is_module = !fs::is_directory(path, code) && !candidate.contestant.origin();
-  candidate.contestant.rename(is_module                      ? path.stem().string()
-                              : fs::is_directory(path, code) ? folder_name(path)
-                                                             : folder_name(fs::absolute(path).parent_path()));
+  const bool is_module = !fs::is_directory(path, code) && !candidate.player.origin();
+  candidate.player.rename(is_module                      ? path.stem().string()
+                          : fs::is_directory(path, code) ? folder_name(path)
+                                                         : folder_name(fs::absolute(path).parent_path()));
   candidate.info.kind = PlayerKind::exported;
   return candidate;
 }
 
-std::vector<Candidate> find_candidates(const ContestantRequest& request, const ContestantOptions& options) {
+std::vector<Candidate> find_candidates(const PlayerRequest& request, const PlayerOptions& options) {
   std::vector<Candidate> all;
   for (size_t k = 0; k < request.runs.size(); ++k) {
     const fs::path path = request.runs[k];
@@ -168,10 +167,10 @@ std::vector<Candidate> find_candidates(const ContestantRequest& request, const C
 }
 
 /// What is played: what was asked for, or the scenario of all candidates that know theirs.
-void choose_scenario(const ContestantRequest& request, const std::vector<Candidate>& candidates, Contestants& result) {
-  const Contestant::Origin* first = nullptr;
+void choose_scenario(const PlayerRequest& request, const std::vector<Candidate>& candidates, RoundRobin& result) {
+  const Player::Origin* first = nullptr;
   for (const Candidate& c : candidates) {
-    const Contestant::Origin* origin = c.contestant.origin();
+    const Player::Origin* origin = c.player.origin();
     if (!first) first = origin;
     if (!request.scenario.empty() || !origin) continue;
     if (print_scenario(origin->run.scenario) != print_scenario(first->run.scenario))
@@ -186,7 +185,7 @@ void choose_scenario(const ContestantRequest& request, const std::vector<Candida
     return;
   }
   if (!first)
-    throw InputError(cat("no checkpoint or manifest says in which scenario ", candidates.front().contestant.name(),
+    throw InputError(cat("no checkpoint or manifest says in which scenario ", candidates.front().player.name(),
                          " was trained: name the one to be played with --scenario"));
   result.scenario = first->run.scenario;
   result.scenario.name = first->scenario_name;
@@ -194,17 +193,16 @@ void choose_scenario(const ContestantRequest& request, const std::vector<Candida
 }
 
 /// With "#2" behind its name where others have the same.
-void add(Candidate candidate, Contestants& result) {
-  const std::string wanted = candidate.contestant.name();
+void add(Candidate candidate, RoundRobin& result) {
+  const std::string wanted = candidate.player.name();
   const auto is_taken = [&](const std::string& name) {
     return std::any_of(result.players.begin(), result.players.end(), [&](const auto& c) { return c.name() == name; });
   };
-  for (int number = 2; is_taken(candidate.contestant.name()); ++number)
-    candidate.contestant.rename(cat(wanted, "#", number));
+  for (int number = 2; is_taken(candidate.player.name()); ++number) candidate.player.rename(cat(wanted, "#", number));
   for (int side = 0; side < kNTeams; ++side)
-    if (candidate.contestant.can_play(side))
-      candidate.contestant.player(side, result.spec);  // throws where it does not fit
-  result.players.push_back(std::move(candidate.contestant));
+    if (candidate.player.can_play(side))
+      candidate.player.controller(side, result.spec);  // throws where it does not fit
+  result.players.push_back(std::move(candidate.player));
   result.infos.push_back(std::move(candidate.info));
 }
 
@@ -217,13 +215,13 @@ std::vector<size_t> spread(size_t n, size_t count) {
   return indices;
 }
 
-Contestants find_contestants(const ContestantRequest& request, const ContestantOptions& options) {
+RoundRobin find_players(const PlayerRequest& request, const PlayerOptions& options) {
   const std::vector<std::string> scripts =
       script_names(request.scripted);  // wrong names are told before files are read
   std::vector<Candidate> candidates = find_candidates(request, options);
-  Contestants result;
+  RoundRobin result;
   choose_scenario(request, candidates, result);
-  for (const std::string& name : scripts) add({Contestant::load(name, options), {}}, result);
+  for (const std::string& name : scripts) add({Player::load(name, options), {}}, result);
   for (Candidate& candidate : candidates) add(std::move(candidate), result);
   return result;
 }

@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "math/scripted.hpp"
+#include "scripted/actions.hpp"
 #include "support/sim_specs.hpp"
 
 namespace giga::test {
@@ -79,7 +79,7 @@ void expect_controls(Controls got, float heading, float dive, float throttle) {
   EXPECT_EQ(got.throttle, throttle);
 }
 
-TEST(MathTactics, PursuerTurnsToTheEnemyAndTradesHeightForSpeed) {
+TEST(ScriptedTactics, PursuerTurnsToTheEnemyAndTradesHeightForSpeed) {
   // At 3 units, beyond 2 x sqrt(0.8) = 1.79: dives at full throttle; nearer: climbs and slows down.
   expect_controls(View().at(5, 5, 0).enemy(3, 0).decide(Scripted::pursuer), 0, -1, 1);
   expect_controls(View().at(5, 5, 0).enemy(0, 3).decide(Scripted::pursuer), 1, -1, 1);
@@ -90,7 +90,7 @@ TEST(MathTactics, PursuerTurnsToTheEnemyAndTradesHeightForSpeed) {
   expect_controls(View().at(5, 5, 0).mate(0, -1.7f).enemy(0, 2.5f).enemy(0, -3).decide(Scripted::pursuer), 1, -1, 1);
 }
 
-TEST(MathTactics, TurnsByTheSineOfTheAngle) {
+TEST(ScriptedTactics, TurnsByTheSineOfTheAngle) {
   // An enemy at 3 to 0.3: sine 0.3 / sqrt(9.09) = 0.0995, of 0.4 at full control: 0.249, less than half: straight on.
   EXPECT_NEAR(View().at(5, 5, 0).enemy(3, 0.3f).decide_continuously(Scripted::pursuer).heading, 0.24876f, 1e-4f);
   EXPECT_EQ(View().at(5, 5, 0).enemy(3, 0.3f).decide(Scripted::pursuer).heading, 0);
@@ -99,7 +99,7 @@ TEST(MathTactics, TurnsByTheSineOfTheAngle) {
   EXPECT_EQ(View().at(5, 5, 0).enemy(3, 0.7f).decide(Scripted::pursuer).heading, 1);
 }
 
-TEST(MathTactics, PursuerWithoutAnEnemyFliesRoundTheMapAndClimbs) {
+TEST(ScriptedTactics, PursuerWithoutAnEnemyFliesRoundTheMapAndClimbs) {
   // Right of the middle at 0.5 of the half map, a little inside the ring at 0.55; flying up, which is along it.
   expect_controls(View().at(7.5f, 5, kPi / 2).decide(Scripted::pursuer), 0, 1, 1);
   expect_controls(View().at(7.5f, 5, -kPi / 2).decide(Scripted::pursuer), 0, 1, 1);
@@ -107,12 +107,12 @@ TEST(MathTactics, PursuerWithoutAnEnemyFliesRoundTheMapAndClimbs) {
   EXPECT_NE(View().at(8.5f, 5.2f, 0).decide(Scripted::pursuer).heading, 0);
 }
 
-TEST(MathTactics, PatrollerDoesNotChase) {
+TEST(ScriptedTactics, PatrollerDoesNotChase) {
   expect_controls(View().at(7.5f, 5, kPi / 2).decide(Scripted::patroller), 0, 0, 1);
   expect_controls(View().at(7.5f, 5, kPi / 2).enemy(-2, 0).decide(Scripted::patroller), 0, 0, 1);
 }
 
-TEST(MathTactics, EvaderFliesAwayFromAllEnemies) {
+TEST(ScriptedTactics, EvaderFliesAwayFromAllEnemies) {
   expect_controls(View().at(5, 5, 0).enemy(-2, 0).decide(Scripted::evader), 0, -1, 1);
   // Enemies below left and straight below: away is up and a little to the right.
   expect_controls(View().at(5, 5, kPi / 2).enemy(0, -2).enemy(-0.1f, -2.2f).decide(Scripted::evader), 0, -1, 1);
@@ -122,7 +122,7 @@ TEST(MathTactics, EvaderFliesAwayFromAllEnemies) {
   expect_controls(View().at(5, 5, 0).mate(0, -2).decide(Scripted::evader), 1, 1, -1);
 }
 
-TEST(MathTactics, WaypointRunnerFliesToTheWaypoint) {
+TEST(ScriptedTactics, WaypointRunnerFliesToTheWaypoint) {
   expect_controls(View({}, true).at(5, 5, 0).waypoint(3, 0).decide(Scripted::waypoint_runner), 0, 0, 1);
   expect_controls(View({}, true).at(5, 5, 0).waypoint(0, -3).decide(Scripted::waypoint_runner), -1, 0, 1);
   // The circle of its hardest turn has the radius 0.327 around (0, 0.327): a waypoint at (0.1, 0.3) lies inside and
@@ -133,7 +133,7 @@ TEST(MathTactics, WaypointRunnerFliesToTheWaypoint) {
     expect_controls(View({}, waypoints).at(7.5f, 5, kPi / 2).decide(Scripted::waypoint_runner), 0, 0, 1);
 }
 
-TEST(MathTactics, HiderFliesToTheFarCorner) {
+TEST(ScriptedTactics, HiderFliesToTheFarCorner) {
   // The enemy is at (4, 7), the agent at (6, 7). Distance to itself minus that to the enemy: (9, 9) sqrt(13) - sqrt(29)
   // = -1.78; (9, 1) sqrt(45) - sqrt(61) = -1.10; those at the left more than 0.
   const Controls c = View().at(6, 7, 0.588f).enemy(-2, 0).decide(Scripted::hider);  // atan(2 / 3) = 0.588
@@ -143,7 +143,7 @@ TEST(MathTactics, HiderFliesToTheFarCorner) {
   EXPECT_EQ(View().at(8.8f, 8.6f, kPi).decide(Scripted::hider).throttle, -1);
 }
 
-TEST(MathTactics, HiderFliesBehindAnObstacle) {
+TEST(ScriptedTactics, HiderFliesBehindAnObstacle) {
   // A box of 1 x 1 around (5, 6) above the agent at (5, 4.2) that faces it; the enemy is below, so the far side is
   // above the box, at (5, 6 + 0.5 + 1). The box is in the way: the first of the directions left and right of it.
   const Controls c = View({{4.5f, 5.5f, 5.5f, 6.5f, 0, 10}}).at(5, 4.2f, kPi / 2).enemy(0, -2).decide(Scripted::hider);
@@ -156,7 +156,7 @@ TEST(MathTactics, HiderFliesBehindAnObstacle) {
       1);
 }
 
-TEST(MathTactics, TurnsAwayFromWallsAndObstacles) {
+TEST(ScriptedTactics, TurnsAwayFromWallsAndObstacles) {
   // Heading for the wall at x = 10 with an enemy straight ahead. The circle of the hardest turn has the radius 0.327
   // and a margin of 0.25: after one more step of 0.13 straight on it needs 9.23 + 0.13 + 0.58 = 9.94 < 10; from 9.35
   // not.
@@ -168,7 +168,7 @@ TEST(MathTactics, TurnsAwayFromWallsAndObstacles) {
   EXPECT_NE(View(box).at(5.35f, 5, 0).enemy(1.7f, 0).decide(Scripted::pursuer).heading, 0);
 }
 
-TEST(MathTactics, KeepsApartInAltitude) {
+TEST(ScriptedTactics, KeepsApartInAltitude) {
   // An agent at 1 unit in the plane: whoever is higher climbs; 1.3 in altitude are enough.
   EXPECT_EQ(View().at(7.5f, 5, kPi / 2).mate(1, 0, 0.5f).decide(Scripted::patroller).dive, -1);
   EXPECT_EQ(View().at(7.5f, 5, kPi / 2).mate(1, 0, -0.5f).decide(Scripted::patroller).dive, 1);
@@ -179,7 +179,7 @@ TEST(MathTactics, KeepsApartInAltitude) {
   EXPECT_EQ(View().at(8.5f, 5, kPi / 2).mate(-1, 0, 0).decide(Scripted::patroller).dive, 1);
 }
 
-TEST(MathTactics, DiscreteActionIsTheInverseOfItsControls) {
+TEST(ScriptedTactics, DiscreteActionIsTheInverseOfItsControls) {
   for (int action = 0; action < kNDiscreteActions; ++action)
     EXPECT_EQ(discrete_action(discrete_controls(action)), action);
   EXPECT_EQ(discrete_action({0.6f, -0.4f, -0.51f}), 9 * 0 + 3 * 2 + 1);

@@ -1,5 +1,5 @@
-// Contestant: whoever can play: a checkpoint, a run, an exported policy, a TorchScript module or a scripted team, from
-// how a user names it.
+// Player: who takes part in matches and ratings: a checkpoint, a run, an exported policy, a TorchScript module or a
+// scripted team, from how a user names it.
 #pragma once
 
 #include <cstdint>
@@ -10,19 +10,19 @@
 
 #include "core/memory.hpp"
 #include "learn/run_config.hpp"
-#include "rollout/player.hpp"
+#include "rollout/policy_controllers.hpp"
 
 namespace giga {
 
 struct FoundCheckpoint;
 
-struct ContestantOptions {
+struct PlayerOptions {
   Device device;
   bool trust = false;   ///< open TorchScript modules, which can run any code
   bool greedy = false;  ///< policies take their most likely action instead of drawing one
 };
 
-class Contestant {
+class Player {
  public:
   /// `text`, in this order:
   ///   the name of a script (Scripted);
@@ -30,14 +30,15 @@ class Contestant {
   ///   an exported policy: its folder, its safetensors file, or with `trust` a TorchScript module, from here or not;
   ///   a checkpoint file.
   /// Throws InputError where it is none of these or cannot be read.
-  static Contestant load(const std::string& text, const ContestantOptions& options);
+  static Player load(const std::string& text, const PlayerOptions& options);
   /// The same of a checkpoint that was read; its name is that of the file.
-  static Contestant of_checkpoint(const FoundCheckpoint& found, const ContestantOptions& options);
+  static Player of_checkpoint(const FoundCheckpoint& found, const PlayerOptions& options);
 
   /// The text that it was loaded from, or what it was renamed to.
   const std::string& name() const { return name_; }
   void rename(const std::string& name) { name_ = name; }
-  bool is_script() const { return script_.has_value(); }
+  /// None where it is no script.
+  std::optional<Scripted> script() const { return script_; }
 
   /// What is known of the training of a checkpoint or an exported policy.
   struct Origin {
@@ -53,14 +54,14 @@ class Contestant {
 
   /// Whether it can play team `side`: a checkpoint has a policy for each team that learned, all others play both.
   bool can_play(int side) const;
-  /// The player of team `side` in a scenario; valid while this lives, and until the next call with a scenario of other
-  /// observations or actions. Throws InputError where can_play is false, or the scenario's observations or actions are
-  /// not those of the policy.
-  Player player(int side, const SimSpec& spec);
+  /// What moves team `side` in a game of a scenario; valid while this lives, and until the next call with a scenario of
+  /// other observations or actions. Throws InputError where can_play is false, or the scenario's observations or
+  /// actions are not those of the policy.
+  std::unique_ptr<TeamController> controller(int side, const SimSpec& spec);
 
  private:
   class Exported;
-  Player checkpoint_player(int side, const SimSpec& spec) const;
+  std::unique_ptr<TeamController> checkpoint_controller(int side, const SimSpec& spec) const;
 
   std::string name_;
   bool greedy_ = false;

@@ -1,4 +1,4 @@
-#include "eval/contestant.hpp"
+#include "eval/player.hpp"
 
 #include <filesystem>
 
@@ -22,9 +22,9 @@ namespace {
                        "; scripted teams: ", join(names)));
 }
 
-Contestant::Origin origin_of(const Manifest& manifest, const std::string& file) {
+Player::Origin origin_of(const Manifest& manifest, const std::string& file) {
   const PolicyOrigin& from = manifest.origin;
-  Contestant::Origin origin;
+  Player::Origin origin;
   origin.file = file;
   origin.scenario_name = from.scenario_name;
   origin.updates = from.updates;
@@ -41,7 +41,7 @@ Contestant::Origin origin_of(const Manifest& manifest, const std::string& file) 
 }  // namespace
 
 /// An exported policy, which is made for the scenario that it plays.
-class Contestant::Exported {
+class Player::Exported {
  public:
   Exported(ExportedPolicy found, Device device) : found_(std::move(found)), device_(device) {}
 
@@ -68,26 +68,26 @@ std::optional<Scripted> find_script(const std::string& name) {
   return std::nullopt;
 }
 
-Contestant Contestant::load(const std::string& text, const ContestantOptions& options) {
-  Contestant c;
-  c.name_ = text;
-  c.greedy_ = options.greedy;
-  c.script_ = find_script(text);
-  if (c.script_) return c;
+Player Player::load(const std::string& text, const PlayerOptions& options) {
+  Player player;
+  player.name_ = text;
+  player.greedy_ = options.greedy;
+  player.script_ = find_script(text);
+  if (player.script_) return player;
   std::error_code code;
   if (!fs::exists(text, code)) fail_unknown(text);
   if (is_exported_policy(text)) {
-    c.exported_ = std::make_shared<Exported>(find_exported_policy(text, options.trust), options.device);
-    const ExportedPolicy& found = c.exported_->found();
-    if (found.manifest) c.origin_ = std::make_shared<Origin>(origin_of(*found.manifest, found.file.string()));
-    return c;
+    player.exported_ = std::make_shared<Exported>(find_exported_policy(text, options.trust), options.device);
+    const ExportedPolicy& found = player.exported_->found();
+    if (found.manifest) player.origin_ = std::make_shared<Origin>(origin_of(*found.manifest, found.file.string()));
+    return player;
   }
-  c = of_checkpoint(find_best_checkpoint(text), options);
-  c.rename(text);
-  return c;
+  player = of_checkpoint(find_best_checkpoint(text), options);
+  player.rename(text);
+  return player;
 }
 
-Contestant Contestant::of_checkpoint(const FoundCheckpoint& found, const ContestantOptions& options) {
+Player Player::of_checkpoint(const FoundCheckpoint& found, const PlayerOptions& options) {
   const Checkpoint& checkpoint = found.checkpoint;
   LoadedPolicies loaded =
       load_policies(checkpoint.config_yaml, checkpoint.scenario_yaml, checkpoint.arrays, options.device);
@@ -100,28 +100,28 @@ Contestant Contestant::of_checkpoint(const FoundCheckpoint& found, const Contest
   origin->run = std::move(loaded.run);
   origin->run.spec.name = checkpoint.scenario_name;
   for (const std::string& line : found.damaged) origin->warnings.push_back(cat(line, "; ", origin->file, " is taken"));
-  Contestant c;
-  c.name_ = origin->file;
-  c.greedy_ = options.greedy;
-  for (int team = 0; team < kNTeams; ++team) c.policy_[team] = std::move(loaded.actor[team]);
-  c.origin_ = std::move(origin);
-  return c;
+  Player player;
+  player.name_ = origin->file;
+  player.greedy_ = options.greedy;
+  for (int team = 0; team < kNTeams; ++team) player.policy_[team] = std::move(loaded.actor[team]);
+  player.origin_ = std::move(origin);
+  return player;
 }
 
-bool Contestant::can_play(int side) const { return script_ || exported_ || policy_[side]; }
+bool Player::can_play(int side) const { return script_ || exported_ || policy_[side]; }
 
-Player Contestant::player(int side, const SimSpec& spec) {
-  if (script_) return {nullptr, *script_, false};
-  if (!exported_) return checkpoint_player(side, spec);
+std::unique_ptr<TeamController> Player::controller(int side, const SimSpec& spec) {
+  if (script_) return script_controller(*script_);
+  if (!exported_) return checkpoint_controller(side, spec);
   const ReadPolicy& read = exported_->policy_for(spec);
-  return {read.policy.get(), Scripted::random, greedy_ || read.greedy};
+  return policy_controller(*read.policy, greedy_ || read.greedy);
 }
 
-Player Contestant::checkpoint_player(int side, const SimSpec& spec) const {
+std::unique_ptr<TeamController> Player::checkpoint_controller(int side, const SimSpec& spec) const {
   if (!policy_[side])
     throw InputError(cat(name_, " has no policy for team ", side, ", which was scripted while it trained"));
   check_fits(interface_of(origin_->run.spec), spec, name_);
-  return {policy_[side].get(), Scripted::random, greedy_ || acts_greedily(origin_->run.config)};
+  return policy_controller(*policy_[side], greedy_ || acts_greedily(origin_->run.config));
 }
 
 }  // namespace giga

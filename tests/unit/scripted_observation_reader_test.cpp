@@ -1,5 +1,5 @@
 // ObservationReader: every number that a script asks for, against a world of the simulator that is set up by hand.
-#include "math/observation_reader.hpp"
+#include "scripted/observation_reader.hpp"
 
 #include <gtest/gtest.h>
 
@@ -35,7 +35,7 @@ void place(TestWorld& world) {
   world.put(3, 12, 3, 3);
 }
 
-TEST(MathObservationReader, OwnStateAndOthersNearestFirst) {
+TEST(ScriptedObservationReader, OwnStateAndOthersNearestFirst) {
   TestWorld world(wide_spec());
   place(world);
   world.step();
@@ -75,7 +75,7 @@ TEST(MathObservationReader, OwnStateAndOthersNearestFirst) {
   EXPECT_FALSE(alone.waypoint().active);
 }
 
-TEST(MathObservationReader, NobodyInSight) {
+TEST(ScriptedObservationReader, NobodyInSight) {
   SimSpec spec = wide_spec();
   set_cone(spec.params, 1, kPi);
   spec.params.very_close_depth2 = 0;
@@ -88,7 +88,7 @@ TEST(MathObservationReader, NobodyInSight) {
   EXPECT_FALSE(reader.nearest_enemy().seen);
 }
 
-TEST(MathObservationReader, WaypointAndBoxesWithAndWithoutHeights) {
+TEST(ScriptedObservationReader, WaypointAndBoxesWithAndWithoutHeights) {
   for (const bool heights : {false, true}) {
     SimSpec spec = wide_spec();
     spec.params.waypoints = true;

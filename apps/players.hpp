@@ -4,30 +4,30 @@
 #include <string>
 #include <vector>
 
-#include "eval/contestant.hpp"
+#include "eval/player.hpp"
 #include "rating/sheet.hpp"
 
 namespace giga {
 
-struct ContestantRequest {
+struct PlayerRequest {
   std::vector<std::string> runs;  ///< run folders, checkpoint files, exported policies
   std::string scripted;           ///< "all", "none", or names with commas between them
   std::string scenario;           ///< name or path; empty: that of the runs, which must then be the same
   int checkpoints = 0;            ///< at most so many of each run; 0 = all
 };
 
-struct Contestants {
+struct RoundRobin {
   Scenario scenario;
   SimSpec spec;
-  int n_threads = 0;                ///< of the first run
-  std::vector<Contestant> players;  ///< scripts, then the others as asked for, runs with their checkpoints in order
-  std::vector<PlayerInfo> infos;    ///< [players]
+  int n_threads = 0;              ///< of the first run
+  std::vector<Player> players;    ///< scripts, then the others as asked for, runs with their checkpoints in order
+  std::vector<PlayerInfo> infos;  ///< [players]
 };
 
 /// Finds and loads them, under names that are all different, as those of the runs are. A checkpoint of a run folder
 /// that is damaged is left out with a warning. Throws InputError for unknown scripts, folders without whole
 /// checkpoints, runs given twice, and policies that do not fit the scenario.
-Contestants find_contestants(const ContestantRequest& request, const ContestantOptions& options);
+RoundRobin find_players(const PlayerRequest& request, const PlayerOptions& options);
 
 /// `count` of n things (0 = all) at equal distances, the last always among them; indices in order.
 std::vector<size_t> spread(size_t n, size_t count);

@@ -1,6 +1,6 @@
 // Who can play: scripts, checkpoints and run folders, exported policies, TorchScript modules; what is said to those
 // that do not fit; and a round robin.
-#include "eval/contestant.hpp"
+#include "eval/player.hpp"
 
 #include <gtest/gtest.h>
 #include <torch/csrc/jit/api/module.h>
@@ -21,7 +21,7 @@ namespace giga::test {
 namespace {
 namespace fs = std::filesystem;
 
-class LearnContestant : public testing::Test {
+class LearnPlayer : public testing::Test {
  protected:
   std::string path(const std::string& name) const { return (folder_ / name).string(); }
 
@@ -46,81 +46,85 @@ bool equal(const MatchResult& a, const MatchResult& b) {
          a.mean_return[0] == b.mean_return[0] && a.mean_return[1] == b.mean_return[1];
 }
 
-TEST_F(LearnContestant, ScriptsByName) {
+TEST_F(LearnPlayer, ScriptsByName) {
   const SimSpec spec = SmallRun{}.load().spec;
   for (const std::string& name : FieldCodec<Scripted>::names()) {
-    Contestant c = Contestant::load(name, {});
+    Player c = Player::load(name, {});
     EXPECT_EQ(c.name(), name);
-    EXPECT_TRUE(c.is_script() && c.can_play(0) && c.can_play(1));
+    EXPECT_TRUE(c.can_play(0) && c.can_play(1));
     EXPECT_EQ(c.origin(), nullptr);
-    EXPECT_EQ(name_of(c.player(1, spec).script), name);
+    ASSERT_TRUE(c.script());
+    EXPECT_EQ(name_of(*c.script()), name);
+    EXPECT_NE(c.controller(1, spec), nullptr);
   }
 }
 
-TEST_F(LearnContestant, UnknownNamesAndFiles) {
-  EXPECT_EQ(input_error_of([] { Contestant::load("cirle", {}); }),
+TEST_F(LearnPlayer, UnknownNamesAndFiles) {
+  EXPECT_EQ(input_error_of([] { Player::load("cirle", {}); }),
             "'cirle' is neither a scripted team nor a file or folder; nearest: 'circle'; scripted teams: random, noop, "
             "circle, reverse_circle, circle_random, pursuer, evader, waypoint_runner, hider, patroller");
-  EXPECT_EQ(input_error_of([] { Contestant::load("runs/x", {}); }), "there is no checkpoint or run folder runs/x");
+  EXPECT_EQ(input_error_of([] { Player::load("runs/x", {}); }), "there is no checkpoint or run folder runs/x");
   write_file(path("text.h5"), "no checkpoint");
-  EXPECT_TRUE(contains(input_error_of([&] { Contestant::load(path("text.h5"), {}); }), {"text.h5"}));
+  EXPECT_TRUE(contains(input_error_of([&] { Player::load(path("text.h5"), {}); }), {"text.h5"}));
   write_file(path("policy.safetensors"), "x");
-  EXPECT_TRUE(contains(input_error_of([&] { Contestant::load(path("policy.safetensors"), {}); }), {"manifest.json"}));
+  EXPECT_TRUE(contains(input_error_of([&] { Player::load(path("policy.safetensors"), {}); }), {"manifest.json"}));
 }
 
-TEST_F(LearnContestant, ACheckpointPlaysAsTheActorsThatItHolds) {
+TEST_F(LearnPlayer, ACheckpointPlaysAsTheActorsThatItHolds) {
   const SmallRun small;
   save(small, "run/checkpoints/update_00000003.h5", 3);
-  Contestant c = Contestant::load(path("run"), {});
+  Player c = Player::load(path("run"), {});
   ASSERT_NE(c.origin(), nullptr);
   EXPECT_EQ(c.origin()->updates, 3);
   EXPECT_EQ(c.origin()->scenario_name, "small");
   const SimSpec spec = small.load().spec;
   const auto learner = small.learner();
   const MatchOptions options{33, 1, {}, 2};
-  const MatchResult expected = play_match(spec, {learner->actor(0)}, {learner->actor(1)}, options);
-  EXPECT_TRUE(equal(expected, play_match(spec, c.player(0, spec), c.player(1, spec), options)));
-  Contestant greedy = Contestant::load(path("run"), {{}, false, true});
-  EXPECT_FALSE(equal(expected, play_match(spec, greedy.player(0, spec), greedy.player(1, spec), options)));
+  const MatchResult expected =
+      play_match(spec, policy_controller(*learner->actor(0)), policy_controller(*learner->actor(1)), options);
+  EXPECT_TRUE(equal(expected, play_match(spec, c.controller(0, spec), c.controller(1, spec), options)));
+  Player greedy = Player::load(path("run"), {{}, false, true});
+  EXPECT_FALSE(equal(expected, play_match(spec, greedy.controller(0, spec), greedy.controller(1, spec), options)));
 }
 
-TEST_F(LearnContestant, ARunFolderIsItsBestCheckpoint) {
+TEST_F(LearnPlayer, ARunFolderIsItsBestCheckpoint) {
   save(SmallRun{}, "run/checkpoints/update_00000007.h5", 7);
   save(SmallRun{}, "run/checkpoints/best.h5", 5);
-  EXPECT_EQ(Contestant::load(path("run"), {}).origin()->updates, 5);
-  EXPECT_TRUE(Contestant::load(path("run"), {}).origin()->warnings.empty());
+  EXPECT_EQ(Player::load(path("run"), {}).origin()->updates, 5);
+  EXPECT_TRUE(Player::load(path("run"), {}).origin()->warnings.empty());
   write_file(path("run/checkpoints/best.h5"), read_file(path("run/checkpoints/best.h5")).substr(0, 2000));
-  const Contestant fallen = Contestant::load(path("run"), {});
+  const Player fallen = Player::load(path("run"), {});
   EXPECT_EQ(fallen.origin()->updates, 7);
   ASSERT_EQ(fallen.origin()->warnings.size(), 1u);
   EXPECT_TRUE(contains(fallen.origin()->warnings[0], {"best.h5", "is truncated", "update_00000007.h5 is taken"}));
 }
 
-TEST_F(LearnContestant, ATeamThatWasScriptedHasNoPolicy) {
+TEST_F(LearnPlayer, ATeamThatWasScriptedHasNoPolicy) {
   SmallRun small;
   small.train = "opponent: pursuer, learning_team: 1";
   save(small, "one.h5");
-  Contestant c = Contestant::load(path("one.h5"), {});
+  Player c = Player::load(path("one.h5"), {});
   EXPECT_FALSE(c.can_play(0));
   EXPECT_TRUE(c.can_play(1));
   const SimSpec spec = small.load().spec;
-  EXPECT_TRUE(contains(input_error_of([&] { c.player(0, spec); }), {"one.h5", "no policy for team 0"}));
+  EXPECT_TRUE(contains(input_error_of([&] { c.controller(0, spec); }), {"one.h5", "no policy for team 0"}));
 }
 
-TEST_F(LearnContestant, TheScenarioMustShowWhatThePolicyReads) {
+TEST_F(LearnPlayer, TheScenarioMustShowWhatThePolicyReads) {
   save(SmallRun{}, "policy.h5");
-  Contestant c = Contestant::load(path("policy.h5"), {});
+  Player c = Player::load(path("policy.h5"), {});
   SmallRun other;
   other.scenario = "team_1: [{type: default, count: 3}]\n";
   SimSpec spec = other.load().spec;
   spec.name = "larger";
   // 2 + 2 agents of 9 numbers, and 2 + 3.
-  EXPECT_TRUE(contains(input_error_of([&] { c.player(0, spec); }),
+  EXPECT_TRUE(contains(input_error_of([&] { c.controller(0, spec); }),
                        {"policy.h5 was trained in 'small'", "36 numbers: self 1 x 9, neighbors 3 x 9; in 'larger'",
                         "45 numbers: self 1 x 9, neighbors 4 x 9"}));
   other.scenario = "action: continuous\n";
   spec = other.load().spec;
-  EXPECT_TRUE(contains(input_error_of([&] { c.player(0, spec); }), {"policy.h5", "discrete actions", "continuous"}));
+  EXPECT_TRUE(
+      contains(input_error_of([&] { c.controller(0, spec); }), {"policy.h5", "discrete actions", "continuous"}));
 }
 
 /// Saves a module whose forward has the given body; `obs` is its argument.
@@ -131,18 +135,17 @@ void save_module(const std::string& file, const std::string& body, const at::Ten
   module.save(file);
 }
 
-TEST_F(LearnContestant, ATorchScriptModuleNeedsTrust) {
+TEST_F(LearnPlayer, ATorchScriptModuleNeedsTrust) {
   save_module(path("noop.pt"), "return obs[:, :27]");
-  EXPECT_TRUE(
-      contains(input_error_of([&] { Contestant::load(path("noop.pt"), {}); }), {"noop.pt", "is code", "--trust"}));
-  EXPECT_TRUE(Contestant::load(path("noop.pt"), {{}, true, false}).can_play(1));
+  EXPECT_TRUE(contains(input_error_of([&] { Player::load(path("noop.pt"), {}); }), {"noop.pt", "is code", "--trust"}));
+  EXPECT_TRUE(Player::load(path("noop.pt"), {{}, true, false}).can_play(1));
   write_file(path("broken.pt"), std::string("PK\x03\x04", 4) + "nothing more");
-  Contestant broken = Contestant::load(path("broken.pt"), {{}, true, false});
+  Player broken = Player::load(path("broken.pt"), {{}, true, false});
   const SimSpec spec = SmallRun{}.load().spec;
-  EXPECT_TRUE(contains(input_error_of([&] { broken.player(0, spec); }), {"broken.pt is no TorchScript module"}));
+  EXPECT_TRUE(contains(input_error_of([&] { broken.controller(0, spec); }), {"broken.pt is no TorchScript module"}));
 }
 
-TEST_F(LearnContestant, ATorchScriptModulePlaysAsTheScriptThatItImitates) {
+TEST_F(LearnPlayer, ATorchScriptModulePlaysAsTheScriptThatItImitates) {
   // Logit 16 (turn left, action 9 + 3 x 2 + 1) is 50, the others 0: circle. In continuous actions the mean 20 of the
   // heading is a turn of tanh(20) = 1.
   save_module(path("circle.pt"),
@@ -153,46 +156,49 @@ TEST_F(LearnContestant, ATorchScriptModulePlaysAsTheScriptThatItImitates) {
     SmallRun small;
     if (continuous) small.scenario = "action: continuous\n";
     const SimSpec spec = small.load().spec;
-    Contestant module = Contestant::load(path(continuous ? "means.pt" : "circle.pt"), {{}, true, false});
-    const Player random{nullptr, Scripted::random};
+    Player module = Player::load(path(continuous ? "means.pt" : "circle.pt"), {{}, true, false});
     const MatchOptions options{65, 3, {}, 2};
     for (const int side : {0, 1}) {
-      const auto play = [&](const Player& player) {
-        return side == 0 ? play_match(spec, player, random, options) : play_match(spec, random, player, options);
+      const auto play = [&](std::unique_ptr<TeamController> one) {
+        auto other = script_controller(Scripted::random);
+        if (side == 1) std::swap(one, other);
+        return play_match(spec, std::move(one), std::move(other), options);
       };
-      EXPECT_TRUE(equal(play(module.player(side, spec)), play({nullptr, Scripted::circle}))) << "side " << side;
+      EXPECT_TRUE(equal(play(module.controller(side, spec)), play(script_controller(Scripted::circle))))
+          << "side " << side;
     }
   }
 }
 
-TEST_F(LearnContestant, ATorchScriptModuleScattersByItsLogStd) {
+TEST_F(LearnPlayer, ATorchScriptModuleScattersByItsLogStd) {
   SmallRun small;
   small.scenario = "action: continuous\n";
   const SimSpec spec = small.load().spec;
   save_module(path("still.pt"), "return obs[:, :3] * 0.0");
   save_module(path("wild.pt"), "return obs[:, :3] * 0.0", at::ones({3}));
-  const Player random{nullptr, Scripted::random};
-  const MatchOptions options{65, 3, {}, 2};
-  Contestant still = Contestant::load(path("still.pt"), {{}, true, false});
-  Contestant wild = Contestant::load(path("wild.pt"), {{}, true, false});
-  const MatchResult noop = play_match(spec, {nullptr, Scripted::noop}, random, options);
-  EXPECT_TRUE(equal(noop, play_match(spec, still.player(0, spec), random, options)));
-  EXPECT_FALSE(equal(noop, play_match(spec, wild.player(0, spec), random, options)));
+  const auto play = [&](std::unique_ptr<TeamController> one) {
+    return play_match(spec, std::move(one), script_controller(Scripted::random), {65, 3, {}, 2});
+  };
+  Player still = Player::load(path("still.pt"), {{}, true, false});
+  Player wild = Player::load(path("wild.pt"), {{}, true, false});
+  const MatchResult noop = play(script_controller(Scripted::noop));
+  EXPECT_TRUE(equal(noop, play(still.controller(0, spec))));
+  EXPECT_FALSE(equal(noop, play(wild.controller(0, spec))));
   save_module(path("odd.pt"), "return obs[:, :3]", at::ones({2}));
-  Contestant odd = Contestant::load(path("odd.pt"), {{}, true, false});
-  EXPECT_TRUE(contains(input_error_of([&] { odd.player(0, spec); }), {"odd.pt", "log_std has shape [2]"}));
+  Player odd = Player::load(path("odd.pt"), {{}, true, false});
+  EXPECT_TRUE(contains(input_error_of([&] { odd.controller(0, spec); }), {"odd.pt", "log_std has shape [2]"}));
 }
 
-TEST_F(LearnContestant, ATorchScriptModuleOfOtherSizesIsRefused) {
+TEST_F(LearnPlayer, ATorchScriptModuleOfOtherSizesIsRefused) {
   const SimSpec spec = SmallRun{}.load().spec;  // 36 numbers
-  const ContestantOptions trusting{{}, true, false};
+  const PlayerOptions trusting{{}, true, false};
   save_module(path("narrow.pt"), "return obs[:, :26]");
-  Contestant narrow = Contestant::load(path("narrow.pt"), trusting);
+  Player narrow = Player::load(path("narrow.pt"), trusting);
   EXPECT_TRUE(
-      contains(input_error_of([&] { narrow.player(0, spec); }), {"narrow.pt", "[2, 26]", "needed: Float [2, 27]"}));
+      contains(input_error_of([&] { narrow.controller(0, spec); }), {"narrow.pt", "[2, 26]", "needed: Float [2, 27]"}));
   save_module(path("other.pt"), "return torch.matmul(obs, torch.zeros([40, 27]))");
-  Contestant other = Contestant::load(path("other.pt"), trusting);
-  EXPECT_TRUE(contains(input_error_of([&] { other.player(0, spec); }),
+  Player other = Player::load(path("other.pt"), trusting);
+  EXPECT_TRUE(contains(input_error_of([&] { other.controller(0, spec); }),
                        {"other.pt is no TorchScript module that can play here"}));
 }
 
@@ -211,7 +217,7 @@ void export_both(const SmallRun& small, ExportFormat format, const std::string& 
   }
 }
 
-TEST_F(LearnContestant, AnExportedPolicyPlaysAsTheCheckpointThatItIsOf) {
+TEST_F(LearnPlayer, AnExportedPolicyPlaysAsTheCheckpointThatItIsOf) {
   for (const bool continuous : {false, true}) {
     SmallRun small;
     if (continuous) small.scenario = "action: continuous\n";
@@ -220,11 +226,12 @@ TEST_F(LearnContestant, AnExportedPolicyPlaysAsTheCheckpointThatItIsOf) {
     export_both(small, ExportFormat::safetensors, name);
     const SimSpec spec = small.load().spec;
     const MatchOptions options{65, 1, {}, 2};
-    Contestant checkpoint = Contestant::load(name + ".h5", {});
-    const MatchResult expected = play_match(spec, checkpoint.player(0, spec), checkpoint.player(1, spec), options);
-    Contestant team0 = Contestant::load(name + "0", {});
-    Contestant team1 = Contestant::load(name + "1/policy.safetensors", {});
-    EXPECT_TRUE(equal(expected, play_match(spec, team0.player(0, spec), team1.player(1, spec), options)));
+    Player checkpoint = Player::load(name + ".h5", {});
+    const MatchResult expected =
+        play_match(spec, checkpoint.controller(0, spec), checkpoint.controller(1, spec), options);
+    Player team0 = Player::load(name + "0", {});
+    Player team1 = Player::load(name + "1/policy.safetensors", {});
+    EXPECT_TRUE(equal(expected, play_match(spec, team0.controller(0, spec), team1.controller(1, spec), options)));
     EXPECT_TRUE(team0.can_play(1)) << "an exported policy is for both sides";
     ASSERT_NE(team0.origin(), nullptr);
     EXPECT_EQ(team0.origin()->updates, 3);
@@ -233,44 +240,47 @@ TEST_F(LearnContestant, AnExportedPolicyPlaysAsTheCheckpointThatItIsOf) {
   }
 }
 
-TEST_F(LearnContestant, AnExportedPolicyMustFitAndBeReadable) {
+TEST_F(LearnPlayer, AnExportedPolicyMustFitAndBeReadable) {
   export_both(SmallRun{}, ExportFormat::safetensors, path("tensors"));
   SmallRun other;
   other.scenario = "team_1: [{type: default, count: 3}]\n";
   SimSpec larger = other.load().spec;
   larger.name = "larger";
-  Contestant c = Contestant::load(path("tensors0"), {});
-  EXPECT_TRUE(contains(input_error_of([&] { c.player(0, larger); }),
+  Player c = Player::load(path("tensors0"), {});
+  EXPECT_TRUE(contains(input_error_of([&] { c.controller(0, larger); }),
                        {"tensors0/policy.safetensors was trained in 'small'", "in 'larger' it observes 45 numbers"}));
   const SimSpec spec = SmallRun{}.load().spec;
-  const Policy* const policy = c.player(0, spec).policy;
-  EXPECT_EQ(c.player(1, spec).policy, policy) << "read once";
+  c.controller(0, spec);
+  const std::string file = path("tensors0/policy.safetensors"), bytes = read_file(file);
+  fs::remove(file);
+  c.controller(1, spec);  // the file was read once
+  write_file(file, bytes);
 
   export_both(SmallRun{}, ExportFormat::onnx, path("graph"));
-  EXPECT_TRUE(contains(input_error_of([&] { Contestant::load(path("graph0"), {}); }), {"graph0/policy.onnx", "ONNX"}));
+  EXPECT_TRUE(contains(input_error_of([&] { Player::load(path("graph0"), {}); }), {"graph0/policy.onnx", "ONNX"}));
   export_both(SmallRun{}, ExportFormat::torchscript, path("module"));
-  EXPECT_TRUE(contains(input_error_of([&] { Contestant::load(path("module0"), {}); }), {"policy.pt", "--trust"}));
+  EXPECT_TRUE(contains(input_error_of([&] { Player::load(path("module0"), {}); }), {"policy.pt", "--trust"}));
   std::string manifest = read_file(path("tensors0/manifest.json"));
   manifest.replace(manifest.find("n_worlds:"), 9, "n_wrlds: ");
   write_file(path("tensors0/manifest.json"), manifest);
-  EXPECT_TRUE(contains(input_error_of([&] { Contestant::load(path("tensors0"), {}); }),
+  EXPECT_TRUE(contains(input_error_of([&] { Player::load(path("tensors0"), {}); }),
                        {"the manifest of ", "tensors0/policy.safetensors: ", "n_wrlds: unknown key"}));
 }
 
-TEST_F(LearnContestant, RoundRobinPlaysEveryOrderedPair) {
+TEST_F(LearnPlayer, RoundRobinPlaysEveryOrderedPair) {
   const SimSpec spec = SmallRun{}.load().spec;
   SmallRun one;
   one.train = "opponent: circle";
   save(one, "one.h5");  // a policy for team 0 only
   const auto table_of = [&](const std::vector<std::string>& names, uint64_t seed) {
-    std::vector<Contestant> contestants;
-    for (const std::string& name : names) contestants.push_back(Contestant::load(name, {}));
-    return play_table(contestants, spec, {40, seed, {}, 2});
+    std::vector<Player> players;
+    for (const std::string& name : names) players.push_back(Player::load(name, {}));
+    return play_table(players, spec, {40, seed, {}, 2});
   };
   const std::vector<std::string> names = {"random", path("one.h5"), "pursuer"};
-  std::vector<Contestant> counted = {Contestant::load("noop", {}), Contestant::load(path("one.h5"), {})};
+  std::vector<Player> counted = {Player::load("noop", {}), Player::load(path("one.h5"), {})};
   std::vector<std::string> told;
-  play_table(counted, spec, {1, 1, {}, 2}, [&](int done, int all, const Contestant& side_0, const Contestant& side_1) {
+  play_table(counted, spec, {1, 1, {}, 2}, [&](int done, int all, const Player& side_0, const Player& side_1) {
     told.push_back(cat(done, " of ", all, ": ", fs::path(side_0.name()).stem().string(), ", ", side_1.name()));
   });
   EXPECT_EQ(told, (std::vector<std::string>{"0 of 2: noop, noop", "1 of 2: one, noop"}));

@@ -1,37 +1,14 @@
-// Scripted teams: actions without learning. The first five are the paper's (rules 13.5); docs/scripted_teams.md
-// has a table of all.
+// ScriptedActions: the actions of a team that a script moves, the same on CPU and GPU.
 #pragma once
 
-#include <array>
-
-#include "math/observation_reader.hpp"
-#include "math/pilot.hpp"
 #include "math/rows.hpp"
-#include "math/tactics.hpp"
+#include "scripted/observation_reader.hpp"
+#include "scripted/pilot.hpp"
+#include "scripted/script.hpp"
+#include "scripted/tactics.hpp"
 #include "sim/params.hpp"
 
 namespace giga {
-
-/// The one list of scripts: configs, the command line and messages take their names from here.
-enum class Scripted : uint8_t {
-  random,           ///< uniform over the 27 actions, or over [-1, 1)^3
-  noop,             ///< straight on
-  circle,           ///< turns left for ever: a stable orbit
-  reverse_circle,   ///< turns right
-  circle_random,    ///< left or right, drawn per agent and episode
-  pursuer,          ///< turns to the nearest enemy that it sees, and searches while it sees none
-  evader,           ///< flies away from the enemies that it sees
-  waypoint_runner,  ///< flies to the waypoint
-  hider,            ///< keeps behind an obstacle or in the far corner
-  patroller,        ///< flies round the map
-};
-constexpr std::array<const char*, 10> enum_names(Scripted) {
-  return {"random",  "noop",   "circle",          "reverse_circle", "circle_random",
-          "pursuer", "evader", "waypoint_runner", "hider",          "patroller"};
-}
-constexpr const char* name_of(Scripted script) { return enum_names(script)[static_cast<size_t>(script)]; }
-/// Whether a script looks at the agent's observation.
-GIGA_HD bool uses_observation(Scripted script) { return script >= Scripted::pursuer; }
 
 /// Writes the actions of a scripted team.
 struct ScriptedActions {

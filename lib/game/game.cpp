@@ -1,0 +1,126 @@
+#include "game/game.hpp"
+
+#include <algorithm>
+
+#include "core/error.hpp"
+#include "core/philox.hpp"
+#include "game/shapes.hpp"
+#include "sim/schedule.hpp"
+
+namespace giga {
+
+Game::Game(Simulator& sim, const RowRunner& rows, const BothSides& sides, std::vector<GameObserver*> observers)
+    : sim_(sim), rows_(rows), observers_(std::move(observers)) {
+  for (int team = 0; team < kNTeams; ++team) take_seats(sides[static_cast<size_t>(team)], team);
+}
+
+void Game::take_seats(const Side& side, int team) {
+  int64_t next = 0;
+  for (const SidePart& part : side) {
+    GIGA_CHECK(part.worlds.first == next && part.worlds.count > 0, "worlds ", part.worlds.first, " to ",
+               part.worlds.end(), " after ", next);
+    next = part.worlds.end();
+    auto seat =
+        std::find_if(seats_.begin(), seats_.end(), [&](const Seat& s) { return s.controller == part.controller; });
+    if (seat == seats_.end()) seat = seats_.insert(seat, {part.controller, {}});
+    seat->parts.push_back({team, part.worlds});
+  }
+  GIGA_CHECK(next == sim_.n_worlds(), "somebody moves team ", team, " in ", next, " of ", sim_.n_worlds(), " worlds");
+}
+
+void Game::start() { begin(&Simulator::start); }
+
+void Game::resume() { begin(&Simulator::observe); }
+
+void Game::begin(void (Simulator::*write)(const StepIo&)) {
+  for (Looks& looks : looks_) looks = Looks::nothing;
+  for (const Seat& seat : seats_)
+    for (const Part& part : seat.parts) looks_[part.team] = std::max(looks_[part.team], seat.controller->looks());
+  make_buffers();
+  const GameStep step = step_at(-1);
+  (sim_.*write)(step.io);
+  finish(-1, step);
+  steps_ = 0;
+  started_ = true;
+}
+
+void Game::make_buffers() {
+  const GameStep asked = ask(0);
+  for (int team = 0; team < kNTeams; ++team) {
+    const GameShapes shapes = game_shapes(sim_.spec(), team, sim_.n_worlds(), looks_[team] != Looks::nothing);
+    const auto make = [this](const BufferShape& shape, Buffer<float>& buffer) {
+      if (buffer.size() == 0) buffer = Buffer<float>(sim_.memory(), static_cast<size_t>(shape.elements()));
+    };
+    if (!asked.team[team].action) make(shapes.action, action_[team]);
+    if (!asked.io.team[team].obs) make(shapes.obs, obs_[team]);
+  }
+}
+
+void Game::desynchronize() {
+  const int limit = sim_.params().max_episode_length;
+  if (limit <= 1) return;
+  std::vector<int32_t> ages(static_cast<size_t>(sim_.n_worlds()));
+  for (size_t w = 0; w < ages.size(); ++w) {
+    const auto world = static_cast<uint32_t>(sim_.options().first_world) + static_cast<uint32_t>(w);
+    DrawKey key(sim_.options().seed, world, 0);
+    ages[w] = static_cast<int32_t>(key.uniform(Draw::init, 0, 0) * static_cast<float>(limit));
+    if (ages[w] >= limit) ages[w] = limit - 1;
+  }
+  sim_.synchronize();
+  sim_.memory().from_host(sim_.state().view().episode_length, ages.data(), ages.size() * sizeof(int32_t));
+}
+
+void Game::play(int64_t n_steps) {
+  GIGA_CHECK(started_, "the game has not started");
+  for (GameObserver* observer : observers_) observer->before_play(n_steps);
+  const bool may_end = sim_.options().on_done == OnDone::freeze;
+  for (int64_t t = 0; t < n_steps; ++t) {
+    if (may_end && steps_ % kListPeriod == 0 && sim_.over()) return;
+    const GameStep step = step_at(t);
+    act(step);
+    sim_.step(step.io);
+    finish(t, step);
+    ++steps_;
+  }
+}
+
+/// What observers want of a step.
+GameStep Game::ask(int64_t t) const {
+  GameStep step;
+  for (int team = 0; team < kNTeams; ++team) step.team[team].obs = seen_[team];
+  for (GameObserver* observer : observers_) observer->before_step(t, step);
+  return step;
+}
+
+GameStep Game::step_at(int64_t t) const {
+  GameStep step = ask(t);
+  step.io.obs_stride = sim_.spec().padded_observation_size();
+  // What nobody observes is written as far as controllers look.
+  step.io.body_only =
+      !step.io.team[0].obs && !step.io.team[1].obs && std::max(looks_[0], looks_[1]) == Looks::body_view;
+  for (int team = 0; team < kNTeams; ++team) {
+    TeamIo& io = step.io.team[team];
+    if (!io.obs) io.obs = obs_[team].data();
+    if (!step.team[team].action) step.team[team].action = action_[team].data();
+    io.action = step.team[team].action;
+  }
+  return step;
+}
+
+void Game::finish(int64_t t, const GameStep& step) {
+  for (int team = 0; team < kNTeams; ++team) seen_[team] = step.io.team[team].obs;
+  for (GameObserver* observer : observers_) observer->after_step(t, step);
+}
+
+void Game::act(const GameStep& step) {
+  for (const Seat& seat : seats_) {
+    parts_.clear();
+    for (const Part& part : seat.parts) {
+      const TeamStep all{sim_, rows_, part.team, steps_, {0, sim_.n_worlds()}, step.team[part.team]};
+      parts_.push_back(all.part(part.worlds));
+    }
+    seat.controller->act(parts_);
+  }
+}
+
+}  // namespace giga

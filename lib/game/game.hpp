@@ -1,0 +1,94 @@
+// Game: the only loop that plays games. A game has a simulator, a controller for each team or for parts of it, and
+// observers, who get the buffers of each step.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "game/team_controller.hpp"
+#include "sim/simulator.hpp"
+
+namespace giga {
+
+/// Who moves a team in which worlds. The parts of a side are all worlds, in their order.
+struct SidePart {
+  std::shared_ptr<TeamController> controller;
+  WorldRange worlds;
+};
+using Side = std::vector<SidePart>;
+using BothSides = std::array<Side, kNTeams>;  // by team
+/// One controller in all worlds.
+inline Side everywhere(std::shared_ptr<TeamController> controller, const Simulator& sim) {
+  return {{std::move(controller), {0, sim.n_worlds()}}};
+}
+
+/// Where one step of all worlds reads and writes.
+struct GameStep {
+  StepIo io;                  ///< of the simulator; its actions are those of `team`
+  TeamBuffers team[kNTeams];  ///< of the controllers
+};
+
+/// Whoever wants something of a game: learners, benchmarks, recorders.
+class GameObserver {
+ public:
+  virtual ~GameObserver() = default;
+
+  virtual void before_play(int64_t /*n_steps*/) {}
+  /// Before step `t` of a play; -1: before the first observations (obs, alive, global) are written. Points what it
+  /// wants of the step, and nobody has asked for yet, to buffers of its own. It must do nothing else: steps may be
+  /// asked for ahead of time. Actions and observations for which nobody asks lie in buffers of the game.
+  virtual void before_step(int64_t /*t*/, GameStep& /*step*/) {}
+  /// When the step is queued.
+  virtual void after_step(int64_t /*t*/, const GameStep& /*step*/) {}
+};
+
+class Game {
+ public:
+  /// The simulator, `rows` and the observers must outlive the game. A controller that has several parts is asked once a
+  /// step for all of them.
+  Game(Simulator& sim, const RowRunner& rows, const BothSides& sides, std::vector<GameObserver*> observers = {});
+
+  /// Starts the first episode of each world.
+  void start();
+  /// Goes on from the simulator's state, after one was loaded.
+  void resume();
+  /// After `start`: lets first episodes begin at a random age, so that worlds do not reset in step.
+  void desynchronize();
+
+  /// Queues `n_steps` steps, or fewer where all worlds wait before. The host waits for none of them. A back end may
+  /// take a play as a whole and make its steps in its own way.
+  void play(int64_t n_steps);
+
+ private:
+  struct Part {
+    int team;
+    WorldRange worlds;
+  };
+  struct Seat {
+    std::shared_ptr<TeamController> controller;
+    std::vector<Part> parts;
+  };
+  void take_seats(const Side& side, int team);
+  void make_buffers();
+  GameStep ask(int64_t t) const;
+  GameStep step_at(int64_t t) const;
+  void begin(void (Simulator::*write)(const StepIo&));
+  void finish(int64_t t, const GameStep& step);
+  void act(const GameStep& step);
+
+  Simulator& sim_;
+  const RowRunner& rows_;
+  std::vector<Seat> seats_;
+  const std::vector<GameObserver*> observers_;
+  Looks looks_[kNTeams] = {};
+  Buffer<float> obs_[kNTeams], action_[kNTeams];  // see GameShapes; empty where observers have them
+  const float* seen_[kNTeams] = {};               // the observations that were written last
+  int64_t steps_ = 0;                             // since the start
+  bool started_ = false;
+  std::vector<TeamStep> parts_;  // of the controller that acts
+};
+
+}  // namespace giga

@@ -1,0 +1,64 @@
+#include "game/team_controller.hpp"
+
+#include "core/error.hpp"
+
+namespace giga {
+namespace {
+
+class ScriptController final : public TeamController {
+ public:
+  explicit ScriptController(Scripted script) : script_(script) {}
+
+  Looks looks() const override { return uses_observation(script_) ? Looks::everything : Looks::nothing; }
+  void act(std::span<const TeamStep> parts) override {
+    for (const TeamStep& part : parts) part.rows.run(scripted_actions(script_, part), part.n_rows());
+  }
+
+ private:
+  const Scripted script_;
+};
+
+}  // namespace
+
+TeamStep TeamStep::part(const WorldRange& some) const {
+  GIGA_CHECK(some.first >= worlds.first && some.end() <= worlds.end(), "worlds ", some.first, " to ", some.end(),
+             " of ", worlds.first, " to ", worlds.end());
+  const int64_t period = sim.options().draw_period;
+  GIGA_CHECK(period == 0 || some.first % period == 0, "worlds from ", some.first, " on, draws have a period of ",
+             period);
+  const int64_t skipped = (some.first - worlds.first) * n();  // rows
+  const bool discrete = sim.params().actions == ActionKind::discrete;
+  const int64_t action_bytes = discrete ? int64_t{sizeof(int32_t)} : kActionSize * int64_t{sizeof(float)};
+  const auto at = [skipped](auto* buffer, int64_t stride) { return buffer ? buffer + skipped * stride : nullptr; };
+  return {sim,
+          rows,
+          team,
+          number,
+          some,
+          {at(buffers.obs, obs_stride()), at(static_cast<char*>(buffers.action), action_bytes),
+           at(buffers.raw, kActionSize), at(buffers.log_prob, 1)}};
+}
+
+RowDraws TeamStep::draws() const {
+  const SimOptions& o = sim.options();
+  const int64_t first = o.draw_period > 0 ? o.first_world : o.first_world + worlds.first;
+  return {sim.state().view().draw_step + worlds.first, o.seed, first, n(), team, o.draw_period};
+}
+
+std::unique_ptr<TeamController> script_controller(Scripted script) {
+  return std::make_unique<ScriptController>(script);
+}
+
+ScriptedActions scripted_actions(Scripted script, const TeamStep& step) {
+  const SimParams& params = step.sim.params();
+  return {script,
+          params.actions,
+          step.draws(),
+          step.sim.state().view().episode_length + step.worlds.first,
+          step.buffers.action,
+          params,
+          step.buffers.obs,
+          step.obs_stride()};
+}
+
+}  // namespace giga

@@ -1,0 +1,62 @@
+// TeamController: who moves a team. A learned policy, a script, a population: each kind is one subclass.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+
+#include "cuda/rows.hpp"
+#include "game/world_range.hpp"
+#include "math/rows.hpp"
+#include "scripted/actions.hpp"
+#include "sim/simulator.hpp"
+
+namespace giga {
+
+/// What a controller reads of its agents' observations: each includes those before it.
+enum class Looks : uint8_t { nothing, body_view, everything };
+
+/// Buffers of a team at one step; n = agents of the team, D = padded observation size. Null = not there.
+struct TeamBuffers {
+  const float* obs = nullptr;  // [W, n, D] what the agents see
+  void* action = nullptr;      // [W, n] int32 or [W, n, 3] float
+  float* raw = nullptr;        // [W, n, 3] continuous actions before squashing
+  float* log_prob = nullptr;   // [W, n] of the actions
+};
+
+/// One step of a team in some worlds: what its controller sees and writes.
+struct TeamStep {
+  const Simulator& sim;
+  const RowRunner& rows;  ///< on the simulator's device
+  int team;
+  int64_t number;  ///< steps since the game started
+  WorldRange worlds;
+  TeamBuffers buffers;  ///< from the first of the worlds on
+
+  int n() const { return sim.params().n_team[team]; }
+  int64_t n_rows() const { return worlds.count * n(); }
+  int obs_stride() const { return sim.spec().padded_observation_size(); }
+  /// The same in worlds that are among these. Where draws have a period, they begin with a whole number of periods.
+  TeamStep part(const WorldRange& some) const;
+  /// Addresses the draws of the agents, which do not depend on who moves the other worlds.
+  RowDraws draws() const;
+};
+
+class TeamController {
+ public:
+  virtual ~TeamController() = default;
+
+  /// Asked at each start of a game: it is given no more than this.
+  virtual Looks looks() const = 0;
+  /// Whether it fills `raw` and `log_prob`, from which somebody learns.
+  virtual bool fills_log_prob() const { return false; }
+  /// Queues the actions of a step in all parts of the game that it moves, team by team in the order of their worlds.
+  virtual void act(std::span<const TeamStep> parts) = 0;
+};
+
+/// A scripted team.
+std::unique_ptr<TeamController> script_controller(Scripted script);
+/// The actions of a script for a part of a team.
+ScriptedActions scripted_actions(Scripted script, const TeamStep& step);
+
+}  // namespace giga

@@ -1,0 +1,92 @@
+#include "rollout/policy_controllers.hpp"
+
+#include <torch/types.h>
+
+#include "core/error.hpp"
+#include "math/distributions.hpp"
+#include "math/population_actions.hpp"
+#include "policy/actor.hpp"
+#include "rollout/group_policy.hpp"
+#include "rollout/tensors.hpp"
+
+namespace giga {
+namespace {
+
+at::Tensor obs_of(const TeamStep& step) {
+  return wrap(step.buffers.obs, {step.n_rows(), step.obs_stride()}, step.sim.device());
+}
+
+class PolicyController final : public TeamController {
+ public:
+  PolicyController(const Policy& policy, bool greedy) : policy_(policy), greedy_(greedy) {}
+
+  Looks looks() const override { return Looks::everything; }
+  bool fills_log_prob() const override { return true; }
+  void act(std::span<const TeamStep> parts) override {
+    at::NoGradGuard no_grad;
+    for (const TeamStep& part : parts) act(part);
+  }
+
+ private:
+  void act(const TeamStep& s) const {
+    const TeamBuffers& b = s.buffers;
+    const at::Tensor head = policy_.forward(obs_of(s));
+    if (s.sim.params().actions == ActionKind::discrete) {
+      s.rows.run(SampleCategorical{head.const_data_ptr<float>(), s.draws(), static_cast<int32_t*>(b.action), b.log_prob,
+                                   greedy_},
+                 s.n_rows());
+    } else {
+      const at::Tensor log_std = policy_.log_std();
+      s.rows.run(SampleGaussian{head.const_data_ptr<float>(), log_std.const_data_ptr<float>(), s.draws(), b.raw,
+                                static_cast<float*>(b.action), b.log_prob, greedy_},
+                 s.n_rows());
+    }
+  }
+
+  const Policy& policy_;
+  const bool greedy_;
+};
+
+class GroupController final : public TeamController {
+ public:
+  explicit GroupController(const GroupPolicy& policy) : policy_(policy) {}
+
+  Looks looks() const override { return Looks::everything; }
+  void act(std::span<const TeamStep> parts) override {
+    for (const TeamStep& part : parts) act(part);
+  }
+
+ private:
+  void act(const TeamStep& s) const {
+    GIGA_CHECK(s.worlds.count % policy_.groups() == 0, s.worlds.count, " worlds for ", policy_.groups(), " groups");
+    const at::Tensor head = policy_.forward(obs_of(s));
+    const bool continuous = policy_.actions() == ActionKind::continuous;
+    s.rows.run(PopulationActions{{policy_.actions(), false, s.draws(), s.buffers.action},
+                                 head.const_data_ptr<float>(),
+                                 static_cast<int>(policy_.head_size()),
+                                 policy_.rows().const_data_ptr<float>(),
+                                 policy_.rows().size(1),
+                                 continuous ? policy_.log_std_offset() : 0,
+                                 nullptr,
+                                 s.worlds.count / policy_.groups()},
+               s.n_rows());
+  }
+
+  const GroupPolicy& policy_;
+};
+
+}  // namespace
+
+std::unique_ptr<TeamController> policy_controller(const Policy& policy, bool greedy) {
+  return std::make_unique<PolicyController>(policy, greedy);
+}
+
+std::unique_ptr<TeamController> policy_controller(const Actor& actor, bool greedy) {
+  return policy_controller(static_cast<const Policy&>(actor), greedy);
+}
+
+std::unique_ptr<TeamController> group_controller(const GroupPolicy& policy) {
+  return std::make_unique<GroupController>(policy);
+}
+
+}  // namespace giga

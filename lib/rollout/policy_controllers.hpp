@@ -1,0 +1,22 @@
+// Controllers of learned teams: one policy, or one for each group of worlds.
+#pragma once
+
+#include <memory>
+
+#include "game/team_controller.hpp"
+
+namespace giga {
+
+class Actor;
+class GroupPolicy;
+class Policy;
+
+/// The policy must outlive the controller. `greedy`: it takes its most likely action instead of a drawn one.
+std::unique_ptr<TeamController> policy_controller(const Policy& policy, bool greedy = false);
+/// The same for code that does not know the LibTorch headers.
+std::unique_ptr<TeamController> policy_controller(const Actor& actor, bool greedy = false);
+
+/// The policies of groups of worlds in a row, of equally many each. Nobody learns from them.
+std::unique_ptr<TeamController> group_controller(const GroupPolicy& policy);
+
+}  // namespace giga

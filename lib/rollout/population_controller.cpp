@@ -1,0 +1,220 @@
+#include "rollout/population_controller.hpp"
+
+#include <algorithm>
+#include <map>
+
+#include "core/error.hpp"
+#include "cuda/population_policy.hpp"
+#include "rollout/tensors.hpp"
+#include "scripted/population_scripts.hpp"
+#include "sim/schedule.hpp"
+
+namespace giga {
+namespace {
+
+/// One evaluation after the other, by LibTorch.
+class LibTorchPopulations final : public PopulationController {
+ public:
+  LibTorchPopulations(const PopulationShape& shape, const Actor& network, bool greedy)
+      : PopulationController(shape, network, greedy) {}
+
+ private:
+  void take() override {
+    for (const Population& p : populations_) groups_.push_back(groups_of(p));
+  }
+  void drop() override { groups_.clear(); }
+  void move_networks(std::span<const TeamStep> teams) override {
+    for (size_t k = 0; k < populations_.size(); ++k) {
+      const Population& p = populations_[k];
+      move_members(p, teams[static_cast<size_t>(p.team)].part(shape_.worlds(k)));
+      move_opponents(p, k, teams[static_cast<size_t>(1 - p.team)].part(shape_.worlds(k)));
+    }
+  }
+
+  /// Worlds of each member in which one network of the opponents plays.
+  struct Group {
+    int64_t network;
+    at::Tensor worlds;  // int64
+  };
+  std::vector<Group> groups_of(const Population& p) const {
+    std::map<int32_t, std::vector<int64_t>> worlds;  // by network
+    for (size_t e = 0; e < p.opponent.size(); ++e)
+      if (p.opponent[e] >= 0) worlds[p.opponent[e]].push_back(static_cast<int64_t>(e));
+    std::vector<Group> groups;
+    for (const auto& [network, list] : worlds)
+      groups.push_back({network, at::tensor(list, at::kLong).to(opponent_.device())});
+    return groups;
+  }
+
+  void run(const TeamStep& s, const at::Tensor& head, const at::Tensor& networks, const int32_t* network) const {
+    const bool continuous = network_.actions() == ActionKind::continuous;
+    s.rows.run(PopulationActions{actions_of(s), head.const_data_ptr<float>(), static_cast<int>(network_.head_size()),
+                                 networks.const_data_ptr<float>(), networks.size(1),
+                                 continuous ? network_.log_std_offset() : 0, network, shape_.n_worlds},
+               s.n_rows());
+  }
+  void move_members(const Population& p, const TeamStep& s) const {
+    const at::Tensor obs =
+        wrap(s.buffers.obs, {shape_.n_members, shape_.n_worlds * s.n(), s.obs_stride()}, s.sim.device());
+    run(s, network_.forward_members(p.members, obs).contiguous(), p.members, nullptr);
+  }
+  // Scripts need no head.
+  void move_opponents(const Population& p, size_t k, const TeamStep& s) const {
+    const int64_t m = shape_.n_members, e = shape_.n_worlds, n = s.n(), d = s.obs_stride();
+    const at::Tensor obs = wrap(s.buffers.obs, {m, e, n, d}, s.sim.device());
+    const at::Tensor head = at::empty({m, e, n, network_.head_size()}, obs.options());
+    for (const Group& group : groups_[k]) {
+      const at::Tensor rows = obs.index_select(1, group.worlds).view({1, -1, d});
+      const at::Tensor out = network_.forward_members(p.opponents.narrow(0, group.network, 1), rows);
+      head.index_copy_(1, group.worlds, out.view({m, group.worlds.size(0), n, -1}));
+    }
+    run(s, head, p.opponents, opponents_of(k));
+  }
+
+  std::vector<std::vector<Group>> groups_;  // by population
+};
+
+/// All networks of a step in one launch of the fused kernel.
+class FusedPopulations final : public PopulationController {
+ public:
+  FusedPopulations(const PopulationShape& shape, const Actor& network, bool greedy, const SmallMlp& mlp)
+      : PopulationController(shape, network, greedy), layout_(mlp) {}
+
+ private:
+  void take() override { packed_.resize(2 * populations_.size()); }
+  void drop() override {
+    packed_.clear();
+    work_ = at::Tensor();
+  }
+
+  void move_networks(std::span<const TeamStep> teams) override {
+    const TeamStep& any = teams[0];
+    const int device = any.rows.device().index;
+    void* const stream = any.rows.stream();
+    if (!work_.defined()) pack(device, stream);
+    PopulationPolicy policy = policy_of(teams);
+    if (!work_.defined()) work_ = at::empty({population_work(policy) + 1}, opponent_.options());
+    if (any.number % kListPeriod == 0) list_population_work(policy, work_.data_ptr<int32_t>(), device, stream);
+    policy.work = work_.const_data_ptr<int32_t>();
+    launch_population_policy(policy, device, stream);
+  }
+
+  void pack(int device, void* stream) {
+    const auto packed = [&](const at::Tensor& networks) {
+      at::Tensor numbers = at::empty({networks.size(0), layout_.size}, networks.options().dtype(at::kHalf));
+      pack_population(layout_, networks.const_data_ptr<float>(), networks.size(0), networks.size(1),
+                      static_cast<uint16_t*>(numbers.data_ptr()), device, stream);
+      return numbers;
+    };
+    for (size_t k = 0; k < populations_.size(); ++k) {
+      packed_[2 * k] = packed(populations_[k].members);
+      packed_[2 * k + 1] = packed(populations_[k].opponents);
+    }
+  }
+
+  PopulationPolicy policy_of(std::span<const TeamStep> teams) const {
+    PopulationPolicy policy;
+    policy.packed = layout_;
+    policy.obs_stride = network_.inputs().row;
+    policy.phase = teams[0].sim.state().view().phase;
+    const auto members = static_cast<int>(shape_.n_members), worlds = static_cast<int>(shape_.n_worlds);
+    for (size_t k = 0; k < populations_.size(); ++k) {
+      const auto part = [&](int team, size_t networks) {
+        const TeamStep& step = teams[static_cast<size_t>(team)];
+        NetworkGroups groups;
+        groups.networks = static_cast<const uint16_t*>(packed_[networks].const_data_ptr());
+        groups.first_world = shape_.worlds(k).first;
+        groups.obs = step.buffers.obs + network_.inputs().first;
+        groups.act = actions_of(step);
+        return groups;
+      };
+      NetworkGroups own = part(populations_[k].team, 2 * k), other = part(1 - populations_[k].team, 2 * k + 1);
+      own.groups = other.worlds_per_group = members;
+      own.worlds_per_group = other.groups = worlds;
+      own.group_step = other.world_step = worlds;
+      own.world_step = other.group_step = 1;
+      other.network = opponents_of(k);
+      policy.part[policy.n_parts++] = own;
+      policy.part[policy.n_parts++] = other;
+    }
+    return policy;
+  }
+
+  const PackedMlp layout_;
+  std::vector<at::Tensor> packed_;  // [networks, PackedMlp::size] members and opponents in turn
+  at::Tensor work_;                 // [pieces + 1] int32: see PopulationPolicy
+};
+
+}  // namespace
+
+PopulationController::PopulationController(const PopulationShape& shape, const Actor& network, bool greedy)
+    : shape_(shape),
+      network_(network),
+      greedy_(greedy),
+      opponent_(at::zeros({shape.n_populations, shape.n_worlds},
+                          network.parameters().values().options().dtype(at::kInt).requires_grad(false))) {}
+
+void PopulationController::begin(const std::vector<Population>& populations) {
+  GIGA_CHECK(populations.size() == static_cast<size_t>(shape_.n_populations), populations.size(), " populations, not ",
+             shape_.n_populations);
+  for (size_t k = 0; k < populations.size(); ++k) {
+    const Population& p = populations[k];
+    GIGA_CHECK(p.members.size(0) == shape_.n_members && p.members.is_contiguous() && p.opponents.is_contiguous() &&
+                   static_cast<int64_t>(p.opponent.size()) == shape_.n_worlds,
+               p.members.size(0), " members, ", p.opponent.size(), " opponents");
+    opponent_[static_cast<int64_t>(k)].copy_(at::tensor(p.opponent, at::kInt));
+  }
+  populations_ = populations;
+  take();
+}
+
+void PopulationController::end() {
+  drop();
+  populations_.clear();
+}
+
+// Networks of body views leave the rest of the observation unread, scripts that look do not.
+Looks PopulationController::looks() const {
+  const bool scripts_look = std::any_of(populations_.begin(), populations_.end(), [](const Population& p) {
+    return std::any_of(p.opponent.begin(), p.opponent.end(),
+                       [](int32_t id) { return id < 0 && uses_observation(script_of_network(id)); });
+  });
+  return network_.inputs().all() || scripts_look ? Looks::everything : Looks::body_view;
+}
+
+void PopulationController::act(std::span<const TeamStep> teams) {
+  at::NoGradGuard no_grad;
+  move_networks(teams);
+  move_scripts(teams);
+}
+
+void PopulationController::move_scripts(std::span<const TeamStep> teams) const {
+  PopulationScriptsOfAll all;
+  for (size_t k = 0; k < populations_.size(); ++k) {
+    const Population& p = populations_[k];
+    if (std::none_of(p.opponent.begin(), p.opponent.end(), [](int32_t id) { return id < 0; })) continue;
+    const TeamStep step = teams[static_cast<size_t>(1 - p.team)].part(shape_.worlds(k));
+    const Phase* phase = step.sim.state().view().phase + step.worlds.first;
+    all.add({scripted_actions(Scripted::noop, step), phase, opponents_of(k), shape_.n_worlds}, step.n_rows());
+  }
+  if (all.rows() > 0) teams[0].rows.run(all, all.rows());
+}
+
+PopulationAct PopulationController::actions_of(const TeamStep& step) const {
+  return {step.sim.params().actions, greedy_, step.draws(), step.buffers.action};
+}
+
+bool takes_fused_kernel(const Actor& network) {
+  return network.precision() == Precision::fp16 && network.parameters().values().is_cuda();
+}
+
+std::unique_ptr<PopulationController> population_controller(const PopulationShape& shape, const Actor& network,
+                                                            bool greedy) {
+  if (!takes_fused_kernel(network)) return std::make_unique<LibTorchPopulations>(shape, network, greedy);
+  const std::optional<SmallMlp> mlp = network.small_mlp();
+  GIGA_CHECK(mlp && population_policy_runs(network.parameters().values().device().index()),
+             "no fused kernel for these networks");
+  return std::make_unique<FusedPopulations>(shape, network, greedy, *mlp);
+}
+
+}  // namespace giga

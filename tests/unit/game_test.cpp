@@ -1,0 +1,203 @@
+// Game: who is asked for actions, what observers get, when a game is over, and what is written for whom.
+#include "game/game.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "core/error.hpp"
+#include "sim/observe.hpp"
+#include "support/sim_specs.hpp"
+
+namespace giga::test {
+namespace {
+
+constexpr int kWorlds = 7;
+
+SimSpec game_spec(bool body_view = false) {
+  SimSpec spec = plain_spec(3, 2);
+  spec.params.actions = ActionKind::discrete;
+  spec.params.body_view = body_view;
+  spec.params.max_episode_length = 30;
+  spec.finish();
+  return spec;
+}
+
+std::unique_ptr<Simulator> simulator(const SimSpec& spec, OnDone on_done = OnDone::reset) {
+  SimOptions options;
+  options.n_worlds = kWorlds;
+  options.seed = 5;
+  options.on_done = on_done;
+  options.n_threads = 2;
+  return make_cpu_simulator(spec, options);
+}
+
+/// Flies straight on, and notes what it was asked for.
+class Straight final : public TeamController {
+ public:
+  explicit Straight(Looks looks = Looks::nothing) : looks_(looks) {}
+
+  Looks looks() const override { return looks_; }
+  void act(std::span<const TeamStep> parts) override {
+    std::string asked = cat("step ", parts[0].number, ":");
+    for (const TeamStep& part : parts) {
+      asked += cat(" team ", part.team, " worlds ", part.worlds.first, "-", part.worlds.end());
+      for (int64_t row = 0; row < part.n_rows(); ++row) static_cast<int32_t*>(part.buffers.action)[row] = 13;
+      obs[part.team] = part.buffers.obs;
+    }
+    calls.push_back(asked);
+  }
+
+  std::vector<std::string> calls;
+  const float* obs[kNTeams] = {};
+
+ private:
+  const Looks looks_;
+};
+
+/// Counts, and wants the ends of episodes and the actions where asked to.
+class Witness final : public GameObserver {
+ public:
+  explicit Witness(bool wants = false) : wants_(wants) {}
+
+  void before_play(int64_t n_steps) override { plays.push_back(n_steps); }
+  void before_step(int64_t, GameStep& step) override {
+    if (!wants_) return;
+    step.io.done = done.data();
+    step.team[1].action = action.data();
+  }
+  void after_step(int64_t t, const GameStep& step) override {
+    after.push_back(t);
+    last = step;
+  }
+
+  std::vector<int64_t> plays, after;
+  std::vector<uint8_t> done = std::vector<uint8_t>(kWorlds, 99);
+  std::vector<int32_t> action = std::vector<int32_t>(kWorlds * 2, 99);
+  GameStep last;
+
+ private:
+  const bool wants_;
+};
+
+const RowRunner& rows() {
+  static const RowRunner runner(Device{}, 1);
+  return runner;
+}
+
+TEST(Game, EachControllerIsAskedOnceAStepForAllItsParts) {
+  const auto sim = simulator(game_spec());
+  const auto a = std::make_shared<Straight>(), b = std::make_shared<Straight>();
+  Game game(*sim, rows(), {Side{{a, {0, 3}}, {b, {3, 4}}}, Side{{b, {0, 2}}, {a, {2, 5}}}});
+  game.start();
+  game.play(1);
+  game.play(1);
+  EXPECT_EQ(a->calls, (std::vector<std::string>{"step 0: team 0 worlds 0-3 team 1 worlds 2-7",
+                                                "step 1: team 0 worlds 0-3 team 1 worlds 2-7"}));
+  EXPECT_EQ(b->calls[1], "step 1: team 0 worlds 3-7 team 1 worlds 0-2");
+  game.start();
+  game.play(1);
+  EXPECT_EQ(a->calls.back().substr(0, 7), "step 0:");
+}
+
+TEST(Game, PartsOfATeamActAsOneControllerDoes) {
+  const SimSpec spec = game_spec();
+  const auto play = [&](const Side& side0) {
+    const auto sim = simulator(spec);
+    Game game(*sim, rows(), {side0, everywhere(script_controller(Scripted::circle_random), *sim)});
+    game.start();
+    game.play(50);
+    return sim->state().save();
+  };
+  const auto script = [](Scripted kind) { return std::shared_ptr<TeamController>(script_controller(kind)); };
+  for (const Scripted kind : {Scripted::random, Scripted::circle_random, Scripted::pursuer})
+    EXPECT_EQ(play({{script(kind), {0, 7}}}), play({{script(kind), {0, 2}}, {script(kind), {2, 5}}})) << name_of(kind);
+}
+
+TEST(Game, APlayInPiecesIsTheSame) {
+  const SimSpec spec = game_spec();
+  const auto play = [&](const std::vector<int64_t>& pieces) {
+    const auto sim = simulator(spec);
+    Game game(*sim, rows(),
+              {everywhere(script_controller(Scripted::pursuer), *sim),
+               everywhere(script_controller(Scripted::random), *sim)});
+    game.start();
+    for (const int64_t n : pieces) game.play(n);
+    return sim->state().save();
+  };
+  EXPECT_EQ(play({40}), play({1, 30, 9}));
+}
+
+TEST(Game, ObserversGetEachStepAndBringTheirBuffers) {
+  const auto sim = simulator(game_spec());
+  const auto straight = std::make_shared<Straight>();
+  Witness first, second(true);
+  Game game(*sim, rows(), {everywhere(straight, *sim), everywhere(straight, *sim)}, {&first, &second});
+  game.start();
+  game.play(30);
+  std::vector<int64_t> numbers;
+  for (int64_t t = -1; t < 30; ++t) numbers.push_back(t);
+  EXPECT_EQ(first.after, numbers);
+  EXPECT_EQ(first.plays, std::vector<int64_t>{30});
+  EXPECT_EQ(second.action, std::vector<int32_t>(kWorlds * 2, 13));
+  EXPECT_EQ(second.last.io.team[1].action, second.action.data());
+  EXPECT_EQ(second.last.io.team[0].obs, nullptr) << "nobody looks";
+  for (const uint8_t done : second.done) EXPECT_LE(done, 2);
+}
+
+TEST(Game, IsOverWhenAllWorldsWait) {
+  const auto sim = simulator(game_spec(), OnDone::freeze);
+  const auto straight = std::make_shared<Straight>();
+  Witness witness;
+  Game game(*sim, rows(), {everywhere(straight, *sim), everywhere(straight, *sim)}, {&witness});
+  game.start();
+  game.play(1000);
+  // The time limit is 30 steps; whether all wait is looked at every eighth step.
+  EXPECT_LE(witness.after.back(), 31);
+  EXPECT_EQ(sim->take_stats()[EpisodeStat::episodes], kWorlds);
+  game.start();
+  game.play(1);
+  EXPECT_EQ(witness.after.back(), 0) << "a new start plays again";
+}
+
+TEST(Game, WritesAsMuchOfTheObservationsAsControllersLookAt) {
+  const SimSpec spec = game_spec(true);
+  const int whole = spec.observation_size(), body = body_at(spec.params);
+  for (const Looks other : {Looks::nothing, Looks::body_view, Looks::everything}) {
+    const auto sim = simulator(spec);
+    const auto looking = std::make_shared<Straight>(Looks::body_view), opponent = std::make_shared<Straight>(other);
+    Game game(*sim, rows(), {everywhere(looking, *sim), everywhere(opponent, *sim)});
+    game.start();
+    game.play(2);
+    ASSERT_NE(looking->obs[0], nullptr);
+    EXPECT_EQ(opponent->obs[1] == nullptr, other == Looks::nothing);
+    double before = 0, view = 0;
+    for (int k = 0; k < whole; ++k) (k < body ? before : view) += std::abs(static_cast<double>(looking->obs[0][k]));
+    EXPECT_EQ(before > 0, other == Looks::everything);
+    EXPECT_GT(view, 0);
+  }
+}
+
+TEST(Game, SomebodyMovesEveryWorldOnce) {
+  const auto sim = simulator(game_spec());
+  const auto straight = std::make_shared<Straight>();
+  const auto with = [&](const Side& side) { Game(*sim, rows(), {side, everywhere(straight, *sim)}); };
+  EXPECT_NO_THROW(with({{straight, {0, 3}}, {straight, {3, 4}}}));
+  EXPECT_THROW(with({{straight, {0, 3}}}), Error);
+  EXPECT_THROW(with({{straight, {0, 3}}, {straight, {2, 5}}}), Error);
+  EXPECT_THROW(with({{straight, {0, 3}}, {straight, {4, 3}}}), Error);
+  EXPECT_THROW(with({}), Error);
+}
+
+TEST(Game, NeedsAStart) {
+  const auto sim = simulator(game_spec());
+  const auto straight = std::make_shared<Straight>();
+  Game game(*sim, rows(), {everywhere(straight, *sim), everywhere(straight, *sim)});
+  EXPECT_THROW(game.play(1), Error);
+}
+
+}  // namespace
+}  // namespace giga::test
