@@ -61,7 +61,7 @@ struct PopulationFigures {
 
 class Evolution final : public Learner {
  public:
-  Evolution(const LoadedRun& run, Device device);
+  Evolution(const LoadedRun& run, Device device, const MakeStrategy& make_strategy);
 
   Metrics update() override;
   std::optional<Divergence> divergence() const override { return divergence_; }
@@ -99,14 +99,14 @@ class Evolution final : public Learner {
   std::optional<Divergence> divergence_;
 };
 
-Evolution::Evolution(const LoadedRun& run, Device device)
+Evolution::Evolution(const LoadedRun& run, Device device, const MakeStrategy& make_strategy)
     : config_(run.config), rows_(device, run.config.train.n_threads) {
   check_precision(run, device);
   set_up_libtorch(config_.train, device);
   const Actor* network = nullptr;
   for (int team = 0; team < kNTeams; ++team) {
     if (!learns(config_.train, team)) continue;
-    team_[team] = std::make_unique<EvolvingTeam>(run, team, device, rows_);
+    team_[team] = std::make_unique<EvolvingTeam>(run, team, device, make_strategy, rows_);
     network = &team_[team]->actor();
   }
   games_ = std::make_unique<PopulationGames>(run.spec, games_options(config_), *network, rows_);
@@ -252,8 +252,8 @@ void Evolution::load(const NamedArrays& in) {
 
 }  // namespace
 
-std::unique_ptr<Learner> make_evolution(const LoadedRun& run, Device device) {
-  return std::make_unique<Evolution>(run, device);
+std::unique_ptr<Learner> make_evolution(const LoadedRun& run, Device device, const MakeStrategy& make_strategy) {
+  return std::make_unique<Evolution>(run, device, make_strategy);
 }
 
 }  // namespace giga

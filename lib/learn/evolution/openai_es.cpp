@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "learn/evolution/evolution.hpp"
 #include "learn/evolution/strategy.hpp"
 #include "policy/parameters.hpp"
 
@@ -79,6 +80,12 @@ std::unique_ptr<EvolutionStrategy> make_openai_es(const PopulationConfig& popula
                                                   const PopulationPlace& place, const at::Tensor& mean,
                                                   const RowRunner& rows) {
   return std::make_unique<OpenAiEs>(population, config, place, mean, rows);
+}
+
+std::unique_ptr<Learner> OpenAiEsAlgorithm::make(const LoadedRun& run, Device device) {
+  return make_evolution(run, device, [](const RunConfig& c, const auto&... rest) {
+    return make_openai_es(c.population, c.openai_es, rest...);
+  });
 }
 
 }  // namespace giga

@@ -3,6 +3,7 @@
 
 #include <torch/types.h>
 
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -75,6 +76,8 @@ class EvolutionStrategy {
 };
 
 /// `mean` [P]: where the search starts; it is copied. `rows` must outlive the strategy.
+using MakeStrategy = std::function<std::unique_ptr<EvolutionStrategy>(const RunConfig&, const PopulationPlace&,
+                                                                      const at::Tensor& mean, const RowRunner& rows)>;
 std::unique_ptr<EvolutionStrategy> make_openai_es(const PopulationConfig& population, const OpenAiEsConfig& config,
                                                   const PopulationPlace& place, const at::Tensor& mean,
                                                   const RowRunner& rows);
