@@ -22,14 +22,14 @@ constexpr std::array<const char*, 3> enum_names(FitnessShaping) { return {"cente
 enum class MeanOptimizer : uint8_t { adam, momentum, clip_up };
 constexpr std::array<const char*, 3> enum_names(MeanOptimizer) { return {"adam", "momentum", "clip_up"}; }
 
-/// What an episode is worth to a member.
+/// What fitness measures.
 enum class Objective : uint8_t { mean_return, win_rate, score };
 constexpr std::array<const char*, 3> enum_names(Objective) { return {"return", "win_rate", "score"}; }
 
 enum class Turns : uint8_t { together, alternating };
 constexpr std::array<const char*, 2> enum_names(Turns) { return {"together", "alternating"}; }
 
-/// What is made of the fitness before a strategy learns from it.
+/// How fitness is transformed before a strategy learns from it.
 struct ShapingConfig {
   FitnessShaping kind = FitnessShaping::centered_ranks;
   float weight_decay = 0;

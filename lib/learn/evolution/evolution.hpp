@@ -1,4 +1,4 @@
-// Evolution: two teams, each with a search distribution of its own, evolve against each other.
+// Evolution: two teams, each with a search distribution of its own, evolve against each other or against a script.
 #pragma once
 
 #include <memory>

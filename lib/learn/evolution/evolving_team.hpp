@@ -1,4 +1,4 @@
-// EvolvingTeam: the policy of one team, its search distribution, and what others may meet of it.
+// EvolvingTeam: the policy of one team, its search distribution, and the pool of its past means.
 #pragma once
 
 #include <torch/types.h>

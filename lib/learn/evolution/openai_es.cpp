@@ -1,5 +1,5 @@
-// OpenAI-ES: the gradient of the mean fitness under Gaussian perturbations (Salimans et al. 2017, algorithm 1), handed
-// to an optimizer.
+// OpenAI-ES: the gradient of the mean fitness under Gaussian perturbations (Salimans et al. 2017, algorithm 1), which
+// an optimizer follows.
 #include <algorithm>
 #include <cmath>
 
@@ -30,7 +30,7 @@ class OpenAiEs final : public EvolutionStrategy {
     return all;
   }
 
-  /// A setting after so many generations of decay; one that starts below the limit stays as it is.
+  /// A setting after some generations of decay; one that starts below its limit does not decay.
   static double decayed(float start, float decay, float least, double generations) {
     const double value = static_cast<double>(start) * std::pow(static_cast<double>(decay), generations);
     return std::max(value, static_cast<double>(std::min(least, start)));
@@ -71,7 +71,7 @@ class OpenAiEs final : public EvolutionStrategy {
   const OpenAiEsConfig config_;
   const float sigma_init_;
   at::Tensor velocity_, square_;  // [P] of the optimizer
-  at::Tensor steps_;              // [] that Adam has taken, which steps that were not sound are not among
+  at::Tensor steps_;              // [] Adam's count of steps; steps that were undone do not count
 };
 
 }  // namespace
