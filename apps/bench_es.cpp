@@ -14,7 +14,7 @@ LoadedRun load(const BenchOptions& options, Device device, int worlds) {
   overrides.push_back("device=" + device.name());
   if (!options.scenario.empty()) overrides.push_back("scenario=" + options.scenario);
   LoadedRun run = load_run_config(find_config(options.config), overrides);
-  if (!is_evolution(run.config.train)) throw InputError("bench es: " + options.config + " does not evolve");
+  if (!algorithm_of(run.config).has_populations) throw InputError("bench es: " + options.config + " does not evolve");
   if (worlds == 0) return run;
   // Two teams' populations share the worlds; members come in pairs.
   const int per_pair = 4 * run.config.population.n_worlds();

@@ -14,7 +14,8 @@ BenchResult bench_train(const BenchOptions& options, Device device, int worlds) 
   if (!options.scenario.empty()) overrides.push_back("scenario=" + options.scenario);
   if (worlds > 0) overrides.push_back(cat("train.n_worlds=", worlds));
   const LoadedRun run = load_run_config(find_config(options.config), overrides);
-  if (is_evolution(run.config.train)) throw InputError("bench train: " + options.config + " evolves; use bench es");
+  if (algorithm_of(run.config).has_populations)
+    throw InputError("bench train: " + options.config + " evolves; use bench es");
 
   BenchResult result;
   result.scenario = run.config.scenario;

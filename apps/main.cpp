@@ -35,6 +35,13 @@ std::string without_stack(const std::string& message) {
   return message.substr(0, message.find("\nException raised from"));
 }
 
+/// What helps where memory was too small, on any device.
+std::string with_advice(const std::string& message) {
+  const bool memory =
+      message.find("out of memory") != std::string::npos || message.find("can't allocate memory") != std::string::npos;
+  return memory ? message + "\n`gigastep train CONFIG --plan` measures what a run takes and what fits" : message;
+}
+
 int run(int argc, char** argv) {
   giga::restart_with_short_spin(argv);
   CLI::App app("gigastep: fast training of teams of agents against each other.", "gigastep");
@@ -66,10 +73,10 @@ int main(int argc, char** argv) {
   try {
     return run(argc, argv);
   } catch (const giga::Error& e) {
-    return fail(e.what(), exit_code(e));
+    return fail(with_advice(e.what()), exit_code(e));
   } catch (const std::bad_alloc&) {
-    return fail("out of memory", kFailed);
+    return fail(with_advice("out of memory"), kFailed);
   } catch (const std::exception& e) {
-    return fail(without_stack(e.what()), kFailed);
+    return fail(with_advice(without_stack(e.what())), kFailed);
   }
 }

@@ -1,11 +1,11 @@
-// Asks the device for its memory and holds the plan against it.
 #include "apps/plan.hpp"
 
 #include <iostream>
 #include <nlohmann/json.hpp>
 
+#include "apps/evaluation.hpp"
 #include "cuda/runtime.hpp"
-#include "learn/memory/report.hpp"
+#include "learn/memory.hpp"
 
 namespace giga {
 namespace {
@@ -18,10 +18,14 @@ MemorySpace memory_space(Device device) {
 
 }  // namespace
 
-void print_plan(const LoadedRun& run, Device device, const std::string& json) {
+void print_plan(const LoadedRun& run, Device device) {
+  if (!device.is_cuda() && cuda_device_count() == 0) std::cout << "there is no GPU here: planned for the CPU\n";
   const MemorySpace space = memory_space(device);
-  if (json != "-") std::cout << plan_table(run, device, space);
-  if (!json.empty()) write_json(plan_json(run, device, space), json);
+  LoadedRun brief = run;  // the memory of a match does not depend on its length
+  brief.spec = run.spec.cut_off_after(2);
+  const MemoryPlan plan =
+      measure_memory(run, device, space.free, [&](Learner& learner) { evaluate(brief, device, learner); });
+  std::cout << plan_text(run, device, space, plan);
 }
 
 void check_memory(const LoadedRun& run, Device device) { check_fits(run, device, memory_space(device)); }

@@ -78,8 +78,7 @@ int resume(const ResumeOptions& o) {
   TrainingSetup setup{resumed.run, parse_device(resumed.run.config.device), nullptr, &from, o.quiet, !o.no_color};
   if (from.updates >= total_updates(resumed.run.config, resumed.run.spec.params.n_agents)) {
     std::cout << "the run " << folder.path().string() << " is complete: " << from.updates << " updates, "
-              << from.agent_steps << " agent-steps; to go on: --set "
-              << (is_evolution(resumed.run.config.train) ? "population.generations" : "train.total_agent_steps")
+              << from.agent_steps << " agent-steps; to go on: --set " << algorithm_of(resumed.run.config).end_key
               << "=N\n";
     return 0;
   }

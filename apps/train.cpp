@@ -1,5 +1,7 @@
 // gigastep train: reads a config, makes a learner and a run folder, and trains in it.
 #include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cstring>
 
 #include "apps/command_line.hpp"
 #include "apps/commands.hpp"
@@ -27,6 +29,30 @@ std::vector<std::string> all_overrides(const TrainOptions& o) {
 
 std::string run_name(const RunConfig& c) {
   return cat(folder_name_of(c.scenario), "-", c.train.algorithm, "-seed", c.seed);
+}
+
+/// Lines of --help: what the algorithms are.
+std::string algorithms_help() {
+  std::string text;
+  for (const Algorithm* a : algorithms())
+    text += cat("  ", a->name, std::string(28 - std::strlen(a->name), ' '), a->about, '\n');
+  return text;
+}
+
+/// Lines of --help: the figures of the algorithms, those that are the same once.
+std::string figures_help() {
+  std::vector<std::pair<std::string, std::string>> paragraphs;  // names, figures
+  for (const Algorithm* a : algorithms()) {
+    const bool same = !paragraphs.empty() && paragraphs.back().second == a->figures;
+    same ? paragraphs.back().first += cat(", ", a->name) : paragraphs.emplace_back(a->name, a->figures).first;
+  }
+  std::string text;
+  for (const auto& [names, figures] : paragraphs) {
+    text += cat("    ", names, std::string(26 - std::min<size_t>(names.size(), 25), ' '));
+    for (const char c : figures) text += c == '\n' ? c + std::string(30, ' ') : std::string(1, c);
+    text += '\n';
+  }
+  return text;
 }
 
 int train(const TrainOptions& o) {
@@ -66,7 +92,7 @@ void add_train_command(CLI::App& app, Dispatch& dispatch) {
   command->add_option("--seed", options->seed, "seed of everything random, as --set seed=N")->type_name("N");
   add_display_options(*command, options->quiet, options->no_color);
   command->add_flag("--plan", options->plan,
-                    "only say what would take how much memory, and how many worlds or members would fit");
+                    "only measure how much memory the run takes, and how many worlds or members would fit");
   command->footer(
       "The run folder holds config.yaml and scenario.yaml (all keys, with comments), run.json (seed, versions, "
       "hardware,\n"
@@ -84,15 +110,12 @@ void add_train_command(CLI::App& app, Dispatch& dispatch) {
       "                              episodes, episode_length, return, score, win_share, tie_share, reward_TERM;\n"
       "                              pool_win_share, scripted_win_share: against opponents.pool_size past policies\n"
       "                              and opponents.scripted (mappo: the other figures are of the worlds in which\n"
-      "                              both teams learn)\n"
-      "    mappo                     policy_loss, value_loss, entropy and information (nats), approx_kl, "
-      "clip_fraction,\n"
-      "                              explained_variance, actor_grad_norm, critic_grad_norm\n"
-      "    openai_es, snes, des      over the members of a team's population: fitness_mean, fitness_best,\n"
-      "                              fitness_deviation, not_finite (members); of what is searched: sigma,\n"
-      "                              parameter_norm, step_norm\n"
+      "                              both teams learn)\n" +
+      figures_help() +
       "  win_rate_T_vs_O, loss_rate_T_vs_O, mean_return_T_vs_O\n"
       "                              team T on its side against script O; filled where an evaluation took place\n"
+      "Algorithms (train.algorithm):\n" +
+      algorithms_help() +
       "SIGINT (Ctrl-C), SIGTERM, SIGUSR1 and train.max_wall_time end a run after its update, with its state saved;\n"
       "gigastep resume goes on. A second Ctrl-C ends it at once.\n"
       "Examples:\n"

@@ -138,8 +138,8 @@ Training::Training(const RunFolder& folder, TrainingSetup setup)
   }
   state_.folder = folder_.path().string();
   state_.n_updates = n_updates_;
-  if (!is_evolution(config_.train))
-    state_.total_agent_steps = n_updates_ * agent_steps_per_update(config_, run_.spec.params.n_agents);
+  if (const auto per_update = algorithm_of(config_).agent_steps_per_update)
+    state_.total_agent_steps = n_updates_ * per_update(config_, run_.spec.params.n_agents);
   if (folder_.lock().stale_owner())
     log_.info("took over the run folder from " + *folder_.lock().stale_owner() + ", which is gone");
 }
@@ -156,8 +156,7 @@ void Training::start() {
   events_->text("config", "```yaml\n" + yaml + "```", 0, now);
   events_->text("scenario", "```yaml\n" + print_yaml(run_.scenario, false) + "```", 0, now);
   log_.info(cat("training ", config_.scenario, " with ", config_.train.algorithm, " on ", device_.name(), ": ",
-                n_updates_, is_evolution(config_.train) ? " generations" : " updates", ", results in ",
-                folder_.path().string()));
+                n_updates_, " ", algorithm_of(config_).updates, ", results in ", folder_.path().string()));
   save(false);
 }
 

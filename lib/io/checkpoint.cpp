@@ -67,7 +67,7 @@ Checkpoint decode(std::string_view bytes) {
   c.updates = file.int_attribute("updates");
   c.agent_steps = file.int_attribute("agent_steps");
   c.seed = file.uint_attribute("seed");
-  if (c.format_version >= 2) c.cursor = read_cursor(file);
+  c.cursor = read_cursor(file);
   // No part of the file is read twice, so that all parts together are no larger than the file.
   size_t left = bytes.size();
   const auto read = [&file, &left](const std::string& path) {

@@ -10,7 +10,7 @@
 
 namespace giga {
 
-constexpr int kCheckpointFormat = 2;
+constexpr int kCheckpointFormat = 3;  ///< others are refused: what they hold means something else
 constexpr const char* kCheckpointKind = "gigastep checkpoint";
 
 /// Where the files and the evaluation of a run stand, beside what it has learned.
@@ -35,14 +35,14 @@ struct Checkpoint {
   int64_t updates = 0;
   int64_t agent_steps = 0;
   uint64_t seed = 0;
-  RunCursor cursor;    ///< format 2; zeros in older files
+  RunCursor cursor;
   NamedArrays arrays;  ///< all learned state, and all that the next update depends on
 };
 
 /// The whole file or nothing (see write_file).
 void write_checkpoint(const std::filesystem::path& path, const Checkpoint& checkpoint);
 
-/// Throws InputError with the file and what is wrong: missing, not HDF5, no checkpoint, of a newer format, damaged.
+/// Throws InputError with the file and what is wrong: missing, not HDF5, no checkpoint, of another format, damaged.
 Checkpoint read_checkpoint(const std::filesystem::path& path);
 
 /// The same from and to the bytes of a file; `name` stands for it in messages.

@@ -57,16 +57,17 @@ void seal(std::string& bytes, const std::string& kind, int format_version, const
   bytes.replace(digits_at, kChecksumDigits, checksum(bytes, digits_at));
 }
 
-std::string broken_seal(std::string_view bytes, const std::string& kind, int newest_format_version) {
+std::string broken_seal(std::string_view bytes, const std::string& kind, int format_version) {
   if (bytes.empty()) return "is empty";
   const std::string_view text = bytes.substr(0, kSealBytes);
   if (text.substr(0, kHdf5Signature.size()) == kHdf5Signature) return cat("is an HDF5 file but not a ", kind);
   if (text.substr(0, kind.size() + 1) != kind + "\n") return cat("is not a ", kind);
 
   const long long version = number(value_of(text, "format_version"));
-  if (version > newest_format_version)
-    return cat("has format version ", version, ", newer than ", newest_format_version,
-               ", which this gigastep reads: use gigastep ", value_of(text, "gigastep_version"), ", which wrote it");
+  if (version >= 1 && version != format_version)
+    return cat("has format version ", version, version > format_version ? ", newer than " : ", older than ",
+               format_version, ", which this gigastep reads: use gigastep ", value_of(text, "gigastep_version"),
+               ", which wrote it", version > format_version ? "" : ", or train again");
   const long long size = number(value_of(text, "bytes"));
   if (size > static_cast<long long>(bytes.size())) return cat("is truncated: ", bytes.size(), " of ", size, " bytes");
   const size_t key_at = text.find(cat('\n', kChecksumKey));

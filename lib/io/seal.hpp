@@ -15,6 +15,6 @@ constexpr size_t kSealBytes = 512;
 void seal(std::string& bytes, const std::string& kind, int format_version, const std::string& gigastep_version);
 
 /// What is wrong with a file that should begin with a seal of that kind, as "is truncated: ..."; empty if nothing is.
-std::string broken_seal(std::string_view bytes, const std::string& kind, int newest_format_version);
+std::string broken_seal(std::string_view bytes, const std::string& kind, int format_version);
 
 }  // namespace giga

@@ -1,4 +1,4 @@
-// Learner: what every training algorithm offers to the program. registry.cpp is the only list of algorithm names.
+// Learner: what every training algorithm offers to the program. registry.hpp lists the algorithms.
 #pragma once
 
 #include <array>
@@ -55,7 +55,7 @@ class Learner {
   /// The batch from which a diverged update was to learn, as arrays "batch/...".
   virtual void save_batch(NamedArrays& out) const = 0;
 
-  /// What of the metrics tells most.
+  /// The metrics that are shown while a run goes on, the most telling first.
   virtual std::vector<HeadlineFigure> headline() const = 0;
 
   virtual int64_t updates_done() const = 0;
@@ -69,7 +69,7 @@ class Learner {
   virtual void load(const NamedArrays& in) = 0;
 };
 
-/// Makes the learner that `run.config.train.algorithm` names.
+/// The learner of the algorithm that `run.config.train.algorithm` names.
 std::unique_ptr<Learner> make_learner(const LoadedRun& run, Device device);
 
 }  // namespace giga

@@ -14,7 +14,7 @@ namespace {
 
 /// Lets LibTorch's allocator grow its segments in place: with segments of a fixed size it held up to 31 % more than
 /// was in use at the peak, with growing ones up to 17 % (ten runs on an H200), at the same speed. A setting of the
-/// whole process, which the user's comes before.
+/// whole process; the user's own has precedence.
 void let_segments_grow() {
   if (std::getenv("PYTORCH_ALLOC_CONF") || std::getenv("PYTORCH_CUDA_ALLOC_CONF")) return;
   c10::CachingAllocator::setAllocatorSettings("expandable_segments:True");

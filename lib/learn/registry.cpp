@@ -1,16 +1,33 @@
-// The only list of algorithm names.
+#include "learn/registry.hpp"
+
+#include <algorithm>
+
+#include "config/names.hpp"
 #include "core/error.hpp"
-#include "learn/evolution/evolution.hpp"
-#include "learn/learner.hpp"
-#include "learn/mappo.hpp"
+#include "learn/run_config.hpp"
 
 namespace giga {
 
-std::unique_ptr<Learner> make_learner(const LoadedRun& run, Device device) {
-  const std::string& name = run.config.train.algorithm;
-  if (name == "mappo") return make_mappo(run, device);
-  if (name == "openai_es" || name == "snes" || name == "des") return make_evolution(run, device);
-  throw InputError(cat("train.algorithm: '", name, "' is unknown; allowed: mappo, openai_es, snes, des"));
+const std::vector<const Algorithm*>& algorithms() {
+  static const std::vector<const Algorithm*> all = Algorithms::descriptions();
+  return all;
+}
+
+std::vector<std::string> algorithm_names() {
+  std::vector<std::string> names;
+  for (const Algorithm* a : algorithms()) names.emplace_back(a->name);
+  return names;
+}
+
+const Algorithm* find_algorithm(const std::string& name) {
+  const auto found = std::find_if(algorithms().begin(), algorithms().end(), [&](auto* a) { return a->name == name; });
+  return found == algorithms().end() ? nullptr : *found;
+}
+
+const Algorithm& algorithm_of(const RunConfig& config) {
+  const std::string& name = config.train.algorithm;
+  if (const Algorithm* found = find_algorithm(name)) return *found;
+  throw InputError(cat("train.algorithm: '", name, "' is not one of: ", join(algorithm_names())));
 }
 
 }  // namespace giga

@@ -9,7 +9,7 @@
 
 #include "config/duration.hpp"
 #include "config/fields.hpp"
-#include "learn/evolution/config.hpp"
+#include "learn/registry.hpp"
 #include "policy/config.hpp"
 #include "scenario/scenario.hpp"
 #include "scripted/script.hpp"
@@ -27,15 +27,6 @@ constexpr auto enum_names(Opponent) {
 /// The scripted policy behind an opponent other than self_play.
 constexpr Scripted scripted_of(Opponent opponent) { return static_cast<Scripted>(static_cast<int>(opponent) - 1); }
 
-enum class Schedule : uint8_t { constant, linear, cosine };
-constexpr std::array<const char*, 3> enum_names(Schedule) { return {"constant", "linear", "cosine"}; }
-
-enum class AdvantageNorm : uint8_t { none, minibatch, batch };
-constexpr std::array<const char*, 3> enum_names(AdvantageNorm) { return {"none", "minibatch", "batch"}; }
-
-enum class ValueLossKind : uint8_t { squared, clipped, huber };
-constexpr std::array<const char*, 3> enum_names(ValueLossKind) { return {"squared", "clipped", "huber"}; }
-
 struct TrainConfig {
   std::string algorithm = "mappo";
   int64_t total_agent_steps = 250'000'000;
@@ -49,7 +40,7 @@ struct TrainConfig {
 };
 template <class V>
 void visit_fields(V& v, TrainConfig& c) {
-  v("algorithm", c.algorithm, "learning algorithm", one_of({"mappo", "openai_es", "snes", "des"}));
+  v("algorithm", c.algorithm, "learning algorithm", one_of(algorithm_names()));
   v("total_agent_steps", c.total_agent_steps,
     "mappo: agent-steps (worlds x agents x steps) after which the run is complete", at_least(1));
   v("n_worlds", c.n_worlds, "mappo: worlds stepped in parallel", range(1, 16'777'216));
@@ -66,63 +57,6 @@ void visit_fields(V& v, TrainConfig& c) {
   v("desynchronize", c.desynchronize,
     "mappo: let the first episodes end at different times, so that the worlds do not reset in step");
   v("max_wall_time", c.max_wall_time, "save and stop after this time of one `train` or `resume`");
-}
-
-struct MappoConfig {
-  int horizon = 16;
-  int n_epochs = 4;
-  int n_minibatches = 8;
-  float learning_rate = 1e-3f;
-  float critic_learning_rate = 1e-3f;
-  Schedule schedule = Schedule::linear;
-  float final_learning_rate_factor = 0.0f;
-  float gamma = 0.99f;
-  float gae_lambda = 0.95f;
-  float clip_coef = 0.2f;
-  float entropy_coef = 0.003f;
-  float value_coef = 0.5f;
-  ValueLossKind value_loss = ValueLossKind::squared;
-  float value_clip_coef = 0.2f;
-  float huber_delta = 10.0f;
-  float max_grad_norm = 0.5f;
-  AdvantageNorm advantage_norm = AdvantageNorm::minibatch;
-  std::optional<float> target_kl = std::nullopt;
-  float adam_epsilon = 1e-5f;
-  bool value_norm = true;
-  float value_norm_beta = 0.99f;
-  bool obs_norm = false;
-  ActorConfig actor;
-  CriticConfig critic;
-};
-template <class V>
-void visit_fields(V& v, MappoConfig& c) {
-  v("horizon", c.horizon, "steps of a rollout; at most the scenario's max_episode_length", range(1, 65536));
-  v("n_epochs", c.n_epochs, "passes over a rollout per update", range(1, 1000));
-  v("n_minibatches", c.n_minibatches, "minibatches per epoch; must divide n_worlds x horizon", range(1, 1'000'000));
-  v("learning_rate", c.learning_rate, "Adam step size of the actors", greater_than(0));
-  v("critic_learning_rate", c.critic_learning_rate, "Adam step size of the critics", greater_than(0));
-  v("schedule", c.schedule, "how both step sizes change over the run");
-  v("final_learning_rate_factor", c.final_learning_rate_factor, "share of the step sizes left at the end", range(0, 1));
-  v("gamma", c.gamma, "discount of one step", range(0, 1));
-  v("gae_lambda", c.gae_lambda, "decay of generalised advantage estimation", range(0, 1));
-  v("clip_coef", c.clip_coef, "how far the probability ratio may move from 1", greater_than(0));
-  v("entropy_coef", c.entropy_coef, "weight of the entropy bonus", at_least(0));
-  v("value_coef", c.value_coef, "weight of the value loss", at_least(0));
-  v("value_loss", c.value_loss, "squared error, squared error clipped around the old value, or Huber");
-  v("value_clip_coef", c.value_clip_coef, "value_loss clipped: how far a value may move, in normalised units",
-    greater_than(0));
-  v("huber_delta", c.huber_delta, "value_loss huber: where the loss becomes linear, in normalised units",
-    greater_than(0));
-  v("max_grad_norm", c.max_grad_norm, "gradients are scaled down to this norm, per network; 0 = never", at_least(0));
-  v("advantage_norm", c.advantage_norm, "whether advantages are brought to mean 0 and deviation 1, and over what");
-  v("target_kl", c.target_kl, "skip a team's remaining minibatches of an update once approx_kl passes this",
-    at_least(0));
-  v("adam_epsilon", c.adam_epsilon, "Adam's epsilon", greater_than(0));
-  v("value_norm", c.value_norm, "critics predict returns normalised by running moments");
-  v("value_norm_beta", c.value_norm_beta, "share of those moments kept per update", range(0, 1).below(1));
-  v("obs_norm", c.obs_norm, "normalise observations by running moments");
-  v.group("actor", c.actor, "the policy networks");
-  v.group("critic", c.critic, "the value networks");
 }
 
 /// How an opponent is drawn from the pool: all alike, later ones more often, or those more often that are hard to beat.
@@ -189,18 +123,14 @@ void visit_fields(V& v, CheckpointConfig& c) {
     "what a win is, the scenario says (win)");
 }
 
-struct RunConfig {
+/// The groups of the algorithms (`mappo`, `population`, ...) are its bases.
+struct RunConfig : Algorithms::Settings {
   std::string scenario = "identical_5_vs_5";
   Node environment;
   std::optional<Rules> rules = std::nullopt;
   uint64_t seed = 1;
   std::string device = "auto";
   TrainConfig train;
-  MappoConfig mappo;
-  PopulationConfig population;
-  OpenAiEsConfig openai_es;
-  SnesConfig snes;
-  DesConfig des;
   OpponentsConfig opponents;
   EvalConfig eval;
   CheckpointConfig checkpoint;
@@ -213,11 +143,7 @@ void visit_fields(V& v, RunConfig& c) {
   v("seed", c.seed, "seed of everything random in the run");
   v("device", c.device, "auto, cpu, cuda or cuda:<number>");
   v.group("train", c.train, "the run");
-  v.group("mappo", c.mappo, "algorithm mappo (Yu et al. 2022, arXiv 2103.01955)");
-  v.group("population", c.population, "algorithms openai_es, snes and des: each team's population");
-  v.group("openai_es", c.openai_es, "algorithm openai_es (Salimans et al. 2017, arXiv 1703.03864)");
-  v.group("snes", c.snes, "algorithm snes (Wierstra et al. 2014, JMLR 15)");
-  v.group("des", c.des, "algorithm des, Discovered ES (Lange et al. 2023, arXiv 2211.11260)");
+  visit_groups(v, c);
   v.group("opponents", c.opponents, "train.opponent self_play: whom the teams meet besides each other");
   v.group("eval", c.eval, "evaluation while training");
   v.group("checkpoint", c.checkpoint, "checkpoints");
@@ -226,30 +152,10 @@ void visit_fields(V& v, RunConfig& c) {
 /// The most worlds that a run may step in parallel.
 constexpr int64_t kMostWorlds = 16'777'216;
 
-/// Whether the algorithm is an evolution strategy; an update is a generation then.
-inline bool is_evolution(const TrainConfig& c) { return c.algorithm != "mappo"; }
-/// The policy networks of the algorithm.
-inline const ActorConfig& actor_config(const RunConfig& c) {
-  return is_evolution(c.train) ? c.population.actor : c.mappo.actor;
-}
-/// Whether policies take their most likely action.
-inline bool acts_greedily(const RunConfig& c) { return is_evolution(c.train) && c.population.greedy; }
-
-/// Evolution strategies: populations that play at the same time.
-inline int populations_at_a_time(const RunConfig& c) {
-  return c.train.opponent == Opponent::self_play && c.population.turns == Turns::together ? 2 : 1;
-}
-
-/// mappo: agent-steps of one update of a scenario with `n_agents` agents.
-inline int64_t agent_steps_per_update(const RunConfig& c, int n_agents) {
-  return static_cast<int64_t>(c.train.n_worlds) * c.mappo.horizon * n_agents;
-}
-/// Updates of the whole run: generations, or total_agent_steps rounded up to whole updates.
-inline int64_t total_updates(const RunConfig& c, int n_agents) {
-  if (is_evolution(c.train)) return c.population.generations;
-  const int64_t per_update = agent_steps_per_update(c, n_agents);
-  return (c.train.total_agent_steps + per_update - 1) / per_update;
-}
+/// What the algorithm of a run says; see Algorithm.
+inline const ActorConfig& actor_config(const RunConfig& c) { return algorithm_of(c).policy(c).actor; }
+inline bool acts_greedily(const RunConfig& c) { return algorithm_of(c).policy(c).greedy; }
+inline int64_t total_updates(const RunConfig& c, int n_agents) { return algorithm_of(c).total_updates(c, n_agents); }
 
 /// Reads a run's YAML with overrides; throws InputError with all mistakes, including those that show only in the
 /// combination of keys (a horizon longer than the episode, minibatches that do not divide).

@@ -30,10 +30,9 @@ void check_precision(const LoadedRun& run, Device device) {
 }
 
 Actor make_actor(const LoadedRun& run, int team, Device device) {
-  const bool gradients = !is_evolution(run.config.train);
-  return Actor(actor_config(run.config), input_columns(actor_config(run.config).inputs, run.spec),
-               run.spec.params.actions, gradients && run.config.mappo.obs_norm, precision_on(run, device),
-               torch_device(device), network_seed(run, team, 0));
+  const PolicySettings policy = algorithm_of(run.config).policy(run.config);
+  return Actor(policy.actor, input_columns(policy.actor.inputs, run.spec), run.spec.params.actions, policy.obs_norm,
+               precision_on(run, device), torch_device(device), network_seed(run, team, 0));
 }
 
 }  // namespace giga

@@ -10,6 +10,7 @@
 #include "core/error.hpp"
 #include "io/number.hpp"
 #include "io/shell_word.hpp"
+#include "learn/registry.hpp"
 
 namespace giga {
 namespace {
@@ -41,10 +42,10 @@ std::string values_of(const RunGroup& group, const std::string& path) {
 double steps_done(const RunData& run) { return run.metrics.find("agent_steps")->back(); }
 double seconds_spent(const RunData& run) { return run.metrics.find("seconds")->back(); }
 
-/// Agent-steps that the config asks for; 0 where it does not say: evolution counts generations.
+/// Agent-steps that the config asks for; 0 where it does not say: some algorithms end after other counts.
 double steps_wanted(const RunData& run) {
-  const std::string algorithm = setting(flatten(run.config), "train.algorithm");
-  if (!algorithm.empty() && algorithm != "mappo") return 0;
+  const Algorithm* algorithm = find_algorithm(setting(flatten(run.config), "train.algorithm"));
+  if (algorithm && !algorithm->agent_steps_per_update) return 0;
   return std::strtod(setting(flatten(run.config), "train.total_agent_steps").c_str(), nullptr);
 }
 

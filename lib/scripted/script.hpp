@@ -9,7 +9,7 @@
 
 namespace giga {
 
-/// Configs, the command line and messages take the names from here. The first five are the paper's (SPEC section 13).
+/// Configs, the command line and messages take the names from here. The page docs/rules.md has more on them (13.5).
 enum class Scripted : uint8_t {
   random,           ///< uniform over the 27 actions, or over [-1, 1)^3
   noop,             ///< straight on

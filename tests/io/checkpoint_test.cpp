@@ -135,7 +135,7 @@ TEST(Checkpoint, NewerFormat) {
   newer.format_version = kCheckpointFormat + 1;
   newer.gigastep_version = "9.7.0";
   EXPECT_TRUE(
-      contains(decode_error(encode_checkpoint(newer)), {"has format version 3, newer than 2", "use gigastep 9.7.0"}));
+      contains(decode_error(encode_checkpoint(newer)), {"has format version 4, newer than 3", "use gigastep 9.7.0"}));
 }
 
 TEST(Checkpoint, EveryTruncationIsNoticed) {
@@ -173,13 +173,15 @@ TEST(Checkpoint, AMissingArrayIsNamed) {
   EXPECT_EQ(decode_error(bytes), "the_file.h5: cannot read 'arrays/team_0/actor/bias'");
 }
 
-// A file from before the cursor was kept (format 1) is read, with zeros for it.
-TEST(Checkpoint, OlderFormatIsRead) {
-  Checkpoint older = sample();
-  older.format_version = 1;
-  const std::string bytes = encode_checkpoint(older);
-  older.cursor = {};
-  expect_equal(decode_checkpoint(bytes, "older.h5"), older);
+TEST(Checkpoint, OlderFormatIsRefused) {
+  for (int format = 1; format < kCheckpointFormat; ++format) {
+    Checkpoint older = sample();
+    older.format_version = format;
+    older.gigastep_version = "0.0.7";
+    EXPECT_EQ(decode_error(encode_checkpoint(older)),
+              cat("the_file.h5: has format version ", format,
+                  ", older than 3, which this gigastep reads: use gigastep ", "0.0.7, which wrote it, or train again"));
+  }
 }
 
 // Other programs read the file as it is, seal or not.

@@ -1,4 +1,4 @@
-// Settings of evolution strategies.
+// Settings of evolution strategies, and their rows in the list of algorithms.
 #pragma once
 
 #include <array>
@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "config/fields.hpp"
+#include "learn/algorithm.hpp"
 #include "policy/config.hpp"
 
 namespace giga {
@@ -21,14 +22,14 @@ constexpr std::array<const char*, 3> enum_names(FitnessShaping) { return {"cente
 enum class MeanOptimizer : uint8_t { adam, momentum, clip_up };
 constexpr std::array<const char*, 3> enum_names(MeanOptimizer) { return {"adam", "momentum", "clip_up"}; }
 
-/// What an episode is worth to a member.
+/// What fitness measures.
 enum class Objective : uint8_t { mean_return, win_rate, score };
 constexpr std::array<const char*, 3> enum_names(Objective) { return {"return", "win_rate", "score"}; }
 
 enum class Turns : uint8_t { together, alternating };
 constexpr std::array<const char*, 2> enum_names(Turns) { return {"together", "alternating"}; }
 
-/// What is made of the fitness before a strategy learns from it.
+/// How fitness is transformed before a strategy learns from it.
 struct ShapingConfig {
   FitnessShaping kind = FitnessShaping::centered_ranks;
   float weight_decay = 0;
@@ -148,5 +149,40 @@ void visit_fields(V& v, DesConfig& c) {
   v("learning_rate_mean", c.learning_rate_mean, "how far the mean moves towards the weighted mean", range(0, 1));
   v("learning_rate_sigma", c.learning_rate_sigma, "how far sigma moves towards the weighted deviation", range(0, 1));
 }
+
+/// Their groups of a run config.
+struct EvolutionSettings {
+  PopulationConfig population;
+  OpenAiEsConfig openai_es;
+  SnesConfig snes;
+  DesConfig des;
+  static ResumeRules resume_rules();
+};
+template <class V>
+void visit_fields(V& v, EvolutionSettings& c) {
+  v.group("population", c.population, "algorithms openai_es, snes and des: each team's population");
+  v.group("openai_es", c.openai_es, "algorithm openai_es (Salimans et al. 2017, arXiv 1703.03864)");
+  v.group("snes", c.snes, "algorithm snes (Wierstra et al. 2014, JMLR 15)");
+  v.group("des", c.des, "algorithm des, Discovered ES (Lange et al. 2023, arXiv 2211.11260)");
+}
+
+/// Populations that play at the same time.
+int populations_at_a_time(const RunConfig& config);
+
+struct OpenAiEsAlgorithm {
+  using Settings = EvolutionSettings;
+  static const Algorithm kAlgorithm;
+  static std::unique_ptr<Learner> make(const LoadedRun& run, Device device);
+};
+struct SnesAlgorithm {
+  using Settings = EvolutionSettings;
+  static const Algorithm kAlgorithm;
+  static std::unique_ptr<Learner> make(const LoadedRun& run, Device device);
+};
+struct DesAlgorithm {
+  using Settings = EvolutionSettings;
+  static const Algorithm kAlgorithm;
+  static std::unique_ptr<Learner> make(const LoadedRun& run, Device device);
+};
 
 }  // namespace giga

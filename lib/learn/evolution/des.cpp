@@ -1,4 +1,5 @@
 // Discovered ES: the closed form of a strategy that was found by meta-learning (Lange et al. 2023, section 5.3).
+#include "learn/evolution/evolution.hpp"
 #include "learn/evolution/fitness.hpp"
 #include "learn/evolution/strategy.hpp"
 
@@ -33,6 +34,11 @@ std::unique_ptr<EvolutionStrategy> make_des(const PopulationConfig& population, 
                                             const PopulationPlace& place, const at::Tensor& mean,
                                             const RowRunner& rows) {
   return std::make_unique<Des>(population, config, place, mean, rows);
+}
+
+std::unique_ptr<Learner> DesAlgorithm::make(const LoadedRun& run, Device device) {
+  return make_evolution(run, device,
+                        [](const RunConfig& c, const auto&... rest) { return make_des(c.population, c.des, rest...); });
 }
 
 }  // namespace giga

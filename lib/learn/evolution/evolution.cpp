@@ -53,7 +53,7 @@ at::Tensor fitness_of(const at::Tensor& results, int64_t n_rounds, int team, Obj
   return {};
 }
 
-/// What a population has played and learned, as the host has read it.
+/// Figures of a population's generation, on the host.
 struct PopulationFigures {
   std::vector<double> stats;   // [kNStatRows] sums over its episodes
   std::vector<float> learned;  // [kNEvolutionFigures]
@@ -62,7 +62,7 @@ struct PopulationFigures {
 
 class Evolution final : public Learner {
  public:
-  Evolution(const LoadedRun& run, Device device);
+  Evolution(const LoadedRun& run, Device device, const MakeStrategy& make_strategy);
 
   Metrics update() override;
   std::optional<Divergence> divergence() const override { return divergence_; }
@@ -95,19 +95,19 @@ class Evolution final : public Learner {
   std::unique_ptr<EvolvingTeam> team_[kNTeams];  // null = scripted
   std::unique_ptr<PopulationGames> games_;
   std::unique_ptr<DeviceClock> clock_;
-  at::Tensor no_networks_;  // [1, P] what a scripted team has in the place of networks
+  at::Tensor no_networks_;  // [1, P] stands in for the networks of a scripted team
   int64_t generations_ = 0, agent_steps_ = 0;
   std::optional<Divergence> divergence_;
 };
 
-Evolution::Evolution(const LoadedRun& run, Device device)
+Evolution::Evolution(const LoadedRun& run, Device device, const MakeStrategy& make_strategy)
     : config_(run.config), rows_(device, run.config.train.n_threads, current_stream(device)) {
   check_precision(run, device);
   set_up_libtorch(config_.train, device);
   const Actor* network = nullptr;
   for (int team = 0; team < kNTeams; ++team) {
     if (!learns(config_.train, team)) continue;
-    team_[team] = std::make_unique<EvolvingTeam>(run, team, device, rows_);
+    team_[team] = std::make_unique<EvolvingTeam>(run, team, device, make_strategy, rows_);
     network = &team_[team]->actor();
   }
   games_ = std::make_unique<PopulationGames>(run.spec, games_options(config_), *network, rows_);
@@ -181,7 +181,7 @@ void Evolution::team_metrics(int team, const PopulationFigures* f, Metrics& out)
   (f ? f->record : LeagueRecord{}).add_metrics(team, out);
 }
 
-// Reads what population k of those that played has come to, and notes how it fared against the other team's pool.
+// Reads the figures of population k of those that played, and counts its games against the other team's pool.
 PopulationFigures Evolution::figures_of(const Population& population, size_t k) {
   const at::Tensor by_world = games_->results(k).sum(0, false, at::kDouble).cpu();  // [E, kNStatRows]
   const at::Tensor sums = by_world.sum(0), learned = team_[population.team]->figures().cpu();
@@ -253,8 +253,8 @@ void Evolution::load(const NamedArrays& in) {
 
 }  // namespace
 
-std::unique_ptr<Learner> make_evolution(const LoadedRun& run, Device device) {
-  return std::make_unique<Evolution>(run, device);
+std::unique_ptr<Learner> make_evolution(const LoadedRun& run, Device device, const MakeStrategy& make_strategy) {
+  return std::make_unique<Evolution>(run, device, make_strategy);
 }
 
 }  // namespace giga

@@ -1,13 +1,14 @@
-// Evolution: two teams, each with a search distribution of its own, evolve against each other.
+// Evolution: two teams, each with a search distribution of its own, evolve against each other or against a script.
 #pragma once
 
 #include <memory>
 
+#include "learn/evolution/strategy.hpp"
 #include "learn/learner.hpp"
 
 namespace giga {
 
-/// The learner of algorithms openai_es, snes and des.
-std::unique_ptr<Learner> make_evolution(const LoadedRun& run, Device device);
+/// `make_strategy` is called once for each team that learns.
+std::unique_ptr<Learner> make_evolution(const LoadedRun& run, Device device, const MakeStrategy& make_strategy);
 
 }  // namespace giga

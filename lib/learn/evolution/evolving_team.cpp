@@ -2,30 +2,17 @@
 
 #include <limits>
 
-#include "core/error.hpp"
 #include "core/seeds.hpp"
 #include "learn/evolution/fitness.hpp"
 #include "learn/team_policy.hpp"
 
 namespace giga {
-namespace {
-
-std::unique_ptr<EvolutionStrategy> make_strategy(const RunConfig& c, int team, const Actor& actor,
-                                                 const RowRunner& rows) {
-  const PopulationPlace place{seed_of(c.seed, Purpose::training), team, actor.parameters().matrices()};
-  const at::Tensor& mean = actor.parameters().values();
-  const std::string& name = c.train.algorithm;
-  if (name == "openai_es") return make_openai_es(c.population, c.openai_es, place, mean, rows);
-  if (name == "snes") return make_snes(c.population, c.snes, place, mean, rows);
-  GIGA_CHECK(name == "des", "algorithm ", name);
-  return make_des(c.population, c.des, place, mean, rows);
-}
-
-}  // namespace
-
-EvolvingTeam::EvolvingTeam(const LoadedRun& run, int team, Device device, const RowRunner& rows)
+EvolvingTeam::EvolvingTeam(const LoadedRun& run, int team, Device device, const MakeStrategy& make_strategy,
+                           const RowRunner& rows)
     : actor_(make_actor(run, team, device)),
-      strategy_(make_strategy(run.config, team, actor_, rows)),
+      strategy_(make_strategy(run.config,
+                              {seed_of(run.config.seed, Purpose::training), team, actor_.parameters().matrices()},
+                              actor_.parameters().values(), rows)),
       pool_(run.config.opponents.pool_size, actor_.parameters().values().detach()),
       figures_(at::zeros({kNEvolutionFigures}, strategy_->mean().options())) {}
 

@@ -1,4 +1,4 @@
-// EvolvingTeam: the policy of one team, its search distribution, and what others may meet of it.
+// EvolvingTeam: the policy of one team, its search distribution, and the pool of its past means.
 #pragma once
 
 #include <torch/types.h>
@@ -29,7 +29,7 @@ enum EvolutionFigure : int {
 
 class EvolvingTeam {
  public:
-  EvolvingTeam(const LoadedRun& run, int team, Device device, const RowRunner& rows);
+  EvolvingTeam(const LoadedRun& run, int team, Device device, const MakeStrategy& make_strategy, const RowRunner& rows);
 
   at::Tensor ask() { return strategy_->ask(); }
   /// Learns from the fitness [M] of the members asked for last; the actor becomes the new mean.

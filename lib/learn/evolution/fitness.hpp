@@ -1,4 +1,4 @@
-// Fitness into weights: ranks, shaping, and the weights by rank of each strategy. Fitness is the larger the better.
+// Fitness into weights: ranks, shaping, and the weights by rank of each strategy. Larger fitness is better.
 #pragma once
 
 #include <torch/types.h>
@@ -11,11 +11,11 @@ namespace giga {
 at::Tensor count_not_finite(const at::Tensor& fitness);
 
 /// Shaped fitness [M]; what is not finite counts as worst. centered_ranks: 0.5 for the best to -0.5 for the worst
-/// (Salimans et al. 2017), equal ones in the middle of their ranks; z_score: mean 0, deviation 1; raw: as it is.
+/// (Salimans et al. 2017), ties at the middle of their ranks; z_score: mean 0, deviation 1; raw: unchanged.
 at::Tensor shape_fitness(const at::Tensor& fitness, FitnessShaping shaping);
 
-/// Weights by rank. Members of equal fitness share theirs: with few episodes many are equal, and else whoever has the
-/// smaller number would win.
+/// Weights by rank. Members of equal fitness share theirs: with few episodes many are equal, and the order of the
+/// members must not decide.
 class RankWeights {
  public:
   /// `weights` [M], best first.

@@ -1,8 +1,9 @@
-// OpenAI-ES: the gradient of the mean fitness under Gaussian perturbations (Salimans et al. 2017, algorithm 1), handed
-// to an optimizer.
+// OpenAI-ES: the gradient of the mean fitness under Gaussian perturbations (Salimans et al. 2017, algorithm 1), which
+// an optimizer follows.
 #include <algorithm>
 #include <cmath>
 
+#include "learn/evolution/evolution.hpp"
 #include "learn/evolution/strategy.hpp"
 #include "policy/parameters.hpp"
 
@@ -29,7 +30,7 @@ class OpenAiEs final : public EvolutionStrategy {
     return all;
   }
 
-  /// A setting after so many generations of decay; one that starts below the limit stays as it is.
+  /// A setting after some generations of decay; one that starts below its limit does not decay.
   static double decayed(float start, float decay, float least, double generations) {
     const double value = static_cast<double>(start) * std::pow(static_cast<double>(decay), generations);
     return std::max(value, static_cast<double>(std::min(least, start)));
@@ -70,7 +71,7 @@ class OpenAiEs final : public EvolutionStrategy {
   const OpenAiEsConfig config_;
   const float sigma_init_;
   at::Tensor velocity_, square_;  // [P] of the optimizer
-  at::Tensor steps_;              // [] that Adam has taken, which steps that were not sound are not among
+  at::Tensor steps_;              // [] Adam's count of steps; steps that were undone do not count
 };
 
 }  // namespace
@@ -79,6 +80,12 @@ std::unique_ptr<EvolutionStrategy> make_openai_es(const PopulationConfig& popula
                                                   const PopulationPlace& place, const at::Tensor& mean,
                                                   const RowRunner& rows) {
   return std::make_unique<OpenAiEs>(population, config, place, mean, rows);
+}
+
+std::unique_ptr<Learner> OpenAiEsAlgorithm::make(const LoadedRun& run, Device device) {
+  return make_evolution(run, device, [](const RunConfig& c, const auto&... rest) {
+    return make_openai_es(c.population, c.openai_es, rest...);
+  });
 }
 
 }  // namespace giga

@@ -1,6 +1,7 @@
 // SNES: separable natural evolution strategy (Wierstra et al. 2014, algorithm 6).
 #include <cmath>
 
+#include "learn/evolution/evolution.hpp"
 #include "learn/evolution/fitness.hpp"
 #include "learn/evolution/strategy.hpp"
 
@@ -37,6 +38,11 @@ std::unique_ptr<EvolutionStrategy> make_snes(const PopulationConfig& population,
                                              const PopulationPlace& place, const at::Tensor& mean,
                                              const RowRunner& rows) {
   return std::make_unique<Snes>(population, config, place, mean, rows);
+}
+
+std::unique_ptr<Learner> SnesAlgorithm::make(const LoadedRun& run, Device device) {
+  return make_evolution(
+      run, device, [](const RunConfig& c, const auto&... rest) { return make_snes(c.population, c.snes, rest...); });
 }
 
 }  // namespace giga

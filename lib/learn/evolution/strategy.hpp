@@ -3,6 +3,7 @@
 
 #include <torch/types.h>
 
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -15,11 +16,11 @@
 
 namespace giga {
 
-/// Where a population's numbers come from and where they live.
+/// Whose population it is, and where its noise comes from.
 struct PopulationPlace {
   uint64_t seed = 0;
   int team = 0;
-  std::vector<MatrixPlace> matrices;  ///< used by noise low_rank; all other parameters have numbers of their own
+  std::vector<MatrixPlace> matrices;  ///< noise low_rank is for these; other parameters have full noise
 };
 
 class EvolutionStrategy {
@@ -28,9 +29,9 @@ class EvolutionStrategy {
 
   /// Parameters of this generation's members [M, P].
   at::Tensor ask();
-  /// Learns from the members' fitness [M], the larger the better, and goes on to the next generation. Makes the noise
-  /// of `ask` anew; queues work on the device and waits for nothing. Returns a truth value [] on the device: false
-  /// where a number of the new state was not finite; then all of it stays as it was, and only the generation goes on.
+  /// Learns from the members' fitness [M], larger is better, and goes on to the next generation. Computes the noise
+  /// of `ask` again; queues work on the device and does not wait. Returns a bool [] on the device: false where a number
+  /// of the new state was not finite; then the step is undone, and only the generation goes on.
   at::Tensor tell(const at::Tensor& fitness);
 
   const at::Tensor& mean() const { return mean_; }    // [P]
@@ -57,7 +58,7 @@ class EvolutionStrategy {
     const char* name;  // in a checkpoint
     at::Tensor tensor;
   };
-  /// Everything that `learn` changes: it is saved, loaded, and put back after a step that was not sound.
+  /// Everything that `learn` changes: it is saved, loaded, and restored where a step is undone.
   virtual std::vector<StateTensor> state() const { return {{"mean", mean_}, {"sigma", sigma_}}; }
 
   at::Tensor mean_, sigma_;
@@ -75,6 +76,8 @@ class EvolutionStrategy {
 };
 
 /// `mean` [P]: where the search starts; it is copied. `rows` must outlive the strategy.
+using MakeStrategy = std::function<std::unique_ptr<EvolutionStrategy>(const RunConfig&, const PopulationPlace&,
+                                                                      const at::Tensor& mean, const RowRunner& rows)>;
 std::unique_ptr<EvolutionStrategy> make_openai_es(const PopulationConfig& population, const OpenAiEsConfig& config,
                                                   const PopulationPlace& place, const at::Tensor& mean,
                                                   const RowRunner& rows);

@@ -1,0 +1,160 @@
+// What evolution strategies allow in a config, and when a run goes on.
+#include "learn/evolution/config.hpp"
+
+#include <algorithm>
+
+#include "core/error.hpp"
+#include "learn/config_check.hpp"
+#include "math/small_mlp.hpp"
+#include "policy/inputs.hpp"
+#include "sim/simulator.hpp"
+
+namespace giga {
+namespace {
+
+constexpr ResumeRule kEvolutionMayChange[] = {
+    {"population.generations", "where the run ends"},
+    {"population.shaping.", "from here on, as all below"},
+    {"population.objective", ""},
+    {"population.max_steps", ""},
+    {"population.turns", ""},
+    {"population.generations_per_turn", ""},
+    {"openai_es.", ""},
+    {"snes.", ""},
+    {"des.", ""},
+};
+constexpr ResumeRule kEvolutionMayNot[] = {
+    {"population.actor.", "the saved parameters fit their networks only"},
+    {"openai_es.optimizer", "the checkpoint holds the moments of this optimizer"},
+    {"population.greedy", "the policies have been learned for the one or the other"},
+    {"population.", "the draws of the rest of the run would no longer be those of one run"},
+};
+
+/// Settings that mean nothing to evolution strategies, where they were changed.
+void check_train(ConfigCheck& check) {
+  const TrainConfig &a = check.config.train, b;
+  check.means_nothing("train.total_agent_steps", a.total_agent_steps != b.total_agent_steps,
+                      "a run ends after population.generations");
+  check.means_nothing("train.n_worlds", a.n_worlds != b.n_worlds,
+                      "worlds are population.population_size x population.episodes_per_member (or parallel_episodes), "
+                      "for each team that evolves");
+  check.means_nothing("train.desynchronize", a.desynchronize != b.desynchronize,
+                      "episodes of a generation start together");
+}
+
+/// The fused kernel must have room for the networks.
+void check_fp16(ConfigCheck& check) {
+  const ActorConfig& actor = check.config.population.actor;
+  if (!check.wants_fp16()) return;
+  if (check.known({"population.actor.layer_norm"}) && actor.layer_norm)
+    check.refuse_fp16("has no layer normalisation, and population.actor.layer_norm is true");
+  if (check.known({"population.actor.hidden"}) && !SmallMlp::has_room_for(actor.hidden))
+    check.refuse_fp16(cat("takes at most ", SmallMlp::kMaxLayers - 1, " hidden layers of at most ", SmallMlp::kMaxWidth,
+                          ", and population.actor.hidden is ", FieldCodec<std::vector<int>>::print(actor.hidden)));
+}
+
+void check_population(ConfigCheck& check) {
+  const PopulationConfig& p = check.config.population;
+  if (check.known({"population.population_size", "population.antithetic"}) && p.antithetic &&
+      p.population_size % 2 != 0)
+    check.fail("population.population_size",
+               cat(p.population_size, " is odd, and with antithetic: true members come in pairs; nearest: ",
+                   p.population_size - 1, ", ", p.population_size + 1));
+  const int pool_size = check.config.opponents.pool_size;
+  if (check.known({"opponents.pool_size", "population.generations"}) && pool_size > p.generations)
+    check.fail("opponents.pool_size", cat(pool_size, " past means can never be there in a run of ", p.generations,
+                                          " generations (population.generations)"));
+  if (!check.known({"population.episodes_per_member", "population.parallel_episodes"})) return;
+  if (p.parallel_episodes && p.episodes_per_member % *p.parallel_episodes != 0)
+    return check.fail(
+        "population.parallel_episodes",
+        cat(*p.parallel_episodes, " does not divide population.episodes_per_member ", p.episodes_per_member));
+  if (check.known({"population.population_size"}) &&
+      2 * static_cast<int64_t>(p.population_size) * p.n_worlds() > kMostWorlds)
+    check.fail(
+        "population.population_size",
+        cat(p.population_size, " x population.", p.parallel_episodes ? "parallel_episodes " : "episodes_per_member ",
+            p.n_worlds(), " for two teams are more than ", kMostWorlds, " worlds"));
+}
+
+void check_noise_rank(ConfigCheck& check) {
+  const PopulationConfig& p = check.config.population;
+  if (!check.spec || p.noise != EsNoiseKind::low_rank) return;
+  if (!check.known({"population.noise_rank", "population.actor.hidden", "population.actor.inputs"})) return;
+  if (p.actor.inputs == NetworkInputs::body && !check.spec->params.body_view) return;
+  auto input = static_cast<int>(input_columns(p.actor.inputs, *check.spec).size), most = 0;
+  for (const int size : p.actor.hidden) {
+    most = std::max(most, std::min(input, size));
+    input = size;
+  }
+  if (p.noise_rank > most)
+    check.fail("population.noise_rank",
+               cat(p.noise_rank, " is more than the smaller side of any weight matrix; at most ", most,
+                   " for population.actor.hidden"));
+}
+
+void check_evolution(ConfigCheck& check) {
+  check.inputs_are_there("population.actor.inputs", check.config.population.actor.inputs);
+  check_train(check);
+  check_fp16(check);
+  check_population(check);
+  check_noise_rank(check);
+}
+
+RunSize population_size(const RunConfig& c) {
+  const int64_t most = kMostWorlds / (2 * static_cast<int64_t>(c.population.n_worlds()));
+  return {"population.population_size",    "member", c.population.population_size,
+          c.population.antithetic ? 2 : 1, 2,        std::min<int64_t>(most, kMostMembers)};
+}
+
+/// The state of the worlds, and their observations.
+int64_t evolution_least_bytes(const LoadedRun& run) {
+  const PopulationConfig& p = run.config.population;
+  const int64_t n_worlds = static_cast<int64_t>(populations_at_a_time(run.config)) * p.population_size * p.n_worlds();
+  const auto observation = static_cast<int64_t>(sizeof(float)) * run.spec.padded_observation_size();
+  return static_cast<int64_t>(state_bytes(run.spec.params.n_agents, n_worlds)) +
+         n_worlds * run.spec.params.n_agents * observation;
+}
+
+/// The row of a strategy.
+constexpr Algorithm evolution_strategy(const char* name, const char* about) {
+  return {
+      .name = name,
+      .about = about,
+      .figures =
+          "over the members of a team's population: fitness_mean, fitness_best,\n"
+          "fitness_deviation, not_finite (members); of what is searched: sigma,\n"
+          "parameter_norm, step_norm",
+      .updates = "generations",
+      .end_key = "population.generations",
+      .has_populations = true,
+      .policy =
+          [](const RunConfig& c) {
+            return PolicySettings{c.population.actor, c.population.greedy, false};
+          },
+      .total_updates = [](const RunConfig& c, int) { return static_cast<int64_t>(c.population.generations); },
+      .agent_steps_per_update = nullptr,
+      .check = check_evolution,
+      .size = population_size,
+      .set_size = [](RunConfig& c, int64_t size) { c.population.population_size = static_cast<int>(size); },
+      .shorten = [](RunConfig& c) { c.population.max_steps = 1; },
+      .least_bytes = evolution_least_bytes,
+  };
+}
+
+}  // namespace
+
+int populations_at_a_time(const RunConfig& c) {
+  return c.train.opponent == Opponent::self_play && c.population.turns == Turns::together ? 2 : 1;
+}
+
+ResumeRules EvolutionSettings::resume_rules() { return {kEvolutionMayChange, kEvolutionMayNot}; }
+
+const Algorithm OpenAiEsAlgorithm::kAlgorithm =
+    evolution_strategy("openai_es", "evolution by OpenAI-ES: the gradient of the mean fitness, and an optimizer");
+const Algorithm SnesAlgorithm::kAlgorithm =
+    evolution_strategy("snes", "evolution by SNES: a natural gradient of mean and deviations");
+const Algorithm DesAlgorithm::kAlgorithm =
+    evolution_strategy("des", "evolution by Discovered ES: weights by rank that meta-learning found");
+
+}  // namespace giga

@@ -1,0 +1,139 @@
+// What MAPPO allows in a config, and when a run goes on.
+#include "learn/mappo/config.hpp"
+
+#include <algorithm>
+#include <numeric>
+
+#include "core/error.hpp"
+#include "learn/config_check.hpp"
+#include "learn/opponents/world_shares.hpp"
+#include "sim/simulator.hpp"
+
+namespace giga {
+namespace {
+
+constexpr ResumeRule kMappoMayChange[] = {
+    {"mappo.learning_rate", "from here on, as all below"},
+    {"mappo.critic_learning_rate", ""},
+    {"mappo.schedule", ""},
+    {"mappo.final_learning_rate_factor", ""},
+    {"mappo.clip_coef", ""},
+    {"mappo.entropy_coef", ""},
+    {"mappo.max_grad_norm", ""},
+    {"mappo.target_kl", ""},
+    {"mappo.n_epochs", ""},
+};
+constexpr ResumeRule kMappoMayNot[] = {
+    {"mappo.horizon", "the count of agent-steps done rests on it"},
+    {"mappo.actor.", "the saved parameters fit their networks only"},
+    {"mappo.critic.", "the saved parameters fit their networks only"},
+    {"mappo.value_norm", "the saved values are in the units of their normaliser"},
+    {"mappo.obs_norm", "the saved policies expect their observations so"},
+};
+
+void minibatches_divide(ConfigCheck& check) {
+  if (!check.known({"train.n_worlds", "mappo.horizon", "mappo.n_minibatches"})) return;
+  const TrainConfig& train = check.config.train;
+  const MappoConfig& c = check.config.mappo;
+  const int64_t states = static_cast<int64_t>(train.n_worlds) * c.horizon;
+  if (states % c.n_minibatches == 0) return;
+  // The divisors around it, which are what is allowed.
+  int64_t below = std::min<int64_t>(c.n_minibatches, states), above = below;
+  while (states % below != 0) --below;
+  while (above <= states && states % above != 0) ++above;
+  const std::string nearest = above > c.n_minibatches && above <= states ? cat(below, ", ", above) : cat(below);
+  check.fail("mappo.n_minibatches", cat(c.n_minibatches, " does not divide train.n_worlds x mappo.horizon = ",
+                                        train.n_worlds, " x ", c.horizon, " = ", states, "; nearest: ", nearest));
+}
+
+/// Shares that come to no world.
+void worlds_suffice(ConfigCheck& check) {
+  const OpponentsConfig& p = check.config.opponents;
+  const MappoConfig& c = check.config.mappo;
+  const int n_worlds = check.config.train.n_worlds;
+  if (check.config.train.opponent != Opponent::self_play) return;
+  if (p.pool_size > 0 && p.pool_share + p.scripted_share > 1) return;
+  const WorldShares shares = world_shares(p, n_worlds);
+  const auto too_few = [&](const char* key, float share, int64_t worlds, int64_t needed, const char* what) {
+    if (worlds < needed && check.known({key, "train.n_worlds"}))
+      check.fail(key, cat(share, " of train.n_worlds ", n_worlds, " leaves each team ", worlds, " worlds against ",
+                          what, "; it needs at least ", needed));
+  };
+  if (p.pool_size > 0 && p.pool_share > 0)
+    too_few("opponents.pool_share", p.pool_share, shares.pooled(), 1, "the pool");
+  if (p.scripted_share > 0 && check.known({"opponents.scripted"}))
+    too_few("opponents.scripted_share", p.scripted_share, shares.scripted, static_cast<int64_t>(p.scripted.size()),
+            "scripts (opponents.scripted)");
+  const int64_t states = shares.learning(0).count * c.horizon;
+  if (states < c.n_minibatches && check.known({"train.n_worlds", "mappo.horizon", "mappo.n_minibatches"}))
+    check.fail("mappo.n_minibatches", cat(c.n_minibatches, " minibatches for ", states,
+                                          " states of the worlds in which a team learns (opponents)"));
+}
+
+void horizon_fits(ConfigCheck& check) {
+  if (!check.scenario || !check.scenario_knows("max_episode_length") || !check.known({"mappo.horizon"})) return;
+  const int limit = check.scenario->max_episode_length.value_or(0), horizon = check.config.mappo.horizon;
+  if (limit > 0 && horizon > limit)
+    check.fail("mappo.horizon", cat(horizon, " is longer than an episode of scenario '", check.config.scenario,
+                                    "' (max_episode_length ", limit, ")"));
+}
+
+void check_mappo(ConfigCheck& check) {
+  check.inputs_are_there("mappo.actor.inputs", check.config.mappo.actor.inputs);
+  check.inputs_are_there("mappo.critic.inputs", check.config.mappo.critic.inputs);
+  worlds_suffice(check);
+  minibatches_divide(check);
+  horizon_fits(check);
+}
+
+// n_worlds x horizon must be a multiple of n_minibatches.
+RunSize mappo_size(const RunConfig& c) {
+  const int64_t step = c.mappo.n_minibatches / std::gcd(c.mappo.n_minibatches, c.mappo.horizon);
+  return {"train.n_worlds", "world", c.train.n_worlds, step, step, kMostWorlds};
+}
+
+/// The state of the worlds, and the observations of the rollout.
+int64_t mappo_least_bytes(const LoadedRun& run) {
+  const SimParams& p = run.spec.params;
+  const TrainConfig& c = run.config.train;
+  const int64_t agents = c.opponent == Opponent::self_play ? p.n_agents : p.n_team[c.learning_team];
+  const auto observation = static_cast<int64_t>(sizeof(float)) * run.spec.padded_observation_size();
+  return static_cast<int64_t>(state_bytes(p.n_agents, c.n_worlds)) +
+         c.n_worlds * run.config.mappo.horizon * agents * observation;
+}
+
+}  // namespace
+
+int64_t agent_steps_per_update(const RunConfig& c, int n_agents) {
+  return static_cast<int64_t>(c.train.n_worlds) * c.mappo.horizon * n_agents;
+}
+
+ResumeRules MappoSettings::resume_rules() { return {kMappoMayChange, kMappoMayNot}; }
+
+const Algorithm MappoAlgorithm::kAlgorithm = {
+    .name = "mappo",
+    .about = "PPO in self-play, with a centralized critic per team",
+    .figures =
+        "policy_loss, value_loss, entropy and information (nats), approx_kl, clip_fraction,\n"
+        "explained_variance, actor_grad_norm, critic_grad_norm",
+    .updates = "updates",
+    .end_key = "train.total_agent_steps",
+    .has_populations = false,
+    .policy =
+        [](const RunConfig& c) {
+          return PolicySettings{c.mappo.actor, false, c.mappo.obs_norm};
+        },
+    .total_updates =
+        [](const RunConfig& c, int n_agents) {
+          const int64_t per_update = agent_steps_per_update(c, n_agents);
+          return (c.train.total_agent_steps + per_update - 1) / per_update;
+        },
+    .agent_steps_per_update = agent_steps_per_update,
+    .check = check_mappo,
+    .size = mappo_size,
+    .set_size = [](RunConfig& c, int64_t size) { c.train.n_worlds = static_cast<int>(size); },
+    .shorten = [](RunConfig& c) { c.mappo.n_epochs = 1; },
+    .least_bytes = mappo_least_bytes,
+};
+
+}  // namespace giga

@@ -1,0 +1,102 @@
+// Settings of MAPPO, self-play proximal policy optimisation with a centralized critic per team (Yu et al. 2022, arXiv
+// 2103.01955), and its row in the list of algorithms.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+
+#include "config/fields.hpp"
+#include "learn/algorithm.hpp"
+#include "policy/config.hpp"
+
+namespace giga {
+
+enum class Schedule : uint8_t { constant, linear, cosine };
+constexpr std::array<const char*, 3> enum_names(Schedule) { return {"constant", "linear", "cosine"}; }
+
+enum class AdvantageNorm : uint8_t { none, minibatch, batch };
+constexpr std::array<const char*, 3> enum_names(AdvantageNorm) { return {"none", "minibatch", "batch"}; }
+
+enum class ValueLossKind : uint8_t { squared, clipped, huber };
+constexpr std::array<const char*, 3> enum_names(ValueLossKind) { return {"squared", "clipped", "huber"}; }
+
+struct MappoConfig {
+  int horizon = 16;
+  int n_epochs = 4;
+  int n_minibatches = 8;
+  float learning_rate = 1e-3f;
+  float critic_learning_rate = 1e-3f;
+  Schedule schedule = Schedule::linear;
+  float final_learning_rate_factor = 0.0f;
+  float gamma = 0.99f;
+  float gae_lambda = 0.95f;
+  float clip_coef = 0.2f;
+  float entropy_coef = 0.003f;
+  float value_coef = 0.5f;
+  ValueLossKind value_loss = ValueLossKind::squared;
+  float value_clip_coef = 0.2f;
+  float huber_delta = 10.0f;
+  float max_grad_norm = 0.5f;
+  AdvantageNorm advantage_norm = AdvantageNorm::minibatch;
+  std::optional<float> target_kl = std::nullopt;
+  float adam_epsilon = 1e-5f;
+  bool value_norm = true;
+  float value_norm_beta = 0.99f;
+  bool obs_norm = false;
+  ActorConfig actor;
+  CriticConfig critic;
+};
+template <class V>
+void visit_fields(V& v, MappoConfig& c) {
+  v("horizon", c.horizon, "steps of a rollout; at most the scenario's max_episode_length", range(1, 65536));
+  v("n_epochs", c.n_epochs, "passes over a rollout per update", range(1, 1000));
+  v("n_minibatches", c.n_minibatches, "minibatches per epoch; must divide n_worlds x horizon", range(1, 1'000'000));
+  v("learning_rate", c.learning_rate, "Adam step size of the actors", greater_than(0));
+  v("critic_learning_rate", c.critic_learning_rate, "Adam step size of the critics", greater_than(0));
+  v("schedule", c.schedule, "how both step sizes change over the run");
+  v("final_learning_rate_factor", c.final_learning_rate_factor, "share of the step sizes left at the end", range(0, 1));
+  v("gamma", c.gamma, "discount of one step", range(0, 1));
+  v("gae_lambda", c.gae_lambda, "decay of generalised advantage estimation", range(0, 1));
+  v("clip_coef", c.clip_coef, "how far the probability ratio may move from 1", greater_than(0));
+  v("entropy_coef", c.entropy_coef, "weight of the entropy bonus", at_least(0));
+  v("value_coef", c.value_coef, "weight of the value loss", at_least(0));
+  v("value_loss", c.value_loss, "squared error, squared error clipped around the old value, or Huber");
+  v("value_clip_coef", c.value_clip_coef, "value_loss clipped: how far a value may move, in normalised units",
+    greater_than(0));
+  v("huber_delta", c.huber_delta, "value_loss huber: where the loss becomes linear, in normalised units",
+    greater_than(0));
+  v("max_grad_norm", c.max_grad_norm, "gradients are scaled down to this norm, per network; 0 = never", at_least(0));
+  v("advantage_norm", c.advantage_norm, "whether advantages are brought to mean 0 and deviation 1, and over what");
+  v("target_kl", c.target_kl, "skip a team's remaining minibatches of an update once approx_kl passes this",
+    at_least(0));
+  v("adam_epsilon", c.adam_epsilon, "Adam's epsilon", greater_than(0));
+  v("value_norm", c.value_norm, "critics predict returns normalised by running moments");
+  v("value_norm_beta", c.value_norm_beta, "share of those moments kept per update", range(0, 1).below(1));
+  v("obs_norm", c.obs_norm, "normalise observations by running moments");
+  v.group("actor", c.actor, "the policy networks");
+  v.group("critic", c.critic, "the value networks");
+}
+
+/// Its group of a run config.
+struct MappoSettings {
+  MappoConfig mappo;
+  static ResumeRules resume_rules();
+};
+template <class V>
+void visit_fields(V& v, MappoSettings& c) {
+  v.group("mappo", c.mappo, "algorithm mappo (Yu et al. 2022, arXiv 2103.01955)");
+}
+
+/// Agent-steps of an update in a scenario with `n_agents` agents.
+int64_t agent_steps_per_update(const RunConfig& config, int n_agents);
+
+std::unique_ptr<Learner> make_mappo(const LoadedRun& run, Device device);
+
+struct MappoAlgorithm {
+  using Settings = MappoSettings;
+  static const Algorithm kAlgorithm;
+  static constexpr auto make = &make_mappo;
+};
+
+}  // namespace giga

@@ -1,0 +1,24 @@
+// The only list of algorithms. A new one is a folder with its settings, checks, resume rules and learner, and a row
+// here.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "learn/evolution/config.hpp"
+#include "learn/mappo/config.hpp"
+
+namespace giga {
+
+using Algorithms = AlgorithmList<MappoAlgorithm, OpenAiEsAlgorithm, SnesAlgorithm, DesAlgorithm>;
+
+/// All of them, in the order of the list.
+const std::vector<const Algorithm*>& algorithms();
+std::vector<std::string> algorithm_names();
+
+/// The one of that name; null where there is none.
+const Algorithm* find_algorithm(const std::string& name);
+/// The one that `train.algorithm` names. Throws InputError where there is none.
+const Algorithm& algorithm_of(const RunConfig& config);
+
+}  // namespace giga
