@@ -7,6 +7,7 @@
 #include "core/error.hpp"
 #include "cuda/rows.hpp"
 #include "cuda/runtime.hpp"
+#include "policy/network_state.hpp"
 #include "rollout/shapes.hpp"
 
 namespace giga {
@@ -58,6 +59,7 @@ MatchResult play_match(const SimSpec& spec, const Player& side0, const Player& s
 
   Buffer<float> obs[kNTeams];
   Buffer<float> action[kNTeams];
+  NetworkState state[kNTeams];  // one episode for each world: nothing is ever forgotten
   StepIo io;
   io.obs_stride = spec.padded_observation_size();
   for (int team = 0; team < kNTeams; ++team) {
@@ -72,7 +74,7 @@ MatchResult play_match(const SimSpec& spec, const Player& side0, const Player& s
   for (int step = 0; step < limited.params.max_episode_length; ++step) {
     if (step % kStepsBetweenChecks == 0 && step > 0 && all_finished(*sim)) break;
     for (int team = 0; team < kNTeams; ++team)
-      act(player[team], *sim, rows, team, {obs[team].data(), action[team].data(), nullptr, nullptr});
+      act(player[team], *sim, rows, team, {obs[team].data(), action[team].data(), nullptr, nullptr, &state[team]});
     sim->step(io);
   }
 

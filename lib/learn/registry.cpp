@@ -2,7 +2,7 @@
 #include "core/error.hpp"
 #include "learn/evolution/evolution.hpp"
 #include "learn/learner.hpp"
-#include "learn/mappo.hpp"
+#include "learn/mappo/mappo.hpp"
 
 namespace giga {
 

@@ -29,11 +29,11 @@ void check_precision(const LoadedRun& run, Device device) {
                          " has less; allowed there: fp32, tf32, bf16"));
 }
 
-Actor make_actor(const LoadedRun& run, int team, Device device) {
+Actor make_actor(const LoadedRun& run, int team, Device device, EncoderFactory* encoder) {
   const bool gradients = !is_evolution(run.config.train);
   return Actor(actor_config(run.config), input_columns(actor_config(run.config).inputs, run.spec),
                run.spec.params.actions, gradients && run.config.mappo.obs_norm, precision_on(run, device),
-               torch_device(device), network_seed(run, team, 0));
+               torch_device(device), network_seed(run, team, 0), encoder);
 }
 
 }  // namespace giga

@@ -5,6 +5,8 @@
 
 #include "core/error.hpp"
 #include "core/philox.hpp"
+#include "policy/parameters.hpp"
+#include "policy/policy.hpp"
 #include "rollout/shapes.hpp"
 #include "rollout/tensors.hpp"
 
@@ -66,6 +68,33 @@ Collector::Collector(Simulator& sim, const RowRunner& rows, const CollectorOptio
   rollout_.done = make(shapes.done);
   rollout_.global = make(shapes.global);
   rollout_.final_global = make(shapes.final_global);
+  for (size_t team = 0; team < kNTeams; ++team) {
+    TeamRollout& r = rollout_.team[team];
+    for (const SidePart& part : side_[team])
+      if (part.player.policy && part.player.policy->state_size() > 0)
+        r.state =
+            at::zeros({sim.n_worlds(), sim.params().n_team[team], part.player.policy->state_size()}, r.obs.options());
+    memory_[team] = r.state.defined() ? r.state.clone() : at::Tensor();
+  }
+}
+
+void Collector::save(const std::string& prefix, NamedArrays& out) const {
+  for (size_t team = 0; team < kNTeams; ++team)
+    if (memory_[team].defined()) out.push_back(to_array(cat(prefix, "memory_", team), memory_[team]));
+}
+
+void Collector::load(const std::string& prefix, const NamedArrays& in) {
+  for (size_t team = 0; team < kNTeams; ++team)
+    if (memory_[team].defined()) from_array(find_array(in, cat(prefix, "memory_", team)), memory_[team]);
+}
+
+/// A part's policy moves its worlds and remembers them.
+void Collector::act_with_memory(const SidePart& part, int team, ActIo io) {
+  const at::Tensor own = memory_[static_cast<size_t>(team)].narrow(0, part.worlds.first, part.worlds.count);
+  NetworkState state{own.flatten(0, 1)};
+  io.state = &state;
+  act(part.player, sim_, rows_, team, io, part.worlds);
+  own.copy_(state.rows.view(own.sizes()));
 }
 
 StepIo Collector::io(int t) const {
@@ -114,15 +143,23 @@ void Collector::collect() {
     r.alive[0].copy_(r.alive[horizon]);
   }
   if (rollout_.global.defined()) rollout_.global[0].copy_(rollout_.global[horizon]);
+  for (size_t team = 0; team < kNTeams; ++team)
+    if (memory_[team].defined()) rollout_.team[team].state.copy_(memory_[team]);
   for (int t = 0; t < horizon; ++t) {
     for (int team = 0; team < kNTeams; ++team) {
       const TeamRollout& r = rollout_.team[team];
       void* action = static_cast<char*>(r.action.data_ptr()) + t * r.action.stride(0) * r.action.itemsize();
       const ActIo io{slot<float>(r.obs, t), action, slot<float>(r.raw, t), slot<float>(r.log_prob, t)};
-      for (const SidePart& part : side_[static_cast<size_t>(team)])
-        act(part.player, sim_, rows_, team, io, part.worlds);
+      for (const SidePart& part : side_[static_cast<size_t>(team)]) {
+        if (r.state.defined() && part.player.policy)
+          act_with_memory(part, team, io);
+        else
+          act(part.player, sim_, rows_, team, io, part.worlds);
+      }
     }
     sim_.step(io(t));
+    for (const at::Tensor& memory : memory_)
+      if (memory.defined()) memory.masked_fill_((rollout_.done[t] != 0).view({-1, 1, 1}), 0);  // an episode has ended
   }
 }
 

@@ -4,8 +4,11 @@
 #include <torch/types.h>
 
 #include <array>
+#include <string>
 #include <vector>
 
+#include "core/named_array.hpp"
+#include "policy/network_state.hpp"
 #include "rollout/player.hpp"
 #include "sim/simulator.hpp"
 
@@ -24,6 +27,7 @@ struct TeamRollout {
   at::Tensor reward;       // [T, W, n]
   at::Tensor final_obs;    // [W, n, D] where an episode of the rollout was truncated: its last observation
   at::Tensor final_alive;  // [W, n] uint8
+  at::Tensor state = {};   // [W, n, S] what a policy with memory remembers before step 0; else undefined
 };
 
 struct Rollout {
@@ -65,13 +69,19 @@ class Collector {
   const Rollout& rollout() const { return rollout_; }
   int horizon() const { return options_.horizon; }
 
+  /// What policies with memory remember.
+  void save(const std::string& prefix, NamedArrays& out) const;
+  void load(const std::string& prefix, const NamedArrays& in);
+
  private:
+  void act_with_memory(const SidePart& part, int team, ActIo io);
   StepIo io(int t) const;  // step t: reads actions t, writes slot t + 1
 
   Simulator& sim_;
   const RowRunner& rows_;
   CollectorOptions options_;
   const std::array<Side, kNTeams> side_;
+  std::array<at::Tensor, kNTeams> memory_;  // [W, n, S] what the policies remember now; undefined without memory
   Rollout rollout_;
 };
 

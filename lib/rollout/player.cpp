@@ -19,7 +19,7 @@ ActIo from_world(const ActIo& io, const Simulator& sim, int n, int64_t world) {
   const int64_t action_bytes = discrete ? int64_t{sizeof(int32_t)} : kActionSize * int64_t{sizeof(float)};
   return {io.obs ? io.obs + row * sim.spec().padded_observation_size() : nullptr,
           static_cast<char*>(io.action) + row * action_bytes, io.raw ? io.raw + row * kActionSize : nullptr,
-          io.log_prob ? io.log_prob + row : nullptr};
+          io.log_prob ? io.log_prob + row : nullptr, io.state};
 }
 
 /// How the agents of a team act in some worlds.
@@ -57,7 +57,8 @@ void run_groups(const GroupPolicy& policy, bool greedy, const Acting& a) {
 
 void run_policy(const Policy& policy, bool greedy, const Acting& a) {
   at::NoGradGuard no_grad;
-  const at::Tensor head = policy.forward(a.obs());
+  GIGA_CHECK(a.io.state || policy.state_size() == 0, "nobody keeps what this policy remembers");
+  const at::Tensor head = a.io.state ? policy.forward(a.obs(), *a.io.state) : policy.forward(a.obs());
   if (a.sim.params().actions == ActionKind::discrete) {
     a.rows.run(SampleCategorical{head.const_data_ptr<float>(), a.draws, static_cast<int32_t*>(a.io.action),
                                  a.io.log_prob, greedy},

@@ -14,6 +14,7 @@ namespace giga {
 class Actor;
 class GroupPolicy;
 class Policy;
+struct NetworkState;
 
 /// One side of a game: a policy or one for each group of worlds, which must outlive this, or a script where both are
 /// null.
@@ -32,10 +33,11 @@ Player player_of(const Actor& actor);
 
 /// Buffers of one team at one step, all worlds; null where optional and not wanted.
 struct ActIo {
-  const float* obs;  // [W, n, D] D = padded observation size; null for players that do not look
-  void* action;      // [W, n] int32 or [W, n, 3] float
-  float* raw;        // [W, n, 3] optional: continuous actions before squashing
-  float* log_prob;   // [W, n] optional
+  const float* obs;               // [W, n, D] D = padded observation size; null for players that do not look
+  void* action;                   // [W, n] int32 or [W, n, 3] float
+  float* raw;                     // [W, n, 3] optional: continuous actions before squashing
+  float* log_prob;                // [W, n] optional
+  NetworkState* state = nullptr;  // of the rows that a policy with memory moves; it replaces them
 };
 // Networks in groups leave `raw` and `log_prob` alone: nobody learns from them.
 

@@ -2,9 +2,9 @@
 
 #include <algorithm>
 
+#include "learn/mappo/ppo_team.hpp"
 #include "learn/memory/network.hpp"
 #include "learn/opponents/world_shares.hpp"
-#include "learn/ppo_team.hpp"
 #include "learn/team_policy.hpp"
 #include "math/ppo_loss.hpp"
 #include "policy/actor.hpp"
@@ -116,8 +116,8 @@ void TeamWork::values_of(MemoryLedger& m, int64_t states, int64_t all) const {
   m.give(MemoryUse::temporary, held);
 }
 
-// PpoTeam::prepare. The advantages, returns and values of the update before are there until the new ones take their
-// place.
+// PpoTeam::compute_advantages. The advantages, returns and values of the update before are there until the new ones
+// take their place.
 MemoryByUse TeamWork::values() const {
   MemoryLedger m;
   const int64_t own = kFloat * states() * n_, of_rollout = kFloat * n_worlds_ * config_.horizon * n_;
@@ -161,7 +161,7 @@ void TeamWork::learn_actor(MemoryLedger& m, int64_t rows) const {
   m.give(MemoryUse::actor, input);
 }
 
-// PpoTeam::learn on one minibatch. The head stays to the end, as do the observations.
+// PpoTeam::update_minibatch on one minibatch. The head stays to the end, as do the observations.
 MemoryByUse TeamWork::learn(bool cuda) const {
   MemoryLedger m;
   const int64_t index = static_cast<int64_t>(sizeof(int64_t)) * states();
@@ -180,7 +180,7 @@ MemoryByUse TeamWork::learn(bool cuda) const {
   return m.peak();
 }
 
-// PpoTeam::finish: the squares of all observations of the rollout.
+// PpoTeam::update_normalizer: the squares of all observations of the rollout.
 MemoryByUse TeamWork::normalise() const {
   MemoryLedger m;
   const int64_t copies = everywhere() ? 1 : 2;  // observations side by side
