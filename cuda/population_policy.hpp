@@ -10,10 +10,10 @@
 
 namespace giga {
 
-/// Where a network lies in half precision, in the order in which tensor cores take it: of each layer the weights
-/// [slabs of 32 inputs][tiles of 8 outputs][32 lanes][8 numbers], zero where a slab or tile is not filled, then the
-/// biases of whole tiles; behind all layers the three numbers of log_std. Lane 4 i + j holds for output i of the tile
-/// the inputs 2 j and 2 j + 1 of each eighth of the slab (PTX, mma.m16n8k16).
+/// The layout of a network in half precision, in the order in which tensor cores read it. For each layer: the weights
+/// [slabs of 32 inputs][tiles of 8 outputs][32 lanes][8 numbers], padded with zeros to whole slabs and tiles, then the
+/// biases of whole tiles. The three numbers of log_std follow the last layer. Lane 4 i + j holds, for output i of the
+/// tile, the inputs 2 j and 2 j + 1 of each eighth of the slab (PTX, mma.m16n8k16).
 struct PackedMlp {
   static constexpr int kSlab = 32, kTile = 8, kFragment = kSlab * kTile;
   SmallMlp mlp;
@@ -40,7 +40,7 @@ struct PackedMlp {
 void pack_population(const PackedMlp& layout, const float* networks, int64_t n, int64_t stride, uint16_t* packed,
                      int index, void* stream);
 
-/// Who moves one team in a part of the worlds: groups of worlds, each with one network.
+/// The networks that move one team in a part of the worlds: one for each group of worlds.
 struct NetworkGroups {
   const uint16_t* networks = nullptr;  // [networks, PackedMlp::size]
   const int32_t* network = nullptr;    // [groups] row of networks; below 0: left out; null: row g
@@ -49,13 +49,6 @@ struct NetworkGroups {
   const float* obs = nullptr;                               // [W, n, obs_stride] of the team, all worlds
   PopulationAct act{};                                      // of all worlds: draws.n agents a world
 };
-
-/// How near arithmetics are to each other: the most by which probabilities of actions differ, and logits and means of
-/// actions in units of 1 + the largest of their row, for networks with two hidden layers of 64 and tanh, 112 inputs in
-/// [-1, 1], and weights of an orthogonal initialisation plus normal numbers of deviation 0.5. kHalfTolerance: fp16
-/// (policy/config.hpp), by LibTorch or by the fused kernel, and fp32. kFusedTolerance: the fused kernel and fp16 by
-/// LibTorch. tests/policy/half_precision_test.cpp measures both.
-constexpr double kHalfTolerance = 0.01, kFusedTolerance = 0.005;
 
 struct PopulationPolicy {
   static constexpr int kMaxParts = 4;
@@ -74,14 +67,14 @@ int population_work(const PopulationPolicy& policy);
 /// Queues the listing of the pieces in which a world plays now. The list holds until another world begins to play.
 void list_population_work(const PopulationPolicy& policy, int32_t* work, int index, void* stream);
 
-/// Queues the actions of all parts, in the arithmetic that Precision::fp16 names (policy/config.hpp): weights, biases,
-/// log_std, observations and features rounded to half precision, 11 bits of which the first is 1; sums in fp32, in
-/// another order than LibTorch's; tanh by the hardware, off by up to 2^-11 of its value (PTX, tanh.approx.f32), other
-/// activations as everywhere; logits and means of actions in fp32. What lies beyond 65,504 is infinite.
-/// How near it is to other arithmetic: kHalfTolerance, kFusedTolerance.
+/// Queues the actions of all parts in the arithmetic of Precision::fp16 (policy/config.hpp): weights, biases, log_std,
+/// observations and features are rounded to half precision (11 significant bits; beyond 65,504 infinite); sums, logits
+/// and means of actions are fp32. Two things differ from LibTorch: the order of sums, and tanh, which the hardware
+/// computes within 2^-11 of its value (PTX, tanh.approx.f32). tests/policy/half_precision_test.cpp measures the
+/// difference.
 void launch_population_policy(const PopulationPolicy& policy, int index, void* stream);
 
-/// Whether the GPU can do it: tensor cores of compute capability 8.0 or more.
+/// Whether the GPU can run it: tensor cores of compute capability 8.0 or more.
 bool population_policy_runs(int index);
 
 }  // namespace giga

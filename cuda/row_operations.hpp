@@ -3,6 +3,7 @@
 
 #include "math/distributions.hpp"
 #include "math/es_noise.hpp"
+#include "math/forget_episodes.hpp"
 #include "math/gae.hpp"
 #include "math/population_actions.hpp"
 #include "math/ppo_loss.hpp"
@@ -15,6 +16,7 @@
   APPLY(SampleCategorical)         \
   APPLY(SampleGaussian)            \
   APPLY(ScriptedActions)           \
+  APPLY(ForgetEpisodes)            \
   APPLY(Gae)                       \
   APPLY(CategoricalLoss)           \
   APPLY(GaussianLoss)              \

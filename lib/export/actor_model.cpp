@@ -60,11 +60,12 @@ void add_moments(const PolicyModel& model, int64_t size, NamedArrays& arrays) {
 }  // namespace
 
 PolicyModel model_of(const Actor& actor, int inputs) {
+  if (actor.network().encoder().layers().empty())
+    throw InputError("only policies of dense layers can be exported (encoder: mlp)");
   NamedArrays arrays;
   actor.save("", arrays);
   PolicyModel model;
-  model.shape = {inputs, actor.actions(), actor.network(), actor.normalizes()};
-  model.shape.network.inputs = NetworkInputs::all;
+  model.shape = {inputs, actor.actions(), actor.config(), actor.normalizes()};
   for (const TensorShape& tensor : tensors_of(model.shape)) {
     NamedArray array = find_array(arrays, actor_name(tensor.name));
     if (tensor.name == layer_tensor(0, "weight")) array = for_whole_rows(array, actor.inputs());

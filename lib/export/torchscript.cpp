@@ -57,7 +57,7 @@ class TorchScriptPolicy final : public Policy {
     if (actions == ActionKind::continuous) find_log_std(torch_device(device));
   }
 
-  at::Tensor forward(const at::Tensor& obs) const override {
+  at::Tensor forward(const at::Tensor& obs, NetworkState&) const override {
     const at::Tensor head = call(obs.narrow(1, 0, inputs_).contiguous()).contiguous();
     return actions_ == ActionKind::discrete ? at::constant_pad_nd(head, {0, kLogitStride - kNDiscreteActions}) : head;
   }

@@ -5,13 +5,27 @@
 #include "core/error.hpp"
 #include "core/philox.hpp"
 #include "game/shapes.hpp"
+#include "math/forget_episodes.hpp"
 #include "sim/schedule.hpp"
 
 namespace giga {
 
 Game::Game(Simulator& sim, const RowRunner& rows, const BothSides& sides, std::vector<GameObserver*> observers)
     : sim_(sim), rows_(rows), observers_(std::move(observers)) {
-  for (int team = 0; team < kNTeams; ++team) take_seats(sides[static_cast<size_t>(team)], team);
+  for (int team = 0; team < kNTeams; ++team) {
+    take_seats(sides[static_cast<size_t>(team)], team);
+    memory_size_[team] = memory_size(sides[static_cast<size_t>(team)]);
+  }
+}
+
+int64_t memory_size(const Side& side) {
+  int64_t size = 0;
+  for (const SidePart& part : side) {
+    const int64_t own = part.controller->memory_size();
+    GIGA_CHECK(own == 0 || size == 0 || own == size, "controllers of one side remember ", own, " and ", size, " numbers");
+    size = std::max(size, own);
+  }
+  return size;
 }
 
 void Game::take_seats(const Side& side, int team) {
@@ -53,6 +67,9 @@ void Game::make_buffers() {
     };
     if (!asked.team[team].action) make(shapes.action, action_[team]);
     if (!asked.io.team[team].obs) make(shapes.obs, obs_[team]);
+    const int64_t agents = static_cast<int64_t>(sim_.n_worlds()) * sim_.params().n_team[team];
+    if (memory_size_[team] > 0 && !asked.team[team].memory && memory_[team].size() == 0)
+      memory_[team] = Buffer<float>(sim_.memory(), static_cast<size_t>(agents * memory_size_[team]));
   }
 }
 
@@ -103,13 +120,26 @@ GameStep Game::step_at(int64_t t) const {
     if (!io.obs) io.obs = obs_[team].data();
     if (!step.team[team].action) step.team[team].action = action_[team].data();
     io.action = step.team[team].action;
+    if (!step.team[team].memory) step.team[team].memory = memory_[team].data();
+    step.team[team].memory_size = memory_size_[team];
   }
   return step;
 }
 
 void Game::finish(int64_t t, const GameStep& step) {
   for (int team = 0; team < kNTeams; ++team) seen_[team] = step.io.team[team].obs;
+  forget(step);
   for (GameObserver* observer : observers_) observer->after_step(t, step);
+}
+
+/// Where an episode begins, nothing is remembered.
+void Game::forget(const GameStep& step) {
+  for (int team = 0; team < kNTeams; ++team) {
+    if (memory_size_[team] == 0) continue;
+    const int64_t per_world = sim_.params().n_team[team] * memory_size_[team];
+    rows_.run(ForgetEpisodes{sim_.state().view().episode_length, step.team[team].memory, per_world},
+              sim_.n_worlds() * per_world);
+  }
 }
 
 void Game::act(const GameStep& step) {

@@ -20,6 +20,8 @@ struct SidePart {
 };
 using Side = std::vector<SidePart>;
 using BothSides = std::array<Side, kNTeams>;  // by team
+/// Numbers that each agent of a side remembers (TeamController::memory_size).
+int64_t memory_size(const Side& side);
 /// One controller in all worlds.
 inline Side everywhere(std::shared_ptr<TeamController> controller, const Simulator& sim) {
   return {{std::move(controller), {0, sim.n_worlds()}}};
@@ -78,6 +80,7 @@ class Game {
   void begin(void (Simulator::*write)(const StepIo&));
   void finish(int64_t t, const GameStep& step);
   void act(const GameStep& step);
+  void forget(const GameStep& step);
 
   Simulator& sim_;
   const RowRunner& rows_;
@@ -85,6 +88,8 @@ class Game {
   const std::vector<GameObserver*> observers_;
   Looks looks_[kNTeams] = {};
   Buffer<float> obs_[kNTeams], action_[kNTeams];  // see GameShapes; empty where observers have them
+  Buffer<float> memory_[kNTeams];                 // [W, n, S]; likewise
+  int64_t memory_size_[kNTeams] = {};             // S
   const float* seen_[kNTeams] = {};               // the observations that were written last
   int64_t steps_ = 0;                             // since the start
   bool started_ = false;

@@ -36,7 +36,8 @@ TeamStep TeamStep::part(const WorldRange& some) const {
           number,
           some,
           {at(buffers.obs, obs_stride()), at(static_cast<char*>(buffers.action), action_bytes),
-           at(buffers.raw, kActionSize), at(buffers.log_prob, 1)}};
+           at(buffers.raw, kActionSize), at(buffers.log_prob, 1), at(buffers.memory, buffers.memory_size),
+           buffers.memory_size}};
 }
 
 RowDraws TeamStep::draws() const {

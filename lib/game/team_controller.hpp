@@ -22,6 +22,8 @@ struct TeamBuffers {
   void* action = nullptr;      // [W, n] int32 or [W, n, 3] float
   float* raw = nullptr;        // [W, n, 3] continuous actions before squashing
   float* log_prob = nullptr;   // [W, n] of the actions
+  float* memory = nullptr;     // [W, n, S] what the agents remember: S = memory_size(), zeros where an episode begins
+  int64_t memory_size = 0;     // S
 };
 
 /// One step of a team in some worlds: what its controller sees and writes.
@@ -50,6 +52,8 @@ class TeamController {
   virtual Looks looks() const = 0;
   /// Whether it fills `raw` and `log_prob`, from which somebody learns.
   virtual bool fills_log_prob() const { return false; }
+  /// Numbers that an agent remembers from step to step; 0 = none. Controllers of one side that have any agree on it.
+  virtual int64_t memory_size() const { return 0; }
   /// Queues the actions of a step in all parts of the game that it moves, team by team in the order of their worlds.
   virtual void act(std::span<const TeamStep> parts) = 0;
 };

@@ -11,8 +11,8 @@
 
 namespace giga {
 
-/// Numbers in a row of logits: one per action, then one that is not used, so that rows are read in whole 16-byte words
-/// and matrix products meet aligned rows.
+/// Numbers in a row of logits: one per action and one that is not used. Rows are then whole 16-byte words, and aligned
+/// for matrix products.
 constexpr int kLogitStride = 28;
 static_assert(kLogitStride >= kNDiscreteActions && kLogitStride % 4 == 0);
 
@@ -60,8 +60,8 @@ struct Logits {
       }
     return chosen;
   }
-  /// An action drawn with probabilities exp(x - lse), by inverting the distribution function; the last action takes
-  /// what rounding leaves.
+  /// An action drawn with probabilities exp(x - lse), by inverting the distribution function. What rounding leaves goes
+  /// to the last action.
   GIGA_HD int draw(float lse, const RowDraws& draws, int64_t row) const {
     DrawKey key = draws.key(row);
     const float u = key.uniform(Draw::action, draws.agent(row), 0);
@@ -74,7 +74,7 @@ struct Logits {
     }
     return chosen;
   }
-  /// x[index] without indexing, which would move the row out of registers.
+  /// x[index]. Indexing would move the row out of registers.
   GIGA_HD float at(int index) const {
     float value = x[0];
     GIGA_UNROLL
@@ -121,8 +121,7 @@ GIGA_HD float action_normal(DrawKey& key, const RowDraws& draws, int64_t row, in
   return normal_pair(u, v).first;
 }
 
-/// Samples a continuous action per row. `raw` keeps u, from which log-probabilities are computed again without the
-/// inverse of tanh.
+/// Samples a continuous action per row. `raw` keeps u, so that log-probabilities need no inverse of tanh later.
 struct SampleGaussian {
   static constexpr int kSize = kActionSize;
   const float* mean;     // [R, 3]

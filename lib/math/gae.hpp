@@ -6,9 +6,9 @@
 
 namespace giga {
 
-/// Advantages and returns of a rollout; column = world * n + slot. What comes after an agent's death or a decided game
-/// is worth zero; a game cut off by the time limit is worth the value of its final observation; nothing crosses a
-/// reset.
+/// Advantages and returns of a rollout; column = world * n + slot. The future of an agent is worth 0 after its death
+/// and after a decided game; if the time limit cuts a game off, it is worth the value of the final observation. Nothing
+/// crosses a reset.
 struct Gae {
   int horizon;       // T
   int64_t n_worlds;  // W
@@ -17,10 +17,10 @@ struct Gae {
   const float* reward;         // [T, W, n]
   const uint8_t* done;         // [T, W] Done
   const uint8_t* alive;        // [T + 1, W, n] at the observation of step t
-  const float* value;          // [T + 1, W, n] in units of `value_scale`
-  const float* final_value;    // [W, n] of the observation before a reset, likewise
+  const float* value;          // [T + 1, W, n] the critic's output
+  const float* final_value;    // [W, n] likewise, of the observation before a reset
   const uint8_t* final_alive;  // [W, n]
-  const float* value_mean;     // scalar: value = mean + std * (what the network says); null = 0
+  const float* value_mean;     // scalar: value in reward units = mean + std * output; null = 0
   const float* value_std;      // scalar; null = 1
   float* advantage;            // [T, W, n]; 0 for the dead
   float* returns;              // [T, W, n] advantage + value, in reward units; 0 for the dead
@@ -47,6 +47,7 @@ struct Gae {
         if (end == Done::truncated && final_alive[column]) next = denormalised(final_value[column]);
       }
       const float v = denormalised(value[at]);
+      // delta_t = r_t + gamma V(s_(t + 1)) - V(s_t) (10);  A_t = delta_t + gamma lambda A_(t + 1) (16)
       carried = reward[at] + gamma * next - v + gamma * lambda * carried;
       advantage[at] = carried;
       returns[at] = carried + v;

@@ -1,5 +1,6 @@
-// The PPO losses with their gradients in closed form, row by row (Schulman et al. 2017, equation 7; Yu et al. 2022).
-// Each row writes the gradient of the mean loss over living agents, so that the network's backward pass starts from it.
+// The PPO losses and their gradients in closed form, row by row (Schulman et al. 2017, equations 7 and 9; Yu et al.
+// 2022, appendix A). Each row writes the gradient of the mean loss over living agents; the network's backward pass
+// starts there.
 #pragma once
 
 #include <cmath>
@@ -9,7 +10,7 @@
 
 namespace giga {
 
-/// Columns of the diagnostics of a row; all 0 for the dead, so that sums divided by `kLossCount`'s are means.
+/// Columns of the diagnostics of a row. They are 0 for the dead: a column's sum over that of kLossCount is a mean.
 enum PolicyDiagnostic : int {
   kLossPolicy,
   kLossEntropy,
@@ -20,7 +21,7 @@ enum PolicyDiagnostic : int {
   kNPolicyDiagnostics
 };
 
-/// What both policy losses read per row of the rollout.
+/// What both policy losses read.
 struct PolicyLossInput {
   RowIndex rows;
   const float* old_log_prob;       // [rollout rows]
@@ -32,7 +33,7 @@ struct PolicyLossInput {
   float clip_coef, entropy_coef;
 };
 
-/// The clipped surrogate for one row.
+/// The clipped surrogate (equation 7) for one row.
 struct Surrogate {
   float loss, d_log_prob;  ///< and its derivative by the log-probability
   float ratio, kl;
@@ -133,13 +134,12 @@ struct GaussianLoss {
   }
 };
 
-/// Squared or Huber value loss, clipped around the old value or not, in the units of the network's output. The old
-/// value is the output itself: the normaliser has moved since, and what it says of the old value in reward units is
-/// another number, though the network says the same.
+/// Squared or Huber value loss, clipped around the old value or not, in units of the network's output. The old value is
+/// the output itself, because the normaliser has moved since: in reward units, the same output is another number now.
 struct ValueLoss {
   RowIndex rows;
-  const float* value;       // [R] as the network says, normalised
-  const float* old_value;   // [rollout rows] as the network said of the rollout
+  const float* value;       // [R] the network's output
+  const float* old_value;   // [rollout rows] its output for the rollout
   const float* returns;     // [rollout rows] in reward units
   const uint8_t* alive;     // [rollout rows]
   const float* value_mean;  // scalar of the normaliser; null = 0

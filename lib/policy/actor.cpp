@@ -10,16 +10,18 @@ namespace giga {
 constexpr double kObsNormBeta = 0.99;  // share kept per rollout
 
 Actor::Actor(const ActorConfig& config, const InputColumns& inputs, ActionKind actions, bool normalize,
-             Precision precision, at::Device device, uint64_t seed)
+             Precision precision, at::Device device, uint64_t seed, EncoderFactory* encoder)
     : actions_(actions), normalize_(normalize), precision_(precision) {
-  add_parameters(config, inputs);
+  add_parameters(config, inputs, encoder);
   parameters_.allocate(device, seed);
   if (normalize) normalizer_ = RunningNorm(inputs.row, kObsNormBeta, device);
 }
 
-void Actor::add_parameters(const ActorConfig& config, const InputColumns& inputs) {
+void Actor::add_parameters(const ActorConfig& config, const InputColumns& inputs, EncoderFactory* encoder) {
+  config_ = config;
   inputs_ = inputs;
-  mlp_ = Mlp(parameters_, "mlp", inputs.size, config, head_size(), config.output_gain);
+  const char* name = enum_names(config.encoder)[static_cast<size_t>(config.encoder)];
+  network_ = Network(parameters_, name, config, {inputs.size, head_size(), config.output_gain, encoder});
   if (actions_ == ActionKind::continuous)
     log_std_ = parameters_.add("log_std", {kActionSize}, {Init::Kind::constant, config.log_std_init});
 }
@@ -27,7 +29,7 @@ void Actor::add_parameters(const ActorConfig& config, const InputColumns& inputs
 Actor Actor::unallocated(const ActorConfig& config, const InputColumns& inputs, ActionKind actions) {
   Actor actor;
   actor.actions_ = actions;
-  actor.add_parameters(config, inputs);
+  actor.add_parameters(config, inputs, nullptr);
   return actor;
 }
 
@@ -42,13 +44,23 @@ at::Tensor Actor::input_of(const at::Tensor& obs) const {
   return precision_ == Precision::bf16 ? x.to(at::kBFloat16) : x;
 }
 
-at::Tensor Actor::forward(const at::Tensor& obs) const {
-  return mlp_.forward(parameters_, input_of(obs), rounding()).to(at::kFloat);
+at::Tensor Actor::forward(const at::Tensor& obs, NetworkState& state) const {
+  return network_.forward(parameters_, input_of(obs), state, rounding()).to(at::kFloat);
 }
 
-at::Tensor Actor::forward_members(const at::Tensor& members, const at::Tensor& obs) const {
+at::Tensor Actor::forward_sequence(const at::Tensor& obs, const at::Tensor& begins, NetworkState state) const {
+  if (state_size() == 0) return forward(obs.flatten(0, 1));
+  std::vector<at::Tensor> heads;
+  for (int64_t t = 0; t < obs.size(0); ++t) {
+    state.reset(begins[t]);
+    heads.push_back(forward(obs[t], state));
+  }
+  return at::cat(heads);
+}
+
+at::Tensor Actor::forward_members(const at::Tensor& members, const at::Tensor& obs, NetworkState& state) const {
   at::NoGradGuard no_grad;
-  return mlp_.forward_members(parameters_, members, input_of(obs), rounding()).to(at::kFloat);
+  return network_.forward_members(parameters_, members, input_of(obs), state, rounding()).to(at::kFloat);
 }
 
 at::Tensor Actor::log_std() const {
@@ -57,7 +69,7 @@ at::Tensor Actor::log_std() const {
 
 std::optional<SmallMlp> Actor::small_mlp() const {
   if (normalize_ || precision_ != Precision::fp16) return std::nullopt;
-  std::optional<SmallMlp> mlp = mlp_.small(parameters_);
+  std::optional<SmallMlp> mlp = network_.small(parameters_);
   if (mlp && actions_ == ActionKind::continuous) mlp->log_std = static_cast<int>(log_std_offset());
   return mlp;
 }

@@ -6,9 +6,10 @@
 #include <optional>
 #include <string>
 
+#include "core/error.hpp"
 #include "math/distributions.hpp"
 #include "policy/inputs.hpp"
-#include "policy/layers.hpp"
+#include "policy/network.hpp"
 #include "policy/normalizer.hpp"
 #include "policy/parameters.hpp"
 #include "policy/policy.hpp"
@@ -19,21 +20,30 @@ namespace giga {
 class Actor final : public Policy {
  public:
   Actor() = default;
-  /// `inputs`: what it reads of observations, whose rows are whole. `normalize`: they pass a running normaliser first
-  /// (see RunningNorm).
+  /// `inputs`: the columns that it reads of whole observations. `normalize`: observations pass a RunningNorm first.
+  /// `encoder`: null = that of the table for config.encoder.
   Actor(const ActorConfig& config, const InputColumns& inputs, ActionKind actions, bool normalize, Precision precision,
-        at::Device device, uint64_t seed);
+        at::Device device, uint64_t seed, EncoderFactory* encoder = nullptr);
 
   /// Number of parameters of such an actor; nothing is allocated.
   static int64_t count_parameters(const ActorConfig& config, const InputColumns& inputs, ActionKind actions);
 
-  at::Tensor forward(const at::Tensor& obs) const override;
-  /// Likewise for each member of a population [M, P] of parameters: obs [M, R, D] -> [M, R, head size]. The normaliser
-  /// is common to all.
-  at::Tensor forward_members(const at::Tensor& members, const at::Tensor& obs) const;
+  using Policy::forward;
+  at::Tensor forward(const at::Tensor& obs, NetworkState& state) const override;
+  /// L steps in a row: obs [L, R, D], `state` at the first of them -> [L R, head size]. begins [L, R] bool tells which
+  /// rows begin an episode at which step; undefined without memory.
+  at::Tensor forward_sequence(const at::Tensor& obs, const at::Tensor& begins, NetworkState state) const;
+  /// Each member of a population [M, P] of parameters: obs [M, R, D] -> [M, R, head size]. All share the normaliser.
+  at::Tensor forward_members(const at::Tensor& members, const at::Tensor& obs, NetworkState& state) const;
+  /// The same without memory.
+  at::Tensor forward_members(const at::Tensor& members, const at::Tensor& obs) const {
+    GIGA_CHECK(state_size() == 0, "nobody keeps what these networks remember");
+    NetworkState state;
+    return forward_members(members, obs, state);
+  }
+  int64_t state_size() const override { return network_.encoder().state_size(); }
 
-  /// The layout for the fused kernel (cuda/population_policy.hpp), which is for precision fp16; none where it has no
-  /// room.
+  /// The layout for the fused kernel (cuda/population_policy.hpp), which computes in fp16; none if it has no room.
   std::optional<SmallMlp> small_mlp() const;
   /// That of an actor without a normaliser; nothing is allocated.
   static std::optional<SmallMlp> small_mlp(const ActorConfig& config, const InputColumns& inputs, ActionKind actions,
@@ -47,7 +57,8 @@ class Actor final : public Policy {
   at::Tensor log_std() const override;
   Precision precision() const { return precision_; }
   const ParameterSet& parameters() const { return parameters_; }
-  const MlpConfig& network() const { return mlp_.config(); }
+  const NetworkConfig& config() const { return config_; }
+  const Network& network() const { return network_; }
   const InputColumns& inputs() const { return inputs_; }
   bool normalizes() const { return normalize_; }
   RunningNorm& normalizer() { return normalizer_; }
@@ -60,20 +71,22 @@ class Actor final : public Policy {
   Rounding rounding() const { return precision_ == Precision::fp16 ? Rounding::to_half : Rounding::none; }
   at::Tensor input_of(const at::Tensor& obs) const;
   static Actor unallocated(const ActorConfig& config, const InputColumns& inputs, ActionKind actions);
-  void add_parameters(const ActorConfig& config, const InputColumns& inputs);
+  void add_parameters(const ActorConfig& config, const InputColumns& inputs, EncoderFactory* encoder);
 
+  NetworkConfig config_;
   ActionKind actions_ = ActionKind::discrete;
   InputColumns inputs_;
   bool normalize_ = false;
   Precision precision_ = Precision::fp32;
   ParameterSet parameters_;
-  Mlp mlp_;
+  Network network_;
   int log_std_ = -1;
   RunningNorm normalizer_;
 };
 
-/// I(observation; action) in nats: entropy of the mean policy minus the mean entropy, over rows with weight 1. Shows
-/// how much a policy depends on what it sees. Continuous actions: each dimension in nine equal bins of (-1, 1), summed.
+/// The mutual information I(observation; action) in nats over rows with weight 1: entropy of the mean policy minus mean
+/// entropy. It shows how much a policy depends on what it sees. Continuous actions: the sum over their dimensions, each
+/// in nine equal bins of (-1, 1).
 at::Tensor policy_information(const Actor& actor, const at::Tensor& head, const at::Tensor& weight);
 
 }  // namespace giga

@@ -9,13 +9,13 @@
 
 namespace giga {
 
-/// Arithmetic of networks on the GPU; parameters, and all that is not said here, are fp32. fp16 is for evolution:
-/// weights, biases, log_std and what a layer takes in are rounded to the nearest number of half precision, and added up
-/// in fp32. Products of halves are exact in TF32, so LibTorch computes it too: it plays the mean in evaluations. The
-/// fused kernel plays the games of populations and differs by its tanh (cuda/population_policy.hpp).
+/// Arithmetic of networks on the GPU. Parameters are fp32, and so is everything that is not mentioned here. fp16 is for
+/// evolution: weights, biases, log_std and the inputs of each layer are rounded to half precision; sums are fp32.
+/// TF32 multiplies such numbers exactly, so LibTorch can evaluate the mean in the same arithmetic. The fused kernel,
+/// which plays the games of a population, differs only by its tanh (cuda/population_policy.hpp).
 enum class Precision : uint8_t { fp32, tf32, bf16, fp16 };
 constexpr std::array<const char*, 4> enum_names(Precision) { return {"fp32", "tf32", "bf16", "fp16"}; }
-/// The same in words.
+/// The precision in words.
 constexpr const char* meaning_of(Precision precision) {
   constexpr const char* kMeanings[] = {"fp32",
                                        "factors of matrix products rounded to TF32 (10 bits of mantissa), sums in fp32",
@@ -27,10 +27,10 @@ constexpr const char* meaning_of(Precision precision) {
 
 /// Normalised observations are clamped to +- this.
 constexpr float kNormalizedLimit = 10;
-/// What LibTorch adds to the variance in a layer normalisation.
+/// LibTorch adds this to the variance in a layer normalisation.
 constexpr float kLayerNormEpsilon = 1e-5f;
 
-/// What of an observation a network reads: everything, or its body view alone (sim/body_view.hpp).
+/// The part of an observation that a network reads: everything, or the body view alone (sim/body_view.hpp).
 enum class NetworkInputs : uint8_t { all, body };
 constexpr std::array<const char*, 2> enum_names(NetworkInputs) { return {"all", "body"}; }
 
@@ -39,13 +39,25 @@ struct MlpConfig {
   Activation activation = Activation::tanh;
   bool layer_norm = false;
   float hidden_gain = 1.41421356f;
+};
+
+/// The kinds of encoders by name. encoder.cpp has the table of what makes them; a kind with settings of its own adds a
+/// group of them to NetworkConfig.
+enum class EncoderKind : uint8_t { mlp };
+constexpr std::array<const char*, 1> enum_names(EncoderKind) { return {"mlp"}; }
+
+/// What actors and critics have in common: the numbers that they read, and the encoder that turns them into features.
+struct NetworkConfig : MlpConfig {
   NetworkInputs inputs = NetworkInputs::all;
+  EncoderKind encoder = EncoderKind::mlp;
 };
 
 template <class V>
-void visit_mlp_fields(V& v, MlpConfig& c) {
+void visit_network_fields(V& v, NetworkConfig& c) {
   v("inputs", c.inputs,
     "what of an observation is read: all, or the body view alone (needs environment.observation.body_view: true)");
+  v("encoder", c.encoder,
+    "network that turns the inputs into features for the output layer; mlp: dense layers of the sizes in hidden");
   v("hidden", c.hidden, "sizes of the hidden layers", range(1, 16384).items(1, 16));
   v("activation", c.activation, "nonlinearity after each hidden layer");
   v("layer_norm", c.layer_norm, "layer normalisation before each nonlinearity");
@@ -53,13 +65,13 @@ void visit_mlp_fields(V& v, MlpConfig& c) {
 }
 
 /// The policy of a team: one network for all its agents, each fed its own observation.
-struct ActorConfig : MlpConfig {
+struct ActorConfig : NetworkConfig {
   float output_gain = 0.01f;
   float log_std_init = -0.5f;
 };
 template <class V>
 void visit_fields(V& v, ActorConfig& c) {
-  visit_mlp_fields(v, c);
+  visit_network_fields(v, c);
   v("output_gain", c.output_gain, "gain of the initialisation of the output layer", at_least(0));
   v("log_std_init", c.log_std_init, "continuous actions: initial log of the standard deviation", range(-10, 3));
 }
@@ -68,7 +80,7 @@ enum class CriticKind : uint8_t { composed, state, independent };
 constexpr std::array<const char*, 3> enum_names(CriticKind) { return {"composed", "state", "independent"}; }
 
 /// The value function of a team, used in training only.
-struct CriticConfig : MlpConfig {
+struct CriticConfig : NetworkConfig {
   CriticKind kind = CriticKind::composed;
   float output_gain = 1.0f;
 };
@@ -78,7 +90,7 @@ void visit_fields(V& v, CriticConfig& c) {
     "composed: value networks on local observations that exchange the mean features of the team's living agents in "
     "each "
     "layer; state: the true state of the world; independent: local observations only (IPPO)");
-  visit_mlp_fields(v, c);
+  visit_network_fields(v, c);
   v("output_gain", c.output_gain, "gain of the initialisation of the output layer", at_least(0));
 }
 

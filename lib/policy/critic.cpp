@@ -2,6 +2,7 @@
 
 #include <ATen/ATen.h>
 
+#include "core/error.hpp"
 #include "sim/state_encoding.hpp"
 
 namespace giga {
@@ -11,8 +12,8 @@ CriticShape critic_shape(const CriticConfig& config, const SimSpec& spec, int te
   return {team, {p.n_team[0], p.n_team[1]}, input_columns(config.inputs, spec), world_feature_count(p)};
 }
 
-std::pair<MlpConfig, MlpConfig> split_state_critic(const CriticConfig& config) {
-  MlpConfig first = config, rest = config;
+std::pair<NetworkConfig, NetworkConfig> split_state_critic(const CriticConfig& config) {
+  NetworkConfig first = config, rest = config;
   first.hidden = {config.hidden.front()};
   rest.hidden.erase(rest.hidden.begin());
   if (rest.hidden.empty()) rest.hidden = first.hidden;
@@ -33,19 +34,37 @@ int64_t Critic::count_parameters(const CriticConfig& config, const CriticShape& 
 }
 
 void Critic::add_parameters(const CriticConfig& config, const CriticShape& shape) {
+  const std::string name = enum_names(config.encoder)[static_cast<size_t>(config.encoder)];
+  const NetworkShape on_observations{shape.inputs.size, 1, config.output_gain};
   switch (config.kind) {
     case CriticKind::composed:
-      team_mlp_ = TeamMlp(parameters_, "team_mlp", shape.inputs.size, config, 1, config.output_gain);
+      network_ = Network(parameters_, "team_" + name, config, on_observations);
+      add_team_weights("team_" + name);
       break;
     case CriticKind::independent:
-      mlp_ = Mlp(parameters_, "mlp", shape.inputs.size, config, 1, config.output_gain);
+      network_ = Network(parameters_, name, config, on_observations);
       break;
     case CriticKind::state: {
       const auto [first, rest] = split_state_critic(config);
-      entity_ = Mlp(parameters_, "entity", kEntityFeatures, first, 0, 0);
-      mlp_ = Mlp(parameters_, "mlp", 3 * first.hidden[0] + shape.world_features, rest, 1, config.output_gain);
+      entity_ = encoder_factory(config.encoder)(parameters_, "entity", kEntityFeatures, first);
+      const int64_t input = 3 * entity_->features() + shape.world_features;
+      network_ = Network(parameters_, name, rest, {input, 1, config.output_gain});
       break;
     }
+  }
+  GIGA_CHECK(network_.encoder().state_size() == 0 && (!entity_ || entity_->state_size() == 0),
+             "critics are trained on single steps: encoder ", name, " has a memory");
+}
+
+/// Each layer but the one that reads observations also reads the mean features of the team.
+void Critic::add_team_weights(const std::string& name) {
+  const std::vector<DenseLayer> layers = network_.layers();
+  for (size_t k = 0; k < layers.size(); ++k) {
+    const bool reads_observations = k == 0 && layers.size() > 1;
+    const int64_t features = parameters_.shape(layers[k].weight)[1];
+    team_weights_.push_back(
+        reads_observations ? -1
+                           : parameters_.add_beside(layers[k].weight, cat(name, "/", k, "/team_weight"), features));
   }
 }
 
@@ -53,13 +72,37 @@ at::Tensor Critic::forward(const at::Tensor& obs, const at::Tensor& alive, const
   if (kind_ == CriticKind::state) return forward_state(state);
   at::Tensor x = columns_of(shape_.inputs, obs);
   if (precision_ == Precision::bf16) x = x.to(at::kBFloat16);
+  NetworkState none;
   const at::Tensor value =
-      kind_ == CriticKind::composed ? team_mlp_.forward(parameters_, *rows_, x, alive) : mlp_.forward(parameters_, x);
+      kind_ == CriticKind::composed ? forward_composed(x, alive) : network_.forward(parameters_, x, none);
   return value.squeeze(-1).to(at::kFloat);
 }
 
-// Deep Sets (Zaheer et al. 2017): one encoder for all agents; each own agent is valued from its encoding, the means
-// over the living of both teams, and the world. The order of the agents inside a team does not matter.
+// The value V_i(s_i) of each agent becomes part of a composed V(S) = f(V_1(s_1), ..., V_n(s_n)): the layers exchange
+// the mean features of the team's living agents, so the order of the agents does not matter. An encoder that is no
+// chain of dense layers exchanges at the output layer only.
+at::Tensor Critic::forward_composed(at::Tensor x, const at::Tensor& alive) const {
+  const int64_t b = x.size(0), n = x.size(1);
+  const std::vector<DenseLayer> layers = network_.layers();
+  NetworkState none;
+  if (layers.size() == 1)
+    x = network_.encoder().forward(parameters_, x.reshape({b * n, -1}), none, Rounding::none).view({b, n, -1});
+  for (size_t k = 0; k < layers.size(); ++k) {
+    const DenseLayer& layer = layers[k];
+    at::Tensor sums =
+        linear(x.reshape({b * n, x.size(-1)}), parameters_[layer.weight], parameters_[layer.bias]).view({b, n, -1});
+    if (team_weights_[k] >= 0) {
+      const at::Tensor weight = parameters_[team_weights_[k]].to(x.scalar_type());
+      sums = sums + at::mm(living_mean(*rows_, x, alive), weight.t()).unsqueeze(1);
+    }
+    x = finish_dense(parameters_, layer, sums);
+  }
+  return x;
+}
+
+// Deep Sets (Zaheer et al. 2017): one encoder for all agents. The value of an agent of the own team follows from its
+// code, the mean codes of the living agents of both teams, and the world. The order of agents in a team does not
+// matter.
 at::Tensor Critic::forward_state(const at::Tensor& state) const {
   const int n_agents = shape_.n_team[0] + shape_.n_team[1], own = shape_.n_team[shape_.team];
   const int own_first = shape_.team == 0 ? 0 : shape_.n_team[0], other_first = shape_.team == 0 ? shape_.n_team[0] : 0;
@@ -71,7 +114,8 @@ at::Tensor Critic::forward_state(const at::Tensor& state) const {
     entities = entities.to(at::kBFloat16);
     world = world.to(at::kBFloat16);
   }
-  const at::Tensor code = entity_.forward(parameters_, entities);
+  NetworkState none;
+  const at::Tensor code = entity_->forward(parameters_, entities, none, Rounding::none);
   const auto team_mean = [&](int first, int n) {
     const at::Tensor living = alive.slice(1, first, first + n).squeeze(-1).contiguous();
     return living_mean(*rows_, code.slice(1, first, first + n).contiguous(), living).unsqueeze(1);
@@ -80,7 +124,7 @@ at::Tensor Critic::forward_state(const at::Tensor& state) const {
   const at::Tensor other_mean = team_mean(other_first, n_agents - own);
   const at::Tensor context = at::cat({own_mean, other_mean, world.unsqueeze(1)}, -1).expand({b, own, -1});
   const at::Tensor input = at::cat({code.slice(1, own_first, own_first + own), context}, -1);
-  return mlp_.forward(parameters_, input).squeeze(-1).to(at::kFloat);
+  return network_.forward(parameters_, input, none).squeeze(-1).to(at::kFloat);
 }
 
 }  // namespace giga

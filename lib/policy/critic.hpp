@@ -1,33 +1,34 @@
-// Critic: the value of every agent of a team, from what training may know (the actors see only their observations).
+// Critic: the value of every agent of a team. Training may show it what no actor sees.
 #pragma once
 
 #include <ATen/core/Tensor.h>
 
+#include <memory>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "cuda/rows.hpp"
 #include "policy/inputs.hpp"
-#include "policy/layers.hpp"
-#include "policy/normalizer.hpp"
+#include "policy/network.hpp"
 #include "policy/parameters.hpp"
 #include "sim/params.hpp"
 
 namespace giga {
 
-/// Sizes of what a critic reads.
+/// Sizes of a critic's inputs.
 struct CriticShape {
   int team = 0;
   int n_team[2] = {0, 0};      ///< agents of each team; the state lists team 0 first
   InputColumns inputs;         ///< of observations
-  int64_t world_features = 0;  ///< numbers of the state behind the agents' (state_encoding.hpp)
+  int64_t world_features = 0;  ///< numbers of the state that follow those of the agents (state_encoding.hpp)
 };
 
 CriticShape critic_shape(const CriticConfig& config, const SimSpec& spec, int team);
 
-/// Kind state: the encoder of one agent has the first hidden layer, the value network the others (or, where there is
-/// one only, another of that size).
-std::pair<MlpConfig, MlpConfig> split_state_critic(const CriticConfig& config);
+/// Kind state: the first hidden layer encodes one agent, the others are the value network (or, if there is only one,
+/// another one of that size).
+std::pair<NetworkConfig, NetworkConfig> split_state_critic(const CriticConfig& config);
 
 class Critic {
  public:
@@ -38,8 +39,8 @@ class Critic {
   /// Number of parameters of such a critic; nothing is allocated.
   static int64_t count_parameters(const CriticConfig& config, const CriticShape& shape);
 
-  /// obs [B, n, D] (already normalised where the actor does), alive [B, n] float, state [B, G] (kind state; else
-  /// undefined) -> values [B, n], fp32, in the value normaliser's units.
+  /// obs [B, n, D] (normalised if the actor normalises), alive [B, n] float, state [B, G] (kind state; else undefined)
+  /// -> values [B, n], fp32, in the value normaliser's units.
   at::Tensor forward(const at::Tensor& obs, const at::Tensor& alive, const at::Tensor& state) const;
 
   bool needs_state() const { return kind_ == CriticKind::state; }
@@ -49,6 +50,8 @@ class Critic {
  private:
   Critic() = default;
   void add_parameters(const CriticConfig& config, const CriticShape& shape);
+  void add_team_weights(const std::string& name);
+  at::Tensor forward_composed(at::Tensor x, const at::Tensor& alive) const;
   at::Tensor forward_state(const at::Tensor& state) const;
 
   CriticKind kind_ = CriticKind::composed;
@@ -56,9 +59,9 @@ class Critic {
   Precision precision_ = Precision::fp32;
   const RowRunner* rows_ = nullptr;
   ParameterSet parameters_;
-  Mlp mlp_;           // independent: on observations; state: on an agent's encoding, both teams' means and the world
-  TeamMlp team_mlp_;  // composed
-  Mlp entity_;        // state: encodes one agent
+  Network network_;                        // kind state: on an agent's code, both teams' means and the world
+  std::vector<int> team_weights_;          // composed: by layer; -1 where there is none
+  std::shared_ptr<const Encoder> entity_;  // state: encodes one agent
 };
 
 }  // namespace giga

@@ -1,4 +1,4 @@
-// Which numbers of an observation a network reads.
+// InputColumns: the numbers of an observation that a network reads.
 #pragma once
 
 #include <cstdint>
@@ -21,7 +21,7 @@ struct InputColumns {
   bool all() const { return size == row; }
 };
 
-/// In the padded rows of a scenario; `body` needs SimParams::body_view.
+/// The columns in the padded observations of a scenario; `body` needs SimParams::body_view.
 inline InputColumns input_columns(NetworkInputs inputs, const SimSpec& spec) {
   const int64_t row = spec.padded_observation_size();
   if (inputs == NetworkInputs::all) return row;

@@ -34,101 +34,64 @@ at::Tensor columns_of(const InputColumns& columns, const at::Tensor& x) {
 
 namespace {
 
-/// Calls LibTorch's vector functions for the first time in this process, on one thread. On a CPU they are MKL's, which
-/// choose their kernel at the first call; where two threads make that call together, one of them may compute its share
-/// with another kernel, whose results differ in the last bit. A first tanh on two threads of a Xeon with AVX-512 did so
-/// in 28 of 369 processes, and in none of 611 after a call like this one.
+/// Calls LibTorch's vector functions on one thread before anybody else does. On a CPU they are MKL's, which chooses a
+/// kernel at the first call. If two threads make that call at the same time, one of them may use another kernel, and
+/// its results differ in the last bit. A first tanh on two threads of a Xeon with AVX-512 did so in 28 of 369
+/// processes, and in none of 611 after a call like this one.
 bool settle_vector_math() {
   const at::Tensor x = at::ones({1});  // too small to be split among threads
   for (const auto function : {at::tanh, at::exp, at::log, at::sqrt, at::erf}) function(x);
   return true;
 }
 
-}  // namespace
-
-Mlp::Mlp(ParameterSet& parameters, const std::string& name, int64_t input, const MlpConfig& config, int64_t output,
-         float output_gain)
-    : config_(config) {
-  // Whoever computes with networks makes one first.
-  [[maybe_unused]] static const bool settled = settle_vector_math();
-  const auto add = [&](int64_t from, int64_t to, float gain, bool hidden) {
-    const std::string at = name + "/" + std::to_string(layers_.size());
-    Layer layer{};
-    layer.weight = parameters.add(at + "/weight", {to, from}, {Init::Kind::orthogonal, gain});
-    layer.bias = parameters.add(at + "/bias", {to}, {Init::Kind::constant, 0});
-    layer.hidden = hidden;
-    if (hidden && config.layer_norm) {
-      layer.norm_weight = parameters.add(at + "/norm_weight", {to}, {Init::Kind::constant, 1});
-      layer.norm_bias = parameters.add(at + "/norm_bias", {to}, {Init::Kind::constant, 0});
-    } else {
-      layer.norm_weight = layer.norm_bias = -1;
-    }
-    layers_.push_back(layer);
-  };
-  int64_t from = input;
-  for (const int size : config.hidden) {
-    add(from, size, config.hidden_gain, true);
-    from = size;
-  }
-  if (output > 0) add(from, output, output_gain, false);
+at::Tensor rounded(const at::Tensor& x, Rounding rounding) {
+  return rounding == Rounding::to_half ? rounded_to_half(x) : x;
 }
 
-at::Tensor Mlp::finish(const ParameterSet& p, const Layer& layer, at::Tensor x) const {
-  if (!layer.hidden) return x;
+}  // namespace
+
+DenseLayer add_dense(ParameterSet& parameters, const std::string& name, const DenseShape& shape) {
+  // Every network is made before it computes.
+  [[maybe_unused]] static const bool settled = settle_vector_math();
+  DenseLayer layer;
+  layer.weight = parameters.add(name + "/weight", {shape.output, shape.input}, {Init::Kind::orthogonal, shape.gain});
+  layer.bias = parameters.add(name + "/bias", {shape.output}, {Init::Kind::constant, 0});
+  if (shape.layer_norm) {
+    layer.norm_weight = parameters.add(name + "/norm_weight", {shape.output}, {Init::Kind::constant, 1});
+    layer.norm_bias = parameters.add(name + "/norm_bias", {shape.output}, {Init::Kind::constant, 0});
+  }
+  layer.activation = shape.activation;
+  return layer;
+}
+
+at::Tensor dense(const ParameterSet& p, const DenseLayer& layer, const at::Tensor& x, Rounding rounding) {
+  return finish_dense(
+      p, layer, linear(rounded(x, rounding), rounded(p[layer.weight], rounding), rounded(p[layer.bias], rounding)));
+}
+
+at::Tensor finish_dense(const ParameterSet& p, const DenseLayer& layer, at::Tensor x) {
   if (layer.norm_weight >= 0) {
     const at::Tensor weight = p[layer.norm_weight].to(x.scalar_type()), bias = p[layer.norm_bias].to(x.scalar_type());
     x = at::layer_norm(x, {x.size(-1)}, weight, bias);
   }
-  return activate(x, config_.activation);
+  return layer.activation ? activate(x, *layer.activation) : x;
 }
 
-namespace {
-at::Tensor rounded(const at::Tensor& x, Rounding rounding) {
-  return rounding == Rounding::to_half ? rounded_to_half(x) : x;
-}
-}  // namespace
-
-at::Tensor Mlp::forward(const ParameterSet& p, at::Tensor x, Rounding rounding) const {
-  const auto product = [&](const Layer& layer) {
-    return linear(rounded(x, rounding), rounded(p[layer.weight], rounding), rounded(p[layer.bias], rounding));
-  };
-  for (const Layer& layer : layers_) x = finish(p, layer, product(layer));
-  return x;
-}
-
-at::Tensor Mlp::forward_members(const ParameterSet& p, const at::Tensor& members, at::Tensor x,
-                                Rounding rounding) const {
+at::Tensor dense_members(const ParameterSet& p, const at::Tensor& members, const DenseLayer& layer, const at::Tensor& x,
+                         Rounding rounding) {
   const auto of = [&](int k) { return p.of_members(members, k).to(x.scalar_type()); };
   const auto of_features = [&](int k) { return of(k).unsqueeze(1); };  // [M, 1, H]
-  for (const Layer& layer : layers_) {
-    x = at::baddbmm(rounded(of_features(layer.bias), rounding), rounded(x, rounding),
-                    rounded(of(layer.weight), rounding).transpose(1, 2));
-    if (!layer.hidden) continue;
-    if (layer.norm_weight >= 0)
-      x = at::layer_norm(x, {x.size(-1)}) * of_features(layer.norm_weight) + of_features(layer.norm_bias);
-    x = activate(x, config_.activation);
-  }
-  return x;
-}
-
-std::optional<SmallMlp> Mlp::small(const ParameterSet& p) const {
-  if (config_.layer_norm || !SmallMlp::has_room_for(config_.hidden)) return std::nullopt;
-  SmallMlp mlp;
-  mlp.activation = config_.activation;
-  for (const Layer& layer : layers_) {
-    const int l = mlp.n_layers++;
-    mlp.width[l] = static_cast<int>(p.shape(layer.weight)[1]);
-    mlp.width[l + 1] = static_cast<int>(p.shape(layer.weight)[0]);
-    mlp.weight[l] = static_cast<int>(p.offset(layer.weight));
-    mlp.bias[l] = static_cast<int>(p.offset(layer.bias));
-  }
-  return mlp;
+  at::Tensor y = at::baddbmm(rounded(of_features(layer.bias), rounding), rounded(x, rounding),
+                             rounded(of(layer.weight), rounding).transpose(1, 2));
+  if (layer.norm_weight >= 0)
+    y = at::layer_norm(y, {y.size(-1)}) * of_features(layer.norm_weight) + of_features(layer.norm_bias);
+  return layer.activation ? activate(y, *layer.activation) : y;
 }
 
 namespace {
 
-// One kernel each way. With tensor operations the mean costs more time than the layer around it: a product, a sum and
-// their gradients, each a pass over all features.
+// One kernel forward and one backward. Tensor operations would take more time than the layer around the mean: a
+// product, a sum and their gradients are one pass over all features each.
 struct LivingMeanFunction : torch::autograd::Function<LivingMeanFunction> {
   template <class T>
   static void run(const RowRunner& rows, const at::Tensor& x, const at::Tensor& alive, at::Tensor& mean) {
@@ -175,29 +138,6 @@ struct LivingMeanFunction : torch::autograd::Function<LivingMeanFunction> {
 
 at::Tensor living_mean(const RowRunner& rows, const at::Tensor& x, const at::Tensor& alive) {
   return LivingMeanFunction::apply(x.contiguous(), alive, reinterpret_cast<int64_t>(&rows));
-}
-
-TeamMlp::TeamMlp(ParameterSet& parameters, const std::string& name, int64_t input, const MlpConfig& config,
-                 int64_t output, float output_gain)
-    : own_(parameters, name, input, config, output, output_gain) {
-  team_weights_.push_back(-1);
-  for (size_t k = 1; k < own_.layers_.size(); ++k)
-    team_weights_.push_back(parameters.add_beside(
-        own_.layers_[k].weight, name + "/" + std::to_string(k) + "/team_weight", config.hidden[k - 1]));
-}
-
-at::Tensor TeamMlp::forward(const ParameterSet& p, const RowRunner& rows, at::Tensor x, const at::Tensor& alive) const {
-  const int64_t b = x.size(0), n = x.size(1);
-  for (size_t k = 0; k < own_.layers_.size(); ++k) {
-    const auto& layer = own_.layers_[k];
-    at::Tensor y = linear(x.reshape({b * n, x.size(-1)}), p[layer.weight], p[layer.bias]).view({b, n, -1});
-    if (team_weights_[k] >= 0) {
-      const at::Tensor weight = p[team_weights_[k]].to(x.scalar_type());
-      y = y + at::mm(living_mean(rows, x, alive), weight.t()).unsqueeze(1);
-    }
-    x = own_.finish(p, layer, y);
-  }
-  return x;
 }
 
 }  // namespace giga

@@ -1,13 +1,11 @@
-// Layers: a multilayer perceptron, and one whose agents exchange the mean features of their team.
+// Layers: what networks are built from.
 #pragma once
 
 #include <ATen/core/Tensor.h>
 
 #include <optional>
 #include <string>
-#include <vector>
 
-#include "cuda/population_policy.hpp"
 #include "cuda/rows.hpp"
 #include "policy/config.hpp"
 #include "policy/inputs.hpp"
@@ -15,67 +13,46 @@
 
 namespace giga {
 
-/// y = x W^T + b in the given precision; fp32 in and out of the network, bf16 inside where asked for.
+/// y = x W^T + b, in bf16 where x is.
 at::Tensor linear(const at::Tensor& x, const at::Tensor& weight, const at::Tensor& bias);
 
 at::Tensor activate(const at::Tensor& x, Activation activation);
 
 /// The nearest numbers of half precision, as fp32. Beyond 65,504 they are infinite, below 2^-25 zero.
 at::Tensor rounded_to_half(const at::Tensor& x);
-/// Whether a layer rounds what it multiplies and its bias to half precision.
+/// Whether a layer rounds its inputs, weights and biases to half precision.
 enum class Rounding : bool { none, to_half };
 
-/// What a network reads of x [..., row]; a view.
+/// The columns of x [..., row] that a network reads, as a view.
 at::Tensor columns_of(const InputColumns& columns, const at::Tensor& x);
 
-/// input -> hidden ... -> output, with the activation after every hidden layer.
-class Mlp {
- public:
-  Mlp() = default;
-  /// `output` 0 = no output layer: the last hidden features are the result.
-  Mlp(ParameterSet& parameters, const std::string& name, int64_t input, const MlpConfig& config, int64_t output,
-      float output_gain);
-  at::Tensor forward(const ParameterSet& p, at::Tensor x,
-                     Rounding rounding = Rounding::none) const;  // [R, input] -> [R, output]
-  /// Each member of a population [M, P] on rows of its own, one batched product a layer: x [M, R, input] ->
-  /// [M, R, output].
-  at::Tensor forward_members(const ParameterSet& p, const at::Tensor& members, at::Tensor x,
-                             Rounding rounding = Rounding::none) const;
-  /// The layout for the fused kernel; none where that has no room for it (layer normalisation, many or wide layers).
-  std::optional<SmallMlp> small(const ParameterSet& p) const;
-
-  const MlpConfig& config() const { return config_; }
-
- private:
-  friend class TeamMlp;
-  struct Layer {
-    int weight, bias, norm_weight = -1, norm_bias = -1;
-    bool hidden;
-  };
-  at::Tensor finish(const ParameterSet& p, const Layer& layer, at::Tensor x) const;
-
-  std::vector<Layer> layers_;
-  MlpConfig config_;
+struct DenseShape {
+  int64_t input, output;
+  float gain;                                 ///< of the orthogonal initialisation; the bias starts at 0
+  std::optional<Activation> activation = {};  ///< none in an output layer
+  bool layer_norm = false;
 };
 
-/// An Mlp over the agents of a team: from the second layer on, each layer also gets the mean of the features of the
-/// team's living agents through weights of its own. The value V_i(s_i) of each agent so becomes part of a composed
-/// V(S) = f(V_1(s_1), ..., V_n(s_n)), whatever the order of the agents.
-class TeamMlp {
- public:
-  TeamMlp() = default;
-  TeamMlp(ParameterSet& parameters, const std::string& name, int64_t input, const MlpConfig& config, int64_t output,
-          float output_gain);
-  /// x [B, n, input], alive [B, n] fp32 of 0 and 1 -> [B, n, output].
-  at::Tensor forward(const ParameterSet& p, const RowRunner& rows, at::Tensor x, const at::Tensor& alive) const;
-
- private:
-  Mlp own_;
-  std::vector<int> team_weights_;  // by layer; -1 for the first
+/// A dense layer, activation(norm(x W^T + b)), by the numbers of its parameters in a ParameterSet.
+struct DenseLayer {
+  int weight = -1, bias = -1;            // [output, input], [output]
+  int norm_weight = -1, norm_bias = -1;  // [output] each; -1 without layer normalisation
+  std::optional<Activation> activation;
 };
 
-/// Mean over the agents with alive = 1, zero where none is: x [B, n, H], alive [B, n] fp32 -> [B, H]. Differentiable in
-/// x.
+/// Adds the parameters of a layer as `name`/weight, bias, and norm_weight, norm_bias where it normalises.
+DenseLayer add_dense(ParameterSet& parameters, const std::string& name, const DenseShape& shape);
+
+/// x [..., input] -> [..., output].
+at::Tensor dense(const ParameterSet& p, const DenseLayer& layer, const at::Tensor& x, Rounding rounding);
+/// Each member of a population [M, P] on rows of its own, in one batched product: x [M, R, input] -> [M, R, output].
+at::Tensor dense_members(const ParameterSet& p, const at::Tensor& members, const DenseLayer& layer, const at::Tensor& x,
+                         Rounding rounding);
+/// The end of `dense`: normalisation and activation of the sums x W^T + b.
+at::Tensor finish_dense(const ParameterSet& p, const DenseLayer& layer, at::Tensor sums);
+
+/// Mean over the agents with alive = 1, or 0 if there is none: x [B, n, H], alive [B, n] fp32 -> [B, H]. Differentiable
+/// in x.
 at::Tensor living_mean(const RowRunner& rows, const at::Tensor& x, const at::Tensor& alive);
 
 }  // namespace giga

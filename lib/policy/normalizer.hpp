@@ -1,4 +1,4 @@
-// Normalisers that learn their scale from the data: of observations (running moments) and of value targets.
+// RunningNorm: normalises observations and value targets by running moments of the data.
 #pragma once
 
 #include <ATen/core/Tensor.h>
@@ -9,15 +9,15 @@
 
 namespace giga {
 
-/// Mean and standard deviation as exponential moving averages with bias correction (ValueNorm of Yu et al. 2022). All
-/// on the device; scalars (`size` 1) or per feature.
+/// Mean and standard deviation as exponential moving averages with bias correction (ValueNorm of Yu et al. 2022), of
+/// scalars (`size` 1) or per feature. Everything stays on the device.
 class RunningNorm {
  public:
   RunningNorm() = default;
   /// `beta` = share kept per update; 0 < beta < 1.
   RunningNorm(int64_t size, double beta, at::Device device);
 
-  /// Takes in the rows of x [R, size] that have weight; weight [R] of 0 and 1. No effect where all are 0.
+  /// Takes in the rows of x [R, size] whose weight [R] is 1, not those of weight 0. No effect if all are 0.
   void update(const at::Tensor& x, const at::Tensor& weight);
   /// (x - mean) / std, clamped to +- kNormalizedLimit.
   at::Tensor apply(const at::Tensor& x) const { return normalized(x, mean_, std_); }

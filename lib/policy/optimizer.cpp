@@ -20,9 +20,17 @@ void Adam::step(const ParameterSet& parameters, const RowRunner& rows, float lea
   at::NoGradGuard no_grad;
   const at::Tensor& gradient = parameters.gradient();
   const at::Tensor norm = gradient.norm();
-  rows.run(StepGate{norm.const_data_ptr<float>(), max_norm, flags.stop, static_cast<float>(flags.minibatch),
-                    flags.fault, flags.faults, flags.n_faults, skip_.data_ptr<float>(), scale_.data_ptr<float>(),
-                    steps_.data_ptr<float>(), flags.norm_sum},
+  rows.run(StepGate{.norm = norm.const_data_ptr<float>(),
+                    .max_norm = max_norm,
+                    .stop = flags.stop,
+                    .minibatch = static_cast<float>(flags.minibatch),
+                    .fault = flags.fault,
+                    .faults = flags.faults,
+                    .n_faults = flags.n_faults,
+                    .skip = skip_.data_ptr<float>(),
+                    .scale = scale_.data_ptr<float>(),
+                    .steps = steps_.data_ptr<float>(),
+                    .norm_sum = flags.norm_sum},
            1);
   if (max_norm > 0) gradient.mul_(scale_);
   at::_fused_adam_({parameters.values()}, {gradient}, {moment1_}, {moment2_}, {}, {steps_},

@@ -11,14 +11,14 @@
 
 namespace giga {
 
-/// The flags around a step; all pointers are to the device's memory (StepGate says more).
+/// The flags around a step, in the device's memory. See StepGate (math/step_gate.hpp).
 struct StepFlags {
   const float* stop;    // [1] 1 = take no step
-  float* fault;         // [1] becomes `minibatch` where the gradient is the first that is not finite
-  const float* faults;  // [n_faults] any that is not 0: take no step
+  float* fault;         // [1] becomes `minibatch` if this gradient is the first that is not finite
+  const float* faults;  // [n_faults] if any is not 0, no step is taken
   int n_faults;
   int minibatch;    // from 1
-  float* norm_sum;  // [1] the norm before clipping is added
+  float* norm_sum;  // [1] the norm before clipping is added to it
 };
 
 class Adam {
@@ -27,7 +27,7 @@ class Adam {
   Adam(const ParameterSet& parameters, double epsilon);
 
   /// Clips the gradient to `max_norm` (0 = not), takes one step unless a flag forbids it, and clears the gradient. The
-  /// host does not wait to know.
+  /// host does not wait for the flags.
   void step(const ParameterSet& parameters, const RowRunner& rows, float learning_rate, float max_norm,
             const StepFlags& flags);
 

@@ -18,20 +18,20 @@ struct Init {
   float value = 0;
 };
 
-/// A weight matrix among the flat parameters, row by row.
+/// The place of a weight matrix among the flat parameters, row by row.
 struct MatrixPlace {
   int64_t offset, rows, columns;
 };
 
 class ParameterSet {
  public:
-  /// Announces a parameter and returns its number; all before `allocate`.
+  /// Announces a parameter and returns its number. All are announced before `allocate`.
   int add(const std::string& name, std::vector<int64_t> shape, Init init);
-  /// Announces a matrix [rows, columns] with as many rows as matrix `k`: two inputs of one layer. They start as one, an
-  /// orthogonal matrix over the columns of both; each alone would, with unit rows, make the layer's output too large.
+  /// Announces a matrix [rows, columns] with as many rows as matrix `k`: two inputs of one layer. The two start as one
+  /// orthogonal matrix over the columns of both. Started one by one, their sum would be too large.
   int add_beside(int k, const std::string& name, int64_t columns);
 
-  /// Allocates and initialises everything; the same seed gives the same values on every device.
+  /// Allocates and initialises everything. The same seed gives the same values on every device.
   void allocate(at::Device device, uint64_t seed);
 
   /// Parameter `k`: a leaf view into the flat buffer, whose gradient is a view into the flat gradient.

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "core/error.hpp"
+#include "policy/parameters.hpp"
 #include "rollout/shapes.hpp"
 #include "rollout/tensors.hpp"
 
@@ -56,7 +57,25 @@ Rollout make_rollout(const Simulator& sim, const CollectorOptions& options, cons
 }  // namespace
 
 Collector::Collector(Simulator& sim, const RowRunner& rows, const CollectorOptions& options, const BothSides& sides)
-    : options_(options), rollout_(make_rollout(sim, options, sides)), game_(sim, rows, sides, {this}) {}
+    : options_(options), rollout_(make_rollout(sim, options, sides)), game_(sim, rows, sides, {this}) {
+  for (int team = 0; team < kNTeams; ++team) {
+    TeamRollout& r = rollout_.team[team];
+    const int64_t size = memory_size(sides[static_cast<size_t>(team)]);
+    if (size == 0) continue;
+    r.state = at::zeros({sim.n_worlds(), sim.params().n_team[team], size}, r.obs.options());
+    memory_[team] = r.state.clone();
+  }
+}
+
+void Collector::save(const std::string& prefix, NamedArrays& out) const {
+  for (int team = 0; team < kNTeams; ++team)
+    if (memory_[team].defined()) out.push_back(to_array(cat(prefix, "memory_", team), memory_[team]));
+}
+
+void Collector::load(const std::string& prefix, const NamedArrays& in) {
+  for (int team = 0; team < kNTeams; ++team)
+    if (memory_[team].defined()) from_array(find_array(in, cat(prefix, "memory_", team)), memory_[team]);
+}
 
 void Collector::start() {
   game_.start();
@@ -71,6 +90,8 @@ void Collector::before_play(int64_t n_steps) {
     r.alive[0].copy_(r.alive[n_steps]);
   }
   if (rollout_.global.defined()) rollout_.global[0].copy_(rollout_.global[n_steps]);
+  for (int team = 0; team < kNTeams; ++team)
+    if (memory_[team].defined()) rollout_.team[team].state.copy_(memory_[team]);
 }
 
 // Step t looks at slot t, fills it, and writes what comes of it to slot t + 1. What starts a game writes to slot T.
@@ -87,7 +108,8 @@ void Collector::before_step(int64_t t, GameStep& step) {
     out.final_obs = whole<float>(r.final_obs);
     out.final_alive = whole<uint8_t>(r.final_alive);
     void* action = static_cast<char*>(r.action.data_ptr()) + t * r.action.stride(0) * r.action.itemsize();
-    step.team[team] = {slot<float>(r.obs, t), action, slot<float>(r.raw, t), slot<float>(r.log_prob, t)};
+    step.team[team] = {slot<float>(r.obs, t), action, slot<float>(r.raw, t), slot<float>(r.log_prob, t),
+                       whole<float>(memory_[team])};
   }
   step.io.global = slot<float>(rollout_.global, t + 1);
   step.io.final_global = whole<float>(rollout_.final_global);

@@ -3,6 +3,9 @@
 
 #include <torch/types.h>
 
+#include <string>
+
+#include "core/named_array.hpp"
 #include "game/game.hpp"
 
 namespace giga {
@@ -20,6 +23,7 @@ struct TeamRollout {
   at::Tensor reward;       // [T, W, n]
   at::Tensor final_obs;    // [W, n, D] where an episode of the rollout was truncated: its last observation
   at::Tensor final_alive;  // [W, n] uint8
+  at::Tensor state = {};   // [W, n, S] what a policy with memory remembers before step 0; else undefined
 };
 
 struct Rollout {
@@ -52,11 +56,16 @@ class Collector final : GameObserver {
   const Rollout& rollout() const { return rollout_; }
   int horizon() const { return options_.horizon; }
 
+  /// What policies with memory remember.
+  void save(const std::string& prefix, NamedArrays& out) const;
+  void load(const std::string& prefix, const NamedArrays& in);
+
  private:
   void before_play(int64_t n_steps) override;
   void before_step(int64_t t, GameStep& step) override;
 
   const CollectorOptions options_;
+  at::Tensor memory_[kNTeams];  // [W, n, S] what the policies remember now; undefined without memory
   Rollout rollout_;
   Game game_;
 };

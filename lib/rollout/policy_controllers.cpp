@@ -22,15 +22,25 @@ class PolicyController final : public TeamController {
 
   Looks looks() const override { return Looks::everything; }
   bool fills_log_prob() const override { return true; }
+  int64_t memory_size() const override { return policy_.state_size(); }
   void act(std::span<const TeamStep> parts) override {
     at::NoGradGuard no_grad;
     for (const TeamStep& part : parts) act(part);
   }
 
  private:
+  /// The output for the rows of a step; what the policy remembers goes on.
+  at::Tensor remembering(const TeamStep& s) const {
+    if (policy_.state_size() == 0) return policy_.forward(obs_of(s));
+    const at::Tensor memory = wrap(s.buffers.memory, {s.n_rows(), s.buffers.memory_size}, s.sim.device());
+    NetworkState state{memory};
+    const at::Tensor head = policy_.forward(obs_of(s), state);
+    memory.copy_(state.rows);
+    return head;
+  }
   void act(const TeamStep& s) const {
     const TeamBuffers& b = s.buffers;
-    const at::Tensor head = policy_.forward(obs_of(s));
+    const at::Tensor head = remembering(s);
     if (s.sim.params().actions == ActionKind::discrete) {
       s.rows.run(SampleCategorical{head.const_data_ptr<float>(), s.draws(), static_cast<int32_t*>(b.action), b.log_prob,
                                    greedy_},

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <limits>
 
-#include "learn/ppo_team.hpp"
+#include "learn/mappo/ppo_team.hpp"
 #include "runs.hpp"
 
 namespace giga::test {
@@ -152,11 +152,11 @@ TEST(LearnLeague, FrozenRowsTakeNoPartInLearning) {
       for (int team = 0; team < kNTeams; ++team) {
         Rollout rollout = copy_of(clean.collector.rollout());
         const auto learn = [&](PpoTeam& of) {
-          of.prepare(rollout);
+          of.compute_advantages(rollout);
           int minibatch = 0;
-          for (const at::Tensor& index : of.states(at::arange(own, at::kLong)).tensor_split(3))
-            of.learn(rollout, index, ++minibatch, {1e-3f, 1e-3f});
-          of.finish(rollout);
+          for (const at::Tensor& states : of.states(at::arange(own, at::kLong).unsqueeze(0)).tensor_split(3, 1))
+            of.update_minibatch(rollout, states, ++minibatch, {1e-3f, 1e-3f});
+          of.update_normalizer(rollout);
           NamedArrays arrays;
           of.save("", arrays);
           return arrays;

@@ -1,5 +1,5 @@
 // PpoTeam on a rollout of eight rows that is worked out by hand: values, advantages, moments over the living, losses.
-#include "learn/ppo_team.hpp"
+#include "learn/mappo/ppo_team.hpp"
 
 #include <gtest/gtest.h>
 
@@ -9,6 +9,7 @@
 
 #include "core/error.hpp"
 #include "runs.hpp"
+#include "support/leaky_sum.hpp"
 
 namespace giga::test {
 namespace {
@@ -93,15 +94,15 @@ class Team {
         std::memcpy(a.bytes.data(), &one, sizeof one);
     }
     team_.load("", arrays);
-    team_.prepare(rollout_);
+    team_.compute_advantages(rollout_);
   }
 
   /// Two epochs of two minibatches, with steps of size 0: the networks stay as they are.
   void learn() {
     int minibatch = 0;
     for (int epoch = 0; epoch < 2; ++epoch)
-      for (const at::Tensor& index : team_.minibatches(at::tensor({3, 0, 2, 1}, at::kLong)))
-        team_.learn(rollout_, index, ++minibatch, {0, 0});
+      for (const at::Tensor& states : team_.minibatches(at::tensor({3, 0, 2, 1}, at::kLong)))
+        team_.update_minibatch(rollout_, states, ++minibatch, {0, 0});
   }
   double figure(PpoFigure k) const { return team_.figures()[k].item<double>(); }
   std::vector<float> batch(const char* name) const {
@@ -194,8 +195,79 @@ TEST(LearnPpoTeam, MinibatchesHaveEachStateOfTheTeamsWorldsOnce) {
   const std::vector<at::Tensor> minibatches = team.minibatches(at::tensor({4, 1, 0, 5, 3, 2}, at::kLong));
   ASSERT_EQ(minibatches.size(), 2u);
   // State k of the team's own is step k / 2, world 1 + k % 2.
-  EXPECT_TRUE(at::equal(minibatches[0], at::tensor({9, 2, 1}, at::kLong)));
-  EXPECT_TRUE(at::equal(minibatches[1], at::tensor({10, 6, 5}, at::kLong)));
+  EXPECT_TRUE(at::equal(minibatches[0], at::tensor({9, 2, 1}, at::kLong).view({1, 3})));
+  EXPECT_TRUE(at::equal(minibatches[1], at::tensor({10, 6, 5}, at::kLong).view({1, 3})));
+}
+
+/// Two teams with memory, and the worlds in which they play.
+struct TeamsWithMemory {
+  TeamsWithMemory(const LoadedRun& run, const RowRunner& rows)
+      : team{{run, 0, kCpu, rows, {0, 24}, make_leaky_sum}, {run, 1, kCpu, rows, {0, 24}, make_leaky_sum}},
+        sim(make_cpu_simulator(run.spec, {24, 17, 0, OnDone::reset, 1})),
+        collector(*sim, rows, {run.config.mappo.horizon, false, true}, {&team[0].actor()}, {&team[1].actor()}) {
+    collector.start();
+  }
+  PpoTeam team[kNTeams];
+  std::unique_ptr<Simulator> sim;
+  Collector collector;
+};
+
+LoadedRun run_with_memory() {
+  SmallRun small;
+  small.actor = "hidden: [16], output_gain: 1";
+  LoadedRun run = small.load();  // 24 worlds, 8 steps, episodes of at most 40
+  run.config.mappo.n_minibatches = 1;
+  return run;
+}
+
+// What is remembered at the start of a rollout, and where episodes end in it, is enough to compute the actions'
+// probabilities again.
+TEST(LearnPpoTeam, AnActorWithMemoryLearnsFromSequences) {
+  const RowRunner rows(kCpu, 1);
+  const LoadedRun run = run_with_memory();
+  TeamsWithMemory game(run, rows);
+  for (int k = 0; k < 6; ++k) game.collector.collect();
+  const Rollout& rollout = game.collector.rollout();
+  ASSERT_GT((rollout.done.slice(0, 0, 7) != 0).sum().item<int>(), 3) << "no episode ends within the rollout";
+  for (int k = 0; k < kNTeams; ++k) {
+    PpoTeam& team = game.team[k];
+    ASSERT_EQ(team.sequence_length(), 8);
+    ASSERT_EQ(team.n_sequences(), 24);
+    const at::Tensor states = team.minibatches(at::randperm(24, at::kLong)).at(0);
+    ASSERT_EQ(states.sizes(), at::IntArrayRef({8, 24}));
+    const auto ratio_error = [&](const Rollout& r) {
+      team.compute_advantages(r);
+      team.update_minibatch(r, states, 1, {0, 0});
+      return team.figures()[kFigFirstRatioError].item<double>();
+    };
+    EXPECT_LT(ratio_error(rollout), 1e-6);
+    EXPECT_GT(team.figures()[kFigActorNorm].item<double>(), 1e-3);
+    Rollout changed = rollout;
+    changed.team[k].state = at::zeros_like(rollout.team[k].state);
+    EXPECT_GT(ratio_error(changed), 1e-3) << "without the state at the start";
+    changed = rollout;
+    changed.done = at::zeros_like(rollout.done);
+    EXPECT_GT(ratio_error(changed), 1e-3) << "without resets";
+  }
+}
+
+TEST(LearnPpoTeam, MemoryIsSavedWithTheWorlds) {
+  const RowRunner rows(kCpu, 1);
+  const LoadedRun run = run_with_memory();
+  TeamsWithMemory whole(run, rows), resumed(run, rows);
+  for (int k = 0; k < 2; ++k) whole.collector.collect();
+  NamedArrays arrays;
+  whole.sim->state().save("simulator/", arrays);
+  whole.collector.save("collector/", arrays);
+  resumed.sim->state().load("simulator/", arrays);
+  resumed.collector.load("collector/", arrays);
+  resumed.collector.resume();
+  whole.collector.collect();
+  resumed.collector.collect();
+  for (int k = 0; k < kNTeams; ++k) {
+    EXPECT_TRUE(at::equal(whole.collector.rollout().team[k].state, resumed.collector.rollout().team[k].state));
+    EXPECT_TRUE(at::equal(whole.collector.rollout().team[k].log_prob, resumed.collector.rollout().team[k].log_prob));
+  }
 }
 
 }  // namespace

@@ -53,6 +53,13 @@ TEST(PolicyActor, ReadsTheColumnsThatItIsGiven) {
   EXPECT_LT(largest(normalized.forward(obs) - expected.forward(part)), 1e-5);
 }
 
+TEST(PolicyActor, AnUnknownEncoderIsRefusedWithTheAllowedOnes) {
+  Errors errors;
+  ActorConfig config;
+  read_fields(parse_yaml_text("{encoder: mpl}", "a.yaml", errors).root, config, errors);
+  EXPECT_EQ(errors.text(), "a.yaml:1:11: encoder: 'mpl' is not one of: mlp; nearest: 'mlp'");
+}
+
 TEST(PolicyActor, SmallOutputGainStartsNearlyUniform) {
   // Hidden features lie in (-1, 1)^16 and the output rows have length 0.01: |logit| <= 0.01 sqrt(16) = 0.04.
   const Actor actor = make(ActionKind::discrete, false, 1, 0.01f);

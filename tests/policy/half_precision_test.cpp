@@ -16,6 +16,12 @@ namespace {
 
 constexpr int64_t kHalfObs = 112;
 
+/// The most by which probabilities of actions differ, and logits and means of actions in units of 1 + the largest of
+/// their row. The networks have two hidden layers of 64 with tanh, 112 inputs in [-1, 1], and weights of an orthogonal
+/// initialisation plus normal numbers of deviation 0.5. kHalfTolerance: between fp16 (policy/config.hpp), by LibTorch
+/// or by the fused kernel, and fp32. kFusedTolerance: between the fused kernel and fp16 by LibTorch.
+constexpr double kHalfTolerance = 0.01, kFusedTolerance = 0.005;
+
 /// To 11 bits of mantissa, or to multiples of 2^-24; of two that are equally near the even one.
 double nearest_half(double x) {
   if (x == 0) return x;

@@ -1,4 +1,4 @@
-// Layers and their parameters: the mean of the living, orthogonal starts, seeds, saving and loading.
+// Layers, networks and their parameters: the mean of the living, orthogonal starts, seeds, saving and loading.
 #include "policy/layers.hpp"
 
 #include <gtest/gtest.h>
@@ -6,6 +6,8 @@
 
 #include <cmath>
 
+#include "policy/critic.hpp"
+#include "policy/network.hpp"
 #include "tensors.hpp"
 
 namespace giga::test {
@@ -46,16 +48,17 @@ TEST(PolicyLayers, LivingMeanEqualsTensorOperations) {
   EXPECT_GT(largest(x.grad()), 0.1);
 }
 
-TEST(PolicyLayers, MlpIsTheFormula) {
+TEST(PolicyLayers, ANetworkOfDenseLayersIsTheFormula) {
   // 3 -> 4 -> 2: W1 act(norm(W0 x + b0)) + b1 with the parameters in the order in which they are announced.
   for (const bool norm : {false, true})
     for (const Activation activation : {Activation::tanh, Activation::relu, Activation::silu, Activation::gelu}) {
       ParameterSet p;
-      MlpConfig config;
+      NetworkConfig config;
       config.hidden = {4};
       config.activation = activation;
       config.layer_norm = norm;
-      const Mlp mlp(p, "mlp", 3, config, 2, 1.0f);
+      const Network network(p, "mlp", config, {3, 2, 1.0f});
+      NetworkState none;
       p.allocate(at::kCPU, 3);
       { p.values().copy_(p.values() + 0.3 * random({p.size()}, 9)); }
       const at::Tensor x = random({6, 3}, 4);
@@ -80,7 +83,7 @@ TEST(PolicyLayers, MlpIsTheFormula) {
       }
       const int last = norm ? 4 : 2;
       const at::Tensor expected = at::mm(h, p[last].t()) + p[last + 1];
-      EXPECT_LT(worst(mlp.forward(p, x), expected), 2e-6) << "activation " << static_cast<int>(activation);
+      EXPECT_LT(worst(network.forward(p, x, none), expected), 2e-6) << "activation " << static_cast<int>(activation);
     }
 }
 
@@ -97,19 +100,18 @@ TEST(PolicyParameters, OrthogonalStartsWithTheGain) {
   EXPECT_EQ(p.size(), 28 + 24 + 5);
 }
 
-// One layer of a TeamMlp reads own and mean features side by side: its weights start as one orthogonal matrix.
+// A layer of a composed critic reads own and mean features side by side: its weights start as one orthogonal matrix.
 TEST(PolicyLayers, OwnAndTeamWeightsStartAsOneLayer) {
-  MlpConfig config;
+  CriticConfig config;
   config.hidden = {16, 12, 40};
-  ParameterSet p;
-  const TeamMlp mlp(p, "m", 10, config, 1, 0.5f);
-  p.allocate(at::kCPU, 3);
+  config.output_gain = 0.5f;
+  const Critic critic(config, {0, {3, 2}, 10, 0}, Precision::fp32, cpu_rows(), at::kCPU, 3);
   NamedArrays arrays;
-  p.save("", arrays);
+  critic.parameters().save("", arrays);
   const auto layer = [&](int k) {
     at::Tensor parts[2];
     for (int j = 0; j < 2; ++j) {
-      const NamedArray& a = find_array(arrays, cat("m/", k, j == 0 ? "/weight" : "/team_weight"));
+      const NamedArray& a = find_array(arrays, cat("team_mlp/", k, j == 0 ? "/weight" : "/team_weight"));
       parts[j] = numbers(array_values<float>(a)).view(a.shape);
     }
     return at::cat({parts[0], parts[1]}, 1);

@@ -30,15 +30,15 @@ struct Batch {
     inv_count = alive.to(at::kFloat).sum().reciprocal().reshape({1});
   }
   PolicyLossInput input() const {
-    return {{index.const_data_ptr<int64_t>(), static_cast<int>(kAgents)},
-            old_log_prob.const_data_ptr<float>(),
-            advantage.const_data_ptr<float>(),
-            alive.const_data_ptr<uint8_t>(),
-            mean.const_data_ptr<float>(),
-            inv_std.const_data_ptr<float>(),
-            inv_count.const_data_ptr<float>(),
-            kClip,
-            kEntropyCoef};
+    return {.rows = {index.const_data_ptr<int64_t>(), static_cast<int>(kAgents)},
+            .old_log_prob = old_log_prob.const_data_ptr<float>(),
+            .advantage = advantage.const_data_ptr<float>(),
+            .alive = alive.const_data_ptr<uint8_t>(),
+            .advantage_mean = mean.const_data_ptr<float>(),
+            .advantage_inv_std = inv_std.const_data_ptr<float>(),
+            .inv_count = inv_count.const_data_ptr<float>(),
+            .clip_coef = kClip,
+            .entropy_coef = kEntropyCoef};
   }
   /// Mean over the living of -min(ratio A, clip(ratio) A) - entropy_coef H; all in the minibatch's order.
   at::Tensor loss(const at::Tensor& log_prob, const at::Tensor& entropy) const {
@@ -95,9 +95,13 @@ TEST(PolicyLossAutograd, GaussianAndItsLogStd) {
   raw.index_put_({batch.source}, u);
   const at::Tensor d_mean = at::full({kRows, 3}, NAN), d_log_std = at::full({kRows, 3}, NAN);
   const at::Tensor diagnostics = at::full({kRows, kNPolicyDiagnostics}, NAN);
-  cpu_rows().run(GaussianLoss{batch.input(), mean.const_data_ptr<float>(), log_std.const_data_ptr<float>(),
-                              raw.const_data_ptr<float>(), d_mean.data_ptr<float>(), d_log_std.data_ptr<float>(),
-                              diagnostics.data_ptr<float>()},
+  cpu_rows().run(GaussianLoss{.in = batch.input(),
+                              .mean = mean.const_data_ptr<float>(),
+                              .log_std = log_std.const_data_ptr<float>(),
+                              .raw = raw.const_data_ptr<float>(),
+                              .d_mean = d_mean.data_ptr<float>(),
+                              .d_log_std = d_log_std.data_ptr<float>(),
+                              .diagnostics = diagnostics.data_ptr<float>()},
                  kRows);
   EXPECT_GT(batch.clipped_share, 0.2);
   EXPECT_LT(batch.clipped_share, 0.8);

@@ -26,21 +26,21 @@ struct Rollout {
   void run() {
     advantage.assign(reward.size(), kNan);
     returns.assign(reward.size(), kNan);
-    const Gae gae{3,
-                  n_worlds,
-                  n,
-                  0.5f,
-                  0.5f,
-                  reward.data(),
-                  done.data(),
-                  alive.data(),
-                  value.data(),
-                  final_value.data(),
-                  final_alive.data(),
-                  value_mean,
-                  value_std,
-                  advantage.data(),
-                  returns.data()};
+    const Gae gae{.horizon = 3,
+                  .n_worlds = n_worlds,
+                  .n = n,
+                  .gamma = 0.5f,
+                  .lambda = 0.5f,
+                  .reward = reward.data(),
+                  .done = done.data(),
+                  .alive = alive.data(),
+                  .value = value.data(),
+                  .final_value = final_value.data(),
+                  .final_alive = final_alive.data(),
+                  .value_mean = value_mean,
+                  .value_std = value_std,
+                  .advantage = advantage.data(),
+                  .returns = returns.data()};
     for (int64_t column = 0; column < n_worlds * n; ++column) gae(column);
   }
   void end(int t, Done how) { done[static_cast<size_t>(t)] = static_cast<uint8_t>(how); }

@@ -50,9 +50,15 @@ struct Minibatch {
   float advantage_mean = 1, advantage_inv_std = 0.5f, inv_count = 0.25f;
 
   PolicyLossInput input() const {
-    return {{index.data(), 2}, old_log_prob.data(), advantage.data(), alive.data(),
-            &advantage_mean,   &advantage_inv_std,  &inv_count,       kClip,
-            kEntropyCoef};
+    return {.rows = {index.data(), 2},
+            .old_log_prob = old_log_prob.data(),
+            .advantage = advantage.data(),
+            .alive = alive.data(),
+            .advantage_mean = &advantage_mean,
+            .advantage_inv_std = &advantage_inv_std,
+            .inv_count = &inv_count,
+            .clip_coef = kClip,
+            .entropy_coef = kEntropyCoef};
   }
   static constexpr size_t kRows = 4;
   static constexpr size_t kSource[kRows] = {4, 5, 0, 1};
@@ -223,8 +229,13 @@ TEST(MathPolicyLoss, GaussianAgainstFiniteDifferences) {
         static_cast<float>(log_prob(row, mean_of(row), s0) - std::log(ratio[row]));
   }
   std::vector<float> d_mean(12, kNan), d_log_std(12, kNan), diagnostics(4 * kNPolicyDiagnostics, kNan);
-  const GaussianLoss loss{batch.input(), mean.data(),      log_std.data(),    raw.data(),
-                          d_mean.data(), d_log_std.data(), diagnostics.data()};
+  const GaussianLoss loss{.in = batch.input(),
+                          .mean = mean.data(),
+                          .log_std = log_std.data(),
+                          .raw = raw.data(),
+                          .d_mean = d_mean.data(),
+                          .d_log_std = d_log_std.data(),
+                          .diagnostics = diagnostics.data()};
   for (int64_t row = 0; row < 4; ++row) loss(row);
 
   for (size_t row = 0; row < Minibatch::kRows; ++row) {

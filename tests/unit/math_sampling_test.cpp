@@ -129,7 +129,12 @@ TEST(MathSampling, GaussianMoments) {
   std::vector<float> mean, raw(3 * total, kNan), action(3 * total, kNan), log_prob(total, kNan);
   for (int r = 0; r < total; ++r) mean.insert(mean.end(), mean3, mean3 + 3);
   const Draws draws(total / 4, 4, 9);
-  const SampleGaussian sample{mean.data(), log_std, draws.rows(1), raw.data(), action.data(), log_prob.data()};
+  const SampleGaussian sample{.mean = mean.data(),
+                              .log_std = log_std,
+                              .draws = draws.rows(1),
+                              .raw = raw.data(),
+                              .action = action.data(),
+                              .log_prob = log_prob.data()};
   for (int64_t r = 0; r < total; ++r) sample(r);
 
   double cross = 0;  // of the standardised dimensions 0 and 1
@@ -165,7 +170,13 @@ TEST(MathSampling, GreedyGaussianIsTheSquashedMean) {
   const float mean[3] = {0.5f, -2, 0}, log_std[3] = {0, 0, 0};
   float action[3] = {kNan, kNan, kNan};
   const Draws draws(1, 1, 0);
-  const SampleGaussian sample{mean, log_std, draws.rows(), nullptr, action, nullptr, true};
+  const SampleGaussian sample{.mean = mean,
+                              .log_std = log_std,
+                              .draws = draws.rows(),
+                              .raw = nullptr,
+                              .action = action,
+                              .log_prob = nullptr,
+                              .greedy = true};
   sample(0);
   for (size_t k = 0; k < 3; ++k) EXPECT_EQ(action[k], std::tanh(mean[k]));
 }

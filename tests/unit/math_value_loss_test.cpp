@@ -23,8 +23,19 @@ Result value_loss(float value, float old_value, float returns, float clip_coef, 
   const float mean = 10, deviation = 2, inv_count = 0.25f;
   const uint8_t lives = alive;
   Result r{kNan, kNan};
-  const ValueLoss op{{nullptr, 1}, &value, &old_value, &returns,    &lives,     &mean,  &deviation,
-                     &inv_count,   0.5f,   clip_coef,  huber_delta, &r.d_value, &r.loss};
+  const ValueLoss op{.rows = {nullptr, 1},
+                     .value = &value,
+                     .old_value = &old_value,
+                     .returns = &returns,
+                     .alive = &lives,
+                     .value_mean = &mean,
+                     .value_std = &deviation,
+                     .inv_count = &inv_count,
+                     .value_coef = 0.5f,
+                     .clip_coef = clip_coef,
+                     .huber_delta = huber_delta,
+                     .d_value = &r.d_value,
+                     .loss = &r.loss};
   op(0);
   return r;
 }
@@ -79,9 +90,19 @@ TEST(MathValueLoss, WithoutNormaliserAndByIndex) {
   const std::vector<uint8_t> alive = {1, 1, 1, 1, 1, 0};
   const float inv_count = 1;
   std::vector<float> d_value(4, kNan), loss(4, kNan);
-  const ValueLoss op{
-      {index.data(), 2}, value.data(), old.data(), returns.data(), alive.data(), nullptr, nullptr, &inv_count, 1, 0, 0,
-      d_value.data(),    loss.data()};
+  const ValueLoss op{.rows = {index.data(), 2},
+                     .value = value.data(),
+                     .old_value = old.data(),
+                     .returns = returns.data(),
+                     .alive = alive.data(),
+                     .value_mean = nullptr,
+                     .value_std = nullptr,
+                     .inv_count = &inv_count,
+                     .value_coef = 1,
+                     .clip_coef = 0,
+                     .huber_delta = 0,
+                     .d_value = d_value.data(),
+                     .loss = loss.data()};
   for (int64_t row = 0; row < 4; ++row) op(row);
   EXPECT_EQ(d_value, (std::vector<float>{-39, 0, 1, -9}));        // 1 - 40, dead, 1 - 0, 1 - 10
   EXPECT_EQ(loss, (std::vector<float>{760.5f, 0, 0.5f, 40.5f}));  // 39^2 / 2, ...
@@ -132,8 +153,19 @@ TEST(MathValueLoss, InsideTheClipTheGradientIsThePlainOne) {
     const float value = draw(0), old_value = draw(1), returns = 0.3f + draw(2);
     const uint8_t alive = 1;
     Result r{kNan, kNan};
-    const ValueLoss op{{nullptr, 1}, &value, &old_value, &returns, &alive,     &zero,  &one,
-                       &one,         1,      0.5f,       0,        &r.d_value, &r.loss};
+    const ValueLoss op{.rows = {nullptr, 1},
+                       .value = &value,
+                       .old_value = &old_value,
+                       .returns = &returns,
+                       .alive = &alive,
+                       .value_mean = &zero,
+                       .value_std = &one,
+                       .inv_count = &one,
+                       .value_coef = 1,
+                       .clip_coef = 0.5f,
+                       .huber_delta = 0,
+                       .d_value = &r.d_value,
+                       .loss = &r.loss};
     op(0);
     n_wrong += std::abs(r.d_value - (value - returns)) > 1e-6f;
   }

@@ -1,4 +1,6 @@
-#include "learn/mappo.hpp"
+// The learner `mappo`: an update plays a rollout of all worlds and lets each team learn from it. ppo_team.cpp has the
+// algorithm itself; what follows the update here is bookkeeping.
+#include "learn/mappo/mappo.hpp"
 
 #include <ATen/Context.h>
 #include <torch/types.h>
@@ -12,8 +14,8 @@
 #include "cuda/rows.hpp"
 #include "cuda/runtime.hpp"
 #include "learn/libtorch_settings.hpp"
+#include "learn/mappo/ppo_team.hpp"
 #include "learn/opponents/league.hpp"
-#include "learn/ppo_team.hpp"
 #include "learn/team_policy.hpp"
 #include "rollout/collector.hpp"
 #include "rollout/policy_controllers.hpp"
@@ -50,7 +52,6 @@ class Mappo final : public Learner {
 
  private:
   double schedule_factor() const;
-  int64_t n_states() const { return config_.mappo.horizon * n_learning_worlds_; }
   at::Tensor permutation(int64_t update, int epoch) const;
   void note_divergence(int team, const float* figures);
   Metrics metrics(double factor);
@@ -62,8 +63,8 @@ class Mappo final : public Learner {
   RowRunner rows_;
   std::unique_ptr<Simulator> sim_;
   std::unique_ptr<PpoTeam> team_[kNTeams];  // null = scripted
+  std::vector<PpoTeam*> learning_;          // those of them that are not
   std::unique_ptr<League> league_;          // null = no opponents but each other or train.opponent
-  int64_t n_learning_worlds_;               // of a team
   std::unique_ptr<Collector> collector_;
   std::unique_ptr<DeviceClock> clock_;
   int64_t updates_ = 0;
@@ -74,10 +75,11 @@ Mappo::Mappo(const LoadedRun& run, Device device)
     : config_(run.config),
       device_(device),
       total_updates_(total_updates(run.config, run.spec.params.n_agents)),
-      rows_(device, run.config.train.n_threads, current_stream(device)),
-      n_learning_worlds_(run.config.train.n_worlds) {
+      rows_(device, run.config.train.n_threads, current_stream(device)) {
   set_up_libtorch(config_.train, device);
 
+  // The stream of data: the simulator's worlds, who moves each team in them, and the collector that keeps what they
+  // see, do and get.
   SimOptions options;
   options.n_worlds = config_.train.n_worlds;
   options.seed = seed_of(config_.seed, Purpose::training);
@@ -85,12 +87,12 @@ Mappo::Mappo(const LoadedRun& run, Device device)
   sim_ = make_simulator(run.spec, options, device, rows_.stream());
 
   const WorldShares shares = world_shares(config_.opponents, config_.train.n_worlds);
-  n_learning_worlds_ = shares.learning(0).count;
   std::array<const Actor*, kNTeams> actors{};
   bool with_state = false;
   for (int team = 0; team < kNTeams; ++team) {
     if (!learns(config_.train, team)) continue;
     team_[team] = std::make_unique<PpoTeam>(run, team, device, rows_, shares.learning(team));
+    learning_.push_back(team_[team].get());
     actors[static_cast<size_t>(team)] = &team_[team]->actor();
     with_state = with_state || team_[team]->needs_state();
   }
@@ -108,33 +110,36 @@ Mappo::Mappo(const LoadedRun& run, Device device)
 }
 
 Metrics Mappo::update() {
+  // A rollout: `horizon` steps of all worlds, played by the policies as they are.
   clock_->mark(0);
   if (league_) league_->begin();
   collector_->collect();
   if (league_) league_->count(*sim_);
   clock_->mark(1);
-  const Rollout& rollout = collector_->rollout();
-  for (const auto& team : team_)
-    if (team) team->prepare(rollout);
 
-  const double factor = schedule_factor();
+  // How much better was each action than expected?
+  const Rollout& rollout = collector_->rollout();
+  for (PpoTeam* team : learning_) team->compute_advantages(rollout);
+
+  // Several passes over the rollout in minibatches, each pass in another order.
   const MappoConfig& c = config_.mappo;
+  const double factor = schedule_factor();
   const auto scale = static_cast<float>(factor);
   const StepSizes step_sizes{scale * c.learning_rate, scale * c.critic_learning_rate};
   for (int epoch = 0; epoch < c.n_epochs; ++epoch) {
     const at::Tensor order = permutation(updates_, epoch);
-    std::vector<at::Tensor> index[kNTeams];
-    for (int team = 0; team < kNTeams; ++team)
-      if (team_[team]) index[team] = team_[team]->minibatches(order);
+    std::vector<std::vector<at::Tensor>> states;  // [team][minibatch]
+    for (const PpoTeam* team : learning_) states.push_back(team->minibatches(order));
     for (int k = 0; k < c.n_minibatches; ++k)
-      for (int team = 0; team < kNTeams; ++team)
-        if (team_[team])
-          team_[team]->learn(rollout, index[team][static_cast<size_t>(k)], epoch * c.n_minibatches + k + 1, step_sizes);
+      for (size_t team = 0; team < learning_.size(); ++team)
+        learning_[team]->update_minibatch(rollout, states[team][static_cast<size_t>(k)],
+                                          epoch * c.n_minibatches + k + 1, step_sizes);
   }
 
-  for (const auto& team : team_)
-    if (team) team->finish(rollout);
+  // The next rollout sees observations in units of this one's moments too.
+  for (PpoTeam* team : learning_) team->update_normalizer(rollout);
   clock_->mark(2);
+
   ++updates_;
   Metrics figures = metrics(factor);
   if (league_) league_->end(updates_, *sim_);
@@ -155,8 +160,8 @@ double Mappo::schedule_factor() const {
   return 1;
 }
 
-// The order of the states of a team's worlds in an epoch. The generator is seeded afresh each time, so that it has no
-// state to save.
+// The order of a team's sequences in an epoch, the same for both teams. The generator is seeded afresh each time, so
+// that it has no state to save.
 at::Tensor Mappo::permutation(int64_t update, int epoch) const {
   const uint64_t index = static_cast<uint64_t>(update) << 16 | static_cast<uint64_t>(epoch);
   const at::Device device = torch_device(device_);
@@ -165,8 +170,10 @@ at::Tensor Mappo::permutation(int64_t update, int epoch) const {
     std::lock_guard lock(generator.mutex());
     generator.set_current_seed(seed_of(config_.seed, Purpose::permutation, index));
   }
-  return at::randperm(n_states(), generator, at::TensorOptions().dtype(at::kLong).device(device));
+  return at::randperm(learning_.front()->n_sequences(), generator, at::TensorOptions().dtype(at::kLong).device(device));
 }
+
+// ---- Bookkeeping: metrics, divergence, checkpoints -----------------------------------------------------------------
 
 void Mappo::team_metrics(int team, const float* figures, Metrics& out) const {
   const auto add = [&](const char* name, double value) {
@@ -202,17 +209,18 @@ void Mappo::save_batch(NamedArrays& out) const {
   const PpoTeam& team = *team_[divergence_->team];
   const MappoConfig& c = config_.mappo;
   const int k = divergence_->minibatch - 1;
-  at::Tensor index;
+  at::Tensor states;
   if (k < 0) {
-    index = team.faulty_states(collector_->rollout(), n_states() / c.n_minibatches);
+    const int64_t most = team.n_sequences() * team.sequence_length() / c.n_minibatches;
+    states = team.faulty_states(collector_->rollout(), most);
   } else {
     const at::Tensor order = permutation(updates_ - 1, k / c.n_minibatches);
-    index = team.minibatches(order)[static_cast<size_t>(k % c.n_minibatches)];
+    states = team.minibatches(order)[static_cast<size_t>(k % c.n_minibatches)];
   }
-  team.save_batch(collector_->rollout(), index, out);
+  team.save_batch(collector_->rollout(), states, out);
 }
 
-// The one place of an update where the host waits for the device. `factor` is that of the step sizes of this update.
+// The only place of an update where the host waits for the device. `factor`: of the step sizes of this update.
 Metrics Mappo::metrics(double factor) {
   at::Tensor figures[kNTeams];
   for (int team = 0; team < kNTeams; ++team)
@@ -249,6 +257,7 @@ Metrics Mappo::metrics(double factor) {
 void Mappo::save(NamedArrays& out) const {
   out.push_back(make_array<int64_t>("updates", {updates_}));
   sim_->state().save("simulator/", out);
+  collector_->save("collector/", out);
   for (int team = 0; team < kNTeams; ++team)
     if (team_[team]) team_[team]->save(cat("team_", team, "/"), out);
   if (league_) league_->save("league/", out);
@@ -257,6 +266,7 @@ void Mappo::save(NamedArrays& out) const {
 void Mappo::load(const NamedArrays& in) {
   updates_ = array_values<int64_t>(find_array(in, "updates")).at(0);
   sim_->state().load("simulator/", in);
+  collector_->load("collector/", in);
   for (int team = 0; team < kNTeams; ++team)
     if (team_[team]) team_[team]->load(cat("team_", team, "/"), in);
   if (league_) league_->load("league/", in);

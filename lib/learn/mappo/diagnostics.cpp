@@ -1,0 +1,91 @@
+// What PpoTeam reports of an update: figures, faults, and the batch that a diverged run was to learn from.
+#include <algorithm>
+#include <tuple>
+
+#include "core/error.hpp"
+#include "learn/mappo/ppo_team.hpp"
+#include "math/ppo_loss.hpp"
+#include "math/step_gate.hpp"
+
+namespace giga {
+
+void PpoTeam::note_rollout(const TeamRollout& r, const at::Tensor& weight, const at::Tensor& inv_count) {
+  figures_.zero_();
+  // Explained variance: 1 - Var(returns - values) / Var(returns), and returns - values are the advantages.
+  const auto [return_mean, return_inv_std] = weighted_moments(own(returns_), weight, inv_count);
+  figures_[kFigExplained].copy_(1.0 - (return_inv_std / batch_inv_std_).square());
+  figures_[kFigLiving].copy_(weight.mean());
+  note_faults(r);
+}
+
+void PpoTeam::note_faults(const TeamRollout& r) {
+  const std::array<at::Tensor, kFaultActorGradient> tensors = {r.obs,  r.log_prob, r.reward,
+                                                               value_, advantage_, returns_};
+  std::array<at::Tensor, kFaultActorGradient> least, greatest;
+  FiniteCheck check{};
+  check.fault = figures_.data_ptr<float>() + kFirstFault;
+  for (size_t k = 0; k < tensors.size(); ++k) {
+    std::tie(least[k], greatest[k]) = at::aminmax(own(tensors[k]));
+    if (k == kFaultValues) {  // in reward units, so that a fault of their normaliser shows
+      least[k] = least[k] * value_norm_.std() + value_norm_.mean();
+      greatest[k] = greatest[k] * value_norm_.std() + value_norm_.mean();
+    }
+    check.least[k] = least[k].const_data_ptr<float>();
+    check.greatest[k] = greatest[k].const_data_ptr<float>();
+  }
+  rows_.run(check, static_cast<int64_t>(tensors.size()));
+}
+
+void PpoTeam::note_policy(const at::Tensor& sums, const at::Tensor& head, const Minibatch& batch) {
+  static_assert(kFigRows + 1 == kNPolicyDiagnostics);
+  figures_.slice(0, 0, kNPolicyDiagnostics).add_(sums);
+  const at::Tensor rows = sums[kLossCount].clamp_min(1);
+  figures_[kFigLastKl].copy_(sums[kLossKl] / rows);
+  if (batch.number == 1) {
+    figures_[kFigFirstRatioError].copy_(sums[kLossRatioError] / rows);
+    figures_[kFigInformation].copy_(policy_information(actor_, head, batch.alive.view({-1})).squeeze(0));
+  }
+}
+
+StepFlags PpoTeam::step_flags(PpoFault fault, PpoFigure norm_sum, int minibatch) const {
+  float* figures = figures_.data_ptr<float>();
+  return {.stop = stop_.const_data_ptr<float>(),
+          .fault = figures + kFirstFault + fault,
+          .faults = figures + kFirstFault,
+          .n_faults = kNFaults,
+          .minibatch = minibatch,
+          .norm_sum = figures + norm_sum};
+}
+
+at::Tensor PpoTeam::faulty_states(const Rollout& rollout, int64_t most) const {
+  const TeamRollout& r = rollout.team[team_];
+  const int64_t t = r.reward.size(0), n_states = t * worlds_.count;
+  at::Tensor bad = at::zeros({n_states}, r.reward.options().dtype(at::kBool));
+  for (const at::Tensor& x : {r.obs.slice(0, 0, t), r.log_prob, r.reward, value_, advantage_, returns_})
+    bad.logical_or_(at::isfinite(own(x)).logical_not().reshape({n_states, -1}).any(1));
+  const at::Tensor index = states(bad.nonzero().squeeze(1));
+  return index.slice(0, 0, std::min(most, index.size(0)));
+}
+
+void PpoTeam::save_batch(const Rollout& rollout, const at::Tensor& states, NamedArrays& out) const {
+  const TeamRollout& r = rollout.team[team_];
+  const int64_t t = r.reward.size(0);
+  const at::Tensor index = states.flatten();
+  const auto add = [&](const char* name, const at::Tensor& x) {
+    if (x.defined())
+      out.push_back(to_array(cat("batch/", name), x.slice(0, 0, t).flatten(0, 1).index_select(0, index)));
+  };
+  out.push_back(to_array("batch/index", index));
+  add("obs", r.obs);
+  add("alive", r.alive);
+  add("action", r.action);
+  add("raw", r.raw);
+  add("log_prob", r.log_prob);
+  add("reward", r.reward);
+  add("value", value_);
+  add("advantage", advantage_);
+  add("returns", returns_);
+  add("global", rollout.global);
+}
+
+}  // namespace giga

@@ -1,0 +1,282 @@
+// How a team learns by MAPPO, from top to bottom: advantages, minibatches, the loss of the actor, the loss of the
+// critic, normalisation. Papers:
+//   PPO    Schulman et al. 2017, arXiv 1707.06347
+//   GAE    Schulman et al. 2016, arXiv 1506.02438
+//   MAPPO  Yu et al. 2022, arXiv 2103.01955, appendix A
+// All agents of a team share one actor and one critic. The dead have weight 0 everywhere. The losses and their
+// gradients are row operations (math/gae.hpp, math/ppo_loss.hpp); LibTorch carries the gradients on through the
+// networks.
+#include "learn/mappo/ppo_team.hpp"
+
+#include <algorithm>
+#include <tuple>
+
+#include "learn/team_policy.hpp"
+#include "math/gae.hpp"
+#include "math/ppo_loss.hpp"
+#include "rollout/tensors.hpp"
+
+namespace giga {
+
+// ---- Networks -------------------------------------------------------------------------------------------------------
+
+PpoTeam::PpoTeam(const LoadedRun& run, int team, Device device, const RowRunner& rows, const WorldRange& worlds,
+                 EncoderFactory* encoder)
+    : config_(run.config.mappo),
+      team_(team),
+      n_(run.spec.params.n_team[team]),
+      n_worlds_(run.config.train.n_worlds),
+      worlds_(worlds),
+      rows_(rows),
+      actor_(make_actor(run, team, device, encoder)),
+      critic_(config_.critic, critic_shape(config_.critic, run.spec, team), precision_on(run, device), rows,
+              torch_device(device), network_seed(run, team, 1)),
+      actor_adam_(actor_.parameters(), config_.adam_epsilon),
+      critic_adam_(critic_.parameters(), config_.adam_epsilon),
+      value_norm_(1, config_.value_norm_beta, torch_device(device)) {
+  const auto options = at::TensorOptions().dtype(at::kFloat).device(torch_device(device));
+  zero_ = at::zeros({1}, options);
+  one_ = at::ones({1}, options);
+  stop_ = at::zeros({1}, options);
+  figures_ = at::zeros({kNFigures}, options);
+  if (!everywhere()) slots_ = states(at::arange((config_.horizon + 1) * worlds.count, options.dtype(at::kLong)));
+}
+
+// ---- Advantages -----------------------------------------------------------------------------------------------------
+
+std::pair<at::Tensor, at::Tensor> weighted_moments(const at::Tensor& x, const at::Tensor& weight,
+                                                   const at::Tensor& inv_count) {
+  const at::Tensor mean = (x * weight).sum() * inv_count;
+  const at::Tensor variance = ((x - mean).square() * weight).sum() * inv_count;
+  return {mean, (variance.sqrt() + 1e-8).reciprocal()};
+}
+
+/// Values [S, n] of these states, 0 for the others; of all if `states` is undefined.
+at::Tensor PpoTeam::values_of(const CriticInput& input, const at::Tensor& states) const {
+  at::NoGradGuard no_grad;
+  const bool all = !states.defined();
+  at::Tensor values =
+      all ? at::empty(input.alive.sizes(), input.obs.options()) : at::zeros(input.alive.sizes(), input.obs.options());
+  const int64_t count = all ? input.obs.size(0) : states.size(0);
+  for (int64_t from = 0; from < count; from += kValueChunk) {
+    const int64_t to = std::min(from + kValueChunk, count);
+    const auto part = [&](const at::Tensor& x) {
+      if (!x.defined()) return x;
+      return all ? x.slice(0, from, to) : x.index_select(0, states.slice(0, from, to));
+    };
+    at::Tensor x = part(input.obs);
+    if (actor_.normalizes()) x = actor_.normalizer().apply(x);
+    const at::Tensor value = critic_.forward(x, part(input.alive).to(at::kFloat), part(input.state));
+    all ? part(values).copy_(value) : values.index_copy_(0, states.slice(0, from, to), value);
+  }
+  return values;
+}
+
+// GAE, equations 11 to 16: the advantage is the sum of (gamma lambda)^k delta_(t + k), where delta_t = r_t + gamma
+// V(s_(t + 1)) - V(s_t). The return, which the critic learns, is advantage + value.
+void PpoTeam::compute_advantages(const Rollout& rollout) {
+  at::NoGradGuard no_grad;
+  const TeamRollout& r = rollout.team[team_];
+  const int64_t t = r.reward.size(0), w = r.reward.size(1), d = r.obs.size(-1);
+  const auto true_states = [&](const at::Tensor& global) {
+    return critic_.needs_state() ? global.reshape({-1, global.size(-1)}) : at::Tensor();
+  };
+  const at::Tensor value = values_of(
+      {r.obs.view({(t + 1) * w, n_, d}), r.alive.view({(t + 1) * w, n_}), true_states(rollout.global)}, slots_);
+  const at::Tensor final_value = values_of({r.final_obs, r.final_alive, true_states(rollout.final_global)},
+                                           everywhere() ? slots_ : slots_.slice(0, 0, worlds_.count));
+
+  advantage_ = at::empty_like(r.reward);
+  returns_ = at::empty_like(r.reward);
+  rows_.run(Gae{.horizon = static_cast<int>(t),
+                .n_worlds = w,
+                .n = n_,
+                .gamma = config_.gamma,
+                .lambda = config_.gae_lambda,
+                .reward = r.reward.const_data_ptr<float>(),
+                .done = rollout.done.const_data_ptr<uint8_t>(),
+                .alive = r.alive.const_data_ptr<uint8_t>(),
+                .value = value.const_data_ptr<float>(),
+                .final_value = final_value.const_data_ptr<float>(),
+                .final_alive = r.final_alive.const_data_ptr<uint8_t>(),
+                .value_mean = value_norm_.mean().const_data_ptr<float>(),
+                .value_std = value_norm_.std().const_data_ptr<float>(),
+                .advantage = advantage_.data_ptr<float>(),
+                .returns = returns_.data_ptr<float>()},
+            w * n_);
+  value_ = value.view({t + 1, w, n_}).slice(0, 0, t);
+
+  const at::Tensor weight = own(r.alive.slice(0, 0, t)).to(at::kFloat);
+  const at::Tensor inv_count = weight.sum().clamp_min(1).reciprocal();
+  std::tie(batch_mean_, batch_inv_std_) = weighted_moments(own(advantage_), weight, inv_count);
+  stop_.zero_();
+  note_rollout(r, weight, inv_count);
+  // MAPPO: the critic predicts returns in units of their running mean and deviation.
+  if (config_.value_norm) value_norm_.update(own(returns_).reshape({-1, 1}), weight.view({-1}));
+}
+
+// ---- Minibatches ----------------------------------------------------------------------------------------------------
+
+at::Tensor PpoTeam::states(const at::Tensor& own) const {
+  if (everywhere()) return own;
+  return own + own.div(worlds_.count, "floor").mul_(n_worlds_ - worlds_.count).add_(worlds_.first);
+}
+
+std::vector<at::Tensor> PpoTeam::minibatches(const at::Tensor& order) const {
+  at::Tensor own = order.unsqueeze(0);  // [1, sequences]
+  if (sequence_length() > 1)
+    own = own + at::arange(sequence_length(), order.options()).unsqueeze(1) * worlds_.count;  // [L, sequences]
+  return states(own).tensor_split(config_.n_minibatches, 1);
+}
+
+void PpoTeam::update_minibatch(const Rollout& rollout, const at::Tensor& states, int minibatch, StepSizes step_sizes) {
+  const TeamRollout& r = rollout.team[team_];
+  const at::Tensor flat = states.flatten();
+  const auto pick = [&](const at::Tensor& x) {
+    return x.slice(0, 0, r.reward.size(0)).flatten(0, 1).index_select(0, flat);
+  };
+  const at::Tensor alive = pick(r.alive).to(at::kFloat);
+  const Minibatch batch{.number = minibatch,
+                        .length = states.size(0),
+                        .states = flat,
+                        .obs = pick(r.obs),
+                        .alive = alive,
+                        .inv_count = alive.sum().clamp_min(1).reciprocal()};
+  update_actor(rollout, batch, step_sizes.actor);
+  update_critic(rollout, batch, step_sizes.critic);
+}
+
+// ---- The actor's loss -----------------------------------------------------------------------------------------------
+
+/// Heads [S n, head size]. An actor with memory begins with what it remembered at the start of the rollout, and forgets
+/// where an episode ends.
+at::Tensor PpoTeam::actor_heads(const Rollout& rollout, const Minibatch& batch) const {
+  const at::Tensor obs = batch.obs.view({batch.length, -1, batch.obs.size(-1)});
+  if (actor_.state_size() == 0) return actor_.forward_sequence(obs, {}, {});
+  const at::Tensor states = batch.states.view({batch.length, -1});
+  const at::Tensor ended = rollout.done.slice(0, 0, -1) != 0;  // the next step begins an episode
+  const at::Tensor begins = at::cat({at::zeros_like(ended.slice(0, 0, 1)), ended}).flatten();
+  return actor_.forward_sequence(obs, begins.index_select(0, batch.states).view_as(states).repeat_interleave(n_, 1),
+                                 {rollout.team[team_].state.index_select(0, states[0]).flatten(0, 1)});
+}
+
+// PPO, equation 7, with the entropy bonus of equation 9; MAPPO's L(theta): the mean over all living agents of
+//   min(ratio A, clip(ratio, 1 - clip_coef, 1 + clip_coef) A) + entropy_coef * entropy,  ratio = pi(a | o) / pi_old(a |
+//   o).
+void PpoTeam::update_actor(const Rollout& rollout, const Minibatch& batch, float step_size) {
+  const at::Tensor head = actor_heads(rollout, batch);
+  head.backward(policy_loss_gradient(rollout.team[team_], batch, head));
+  actor_adam_.step(actor_.parameters(), rows_, step_size, config_.max_grad_norm,
+                   step_flags(kFaultActorGradient, kFigActorNorm, batch.number));
+}
+
+at::Tensor PpoTeam::policy_loss_gradient(const TeamRollout& r, const Minibatch& batch, const at::Tensor& head) {
+  at::NoGradGuard no_grad;
+  at::Tensor mean = zero_, inv_std = one_;
+  if (config_.advantage_norm == AdvantageNorm::batch) {
+    mean = batch_mean_;
+    inv_std = batch_inv_std_;
+  } else if (config_.advantage_norm == AdvantageNorm::minibatch) {
+    const at::Tensor a = advantage_.view({-1, n_}).index_select(0, batch.states);
+    std::tie(mean, inv_std) = weighted_moments(a, batch.alive, batch.inv_count);
+  }
+  const int64_t count = head.size(0);
+  at::Tensor gradient = at::empty_like(head);
+  const at::Tensor diagnostics = at::empty({count, kNPolicyDiagnostics}, head.options());
+  const PolicyLossInput in{.rows = {batch.states.const_data_ptr<int64_t>(), n_},
+                           .old_log_prob = r.log_prob.const_data_ptr<float>(),
+                           .advantage = advantage_.const_data_ptr<float>(),
+                           .alive = r.alive.const_data_ptr<uint8_t>(),
+                           .advantage_mean = mean.const_data_ptr<float>(),
+                           .advantage_inv_std = inv_std.const_data_ptr<float>(),
+                           .inv_count = batch.inv_count.const_data_ptr<float>(),
+                           .clip_coef = config_.clip_coef,
+                           .entropy_coef = config_.entropy_coef};
+  if (actor_.actions() == ActionKind::discrete) {
+    rows_.run(CategoricalLoss{.in = in,
+                              .logits = head.const_data_ptr<float>(),
+                              .action = r.action.const_data_ptr<int32_t>(),
+                              .d_logits = gradient.data_ptr<float>(),
+                              .diagnostics = diagnostics.data_ptr<float>()},
+              count);
+  } else {
+    const at::Tensor d_log_std = at::empty_like(head);
+    rows_.run(GaussianLoss{.in = in,
+                           .mean = head.const_data_ptr<float>(),
+                           .log_std = actor_.log_std().const_data_ptr<float>(),
+                           .raw = r.raw.const_data_ptr<float>(),
+                           .d_mean = gradient.data_ptr<float>(),
+                           .d_log_std = d_log_std.data_ptr<float>(),
+                           .diagnostics = diagnostics.data_ptr<float>()},
+              count);
+    actor_.log_std().grad().add_(d_log_std.sum(0));
+  }
+  note_policy(diagnostics.sum(0), head, batch);
+  // A policy that has moved further than target_kl takes no more steps in this update.
+  if (config_.target_kl) stop_.copy_(at::maximum(stop_, (figures_[kFigLastKl] > *config_.target_kl).to(at::kFloat)));
+  figures_[kFigSkipped].add_(stop_.squeeze(0));
+  return gradient;
+}
+
+// ---- The critic's loss ----------------------------------------------------------------------------------------------
+
+// PPO, equation 9; MAPPO's L(phi): the mean over all living agents of the error of V(s) against the return, squared,
+// clipped around the old value, or Huber.
+void PpoTeam::update_critic(const Rollout& rollout, const Minibatch& batch, float step_size) {
+  const at::Tensor obs = actor_.normalizes() ? actor_.normalizer().apply(batch.obs) : batch.obs;
+  at::Tensor state;
+  if (critic_.needs_state()) {
+    const int64_t t = rollout.done.size(0);
+    state = rollout.global.slice(0, 0, t).flatten(0, 1).index_select(0, batch.states);
+  }
+  const at::Tensor value = critic_.forward(obs, batch.alive, state);
+  const at::Tensor gradient = at::empty_like(value), loss = at::empty_like(value);
+  rows_.run(ValueLoss{.rows = {batch.states.const_data_ptr<int64_t>(), n_},
+                      .value = value.const_data_ptr<float>(),
+                      .old_value = value_.const_data_ptr<float>(),
+                      .returns = returns_.const_data_ptr<float>(),
+                      .alive = rollout.team[team_].alive.const_data_ptr<uint8_t>(),
+                      .value_mean = value_norm_.mean().const_data_ptr<float>(),
+                      .value_std = value_norm_.std().const_data_ptr<float>(),
+                      .inv_count = batch.inv_count.const_data_ptr<float>(),
+                      .value_coef = config_.value_coef,
+                      .clip_coef = config_.value_loss == ValueLossKind::clipped ? config_.value_clip_coef : 0.0f,
+                      .huber_delta = config_.value_loss == ValueLossKind::huber ? config_.huber_delta : 0.0f,
+                      .d_value = gradient.data_ptr<float>(),
+                      .loss = loss.data_ptr<float>()},
+            value.numel());
+  value.backward(gradient);
+  critic_adam_.step(critic_.parameters(), rows_, step_size, config_.max_grad_norm,
+                    step_flags(kFaultCriticGradient, kFigCriticNorm, batch.number));
+  figures_[kFigValueLoss].add_(loss.sum());
+}
+
+// ---- Normalisation of observations ----------------------------------------------------------------------------------
+
+void PpoTeam::update_normalizer(const Rollout& rollout) {
+  if (!actor_.normalizes()) return;
+  const TeamRollout& r = rollout.team[team_];
+  const int64_t t = r.reward.size(0), d = r.obs.size(-1);
+  actor_.normalizer().update(own(r.obs.slice(0, 0, t)).reshape({-1, d}),
+                             own(r.alive.slice(0, 0, t)).to(at::kFloat).view({-1}));
+}
+
+// ---- Checkpoints ----------------------------------------------------------------------------------------------------
+
+void PpoTeam::save(const std::string& prefix, NamedArrays& out) const {
+  actor_.save(prefix + "actor/", out);
+  critic_.parameters().save(prefix + "critic/", out);
+  actor_adam_.save(prefix + "actor_adam/", out);
+  critic_adam_.save(prefix + "critic_adam/", out);
+  value_norm_.save(prefix + "value_norm/", out);
+}
+
+void PpoTeam::load(const std::string& prefix, const NamedArrays& in) {
+  actor_.load(prefix + "actor/", in);
+  critic_.parameters().load(prefix + "critic/", in);
+  actor_adam_.load(prefix + "actor_adam/", in);
+  critic_adam_.load(prefix + "critic_adam/", in);
+  value_norm_.load(prefix + "value_norm/", in);
+}
+
+}  // namespace giga

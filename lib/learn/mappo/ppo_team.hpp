@@ -1,0 +1,117 @@
+// PpoTeam: the networks of one team, and how they learn from a rollout. ppo_team.cpp has the algorithm from top to
+// bottom, diagnostics.cpp what it reports.
+#pragma once
+
+#include <torch/types.h>
+
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "cuda/rows.hpp"
+#include "learn/learner.hpp"
+#include "learn/mappo/figures.hpp"
+#include "policy/actor.hpp"
+#include "policy/critic.hpp"
+#include "policy/optimizer.hpp"
+#include "rollout/collector.hpp"
+
+namespace giga {
+
+/// States per call of the critic outside of learning: bounds the memory.
+constexpr int64_t kValueChunk = 1 << 18;
+
+struct StepSizes {
+  float actor, critic;
+};
+
+/// A state is one world at one step, with the n agents of the team; the T x W states of a rollout are numbered step by
+/// step.
+class PpoTeam {
+ public:
+  /// Learns only from `worlds` of a rollout. `encoder`: of the actor; null = as configured.
+  PpoTeam(const LoadedRun& run, int team, Device device, const RowRunner& rows, const WorldRange& worlds,
+          EncoderFactory* encoder = nullptr);
+
+  Actor& actor() { return actor_; }
+  bool needs_state() const { return critic_.needs_state(); }
+
+  /// Values, advantages and returns of a rollout; clears the figures.
+  void compute_advantages(const Rollout& rollout);
+
+  /// Steps that are learned from in a row: 1 for an actor without memory, else the rollout.
+  int64_t sequence_length() const { return actor_.state_size() > 0 ? config_.horizon : 1; }
+  int64_t n_sequences() const { return config_.horizon * worlds_.count / sequence_length(); }
+  /// The minibatches of an epoch: an order of the sequences cut into pieces, as equal as possible. Sequence k begins at
+  /// state k of the team's own worlds, numbered step by step. -> states [L, B] of the rollout each.
+  std::vector<at::Tensor> minibatches(const at::Tensor& order) const;
+  /// One gradient step of actor and critic on states [L, B]; the minibatches of an update are counted from 1.
+  void update_minibatch(const Rollout& rollout, const at::Tensor& states, int minibatch, StepSizes step_sizes);
+
+  /// Takes the rollout's observations into the normaliser.
+  void update_normalizer(const Rollout& rollout);
+
+  const at::Tensor& figures() const { return figures_; }  // [kNFigures]
+  /// The states of the rollout for states of the team's own worlds; int64 of any shape.
+  at::Tensor states(const at::Tensor& own) const;
+  /// States [B] of the rollout with a number that is not finite, at most `most`.
+  at::Tensor faulty_states(const Rollout& rollout, int64_t most) const;
+  /// Everything that is learned from in these states.
+  void save_batch(const Rollout& rollout, const at::Tensor& states, NamedArrays& out) const;
+
+  void save(const std::string& prefix, NamedArrays& out) const;
+  void load(const std::string& prefix, const NamedArrays& in);
+
+ private:
+  /// Inputs of the critic: obs [S, n, D], alive [S, n], and the true state [S, G] if it needs that.
+  struct CriticInput {
+    at::Tensor obs, alive, state;
+  };
+  /// What actor and critic learn from in a step: S = L B states.
+  struct Minibatch {
+    int number;            // in the update, from 1
+    int64_t length;        // L
+    at::Tensor states;     // [S] of the rollout, step by step
+    at::Tensor obs;        // [S, n, D]
+    at::Tensor alive;      // [S, n] fp32
+    at::Tensor inv_count;  // [1] 1 / living rows
+  };
+  at::Tensor values_of(const CriticInput& input, const at::Tensor& states) const;
+  at::Tensor actor_heads(const Rollout& rollout, const Minibatch& batch) const;
+  void update_actor(const Rollout& rollout, const Minibatch& batch, float step_size);
+  at::Tensor policy_loss_gradient(const TeamRollout& rollout, const Minibatch& batch, const at::Tensor& head);
+  void update_critic(const Rollout& rollout, const Minibatch& batch, float step_size);
+  StepFlags step_flags(PpoFault fault, PpoFigure norm_sum, int minibatch) const;
+  void note_rollout(const TeamRollout& rollout, const at::Tensor& weight, const at::Tensor& inv_count);
+  void note_faults(const TeamRollout& rollout);
+  void note_policy(const at::Tensor& sums, const at::Tensor& head, const Minibatch& batch);
+  bool everywhere() const { return worlds_.count == n_worlds_; }
+  /// The part of x [T, W, ...] in the team's worlds.
+  at::Tensor own(const at::Tensor& x) const { return everywhere() ? x : x.narrow(1, worlds_.first, worlds_.count); }
+
+  const MappoConfig config_;
+  const int team_, n_;
+  const int64_t n_worlds_;
+  const WorldRange worlds_;
+  const RowRunner& rows_;
+  Actor actor_;
+  Critic critic_;
+  Adam actor_adam_, critic_adam_;
+  RunningNorm value_norm_;  // size 1; stays 0 and 1 where it is off
+
+  at::Tensor slots_;  // [(T + 1) x own worlds] all states of the team's worlds; undefined where those are all worlds
+
+  // Of the latest rollout; T x W states, n agents. Without meaning in worlds in which the team does not learn.
+  at::Tensor value_;                       // [T, W, n] the critic's output before the update, normalised
+  at::Tensor advantage_, returns_;         // [T, W, n] in reward units
+  at::Tensor batch_mean_, batch_inv_std_;  // [1] of the advantages
+  at::Tensor zero_, one_;                  // [1]
+  at::Tensor stop_;                        // [1] 1 once approx_kl has passed target_kl
+  at::Tensor figures_;                     // [kNFigures]
+};
+
+/// Mean and 1 / deviation over the entries with weight, of which there are 1 / inv_count.
+std::pair<at::Tensor, at::Tensor> weighted_moments(const at::Tensor& x, const at::Tensor& weight,
+                                                   const at::Tensor& inv_count);
+
+}  // namespace giga

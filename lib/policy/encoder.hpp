@@ -1,0 +1,38 @@
+// Encoder: the part of a network between its inputs and its output layer. encoder.cpp has the table of all kinds.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "policy/config.hpp"
+#include "policy/layers.hpp"
+#include "policy/network_state.hpp"
+#include "policy/parameters.hpp"
+
+namespace giga {
+
+/// Turns inputs x [..., input] into features [..., F]. It holds no numbers: the parameters are in a ParameterSet, what
+/// it remembers of a row in a NetworkState [..., S].
+class Encoder {
+ public:
+  virtual ~Encoder() = default;
+  virtual at::Tensor forward(const ParameterSet& p, at::Tensor x, NetworkState& state, Rounding rounding) const = 0;
+  /// Each member of a population [M, P] on rows of its own: x [M, R, input] -> [M, R, F].
+  virtual at::Tensor forward_members(const ParameterSet& p, const at::Tensor& members, at::Tensor x,
+                                     NetworkState& state, Rounding rounding) const = 0;
+  /// F.
+  virtual int64_t features() const = 0;
+  /// Numbers that a row remembers; 0 = no memory.
+  virtual int64_t state_size() const { return 0; }
+  /// The layers of an encoder that is a chain of dense layers and nothing else. The fused kernel and the export formats
+  /// take such encoders only, and between these layers the agents of a composed critic exchange features. Else empty.
+  virtual std::vector<DenseLayer> layers() const { return {}; }
+};
+
+/// Makes an encoder, whose parameters are added under `name`/.
+using EncoderFactory = std::shared_ptr<const Encoder>(ParameterSet& parameters, const std::string& name, int64_t input,
+                                                      const NetworkConfig& config);
+EncoderFactory* encoder_factory(EncoderKind kind);
+
+}  // namespace giga
