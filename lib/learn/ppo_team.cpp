@@ -21,7 +21,7 @@ std::pair<at::Tensor, at::Tensor> moments(const at::Tensor& x, const at::Tensor&
 
 }  // namespace
 
-PpoTeam::PpoTeam(const LoadedRun& run, int team, Device device, const RowRunner& rows, const WorldRange& worlds)
+PpoTeam::PpoTeam(const LoadedRun& run, int team, Device device, const ParallelFor& rows, const WorldRange& worlds)
     : config_(run.config.mappo),
       team_(team),
       n_(run.spec.params.n_team[team]),

@@ -6,7 +6,7 @@
 #include <array>
 #include <vector>
 
-#include "cuda/rows.hpp"
+#include "core/parallel_for.hpp"
 #include "learn/learner.hpp"
 #include "policy/actor.hpp"
 #include "policy/critic.hpp"
@@ -64,7 +64,7 @@ struct StepSizes {
 class PpoTeam {
  public:
   /// Learns from the worlds `worlds` of a rollout alone.
-  PpoTeam(const LoadedRun& run, int team, Device device, const RowRunner& rows, const WorldRange& worlds);
+  PpoTeam(const LoadedRun& run, int team, Device device, const ParallelFor& rows, const WorldRange& worlds);
 
   Actor& actor() { return actor_; }
   bool needs_state() const { return critic_.needs_state(); }
@@ -112,7 +112,7 @@ class PpoTeam {
   const int team_, n_;
   const int64_t n_worlds_;
   const WorldRange worlds_;
-  const RowRunner& rows_;
+  const ParallelFor& rows_;
   Actor actor_;
   Critic critic_;
   Adam actor_adam_, critic_adam_;

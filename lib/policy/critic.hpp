@@ -6,7 +6,7 @@
 #include <string>
 #include <utility>
 
-#include "cuda/rows.hpp"
+#include "core/parallel_for.hpp"
 #include "policy/inputs.hpp"
 #include "policy/layers.hpp"
 #include "policy/normalizer.hpp"
@@ -32,7 +32,7 @@ std::pair<MlpConfig, MlpConfig> split_state_critic(const CriticConfig& config);
 class Critic {
  public:
   /// `rows` must outlive the critic.
-  Critic(const CriticConfig& config, const CriticShape& shape, Precision precision, const RowRunner& rows,
+  Critic(const CriticConfig& config, const CriticShape& shape, Precision precision, const ParallelFor& rows,
          at::Device device, uint64_t seed);
 
   /// Number of parameters of such a critic; nothing is allocated.
@@ -54,7 +54,7 @@ class Critic {
   CriticKind kind_ = CriticKind::composed;
   CriticShape shape_;
   Precision precision_ = Precision::fp32;
-  const RowRunner* rows_ = nullptr;
+  const ParallelFor* rows_ = nullptr;
   ParameterSet parameters_;
   Mlp mlp_;           // independent: on observations; state: on an agent's encoding, both teams' means and the world
   TeamMlp team_mlp_;  // composed

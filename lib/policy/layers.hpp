@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
+#include "core/parallel_for.hpp"
 #include "cuda/population_policy.hpp"
-#include "cuda/rows.hpp"
 #include "policy/config.hpp"
 #include "policy/inputs.hpp"
 #include "policy/parameters.hpp"
@@ -67,7 +67,7 @@ class TeamMlp {
   TeamMlp(ParameterSet& parameters, const std::string& name, int64_t input, const MlpConfig& config, int64_t output,
           float output_gain);
   /// x [B, n, input], alive [B, n] fp32 of 0 and 1 -> [B, n, output].
-  at::Tensor forward(const ParameterSet& p, const RowRunner& rows, at::Tensor x, const at::Tensor& alive) const;
+  at::Tensor forward(const ParameterSet& p, const ParallelFor& rows, at::Tensor x, const at::Tensor& alive) const;
 
  private:
   Mlp own_;
@@ -76,6 +76,6 @@ class TeamMlp {
 
 /// Mean over the agents with alive = 1, zero where none is: x [B, n, H], alive [B, n] fp32 -> [B, H]. Differentiable in
 /// x.
-at::Tensor living_mean(const RowRunner& rows, const at::Tensor& x, const at::Tensor& alive);
+at::Tensor living_mean(const ParallelFor& rows, const at::Tensor& x, const at::Tensor& alive);
 
 }  // namespace giga

@@ -96,7 +96,7 @@ TEST(LearnMemoryPlan, ResidentMemoryOfTheProcess) {
 
 TEST(LearnMemoryPlan, CountsAreThoseOfTheNetworks) {
   const LoadedRun run = load({"", "critic: {kind: state, hidden: [24, 16], layer_norm: true}"}, 8);
-  const RowRunner rows(kCpu, 1);
+  const ParallelFor rows(kCpu, 1);
   const CriticShape shape = critic_shape(run.config.mappo.critic, run.spec, 1);
   const Critic critic(run.config.mappo.critic, shape, Precision::fp32, rows, at::kCPU, 1);
   EXPECT_EQ(Critic::count_parameters(run.config.mappo.critic, shape), critic.parameters().values().numel());

@@ -111,7 +111,7 @@ class Team {
   }
 
  private:
-  const RowRunner rows_{Device{}, 1};
+  const ParallelFor rows_{Device{}, 1};
   const LoadedRun run_;
   PpoTeam team_;
   const Rollout rollout_;
@@ -189,7 +189,7 @@ TEST(LearnPpoTeam, MinibatchesHaveEachStateOfTheTeamsWorldsOnce) {
   LoadedRun run = small_run("");
   run.config.train.n_worlds = 4;
   run.config.mappo.horizon = 3;
-  const RowRunner rows(Device{}, 1);
+  const ParallelFor rows(Device{}, 1);
   const PpoTeam team(run, 0, Device{}, rows, {1, 2});
   const std::vector<at::Tensor> minibatches = team.minibatches(at::tensor({4, 1, 0, 5, 3, 2}, at::kLong));
   ASSERT_EQ(minibatches.size(), 2u);

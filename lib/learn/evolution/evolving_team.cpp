@@ -11,7 +11,7 @@ namespace giga {
 namespace {
 
 std::unique_ptr<EvolutionStrategy> make_strategy(const RunConfig& c, int team, const Actor& actor,
-                                                 const RowRunner& rows) {
+                                                 const ParallelFor& rows) {
   const PopulationPlace place{seed_of(c.seed, Purpose::training), team, actor.parameters().matrices()};
   const at::Tensor& mean = actor.parameters().values();
   const std::string& name = c.train.algorithm;
@@ -23,7 +23,7 @@ std::unique_ptr<EvolutionStrategy> make_strategy(const RunConfig& c, int team, c
 
 }  // namespace
 
-EvolvingTeam::EvolvingTeam(const LoadedRun& run, int team, Device device, const RowRunner& rows)
+EvolvingTeam::EvolvingTeam(const LoadedRun& run, int team, Device device, const ParallelFor& rows)
     : actor_(make_actor(run, team, device)),
       strategy_(make_strategy(run.config, team, actor_, rows)),
       pool_(run.config.opponents.pool_size, actor_.parameters().values().detach()),
