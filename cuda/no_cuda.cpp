@@ -1,9 +1,9 @@
 // The CUDA back end of a build without CUDA: no device.
 #include "core/error.hpp"
+#include "core/parallel_for.hpp"
 #include "cuda/device_clock.hpp"
+#include "cuda/elementwise.hpp"
 #include "cuda/population_policy.hpp"
-#include "cuda/row_operations.hpp"
-#include "cuda/rows.hpp"
 #include "cuda/runtime.hpp"
 #include "cuda/sensors.hpp"
 
@@ -29,11 +29,11 @@ GpuSensors::GpuSensors(int index) : index_(index), thermometer_("") { missing();
 GpuReading GpuSensors::read() const { missing(); }
 
 template <class Op>
-void launch_rows(const Op&, int64_t, int, void*) {
+void launch_elementwise(const Op&, int64_t, int, void*) {
   missing();
 }
-#define GIGA_INSTANTIATE(Op) template void launch_rows(const Op&, int64_t, int, void*);
-GIGA_ROW_OPERATIONS(GIGA_INSTANTIATE)
+#define GIGA_INSTANTIATE(Op) template void launch_elementwise(const Op&, int64_t, int, void*);
+GIGA_ELEMENTWISE(GIGA_INSTANTIATE)
 #undef GIGA_INSTANTIATE
 
 }  // namespace giga

@@ -10,7 +10,7 @@
 
 namespace giga {
 
-Game::Game(Simulator& sim, const RowRunner& rows, const BothSides& sides, std::vector<GameObserver*> observers)
+Game::Game(Simulator& sim, const ParallelFor& rows, const BothSides& sides, std::vector<GameObserver*> observers)
     : sim_(sim), rows_(rows), observers_(std::move(observers)) {
   for (int team = 0; team < kNTeams; ++team) {
     take_seats(sides[static_cast<size_t>(team)], team);

@@ -51,7 +51,7 @@ class Game {
  public:
   /// The simulator, `rows` and the observers must outlive the game. A controller that has several parts is asked once a
   /// step for all of them.
-  Game(Simulator& sim, const RowRunner& rows, const BothSides& sides, std::vector<GameObserver*> observers = {});
+  Game(Simulator& sim, const ParallelFor& rows, const BothSides& sides, std::vector<GameObserver*> observers = {});
 
   /// Starts the first episode of each world.
   void start();
@@ -83,7 +83,7 @@ class Game {
   void forget(const GameStep& step);
 
   Simulator& sim_;
-  const RowRunner& rows_;
+  const ParallelFor& rows_;
   std::vector<Seat> seats_;
   const std::vector<GameObserver*> observers_;
   Looks looks_[kNTeams] = {};

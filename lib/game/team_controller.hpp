@@ -5,7 +5,7 @@
 #include <memory>
 #include <span>
 
-#include "cuda/rows.hpp"
+#include "core/parallel_for.hpp"
 #include "game/world_range.hpp"
 #include "math/rows.hpp"
 #include "scripted/actions.hpp"
@@ -29,7 +29,7 @@ struct TeamBuffers {
 /// One step of a team in some worlds: what its controller sees and writes.
 struct TeamStep {
   const Simulator& sim;
-  const RowRunner& rows;  ///< on the simulator's device
+  const ParallelFor& rows;  ///< on the simulator's device
   int team;
   int64_t number;  ///< steps since the game started
   WorldRange worlds;

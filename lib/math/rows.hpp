@@ -1,5 +1,5 @@
-// Row operations: a formula applied to every row of some buffers. Each is a plain struct of pointers with
-// `operator()(row)`, the same on CPU and GPU; RowRunner runs it over all rows.
+// Elementwise operations: a formula applied to every row of some buffers. Each is a plain struct of pointers with
+// `operator()(row)`, the same on CPU and GPU; ParallelFor runs it over all rows.
 // A row is one agent of one world (or one column of a rollout); R = rows, n = agents of the team.
 #pragma once
 

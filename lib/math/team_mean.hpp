@@ -1,4 +1,4 @@
-// Mean of features over the living agents of a team, and its gradient, as row operations.
+// Mean of features over the living agents of a team, and its gradient, as elementwise operations.
 #pragma once
 
 #include "math/bfloat16.hpp"

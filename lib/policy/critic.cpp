@@ -20,7 +20,7 @@ std::pair<NetworkConfig, NetworkConfig> split_state_critic(const CriticConfig& c
   return {first, rest};
 }
 
-Critic::Critic(const CriticConfig& config, const CriticShape& shape, Precision precision, const RowRunner& rows,
+Critic::Critic(const CriticConfig& config, const CriticShape& shape, Precision precision, const ParallelFor& rows,
                at::Device device, uint64_t seed)
     : kind_(config.kind), shape_(shape), precision_(precision), rows_(&rows) {
   add_parameters(config, shape);

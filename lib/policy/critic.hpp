@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "cuda/rows.hpp"
+#include "core/parallel_for.hpp"
 #include "policy/inputs.hpp"
 #include "policy/network.hpp"
 #include "policy/parameters.hpp"
@@ -33,7 +33,7 @@ std::pair<NetworkConfig, NetworkConfig> split_state_critic(const CriticConfig& c
 class Critic {
  public:
   /// `rows` must outlive the critic.
-  Critic(const CriticConfig& config, const CriticShape& shape, Precision precision, const RowRunner& rows,
+  Critic(const CriticConfig& config, const CriticShape& shape, Precision precision, const ParallelFor& rows,
          at::Device device, uint64_t seed);
 
   /// Number of parameters of such a critic; nothing is allocated.
@@ -57,7 +57,7 @@ class Critic {
   CriticKind kind_ = CriticKind::composed;
   CriticShape shape_;
   Precision precision_ = Precision::fp32;
-  const RowRunner* rows_ = nullptr;
+  const ParallelFor* rows_ = nullptr;
   ParameterSet parameters_;
   Network network_;                        // kind state: on an agent's code, both teams' means and the world
   std::vector<int> team_weights_;          // composed: by layer; -1 where there is none

@@ -15,7 +15,7 @@ Adam::Adam(const ParameterSet& parameters, double epsilon)
       skip_(at::zeros({1}, parameters.values().options())),
       scale_(at::zeros({1}, parameters.values().options())) {}
 
-void Adam::step(const ParameterSet& parameters, const RowRunner& rows, float learning_rate, float max_norm,
+void Adam::step(const ParameterSet& parameters, const ParallelFor& rows, float learning_rate, float max_norm,
                 const StepFlags& flags) {
   at::NoGradGuard no_grad;
   const at::Tensor& gradient = parameters.gradient();

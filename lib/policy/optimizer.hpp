@@ -6,7 +6,7 @@
 #include <string>
 
 #include "core/named_array.hpp"
-#include "cuda/rows.hpp"
+#include "core/parallel_for.hpp"
 #include "policy/parameters.hpp"
 
 namespace giga {
@@ -28,7 +28,7 @@ class Adam {
 
   /// Clips the gradient to `max_norm` (0 = not), takes one step unless a flag forbids it, and clears the gradient. The
   /// host does not wait for the flags.
-  void step(const ParameterSet& parameters, const RowRunner& rows, float learning_rate, float max_norm,
+  void step(const ParameterSet& parameters, const ParallelFor& rows, float learning_rate, float max_norm,
             const StepFlags& flags);
 
   void save(const std::string& prefix, NamedArrays& out) const;

@@ -56,7 +56,7 @@ Rollout make_rollout(const Simulator& sim, const CollectorOptions& options, cons
 
 }  // namespace
 
-Collector::Collector(Simulator& sim, const RowRunner& rows, const CollectorOptions& options, const BothSides& sides)
+Collector::Collector(Simulator& sim, const ParallelFor& rows, const CollectorOptions& options, const BothSides& sides)
     : options_(options), rollout_(make_rollout(sim, options, sides)), game_(sim, rows, sides, {this}) {
   for (int team = 0; team < kNTeams; ++team) {
     TeamRollout& r = rollout_.team[team];

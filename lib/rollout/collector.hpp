@@ -42,7 +42,7 @@ struct CollectorOptions {
 class Collector final : GameObserver {
  public:
   /// The simulator and `rows` must outlive the collector.
-  Collector(Simulator& sim, const RowRunner& rows, const CollectorOptions& options, const BothSides& sides);
+  Collector(Simulator& sim, const ParallelFor& rows, const CollectorOptions& options, const BothSides& sides);
   Collector(const Collector&) = delete;
   Collector& operator=(const Collector&) = delete;
 

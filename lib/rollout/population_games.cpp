@@ -15,7 +15,7 @@ SimSpec limited(const SimSpec& spec, std::optional<int> max_steps) {
 }  // namespace
 
 PopulationGames::PopulationGames(const SimSpec& spec, const PopulationGamesOptions& options, const Actor& network,
-                                 const RowRunner& rows)
+                                 const ParallelFor& rows)
     : options_(options),
       shape_{options.n_populations, options.n_members, options.n_worlds},
       fused_(takes_fused_kernel(network)),

@@ -31,7 +31,7 @@ class PopulationGames {
   /// `network` tells the shape of all networks and their arithmetic (see population_controller). It and `rows` must
   /// outlive this. Scenarios without a time limit are cut off after kEpisodeLimit steps (sim/simulator.hpp).
   PopulationGames(const SimSpec& spec, const PopulationGamesOptions& options, const Actor& network,
-                  const RowRunner& rows);
+                  const ParallelFor& rows);
 
   /// Queues all steps of all episodes of n_populations. Fresh draws for each `generation`. On a GPU the host does not
   /// wait.

@@ -72,7 +72,8 @@ TEST(LearnEvolutionFitness, DesWeightsByHand) {
 /// A strategy under test, by name.
 struct Search {
   const char* name;
-  std::function<std::unique_ptr<EvolutionStrategy>(const at::Tensor& mean, const RowRunner& rows, uint64_t seed)> make;
+  std::function<std::unique_ptr<EvolutionStrategy>(const at::Tensor& mean, const ParallelFor& rows, uint64_t seed)>
+      make;
 };
 void PrintTo(const Search& s, std::ostream* out) { *out << s.name; }
 
@@ -92,7 +93,7 @@ Search openai(const char* name, MeanOptimizer optimizer, float rate, EsNoiseKind
   c.learning_rate_min = 0;
   c.sigma_decay = 0.99f;
   c.sigma_min = 0.001f;
-  return {name, [population, c](const at::Tensor& mean, const RowRunner& rows, uint64_t seed) {
+  return {name, [population, c](const at::Tensor& mean, const ParallelFor& rows, uint64_t seed) {
             return make_openai_es(population, c, {seed, 0, {{0, 2, mean.size(0) / 2}}}, mean, rows);
           }};
 }
@@ -104,10 +105,10 @@ std::vector<Search> searches() {
           openai("ClipUp", MeanOptimizer::clip_up, 0.05f),
           openai("LowRank", MeanOptimizer::adam, 0.1f, EsNoiseKind::low_rank),
           {"Snes",
-           [free](const at::Tensor& mean, const RowRunner& rows, uint64_t seed) {
+           [free](const at::Tensor& mean, const ParallelFor& rows, uint64_t seed) {
              return make_snes(free, {}, {seed, 0, {}}, mean, rows);
            }},
-          {"Des", [free](const at::Tensor& mean, const RowRunner& rows, uint64_t seed) {
+          {"Des", [free](const at::Tensor& mean, const ParallelFor& rows, uint64_t seed) {
              return make_des(free, {}, {seed, 0, {}}, mean, rows);
            }}};
 }
@@ -133,14 +134,14 @@ class LearnEvolution : public testing::TestWithParam<Search> {};
 
 // 64 members x 300 generations = 19,200 evaluations, from the origin, 10 dimensions.
 TEST_P(LearnEvolution, SolvesAQuadratic) {
-  const RowRunner rows(Device{}, 1);
+  const ParallelFor rows(Device{}, 1);
   const auto strategy = GetParam().make(at::zeros({10}), rows, 1);
   EXPECT_LT(distance_after(*strategy, 300, quadratic), 0.05);
 }
 
 // The same with noise of deviation 1 on every evaluation: at the start the fitness is -10.
 TEST_P(LearnEvolution, SolvesANoisyQuadratic) {
-  const RowRunner rows(Device{}, 1);
+  const ParallelFor rows(Device{}, 1);
   const auto strategy = GetParam().make(at::zeros({10}), rows, 1);
   int generation = 0;
   const Function noisy = [&generation](const at::Tensor& x) {
@@ -153,13 +154,13 @@ TEST_P(LearnEvolution, SolvesANoisyQuadratic) {
 }
 
 TEST_P(LearnEvolution, SolvesRosenbrocksValley) {
-  const RowRunner rows(Device{}, 1);
+  const ParallelFor rows(Device{}, 1);
   const auto strategy = GetParam().make(at::zeros({2}), rows, 1);
   EXPECT_LT(distance_after(*strategy, 1500, rosenbrock), 0.25);  // 96,000 evaluations
 }
 
 TEST_P(LearnEvolution, AskCanBeRepeatedAndTellIsDeterministic) {
-  const RowRunner rows(Device{}, 1);
+  const ParallelFor rows(Device{}, 1);
   const auto one = GetParam().make(at::zeros({10}), rows, 5), two = GetParam().make(at::zeros({10}), rows, 5);
   for (int g = 0; g < 3; ++g) {
     const at::Tensor members = one->ask();
@@ -175,7 +176,7 @@ TEST_P(LearnEvolution, AskCanBeRepeatedAndTellIsDeterministic) {
 }
 
 TEST_P(LearnEvolution, SaveLoadAndGoOnEqualsGoingOn) {
-  const RowRunner rows(Device{}, 1);
+  const ParallelFor rows(Device{}, 1);
   const auto strategy = GetParam().make(at::zeros({10}), rows, 5), loaded = GetParam().make(at::ones({10}), rows, 5);
   for (int g = 0; g < 5; ++g) strategy->tell(quadratic(strategy->ask()));
   NamedArrays arrays;
@@ -195,7 +196,7 @@ INSTANTIATE_TEST_SUITE_P(All, LearnEvolution, testing::ValuesIn(searches()),
 
 // A population in which one member is not a number: it is the worst, and the search goes on with numbers.
 TEST(LearnEvolutionStrategy, WhatIsNotFiniteIsTheWorst) {
-  const RowRunner rows(Device{}, 1);
+  const ParallelFor rows(Device{}, 1);
   for (const Search& search : searches()) {
     const auto strategy = search.make(at::zeros({10}), rows, 1);
     const Function broken = [](const at::Tensor& x) {
@@ -209,7 +210,7 @@ TEST(LearnEvolutionStrategy, WhatIsNotFiniteIsTheWorst) {
 }
 
 TEST(LearnEvolutionStrategy, AnOddPopulationHasNoPairs) {
-  const RowRunner rows(Device{}, 1);
+  const ParallelFor rows(Device{}, 1);
   PopulationConfig config;
   config.population_size = 33;
   EXPECT_THROW(make_openai_es(config, {}, {}, at::zeros({4}), rows), InputError);
@@ -219,7 +220,7 @@ TEST(LearnEvolutionStrategy, AnOddPopulationHasNoPairs) {
 
 // A mean that is not a number is not taken over, and tell says so.
 TEST(LearnEvolutionStrategy, WhatIsNotFiniteIsNotLearned) {
-  const RowRunner rows(Device{}, 1);
+  const ParallelFor rows(Device{}, 1);
   PopulationConfig population = population_of(0.1f);
   population.shaping.kind = FitnessShaping::raw;
   OpenAiEsConfig config;
@@ -236,7 +237,7 @@ TEST(LearnEvolutionStrategy, WhatIsNotFiniteIsNotLearned) {
 
 // Nor is anything else of the state: after a step that was not sound all of it is what it was, and learning goes on.
 TEST(LearnEvolutionStrategy, AfterAnUnsoundStepAllOfTheStateIsPutBack) {
-  const RowRunner rows(Device{}, 1);
+  const ParallelFor rows(Device{}, 1);
   PopulationConfig population = population_of(0.1f);
   population.shaping.kind = FitnessShaping::raw;
   at::Tensor unsound = at::full({64}, 3e38f);  // finite, but their sums are not
@@ -272,7 +273,7 @@ TEST(LearnEvolutionStrategy, AfterAnUnsoundStepAllOfTheStateIsPutBack) {
 
 // Equal fitness for all: only the weight decay of the shaping is left, which draws the mean to zero.
 TEST(LearnEvolutionStrategy, WeightDecayOfTheShapingPrefersSmallParameters) {
-  const RowRunner rows(Device{}, 1);
+  const ParallelFor rows(Device{}, 1);
   for (const float decay : {0.0f, 0.1f}) {
     PopulationConfig population = population_of(0.3f);
     population.shaping.weight_decay = decay;
@@ -292,7 +293,7 @@ TEST(LearnEvolutionStrategy, WeightDecayOfTheShapingPrefersSmallParameters) {
 TEST(LearnEvolutionGpu, SolvesTheSameAndAgreesWithTheCpu) {
   if (cuda_device_count() == 0) GTEST_SKIP() << "no GPU";
   const Device gpu{Device::Kind::cuda, 0};
-  const RowRunner on_cpu(Device{}, 1), on_gpu(gpu);
+  const ParallelFor on_cpu(Device{}, 1), on_gpu(gpu);
   for (const Search& search : searches()) {
     SCOPED_TRACE(search.name);
     const at::Tensor start = at::zeros({10});

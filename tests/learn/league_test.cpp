@@ -32,7 +32,7 @@ struct Games {
     collector.collect();
   }
   const LoadedRun run;
-  const RowRunner rows;
+  const ParallelFor rows;
   const WorldShares shares;
   PpoTeam team[kNTeams];
   League league;

@@ -246,7 +246,7 @@ INSTANTIATE_TEST_SUITE_P(Populations, LearnMemoryGpu,
 
 TEST(LearnParameterCounts, AreThoseOfTheNetworks) {
   const LoadedRun run = load_sized({"", "", "mappo: {critic: {kind: state, hidden: [24, 16], layer_norm: true}}\n"}, 8);
-  const RowRunner rows(kCpu, 1);
+  const ParallelFor rows(kCpu, 1);
   const CriticShape shape = critic_shape(run.config.mappo.critic, run.spec, 1);
   const Critic critic(run.config.mappo.critic, shape, Precision::fp32, rows, at::kCPU, 1);
   EXPECT_EQ(Critic::count_parameters(run.config.mappo.critic, shape), critic.parameters().values().numel());

@@ -59,7 +59,7 @@ TEST(LearnPopulationGames, APopulationOfOneNetworkPlaysTheMatchOfThatNetwork) {
         Networks other(run, 1, {});
         other.take(n.opponents[1]);
         n.take(n.members[0]);
-        const RowRunner rows(Device{}, 1);
+        const ParallelFor rows(Device{}, 1);
         PopulationGames games(run.spec, {6, 4, 1, false, greedy, 9, 1}, n.actor, rows);
         games.play({{team, n.members.expand({6, -1}).contiguous(), n.opponents, {1, 1, 1, 1}}}, 0);
 
@@ -81,7 +81,7 @@ TEST(LearnPopulationGames, ScriptsArePlayedAsInAMatch) {
   const LoadedRun run = run_of();
   Networks n(run, 1, {});
   n.take(n.members[0]);
-  const RowRunner rows(Device{}, 1);
+  const ParallelFor rows(Device{}, 1);
   PopulationGames games(run.spec, {8, 2, 1, false, false, 9, 1}, n.actor, rows);
   const int32_t circle = network_of_script(Scripted::circle);
   games.play({{1, n.members.expand({8, -1}).contiguous(), n.opponents, {circle, circle}}}, 0);
@@ -96,7 +96,7 @@ TEST(LearnPopulationGames, NetworksOfBodyViewsMeetScriptsThatLook) {
   const LoadedRun run = run_of("maps: two_rooms1\nobservation: {body_view: true}\n", "hidden: [16, 16], inputs: body");
   Networks n(run, 1, {});
   n.take(n.members[0]);
-  const RowRunner rows(Device{}, 1);
+  const ParallelFor rows(Device{}, 1);
   PopulationGames games(run.spec, {8, 2, 1, false, false, 9, 1}, n.actor, rows);
   for (const Scripted script : {Scripted::circle, Scripted::pursuer, Scripted::circle}) {
     const int32_t id = network_of_script(script);
@@ -114,7 +114,7 @@ TEST(LearnPopulationGames, WhoHidesWinsAtTheTimeLimitAndNotAtACut) {
       "limit_x: 60\nlimit_y: 60\nmax_episode_length: 30\ndamage: {damage_cone_depth: 0}\n"
       "collision: {collision_range: 0}\nwin: {at_time_limit: team_1}\n");
   Networks n(run, 4, {});
-  const RowRunner rows(Device{}, 1);
+  const ParallelFor rows(Device{}, 1);
   for (const std::optional<int> max_steps : {std::optional<int>(), std::optional<int>(20), std::optional<int>(40)}) {
     PopulationGamesOptions options{4, 2, 1, true, true, 9, 1};
     options.max_steps = max_steps;
@@ -132,7 +132,7 @@ TEST(LearnPopulationGames, CommonRandomNumbers) {
   const LoadedRun run = run_of();
   Networks n(run, 3, {});
   n.members[1].copy_(n.members[0]);
-  const RowRunner rows(Device{}, 1);
+  const ParallelFor rows(Device{}, 1);
   for (const bool common : {true, false}) {
     PopulationGames games(run.spec, {3, 8, 2, common, false, 9, 1}, n.actor, rows);
     const Population population{0, n.members, n.opponents, {0, 1, 2, 0, 0, 1, 2, 2}};
@@ -149,7 +149,7 @@ TEST(LearnPopulationGames, CommonRandomNumbers) {
 }
 
 // The second round of generation 0 draws what the only round of generation 1 does.
-void expect_rounds_to_be_generations(const LoadedRun& run, const Networks& n, const RowRunner& rows) {
+void expect_rounds_to_be_generations(const LoadedRun& run, const Networks& n, const ParallelFor& rows) {
   const Population population{1, n.members, n.opponents, {0, 1, network_of_script(Scripted::circle_random), 2}};
   PopulationGames once(run.spec, {6, 4, 1, true, false, 9, 1}, n.actor, rows);
   once.play({population}, 0);
@@ -166,7 +166,7 @@ void expect_rounds_to_be_generations(const LoadedRun& run, const Networks& n, co
 TEST(LearnPopulationGames, AWorldPlaysSeveralEpisodes) {
   const LoadedRun run = run_of();
   for (const Precision precision : {Precision::fp32, Precision::fp16})
-    expect_rounds_to_be_generations(run, Networks(run, 6, {}, precision), RowRunner(Device{}, 2));
+    expect_rounds_to_be_generations(run, Networks(run, 6, {}, precision), ParallelFor(Device{}, 2));
 }
 
 TEST(LearnPopulationGamesGpu, AWorldPlaysSeveralEpisodes) {
@@ -174,13 +174,13 @@ TEST(LearnPopulationGamesGpu, AWorldPlaysSeveralEpisodes) {
   const Device gpu{Device::Kind::cuda, 0};
   const LoadedRun run = run_of();
   for (const Precision precision : {Precision::fp32, Precision::fp16})
-    expect_rounds_to_be_generations(run, Networks(run, 6, gpu, precision), RowRunner(gpu));
+    expect_rounds_to_be_generations(run, Networks(run, 6, gpu, precision), ParallelFor(gpu));
 }
 
 TEST(LearnPopulationGames, AGenerationIsRepeatableAndAnotherIsNot) {
   const LoadedRun run = run_of();
   Networks n(run, 4, {});
-  const RowRunner rows(Device{}, 2);
+  const ParallelFor rows(Device{}, 2);
   PopulationGames games(run.spec, {4, 4, 1, true, true, 9, 2}, n.actor, rows);
   const auto played = [&](uint32_t generation) {
     games.play({{0, n.members, n.opponents, {0, 0, 1, 2}}}, generation);
@@ -212,7 +212,7 @@ double share_near(const at::Tensor& a, const at::Tensor& b) {
 TEST(LearnPopulationGames, HalfPrecisionPlaysAsFp32) {
   const LoadedRun run = run_of("", "hidden: [64, 64]");
   const Networks half(run, 60, {}, Precision::fp16), full(run, 60, {}, Precision::fp32);
-  const RowRunner rows(Device{}, 2);
+  const ParallelFor rows(Device{}, 2);
   const auto play = [&](const Networks& n) {
     PopulationGames games(run.spec, {60, 6, 1, true, true, 9, 2, 10}, n.actor, rows);
     EXPECT_FALSE(games.fused());
@@ -255,7 +255,7 @@ TEST_P(LearnPopulationGamesGpu, TheFusedKernelPlaysAsTheCpu) {
   const Device gpu{Device::Kind::cuda, 0};
   const LoadedRun run = run_of(GetParam().scenario, GetParam().actor);
   const Networks on_cpu(run, 70, {}, Precision::fp16), on_gpu(run, 70, gpu, Precision::fp16), fp32(run, 70, gpu);
-  const RowRunner cpu_rows(Device{}, 2), gpu_rows(gpu);
+  const ParallelFor cpu_rows(Device{}, 2), gpu_rows(gpu);
   for (const bool greedy : {true, false}) {
     const PopulationGamesOptions options{70, 9, 2, true, greedy, 9, 2, 6};
     PopulationGames a(run.spec, options, on_cpu.actor, cpu_rows), b(run.spec, options, on_gpu.actor, gpu_rows);
@@ -286,7 +286,7 @@ TEST(LearnPopulationGamesGpu, WholeEpisodesAgreeInTheirShares) {
   if (cuda_device_count() == 0) GTEST_SKIP() << "no GPU";
   const Device gpu{Device::Kind::cuda, 0};
   const LoadedRun run = run_of("", "hidden: [64, 64]");
-  const RowRunner rows(gpu);
+  const ParallelFor rows(gpu);
   double length[2], wins[2];
   for (const bool fused : {true, false}) {
     const Networks n(run, 512, gpu, fused ? Precision::fp16 : Precision::fp32);

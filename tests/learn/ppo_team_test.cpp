@@ -112,7 +112,7 @@ class Team {
   }
 
  private:
-  const RowRunner rows_{Device{}, 1};
+  const ParallelFor rows_{Device{}, 1};
   const LoadedRun run_;
   PpoTeam team_;
   const Rollout rollout_;
@@ -190,7 +190,7 @@ TEST(LearnPpoTeam, MinibatchesHaveEachStateOfTheTeamsWorldsOnce) {
   LoadedRun run = small_run("");
   run.config.train.n_worlds = 4;
   run.config.mappo.horizon = 3;
-  const RowRunner rows(Device{}, 1);
+  const ParallelFor rows(Device{}, 1);
   const PpoTeam team(run, 0, Device{}, rows, {1, 2});
   const std::vector<at::Tensor> minibatches = team.minibatches(at::tensor({4, 1, 0, 5, 3, 2}, at::kLong));
   ASSERT_EQ(minibatches.size(), 2u);
@@ -201,7 +201,7 @@ TEST(LearnPpoTeam, MinibatchesHaveEachStateOfTheTeamsWorldsOnce) {
 
 /// Two teams with memory, and the worlds in which they play.
 struct TeamsWithMemory {
-  TeamsWithMemory(const LoadedRun& run, const RowRunner& rows)
+  TeamsWithMemory(const LoadedRun& run, const ParallelFor& rows)
       : team{{run, 0, kCpu, rows, {0, 24}, make_leaky_sum}, {run, 1, kCpu, rows, {0, 24}, make_leaky_sum}},
         sim(make_cpu_simulator(run.spec, {24, 17, 0, OnDone::reset, 1})),
         collector(*sim, rows, {run.config.mappo.horizon, false, true}, {&team[0].actor()}, {&team[1].actor()}) {
@@ -223,7 +223,7 @@ LoadedRun run_with_memory() {
 // What is remembered at the start of a rollout, and where episodes end in it, is enough to compute the actions'
 // probabilities again.
 TEST(LearnPpoTeam, AnActorWithMemoryLearnsFromSequences) {
-  const RowRunner rows(kCpu, 1);
+  const ParallelFor rows(kCpu, 1);
   const LoadedRun run = run_with_memory();
   TeamsWithMemory game(run, rows);
   for (int k = 0; k < 6; ++k) game.collector.collect();
@@ -252,7 +252,7 @@ TEST(LearnPpoTeam, AnActorWithMemoryLearnsFromSequences) {
 }
 
 TEST(LearnPpoTeam, MemoryIsSavedWithTheWorlds) {
-  const RowRunner rows(kCpu, 1);
+  const ParallelFor rows(kCpu, 1);
   const LoadedRun run = run_with_memory();
   TeamsWithMemory whole(run, rows), resumed(run, rows);
   for (int k = 0; k < 2; ++k) whole.collector.collect();

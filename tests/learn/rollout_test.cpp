@@ -32,7 +32,7 @@ struct Play {
                   {everywhere(policy_controller(actor[0]), *sim), everywhere(policy_controller(actor[1]), *sim)}) {
     collector.start();
   }
-  RowRunner rows;
+  ParallelFor rows;
   Actor actor[2];
   std::unique_ptr<Simulator> sim;
   Collector collector;
@@ -66,12 +66,12 @@ TEST(LearnRollout, LongRolloutEqualsSingleSteps) {
 TEST(LearnRollout, AScriptThatLooksSeesEveryStep) {
   // It has the last observations only, in rollouts of any length; what it does depends on all of them.
   const LoadedRun run = cramped();
-  const auto make = [&](Simulator& sim, const RowRunner& rows, const Actor& actor, int horizon) {
+  const auto make = [&](Simulator& sim, const ParallelFor& rows, const Actor& actor, int horizon) {
     return Collector(
         sim, rows, {horizon, false, true},
         {everywhere(policy_controller(actor), sim), everywhere(script_controller(Scripted::pursuer), sim)});
   };
-  const RowRunner rows(Device{}, 2);
+  const ParallelFor rows(Device{}, 2);
   const Actor actor = make_actor(run, 0, Device{});
   const SimOptions options{kWorlds, 17, 0, OnDone::reset, 2};
   const auto sim_a = make_cpu_simulator(run.spec, options), sim_b = make_cpu_simulator(run.spec, options);

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "config/fields.hpp"
-#include "cuda/rows.hpp"
+#include "core/parallel_for.hpp"
 #include "cuda/runtime.hpp"
 #include "scripted/actions.hpp"
 #include "support/sim_runner.hpp"
@@ -55,7 +55,7 @@ class Decisions {
     const Buffer<int32_t> ages(memory, std::vector<int32_t>(state.episode_length, state.episode_length + kWorlds));
     Buffer<float> action(memory, std::vector<float>(rows(team) * kActionSize, 77.0f));
     const RowDraws draws{steps.data(), 5, 0, spec_.params.n_team[team], team};
-    const RowRunner runner(device, 1);
+    const ParallelFor runner(device, 1);
     runner.run(ScriptedActions{script, spec_.params.actions, draws, ages.data(), action.data(), tables.params(),
                                obs.data(), spec_.observation_size()},
                static_cast<int64_t>(rows(team)));

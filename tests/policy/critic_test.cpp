@@ -168,7 +168,7 @@ TEST(PolicyCriticGpu, HalfPrecisionStaysClose) {
   if (cuda_device_count() == 0) GTEST_SKIP() << "no GPU";
   // Same seed, same parameters; bf16 keeps 8 bits, so values of order 1 agree to a few hundredths.
   const at::Device gpu(at::kCUDA, 0);
-  const RowRunner rows(Device{Device::Kind::cuda, 0});
+  const ParallelFor rows(Device{Device::Kind::cuda, 0});
   const at::Tensor alive = some_alive(3).to(gpu), obs = random({3, 3, kCriticObs}, 5).to(gpu),
                    state = some_states().to(gpu);
   for (const CriticKind kind : {CriticKind::composed, CriticKind::state, CriticKind::independent}) {

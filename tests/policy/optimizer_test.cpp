@@ -49,7 +49,7 @@ struct GatedAdam {
               {&stop, &faults[1], faults, 2, minibatch, &norm_sum});
     return norm_sum;
   }
-  RowRunner rows{Device{}, 1};
+  ParallelFor rows{Device{}, 1};
   Adam adam;
   float stop = 0, faults[2] = {0, 0}, norm_sum = 0;
 };

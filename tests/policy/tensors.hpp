@@ -4,7 +4,7 @@
 #include <ATen/CPUGeneratorImpl.h>
 #include <torch/types.h>
 
-#include "cuda/rows.hpp"
+#include "core/parallel_for.hpp"
 
 namespace giga::test {
 
@@ -22,9 +22,9 @@ inline double worst(const at::Tensor& a, const at::Tensor& b) {
 inline double largest(const at::Tensor& a) { return a.detach().abs().max().item<double>(); }
 inline bool same(const at::Tensor& a, const at::Tensor& b) { return at::equal(a.detach(), b.detach()); }
 
-/// Row operations on one thread of the CPU.
-inline const RowRunner& cpu_rows() {
-  static const RowRunner rows(Device{}, 1);
+/// Elementwise operations on one thread of the CPU.
+inline const ParallelFor& cpu_rows() {
+  static const ParallelFor rows(Device{}, 1);
   return rows;
 }
 

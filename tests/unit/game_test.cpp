@@ -83,8 +83,8 @@ class Witness final : public GameObserver {
   const bool wants_;
 };
 
-const RowRunner& rows() {
-  static const RowRunner runner(Device{}, 1);
+const ParallelFor& rows() {
+  static const ParallelFor runner(Device{}, 1);
   return runner;
 }
 

@@ -9,7 +9,7 @@ namespace {
 class Des final : public EvolutionStrategy {
  public:
   Des(const PopulationConfig& population, const DesConfig& config, const PopulationPlace& place, const at::Tensor& mean,
-      const RowRunner& rows)
+      const ParallelFor& rows)
       : EvolutionStrategy(population, place, mean, rows),
         weights_(des_weights(population.population_size, static_cast<double>(config.temperature)), mean.device()),
         rate_mean_(config.learning_rate_mean),
@@ -32,7 +32,7 @@ class Des final : public EvolutionStrategy {
 
 std::unique_ptr<EvolutionStrategy> make_des(const PopulationConfig& population, const DesConfig& config,
                                             const PopulationPlace& place, const at::Tensor& mean,
-                                            const RowRunner& rows) {
+                                            const ParallelFor& rows) {
   return std::make_unique<Des>(population, config, place, mean, rows);
 }
 

@@ -5,9 +5,9 @@
 #include <cmath>
 #include <limits>
 
+#include "core/parallel_for.hpp"
 #include "core/seeds.hpp"
 #include "cuda/device_clock.hpp"
-#include "cuda/rows.hpp"
 #include "learn/evolution/evolving_team.hpp"
 #include "learn/evolution/opponents.hpp"
 #include "learn/libtorch_settings.hpp"
@@ -91,7 +91,7 @@ class Evolution final : public Learner {
   void team_metrics(int team, const PopulationFigures* figures, Metrics& out) const;
 
   const RunConfig config_;
-  const RowRunner rows_;
+  const ParallelFor rows_;
   std::unique_ptr<EvolvingTeam> team_[kNTeams];  // null = scripted
   std::unique_ptr<PopulationGames> games_;
   std::unique_ptr<DeviceClock> clock_;

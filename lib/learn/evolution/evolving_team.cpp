@@ -8,7 +8,7 @@
 
 namespace giga {
 EvolvingTeam::EvolvingTeam(const LoadedRun& run, int team, Device device, const MakeStrategy& make_strategy,
-                           const RowRunner& rows)
+                           const ParallelFor& rows)
     : actor_(make_actor(run, team, device)),
       strategy_(make_strategy(run.config,
                               {seed_of(run.config.seed, Purpose::training), team, actor_.parameters().matrices()},

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "cuda/rows.hpp"
+#include "core/parallel_for.hpp"
 #include "learn/evolution/strategy.hpp"
 #include "learn/opponents/pool.hpp"
 #include "policy/actor.hpp"
@@ -29,7 +29,7 @@ enum EvolutionFigure : int {
 
 class EvolvingTeam {
  public:
-  EvolvingTeam(const LoadedRun& run, int team, Device device, const MakeStrategy& make_strategy, const RowRunner& rows);
+  EvolvingTeam(const LoadedRun& run, int team, Device device, const MakeStrategy& make_strategy, const ParallelFor& rows);
 
   at::Tensor ask() { return strategy_->ask(); }
   /// Learns from the fitness [M] of the members asked for last; the actor becomes the new mean.

@@ -15,7 +15,7 @@ constexpr double kBeta1 = 0.9, kBeta2 = 0.999, kEpsilon = 1e-8;
 class OpenAiEs final : public EvolutionStrategy {
  public:
   OpenAiEs(const PopulationConfig& population, const OpenAiEsConfig& config, const PopulationPlace& place,
-           const at::Tensor& mean, const RowRunner& rows)
+           const at::Tensor& mean, const ParallelFor& rows)
       : EvolutionStrategy(population, place, mean, rows),
         config_(config),
         sigma_init_(population.sigma_init),
@@ -78,7 +78,7 @@ class OpenAiEs final : public EvolutionStrategy {
 
 std::unique_ptr<EvolutionStrategy> make_openai_es(const PopulationConfig& population, const OpenAiEsConfig& config,
                                                   const PopulationPlace& place, const at::Tensor& mean,
-                                                  const RowRunner& rows) {
+                                                  const ParallelFor& rows) {
   return std::make_unique<OpenAiEs>(population, config, place, mean, rows);
 }
 

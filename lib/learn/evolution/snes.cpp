@@ -11,7 +11,7 @@ namespace {
 class Snes final : public EvolutionStrategy {
  public:
   Snes(const PopulationConfig& population, const SnesConfig& config, const PopulationPlace& place,
-       const at::Tensor& mean, const RowRunner& rows)
+       const at::Tensor& mean, const ParallelFor& rows)
       : EvolutionStrategy(population, place, mean, rows),
         utilities_(snes_utilities(population.population_size), mean.device()) {
     const auto d = static_cast<double>(mean.size(0));
@@ -36,7 +36,7 @@ class Snes final : public EvolutionStrategy {
 
 std::unique_ptr<EvolutionStrategy> make_snes(const PopulationConfig& population, const SnesConfig& config,
                                              const PopulationPlace& place, const at::Tensor& mean,
-                                             const RowRunner& rows) {
+                                             const ParallelFor& rows) {
   return std::make_unique<Snes>(population, config, place, mean, rows);
 }
 

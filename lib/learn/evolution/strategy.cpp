@@ -29,7 +29,7 @@ std::pair<at::Tensor, at::Tensor> factor_places(const PopulationConfig& config, 
 }  // namespace
 
 EvolutionStrategy::EvolutionStrategy(const PopulationConfig& config, const PopulationPlace& place,
-                                     const at::Tensor& mean, const RowRunner& rows)
+                                     const at::Tensor& mean, const ParallelFor& rows)
     : mean_(mean.detach().clone()),
       sigma_(at::full_like(mean_, config.sigma_init)),
       config_(config),

@@ -9,9 +9,9 @@
 #include <limits>
 #include <numbers>
 
+#include "core/parallel_for.hpp"
 #include "core/seeds.hpp"
 #include "cuda/device_clock.hpp"
-#include "cuda/rows.hpp"
 #include "cuda/runtime.hpp"
 #include "learn/libtorch_settings.hpp"
 #include "learn/mappo/ppo_team.hpp"
@@ -60,7 +60,7 @@ class Mappo final : public Learner {
   const RunConfig config_;
   const Device device_;
   const int64_t total_updates_;
-  RowRunner rows_;
+  ParallelFor rows_;
   std::unique_ptr<Simulator> sim_;
   std::unique_ptr<PpoTeam> team_[kNTeams];  // null = scripted
   std::vector<PpoTeam*> learning_;          // those of them that are not

@@ -4,7 +4,7 @@
 //   GAE    Schulman et al. 2016, arXiv 1506.02438
 //   MAPPO  Yu et al. 2022, arXiv 2103.01955, appendix A
 // All agents of a team share one actor and one critic. The dead have weight 0 everywhere. The losses and their
-// gradients are row operations (math/gae.hpp, math/ppo_loss.hpp); LibTorch carries the gradients on through the
+// gradients are elementwise operations (math/gae.hpp, math/ppo_loss.hpp); LibTorch carries the gradients on through the
 // networks.
 #include "learn/mappo/ppo_team.hpp"
 
@@ -20,7 +20,7 @@ namespace giga {
 
 // ---- Networks -------------------------------------------------------------------------------------------------------
 
-PpoTeam::PpoTeam(const LoadedRun& run, int team, Device device, const RowRunner& rows, const WorldRange& worlds,
+PpoTeam::PpoTeam(const LoadedRun& run, int team, Device device, const ParallelFor& rows, const WorldRange& worlds,
                  EncoderFactory* encoder)
     : config_(run.config.mappo),
       team_(team),

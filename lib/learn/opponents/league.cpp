@@ -23,7 +23,7 @@ GameCount game_count(const double* counts) { return {counts[0], counts[1], count
 
 }  // namespace
 
-League::League(const LoadedRun& run, std::array<const Actor*, kNTeams> actors, const RowRunner& rows)
+League::League(const LoadedRun& run, std::array<const Actor*, kNTeams> actors, const ParallelFor& rows)
     : config_(run.config.opponents),
       seed_(seed_of(run.config.seed, Purpose::training)),
       device_(torch_device(rows.device())),

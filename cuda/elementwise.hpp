@@ -1,4 +1,4 @@
-// The list of all row operations: what rows.cu makes for a GPU, and a build without CUDA leaves out.
+// The list of all elementwise operations: what elementwise.cu makes for a GPU, and a build without CUDA leaves out.
 #pragma once
 
 #include "math/distributions.hpp"
@@ -12,7 +12,7 @@
 #include "scripted/actions.hpp"
 #include "scripted/population_scripts.hpp"
 
-#define GIGA_ROW_OPERATIONS(APPLY) \
+#define GIGA_ELEMENTWISE(APPLY)    \
   APPLY(SampleCategorical)         \
   APPLY(SampleGaussian)            \
   APPLY(ScriptedActions)           \
