@@ -27,14 +27,14 @@ class EveryOutput final : public GameObserver {
   explicit EveryOutput(const Simulator& sim) : done_(sim.memory(), static_cast<size_t>(sim.n_worlds())) {
     for (int k = 0; k < kNTeams; ++k) {
       const size_t n = static_cast<size_t>(sim.n_worlds()) * static_cast<size_t>(sim.params().n_team[k]);
-      team_[k].obs = Buffer<float>(sim.memory(), n * static_cast<size_t>(sim.spec().padded_observation_size()));
+      team_[k].obs = Buffer<float>(sim.memory(), n * static_cast<size_t>(observation_rows(sim.spec()).stride()));
       team_[k].reward = Buffer<float>(sim.memory(), n);
       team_[k].alive = Buffer<uint8_t>(sim.memory(), n);
     }
   }
   void before_step(int64_t, GameStep& step) override {
     for (int k = 0; k < kNTeams; ++k) {
-      step.io.team[k].obs = team_[k].obs.data();
+      step.rows[k].obs = team_[k].obs.data();
       step.io.team[k].reward = team_[k].reward.data();
       step.io.team[k].alive = team_[k].alive.data();
     }

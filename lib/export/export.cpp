@@ -91,7 +91,7 @@ ReadPolicy read_safetensors(const fs::path& file, const Manifest& manifest, cons
   const PolicyModel model{manifest.shape, decode_safetensors(read_policy_file(file), file.string())};
   check_tensors(model, file.string());
   const Precision precision = device.is_cuda() ? manifest.origin.precision : Precision::fp32;
-  return {std::make_shared<Actor>(actor_of(model, spec.padded_observation_size(), precision, device))};
+  return {std::make_shared<Actor>(actor_of(model, observation_rows(spec).stride(), precision, device))};
 }
 
 /// Whether a file begins like a ZIP archive.

@@ -11,7 +11,7 @@
 namespace giga {
 
 Game::Game(Simulator& sim, const ParallelFor& rows, const BothSides& sides, std::vector<GameObserver*> observers)
-    : sim_(sim), rows_(rows), observers_(std::move(observers)) {
+    : sim_(sim), rows_(rows), observers_(std::move(observers)), layout_(observation_rows(sim.spec())) {
   for (int team = 0; team < kNTeams; ++team) {
     take_seats(sides[static_cast<size_t>(team)], team);
     memory_size_[team] = memory_size(sides[static_cast<size_t>(team)]);
@@ -22,7 +22,8 @@ int64_t memory_size(const Side& side) {
   int64_t size = 0;
   for (const SidePart& part : side) {
     const int64_t own = part.controller->memory_size();
-    GIGA_CHECK(own == 0 || size == 0 || own == size, "controllers of one side remember ", own, " and ", size, " numbers");
+    GIGA_CHECK(own == 0 || size == 0 || own == size, "controllers of one side remember ", own, " and ", size,
+               " numbers");
     size = std::max(size, own);
   }
   return size;
@@ -47,9 +48,9 @@ void Game::start() { begin(&Simulator::start); }
 void Game::resume() { begin(&Simulator::observe); }
 
 void Game::begin(void (Simulator::*write)(const StepIo&)) {
-  for (Looks& looks : looks_) looks = Looks::nothing;
+  for (ObservationSet& reads : reads_) reads = {};
   for (const Seat& seat : seats_)
-    for (const Part& part : seat.parts) looks_[part.team] = std::max(looks_[part.team], seat.controller->looks());
+    for (const Part& part : seat.parts) reads_[part.team] |= seat.controller->reads();
   make_buffers();
   const GameStep step = step_at(-1);
   (sim_.*write)(step.io);
@@ -61,12 +62,12 @@ void Game::begin(void (Simulator::*write)(const StepIo&)) {
 void Game::make_buffers() {
   const GameStep asked = ask(0);
   for (int team = 0; team < kNTeams; ++team) {
-    const GameShapes shapes = game_shapes(sim_.spec(), team, sim_.n_worlds(), looks_[team] != Looks::nothing);
+    const GameShapes shapes = game_shapes(sim_.spec(), team, sim_.n_worlds(), !reads_[team].empty());
     const auto make = [this](const BufferShape& shape, Buffer<float>& buffer) {
       if (buffer.size() == 0) buffer = Buffer<float>(sim_.memory(), static_cast<size_t>(shape.elements()));
     };
     if (!asked.team[team].action) make(shapes.action, action_[team]);
-    if (!asked.io.team[team].obs) make(shapes.obs, obs_[team]);
+    if (!asked.rows[team].obs) make(shapes.obs, obs_[team]);
     const int64_t agents = static_cast<int64_t>(sim_.n_worlds()) * sim_.params().n_team[team];
     if (memory_size_[team] > 0 && !asked.team[team].memory && memory_[team].size() == 0)
       memory_[team] = Buffer<float>(sim_.memory(), static_cast<size_t>(agents * memory_size_[team]));
@@ -111,13 +112,13 @@ GameStep Game::ask(int64_t t) const {
 
 GameStep Game::step_at(int64_t t) const {
   GameStep step = ask(t);
-  step.io.obs_stride = sim_.spec().padded_observation_size();
-  // What nobody observes is written as far as controllers look.
-  step.io.body_only =
-      !step.io.team[0].obs && !step.io.team[1].obs && std::max(looks_[0], looks_[1]) == Looks::body_view;
   for (int team = 0; team < kNTeams; ++team) {
     TeamIo& io = step.io.team[team];
-    if (!io.obs) io.obs = obs_[team].data();
+    GameStep::Rows& rows = step.rows[team];
+    // What no observer keeps is written as far as controllers read it.
+    const ObservationSet wanted = rows.obs ? layout_.set() : reads_[team];
+    if (!rows.obs) rows.obs = obs_[team].data();
+    layout_.attach(io, wanted, rows.obs, rows.final_obs);
     if (!step.team[team].action) step.team[team].action = action_[team].data();
     io.action = step.team[team].action;
     if (!step.team[team].memory) step.team[team].memory = memory_[team].data();
@@ -127,7 +128,7 @@ GameStep Game::step_at(int64_t t) const {
 }
 
 void Game::finish(int64_t t, const GameStep& step) {
-  for (int team = 0; team < kNTeams; ++team) seen_[team] = step.io.team[team].obs;
+  for (int team = 0; team < kNTeams; ++team) seen_[team] = step.rows[team].obs;
   forget(step);
   for (GameObserver* observer : observers_) observer->after_step(t, step);
 }
@@ -146,7 +147,7 @@ void Game::act(const GameStep& step) {
   for (const Seat& seat : seats_) {
     parts_.clear();
     for (const Part& part : seat.parts) {
-      const TeamStep all{sim_, rows_, part.team, steps_, {0, sim_.n_worlds()}, step.team[part.team]};
+      const TeamStep all{sim_, rows_, part.team, steps_, {0, sim_.n_worlds()}, step.team[part.team], layout_};
       parts_.push_back(all.part(part.worlds));
     }
     seat.controller->act(parts_);

@@ -29,8 +29,13 @@ inline Side everywhere(std::shared_ptr<TeamController> controller, const Simulat
 
 /// Where one step of all worlds reads and writes.
 struct GameStep {
-  StepIo io;                  ///< of the simulator; its actions are those of `team`
+  /// Rows of observations of a team's agents [W, n, D], as observation_rows() lays them out.
+  struct Rows {
+    float *obs = nullptr, *final_obs = nullptr;
+  };
+  StepIo io;                  ///< of the simulator; its actions are those of `team`, its observations those of `rows`
   TeamBuffers team[kNTeams];  ///< of the controllers
+  Rows rows[kNTeams];         ///< that the step writes: all observations where an observer has brought them
 };
 
 /// Whoever wants something of a game: learners, benchmarks, recorders.
@@ -39,7 +44,7 @@ class GameObserver {
   virtual ~GameObserver() = default;
 
   virtual void before_play(int64_t /*n_steps*/) {}
-  /// Before step `t` of a play; -1: before the first observations (obs, alive, global) are written. Points what it
+  /// Before step `t` of a play; -1: before the first observations are written. Points what it
   /// wants of the step, and nobody has asked for yet, to buffers of its own. It must do nothing else: steps may be
   /// asked for ahead of time. Actions and observations for which nobody asks lie in buffers of the game.
   virtual void before_step(int64_t /*t*/, GameStep& /*step*/) {}
@@ -86,7 +91,8 @@ class Game {
   const ParallelFor& rows_;
   std::vector<Seat> seats_;
   const std::vector<GameObserver*> observers_;
-  Looks looks_[kNTeams] = {};
+  const RowLayout layout_;
+  ObservationSet reads_[kNTeams];                 // of the controllers of a side
   Buffer<float> obs_[kNTeams], action_[kNTeams];  // see GameShapes; empty where observers have them
   Buffer<float> memory_[kNTeams];                 // [W, n, S]; likewise
   int64_t memory_size_[kNTeams] = {};             // S

@@ -5,10 +5,9 @@
 #include <vector>
 
 #include "sim/params.hpp"
+#include "sim/row_layout.hpp"
 
 namespace giga {
-
-enum class ElementType : uint8_t { f32, i32, u8 };
 
 /// An array; without sides it is not allocated.
 struct BufferShape {
@@ -21,7 +20,7 @@ struct BufferShape {
     for (const int64_t side : sides) count *= side;
     return count;
   }
-  int64_t bytes() const { return elements() * (type == ElementType::u8 ? 1 : 4); }
+  int64_t bytes() const { return elements() * (size_of(type)); }
 };
 
 /// Buffers of one team in a game of `n_worlds` worlds.
@@ -36,7 +35,7 @@ inline GameShapes game_shapes(const SimSpec& spec, int team, int64_t n_worlds, b
     shapes.action = {ElementType::i32, {n_worlds, n}};
   else
     shapes.action = {ElementType::f32, {n_worlds, n, kActionSize}};
-  if (looks) shapes.obs = {ElementType::f32, {n_worlds, n, spec.padded_observation_size()}};
+  if (looks) shapes.obs = {ElementType::f32, {n_worlds, n, observation_rows(spec).stride()}};
   return shapes;
 }
 

@@ -9,7 +9,7 @@ class ScriptController final : public TeamController {
  public:
   explicit ScriptController(Scripted script) : script_(script) {}
 
-  Looks looks() const override { return uses_observation(script_) ? Looks::everything : Looks::nothing; }
+  ObservationSet reads() const override { return observations_of(script_); }
   void act(std::span<const TeamStep> parts) override {
     for (const TeamStep& part : parts) part.rows.run(scripted_actions(script_, part), part.n_rows());
   }
@@ -37,7 +37,8 @@ TeamStep TeamStep::part(const WorldRange& some) const {
           some,
           {at(buffers.obs, obs_stride()), at(static_cast<char*>(buffers.action), action_bytes),
            at(buffers.raw, kActionSize), at(buffers.log_prob, 1), at(buffers.memory, buffers.memory_size),
-           buffers.memory_size}};
+           buffers.memory_size},
+          layout};
 }
 
 RowDraws TeamStep::draws() const {

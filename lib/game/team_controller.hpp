@@ -9,14 +9,12 @@
 #include "game/world_range.hpp"
 #include "math/rows.hpp"
 #include "scripted/actions.hpp"
+#include "sim/row_layout.hpp"
 #include "sim/simulator.hpp"
 
 namespace giga {
 
-/// What a controller reads of its agents' observations: each includes those before it.
-enum class Looks : uint8_t { nothing, body_view, everything };
-
-/// Buffers of a team at one step; n = agents of the team, D = padded observation size. Null = not there.
+/// Buffers of a team at one step; n = agents of the team, D = stride of observation_rows(). Null = not there.
 struct TeamBuffers {
   const float* obs = nullptr;  // [W, n, D] what the agents see
   void* action = nullptr;      // [W, n] int32 or [W, n, 3] float
@@ -33,11 +31,12 @@ struct TeamStep {
   int team;
   int64_t number;  ///< steps since the game started
   WorldRange worlds;
-  TeamBuffers buffers;  ///< from the first of the worlds on
+  TeamBuffers buffers;      ///< from the first of the worlds on
+  const RowLayout& layout;  ///< of the rows of observations
 
   int n() const { return sim.params().n_team[team]; }
   int64_t n_rows() const { return worlds.count * n(); }
-  int obs_stride() const { return sim.spec().padded_observation_size(); }
+  int obs_stride() const { return layout.stride(); }
   /// The same in worlds that are among these. Where draws have a period, they begin with a whole number of periods.
   TeamStep part(const WorldRange& some) const;
   /// Addresses the draws of the agents, which do not depend on who moves the other worlds.
@@ -48,8 +47,8 @@ class TeamController {
  public:
   virtual ~TeamController() = default;
 
-  /// Asked at each start of a game: it is given no more than this.
-  virtual Looks looks() const = 0;
+  /// What it reads of its agents' observations. Asked at each start of a game: no more than this is written for it.
+  virtual ObservationSet reads() const = 0;
   /// Whether it fills `raw` and `log_prob`, from which somebody learns.
   virtual bool fills_log_prob() const { return false; }
   /// Numbers that an agent remembers from step to step; 0 = none. Controllers of one side that have any agree on it.

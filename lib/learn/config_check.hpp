@@ -28,7 +28,7 @@ class ConfigCheck {
   /// Whether `train.precision` is fp16, and the error that the run cannot have it.
   bool wants_fp16() const;
   void refuse_fp16(const std::string& reason);
-  /// An error where a network reads a body view that the scenario does not give.
+  /// An error where a network reads an egocentric view that the scenario does not give.
   void inputs_are_there(const std::string& key, NetworkInputs inputs);
 
  private:

@@ -99,8 +99,8 @@ void ConfigCheck::refuse_fp16(const std::string& reason) {
 }
 
 void ConfigCheck::inputs_are_there(const std::string& key, NetworkInputs inputs) {
-  if (!spec || !errors_.empty() || spec->params.body_view || inputs != NetworkInputs::body) return;
-  fail(key, "'body' needs environment.observation.body_view: true; allowed without it: all");
+  if (!spec || !errors_.empty() || spec->params.egocentric_view || inputs != NetworkInputs::egocentric) return;
+  fail(key, "'egocentric' needs environment.observation.egocentric_view: true; allowed without it: all");
 }
 
 LoadedRun load_run_config(const std::string& path, const std::vector<std::string>& overrides) {

@@ -51,6 +51,7 @@ class Actor final : public Policy {
   /// First of the three numbers of log_std among the parameters; continuous actions only.
   int64_t log_std_offset() const { return parameters_.offset(log_std_); }
 
+  ObservationSet reads() const override { return inputs_.set; }
   ActionKind actions() const override { return actions_; }
   int64_t head_size() const { return head_size(actions_); }
   static int64_t head_size(ActionKind actions) { return actions == ActionKind::discrete ? kLogitStride : kActionSize; }

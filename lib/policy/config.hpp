@@ -30,9 +30,10 @@ constexpr float kNormalizedLimit = 10;
 /// LibTorch adds this to the variance in a layer normalisation.
 constexpr float kLayerNormEpsilon = 1e-5f;
 
-/// The part of an observation that a network reads: everything, or the body view alone (sim/body_view.hpp).
-enum class NetworkInputs : uint8_t { all, body };
-constexpr std::array<const char*, 2> enum_names(NetworkInputs) { return {"all", "body"}; }
+/// The part of an observation that a network reads: everything, or the egocentric view alone (sim/egocentric_view.hpp).
+enum class NetworkInputs : uint8_t { all, egocentric };
+constexpr std::array<const char*, 2> enum_names(NetworkInputs) { return {"all", "egocentric"}; }
+constexpr std::array<RenamedChoice, 1> renamed_choices(NetworkInputs) { return {{{"body", "egocentric"}}}; }
 
 struct MlpConfig {
   std::vector<int> hidden = {64, 64};
@@ -55,7 +56,8 @@ struct NetworkConfig : MlpConfig {
 template <class V>
 void visit_network_fields(V& v, NetworkConfig& c) {
   v("inputs", c.inputs,
-    "what of an observation is read: all, or the body view alone (needs environment.observation.body_view: true)");
+    "what of an observation is read: all, or the egocentric view alone (needs environment.observation.egocentric_view: "
+    "true)");
   v("encoder", c.encoder,
     "network that turns the inputs into features for the output layer; mlp: dense layers of the sizes in hidden");
   v("hidden", c.hidden, "sizes of the hidden layers", range(1, 16384).items(1, 16));

@@ -3,7 +3,7 @@
 #include <ATen/ATen.h>
 
 #include "core/error.hpp"
-#include "sim/state_encoding.hpp"
+#include "sim/state_observation.hpp"
 
 namespace giga {
 

@@ -1,33 +1,35 @@
-// InputColumns: the numbers of an observation that a network reads.
+// InputColumns: the observations that a network reads, and where they lie in rows of all of them.
 #pragma once
 
 #include <cstdint>
 
 #include "core/error.hpp"
 #include "policy/config.hpp"
-#include "sim/observe.hpp"
+#include "sim/row_layout.hpp"
 
 namespace giga {
 
-/// Columns [first, first + size) of rows of `row` numbers.
+/// Columns [first, first + size) of rows of `row` numbers, where the observations `set` lie.
 struct InputColumns {
   int64_t row = 0, first = 0, size = 0;
+  ObservationSet set = Observation::vector;
 
   InputColumns() = default;
   /// All of a row.
   InputColumns(int64_t whole_row) : row(whole_row), size(whole_row) {}
-  InputColumns(int64_t row_, int64_t first_, int64_t size_) : row(row_), first(first_), size(size_) {}
+  InputColumns(int64_t row_, int64_t first_, int64_t size_, ObservationSet set_ = Observation::vector)
+      : row(row_), first(first_), size(size_), set(set_) {}
 
   bool all() const { return size == row; }
 };
 
-/// The columns in the padded observations of a scenario; `body` needs SimParams::body_view.
+/// The columns in rows of all observations of a scenario; `egocentric` needs SimParams::egocentric_view.
 inline InputColumns input_columns(NetworkInputs inputs, const SimSpec& spec) {
-  const int64_t row = spec.padded_observation_size();
-  if (inputs == NetworkInputs::all) return row;
-  GIGA_CHECK(spec.params.body_view, "no body view in '", spec.name, "'");
-  const int64_t first = body_at(spec.params);
-  return {row, first, row - first};
+  const RowLayout rows = observation_rows(spec);
+  const ObservationSet set = inputs == NetworkInputs::all ? rows.set() : Observation::egocentric;
+  GIGA_CHECK((rows.set() & set) == set, "no egocentric view in '", spec.name, "'");
+  const RowLayout::Columns columns = rows.columns(set);
+  return {rows.stride(), columns.first, columns.count, set};
 }
 
 }  // namespace giga

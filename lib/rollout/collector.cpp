@@ -22,7 +22,7 @@ T* whole(const at::Tensor& tensor) {
 }
 
 at::Tensor zeros(const BufferShape& shape, Device device) {
-  constexpr at::ScalarType kTypes[] = {at::kFloat, at::kInt, at::kByte};  // by ElementType
+  constexpr at::ScalarType kTypes[] = {at::kFloat, at::kInt, at::kByte, at::kBFloat16};  // by ElementType
   const auto options = at::TensorOptions().dtype(kTypes[static_cast<size_t>(shape.type)]).device(torch_device(device));
   return at::zeros(shape.sides, options);
 }
@@ -32,8 +32,7 @@ BufferSet buffers_of(const Side& side) {
     return std::any_of(side.begin(), side.end(), [&](const SidePart& part) { return holds(*part.controller); });
   };
   if (any([](const TeamController& c) { return c.fills_log_prob(); })) return BufferSet::learning;
-  return any([](const TeamController& c) { return c.looks() != Looks::nothing; }) ? BufferSet::observations
-                                                                                  : BufferSet::actions;
+  return any([](const TeamController& c) { return !c.reads().empty(); }) ? BufferSet::observations : BufferSet::actions;
 }
 
 Rollout make_rollout(const Simulator& sim, const CollectorOptions& options, const BothSides& sides) {
@@ -49,8 +48,8 @@ Rollout make_rollout(const Simulator& sim, const CollectorOptions& options, cons
                           make(s.log_prob), make(s.reward), make(s.final_obs), make(s.final_alive)};
   }
   rollout.done = make(shapes.done);
-  rollout.global = make(shapes.global);
-  rollout.final_global = make(shapes.final_global);
+  rollout.true_state = make(shapes.true_state);
+  rollout.final_true_state = make(shapes.final_true_state);
   return rollout;
 }
 
@@ -89,7 +88,7 @@ void Collector::before_play(int64_t n_steps) {
     r.obs[0].copy_(r.obs[n_steps]);
     r.alive[0].copy_(r.alive[n_steps]);
   }
-  if (rollout_.global.defined()) rollout_.global[0].copy_(rollout_.global[n_steps]);
+  if (rollout_.true_state.defined()) rollout_.true_state[0].copy_(rollout_.true_state[n_steps]);
   for (int team = 0; team < kNTeams; ++team)
     if (memory_[team].defined()) rollout_.team[team].state.copy_(memory_[team]);
 }
@@ -102,17 +101,16 @@ void Collector::before_step(int64_t t, GameStep& step) {
   for (int team = 0; team < kNTeams; ++team) {
     const TeamRollout& r = rollout_.team[team];
     TeamIo& out = step.io.team[team];
-    out.obs = slot<float>(r.obs, t + 1);
+    step.rows[team] = {slot<float>(r.obs, t + 1), whole<float>(r.final_obs)};
     out.alive = slot<uint8_t>(r.alive, t + 1);
     out.reward = slot<float>(r.reward, t);
-    out.final_obs = whole<float>(r.final_obs);
     out.final_alive = whole<uint8_t>(r.final_alive);
     void* action = static_cast<char*>(r.action.data_ptr()) + t * r.action.stride(0) * r.action.itemsize();
     step.team[team] = {slot<float>(r.obs, t), action, slot<float>(r.raw, t), slot<float>(r.log_prob, t),
                        whole<float>(memory_[team])};
   }
-  step.io.global = slot<float>(rollout_.global, t + 1);
-  step.io.final_global = whole<float>(rollout_.final_global);
+  step.io.world[Observation::state] = {slot<float>(rollout_.true_state, t + 1),
+                                       whole<float>(rollout_.final_true_state)};
   step.io.done = slot<uint8_t>(rollout_.done, t);
 }
 

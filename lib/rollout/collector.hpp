@@ -28,9 +28,9 @@ struct TeamRollout {
 
 struct Rollout {
   TeamRollout team[kNTeams];
-  at::Tensor done;          // [T, W] uint8, Done
-  at::Tensor global;        // [T + 1, W, G] true state; only with `with_state`
-  at::Tensor final_global;  // [W, G]
+  at::Tensor done;              // [T, W] uint8, Done
+  at::Tensor true_state;        // [T + 1, W, G] true state; only with `with_state`
+  at::Tensor final_true_state;  // [W, G]
 };
 
 struct CollectorOptions {

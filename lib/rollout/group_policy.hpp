@@ -26,6 +26,7 @@ class GroupPolicy {
 
   const at::Tensor& rows() const { return rows_; }
   int64_t groups() const { return rows_.size(0); }
+  ObservationSet reads() const { return shape_.reads(); }
   ActionKind actions() const { return shape_.actions(); }
   /// As those of Actor.
   int64_t head_size() const { return shape_.head_size(); }

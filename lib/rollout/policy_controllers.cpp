@@ -20,7 +20,7 @@ class PolicyController final : public TeamController {
  public:
   PolicyController(const Policy& policy, bool greedy) : policy_(policy), greedy_(greedy) {}
 
-  Looks looks() const override { return Looks::everything; }
+  ObservationSet reads() const override { return policy_.reads(); }
   bool fills_log_prob() const override { return true; }
   int64_t memory_size() const override { return policy_.state_size(); }
   void act(std::span<const TeamStep> parts) override {
@@ -61,7 +61,7 @@ class GroupController final : public TeamController {
  public:
   explicit GroupController(const GroupPolicy& policy) : policy_(policy) {}
 
-  Looks looks() const override { return Looks::everything; }
+  ObservationSet reads() const override { return policy_.reads(); }
   void act(std::span<const TeamStep> parts) override {
     for (const TeamStep& part : parts) act(part);
   }

@@ -173,13 +173,12 @@ void PopulationController::end() {
   populations_.clear();
 }
 
-// Networks of body views leave the rest of the observation unread, scripts that look do not.
-Looks PopulationController::looks() const {
-  const bool scripts_look = std::any_of(populations_.begin(), populations_.end(), [](const Population& p) {
-    return std::any_of(p.opponent.begin(), p.opponent.end(),
-                       [](int32_t id) { return id < 0 && uses_observation(script_of_network(id)); });
-  });
-  return network_.inputs().all() || scripts_look ? Looks::everything : Looks::body_view;
+ObservationSet PopulationController::reads() const {
+  ObservationSet set = network_.reads();
+  for (const Population& p : populations_)
+    for (const int32_t id : p.opponent)
+      if (id < 0) set |= observations_of(script_of_network(id));
+  return set;
 }
 
 void PopulationController::act(std::span<const TeamStep> teams) {

@@ -37,7 +37,7 @@ class PopulationController : public TeamController {
   /// Lets go of them.
   void end();
 
-  Looks looks() const override;
+  ObservationSet reads() const override;
   /// `teams`: both in all worlds.
   void act(std::span<const TeamStep> teams) override;
 

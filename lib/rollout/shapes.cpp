@@ -3,7 +3,7 @@
 namespace giga {
 
 RolloutShapes rollout_shapes(const SimSpec& spec, const RolloutSize& size) {
-  const int64_t t = size.horizon, w = size.n_worlds, d = spec.padded_observation_size(), g = spec.global_size();
+  const int64_t t = size.horizon, w = size.n_worlds, d = observation_rows(spec).stride(), g = spec.state_size();
   const bool discrete = spec.params.actions == ActionKind::discrete;
   RolloutShapes shapes;
   for (size_t team = 0; team < kNTeams; ++team) {
@@ -24,8 +24,8 @@ RolloutShapes rollout_shapes(const SimSpec& spec, const RolloutSize& size) {
   }
   shapes.done = {ElementType::u8, {t, w}};
   if (size.with_state) {
-    shapes.global = {ElementType::f32, {t + 1, w, g}};
-    shapes.final_global = {ElementType::f32, {w, g}};
+    shapes.true_state = {ElementType::f32, {t + 1, w, g}};
+    shapes.final_true_state = {ElementType::f32, {w, g}};
   }
   return shapes;
 }

@@ -14,7 +14,7 @@ struct TeamRolloutShapes {
 };
 struct RolloutShapes {
   TeamRolloutShapes team[kNTeams];
-  BufferShape done, global, final_global;
+  BufferShape done, true_state, final_true_state;
 };
 
 /// What of a team's game is kept: what learning needs, only the last observations (for a script that looks at them), or

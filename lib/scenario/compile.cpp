@@ -89,7 +89,7 @@ SimParams numbers_of(const Scenario& s) {
   p.obstacle_heights = s.collision.obstacle_heights;
   p.obstacles_block_sight = s.sight.obstacles_block_sight;
   p.sight_3d = s.sight.sight_3d;
-  p.egocentric_view = s.observation.body_view;
+  p.egocentric_view = s.observation.egocentric_view;
   return p;
 }
 

@@ -167,15 +167,17 @@ void visit_fields(V& v, RewardConfig& c) {
 struct ObservationConfig {
   ObservationType type = ObservationType::vector;
   int max_agents = 15;
-  bool body_view = false;
+  bool egocentric_view = false;
 };
 
 template <class V>
 void visit_fields(V& v, ObservationConfig& c) {
   v("type", c.type, "what an agent's policy is given");
   v("max_agents", c.max_agents, "rows of agents in a vector observation, nearest first, the ego included", at_least(1));
-  v("body_view", c.body_view,
-    "add the body view (beyond the original): along the own heading the nearness of walls in 12 directions, of the "
+  v.renamed("body_view", "egocentric_view");
+  v("egocentric_view", c.egocentric_view,
+    "add the egocentric view (beyond the original): along the own heading the nearness of walls in 12 directions, of "
+    "the "
     "waypoint, the nearest 3 opponents and 2 mates that are seen, and what kind they are where a team mixes kinds");
 }
 

@@ -6,6 +6,7 @@
 #include <cstdint>
 
 #include "core/host_device.hpp"
+#include "sim/observation.hpp"
 
 namespace giga {
 
@@ -29,6 +30,10 @@ constexpr std::array<const char*, 10> enum_names(Scripted) {
 constexpr const char* name_of(Scripted script) { return enum_names(script)[static_cast<size_t>(script)]; }
 /// Whether a script looks at the agent's observation.
 GIGA_HD bool uses_observation(Scripted script) { return script >= Scripted::pursuer; }
+/// The observations that it looks at.
+constexpr ObservationSet observations_of(Scripted script) {
+  return script >= Scripted::pursuer ? Observation::vector : ObservationSet();
+}
 
 /// Where networks are told by their rows: a script among them is -1 - its number.
 GIGA_HD Scripted script_of_network(int32_t network) { return static_cast<Scripted>(-1 - network); }

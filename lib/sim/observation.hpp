@@ -16,8 +16,8 @@ enum class Observation : uint8_t {
 constexpr int kNObservations = 3;
 
 /// What the elements of an observation are.
-enum class ElementType : uint8_t { f32, bf16, u8 };
-constexpr int size_of(ElementType type) { return type == ElementType::f32 ? 4 : type == ElementType::bf16 ? 2 : 1; }
+enum class ElementType : uint8_t { f32, i32, u8, bf16 };
+constexpr int size_of(ElementType type) { return type == ElementType::u8 ? 1 : type == ElementType::bf16 ? 2 : 4; }
 
 /// Whose an observation is: each agent has one, or each world.
 enum class ObservationOf : uint8_t { agent, world };
@@ -42,6 +42,11 @@ class ObservationSet {
   constexpr ObservationSet& operator|=(ObservationSet other) {
     bits_ |= other.bits_;
     return *this;
+  }
+  /// What is in both.
+  friend constexpr ObservationSet operator&(ObservationSet a, ObservationSet b) {
+    a.bits_ &= b.bits_;
+    return a;
   }
   friend constexpr ObservationSet operator|(ObservationSet a, ObservationSet b) { return a |= b; }
   bool operator==(const ObservationSet&) const = default;

@@ -32,10 +32,10 @@ RowLayout::Columns RowLayout::columns(ObservationSet reads) const {
   return {first, std::max<int64_t>(end - first, 0)};
 }
 
-void RowLayout::attach(TeamIo& team, float* rows, float* final_rows) const {
+void RowLayout::attach(TeamIo& team, ObservationSet wanted, float* rows, float* final_rows) const {
   for (int k = 0; k < kNObservations; ++k) {
     const auto kind = static_cast<Observation>(k);
-    if (!set_.has(kind)) continue;
+    if (!(set_ & wanted).has(kind)) continue;
     team.obs[kind] = {rows ? rows + first_[k] : nullptr, final_rows ? final_rows + first_[k] : nullptr, stride_};
   }
 }

@@ -25,13 +25,17 @@ class RowLayout {
   int stride() const { return stride_; }    ///< numbers from one row to the next
   int numbers() const { return numbers_; }  ///< the same without the zeros behind the last observation
 
-  /// Lets a step write its observations to rows [W, n, stride]; `final_rows` may be null.
-  void attach(TeamIo& team, float* rows, float* final_rows = nullptr) const;
+  /// Lets a step write those of `wanted` that are part of the row to rows [W, n, stride]; `final_rows` may be null.
+  void attach(TeamIo& team, ObservationSet wanted, float* rows, float* final_rows = nullptr) const;
 
  private:
   ObservationSet set_;
   int first_[kNObservations] = {}, end_[kNObservations] = {};  // end: with the zeros behind
   int stride_ = 0, numbers_ = 0;
 };
+
+/// The row that holds all observations which a scenario offers an agent: what networks, scripts and exported policies
+/// find theirs in.
+inline RowLayout observation_rows(const SimSpec& spec) { return RowLayout(spec.params, spec.observations()); }
 
 }  // namespace giga

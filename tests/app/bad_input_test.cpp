@@ -137,8 +137,9 @@ std::vector<BadInput> meanings() {
       in_config("batch that does not divide", "train: {n_worlds: 10}\nmappo: {horizon: 5, n_minibatches: 4}",
                 {"run.yaml:3:36: mappo.n_minibatches: 4 does not divide train.n_worlds x mappo.horizon = 10 x 5 = 50",
                  "nearest: 2, 5"}),
-      in_config("a part of the observation that is not there", "mappo: {critic: {inputs: body}}",
-                {"run.yaml:2:26: mappo.critic.inputs: 'body' needs environment.observation.body_view: true; allowed",
+      in_config("a part of the observation that is not there", "mappo: {critic: {inputs: egocentric}}",
+                {"run.yaml:2:26: mappo.critic.inputs: 'egocentric' needs environment.observation.egocentric_view: "
+                 "true; allowed",
                  "without it: all"}),
       in_evolution("odd population of pairs", "train: {algorithm: openai_es}\npopulation: {population_size: 33}",
                    {"run.yaml:3:31: population.population_size: 33 is odd", "nearest: 32, 34"}),

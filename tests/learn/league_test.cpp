@@ -119,8 +119,8 @@ Rollout copy_of(const Rollout& rollout) {
                          copy(r.log_prob), copy(r.reward), copy(r.final_obs), copy(r.final_alive)};
   }
   result.done = copy(rollout.done);
-  result.global = copy(rollout.global);
-  result.final_global = copy(rollout.final_global);
+  result.true_state = copy(rollout.true_state);
+  result.final_true_state = copy(rollout.final_true_state);
   return result;
 }
 
@@ -133,8 +133,8 @@ void spoil_frozen(Rollout& rollout, int team, const WorldRange& learning) {
     x.narrow(dim, learning.end(), kSmallRunWorlds - learning.end()).fill_(kSpoiled);
   };
   const TeamRollout& r = rollout.team[team];
-  for (const at::Tensor& x : {r.obs, r.raw, r.log_prob, r.reward, rollout.global}) spoil(x, 1);
-  for (const at::Tensor& x : {r.final_obs, rollout.final_global}) spoil(x, 0);
+  for (const at::Tensor& x : {r.obs, r.raw, r.log_prob, r.reward, rollout.true_state}) spoil(x, 1);
+  for (const at::Tensor& x : {r.final_obs, rollout.final_true_state}) spoil(x, 0);
 }
 
 // Everything in which a NaN could hide: advantages by minibatch and batch, both normalisers, all critics' inputs.

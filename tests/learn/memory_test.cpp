@@ -96,7 +96,7 @@ TEST(LearnMemoryPlan, TheLargestBuffersAreALowerBound) {
     return algorithm_of(run.config).least_bytes(run);
   };
   const MemorySettings both{"", "", "mappo: {horizon: 16}\n"}, one{"", ", opponent: circle", "mappo: {horizon: 16}\n"};
-  const int64_t d = load_sized(both, 64).spec.padded_observation_size();
+  const int64_t d = load_sized(both, observation_rows(64).spec).stride();
   EXPECT_EQ(least(both, 64), static_cast<int64_t>(state_bytes(10, 64)) + 64 * 16 * 10 * 4 * d);
   EXPECT_EQ(least(both, 64) - least(one, 64), 64 * 16 * 5 * 4 * d);
   // Two teams of 64 members, each in 4 worlds.
@@ -250,7 +250,7 @@ TEST(LearnParameterCounts, AreThoseOfTheNetworks) {
   const CriticShape shape = critic_shape(run.config.mappo.critic, run.spec, 1);
   const Critic critic(run.config.mappo.critic, shape, Precision::fp32, rows, at::kCPU, 1);
   EXPECT_EQ(Critic::count_parameters(run.config.mappo.critic, shape), critic.parameters().values().numel());
-  const int64_t obs_size = run.spec.padded_observation_size();
+  const int64_t obs_size = observation_rows(run.spec).stride();
   for (const ActionKind actions : {ActionKind::discrete, ActionKind::continuous}) {
     const Actor actor(run.config.mappo.actor, obs_size, actions, false, Precision::fp32, at::kCPU, 1);
     EXPECT_EQ(Actor::count_parameters(run.config.mappo.actor, obs_size, actions), actor.parameters().values().numel());

@@ -91,9 +91,11 @@ TEST(LearnPopulationGames, ScriptsArePlayedAsInAMatch) {
   EXPECT_EQ(stat(games.results(0), EpisodeStat::length) / 16, match.mean_length);
 }
 
-// Networks that read the body view alone, beside scripts that read the rest of the observation and those that do not.
-TEST(LearnPopulationGames, NetworksOfBodyViewsMeetScriptsThatLook) {
-  const LoadedRun run = run_of("maps: two_rooms1\nobservation: {body_view: true}\n", "hidden: [16, 16], inputs: body");
+// Networks that read the egocentric view alone, beside scripts that read the rest of the observation and those that do
+// not.
+TEST(LearnPopulationGames, NetworksOfEgocentricViewsMeetScriptsThatLook) {
+  const LoadedRun run =
+      run_of("maps: two_rooms1\nobservation: {egocentric_view: true}\n", "hidden: [16, 16], inputs: egocentric");
   Networks n(run, 1, {});
   n.take(n.members[0]);
   const ParallelFor rows(Device{}, 1);
@@ -240,10 +242,10 @@ const FusedCase kFusedCases[] = {
     {"TwentyAgainstOne",
      "limit_x: 20\nlimit_y: 20\nteam_0: [{type: default, count: 20}]\nteam_1: [{type: default, count: 1}]\n",
      "hidden: [40, 24]"},
-    {"BodyViewAlone",
+    {"EgocentricViewAlone",
      "team_0: [{type: default, count: 3}]\nteam_1: [{type: default, count: 2}]\nmaps: two_rooms1\nobservation: "
-     "{body_view: true}\n",
-     "hidden: [64, 64], inputs: body"},
+     "{egocentric_view: true}\n",
+     "hidden: [64, 64], inputs: egocentric"},
 };
 class LearnPopulationGamesGpu : public testing::TestWithParam<FusedCase> {};
 

@@ -59,7 +59,7 @@ at::Tensor tensor_of(const std::vector<T>& values, at::ScalarType type, at::IntA
 /// The values are the first number of each observation, the rest is 0.
 Rollout rollout_by_hand(const SimSpec& spec) {
   const auto observations = [&](const std::vector<float>& values, std::vector<int64_t> shape) {
-    shape.push_back(spec.padded_observation_size());
+    observation_rows(shape.push_back(spec).stride());
     at::Tensor obs = at::zeros(shape);
     shape.pop_back();
     obs.select(-1, 0).copy_(tensor_of(values, at::kFloat, shape));

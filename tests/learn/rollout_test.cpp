@@ -48,8 +48,8 @@ TEST(LearnRollout, LongRolloutEqualsSingleSteps) {
       single.collector.collect();
       const Rollout& s = single.collector.rollout();
       ASSERT_TRUE(at::equal(r.done[t], s.done[0])) << "step " << t;
-      ASSERT_TRUE(at::equal(r.global[t], s.global[0])) << "step " << t;
-      ASSERT_TRUE(at::equal(r.global[t + 1], s.global[1])) << "step " << t;
+      ASSERT_TRUE(at::equal(r.true_state[t], s.true_state[0])) << "step " << t;
+      ASSERT_TRUE(at::equal(r.true_state[t + 1], s.true_state[1])) << "step " << t;
       for (int team = 0; team < 2; ++team) {
         const TeamRollout &a = r.team[team], &b = s.team[team];
         ASSERT_TRUE(at::equal(a.obs[t], b.obs[0])) << "step " << t;
@@ -103,7 +103,7 @@ TEST(LearnRollout, FinalObservationIsThatOfTheTruncation) {
     whole.collector.collect();
     const Rollout& r = whole.collector.rollout();
     const TeamRollout& team = r.team[0];
-    std::map<int, at::Tensor> final_obs, final_alive, final_global;  // by world: at its truncation
+    std::map<int, at::Tensor> final_obs, final_alive, final_true_state;  // by world: at its truncation
     for (int t = 0; t < kHorizon; ++t) {
       single.collector.collect();
       const Rollout& s = single.collector.rollout();
@@ -113,7 +113,7 @@ TEST(LearnRollout, FinalObservationIsThatOfTheTruncation) {
           ++n_truncated;
           final_obs[w] = s.team[0].final_obs[w].clone();
           final_alive[w] = s.team[0].final_alive[w].clone();
-          final_global[w] = s.final_global[w].clone();
+          final_true_state[w] = s.final_true_state[w].clone();
         } else if (done == Done::terminated && final_obs.contains(w)) {
           ++n_followed;
         }
@@ -121,7 +121,7 @@ TEST(LearnRollout, FinalObservationIsThatOfTheTruncation) {
     }
     for (const auto& [w, obs] : final_obs)
       if (!at::equal(team.final_obs[w], obs) || !at::equal(team.final_alive[w], final_alive[w]) ||
-          !at::equal(r.final_global[w], final_global[w]))
+          !at::equal(r.final_true_state[w], final_true_state[w]))
         wrong += cat(" ", rollout, ":", w);
   }
   EXPECT_EQ(wrong, "") << "rollout:world of truncations with another final observation";

@@ -5,7 +5,7 @@
 #include <torch/autograd.h>
 
 #include "cuda/runtime.hpp"
-#include "sim/state_encoding.hpp"
+#include "sim/state_observation.hpp"
 #include "tensors.hpp"
 
 namespace giga::test {

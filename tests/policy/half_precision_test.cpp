@@ -65,7 +65,7 @@ Actor actor_of(const ActorConfig& config, ActionKind actions, Precision precisio
   return actor;
 }
 
-/// As body views are: numbers in [-1, 1], of which a quarter, the unseen, is 0.
+/// As egocentric views are: numbers in [-1, 1], of which a quarter, the unseen, is 0.
 at::Tensor observations(int64_t rows) {
   return at::where(random({rows, kHalfObs}, 5) < 0.7, random({rows, kHalfObs}, 3).clamp(-1, 1), 0.0);
 }

@@ -54,7 +54,7 @@ int run(int steps) {
     action[t].resize(agents);
     rows[t].resize(agents * static_cast<size_t>(layout.stride()));
     io.team[t].action = action[t].data();
-    layout.attach(io.team[t], rows[t].data());
+    layout.attach(io.team[t], layout.set(), rows[t].data());
   }
   sim->start(io);
   uint64_t hash = 0xcbf29ce484222325;

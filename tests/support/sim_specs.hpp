@@ -25,7 +25,7 @@ SimSpec open_spec(int n_team_0, int n_team_1);
 SimSpec random_spec(uint64_t seed, int n_team_0, int n_team_1);
 
 /// Sets every switch of a spec by the bits of `mask`: rules, actions, both stochastic flags, waypoints, options beyond
-/// the original, division, one-team-dead, body view. With all 2,048 masks every combination occurs.
+/// the original, division, one-team-dead, egocentric view. With all 2,048 masks every combination occurs.
 void set_switches(SimSpec& spec, unsigned mask);
 constexpr unsigned kNSwitches = 11, kNSwitchMasks = 1u << kNSwitches;
 

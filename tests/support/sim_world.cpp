@@ -59,7 +59,7 @@ TestWorld::TestWorld(SimSpec spec, OnDone on_done)
     team.final_alive.resize(rows);
     const bool discrete = params().actions == ActionKind::discrete;
     io_.team[t].action = discrete ? static_cast<const void*>(team.indices.data()) : team.controls.data();
-    rows_.attach(io_.team[t], team.obs.data(), team.final_obs.data());
+    rows_.attach(io_.team[t], rows_.set(), team.obs.data(), team.final_obs.data());
     io_.team[t].reward = team.reward.data();
     io_.team[t].alive = team.alive.data();
     io_.team[t].final_alive = team.final_alive.data();

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "core/error.hpp"
-#include "sim/observe.hpp"
+#include "sim/observations.hpp"
 #include "support/sim_specs.hpp"
 
 namespace giga::test {
@@ -17,10 +17,10 @@ namespace {
 
 constexpr int kWorlds = 7;
 
-SimSpec game_spec(bool body_view = false) {
+SimSpec game_spec(bool egocentric_view = false) {
   SimSpec spec = plain_spec(3, 2);
   spec.params.actions = ActionKind::discrete;
-  spec.params.body_view = body_view;
+  spec.params.egocentric_view = egocentric_view;
   spec.params.max_episode_length = 30;
   spec.finish();
   return spec;
@@ -38,9 +38,9 @@ std::unique_ptr<Simulator> simulator(const SimSpec& spec, OnDone on_done = OnDon
 /// Flies straight on, and notes what it was asked for.
 class Straight final : public TeamController {
  public:
-  explicit Straight(Looks looks = Looks::nothing) : looks_(looks) {}
+  explicit Straight(ObservationSet reads = {}) : reads_(reads) {}
 
-  Looks looks() const override { return looks_; }
+  ObservationSet reads() const override { return reads_; }
   void act(std::span<const TeamStep> parts) override {
     std::string asked = cat("step ", parts[0].number, ":");
     for (const TeamStep& part : parts) {
@@ -55,7 +55,7 @@ class Straight final : public TeamController {
   const float* obs[kNTeams] = {};
 
  private:
-  const Looks looks_;
+  const ObservationSet reads_;
 };
 
 /// Counts, and wants the ends of episodes and the actions where asked to.
@@ -144,7 +144,7 @@ TEST(Game, ObserversGetEachStepAndBringTheirBuffers) {
   EXPECT_EQ(first.plays, std::vector<int64_t>{30});
   EXPECT_EQ(second.action, std::vector<int32_t>(kWorlds * 2, 13));
   EXPECT_EQ(second.last.io.team[1].action, second.action.data());
-  EXPECT_EQ(second.last.io.team[0].obs, nullptr) << "nobody looks";
+  EXPECT_EQ(second.last.rows[0].obs, nullptr) << "nobody looks";
   for (const uint8_t done : second.done) EXPECT_LE(done, 2);
 }
 
@@ -163,21 +163,29 @@ TEST(Game, IsOverWhenAllWorldsWait) {
   EXPECT_EQ(witness.after.back(), 0) << "a new start plays again";
 }
 
-TEST(Game, WritesAsMuchOfTheObservationsAsControllersLookAt) {
+TEST(Game, WritesTheObservationsThatControllersRead) {
   const SimSpec spec = game_spec(true);
-  const int whole = spec.observation_size(), body = body_at(spec.params);
-  for (const Looks other : {Looks::nothing, Looks::body_view, Looks::everything}) {
+  const RowLayout layout = observation_rows(spec);
+  const auto sum_of = [&](const float* row, Observation kind) {
+    double sum = 0;
+    const RowLayout::Columns columns = layout.columns(kind);
+    for (int64_t k = 0; k < columns.count; ++k) sum += std::abs(static_cast<double>(row[columns.first + k]));
+    return sum;
+  };
+  for (const ObservationSet other : {ObservationSet(), ObservationSet(Observation::egocentric), layout.set()}) {
     const auto sim = simulator(spec);
-    const auto looking = std::make_shared<Straight>(Looks::body_view), opponent = std::make_shared<Straight>(other);
+    const auto looking = std::make_shared<Straight>(Observation::egocentric),
+               opponent = std::make_shared<Straight>(other);
     Game game(*sim, rows(), {everywhere(looking, *sim), everywhere(opponent, *sim)});
     game.start();
     game.play(2);
     ASSERT_NE(looking->obs[0], nullptr);
-    EXPECT_EQ(opponent->obs[1] == nullptr, other == Looks::nothing);
-    double before = 0, view = 0;
-    for (int k = 0; k < whole; ++k) (k < body ? before : view) += std::abs(static_cast<double>(looking->obs[0][k]));
-    EXPECT_EQ(before > 0, other == Looks::everything);
-    EXPECT_GT(view, 0);
+    EXPECT_EQ(sum_of(looking->obs[0], Observation::vector), 0);
+    EXPECT_GT(sum_of(looking->obs[0], Observation::egocentric), 0);
+    ASSERT_EQ(opponent->obs[1] == nullptr, other.empty());
+    if (other.empty()) continue;
+    EXPECT_EQ(sum_of(opponent->obs[1], Observation::vector) > 0, other.has(Observation::vector));
+    EXPECT_GT(sum_of(opponent->obs[1], Observation::egocentric), 0);
   }
 }
 

@@ -81,7 +81,7 @@ void check_noise_rank(ConfigCheck& check) {
   const PopulationConfig& p = check.config.population;
   if (!check.spec || p.noise != EsNoiseKind::low_rank) return;
   if (!check.known({"population.noise_rank", "population.actor.hidden", "population.actor.inputs"})) return;
-  if (p.actor.inputs == NetworkInputs::body && !check.spec->params.body_view) return;
+  if (p.actor.inputs == NetworkInputs::egocentric && !check.spec->params.egocentric_view) return;
   auto input = static_cast<int>(input_columns(p.actor.inputs, *check.spec).size), most = 0;
   for (const int size : p.actor.hidden) {
     most = std::max(most, std::min(input, size));
@@ -111,7 +111,7 @@ RunSize population_size(const RunConfig& c) {
 int64_t evolution_least_bytes(const LoadedRun& run) {
   const PopulationConfig& p = run.config.population;
   const int64_t n_worlds = static_cast<int64_t>(populations_at_a_time(run.config)) * p.population_size * p.n_worlds();
-  const auto observation = static_cast<int64_t>(sizeof(float)) * run.spec.padded_observation_size();
+  const auto observation = static_cast<int64_t>(sizeof(float)) * observation_rows(run.spec).stride();
   return static_cast<int64_t>(state_bytes(run.spec.params.n_agents, n_worlds)) +
          n_worlds * run.spec.params.n_agents * observation;
 }

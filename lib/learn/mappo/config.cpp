@@ -97,7 +97,7 @@ int64_t mappo_least_bytes(const LoadedRun& run) {
   const SimParams& p = run.spec.params;
   const TrainConfig& c = run.config.train;
   const int64_t agents = c.opponent == Opponent::self_play ? p.n_agents : p.n_team[c.learning_team];
-  const auto observation = static_cast<int64_t>(sizeof(float)) * run.spec.padded_observation_size();
+  const auto observation = static_cast<int64_t>(sizeof(float)) * observation_rows(run.spec).stride();
   return static_cast<int64_t>(state_bytes(p.n_agents, c.n_worlds)) +
          c.n_worlds * run.config.mappo.horizon * agents * observation;
 }

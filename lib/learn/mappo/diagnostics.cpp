@@ -85,7 +85,7 @@ void PpoTeam::save_batch(const Rollout& rollout, const at::Tensor& states, Named
   add("value", value_);
   add("advantage", advantage_);
   add("returns", returns_);
-  add("global", rollout.global);
+  add("true_state", rollout.true_state);
 }
 
 }  // namespace giga

@@ -82,8 +82,8 @@ void PpoTeam::compute_advantages(const Rollout& rollout) {
     return critic_.needs_state() ? global.reshape({-1, global.size(-1)}) : at::Tensor();
   };
   const at::Tensor value = values_of(
-      {r.obs.view({(t + 1) * w, n_, d}), r.alive.view({(t + 1) * w, n_}), true_states(rollout.global)}, slots_);
-  const at::Tensor final_value = values_of({r.final_obs, r.final_alive, true_states(rollout.final_global)},
+      {r.obs.view({(t + 1) * w, n_, d}), r.alive.view({(t + 1) * w, n_}), true_states(rollout.true_state)}, slots_);
+  const at::Tensor final_value = values_of({r.final_obs, r.final_alive, true_states(rollout.final_true_state)},
                                            everywhere() ? slots_ : slots_.slice(0, 0, worlds_.count));
 
   advantage_ = at::empty_like(r.reward);
@@ -227,7 +227,7 @@ void PpoTeam::update_critic(const Rollout& rollout, const Minibatch& batch, floa
   at::Tensor state;
   if (critic_.needs_state()) {
     const int64_t t = rollout.done.size(0);
-    state = rollout.global.slice(0, 0, t).flatten(0, 1).index_select(0, batch.states);
+    state = rollout.true_state.slice(0, 0, t).flatten(0, 1).index_select(0, batch.states);
   }
   const at::Tensor value = critic_.forward(obs, batch.alive, state);
   const at::Tensor gradient = at::empty_like(value), loss = at::empty_like(value);
