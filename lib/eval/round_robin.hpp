@@ -4,7 +4,7 @@
 #include <functional>
 #include <vector>
 
-#include "eval/game_table.hpp"
+#include "rating/game_table.hpp"
 #include "eval/match.hpp"
 #include "eval/player.hpp"
 

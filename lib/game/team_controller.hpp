@@ -6,7 +6,7 @@
 #include <span>
 
 #include "core/parallel_for.hpp"
-#include "game/world_range.hpp"
+#include "sim/world_range.hpp"
 #include "math/rows.hpp"
 #include "scripted/actions.hpp"
 #include "sim/row_layout.hpp"

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "eval/game_table.hpp"
+#include "rating/game_table.hpp"
 #include "rating/sequential_elo.hpp"
 
 namespace giga {

@@ -44,7 +44,7 @@ GIGA_HD void rank_neighbors(const Parameters auto& p, World auto& w, int e) {
 /// in [kFirstRelative, kLastRelative].
 enum Feature : int { kSeen, kSameTeam, kX, kY, kZ, kHeading, kSpeed, kHealth, kSprite };
 constexpr int kFirstRelative = kX, kLastRelative = kSpeed;
-GIGA_HD void describe(const Parameters auto& p, World auto& w, int a) {
+GIGA_HD void describe_agent(const Parameters auto& p, World auto& w, int a) {
   float* f = w.features + a * kNeighborFeatures;
   f[kSeen] = 1.0f;
   f[kSameTeam] = static_cast<float>(p.team_of(a));  // compared with the ego's
@@ -118,7 +118,7 @@ struct VectorObservation {
 
   GIGA_HD static bool offered(const Parameters auto&) { return true; }
   GIGA_HD static ObservationShape shape(const Parameters auto& p) { return neighbor_columns(p) + tail_columns(p); }
-  GIGA_HD static void prepare(const Parameters auto& p, World auto& w, int a) { describe(p, w, a); }
+  GIGA_HD static void prepare(const Parameters auto& p, World auto& w, int a) { describe_agent(p, w, a); }
 
   /// Number by number, so that neighboring lanes write neighboring numbers.
   template <class Lanes, class RowOf>

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "eval/game_table.hpp"
+#include "rating/game_table.hpp"
 
 namespace giga::test {
 

@@ -3,7 +3,7 @@
 
 #include <cstdint>
 
-#include "game/world_range.hpp"
+#include "sim/world_range.hpp"
 #include "learn/run_config.hpp"
 
 namespace giga {
