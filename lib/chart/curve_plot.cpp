@@ -14,9 +14,9 @@
 namespace giga {
 namespace {
 
-constexpr double kFinest = 100'000;  // the side of the square in which curves are drawn, which the page stretches
-constexpr size_t kFewPoints = 40;    // up to here a curve shows its points
-constexpr double kEdge = 0.04;       // of the range of values, left free above and below
+constexpr double kFinest = 1e6;    // the side of the square in which curves are drawn, which the page stretches
+constexpr size_t kFewPoints = 40;  // up to here a curve shows its points
+constexpr double kEdge = 0.04;     // of the range of values, left free above and below
 
 using Limits = std::pair<double, double>;
 

@@ -113,15 +113,16 @@ class ReportCharts {
       if (start !== null) select(Math.min(start, here), Math.max(start, here));
       this.tell(xAt(here));
     });
-    frame.addEventListener("pointerdown", event => {
-      start = share(event);
-      addEventListener("pointerup", up => {
-        const [from, to] = [start, share(up)].sort((a, b) => a - b);
+    frame.addEventListener("pointerdown", event => { start = event.button === 0 ? share(event) : null; });
+    for (const end of ["pointerup", "pointercancel"]) {
+      addEventListener(end, event => {
+        if (start === null) return;
+        const [from, to] = [start, share(event)].sort((a, b) => a - b);
         start = null;
         select(0, 0);
-        if (to - from > 0.01) this.zoom([xAt(from), xAt(to)]);
-      }, {once: true});
-    });
+        if (end === "pointerup" && to - from > 0.01) this.zoom([xAt(from), xAt(to)]);
+      });
+    }
     frame.addEventListener("pointerleave", () => this.tell(null));
     frame.addEventListener("dblclick", () => this.zoom(null));
   }
