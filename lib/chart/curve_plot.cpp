@@ -61,7 +61,7 @@ void draw_plot_axes(Markup& svg, const Limits& x, const Limits& y) {
     svg.add("line", {{"x2", "100%"}, {"y1", at}, {"y2", at}});
     svg.text(tick_label(tick), {{"class", "y"}, {"x", "-8"}, {"y", at}});
   }
-  for (const double tick : axis_ticks(x.first, x.second, 6))
+  for (const double tick : axis_ticks(x.first, x.second, 8))
     if (tick >= x.first && tick <= x.second)
       svg.text(tick_label(tick),
                {{"class", "x"}, {"x", percent(tick, x.first, x.second)}, {"y", "100%"}, {"dy", "17"}});

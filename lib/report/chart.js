@@ -182,7 +182,7 @@ class ReportCharts {
       const at = 100 * (high - y) / (high - low) + "%";
       return `<line x2="100%" y1="${at}" y2="${at}"/><text class="y" x="-8" y="${at}">${shortNumber(y)}</text>`;
     });
-    const columns = axisTicks(from, to, 6, isTime).map(x =>
+    const columns = axisTicks(from, to, 8, isTime).map(x =>
       `<text class="x" x="${100 * (x - from) / (to - from)}%" y="100%" dy="17">${text(x)}</text>`);
     chart.axes.innerHTML = rows.join("") + columns.join("");
   }
