@@ -46,8 +46,8 @@ struct Manifest {
   PolicyOrigin origin;
 };
 
-/// As JSON, with the meaning of every number of an observation and of every action in words. `ratings`: an object, where
-/// the policy has some.
+/// As JSON, with the meaning of every number of an observation and of every action in words. `ratings`: an object,
+/// where the policy has some.
 std::string manifest_text(const Manifest& manifest, const Json* ratings = nullptr);
 
 /// The manifest in a text; `name` stands for the file in messages. Throws InputError with all that is missing or wrong.
