@@ -14,9 +14,9 @@
 namespace giga {
 namespace {
 
-constexpr double kFinest = 100'000;  // the side of the square in which curves are drawn, which the page stretches
-constexpr size_t kFewPoints = 40;    // up to here a curve shows its points
-constexpr double kEdge = 0.04;       // of the range of values, left free above and below
+constexpr double kFinest = 1e6;    // the side of the square in which curves are drawn, which the page stretches
+constexpr size_t kFewPoints = 40;  // up to here a curve shows its points
+constexpr double kEdge = 0.04;     // of the range of values, left free above and below
 
 using Limits = std::pair<double, double>;
 
@@ -61,7 +61,7 @@ void draw_plot_axes(Markup& svg, const Limits& x, const Limits& y) {
     svg.add("line", {{"x2", "100%"}, {"y1", at}, {"y2", at}});
     svg.text(tick_label(tick), {{"class", "y"}, {"x", "-8"}, {"y", at}});
   }
-  for (const double tick : axis_ticks(x.first, x.second, 6))
+  for (const double tick : axis_ticks(x.first, x.second, 8))
     if (tick >= x.first && tick <= x.second)
       svg.text(tick_label(tick),
                {{"class", "x"}, {"x", percent(tick, x.first, x.second)}, {"y", "100%"}, {"dy", "17"}});

@@ -27,7 +27,7 @@ struct CurvePlot {
 };
 
 /// Writes an SVG element into a page of HTML. A curve is an element of class `line` with paths of class `curve`, `band`
-/// and, where it has few points, `dots`; their coordinates are whole shares of the plot, to 1e-5. The attributes
+/// and, where it has few points, `dots`; their coordinates are whole shares of the plot, to 1e-6. The attributes
 /// `data-low` and `data-high` say which values the lower and the upper edge are; `data-rows` of a line with unknown
 /// values, which points of its x are known.
 void draw_curve_plot(Markup& page, const CurvePlot& plot);

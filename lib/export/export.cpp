@@ -5,7 +5,6 @@
 #include <cerrno>
 #include <cstring>
 #include <fstream>
-#include <nlohmann/json.hpp>
 #include <optional>
 #include <system_error>
 #include <vector>
@@ -119,7 +118,7 @@ void write_export(const fs::path& folder, ExportFormat format, const Actor& acto
   // The manifest comes last: a folder that has one is whole.
   write_all(folder, {{policy_file_name(format), encode(model, format, origin.gigastep_version)},
                      {kExampleName, example_of(format)},
-                     {kManifestName, json_text(manifest_json(manifest, ratings ? *ratings : Json::object())) + "\n"}});
+                     {kManifestName, manifest_text(manifest, ratings) + "\n"}});
 }
 
 bool is_exported_policy(const fs::path& path) {

@@ -191,27 +191,27 @@ const char* policy_file_name(ExportFormat format) {
   return kNames[static_cast<size_t>(format)];
 }
 
-Json manifest_json(const Manifest& manifest, Json ratings) {
+std::string manifest_text(const Manifest& manifest, const Json* ratings) {
   const PolicyOrigin& origin = manifest.origin;
-  return {{"kind", kManifestKind},
-          {"format_version", kManifestFormat},
-          {"gigastep_version", origin.gigastep_version},
-          {"format", name_of(manifest.format)},
-          {"file", policy_file_name(manifest.format)},
-          {"architecture", architecture_json(manifest.shape, origin.precision)},
-          {"observation", observation_json(manifest)},
-          {"action", action_json(manifest)},
-          {"action_selection", name_of(origin.selection)},
-          {"ratings", std::move(ratings)},
-          {"training",
-           {{"scenario", origin.scenario_name},
-            {"rules", name_of(manifest.rules)},
-            {"team", origin.team},
-            {"seed", origin.seed},
-            {"updates", origin.updates},
-            {"agent_steps", origin.agent_steps},
-            {"scenario_yaml", origin.scenario_yaml},
-            {"config_yaml", origin.config_yaml}}}};
+  return json_text({{"kind", kManifestKind},
+                    {"format_version", kManifestFormat},
+                    {"gigastep_version", origin.gigastep_version},
+                    {"format", name_of(manifest.format)},
+                    {"file", policy_file_name(manifest.format)},
+                    {"architecture", architecture_json(manifest.shape, origin.precision)},
+                    {"observation", observation_json(manifest)},
+                    {"action", action_json(manifest)},
+                    {"action_selection", name_of(origin.selection)},
+                    {"ratings", ratings ? *ratings : Json::object()},
+                    {"training",
+                     {{"scenario", origin.scenario_name},
+                      {"rules", name_of(manifest.rules)},
+                      {"team", origin.team},
+                      {"seed", origin.seed},
+                      {"updates", origin.updates},
+                      {"agent_steps", origin.agent_steps},
+                      {"scenario_yaml", origin.scenario_yaml},
+                      {"config_yaml", origin.config_yaml}}}});
 }
 
 Manifest parse_manifest(std::string_view text, const std::string& name) {

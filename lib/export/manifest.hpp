@@ -46,9 +46,9 @@ struct Manifest {
   PolicyOrigin origin;
 };
 
-/// With the meaning of every number of an observation and of every action in words. `ratings`: an object, empty where
-/// the policy has none.
-Json manifest_json(const Manifest& manifest, Json ratings);
+/// As JSON, with the meaning of every number of an observation and of every action in words. `ratings`: an object,
+/// where the policy has some.
+std::string manifest_text(const Manifest& manifest, const Json* ratings = nullptr);
 
 /// The manifest in a text; `name` stands for the file in messages. Throws InputError with all that is missing or wrong.
 /// Keys that are not known are passed over.

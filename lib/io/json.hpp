@@ -2,7 +2,11 @@
 // build one include <nlohmann/json.hpp>.
 #pragma once
 
+#if __has_include(<nlohmann/json_fwd.hpp>)  // packages before 3.11 may have the one large header alone
 #include <nlohmann/json_fwd.hpp>
+#else
+#include <nlohmann/json.hpp>
+#endif
 #include <string>
 
 namespace giga {

@@ -113,15 +113,16 @@ class ReportCharts {
       if (start !== null) select(Math.min(start, here), Math.max(start, here));
       this.tell(xAt(here));
     });
-    frame.addEventListener("pointerdown", event => {
-      start = share(event);
-      addEventListener("pointerup", up => {
-        const [from, to] = [start, share(up)].sort((a, b) => a - b);
+    frame.addEventListener("pointerdown", event => { start = event.button === 0 ? share(event) : null; });
+    for (const end of ["pointerup", "pointercancel"]) {
+      addEventListener(end, event => {
+        if (start === null) return;
+        const [from, to] = [start, share(event)].sort((a, b) => a - b);
         start = null;
         select(0, 0);
-        if (to - from > 0.01) this.zoom([xAt(from), xAt(to)]);
-      }, {once: true});
-    });
+        if (end === "pointerup" && to - from > 0.01) this.zoom([xAt(from), xAt(to)]);
+      });
+    }
     frame.addEventListener("pointerleave", () => this.tell(null));
     frame.addEventListener("dblclick", () => this.zoom(null));
   }
@@ -181,7 +182,7 @@ class ReportCharts {
       const at = 100 * (high - y) / (high - low) + "%";
       return `<line x2="100%" y1="${at}" y2="${at}"/><text class="y" x="-8" y="${at}">${shortNumber(y)}</text>`;
     });
-    const columns = axisTicks(from, to, 6, isTime).map(x =>
+    const columns = axisTicks(from, to, 8, isTime).map(x =>
       `<text class="x" x="${100 * (x - from) / (to - from)}%" y="100%" dy="17">${text(x)}</text>`);
     chart.axes.innerHTML = rows.join("") + columns.join("");
   }

@@ -34,24 +34,25 @@ Elements elements_of(const CurvePlot& plot) {
 
 const std::vector<double> kX = {0, 100, 400}, kNone;
 
-// Left and top are 0, right and bottom 100000.
+// Left and top are 0, right and bottom a million.
 TEST(CurvePlot, PointsStandWhereTheirValuesAre) {
   const std::vector<double> mean = {0, 2, 1}, low = {0, 1, 0}, high = {0, 4, 2};
   const Elements svg = elements_of({"", {0, 400}, {}, {{"a: b", kX, mean, low, high}}});
-  // 0 to 4 with 4 % of 4 at both ends: -0.16 to 4.16, in which 0 is at 4.16 / 4.32 = 0.96296.
+  // 0 to 4 with 4 % of 4 at both ends: -0.16 to 4.16, in which 0 is at 4.16 / 4.32 = 0.962963.
   EXPECT_EQ(svg[0].attributes.at("class"), "plot");
   EXPECT_DOUBLE_EQ(std::stod(svg[0].attributes.at("data-low")), -0.16);
   EXPECT_DOUBLE_EQ(std::stod(svg[0].attributes.at("data-high")), 4.16);
-  EXPECT_EQ(all_of(svg, "curve", "d"), Texts{"M0 96296 25000 50000 100000 73148"});
-  EXPECT_EQ(all_of(svg, "band", "d"), Texts{"M0 96296 25000 3704 100000 50000 100000 96296 25000 73148 0 96296"});
-  EXPECT_EQ(all_of(svg, "dots", "d"), Texts{"M0 96296h0M25000 50000h0M100000 73148h0"});
+  EXPECT_EQ(all_of(svg, "curve", "d"), Texts{"M0 962963 250000 500000 1000000 731481"});
+  EXPECT_EQ(all_of(svg, "band", "d"),
+            Texts{"M0 962963 250000 37037 1000000 500000 1000000 962963 250000 731481 0 962963"});
+  EXPECT_EQ(all_of(svg, "dots", "d"), Texts{"M0 962963h0M250000 500000h0M1000000 731481h0"});
   EXPECT_EQ(all_of(svg, "line", "style"), Texts{"a: b"});
 }
 
 TEST(CurvePlot, UnknownValuesAreBridgedAndTold) {
   const std::vector<double> mean = {0.5, kNan, 1};
   const Elements svg = elements_of({"", {0, 400}, {{0, 1}}, {{"", kX, mean, kNone, kNone}}});
-  EXPECT_EQ(all_of(svg, "curve", "d"), Texts{"M0 50000 100000 1923"});  // 0.02 / 1.04 below the upper edge
+  EXPECT_EQ(all_of(svg, "curve", "d"), Texts{"M0 500000 1000000 19231"});  // 0.02 / 1.04 below the upper edge
   EXPECT_EQ(all_of(svg, "line", "data-rows"), Texts{"0 2"});
   EXPECT_EQ(all_of(svg, "band", "d"), Texts());
 }
@@ -69,7 +70,7 @@ TEST(CurvePlot, AxesHaveRoundLabels) {
 TEST(CurvePlot, OnePointAndConstantsAreDrawn) {
   const std::vector<double> x = {7}, mean = {0};
   const Elements svg = elements_of({"", {7, 7}, {}, {{"", x, mean, kNone, kNone}}});
-  EXPECT_EQ(all_of(svg, "curve", "d"), Texts{"M50000 50000"});
+  EXPECT_EQ(all_of(svg, "curve", "d"), Texts{"M500000 500000"});
 }
 
 TEST(CurvePlot, ManyPointsHaveNoDots) {

@@ -3,8 +3,6 @@
 
 #include <gtest/gtest.h>
 
-#include <nlohmann/json.hpp>
-
 #include "config/document.hpp"
 #include "io/temporary_folder.hpp"
 #include "policies.hpp"
@@ -21,7 +19,7 @@ Manifest sample(ActionKind actions) {
   if (actions == ActionKind::continuous) log_std = {-0.5f, 0.25f, -1};
   return {ExportFormat::onnx, shape, observation_layout(spec), Rules::original, log_std, sample_origin()};
 }
-std::string text_of(const Manifest& manifest) { return json_text(manifest_json(manifest, Json::object())); }
+std::string text_of(const Manifest& manifest) { return manifest_text(manifest); }
 
 /// The value at a path of keys and indices.
 const Node& at(const Node& node, const std::vector<std::string>& path) {
