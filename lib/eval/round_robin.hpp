@@ -4,9 +4,9 @@
 #include <functional>
 #include <vector>
 
-#include "rating/game_table.hpp"
 #include "eval/match.hpp"
 #include "eval/player.hpp"
+#include "rating/game_table.hpp"
 
 namespace giga {
 

@@ -19,6 +19,7 @@
 #include "io/files.hpp"
 #include "policy/actor.hpp"
 
+#include "sim/row_layout.hpp"
 namespace giga {
 namespace fs = std::filesystem;
 namespace {

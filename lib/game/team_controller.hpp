@@ -6,11 +6,11 @@
 #include <span>
 
 #include "core/parallel_for.hpp"
-#include "sim/world_range.hpp"
 #include "math/rows.hpp"
 #include "scripted/actions.hpp"
 #include "sim/row_layout.hpp"
 #include "sim/simulator.hpp"
+#include "sim/world_range.hpp"
 
 namespace giga {
 

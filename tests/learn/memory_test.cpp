@@ -12,7 +12,9 @@
 #include "learn/registry.hpp"
 #include "policy/actor.hpp"
 #include "policy/critic.hpp"
+#include "rollout/policy_controllers.hpp"
 #include "runs.hpp"
+#include "sim/row_layout.hpp"
 
 namespace giga::test {
 namespace {
@@ -96,7 +98,7 @@ TEST(LearnMemoryPlan, TheLargestBuffersAreALowerBound) {
     return algorithm_of(run.config).least_bytes(run);
   };
   const MemorySettings both{"", "", "mappo: {horizon: 16}\n"}, one{"", ", opponent: circle", "mappo: {horizon: 16}\n"};
-  const int64_t d = load_sized(both, observation_rows(64).spec).stride();
+  const int64_t d = observation_rows(load_sized(both, 64).spec).stride();
   EXPECT_EQ(least(both, 64), static_cast<int64_t>(state_bytes(10, 64)) + 64 * 16 * 10 * 4 * d);
   EXPECT_EQ(least(both, 64) - least(one, 64), 64 * 16 * 5 * 4 * d);
   // Two teams of 64 members, each in 4 worlds.
@@ -140,7 +142,8 @@ TEST(LearnMemoryPlan, BytesForPeople) {
 }
 
 void play_a_match(const LoadedRun& run, Device device, Learner& learner) {
-  play_match(run.spec, {learner.actor(0)}, {nullptr, Scripted::circle}, {run.config.eval.episodes, 1, device, 1});
+  play_match(run.spec, policy_controller(*learner.actor(0)), script_controller(Scripted::circle),
+             {run.config.eval.episodes, 1, device, 1});
 }
 
 /// The plan, without its last trial, of what that trial took.

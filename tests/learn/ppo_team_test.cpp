@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "core/error.hpp"
+#include "rollout/policy_controllers.hpp"
 #include "runs.hpp"
 #include "support/leaky_sum.hpp"
 
@@ -59,7 +60,7 @@ at::Tensor tensor_of(const std::vector<T>& values, at::ScalarType type, at::IntA
 /// The values are the first number of each observation, the rest is 0.
 Rollout rollout_by_hand(const SimSpec& spec) {
   const auto observations = [&](const std::vector<float>& values, std::vector<int64_t> shape) {
-    observation_rows(shape.push_back(spec).stride());
+    shape.push_back(observation_rows(spec).stride());
     at::Tensor obs = at::zeros(shape);
     shape.pop_back();
     obs.select(-1, 0).copy_(tensor_of(values, at::kFloat, shape));
@@ -204,7 +205,9 @@ struct TeamsWithMemory {
   TeamsWithMemory(const LoadedRun& run, const ParallelFor& rows)
       : team{{run, 0, kCpu, rows, {0, 24}, make_leaky_sum}, {run, 1, kCpu, rows, {0, 24}, make_leaky_sum}},
         sim(make_cpu_simulator(run.spec, {24, 17, 0, OnDone::reset, 1})),
-        collector(*sim, rows, {run.config.mappo.horizon, false, true}, {&team[0].actor()}, {&team[1].actor()}) {
+        collector(*sim, rows, {run.config.mappo.horizon, false, true},
+                  {everywhere(policy_controller(team[0].actor()), *sim),
+                   everywhere(policy_controller(team[1].actor()), *sim)}) {
     collector.start();
   }
   PpoTeam team[kNTeams];

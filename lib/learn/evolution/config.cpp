@@ -7,6 +7,7 @@
 #include "learn/config_check.hpp"
 #include "math/small_mlp.hpp"
 #include "policy/inputs.hpp"
+#include "sim/row_layout.hpp"
 #include "sim/simulator.hpp"
 
 namespace giga {

@@ -7,6 +7,7 @@
 #include "core/error.hpp"
 #include "learn/config_check.hpp"
 #include "learn/opponents/world_shares.hpp"
+#include "sim/row_layout.hpp"
 #include "sim/simulator.hpp"
 
 namespace giga {

@@ -3,8 +3,8 @@
 
 #include <cstdint>
 
-#include "sim/world_range.hpp"
 #include "learn/run_config.hpp"
+#include "sim/world_range.hpp"
 
 namespace giga {
 
