@@ -241,7 +241,7 @@ TEST_F(Resume, TheBestCheckpointIsThatOfTheBestEvaluation) {
 TEST_F(Resume, InspectShowsEveryArray) {
   const Outcome inspect = here_->run({"inspect", "whole"});
   ASSERT_EQ(inspect.code, 0) << inspect.err;
-  EXPECT_TRUE(contains(inspect.out, {"format 2, written by gigastep", "scenario identical_1_vs_1_fobs_vec_void_disc",
+  EXPECT_TRUE(contains(inspect.out, {"format 3, written by gigastep", "scenario identical_1_vs_1_fobs_vec_void_disc",
                                      "40 updates, 10240 agent-steps", "simulator/x", "[16, 2]",
                                      "team_1/critic_adam/moment1", "sha256 " + *hash_}));
   EXPECT_NE(state_hash(*here_, "whole/checkpoints/update_00000039.h5"), *hash_);
