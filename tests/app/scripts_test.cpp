@@ -73,7 +73,7 @@ TEST(Scripts, CommitOfACheckoutTellsChangedSources) {
 /// A page of these sources with rows of all six steps.
 void write_page(const Copy& copy, const std::string& hash, const std::string& result_of_tests) {
   std::string page = "Sources: `" + hash + "`\n\n";
-  for (const std::string step : {"build", "test", "sanitize", "bench", "train", "resume"})
+  for (const std::string step : {"build", "test", "others", "bench", "train", "resume"})
     page += "| " + step + " | what | " + (step == "test" ? result_of_tests : "ok") + " | 1.0 | | | | |\n";
   copy.write("docs/gpu_check.md", page);
 }
@@ -118,7 +118,7 @@ TEST(Scripts, FreshAsksForEveryStep) {
   copy.write("docs/gpu_check.md", "Sources: `" + sums.out + "`\n\n| bench | what | ok | 1.0 | | | | |\n");
   const Outcome fresh = copy.run("gpu_check", {"--fresh"});
   EXPECT_EQ(fresh.code, 1);
-  EXPECT_TRUE(contains(fresh.out, {"no rows of build test sanitize train resume"}));
+  EXPECT_TRUE(contains(fresh.out, {"no rows of build test others train resume"}));
 }
 
 // Everything that scripts/measure does, with tiny sizes on the CPU: rows as soon as they are measured, nothing twice,
