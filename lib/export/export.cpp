@@ -20,6 +20,7 @@
 #include "policy/actor.hpp"
 
 #include "sim/row_layout.hpp"
+
 namespace giga {
 namespace fs = std::filesystem;
 namespace {

@@ -21,7 +21,7 @@ struct CriticShape {
   int team = 0;
   int n_team[2] = {0, 0};      ///< agents of each team; the state lists team 0 first
   InputColumns inputs;         ///< of observations
-  int64_t world_features = 0;  ///< numbers of the state that follow those of the agents (state_encoding.hpp)
+  int64_t world_features = 0;  ///< numbers of the state that follow those of the agents (state_observation.hpp)
 };
 
 CriticShape critic_shape(const CriticConfig& config, const SimSpec& spec, int team);

@@ -12,12 +12,12 @@ namespace giga {
 /// Columns [first, first + size) of rows of `row` numbers, where the observations `set` lie.
 struct InputColumns {
   int64_t row = 0, first = 0, size = 0;
-  ObservationSet set = Observation::vector;
+  ObservationSet set = ObservationSet::all();
 
   InputColumns() = default;
   /// All of a row.
   InputColumns(int64_t whole_row) : row(whole_row), size(whole_row) {}
-  InputColumns(int64_t row_, int64_t first_, int64_t size_, ObservationSet set_ = Observation::vector)
+  InputColumns(int64_t row_, int64_t first_, int64_t size_, ObservationSet set_ = ObservationSet::all())
       : row(row_), first(first_), size(size_), set(set_) {}
 
   bool all() const { return size == row; }

@@ -22,7 +22,7 @@ class Policy {
   /// Numbers that a row remembers; 0 = no memory.
   virtual int64_t state_size() const { return 0; }
   /// The observations that it reads, of those that a scenario offers.
-  virtual ObservationSet reads() const { return ObservationSet(Observation::vector) | Observation::egocentric; }
+  virtual ObservationSet reads() const { return ObservationSet::all(); }
   virtual ActionKind actions() const = 0;
   /// [3] fp32, logarithm of the deviations before squashing; continuous actions only.
   virtual at::Tensor log_std() const = 0;

@@ -29,7 +29,7 @@ struct PopulationGamesOptions {
 class PopulationGames {
  public:
   /// `network` tells the shape of all networks and their arithmetic (see population_controller). It and `rows` must
-  /// outlive this. Scenarios without a time limit are cut off after kEpisodeLimit steps (sim/simulator.hpp).
+  /// outlive this. Scenarios without a time limit are cut off after kEpisodeLimit steps (sim/params.hpp).
   PopulationGames(const SimSpec& spec, const PopulationGamesOptions& options, const Actor& network,
                   const ParallelFor& rows);
 

@@ -1,6 +1,7 @@
 #include "rollout/shapes.hpp"
 
 #include "sim/row_layout.hpp"
+
 namespace giga {
 
 RolloutShapes rollout_shapes(const SimSpec& spec, const RolloutSize& size) {

@@ -37,6 +37,12 @@ class ObservationSet {
  public:
   constexpr ObservationSet() = default;
   constexpr ObservationSet(Observation one) : bits_(1u << static_cast<int>(one)) {}
+  /// Whatever a scenario offers.
+  static constexpr ObservationSet all() {
+    ObservationSet set;
+    set.bits_ = (1u << kNObservations) - 1u;
+    return set;
+  }
   constexpr bool has(Observation one) const { return (bits_ >> static_cast<int>(one) & 1u) != 0; }
   constexpr bool empty() const { return bits_ == 0; }
   constexpr ObservationSet& operator|=(ObservationSet other) {

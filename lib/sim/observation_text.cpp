@@ -27,8 +27,7 @@ std::vector<ObservationPart> present(std::vector<ObservationPart> parts) {
   return parts;
 }
 
-// --- vector
-// -----------------------------------------------------------------------------------------------------------
+// The vector observation
 
 /// In the order of Feature.
 constexpr Text kAgent[] = {
@@ -68,8 +67,7 @@ std::vector<ObservationPart> describe_vector(const SimParams& p) {
            features(kBox, static_cast<size_t>(box_features(p)))}};
 }
 
-// --- egocentric
-// -------------------------------------------------------------------------------------------------------
+// The egocentric view
 
 constexpr Text kViewSelfTexts[] = {
     {"x", "2 x / limit_x - 1"},
@@ -123,8 +121,7 @@ std::vector<ObservationPart> describe_egocentric(const SimParams& p) {
            view_team_mates(p), with_kind(kViewAgentTexts)}};
 }
 
-// --- state
-// ------------------------------------------------------------------------------------------------------------
+// The true state
 
 /// In the order of entity_feature.
 constexpr Text kEntity[] = {

@@ -15,8 +15,7 @@ namespace giga {
 ///   K::offered(p), K::shape(p)               whether a scenario has it, and with which shape
 ///   K::describe(p)                           what its numbers mean
 ///   K::prepare(p, w, e)                      of an agent: what its row needs, before any row is written
-///   K::write(lanes, p, w, n, row_of)         all rows; row_of(e) = agent e's (or the world's, e = 0), null = not
-///   wanted
+///   K::write(lanes, p, w, n, row_of)         all rows; row_of(e): that of agent e (of the world: e = 0), or null
 /// n agents are written, or 0 (then lanes only keep in step).
 template <class F>
 GIGA_HD constexpr void for_each_observation(F&& f) {
@@ -24,6 +23,13 @@ GIGA_HD constexpr void for_each_observation(F&& f) {
   f(EgocentricView{});
   f(StateObservation{});
 }
+
+constexpr int count_observations() {
+  int count = 0;
+  for_each_observation([&count](auto) { ++count; });
+  return count;
+}
+static_assert(count_observations() == kNObservations, "an observation without a row in the table, or the reverse");
 
 /// Row of agent i in its team's buffers.
 GIGA_HD int64_t team_row(const Parameters auto& p, int64_t world, int i) {

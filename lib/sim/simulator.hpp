@@ -104,13 +104,13 @@ class Simulator {
   /// Agents stepped by one step of all worlds.
   int64_t agents_per_step() const { return static_cast<int64_t>(options_.n_worlds) * spec_.params.n_agents; }
 
-  /// Starts the first episode of every world and writes obs, alive and global of `io`.
+  /// Starts the first episode of every world and writes the observations and alive flags of `io`.
   void start(const StepIo& io);
   /// One step of every world; reads the actions of both teams and writes the rest of `io`. Of a world that waits, only
   /// reward and done are written: its observations are those that its last step wrote.
   void step(const StepIo& io);
-  /// Writes obs, alive and global of `io` once more, for buffers that do not hold them (after loading a state): of
-  /// every world, those that wait too, what its own last start or step wrote.
+  /// Writes the observations and alive flags of `io` once more, for buffers that do not hold them (after loading a
+  /// state): for every world, including waiting ones, exactly as its last start or step wrote them.
   void observe(const StepIo& io);
   /// Sums of finished episodes since the last call; waits for queued steps.
   virtual EpisodeStats take_stats() = 0;

@@ -218,10 +218,20 @@ void export_both(const SmallRun& small, ExportFormat format, const std::string& 
 }
 
 TEST_F(LearnPlayer, AnExportedPolicyPlaysAsTheCheckpointThatItIsOf) {
-  for (const bool continuous : {false, true}) {
+  // What a policy does depends on what it sees: its output layer starts large.
+  const std::string sees = "hidden: [16], output_gain: 1";
+  const struct {
+    const char* name;
+    std::string scenario, actor;
+  } cases[] = {{"discrete", "", sees},
+               {"continuous", "action: continuous\n", sees},
+               {"egocentric", "observation: {egocentric_view: true}\n", sees + ", inputs: egocentric"}};
+  for (const auto& c : cases) {
+    SCOPED_TRACE(c.name);
     SmallRun small;
-    if (continuous) small.scenario = "action: continuous\n";
-    const std::string name = path(continuous ? "continuous" : "discrete");
+    small.scenario = c.scenario;
+    small.actor = c.actor;
+    const std::string name = path(c.name);
     save(small, name + ".h5");
     export_both(small, ExportFormat::safetensors, name);
     const SimSpec spec = small.load().spec;
