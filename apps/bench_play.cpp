@@ -83,9 +83,9 @@ BenchResult play(const BenchOptions& options, Device device, const LoadedRun& ru
   sim_options.seed = seed_of(options.seed, Purpose::bench);
   void* const stream = current_stream(device);
   const auto sim = make_simulator(run.spec, sim_options, device, stream);
-  const ParallelFor rows(device, 0, stream);
+  const ParallelFor parallel_for(device, 0, stream);
   EveryOutput output(*sim);
-  Game game(*sim, rows, {everywhere(std::move(team0), *sim), everywhere(std::move(team1), *sim)}, {&output});
+  Game game(*sim, parallel_for, {everywhere(std::move(team0), *sim), everywhere(std::move(team1), *sim)}, {&output});
   game.start();
   int64_t steps_made = 0;
   measure(

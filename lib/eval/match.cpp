@@ -45,9 +45,9 @@ MatchResult play_match(const SimSpec& spec, std::shared_ptr<TeamController> side
   sim_options.n_threads = options.n_threads;
   void* const stream = current_stream(options.device);
   const auto sim = make_simulator(limited, sim_options, options.device, stream);
-  const ParallelFor rows(options.device, options.n_threads, stream);
+  const ParallelFor parallel_for(options.device, options.n_threads, stream);
 
-  Game game(*sim, rows, {everywhere(std::move(side0), *sim), everywhere(std::move(side1), *sim)});
+  Game game(*sim, parallel_for, {everywhere(std::move(side0), *sim), everywhere(std::move(side1), *sim)});
   game.start();
   game.play(limited.params.max_episode_length);
 

@@ -10,8 +10,9 @@
 
 namespace giga {
 
-Game::Game(Simulator& sim, const ParallelFor& rows, const BothSides& sides, std::vector<GameObserver*> observers)
-    : sim_(sim), rows_(rows), observers_(std::move(observers)), layout_(observation_rows(sim.spec())) {
+Game::Game(Simulator& sim, const ParallelFor& parallel_for, const BothSides& sides,
+           std::vector<GameObserver*> observers)
+    : sim_(sim), parallel_for_(parallel_for), observers_(std::move(observers)), layout_(observation_rows(sim.spec())) {
   for (int team = 0; team < kNTeams; ++team) {
     take_seats(sides[static_cast<size_t>(team)], team);
     memory_size_[team] = memory_size(sides[static_cast<size_t>(team)]);
@@ -138,8 +139,8 @@ void Game::forget(const GameStep& step) {
   for (int team = 0; team < kNTeams; ++team) {
     if (memory_size_[team] == 0) continue;
     const int64_t per_world = sim_.params().n_team[team] * memory_size_[team];
-    rows_.run(ForgetEpisodes{sim_.state().view().episode_length, step.team[team].memory, per_world},
-              sim_.n_worlds() * per_world);
+    parallel_for_.run(ForgetEpisodes{sim_.state().view().episode_length, step.team[team].memory, per_world},
+                      sim_.n_worlds() * per_world);
   }
 }
 
@@ -147,7 +148,7 @@ void Game::act(const GameStep& step) {
   for (const Seat& seat : seats_) {
     parts_.clear();
     for (const Part& part : seat.parts) {
-      const TeamStep all{sim_, rows_, part.team, steps_, {0, sim_.n_worlds()}, step.team[part.team], layout_};
+      const TeamStep all{sim_, parallel_for_, part.team, steps_, {0, sim_.n_worlds()}, step.team[part.team], layout_};
       parts_.push_back(all.part(part.worlds));
     }
     seat.controller->act(parts_);

@@ -54,9 +54,10 @@ class GameObserver {
 
 class Game {
  public:
-  /// The simulator, `rows` and the observers must outlive the game. A controller that has several parts is asked once a
-  /// step for all of them.
-  Game(Simulator& sim, const ParallelFor& rows, const BothSides& sides, std::vector<GameObserver*> observers = {});
+  /// The simulator, `parallel_for` and the observers must outlive the game. A controller that has several parts is
+  /// asked once a step for all of them.
+  Game(Simulator& sim, const ParallelFor& parallel_for, const BothSides& sides,
+       std::vector<GameObserver*> observers = {});
 
   /// Starts the first episode of each world.
   void start();
@@ -88,7 +89,7 @@ class Game {
   void forget(const GameStep& step);
 
   Simulator& sim_;
-  const ParallelFor& rows_;
+  const ParallelFor& parallel_for_;
   std::vector<Seat> seats_;
   const std::vector<GameObserver*> observers_;
   const RowLayout layout_;

@@ -11,7 +11,7 @@ class ScriptController final : public TeamController {
 
   ObservationSet reads() const override { return observations_of(script_); }
   void act(std::span<const TeamStep> parts) override {
-    for (const TeamStep& part : parts) part.rows.run(scripted_actions(script_, part), part.n_rows());
+    for (const TeamStep& part : parts) part.parallel_for.run(scripted_actions(script_, part), part.n_rows());
   }
 
  private:
@@ -31,12 +31,12 @@ TeamStep TeamStep::part(const WorldRange& some) const {
   const int64_t action_bytes = discrete ? int64_t{sizeof(int32_t)} : kActionSize * int64_t{sizeof(float)};
   const auto at = [skipped](auto* buffer, int64_t stride) { return buffer ? buffer + skipped * stride : nullptr; };
   return {sim,
-          rows,
+          parallel_for,
           team,
           number,
           some,
           {at(buffers.obs, obs_stride()), at(static_cast<char*>(buffers.action), action_bytes),
-           at(buffers.raw, kActionSize), at(buffers.log_prob, 1), at(buffers.memory, buffers.memory_size),
+           at(buffers.pre_tanh_action, kActionSize), at(buffers.log_prob, 1), at(buffers.memory, buffers.memory_size),
            buffers.memory_size},
           layout};
 }

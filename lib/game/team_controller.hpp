@@ -16,18 +16,18 @@ namespace giga {
 
 /// Buffers of a team at one step; n = agents of the team, D = stride of observation_rows(). Null = not there.
 struct TeamBuffers {
-  const float* obs = nullptr;  // [W, n, D] what the agents see
-  void* action = nullptr;      // [W, n] int32 or [W, n, 3] float
-  float* raw = nullptr;        // [W, n, 3] continuous actions before squashing
-  float* log_prob = nullptr;   // [W, n] of the actions
-  float* memory = nullptr;     // [W, n, S] what the agents remember: S = memory_size(), zeros where an episode begins
-  int64_t memory_size = 0;     // S
+  const float* obs = nullptr;        // [W, n, D] what the agents see
+  void* action = nullptr;            // [W, n] int32 or [W, n, 3] float
+  float* pre_tanh_action = nullptr;  // [W, n, 3] continuous actions before squashing
+  float* log_prob = nullptr;         // [W, n] of the actions
+  float* memory = nullptr;  // [W, n, S] what the agents remember: S = memory_size(), zeros where an episode begins
+  int64_t memory_size = 0;  // S
 };
 
 /// One step of a team in some worlds: what its controller sees and writes.
 struct TeamStep {
   const Simulator& sim;
-  const ParallelFor& rows;  ///< on the simulator's device
+  const ParallelFor& parallel_for;  ///< on the simulator's device
   int team;
   int64_t number;  ///< steps since the game started
   WorldRange worlds;
@@ -49,7 +49,7 @@ class TeamController {
 
   /// What it reads of its agents' observations. Asked at each start of a game: no more than this is written for it.
   virtual ObservationSet reads() const = 0;
-  /// Whether it fills `raw` and `log_prob`, from which somebody learns.
+  /// Whether it fills `pre_tanh_action` and `log_prob`, from which somebody learns.
   virtual bool fills_log_prob() const { return false; }
   /// Numbers that an agent remembers from step to step; 0 = none. Controllers of one side that have any agree on it.
   virtual int64_t memory_size() const { return 0; }

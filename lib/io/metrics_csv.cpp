@@ -36,9 +36,10 @@ void MetricsCsv::write(const MetricsRow& row) {
     GIGA_CHECK(csv_field(name) == name, "a figure named '", name, "'");  // `resume` splits the header at its commas
     if (first) {
       columns_.push_back(name);
-    } else {
-      GIGA_CHECK(k < columns_.size() && columns_[k] == name, "figure '", name, "' in column ", k + 1, " of ",
-                 file_.path().string());
+    } else if (k >= columns_.size() || columns_[k] != name) {
+      throw InputError(cat(file_.path().string(), ": column ", k + 1, " is ",
+                           k < columns_.size() ? columns_[k] : "missing", " where this gigastep writes ", name,
+                           "; go on with the gigastep that began the run"));
     }
     header += (k ? "," : "") + name;
     line += (k ? "," : "") + (std::isnan(value) ? std::string() : print_number(value));

@@ -121,15 +121,16 @@ GIGA_HD float action_normal(DrawKey& key, const RowDraws& draws, int64_t row, in
   return normal_pair(u, v).first;
 }
 
-/// Samples a continuous action per row. `raw` keeps u, so that log-probabilities need no inverse of tanh later.
+/// Samples a continuous action per row. `pre_tanh_action` keeps u, so that log-probabilities need no inverse of tanh
+/// later.
 struct SampleGaussian {
   static constexpr int kSize = kActionSize;
   const float* mean;     // [R, 3]
   const float* log_std;  // [3]
   RowDraws draws;
-  float* raw;       // [R, 3]; null = not wanted
-  float* action;    // [R, 3] in (-1, 1)
-  float* log_prob;  // [R]; null = not wanted
+  float* pre_tanh_action;  // [R, 3]; null = not wanted
+  float* action;           // [R, 3] in (-1, 1)
+  float* log_prob;         // [R]; null = not wanted
   bool greedy = false;
 
   GIGA_HD void operator()(int64_t row) const {
@@ -141,7 +142,7 @@ struct SampleGaussian {
       const float u = m + std::exp(log_std[k]) * normal;
       total += squashed_log_prob(u, m, log_std[k]);
       action[row * kSize + k] = std::tanh(u);
-      if (raw) raw[row * kSize + k] = u;
+      if (pre_tanh_action) pre_tanh_action[row * kSize + k] = u;
     }
     if (log_prob) log_prob[row] = total;
   }

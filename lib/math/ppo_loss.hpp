@@ -101,12 +101,12 @@ struct CategoricalLoss {
 struct GaussianLoss {
   static constexpr int kSize = SampleGaussian::kSize;
   PolicyLossInput in;
-  const float* mean;     // [R, 3]
-  const float* log_std;  // [3]
-  const float* raw;      // [rollout rows, 3] u before tanh
-  float* d_mean;         // [R, 3]
-  float* d_log_std;      // [R, 3] to be summed over rows
-  float* diagnostics;    // [R, kNPolicyDiagnostics]
+  const float* mean;             // [R, 3]
+  const float* log_std;          // [3]
+  const float* pre_tanh_action;  // [rollout rows, 3] u before tanh
+  float* d_mean;                 // [R, 3]
+  float* d_log_std;              // [R, 3] to be summed over rows
+  float* diagnostics;            // [R, kNPolicyDiagnostics]
 
   GIGA_HD void operator()(int64_t row) const {
     const int64_t source = in.rows.source(row);
@@ -118,7 +118,7 @@ struct GaussianLoss {
     }
     float log_prob = 0, entropy = 0;
     for (int k = 0; k < kSize; ++k) {
-      log_prob += squashed_log_prob(raw[source * kSize + k], mean[row * kSize + k], log_std[k]);
+      log_prob += squashed_log_prob(pre_tanh_action[source * kSize + k], mean[row * kSize + k], log_std[k]);
       entropy += log_std[k] + 0.5f + kHalfLogTwoPi;
     }
     const float advantage = (in.advantage[source] - *in.advantage_mean) * *in.advantage_inv_std;
@@ -126,7 +126,7 @@ struct GaussianLoss {
     // d log p / d mean = e / sigma;  d log p / d log_std = e^2 - 1;  d entropy / d log_std = 1
     for (int k = 0; k < kSize; ++k) {
       const float inv_std = std::exp(-log_std[k]);
-      const float e = (raw[source * kSize + k] - mean[row * kSize + k]) * inv_std;
+      const float e = (pre_tanh_action[source * kSize + k] - mean[row * kSize + k]) * inv_std;
       d_mean[row * kSize + k] = s.d_log_prob * e * inv_std * *in.inv_count;
       d_log_std[row * kSize + k] = (s.d_log_prob * (e * e - 1.0f) - in.entropy_coef) * *in.inv_count;
     }

@@ -91,7 +91,7 @@ void Actor::load(const std::string& prefix, const NamedArrays& in) {
   if (normalize_) normalizer_.load(prefix + "normalizer/", in);
 }
 
-at::Tensor policy_information(const Actor& actor, const at::Tensor& head, const at::Tensor& weight) {
+at::Tensor mutual_information(const Actor& actor, const at::Tensor& head, const at::Tensor& weight) {
   at::NoGradGuard no_grad;
   at::Tensor p;  // [R, groups, choices]
   if (actor.actions() == ActionKind::discrete) {

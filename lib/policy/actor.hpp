@@ -88,6 +88,6 @@ class Actor final : public Policy {
 /// The mutual information I(observation; action) in nats over rows with weight 1: entropy of the mean policy minus mean
 /// entropy. It shows how much a policy depends on what it sees. Continuous actions: the sum over their dimensions, each
 /// in nine equal bins of (-1, 1).
-at::Tensor policy_information(const Actor& actor, const at::Tensor& head, const at::Tensor& weight);
+at::Tensor mutual_information(const Actor& actor, const at::Tensor& head, const at::Tensor& weight);
 
 }  // namespace giga

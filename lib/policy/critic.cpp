@@ -20,9 +20,9 @@ std::pair<NetworkConfig, NetworkConfig> split_state_critic(const CriticConfig& c
   return {first, rest};
 }
 
-Critic::Critic(const CriticConfig& config, const CriticShape& shape, Precision precision, const ParallelFor& rows,
-               at::Device device, uint64_t seed)
-    : kind_(config.kind), shape_(shape), precision_(precision), rows_(&rows) {
+Critic::Critic(const CriticConfig& config, const CriticShape& shape, Precision precision,
+               const ParallelFor& parallel_for, at::Device device, uint64_t seed)
+    : kind_(config.kind), shape_(shape), precision_(precision), parallel_for_(&parallel_for) {
   add_parameters(config, shape);
   parameters_.allocate(device, seed);
 }
@@ -93,7 +93,7 @@ at::Tensor Critic::forward_composed(at::Tensor x, const at::Tensor& alive) const
         linear(x.reshape({b * n, x.size(-1)}), parameters_[layer.weight], parameters_[layer.bias]).view({b, n, -1});
     if (team_weights_[k] >= 0) {
       const at::Tensor weight = parameters_[team_weights_[k]].to(x.scalar_type());
-      sums = sums + at::mm(living_mean(*rows_, x, alive), weight.t()).unsqueeze(1);
+      sums = sums + at::mm(living_mean(*parallel_for_, x, alive), weight.t()).unsqueeze(1);
     }
     x = finish_dense(parameters_, layer, sums);
   }
@@ -118,7 +118,7 @@ at::Tensor Critic::forward_state(const at::Tensor& state) const {
   const at::Tensor code = entity_->forward(parameters_, entities, none, Rounding::none);
   const auto team_mean = [&](int first, int n) {
     const at::Tensor living = alive.slice(1, first, first + n).squeeze(-1).contiguous();
-    return living_mean(*rows_, code.slice(1, first, first + n).contiguous(), living).unsqueeze(1);
+    return living_mean(*parallel_for_, code.slice(1, first, first + n).contiguous(), living).unsqueeze(1);
   };
   const at::Tensor own_mean = team_mean(own_first, own);
   const at::Tensor other_mean = team_mean(other_first, n_agents - own);

@@ -32,8 +32,8 @@ std::pair<NetworkConfig, NetworkConfig> split_state_critic(const CriticConfig& c
 
 class Critic {
  public:
-  /// `rows` must outlive the critic.
-  Critic(const CriticConfig& config, const CriticShape& shape, Precision precision, const ParallelFor& rows,
+  /// `parallel_for` must outlive the critic.
+  Critic(const CriticConfig& config, const CriticShape& shape, Precision precision, const ParallelFor& parallel_for,
          at::Device device, uint64_t seed);
 
   /// Number of parameters of such a critic; nothing is allocated.
@@ -57,7 +57,7 @@ class Critic {
   CriticKind kind_ = CriticKind::composed;
   CriticShape shape_;
   Precision precision_ = Precision::fp32;
-  const ParallelFor* rows_ = nullptr;
+  const ParallelFor* parallel_for_ = nullptr;
   ParameterSet parameters_;
   Network network_;                        // kind state: on an agent's code, both teams' means and the world
   std::vector<int> team_weights_;          // composed: by layer; -1 where there is none

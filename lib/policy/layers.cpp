@@ -94,51 +94,51 @@ namespace {
 // product, a sum and their gradients are one pass over all features each.
 struct LivingMeanFunction : torch::autograd::Function<LivingMeanFunction> {
   template <class T>
-  static void run(const ParallelFor& rows, const at::Tensor& x, const at::Tensor& alive, at::Tensor& mean) {
+  static void run(const ParallelFor& parallel_for, const at::Tensor& x, const at::Tensor& alive, at::Tensor& mean) {
     const auto n = static_cast<int>(x.size(1)), width = static_cast<int>(x.size(2));
-    rows.run(LivingMean<T>{static_cast<const T*>(x.const_data_ptr()), alive.const_data_ptr<float>(), n, width,
-                           static_cast<T*>(mean.data_ptr())},
-             mean.numel());
+    parallel_for.run(LivingMean<T>{static_cast<const T*>(x.const_data_ptr()), alive.const_data_ptr<float>(), n, width,
+                                   static_cast<T*>(mean.data_ptr())},
+                     mean.numel());
   }
   template <class T>
-  static void run_gradient(const ParallelFor& rows, const at::Tensor& d_mean, const at::Tensor& alive,
+  static void run_gradient(const ParallelFor& parallel_for, const at::Tensor& d_mean, const at::Tensor& alive,
                            at::Tensor& d_x) {
     const auto n = static_cast<int>(d_x.size(1)), width = static_cast<int>(d_x.size(2));
-    rows.run(LivingMeanGradient<T>{static_cast<const T*>(d_mean.const_data_ptr()), alive.const_data_ptr<float>(), n,
-                                   width, static_cast<T*>(d_x.data_ptr())},
-             d_mean.numel());
+    parallel_for.run(LivingMeanGradient<T>{static_cast<const T*>(d_mean.const_data_ptr()),
+                                           alive.const_data_ptr<float>(), n, width, static_cast<T*>(d_x.data_ptr())},
+                     d_mean.numel());
   }
 
   static at::Tensor forward(torch::autograd::AutogradContext* context, const at::Tensor& x, const at::Tensor& alive,
-                            int64_t rows_address) {
-    const auto& rows = *reinterpret_cast<const ParallelFor*>(rows_address);
+                            int64_t parallel_for_address) {
+    const auto& parallel_for = *reinterpret_cast<const ParallelFor*>(parallel_for_address);
     context->save_for_backward({alive});
-    context->saved_data["rows"] = rows_address;
+    context->saved_data["parallel_for"] = parallel_for_address;
     at::Tensor mean = at::empty({x.size(0), x.size(2)}, x.options());
     if (x.scalar_type() == at::kBFloat16)
-      run<BFloat16>(rows, x, alive, mean);
+      run<BFloat16>(parallel_for, x, alive, mean);
     else
-      run<float>(rows, x, alive, mean);
+      run<float>(parallel_for, x, alive, mean);
     return mean;
   }
 
   static torch::autograd::variable_list backward(torch::autograd::AutogradContext* context,
                                                  torch::autograd::variable_list gradients) {
-    const auto& rows = *reinterpret_cast<const ParallelFor*>(context->saved_data["rows"].toInt());
+    const auto& parallel_for = *reinterpret_cast<const ParallelFor*>(context->saved_data["parallel_for"].toInt());
     const at::Tensor alive = context->get_saved_variables()[0], d_mean = gradients[0].contiguous();
     at::Tensor d_x = at::empty({alive.size(0), alive.size(1), d_mean.size(1)}, d_mean.options());
     if (d_mean.scalar_type() == at::kBFloat16)
-      run_gradient<BFloat16>(rows, d_mean, alive, d_x);
+      run_gradient<BFloat16>(parallel_for, d_mean, alive, d_x);
     else
-      run_gradient<float>(rows, d_mean, alive, d_x);
+      run_gradient<float>(parallel_for, d_mean, alive, d_x);
     return {d_x, at::Tensor(), at::Tensor()};
   }
 };
 
 }  // namespace
 
-at::Tensor living_mean(const ParallelFor& rows, const at::Tensor& x, const at::Tensor& alive) {
-  return LivingMeanFunction::apply(x.contiguous(), alive, reinterpret_cast<int64_t>(&rows));
+at::Tensor living_mean(const ParallelFor& parallel_for, const at::Tensor& x, const at::Tensor& alive) {
+  return LivingMeanFunction::apply(x.contiguous(), alive, reinterpret_cast<int64_t>(&parallel_for));
 }
 
 }  // namespace giga

@@ -53,6 +53,6 @@ at::Tensor finish_dense(const ParameterSet& p, const DenseLayer& layer, at::Tens
 
 /// Mean over the agents with alive = 1, or 0 if there is none: x [B, n, H], alive [B, n] fp32 -> [B, H]. Differentiable
 /// in x.
-at::Tensor living_mean(const ParallelFor& rows, const at::Tensor& x, const at::Tensor& alive);
+at::Tensor living_mean(const ParallelFor& parallel_for, const at::Tensor& x, const at::Tensor& alive);
 
 }  // namespace giga

@@ -15,23 +15,23 @@ Adam::Adam(const ParameterSet& parameters, double epsilon)
       skip_(at::zeros({1}, parameters.values().options())),
       scale_(at::zeros({1}, parameters.values().options())) {}
 
-void Adam::step(const ParameterSet& parameters, const ParallelFor& rows, float learning_rate, float max_norm,
+void Adam::step(const ParameterSet& parameters, const ParallelFor& parallel_for, float learning_rate, float max_norm,
                 const StepFlags& flags) {
   at::NoGradGuard no_grad;
   const at::Tensor& gradient = parameters.gradient();
   const at::Tensor norm = gradient.norm();
-  rows.run(StepGate{.norm = norm.const_data_ptr<float>(),
-                    .max_norm = max_norm,
-                    .stop = flags.stop,
-                    .minibatch = static_cast<float>(flags.minibatch),
-                    .fault = flags.fault,
-                    .faults = flags.faults,
-                    .n_faults = flags.n_faults,
-                    .skip = skip_.data_ptr<float>(),
-                    .scale = scale_.data_ptr<float>(),
-                    .steps = steps_.data_ptr<float>(),
-                    .norm_sum = flags.norm_sum},
-           1);
+  parallel_for.run(StepGate{.norm = norm.const_data_ptr<float>(),
+                            .max_norm = max_norm,
+                            .stop = flags.stop,
+                            .minibatch = static_cast<float>(flags.minibatch),
+                            .fault = flags.fault,
+                            .faults = flags.faults,
+                            .n_faults = flags.n_faults,
+                            .skip = skip_.data_ptr<float>(),
+                            .scale = scale_.data_ptr<float>(),
+                            .steps = steps_.data_ptr<float>(),
+                            .norm_sum = flags.norm_sum},
+                   1);
   if (max_norm > 0) gradient.mul_(scale_);
   at::_fused_adam_({parameters.values()}, {gradient}, {moment1_}, {moment2_}, {}, {steps_},
                    static_cast<double>(learning_rate), 0.9, 0.999, 0.0, epsilon_, false, false, {}, skip_);

@@ -28,7 +28,7 @@ class Adam {
 
   /// Clips the gradient to `max_norm` (0 = not), takes one step unless a flag forbids it, and clears the gradient. The
   /// host does not wait for the flags.
-  void step(const ParameterSet& parameters, const ParallelFor& rows, float learning_rate, float max_norm,
+  void step(const ParameterSet& parameters, const ParallelFor& parallel_for, float learning_rate, float max_norm,
             const StepFlags& flags);
 
   void save(const std::string& prefix, NamedArrays& out) const;

@@ -18,8 +18,8 @@ struct ChartRow {
 };
 
 constexpr std::array kGames = {
-    ChartRow{"pool_win_share", "Games won against the pool", "against past policies of the other team"},
-    ChartRow{"scripted_win_share", "Games won against scripts", "those of opponents.scripted"},
+    ChartRow{"pool_win_rate", "Games won against the pool", "against past policies of the other team"},
+    ChartRow{"scripted_win_rate", "Games won against scripts", "those of opponents.scripted"},
     ChartRow{"return", "Return", "sum of a team's rewards in an episode, mean over the episodes that ended"},
     ChartRow{"score", "Score", "waypoints that a team collected in an episode"},
     ChartRow{"episode_length", "Episode length", "steps, mean over the episodes that ended"},
@@ -86,10 +86,10 @@ ChartSection Chooser::strength() {
 
 ChartSection Chooser::games() {
   ChartSection section{"Training games", "The episodes of the training itself that ended during an update.", false, {}};
-  Chart shares{"Games won", "share of the episodes that ended", {{0, 1}}, {}};
-  add_teams(shares, "win_share");
-  add(shares, "tie", "tie_share", -1);
-  keep_filled(section.charts, std::move(shares));
+  Chart won{"Games won", "share of the episodes that ended", {{0, 1}}, {}};
+  add_teams(won, "win_rate");
+  add(won, "tie", "tie_rate", -1);
+  keep_filled(section.charts, std::move(won));
   for (Chart& chart : charts_of(kGames)) section.charts.push_back(std::move(chart));
   return section;
 }

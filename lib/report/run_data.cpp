@@ -36,6 +36,15 @@ std::vector<std::string_view> complete_lines(std::string_view text) {
   return lines;
 }
 
+/// What a column of an older run is called today.
+std::string present_name(std::string name) {
+  for (const auto& [before, now] : {std::pair<std::string_view, std::string_view>{"win_share", "win_rate"},
+                                    {"loss_share", "loss_rate"},
+                                    {"tie_share", "tie_rate"}})
+    if (const size_t at = name.find(before); at != std::string::npos) name.replace(at, before.size(), now);
+  return (name.starts_with("information_") ? "mutual_" : "") + name;
+}
+
 double parse_figure(std::string_view field, const std::string& column, const std::string& at) {
   if (field.empty()) return std::numeric_limits<double>::quiet_NaN();
   double value = 0;
@@ -110,7 +119,7 @@ MetricsTable parse_metrics(const std::string& text, const std::string& file) {
   const std::vector<std::string_view> lines = complete_lines(text);
   if (lines.size() < 2) throw InputError(cat(file, ": there is no row yet: the run has not done its first update"));
   MetricsTable table;
-  for (const std::string_view name : split(lines[0])) table.names.emplace_back(name);
+  for (const std::string_view name : split(lines[0])) table.names.push_back(present_name(std::string(name)));
   check_names(table.names, file);
   table.columns.resize(table.names.size());
   for (size_t k = 1; k < lines.size(); ++k) {

@@ -44,7 +44,7 @@ Rollout make_rollout(const Simulator& sim, const CollectorOptions& options, cons
   Rollout rollout;
   for (int team = 0; team < kNTeams; ++team) {
     const TeamRolloutShapes& s = shapes.team[team];
-    rollout.team[team] = {make(s.obs),      make(s.alive),  make(s.action),    make(s.raw),
+    rollout.team[team] = {make(s.obs),      make(s.alive),  make(s.action),    make(s.pre_tanh_action),
                           make(s.log_prob), make(s.reward), make(s.final_obs), make(s.final_alive)};
   }
   rollout.done = make(shapes.done);
@@ -55,8 +55,9 @@ Rollout make_rollout(const Simulator& sim, const CollectorOptions& options, cons
 
 }  // namespace
 
-Collector::Collector(Simulator& sim, const ParallelFor& rows, const CollectorOptions& options, const BothSides& sides)
-    : options_(options), rollout_(make_rollout(sim, options, sides)), game_(sim, rows, sides, {this}) {
+Collector::Collector(Simulator& sim, const ParallelFor& parallel_for, const CollectorOptions& options,
+                     const BothSides& sides)
+    : options_(options), rollout_(make_rollout(sim, options, sides)), game_(sim, parallel_for, sides, {this}) {
   for (int team = 0; team < kNTeams; ++team) {
     TeamRollout& r = rollout_.team[team];
     const int64_t size = memory_size(sides[static_cast<size_t>(team)]);
@@ -106,7 +107,7 @@ void Collector::before_step(int64_t t, GameStep& step) {
     out.reward = slot<float>(r.reward, t);
     out.final_alive = whole<uint8_t>(r.final_alive);
     void* action = static_cast<char*>(r.action.data_ptr()) + t * r.action.stride(0) * r.action.itemsize();
-    step.team[team] = {slot<float>(r.obs, t), action, slot<float>(r.raw, t), slot<float>(r.log_prob, t),
+    step.team[team] = {slot<float>(r.obs, t), action, slot<float>(r.pre_tanh_action, t), slot<float>(r.log_prob, t),
                        whole<float>(memory_[team])};
   }
   step.io.world[Observation::state] = {slot<float>(rollout_.true_state, t + 1),

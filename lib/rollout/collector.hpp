@@ -13,17 +13,17 @@ namespace giga {
 /// What one team saw, did and got. T = horizon, W = worlds, n = agents of the team, D = padded observation size. The
 /// simulator and the policy write straight into these. A team that learns nowhere has its actions alone, and the last
 /// observations if its controller looks; its other buffers are undefined. In worlds in which a team does not learn,
-/// `raw` and `log_prob` mean nothing.
+/// `pre_tanh_action` and `log_prob` mean nothing.
 struct TeamRollout {
-  at::Tensor obs;          // [T + 1, W, n, D] slot t: before step t; [1, W, n, D] of a team that does not learn
-  at::Tensor alive;        // [T + 1, W, n] uint8, at `obs`
-  at::Tensor action;       // [T, W, n] int32 or [T, W, n, 3] float
-  at::Tensor raw;          // [T, W, n, 3] float, continuous actions only
-  at::Tensor log_prob;     // [T, W, n]
-  at::Tensor reward;       // [T, W, n]
-  at::Tensor final_obs;    // [W, n, D] where an episode of the rollout was truncated: its last observation
-  at::Tensor final_alive;  // [W, n] uint8
-  at::Tensor state = {};   // [W, n, S] what a policy with memory remembers before step 0; else undefined
+  at::Tensor obs;              // [T + 1, W, n, D] slot t: before step t; [1, W, n, D] of a team that does not learn
+  at::Tensor alive;            // [T + 1, W, n] uint8, at `obs`
+  at::Tensor action;           // [T, W, n] int32 or [T, W, n, 3] float
+  at::Tensor pre_tanh_action;  // [T, W, n, 3] float, continuous actions only
+  at::Tensor log_prob;         // [T, W, n]
+  at::Tensor reward;           // [T, W, n]
+  at::Tensor final_obs;        // [W, n, D] where an episode of the rollout was truncated: its last observation
+  at::Tensor final_alive;      // [W, n] uint8
+  at::Tensor state = {};       // [W, n, S] what a policy with memory remembers before step 0; else undefined
 };
 
 struct Rollout {
@@ -41,8 +41,8 @@ struct CollectorOptions {
 
 class Collector final : GameObserver {
  public:
-  /// The simulator and `rows` must outlive the collector.
-  Collector(Simulator& sim, const ParallelFor& rows, const CollectorOptions& options, const BothSides& sides);
+  /// The simulator and `parallel_for` must outlive the collector.
+  Collector(Simulator& sim, const ParallelFor& parallel_for, const CollectorOptions& options, const BothSides& sides);
   Collector(const Collector&) = delete;
   Collector& operator=(const Collector&) = delete;
 

@@ -42,14 +42,14 @@ class PolicyController final : public TeamController {
     const TeamBuffers& b = s.buffers;
     const at::Tensor head = remembering(s);
     if (s.sim.params().actions == ActionKind::discrete) {
-      s.rows.run(SampleCategorical{head.const_data_ptr<float>(), s.draws(), static_cast<int32_t*>(b.action), b.log_prob,
-                                   greedy_},
-                 s.n_rows());
+      s.parallel_for.run(SampleCategorical{head.const_data_ptr<float>(), s.draws(), static_cast<int32_t*>(b.action),
+                                           b.log_prob, greedy_},
+                         s.n_rows());
     } else {
       const at::Tensor log_std = policy_.log_std();
-      s.rows.run(SampleGaussian{head.const_data_ptr<float>(), log_std.const_data_ptr<float>(), s.draws(), b.raw,
-                                static_cast<float*>(b.action), b.log_prob, greedy_},
-                 s.n_rows());
+      s.parallel_for.run(SampleGaussian{head.const_data_ptr<float>(), log_std.const_data_ptr<float>(), s.draws(),
+                                        b.pre_tanh_action, static_cast<float*>(b.action), b.log_prob, greedy_},
+                         s.n_rows());
     }
   }
 
@@ -71,15 +71,15 @@ class GroupController final : public TeamController {
     GIGA_CHECK(s.worlds.count % policy_.groups() == 0, s.worlds.count, " worlds for ", policy_.groups(), " groups");
     const at::Tensor head = policy_.forward(obs_of(s));
     const bool continuous = policy_.actions() == ActionKind::continuous;
-    s.rows.run(PopulationActions{{policy_.actions(), false, s.draws(), s.buffers.action},
-                                 head.const_data_ptr<float>(),
-                                 static_cast<int>(policy_.head_size()),
-                                 policy_.rows().const_data_ptr<float>(),
-                                 policy_.rows().size(1),
-                                 continuous ? policy_.log_std_offset() : 0,
-                                 nullptr,
-                                 s.worlds.count / policy_.groups()},
-               s.n_rows());
+    s.parallel_for.run(PopulationActions{{policy_.actions(), false, s.draws(), s.buffers.action},
+                                         head.const_data_ptr<float>(),
+                                         static_cast<int>(policy_.head_size()),
+                                         policy_.rows().const_data_ptr<float>(),
+                                         policy_.rows().size(1),
+                                         continuous ? policy_.log_std_offset() : 0,
+                                         nullptr,
+                                         s.worlds.count / policy_.groups()},
+                       s.n_rows());
   }
 
   const GroupPolicy& policy_;

@@ -48,10 +48,11 @@ class LibTorchPopulations final : public PopulationController {
 
   void run(const TeamStep& s, const at::Tensor& head, const at::Tensor& networks, const int32_t* network) const {
     const bool continuous = network_.actions() == ActionKind::continuous;
-    s.rows.run(PopulationActions{actions_of(s), head.const_data_ptr<float>(), static_cast<int>(network_.head_size()),
-                                 networks.const_data_ptr<float>(), networks.size(1),
-                                 continuous ? network_.log_std_offset() : 0, network, shape_.n_worlds},
-               s.n_rows());
+    s.parallel_for.run(
+        PopulationActions{actions_of(s), head.const_data_ptr<float>(), static_cast<int>(network_.head_size()),
+                          networks.const_data_ptr<float>(), networks.size(1),
+                          continuous ? network_.log_std_offset() : 0, network, shape_.n_worlds},
+        s.n_rows());
   }
   void move_members(const Population& p, const TeamStep& s) const {
     const at::Tensor obs =
@@ -89,8 +90,8 @@ class FusedPopulations final : public PopulationController {
 
   void move_networks(std::span<const TeamStep> teams) override {
     const TeamStep& any = teams[0];
-    const int device = any.rows.device().index;
-    void* const stream = any.rows.stream();
+    const int device = any.parallel_for.device().index;
+    void* const stream = any.parallel_for.stream();
     if (!work_.defined()) pack(device, stream);
     PopulationPolicy policy = policy_of(teams);
     if (!work_.defined()) work_ = at::empty({population_work(policy) + 1}, opponent_.options());
@@ -196,7 +197,7 @@ void PopulationController::move_scripts(std::span<const TeamStep> teams) const {
     const Phase* phase = step.sim.state().view().phase + step.worlds.first;
     all.add({scripted_actions(Scripted::noop, step), phase, opponents_of(k), shape_.n_worlds}, step.n_rows());
   }
-  if (all.rows() > 0) teams[0].rows.run(all, all.rows());
+  if (all.rows() > 0) teams[0].parallel_for.run(all, all.rows());
 }
 
 PopulationAct PopulationController::actions_of(const TeamStep& step) const {

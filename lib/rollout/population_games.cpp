@@ -15,7 +15,7 @@ SimSpec limited(const SimSpec& spec, std::optional<int> max_steps) {
 }  // namespace
 
 PopulationGames::PopulationGames(const SimSpec& spec, const PopulationGamesOptions& options, const Actor& network,
-                                 const ParallelFor& rows)
+                                 const ParallelFor& parallel_for)
     : options_(options),
       shape_{options.n_populations, options.n_members, options.n_worlds},
       fused_(takes_fused_kernel(network)),
@@ -27,9 +27,9 @@ PopulationGames::PopulationGames(const SimSpec& spec, const PopulationGamesOptio
   sim.on_done = OnDone::freeze;
   sim.episodes = options.n_rounds;
   sim.n_threads = options.n_threads;
-  sim_ = make_simulator(limited(spec, options.max_steps), sim, rows.device(), rows.stream());
+  sim_ = make_simulator(limited(spec, options.max_steps), sim, parallel_for.device(), parallel_for.stream());
   const Side side = everywhere(controller_, *sim_);
-  game_ = std::make_unique<Game>(*sim_, rows, BothSides{side, side});
+  game_ = std::make_unique<Game>(*sim_, parallel_for, BothSides{side, side});
 }
 
 void PopulationGames::play(const std::vector<Population>& populations, uint32_t generation) {

@@ -28,10 +28,10 @@ struct PopulationGamesOptions {
 
 class PopulationGames {
  public:
-  /// `network` tells the shape of all networks and their arithmetic (see population_controller). It and `rows` must
-  /// outlive this. Scenarios without a time limit are cut off after kEpisodeLimit steps (sim/params.hpp).
+  /// `network` tells the shape of all networks and their arithmetic (see population_controller). It and `parallel_for`
+  /// must outlive this. Scenarios without a time limit are cut off after kEpisodeLimit steps (sim/params.hpp).
   PopulationGames(const SimSpec& spec, const PopulationGamesOptions& options, const Actor& network,
-                  const ParallelFor& rows);
+                  const ParallelFor& parallel_for);
 
   /// Queues all steps of all episodes of n_populations. Fresh draws for each `generation`. On a GPU the host does not
   /// wait.

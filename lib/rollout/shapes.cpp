@@ -19,7 +19,7 @@ RolloutShapes rollout_shapes(const SimSpec& spec, const RolloutSize& size) {
     if (size.team[team] != BufferSet::learning) continue;
     s.obs = {ElementType::f32, {t + 1, w, n, d}};
     s.alive = {ElementType::u8, {t + 1, w, n}};
-    if (!discrete) s.raw = {ElementType::f32, {t, w, n, kActionSize}};
+    if (!discrete) s.pre_tanh_action = {ElementType::f32, {t, w, n, kActionSize}};
     s.log_prob = s.reward = {ElementType::f32, {t, w, n}};
     s.final_obs = {ElementType::f32, {w, n, d}};
     s.final_alive = {ElementType::u8, {w, n}};

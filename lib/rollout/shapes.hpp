@@ -10,7 +10,7 @@ namespace giga {
 
 /// Of the buffers of the same names in TeamRollout (rollout/collector.hpp), which explains them.
 struct TeamRolloutShapes {
-  BufferShape obs, alive, action, raw, log_prob, reward, final_obs, final_alive;
+  BufferShape obs, alive, action, pre_tanh_action, log_prob, reward, final_obs, final_alive;
 };
 struct RolloutShapes {
   TeamRolloutShapes team[kNTeams];

@@ -115,10 +115,10 @@ TEST(LearnEvolutionTeams, MetricsCountWhatWasPlayed) {
   double decided = 0;  // episodes
   for (int team = 0; team < 2; ++team) {
     const auto m = [&](const char* name) { return metric(metrics, cat(name, "_", team)); };
-    for (const char* share : {"win_share", "loss_share"}) {
-      const double games = 16 * m(share);
-      EXPECT_NEAR(games, std::round(games), 1e-9) << share;
-      EXPECT_GE(games, 0) << share;
+    for (const char* rate : {"win_rate", "loss_rate"}) {
+      const double games = 16 * m(rate);
+      EXPECT_NEAR(games, std::round(games), 1e-9) << rate;
+      EXPECT_GE(games, 0) << rate;
       decided += games;
     }
     EXPECT_GE(m("fitness_best"), m("fitness_mean"));
@@ -127,7 +127,7 @@ TEST(LearnEvolutionTeams, MetricsCountWhatWasPlayed) {
     EXPECT_GT(m("step_norm"), 0);
   }
   EXPECT_GT(decided, 0);
-  EXPECT_NEAR(decided + 32 * metric(metrics, "tie_share"), 32, 1e-9);  // each episode is won, lost or tied
+  EXPECT_NEAR(decided + 32 * metric(metrics, "tie_rate"), 32, 1e-9);  // each episode is won, lost or tied
 }
 
 // Six episodes of a member, two at a time: means over all six.
@@ -140,7 +140,7 @@ TEST(LearnEvolutionTeams, EpisodesOneAfterTheOther) {
   EXPECT_LE(metric(metrics, "episode_length"), 30);
   for (int team = 0; team < 2; ++team) {
     EXPECT_NEAR(metric(metrics, cat("fitness_mean_", team)), metric(metrics, cat("return_", team)), 1e-4);
-    const double wins = 24 * metric(metrics, cat("scripted_win_share_", team));  // half of the worlds, 8 x 3 episodes
+    const double wins = 24 * metric(metrics, cat("scripted_win_rate_", team));  // half of the worlds, 8 x 3 episodes
     EXPECT_NEAR(wins, std::round(wins), 1e-9);
   }
 }
@@ -157,14 +157,14 @@ TEST(LearnEvolutionOpponents, GamesAgainstThePoolAreNoted) {
   for (int u = 0; u < 3; ++u) {
     const Metrics metrics = learner->update();
     for (int team = 0; team < 2; ++team) {
-      EXPECT_EQ(std::isnan(metric(metrics, cat("pool_win_share_", team))), u < 2) << "generation " << u;
+      EXPECT_EQ(std::isnan(metric(metrics, cat("pool_win_rate_", team))), u < 2) << "generation " << u;
       // Eight episodes against the script.
-      const double wins = 8 * metric(metrics, cat("scripted_win_share_", team));
+      const double wins = 8 * metric(metrics, cat("scripted_win_rate_", team));
       EXPECT_NEAR(wins, std::round(wins), 1e-9);
       EXPECT_EQ(games(team), (std::vector<double>{u < 2 ? 0.0 : 8.0, 0})) << "generation " << u;
     }
   }
-  EXPECT_EQ(learner->headline().back().metric, std::string("scripted_win_share"));
+  EXPECT_EQ(learner->headline().back().metric, std::string("scripted_win_rate"));
 }
 
 TEST(LearnEvolutionOpponents, SharesOfTheEpisodes) {

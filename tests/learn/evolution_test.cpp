@@ -72,7 +72,8 @@ TEST(LearnEvolutionFitness, DesWeightsByHand) {
 /// A strategy under test, by name.
 struct Search {
   const char* name;
-  std::function<std::unique_ptr<EvolutionStrategy>(const at::Tensor& mean, const ParallelFor& rows, uint64_t seed)>
+  std::function<std::unique_ptr<EvolutionStrategy>(const at::Tensor& mean, const ParallelFor& parallel_for,
+                                                   uint64_t seed)>
       make;
 };
 void PrintTo(const Search& s, std::ostream* out) { *out << s.name; }
@@ -93,8 +94,8 @@ Search openai(const char* name, MeanOptimizer optimizer, float rate, EsNoiseKind
   c.learning_rate_min = 0;
   c.sigma_decay = 0.99f;
   c.sigma_min = 0.001f;
-  return {name, [population, c](const at::Tensor& mean, const ParallelFor& rows, uint64_t seed) {
-            return make_openai_es(population, c, {seed, 0, {{0, 2, mean.size(0) / 2}}}, mean, rows);
+  return {name, [population, c](const at::Tensor& mean, const ParallelFor& parallel_for, uint64_t seed) {
+            return make_openai_es(population, c, {seed, 0, {{0, 2, mean.size(0) / 2}}}, mean, parallel_for);
           }};
 }
 std::vector<Search> searches() {
@@ -105,11 +106,11 @@ std::vector<Search> searches() {
           openai("ClipUp", MeanOptimizer::clip_up, 0.05f),
           openai("LowRank", MeanOptimizer::adam, 0.1f, EsNoiseKind::low_rank),
           {"Snes",
-           [free](const at::Tensor& mean, const ParallelFor& rows, uint64_t seed) {
-             return make_snes(free, {}, {seed, 0, {}}, mean, rows);
+           [free](const at::Tensor& mean, const ParallelFor& parallel_for, uint64_t seed) {
+             return make_snes(free, {}, {seed, 0, {}}, mean, parallel_for);
            }},
-          {"Des", [free](const at::Tensor& mean, const ParallelFor& rows, uint64_t seed) {
-             return make_des(free, {}, {seed, 0, {}}, mean, rows);
+          {"Des", [free](const at::Tensor& mean, const ParallelFor& parallel_for, uint64_t seed) {
+             return make_des(free, {}, {seed, 0, {}}, mean, parallel_for);
            }}};
 }
 
@@ -134,15 +135,15 @@ class LearnEvolution : public testing::TestWithParam<Search> {};
 
 // 64 members x 300 generations = 19,200 evaluations, from the origin, 10 dimensions.
 TEST_P(LearnEvolution, SolvesAQuadratic) {
-  const ParallelFor rows(Device{}, 1);
-  const auto strategy = GetParam().make(at::zeros({10}), rows, 1);
+  const ParallelFor parallel_for(Device{}, 1);
+  const auto strategy = GetParam().make(at::zeros({10}), parallel_for, 1);
   EXPECT_LT(distance_after(*strategy, 300, quadratic), 0.05);
 }
 
 // The same with noise of deviation 1 on every evaluation: at the start the fitness is -10.
 TEST_P(LearnEvolution, SolvesANoisyQuadratic) {
-  const ParallelFor rows(Device{}, 1);
-  const auto strategy = GetParam().make(at::zeros({10}), rows, 1);
+  const ParallelFor parallel_for(Device{}, 1);
+  const auto strategy = GetParam().make(at::zeros({10}), parallel_for, 1);
   int generation = 0;
   const Function noisy = [&generation](const at::Tensor& x) {
     std::vector<float> noise;
@@ -154,14 +155,15 @@ TEST_P(LearnEvolution, SolvesANoisyQuadratic) {
 }
 
 TEST_P(LearnEvolution, SolvesRosenbrocksValley) {
-  const ParallelFor rows(Device{}, 1);
-  const auto strategy = GetParam().make(at::zeros({2}), rows, 1);
+  const ParallelFor parallel_for(Device{}, 1);
+  const auto strategy = GetParam().make(at::zeros({2}), parallel_for, 1);
   EXPECT_LT(distance_after(*strategy, 1500, rosenbrock), 0.25);  // 96,000 evaluations
 }
 
 TEST_P(LearnEvolution, AskCanBeRepeatedAndTellIsDeterministic) {
-  const ParallelFor rows(Device{}, 1);
-  const auto one = GetParam().make(at::zeros({10}), rows, 5), two = GetParam().make(at::zeros({10}), rows, 5);
+  const ParallelFor parallel_for(Device{}, 1);
+  const auto one = GetParam().make(at::zeros({10}), parallel_for, 5),
+             two = GetParam().make(at::zeros({10}), parallel_for, 5);
   for (int g = 0; g < 3; ++g) {
     const at::Tensor members = one->ask();
     EXPECT_TRUE(at::equal(members, one->ask())) << "the noise that is learned from is the noise that was played";
@@ -171,13 +173,14 @@ TEST_P(LearnEvolution, AskCanBeRepeatedAndTellIsDeterministic) {
     EXPECT_TRUE(at::equal(one->mean(), two->mean()));
     EXPECT_FALSE(at::equal(members, one->ask())) << "a new generation";
   }
-  const auto other = GetParam().make(at::zeros({10}), rows, 6);
-  EXPECT_FALSE(at::equal(other->ask(), GetParam().make(at::zeros({10}), rows, 5)->ask())) << "another seed";
+  const auto other = GetParam().make(at::zeros({10}), parallel_for, 6);
+  EXPECT_FALSE(at::equal(other->ask(), GetParam().make(at::zeros({10}), parallel_for, 5)->ask())) << "another seed";
 }
 
 TEST_P(LearnEvolution, SaveLoadAndGoOnEqualsGoingOn) {
-  const ParallelFor rows(Device{}, 1);
-  const auto strategy = GetParam().make(at::zeros({10}), rows, 5), loaded = GetParam().make(at::ones({10}), rows, 5);
+  const ParallelFor parallel_for(Device{}, 1);
+  const auto strategy = GetParam().make(at::zeros({10}), parallel_for, 5),
+             loaded = GetParam().make(at::ones({10}), parallel_for, 5);
   for (int g = 0; g < 5; ++g) strategy->tell(quadratic(strategy->ask()));
   NamedArrays arrays;
   strategy->save("es/", arrays);
@@ -196,9 +199,9 @@ INSTANTIATE_TEST_SUITE_P(All, LearnEvolution, testing::ValuesIn(searches()),
 
 // A population in which one member is not a number: it is the worst, and the search goes on with numbers.
 TEST(LearnEvolutionStrategy, WhatIsNotFiniteIsTheWorst) {
-  const ParallelFor rows(Device{}, 1);
+  const ParallelFor parallel_for(Device{}, 1);
   for (const Search& search : searches()) {
-    const auto strategy = search.make(at::zeros({10}), rows, 1);
+    const auto strategy = search.make(at::zeros({10}), parallel_for, 1);
     const Function broken = [](const at::Tensor& x) {
       at::Tensor fitness = quadratic(x);
       fitness[3] = NAN;
@@ -210,22 +213,22 @@ TEST(LearnEvolutionStrategy, WhatIsNotFiniteIsTheWorst) {
 }
 
 TEST(LearnEvolutionStrategy, AnOddPopulationHasNoPairs) {
-  const ParallelFor rows(Device{}, 1);
+  const ParallelFor parallel_for(Device{}, 1);
   PopulationConfig config;
   config.population_size = 33;
-  EXPECT_THROW(make_openai_es(config, {}, {}, at::zeros({4}), rows), InputError);
+  EXPECT_THROW(make_openai_es(config, {}, {}, at::zeros({4}), parallel_for), InputError);
   config.antithetic = false;
-  EXPECT_NO_THROW(make_openai_es(config, {}, {}, at::zeros({4}), rows));
+  EXPECT_NO_THROW(make_openai_es(config, {}, {}, at::zeros({4}), parallel_for));
 }
 
 // A mean that is not a number is not taken over, and tell says so.
 TEST(LearnEvolutionStrategy, WhatIsNotFiniteIsNotLearned) {
-  const ParallelFor rows(Device{}, 1);
+  const ParallelFor parallel_for(Device{}, 1);
   PopulationConfig population = population_of(0.1f);
   population.shaping.kind = FitnessShaping::raw;
   OpenAiEsConfig config;
   config.optimizer = MeanOptimizer::momentum;
-  const auto strategy = make_openai_es(population, config, {}, at::ones({4}), rows);
+  const auto strategy = make_openai_es(population, config, {}, at::ones({4}), parallel_for);
   at::Tensor fitness = at::zeros({64});
   fitness[0] = 3e38f;  // finite, but not three of it
   fitness[2] = fitness[4] = -3e38f;
@@ -237,7 +240,7 @@ TEST(LearnEvolutionStrategy, WhatIsNotFiniteIsNotLearned) {
 
 // Nor is anything else of the state: after a step that was not sound all of it is what it was, and learning goes on.
 TEST(LearnEvolutionStrategy, AfterAnUnsoundStepAllOfTheStateIsPutBack) {
-  const ParallelFor rows(Device{}, 1);
+  const ParallelFor parallel_for(Device{}, 1);
   PopulationConfig population = population_of(0.1f);
   population.shaping.kind = FitnessShaping::raw;
   at::Tensor unsound = at::full({64}, 3e38f);  // finite, but their sums are not
@@ -247,7 +250,7 @@ TEST(LearnEvolutionStrategy, AfterAnUnsoundStepAllOfTheStateIsPutBack) {
     OpenAiEsConfig config;
     config.optimizer = optimizer;
     strategies.emplace_back(cat("optimizer ", static_cast<int>(optimizer)),
-                            make_openai_es(population, config, {}, at::ones({8}), rows));
+                            make_openai_es(population, config, {}, at::ones({8}), parallel_for));
   }
   for (auto& [name, strategy] : strategies) {
     SCOPED_TRACE(name);
@@ -273,11 +276,11 @@ TEST(LearnEvolutionStrategy, AfterAnUnsoundStepAllOfTheStateIsPutBack) {
 
 // Equal fitness for all: only the weight decay of the shaping is left, which draws the mean to zero.
 TEST(LearnEvolutionStrategy, WeightDecayOfTheShapingPrefersSmallParameters) {
-  const ParallelFor rows(Device{}, 1);
+  const ParallelFor parallel_for(Device{}, 1);
   for (const float decay : {0.0f, 0.1f}) {
     PopulationConfig population = population_of(0.3f);
     population.shaping.weight_decay = decay;
-    const auto strategy = make_snes(population, {}, {}, at::full({10}, 2.0), rows);
+    const auto strategy = make_snes(population, {}, {}, at::full({10}, 2.0), parallel_for);
     for (int g = 0; g < 30; ++g) {
       strategy->ask();
       strategy->tell(at::ones({64}));

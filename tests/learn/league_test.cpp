@@ -18,12 +18,12 @@ constexpr int kSmallRunWorlds = 24;  // of SmallRun
 struct Games {
   explicit Games(const SmallRun& small)
       : run(small.load()),
-        rows(kCpu, 1),
+        parallel_for(kCpu, 1),
         shares(world_shares(run.config.opponents, kSmallRunWorlds)),
-        team{{run, 0, kCpu, rows, shares.learning(0)}, {run, 1, kCpu, rows, shares.learning(1)}},
-        league(run, {&team[0].actor(), &team[1].actor()}, rows),
+        team{{run, 0, kCpu, parallel_for, shares.learning(0)}, {run, 1, kCpu, parallel_for, shares.learning(1)}},
+        league(run, {&team[0].actor(), &team[1].actor()}, parallel_for),
         sim(make_cpu_simulator(run.spec, {kSmallRunWorlds, 17, 0, OnDone::reset, 1})),
-        collector(*sim, rows, {run.config.mappo.horizon, team[0].needs_state(), false},
+        collector(*sim, parallel_for, {run.config.mappo.horizon, team[0].needs_state(), false},
                   {league.side(0), league.side(1)}) {
     collector.start();
   }
@@ -32,7 +32,7 @@ struct Games {
     collector.collect();
   }
   const LoadedRun run;
-  const ParallelFor rows;
+  const ParallelFor parallel_for;
   const WorldShares shares;
   PpoTeam team[kNTeams];
   League league;
@@ -115,7 +115,7 @@ Rollout copy_of(const Rollout& rollout) {
   Rollout result;
   for (int team = 0; team < kNTeams; ++team) {
     const TeamRollout& r = rollout.team[team];
-    result.team[team] = {copy(r.obs),      copy(r.alive),  copy(r.action),    copy(r.raw),
+    result.team[team] = {copy(r.obs),      copy(r.alive),  copy(r.action),    copy(r.pre_tanh_action),
                          copy(r.log_prob), copy(r.reward), copy(r.final_obs), copy(r.final_alive)};
   }
   result.done = copy(rollout.done);
@@ -133,7 +133,7 @@ void spoil_frozen(Rollout& rollout, int team, const WorldRange& learning) {
     x.narrow(dim, learning.end(), kSmallRunWorlds - learning.end()).fill_(kSpoiled);
   };
   const TeamRollout& r = rollout.team[team];
-  for (const at::Tensor& x : {r.obs, r.raw, r.log_prob, r.reward, rollout.true_state}) spoil(x, 1);
+  for (const at::Tensor& x : {r.obs, r.pre_tanh_action, r.log_prob, r.reward, rollout.true_state}) spoil(x, 1);
   for (const at::Tensor& x : {r.final_obs, rollout.final_true_state}) spoil(x, 0);
 }
 
@@ -223,9 +223,9 @@ TEST(LearnLeague, GamesAgainstPastPoliciesCountFromTheirDrawOn) {
   EXPECT_EQ(record[0].pool.episodes, 2);
   EXPECT_EQ(record[0].pool.wins, 1);
   EXPECT_EQ(record[0].pool.ties, 1);
-  EXPECT_EQ(record[0].scripts.win_share(), 1 / 3.0);
+  EXPECT_EQ(record[0].scripts.win_rate(), 1 / 3.0);
   EXPECT_EQ(record[1].pool.episodes, 0);
-  EXPECT_EQ(record[1].scripts.win_share(), 1 / 2.0);
+  EXPECT_EQ(record[1].scripts.win_rate(), 1 / 2.0);
   // The next games of worlds 2 and 20 have the same opponent from start to end; that of world 20 is its first to end.
   set_stats(sim, 2, {1, 0, 1, 0});
   set_stats(sim, 20, {1, 0, 1, 0});
@@ -259,31 +259,31 @@ std::array<double, kNTeams> mean_figures(Learner& learner, const std::string& na
 }
 
 // Where nobody shoots, whoever flies straight on is the first to leave the map, and who circles never does.
-TEST(LearnLeague, WinSharesTellStrongOpponentsFromWeakOnes) {
-  const auto win_shares = [](const char* script) {
+TEST(LearnLeague, WinRatesTellStrongOpponentsFromWeakOnes) {
+  const auto win_rates = [](const char* script) {
     SmallRun run = with_opponents(cat("scripted_share: 0.8, scripted: [", script, "]"));
     run.scenario =
         "damage: {damage_cone_depth: 0}\ncollision: {collision_range: 0}\nlimit_x: 10\nlimit_y: 10\n"
         "max_episode_length: 120\n";
     run.n_threads = 1;
     const auto learner = run.learner();
-    EXPECT_EQ(learner->headline().back().metric, std::string("scripted_win_share"));
-    return mean_figures(*learner, "scripted_win_share", 40);
+    EXPECT_EQ(learner->headline().back().metric, std::string("scripted_win_rate"));
+    return mean_figures(*learner, "scripted_win_rate", 40);
   };
-  const std::array<double, kNTeams> weak = win_shares("noop"), strong = win_shares("circle");
+  const std::array<double, kNTeams> weak = win_rates("noop"), strong = win_rates("circle");
   for (size_t team = 0; team < kNTeams; ++team) {
     EXPECT_GT(weak[team], 0.3) << "team " << team;
     EXPECT_LT(strong[team], 0.1) << "team " << team;
   }
 }
 
-TEST(LearnLeague, WinSharesAgainstThePoolAreLogged) {
+TEST(LearnLeague, WinRatesAgainstThePoolAreLogged) {
   // Episodes of at most 40 steps, rollouts of 8: those that begin and end between two draws count.
   const auto learner = with_opponents("pool_size: 2, pool_every_updates: 12, pool_share: 0.8").learner();
-  EXPECT_TRUE(std::isnan(mean_figures(*learner, "pool_win_share", 12)[0])) << "nothing counts while the pool is empty";
-  for (const double share : mean_figures(*learner, "pool_win_share", 24)) {
-    EXPECT_GT(share, 0.05);
-    EXPECT_LT(share, 0.95);
+  EXPECT_TRUE(std::isnan(mean_figures(*learner, "pool_win_rate", 12)[0])) << "nothing counts while the pool is empty";
+  for (const double rate : mean_figures(*learner, "pool_win_rate", 24)) {
+    EXPECT_GT(rate, 0.05);
+    EXPECT_LT(rate, 0.95);
   }
 }
 
@@ -314,12 +314,12 @@ TEST(LearnLeague, WhereWaypointsDecideTheRecordOfThePoolGoesByThem) {
     return sum("wins") / sum("games");
   };
   const auto race = play("waypoints"), survival = play("elimination");
-  const std::array<double, kNTeams> shares = mean_figures(*race, "pool_win_share", 24);
-  EXPECT_GT(shares[0], 0.6);
-  EXPECT_LT(shares[1], 0.1);
+  const std::array<double, kNTeams> rates = mean_figures(*race, "pool_win_rate", 24);
+  EXPECT_GT(rates[0], 0.6);
+  EXPECT_LT(rates[1], 0.1);
   EXPECT_GT(pool_record(*race, 0), 0.7);
   EXPECT_LT(pool_record(*race, 1), 0.3);
-  for (const double share : mean_figures(*survival, "pool_win_share", 24)) EXPECT_EQ(share, 0);
+  for (const double rate : mean_figures(*survival, "pool_win_rate", 24)) EXPECT_EQ(rate, 0);
   EXPECT_EQ(pool_record(*survival, 0), 0.5) << "ties";
 }
 

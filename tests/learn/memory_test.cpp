@@ -249,9 +249,9 @@ INSTANTIATE_TEST_SUITE_P(Populations, LearnMemoryGpu,
 
 TEST(LearnParameterCounts, AreThoseOfTheNetworks) {
   const LoadedRun run = load_sized({"", "", "mappo: {critic: {kind: state, hidden: [24, 16], layer_norm: true}}\n"}, 8);
-  const ParallelFor rows(kCpu, 1);
+  const ParallelFor parallel_for(kCpu, 1);
   const CriticShape shape = critic_shape(run.config.mappo.critic, run.spec, 1);
-  const Critic critic(run.config.mappo.critic, shape, Precision::fp32, rows, at::kCPU, 1);
+  const Critic critic(run.config.mappo.critic, shape, Precision::fp32, parallel_for, at::kCPU, 1);
   EXPECT_EQ(Critic::count_parameters(run.config.mappo.critic, shape), critic.parameters().values().numel());
   const int64_t obs_size = observation_rows(run.spec).stride();
   for (const ActionKind actions : {ActionKind::discrete, ActionKind::continuous}) {

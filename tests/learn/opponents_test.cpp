@@ -134,12 +134,12 @@ TEST(LearnOpponents, TeamsAndUpdatesDrawApart) {
 TEST(LearnOpponents, GamesAreCounted) {
   GameCount games{2, 1, 0};
   games += {6, 1, 3};
-  EXPECT_EQ(games.win_share(), 2 / 8.0);
+  EXPECT_EQ(games.win_rate(), 2 / 8.0);
   EXPECT_EQ(games.points(), 3.5);
   Metrics metrics;
   LeagueRecord{games, {}}.add_metrics(1, metrics);
-  EXPECT_EQ(metric(metrics, "pool_win_share_1"), 0.25);
-  EXPECT_TRUE(std::isnan(metric(metrics, "scripted_win_share_1")));
+  EXPECT_EQ(metric(metrics, "pool_win_rate_1"), 0.25);
+  EXPECT_TRUE(std::isnan(metric(metrics, "scripted_win_rate_1")));
 }
 
 }  // namespace

@@ -59,8 +59,8 @@ TEST(LearnPopulationGames, APopulationOfOneNetworkPlaysTheMatchOfThatNetwork) {
         Networks other(run, 1, {});
         other.take(n.opponents[1]);
         n.take(n.members[0]);
-        const ParallelFor rows(Device{}, 1);
-        PopulationGames games(run.spec, {6, 4, 1, false, greedy, 9, 1}, n.actor, rows);
+        const ParallelFor parallel_for(Device{}, 1);
+        PopulationGames games(run.spec, {6, 4, 1, false, greedy, 9, 1}, n.actor, parallel_for);
         games.play({{team, n.members.expand({6, -1}).contiguous(), n.opponents, {1, 1, 1, 1}}}, 0);
 
         auto own = policy_controller(n.actor, greedy), opponent = policy_controller(other.actor, greedy);
@@ -81,8 +81,8 @@ TEST(LearnPopulationGames, ScriptsArePlayedAsInAMatch) {
   const LoadedRun run = run_of();
   Networks n(run, 1, {});
   n.take(n.members[0]);
-  const ParallelFor rows(Device{}, 1);
-  PopulationGames games(run.spec, {8, 2, 1, false, false, 9, 1}, n.actor, rows);
+  const ParallelFor parallel_for(Device{}, 1);
+  PopulationGames games(run.spec, {8, 2, 1, false, false, 9, 1}, n.actor, parallel_for);
   const int32_t circle = network_of_script(Scripted::circle);
   games.play({{1, n.members.expand({8, -1}).contiguous(), n.opponents, {circle, circle}}}, 0);
   const MatchResult match =
@@ -98,8 +98,8 @@ TEST(LearnPopulationGames, NetworksOfEgocentricViewsMeetScriptsThatLook) {
       run_of("maps: two_rooms1\nobservation: {egocentric_view: true}\n", "hidden: [16, 16], inputs: egocentric");
   Networks n(run, 1, {});
   n.take(n.members[0]);
-  const ParallelFor rows(Device{}, 1);
-  PopulationGames games(run.spec, {8, 2, 1, false, false, 9, 1}, n.actor, rows);
+  const ParallelFor parallel_for(Device{}, 1);
+  PopulationGames games(run.spec, {8, 2, 1, false, false, 9, 1}, n.actor, parallel_for);
   for (const Scripted script : {Scripted::circle, Scripted::pursuer, Scripted::circle}) {
     const int32_t id = network_of_script(script);
     games.play({{0, n.members.expand({8, -1}).contiguous(), n.opponents, {id, id}}}, 0);
@@ -116,11 +116,11 @@ TEST(LearnPopulationGames, WhoHidesWinsAtTheTimeLimitAndNotAtACut) {
       "limit_x: 60\nlimit_y: 60\nmax_episode_length: 30\ndamage: {damage_cone_depth: 0}\n"
       "collision: {collision_range: 0}\nwin: {at_time_limit: team_1}\n");
   Networks n(run, 4, {});
-  const ParallelFor rows(Device{}, 1);
+  const ParallelFor parallel_for(Device{}, 1);
   for (const std::optional<int> max_steps : {std::optional<int>(), std::optional<int>(20), std::optional<int>(40)}) {
     PopulationGamesOptions options{4, 2, 1, true, true, 9, 1};
     options.max_steps = max_steps;
-    PopulationGames games(run.spec, options, n.actor, rows);
+    PopulationGames games(run.spec, options, n.actor, parallel_for);
     games.play({{0, n.members, n.opponents, {0, 1}}}, 0);
     const bool cut = max_steps == 20;
     EXPECT_EQ(stat(games.results(0), EpisodeStat::wins_1), cut ? 0 : 8);
@@ -134,9 +134,9 @@ TEST(LearnPopulationGames, CommonRandomNumbers) {
   const LoadedRun run = run_of();
   Networks n(run, 3, {});
   n.members[1].copy_(n.members[0]);
-  const ParallelFor rows(Device{}, 1);
+  const ParallelFor parallel_for(Device{}, 1);
   for (const bool common : {true, false}) {
-    PopulationGames games(run.spec, {3, 8, 2, common, false, 9, 1}, n.actor, rows);
+    PopulationGames games(run.spec, {3, 8, 2, common, false, 9, 1}, n.actor, parallel_for);
     const Population population{0, n.members, n.opponents, {0, 1, 2, 0, 0, 1, 2, 2}};
     Population other = population;
     other.team = 1;
@@ -151,15 +151,15 @@ TEST(LearnPopulationGames, CommonRandomNumbers) {
 }
 
 // The second round of generation 0 draws what the only round of generation 1 does.
-void expect_rounds_to_be_generations(const LoadedRun& run, const Networks& n, const ParallelFor& rows) {
+void expect_rounds_to_be_generations(const LoadedRun& run, const Networks& n, const ParallelFor& parallel_for) {
   const Population population{1, n.members, n.opponents, {0, 1, network_of_script(Scripted::circle_random), 2}};
-  PopulationGames once(run.spec, {6, 4, 1, true, false, 9, 1}, n.actor, rows);
+  PopulationGames once(run.spec, {6, 4, 1, true, false, 9, 1}, n.actor, parallel_for);
   once.play({population}, 0);
   const at::Tensor first = once.results(0).clone();
   once.play({population}, 1);
-  PopulationGames twice(run.spec, {6, 4, 1, true, false, 9, 1, std::nullopt, 2}, n.actor, rows);
+  PopulationGames twice(run.spec, {6, 4, 1, true, false, 9, 1, std::nullopt, 2}, n.actor, parallel_for);
   twice.play({population}, 0);
-  EXPECT_EQ(twice.fused(), rows.device().is_cuda() && n.actor.precision() == Precision::fp16);
+  EXPECT_EQ(twice.fused(), parallel_for.device().is_cuda() && n.actor.precision() == Precision::fp16);
   EXPECT_EQ(stat(twice.results(0), EpisodeStat::episodes), 48);
   EXPECT_TRUE(at::equal(twice.results(0), first + once.results(0)));
   EXPECT_FALSE(at::equal(first, once.results(0)));
@@ -182,8 +182,8 @@ TEST(LearnPopulationGamesGpu, AWorldPlaysSeveralEpisodes) {
 TEST(LearnPopulationGames, AGenerationIsRepeatableAndAnotherIsNot) {
   const LoadedRun run = run_of();
   Networks n(run, 4, {});
-  const ParallelFor rows(Device{}, 2);
-  PopulationGames games(run.spec, {4, 4, 1, true, true, 9, 2}, n.actor, rows);
+  const ParallelFor parallel_for(Device{}, 2);
+  PopulationGames games(run.spec, {4, 4, 1, true, true, 9, 2}, n.actor, parallel_for);
   const auto played = [&](uint32_t generation) {
     games.play({{0, n.members, n.opponents, {0, 0, 1, 2}}}, generation);
     return games.results(0).clone();
@@ -214,9 +214,9 @@ double share_near(const at::Tensor& a, const at::Tensor& b) {
 TEST(LearnPopulationGames, HalfPrecisionPlaysAsFp32) {
   const LoadedRun run = run_of("", "hidden: [64, 64]");
   const Networks half(run, 60, {}, Precision::fp16), full(run, 60, {}, Precision::fp32);
-  const ParallelFor rows(Device{}, 2);
+  const ParallelFor parallel_for(Device{}, 2);
   const auto play = [&](const Networks& n) {
-    PopulationGames games(run.spec, {60, 6, 1, true, true, 9, 2, 10}, n.actor, rows);
+    PopulationGames games(run.spec, {60, 6, 1, true, true, 9, 2, 10}, n.actor, parallel_for);
     EXPECT_FALSE(games.fused());
     games.play({{0, n.members, n.opponents, {0, 1, 2, 0, 1, 2}}}, 0);
     return positions(games);
@@ -257,11 +257,11 @@ TEST_P(LearnPopulationGamesGpu, TheFusedKernelPlaysAsTheCpu) {
   const Device gpu{Device::Kind::cuda, 0};
   const LoadedRun run = run_of(GetParam().scenario, GetParam().actor);
   const Networks on_cpu(run, 70, {}, Precision::fp16), on_gpu(run, 70, gpu, Precision::fp16), fp32(run, 70, gpu);
-  const ParallelFor cpu_rows(Device{}, 2), gpu_rows(gpu);
+  const ParallelFor cpu_loop(Device{}, 2), gpu_loop(gpu);
   for (const bool greedy : {true, false}) {
     const PopulationGamesOptions options{70, 9, 2, true, greedy, 9, 2, 6};
-    PopulationGames a(run.spec, options, on_cpu.actor, cpu_rows), b(run.spec, options, on_gpu.actor, gpu_rows);
-    PopulationGames c(run.spec, options, fp32.actor, gpu_rows);
+    PopulationGames a(run.spec, options, on_cpu.actor, cpu_loop), b(run.spec, options, on_gpu.actor, gpu_loop);
+    PopulationGames c(run.spec, options, fp32.actor, gpu_loop);
     EXPECT_FALSE(a.fused());
     EXPECT_TRUE(b.fused());
     EXPECT_FALSE(c.fused());
@@ -288,11 +288,11 @@ TEST(LearnPopulationGamesGpu, WholeEpisodesAgreeInTheirShares) {
   if (cuda_device_count() == 0) GTEST_SKIP() << "no GPU";
   const Device gpu{Device::Kind::cuda, 0};
   const LoadedRun run = run_of("", "hidden: [64, 64]");
-  const ParallelFor rows(gpu);
+  const ParallelFor parallel_for(gpu);
   double length[2], wins[2];
   for (const bool fused : {true, false}) {
     const Networks n(run, 512, gpu, fused ? Precision::fp16 : Precision::fp32);
-    PopulationGames games(run.spec, {512, 8, 1, true, true, 9, 2}, n.actor, rows);
+    PopulationGames games(run.spec, {512, 8, 1, true, true, 9, 2}, n.actor, parallel_for);
     EXPECT_EQ(games.fused(), fused);
     games.play({{0, n.members, n.opponents, {0, 1, 2, 0, 1, 2, 0, 1}}}, 0);
     const at::Tensor results = games.results(0);

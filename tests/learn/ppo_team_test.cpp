@@ -84,7 +84,7 @@ Rollout rollout_by_hand(const SimSpec& spec) {
 class Team {
  public:
   explicit Team(const std::string& mappo)
-      : run_(small_run(mappo)), team_(run_, 0, Device{}, rows_, {0, 2}), rollout_(rollout_by_hand(run_.spec)) {
+      : run_(small_run(mappo)), team_(run_, 0, Device{}, parallel_for_, {0, 2}), rollout_(rollout_by_hand(run_.spec)) {
     NamedArrays arrays;
     team_.save("", arrays);
     for (NamedArray& a : arrays) {
@@ -113,7 +113,7 @@ class Team {
   }
 
  private:
-  const ParallelFor rows_{Device{}, 1};
+  const ParallelFor parallel_for_{Device{}, 1};
   const LoadedRun run_;
   PpoTeam team_;
   const Rollout rollout_;
@@ -191,8 +191,8 @@ TEST(LearnPpoTeam, MinibatchesHaveEachStateOfTheTeamsWorldsOnce) {
   LoadedRun run = small_run("");
   run.config.train.n_worlds = 4;
   run.config.mappo.horizon = 3;
-  const ParallelFor rows(Device{}, 1);
-  const PpoTeam team(run, 0, Device{}, rows, {1, 2});
+  const ParallelFor parallel_for(Device{}, 1);
+  const PpoTeam team(run, 0, Device{}, parallel_for, {1, 2});
   const std::vector<at::Tensor> minibatches = team.minibatches(at::tensor({4, 1, 0, 5, 3, 2}, at::kLong));
   ASSERT_EQ(minibatches.size(), 2u);
   // State k of the team's own is step k / 2, world 1 + k % 2.
@@ -202,10 +202,11 @@ TEST(LearnPpoTeam, MinibatchesHaveEachStateOfTheTeamsWorldsOnce) {
 
 /// Two teams with memory, and the worlds in which they play.
 struct TeamsWithMemory {
-  TeamsWithMemory(const LoadedRun& run, const ParallelFor& rows)
-      : team{{run, 0, kCpu, rows, {0, 24}, make_leaky_sum}, {run, 1, kCpu, rows, {0, 24}, make_leaky_sum}},
+  TeamsWithMemory(const LoadedRun& run, const ParallelFor& parallel_for)
+      : team{{run, 0, kCpu, parallel_for, {0, 24}, make_leaky_sum},
+             {run, 1, kCpu, parallel_for, {0, 24}, make_leaky_sum}},
         sim(make_cpu_simulator(run.spec, {24, 17, 0, OnDone::reset, 1})),
-        collector(*sim, rows, {run.config.mappo.horizon, false, true},
+        collector(*sim, parallel_for, {run.config.mappo.horizon, false, true},
                   {everywhere(policy_controller(team[0].actor()), *sim),
                    everywhere(policy_controller(team[1].actor()), *sim)}) {
     collector.start();
@@ -226,9 +227,9 @@ LoadedRun run_with_memory() {
 // What is remembered at the start of a rollout, and where episodes end in it, is enough to compute the actions'
 // probabilities again.
 TEST(LearnPpoTeam, AnActorWithMemoryLearnsFromSequences) {
-  const ParallelFor rows(kCpu, 1);
+  const ParallelFor parallel_for(kCpu, 1);
   const LoadedRun run = run_with_memory();
-  TeamsWithMemory game(run, rows);
+  TeamsWithMemory game(run, parallel_for);
   for (int k = 0; k < 6; ++k) game.collector.collect();
   const Rollout& rollout = game.collector.rollout();
   ASSERT_GT((rollout.done.slice(0, 0, 7) != 0).sum().item<int>(), 3) << "no episode ends within the rollout";
@@ -255,9 +256,9 @@ TEST(LearnPpoTeam, AnActorWithMemoryLearnsFromSequences) {
 }
 
 TEST(LearnPpoTeam, MemoryIsSavedWithTheWorlds) {
-  const ParallelFor rows(kCpu, 1);
+  const ParallelFor parallel_for(kCpu, 1);
   const LoadedRun run = run_with_memory();
-  TeamsWithMemory whole(run, rows), resumed(run, rows);
+  TeamsWithMemory whole(run, parallel_for), resumed(run, parallel_for);
   for (int k = 0; k < 2; ++k) whole.collector.collect();
   NamedArrays arrays;
   whole.sim->state().save("simulator/", arrays);

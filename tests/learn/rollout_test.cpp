@@ -28,11 +28,11 @@ struct Play {
       : rows(Device{}, 2),
         actor{make_actor(run, 0, Device{}), make_actor(run, 1, Device{})},
         sim(make_cpu_simulator(run.spec, {kWorlds, 17, 0, OnDone::reset, 2})),
-        collector(*sim, rows, {horizon, true, true},
+        collector(*sim, parallel_for, {horizon, true, true},
                   {everywhere(policy_controller(actor[0]), *sim), everywhere(policy_controller(actor[1]), *sim)}) {
     collector.start();
   }
-  ParallelFor rows;
+  ParallelFor parallel_for;
   Actor actor[2];
   std::unique_ptr<Simulator> sim;
   Collector collector;
@@ -66,16 +66,16 @@ TEST(LearnRollout, LongRolloutEqualsSingleSteps) {
 TEST(LearnRollout, AScriptThatLooksSeesEveryStep) {
   // It has the last observations only, in rollouts of any length; what it does depends on all of them.
   const LoadedRun run = cramped();
-  const auto make = [&](Simulator& sim, const ParallelFor& rows, const Actor& actor, int horizon) {
+  const auto make = [&](Simulator& sim, const ParallelFor& parallel_for, const Actor& actor, int horizon) {
     return Collector(
-        sim, rows, {horizon, false, true},
+        sim, parallel_for, {horizon, false, true},
         {everywhere(policy_controller(actor), sim), everywhere(script_controller(Scripted::pursuer), sim)});
   };
-  const ParallelFor rows(Device{}, 2);
+  const ParallelFor parallel_for(Device{}, 2);
   const Actor actor = make_actor(run, 0, Device{});
   const SimOptions options{kWorlds, 17, 0, OnDone::reset, 2};
   const auto sim_a = make_cpu_simulator(run.spec, options), sim_b = make_cpu_simulator(run.spec, options);
-  Collector whole = make(*sim_a, rows, actor, kHorizon), single = make(*sim_b, rows, actor, 1);
+  Collector whole = make(*sim_a, parallel_for, actor, kHorizon), single = make(*sim_b, parallel_for, actor, 1);
   whole.start();
   single.start();
   ASSERT_EQ(whole.rollout().team[1].obs.size(0), 1);

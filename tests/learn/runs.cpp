@@ -90,7 +90,7 @@ void disturb(NamedArray& array) {
 void expect_finite(const Metrics& metrics, int team) {
   for (const char* name :
        {"policy_loss", "value_loss", "entropy", "approx_kl", "clip_fraction", "explained_variance", "actor_grad_norm",
-        "critic_grad_norm", "first_ratio_error", "information", "living_share", "skipped_share"})
+        "critic_grad_norm", "first_ratio_error", "mutual_information", "living_share", "skipped_share"})
     EXPECT_TRUE(std::isfinite(metric(metrics, cat(name, "_", team)))) << name << " of team " << team;
 }
 

@@ -55,10 +55,10 @@ class Decisions {
     const Buffer<int32_t> ages(memory, std::vector<int32_t>(state.episode_length, state.episode_length + kWorlds));
     Buffer<float> action(memory, std::vector<float>(rows(team) * kActionSize, 77.0f));
     const RowDraws draws{steps.data(), 5, 0, spec_.params.n_team[team], team};
-    const ParallelFor runner(device, 1);
-    runner.run(ScriptedActions{script, spec_.params.actions, draws, ages.data(), action.data(), tables.params(),
-                               obs.data(), spec_.observation_size()},
-               static_cast<int64_t>(rows(team)));
+    const ParallelFor parallel_for(device, 1);
+    parallel_for.run(ScriptedActions{script, spec_.params.actions, draws, ages.data(), action.data(), tables.params(),
+                                     obs.data(), spec_.observation_size()},
+                     static_cast<int64_t>(rows(team)));
     return action.to_host();
   }
 

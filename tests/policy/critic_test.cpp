@@ -21,7 +21,7 @@ CriticConfig config_of(CriticKind kind) {
 }
 CriticShape shape_of(int team) { return {team, {3, 2}, kCriticObs, kWorld}; }
 Critic make(CriticKind kind, int team = 0, uint64_t seed = 1) {
-  return Critic(config_of(kind), shape_of(team), Precision::fp32, cpu_rows(), at::kCPU, seed);
+  return Critic(config_of(kind), shape_of(team), Precision::fp32, cpu_loop(), at::kCPU, seed);
 }
 
 /// [3, n]: all alive; agent 1 dead; only the last one alive.
@@ -168,12 +168,12 @@ TEST(PolicyCriticGpu, HalfPrecisionStaysClose) {
   if (cuda_device_count() == 0) GTEST_SKIP() << "no GPU";
   // Same seed, same parameters; bf16 keeps 8 bits, so values of order 1 agree to a few hundredths.
   const at::Device gpu(at::kCUDA, 0);
-  const ParallelFor rows(Device{Device::Kind::cuda, 0});
+  const ParallelFor parallel_for(Device{Device::Kind::cuda, 0});
   const at::Tensor alive = some_alive(3).to(gpu), obs = random({3, 3, kCriticObs}, 5).to(gpu),
                    state = some_states().to(gpu);
   for (const CriticKind kind : {CriticKind::composed, CriticKind::state, CriticKind::independent}) {
-    const Critic full(config_of(kind), shape_of(0), Precision::fp32, rows, gpu, 1);
-    const Critic half(config_of(kind), shape_of(0), Precision::bf16, rows, gpu, 1);
+    const Critic full(config_of(kind), shape_of(0), Precision::fp32, parallel_for, gpu, 1);
+    const Critic half(config_of(kind), shape_of(0), Precision::bf16, parallel_for, gpu, 1);
     const at::Tensor a = full.forward(obs, alive, state), b = half.forward(obs, alive, state);
     EXPECT_EQ(b.scalar_type(), at::kFloat);
     EXPECT_GT(worst(a, b), 0);

@@ -20,9 +20,9 @@ TEST(PolicyLayers, LivingMeanByFiniteDifferences) {
   alive[0][2] = 0;
   alive[2].zero_();
   at::Tensor x = x0.clone().requires_grad_(true);
-  (living_mean(cpu_rows(), x, alive) * c).sum().backward();
+  (living_mean(cpu_loop(), x, alive) * c).sum().backward();
   const auto value = [&](const at::Tensor& at) {
-    return (living_mean(cpu_rows(), at, alive) * c).sum().item<double>();
+    return (living_mean(cpu_loop(), at, alive) * c).sum().item<double>();
   };
   for (int64_t s = 0; s < 3; ++s)
     for (int64_t i = 0; i < 4; ++i)
@@ -33,13 +33,13 @@ TEST(PolicyLayers, LivingMeanByFiniteDifferences) {
         EXPECT_NEAR(x.grad()[s][i][k].item<double>(), value(up) - value(down), 2e-6) << s << " " << i << " " << k;
       }
   EXPECT_EQ(largest(x.grad()[2]), 0);
-  EXPECT_EQ(largest(living_mean(cpu_rows(), x0, alive)[2]), 0);
+  EXPECT_EQ(largest(living_mean(cpu_loop(), x0, alive)[2]), 0);
 }
 
 TEST(PolicyLayers, LivingMeanEqualsTensorOperations) {
   at::Tensor x = random({7, 5, 6}, 3).requires_grad_(true), y = x.detach().clone().requires_grad_(true);
   const at::Tensor alive = (random({7, 5}, 4) > 0).to(at::kFloat), c = random({7, 6}, 5);
-  const at::Tensor fused = living_mean(cpu_rows(), x, alive);
+  const at::Tensor fused = living_mean(cpu_loop(), x, alive);
   const at::Tensor plain = (y * alive.unsqueeze(-1)).sum(1) / alive.sum(1, true).clamp_min(1);
   EXPECT_LT(worst(fused, plain), 1e-6);
   (fused.tanh() * c).sum().backward();
@@ -105,7 +105,7 @@ TEST(PolicyLayers, OwnAndTeamWeightsStartAsOneLayer) {
   CriticConfig config;
   config.hidden = {16, 12, 40};
   config.output_gain = 0.5f;
-  const Critic critic(config, {0, {3, 2}, 10, 0}, Precision::fp32, cpu_rows(), at::kCPU, 3);
+  const Critic critic(config, {0, {3, 2}, 10, 0}, Precision::fp32, cpu_loop(), at::kCPU, 3);
   NamedArrays arrays;
   critic.parameters().save("", arrays);
   const auto layer = [&](int k) {

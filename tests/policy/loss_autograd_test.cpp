@@ -66,7 +66,7 @@ TEST(PolicyLossAutograd, Categorical) {
   action.index_put_({batch.source}, action_by_row.to(at::kInt));
   const at::Tensor d_logits = at::full({kRows, kLogitStride}, NAN);
   const at::Tensor diagnostics = at::full({kRows, kNPolicyDiagnostics}, NAN);
-  cpu_rows().run(CategoricalLoss{batch.input(), logits.const_data_ptr<float>(), action.const_data_ptr<int32_t>(),
+  cpu_loop().run(CategoricalLoss{batch.input(), logits.const_data_ptr<float>(), action.const_data_ptr<int32_t>(),
                                  d_logits.data_ptr<float>(), diagnostics.data_ptr<float>()},
                  kRows);
   EXPECT_GT(batch.clipped_share, 0.2);
@@ -91,14 +91,14 @@ TEST(PolicyLossAutograd, GaussianAndItsLogStd) {
   const at::Tensor loss = batch.loss(log_prob, entropy);
   loss.backward();
 
-  at::Tensor raw = at::empty({kRows, 3});
-  raw.index_put_({batch.source}, u);
+  at::Tensor pre_tanh_action = at::empty({kRows, 3});
+  pre_tanh_action.index_put_({batch.source}, u);
   const at::Tensor d_mean = at::full({kRows, 3}, NAN), d_log_std = at::full({kRows, 3}, NAN);
   const at::Tensor diagnostics = at::full({kRows, kNPolicyDiagnostics}, NAN);
-  cpu_rows().run(GaussianLoss{.in = batch.input(),
+  cpu_loop().run(GaussianLoss{.in = batch.input(),
                               .mean = mean.const_data_ptr<float>(),
                               .log_std = log_std.const_data_ptr<float>(),
-                              .raw = raw.const_data_ptr<float>(),
+                              .pre_tanh_action = pre_tanh_action.const_data_ptr<float>(),
                               .d_mean = d_mean.data_ptr<float>(),
                               .d_log_std = d_log_std.data_ptr<float>(),
                               .diagnostics = diagnostics.data_ptr<float>()},

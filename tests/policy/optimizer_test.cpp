@@ -45,11 +45,11 @@ struct GatedAdam {
   /// Returns the norm before clipping.
   float step(const ParameterSet& p, double rate, double max_norm, int minibatch = 1) {
     norm_sum = 0;
-    adam.step(p, rows, static_cast<float>(rate), static_cast<float>(max_norm),
+    adam.step(p, parallel_for, static_cast<float>(rate), static_cast<float>(max_norm),
               {&stop, &faults[1], faults, 2, minibatch, &norm_sum});
     return norm_sum;
   }
-  ParallelFor rows{Device{}, 1};
+  ParallelFor parallel_for{Device{}, 1};
   Adam adam;
   float stop = 0, faults[2] = {0, 0}, norm_sum = 0;
 };

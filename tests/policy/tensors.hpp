@@ -23,9 +23,9 @@ inline double largest(const at::Tensor& a) { return a.detach().abs().max().item<
 inline bool same(const at::Tensor& a, const at::Tensor& b) { return at::equal(a.detach(), b.detach()); }
 
 /// Elementwise operations on one thread of the CPU.
-inline const ParallelFor& cpu_rows() {
-  static const ParallelFor rows(Device{}, 1);
-  return rows;
+inline const ParallelFor& cpu_loop() {
+  static const ParallelFor parallel_for(Device{}, 1);
+  return parallel_for;
 }
 
 }  // namespace giga::test

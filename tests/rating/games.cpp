@@ -37,7 +37,7 @@ GameTable play_known(const KnownStrengths& truth, int n, bool diagonal, std::mt1
       const double p = 1 / (1 + std::pow(10, (truth.side_1[j] - truth.side_0[i] - truth.advantage) / 400));
       Games& g = table.games[i * names.size() + j];
       for (int game = 0; game < n; ++game) {
-        if (uniform(generator) < truth.tie_share) {
+        if (uniform(generator) < truth.tie_rate) {
           ++g.ties;
         } else {
           ++(uniform(generator) < p ? g.wins : g.losses);

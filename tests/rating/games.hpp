@@ -20,7 +20,7 @@ void add(GameTable& table, const std::string& side_0, const std::string& side_1,
 struct KnownStrengths {
   std::vector<double> side_0, side_1;
   double advantage = 0;
-  double tie_share = 0;  ///< games that are ties, whoever plays
+  double tie_rate = 0;  ///< games that are ties, whoever plays
 };
 
 /// Players "p0", "p1", ...; `n` games of each pair of different players on each side, and with `diagonal` of each with

@@ -35,6 +35,13 @@ TEST(ReadRun, ARunThatGoesOnEndsAtItsLastCompleteLine) {
   EXPECT_EQ(*table.find("agent_steps"), (std::vector<double>{100, 200}));
 }
 
+TEST(ReadRun, ColumnsOfOlderRunsHaveTodaysNames) {
+  const MetricsTable table = parse_metrics(
+      "agent_steps,seconds,pool_win_share_1,tie_share,information_0,mutual_information_1\n1,1,1,1,1,1\n", "m.csv");
+  EXPECT_EQ(table.names, (std::vector<std::string>{"agent_steps", "seconds", "pool_win_rate_1", "tie_rate",
+                                                   "mutual_information_0", "mutual_information_1"}));
+}
+
 TEST(ReadRun, DamageIsToldWithFileAndLine) {
   struct Case {
     std::string text, message;

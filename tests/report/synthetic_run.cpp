@@ -24,9 +24,10 @@ std::string config_with(int seed, const std::string& gamma) {
 std::string metrics_of_a_run(double offset) {
   std::ostringstream text;
   text << "update,agent_steps,seconds,update_seconds,evaluation_seconds,checkpoint_seconds,agent_steps_per_second,"
-          "episode_length,win_share_0,win_share_1,tie_share,return_0,return_1,score_0,score_1,policy_loss_0,value_loss_"
+          "episode_length,win_rate_0,win_rate_1,tie_rate,return_0,return_1,score_0,score_1,policy_loss_0,value_loss_"
           "0,"
-          "entropy_0,entropy_1,approx_kl_0,explained_variance_0,first_ratio_error_0,information_0,reward_damage_0,"
+          "entropy_0,entropy_1,approx_kl_0,explained_variance_0,first_ratio_error_0,mutual_information_0,reward_damage_"
+          "0,"
           "reward_game_won_0,reward_idle_0,win_rate_0_vs_circle,win_rate_1_vs_circle\r\n";
   for (int k = 1; k <= 120; ++k) {
     const double part = k / 120.0;

@@ -83,15 +83,15 @@ class Witness final : public GameObserver {
   const bool wants_;
 };
 
-const ParallelFor& rows() {
-  static const ParallelFor runner(Device{}, 1);
-  return runner;
+const ParallelFor& parallel_for() {
+  static const ParallelFor loop(Device{}, 1);
+  return loop;
 }
 
 TEST(Game, EachControllerIsAskedOnceAStepForAllItsParts) {
   const auto sim = simulator(game_spec());
   const auto a = std::make_shared<Straight>(), b = std::make_shared<Straight>();
-  Game game(*sim, rows(), {Side{{a, {0, 3}}, {b, {3, 4}}}, Side{{b, {0, 2}}, {a, {2, 5}}}});
+  Game game(*sim, parallel_for(), {Side{{a, {0, 3}}, {b, {3, 4}}}, Side{{b, {0, 2}}, {a, {2, 5}}}});
   game.start();
   game.play(1);
   game.play(1);
@@ -107,7 +107,7 @@ TEST(Game, PartsOfATeamActAsOneControllerDoes) {
   const SimSpec spec = game_spec();
   const auto play = [&](const Side& side0) {
     const auto sim = simulator(spec);
-    Game game(*sim, rows(), {side0, everywhere(script_controller(Scripted::circle_random), *sim)});
+    Game game(*sim, parallel_for(), {side0, everywhere(script_controller(Scripted::circle_random), *sim)});
     game.start();
     game.play(50);
     return sim->state().save();
@@ -121,7 +121,7 @@ TEST(Game, APlayInPiecesIsTheSame) {
   const SimSpec spec = game_spec();
   const auto play = [&](const std::vector<int64_t>& pieces) {
     const auto sim = simulator(spec);
-    Game game(*sim, rows(),
+    Game game(*sim, parallel_for(),
               {everywhere(script_controller(Scripted::pursuer), *sim),
                everywhere(script_controller(Scripted::random), *sim)});
     game.start();
@@ -135,7 +135,7 @@ TEST(Game, ObserversGetEachStepAndBringTheirBuffers) {
   const auto sim = simulator(game_spec());
   const auto straight = std::make_shared<Straight>();
   Witness first, second(true);
-  Game game(*sim, rows(), {everywhere(straight, *sim), everywhere(straight, *sim)}, {&first, &second});
+  Game game(*sim, parallel_for(), {everywhere(straight, *sim), everywhere(straight, *sim)}, {&first, &second});
   game.start();
   game.play(30);
   std::vector<int64_t> numbers;
@@ -152,7 +152,7 @@ TEST(Game, IsOverWhenAllWorldsWait) {
   const auto sim = simulator(game_spec(), OnDone::freeze);
   const auto straight = std::make_shared<Straight>();
   Witness witness;
-  Game game(*sim, rows(), {everywhere(straight, *sim), everywhere(straight, *sim)}, {&witness});
+  Game game(*sim, parallel_for(), {everywhere(straight, *sim), everywhere(straight, *sim)}, {&witness});
   game.start();
   game.play(1000);
   // The time limit is 30 steps; whether all wait is looked at every eighth step.
@@ -176,7 +176,7 @@ TEST(Game, WritesTheObservationsThatControllersRead) {
     const auto sim = simulator(spec);
     const auto looking = std::make_shared<Straight>(Observation::egocentric),
                opponent = std::make_shared<Straight>(other);
-    Game game(*sim, rows(), {everywhere(looking, *sim), everywhere(opponent, *sim)});
+    Game game(*sim, parallel_for(), {everywhere(looking, *sim), everywhere(opponent, *sim)});
     game.start();
     game.play(2);
     ASSERT_NE(looking->obs[0], nullptr);
@@ -192,7 +192,7 @@ TEST(Game, WritesTheObservationsThatControllersRead) {
 TEST(Game, SomebodyMovesEveryWorldOnce) {
   const auto sim = simulator(game_spec());
   const auto straight = std::make_shared<Straight>();
-  const auto with = [&](const Side& side) { Game(*sim, rows(), {side, everywhere(straight, *sim)}); };
+  const auto with = [&](const Side& side) { Game(*sim, parallel_for(), {side, everywhere(straight, *sim)}); };
   EXPECT_NO_THROW(with({{straight, {0, 3}}, {straight, {3, 4}}}));
   EXPECT_THROW(with({{straight, {0, 3}}}), Error);
   EXPECT_THROW(with({{straight, {0, 3}}, {straight, {2, 5}}}), Error);
@@ -203,7 +203,7 @@ TEST(Game, SomebodyMovesEveryWorldOnce) {
 TEST(Game, NeedsAStart) {
   const auto sim = simulator(game_spec());
   const auto straight = std::make_shared<Straight>();
-  Game game(*sim, rows(), {everywhere(straight, *sim), everywhere(straight, *sim)});
+  Game game(*sim, parallel_for(), {everywhere(straight, *sim), everywhere(straight, *sim)});
   EXPECT_THROW(game.play(1), Error);
 }
 

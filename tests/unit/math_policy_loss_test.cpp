@@ -202,10 +202,10 @@ TEST(MathPolicyLoss, GaussianAgainstFiniteDifferences) {
   batch.alive = {1, 1, 0, 0, 1, 0};
   const std::vector<float> log_std = {-0.5f, 0.1f, 0.4f};
   const std::vector<float> mean = {0.3f, -0.2f, 0.1f, 9, 9, 9, -0.6f, 0.5f, 0.9f, 0.2f, 0, -0.4f};  // [4, 3]
-  std::vector<float> raw(18, kNan);                                                                 // [6, 3]
+  std::vector<float> pre_tanh_action(18, kNan);                                                     // [6, 3]
   const float u[] = {0.7f, -1.1f, 0.4f, 0, 0, 0, -0.9f, 1.2f, 1.6f, -0.1f, 0.3f, -1.5f};
   for (size_t row = 0; row < Minibatch::kRows; ++row)
-    for (size_t k = 0; k < 3; ++k) raw[Minibatch::kSource[row] * 3 + k] = u[row * 3 + k];
+    for (size_t k = 0; k < 3; ++k) pre_tanh_action[Minibatch::kSource[row] * 3 + k] = u[row * 3 + k];
 
   const auto log_prob = [&](size_t row, const std::array<double, 3>& m, const std::array<double, 3>& s) {
     double sum = 0;
@@ -232,7 +232,7 @@ TEST(MathPolicyLoss, GaussianAgainstFiniteDifferences) {
   const GaussianLoss loss{.in = batch.input(),
                           .mean = mean.data(),
                           .log_std = log_std.data(),
-                          .raw = raw.data(),
+                          .pre_tanh_action = pre_tanh_action.data(),
                           .d_mean = d_mean.data(),
                           .d_log_std = d_log_std.data(),
                           .diagnostics = diagnostics.data()};

@@ -126,13 +126,13 @@ TEST(MathSampling, GaussianMoments) {
   // 40,000 rows; means 0.5, -1, 0 and deviations exp(-0.5), exp(0), exp(0.3).
   const int total = 40'000;
   const float mean3[3] = {0.5f, -1, 0}, log_std[3] = {-0.5f, 0, 0.3f};
-  std::vector<float> mean, raw(3 * total, kNan), action(3 * total, kNan), log_prob(total, kNan);
+  std::vector<float> mean, pre_tanh_action(3 * total, kNan), action(3 * total, kNan), log_prob(total, kNan);
   for (int r = 0; r < total; ++r) mean.insert(mean.end(), mean3, mean3 + 3);
   const Draws draws(total / 4, 4, 9);
   const SampleGaussian sample{.mean = mean.data(),
                               .log_std = log_std,
                               .draws = draws.rows(1),
-                              .raw = raw.data(),
+                              .pre_tanh_action = pre_tanh_action.data(),
                               .action = action.data(),
                               .log_prob = log_prob.data()};
   for (int64_t r = 0; r < total; ++r) sample(r);
@@ -142,12 +142,12 @@ TEST(MathSampling, GaussianMoments) {
     const double m = static_cast<double>(mean3[k]), s = std::exp(static_cast<double>(log_std[k]));
     double m1 = 0, m2 = 0, m3 = 0, m4 = 0;
     for (size_t r = 0; r < total; ++r) {
-      const double e = (static_cast<double>(raw[3 * r + k]) - m) / s;
+      const double e = (static_cast<double>(pre_tanh_action[3 * r + k]) - m) / s;
       m1 += e;
       m2 += e * e;
       m3 += e * e * e;
       m4 += e * e * e * e;
-      if (k == 0) cross += e * (static_cast<double>(raw[3 * r + 1]) - static_cast<double>(mean3[1]));
+      if (k == 0) cross += e * (static_cast<double>(pre_tanh_action[3 * r + 1]) - static_cast<double>(mean3[1]));
     }
     // A standard normal has moments 0, 1, 0, 3 with variances 1, 2, 15, 96; four deviations of the mean of 40,000.
     EXPECT_NEAR(m1 / total, 0, 4 * std::sqrt(1.0 / total)) << "dimension " << k;
@@ -159,8 +159,8 @@ TEST(MathSampling, GaussianMoments) {
   for (size_t r = 0; r < total; ++r) {
     float sum = 0;
     for (size_t k = 0; k < 3; ++k) {
-      EXPECT_EQ(action[3 * r + k], std::tanh(raw[3 * r + k]));
-      sum += squashed_log_prob(raw[3 * r + k], mean3[k], log_std[k]);
+      EXPECT_EQ(action[3 * r + k], std::tanh(pre_tanh_action[3 * r + k]));
+      sum += squashed_log_prob(pre_tanh_action[3 * r + k], mean3[k], log_std[k]);
     }
     ASSERT_EQ(log_prob[r], sum) << "row " << r;  // what the update computes again: the ratio starts at exactly 1
   }
@@ -173,7 +173,7 @@ TEST(MathSampling, GreedyGaussianIsTheSquashedMean) {
   const SampleGaussian sample{.mean = mean,
                               .log_std = log_std,
                               .draws = draws.rows(),
-                              .raw = nullptr,
+                              .pre_tanh_action = nullptr,
                               .action = action,
                               .log_prob = nullptr,
                               .greedy = true};

@@ -9,8 +9,8 @@ namespace {
 class Des final : public EvolutionStrategy {
  public:
   Des(const PopulationConfig& population, const DesConfig& config, const PopulationPlace& place, const at::Tensor& mean,
-      const ParallelFor& rows)
-      : EvolutionStrategy(population, place, mean, rows),
+      const ParallelFor& parallel_for)
+      : EvolutionStrategy(population, place, mean, parallel_for),
         weights_(des_weights(population.population_size, static_cast<double>(config.temperature)), mean.device()),
         rate_mean_(config.learning_rate_mean),
         rate_sigma_(config.learning_rate_sigma) {}
@@ -32,8 +32,8 @@ class Des final : public EvolutionStrategy {
 
 std::unique_ptr<EvolutionStrategy> make_des(const PopulationConfig& population, const DesConfig& config,
                                             const PopulationPlace& place, const at::Tensor& mean,
-                                            const ParallelFor& rows) {
-  return std::make_unique<Des>(population, config, place, mean, rows);
+                                            const ParallelFor& parallel_for) {
+  return std::make_unique<Des>(population, config, place, mean, parallel_for);
 }
 
 std::unique_ptr<Learner> DesAlgorithm::make(const LoadedRun& run, Device device) {

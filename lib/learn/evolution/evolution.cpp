@@ -71,7 +71,7 @@ class Evolution final : public Learner {
   std::vector<HeadlineFigure> headline() const override {
     std::vector<HeadlineFigure> figures = {{"mean fitness", "mean fitness", "fitness_mean"},
                                            {"best fitness", nullptr, "fitness_best"},
-                                           {"wins in play", "wins in play", "win_share"},
+                                           {"wins in play", "wins in play", "win_rate"},
                                            {"sigma", "sigma", "sigma"},
                                            {"step", nullptr, "step_norm"}};
     add_league_headline(config_.opponents, figures);
@@ -91,7 +91,7 @@ class Evolution final : public Learner {
   void team_metrics(int team, const PopulationFigures* figures, Metrics& out) const;
 
   const RunConfig config_;
-  const ParallelFor rows_;
+  const ParallelFor parallel_for_;
   std::unique_ptr<EvolvingTeam> team_[kNTeams];  // null = scripted
   std::unique_ptr<PopulationGames> games_;
   std::unique_ptr<DeviceClock> clock_;
@@ -101,18 +101,18 @@ class Evolution final : public Learner {
 };
 
 Evolution::Evolution(const LoadedRun& run, Device device, const MakeStrategy& make_strategy)
-    : config_(run.config), rows_(device, run.config.train.n_threads, current_stream(device)) {
+    : config_(run.config), parallel_for_(device, run.config.train.n_threads, current_stream(device)) {
   check_precision(run, device);
   set_up_libtorch(config_.train, device);
   const Actor* network = nullptr;
   for (int team = 0; team < kNTeams; ++team) {
     if (!learns(config_.train, team)) continue;
-    team_[team] = std::make_unique<EvolvingTeam>(run, team, device, make_strategy, rows_);
+    team_[team] = std::make_unique<EvolvingTeam>(run, team, device, make_strategy, parallel_for_);
     network = &team_[team]->actor();
   }
-  games_ = std::make_unique<PopulationGames>(run.spec, games_options(config_), *network, rows_);
+  games_ = std::make_unique<PopulationGames>(run.spec, games_options(config_), *network, parallel_for_);
   no_networks_ = at::zeros({1, network->parameters().size()}, at::TensorOptions().device(torch_device(device)));
-  clock_ = make_device_clock(device, rows_.stream());
+  clock_ = make_device_clock(device, parallel_for_.stream());
 }
 
 std::vector<int> Evolution::teams_of_generation() const {
@@ -163,8 +163,8 @@ void Evolution::team_metrics(int team, const PopulationFigures* f, Metrics& out)
              : kUnknown;
   };
   const auto learned = [&](EvolutionFigure k) { return f ? static_cast<double>(f->learned[k]) : kUnknown; };
-  add("win_share", stat(EpisodeStat::wins_0, team));
-  add("loss_share", stat(EpisodeStat::wins_0, 1 - team));
+  add("win_rate", stat(EpisodeStat::wins_0, team));
+  add("loss_rate", stat(EpisodeStat::wins_0, 1 - team));
   add("return", stat(EpisodeStat::return_0, team));
   add("score", stat(EpisodeStat::score_0, team));
   add("fitness_mean", learned(kFigFitnessMean));
@@ -225,7 +225,7 @@ Metrics Evolution::metrics(const std::vector<Population>& populations) {
   Metrics out;
   out.emplace_back("episodes", episodes);
   out.emplace_back("episode_length", steps / episodes);
-  out.emplace_back("tie_share", ties / episodes);
+  out.emplace_back("tie_rate", ties / episodes);
   out.emplace_back("truncated_share", truncated / episodes);
   for (int team = 0; team < kNTeams; ++team) team_metrics(team, figures[team].get(), out);
   return out;

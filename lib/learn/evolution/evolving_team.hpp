@@ -30,7 +30,7 @@ enum EvolutionFigure : int {
 class EvolvingTeam {
  public:
   EvolvingTeam(const LoadedRun& run, int team, Device device, const MakeStrategy& make_strategy,
-               const ParallelFor& rows);
+               const ParallelFor& parallel_for);
 
   at::Tensor ask() { return strategy_->ask(); }
   /// Learns from the fitness [M] of the members asked for last; the actor becomes the new mean.

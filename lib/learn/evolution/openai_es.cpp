@@ -15,8 +15,8 @@ constexpr double kBeta1 = 0.9, kBeta2 = 0.999, kEpsilon = 1e-8;
 class OpenAiEs final : public EvolutionStrategy {
  public:
   OpenAiEs(const PopulationConfig& population, const OpenAiEsConfig& config, const PopulationPlace& place,
-           const at::Tensor& mean, const ParallelFor& rows)
-      : EvolutionStrategy(population, place, mean, rows),
+           const at::Tensor& mean, const ParallelFor& parallel_for)
+      : EvolutionStrategy(population, place, mean, parallel_for),
         config_(config),
         sigma_init_(population.sigma_init),
         velocity_(at::zeros_like(mean)),
@@ -78,8 +78,8 @@ class OpenAiEs final : public EvolutionStrategy {
 
 std::unique_ptr<EvolutionStrategy> make_openai_es(const PopulationConfig& population, const OpenAiEsConfig& config,
                                                   const PopulationPlace& place, const at::Tensor& mean,
-                                                  const ParallelFor& rows) {
-  return std::make_unique<OpenAiEs>(population, config, place, mean, rows);
+                                                  const ParallelFor& parallel_for) {
+  return std::make_unique<OpenAiEs>(population, config, place, mean, parallel_for);
 }
 
 std::unique_ptr<Learner> OpenAiEsAlgorithm::make(const LoadedRun& run, Device device) {

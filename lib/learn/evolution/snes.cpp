@@ -11,8 +11,8 @@ namespace {
 class Snes final : public EvolutionStrategy {
  public:
   Snes(const PopulationConfig& population, const SnesConfig& config, const PopulationPlace& place,
-       const at::Tensor& mean, const ParallelFor& rows)
-      : EvolutionStrategy(population, place, mean, rows),
+       const at::Tensor& mean, const ParallelFor& parallel_for)
+      : EvolutionStrategy(population, place, mean, parallel_for),
         utilities_(snes_utilities(population.population_size), mean.device()) {
     const auto d = static_cast<double>(mean.size(0));
     const auto standard = static_cast<float>((3 + std::log(d)) / (5 * std::sqrt(d)));
@@ -36,8 +36,8 @@ class Snes final : public EvolutionStrategy {
 
 std::unique_ptr<EvolutionStrategy> make_snes(const PopulationConfig& population, const SnesConfig& config,
                                              const PopulationPlace& place, const at::Tensor& mean,
-                                             const ParallelFor& rows) {
-  return std::make_unique<Snes>(population, config, place, mean, rows);
+                                             const ParallelFor& parallel_for) {
+  return std::make_unique<Snes>(population, config, place, mean, parallel_for);
 }
 
 std::unique_ptr<Learner> SnesAlgorithm::make(const LoadedRun& run, Device device) {

@@ -29,13 +29,13 @@ std::pair<at::Tensor, at::Tensor> factor_places(const PopulationConfig& config, 
 }  // namespace
 
 EvolutionStrategy::EvolutionStrategy(const PopulationConfig& config, const PopulationPlace& place,
-                                     const at::Tensor& mean, const ParallelFor& rows)
+                                     const at::Tensor& mean, const ParallelFor& parallel_for)
     : mean_(mean.detach().clone()),
       sigma_(at::full_like(mean_, config.sigma_init)),
       config_(config),
       seed_(place.seed),
       team_(place.team),
-      rows_(rows) {
+      parallel_for_(parallel_for) {
   GIGA_CHECK(mean.dim() == 1 && mean.scalar_type() == at::kFloat, "a mean of ", mean.dim(), " dimensions");
   if (config.antithetic && config.population_size % 2 != 0)
     throw InputError(cat("population_size: ", config.population_size, " is odd; antithetic members come in pairs"));
@@ -59,7 +59,7 @@ EsNoise EvolutionStrategy::noise() const {
 
 at::Tensor EvolutionStrategy::ask() {
   at::Tensor members = at::empty({population_size(), mean_.size(0)}, mean_.options());
-  rows_.run(
+  parallel_for_.run(
       PerturbMembers{noise(), mean_.const_data_ptr<float>(), sigma_.const_data_ptr<float>(), members.data_ptr<float>()},
       members.numel());
   if (config_.shaping.weight_decay > 0) mean_squares_ = members.square().mean(1);
@@ -87,9 +87,9 @@ EvolutionStrategy::Moments EvolutionStrategy::moments(const at::Tensor& weights)
   const at::Tensor w = weights.contiguous();
   const int64_t n = NoiseMoments::parts(population_size());
   const Moments parts{at::empty({n, mean_.size(0)}, mean_.options()), at::empty({n, mean_.size(0)}, mean_.options())};
-  rows_.run(NoiseMoments{noise(), w.const_data_ptr<float>(), population_size(), parts.first.data_ptr<float>(),
-                         parts.second.data_ptr<float>()},
-            parts.first.numel());
+  parallel_for_.run(NoiseMoments{noise(), w.const_data_ptr<float>(), population_size(), parts.first.data_ptr<float>(),
+                                 parts.second.data_ptr<float>()},
+                    parts.first.numel());
   if (n == 1) return {parts.first[0], parts.second[0]};
   return {parts.first.sum(0), parts.second.sum(0)};
 }

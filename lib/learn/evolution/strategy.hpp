@@ -44,7 +44,7 @@ class EvolutionStrategy {
 
  protected:
   EvolutionStrategy(const PopulationConfig& config, const PopulationPlace& place, const at::Tensor& mean,
-                    const ParallelFor& rows);
+                    const ParallelFor& parallel_for);
 
   /// Sums over the members of weight x noise and weight x noise^2, [P] each.
   struct Moments {
@@ -70,22 +70,22 @@ class EvolutionStrategy {
   const PopulationConfig config_;
   const uint64_t seed_;
   const int team_;
-  const ParallelFor& rows_;
+  const ParallelFor& parallel_for_;
   at::Tensor left_, right_;  // [P] int32, see EsNoise; noise low_rank only
   at::Tensor mean_squares_;  // [M] of the members that were asked for last; weight decay of the shaping only
 };
 
-/// `mean` [P]: where the search starts; it is copied. `rows` must outlive the strategy.
-using MakeStrategy = std::function<std::unique_ptr<EvolutionStrategy>(const RunConfig&, const PopulationPlace&,
-                                                                      const at::Tensor& mean, const ParallelFor& rows)>;
+/// `mean` [P]: where the search starts; it is copied. `parallel_for` must outlive the strategy.
+using MakeStrategy = std::function<std::unique_ptr<EvolutionStrategy>(
+    const RunConfig&, const PopulationPlace&, const at::Tensor& mean, const ParallelFor& parallel_for)>;
 std::unique_ptr<EvolutionStrategy> make_openai_es(const PopulationConfig& population, const OpenAiEsConfig& config,
                                                   const PopulationPlace& place, const at::Tensor& mean,
-                                                  const ParallelFor& rows);
+                                                  const ParallelFor& parallel_for);
 std::unique_ptr<EvolutionStrategy> make_snes(const PopulationConfig& population, const SnesConfig& config,
                                              const PopulationPlace& place, const at::Tensor& mean,
-                                             const ParallelFor& rows);
+                                             const ParallelFor& parallel_for);
 std::unique_ptr<EvolutionStrategy> make_des(const PopulationConfig& population, const DesConfig& config,
                                             const PopulationPlace& place, const at::Tensor& mean,
-                                            const ParallelFor& rows);
+                                            const ParallelFor& parallel_for);
 
 }  // namespace giga

@@ -115,7 +115,7 @@ const Algorithm MappoAlgorithm::kAlgorithm = {
     .name = "mappo",
     .about = "PPO in self-play, with a centralized critic per team",
     .figures =
-        "policy_loss, value_loss, entropy and information (nats), approx_kl, clip_fraction,\n"
+        "policy_loss, value_loss, entropy and mutual_information (nats), approx_kl, clip_fraction,\n"
         "explained_variance, actor_grad_norm, critic_grad_norm",
     .updates = "updates",
     .end_key = "train.total_agent_steps",

@@ -33,7 +33,7 @@ void PpoTeam::note_faults(const TeamRollout& r) {
     check.least[k] = least[k].const_data_ptr<float>();
     check.greatest[k] = greatest[k].const_data_ptr<float>();
   }
-  rows_.run(check, static_cast<int64_t>(tensors.size()));
+  parallel_for_.run(check, static_cast<int64_t>(tensors.size()));
 }
 
 void PpoTeam::note_policy(const at::Tensor& sums, const at::Tensor& head, const Minibatch& batch) {
@@ -43,7 +43,7 @@ void PpoTeam::note_policy(const at::Tensor& sums, const at::Tensor& head, const 
   figures_[kFigLastKl].copy_(sums[kLossKl] / rows);
   if (batch.number == 1) {
     figures_[kFigFirstRatioError].copy_(sums[kLossRatioError] / rows);
-    figures_[kFigInformation].copy_(policy_information(actor_, head, batch.alive.view({-1})).squeeze(0));
+    figures_[kFigMutualInformation].copy_(mutual_information(actor_, head, batch.alive.view({-1})).squeeze(0));
   }
 }
 
@@ -79,7 +79,7 @@ void PpoTeam::save_batch(const Rollout& rollout, const at::Tensor& states, Named
   add("obs", r.obs);
   add("alive", r.alive);
   add("action", r.action);
-  add("raw", r.raw);
+  add("pre_tanh_action", r.pre_tanh_action);
   add("log_prob", r.log_prob);
   add("reward", r.reward);
   add("value", value_);

@@ -18,11 +18,11 @@ enum PpoFigure : int {
   kFigActorNorm,  // sums over minibatches
   kFigCriticNorm,
   kFigSkipped,
-  kFigFirstRatioError,  // mean of the first minibatch: 0 where rollout and update agree
-  kFigExplained,        // explained variance of the values before the update
-  kFigInformation,      // I(obs; action) on the first minibatch
-  kFigLiving,           // share of rows with a living agent
-  kFigLastKl,           // mean of the last minibatch
+  kFigFirstRatioError,    // mean of the first minibatch: 0 where rollout and update agree
+  kFigExplained,          // explained variance of the values before the update
+  kFigMutualInformation,  // I(obs; action) on the first minibatch
+  kFigLiving,             // share of rows with a living agent
+  kFigLastKl,             // mean of the last minibatch
   kNPpoFigures
 };
 

@@ -60,7 +60,7 @@ class Mappo final : public Learner {
   const RunConfig config_;
   const Device device_;
   const int64_t total_updates_;
-  ParallelFor rows_;
+  ParallelFor parallel_for_;
   std::unique_ptr<Simulator> sim_;
   std::unique_ptr<PpoTeam> team_[kNTeams];  // null = scripted
   std::vector<PpoTeam*> learning_;          // those of them that are not
@@ -75,7 +75,7 @@ Mappo::Mappo(const LoadedRun& run, Device device)
     : config_(run.config),
       device_(device),
       total_updates_(total_updates(run.config, run.spec.params.n_agents)),
-      rows_(device, run.config.train.n_threads, current_stream(device)) {
+      parallel_for_(device, run.config.train.n_threads, current_stream(device)) {
   set_up_libtorch(config_.train, device);
 
   // The stream of data: the simulator's worlds, who moves each team in them, and the collector that keeps what they
@@ -84,19 +84,19 @@ Mappo::Mappo(const LoadedRun& run, Device device)
   options.n_worlds = config_.train.n_worlds;
   options.seed = seed_of(config_.seed, Purpose::training);
   options.n_threads = config_.train.n_threads;
-  sim_ = make_simulator(run.spec, options, device, rows_.stream());
+  sim_ = make_simulator(run.spec, options, device, parallel_for_.stream());
 
   const WorldShares shares = world_shares(config_.opponents, config_.train.n_worlds);
   std::array<const Actor*, kNTeams> actors{};
   bool with_state = false;
   for (int team = 0; team < kNTeams; ++team) {
     if (!learns(config_.train, team)) continue;
-    team_[team] = std::make_unique<PpoTeam>(run, team, device, rows_, shares.learning(team));
+    team_[team] = std::make_unique<PpoTeam>(run, team, device, parallel_for_, shares.learning(team));
     learning_.push_back(team_[team].get());
     actors[static_cast<size_t>(team)] = &team_[team]->actor();
     with_state = with_state || team_[team]->needs_state();
   }
-  if (League::wanted(config_)) league_ = std::make_unique<League>(run, actors, rows_);
+  if (League::wanted(config_)) league_ = std::make_unique<League>(run, actors, parallel_for_);
   const auto side = [&](int team) {
     if (league_) return league_->side(team);
     const Actor* actor = actors[static_cast<size_t>(team)];
@@ -104,9 +104,9 @@ Mappo::Mappo(const LoadedRun& run, Device device)
                       *sim_);
   };
   const CollectorOptions collecting{config_.mappo.horizon, with_state, config_.train.desynchronize};
-  collector_ = std::make_unique<Collector>(*sim_, rows_, collecting, BothSides{side(0), side(1)});
+  collector_ = std::make_unique<Collector>(*sim_, parallel_for_, collecting, BothSides{side(0), side(1)});
   collector_->start();
-  clock_ = make_device_clock(device, rows_.stream());
+  clock_ = make_device_clock(device, parallel_for_.stream());
 }
 
 Metrics Mappo::update() {
@@ -190,7 +190,7 @@ void Mappo::team_metrics(int team, const float* figures, Metrics& out) const {
   add("actor_grad_norm", f(kFigActorNorm) / steps);
   add("critic_grad_norm", f(kFigCriticNorm) / steps);
   add("first_ratio_error", f(kFigFirstRatioError));
-  add("information", f(kFigInformation));
+  add("mutual_information", f(kFigMutualInformation));
   add("living_share", f(kFigLiving));
   add("skipped_share", f(kFigSkipped) / steps);
 }
@@ -237,9 +237,9 @@ Metrics Mappo::metrics(double factor) {
   out.emplace_back("learning_rate_factor", factor);
   out.emplace_back("episodes", episodes);
   out.emplace_back("episode_length", stats[EpisodeStat::length] / episodes);  // NaN where none has ended
-  out.emplace_back("win_share_0", stats[EpisodeStat::wins_0] / episodes);
-  out.emplace_back("win_share_1", stats[EpisodeStat::wins_1] / episodes);
-  out.emplace_back("tie_share", stats[EpisodeStat::ties] / episodes);
+  out.emplace_back("win_rate_0", stats[EpisodeStat::wins_0] / episodes);
+  out.emplace_back("win_rate_1", stats[EpisodeStat::wins_1] / episodes);
+  out.emplace_back("tie_rate", stats[EpisodeStat::ties] / episodes);
   out.emplace_back("truncated_share", stats[EpisodeStat::truncated] / episodes);
   for (int team = 0; team < kNTeams; ++team) {
     const auto of_team = [team](EpisodeStat first) { return static_cast<EpisodeStat>(static_cast<int>(first) + team); };

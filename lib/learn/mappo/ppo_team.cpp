@@ -20,16 +20,16 @@ namespace giga {
 
 // ---- Networks -------------------------------------------------------------------------------------------------------
 
-PpoTeam::PpoTeam(const LoadedRun& run, int team, Device device, const ParallelFor& rows, const WorldRange& worlds,
-                 EncoderFactory* encoder)
+PpoTeam::PpoTeam(const LoadedRun& run, int team, Device device, const ParallelFor& parallel_for,
+                 const WorldRange& worlds, EncoderFactory* encoder)
     : config_(run.config.mappo),
       team_(team),
       n_(run.spec.params.n_team[team]),
       n_worlds_(run.config.train.n_worlds),
       worlds_(worlds),
-      rows_(rows),
+      parallel_for_(parallel_for),
       actor_(make_actor(run, team, device, encoder)),
-      critic_(config_.critic, critic_shape(config_.critic, run.spec, team), precision_on(run, device), rows,
+      critic_(config_.critic, critic_shape(config_.critic, run.spec, team), precision_on(run, device), parallel_for,
               torch_device(device), network_seed(run, team, 1)),
       actor_adam_(actor_.parameters(), config_.adam_epsilon),
       critic_adam_(critic_.parameters(), config_.adam_epsilon),
@@ -88,22 +88,22 @@ void PpoTeam::compute_advantages(const Rollout& rollout) {
 
   advantage_ = at::empty_like(r.reward);
   returns_ = at::empty_like(r.reward);
-  rows_.run(Gae{.horizon = static_cast<int>(t),
-                .n_worlds = w,
-                .n = n_,
-                .gamma = config_.gamma,
-                .lambda = config_.gae_lambda,
-                .reward = r.reward.const_data_ptr<float>(),
-                .done = rollout.done.const_data_ptr<uint8_t>(),
-                .alive = r.alive.const_data_ptr<uint8_t>(),
-                .value = value.const_data_ptr<float>(),
-                .final_value = final_value.const_data_ptr<float>(),
-                .final_alive = r.final_alive.const_data_ptr<uint8_t>(),
-                .value_mean = value_norm_.mean().const_data_ptr<float>(),
-                .value_std = value_norm_.std().const_data_ptr<float>(),
-                .advantage = advantage_.data_ptr<float>(),
-                .returns = returns_.data_ptr<float>()},
-            w * n_);
+  parallel_for_.run(Gae{.horizon = static_cast<int>(t),
+                        .n_worlds = w,
+                        .n = n_,
+                        .gamma = config_.gamma,
+                        .lambda = config_.gae_lambda,
+                        .reward = r.reward.const_data_ptr<float>(),
+                        .done = rollout.done.const_data_ptr<uint8_t>(),
+                        .alive = r.alive.const_data_ptr<uint8_t>(),
+                        .value = value.const_data_ptr<float>(),
+                        .final_value = final_value.const_data_ptr<float>(),
+                        .final_alive = r.final_alive.const_data_ptr<uint8_t>(),
+                        .value_mean = value_norm_.mean().const_data_ptr<float>(),
+                        .value_std = value_norm_.std().const_data_ptr<float>(),
+                        .advantage = advantage_.data_ptr<float>(),
+                        .returns = returns_.data_ptr<float>()},
+                    w * n_);
   value_ = value.view({t + 1, w, n_}).slice(0, 0, t);
 
   const at::Tensor weight = own(r.alive.slice(0, 0, t)).to(at::kFloat);
@@ -166,7 +166,7 @@ at::Tensor PpoTeam::actor_heads(const Rollout& rollout, const Minibatch& batch) 
 void PpoTeam::update_actor(const Rollout& rollout, const Minibatch& batch, float step_size) {
   const at::Tensor head = actor_heads(rollout, batch);
   head.backward(policy_loss_gradient(rollout.team[team_], batch, head));
-  actor_adam_.step(actor_.parameters(), rows_, step_size, config_.max_grad_norm,
+  actor_adam_.step(actor_.parameters(), parallel_for_, step_size, config_.max_grad_norm,
                    step_flags(kFaultActorGradient, kFigActorNorm, batch.number));
 }
 
@@ -193,22 +193,22 @@ at::Tensor PpoTeam::policy_loss_gradient(const TeamRollout& r, const Minibatch& 
                            .clip_coef = config_.clip_coef,
                            .entropy_coef = config_.entropy_coef};
   if (actor_.actions() == ActionKind::discrete) {
-    rows_.run(CategoricalLoss{.in = in,
-                              .logits = head.const_data_ptr<float>(),
-                              .action = r.action.const_data_ptr<int32_t>(),
-                              .d_logits = gradient.data_ptr<float>(),
-                              .diagnostics = diagnostics.data_ptr<float>()},
-              count);
+    parallel_for_.run(CategoricalLoss{.in = in,
+                                      .logits = head.const_data_ptr<float>(),
+                                      .action = r.action.const_data_ptr<int32_t>(),
+                                      .d_logits = gradient.data_ptr<float>(),
+                                      .diagnostics = diagnostics.data_ptr<float>()},
+                      count);
   } else {
     const at::Tensor d_log_std = at::empty_like(head);
-    rows_.run(GaussianLoss{.in = in,
-                           .mean = head.const_data_ptr<float>(),
-                           .log_std = actor_.log_std().const_data_ptr<float>(),
-                           .raw = r.raw.const_data_ptr<float>(),
-                           .d_mean = gradient.data_ptr<float>(),
-                           .d_log_std = d_log_std.data_ptr<float>(),
-                           .diagnostics = diagnostics.data_ptr<float>()},
-              count);
+    parallel_for_.run(GaussianLoss{.in = in,
+                                   .mean = head.const_data_ptr<float>(),
+                                   .log_std = actor_.log_std().const_data_ptr<float>(),
+                                   .pre_tanh_action = r.pre_tanh_action.const_data_ptr<float>(),
+                                   .d_mean = gradient.data_ptr<float>(),
+                                   .d_log_std = d_log_std.data_ptr<float>(),
+                                   .diagnostics = diagnostics.data_ptr<float>()},
+                      count);
     actor_.log_std().grad().add_(d_log_std.sum(0));
   }
   note_policy(diagnostics.sum(0), head, batch);
@@ -231,22 +231,23 @@ void PpoTeam::update_critic(const Rollout& rollout, const Minibatch& batch, floa
   }
   const at::Tensor value = critic_.forward(obs, batch.alive, state);
   const at::Tensor gradient = at::empty_like(value), loss = at::empty_like(value);
-  rows_.run(ValueLoss{.rows = {batch.states.const_data_ptr<int64_t>(), n_},
-                      .value = value.const_data_ptr<float>(),
-                      .old_value = value_.const_data_ptr<float>(),
-                      .returns = returns_.const_data_ptr<float>(),
-                      .alive = rollout.team[team_].alive.const_data_ptr<uint8_t>(),
-                      .value_mean = value_norm_.mean().const_data_ptr<float>(),
-                      .value_std = value_norm_.std().const_data_ptr<float>(),
-                      .inv_count = batch.inv_count.const_data_ptr<float>(),
-                      .value_coef = config_.value_coef,
-                      .clip_coef = config_.value_loss == ValueLossKind::clipped ? config_.value_clip_coef : 0.0f,
-                      .huber_delta = config_.value_loss == ValueLossKind::huber ? config_.huber_delta : 0.0f,
-                      .d_value = gradient.data_ptr<float>(),
-                      .loss = loss.data_ptr<float>()},
-            value.numel());
+  parallel_for_.run(
+      ValueLoss{.rows = {batch.states.const_data_ptr<int64_t>(), n_},
+                .value = value.const_data_ptr<float>(),
+                .old_value = value_.const_data_ptr<float>(),
+                .returns = returns_.const_data_ptr<float>(),
+                .alive = rollout.team[team_].alive.const_data_ptr<uint8_t>(),
+                .value_mean = value_norm_.mean().const_data_ptr<float>(),
+                .value_std = value_norm_.std().const_data_ptr<float>(),
+                .inv_count = batch.inv_count.const_data_ptr<float>(),
+                .value_coef = config_.value_coef,
+                .clip_coef = config_.value_loss == ValueLossKind::clipped ? config_.value_clip_coef : 0.0f,
+                .huber_delta = config_.value_loss == ValueLossKind::huber ? config_.huber_delta : 0.0f,
+                .d_value = gradient.data_ptr<float>(),
+                .loss = loss.data_ptr<float>()},
+      value.numel());
   value.backward(gradient);
-  critic_adam_.step(critic_.parameters(), rows_, step_size, config_.max_grad_norm,
+  critic_adam_.step(critic_.parameters(), parallel_for_, step_size, config_.max_grad_norm,
                     step_flags(kFaultCriticGradient, kFigCriticNorm, batch.number));
   figures_[kFigValueLoss].add_(loss.sum());
 }

@@ -30,7 +30,7 @@ struct StepSizes {
 class PpoTeam {
  public:
   /// Learns only from `worlds` of a rollout. `encoder`: of the actor; null = as configured.
-  PpoTeam(const LoadedRun& run, int team, Device device, const ParallelFor& rows, const WorldRange& worlds,
+  PpoTeam(const LoadedRun& run, int team, Device device, const ParallelFor& parallel_for, const WorldRange& worlds,
           EncoderFactory* encoder = nullptr);
 
   Actor& actor() { return actor_; }
@@ -93,7 +93,7 @@ class PpoTeam {
   const int team_, n_;
   const int64_t n_worlds_;
   const WorldRange worlds_;
-  const ParallelFor& rows_;
+  const ParallelFor& parallel_for_;
   Actor actor_;
   Critic critic_;
   Adam actor_adam_, critic_adam_;

@@ -23,15 +23,15 @@ GameCount game_count(const double* counts) { return {counts[0], counts[1], count
 
 }  // namespace
 
-League::League(const LoadedRun& run, std::array<const Actor*, kNTeams> actors, const ParallelFor& rows)
+League::League(const LoadedRun& run, std::array<const Actor*, kNTeams> actors, const ParallelFor& parallel_for)
     : config_(run.config.opponents),
       seed_(seed_of(run.config.seed, Purpose::training)),
-      device_(torch_device(rows.device())),
+      device_(torch_device(parallel_for.device())),
       shares_(world_shares(config_, run.config.train.n_worlds)),
       actor_(actors),
       counts_(at::zeros({shares_.n_worlds}, at::TensorOptions().dtype(at::kByte).device(device_))) {
   if (config_.pool_size == 0) return;
-  const Precision precision = precision_on(run, rows.device());
+  const Precision precision = precision_on(run, parallel_for.device());
   past_.reserve(kNTeams);
   for (const Actor* actor : actors) {
     past_.push_back({actor,

@@ -20,13 +20,13 @@ struct GameCount {
   /// A tie is half a win.
   double points() const { return wins + 0.5 * ties; }
   /// NaN where no game has ended.
-  double win_share() const { return wins / episodes; }
+  double win_rate() const { return wins / episodes; }
 };
 
 struct LeagueRecord {
   GameCount pool, scripts;
 
-  /// Adds pool_win_share_T and scripted_win_share_T.
+  /// Adds pool_win_rate_T and scripted_win_rate_T.
   void add_metrics(int team, Metrics& out) const;
 };
 
