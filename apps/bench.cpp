@@ -118,7 +118,7 @@ CLI::App* add_kind(CLI::App& parent, Dispatch& dispatch, const std::shared_ptr<B
   command->add_option("--worlds", options->worlds, "numbers of worlds, each measured by itself, as 1024,4096")
       ->delimiter(',')
       ->allow_extra_args(false)
-      ->check(CLI::Range(1, 16'777'216))
+      ->check(CLI::Range(1, kMostWorlds))
       ->type_name("N,...");
   add_device_option(*command, options->device)->capture_default_str();
   command

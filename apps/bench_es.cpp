@@ -23,8 +23,7 @@ LoadedRun load(const BenchOptions& options, Device device, int worlds) {
 }
 
 int worlds_of(const RunConfig& c) {
-  const bool both = c.train.opponent == Opponent::self_play && c.population.turns == Turns::together;
-  return (both ? 2 : 1) * c.population.population_size * c.population.n_worlds();
+  return populations_at_a_time(c) * c.population.population_size * c.population.n_worlds();
 }
 
 /// The closed loop with the same scenario, networks and worlds.

@@ -179,7 +179,6 @@ class LaunchingSimulator : public Simulator {
             .n_playing = listed ? n_playing() : nullptr};
   }
   const LaunchShape& shape() const { return shape_; }
-  size_t scratch_bytes() const { return scratch_.bytes(); }
   int32_t* playing() { return playing_.data(); }
   int32_t* n_playing() { return playing_.data() + n_worlds(); }
 

@@ -4,7 +4,6 @@
 
 #include "core/error.hpp"
 #include "core/philox.hpp"
-#include "game/shapes.hpp"
 #include "math/forget_episodes.hpp"
 #include "sim/schedule.hpp"
 
@@ -63,15 +62,14 @@ void Game::begin(void (Simulator::*write)(const StepIo&)) {
 void Game::make_buffers() {
   const GameStep asked = ask(0);
   for (int team = 0; team < kNTeams; ++team) {
-    const GameShapes shapes = game_shapes(sim_.spec(), team, sim_.n_worlds(), !reads_[team].empty());
-    const auto make = [this](const BufferShape& shape, Buffer<float>& buffer) {
-      if (buffer.size() == 0) buffer = Buffer<float>(sim_.memory(), static_cast<size_t>(shape.elements()));
+    const auto make = [&](int64_t per_agent, Buffer<float>& buffer) {
+      const int64_t agents = static_cast<int64_t>(sim_.n_worlds()) * sim_.params().n_team[team];
+      if (buffer.size() == 0) buffer = Buffer<float>(sim_.memory(), static_cast<size_t>(agents * per_agent));
     };
-    if (!asked.team[team].action) make(shapes.action, action_[team]);
-    if (!asked.rows[team].obs) make(shapes.obs, obs_[team]);
-    const int64_t agents = static_cast<int64_t>(sim_.n_worlds()) * sim_.params().n_team[team];
-    if (memory_size_[team] > 0 && !asked.team[team].memory && memory_[team].size() == 0)
-      memory_[team] = Buffer<float>(sim_.memory(), static_cast<size_t>(agents * memory_size_[team]));
+    // A discrete action is an int32, which takes the room of a float.
+    if (!asked.team[team].action) make(sim_.params().actions == ActionKind::discrete ? 1 : kActionSize, action_[team]);
+    if (!asked.rows[team].obs && !reads_[team].empty()) make(layout_.stride(), obs_[team]);
+    if (!asked.team[team].memory) make(memory_size_[team], memory_[team]);
   }
 }
 

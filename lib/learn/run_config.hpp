@@ -27,6 +27,9 @@ constexpr auto enum_names(Opponent) {
 /// The scripted policy behind an opponent other than self_play.
 constexpr Scripted scripted_of(Opponent opponent) { return static_cast<Scripted>(static_cast<int>(opponent) - 1); }
 
+/// The most worlds that a run may step in parallel.
+constexpr int kMostWorlds = 16'777'216;
+
 struct TrainConfig {
   std::string algorithm = "mappo";
   int64_t total_agent_steps = 250'000'000;
@@ -43,7 +46,7 @@ void visit_fields(V& v, TrainConfig& c) {
   v("algorithm", c.algorithm, "learning algorithm", one_of(algorithm_names()));
   v("total_agent_steps", c.total_agent_steps,
     "mappo: agent-steps (worlds x agents x steps) after which the run is complete", at_least(1));
-  v("n_worlds", c.n_worlds, "mappo: worlds stepped in parallel", range(1, 16'777'216));
+  v("n_worlds", c.n_worlds, "mappo: worlds stepped in parallel", range(1, kMostWorlds));
   v("opponent", c.opponent, "self_play: both teams learn; else the team that does not learn plays this script");
   v("learning_team", c.learning_team, "the team that learns against a scripted opponent", range(0, 1));
   v("n_threads", c.n_threads, "CPU back end: threads; 0 = one per core", range(0, 4096));
@@ -149,11 +152,7 @@ void visit_fields(V& v, RunConfig& c) {
   v.group("checkpoint", c.checkpoint, "checkpoints");
 }
 
-/// The most worlds that a run may step in parallel.
-constexpr int64_t kMostWorlds = 16'777'216;
-
 /// What the algorithm of a run says; see Algorithm.
-inline const ActorConfig& actor_config(const RunConfig& c) { return algorithm_of(c).policy(c).actor; }
 inline bool acts_greedily(const RunConfig& c) { return algorithm_of(c).policy(c).greedy; }
 inline int64_t total_updates(const RunConfig& c, int n_agents) { return algorithm_of(c).total_updates(c, n_agents); }
 

@@ -11,30 +11,13 @@ constexpr double kObsNormBeta = 0.99;  // share kept per rollout
 
 Actor::Actor(const ActorConfig& config, const InputColumns& inputs, ActionKind actions, bool normalize,
              Precision precision, at::Device device, uint64_t seed, EncoderFactory* encoder)
-    : actions_(actions), normalize_(normalize), precision_(precision) {
-  add_parameters(config, inputs, encoder);
-  parameters_.allocate(device, seed);
-  if (normalize) normalizer_ = RunningNorm(inputs.row, kObsNormBeta, device);
-}
-
-void Actor::add_parameters(const ActorConfig& config, const InputColumns& inputs, EncoderFactory* encoder) {
-  config_ = config;
-  inputs_ = inputs;
+    : config_(config), actions_(actions), inputs_(inputs), normalize_(normalize), precision_(precision) {
   const char* name = enum_names(config.encoder)[static_cast<size_t>(config.encoder)];
   network_ = Network(parameters_, name, config, {inputs.size, head_size(), config.output_gain, encoder});
   if (actions_ == ActionKind::continuous)
     log_std_ = parameters_.add("log_std", {kActionSize}, {Init::Kind::constant, config.log_std_init});
-}
-
-Actor Actor::unallocated(const ActorConfig& config, const InputColumns& inputs, ActionKind actions) {
-  Actor actor;
-  actor.actions_ = actions;
-  actor.add_parameters(config, inputs, nullptr);
-  return actor;
-}
-
-int64_t Actor::count_parameters(const ActorConfig& config, const InputColumns& inputs, ActionKind actions) {
-  return unallocated(config, inputs, actions).parameters_.size();
+  parameters_.allocate(device, seed);
+  if (normalize) normalizer_ = RunningNorm(inputs.row, kObsNormBeta, device);
 }
 
 at::Tensor Actor::input_of(const at::Tensor& obs) const {
@@ -72,13 +55,6 @@ std::optional<SmallMlp> Actor::small_mlp() const {
   std::optional<SmallMlp> mlp = network_.small(parameters_);
   if (mlp && actions_ == ActionKind::continuous) mlp->log_std = static_cast<int>(log_std_offset());
   return mlp;
-}
-
-std::optional<SmallMlp> Actor::small_mlp(const ActorConfig& config, const InputColumns& inputs, ActionKind actions,
-                                         Precision precision) {
-  Actor actor = unallocated(config, inputs, actions);
-  actor.precision_ = precision;
-  return actor.small_mlp();
 }
 
 void Actor::save(const std::string& prefix, NamedArrays& out) const {

@@ -25,9 +25,6 @@ class Actor final : public Policy {
   Actor(const ActorConfig& config, const InputColumns& inputs, ActionKind actions, bool normalize, Precision precision,
         at::Device device, uint64_t seed, EncoderFactory* encoder = nullptr);
 
-  /// Number of parameters of such an actor; nothing is allocated.
-  static int64_t count_parameters(const ActorConfig& config, const InputColumns& inputs, ActionKind actions);
-
   using Policy::forward;
   at::Tensor forward(const at::Tensor& obs, NetworkState& state) const override;
   /// L steps in a row: obs [L, R, D], `state` at the first of them -> [L R, head size]. begins [L, R] bool tells which
@@ -45,9 +42,6 @@ class Actor final : public Policy {
 
   /// The layout for the fused kernel (cuda/population_policy.hpp), which computes in fp16; none if it has no room.
   std::optional<SmallMlp> small_mlp() const;
-  /// That of an actor without a normaliser; nothing is allocated.
-  static std::optional<SmallMlp> small_mlp(const ActorConfig& config, const InputColumns& inputs, ActionKind actions,
-                                           Precision precision);
   /// First of the three numbers of log_std among the parameters; continuous actions only.
   int64_t log_std_offset() const { return parameters_.offset(log_std_); }
 
@@ -71,8 +65,6 @@ class Actor final : public Policy {
  private:
   Rounding rounding() const { return precision_ == Precision::fp16 ? Rounding::to_half : Rounding::none; }
   at::Tensor input_of(const at::Tensor& obs) const;
-  static Actor unallocated(const ActorConfig& config, const InputColumns& inputs, ActionKind actions);
-  void add_parameters(const ActorConfig& config, const InputColumns& inputs, EncoderFactory* encoder);
 
   NetworkConfig config_;
   ActionKind actions_ = ActionKind::discrete;

@@ -23,17 +23,6 @@ std::pair<NetworkConfig, NetworkConfig> split_state_critic(const CriticConfig& c
 Critic::Critic(const CriticConfig& config, const CriticShape& shape, Precision precision,
                const ParallelFor& parallel_for, at::Device device, uint64_t seed)
     : kind_(config.kind), shape_(shape), precision_(precision), parallel_for_(&parallel_for) {
-  add_parameters(config, shape);
-  parameters_.allocate(device, seed);
-}
-
-int64_t Critic::count_parameters(const CriticConfig& config, const CriticShape& shape) {
-  Critic critic;
-  critic.add_parameters(config, shape);
-  return critic.parameters_.size();
-}
-
-void Critic::add_parameters(const CriticConfig& config, const CriticShape& shape) {
   const std::string name = enum_names(config.encoder)[static_cast<size_t>(config.encoder)];
   const NetworkShape on_observations{shape.inputs.size, 1, config.output_gain};
   switch (config.kind) {
@@ -54,6 +43,7 @@ void Critic::add_parameters(const CriticConfig& config, const CriticShape& shape
   }
   GIGA_CHECK(network_.encoder().state_size() == 0 && (!entity_ || entity_->state_size() == 0),
              "critics are trained on single steps: encoder ", name, " has a memory");
+  parameters_.allocate(device, seed);
 }
 
 /// Each layer but the one that reads observations also reads the mean features of the team.

@@ -36,9 +36,6 @@ class Critic {
   Critic(const CriticConfig& config, const CriticShape& shape, Precision precision, const ParallelFor& parallel_for,
          at::Device device, uint64_t seed);
 
-  /// Number of parameters of such a critic; nothing is allocated.
-  static int64_t count_parameters(const CriticConfig& config, const CriticShape& shape);
-
   /// obs [B, n, D] (normalised if the actor normalises), alive [B, n] float, state [B, G] (kind state; else undefined)
   /// -> values [B, n], fp32, in the value normaliser's units.
   at::Tensor forward(const at::Tensor& obs, const at::Tensor& alive, const at::Tensor& state) const;
@@ -48,8 +45,6 @@ class Critic {
   const ParameterSet& parameters() const { return parameters_; }
 
  private:
-  Critic() = default;
-  void add_parameters(const CriticConfig& config, const CriticShape& shape);
   void add_team_weights(const std::string& name);
   at::Tensor forward_composed(at::Tensor x, const at::Tensor& alive) const;
   at::Tensor forward_state(const at::Tensor& state) const;

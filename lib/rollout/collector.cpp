@@ -4,8 +4,8 @@
 
 #include "core/error.hpp"
 #include "policy/parameters.hpp"
-#include "rollout/shapes.hpp"
 #include "rollout/tensors.hpp"
+#include "sim/row_layout.hpp"
 
 namespace giga {
 namespace {
@@ -21,35 +21,39 @@ T* whole(const at::Tensor& tensor) {
   return tensor.defined() ? tensor.data_ptr<T>() : nullptr;
 }
 
-at::Tensor zeros(const BufferShape& shape, Device device) {
-  constexpr at::ScalarType kTypes[] = {at::kFloat, at::kInt, at::kByte, at::kBFloat16};  // by ElementType
-  const auto options = at::TensorOptions().dtype(kTypes[static_cast<size_t>(shape.type)]).device(torch_device(device));
-  return at::zeros(shape.sides, options);
-}
-
-BufferSet buffers_of(const Side& side) {
-  const auto any = [&side](auto&& holds) {
-    return std::any_of(side.begin(), side.end(), [&](const SidePart& part) { return holds(*part.controller); });
-  };
-  if (any([](const TeamController& c) { return c.fills_log_prob(); })) return BufferSet::learning;
-  return any([](const TeamController& c) { return !c.reads().empty(); }) ? BufferSet::observations : BufferSet::actions;
-}
-
 Rollout make_rollout(const Simulator& sim, const CollectorOptions& options, const BothSides& sides) {
-  const RolloutShapes shapes = rollout_shapes(
-      sim.spec(), {sim.n_worlds(), options.horizon, options.with_state, {buffers_of(sides[0]), buffers_of(sides[1])}});
-  const auto make = [&](const BufferShape& shape) {
-    return shape.exists() ? zeros(shape, sim.device()) : at::Tensor();
+  const SimSpec& spec = sim.spec();
+  const int64_t t = options.horizon, w = sim.n_worlds(), d = observation_rows(spec).stride(), g = spec.state_size();
+  const auto make = [&sim](at::IntArrayRef sizes, at::ScalarType type = at::kFloat) {
+    return at::zeros(sizes, at::TensorOptions().dtype(type).device(torch_device(sim.device())));
   };
   Rollout rollout;
-  for (int team = 0; team < kNTeams; ++team) {
-    const TeamRolloutShapes& s = shapes.team[team];
-    rollout.team[team] = {make(s.obs),      make(s.alive),  make(s.action),    make(s.pre_tanh_action),
-                          make(s.log_prob), make(s.reward), make(s.final_obs), make(s.final_alive)};
+  for (size_t team = 0; team < kNTeams; ++team) {
+    TeamRollout& r = rollout.team[team];
+    const int64_t n = spec.params.n_team[team];
+    const bool discrete = spec.params.actions == ActionKind::discrete;
+    r.action = discrete ? make({t, w, n}, at::kInt) : make({t, w, n, kActionSize});
+    const auto any = [&](auto&& holds) {
+      return std::any_of(sides[team].begin(), sides[team].end(),
+                         [&](const SidePart& part) { return holds(*part.controller); });
+    };
+    if (!any([](const TeamController& c) { return c.fills_log_prob(); })) {
+      if (any([](const TeamController& c) { return !c.reads().empty(); })) r.obs = make({1, w, n, d});
+      continue;
+    }
+    r.obs = make({t + 1, w, n, d});
+    r.alive = make({t + 1, w, n}, at::kByte);
+    if (!discrete) r.pre_tanh_action = make({t, w, n, kActionSize});
+    r.log_prob = make({t, w, n});
+    r.reward = make({t, w, n});
+    r.final_obs = make({w, n, d});
+    r.final_alive = make({w, n}, at::kByte);
   }
-  rollout.done = make(shapes.done);
-  rollout.true_state = make(shapes.true_state);
-  rollout.final_true_state = make(shapes.final_true_state);
+  rollout.done = make({t, w}, at::kByte);
+  if (options.with_state) {
+    rollout.true_state = make({t + 1, w, g});
+    rollout.final_true_state = make({w, g});
+  }
   return rollout;
 }
 

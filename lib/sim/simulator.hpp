@@ -45,9 +45,6 @@ class SimTables {
   SimTables(const SimSpec& spec, Memory& memory);
   /// `spec.params` with its pointers set.
   const SimParams& params() const { return params_; }
-  size_t bytes() const {
-    return ints_.bytes() + floats_.bytes() + boxes_.bytes() + box_features_.bytes() + start_.bytes() + paths_.bytes();
-  }
 
  private:
   SimParams params_;

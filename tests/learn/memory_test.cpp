@@ -247,34 +247,5 @@ INSTANTIATE_TEST_SUITE_P(Pool, LearnMemoryGpu,
 INSTANTIATE_TEST_SUITE_P(Populations, LearnMemoryGpu,
                          testing::Combine(testing::ValuesIn(kGpuPopulations), testing::Values(512, 8192)), kGpuName);
 
-TEST(LearnParameterCounts, AreThoseOfTheNetworks) {
-  const LoadedRun run = load_sized({"", "", "mappo: {critic: {kind: state, hidden: [24, 16], layer_norm: true}}\n"}, 8);
-  const ParallelFor parallel_for(kCpu, 1);
-  const CriticShape shape = critic_shape(run.config.mappo.critic, run.spec, 1);
-  const Critic critic(run.config.mappo.critic, shape, Precision::fp32, parallel_for, at::kCPU, 1);
-  EXPECT_EQ(Critic::count_parameters(run.config.mappo.critic, shape), critic.parameters().values().numel());
-  const int64_t obs_size = observation_rows(run.spec).stride();
-  for (const ActionKind actions : {ActionKind::discrete, ActionKind::continuous}) {
-    const Actor actor(run.config.mappo.actor, obs_size, actions, false, Precision::fp32, at::kCPU, 1);
-    EXPECT_EQ(Actor::count_parameters(run.config.mappo.actor, obs_size, actions), actor.parameters().values().numel());
-  }
-}
-
-TEST(LearnParameterCounts, TheKernelsLayoutNeedsNoActor) {
-  const ActorConfig config = load_sized({"", ", algorithm: openai_es"}, 2).config.population.actor;
-  for (const ActionKind actions : {ActionKind::discrete, ActionKind::continuous}) {
-    const Actor actor(config, 40, actions, false, Precision::fp16, at::kCPU, 1);
-    const auto expected = actor.small_mlp(), found = Actor::small_mlp(config, 40, actions, Precision::fp16);
-    ASSERT_TRUE(expected && found);
-    EXPECT_EQ(found->n_layers, expected->n_layers);
-    EXPECT_TRUE(std::equal(std::begin(found->width), std::end(found->width), std::begin(expected->width)));
-    EXPECT_TRUE(std::equal(std::begin(found->bias), std::end(found->bias), std::begin(expected->bias)));
-    EXPECT_EQ(found->width[0], 40);
-    EXPECT_EQ(found->width[found->n_layers], actor.head_size());
-    EXPECT_EQ(found->log_std, expected->log_std);
-  }
-  EXPECT_FALSE(Actor::small_mlp(config, 40, ActionKind::discrete, Precision::tf32));
-}
-
 }  // namespace
 }  // namespace giga::test

@@ -23,7 +23,7 @@ struct Networks {
   at::Tensor opponents;  // [3, P]
 
   Networks(const LoadedRun& run, int64_t n_members, Device device, Precision precision = Precision::fp32)
-      : actor(actor_config(run.config), input_columns(actor_config(run.config).inputs, run.spec),
+      : actor(run.config.population.actor, input_columns(run.config.population.actor.inputs, run.spec),
               run.spec.params.actions, false, precision, torch_device(device), 1) {
     const int64_t p = actor.parameters().size();
     const at::Generator generator = at::detail::createCPUGenerator(5);

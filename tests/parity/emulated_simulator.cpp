@@ -48,7 +48,7 @@ class EmulatedSimulator final : public LaunchingSimulator {
     const LaunchShape& s = shape();
     const EmulatedSync sync{&threads_};
     char* shared = shared_.data();
-    if (k.scratch) std::memset(k.scratch, kPoison, scratch_bytes());
+    if (k.scratch) std::memset(k.scratch, kPoison, global_scratch_bytes(params(), n_worlds()));
     for (int block = 0; block < s.blocks; ++block) {
       std::memset(shared, kPoison, shared_.size());
       threads_.run(s.tiles ? kWarp : s.threads, order_, [&](int thread) {

@@ -176,6 +176,22 @@ TEST(PolicyHalfPrecision, IsAsNearToFp32AsStated) {
 }
 
 // What the mean is evaluated by, where its population plays in fp16: LibTorch on the GPU, with TF32 or without.
+TEST(PolicyHalfPrecision, TheKernelsLayoutIsOfTheWholeActor) {
+  ActorConfig config;
+  config.hidden = {64, 32};
+  const auto layout = [&](ActionKind actions, Precision precision) {
+    return Actor(config, 40, actions, false, precision, at::kCPU, 1).small_mlp();
+  };
+  const std::optional<SmallMlp> discrete = layout(ActionKind::discrete, Precision::fp16);
+  const std::optional<SmallMlp> continuous = layout(ActionKind::continuous, Precision::fp16);
+  ASSERT_TRUE(discrete && continuous);
+  ASSERT_EQ(continuous->n_layers, 3);
+  EXPECT_EQ(std::vector(continuous->width, continuous->width + 4), (std::vector{40, 64, 32, 3}));
+  EXPECT_EQ(continuous->log_std, 40 * 64 + 64 + 64 * 32 + 32 + 32 * 3 + 3);  // behind weights and biases: 4,803
+  EXPECT_EQ(discrete->width[3], kLogitStride);
+  EXPECT_FALSE(layout(ActionKind::discrete, Precision::tf32));
+}
+
 TEST(PolicyHalfPrecisionGpu, LibTorchComputesAsOnTheCpu) {
   if (cuda_device_count() == 0) GTEST_SKIP() << "no GPU";
   const Device gpu{Device::Kind::cuda, 0};

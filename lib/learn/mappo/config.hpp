@@ -91,12 +91,10 @@ void visit_fields(V& v, MappoSettings& c) {
 /// Agent-steps of an update in a scenario with `n_agents` agents.
 int64_t agent_steps_per_update(const RunConfig& config, int n_agents);
 
-std::unique_ptr<Learner> make_mappo(const LoadedRun& run, Device device);
-
 struct MappoAlgorithm {
   using Settings = MappoSettings;
   static const Algorithm kAlgorithm;
-  static constexpr auto make = &make_mappo;
+  static std::unique_ptr<Learner> make(const LoadedRun& run, Device device);
 };
 
 }  // namespace giga

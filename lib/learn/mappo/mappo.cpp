@@ -1,7 +1,5 @@
 // The learner `mappo`: an update plays a rollout of all worlds and lets each team learn from it. ppo_team.cpp has the
 // algorithm itself; what follows the update here is bookkeeping.
-#include "learn/mappo/mappo.hpp"
-
 #include <ATen/Context.h>
 #include <torch/types.h>
 
@@ -13,7 +11,9 @@
 #include "core/seeds.hpp"
 #include "cuda/device_clock.hpp"
 #include "cuda/runtime.hpp"
+#include "learn/learner.hpp"
 #include "learn/libtorch_settings.hpp"
+#include "learn/mappo/config.hpp"
 #include "learn/mappo/ppo_team.hpp"
 #include "learn/opponents/league.hpp"
 #include "learn/team_policy.hpp"
@@ -275,7 +275,7 @@ void Mappo::load(const NamedArrays& in) {
 
 }  // namespace
 
-std::unique_ptr<Learner> make_mappo(const LoadedRun& run, Device device) {
+std::unique_ptr<Learner> MappoAlgorithm::make(const LoadedRun& run, Device device) {
   return std::make_unique<Mappo>(run, device);
 }
 

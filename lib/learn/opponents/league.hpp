@@ -27,7 +27,6 @@ class League {
   /// Of a run in which both teams learn; the actors must outlive this.
   League(const LoadedRun& run, std::array<const Actor*, kNTeams> actors, const ParallelFor& parallel_for);
 
-  const WorldShares& shares() const { return shares_; }
   /// Who moves a team: its actor where it learns; where it does not, scripts or past policies of its own. This must
   /// outlive them.
   Side side(int team) const;
