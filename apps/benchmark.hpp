@@ -43,15 +43,15 @@ struct BenchResult {
   int64_t memory_bytes = 0;   ///< GPU: taken from its free memory; CPU: resident set of the process
   std::vector<std::pair<std::string, double>> checks;
 
-  /// The rate below which a share of the repeats lies, between neighbours by proportion; 0.5 = median.
+  /// The rate below which a share of the repeats lies, interpolated between neighbours; 0.5 = median.
   double quantile(double share) const;
 };
 
 /// Random actions made on the device, observations, rewards and ends of both teams written to memory at each step.
 BenchResult bench_sim(const BenchOptions& options, Device device, int worlds);
-/// The same with two policy networks that read the observations, and actions drawn from what they give.
+/// The same with two policy networks, which read the observations and draw the actions.
 BenchResult bench_closed_loop(const BenchOptions& options, Device device, int worlds);
-/// Likewise of a run: its scenario with its changes, its networks, train.n_worlds worlds.
+/// The same for a run: its scenario with its changes, its networks, train.n_worlds worlds.
 BenchResult bench_closed_loop(const BenchOptions& options, Device device, const LoadedRun& run);
 /// Whole updates of a learner. `worlds` 0: as the config says.
 BenchResult bench_train(const BenchOptions& options, Device device, int worlds);

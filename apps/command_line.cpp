@@ -35,7 +35,7 @@ std::vector<std::string> command_names(const CLI::App& app) {
   return names;
 }
 
-/// What is wrong with the first word that nobody wanted; empty where there is none.
+/// What is wrong with the first word that was not understood; empty where there is none.
 std::string explain_leftover(const CLI::App& command) {
   const std::vector<std::string> leftover = command.remaining();
   if (leftover.empty()) return "";

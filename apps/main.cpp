@@ -35,7 +35,7 @@ std::string without_stack(const std::string& message) {
   return message.substr(0, message.find("\nException raised from"));
 }
 
-/// What helps where memory was too small, on any device.
+/// What helps where memory ran out, on any device.
 std::string with_advice(const std::string& message) {
   const bool memory =
       message.find("out of memory") != std::string::npos || message.find("can't allocate memory") != std::string::npos;

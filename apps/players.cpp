@@ -75,8 +75,8 @@ std::string last_names(const fs::path& path, int n) {
   return last.string();
 }
 
-/// Calls a run by its folder, or where another run's folder is called so too, by as much of its path as tells them
-/// apart, "first/seed1" and "second/seed1"; and its checkpoints "RUN@UPDATES".
+/// Names a run after its folder. Where two folders have the same name, as much of the path is added as tells them
+/// apart: "first/seed1" and "second/seed1". Checkpoints are called "RUN@UPDATES".
 void name_runs(std::vector<Candidate>& all) {
   for (Candidate& c : all) {
     if (c.info.is_baseline()) continue;
@@ -93,7 +93,7 @@ void name_runs(std::vector<Candidate>& all) {
   }
 }
 
-/// Of the files those that are whole.
+/// Those of the files that are whole.
 std::vector<Candidate> read_whole(const std::vector<fs::path>& files, const fs::path& run,
                                   const PlayerOptions& options) {
   std::vector<Candidate> whole;
@@ -132,7 +132,7 @@ std::vector<Candidate> candidates_of_run(const fs::path& folder, int most, const
   return all;
 }
 
-/// Named like its folder, or as a module from elsewhere like its file.
+/// Named after its folder; a module from elsewhere after its file.
 Candidate exported_candidate(const fs::path& path, const PlayerOptions& options) {
   Candidate candidate{Player::load(path.string(), options), {}};
   std::error_code code;
@@ -192,7 +192,7 @@ void choose_scenario(const PlayerRequest& request, const std::vector<Candidate>&
   result.spec = first->run.spec;
 }
 
-/// With "#2" behind its name where others have the same.
+/// Adds "#2" to a name that another has too.
 void add(Candidate candidate, RoundRobin& result) {
   const std::string wanted = candidate.player.name();
   const auto is_taken = [&](const std::string& name) {

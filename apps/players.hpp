@@ -24,9 +24,9 @@ struct RoundRobin {
   std::vector<PlayerInfo> infos;  ///< [players]
 };
 
-/// Finds and loads them, under names that are all different, as those of the runs are. A checkpoint of a run folder
-/// that is damaged is left out with a warning. Throws InputError for unknown scripts, folders without whole
-/// checkpoints, runs given twice, and policies that do not fit the scenario.
+/// Finds and loads them. All get different names. A damaged checkpoint of a run folder is left out with a warning.
+/// Throws InputError for unknown scripts, folders without whole checkpoints, runs given twice, and policies that do not
+/// fit the scenario.
 RoundRobin find_players(const PlayerRequest& request, const PlayerOptions& options);
 
 /// `count` of n things (0 = all) at equal distances, the last always among them; indices in order.

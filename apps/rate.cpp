@@ -60,14 +60,14 @@ class ProgressLines {
   std::chrono::steady_clock::time_point last_;
 };
 
-/// In the folder of a run that is rated alone; of several runs in the current folder.
+/// For one run in its folder, for several in the current one.
 fs::path default_folder(const RateOptions& o) {
   std::error_code code;
   const bool one_run = o.runs.size() == 1 && fs::is_directory(o.runs[0], code) && !is_exported_policy(o.runs[0]);
   return (one_run ? fs::path(o.runs[0]) : fs::path()) / RatingFiles::kFolder;
 }
 
-/// The report of a run whose folder has the ratings shows them.
+/// A run's report shows the ratings in its folder.
 void renew_report(const RateOptions& o, const fs::path& folder) {
   const fs::path run = folder.parent_path(), report = run / "report.html";
   std::error_code code;

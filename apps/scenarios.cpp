@@ -16,7 +16,7 @@ int team_size(const std::vector<TeamEntry>& team) {
   return size;
 }
 
-/// By what episodes are won, in a word or two.
+/// How episodes are won, in a word or two.
 std::string won_by(const WinRule& win) {
   return FieldCodec<WinBy>::print(win.by) + (win.at_time_limit == LimitWinner::tie ? "" : " or time");
 }

@@ -77,7 +77,7 @@ class Training {
 
   /// A new run: opens its files and keeps its state before the first update.
   void start();
-  /// Goes on from a checkpoint: cuts off what the files say of later updates.
+  /// Goes on from a checkpoint: removes later updates from the files.
   void go_on(const Checkpoint& from);
   /// All updates that are left; returns the exit code.
   int run();

@@ -44,12 +44,12 @@ struct Lane {
   __device__ Lane() : number(static_cast<int>(threadIdx.x) % kWarp), group(number / 4), pair(number % 4 * 2) {}
 };
 
-/// tanh by the hardware: off by up to 2^-11 of its value (PTX), as far as the rounding to half precision that follows.
+/// tanh by the hardware: off by up to 2^-11 of its value (PTX), as much as the rounding to half precision that follows.
 __device__ float tanh_fast(float x) {
   asm("tanh.approx.f32 %0, %0;" : "+f"(x));
   return x;
 }
-/// Not inlined: it would be there for each number that a lane holds.
+/// Not inlined: else the code would be repeated for each number that a lane holds.
 __device__ __noinline__ float activate_other(Activation activation, float x) { return activate(activation, x); }
 
 /// What a lane holds of the sums of 16 kM rows x 8 kTiles columns.

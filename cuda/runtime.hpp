@@ -28,9 +28,9 @@ GpuInfo cuda_device_info(int index);
 /// Memory of a GPU, by cudaMalloc.
 Memory& cuda_memory(int index);
 
-/// A stream of a GPU (a cudaStream_t) for the work of a run; the same at each call, it lasts as long as the program. It
-/// can be captured, which the default stream cannot. Memory copies and clears on the default stream: that waits for the
-/// work that was queued here before, and this stream for the copy.
+/// A stream of a GPU (a cudaStream_t) for the work of a run; the same at each call, for as long as the program
+/// runs. Unlike the default stream it can be captured. Memory copies and clears on the default stream. A copy waits for
+/// the work that was queued here before it, and later work here waits for the copy.
 void* work_stream(int index);
 
 /// A simulator on a GPU; work is queued on `stream` (a cudaStream_t; null = the default stream).

@@ -11,7 +11,7 @@ namespace {
 // 0.86.
 constexpr int kTileBlocks = 8;
 
-// Lists after which the host looks how many worlds were on one: work enough that the device does not wait for it.
+// After so many lists the host looks how many worlds one had: enough work that the device does not wait for it.
 constexpr int64_t kListsLater = 2;
 
 struct WarpSync {

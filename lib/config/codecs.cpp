@@ -300,7 +300,7 @@ std::string ScalarCodec<T>::expected(const Allowed& allowed) {
   if constexpr (std::is_same_v<T, std::string>)
     return allowed.choices.empty() ? "a text" : expected_choice(allowed.choices);
   if constexpr (std::is_same_v<T, bool>) return "true or false";
-  // That an integer cannot be below zero is worth telling; how large one can be only where somebody tries.
+  // The limit 0 is always told; the largest number of a type only where somebody exceeds it.
   if constexpr (std::is_unsigned_v<T>)
     return "an integer" + at_least(std::max(allowed.lo, 0.0)).at_most(allowed.hi).limits_text();
   return (std::is_integral_v<T> ? "an integer" : "a number") + allowed.limits_text();

@@ -75,8 +75,8 @@ struct Document {
 
 /// Reads a file. Throws InputError with all errors found. A file may have 4 MiB.
 Document parse_yaml_file(const std::filesystem::path& path);
-/// The same, but errors that leave something to read (duplicate keys, anchors, tags) are added to `errors`; so are the
-/// others, and the root is then null.
+/// The same, but errors are added to `errors`. After duplicate keys, anchors and tags the rest is still read; after
+/// any other error the root is null.
 Document parse_yaml_file(const std::filesystem::path& path, Errors& errors);
 
 /// Reads a text; `name` stands for the file name in messages.

@@ -222,7 +222,7 @@ class FieldList {
   /// A map that somebody else reads; `keys` gives those that it may have, where that is known.
   void tree(const std::string& name, Node& value, const std::string& doc, std::function<FieldList()> keys = {});
 
-  /// A key that was once called `before`: who still writes it is told the new name.
+  /// A key that was once called `before`: whoever still writes it is told the new name.
   void renamed(const std::string& before, const std::string& now) { renamed_[before] = now; }
 
   const std::vector<Field>& fields() const { return fields_; }
@@ -313,8 +313,8 @@ void FieldList::table(const std::string& name, std::map<std::string, T>& values,
   };
 }
 
-/// Where each key that was given stands, by path ("train.gamma"); of keys set twice, the last. A key that only a
-/// misspelt one may have meant stands where that is.
+/// Where each key that was given stands, by path ("train.gamma"); of keys set twice, the last. A misspelt
+/// key counts for the one that it may have meant.
 using KeyPositions = std::map<std::string, Position>;
 
 /// Sets the members whose keys the map gives; unknown keys and unusable values go to `errors`. `path` stands before
@@ -335,8 +335,8 @@ bool read_config_file(const std::filesystem::path& file, const std::vector<std::
   return read_config_file(file, overrides, fields_of(config), errors, given);
 }
 
-/// Is the value of a key (or of one that it contains, or that contains it) among the errors? Then what the struct has
-/// for it is not what the user meant, and is not worth checking further.
+/// Whether there is an error at a key, inside it or around it. The struct then does not hold what the user meant, and
+/// further checks of this value would mislead.
 bool is_wrong(const std::string& key, const KeyPositions& given, const Errors& errors);
 
 /// All keys with their values as YAML, which reads back to the same struct bit for bit. With comments: documentation,

@@ -8,7 +8,7 @@ namespace {
 
 constexpr uint32_t kPolynomial = 0x82F63B78;  // RFC 3720, section 12.1, lowest bit first
 
-/// What the division leaves of each value of a byte.
+/// The remainder for each value of a byte.
 constexpr std::array<uint32_t, 256> make_table() {
   std::array<uint32_t, 256> table{};
   for (uint32_t byte = 0; byte < 256; ++byte) {

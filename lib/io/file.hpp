@@ -28,7 +28,7 @@ class File {
   /// Cuts or extends to `size` bytes; what is written next stands behind them.
   void resize(uint64_t size) const;
   void flush_to_disk() const;
-  /// Closes and notices what only then fails.
+  /// Closes the file; some errors show only then.
   void close();
 
  private:

@@ -49,7 +49,7 @@ class QuietErrors {
   void* data_ = nullptr;
 };
 
-/// A new file in memory that begins with so many bytes that are not HDF5's (a power of 2, at least 512).
+/// A new file in memory. Its first `user_block` bytes (a power of 2, at least 512) are not HDF5's.
 Handle create_file(size_t user_block);
 /// The bytes that such a file would have on disk, the first `user_block` of them zeros.
 std::string file_bytes(hid_t file, size_t user_block);

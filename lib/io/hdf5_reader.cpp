@@ -153,7 +153,7 @@ void Reader::read_entries(uint64_t address, std::string_view names, const std::s
     const size_t length = rest.find('\0');
     if (length == 0 || length == std::string_view::npos || rest.substr(0, length).find('/') != std::string_view::npos)
       broken();
-    // An object has one name: what could be reached on two ways could be reached on endless ones.
+    // An object has one name: where two ways lead to it, endless ones could.
     if (!seen_.insert(header).second) broken();
     read_group(header, path + (path.empty() ? "" : "/") + std::string(rest.substr(0, length)), depth);
   }
@@ -176,7 +176,7 @@ std::vector<Reader::Message> Reader::messages(uint64_t header) const {
       in.take(3);
       message.data = in.take(size);
       found.push_back(message);
-      // Each has 8 bytes at least and is read a few times: more than that is parts that lie upon each other.
+      // Each has at least 8 bytes and is read a few times. Only parts that overlap exceed this.
       if (++n_messages_read_ > file_.size()) broken();
       if (message.type != kContinuation) continue;
       Cursor place(message.data);

@@ -1,5 +1,5 @@
 // Hdf5Reader: reads the part of the HDF5 file format that checkpoints use, without the HDF5 library, which overruns
-// buffers and leaks on files that were made to harm. Every address and length is checked against the file.
+// buffers and leaks on malicious files. Every address and length is checked against the file.
 #pragma once
 
 #include <cstdint>
@@ -15,7 +15,7 @@ namespace giga::hdf5 {
 
 /// What a file of the library's default ("earliest") format holds: a superblock of version 0, groups as symbol tables,
 /// object headers of version 1, contiguous datasets without filters, small attributes (HDF5 File Format Specification
-/// 2.0, sections II.A, III.A, III.D, IV.A). What else the format knows is refused. All functions throw FormatError. The
+/// 2.0, sections II.A, III.A, III.D, IV.A). Anything else is refused. All functions throw FormatError. The
 /// bytes must outlive the reader.
 class Reader {
  public:

@@ -13,9 +13,9 @@ namespace giga {
 using HyperParameter = std::variant<double, bool, std::string>;
 using HyperParameters = std::vector<std::pair<std::string, HyperParameter>>;
 
-/// The keys of a resolved run config by their paths, in its order: "train.n_worlds" = 4096.0. What config files take
-/// for a finite number is a double, `true` and `false` are bool, `none` and infinite numbers the text that stands
-/// there, a list its text on one line: "[64, 64]". A map without entries has nothing to show.
+/// The keys of a resolved run config by their paths, in its order: "train.n_worlds" = 4096.0. A finite
+/// number is a double; `true` and `false` are bool. `none` and infinite numbers stay text. A list is its text on one
+/// line: "[64, 64]". An empty map is left out.
 HyperParameters flat_hyper_parameters(const Node& root);
 
 }  // namespace giga

@@ -1,4 +1,4 @@
-// Logger: messages to a file and to the console (stderr). A front of spdlog that shows nothing of it.
+// Logger: messages to a file and to the console (stderr). It hides spdlog.
 #pragma once
 
 #include <cstdint>
@@ -24,7 +24,7 @@ class Logger {
 
   void info(const std::string& message);
   void warn(const std::string& message);
-  /// What ends the program: to the file alone, since the program prints it when it ends.
+  /// The error that ends the program: to the file alone, since main prints it.
   void error(const std::string& message);
   /// To the file alone.
   void note(const std::string& message);

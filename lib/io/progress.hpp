@@ -84,7 +84,7 @@ class Progress {
   Progress(const Progress&) = delete;
   Progress& operator=(const Progress&) = delete;
 
-  /// As often as there is something new: the panel is drawn at most every 100 ms.
+  /// May be called whenever something is new: the panel is drawn at most every 100 ms.
   void show(const ProgressState& state);
   /// Draws the latest state and leaves it on the terminal; what is printed next stands below it.
   void finish();

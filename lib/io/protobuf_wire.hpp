@@ -1,7 +1,7 @@
 // ProtobufMessage: a message in the wire format of Protocol Buffers, built field by field.
 //
-// Not with libprotobuf: libtorch_cpu.so exports the symbols of a copy of its own, so that the system's library in the
-// same program would be a conflict of two versions. The few messages that we write need four kinds of fields.
+// libprotobuf is not used: libtorch_cpu.so exports the symbols of its own copy, and the system's library would be a
+// second version in the same program. The few messages that we write need four kinds of fields.
 #pragma once
 
 #include <concepts>
@@ -19,8 +19,8 @@ std::string little_endian(T value) {
   return bytes;
 }
 
-/// Each call adds the field of that number; a repeated field is added several times. The number is the one of the
-/// .proto file, and so is the kind.
+/// Each call adds the field of that number; a repeated field is added several times. Number and kind are those of the
+/// .proto file.
 class ProtobufMessage {
  public:
   /// bool, enum, uint64; int32 and int64 as static_cast<uint64_t>.

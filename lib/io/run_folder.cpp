@@ -155,7 +155,7 @@ FoundCheckpoint find_preferred(const std::string& path, Prefer prefer) {
   fs::path folder = fs::path(path) / kCheckpoints;
   if (!fs::is_directory(folder, code)) folder = path;  // the folder of checkpoints itself was meant
   std::vector<fs::path> files = checkpoints_in(folder);
-  // The best one is looked at last, rather than nothing, or first.
+  // The last file is read first: best.h5 where it is preferred, else only if all others are broken.
   if (fs::exists(folder / kBest, code))
     files.insert(prefer == Prefer::best ? files.end() : files.begin(), folder / kBest);
   for (; !files.empty(); files.pop_back()) {

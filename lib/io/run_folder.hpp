@@ -24,8 +24,8 @@ namespace giga {
 /// The folder is locked while this lives (RunLock).
 class RunFolder {
  public:
-  /// A new run in `folder`, which must not exist or be empty (InputError else); without one in runs/<name>-NNN, NNN
-  /// being the first number that is free.
+  /// A new run in `folder`, which must not exist or be empty (InputError else); without one in runs/<name>-NNN with
+  /// the first free number.
   static RunFolder create(const std::string& folder, const std::string& name);
   /// The folder of an earlier run, to go on with it. Throws InputError where there is none or a process works in it.
   static RunFolder open(const std::string& folder);
@@ -42,9 +42,9 @@ class RunFolder {
   std::filesystem::path best_file() const;
   const RunLock& lock() const { return lock_; }
 
-  /// Writes what a run is known by.
+  /// Writes config.yaml, scenario.yaml and run.json.
   void describe(const std::string& config_yaml, const std::string& scenario_yaml, const Json& info) const;
-  /// Writes what a continuation is known by.
+  /// Writes config.yaml and resume_NNN.json.
   void describe_resume(const std::string& config_yaml, const Json& info) const;
 
   /// Writes a checkpoint, also as the best one where it is that, then removes all but the newest `keep`.

@@ -10,8 +10,8 @@ namespace giga {
 
 class File;
 
-/// Holds the file `lock` of a folder while it lives. The system releases it when the process ends, however it ends, so
-/// what a killed process left is known as stale: its file is there, but nobody holds it.
+/// Holds the file `lock` of a folder while it lives. The system releases it however
+/// the process ends. A file that nobody holds is stale: its process was killed.
 class RunLock {
  public:
   /// Throws InputError with the process that holds it, or where the folder cannot be written.

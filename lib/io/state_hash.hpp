@@ -1,4 +1,4 @@
-// One SHA-256 over all learned state: two runs of which it is the same are in the same state.
+// One SHA-256 over all learned state: two runs with the same hash are in the same state.
 #pragma once
 
 #include <string>

@@ -17,8 +17,8 @@ namespace giga {
 /// so that `tensorboard --logdir runs` shows the names of the run folders.
 constexpr const char* kTensorBoardFile = "events.out.tfevents.gigastep";
 
-/// Wall times are seconds since 1970. Texts and names are UTF-8 (Error else). What a call writes is the system's when
-/// it returns (AppendFile), whole records, so that a TensorBoard that is open shows it.
+/// Wall times are seconds since 1970. Texts and names are UTF-8 (Error else). Each call hands whole
+/// records to the system (AppendFile), so that an open TensorBoard shows them.
 ///
 /// A TensorBoard that is open while a run is resumed goes on at the byte where it was: it keeps the rows that it has
 /// read and follows again once the file is longer than before, because the same figures take the same number of bytes.
@@ -32,8 +32,8 @@ class TensorBoardEvents {
   static TensorBoardEvents resume(const std::filesystem::path& path, uint64_t size);
 
   /// For the HPARAMS tab, once, at the start: what the run was told, and the tags of the figures by which runs are
-  /// compared there (of tensorboard_tag). Numbers must be finite. TensorBoard takes the columns of all runs that it
-  /// shows from one of them: a key that this one lacks is not shown for the others.
+  /// compared there (of tensorboard_tag). Numbers must be finite. TensorBoard takes its columns
+  /// from one of the runs that it shows: a key that this run lacks is not shown for the others.
   void hyper_parameters(const HyperParameters& values, const std::vector<std::string>& metric_tags, double wall_time);
   /// For the HPARAMS tab: the run is over.
   void session_end(bool success, double wall_time);
@@ -55,7 +55,7 @@ class TensorBoardEvents {
 
 /// Under which tag a figure is shown. TensorBoard groups tags by what stands before the slash, so that both teams'
 /// curves of a figure stand side by side: "policy_loss_1" = "policy_loss/team_1", "win_rate_0_vs_circle" =
-/// "win_rate/team_0_vs_circle"; what is of no team is of the run: "run/agent_steps_per_second".
+/// "win_rate/team_0_vs_circle"; a figure of no team belongs to the run: "run/agent_steps_per_second".
 std::string tensorboard_tag(std::string_view name);
 
 }  // namespace giga

@@ -51,14 +51,15 @@ void visit_fields(V& v, TrainConfig& c) {
   v("learning_team", c.learning_team, "the team that learns against a scripted opponent", range(0, 1));
   v("n_threads", c.n_threads, "CPU back end: threads; 0 = one per core", range(0, 4096));
   v("precision", c.precision,
-    "arithmetic of networks on the GPU while training; parameters stay fp32. A CPU computes in fp32 whatever this "
-    "says, and eval, rate and export compute what was trained in tf32 in fp32. tf32: factors of matrix products are "
-    "rounded to 10 bits of mantissa. bf16: weights and features are bfloat16. fp16, for openai_es, snes and des: "
-    "weights, biases and what a layer takes in are rounded to half precision and added up in fp32; one fused kernel "
-    "does it for all members, with a tanh that is off by up to 2^-11 of its value; it takes up to 3 hidden layers "
-    "of up to 128, without layer_norm; perturbations far below 2^-11 of a weight are lost to rounding");
+    "arithmetic of networks on the GPU while training; parameters stay fp32. The CPU always computes in "
+    "fp32. Eval, rate and export compute in fp32 what was trained in tf32. tf32: factors of matrix "
+    "products are rounded to 10 bits of mantissa. bf16: weights and features are bfloat16. fp16 is for "
+    "openai_es, snes and des: weights, biases and the inputs of each layer are rounded to half precision; "
+    "sums are fp32. One fused kernel computes all members, with a tanh that is off by up to 2^-11 of its "
+    "value. It takes up to 3 hidden layers of up to 128, without layer_norm. Perturbations far below "
+    "2^-11 of a weight are lost to rounding");
   v("desynchronize", c.desynchronize,
-    "mappo: let the first episodes end at different times, so that the worlds do not reset in step");
+    "mappo: the first episodes end at different times, so that the worlds do not reset together");
   v("max_wall_time", c.max_wall_time, "save and stop after this time of one `train` or `resume`");
 }
 
@@ -79,24 +80,24 @@ struct OpponentsConfig {
 template <class V>
 void visit_fields(V& v, OpponentsConfig& c) {
   v("pool_size", c.pool_size,
-    "past policies of each team (of a population: its mean) that are kept for the other team to play against; 0 = none",
-    range(0, 10'000));
+    "past policies of each team (evolution: past means) that the other team may meet; 0 = none", range(0, 10'000));
   v("pool_every_updates", c.pool_every_updates,
-    "updates between those that are kept; mappo: opponents are drawn anew with each", at_least(1));
+    "updates after which the present policy joins the pool; mappo then also draws new opponents", at_least(1));
   v("pool_share", c.pool_share,
-    "share of the worlds (mappo; half of them for each team to learn in) or of a member's episodes (evolution) against "
-    "the pool; while it is empty, against the other team as it is",
+    "share of the worlds (mappo; each team learns in half of them) or of a member's episodes (evolution) "
+    "against the pool; while the pool is empty, against the other team as it is",
     range(0, 1));
   v("pool_draw", c.pool_draw,
-    "uniform; recency: the newest of K policies K times as often as the oldest, linear in between; pfsp: in proportion "
-    "to (1 - win rate) ^ pool_hardness (prioritised fictitious self-play, Vinyals et al. 2019, doi "
-    "10.1038/s41586-019-1724-z), ties being half a win, results counting half as much after each pool_every_updates");
-  v("pool_hardness", c.pool_hardness, "pool_draw pfsp: how much more often opponents are drawn that win more often",
+    "uniform: all alike; recency: the newest of K policies K times as often as the oldest, linear in "
+    "between; pfsp: in proportion to (1 - win rate) ^ pool_hardness (prioritised fictitious self-play, "
+    "Vinyals et al. 2019, doi 10.1038/s41586-019-1724-z). There a tie is half a win, and results count "
+    "half as much after each pool_every_updates");
+  v("pool_hardness", c.pool_hardness, "pool_draw pfsp: the larger, the more often strong opponents are drawn",
     range(0, 100));
   v("scripted", c.scripted, "scripted opponents, in turn", Allowed{}.items(1, 64));
   v("scripted_share", c.scripted_share,
-    "share of the worlds (mappo; half of them for each team to learn in) or of a member's episodes (evolution) against "
-    "them",
+    "share of the worlds (mappo; each team learns in half of them) or of a member's episodes (evolution) "
+    "against scripts",
     range(0, 1));
 }
 
@@ -122,8 +123,8 @@ void visit_fields(V& v, CheckpointConfig& c) {
   v("every_updates", c.every_updates, "updates between checkpoints; 0 = only at the end", at_least(0));
   v("keep", c.keep, "newest checkpoints that are kept", at_least(1));
   v("keep_best", c.keep_best,
-    "keep the best one too, as best.h5: that in which the weaker team's mean win rate over eval.opponents is highest; "
-    "what a win is, the scenario says (win)");
+    "also keep the best one, as best.h5: the one in which the weaker team's mean win rate over "
+    "eval.opponents is highest; the scenario says what a win is (win)");
 }
 
 /// The groups of the algorithms (`mappo`, `population`, ...) are its bases.
@@ -147,7 +148,7 @@ void visit_fields(V& v, RunConfig& c) {
   v("device", c.device, "auto, cpu, cuda or cuda:<number>");
   v.group("train", c.train, "the run");
   visit_groups(v, c);
-  v.group("opponents", c.opponents, "train.opponent self_play: whom the teams meet besides each other");
+  v.group("opponents", c.opponents, "whom the teams meet besides each other (train.opponent self_play)");
   v.group("eval", c.eval, "evaluation while training");
   v.group("checkpoint", c.checkpoint, "checkpoints");
 }

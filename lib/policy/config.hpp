@@ -56,10 +56,9 @@ struct NetworkConfig : MlpConfig {
 template <class V>
 void visit_network_fields(V& v, NetworkConfig& c) {
   v("inputs", c.inputs,
-    "what of an observation is read: all, or the egocentric view alone (needs environment.observation.egocentric_view: "
-    "true)");
-  v("encoder", c.encoder,
-    "network that turns the inputs into features for the output layer; mlp: dense layers of the sizes in hidden");
+    "what is read of an observation: all, or only the egocentric view (needs "
+    "environment.observation.egocentric_view: true)");
+  v("encoder", c.encoder, "network between the inputs and the output layer; mlp: dense layers of the sizes in hidden");
   v("hidden", c.hidden, "sizes of the hidden layers", range(1, 16384).items(1, 16));
   v("activation", c.activation, "nonlinearity after each hidden layer");
   v("layer_norm", c.layer_norm, "layer normalisation before each nonlinearity");
@@ -89,9 +88,8 @@ struct CriticConfig : NetworkConfig {
 template <class V>
 void visit_fields(V& v, CriticConfig& c) {
   v("kind", c.kind,
-    "composed: value networks on local observations that exchange the mean features of the team's living agents in "
-    "each "
-    "layer; state: the true state of the world; independent: local observations only (IPPO)");
+    "composed: local observations and, in each layer, the mean features of the team's living agents; "
+    "state: the true state of the world; independent: local observations only (IPPO)");
   visit_network_fields(v, c);
   v("output_gain", c.output_gain, "gain of the initialisation of the output layer", at_least(0));
 }

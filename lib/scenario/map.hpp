@@ -59,7 +59,7 @@ void visit_fields(V& v, Map& c) {
   v("description", c.description, "one line for people");
   v("flipped_of", c.flipped_of, "name of another map: the same with the teams' starts exchanged; needs no other key");
   v("size", c.size,
-    "width (x) and height (y) of the frame in which this map is drawn; it is stretched to limit_x, limit_y",
+    "width (x) and height (y) of the frame in which the map is drawn; the frame is stretched to limit_x, limit_y",
     greater_than(0));
   v("boxes", c.boxes, "obstacles");
   v.group("team_0", c.team_0, "where team 0 starts");

@@ -79,7 +79,7 @@ struct CommunicationConfig {
 
 template <class V>
 void visit_fields(V& v, CommunicationConfig& c) {
-  v("communication_range", c.communication_range, "where hearing a team mate becomes impossible (units)",
+  v("communication_range", c.communication_range, "distance from which a team mate cannot be heard (units)",
     greater_than(0));
   v("use_stochastic_comm", c.use_stochastic_comm, "team mates are heard with probability 1 - distance / range");
 }
@@ -115,7 +115,8 @@ template <class V>
 void visit_fields(V& v, CollisionConfig& c) {
   v("collision_range", c.collision_range, "agents nearer than this in the plane (units) collide; 0 = never",
     at_least(0));
-  v("collision_altitude", c.collision_altitude, "and nearer than this in altitude", at_least(0));
+  v("collision_altitude", c.collision_altitude, "and nearer than this in altitude (both conditions must hold)",
+    at_least(0));
   v("obstacle_heights", c.obstacle_heights, "obstacles are solid between their z1 and z2 only (beyond the original)");
 }
 
@@ -126,7 +127,7 @@ struct WaypointConfig {
 
 template <class V>
 void visit_fields(V& v, WaypointConfig& c) {
-  v("enable_waypoints", c.enable_waypoints, "waypoints appear, and heal and reward who reaches them");
+  v("enable_waypoints", c.enable_waypoints, "waypoints appear; they heal and reward those who reach them");
   v("waypoint_size", c.waypoint_size, "side of the square (units)", greater_than(0));
 }
 
@@ -136,11 +137,11 @@ constexpr std::array<const char*, 3> enum_names(LimitWinner) { return {"tie", "t
 template <class V>
 void visit_fields(V& v, WinRule& c) {
   v("by", c.by,
-    "elimination: the team loses that is wiped out in an earlier step, in the same step it is a tie; waypoints: the "
-    "team wins that has collected more of them when the episode ends, as many is a tie");
+    "elimination: the team that is wiped out first loses; both in the same step is a tie. waypoints: the "
+    "team that has collected more when the episode ends wins; equal numbers are a tie");
   v("at_time_limit", c.at_time_limit,
-    "who wins an episode that max_episode_length ends undecided: both teams alive, or, by waypoints, as many "
-    "collected");
+    "who wins if max_episode_length ends an undecided episode: both teams live or, by waypoints, have "
+    "collected equally many");
 }
 
 struct RewardConfig {
@@ -176,9 +177,9 @@ void visit_fields(V& v, ObservationConfig& c) {
   v("max_agents", c.max_agents, "rows of agents in a vector observation, nearest first, the ego included", at_least(1));
   v.renamed("body_view", "egocentric_view");
   v("egocentric_view", c.egocentric_view,
-    "add the egocentric view (beyond the original): along the own heading the nearness of walls in 12 directions, of "
-    "the "
-    "waypoint, the nearest 3 opponents and 2 mates that are seen, and what kind they are where a team mixes kinds");
+    "add the egocentric view (beyond the original), relative to the agent's heading: walls in 12 "
+    "directions, the waypoint, the nearest 3 opponents and 2 mates that are seen, and their kinds where a "
+    "team mixes kinds");
 }
 
 struct Scenario {
@@ -209,23 +210,24 @@ template <class V>
 void visit_fields(V& v, Scenario& c) {
   v("description", c.description, "one line for people");
   v("rules", c.rules,
-    "original = the published JAX package with its quirks; corrected = those of docs/rules.md, section 15, mended");
-  v("action", c.action, "discrete = 27 combinations of heading, dive, throttle in {-1, 0, 1}; continuous = [-1, 1]^3");
+    "original: the published JAX package with its quirks; corrected: without those listed in "
+    "docs/rules.md, section 15");
+  v("action", c.action, "discrete: 27 combinations of heading, dive, throttle in {-1, 0, 1}; continuous: [-1, 1]^3");
   v("limit_x", c.limit_x, "width of the world (units)", greater_than(0));
   v("limit_y", c.limit_y, "height of the world (units)", greater_than(0));
   v("max_episode_length", c.max_episode_length, "time limit (steps of 0.1 s)", at_least(1));
-  v("episode_ends_one_team_dead", c.episode_ends_one_team_dead, "an episode ends when one team is wiped out, not both");
+  v("episode_ends_one_team_dead", c.episode_ends_one_team_dead,
+    "true: an episode ends when one team is wiped out; false: when both are");
   v.list("team_0", c.team_0, "agents of team 0, as type and count");
   v.list("team_1", c.team_1, "agents of team 1");
-  v("maps", c.maps, "maps of which each episode draws one");
+  v("maps", c.maps, "each episode draws one of these maps");
   v.group("sight", c.sight, "who detects whom");
   v.group("communication", c.communication, "who tells whom what it sees");
   v.group("damage", c.damage, "shooting and healing");
   v.group("collision", c.collision, "agents and obstacles");
   v.group("waypoints", c.waypoints, "places to reach");
   v.group("win", c.win,
-          "what a win is, wherever wins are counted: eval, ratings, best checkpoint, opponents, objective win_rate; no "
-          "step, reward or observation depends on it");
+          "what counts as a win in eval, ratings and training; no step, reward or observation depends on it");
   v.group("rewards", c.rewards, "weights of the reward's terms; 0 or less switches a term off");
   v.group("observation", c.observation, "what a policy sees");
   v.table("agent_types", c.agent_types, "agent types by name, beside those of agent_types.yaml");

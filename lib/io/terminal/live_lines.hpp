@@ -20,10 +20,9 @@ bool stderr_is_terminal();
 /// program that is killed leaves the terminal in order. Each call writes once. Where the file is no terminal, show
 /// nothing. A write that fails is left out: a run goes on when its terminal is gone.
 ///
-/// When the terminal got narrower than the lines, most terminals wrap what stands there, some cut it. The way back up
-/// to the first line is counted as wrapped and everything from there on is erased: where lines were cut instead, that
-/// takes as many lines of output above as there would have been wrapped ones, but never leaves remains of old lines.
-/// What the terminal itself has pushed out at the top stays in its scroll-back.
+/// When a terminal gets narrower than the lines, most terminals wrap them and some cut them. The next call erases as
+/// if they were wrapped. Where they were cut, it also erases some lines of output above; old lines never remain.
+/// Lines that the terminal has pushed out at the top stay in its scroll-back.
 ///
 /// Not safe against calls from several threads.
 class LiveLines {

@@ -263,7 +263,8 @@ const Series* PanelHistory::win_rates(int team, const std::string& opponent) con
 
 std::vector<Line> panel(const ProgressState& state, const PanelHistory& history, TerminalSize size,
                         TerminalStyle style) {
-  // A character in the last column leaves the cursor there, waiting to wrap, and what erases the rest would erase it.
+  // A character in the last column leaves the cursor there, waiting to wrap; erasing the rest of the line would erase
+  // it.
   const int width = std::min(size.columns - 1, kMaxWidth);
   const auto fits = [&](const std::vector<Line>& lines) { return static_cast<int>(lines.size()) < size.rows; };
   if (size.columns >= kWholePanelFrom) {

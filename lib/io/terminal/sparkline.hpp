@@ -7,7 +7,7 @@
 namespace giga {
 
 /// The values of a figure so far, thinned: each point is the mean of the same number of values, a power of two, so that
-/// points that stand do not change until their number is halved.
+/// existing points do not change until their number is halved.
 class Series {
  public:
   /// NaN (not known) counts as no value within a mean; before the first value it is left out.

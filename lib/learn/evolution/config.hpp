@@ -36,10 +36,10 @@ struct ShapingConfig {
 };
 template <class V>
 void visit_fields(V& v, ShapingConfig& c) {
-  v("kind", c.kind, "ranks from -0.5 to 0.5, mean 0 and deviation 1, or as it is");
+  v("kind", c.kind, "centered_ranks: ranks from -0.5 to 0.5; z_score: mean 0 and deviation 1; raw: unchanged");
   v("weight_decay", c.weight_decay,
-    "then each member loses this share of the mean square of its parameters; snes and des look at the ranks that "
-    "result",
+    "a member then loses this times the mean square of its parameters; snes and des see only the ranks "
+    "that result",
     at_least(0));
 }
 
@@ -74,28 +74,28 @@ void visit_fields(V& v, PopulationConfig& c) {
   v("generations", c.generations, "generations after which the run is complete", range(1, 1'000'000'000));
   v("sigma_init", c.sigma_init, "standard deviation of the perturbations at the start", greater_than(0));
   v("antithetic", c.antithetic, "members come in pairs with opposite perturbations; needs an even population_size");
-  v("noise", c.noise, "full: a number for each parameter; low_rank: A B^T / sqrt(noise_rank) for each weight matrix");
+  v("noise", c.noise, "full: a number per parameter; low_rank: A B^T / sqrt(noise_rank) per weight matrix");
   v("noise_rank", c.noise_rank, "noise low_rank: columns of A and B, at most the smaller side of the largest matrix",
     range(1, 16384));
   v("episodes_per_member", c.episodes_per_member, "episodes that each member plays in a generation", range(1, 65536));
   v("parallel_episodes", c.parallel_episodes,
-    "of these, how many are played at the same time, each in a world that meets one opponent and plays one episode "
-    "after the other; divides episodes_per_member; none = all",
+    "how many of these are played at the same time. Each has a world with one opponent, in which episodes "
+    "follow each other; must divide episodes_per_member; none = all",
     range(1, 65536));
   v("max_steps", c.max_steps,
-    "steps after which an episode of training is cut off, which nobody wins by living (win.at_time_limit); none = as "
-    "the scenario says",
+    "steps after which a training episode is cut off; nobody then wins by surviving (win.at_time_limit); "
+    "none = as the scenario says",
     range(1, 1'000'000));
   v("objective", c.objective,
-    "a member's fitness, mean over its episodes: return of the team; win_rate: 1 for a win (the scenario's "
-    "win), 0.5 for a tie; score: waypoints collected");
+    "a member's fitness, a mean over its episodes. return: of the team; win_rate: 1 for a win (as the "
+    "scenario says), 0.5 for a tie; score: waypoints collected");
   v("common_random_numbers", c.common_random_numbers,
-    "all members of a team meet the same starts and the same luck, so that they differ by their parameters only");
-  v("greedy", c.greedy, "policies take their most likely action, in training and evaluation, instead of drawing one");
+    "all members of a team meet the same starts and the same luck: only their parameters differ");
+  v("greedy", c.greedy, "policies take their most likely action instead of drawing one, in training and evaluation");
   v("turns", c.turns, "whether both teams evolve in every generation, or take turns");
   v("generations_per_turn", c.generations_per_turn, "turns alternating: generations of one team before the other's",
     range(1, 1'000'000));
-  v.group("shaping", c.shaping, "what is made of the fitness");
+  v.group("shaping", c.shaping, "how fitness is transformed");
   v.group("actor", c.actor, "the policy networks");
 }
 
@@ -113,15 +113,15 @@ struct OpenAiEsConfig {
 };
 template <class V>
 void visit_fields(V& v, OpenAiEsConfig& c) {
-  v("optimizer", c.optimizer, "what the gradient is handed to: Adam, momentum, or ClipUp (Toklu et al. 2020)");
+  v("optimizer", c.optimizer, "what turns the gradient into a step: Adam, momentum, or ClipUp (Toklu et al. 2020)");
   v("learning_rate", c.learning_rate, "step size of the mean", greater_than(0));
   v("learning_rate_decay", c.learning_rate_decay, "factor of the step size per generation", range(0, 1));
-  v("learning_rate_min", c.learning_rate_min, "and its lower limit", at_least(0));
+  v("learning_rate_min", c.learning_rate_min, "lower limit of the step size", at_least(0));
   v("momentum", c.momentum, "optimizers momentum and clip_up: share of the velocity kept", range(0, 1).below(1));
   v("clip_up_max_speed", c.clip_up_max_speed, "optimizer clip_up: the longest step", greater_than(0));
-  v("weight_decay", c.weight_decay, "share of the mean that the gradient takes away", at_least(0));
+  v("weight_decay", c.weight_decay, "share of the mean that is subtracted from the gradient", at_least(0));
   v("sigma_decay", c.sigma_decay, "factor of sigma per generation", range(0, 1));
-  v("sigma_min", c.sigma_min, "and its lower limit", greater_than(0));
+  v("sigma_min", c.sigma_min, "lower limit of sigma", greater_than(0));
 }
 
 /// SNES (Wierstra et al. 2014).

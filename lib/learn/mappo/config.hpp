@@ -67,12 +67,13 @@ void visit_fields(V& v, MappoConfig& c) {
   v("huber_delta", c.huber_delta, "value_loss huber: where the loss becomes linear, in normalised units",
     greater_than(0));
   v("max_grad_norm", c.max_grad_norm, "gradients are scaled down to this norm, per network; 0 = never", at_least(0));
-  v("advantage_norm", c.advantage_norm, "whether advantages are brought to mean 0 and deviation 1, and over what");
-  v("target_kl", c.target_kl, "skip a team's remaining minibatches of an update once approx_kl passes this",
+  v("advantage_norm", c.advantage_norm,
+    "over what advantages are brought to mean 0 and deviation 1; none = they are not");
+  v("target_kl", c.target_kl, "once approx_kl passes this, a team skips the other minibatches of the update",
     at_least(0));
   v("adam_epsilon", c.adam_epsilon, "Adam's epsilon", greater_than(0));
   v("value_norm", c.value_norm, "critics predict returns normalised by running moments");
-  v("value_norm_beta", c.value_norm_beta, "share of those moments kept per update", range(0, 1).below(1));
+  v("value_norm_beta", c.value_norm_beta, "share of the old moments that an update keeps", range(0, 1).below(1));
   v("obs_norm", c.obs_norm, "normalise observations by running moments");
   v.group("actor", c.actor, "the policy networks");
   v.group("critic", c.critic, "the value networks");
