@@ -48,14 +48,13 @@ std::string anchor(std::string title) {
 
 std::vector<FileKind> file_kinds() {
   return {{"run", "run config", "`gigastep train CONFIG`; examples are in `configs/`.", fields_of_default<RunConfig>()},
-          {"scenario", "scenario",
-           "`scenario:` of a run config; examples are in `scenarios/`. Its paths are relative to its file.",
+          {"scenario", "scenario", "Examples are in `scenarios/`; paths in it are relative to its file.",
            scenario_file_fields()},
-          {"map", "map file", "A map in a file of its own, for the `maps:` of a scenario.", fields_of_default<Map>()},
-          {"agent_type", "agent type file", "An agent type in a file of its own, for the `type:` of a team.",
+          {"map", "map file", "A map in a file of its own, for `maps:` of a scenario.", fields_of_default<Map>()},
+          {"agent_type", "agent type file", "An agent type in a file of its own, for `type:` of a team.",
            fields_of_default<AgentType>()},
-          {"agent_types", "agent types file",
-           "`scenarios/agent_types.yaml`: the agent types that every scenario knows.", agent_types_file_fields()}};
+          {"agent_types", "agent types file", "`scenarios/agent_types.yaml`, which every scenario knows.",
+           agent_types_file_fields()}};
 }
 
 std::string reference_page() {

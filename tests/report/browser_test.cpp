@@ -119,7 +119,7 @@ TEST_F(ReportInBrowser, SeedsOfOneConfig) {
   EXPECT_EQ(texts(seen, "requests"), Texts());
   // Win rate; games won, return, episode length; entropy, KL, explained variance, two losses; rewards; speed, seconds.
   EXPECT_EQ(number(seen, "charts"), 1 + 3 + 5 + 1 + 2);
-  EXPECT_EQ(number(seen, "charts_unfolded"), 12 + 1);  // information
+  EXPECT_EQ(number(seen, "charts_unfolded"), 12 + 1);  // mutual information
   EXPECT_GE(least(seen, "unfolded_pixels"), kLinePixels);
   EXPECT_TRUE(contains(text(seen, "text"), {"mean of 3 seeds; band: smallest to largest", "1, 2, 3"}));
   // Entropy of team 0 after update 60: 3 - 60 x 0.02 + 0, 0.1 and 0.2. The pointer is in the middle of 1k to 120k.
