@@ -25,7 +25,7 @@ LoadedRun cramped() {
 /// Plays `run` in rollouts of `horizon` steps.
 struct Play {
   Play(const LoadedRun& run, int horizon)
-      : rows(Device{}, 2),
+      : parallel_for(Device{}, 2),
         actor{make_actor(run, 0, Device{}), make_actor(run, 1, Device{})},
         sim(make_cpu_simulator(run.spec, {kWorlds, 17, 0, OnDone::reset, 2})),
         collector(*sim, parallel_for, {horizon, true, true},
