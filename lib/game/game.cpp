@@ -59,10 +59,16 @@ void Game::begin(void (Simulator::*write)(const StepIo&)) {
   started_ = true;
 }
 
+void Game::watch(GameObserver& observer) {
+  observers_.push_back(&observer);
+  if (started_) make_buffers();
+}
+
 void Game::make_buffers() {
   const GameStep asked = ask(0);
   for (int team = 0; team < kNTeams; ++team) {
-    const GameShapes shapes = game_shapes(sim_.spec(), team, sim_.n_worlds(), !reads_[team].empty());
+    const GameShapes shapes =
+        game_shapes(sim_.spec(), team, sim_.n_worlds(), !(reads_[team] | asked.rows[team].wanted).empty());
     const auto make = [this](const BufferShape& shape, Buffer<float>& buffer) {
       if (buffer.size() == 0) buffer = Buffer<float>(sim_.memory(), static_cast<size_t>(shape.elements()));
     };
@@ -115,10 +121,8 @@ GameStep Game::step_at(int64_t t) const {
   for (int team = 0; team < kNTeams; ++team) {
     TeamIo& io = step.io.team[team];
     GameStep::Rows& rows = step.rows[team];
-    // What no observer keeps is written as far as controllers read it.
-    const ObservationSet wanted = rows.obs ? layout_.set() : reads_[team];
     if (!rows.obs) rows.obs = obs_[team].data();
-    layout_.attach(io, wanted, rows.obs, rows.final_obs);
+    layout_.attach(io, rows.wanted | reads_[team], rows.obs, rows.final_obs);
     if (!step.team[team].action) step.team[team].action = action_[team].data();
     io.action = step.team[team].action;
     if (!step.team[team].memory) step.team[team].memory = memory_[team].data();

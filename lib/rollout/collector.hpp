@@ -15,13 +15,14 @@ namespace giga {
 /// observations if its controller looks; its other buffers are undefined. In worlds in which a team does not learn,
 /// `raw` and `log_prob` mean nothing.
 struct TeamRollout {
-  at::Tensor obs;          // [T + 1, W, n, D] slot t: before step t; [1, W, n, D] of a team that does not learn
-  at::Tensor alive;        // [T + 1, W, n] uint8, at `obs`
-  at::Tensor action;       // [T, W, n] int32 or [T, W, n, 3] float
-  at::Tensor raw;          // [T, W, n, 3] float, continuous actions only
-  at::Tensor log_prob;     // [T, W, n]
-  at::Tensor reward;       // [T, W, n]
-  at::Tensor final_obs;    // [W, n, D] where an episode of the rollout was truncated: its last observation
+  at::Tensor obs;        // [T + 1, W, n, D] slot t: before step t; [1, W, n, D] of a team that does not learn. 0 where
+                         // nobody reads them
+  at::Tensor alive;      // [T + 1, W, n] uint8, at `obs`
+  at::Tensor action;     // [T, W, n] int32 or [T, W, n, 3] float
+  at::Tensor raw;        // [T, W, n, 3] float, continuous actions only
+  at::Tensor log_prob;   // [T, W, n]
+  at::Tensor reward;     // [T, W, n]
+  at::Tensor final_obs;  // [W, n, D] where an episode of the rollout was truncated: its last observation
   at::Tensor final_alive;  // [W, n] uint8
   at::Tensor state = {};   // [W, n, S] what a policy with memory remembers before step 0; else undefined
 };
@@ -37,6 +38,7 @@ struct CollectorOptions {
   int horizon = 16;
   bool with_state = false;     ///< keep the true state for a critic
   bool desynchronize = false;  ///< first episodes start at a random age, so that worlds do not reset in step
+  ObservationSet keep = {};    ///< observations of learning teams that are kept besides those that controllers read
 };
 
 class Collector final : GameObserver {
@@ -50,6 +52,8 @@ class Collector final : GameObserver {
   void start();
   /// Fills slot T from the simulator's state, after loading one.
   void resume() { game_.resume(); }
+  /// Lets an observer see the games. What the collector keeps, it finds in the rollout's slots.
+  void watch(GameObserver& observer) { game_.watch(observer); }
   /// Plays `horizon` steps; slot 0 is the previous slot T.
   void collect() { game_.play(options_.horizon); }
 
