@@ -21,7 +21,7 @@ void Actor::add_parameters(const ActorConfig& config, const InputColumns& inputs
   config_ = config;
   inputs_ = inputs;
   const char* name = enum_names(config.encoder)[static_cast<size_t>(config.encoder)];
-  network_ = Network(parameters_, name, config, {inputs.size, head_size(), config.output_gain, encoder});
+  network_ = Network(parameters_, name, config, {inputs.shape(), head_size(), config.output_gain, encoder});
   if (actions_ == ActionKind::continuous)
     log_std_ = parameters_.add("log_std", {kActionSize}, {Init::Kind::constant, config.log_std_init});
 }

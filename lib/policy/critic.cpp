@@ -35,7 +35,7 @@ int64_t Critic::count_parameters(const CriticConfig& config, const CriticShape& 
 
 void Critic::add_parameters(const CriticConfig& config, const CriticShape& shape) {
   const std::string name = enum_names(config.encoder)[static_cast<size_t>(config.encoder)];
-  const NetworkShape on_observations{shape.inputs.size, 1, config.output_gain};
+  const NetworkShape on_observations{shape.inputs.shape(), 1, config.output_gain};
   switch (config.kind) {
     case CriticKind::composed:
       network_ = Network(parameters_, "team_" + name, config, on_observations);
@@ -47,7 +47,7 @@ void Critic::add_parameters(const CriticConfig& config, const CriticShape& shape
     case CriticKind::state: {
       const auto [first, rest] = split_state_critic(config);
       entity_ = encoder_factory(config.encoder)(parameters_, "entity", kEntityFeatures, first);
-      const int64_t input = 3 * entity_->features() + shape.world_features;
+      const auto input = static_cast<int>(3 * entity_->features() + shape.world_features);
       network_ = Network(parameters_, name, rest, {input, 1, config.output_gain});
       break;
     }
