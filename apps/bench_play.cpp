@@ -34,11 +34,12 @@ class EveryOutput final : public GameObserver {
   }
   void before_step(int64_t, GameStep& step) override {
     for (int k = 0; k < kNTeams; ++k) {
-      step.rows[k].obs = team_[k].obs.data();
-      step.io.team[k].reward = team_[k].reward.data();
-      step.io.team[k].alive = team_[k].alive.data();
+      want(step.rows[k].obs, team_[k].obs.data());
+      step.rows[k].wanted = ObservationSet::all();
+      want(step.io.team[k].reward, team_[k].reward.data());
+      want(step.io.team[k].alive, team_[k].alive.data());
     }
-    step.io.done = done_.data();
+    want(step.io.done, done_.data());
   }
   std::vector<float> obs(int team) const { return team_[team].obs.to_host(); }
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <functional>
+#include <string>
 
 namespace CLI {
 class App;
@@ -12,7 +13,8 @@ namespace giga {
 /// What the command line asked for; main carries it out once all of the line is understood.
 struct Dispatch {
   std::function<void()> run;
-  int exit_code = 0;  ///< where `run` returns; errors have their own
+  int exit_code = 0;     ///< where `run` returns; errors have their own
+  std::string size_key;  ///< the setting that makes the run smaller (RunSize), once a run is known
 };
 
 void add_train_command(CLI::App& app, Dispatch& dispatch);

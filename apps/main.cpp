@@ -36,16 +36,17 @@ std::string without_stack(const std::string& message) {
 }
 
 /// What helps where memory ran out, on any device.
-std::string with_advice(const std::string& message) {
+std::string with_advice(const std::string& message, const std::string& size_key) {
   const bool memory =
       message.find("out of memory") != std::string::npos || message.find("can't allocate memory") != std::string::npos;
-  return memory ? message + "\n`gigastep train CONFIG --plan` measures what a run takes and what fits" : message;
+  if (!memory) return message;
+  const std::string smaller = size_key.empty() ? "" : "; a smaller " + size_key + " takes less";
+  return message + "\n`gigastep train CONFIG --plan` measures what a run takes and what fits" + smaller;
 }
 
-int run(int argc, char** argv) {
+int run(int argc, char** argv, giga::Dispatch& dispatch) {
   giga::restart_with_short_spin(argv);
   CLI::App app("gigastep: fast training of teams of agents against each other.", "gigastep");
-  giga::Dispatch dispatch;
   giga::describe_program(app);
   giga::add_train_command(app, dispatch);
   giga::add_resume_command(app, dispatch);
@@ -70,13 +71,14 @@ int run(int argc, char** argv) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  giga::Dispatch dispatch;
   try {
-    return run(argc, argv);
+    return run(argc, argv, dispatch);
   } catch (const giga::Error& e) {
-    return fail(with_advice(e.what()), exit_code(e));
+    return fail(with_advice(e.what(), dispatch.size_key), exit_code(e));
   } catch (const std::bad_alloc&) {
-    return fail(with_advice("out of memory"), kFailed);
+    return fail(with_advice("out of memory", dispatch.size_key), kFailed);
   } catch (const std::exception& e) {
-    return fail(with_advice(without_stack(e.what())), kFailed);
+    return fail(with_advice(without_stack(e.what()), dispatch.size_key), kFailed);
   }
 }

@@ -62,7 +62,7 @@ Json resume_info(const ResumedRun& resumed, Device device, const FoundCheckpoint
   return info;
 }
 
-int resume(const ResumeOptions& o) {
+int resume(const ResumeOptions& o, std::string& size_key) {
   const RunFolder folder = RunFolder::open(folder_of(o.run));
   const FoundCheckpoint found = find_checkpoint(o.run);
   std::error_code code;
@@ -82,6 +82,7 @@ int resume(const ResumeOptions& o) {
               << "=N\n";
     return 0;
   }
+  size_key = algorithm_of(setup.run.config).size(setup.run.config).key;
   check_memory(setup.run, setup.device);
   setup.learner = make_learner(setup.run, setup.device);
   setup.learner->load(from.arrays);
@@ -109,8 +110,9 @@ void add_resume_command(CLI::App& app, Dispatch& dispatch) {
       "Examples:\n"
       "  gigastep resume runs/first\n"
       "  gigastep resume runs/first --set train.total_agent_steps=2e9");
-  command->callback(
-      [options, &dispatch] { dispatch.run = [options, &dispatch] { dispatch.exit_code = resume(*options); }; });
+  command->callback([options, &dispatch] {
+    dispatch.run = [options, &dispatch] { dispatch.exit_code = resume(*options, dispatch.size_key); };
+  });
 }
 
 }  // namespace giga

@@ -55,11 +55,12 @@ std::string figures_help() {
   return text;
 }
 
-int train(const TrainOptions& o) {
+int train(const TrainOptions& o, std::string& size_key) {
   // Whatever is wrong with the input shows before anything is created.
   TrainingSetup setup;
   setup.run = load_run_config(find_config(o.config), all_overrides(o));
   setup.device = parse_device(setup.run.config.device);
+  size_key = algorithm_of(setup.run.config).size(setup.run.config).key;
   setup.quiet = o.quiet;
   setup.color = !o.no_color;
   if (o.plan) {
@@ -123,8 +124,9 @@ void add_train_command(CLI::App& app, Dispatch& dispatch) {
       "  gigastep train mappo --set scenario=hide_and_seek_5_vs_5 --set train.total_agent_steps=1e9 --device cuda:1\n"
       "  gigastep train my.yaml --run-dir runs/second --seed 2\n"
       "All keys of a config: gigastep config quickstart");
-  command->callback(
-      [options, &dispatch] { dispatch.run = [options, &dispatch] { dispatch.exit_code = train(*options); }; });
+  command->callback([options, &dispatch] {
+    dispatch.run = [options, &dispatch] { dispatch.exit_code = train(*options, dispatch.size_key); };
+  });
 }
 
 }  // namespace giga

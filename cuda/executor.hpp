@@ -74,7 +74,12 @@ GIGA_HD WorldView working_copy(const WorldView& home, char* block, int n) {
     at += sizeof(*array) * static_cast<size_t>(field.count(n));
   };
   for_each_field([&](auto field, auto member) {
-    if constexpr (field.working && sizeof(*(w.*member)) == sizeof(uint32_t)) take(field, member);
+    constexpr size_t kSize = sizeof(*(w.*member));
+    static_assert(!field.working || (field.columns == 1 && ((field.per == Per::agent && (kSize == 4 || kSize == 1)) ||
+                                                            (field.per == Per::pair && kSize == 1))),
+                  "a working field has a word or a byte for each agent, or a byte for each pair: working_copy and "
+                  "copy_agents know no others");
+    if constexpr (field.working && kSize == sizeof(uint32_t)) take(field, member);
   });
   for_each_field([&](auto field, auto member) {
     if constexpr (field.working && field.per == Per::pair) take(field, member);

@@ -21,8 +21,8 @@ class CudaMemory final : public Memory {
       cudaGetLastError();
       size_t free = 0, total = 0;
       cudaMemGetInfo(&free, &total);
-      throw Error(cat("out of GPU memory: ", bytes >> 20, " MiB wanted, ", free >> 20, " of ", total >> 20,
-                      " MiB free; use fewer worlds (train.n_worlds)"));
+      throw Error(
+          cat("out of GPU memory: ", bytes >> 20, " MiB wanted, ", free >> 20, " of ", total >> 20, " MiB free"));
     }
     return p;
   }

@@ -35,7 +35,8 @@ MatchResult match_result(const EpisodeStats& stats) {
 }  // namespace
 
 MatchResult play_match(const SimSpec& spec, std::shared_ptr<TeamController> side0,
-                       std::shared_ptr<TeamController> side1, const MatchOptions& options) {
+                       std::shared_ptr<TeamController> side1, const MatchOptions& options,
+                       std::vector<GameObserver*> observers) {
   GIGA_CHECK(options.episodes > 0, "episodes: ", options.episodes);
   const SimSpec limited = spec.with_time_limit();  // every episode ends, so that each is counted
   SimOptions sim_options;
@@ -47,7 +48,8 @@ MatchResult play_match(const SimSpec& spec, std::shared_ptr<TeamController> side
   const auto sim = make_simulator(limited, sim_options, options.device, stream);
   const ParallelFor parallel_for(options.device, options.n_threads, stream);
 
-  Game game(*sim, parallel_for, {everywhere(std::move(side0), *sim), everywhere(std::move(side1), *sim)});
+  Game game(*sim, parallel_for, {everywhere(std::move(side0), *sim), everywhere(std::move(side1), *sim)},
+            std::move(observers));
   game.start();
   game.play(limited.params.max_episode_length);
 

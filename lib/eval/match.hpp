@@ -3,12 +3,15 @@
 
 #include <cstdint>
 #include <memory>
+#include <vector>
 
 #include "core/memory.hpp"
 #include "game/team_controller.hpp"
 #include "sim/state.hpp"
 
 namespace giga {
+
+class GameObserver;
 
 struct MatchOptions {
   int episodes = 512;
@@ -32,8 +35,9 @@ struct MatchResult {
 
 /// Plays `episodes` whole episodes, each in a world of its own: exactly one each, so that short ones do not count more.
 /// Deterministic by seed. Scenarios without a time limit are cut off after kEpisodeLimit steps, which nobody wins by
-/// living.
+/// living. The observers see all steps.
 MatchResult play_match(const SimSpec& spec, std::shared_ptr<TeamController> side0,
-                       std::shared_ptr<TeamController> side1, const MatchOptions& options);
+                       std::shared_ptr<TeamController> side1, const MatchOptions& options,
+                       std::vector<GameObserver*> observers = {});
 
 }  // namespace giga

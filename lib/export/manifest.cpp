@@ -176,9 +176,15 @@ Manifest manifest_of(const Document& document, Errors& errors) {
   in.value(&root, "kind", kind, one_of({kManifestKind}));
   in.value(&root, "format_version", version, at_least(1));
   errors.throw_if_any();
-  if (version > kManifestFormat)
-    throw InputError(
-        cat(document.name, ": format_version is ", version, "; this gigastep reads up to ", kManifestFormat));
+  if (version != kManifestFormat) {
+    std::string writer;
+    in.value(&root, "gigastep_version", writer);
+    errors.throw_if_any();
+    const bool newer = version > kManifestFormat;
+    throw InputError(cat(document.name, " has format version ", version, newer ? ", newer than " : ", older than ",
+                         kManifestFormat, ", which this gigastep reads: use gigastep ", writer, ", which wrote it",
+                         newer ? "" : ", or export again"));
+  }
   Manifest manifest = read_root(root, in);
   errors.throw_if_any();
   return manifest;

@@ -19,7 +19,7 @@ constexpr std::array<const char*, 3> enum_names(ExportFormat) { return {"safeten
 const char* policy_file_name(ExportFormat format);
 constexpr const char* kManifestName = "manifest.json";
 constexpr const char* kManifestKind = "gigastep policy";
-constexpr int kManifestFormat = 1;
+constexpr int kManifestFormat = 2;  // 1 named parts of observations otherwise
 
 /// How its training took actions from a policy: drawn by their probabilities, or the most likely ones.
 enum class ActionSelection : uint8_t { sampled, greedy };

@@ -59,6 +59,11 @@ void Game::begin(void (Simulator::*write)(const StepIo&)) {
   started_ = true;
 }
 
+void Game::watch(GameObserver& observer) {
+  observers_.push_back(&observer);
+  if (started_) make_buffers();
+}
+
 void Game::make_buffers() {
   const GameStep asked = ask(0);
   for (int team = 0; team < kNTeams; ++team) {
@@ -68,7 +73,7 @@ void Game::make_buffers() {
     };
     // A discrete action is an int32, which takes the room of a float.
     if (!asked.team[team].action) make(sim_.params().actions == ActionKind::discrete ? 1 : kActionSize, action_[team]);
-    if (!asked.rows[team].obs && !reads_[team].empty()) make(layout_.stride(), obs_[team]);
+    if (!asked.rows[team].obs && !(reads_[team] | asked.rows[team].wanted).empty()) make(layout_.stride(), obs_[team]);
     if (!asked.team[team].memory) make(memory_size_[team], memory_[team]);
   }
 }
@@ -114,10 +119,8 @@ GameStep Game::step_at(int64_t t) const {
   for (int team = 0; team < kNTeams; ++team) {
     TeamIo& io = step.io.team[team];
     GameStep::Rows& rows = step.rows[team];
-    // What no observer keeps is written as far as controllers read it.
-    const ObservationSet wanted = rows.obs ? layout_.set() : reads_[team];
     if (!rows.obs) rows.obs = obs_[team].data();
-    layout_.attach(io, wanted, rows.obs, rows.final_obs);
+    layout_.attach(io, rows.wanted | reads_[team], rows.obs, rows.final_obs);
     if (!step.team[team].action) step.team[team].action = action_[team].data();
     io.action = step.team[team].action;
     if (!step.team[team].memory) step.team[team].memory = memory_[team].data();

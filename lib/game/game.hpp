@@ -5,6 +5,7 @@
 #include <array>
 #include <cstdint>
 #include <memory>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -32,11 +33,18 @@ struct GameStep {
   /// Rows of observations of a team's agents [W, n, D], as observation_rows() lays them out.
   struct Rows {
     float *obs = nullptr, *final_obs = nullptr;
+    ObservationSet wanted = {};  ///< written besides those that controllers read
   };
   StepIo io;                  ///< of the simulator; its actions are those of `team`, its observations those of `rows`
   TeamBuffers team[kNTeams];  ///< of the controllers
-  Rows rows[kNTeams];         ///< that the step writes: all observations where an observer has brought them
+  Rows rows[kNTeams];         ///< that the step writes
 };
+
+/// How an observer asks for a buffer: where an observer before it has brought one, both read that one.
+template <class T>
+void want(T*& buffer, std::type_identity_t<T>* own) {
+  if (!buffer) buffer = own;
+}
 
 /// Whoever wants something of a game: learners, benchmarks, recorders.
 class GameObserver {
@@ -44,11 +52,11 @@ class GameObserver {
   virtual ~GameObserver() = default;
 
   virtual void before_play(int64_t /*n_steps*/) {}
-  /// Before step `t` of a play; -1: before the first observations are written. Points what it
-  /// wants of the step, and nobody has asked for yet, to buffers of its own. It must do nothing else: steps may be
-  /// asked for ahead of time. Actions and observations for which nobody asks lie in buffers of the game.
+  /// Before step `t` of a play; -1: before the first observations are written. Adds what it wants of the step by
+  /// want() and to Rows::wanted, and takes nothing away that others want. It must do nothing else: steps may be asked
+  /// for ahead of time. Actions and observations for which nobody brings a buffer lie in buffers of the game.
   virtual void before_step(int64_t /*t*/, GameStep& /*step*/) {}
-  /// When the step is queued.
+  /// When the step is queued. The buffers that it wanted, its own or others', are those of `step`.
   virtual void after_step(int64_t /*t*/, const GameStep& /*step*/) {}
 };
 
@@ -66,8 +74,11 @@ class Game {
   /// After `start`: lets first episodes begin at a random age, so that worlds do not reset in step.
   void desynchronize();
 
-  /// Queues `n_steps` steps, or fewer where all worlds wait before. The host waits for none of them. A back end may
-  /// take a play as a whole and make its steps in its own way.
+  /// Adds an observer, which comes after the others.
+  void watch(GameObserver& observer);
+
+  /// Queues `n_steps` steps, or fewer where all worlds wait before. The host waits for none of them, except with
+  /// OnDone::freeze: there it waits for steps of some time ago, to learn whether a world still plays (Simulator::over).
   void play(int64_t n_steps);
 
  private:
@@ -91,7 +102,7 @@ class Game {
   Simulator& sim_;
   const ParallelFor& parallel_for_;
   std::vector<Seat> seats_;
-  const std::vector<GameObserver*> observers_;
+  std::vector<GameObserver*> observers_;
   const RowLayout layout_;
   ObservationSet reads_[kNTeams];                 // of the controllers of a side
   Buffer<float> obs_[kNTeams], action_[kNTeams];  // see GameShapes; empty where observers have them

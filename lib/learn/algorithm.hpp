@@ -34,13 +34,19 @@ struct RunSize {
   int64_t smallest = 1, most = 1;  ///< ... in this range
 };
 
+/// A chart in the report of a run: of the columns STEM_0 and STEM_1, or of the column STEM.
+struct ChartRow {
+  const char *stem, *title, *note;  ///< the note says unit and meaning
+};
+
 struct Algorithm {
-  const char* name;      ///< the value of train.algorithm
-  const char* about;     ///< one line
-  const char* figures;   ///< its columns of metrics.csv, lines for --help
-  const char* updates;   ///< what its updates are called: "updates", "generations"
-  const char* end_key;   ///< the setting that says where a run ends
-  bool has_populations;  ///< each team is a population of networks
+  const char* name;                  ///< the value of train.algorithm
+  const char* about;                 ///< one line
+  const char* figures;               ///< its columns of metrics.csv, lines for --help
+  const char* updates;               ///< what its updates are called: "updates", "generations"
+  const char* end_key;               ///< the setting that says where a run ends
+  bool has_populations;              ///< each team is a population of networks
+  std::span<const ChartRow> charts;  ///< of its figures; others get a chart without words
 
   PolicySettings (*policy)(const RunConfig&);
   int64_t (*total_updates)(const RunConfig&, int n_agents);

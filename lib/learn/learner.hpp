@@ -17,6 +17,7 @@
 namespace giga {
 
 class Actor;
+class GameObserver;
 
 /// Figures of one update, in a stable order: (name, value), NaN = not known.
 using Metrics = std::vector<std::pair<std::string, double>>;
@@ -63,6 +64,9 @@ class Learner {
 
   /// The policy of a team; null where the team is scripted.
   virtual Actor* actor(int team) = 0;
+
+  /// Lets an observer see the games from which the learner learns. It must outlive the learner.
+  virtual void watch(GameObserver& observer) = 0;
 
   /// Everything that the next update depends on.
   virtual void save(NamedArrays& out) const = 0;

@@ -103,6 +103,11 @@ void ConfigCheck::inputs_are_there(const std::string& key, NetworkInputs inputs)
   fail(key, "'egocentric' needs environment.observation.egocentric_view: true; allowed without it: all");
 }
 
+void ConfigCheck::has_no_memory(const std::string& key, EncoderKind encoder, const std::string& reason) {
+  if (has_memory(encoder) && known({key}))
+    fail(key, cat("'", FieldCodec<EncoderKind>::print(encoder), "' has a memory, and ", reason));
+}
+
 LoadedRun load_run_config(const std::string& path, const std::vector<std::string>& overrides) {
   RunConfig config;
   KeyPositions given;

@@ -13,7 +13,7 @@ Actor::Actor(const ActorConfig& config, const InputColumns& inputs, ActionKind a
              Precision precision, at::Device device, uint64_t seed, EncoderFactory* encoder)
     : config_(config), actions_(actions), inputs_(inputs), normalize_(normalize), precision_(precision) {
   const char* name = enum_names(config.encoder)[static_cast<size_t>(config.encoder)];
-  network_ = Network(parameters_, name, config, {inputs.size, head_size(), config.output_gain, encoder});
+  network_ = Network(parameters_, name, config, {inputs.shape(), head_size(), config.output_gain, encoder});
   if (actions_ == ActionKind::continuous)
     log_std_ = parameters_.add("log_std", {kActionSize}, {Init::Kind::constant, config.log_std_init});
   parameters_.allocate(device, seed);

@@ -47,6 +47,15 @@ struct MlpConfig {
 enum class EncoderKind : uint8_t { mlp };
 constexpr std::array<const char*, 1> enum_names(EncoderKind) { return {"mlp"}; }
 
+/// Whether an encoder of this kind remembers something from step to step.
+constexpr bool has_memory(EncoderKind kind) {
+  switch (kind) {
+    case EncoderKind::mlp:
+      break;
+  }
+  return false;
+}
+
 /// What actors and critics have in common: the numbers that they read, and the encoder that turns them into features.
 struct NetworkConfig : MlpConfig {
   NetworkInputs inputs = NetworkInputs::all;

@@ -24,7 +24,7 @@ Critic::Critic(const CriticConfig& config, const CriticShape& shape, Precision p
                const ParallelFor& parallel_for, at::Device device, uint64_t seed)
     : kind_(config.kind), shape_(shape), precision_(precision), parallel_for_(&parallel_for) {
   const std::string name = enum_names(config.encoder)[static_cast<size_t>(config.encoder)];
-  const NetworkShape on_observations{shape.inputs.size, 1, config.output_gain};
+  const NetworkShape on_observations{shape.inputs.shape(), 1, config.output_gain};
   switch (config.kind) {
     case CriticKind::composed:
       network_ = Network(parameters_, "team_" + name, config, on_observations);
@@ -36,7 +36,7 @@ Critic::Critic(const CriticConfig& config, const CriticShape& shape, Precision p
     case CriticKind::state: {
       const auto [first, rest] = split_state_critic(config);
       entity_ = encoder_factory(config.encoder)(parameters_, "entity", kEntityFeatures, first);
-      const int64_t input = 3 * entity_->features() + shape.world_features;
+      const auto input = static_cast<int>(3 * entity_->features() + shape.world_features);
       network_ = Network(parameters_, name, rest, {input, 1, config.output_gain});
       break;
     }

@@ -41,6 +41,8 @@ class Critic {
   at::Tensor forward(const at::Tensor& obs, const at::Tensor& alive, const at::Tensor& state) const;
 
   bool needs_state() const { return kind_ == CriticKind::state; }
+  /// What it reads of the agents' observations.
+  ObservationSet reads() const { return needs_state() ? ObservationSet() : shape_.inputs.set; }
   ParameterSet& parameters() { return parameters_; }
   const ParameterSet& parameters() const { return parameters_; }
 

@@ -9,11 +9,12 @@
 #include "policy/layers.hpp"
 #include "policy/network_state.hpp"
 #include "policy/parameters.hpp"
+#include "sim/observation.hpp"
 
 namespace giga {
 
-/// Turns inputs x [..., input] into features [..., F]. It holds no numbers: the parameters are in a ParameterSet, what
-/// it remembers of a row in a NetworkState [..., S].
+/// Turns inputs x [..., numbers of the input] into features [..., F]; the numbers of an image lie in a row too. It
+/// holds no numbers: the parameters are in a ParameterSet, what it remembers of a row in a NetworkState [..., S].
 class Encoder {
  public:
   virtual ~Encoder() = default;
@@ -31,8 +32,8 @@ class Encoder {
 };
 
 /// Makes an encoder, whose parameters are added under `name`/.
-using EncoderFactory = std::shared_ptr<const Encoder>(ParameterSet& parameters, const std::string& name, int64_t input,
-                                                      const NetworkConfig& config);
+using EncoderFactory = std::shared_ptr<const Encoder>(ParameterSet& parameters, const std::string& name,
+                                                      const ObservationShape& input, const NetworkConfig& config);
 EncoderFactory* encoder_factory(EncoderKind kind);
 
 }  // namespace giga

@@ -21,6 +21,8 @@ struct InputColumns {
       : row(row_), first(first_), size(size_), set(set_) {}
 
   bool all() const { return size == row; }
+  /// Rows of several observations are flat.
+  ObservationShape shape() const { return static_cast<int>(size); }
 };
 
 /// The columns in rows of all observations of a scenario; `egocentric` needs SimParams::egocentric_view.

@@ -6,8 +6,9 @@ namespace {
 
 class Mlp final : public Encoder {
  public:
-  Mlp(ParameterSet& parameters, const std::string& name, int64_t input, const MlpConfig& config)
+  Mlp(ParameterSet& parameters, const std::string& name, const ObservationShape& input_shape, const MlpConfig& config)
       : features_(config.hidden.back()) {
+    int64_t input = input_shape.size();
     for (const int size : config.hidden) {
       const DenseShape shape{input, size, config.hidden_gain, config.activation, config.layer_norm};
       layers_.push_back(add_dense(parameters, name + "/" + std::to_string(layers_.size()), shape));
@@ -34,8 +35,8 @@ class Mlp final : public Encoder {
 
 }  // namespace
 
-std::shared_ptr<const Encoder> make_mlp(ParameterSet& parameters, const std::string& name, int64_t input,
-                                        const NetworkConfig& config) {
+std::shared_ptr<const Encoder> make_mlp(ParameterSet& parameters, const std::string& name,
+                                        const ObservationShape& input, const NetworkConfig& config) {
   return std::make_shared<Mlp>(parameters, name, input, config);
 }
 

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "core/error.hpp"
+
 namespace giga {
 
 Network::Network(ParameterSet& parameters, const std::string& name, const NetworkConfig& config,
@@ -9,7 +11,10 @@ Network::Network(ParameterSet& parameters, const std::string& name, const Networ
     : encoder_(
           (shape.encoder ? shape.encoder : encoder_factory(config.encoder))(parameters, name, shape.input, config)),
       output_(add_dense(parameters, name + "/" + std::to_string(encoder_->layers().size()),
-                        {encoder_->features(), shape.output, shape.output_gain})) {}
+                        {encoder_->features(), shape.output, shape.output_gain})) {
+  GIGA_CHECK(shape.encoder || has_memory(config.encoder) == (encoder_->state_size() > 0),
+             "has_memory() of the encoder");
+}
 
 std::vector<DenseLayer> Network::layers() const {
   std::vector<DenseLayer> layers = encoder_->layers();

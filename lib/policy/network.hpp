@@ -13,7 +13,8 @@ namespace giga {
 
 /// What a network is made with.
 struct NetworkShape {
-  int64_t input, output;
+  ObservationShape input;
+  int64_t output;
   float output_gain;                  ///< of the initialisation of the output layer
   EncoderFactory* encoder = nullptr;  ///< null: that of the table for NetworkConfig::encoder
 };

@@ -5,17 +5,14 @@
 #include <array>
 #include <cctype>
 #include <set>
+#include <span>
 #include <string_view>
 
 #include "core/error.hpp"
+#include "learn/registry.hpp"
 
 namespace giga {
 namespace {
-
-/// A chart of columns STEM_0 and STEM_1, or of the column STEM.
-struct ChartRow {
-  const char *stem, *title, *note;
-};
 
 constexpr std::array kGames = {
     ChartRow{"pool_win_rate", "Games won against the pool", "against past policies of the other team"},
@@ -23,14 +20,6 @@ constexpr std::array kGames = {
     ChartRow{"return", "Return", "sum of a team's rewards in an episode, mean over the episodes that ended"},
     ChartRow{"score", "Score", "waypoints that a team collected in an episode"},
     ChartRow{"episode_length", "Episode length", "steps, mean over the episodes that ended"},
-};
-constexpr std::array kLearning = {
-    ChartRow{"entropy", "Entropy", "of the policy, nats"},
-    ChartRow{"approx_kl", "Approximate KL", "between the policies before and after an update, nats"},
-    ChartRow{"explained_variance", "Explained variance", "of the returns by the critic; 1 = all of it"},
-    ChartRow{"clip_fraction", "Clip fraction", "share of probability ratios beyond the clip range"},
-    ChartRow{"policy_loss", "Policy loss", "the clipped surrogate; its size says little, its jumps do"},
-    ChartRow{"value_loss", "Value loss", "of the critic, in normalised units"},
 };
 constexpr std::array kSpeed = {
     ChartRow{"agent_steps_per_second", "Speed", "agent-steps per second of an update, without evaluation"},
@@ -42,8 +31,8 @@ class Chooser {
 
   ChartSection strength();
   ChartSection games();
-  template <size_t N>
-  std::vector<Chart> charts_of(const std::array<ChartRow, N>& rows);
+  std::vector<Chart> charts_of(std::span<const ChartRow> rows);
+  ChartSection learning();
   ChartSection rewards();
   ChartSection speed();
   ChartSection further();
@@ -94,11 +83,11 @@ ChartSection Chooser::games() {
   return section;
 }
 
-template <size_t N>
-std::vector<Chart> Chooser::charts_of(const std::array<ChartRow, N>& rows) {
+std::vector<Chart> Chooser::charts_of(std::span<const ChartRow> rows) {
   std::vector<Chart> charts;
   for (const ChartRow& row : rows) {
     const std::string stem = row.stem;
+    if (placed_.contains(stem) || placed_.contains(stem + "_0") || placed_.contains(stem + "_1")) continue;
     const auto is_silent = [&](const std::string& name) { return !find(name) || find(name)->all_zero; };
     if (is_silent(stem) && is_silent(stem + "_0") && is_silent(stem + "_1")) continue;
     Chart chart{row.title, row.note, std::nullopt, {}};
@@ -107,6 +96,14 @@ std::vector<Chart> Chooser::charts_of(const std::array<ChartRow, N>& rows) {
     keep_filled(charts, std::move(chart));
   }
   return charts;
+}
+
+/// Charts of all algorithms: runs of several are compared on one page.
+ChartSection Chooser::learning() {
+  ChartSection section{"Learning", "", false, {}};
+  for (const Algorithm* algorithm : algorithms())
+    for (Chart& chart : charts_of(algorithm->charts)) section.charts.push_back(std::move(chart));
+  return section;
 }
 
 ChartSection Chooser::rewards() {
@@ -199,7 +196,7 @@ std::vector<ChartSection> choose_charts(const std::vector<ColumnFacts>& columns)
   std::vector<ChartSection> sections;
   sections.push_back(choose.strength());
   sections.push_back(choose.games());
-  sections.push_back({"Learning", "", false, choose.charts_of(kLearning)});
+  sections.push_back(choose.learning());
   sections.push_back(choose.rewards());
   sections.push_back(choose.speed());
   sections.push_back(choose.further());

@@ -98,6 +98,7 @@ void Collector::before_play(int64_t n_steps) {
     if (memory_[team].defined()) rollout_.team[team].state.copy_(memory_[team]);
 }
 
+// It is the first observer of its game, so it replaces nobody's buffers.
 // Step t looks at slot t, fills it, and writes what comes of it to slot t + 1. What starts a game writes to slot T.
 void Collector::before_step(int64_t t, GameStep& step) {
   if (t < 0) t = options_.horizon - 1;
@@ -106,7 +107,8 @@ void Collector::before_step(int64_t t, GameStep& step) {
   for (int team = 0; team < kNTeams; ++team) {
     const TeamRollout& r = rollout_.team[team];
     TeamIo& out = step.io.team[team];
-    step.rows[team] = {slot<float>(r.obs, t + 1), whole<float>(r.final_obs)};
+    step.rows[team] = {slot<float>(r.obs, t + 1), whole<float>(r.final_obs),
+                       r.alive.defined() ? options_.keep : ObservationSet()};
     out.alive = slot<uint8_t>(r.alive, t + 1);
     out.reward = slot<float>(r.reward, t);
     out.final_alive = whole<uint8_t>(r.final_alive);

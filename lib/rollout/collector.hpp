@@ -15,7 +15,8 @@ namespace giga {
 /// observations if its controller looks; its other buffers are undefined. In worlds in which a team does not learn,
 /// `pre_tanh_action` and `log_prob` mean nothing.
 struct TeamRollout {
-  at::Tensor obs;              // [T + 1, W, n, D] slot t: before step t; [1, W, n, D] of a team that does not learn
+  at::Tensor obs;              // [T + 1, W, n, D] slot t: before step t; [1, W, n, D] of a team that does not learn. 0
+                               // where nobody reads them
   at::Tensor alive;            // [T + 1, W, n] uint8, at `obs`
   at::Tensor action;           // [T, W, n] int32 or [T, W, n, 3] float
   at::Tensor pre_tanh_action;  // [T, W, n, 3] float, continuous actions only
@@ -37,6 +38,7 @@ struct CollectorOptions {
   int horizon = 16;
   bool with_state = false;     ///< keep the true state for a critic
   bool desynchronize = false;  ///< first episodes start at a random age, so that worlds do not reset in step
+  ObservationSet keep = {};    ///< observations of learning teams that are kept besides those that controllers read
 };
 
 class Collector final : GameObserver {
@@ -50,6 +52,8 @@ class Collector final : GameObserver {
   void start();
   /// Fills slot T from the simulator's state, after loading one.
   void resume() { game_.resume(); }
+  /// Lets an observer see the games. What the collector keeps, it finds in the rollout's slots.
+  void watch(GameObserver& observer) { game_.watch(observer); }
   /// Plays `horizon` steps; slot 0 is the previous slot T.
   void collect() { game_.play(options_.horizon); }
 

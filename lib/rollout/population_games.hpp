@@ -33,8 +33,10 @@ class PopulationGames {
   PopulationGames(const SimSpec& spec, const PopulationGamesOptions& options, const Actor& network,
                   const ParallelFor& parallel_for);
 
-  /// Queues all steps of all episodes of n_populations. Fresh draws for each `generation`. On a GPU the host does not
-  /// wait.
+  /// Lets an observer see the games of each play.
+  void watch(GameObserver& observer) { game_->watch(observer); }
+
+  /// Queues all steps of all episodes of n_populations, as Game::play does. Fresh draws for each `generation`.
   void play(const std::vector<Population>& populations, uint32_t generation);
 
   /// What the episodes of population k came to: [M, E, kNStatRows], a view that the next play overwrites; sums over the

@@ -44,9 +44,17 @@ struct ScriptedActions {
         return run_to_waypoint(reader, pilot);
       case Scripted::hider:
         return hide(reader, pilot);
-      default:
+      case Scripted::patroller:
         return patrol(reader, pilot);
+      // Those of write_blind. There is no default: a script that stands in neither list does not compile.
+      case Scripted::random:
+      case Scripted::noop:
+      case Scripted::circle:
+      case Scripted::reverse_circle:
+      case Scripted::circle_random:
+        break;
     }
+    return {0, 0, 0};
   }
 
   GIGA_HD void write(int64_t row, Controls c) const {

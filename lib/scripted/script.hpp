@@ -28,7 +28,7 @@ constexpr std::array<const char*, 10> enum_names(Scripted) {
           "pursuer", "evader", "waypoint_runner", "hider",          "patroller"};
 }
 constexpr const char* name_of(Scripted script) { return enum_names(script)[static_cast<size_t>(script)]; }
-/// Whether a script looks at the agent's observation.
+/// Whether a script looks at the agent's observation: those from pursuer on.
 GIGA_HD bool uses_observation(Scripted script) { return script >= Scripted::pursuer; }
 /// The observations that it looks at.
 constexpr ObservationSet observations_of(Scripted script) {

@@ -12,8 +12,10 @@ RowLayout::RowLayout(const SimParams& p, ObservationSet set) : set_(set) {
   for_each_observation([&](auto kind) {
     using Kind = decltype(kind);
     if (!set.has(Kind::id)) return;
-    GIGA_CHECK(Kind::of == ObservationOf::agent && Kind::type == ElementType::f32 && Kind::offered(p),
-               "no observation '", Kind::name, "' in rows of numbers of this scenario");
+    GIGA_CHECK(Kind::of == ObservationOf::agent && Kind::offered(p), "no observation '", Kind::name,
+               "' of the agents of this scenario");
+    GIGA_CHECK(Kind::type == ElementType::f32, "observation '", Kind::name,
+               "' is not made of floats, and rows of several observations are: it needs a buffer of its own");
     const auto k = static_cast<int>(Kind::id);
     first_[k] = stride_;
     numbers_ = first_[k] + Kind::shape(p).size();
@@ -29,6 +31,10 @@ RowLayout::Columns RowLayout::columns(ObservationSet reads) const {
     first = std::min<int64_t>(first, first_[k]);
     end = std::max<int64_t>(end, end_[k]);
   }
+  for (int k = 0; k < kNObservations; ++k)
+    GIGA_CHECK(!set_.has(static_cast<Observation>(k)) || reads.has(static_cast<Observation>(k)) || end_[k] <= first ||
+                   first_[k] >= end,
+               "observation ", k, " lies between those that are read: they are not one range of columns");
   return {first, std::max<int64_t>(end - first, 0)};
 }
 

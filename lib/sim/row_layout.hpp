@@ -6,7 +6,8 @@
 namespace giga {
 
 /// Each observation begins at a multiple of 8 numbers (32 bytes), so that it can be read alone and fast; rows end at
-/// one too. What lies between is not written: whoever makes the rows fills them with zeros. All are floats.
+/// one too. What lies between is not written: whoever makes the rows fills them with zeros. All are floats: an
+/// observation of another type, such as an image of bytes, needs a buffer of its own (ObservationIo has one for each).
 class RowLayout {
  public:
   RowLayout() = default;
@@ -18,7 +19,7 @@ class RowLayout {
     bool operator==(const Columns&) const = default;
   };
   /// Where the observations of `reads` lie: from the first of them to the end of the last, zeros behind it included.
-  /// All of them must be part of the row.
+  /// All of them must be part of the row, and no other may lie between them.
   Columns columns(ObservationSet reads) const;
 
   ObservationSet set() const { return set_; }

@@ -73,7 +73,7 @@ inline Worlds worlds_of_step(Ending ending, const StepIo& io) {
   const bool wanted = io.done || io.team[0].reward || io.team[1].reward;
   return ending.on_done == OnDone::freeze && !wanted ? Worlds::listed : Worlds::all;
 }
-/// Steps after which the list of the worlds that still play is made anew.
+/// OnDone::freeze: steps after which the list of the worlds that still play is made anew, whatever a step writes.
 constexpr int kListPeriod = 8;
 
 }  // namespace giga

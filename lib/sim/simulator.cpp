@@ -137,8 +137,8 @@ void Simulator::start(const StepIo& io) {
 }
 
 void Simulator::step(const StepIo& io) {
-  const Worlds worlds = worlds_of_step(ending(), io);
-  if (worlds == Worlds::listed) {
+  // Also where no step goes by the list: it tells over() how many worlds play.
+  if (options_.on_done == OnDone::freeze) {
     if (steps_to_list_ == 0 || n_lists() == 0) {
       list_playing();
       n_lists_ = n_lists() + 1;
@@ -147,7 +147,7 @@ void Simulator::step(const StepIo& io) {
     }
     --steps_to_list_;
   }
-  run(jobs_of_step(ending()), io, worlds);
+  run(jobs_of_step(ending()), io, worlds_of_step(ending(), io));
 }
 
 void Simulator::observe(const StepIo& io) { run(jobs_of_observe(), io, Worlds::all); }

@@ -112,7 +112,7 @@ class Simulator {
   /// Sums of finished episodes since the last call; waits for queued steps.
   virtual EpisodeStats take_stats() = 0;
   /// OnDone::freeze: whether all worlds wait, as far as is known without waiting for the steps queued last: on a GPU it
-  /// is known some steps later, the same number in every run.
+  /// is known some steps later, the same number in every run, and the host waits for the steps before those.
   virtual bool over() { return false; }
   /// Waits until everything queued is done.
   virtual void synchronize() {}

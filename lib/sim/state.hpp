@@ -129,6 +129,7 @@ enum class Per : uint8_t { world, agent, pair, agent_words };
 template <Per per_, int columns_ = 1, bool working_ = false>
 struct StateField {
   static constexpr Per per = per_;
+  static constexpr int columns = columns_;
   static constexpr bool working = working_;
   const char* name;
 

@@ -160,8 +160,10 @@ std::string manifest_refusal(const std::string& from, const std::string& to) {
 TEST(ExportManifest, MistakesAreSaidWithTheirPlace) {
   EXPECT_TRUE(contains(manifest_refusal("\"gigastep policy\"", "\"x\""),
                        {"manifest.json:2:11: kind: '\"x\"'", "gigastep policy"}));
-  EXPECT_TRUE(
-      contains(manifest_refusal("\"format_version\": 1", "\"format_version\": 2"), {"format_version is 2", "up to 1"}));
+  EXPECT_TRUE(contains(manifest_refusal("\"format_version\": 2", "\"format_version\": 1"),
+                       {"manifest.json has format version 1, older than 2", "use gigastep ", "or export again"}));
+  EXPECT_TRUE(contains(manifest_refusal("\"format_version\": 2", "\"format_version\": 3"),
+                       {"manifest.json has format version 3, newer than 2", "use gigastep "}));
   EXPECT_TRUE(contains(manifest_refusal("\"gelu\"", "\"gel\""), {"activation: '\"gel\"'", "tanh"}));
   EXPECT_TRUE(contains(manifest_refusal("[12, 10]", "[12, 0]"), {"hidden[1]: '0'", "[1, 16384]"}));
   EXPECT_TRUE(contains(manifest_refusal("[12, 10]", "[]"), {"hidden"}));

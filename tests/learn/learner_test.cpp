@@ -7,6 +7,7 @@
 
 #include "core/seeds.hpp"
 #include "cuda/runtime.hpp"
+#include "game/game.hpp"
 #include "runs.hpp"
 
 namespace giga::test {
@@ -206,6 +207,34 @@ TEST(LearnLearnerGpu, ThreeUpdatesAndGoingOn) {
     const Metrics expected = update(*learner), actual = update(*loaded);
     EXPECT_EQ(difference(expected, actual), "");
     EXPECT_EQ(difference(saved(*learner), saved(*loaded)), "");
+  }
+}
+
+TEST(LearnLearner, AnObserverOfItsGamesChangesNothing) {
+  /// Wants what learners keep for themselves too.
+  struct Watcher final : GameObserver {
+    void before_step(int64_t, GameStep& step) override {
+      want(step.io.done, done.data());
+      want(step.io.team[1].reward, reward.data());
+      step.rows[0].wanted |= ObservationSet::all();
+    }
+    void after_step(int64_t, const GameStep& step) override {
+      if (step.io.done && step.io.team[1].reward && step.rows[0].obs) ++seen;
+    }
+    std::vector<uint8_t> done = std::vector<uint8_t>(1000);
+    std::vector<float> reward = std::vector<float>(2000);
+    int seen = 0;
+  };
+  SmallRun evolution;
+  evolution.train = "algorithm: snes";
+  evolution.more = "population: {population_size: 6, episodes_per_member: 2, actor: {hidden: [8]}}\n";
+  for (const SmallRun& run : {SmallRun{}, evolution}) {
+    Watcher watcher;
+    const auto alone = run.learner(), watched = run.learner();
+    watched->watch(watcher);
+    for (int k = 0; k < 2; ++k) EXPECT_EQ(difference(alone->update(), watched->update()), "");
+    EXPECT_EQ(difference(saved(*alone), saved(*watched)), "");
+    EXPECT_GE(watcher.seen, 16) << "mappo: two rollouts of 8 steps";
   }
 }
 

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include "game/game.hpp"
 #include "rollout/policy_controllers.hpp"
 #include "runs.hpp"
 
@@ -33,6 +34,15 @@ TEST(LearnMatch, CircleAgainstCircleIsATie) {
   EXPECT_EQ(r.wins[0] + r.wins[1], 0);
   EXPECT_EQ(r.mean_length, 150);
   EXPECT_EQ(r.mean_return[0], 0);
+}
+
+TEST(LearnMatch, AnObserverSeesEveryStep) {
+  struct Counter final : GameObserver {
+    void after_step(int64_t t, const GameStep&) override { last = t; }
+    int64_t last = -2;
+  } counter;
+  play_match(peaceful(), script(Scripted::circle), script(Scripted::circle), {65, 4, {}, 2}, {&counter});
+  EXPECT_EQ(counter.last, 149) << "the last of 150 steps";
 }
 
 TEST(LearnMatch, WhoFliesStraightOnLoses) {

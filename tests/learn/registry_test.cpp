@@ -19,6 +19,8 @@ TEST(LearnRegistry, EveryRowIsWhole) {
     SCOPED_TRACE(a->name);
     EXPECT_EQ(find_algorithm(a->name), a);
     for (const char* text : {a->about, a->figures, a->updates, a->end_key}) EXPECT_GT(std::string(text).size(), 0u);
+    for (const ChartRow& chart : a->charts)
+      EXPECT_NE(std::string(a->figures).find(chart.stem), std::string::npos) << chart.stem << " is no figure";
     SmallRun small;
     if (a != algorithms().front()) small.train = cat("algorithm: ", a->name);
     LoadedRun run = small.load();

@@ -92,6 +92,30 @@ TEST(LearnRollout, AScriptThatLooksSeesEveryStep) {
   }
 }
 
+TEST(LearnRollout, KeepsTheObservationsThatAreRead) {
+  SmallRun small;
+  small.scenario = "max_episode_length: 8\nobservation: {egocentric_view: true}\n";
+  small.actor = "hidden: [16], inputs: egocentric";
+  small.critic = "hidden: [16], inputs: egocentric";
+  const LoadedRun run = small.load();
+  const ParallelFor rows(Device{}, 2);
+  const Actor actor = make_actor(run, 0, Device{});
+  for (const ObservationSet keep : {ObservationSet(), ObservationSet(Observation::vector)}) {
+    const auto sim = make_cpu_simulator(run.spec, {kWorlds, 17, 0, OnDone::reset, 2});
+    const Side side = everywhere(policy_controller(actor), *sim);
+    Collector collector(*sim, rows, {.horizon = kHorizon, .keep = keep}, {side, side});
+    collector.start();
+    collector.collect();
+    const at::Tensor obs = collector.rollout().team[1].obs;
+    const auto any = [&](Observation kind) {
+      const RowLayout::Columns columns = observation_rows(run.spec).columns(kind);
+      return obs.narrow(-1, columns.first, columns.count).any().item<bool>();
+    };
+    EXPECT_TRUE(any(Observation::egocentric));
+    EXPECT_EQ(any(Observation::vector), !keep.empty());
+  }
+}
+
 TEST(LearnRollout, FinalObservationIsThatOfTheTruncation) {
   // A world whose game is cut off early in a rollout may see its next game decided before the rollout ends. The value
   // of the truncation still needs the observation at the truncation.

@@ -245,6 +245,17 @@ TEST_P(SimulatorParity, WorldsThatFreezeOneAfterTheOther) {
   }
 }
 
+TEST_P(SimulatorParity, ThatAllWorldsWaitIsKnownWhateverIsWritten) {
+  SimSpec spec = variant_of(case_, 0);
+  spec.params.max_episode_length = 3;
+  SimOptions options = options_of(case_, 0);
+  options.on_done = OnDone::freeze;
+  SimRunner runner = on_other(0, spec, options, Outputs::all);  // rewards and ends of episodes too
+  runner.start();
+  for (uint64_t k = 0; k < 4 * kListPeriod; ++k) runner.step(k);
+  EXPECT_TRUE(runner.sim().over());
+}
+
 // A state in which more worlds play than did before: the list of the playing worlds is made anew.
 TEST_P(SimulatorParity, LoadedStatePlaysOn) {
   SimSpec spec = variant_of(case_, 0);

@@ -36,6 +36,14 @@ TEST(PolicyLayers, LivingMeanByFiniteDifferences) {
   EXPECT_EQ(largest(living_mean(cpu_loop(), x0, alive)[2]), 0);
 }
 
+TEST(PolicyLayers, AnMlpTakesAnImageAsARow) {
+  ParameterSet parameters;
+  NetworkConfig config;
+  config.hidden = {5};
+  const auto mlp = encoder_factory(EncoderKind::mlp)(parameters, "mlp", ObservationShape(4, 3, 2), config);
+  EXPECT_EQ(parameters.shape(mlp->layers()[0].weight)[1], 4 * 3 * 2);
+}
+
 TEST(PolicyLayers, LivingMeanEqualsTensorOperations) {
   at::Tensor x = random({7, 5, 6}, 3).requires_grad_(true), y = x.detach().clone().requires_grad_(true);
   const at::Tensor alive = (random({7, 5}, 4) > 0).to(at::kFloat), c = random({7, 6}, 5);

@@ -34,9 +34,9 @@ class LeakySum final : public Encoder {
   int weight_, leak_;
 };
 
-inline std::shared_ptr<const Encoder> make_leaky_sum(ParameterSet& parameters, const std::string& name, int64_t input,
-                                                     const NetworkConfig&) {
-  return std::make_shared<LeakySum>(parameters, name, input);
+inline std::shared_ptr<const Encoder> make_leaky_sum(ParameterSet& parameters, const std::string& name,
+                                                     const ObservationShape& input, const NetworkConfig&) {
+  return std::make_shared<LeakySum>(parameters, name, input.size());
 }
 
 }  // namespace giga::test

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <memory>
 #include <string>
@@ -83,6 +84,30 @@ class Witness final : public GameObserver {
   const bool wants_;
 };
 
+/// Wants ends of episodes, rewards of team 0, and observations, for which it has no buffer.
+class Watcher final : public GameObserver {
+ public:
+  explicit Watcher(ObservationSet looks) : looks_(looks) {}
+
+  void before_step(int64_t, GameStep& step) override {
+    want(step.io.done, done.data());
+    want(step.io.team[0].reward, reward.data());
+    step.rows[0].wanted |= looks_;
+  }
+  void after_step(int64_t, const GameStep& step) override {
+    last = step;
+    ++seen;
+  }
+
+  std::vector<uint8_t> done = std::vector<uint8_t>(kWorlds, 99);
+  std::vector<float> reward = std::vector<float>(kWorlds * 3, 99);
+  GameStep last;
+  int seen = 0;
+
+ private:
+  const ObservationSet looks_;
+};
+
 const ParallelFor& parallel_for() {
   static const ParallelFor loop(Device{}, 1);
   return loop;
@@ -146,6 +171,33 @@ TEST(Game, ObserversGetEachStepAndBringTheirBuffers) {
   EXPECT_EQ(second.last.io.team[1].action, second.action.data());
   EXPECT_EQ(second.last.rows[0].obs, nullptr) << "nobody looks";
   for (const uint8_t done : second.done) EXPECT_LE(done, 2);
+}
+
+TEST(Game, ObserversThatWantTheSameShareIt) {
+  const SimSpec spec = game_spec(true);
+  const RowLayout layout = observation_rows(spec);
+  const auto sim = simulator(spec);
+  const auto straight = std::make_shared<Straight>();
+  Watcher first(Observation::vector), second(Observation::egocentric), late(Observation::vector);
+  Game game(*sim, parallel_for(), {everywhere(straight, *sim), everywhere(straight, *sim)}, {&first, &second});
+  game.start();
+  game.play(2);
+  EXPECT_EQ(first.last.io.done, first.done.data());
+  EXPECT_EQ(second.last.io.done, first.done.data());
+  EXPECT_EQ(second.last.io.team[0].reward, first.reward.data());
+  for (const uint8_t done : first.done) EXPECT_LE(done, 2);
+  const float* row = second.last.rows[0].obs;
+  ASSERT_NE(row, nullptr) << "the game has a buffer";
+  for (const Observation kind : {Observation::vector, Observation::egocentric}) {
+    const RowLayout::Columns columns = layout.columns(kind);
+    EXPECT_TRUE(std::any_of(row + columns.first, row + columns.first + columns.count, [](float x) { return x != 0; }));
+  }
+  EXPECT_EQ(second.last.rows[1].obs, nullptr) << "nobody wants those of team 1";
+
+  game.watch(late);
+  game.play(3);
+  EXPECT_EQ(late.seen, 3);
+  EXPECT_EQ(first.seen, 6) << "the start and five steps";
 }
 
 TEST(Game, IsOverWhenAllWorldsWait) {

@@ -96,6 +96,8 @@ void check_noise_rank(ConfigCheck& check) {
 
 void check_evolution(ConfigCheck& check) {
   check.inputs_are_there("population.actor.inputs", check.config.population.actor.inputs);
+  check.has_no_memory("population.actor.encoder", check.config.population.actor.encoder,
+                      "the members of a population keep no memory");
   check_train(check);
   check_fp16(check);
   check_population(check);
@@ -129,6 +131,7 @@ constexpr Algorithm evolution_strategy(const char* name, const char* about) {
       .updates = "generations",
       .end_key = "population.generations",
       .has_populations = true,
+      .charts = {},
       .policy =
           [](const RunConfig& c) {
             return PolicySettings{c.population.actor, c.population.greedy, false};

@@ -80,6 +80,7 @@ class Evolution final : public Learner {
   int64_t updates_done() const override { return generations_; }
   int64_t agent_steps_done() const override { return agent_steps_; }
   Actor* actor(int team) override { return team_[team] ? &team_[team]->actor() : nullptr; }
+  void watch(GameObserver& observer) override { games_->watch(observer); }
   void save(NamedArrays& out) const override;
   void load(const NamedArrays& in) override;
 
@@ -203,7 +204,7 @@ PopulationFigures Evolution::figures_of(const Population& population, size_t k) 
   return f;
 }
 
-// The one place of a generation where the host waits for the device.
+// Besides the games (Game::play), the one place of a generation where the host waits for the device.
 Metrics Evolution::metrics(const std::vector<Population>& populations) {
   std::unique_ptr<PopulationFigures> figures[kNTeams];
   double episodes = 0, steps = 0, ties = 0, truncated = 0;

@@ -32,6 +32,15 @@ constexpr ResumeRule kMappoMayNot[] = {
     {"mappo.obs_norm", "the saved policies expect their observations so"},
 };
 
+constexpr ChartRow kMappoCharts[] = {
+    {"entropy", "Entropy", "of the policy, nats"},
+    {"approx_kl", "Approximate KL", "between the policies before and after an update, nats"},
+    {"explained_variance", "Explained variance", "of the returns by the critic; 1 = all of it"},
+    {"clip_fraction", "Clip fraction", "share of probability ratios beyond the clip range"},
+    {"policy_loss", "Policy loss", "the clipped surrogate; its size says little, its jumps do"},
+    {"value_loss", "Value loss", "of the critic, in normalised units"},
+};
+
 void minibatches_divide(ConfigCheck& check) {
   if (!check.known({"train.n_worlds", "mappo.horizon", "mappo.n_minibatches"})) return;
   const TrainConfig& train = check.config.train;
@@ -82,6 +91,10 @@ void horizon_fits(ConfigCheck& check) {
 void check_mappo(ConfigCheck& check) {
   check.inputs_are_there("mappo.actor.inputs", check.config.mappo.actor.inputs);
   check.inputs_are_there("mappo.critic.inputs", check.config.mappo.critic.inputs);
+  check.has_no_memory("mappo.critic.encoder", check.config.mappo.critic.encoder, "critics learn from single steps");
+  if (check.config.opponents.pool_size > 0)
+    check.has_no_memory("mappo.actor.encoder", check.config.mappo.actor.encoder,
+                        "past policies (opponents.pool_size) keep no memory");
   worlds_suffice(check);
   minibatches_divide(check);
   horizon_fits(check);
@@ -120,6 +133,7 @@ const Algorithm MappoAlgorithm::kAlgorithm = {
     .updates = "updates",
     .end_key = "train.total_agent_steps",
     .has_populations = false,
+    .charts = kMappoCharts,
     .policy =
         [](const RunConfig& c) {
           return PolicySettings{c.mappo.actor, false, c.mappo.obs_norm};

@@ -35,6 +35,7 @@ class Mappo final : public Learner {
   int64_t updates_done() const override { return updates_; }
   int64_t agent_steps_done() const override { return updates_ * sim_->agents_per_step() * config_.mappo.horizon; }
   Actor* actor(int team) override { return team_[team] ? &team_[team]->actor() : nullptr; }
+  void watch(GameObserver& observer) override { collector_->watch(observer); }
   void save(NamedArrays& out) const override;
   void load(const NamedArrays& in) override;
   std::optional<Divergence> divergence() const override { return divergence_; }
@@ -88,13 +89,14 @@ Mappo::Mappo(const LoadedRun& run, Device device)
 
   const WorldShares shares = world_shares(config_.opponents, config_.train.n_worlds);
   std::array<const Actor*, kNTeams> actors{};
-  bool with_state = false;
+  CollectorOptions collecting{.horizon = config_.mappo.horizon, .desynchronize = config_.train.desynchronize};
   for (int team = 0; team < kNTeams; ++team) {
     if (!learns(config_.train, team)) continue;
     team_[team] = std::make_unique<PpoTeam>(run, team, device, parallel_for_, shares.learning(team));
     learning_.push_back(team_[team].get());
     actors[static_cast<size_t>(team)] = &team_[team]->actor();
-    with_state = with_state || team_[team]->needs_state();
+    collecting.with_state = collecting.with_state || team_[team]->needs_state();
+    collecting.keep |= team_[team]->reads();
   }
   if (League::wanted(config_)) league_ = std::make_unique<League>(run, actors, parallel_for_);
   const auto side = [&](int team) {
@@ -103,7 +105,6 @@ Mappo::Mappo(const LoadedRun& run, Device device)
     return everywhere(actor ? policy_controller(*actor) : script_controller(scripted_of(config_.train.opponent)),
                       *sim_);
   };
-  const CollectorOptions collecting{config_.mappo.horizon, with_state, config_.train.desynchronize};
   collector_ = std::make_unique<Collector>(*sim_, parallel_for_, collecting, BothSides{side(0), side(1)});
   collector_->start();
   clock_ = make_device_clock(device, parallel_for_.stream());

@@ -35,6 +35,8 @@ class PpoTeam {
 
   Actor& actor() { return actor_; }
   bool needs_state() const { return critic_.needs_state(); }
+  /// What its networks read of the observations.
+  ObservationSet reads() const { return actor_.reads() | critic_.reads(); }
 
   /// Values, advantages and returns of a rollout; clears the figures.
   void compute_advantages(const Rollout& rollout);

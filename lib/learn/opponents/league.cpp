@@ -36,7 +36,7 @@ League::League(const LoadedRun& run, std::array<const Actor*, kNTeams> actors, c
   for (const Actor* actor : actors) {
     past_.push_back({actor,
                      OpponentPool(config_.pool_size, GroupPolicy::row_of(*actor)),
-                     GroupPolicy(*actor, run.config.mappo.actor, precision),
+                     GroupPolicy(*actor, algorithm_of(run.config).policy(run.config).actor, precision),
                      {},
                      {}});
     // Of a fixed number of groups, so that a run may go on with other shares.
