@@ -169,6 +169,23 @@ eval: {episodes: 8, every_updates: 2, opponents: [random]}
             std::set<std::string>{});
 }
 
+TEST(Pages, PicturesOfTheGameAreCurrent) {
+  const std::string python = python_with("sys");
+  if (python.empty()) GTEST_SKIP() << "no Python";
+  const Project project;
+  fs::copy_file(source_path("scripts/pictures"), project.here().path() / "scripts/pictures");
+  const Outcome drawn = project.shell("'" + python + "' scripts/pictures game", {{"GIGASTEP", kGigastep}});
+  ASSERT_EQ(drawn.code, 0) << drawn.err;
+  int n = 0;
+  for (const fs::directory_entry& entry : fs::directory_iterator(project.here().path() / "docs/pictures")) {
+    const std::string name = "docs/pictures/" + entry.path().filename().string();
+    EXPECT_EQ(project.here().read(name), read_file(source_path(name)))
+        << name << ": scripts/pictures game draws it anew";
+    ++n;
+  }
+  EXPECT_GE(n, 6);  // four maps, cones, a start
+}
+
 /// The anchors of a page's headings, as the usual viewers of Markdown make them.
 std::set<std::string> anchors_of(const fs::path& page) {
   std::set<std::string> anchors;
