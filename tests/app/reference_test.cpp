@@ -67,8 +67,12 @@ std::vector<std::string> shipped(const std::string& folder) {
 TEST_F(SchemaWithValidator, AcceptsWhatComesWithGigastep) {
   const std::pair<const char*, std::vector<std::string>> kinds[] = {
       {"run", shipped("configs")},
+      {"run", shipped("examples")},
       {"scenario", shipped("scenarios")},
       {"map", shipped("scenarios/maps")},
+      {"scenario", {source_path("examples/games/canyon.yaml")}},
+      {"map", {source_path("examples/games/canyon_map.yaml")}},
+      {"agent_type", {source_path("examples/games/scout.yaml")}},
       {"agent_types", {source_path("scenarios/agent_types.yaml")}}};
   for (const auto& [kind, files] : kinds) {
     ASSERT_FALSE(files.empty()) << kind;

@@ -1,0 +1,47 @@
+"""Uses an exported policy from Python: python use_policy.py FOLDER
+
+FOLDER is what `gigastep export RUN --team 0 --format safetensors --out FOLDER` wrote. Needs numpy and safetensors.
+Describes a situation by the names in the manifest, and prints the most likely action and the first logits.
+"""
+
+import importlib.util
+import pathlib
+import sys
+
+import numpy as np
+
+
+def load(folder):
+    """act.py of an export, as a module: its class Policy, its function act, its manifest."""
+    spec = importlib.util.spec_from_file_location("act", pathlib.Path(folder) / "act.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def set_number(obs, manifest, block, feature, value, item=0):
+    """Sets a feature of one item of a block, for example the nearness of the third wall. Blocks that are not there are
+    passed over, so that a program fits policies with and without the egocentric view."""
+    for b in manifest["observation"]["blocks"]:
+        for f in b["features"]:
+            if (b["name"], f["name"]) == (block, feature):
+                start, _, step = f["slice"]
+                obs[0, start + item * step] = value
+
+
+def main():
+    export = load(sys.argv[1])
+    policy, manifest = export.Policy(), export.MANIFEST
+
+    # The agent is in the middle of the map and flies along x; one opponent is ahead of it, to its left.
+    obs = export.example_observation()
+    for feature, value in {"nearness": 0.5, "ahead": 0.8, "left": 0.6, "course_ahead": -1, "health": 1}.items():
+        set_number(obs, manifest, "egocentric_opponents", feature, value)
+
+    head = policy(obs)[0]
+    action = export.act(head)
+    print("action:", manifest["action"]["table"][action] if manifest["action"]["kind"] == "discrete" else action)
+    print("head:", " ".join(f"{number:.4f}" for number in head[:3]))
+
+
+main()
