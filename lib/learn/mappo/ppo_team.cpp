@@ -241,8 +241,7 @@ void PpoTeam::update_critic(const Rollout& rollout, const Minibatch& batch, floa
                 .value_std = value_norm_.std().const_data_ptr<float>(),
                 .inv_count = batch.inv_count.const_data_ptr<float>(),
                 .value_coef = config_.value_coef,
-                .clip_coef = config_.value_loss == ValueLossKind::clipped ? config_.value_clip_coef : 0.0f,
-                .huber_delta = config_.value_loss == ValueLossKind::huber ? config_.huber_delta : 0.0f,
+                .error = value_error(),
                 .d_value = gradient.data_ptr<float>(),
                 .loss = loss.data_ptr<float>()},
       value.numel());
