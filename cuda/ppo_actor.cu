@@ -5,6 +5,14 @@
 namespace giga {
 namespace {
 
+/// What the loss takes of the rows of a tile besides the network's output.
+template <int kRows>
+struct LossRows {
+  float old_log_prob[kRows], advantage[kRows], u[kRows][kActionSize];
+  int action[kRows];
+  bool alive[kRows];
+};
+
 /// Shared memory of a block.
 template <class S>
 struct ActorMemory {
@@ -17,28 +25,56 @@ struct ActorMemory {
   float weight3[kHead * kHiddenStride];
   float bias1[kHidden], bias2[kHidden], bias3[kHead];
   float log_std[4];
-  float of_rows[S::kRows][kNPolicyDiagnostics + kActionSize];  // diagnostics and gradient by log_std, added up
+  LossRows<S::kRows> rows;
+  float sums[S::kRows][kNPolicyDiagnostics + kActionSize];  // diagnostics and gradient by log_std, added up
   BatchMoments moments;
   int64_t source[2][S::kRows];  // of this tile and the next
 };
 
-/// What the loss of a row needs from global memory.
-struct RowOfLoss {
-  bool alive = false;
-  float old_log_prob = 0, advantage = 0;
+/// A row of logits, spread over four lanes that lie side by side: each has every fourth number.
+struct SpreadLogits {
+  static constexpr int kNumbers = kLogitStride / 4;
+  float x[kNumbers];
+  int lane;
+
+  __device__ SpreadLogits(const float* row, int lane_) : lane(lane_) {
+#pragma unroll
+    for (int k = 0; k < kNumbers; ++k) x[k] = row[column(k)];
+  }
+  __device__ int column(int k) const { return 4 * k + lane; }
+  __device__ bool is_action(int k) const { return column(k) < kNDiscreteActions; }
+  __device__ float total(float sum) const {
+    sum += __shfl_xor_sync(0xFFFFFFFFu, sum, 1);
+    return sum + __shfl_xor_sync(0xFFFFFFFFu, sum, 2);
+  }
+  __device__ float greatest(float top) const {
+    top = fmaxf(top, __shfl_xor_sync(0xFFFFFFFFu, top, 1));
+    return fmaxf(top, __shfl_xor_sync(0xFFFFFFFFu, top, 2));
+  }
+};
+
+/// LossRows of one row, on its way from global memory.
+struct FetchedLossRow {
+  float old_log_prob = 0, advantage = 0, u[kActionSize] = {};
   int action = 0;
-  float u[kActionSize] = {};
+  bool alive = false;
 
   __device__ void fetch(const FusedActor& k, int64_t source) {
-    alive = source >= 0 && k.rows.alive[source];
-    if (!alive) return;
-    old_log_prob = k.loss.old_log_prob[source];
-    advantage = k.loss.advantage[source];
-    if (k.loss.action) {
-      action = k.loss.action[source];
-    } else {
-      for (int i = 0; i < kActionSize; ++i) u[i] = k.loss.pre_tanh_action[source * kActionSize + i];
-    }
+    const bool some = source >= 0;
+    alive = some && k.rows.alive[source];
+    old_log_prob = some ? k.loss.old_log_prob[source] : 0.0f;
+    advantage = some ? k.loss.advantage[source] : 0.0f;
+    action = some && k.loss.action ? k.loss.action[source] : 0;
+    if (!k.loss.action)
+      for (int i = 0; i < kActionSize; ++i) u[i] = some ? k.loss.pre_tanh_action[source * kActionSize + i] : 0.0f;
+  }
+  template <int kRows>
+  __device__ void store(LossRows<kRows>& to, int row) const {
+    to.old_log_prob[row] = old_log_prob;
+    to.advantage[row] = advantage;
+    for (int i = 0; i < kActionSize; ++i) to.u[row][i] = u[i];
+    to.action[row] = action;
+    to.alive[row] = alive;
   }
 };
 
@@ -61,7 +97,7 @@ __global__ void __launch_bounds__(kFusedThreads, 1) actor_kernel(const __grid_co
   load_vector(k.parameters + net.bias[2], output, m.bias3, kHead);
   for (int i = thread; i < S::kRows * kLogitStride + kHead - kLogitStride; i += kFusedThreads) m.head[i] = 0;
   if (thread < S::kRows)
-    for (float& sum : m.of_rows[thread]) sum = 0;
+    for (float& sum : m.sums[thread]) sum = 0;
   if (thread < kActionSize) m.log_std[thread] = continuous ? k.parameters[net.log_std + thread] : 0.0f;
   if (thread == 0) {
     m.moments = batch_moments(k.moments);
@@ -74,7 +110,7 @@ __global__ void __launch_bounds__(kFusedThreads, 1) actor_kernel(const __grid_co
   if (thread < S::kRows) m.source[0][thread] = tiles.source(k.rows, tile, thread);
   __syncthreads();
   FetchedInputs<S> next;
-  RowOfLoss next_row;
+  FetchedLossRow next_row;
   next.fetch(k.rows, input, m.source[0]);
   if (thread < S::kRows) next_row.fetch(k, m.source[0][thread]);
 
@@ -84,16 +120,15 @@ __global__ void __launch_bounds__(kFusedThreads, 1) actor_kernel(const __grid_co
   d_weight1.clear();
   d_weight2.clear();
   d_weight3.clear();
-  ColumnSums<S::kTiles> d_bias1, d_bias2;
-  float d_bias3 = 0;  // thread = row / 16 * kHead + column
+  ColumnSums<kHidden> d_bias1, d_bias2;
+  ColumnSums<kHead> d_bias3;  // columns from kLogitStride on mean nothing
 
   const int rows_at = place.first_row * kHiddenStride, columns = place.column_warp * S::kTiles * 8;
   const int head_columns = place.column_warp * S::kHeadTiles * 8;
   const int warp = thread / 32, head_rows = warp % 2 * 16, head_part = warp / 2 * 8;
   for (int turn = 0; tile < tiles.n_tiles; tile += gridDim.x, turn ^= 1) {
     next.store(k.rows, input, m.x);
-    const RowOfLoss row = next_row;
-    if (thread < S::kRows) m.source[turn ^ 1][thread] = tiles.source(k.rows, tile + gridDim.x, thread);
+    if (thread < S::kRows) next_row.store(m.rows, thread);
     __syncthreads();
 
     // Forward.
@@ -118,49 +153,41 @@ __global__ void __launch_bounds__(kFusedThreads, 1) actor_kernel(const __grid_co
     head.each([&](float value, int r, int c) {
       if (head_columns + c < kLogitStride) m.head[(place.first_row + r) * kLogitStride + head_columns + c] = value;
     });
-    next.fetch(k.rows, input, m.source[turn ^ 1]);
     __syncthreads();
 
-    // The loss: a thread a row.
-    if (thread < S::kRows) {
-      next_row = {};
-      next_row.fetch(k, m.source[turn ^ 1][thread]);
-      float* at = m.head + thread * kLogitStride;
-      Logits l(at);
-      if (row.alive) {
-        const PolicySample of{row.old_log_prob, (row.advantage - m.moments.mean) * m.moments.inv_std,
-                              m.moments.inv_count, k.loss.clip_coef, k.loss.entropy_coef};
-        float diagnostic[kNPolicyDiagnostics];
-        if (continuous) {
-          float d_mean[kActionSize], d_std[kActionSize];
-          gaussian_gradient(l.x, m.log_std, row.u, of, d_mean, d_std, diagnostic);
-          GIGA_UNROLL
-          for (int i = 0; i < kLogitStride; ++i) l.x[i] = i < kActionSize ? d_mean[i < kActionSize ? i : 0] : 0.0f;
-          for (int i = 0; i < kActionSize; ++i) m.of_rows[thread][kNPolicyDiagnostics + i] += d_std[i];
-        } else {
-          categorical_gradient(l, row.action, of, diagnostic);
-        }
-        for (int i = 0; i < kNPolicyDiagnostics; ++i) m.of_rows[thread][i] += diagnostic[i];
+    // The loss: four lanes a row.
+    for (int r = thread / 4; r < S::kRows; r += kFusedThreads / 4) {
+      float* at = m.head + r * kLogitStride;
+      SpreadLogits l(at, thread % 4);
+      const bool alive = m.rows.alive[r], first = l.lane == 0;
+      const PolicySample of{m.rows.old_log_prob[r], (m.rows.advantage[r] - m.moments.mean) * m.moments.inv_std,
+                            m.moments.inv_count, k.loss.clip_coef, k.loss.entropy_coef};
+      float diagnostic[kNPolicyDiagnostics];
+      if (continuous) {
+        float d_mean[kActionSize], d_std[kActionSize];
+        gaussian_gradient(at, m.log_std, m.rows.u[r], of, d_mean, d_std, diagnostic);
+        __syncwarp();  // all lanes have read the means
+        for (int i = 0; i < SpreadLogits::kNumbers; ++i) l.x[i] = 0;
+        if (l.lane < kActionSize) l.x[0] = l.lane == 0 ? d_mean[0] : l.lane == 1 ? d_mean[1] : d_mean[2];
+        if (first && alive)
+          for (int i = 0; i < kActionSize; ++i) m.sums[r][kNPolicyDiagnostics + i] += d_std[i];
       } else {
-        GIGA_UNROLL
-        for (int i = 0; i < kLogitStride; ++i) l.x[i] = 0;
+        categorical_gradient(l, m.rows.action[r], of, diagnostic);
       }
-      GIGA_UNROLL
-      for (int i = 0; i < kLogitStride; ++i) l.x[i] = to_tf32(l.x[i]);
-      l.store(at);
+      for (int i = 0; i < SpreadLogits::kNumbers; ++i) at[l.column(i)] = alive ? to_tf32(l.x[i]) : 0.0f;
+      if (first && alive)
+        for (int i = 0; i < kNPolicyDiagnostics; ++i) m.sums[r][i] += diagnostic[i];
     }
+    if (thread < S::kRows) m.source[turn ^ 1][thread] = tiles.source(k.rows, tile + gridDim.x, thread);
     __syncthreads();
-
     // Backward: the gradient by a layer's sums takes the place of its features once these are used.
     y.clear();
     y.template add_by_columns<kHead>({m.head + place.first_row * kLogitStride, kLogitStride},
                                      {m.weight3 + columns, kHiddenStride});
     d_weight3.template add_over_rows<S::kRows>({m.head + head_rows, kLogitStride},
                                                {m.hidden2 + head_part, kHiddenStride});
-    if (const int c = thread % kHead; c < kLogitStride)
-      for (int r = thread / kHead; r < S::kRows; r += kFusedThreads / kHead) d_bias3 += m.head[r * kLogitStride + c];
+    d_bias3.add(m.head, S::kRows, kLogitStride);
     slope2.scale(y);
-    d_bias2.add(y);
     __syncthreads();
     y.store_rounded(m.hidden2 + rows_at + columns, kHiddenStride);
     __syncthreads();
@@ -168,11 +195,14 @@ __global__ void __launch_bounds__(kFusedThreads, 1) actor_kernel(const __grid_co
     y.template add_by_columns<kHidden>({m.hidden2 + rows_at, kHiddenStride}, {m.weight2 + columns, kHiddenStride});
     d_weight2.template add_over_rows<S::kRows>({m.hidden2 + place.weight_row, kHiddenStride},
                                                {m.hidden1 + place.weight_part * 16, kHiddenStride});
+    d_bias2.add(m.hidden2, S::kRows, kHiddenStride);
     slope1.scale(y);
-    d_bias1.add(y);
     __syncthreads();
     y.store_rounded(m.hidden1 + rows_at + columns, kHiddenStride);
     __syncthreads();
+    next.fetch(k.rows, input, m.source[turn ^ 1]);
+    if (thread < S::kRows) next_row.fetch(k, m.source[turn ^ 1][thread]);
+    d_bias1.add(m.hidden1, S::kRows, kHiddenStride);
     d_weight1.template add_over_rows<S::kRows>({m.hidden1 + place.weight_row, kHiddenStride},
                                                {m.x + place.weight_part * S::kInTiles * 8, S::kInStride});
     __syncthreads();
@@ -183,20 +213,12 @@ __global__ void __launch_bounds__(kFusedThreads, 1) actor_kernel(const __grid_co
   write_gradient(d_weight1, place.weight_row, place.weight_part * S::kInTiles * 8, hidden1, input, out + net.weight[0]);
   write_gradient(d_weight2, place.weight_row, place.weight_part * 16, hidden2, hidden1, out + net.weight[1]);
   write_gradient(d_weight3, head_rows, head_part, output, hidden2, out + net.weight[2]);
-  d_bias1.template write<S>(place, m.hidden1, out + net.bias[0], hidden1);
-  d_bias2.template write<S>(place, m.hidden1, out + net.bias[1], hidden2);
-  __syncthreads();
-  float* work = m.hidden1;
-  work[thread] = d_bias3;
-  __syncthreads();
-  if (thread < output) {
-    float all = 0;
-    for (int part = 0; part < kFusedThreads / kHead; ++part) all += work[part * kHead + thread];
-    out[net.bias[2] + thread] = all;
-  }
+  d_bias1.write(m.hidden1, out + net.bias[0], hidden1);
+  d_bias2.write(m.hidden1, out + net.bias[1], hidden2);
+  d_bias3.write(m.hidden1, out + net.bias[2], output);
   if (thread < kNPolicyDiagnostics + kActionSize) {
     float all = 0;
-    for (int r = 0; r < S::kRows; ++r) all += m.of_rows[r][thread];
+    for (int r = 0; r < S::kRows; ++r) all += m.sums[r][thread];
     if (thread < kNPolicyDiagnostics)
       out[net.size + thread] = all;
     else if (continuous)

@@ -21,28 +21,31 @@ struct CriticMemory {
   float dots[2][S::kColumnWarps][S::kRows];  // a row's features times weight3, times team_weight3; parts of columns
   float d_value[S::kRows];
   float living[S::kRows];         // 1 / living agents of the state, 0 for the dead
+  bool alive[S::kRows];
+  float old_value[S::kRows], returns[S::kRows];
   int64_t source[2][S::kRows];    // of this tile and the next
 };
 
-/// What the loss of a row needs from global memory.
-struct RowOfLoss {
-  bool alive = false;
+/// What the loss of a row takes besides the network's output, on its way from global memory.
+struct FetchedLossRow {
   float old_value = 0, returns = 0;
+  bool alive = false;
+
   __device__ void fetch(const FusedCritic& k, int64_t source) {
-    alive = source >= 0 && k.rows.alive[source];
-    if (!alive || k.values) return;
-    old_value = k.loss.old_value[source];
-    returns = k.loss.returns[source];
+    const bool some = source >= 0, loss = some && !k.values;
+    alive = some && k.rows.alive[source];
+    old_value = loss ? k.loss.old_value[source] : 0.0f;
+    returns = loss ? k.loss.returns[source] : 0.0f;
   }
 };
 
-/// Sums over the agents of each state: out[state, column] = f(state, sum of weight(row) x[row, column]).
-template <class Weight>
-__device__ void sum_states(const TileRows& tiles, const float* x, Weight&& weight, float* out) {
-  for (int e = static_cast<int>(threadIdx.x); e < tiles.states * kHidden; e += kFusedThreads) {
-    const int state = e / kHidden, column = e % kHidden;
+/// Sums over the agents of each state: out[state, column] = the sum of weight[row] x[row, column]; no weights: of all.
+__device__ void sum_states(const TileRows& tiles, const float* x, const float* weight, float* out) {
+  const int column = static_cast<int>(threadIdx.x) % kHidden;
+  for (int state = static_cast<int>(threadIdx.x) / kHidden; state < tiles.states; state += kFusedThreads / kHidden) {
+    const float* at = x + state * tiles.n * kHiddenStride + column;
     float sum = 0;
-    for (int row = state * tiles.n; row < (state + 1) * tiles.n; ++row) sum += weight(row) * x[row * kHiddenStride + column];
+    for (int i = 0; i < tiles.n; ++i, at += kHiddenStride) sum += weight ? weight[state * tiles.n + i] * *at : *at;
     out[state * kHiddenStride + column] = to_tf32(sum);
   }
 }
@@ -79,7 +82,7 @@ __global__ void __launch_bounds__(kFusedThreads, 1) critic_kernel(const __grid_c
   if (thread < S::kRows) m.source[0][thread] = tiles.source(k.rows, tile, thread);
   __syncthreads();
   FetchedInputs<S> next;
-  RowOfLoss next_row;
+  FetchedLossRow next_row;
   next.fetch(k.rows, input, m.source[0]);
   if (thread < S::kRows) next_row.fetch(k, m.source[0][thread]);
 
@@ -88,7 +91,8 @@ __global__ void __launch_bounds__(kFusedThreads, 1) critic_kernel(const __grid_c
   d_weight1.clear();
   d_weight2.clear();
   d_team_weight2.clear();
-  ColumnSums<S::kTiles> d_bias1, d_bias2, d_weight3, d_team_weight3;
+  ColumnSums<kHidden> d_bias1, d_bias2;
+  WeightedColumnSums<S::kTiles> d_weight3, d_team_weight3;
   float d_bias3 = 0, loss = 0;
 
   const int rows_at = place.first_row * kHiddenStride, columns = place.column_warp * S::kTiles * 8;
@@ -99,19 +103,12 @@ __global__ void __launch_bounds__(kFusedThreads, 1) critic_kernel(const __grid_c
 
   for (int turn = 0; tile < tiles.n_tiles; tile += gridDim.x, turn ^= 1) {
     next.store(k.rows, input, m.x);
-    const RowOfLoss row = next_row;
     if (thread < S::kRows) {
-      m.source[turn ^ 1][thread] = tiles.source(k.rows, tile + gridDim.x, thread);
-      m.living[thread] = row.alive ? 1.0f : 0.0f;
+      m.alive[thread] = next_row.alive;
+      m.old_value[thread] = next_row.old_value;
+      m.returns[thread] = next_row.returns;
     }
     __syncthreads();
-    float share = 0;
-    if (thread < S::kRows && row.alive) {
-      const int first = thread / tiles.n * tiles.n;
-      float count = 0;
-      for (int r = first; r < first + tiles.n; ++r) count += m.living[r];
-      share = 1 / count;
-    }
 
     // Forward.
     TileSums<S::kTiles> y;
@@ -121,12 +118,18 @@ __global__ void __launch_bounds__(kFusedThreads, 1) critic_kernel(const __grid_c
                                    {m.weight1 + columns * S::kInStride, S::kInStride});
     activate(net.activation, y, slope1);
     y.store_rounded(m.hidden1 + rows_at + columns, kHiddenStride);
+    if (thread < S::kRows) {
+      const int first = thread / tiles.n * tiles.n;
+      int count = 0;
+      if (m.alive[thread])
+        for (int r = first; r < first + tiles.n; ++r) count += m.alive[r];
+      m.living[thread] = count > 0 ? 1.0f / static_cast<float>(count) : 0.0f;
+      m.source[turn ^ 1][thread] = tiles.source(k.rows, tile + gridDim.x, thread);
+    }
     __syncthreads();
-    if (thread < S::kRows) m.living[thread] = share;
-    next.fetch(k.rows, input, m.source[turn ^ 1]);
-    __syncthreads();
+    if constexpr (!kGradient) next.fetch(k.rows, input, m.source[turn ^ 1]);
     if (team) {
-      sum_states(tiles, m.hidden1, [&](int r) { return m.living[r]; }, m.mean1);
+      sum_states(tiles, m.hidden1, m.living, m.mean1);
       __syncthreads();
       TileSums<1> exchanged;
       exchanged.clear();
@@ -177,8 +180,9 @@ __global__ void __launch_bounds__(kFusedThreads, 1) critic_kernel(const __grid_c
         for (int r = first; r < first + tiles.n; ++r) value += m.living[r] * dot(1, r);
       if constexpr (kGradient) {
         float slope = 0;
-        if (row.alive) {
-          const ValueError::Error e = k.loss.error.of(value, row.old_value, (row.returns - value_mean) / value_std);
+        if (m.alive[thread]) {
+          const ValueError::Error e =
+              k.loss.error.of(value, m.old_value[thread], (m.returns[thread] - value_mean) / value_std);
           slope = k.loss.value_coef * e.slope * inv_count;
           loss += e.loss;
         }
@@ -188,8 +192,7 @@ __global__ void __launch_bounds__(kFusedThreads, 1) critic_kernel(const __grid_c
         const int64_t source = m.source[turn][thread];
         if (source >= 0) k.values[source] = value;
       }
-      next_row = {};
-      next_row.fetch(k, m.source[turn ^ 1][thread]);
+      if constexpr (!kGradient) next_row.fetch(k, m.source[turn ^ 1][thread]);
     }
     __syncthreads();
     if constexpr (kGradient) {
@@ -213,11 +216,10 @@ __global__ void __launch_bounds__(kFusedThreads, 1) critic_kernel(const __grid_c
           y.c[j][i] = by_own[i / 2] * m.weight3[column] + by_team[i / 2] * m.team_weight3[column];
         }
       slope2.scale(y);
-      d_bias2.add(y);
       y.store_rounded(m.hidden2 + rows_at + columns, kHiddenStride);
       __syncthreads();
       if (team) {
-        sum_states(tiles, m.hidden2, [](int) { return 1.0f; }, m.d_sums2);
+        sum_states(tiles, m.hidden2, nullptr, m.d_sums2);
         __syncthreads();
         TileSums<1> by_mean;
         by_mean.clear();
@@ -239,11 +241,14 @@ __global__ void __launch_bounds__(kFusedThreads, 1) critic_kernel(const __grid_c
           for (int i = 0; i < 4; ++i)
             y.c[j][i] += m.living[row_of[i / 2]] *
                          m.exchanged[state_of[i / 2] * kHiddenStride + columns + j * 8 + lane.pair + i % 2];
+      d_bias2.add(m.hidden2, S::kRows, kHiddenStride);
       slope1.scale(y);
-      d_bias1.add(y);
       __syncthreads();
       y.store_rounded(m.hidden1 + rows_at + columns, kHiddenStride);
       __syncthreads();
+      next.fetch(k.rows, input, m.source[turn ^ 1]);
+      if (thread < S::kRows) next_row.fetch(k, m.source[turn ^ 1][thread]);
+      d_bias1.add(m.hidden1, S::kRows, kHiddenStride);
       d_weight1.template add_over_rows<S::kRows>({m.hidden1 + place.weight_row, kHiddenStride},
                                                  {m.x + place.weight_part * S::kInTiles * 8, S::kInStride});
       __syncthreads();
@@ -255,8 +260,8 @@ __global__ void __launch_bounds__(kFusedThreads, 1) critic_kernel(const __grid_c
     write_gradient(d_weight1, place.weight_row, place.weight_part * S::kInTiles * 8, hidden1, input,
                    out + net.weight[0]);
     write_gradient(d_weight2, place.weight_row, place.weight_part * 16, hidden2, hidden1, out + net.weight[1]);
-    d_bias1.template write<S>(place, m.hidden1, out + net.bias[0], hidden1);
-    d_bias2.template write<S>(place, m.hidden1, out + net.bias[1], hidden2);
+    d_bias1.write(m.hidden1, out + net.bias[0], hidden1);
+    d_bias2.write(m.hidden1, out + net.bias[1], hidden2);
     d_weight3.template write<S>(place, m.hidden1, out + net.weight[2], hidden2);
     if (team) {
       write_gradient(d_team_weight2, place.weight_row, place.weight_part * 16, hidden2, hidden1,

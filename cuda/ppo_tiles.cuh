@@ -23,13 +23,19 @@ struct TileShape {
   static constexpr int kTiles = kHidden / 8 / kColumnWarps;  // of 8 columns, that a warp has of a hidden layer
   static constexpr int kHeadTiles = kHead / 8 / kColumnWarps;
   static constexpr int kInTiles = kIn / 8 / (kFusedWarps / 4);  // that a warp has of the first weight's gradient
-  static constexpr int kFetched = kRows * kIn / kFusedThreads;  // numbers of the next tile that a thread fetches
+  // A thread fetches so many numbers of so many rows of the next tile: a warp has a row.
+  static constexpr int kFetchedRows = kRows / kFusedWarps, kFetchedColumns = kIn / 32;
 };
 
-/// tanh within about 2^-22; std::tanh would take as long as a product.
+/// tanh within 2^-21: 1 - 2 / (1 + exp(2 x)). std::tanh would take as long as a product.
 __device__ __forceinline__ float fast_tanh(float x) {
-  return 1.0f - __fdividef(2.0f, 1.0f + __expf(2.0f * fminf(fmaxf(x, -15.0f), 15.0f)));
+  constexpr float kTwoLog2E = 2.88539008177792681472f;
+  float power, inverse;
+  asm("ex2.approx.ftz.f32 %0, %1;" : "=f"(power) : "f"(x * kTwoLog2E));
+  asm("rcp.approx.ftz.f32 %0, %1;" : "=f"(inverse) : "f"(power + 1.0f));
+  return __fmaf_rn(-2.0f, inverse, 1.0f);
 }
+
 /// Derivatives of features, in half precision: products round them as much.
 template <int kTiles>
 struct Slopes {
@@ -120,29 +126,41 @@ struct TileRows {
 /// The inputs of the next tile, on their way from global memory while a tile is at work.
 template <class S>
 struct FetchedInputs {
-  float x[S::kFetched];
+  float x[S::kFetchedRows][S::kFetchedColumns];
 
-  __device__ static int row(int i) { return (i * kFusedThreads + static_cast<int>(threadIdx.x)) / S::kIn; }
-  __device__ static int column(int i) { return (i * kFusedThreads + static_cast<int>(threadIdx.x)) % S::kIn; }
+  __device__ static int row(int i) { return i * kFusedWarps + static_cast<int>(threadIdx.x) / 32; }
+  __device__ static int column(int j) { return j * 32 + static_cast<int>(threadIdx.x) % 32; }
 
   __device__ void fetch(const FusedRows& rows, int input, const int64_t* source) {
 #pragma unroll
-    for (int i = 0; i < S::kFetched; ++i) {
+    for (int i = 0; i < S::kFetchedRows; ++i) {
       const int64_t from = source[row(i)];
-      x[i] = from >= 0 && column(i) < input ? __ldg(rows.obs + from * rows.obs_stride + column(i)) : 0.0f;
+      const float* at = rows.obs + (from >= 0 ? from : 0) * rows.obs_stride;
+#pragma unroll
+      for (int j = 0; j < S::kFetchedColumns; ++j)
+        x[i][j] = from >= 0 && column(j) < input ? __ldg(at + column(j)) : 0.0f;
     }
   }
-  __device__ void store(const FusedRows& rows, int input, float* to) const {
+  __device__ void store(const FusedRows& rows, int input, float* to) {
+    if (rows.obs_mean) normalize(rows, input);
 #pragma unroll
-    for (int i = 0; i < S::kFetched; ++i) {
-      float value = x[i];
-      const int c = column(i);
-      if (rows.obs_mean && c < input) {
-        value = (value - __ldg(rows.obs_mean + c)) / __ldg(rows.obs_std + c);
+    for (int i = 0; i < S::kFetchedRows; ++i)
+#pragma unroll
+      for (int j = 0; j < S::kFetchedColumns; ++j) to[row(i) * S::kInStride + column(j)] = to_tf32(x[i][j]);
+  }
+
+ private:
+  __device__ void normalize(const FusedRows& rows, int input) {
+#pragma unroll
+    for (int j = 0; j < S::kFetchedColumns; ++j) {
+      if (column(j) >= input) continue;
+      const float mean = __ldg(rows.obs_mean + column(j)), std = __ldg(rows.obs_std + column(j));
+#pragma unroll
+      for (int i = 0; i < S::kFetchedRows; ++i) {
+        const float value = (x[i][j] - mean) / std;
         // A NaN stays one.
-        value = value > rows.obs_limit ? rows.obs_limit : value < -rows.obs_limit ? -rows.obs_limit : value;
+        x[i][j] = value > rows.obs_limit ? rows.obs_limit : value < -rows.obs_limit ? -rows.obs_limit : value;
       }
-      to[row(i) * S::kInStride + c] = to_tf32(value);
     }
   }
 };
@@ -161,18 +179,35 @@ struct WarpPlace {
   }
 };
 
-/// Sums of each column over the rows of a tile, added up over tiles.
-template <int kTiles>
+/// Sums of the columns of a tile [rows, kColumns], added up over tiles: a thread has some rows of a column.
+template <int kColumns>
 struct ColumnSums {
-  float sum[kTiles][2] = {};
-  __device__ void add(const TileSums<kTiles>& x) {
-#pragma unroll
-    for (int j = 0; j < kTiles; ++j) {
-      sum[j][0] += x.c[j][0] + x.c[j][2];
-      sum[j][1] += x.c[j][1] + x.c[j][3];
+  float sum = 0;
+
+  __device__ void add(const float* tile, int rows, int stride) {
+    const int column = static_cast<int>(threadIdx.x) % kColumns;
+    for (int row = static_cast<int>(threadIdx.x) / kColumns; row < rows; row += kFusedThreads / kColumns)
+      sum += tile[row * stride + column];
+  }
+  /// Of all threads, to out [count]. `work` [threads]. All threads call it.
+  __device__ void write(float* work, float* out, int count) const {
+    __syncthreads();
+    work[threadIdx.x] = sum;
+    __syncthreads();
+    if (const int column = static_cast<int>(threadIdx.x); column < count) {
+      float all = 0;
+      for (int part = 0; part < kFusedThreads / kColumns; ++part) all += work[part * kColumns + column];
+      out[column] = all;
     }
   }
-  /// += x[row, column] weight[row]
+};
+
+/// Sums of the columns of a warp's part of a tile, each row with a weight, added up over tiles.
+template <int kTiles>
+struct WeightedColumnSums {
+  float sum[kTiles][2] = {};
+
+  /// `low`, `high`: the weights of rows `group` and group + 8.
   __device__ void add(const TileSums<kTiles>& x, float low, float high) {
 #pragma unroll
     for (int j = 0; j < kTiles; ++j) {
@@ -182,7 +217,7 @@ struct ColumnSums {
   }
   /// Of all warps, to out [count]. `work` [row warps, kHidden]. All threads call it.
   template <class S>
-  __device__ void write(const WarpPlace<S>& place, float* work, float* out, int count) {
+  __device__ void write(const WarpPlace<S>& place, float* work, float* out, int count) const {
     const TileLane lane;
     __syncthreads();
 #pragma unroll
@@ -195,8 +230,7 @@ struct ColumnSums {
           work[place.first_row / 16 * kHidden + (place.column_warp * kTiles + j) * 8 + lane.pair + k] = all;
       }
     __syncthreads();
-    const int column = static_cast<int>(threadIdx.x);
-    if (column < count) {
+    if (const int column = static_cast<int>(threadIdx.x); column < count) {
       float all = 0;
       for (int w = 0; w < S::kRowWarps; ++w) all += work[w * kHidden + column];
       out[column] = all;

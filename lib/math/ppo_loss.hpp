@@ -73,18 +73,24 @@ GIGA_HD void write_diagnostics(float* out, const Surrogate& s, float entropy) {
 
 /// loss = surrogate - entropy_coef * entropy of a categorical policy, for a living row: its gradient takes the place of
 /// the logits.
-GIGA_HD void categorical_gradient(Logits& l, int chosen, const PolicySample& of, float* diagnostic) {
-  const float lse = l.log_sum_exp();
-  float entropy = 0;
+template <class Row>
+GIGA_HD void categorical_gradient(Row& l, int chosen, const PolicySample& of, float* diagnostic) {
+  const float lse = log_sum_exp(l);
+  float entropy = 0, of_chosen = 0;
   GIGA_UNROLL
-  for (int k = 0; k < kNDiscreteActions; ++k) entropy -= std::exp(l.x[k] - lse) * (l.x[k] - lse);
-  const Surrogate s = clipped_surrogate(l.at(chosen) - lse, of.old_log_prob, of.advantage, of.clip_coef);
+  for (int k = 0; k < Row::kNumbers; ++k) {
+    if (l.is_action(k)) entropy -= std::exp(l.x[k] - lse) * (l.x[k] - lse);
+    of_chosen = l.column(k) == chosen ? l.x[k] : of_chosen;
+  }
+  entropy = l.total(entropy);
+  const Surrogate s = clipped_surrogate(l.total(of_chosen) - lse, of.old_log_prob, of.advantage, of.clip_coef);
   // d log p(chosen) / d x_k = [k = chosen] - p_k;  d entropy / d x_k = -p_k (log p_k + entropy)
   GIGA_UNROLL
-  for (int k = 0; k < kLogitStride; ++k) {
+  for (int k = 0; k < Row::kNumbers; ++k) {
     const float log_p = l.x[k] - lse, p = std::exp(log_p);
-    const float slope = s.d_log_prob * ((k == chosen ? 1.0f : 0.0f) - p) + of.entropy_coef * p * (log_p + entropy);
-    l.x[k] = k < kNDiscreteActions ? slope * of.inv_count : 0.0f;
+    const float chose = l.column(k) == chosen ? 1.0f : 0.0f;
+    const float slope = s.d_log_prob * (chose - p) + of.entropy_coef * p * (log_p + entropy);
+    l.x[k] = l.is_action(k) ? slope * of.inv_count : 0.0f;
   }
   write_diagnostics(diagnostic, s, entropy);
 }
