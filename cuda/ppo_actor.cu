@@ -230,8 +230,8 @@ __global__ void __launch_bounds__(kFusedThreads, 1) actor_kernel(const __grid_co
 template <class S>
 void launch(const FusedActor& actor, int index, void* stream) {
   GIGA_CUDA(cudaFuncSetAttribute(actor_kernel<S>, cudaFuncAttributeMaxDynamicSharedMemorySize, sizeof(ActorMemory<S>)));
-  actor_kernel<S><<<fused_blocks(index), kFusedThreads, sizeof(ActorMemory<S>), static_cast<cudaStream_t>(stream)>>>(
-      actor);
+  actor_kernel<S>
+      <<<fused_blocks(index), kFusedThreads, sizeof(ActorMemory<S>), static_cast<cudaStream_t>(stream)>>>(actor);
   GIGA_CUDA(cudaGetLastError());
 }
 

@@ -14,16 +14,16 @@ struct CriticMemory {
   float hidden2[S::kRows * kHiddenStride];  // the gradient by the second layer's sums
   float weight1[kHidden * S::kInStride];
   float weight2[kHidden * kHiddenStride], team_weight2[kHidden * kHiddenStride];
-  float mean1[kMostStates * kHiddenStride];   // features of the first layer, over the living
-  float d_sums2[kMostStates * kHiddenStride];  // the gradient by the second layer's sums, over the team
+  float mean1[kMostStates * kHiddenStride];      // features of the first layer, over the living
+  float d_sums2[kMostStates * kHiddenStride];    // the gradient by the second layer's sums, over the team
   float exchanged[kMostStates * kHiddenStride];  // what the team adds to the sums; then the gradient by mean1
   float bias1[kHidden], bias2[kHidden], weight3[kHidden], team_weight3[kHidden];
   float dots[2][S::kColumnWarps][S::kRows];  // a row's features times weight3, times team_weight3; parts of columns
   float d_value[S::kRows];
-  float living[S::kRows];         // 1 / living agents of the state, 0 for the dead
+  float living[S::kRows];  // 1 / living agents of the state, 0 for the dead
   bool alive[S::kRows];
   float old_value[S::kRows], returns[S::kRows];
-  int64_t source[2][S::kRows];    // of this tile and the next
+  int64_t source[2][S::kRows];  // of this tile and the next
 };
 
 /// What the loss of a row takes besides the network's output, on its way from global memory.

@@ -6,8 +6,8 @@ namespace giga {
 namespace {
 
 constexpr int kMomentThreads = 256;
-__global__ void __launch_bounds__(kMomentThreads) moments_kernel(const __grid_constant__ FusedRows rows,
-                                                                 const float* advantage, double* moments) {
+__global__ void __launch_bounds__(kMomentThreads)
+    moments_kernel(const __grid_constant__ FusedRows rows, const float* advantage, double* moments) {
   __shared__ double sums[kMoments][kMomentThreads];
   const int thread = static_cast<int>(threadIdx.x);
   double count = 0, sum = 0, squares = 0;
@@ -33,14 +33,14 @@ __global__ void __launch_bounds__(kMomentThreads) moments_kernel(const __grid_co
 
 // A block has 32 columns; each of its rows of threads adds up some of the blocks' rows.
 constexpr int kSumColumns = 32, kSumRows = 16;
-__global__ void __launch_bounds__(kSumColumns* kSumRows) gradient_sum_kernel(const float* partial, int n_partial,
-                                                                             int64_t size, float* gradient,
-                                                                             float* sums) {
+__global__ void __launch_bounds__(kSumColumns* kSumRows)
+    gradient_sum_kernel(const float* partial, int n_partial, int64_t size, float* gradient, float* sums) {
   __shared__ float work[kSumRows][kSumColumns];
   const int64_t column = static_cast<int64_t>(blockIdx.x) * kSumColumns + threadIdx.x, stride = size + kFusedSums;
   float sum = 0;
   if (column < stride)
-    for (int row = static_cast<int>(threadIdx.y); row < n_partial; row += kSumRows) sum += partial[row * stride + column];
+    for (int row = static_cast<int>(threadIdx.y); row < n_partial; row += kSumRows)
+      sum += partial[row * stride + column];
   work[threadIdx.y][threadIdx.x] = sum;
   __syncthreads();
   if (threadIdx.y == 0 && column < stride) {

@@ -24,8 +24,8 @@ __device__ __forceinline__ void multiply_add(float (&c)[4], const float (&a)[4],
   asm("mma.sync.aligned.m16n8k8.row.col.f32.tf32.tf32.f32 {%0, %1, %2, %3}, {%4, %5, %6, %7}, {%8, %9}, {%0, %1, %2, "
       "%3};"
       : "+f"(c[0]), "+f"(c[1]), "+f"(c[2]), "+f"(c[3])
-      : "r"(__float_as_uint(a[0])), "r"(__float_as_uint(a[1])), "r"(__float_as_uint(a[2])),
-        "r"(__float_as_uint(a[3])), "r"(__float_as_uint(b0)), "r"(__float_as_uint(b1)));
+      : "r"(__float_as_uint(a[0])), "r"(__float_as_uint(a[1])), "r"(__float_as_uint(a[2])), "r"(__float_as_uint(a[3])),
+        "r"(__float_as_uint(b0)), "r"(__float_as_uint(b1)));
 }
 
 /// A matrix in shared memory from a given row and column on.
@@ -86,7 +86,8 @@ struct TileSums {
       const float from[4] = {low.x, high.x, low.y, high.y};
 #pragma unroll
       for (int j = 0; j < kTiles; ++j)
-        multiply_add(c[j], from, b.one(k + lane.pair, j * 8 + lane.group), b.one(k + lane.pair + 1, j * 8 + lane.group));
+        multiply_add(c[j], from, b.one(k + lane.pair, j * 8 + lane.group),
+                     b.one(k + lane.pair + 1, j * 8 + lane.group));
     }
   }
   /// += a^T b: a [kDepth, 16], b [kDepth, 8 kTiles].
@@ -130,7 +131,7 @@ struct TileSums {
 #pragma unroll
       for (int half = 0; half < 2; ++half)
         *reinterpret_cast<float2*>(to + (lane.group + half * 8) * stride + j * 8 + lane.pair) = {c[j][half * 2],
-                                                                                                c[j][half * 2 + 1]};
+                                                                                                 c[j][half * 2 + 1]};
   }
 };
 

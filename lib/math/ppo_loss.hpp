@@ -119,8 +119,8 @@ struct CategoricalLoss {
   }
 };
 
-/// The same for the squashed Gaussian: mean, log_std, u before tanh [3] -> gradients by mean and log_std [3]. The entropy
-/// is that of the Gaussian before squashing, sum(log_std) + const.
+/// The same for the squashed Gaussian: mean, log_std, u before tanh [3] -> gradients by mean and log_std [3]. The
+/// entropy is that of the Gaussian before squashing, sum(log_std) + const.
 GIGA_HD void gaussian_gradient(const float* mean, const float* log_std, const float* u, const PolicySample& of,
                                float* d_mean, float* d_log_std, float* diagnostic) {
   constexpr int kSize = SampleGaussian::kSize;
@@ -159,8 +159,8 @@ struct GaussianLoss {
       for (int k = 0; k < kNPolicyDiagnostics; ++k) diagnostic[k] = 0;
       return;
     }
-    gaussian_gradient(mean + row * kSize, log_std, pre_tanh_action + source * kSize, in.sample(source), d_mean + row * kSize,
-                      d_log_std + row * kSize, diagnostic);
+    gaussian_gradient(mean + row * kSize, log_std, pre_tanh_action + source * kSize, in.sample(source),
+                      d_mean + row * kSize, d_log_std + row * kSize, diagnostic);
   }
 };
 
