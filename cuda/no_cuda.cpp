@@ -4,6 +4,7 @@
 #include "cuda/device_clock.hpp"
 #include "cuda/elementwise.hpp"
 #include "cuda/population_policy.hpp"
+#include "cuda/ppo_gradients.hpp"
 #include "cuda/runtime.hpp"
 #include "cuda/sensors.hpp"
 
@@ -25,6 +26,12 @@ void pack_population(const PackedMlp&, const float*, int64_t, int64_t, uint16_t*
 int population_work(const PopulationPolicy&) { missing(); }
 void list_population_work(const PopulationPolicy&, int32_t*, int, void*) { missing(); }
 void launch_population_policy(const PopulationPolicy&, int, void*) { missing(); }
+bool fused_gradients_run(int) { missing(); }
+int fused_blocks(int) { missing(); }
+void launch_moments(const FusedRows&, const float*, double*, int, void*) { missing(); }
+void launch_actor_gradient(const FusedActor&, int, void*) { missing(); }
+void launch_critic_gradient(const FusedCritic&, int, void*) { missing(); }
+void launch_gradient_sum(const float*, int64_t, float*, float*, int, void*) { missing(); }
 GpuSensors::GpuSensors(int index) : index_(index), thermometer_("") { missing(); }
 GpuReading GpuSensors::read() const { missing(); }
 

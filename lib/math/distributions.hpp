@@ -20,9 +20,26 @@ struct alignas(16) Quad {
   float v[4];
 };
 
+/// log(sum(exp(x))) over the actions of a row, without overflow. A row is Logits, or has the same members and is spread
+/// over several lanes, each with some of the numbers.
+template <class Row>
+GIGA_HD float log_sum_exp(const Row& row) {
+  float top = -INFINITY;
+  GIGA_UNROLL
+  for (int k = 0; k < Row::kNumbers; ++k)
+    if (row.is_action(k)) top = row.x[k] > top ? row.x[k] : top;
+  top = row.greatest(top);
+  float sum = 0;
+  GIGA_UNROLL
+  for (int k = 0; k < Row::kNumbers; ++k)
+    if (row.is_action(k)) sum += std::exp(row.x[k] - top);
+  return top + std::log(row.total(sum));
+}
+
 /// A row of logits in registers: all loops over it have constant bounds. Rows are aligned to 16 bytes.
 struct Logits {
-  float x[kLogitStride];
+  static constexpr int kNumbers = kLogitStride;
+  float x[kNumbers];
 
   GIGA_HD explicit Logits(const float* row) {
     const Quad* quads = reinterpret_cast<const Quad*>(row);
@@ -38,16 +55,11 @@ struct Logits {
     GIGA_UNROLL
     for (int k = 0; k < kLogitStride / 4; ++k) quads[k] = {{x[4 * k], x[4 * k + 1], x[4 * k + 2], x[4 * k + 3]}};
   }
-  /// log(sum(exp(x))) over the actions, without overflow.
-  GIGA_HD float log_sum_exp() const {
-    float top = x[0];
-    GIGA_UNROLL
-    for (int k = 1; k < kNDiscreteActions; ++k) top = x[k] > top ? x[k] : top;
-    float sum = 0;
-    GIGA_UNROLL
-    for (int k = 0; k < kNDiscreteActions; ++k) sum += std::exp(x[k] - top);
-    return top + std::log(sum);
-  }
+  /// The action of number k, and whether it is one; all lanes' sum and greatest: there is one lane.
+  GIGA_HD static int column(int k) { return k; }
+  GIGA_HD static bool is_action(int k) { return k < kNDiscreteActions; }
+  GIGA_HD static float total(float sum) { return sum; }
+  GIGA_HD static float greatest(float top) { return top; }
   /// The action with the largest logit, the first of equal ones.
   GIGA_HD int largest() const {
     float top = x[0];
@@ -93,7 +105,7 @@ struct SampleCategorical {
 
   GIGA_HD void operator()(int64_t row) const {
     const Logits l(logits + row * kLogitStride);
-    const float lse = l.log_sum_exp();
+    const float lse = log_sum_exp(l);
     const int chosen = greedy ? l.largest() : l.draw(lse, draws, row);
     action[row] = chosen;
     if (log_prob) log_prob[row] = l.at(chosen) - lse;

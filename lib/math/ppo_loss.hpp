@@ -21,6 +21,13 @@ enum PolicyDiagnostic : int {
   kNPolicyDiagnostics
 };
 
+/// What the policy's loss takes of one row besides the network's output.
+struct PolicySample {
+  float old_log_prob, advantage;  ///< the advantage as it is normalised
+  float inv_count;                ///< 1 / living rows of the minibatch
+  float clip_coef, entropy_coef;
+};
+
 /// What both policy losses read.
 struct PolicyLossInput {
   RowIndex rows;
@@ -31,6 +38,11 @@ struct PolicyLossInput {
   const float* advantage_inv_std;  // scalar
   const float* inv_count;          // scalar: 1 / living rows of the minibatch
   float clip_coef, entropy_coef;
+
+  GIGA_HD PolicySample sample(int64_t source) const {
+    return {old_log_prob[source], (advantage[source] - *advantage_mean) * *advantage_inv_std, *inv_count, clip_coef,
+            entropy_coef};
+  }
 };
 
 /// The clipped surrogate (equation 7) for one row.
@@ -59,7 +71,31 @@ GIGA_HD void write_diagnostics(float* out, const Surrogate& s, float entropy) {
   out[kLossCount] = 1;
 }
 
-/// loss = surrogate - entropy_coef * entropy of a categorical policy.
+/// loss = surrogate - entropy_coef * entropy of a categorical policy, for a living row: its gradient takes the place of
+/// the logits.
+template <class Row>
+GIGA_HD void categorical_gradient(Row& l, int chosen, const PolicySample& of, float* diagnostic) {
+  const float lse = log_sum_exp(l);
+  float entropy = 0, of_chosen = 0;
+  GIGA_UNROLL
+  for (int k = 0; k < Row::kNumbers; ++k) {
+    if (l.is_action(k)) entropy -= std::exp(l.x[k] - lse) * (l.x[k] - lse);
+    of_chosen = l.column(k) == chosen ? l.x[k] : of_chosen;
+  }
+  entropy = l.total(entropy);
+  const Surrogate s = clipped_surrogate(l.total(of_chosen) - lse, of.old_log_prob, of.advantage, of.clip_coef);
+  // d log p(chosen) / d x_k = [k = chosen] - p_k;  d entropy / d x_k = -p_k (log p_k + entropy)
+  GIGA_UNROLL
+  for (int k = 0; k < Row::kNumbers; ++k) {
+    const float log_p = l.x[k] - lse, p = std::exp(log_p);
+    const float chose = l.column(k) == chosen ? 1.0f : 0.0f;
+    const float slope = s.d_log_prob * (chose - p) + of.entropy_coef * p * (log_p + entropy);
+    l.x[k] = l.is_action(k) ? slope * of.inv_count : 0.0f;
+  }
+  write_diagnostics(diagnostic, s, entropy);
+}
+
+/// The same for all rows.
 struct CategoricalLoss {
   PolicyLossInput in;
   const float* logits;    // [R, kLogitStride]
@@ -78,26 +114,33 @@ struct CategoricalLoss {
       for (int k = 0; k < kNPolicyDiagnostics; ++k) diagnostic[k] = 0;
       return;
     }
-    const float lse = l.log_sum_exp();
-    float entropy = 0;
-    GIGA_UNROLL
-    for (int k = 0; k < kNDiscreteActions; ++k) entropy -= std::exp(l.x[k] - lse) * (l.x[k] - lse);
-    const int chosen = action[source];
-    const float advantage = (in.advantage[source] - *in.advantage_mean) * *in.advantage_inv_std;
-    const Surrogate s = clipped_surrogate(l.at(chosen) - lse, in.old_log_prob[source], advantage, in.clip_coef);
-    // d log p(chosen) / d x_k = [k = chosen] - p_k;  d entropy / d x_k = -p_k (log p_k + entropy)
-    GIGA_UNROLL
-    for (int k = 0; k < kLogitStride; ++k) {
-      const float log_p = l.x[k] - lse, p = std::exp(log_p);
-      const float slope = s.d_log_prob * ((k == chosen ? 1.0f : 0.0f) - p) + in.entropy_coef * p * (log_p + entropy);
-      l.x[k] = k < kNDiscreteActions ? slope * *in.inv_count : 0.0f;
-    }
+    categorical_gradient(l, action[source], in.sample(source), diagnostic);
     l.store(d_logits + row * kLogitStride);
-    write_diagnostics(diagnostic, s, entropy);
   }
 };
 
-/// The same for the squashed Gaussian. The entropy is that of the Gaussian before squashing, sum(log_std) + const.
+/// The same for the squashed Gaussian: mean, log_std, u before tanh [3] -> gradients by mean and log_std [3]. The
+/// entropy is that of the Gaussian before squashing, sum(log_std) + const.
+GIGA_HD void gaussian_gradient(const float* mean, const float* log_std, const float* u, const PolicySample& of,
+                               float* d_mean, float* d_log_std, float* diagnostic) {
+  constexpr int kSize = SampleGaussian::kSize;
+  float log_prob = 0, entropy = 0;
+  for (int k = 0; k < kSize; ++k) {
+    log_prob += squashed_log_prob(u[k], mean[k], log_std[k]);
+    entropy += log_std[k] + 0.5f + kHalfLogTwoPi;
+  }
+  const Surrogate s = clipped_surrogate(log_prob, of.old_log_prob, of.advantage, of.clip_coef);
+  // d log p / d mean = e / sigma;  d log p / d log_std = e^2 - 1;  d entropy / d log_std = 1
+  for (int k = 0; k < kSize; ++k) {
+    const float inv_std = std::exp(-log_std[k]);
+    const float e = (u[k] - mean[k]) * inv_std;
+    d_mean[k] = s.d_log_prob * e * inv_std * of.inv_count;
+    d_log_std[k] = (s.d_log_prob * (e * e - 1.0f) - of.entropy_coef) * of.inv_count;
+  }
+  write_diagnostics(diagnostic, s, entropy);
+}
+
+/// The same for all rows.
 struct GaussianLoss {
   static constexpr int kSize = SampleGaussian::kSize;
   PolicyLossInput in;
@@ -116,26 +159,37 @@ struct GaussianLoss {
       for (int k = 0; k < kNPolicyDiagnostics; ++k) diagnostic[k] = 0;
       return;
     }
-    float log_prob = 0, entropy = 0;
-    for (int k = 0; k < kSize; ++k) {
-      log_prob += squashed_log_prob(pre_tanh_action[source * kSize + k], mean[row * kSize + k], log_std[k]);
-      entropy += log_std[k] + 0.5f + kHalfLogTwoPi;
-    }
-    const float advantage = (in.advantage[source] - *in.advantage_mean) * *in.advantage_inv_std;
-    const Surrogate s = clipped_surrogate(log_prob, in.old_log_prob[source], advantage, in.clip_coef);
-    // d log p / d mean = e / sigma;  d log p / d log_std = e^2 - 1;  d entropy / d log_std = 1
-    for (int k = 0; k < kSize; ++k) {
-      const float inv_std = std::exp(-log_std[k]);
-      const float e = (pre_tanh_action[source * kSize + k] - mean[row * kSize + k]) * inv_std;
-      d_mean[row * kSize + k] = s.d_log_prob * e * inv_std * *in.inv_count;
-      d_log_std[row * kSize + k] = (s.d_log_prob * (e * e - 1.0f) - in.entropy_coef) * *in.inv_count;
-    }
-    write_diagnostics(diagnostic, s, entropy);
+    gaussian_gradient(mean + row * kSize, log_std, pre_tanh_action + source * kSize, in.sample(source),
+                      d_mean + row * kSize, d_log_std + row * kSize, diagnostic);
   }
 };
 
 /// Squared or Huber value loss, clipped around the old value or not, in units of the network's output. The old value is
 /// the output itself, because the normaliser has moved since: in reward units, the same output is another number now.
+struct ValueError {
+  float clip_coef;    ///< 0 = no clipping
+  float huber_delta;  ///< 0 = squared error / 2
+
+  struct Error {
+    float loss, slope;
+  };
+  GIGA_HD Error of(float e) const {
+    const float size = e < 0 ? -e : e;
+    if (huber_delta <= 0 || size <= huber_delta) return {0.5f * e * e, e};
+    return {huber_delta * (size - 0.5f * huber_delta), e < 0 ? -huber_delta : huber_delta};
+  }
+  GIGA_HD Error of(float value, float old, float target) const {
+    const Error plain = of(value - target);
+    const float moved = value - old;
+    if (clip_coef > 0 && (moved < -clip_coef || moved > clip_coef)) {
+      const Error held = of(old + (moved < 0 ? -clip_coef : clip_coef) - target);
+      if (held.loss > plain.loss) return {held.loss, 0.0f};  // which does not depend on the value
+    }
+    return plain;
+  }
+};
+
+/// The value loss of all rows.
 struct ValueLoss {
   RowIndex rows;
   const float* value;       // [R] the network's output
@@ -146,36 +200,24 @@ struct ValueLoss {
   const float* value_std;   // scalar; null = 1
   const float* inv_count;   // scalar
   float value_coef;
-  float clip_coef;    ///< 0 = no clipping
-  float huber_delta;  ///< 0 = squared error / 2
-  float* d_value;     // [R]
-  float* loss;        // [R]; 0 for the dead
+  ValueError error;
+  float* d_value;  // [R]
+  float* loss;     // [R]; 0 for the dead
 
-  struct Error {
-    float loss, slope;
-  };
-  GIGA_HD Error error(float e) const {
-    const float size = e < 0 ? -e : e;
-    if (huber_delta <= 0 || size <= huber_delta) return {0.5f * e * e, e};
-    return {huber_delta * (size - 0.5f * huber_delta), e < 0 ? -huber_delta : huber_delta};
+  /// The return in units of the network's output.
+  GIGA_HD float target(int64_t source) const {
+    const float mean = value_mean ? *value_mean : 0.0f, inv_std = 1.0f / (value_std ? *value_std : 1.0f);
+    return (returns[source] - mean) * inv_std;
   }
-
   GIGA_HD void operator()(int64_t row) const {
     const int64_t source = rows.source(row);
     if (!alive[source]) {
       d_value[row] = loss[row] = 0;
       return;
     }
-    const float mean = value_mean ? *value_mean : 0.0f, inv_std = 1.0f / (value_std ? *value_std : 1.0f);
-    const float target = (returns[source] - mean) * inv_std;
-    Error chosen = error(value[row] - target);
-    const float old = old_value[source], moved = value[row] - old;
-    if (clip_coef > 0 && (moved < -clip_coef || moved > clip_coef)) {
-      const Error held = error(old + (moved < 0 ? -clip_coef : clip_coef) - target);
-      if (held.loss > chosen.loss) chosen = {held.loss, 0.0f};  // which does not depend on the value
-    }
-    loss[row] = chosen.loss;
-    d_value[row] = value_coef * chosen.slope * *inv_count;
+    const ValueError::Error e = error.of(value[row], old_value[source], target(source));
+    loss[row] = e.loss;
+    d_value[row] = value_coef * e.slope * *inv_count;
   }
 };
 

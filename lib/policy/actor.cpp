@@ -57,6 +57,14 @@ std::optional<SmallMlp> Actor::small_mlp() const {
   return mlp;
 }
 
+std::optional<FusedMlp> Actor::fused_mlp() const {
+  const std::optional<SmallMlp> small = network_.small(parameters_);
+  if (precision_ != Precision::tf32 || !small) return std::nullopt;
+  FusedMlp mlp(*small, parameters_.size());
+  if (actions_ == ActionKind::continuous) mlp.log_std = static_cast<int>(log_std_offset());
+  return mlp.fits() ? std::optional(mlp) : std::nullopt;
+}
+
 void Actor::save(const std::string& prefix, NamedArrays& out) const {
   parameters_.save(prefix, out);
   if (normalize_) normalizer_.save(prefix + "normalizer/", out);

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "core/error.hpp"
+#include "cuda/ppo_gradients.hpp"
 #include "math/distributions.hpp"
 #include "policy/inputs.hpp"
 #include "policy/network.hpp"
@@ -42,6 +43,8 @@ class Actor final : public Policy {
 
   /// The layout for the fused kernel (cuda/population_policy.hpp), which computes in fp16; none if it has no room.
   std::optional<SmallMlp> small_mlp() const;
+  /// The layout for the fused gradients (cuda/ppo_gradients.hpp), which compute in TF32; none where these do not serve.
+  std::optional<FusedMlp> fused_mlp() const;
   /// First of the three numbers of log_std among the parameters; continuous actions only.
   int64_t log_std_offset() const { return parameters_.offset(log_std_); }
 

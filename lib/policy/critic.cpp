@@ -58,6 +58,17 @@ void Critic::add_team_weights(const std::string& name) {
   }
 }
 
+std::optional<FusedMlp> Critic::fused_mlp() const {
+  if (kind_ == CriticKind::state || precision_ != Precision::tf32) return std::nullopt;
+  const std::optional<SmallMlp> small = network_.small(parameters_);
+  if (!small) return std::nullopt;
+  FusedMlp mlp(*small, parameters_.size());
+  if (!mlp.fits()) return std::nullopt;
+  for (size_t k = 0; k < team_weights_.size(); ++k)
+    if (team_weights_[k] >= 0) mlp.team_weight[k] = static_cast<int>(parameters_.offset(team_weights_[k]));
+  return mlp;
+}
+
 at::Tensor Critic::forward(const at::Tensor& obs, const at::Tensor& alive, const at::Tensor& state) const {
   if (kind_ == CriticKind::state) return forward_state(state);
   at::Tensor x = columns_of(shape_.inputs, obs);

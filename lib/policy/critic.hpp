@@ -4,11 +4,13 @@
 #include <ATen/core/Tensor.h>
 
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "core/parallel_for.hpp"
+#include "cuda/ppo_gradients.hpp"
 #include "policy/inputs.hpp"
 #include "policy/network.hpp"
 #include "policy/parameters.hpp"
@@ -39,6 +41,10 @@ class Critic {
   /// obs [B, n, D] (normalised if the actor normalises), alive [B, n] float, state [B, G] (kind state; else undefined)
   /// -> values [B, n], fp32, in the value normaliser's units.
   at::Tensor forward(const at::Tensor& obs, const at::Tensor& alive, const at::Tensor& state) const;
+
+  /// As Actor::fused_mlp.
+  std::optional<FusedMlp> fused_mlp() const;
+  const InputColumns& inputs() const { return shape_.inputs; }
 
   bool needs_state() const { return kind_ == CriticKind::state; }
   /// What it reads of the agents' observations.

@@ -32,8 +32,7 @@ Result value_loss(float value, float old_value, float returns, float clip_coef, 
                      .value_std = &deviation,
                      .inv_count = &inv_count,
                      .value_coef = 0.5f,
-                     .clip_coef = clip_coef,
-                     .huber_delta = huber_delta,
+                     .error = {.clip_coef = clip_coef, .huber_delta = huber_delta},
                      .d_value = &r.d_value,
                      .loss = &r.loss};
   op(0);

@@ -36,15 +36,20 @@ void PpoTeam::note_faults(const TeamRollout& r) {
   parallel_for_.run(check, static_cast<int64_t>(tensors.size()));
 }
 
-void PpoTeam::note_policy(const at::Tensor& sums, const at::Tensor& head, const Minibatch& batch) {
+/// `sums`: those of the diagnostics over the living rows of the minibatch.
+void PpoTeam::note_policy(const at::Tensor& sums, int minibatch) {
   static_assert(kFigRows + 1 == kNPolicyDiagnostics);
   figures_.slice(0, 0, kNPolicyDiagnostics).add_(sums);
   const at::Tensor rows = sums[kLossCount].clamp_min(1);
   figures_[kFigLastKl].copy_(sums[kLossKl] / rows);
-  if (batch.number == 1) {
-    figures_[kFigFirstRatioError].copy_(sums[kLossRatioError] / rows);
-    figures_[kFigMutualInformation].copy_(mutual_information(actor_, head, batch.alive.view({-1})).squeeze(0));
-  }
+  if (minibatch == 1) figures_[kFigFirstRatioError].copy_(sums[kLossRatioError] / rows);
+  // A policy that has moved further than target_kl takes no more steps in this update.
+  if (config_.target_kl) stop_.copy_(at::maximum(stop_, (figures_[kFigLastKl] > *config_.target_kl).to(at::kFloat)));
+  figures_[kFigSkipped].add_(stop_.squeeze(0));
+}
+
+void PpoTeam::note_information(const at::Tensor& head, const at::Tensor& alive) {
+  figures_[kFigMutualInformation].copy_(mutual_information(actor_, head, alive.view({-1})).squeeze(0));
 }
 
 StepFlags PpoTeam::step_flags(PpoFault fault, PpoFigure norm_sum, int minibatch) const {

@@ -39,6 +39,10 @@ PpoTeam::PpoTeam(const LoadedRun& run, int team, Device device, const ParallelFo
   one_ = at::ones({1}, options);
   stop_ = at::zeros({1}, options);
   figures_ = at::zeros({kNFigures}, options);
+  plain_because_ = config_.fused ? fused_gradients_refusal(actor_, critic_, n_, device) : "mappo.fused is false";
+  if (actor_.state_size() > 0) plain_because_ = "the actor has a memory";
+  if (plain_because_.empty())
+    fused_ = std::make_unique<FusedGradients>(actor_, critic_, n_, device, parallel_for.stream());
   if (!everywhere()) slots_ = states(at::arange((config_.horizon + 1) * worlds.count, options.dtype(at::kLong)));
 }
 
@@ -57,6 +61,11 @@ at::Tensor PpoTeam::values_of(const CriticInput& input, const at::Tensor& states
   const bool all = !states.defined();
   at::Tensor values =
       all ? at::empty(input.alive.sizes(), input.obs.options()) : at::zeros(input.alive.sizes(), input.obs.options());
+  if (fused_) {
+    fused_->choose(input.obs, input.alive, states);
+    fused_->write_values(values);
+    return values;
+  }
   const int64_t count = all ? input.obs.size(0) : states.size(0);
   for (int64_t from = 0; from < count; from += kValueChunk) {
     const int64_t to = std::min(from + kValueChunk, count);
@@ -130,6 +139,7 @@ std::vector<at::Tensor> PpoTeam::minibatches(const at::Tensor& order) const {
 }
 
 void PpoTeam::update_minibatch(const Rollout& rollout, const at::Tensor& states, int minibatch, StepSizes step_sizes) {
+  if (fused_) return update_fused(rollout, states, minibatch, step_sizes);
   const TeamRollout& r = rollout.team[team_];
   const at::Tensor flat = states.flatten();
   const auto pick = [&](const at::Tensor& x) {
@@ -166,8 +176,12 @@ at::Tensor PpoTeam::actor_heads(const Rollout& rollout, const Minibatch& batch) 
 void PpoTeam::update_actor(const Rollout& rollout, const Minibatch& batch, float step_size) {
   const at::Tensor head = actor_heads(rollout, batch);
   head.backward(policy_loss_gradient(rollout.team[team_], batch, head));
+  step_actor(batch.number, step_size);
+}
+
+void PpoTeam::step_actor(int minibatch, float step_size) {
   actor_adam_.step(actor_.parameters(), parallel_for_, step_size, config_.max_grad_norm,
-                   step_flags(kFaultActorGradient, kFigActorNorm, batch.number));
+                   step_flags(kFaultActorGradient, kFigActorNorm, minibatch));
 }
 
 at::Tensor PpoTeam::policy_loss_gradient(const TeamRollout& r, const Minibatch& batch, const at::Tensor& head) {
@@ -211,10 +225,8 @@ at::Tensor PpoTeam::policy_loss_gradient(const TeamRollout& r, const Minibatch& 
                       count);
     actor_.log_std().grad().add_(d_log_std.sum(0));
   }
-  note_policy(diagnostics.sum(0), head, batch);
-  // A policy that has moved further than target_kl takes no more steps in this update.
-  if (config_.target_kl) stop_.copy_(at::maximum(stop_, (figures_[kFigLastKl] > *config_.target_kl).to(at::kFloat)));
-  figures_[kFigSkipped].add_(stop_.squeeze(0));
+  note_policy(diagnostics.sum(0), batch.number);
+  if (batch.number == 1) note_information(head, batch.alive);
   return gradient;
 }
 
@@ -231,25 +243,73 @@ void PpoTeam::update_critic(const Rollout& rollout, const Minibatch& batch, floa
   }
   const at::Tensor value = critic_.forward(obs, batch.alive, state);
   const at::Tensor gradient = at::empty_like(value), loss = at::empty_like(value);
-  parallel_for_.run(
-      ValueLoss{.rows = {batch.states.const_data_ptr<int64_t>(), n_},
-                .value = value.const_data_ptr<float>(),
-                .old_value = value_.const_data_ptr<float>(),
-                .returns = returns_.const_data_ptr<float>(),
-                .alive = rollout.team[team_].alive.const_data_ptr<uint8_t>(),
-                .value_mean = value_norm_.mean().const_data_ptr<float>(),
-                .value_std = value_norm_.std().const_data_ptr<float>(),
-                .inv_count = batch.inv_count.const_data_ptr<float>(),
-                .value_coef = config_.value_coef,
-                .clip_coef = config_.value_loss == ValueLossKind::clipped ? config_.value_clip_coef : 0.0f,
-                .huber_delta = config_.value_loss == ValueLossKind::huber ? config_.huber_delta : 0.0f,
-                .d_value = gradient.data_ptr<float>(),
-                .loss = loss.data_ptr<float>()},
-      value.numel());
+  parallel_for_.run(ValueLoss{.rows = {batch.states.const_data_ptr<int64_t>(), n_},
+                              .value = value.const_data_ptr<float>(),
+                              .old_value = value_.const_data_ptr<float>(),
+                              .returns = returns_.const_data_ptr<float>(),
+                              .alive = rollout.team[team_].alive.const_data_ptr<uint8_t>(),
+                              .value_mean = value_norm_.mean().const_data_ptr<float>(),
+                              .value_std = value_norm_.std().const_data_ptr<float>(),
+                              .inv_count = batch.inv_count.const_data_ptr<float>(),
+                              .value_coef = config_.value_coef,
+                              .error = value_error(),
+                              .d_value = gradient.data_ptr<float>(),
+                              .loss = loss.data_ptr<float>()},
+                    value.numel());
   value.backward(gradient);
-  critic_adam_.step(critic_.parameters(), parallel_for_, step_size, config_.max_grad_norm,
-                    step_flags(kFaultCriticGradient, kFigCriticNorm, batch.number));
+  step_critic(batch.number, step_size);
   figures_[kFigValueLoss].add_(loss.sum());
+}
+
+ValueError PpoTeam::value_error() const {
+  return {.clip_coef = config_.value_loss == ValueLossKind::clipped ? config_.value_clip_coef : 0.0f,
+          .huber_delta = config_.value_loss == ValueLossKind::huber ? config_.huber_delta : 0.0f};
+}
+
+void PpoTeam::step_critic(int minibatch, float step_size) {
+  critic_adam_.step(critic_.parameters(), parallel_for_, step_size, config_.max_grad_norm,
+                    step_flags(kFaultCriticGradient, kFigCriticNorm, minibatch));
+}
+
+// ---- Both gradients by the fused kernels ----------------------------------------------------------------------------
+
+void PpoTeam::update_fused(const Rollout& rollout, const at::Tensor& states, int minibatch, StepSizes step_sizes) {
+  at::NoGradGuard no_grad;
+  const TeamRollout& r = rollout.team[team_];
+  const at::Tensor flat = states.flatten();
+  fused_->choose(r.obs, r.alive, flat);
+  fused_->take_moments(advantage_);
+
+  FusedPolicyLoss policy{.old_log_prob = r.log_prob.const_data_ptr<float>(),
+                         .advantage = advantage_.const_data_ptr<float>(),
+                         .clip_coef = config_.clip_coef,
+                         .entropy_coef = config_.entropy_coef};
+  if (actor_.actions() == ActionKind::discrete)
+    policy.action = r.action.const_data_ptr<int32_t>();
+  else
+    policy.pre_tanh_action = r.pre_tanh_action.const_data_ptr<float>();
+  if (config_.advantage_norm != AdvantageNorm::minibatch) {
+    const bool batch = config_.advantage_norm == AdvantageNorm::batch;
+    policy.advantage_mean = (batch ? batch_mean_ : zero_).const_data_ptr<float>();
+    policy.advantage_inv_std = (batch ? batch_inv_std_ : one_).const_data_ptr<float>();
+  }
+  note_policy(fused_->actor_gradient(policy).slice(0, 0, kNPolicyDiagnostics), minibatch);
+  if (minibatch == 1) {
+    const auto pick = [&](const at::Tensor& x) {
+      return x.slice(0, 0, r.reward.size(0)).flatten(0, 1).index_select(0, flat);
+    };
+    note_information(actor_.forward(pick(r.obs).flatten(0, 1)), pick(r.alive).to(at::kFloat));
+  }
+  step_actor(minibatch, step_sizes.actor);
+
+  const at::Tensor& value_sums = fused_->critic_gradient({.old_value = value_.const_data_ptr<float>(),
+                                                          .returns = returns_.const_data_ptr<float>(),
+                                                          .value_mean = value_norm_.mean().const_data_ptr<float>(),
+                                                          .value_std = value_norm_.std().const_data_ptr<float>(),
+                                                          .value_coef = config_.value_coef,
+                                                          .error = value_error()});
+  step_critic(minibatch, step_sizes.critic);
+  figures_[kFigValueLoss].add_(value_sums[0]);
 }
 
 // ---- Normalisation of observations ----------------------------------------------------------------------------------

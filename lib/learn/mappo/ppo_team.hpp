@@ -4,6 +4,7 @@
 
 #include <torch/types.h>
 
+#include <memory>
 #include <string>
 #include <utility>
 #include <vector>
@@ -11,6 +12,7 @@
 #include "core/parallel_for.hpp"
 #include "learn/learner.hpp"
 #include "learn/mappo/figures.hpp"
+#include "learn/mappo/fused_gradients.hpp"
 #include "policy/actor.hpp"
 #include "policy/critic.hpp"
 #include "policy/optimizer.hpp"
@@ -37,6 +39,8 @@ class PpoTeam {
   bool needs_state() const { return critic_.needs_state(); }
   /// What its networks read of the observations.
   ObservationSet reads() const { return actor_.reads() | critic_.reads(); }
+  /// Why LibTorch computes the gradients, and not the fused kernels; empty where these do.
+  const std::string& plain_because() const { return plain_because_; }
 
   /// Values, advantages and returns of a rollout; clears the figures.
   void compute_advantages(const Rollout& rollout);
@@ -78,6 +82,10 @@ class PpoTeam {
     at::Tensor alive;      // [S, n] fp32
     at::Tensor inv_count;  // [1] 1 / living rows
   };
+  ValueError value_error() const;
+  void update_fused(const Rollout& rollout, const at::Tensor& states, int minibatch, StepSizes step_sizes);
+  void step_actor(int minibatch, float step_size);
+  void step_critic(int minibatch, float step_size);
   at::Tensor values_of(const CriticInput& input, const at::Tensor& states) const;
   at::Tensor actor_heads(const Rollout& rollout, const Minibatch& batch) const;
   void update_actor(const Rollout& rollout, const Minibatch& batch, float step_size);
@@ -86,7 +94,8 @@ class PpoTeam {
   StepFlags step_flags(PpoFault fault, PpoFigure norm_sum, int minibatch) const;
   void note_rollout(const TeamRollout& rollout, const at::Tensor& weight, const at::Tensor& inv_count);
   void note_faults(const TeamRollout& rollout);
-  void note_policy(const at::Tensor& sums, const at::Tensor& head, const Minibatch& batch);
+  void note_policy(const at::Tensor& sums, int minibatch);
+  void note_information(const at::Tensor& head, const at::Tensor& alive);
   bool everywhere() const { return worlds_.count == n_worlds_; }
   /// The part of x [T, W, ...] in the team's worlds.
   at::Tensor own(const at::Tensor& x) const { return everywhere() ? x : x.narrow(1, worlds_.first, worlds_.count); }
@@ -99,7 +108,9 @@ class PpoTeam {
   Actor actor_;
   Critic critic_;
   Adam actor_adam_, critic_adam_;
-  RunningNorm value_norm_;  // size 1; stays 0 and 1 where it is off
+  std::string plain_because_;
+  std::unique_ptr<FusedGradients> fused_;  // null: LibTorch
+  RunningNorm value_norm_;                 // size 1; stays 0 and 1 where it is off
 
   at::Tensor slots_;  // [(T + 1) x own worlds] all states of the team's worlds; undefined where those are all worlds
 

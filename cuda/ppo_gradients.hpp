@@ -1,0 +1,100 @@
+// The gradients of MAPPO's losses, fused: one kernel for each network gathers a minibatch, takes it through the
+// network, the loss and back by tensor cores; what lies between the layers stays on the chip.
+#pragma once
+
+#include <cstdint>
+
+#include "math/ppo_loss.hpp"
+#include "math/small_mlp.hpp"
+#include "sim/params.hpp"
+
+namespace giga {
+
+/// A network with two hidden layers, as its flat parameters hold it. A team weight [out, in] reads the mean of what the
+/// living agents of the team feed into the layer (composed critics).
+struct FusedMlp : SmallMlp {
+  static constexpr int kLayers = 3;
+  static constexpr int kHidden = 64;        ///< most numbers of a hidden layer
+  static constexpr int kMaxInput = 192;     ///< most numbers of an input
+  int team_weight[kLayers] = {-1, -1, -1};  ///< -1 = none; the first layer never has one
+  int64_t size = 0;                         ///< of the flat parameters
+
+  FusedMlp() = default;
+  FusedMlp(const SmallMlp& mlp, int64_t size_) : SmallMlp(mlp), size(size_) {}
+  bool fits() const {
+    return n_layers == kLayers && width[0] <= kMaxInput && width[1] <= kHidden && width[2] <= kHidden;
+  }
+};
+
+/// The rows of a minibatch: of each state those of n agents.
+struct FusedRows {
+  const int64_t* states = nullptr;  // [n_states] of the rollout; null: states 0, 1, ...
+  int64_t n_states = 0;
+  int n = 0;                   // agents of the team
+  const float* obs = nullptr;  // [rollout states, n, obs_stride], from the first number that the network reads
+  int64_t obs_stride = 0;
+  const uint8_t* alive = nullptr;   // [rollout states, n]
+  const float* obs_mean = nullptr;  // [input]; null: observations are not normalised
+  const float* obs_std = nullptr;   // [input]
+  float obs_limit = 0;              // normalised observations are clamped to +- this
+};
+
+/// Sums over the living rows of a minibatch, in parts: their number, their advantages, the squares of these.
+constexpr int kMomentParts = 64, kMoments = 3;
+
+/// The policy's loss: numbers of rollout rows [rollout states, n].
+struct FusedPolicyLoss {
+  const float* old_log_prob = nullptr;
+  const float* advantage = nullptr;
+  const int32_t* action = nullptr;         // discrete actions
+  const float* pre_tanh_action = nullptr;  // [.., 3] continuous actions
+  const float* advantage_mean = nullptr;   // scalars; null: the minibatch's own moments
+  const float* advantage_inv_std = nullptr;
+  float clip_coef = 0, entropy_coef = 0;
+};
+/// The value's loss.
+struct FusedValueLoss {
+  const float* old_value = nullptr;
+  const float* returns = nullptr;
+  const float* value_mean = nullptr;  // scalars of the normaliser
+  const float* value_std = nullptr;
+  float value_coef = 0;
+  ValueError error{};
+};
+
+struct FusedActor {
+  FusedMlp net;
+  const float* parameters = nullptr;  // [net.size]
+  FusedRows rows;
+  FusedPolicyLoss loss;
+  const double* moments = nullptr;  // [kMomentParts, kMoments] of the minibatch
+  float* partial = nullptr;         // [fused_blocks(), net.size + kFusedSums] out: sums of each block
+};
+struct FusedCritic {
+  FusedMlp net;
+  const float* parameters = nullptr;
+  FusedRows rows;
+  FusedValueLoss loss;
+  const double* moments = nullptr;
+  float* partial = nullptr;  // as above; or
+  float* values = nullptr;   // [states, n] out: only the values are computed
+};
+/// Behind the gradient: the actor's sums of diagnostics (PolicyDiagnostic), the critic's sum of losses.
+constexpr int kFusedSums = 8;
+static_assert(kNPolicyDiagnostics <= kFusedSums);
+
+/// Whether the GPU can run them: TF32 tensor cores and 227 KB of shared memory for a block (compute capability 9.0).
+bool fused_gradients_run(int index);
+/// Blocks that share a minibatch, and rows of `partial`.
+int fused_blocks(int index);
+
+/// All are queued. The number of multiprocessors decides the order of sums; on one GPU results repeat bit for bit.
+/// Factors of products are rounded to TF32 (10 bits of mantissa), sums are fp32, tanh is within 2^-21, derivatives of
+/// activations are rounded to half precision.
+void launch_moments(const FusedRows& rows, const float* advantage, double* moments, int index, void* stream);
+void launch_actor_gradient(const FusedActor& actor, int index, void* stream);
+void launch_critic_gradient(const FusedCritic& critic, int index, void* stream);
+/// The sums over all blocks: gradient [size], sums [kFusedSums].
+void launch_gradient_sum(const float* partial, int64_t size, float* gradient, float* sums, int index, void* stream);
+
+}  // namespace giga
