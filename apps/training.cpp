@@ -171,6 +171,7 @@ void Training::go_on(const Checkpoint& from) {
 
 int Training::run() {
   const StopRequest signals;
+  if (const std::string ways = learner_->ways(); !ways.empty()) log_.info(ways);
   while (learner_->updates_done() < n_updates_) {
     if (const int code = exit_code_of_stop()) return stop_early(code);
     update();

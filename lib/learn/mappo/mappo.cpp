@@ -41,6 +41,11 @@ class Mappo final : public Learner {
   std::optional<Divergence> divergence() const override { return divergence_; }
   UpdateTimes times() const override { return {clock_->seconds(0, 1), clock_->seconds(1, 2)}; }
   void save_batch(NamedArrays& out) const override;
+  std::string ways() const override {
+    if (!device_.is_cuda()) return {};
+    const std::string& why = learning_.front()->plain_because();
+    return why.empty() ? "gradients by fused kernels" : "gradients by LibTorch, not by fused kernels: " + why;
+  }
   std::vector<HeadlineFigure> headline() const override {
     std::vector<HeadlineFigure> figures = {{"policy loss", nullptr, "policy_loss"},
                                            {"value loss", "value loss", "value_loss"},
