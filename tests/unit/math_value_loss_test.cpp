@@ -98,8 +98,7 @@ TEST(MathValueLoss, WithoutNormaliserAndByIndex) {
                      .value_std = nullptr,
                      .inv_count = &inv_count,
                      .value_coef = 1,
-                     .clip_coef = 0,
-                     .huber_delta = 0,
+                     .error = {.clip_coef = 0, .huber_delta = 0},
                      .d_value = d_value.data(),
                      .loss = loss.data()};
   for (int64_t row = 0; row < 4; ++row) op(row);
@@ -161,8 +160,7 @@ TEST(MathValueLoss, InsideTheClipTheGradientIsThePlainOne) {
                        .value_std = &one,
                        .inv_count = &one,
                        .value_coef = 1,
-                       .clip_coef = 0.5f,
-                       .huber_delta = 0,
+                       .error = {.clip_coef = 0.5f, .huber_delta = 0},
                        .d_value = &r.d_value,
                        .loss = &r.loss};
     op(0);
