@@ -63,18 +63,18 @@ struct FusedValueLoss {
 };
 
 struct FusedActor {
-  FusedMlp net;
+  FusedMlp net{};
   const float* parameters = nullptr;  // [net.size]
-  FusedRows rows;
-  FusedPolicyLoss loss;
+  FusedRows rows{};
+  FusedPolicyLoss loss{};
   const double* moments = nullptr;  // [kMomentParts, kMoments] of the minibatch
   float* partial = nullptr;         // [fused_blocks(), net.size + kFusedSums] out: sums of each block
 };
 struct FusedCritic {
-  FusedMlp net;
+  FusedMlp net{};
   const float* parameters = nullptr;
-  FusedRows rows;
-  FusedValueLoss loss;
+  FusedRows rows{};
+  FusedValueLoss loss{};
   const double* moments = nullptr;
   float* partial = nullptr;  // as above; or
   float* values = nullptr;   // [states, n] out: only the values are computed
