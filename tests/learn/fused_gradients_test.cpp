@@ -60,8 +60,20 @@ struct Setting {
     if (c.normalize) actor.normalizer().update(obs.view({-1, kRow}) * 3 + 1, alive.to(at::kFloat).view({-1}));
     states = at::arange(kStates - kStates % 3 - 3, -1, -3, obs.options().dtype(at::kLong));
     action = (normal({kStates, c.n}, 7).abs() * 10).to(at::kInt).remainder(kNDiscreteActions);
-    u = normal({kStates, c.n, 3}, 8);
-    log_prob = (c.actions == ActionKind::discrete ? -3.3 : -2.0) + 0.3 * normal({kStates, c.n}, 9);
+    // Actions that the policy draws, and probabilities near its own: where they are far apart, the ratio makes rounding
+    // larger, and single rows count more than all others.
+    const at::Tensor head = actor.forward(obs.flatten(0, 1)).view({kStates, c.n, -1});
+    if (c.actions == ActionKind::discrete) {
+      log_prob = at::log_softmax(head.slice(-1, 0, kNDiscreteActions), -1)
+                     .gather(-1, action.to(at::kLong).unsqueeze(-1))
+                     .squeeze(-1);
+    } else {
+      const at::Tensor e = normal({kStates, c.n, 3}, 8);
+      u = head + actor.log_std().exp() * e;
+      const at::Tensor log_slope = 2 * (std::log(2.0) - u - at::softplus(-2 * u));
+      log_prob = (-0.5 * e.square() - actor.log_std() - kHalfLogTwoPi - log_slope).sum(-1);
+    }
+    log_prob = log_prob + 0.3 * normal({kStates, c.n}, 9);
     advantage = 2 * normal({kStates, c.n}, 10) + 1;
     old_value = 0.3 * normal({kStates, c.n}, 11);
     returns = 4 + 2 * normal({kStates, c.n}, 12);
