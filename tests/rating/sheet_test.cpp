@@ -87,7 +87,12 @@ TEST(RatingSheet, TableIsSortedAndSaysWhatIsInfinite) {
 TEST(RatingSheet, TheSidesAdvantageIsTold) {
   RatingSheet sheet = make_sheet({.sides = Sides::apart});
   const std::string table = ratings_table(sheet);
-  EXPECT_TRUE(contains(table, {"Side 0 is ahead by +"}));
+  EXPECT_TRUE(contains(table, {"Side 0 is ahead by ", " +- "}));
+  sheet.ratings.side_advantage->value = -71.3;
+  EXPECT_TRUE(contains(ratings_table(sheet), {"Side 1 is ahead by 71 +- "})) << "the right side, without a sign";
+  sheet.ratings.side_advantage->value = 71.3;
+  EXPECT_TRUE(contains(ratings_table(sheet), {"Side 0 is ahead by 71 +- "}));
+  sheet = make_sheet({.sides = Sides::apart});
   const Document json = parse_yaml_text(json_text(ratings_json(sheet, "ratings")), "json");
   const double advantage = std::stod(json.root.find("side_advantage")->find("value")->text);
   EXPECT_NEAR(advantage, 80, 3 * sheet.ratings.side_advantage->standard_error);
