@@ -93,11 +93,11 @@ void draw_map(Markup& svg, const SimSpec& spec, const MapSpec& map, size_t numbe
     const StartArea& s = map.start[team];
     draw_area(svg, at, s.x1, s.y1, s.x2, s.y2, kTeamColour[team], 0.12, cat("team ", team, " starts here"));
   }
-  for (int team = 0; team < kNTeams; ++team) draw_agent(svg, at, spec, map.start[team], team);
   for (const Box& box : map.boxes)
     draw_area(svg, at, box.x1, box.y1, box.x2, box.y2, kObstacle, 1,
               cat("obstacle from [", svg_number(box.x1), ", ", svg_number(box.y1), "] to [", svg_number(box.x2), ", ",
                   svg_number(box.y2), "]"));
+  for (int team = 0; team < kNTeams; ++team) draw_agent(svg, at, spec, map.start[team], team);
   svg.add("rect", {{"x", at.x(0)},
                    {"y", at.y(tall)},
                    {"width", wide * at.scale},

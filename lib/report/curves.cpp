@@ -194,9 +194,7 @@ void sort_groups(std::vector<RunGroup>& groups) {
 
 void label_groups(std::vector<RunGroup>& groups) {
   if (groups.size() == 1) {
-    const RunData& run = *groups[0].runs.front();
-    const std::string asked = setting(flatten(run.info, plain_text), "scenario");  // the config names a file beside it
-    groups[0].label = asked.empty() ? setting(flatten(run.config, plain_text), "scenario") : asked;
+    groups[0].label = setting(flatten(groups[0].runs.front()->config, plain_text), "scenario");
     return;
   }
   sort_groups(groups);

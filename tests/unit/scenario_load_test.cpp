@@ -65,11 +65,12 @@ TEST(ScenarioLoad, TheOriginals288Names) {
 }
 
 TEST(ScenarioLoad, SuffixesStandInAnyOrder) {
-  const Scenario sorted = load("identical_2_vs_2_fobs_void_cont");
+  Scenario sorted = load("identical_2_vs_2_fobs_void_cont");
   for (const char* name : {"identical_2_vs_2_void_fobs_cont", "identical_2_vs_2_cont_vec_void_fobs"}) {
     const Scenario scenario = load(name);
-    EXPECT_EQ(print_scenario(scenario), print_scenario(sorted)) << name;
     EXPECT_EQ(scenario.name, name);
+    sorted.name = name;  // which the text begins with
+    EXPECT_TRUE(print_scenario(scenario) == print_scenario(sorted)) << name;
   }
   EXPECT_THROW(load("identical_2_vs_2_void_maps"), InputError) << "two of a pair";
   EXPECT_THROW(load("identical_2_vs_2_void_void"), InputError);
@@ -105,7 +106,7 @@ TEST(ScenarioLoad, AnySubsetOfTheSuffixes) {
   const Scenario scenario = load("identical_5_vs_5_fobs_void");
   EXPECT_EQ(scenario.maps, MapSelection::empty());
   EXPECT_EQ(scenario.sight.cone_depth, 100);
-  EXPECT_THROW(load("identical_5_vs_5_void_fobs"), InputError);  // another order
+  EXPECT_THROW(load("identical_5_vs_5_void_maps"), InputError);  // two of a pair
   EXPECT_THROW(load("identical_5_vs_5_cont_disc"), InputError);
 }
 
