@@ -103,7 +103,7 @@ void describe_program(CLI::App& app) {
   app.require_subcommand(1);
   app.footer(
       "Examples:\n"
-      "  gigastep train quickstart                 train two teams; ends with the command that evaluates them\n"
+      "  gigastep train quickstart                 train two teams; ends with where all is, and what is next\n"
       "  gigastep resume runs/NAME                 go on with a run that was stopped\n"
       "  gigastep eval runs/NAME --vs circle       win rates of both teams of a run\n"
       "  gigastep scenarios                        what can be played\n"

@@ -98,7 +98,7 @@ TEST_F(KilledRun, ByAFullDisk) {
     if (failed.code != 0) {
       EXPECT_NE(failed.code, 3);
       EXPECT_TRUE(contains(failed.err, {"No space left on device", name})) << failed.err;
-      if (here.has(name + "/checkpoints/update_00000000.h5")) {
+      if (here_.has(name + "/checkpoints/update_00000000.h5")) {
         EXPECT_TRUE(contains(failed.err, {"to go on from there: ", " resume " + name}));
       }
       ++failures;
