@@ -40,11 +40,11 @@ struct ChartRow {
 };
 
 struct Algorithm {
-  const char* name;                  ///< the value of train.algorithm
-  const char* about;                 ///< one line
-  const char* figures;               ///< its columns of metrics.csv, lines for --help
-  const char* updates;               ///< what its updates are called: "updates", "generations"
-  bool has_populations;              ///< each team is a population of networks
+  const char* name;      ///< the value of train.algorithm
+  const char* about;     ///< one line
+  const char* figures;   ///< its columns of metrics.csv, lines for --help
+  const char* updates;   ///< what its updates are called: "updates", "generations"
+  bool has_populations;  ///< each team is a population of networks
   /// Settings of a run that mean nothing to it: keys, or prefixes that end in a dot.
   std::span<const std::string_view> unread;
   std::span<const ChartRow> charts;  ///< of its figures; others get a chart without words
