@@ -58,7 +58,7 @@ Json result_json(const BenchResult& r) {
   return json;
 }
 
-std::string result_lines(const BenchResult& r) {
+std::string result_lines(const BenchResult& r, bool proof) {
   char line[200];
   std::snprintf(line, sizeof line, "%10d %10lld %10s %18s %12s %10s - %-10s %10s - %-10s %8s\n", r.worlds,
                 static_cast<long long>(r.steps), r.arithmetic.c_str(), program_commit(),
@@ -70,10 +70,14 @@ std::string result_lines(const BenchResult& r) {
   if (r.work.learning_seconds > 0)
     text += indent + "rollout " + part_text(r, r.work.rollout_seconds) + "; learning " +
             part_text(r, r.work.learning_seconds) + "\n";
-  std::string checks;
-  for (const auto& [name, value] : r.checks) checks += (checks.empty() ? "" : ", ") + name + " " + print_number(value);
-  if (!r.closed_loop_arithmetic.empty()) checks += ", closed_loop_arithmetic " + r.closed_loop_arithmetic;
-  return text + indent + checks + "\n";
+  // Of these the shares are results; all else only proves the work, for who asks.
+  std::string figures;
+  for (const auto& [name, value] : r.checks) {
+    const bool result = name == "generations_per_second" || name == "share_of_closed_loop";
+    if (proof || result) figures += (figures.empty() ? "" : ", ") + name + " " + print_number(value);
+  }
+  if (!r.closed_loop_arithmetic.empty()) figures += ", closed_loop_arithmetic " + r.closed_loop_arithmetic;
+  return figures.empty() ? text : text + indent + figures + "\n";
 }
 
 void bench(const std::string& kind, Measure measure_one, const BenchOptions& o) {
@@ -95,7 +99,7 @@ void bench(const std::string& kind, Measure measure_one, const BenchOptions& o) 
     results.push_back(result_json(result));
     best = std::max(best, result.quantile(0.5));
     scenario = result.scenario;
-    if (for_people) std::cout << result_lines(result) << std::flush;
+    if (for_people) std::cout << result_lines(result, o.proof) << std::flush;
   }
   if (o.json.empty()) return;
   write_json({{"kind", kind},
@@ -131,6 +135,8 @@ CLI::App* add_kind(CLI::App& parent, Dispatch& dispatch, const std::shared_ptr<B
       ->check(CLI::Range(1, 10'000))
       ->capture_default_str()
       ->type_name("R");
+  command->add_flag("--proof", options->proof,
+                    "also print what proves the work: sums over what was computed, episodes that ended");
   add_json_option(*command, options->json);
   command->callback([options, kind, measure_one, &dispatch] {
     dispatch.run = [options, kind, measure_one] { bench(kind, measure_one, *options); };
@@ -180,9 +186,10 @@ void add_bench_command(CLI::App& app, Dispatch& dispatch) {
   command->footer(
       "Agent-steps per second are worlds x agents x steps / seconds: median, smallest, largest and quartiles over the\n"
       "repeats after a warm-up; episodes that end are reset. Memory (bytes) is what a GPU lost in free memory, on the\n"
-      "CPU the resident set of the process. The checksum proves the work: observations are finite and written, "
-      "episodes\n"
-      "end and begin anew. Each row names the arithmetic of the networks' matrix products (CPUs compute in fp32), the\n"
+      "CPU the resident set of the process. --proof prints what proves the work, as JSON does: observations are "
+      "finite\n"
+      "and written, episodes end and begin anew. Each row names the arithmetic of the networks' matrix products (CPUs "
+      "compute in fp32), the\n"
       "commit of the program, and, where a learner is timed, what rollout and learning took on the device.\n"
       "Examples:\n"
       "  gigastep bench sim --scenario identical_2_vs_2 --worlds 1024,16384,65536\n"

@@ -24,6 +24,7 @@ struct BenchOptions {
   std::string config = "mappo";                   ///< train and es
   std::vector<std::string> overrides;             ///< train and es
   std::string json;
+  bool proof = false;  ///< print BenchResult::checks
 };
 
 /// What a piece of work made. A learner says how long the device played and learned for it.

@@ -4,6 +4,7 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <filesystem>
+#include <nlohmann/json.hpp>
 #include <system_error>
 
 #include "apps/program_info.hpp"
@@ -35,11 +36,43 @@ std::vector<std::string> command_names(const CLI::App& app) {
   return names;
 }
 
+/// As a shell takes it: in quotes where it has blanks or brackets.
+std::string quoted(const std::string& assignment) {
+  return assignment.find_first_of(" []{}*?") == std::string::npos ? assignment : "'" + assignment + "'";
+}
+
+/// The right form of a setting that was written in another way: `--set KEY VALUE`, `--KEY=VALUE`, a list that the shell
+/// took apart; empty where it is none of these. `word` is the first one that was not understood.
+std::string explain_setting(const CLI::App& command, const std::string& word) {
+  if (!command.get_option_no_throw("--set")) return "";
+  const auto write = [](const std::string& assignment) { return "; write --set " + quoted(assignment); };
+  if (word.starts_with("--") && word.find('.') < word.find('=')) {
+    const bool whole = word.find('=') != std::string::npos;
+    const std::vector<std::string> rest = command.remaining();
+    const std::string value = whole ? "" : cat("=", rest.size() > 1 ? rest[1] : "VALUE");
+    return cat("unknown option '", word, "'", write(word.substr(2) + value));
+  }
+  const auto words = command_line().get<std::vector<std::string>>();
+  for (size_t k = 0; k + 2 < words.size(); ++k) {
+    if (words[k] != "--set") continue;
+    const std::string &assignment = words[k + 1], &next = words[k + 2];
+    if (assignment.find('=') == std::string::npos && !next.starts_with("-"))
+      return cat("--set ", assignment, " ", next, ": expected KEY=VALUE", write(assignment + "=" + next));
+    if (std::count(assignment.begin(), assignment.end(), '[') <= std::count(assignment.begin(), assignment.end(), ']'))
+      continue;
+    std::string list = assignment;
+    for (size_t n = k + 2; n < words.size() && list.find(']') == std::string::npos; ++n) list += " " + words[n];
+    return cat("--set ", assignment, ": the shell took the list apart at its blanks", write(list));
+  }
+  return "";
+}
+
 /// What is wrong with the first word that was not understood; empty where there is none.
 std::string explain_leftover(const CLI::App& command) {
   const std::vector<std::string> leftover = command.remaining();
   if (leftover.empty()) return "";
   const std::string& word = leftover.front();
+  if (const std::string hint = explain_setting(command, word); !hint.empty()) return hint;
   const std::vector<std::string> commands = command_names(command);
   if (word.rfind('-', 0) == 0) {
     const std::string name = word.substr(0, word.find('='));
@@ -70,7 +103,7 @@ void describe_program(CLI::App& app) {
   app.require_subcommand(1);
   app.footer(
       "Examples:\n"
-      "  gigastep train quickstart                 train two teams; ends with the command that evaluates them\n"
+      "  gigastep train quickstart                 train two teams; ends with where all is, and what is next\n"
       "  gigastep resume runs/NAME                 go on with a run that was stopped\n"
       "  gigastep eval runs/NAME --vs circle       win rates of both teams of a run\n"
       "  gigastep scenarios                        what can be played\n"
@@ -92,6 +125,15 @@ CLI::Option* add_set_option(CLI::App& command, std::vector<std::string>& overrid
   return command
       .add_option("--set", overrides, "change a key, as --set train.n_worlds=512; may be given several times")
       ->type_name("KEY=VALUE")
+      ->take_all()
+      ->allow_extra_args(false);
+}
+
+CLI::Option* add_game_changes(CLI::App& command, std::vector<std::string>& changes) {
+  return command
+      .add_option("--set", changes,
+                  "change a key of the scenario, as --set environment.sight.cone_depth=5; may be given several times")
+      ->type_name("environment.KEY=VALUE")
       ->take_all()
       ->allow_extra_args(false);
 }

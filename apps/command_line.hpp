@@ -17,6 +17,8 @@ void describe_program(CLI::App& app);
 
 CLI::Option* add_device_option(CLI::App& command, std::string& device);
 CLI::Option* add_set_option(CLI::App& command, std::vector<std::string>& overrides);
+/// --set of who plays a game: assignments "environment.KEY=VALUE".
+CLI::Option* add_game_changes(CLI::App& command, std::vector<std::string>& changes);
 /// --quiet and --no-color.
 void add_display_options(CLI::App& command, bool& quiet, bool& no_color);
 CLI::Option* add_json_option(CLI::App& command, std::string& destination);

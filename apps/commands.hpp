@@ -15,6 +15,8 @@ struct Dispatch {
   std::function<void()> run;
   int exit_code = 0;     ///< where `run` returns; errors have their own
   std::string size_key;  ///< the setting that makes the run smaller (RunSize), once a run is known
+  /// What to do after a failure, for people; may be empty.
+  std::function<std::string()> advice;
 };
 
 void add_train_command(CLI::App& app, Dispatch& dispatch);

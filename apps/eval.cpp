@@ -11,29 +11,19 @@
 #include "core/error.hpp"
 #include "core/seeds.hpp"
 #include "cuda/runtime.hpp"
-#include "eval/player.hpp"
+#include "eval/played_game.hpp"
 #include "io/files.hpp"
-#include "scenario/compile.hpp"
-#include "scenario/loader.hpp"
 
 namespace giga {
 namespace {
 
 struct EvalOptions {
   std::string a, b, scenario, device = "auto", csv, json;
+  std::vector<std::string> changes;
   int episodes = 1024;
   uint64_t seed = 0;
   bool both_sides = false, greedy = false, trust = false;
 };
-
-/// The scenario that is asked for, or that of the first player which was trained in one.
-SimSpec spec_of(const EvalOptions& o, const Player& a, const Player& b) {
-  if (!o.scenario.empty()) return compile(load_scenario(o.scenario, data_dirs()));
-  for (const Player* c : {&a, &b})
-    if (c->origin()) return c->origin()->run.spec;
-  throw InputError(
-      cat("neither ", a.name(), " nor ", b.name(), " says which scenario is played: name one with --scenario"));
-}
 
 /// The sides that A plays on, B on the other. Against a script each policy of A plays on its own side.
 std::vector<int> sides_of(const EvalOptions& o, const Player& a, const Player& b) {
@@ -86,7 +76,9 @@ void play(const EvalOptions& o) {
     if (c->origin())
       for (const std::string& line : c->origin()->warnings) std::cerr << "warning: " << line << '\n';
 
-  const SimSpec spec = spec_of(o, a, b);
+  const PlayedGame game = choose_game({o.scenario, o.changes}, {&a, &b}, OtherGames::allowed);
+  for (const std::string& note : game.notes) std::cerr << "note: " << note << '\n';
+  const SimSpec& spec = game.spec;
   const MatchOptions options{o.episodes, seed_of(o.seed, Purpose::eval), device, 0};
   MatchReport report{o.a, spec.name, describe_win(spec.params.win, spec.params.max_episode_length), {}};
   for (const int side : sides_of(o, a, b)) {
@@ -113,7 +105,11 @@ const char* const kHelp =
     "policy of that team; --both-sides also plays the reverse. Where B is a scripted team and A is not, A plays each "
     "side\n"
     "that it has a policy for; an exported policy and a module are for both.\n"
-    "The scenario is that of A, else that of B; --scenario plays another with the same observations.\n"
+    "The scenario is that of A, else that of B; --scenario plays another, and --set environment.KEY=VALUE changes "
+    "keys of\n"
+    "it. What a policy observes and how it acts (the keys observation and action) stays as in its training; a game "
+    "in\n"
+    "which that cannot be is refused with the keys that differ.\n"
     "\n"
     "What a win is, the scenario says (its group win; scenarios show NAME), and the result repeats it. Where it has "
     "no\n"
@@ -128,6 +124,7 @@ const char* const kHelp =
     "  gigastep eval runs/first --vs pursuer\n"
     "  gigastep eval runs/first --vs runs/second --both-sides --episodes 4096 --csv result.csv\n"
     "  gigastep eval runs/first/checkpoints/update_00000100.h5 --vs exported/second --seed 7 --json -\n"
+    "  gigastep eval runs/first --vs circle --scenario identical_5_vs_5_void --set environment.sight.cone_depth=5\n"
     "  gigastep eval evader --vs pursuer --scenario hide_and_seek_5_vs_5";
 
 }  // namespace
@@ -146,6 +143,7 @@ void add_eval_command(CLI::App& app, Dispatch& dispatch) {
       ->type_name("N");
   command->add_flag("--both-sides", options->both_sides, "also play A on side 1 against B on side 0");
   command->add_option("--scenario", options->scenario, "scenario to play: name or file")->type_name("S");
+  add_game_changes(*command, options->changes);
   command->add_option("--seed", options->seed, "seed of the episodes: same seed, same result")
       ->capture_default_str()
       ->type_name("S");

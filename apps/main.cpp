@@ -72,13 +72,18 @@ int run(int argc, char** argv, giga::Dispatch& dispatch) {
 
 int main(int argc, char** argv) {
   giga::Dispatch dispatch;
+  const auto advised = [&dispatch](const std::string& message) {
+    const std::string advice = dispatch.advice ? dispatch.advice() : "";
+    return with_advice(message, dispatch.size_key) + (advice.empty() ? "" : "\n" + advice);
+  };
   try {
     return run(argc, argv, dispatch);
   } catch (const giga::Error& e) {
-    return fail(with_advice(e.what(), dispatch.size_key), exit_code(e));
+    const int code = exit_code(e);
+    return fail(code == kFailed ? advised(e.what()) : with_advice(e.what(), dispatch.size_key), code);
   } catch (const std::bad_alloc&) {
-    return fail(with_advice("out of memory", dispatch.size_key), kFailed);
+    return fail(advised("out of memory"), kFailed);
   } catch (const std::exception& e) {
-    return fail(with_advice(without_stack(e.what()), dispatch.size_key), kFailed);
+    return fail(advised(without_stack(e.what())), kFailed);
   }
 }

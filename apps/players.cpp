@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <iostream>
+#include <map>
 #include <sstream>
 #include <system_error>
 
@@ -11,9 +12,6 @@
 #include "core/error.hpp"
 #include "export/export.hpp"
 #include "io/run_folder.hpp"
-#include "scenario/compile.hpp"
-#include "scenario/data_dirs.hpp"
-#include "scenario/loader.hpp"
 
 namespace giga {
 namespace fs = std::filesystem;
@@ -156,7 +154,10 @@ std::vector<Candidate> find_candidates(const PlayerRequest& request, const Playe
     if (is_exported_policy(path)) {
       all.push_back(exported_candidate(path, options));
     } else if (fs::is_directory(path, code)) {
-      for (Candidate& c : candidates_of_run(path, request.checkpoints, options)) all.push_back(std::move(c));
+      std::vector<Candidate> own = candidates_of_run(path, request.group ? 1 : request.checkpoints, options);
+      const auto best = std::find_if(own.begin(), own.end(), [](const Candidate& c) { return c.info.best; });
+      if (request.group) own = {best == own.end() ? own.back() : *best};
+      for (Candidate& c : own) all.push_back(std::move(c));
     } else {
       const fs::path folder = whole_path(path).parent_path().parent_path();
       all.push_back(candidate_of(path, read_checkpoint(path), folder, options));
@@ -166,30 +167,52 @@ std::vector<Candidate> find_candidates(const PlayerRequest& request, const Playe
   return all;
 }
 
-/// What is played: what was asked for, or the scenario of all candidates that know theirs.
-void choose_scenario(const PlayerRequest& request, const std::vector<Candidate>& candidates, RoundRobin& result) {
-  const Player::Origin* first = nullptr;
-  for (const Candidate& c : candidates) {
-    const Player::Origin* origin = c.player.origin();
-    if (!first) first = origin;
-    if (!request.scenario.empty() || !origin) continue;
-    if (print_scenario(origin->run.scenario) != print_scenario(first->run.scenario))
-      throw InputError(cat(first->file, " and ", origin->file, " are of different scenarios (", first->scenario_name,
-                           ", ", origin->scenario_name,
-                           ", or with different keys): say with --scenario which one is played"));
+void choose_game(const PlayerRequest& request, const std::vector<Candidate>& candidates, RoundRobin& result) {
+  std::vector<const Player*> players;
+  for (const Candidate& c : candidates) players.push_back(&c.player);
+  PlayedGame game = choose_game(request.game, players, OtherGames::refused);
+  result.scenario = std::move(game.scenario);
+  result.spec = std::move(game.spec);
+  for (const Player* player : players)
+    if (player->origin() && result.n_threads == 0) result.n_threads = player->origin()->run.config.train.n_threads;
+}
+
+/// A run's config and scenario without what seeds of one configuration do not share, as one text.
+std::string configuration_of(const Player::Origin& origin) {
+  RunConfig config = origin.run.config;
+  config.seed = 0;
+  config.device.clear();
+  config.train.n_threads = 0;
+  config.checkpoint = {};
+  return print_yaml(config, false) + print_scenario(origin.run.scenario);
+}
+
+/// What the names of runs begin with, without the "-seed" behind it: "duel-mappo" of "duel-mappo-seed1" and "-seed2".
+std::string common_name(const std::vector<std::string>& names) {
+  std::string common = names.front();
+  for (const std::string& name : names) {
+    size_t same = 0;
+    while (same < std::min(common.size(), name.size()) && common[same] == name[same]) ++same;
+    common.resize(same);
   }
-  if (first) result.n_threads = first->run.config.train.n_threads;
-  if (!request.scenario.empty()) {
-    result.scenario = load_scenario(request.scenario, data_dirs());
-    result.spec = compile(result.scenario);
-    return;
+  if (const size_t seed = common.rfind("seed"); seed != std::string::npos) common.resize(seed);
+  while (!common.empty() && std::string_view("-_./ ").find(common.back()) != std::string_view::npos) common.pop_back();
+  return common.empty() ? names.front() + " and others" : common;
+}
+
+/// Gives the seeds of one configuration a name together.
+void pool_seeds(RoundRobin& all) {
+  std::map<std::string, std::vector<size_t>> groups;
+  for (size_t k = 0; k < all.players.size(); ++k)
+    if (!all.infos[k].is_baseline()) groups[configuration_of(*all.players[k].origin())].push_back(k);
+  for (const auto& [configuration, members] : groups) {
+    if (members.size() < 2) continue;
+    std::vector<std::string> names;
+    for (const size_t k : members) names.push_back(all.infos[k].run);
+    std::string name = cat(common_name(names), " (", members.size(), " seeds)");
+    while (std::find(all.pools.begin(), all.pools.end(), name) != all.pools.end()) name += "'";
+    for (const size_t k : members) all.pools[k] = name;
   }
-  if (!first)
-    throw InputError(cat("no checkpoint or manifest says in which scenario ", candidates.front().player.name(),
-                         " was trained: name the one to be played with --scenario"));
-  result.scenario = first->run.scenario;
-  result.scenario.name = first->scenario_name;
-  result.spec = first->run.spec;
 }
 
 /// Adds "#2" to a name that another has too.
@@ -220,9 +243,11 @@ RoundRobin find_players(const PlayerRequest& request, const PlayerOptions& optio
       script_names(request.scripted);  // wrong names are told before files are read
   std::vector<Candidate> candidates = find_candidates(request, options);
   RoundRobin result;
-  choose_scenario(request, candidates, result);
+  choose_game(request, candidates, result);
   for (const std::string& name : scripts) add({Player::load(name, options), {}}, result);
   for (Candidate& candidate : candidates) add(std::move(candidate), result);
+  for (const Player& player : result.players) result.pools.push_back(player.name());
+  if (request.group) pool_seeds(result);
   return result;
 }
 

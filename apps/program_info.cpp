@@ -8,6 +8,8 @@
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <optional>
+#include <string_view>
 #include <system_error>
 #include <vector>
 
@@ -60,6 +62,13 @@ std::string build_id() {
   return id;
 }
 
+/// Whether the program's sources were those of its commit; none where the build could not tell.
+std::optional<bool> clean_tree() {
+  const std::string_view commit = program_commit();
+  if (commit == "unknown") return std::nullopt;
+  return !commit.ends_with("-dirty");
+}
+
 /// 13000 = "13.0", as the CUDA runtime numbers its versions.
 std::string cuda_version_text(int version) {
   return version == 0 ? "none" : std::to_string(version / 1000) + "." + std::to_string(version % 1000 / 10);
@@ -69,7 +78,9 @@ std::string cuda_version_text(int version) {
 
 std::string program_version() {
   const std::string id = build_id();
-  const std::string version = std::string(GIGASTEP_VERSION " (commit ") + program_commit();
+  const std::optional<bool> clean = clean_tree();
+  const std::string tree = !clean ? "" : *clean ? ", clean tree" : ", changed tree";
+  const std::string version = std::string(GIGASTEP_VERSION " (commit ") + program_commit() + tree;
   return id.empty() ? version + ")" : version + ", build " + id.substr(0, 12) + ")";
 }
 
@@ -85,6 +96,7 @@ std::string program_command() {
 Json version_info() {
   return {{"gigastep", program_version()},
           {"commit", program_commit()},
+          {"clean_tree", clean_tree() ? Json(*clean_tree()) : Json()},
           {"torch", TORCH_VERSION},
           {"compiler", __VERSION__},
           {"built_with_cuda", built_with_cuda()}};

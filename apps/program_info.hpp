@@ -9,7 +9,7 @@
 
 namespace giga {
 
-/// "0.1.0 (commit 0123456789ab, build 0123456789ab)".
+/// "0.1.0 (commit 0123456789ab, clean tree, build 0123456789ab)".
 std::string program_version();
 
 /// The commit that this program was built from: "0123456789ab", "...-dirty" where its sources were changed since,

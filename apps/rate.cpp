@@ -1,6 +1,8 @@
 // gigastep rate: a round robin of checkpoints, exported policies and scripts, and everybody's rating.
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <filesystem>
 #include <iostream>
 #include <nlohmann/json.hpp>
@@ -9,9 +11,11 @@
 #include "apps/commands.hpp"
 #include "apps/players.hpp"
 #include "apps/program_info.hpp"
+#include "core/error.hpp"
 #include "cuda/runtime.hpp"
 #include "eval/round_robin.hpp"
 #include "export/export.hpp"
+#include "io/number.hpp"
 #include "rating/sheet.hpp"
 #include "report/report.hpp"
 
@@ -23,9 +27,10 @@ namespace fs = std::filesystem;
 struct RateOptions {
   std::vector<std::string> runs;
   std::string scripted = "all", scenario, sides = "auto", out, device = "auto", json;
-  int checkpoints = 0, episodes = 256;
+  std::vector<std::string> changes;
+  int checkpoints = 1, episodes = 64;
   uint64_t seed = 0;
-  bool greedy = false, trust = false;
+  bool greedy = false, trust = false, group = false;
 };
 
 /// `auto`: apart where the teams are made of different agents, or one of them wins at the time limit.
@@ -39,8 +44,8 @@ Sides sides_of(const RateOptions& o, const Scenario& scenario) {
 std::string choose_anchor(const RoundRobin& all) {
   for (const Player& c : all.players)
     if (c.name() == RatingOptions().anchor) return c.name();
-  for (const Player& c : all.players)
-    if (c.can_play(0) && c.can_play(1)) return c.name();
+  for (size_t k = 0; k < all.players.size(); ++k)
+    if (all.players[k].can_play(0) && all.players[k].can_play(1)) return all.pools[k];
   throw InputError("no player plays both sides, so that none can be at rating 0: add --scripted random");
 }
 
@@ -60,11 +65,59 @@ class ProgressLines {
   std::chrono::steady_clock::time_point last_;
 };
 
-/// For one run in its folder, for several in the current one.
+/// In the folder of a run that is rated alone; else beside the first of them.
 fs::path default_folder(const RateOptions& o) {
   std::error_code code;
-  const bool one_run = o.runs.size() == 1 && fs::is_directory(o.runs[0], code) && !is_exported_policy(o.runs[0]);
-  return (one_run ? fs::path(o.runs[0]) : fs::path()) / RatingFiles::kFolder;
+  fs::path first = fs::path(o.runs[0]).lexically_normal();
+  if (!first.has_filename()) first = first.parent_path();  // "runs/x/"
+  if (o.runs.size() == 1 && fs::is_directory(first, code) && !is_exported_policy(first))
+    return first / RatingFiles::kFolder;
+  const fs::path folder = first.parent_path();
+  const bool in_run = folder.filename() == "checkpoints" && !fs::is_directory(first, code);  // of a checkpoint file
+  return (in_run ? folder.parent_path().parent_path() : folder) / RatingFiles::kFolder;
+}
+
+/// What is to come: pairs, and the time that they take by a quarter of one, which is played for this.
+void announce(RoundRobin& all, const MatchOptions& match) {
+  const auto can = [&](int side) {
+    return std::count_if(all.players.begin(), all.players.end(), [side](const Player& p) { return p.can_play(side); });
+  };
+  const auto pairs = can(0) * can(1);
+  std::cerr << pairs << " pairs of " << match.episodes << " episodes";
+  Player &first = all.players.front(), &last = all.players.back();
+  constexpr int kShare = 4, kFewPairs = 8;
+  if (pairs >= kFewPairs && first.can_play(0) && last.can_play(1)) {
+    MatchOptions probe = match;
+    probe.episodes = std::max(1, match.episodes / kShare);
+    const auto start = std::chrono::steady_clock::now();
+    play_match(all.spec, first.controller(0, all.spec), last.controller(1, all.spec), probe);
+    const std::chrono::duration<double> took = std::chrono::steady_clock::now() - start;
+    const double seconds = took.count() * match.episodes / probe.episodes * static_cast<double>(pairs);
+    std::cerr << ", about " << (seconds < 60 ? cat(std::ceil(seconds), " s") : print_duration(seconds));
+  }
+  std::cerr << std::endl;
+}
+
+/// Players of one pool as one: games and what is known of them.
+void pool(const std::vector<std::string>& pools, RatingSheet& sheet) {
+  if (pools == sheet.table.players) return;
+  sheet.table = pooled(sheet.table, pools);
+  std::vector<PlayerInfo> infos;
+  for (const std::string& name : sheet.table.players) {
+    PlayerInfo info;
+    int n = 0;
+    for (size_t k = 0; k < pools.size(); ++k) {
+      if (pools[k] != name) continue;
+      const PlayerInfo& one = sheet.infos[k];
+      if (n++ == 0) info = one;
+      info.agent_steps += (one.agent_steps - info.agent_steps) / n;  // the mean
+      info.seconds += (one.seconds - info.seconds) / n;
+      info.updates = std::max(info.updates, one.updates);
+    }
+    if (n > 1) info.run = name, info.folder.clear();  // of no single run
+    infos.push_back(std::move(info));
+  }
+  sheet.infos = std::move(infos);
 }
 
 /// A run's report shows the ratings in its folder.
@@ -83,14 +136,17 @@ RatingSheet play_and_rate(const RateOptions& o, RoundRobin& all, Device device) 
   rating.anchor = choose_anchor(all);
   rating.sides = sides_of(o, all.scenario);
   const MatchOptions match{o.episodes, o.seed, device, all.n_threads};
+  announce(all, match);
   sheet.table = play_table(all.players, all.spec, match, ProgressLines());
+  pool(all.pools, sheet);
   sheet.ratings = rate(sheet.table, rating);
   return sheet;
 }
 
 void rate_runs(const RateOptions& o) {
   const Device device = parse_device(o.device);
-  RoundRobin all = find_players({o.runs, o.scripted, o.scenario, o.checkpoints}, {device, o.trust, o.greedy});
+  RoundRobin all =
+      find_players({o.runs, o.scripted, {o.scenario, o.changes}, o.checkpoints, o.group}, {device, o.trust, o.greedy});
   const RatingSheet sheet = play_and_rate(o, all, device);
   const fs::path folder = o.out.empty() ? default_folder(o) : fs::path(o.out);
   const SimParams& params = all.spec.params;
@@ -127,7 +183,11 @@ void add_options(CLI::App& command, RateOptions& o) {
       ->check(CLI::Range(1, 10'000'000))
       ->capture_default_str()
       ->type_name("N");
+  command.add_flag("--group", o.group,
+                   "runs that differ only in their seed are one player: their games are added up; of each run its best "
+                   "checkpoint plays, or the newest");
   command.add_option("--scenario", o.scenario, "what is played; default: the scenario of the runs")->type_name("S");
+  add_game_changes(command, o.changes);
   command
       .add_option(
           "--sides", o.sides,
@@ -137,7 +197,8 @@ void add_options(CLI::App& command, RateOptions& o) {
       ->capture_default_str()
       ->type_name("auto|alike|apart");
   command
-      .add_option("--out", o.out, "folder of the results; default: `ratings` in the run folder, of several runs here")
+      .add_option("--out", o.out,
+                  "folder of the results; default: `ratings` in the run folder, of several beside the first")
       ->type_name("DIR");
   add_json_option(command, o.json);
   add_device_option(command, o.device)->capture_default_str();
@@ -156,6 +217,7 @@ void add_rate_command(CLI::App& app, Dispatch& dispatch) {
   auto options = std::make_shared<RateOptions>();
   add_options(*command, *options);
   command->footer(
+      "By default of each run the newest checkpoint and the best one, 64 episodes of each pair: a first impression.\n"
       "Everybody plays everybody on both sides, a checkpoint with its policy of team 0 on side 0 and that of team 1\n"
       "on side 1, an exported policy on either. Ratings are on the Elo scale (400 points = odds of ten to one) by\n"
       "Bradley-Terry maximum likelihood, a tie being half a win, with random at 0 and 95 % intervals; who never lost\n"
@@ -173,7 +235,9 @@ void add_rate_command(CLI::App& app, Dispatch& dispatch) {
       "                              the same over the wall-clock time of training\n"
       "A run's report shows the pictures, and export writes a checkpoint's rating into the manifest.\n"
       "Examples:\n"
-      "  gigastep rate runs/identical_5_vs_5-mappo-seed1-001\n"
+      "  gigastep rate runs/identical_5_vs_5-mappo-seed1\n"
+      "  gigastep rate runs/a-seed* runs/b-seed* --group\n"
+      "  gigastep rate runs/a --checkpoints 0 --episodes 256         all checkpoints, more precisely\n"
       "  gigastep rate runs/a runs/b --checkpoints 5 --scripted random,circle --episodes 1024 --out a_and_b\n"
       "  gigastep rate runs/a exported/pursuer --sides apart --json -");
   command->callback([options, &dispatch] { dispatch.run = [options] { rate_runs(*options); }; });

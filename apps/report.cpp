@@ -24,17 +24,19 @@ void add_report_command(CLI::App& app, Dispatch& dispatch) {
       "The page opens in any browser and needs no network. Runs that differ only in their seed become one curve, the\n"
       "mean, with a band from the smallest to the largest; other runs are compared, labelled by what differs. A run "
       "may\n"
-      "still be going on.\n"
+      "still be going on. Folders that are no runs, or have no figures yet, are left out with a warning.\n"
       "Examples:\n"
       "  gigastep report runs/NAME\n"
-      "  gigastep report runs/NAME-seed* --out seeds.html");
+      "  gigastep report runs/NAME-seed* --out seeds.html\n"
+      "  gigastep report runs/*/ --out all.html");
   command->callback([options, &dispatch] {
     dispatch.run = [options] {
       namespace fs = std::filesystem;
       const std::vector<fs::path> runs(options->runs.begin(), options->runs.end());
       const fs::path usual = runs.size() == 1 ? runs[0] / "report.html" : fs::path("report.html");
       const fs::path out = options->out.empty() ? usual : fs::path(options->out);
-      write_report(runs, out, list_fields<RunConfig>());
+      for (const std::string& line : write_report(runs, out, list_fields<RunConfig>()))
+        std::cerr << "warning: " << line << "; it is left out\n";
       std::cout << out.string() << std::endl;
     };
   });

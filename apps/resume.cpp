@@ -62,7 +62,7 @@ Json resume_info(const ResumedRun& resumed, Device device, const FoundCheckpoint
   return info;
 }
 
-int resume(const ResumeOptions& o, std::string& size_key) {
+int resume(const ResumeOptions& o, Dispatch& dispatch) {
   const RunFolder folder = RunFolder::open(folder_of(o.run));
   const FoundCheckpoint found = find_checkpoint(o.run);
   std::error_code code;
@@ -76,19 +76,20 @@ int resume(const ResumeOptions& o, std::string& size_key) {
 
   const ResumedRun resumed = resume_config(from.config_yaml, from.scenario_yaml, o.overrides);
   TrainingSetup setup{resumed.run, parse_device(resumed.run.config.device), nullptr, &from, o.quiet, !o.no_color};
-  if (from.updates >= total_updates(resumed.run.config, resumed.run.spec.params.n_agents)) {
+  if (from.agent_steps >= resumed.run.config.train.total_agent_steps) {
     std::cout << "the run " << folder.path().string() << " is complete: " << from.updates << " updates, "
-              << from.agent_steps << " agent-steps; to go on: --set " << algorithm_of(resumed.run.config).end_key
-              << "=N\n";
+              << from.agent_steps << " agent-steps; to go on: --set train.total_agent_steps=N\n";
     return 0;
   }
-  size_key = algorithm_of(setup.run.config).size(setup.run.config).key;
+  dispatch.size_key = algorithm_of(setup.run.config).size(setup.run.config).key;
   check_memory(setup.run, setup.device);
   setup.learner = make_learner(setup.run, setup.device);
   setup.learner->load(from.arrays);
 
   set_aside(found.damaged_files);
-  folder.describe_resume(print_yaml(resumed.run.config, true), resume_info(resumed, setup.device, found));
+  folder.describe_resume(print_yaml(for_run_folder(resumed.run.config), true),
+                         resume_info(resumed, setup.device, found));
+  dispatch.advice = [path = folder.path()] { return advice_to_resume(path); };
   return train_in(folder, std::move(setup));
 }
 
@@ -111,7 +112,7 @@ void add_resume_command(CLI::App& app, Dispatch& dispatch) {
       "  gigastep resume runs/first\n"
       "  gigastep resume runs/first --set train.total_agent_steps=2e9");
   command->callback([options, &dispatch] {
-    dispatch.run = [options, &dispatch] { dispatch.exit_code = resume(*options, dispatch.size_key); };
+    dispatch.run = [options, &dispatch] { dispatch.exit_code = resume(*options, dispatch); };
   });
 }
 

@@ -1,9 +1,13 @@
 // gigastep scenarios: lists the scenarios, and shows one with all its keys.
 #include <CLI/CLI.hpp>
 #include <cstdio>
+#include <filesystem>
 #include <iostream>
 
 #include "apps/commands.hpp"
+#include "apps/scenario_picture.hpp"
+#include "core/error.hpp"
+#include "io/files.hpp"
 #include "scenario/compile.hpp"
 #include "scenario/loader.hpp"
 
@@ -36,6 +40,22 @@ void list() {
   }
 }
 
+struct ShowOptions {
+  std::string name, picture;
+};
+
+void print_or_draw(const ShowOptions& o) {
+  const Scenario scenario = load_scenario(o.name, data_dirs());
+  if (o.picture.empty()) {
+    std::cout << print_scenario(scenario);
+    return;
+  }
+  const std::string ending = std::filesystem::path(o.picture).extension().string();
+  if (ending != ".svg") throw InputError(cat("--picture ", o.picture, ": pictures are SVG: call it FILE.svg"));
+  write_file(o.picture, scenario_picture(compile(scenario)));
+  std::cout << o.picture << std::endl;
+}
+
 }  // namespace
 
 void add_scenarios_command(CLI::App& app, Dispatch& dispatch) {
@@ -46,19 +66,25 @@ void add_scenarios_command(CLI::App& app, Dispatch& dispatch) {
       "Examples:\n"
       "  gigastep scenarios\n"
       "  gigastep scenarios show identical_5_vs_5           all keys with values, units and defaults, as YAML\n"
-      "  gigastep scenarios show identical_5_vs_5_fobs_void variants by suffix: _fobs|_pobs, _maps|_void, _cont|_disc");
+      "  gigastep scenarios show identical_5_vs_5_fobs_void variants by suffix: _fobs|_pobs, _maps|_void, _cont|_disc, "
+      "in any order");
   command->callback([command, &dispatch] {
     if (command->get_subcommands().empty()) dispatch.run = list;
   });
 
   CLI::App* show = command->add_subcommand("show", "print a scenario resolved, as YAML that can be changed and used");
-  auto name = std::make_shared<std::string>();
-  show->add_option("NAME", *name, "name, with suffixes if wanted, or path of a scenario file")
+  auto options = std::make_shared<ShowOptions>();
+  show->add_option("NAME", options->name, "name, with suffixes if wanted, or path of a scenario file")
       ->required()
       ->type_name("");
-  show->footer("Example:\n  gigastep scenarios show hide_and_seek_5_vs_5 > mine.yaml");
-  show->callback(
-      [name, &dispatch] { dispatch.run = [name] { std::cout << print_scenario(load_scenario(*name, data_dirs())); }; });
+  show->add_option("--picture", options->picture,
+                   "draw its maps instead, with where the teams start, and how far agents see and shoot")
+      ->type_name("FILE.svg");
+  show->footer(
+      "Examples:\n"
+      "  gigastep scenarios show hide_and_seek_5_vs_5 > mine.yaml\n"
+      "  gigastep scenarios show ./mine.yaml --picture mine.svg     any browser shows it");
+  show->callback([options, &dispatch] { dispatch.run = [options] { print_or_draw(*options); }; });
 }
 
 }  // namespace giga

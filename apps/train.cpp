@@ -1,7 +1,11 @@
 // gigastep train: reads a config, makes a learner and a run folder, and trains in it.
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cctype>
 #include <cstring>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <set>
 
 #include "apps/command_line.hpp"
 #include "apps/commands.hpp"
@@ -9,12 +13,14 @@
 #include "apps/training.hpp"
 #include "core/error.hpp"
 #include "cuda/runtime.hpp"
+#include "scenario/loader.hpp"
 
 namespace giga {
+namespace fs = std::filesystem;
 namespace {
 
 struct TrainOptions {
-  std::string config, run_dir, device;
+  std::string config, run_dir, name, device;
   std::vector<std::string> overrides;
   std::optional<uint64_t> seed;
   bool quiet = false, no_color = false, plan = false;
@@ -27,8 +33,47 @@ std::vector<std::string> all_overrides(const TrainOptions& o) {
   return all;
 }
 
-std::string run_name(const RunConfig& c) {
-  return cat(folder_name_of(c.scenario), "-", c.train.algorithm, "-seed", c.seed);
+/// "lr3e-4" for mappo.learning_rate=3e-4; a name behind a name needs a line between: "opponent_circle".
+std::string part_of_name(const std::string& assignment) {
+  const size_t equals = std::min(assignment.find('='), assignment.size() - 1);
+  const std::string key = assignment.substr(0, equals);
+  std::string name = key.substr(key.rfind('.') + 1), value = assignment.substr(equals + 1);
+  if (name == "learning_rate") name = "lr";
+  constexpr size_t kMost = 24;
+  std::string plain;
+  for (const char c : value.substr(0, kMost)) {
+    const bool usable = std::isalnum(static_cast<unsigned char>(c)) || c == '.' || c == '-' || c == '+' || c == '_';
+    if (usable) plain += c;
+    if (!usable && !plain.empty() && plain.back() != '_') plain += '_';
+  }
+  while (plain.ends_with('_')) plain.pop_back();
+  return name + (plain.empty() || std::isdigit(static_cast<unsigned char>(plain[0])) ? "" : "_") + plain;
+}
+
+/// The scenario, the algorithm, what --set changes, the seed: "duel-mappo-lr3e-4-seed2". What has a place of its own,
+/// or no part in what is learned, is left out, and what is more than a name can hold.
+std::string run_name(const TrainOptions& o, const RunConfig& c) {
+  static const std::set<std::string> kLeftOut = {"scenario",        "train.algorithm",        "seed",
+                                                 "device",          "train.n_threads",        "train.max_wall_time",
+                                                 "train.precision", "train.total_agent_steps"};
+  constexpr size_t kLongest = 100;
+  std::string name = cat(folder_name_of(c.scenario), "-", c.train.algorithm);
+  for (const std::string& assignment : o.overrides) {
+    const std::string key = assignment.substr(0, assignment.find('='));
+    if (kLeftOut.contains(key) || key.starts_with("checkpoint.") || key.starts_with("eval.")) continue;
+    const std::string part = part_of_name(assignment);
+    if (name.size() + part.size() < kLongest) name += "-" + part;
+  }
+  return cat(name, "-seed", c.seed);
+}
+
+/// The folder that was asked for; empty: one is made by what the run is.
+std::string folder_of(const TrainOptions& o) {
+  if (o.name.empty()) return o.run_dir;
+  if (o.name.find('/') != std::string::npos || o.name.starts_with('.'))
+    throw InputError(
+        cat("--name ", o.name, " is a path; a name is that of a folder in runs/ (--run-dir takes a path)"));
+  return (fs::path("runs") / o.name).string();
 }
 
 /// Lines of --help: what the algorithms are.
@@ -55,12 +100,13 @@ std::string figures_help() {
   return text;
 }
 
-int train(const TrainOptions& o, std::string& size_key) {
+int train(const TrainOptions& o, Dispatch& dispatch) {
   // Whatever is wrong with the input shows before anything is created.
+  const std::string run_dir = folder_of(o);
   TrainingSetup setup;
   setup.run = load_run_config(find_config(o.config), all_overrides(o));
   setup.device = parse_device(setup.run.config.device);
-  size_key = algorithm_of(setup.run.config).size(setup.run.config).key;
+  dispatch.size_key = algorithm_of(setup.run.config).size(setup.run.config).key;
   setup.quiet = o.quiet;
   setup.color = !o.no_color;
   if (o.plan) {
@@ -70,9 +116,11 @@ int train(const TrainOptions& o, std::string& size_key) {
   check_memory(setup.run, setup.device);
   setup.learner = make_learner(setup.run, setup.device);
 
-  const RunFolder folder = RunFolder::create(o.run_dir, run_name(setup.run.config));
-  folder.describe(print_yaml(setup.run.config, true), print_scenario(setup.run.scenario),
-                  run_info(setup.run, setup.device));
+  const RunFolder folder = RunFolder::create(run_dir, run_name(o, setup.run.config));
+  const RunConfig config = for_run_folder(setup.run.config);
+  folder.describe(print_yaml(config, true), print_scenario(setup.run.scenario), run_info(setup.run, setup.device),
+                  is_path(config.scenario) ? config.scenario : "");
+  dispatch.advice = [path = folder.path()] { return advice_to_resume(path); };
   return train_in(folder, std::move(setup));
 }
 
@@ -85,10 +133,15 @@ void add_train_command(CLI::App& app, Dispatch& dispatch) {
       ->required()
       ->type_name("");
   add_set_option(*command, options->overrides);
-  command
-      ->add_option("--run-dir", options->run_dir,
-                   "folder of this run, new or empty; default: runs/SCENARIO-ALGORITHM-seedN-NNN")
-      ->type_name("DIR");
+  CLI::Option* run_dir =
+      command
+          ->add_option("--run-dir", options->run_dir,
+                       "folder of this run, new or empty; default: runs/SCENARIO-ALGORITHM-CHANGES-seedN, as "
+                       "runs/duel-mappo-lr3e-4-seed2, and a number behind it where that is taken")
+          ->type_name("DIR");
+  command->add_option("--name", options->name, "name of this run: its folder is runs/NAME, which must be new or empty")
+      ->type_name("NAME")
+      ->excludes(run_dir);
   add_device_option(*command, options->device);
   command->add_option("--seed", options->seed, "seed of everything random, as --set seed=N")->type_name("N");
   add_display_options(*command, options->quiet, options->no_color);
@@ -118,14 +171,14 @@ void add_train_command(CLI::App& app, Dispatch& dispatch) {
       "Algorithms (train.algorithm):\n" +
       algorithms_help() +
       "SIGINT (Ctrl-C), SIGTERM, SIGUSR1 and train.max_wall_time end a run after its update, with its state saved;\n"
-      "gigastep resume goes on. A second Ctrl-C ends it at once.\n"
+      "gigastep resume goes on. A second Ctrl-C ends it at once, with what was saved last.\n"
       "Examples:\n"
       "  gigastep train quickstart\n"
       "  gigastep train mappo --set scenario=hide_and_seek_5_vs_5 --set train.total_agent_steps=1e9 --device cuda:1\n"
-      "  gigastep train my.yaml --run-dir runs/second --seed 2\n"
+      "  gigastep train my.yaml --name second --seed 2\n"
       "All keys of a config: gigastep config quickstart");
   command->callback([options, &dispatch] {
-    dispatch.run = [options, &dispatch] { dispatch.exit_code = train(*options, dispatch.size_key); };
+    dispatch.run = [options, &dispatch] { dispatch.exit_code = train(*options, dispatch); };
   });
 }
 

@@ -1,16 +1,22 @@
 // The training loop.
 #include "apps/training.hpp"
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <csignal>
 #include <ctime>
+#include <filesystem>
+#include <functional>
 #include <iostream>
 #include <limits>
+#include <mutex>
 #include <nlohmann/json.hpp>
 
 #include "apps/evaluation.hpp"
 #include "apps/program_info.hpp"
 #include "apps/stop_request.hpp"
+#include "apps/watcher.hpp"
 #include "core/error.hpp"
 #include "cuda/runtime.hpp"
 #include "cuda/sensors.hpp"
@@ -84,8 +90,16 @@ class Training {
 
  private:
   void update();
+  void work(const std::function<void()>& f);
+  void look();
+  std::string stage_text() const;
+  std::string time_left() const;
+  bool complete() const { return learner_->agent_steps_done() >= config_.train.total_agent_steps; }
+  /// " of 50" where the number of updates is known.
+  std::string of_updates() const { return n_updates_ ? cat(" of ", *n_updates_) : ""; }
+  void print_end() const;
   MetricsRow row(double seconds, double evaluation_seconds, const Metrics& metrics, bool evaluated) const;
-  void write_row(const MetricsRow& row);
+  void write_row(const MetricsRow& row, bool evaluated);
   void save(bool is_best);
   void show(const Metrics& metrics);
   [[noreturn]] void fail_diverged(const Divergence& what);
@@ -96,7 +110,7 @@ class Training {
   double total_seconds() const { return cursor_.seconds + watch_.seconds(); }
   bool is_due(int every) const {
     const int64_t update = learner_->updates_done();
-    return update == n_updates_ || (every > 0 && update % every == 0);
+    return complete() || (every > 0 && update % every == 0);
   }
 
   const Stopwatch watch_;  // of this process
@@ -105,7 +119,7 @@ class Training {
   const Device device_;
   const RunFolder& folder_;
   const std::unique_ptr<Learner> learner_;
-  const int64_t n_updates_;
+  const std::optional<int64_t> n_updates_;  // none: known only afterwards
   Logger log_;
   Progress progress_;
   ProgressState state_;
@@ -115,10 +129,17 @@ class Training {
 
   RunCursor cursor_;                 // seconds: of earlier processes
   int64_t first_update_ = 0;         // that this process does, less one
+  int64_t first_agent_steps_ = 0;    // done before it
   int64_t saved_update_ = -1;        // of the newest checkpoint
   std::vector<TeamResult> results_;  // of the latest evaluation
   double update_seconds_ = 0, checkpoint_seconds_ = 0;
   double speed_ = 0;  // agent-steps per second of the latest update
+  // While the main thread works on an update or an evaluation, the watcher may write messages.
+  std::mutex messages_;
+  std::unique_lock<std::mutex> our_turn_{messages_};
+  double work_began_ = 0, learning_began_ = 0;  // seconds
+  int64_t working_on_ = 0;                      // number of the update
+  bool evaluates_ = false, answered_ = false;   // now; the request to stop
   double sensors_read_at_ = -1;
 };
 
@@ -137,9 +158,10 @@ Training::Training(const RunFolder& folder, TrainingSetup setup)
     state_.title += cat(" (", cuda_device_info(device_.index).name, ")");
   }
   state_.folder = folder_.path().string();
-  state_.n_updates = n_updates_;
+  state_.n_updates = n_updates_.value_or(0);
+  state_.total_agent_steps = config_.train.total_agent_steps;
   if (const auto per_update = algorithm_of(config_).agent_steps_per_update)
-    state_.total_agent_steps = n_updates_ * per_update(config_, run_.spec.params.n_agents);
+    state_.total_agent_steps = *n_updates_ * per_update(config_, run_.spec.params.n_agents);
   if (folder_.lock().stale_owner())
     log_.info("took over the run folder from " + *folder_.lock().stale_owner() + ", which is gone");
 }
@@ -150,29 +172,34 @@ void Training::start() {
   events_.emplace(TensorBoardEvents::create(folder_.events_file(), now));
   std::vector<std::string> goals;
   for (const auto& [name, value] : evaluation_metrics(config_, {}))
-    if (name.starts_with("win_rate")) goals.push_back(tensorboard_tag(name));
+    if (name.starts_with("win_rate")) goals.push_back(comparison_tag(name));
   const std::string yaml = print_yaml(config_, false);
   events_->hyper_parameters(flat_hyper_parameters(parse_yaml_text(yaml, "config").root), goals, now);
   events_->text("config", "```yaml\n" + yaml + "```", 0, now);
   events_->text("scenario", "```yaml\n" + print_yaml(run_.scenario, false) + "```", 0, now);
-  log_.info(cat("training ", config_.scenario, " with ", config_.train.algorithm, " on ", device_.name(), ": ",
-                n_updates_, " ", algorithm_of(config_).updates, ", results in ", folder_.path().string()));
+  const std::string length = n_updates_
+                                 ? cat(*n_updates_, " ", algorithm_of(config_).updates)
+                                 : print_short(static_cast<double>(config_.train.total_agent_steps)) + " agent-steps";
+  log_.info(cat("training ", config_.scenario, " with ", config_.train.algorithm, " on ", device_.name(), ": ", length,
+                ", results in ", folder_.path().string()));
   save(false);
 }
 
 void Training::go_on(const Checkpoint& from) {
   cursor_ = from.cursor;
   first_update_ = saved_update_ = from.updates;
+  first_agent_steps_ = from.agent_steps;
   csv_.emplace(folder_.metrics_file(), cursor_.metrics_bytes);
   events_.emplace(TensorBoardEvents::resume(folder_.events_file(), cursor_.events_bytes));
-  log_.info(cat("going on after update ", from.updates, " of ", n_updates_, " on ", device_.name(), ", state ",
+  log_.info(cat("going on after update ", from.updates, of_updates(), " on ", device_.name(), ", state ",
                 state_sha256(from.arrays).substr(0, 16), "..., results in ", folder_.path().string()));
 }
 
 int Training::run() {
   const StopRequest signals;
   if (const std::string ways = learner_->ways(); !ways.empty()) log_.info(ways);
-  while (learner_->updates_done() < n_updates_) {
+  const Watcher watcher([this] { look(); });
+  while (!complete()) {
     if (const int code = exit_code_of_stop()) return stop_early(code);
     update();
   }
@@ -180,15 +207,82 @@ int Training::run() {
   log_.note(cat("done after ", total_seconds(), " s"));
   events_->session_end(true, static_cast<double>(std::time(nullptr)));
   write_final_report();
-  std::cout << results_table(results_) << "evaluate it: " << program_command() << " eval "
-            << shell_word(folder_.path().string()) << " --vs circle" << std::endl;
+  print_end();
   return 0;
+}
+
+/// Where everything is, and what to do with it next; not the evaluation, whose result stands here.
+void Training::print_end() const {
+  const std::string run = shell_word(folder_.path().string()), program = program_command();
+  std::error_code code;
+  std::cout << results_table(results_) << "report:      " << folder_.report_file().string()
+            << "\ncheckpoints: " << folder_.checkpoint_file(learner_->updates_done()).string() << " (the last)";
+  if (std::filesystem::exists(folder_.best_file(), code))
+    std::cout << ", " << folder_.best_file().string() << " (the best, after " << cursor_.best_updates << " "
+              << algorithm_of(config_).updates << ")";
+  std::cout << "\nnext:        " << program << " rate " << run << "      Elo of its checkpoints and the scripts"
+            << "\n             " << program << " report " << run << " OTHER_RUN --out compare.html"
+            << "\n             " << program << " export " << run << " --team 0 --format onnx --out policy" << std::endl;
+}
+
+/// Work that takes long, during which the watcher may speak.
+void Training::work(const std::function<void()>& f) {
+  work_began_ = watch_.seconds();
+  learning_began_ = -1;
+  working_on_ = learner_->updates_done() + 1;
+  struct OthersTurn {
+    std::unique_lock<std::mutex>& ours;
+    explicit OthersTurn(std::unique_lock<std::mutex>& lock) : ours(lock) { ours.unlock(); }
+    ~OthersTurn() { ours.lock(); }
+  };
+  const OthersTurn turn(our_turn_);
+  f();
+}
+
+/// "playing, step 12 of 32".
+std::string Training::stage_text() const {
+  const UpdateStage stage = learner_->stage();
+  return stage.of > 0 ? cat(stage.doing, " ", stage.done, " of ", stage.of) : stage.doing;
+}
+
+/// ", about 20 s": what the last update took, less what this one has; of a first one what its stage says.
+std::string Training::time_left() const {
+  const double now = watch_.seconds();
+  const auto text = [](double seconds, const char* behind) {
+    const double whole = std::max(1.0, std::round(seconds));
+    return cat(", about ", whole < 60 ? cat(whole, " s") : print_duration(whole), behind);
+  };
+  if (update_seconds_ > 0) return text(update_seconds_ - (now - work_began_), "");
+  const UpdateStage stage = learner_->stage();
+  const double began = learning_began_ >= 0 ? learning_began_ : work_began_;
+  if (stage.of == 0 || stage.done == 0) return cat(" (", stage_text(), ")");
+  const double left = (now - began) * static_cast<double>(stage.of - stage.done) / static_cast<double>(stage.done);
+  return text(left, learning_began_ >= 0 ? "" : " and the learning behind it");
+}
+
+/// The watcher's: answers a request to stop, and shows how the first update of this process goes on.
+void Training::look() {
+  const std::unique_lock turn(messages_, std::try_to_lock);
+  if (!turn) return;
+  if (learning_began_ < 0 && std::string_view(learner_->stage().doing).starts_with("learning"))
+    learning_began_ = watch_.seconds();
+  if (const int signal = StopRequest::signal(); signal != 0 && !answered_) {
+    answered_ = true;
+    const std::string what =
+        evaluates_ ? "finishing the evaluation" : cat("finishing update ", working_on_, time_left());
+    log_.answer(what + (signal == SIGINT ? "; Ctrl-C again ends without saving" : ""));
+  }
+  constexpr double kPatience = 1;
+  if (working_on_ != first_update_ + 1 || evaluates_ || watch_.seconds() - work_began_ < kPatience) return;
+  progress_.wait_line(cat("update ", working_on_, of_updates(), ": ", stage_text(), ", for ",
+                          print_duration(watch_.seconds() - work_began_)));
 }
 
 void Training::update() {
   Metrics metrics;
   const int64_t steps_before = learner_->agent_steps_done();
-  update_seconds_ = timed([&] { metrics = learner_->update(); });
+  const double seconds = timed([&] { work([&] { metrics = learner_->update(); }); });
+  update_seconds_ = seconds;
   speed_ = static_cast<double>(learner_->agent_steps_done() - steps_before) / update_seconds_;
   if (const auto divergence = learner_->divergence()) fail_diverged(*divergence);
 
@@ -197,8 +291,12 @@ void Training::update() {
     log_.note(cat("first update done ", watch_.seconds(), " s after the start"));
   const bool evaluates = is_due(config_.eval.every_updates);
   double evaluation_seconds = 0;
-  if (evaluates) evaluation_seconds = timed([&] { results_ = evaluate(run_, device_, *learner_); });
-  write_row(row(total_seconds(), evaluation_seconds, metrics, evaluates));
+  if (evaluates) {
+    evaluates_ = true;
+    evaluation_seconds = timed([&] { work([&] { results_ = evaluate(run_, device_, *learner_); }); });
+    evaluates_ = false;
+  }
+  write_row(row(total_seconds(), evaluation_seconds, metrics, evaluates), evaluates);
   if (evaluates) log_.note(cat("evaluation after update ", learner_->updates_done(), ":\n", results_table(results_)));
 
   const double score = evaluates ? evaluation_score(results_) : -1;
@@ -235,9 +333,15 @@ MetricsRow Training::row(double seconds, double evaluation_seconds, const Metric
   return row;
 }
 
-void Training::write_row(const MetricsRow& row) {
+void Training::write_row(const MetricsRow& row, bool evaluated) {
   csv_->write(row);
-  events_->scalars(learner_->updates_done(), static_cast<double>(std::time(nullptr)), row);
+  const auto now = static_cast<double>(std::time(nullptr));
+  events_->scalars(learner_->agent_steps_done(), now, row);
+  if (!evaluated) return;
+  MetricsRow rates;
+  for (const auto& figure : evaluation_metrics(config_, results_))
+    if (figure.first.starts_with("win_rate")) rates.push_back(figure);
+  events_->comparison(learner_->updates_done(), now, rates);
 }
 
 Checkpoint Training::checkpoint() const {
@@ -267,12 +371,13 @@ void Training::save(bool is_best) {
 
 void Training::show(const Metrics& metrics) {
   ProgressState& s = state_;
-  const int64_t done = learner_->updates_done() - first_update_;
   s.agent_steps_per_second = s.agent_steps_per_second > 0 ? 0.9 * s.agent_steps_per_second + 0.1 * speed_ : speed_;
   s.update = learner_->updates_done();
   s.agent_steps = learner_->agent_steps_done();
   s.seconds = total_seconds();
-  s.seconds_left = watch_.seconds() / static_cast<double>(done) * static_cast<double>(n_updates_ - s.update);
+  const int64_t done = s.agent_steps - first_agent_steps_;
+  s.seconds_left = watch_.seconds() / static_cast<double>(done) *
+                   static_cast<double>(std::max<int64_t>(0, s.total_agent_steps - s.agent_steps));
   for (int team = 0; team < kNTeams; ++team) {
     const auto figure = [&](const char* name) { return value_of(metrics, cat(name, "_", team)); };
     TeamProgress& t = s.team[team];
@@ -320,7 +425,7 @@ int Training::stop_early(int code) {
   progress_.finish();
   if (saved_update_ != learner_->updates_done()) save(false);
   const std::string reason = code == kOutOfTime ? "train.max_wall_time is over" : signal_name(code - 128);
-  log_.info(cat("stopped after update ", learner_->updates_done(), " of ", n_updates_, " (", reason,
+  log_.info(cat("stopped after update ", learner_->updates_done(), of_updates(), " (", reason,
                 "), the state is saved; to go on: ", program_command(), " resume ",
                 shell_word(folder_.path().string())));
   write_final_report();
@@ -339,6 +444,13 @@ int train_in(const RunFolder& folder, TrainingSetup setup) {
   Training training(folder, std::move(setup));
   from ? training.go_on(*from) : training.start();
   return training.run();
+}
+
+std::string advice_to_resume(const std::filesystem::path& folder) {
+  const std::vector<std::filesystem::path> saved = list_checkpoints(folder);
+  if (saved.empty()) return "";
+  return cat("what was done until ", saved.back().string(), " is saved; to go on from there: ", program_command(),
+             " resume ", shell_word(folder.string()));
 }
 
 Json run_info(const LoadedRun& run, Device device) {

@@ -1,7 +1,9 @@
 // Training: a run from its next update to its end, with all that is kept of it: figures, messages, checkpoints.
 #pragma once
 
+#include <filesystem>
 #include <memory>
+#include <string>
 
 #include "io/run_folder.hpp"
 #include "learn/learner.hpp"
@@ -23,6 +25,9 @@ struct TrainingSetup {
 /// Trains until the run is complete (returns 0) or is asked to stop. Throws Error of kind `diverged` where a number was
 /// not finite, and any other Error where a file could not be written; the last checkpoint is whole then.
 int train_in(const RunFolder& folder, TrainingSetup setup);
+
+/// For people, after a failure: how to go on from what was saved; empty where nothing was.
+std::string advice_to_resume(const std::filesystem::path& folder);
 
 /// What run.json and resume_NNN.json hold.
 Json run_info(const LoadedRun& run, Device device);

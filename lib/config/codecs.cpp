@@ -237,7 +237,11 @@ std::string expected_list(const Allowed& allowed, const std::string& item) {
 }
 
 bool read_list_shape(const Node& node, const Allowed& allowed, const std::string& expected, const ReadSite& site) {
-  if (!node.is_sequence()) return site.fail(node, expected);
+  if (!node.is_sequence()) {
+    // A list without its brackets: "64, 64".
+    const bool bare = node.is_scalar() && !node.text.empty() && node.text.find_first_of("[]{}\n") == std::string::npos;
+    return site.fail(node, expected + (bare ? "; write [" + node.text + "]" : ""));
+  }
   const size_t n = node.items.size();
   if (n >= allowed.min_items && n <= allowed.max_items) return true;
   site.errors.add(node.at, site.path + ": has " + std::to_string(n) + " items, expected " + expected);

@@ -16,6 +16,58 @@ std::string joined_path(const std::string& path, const std::string& name) {
   return path.empty() ? name : path + "." + name;
 }
 
+/// The list that a reading began with: where else a key may belong.
+struct Whole {
+  const FieldList& fields;
+  std::string path;  ///< before its keys in messages
+};
+
+/// Paths of all keys below a list; elements of lists and tables have names of their own and are left out.
+void add_paths(const FieldList& fields, const std::string& path, std::vector<std::string>& all) {
+  for (const Field& field : fields.fields()) {
+    const std::string own = joined_path(path, field.name);
+    all.push_back(own);
+    if (field.shape == FieldShape::group) add_paths(field.members, own, all);
+    if (field.shape == FieldShape::tree && field.example) add_paths(field.example(), own, all);
+  }
+}
+
+std::string last_part(const std::string& path) { return path.substr(path.rfind('.') + 1); }
+
+/// Where a key belongs that stands in the wrong group: paths whose last name it is, or, where nothing is near it in its
+/// own group, is like.
+std::vector<std::string> places_of(const std::string& key, const Whole& whole, bool also_alike) {
+  std::vector<std::string> paths, names, found;
+  add_paths(whole.fields, whole.path, paths);
+  for (const std::string& path : paths) {
+    names.push_back(last_part(path));
+    if (names.back() == key) found.push_back(path);
+  }
+  if (!found.empty() || !also_alike || key.size() < 2) return found;
+  const std::vector<std::string> near = nearest_names(key, names, 1);
+  constexpr int kAlike = 2;
+  for (const std::string& path : paths)
+    if (!near.empty() && last_part(path) == near[0] && name_distance(key, near[0]) <= kAlike) found.push_back(path);
+  return found;
+}
+
+/// "; did you mean 'train.n_worlds'?" for a key that belongs elsewhere, with what was written below it; else the
+/// nearest name of its own group.
+std::string hint_for(const Node::Entry& entry, const std::string& key_path, const std::vector<std::string>& names,
+                     const Whole& whole) {
+  constexpr size_t kMost = 3;
+  const std::string nearest = nearest_hint(entry.key, names);
+  std::string below;
+  for (const Node* node = &entry.value; node->is_map() && node->entries.size() == 1; node = &node->entries[0].value)
+    below += "." + node->entries[0].key;
+  std::vector<std::string> places = places_of(entry.key, whole, nearest.empty());
+  std::erase(places, key_path);
+  if (places.empty()) return nearest;
+  if (places.size() > kMost) places.resize(kMost);
+  for (std::string& place : places) place = "'" + place + below + "'";
+  return "; did you mean " + join(places, " or ") + "?";
+}
+
 /// A map, or an error that names the keys.
 bool expect_map(const Node& node, const FieldList& fields, const std::string& path, Errors& errors) {
   if (node.is_map()) return true;
@@ -27,21 +79,25 @@ bool expect_map(const Node& node, const FieldList& fields, const std::string& pa
   return false;
 }
 
-void read_field(const Node& node, const Field& field, Errors& errors, KeyPositions* given, const std::string& path) {
+void read_in(const Node& node, const FieldList& fields, Errors& errors, KeyPositions* given, const std::string& path,
+             const Whole& whole);
+
+void read_field(const Node& node, const Field& field, Errors& errors, KeyPositions* given, const std::string& path,
+                const Whole& whole) {
   switch (field.shape) {
     case FieldShape::value:
       field.read(node, {path, errors});
       for (size_t k = 0; given && k < node.items.size(); ++k) (*given)[cat(path, "[", k, "]")] = node.items[k].at;
       return;
     case FieldShape::group:
-      return read_fields(node, field.members, errors, given, path);
+      return read_in(node, field.members, errors, given, path, whole);
     case FieldShape::list:
       if (!node.is_sequence()) return errors.add(node.at, cat(path, ": ", node.shown(), " is not ", field.expected));
       field.clear();
       for (size_t k = 0; k < node.items.size() && !errors.full(); ++k) {
         const std::string element = cat(path, "[", k, "]");
         if (given) (*given)[element] = node.items[k].at;
-        read_fields(node.items[k], field.add(""), errors, given, element);
+        read_in(node.items[k], field.add(""), errors, given, element, whole);
       }
       return;
     case FieldShape::table:
@@ -49,13 +105,45 @@ void read_field(const Node& node, const Field& field, Errors& errors, KeyPositio
       for (const Node::Entry& entry : node.entries) {
         const std::string element = joined_path(path, entry.key);
         if (given) (*given)[element] = entry.at;
-        read_fields(entry.value, field.add(entry.key), errors, given, element);
+        read_in(entry.value, field.add(entry.key), errors, given, element, whole);
       }
       return;
     case FieldShape::tree:
       if (!node.is_map()) return errors.add(node.at, cat(path, ": ", node.shown(), " is not ", field.expected));
       field.assign(node);
       return;
+  }
+}
+
+void read_in(const Node& node, const FieldList& fields, Errors& errors, KeyPositions* given, const std::string& path,
+             const Whole& whole) {
+  if (!expect_map(node, fields, path, errors)) return;
+  for (const Node::Entry& entry : node.entries) {
+    if (errors.full()) return;
+    const std::string key_path = joined_path(path, entry.key);
+    const auto& all = fields.fields();
+    const auto field = std::find_if(all.begin(), all.end(), [&](const Field& f) { return f.name == entry.key; });
+    if (field == all.end()) {
+      if (const auto now = fields.renamed().find(entry.key); now != fields.renamed().end()) {
+        errors.add(entry.at, cat(key_path, ": this key is now called '", now->second, "'"));
+        if (given) given->emplace(joined_path(path, now->second), entry.at);
+        continue;
+      }
+      if (const auto gone = fields.removed().find(entry.key); gone != fields.removed().end()) {
+        errors.add(entry.at, cat(key_path, ": there is no such key any more: ", gone->second));
+        continue;
+      }
+      std::vector<std::string> names;
+      for (const Field& known : all) names.push_back(known.name);
+      const std::string hint = hint_for(entry, key_path, names, whole);
+      errors.add(entry.at, cat(key_path, ": unknown key", hint,
+                               hint.ends_with('?') ? " Allowed here: " : "; allowed: ", join(names)));
+      for (const std::string& meant : nearest_names(entry.key, names, 1))
+        if (given) given->emplace(joined_path(path, meant), entry.at);
+      continue;
+    }
+    if (given) (*given)[key_path] = entry.value.at;
+    read_field(entry.value, *field, errors, given, key_path, whole);
   }
 }
 
@@ -196,29 +284,7 @@ void FieldList::tree(const std::string& name, Node& value, const std::string& do
 
 void read_fields(const Node& node, const FieldList& fields, Errors& errors, KeyPositions* given,
                  const std::string& path) {
-  if (!expect_map(node, fields, path, errors)) return;
-  for (const Node::Entry& entry : node.entries) {
-    if (errors.full()) return;
-    const std::string key_path = joined_path(path, entry.key);
-    const auto& all = fields.fields();
-    const auto field = std::find_if(all.begin(), all.end(), [&](const Field& f) { return f.name == entry.key; });
-    if (field == all.end()) {
-      if (const auto now = fields.renamed().find(entry.key); now != fields.renamed().end()) {
-        errors.add(entry.at, cat(key_path, ": this key is now called '", now->second, "'"));
-        if (given) given->emplace(joined_path(path, now->second), entry.at);
-        continue;
-      }
-      std::vector<std::string> names;
-      for (const Field& known : all) names.push_back(known.name);
-      const std::string hint = nearest_hint(entry.key, names);
-      errors.add(entry.at, cat(key_path, ": unknown key", hint, "; allowed: ", join(names)));
-      for (const std::string& meant : nearest_names(entry.key, names, 1))
-        if (given) given->emplace(joined_path(path, meant), entry.at);
-      continue;
-    }
-    if (given) (*given)[key_path] = entry.value.at;
-    read_field(entry.value, *field, errors, given, key_path);
-  }
+  read_in(node, fields, errors, given, path, {fields, path});
 }
 
 bool read_config_file(const std::filesystem::path& file, const std::vector<std::string>& overrides,

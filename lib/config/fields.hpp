@@ -224,9 +224,12 @@ class FieldList {
 
   /// A key that was once called `before`: whoever still writes it is told the new name.
   void renamed(const std::string& before, const std::string& now) { renamed_[before] = now; }
+  /// A key that there was once: who still writes it is told what to write `instead`.
+  void removed(const std::string& name, const std::string& instead) { removed_[name] = instead; }
 
   const std::vector<Field>& fields() const { return fields_; }
   const std::map<std::string, std::string>& renamed() const { return renamed_; }
+  const std::map<std::string, std::string>& removed() const { return removed_; }
   void keep(std::shared_ptr<void> owner) { owner_ = std::move(owner); }
 
  private:
@@ -234,6 +237,7 @@ class FieldList {
 
   std::vector<Field> fields_;
   std::map<std::string, std::string> renamed_;  // new names by old ones
+  std::map<std::string, std::string> removed_;  // what to write instead
   std::shared_ptr<void> owner_;                 // of the struct, where nobody else holds it
 };
 

@@ -25,15 +25,32 @@ int edit_distance(std::string_view a, std::string_view b) {
   return last[n];
 }
 
+namespace {
+
+/// "learning_rate" = "lr".
+std::string initials(std::string_view name) {
+  std::string letters;
+  for (size_t k = 0; k < name.size(); ++k)
+    if (k == 0 || name[k - 1] == '_') letters += name[k];
+  return letters;
+}
+
+}  // namespace
+
+int name_distance(std::string_view name, std::string_view known) {
+  const int distance = edit_distance(name, known);
+  if (name.size() >= 2 && initials(known) == name) return std::min(distance, 1);
+  // A part of the name counts as near: `worlds` for `n_worlds`.
+  const bool part = name.size() >= 4 && known.find(name) != std::string_view::npos;
+  return part ? std::min(distance, 2) : distance;
+}
+
 std::vector<std::string> nearest_names(std::string_view name, const std::vector<std::string>& known, size_t limit) {
   name = name.substr(0, 100);  // nothing known is longer
   std::vector<std::pair<int, std::string>> ranked;
   const int far = std::max<int>(2, static_cast<int>(name.size()) / 2);
   for (const std::string& candidate : known) {
-    int distance = edit_distance(name, candidate);
-    // A part of the name counts as near: `worlds` for `n_worlds`.
-    const bool part = name.size() >= 4 && candidate.find(name) != std::string::npos;
-    if (part) distance = std::min(distance, 2);
+    const int distance = name_distance(name, candidate);
     if (distance <= far) ranked.emplace_back(distance, candidate);
   }
   std::stable_sort(ranked.begin(), ranked.end(), [](const auto& a, const auto& b) { return a.first < b.first; });

@@ -10,6 +10,9 @@ namespace giga {
 /// Number of insertions, deletions, replacements and swaps of neighbouring characters that turn a into b.
 int edit_distance(std::string_view a, std::string_view b);
 
+/// The same, but names of which one is part of the other, or made of its first letters (`lr`), count as near.
+int name_distance(std::string_view name, std::string_view known);
+
 /// The known names that are near `name`, nearest first, at most `limit`.
 std::vector<std::string> nearest_names(std::string_view name, const std::vector<std::string>& known, size_t limit = 3);
 

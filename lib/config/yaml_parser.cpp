@@ -4,6 +4,7 @@
 #include <yaml-cpp/exceptions.h>
 #include <yaml-cpp/parser.h>
 
+#include <algorithm>
 #include <sstream>
 #include <unordered_map>
 
@@ -137,6 +138,85 @@ bool check_encoding(std::string_view text, const std::shared_ptr<const std::stri
   return true;
 }
 
+// ---- What is wrong with a text that is no YAML ----------------------------------------------------------------------
+
+std::vector<std::string_view> lines_of(std::string_view text) {
+  std::vector<std::string_view> lines;
+  while (!text.empty()) {
+    const size_t end = std::min(text.find('\n'), text.size());
+    std::string_view line = text.substr(0, end);
+    if (line.ends_with('\r')) line.remove_suffix(1);
+    lines.push_back(line);
+    text.remove_prefix(std::min(end + 1, text.size()));
+  }
+  return lines;
+}
+
+/// "'  gamma 0.9'", tabs by name.
+std::string shown_line(std::string_view line) {
+  constexpr size_t kMost = 80;
+  std::string text;
+  for (const char c : line) {
+    if (text.size() >= kMost) return "'" + text + "...'";
+    text += c == '\t' ? "<tab>" : std::string(1, c);
+  }
+  return "'" + text + "'";
+}
+
+/// "; the line: '...'" where there is one.
+std::string line_text(std::string_view text, int line) {
+  const std::vector<std::string_view> lines = lines_of(text);
+  const bool there = line >= 0 && static_cast<size_t>(line) < lines.size();
+  return there ? "; the line: " + shown_line(lines[static_cast<size_t>(line)]) : "";
+}
+
+size_t indent_of(std::string_view line) { return std::min(line.find_first_not_of(' '), line.size()); }
+
+std::string spaces(size_t n) { return cat(n, n == 1 ? " space" : " spaces"); }
+
+bool says_nothing(std::string_view line) {
+  const size_t first = line.find_first_not_of(" \t");
+  return first == std::string_view::npos || line[first] == '#';
+}
+
+/// A key with its colon begins this line.
+bool has_key(std::string_view line) {
+  const size_t colon = line.find(':');
+  return colon != std::string_view::npos && (colon + 1 == line.size() || line[colon + 1] == ' ');
+}
+
+/// What people get wrong most, by name and with its line: tabs, a key without its colon, an indentation of its own.
+/// `bad` is the line, from 0, at which the parser gave up. False where it is none of these.
+bool explain(std::string_view text, size_t bad, const std::shared_ptr<const std::string>& source, Errors& errors) {
+  const std::vector<std::string_view> lines = lines_of(text);
+  const auto add = [&](size_t line, size_t column, const std::string& message) {
+    errors.add({source, static_cast<int>(line) + 1, static_cast<int>(column) + 1},
+               cat(message, ": ", shown_line(lines[line])));
+  };
+  for (size_t k = 0; k < std::min(bad + 1, lines.size()); ++k) {
+    const size_t indent = indent_of(lines[k]);
+    if (indent == lines[k].size() || lines[k][indent] != '\t' || says_nothing(lines[k])) continue;
+    return add(k, indent, "a tab before the key; YAML is indented with spaces"), true;
+  }
+  if (bad >= lines.size()) return false;
+  // The lines above that say something, nearest first; a map's keys begin in one column.
+  std::vector<size_t> above;
+  for (size_t k = bad; k-- > 0;)
+    if (!says_nothing(lines[k])) above.push_back(k);
+  if (above.empty() || !has_key(lines[bad])) return false;
+  const size_t indent = indent_of(lines[bad]), before = above[0], column = indent_of(lines[before]);
+  if (!has_key(lines[before]) && lines[before].find_first_of("[]{}\"'#-|>&*") == std::string_view::npos)
+    return add(before, column, "a key without its colon, as in `gamma: 0.9`"), true;
+  if (indent > column && !lines[before].ends_with(':'))
+    return add(bad, indent,
+               cat("indented by ", spaces(indent), ", the key above it by ", column,
+                   ": the keys of a group begin in one column")),
+           true;
+  for (const size_t k : above)
+    if (indent_of(lines[k]) == indent) return false;
+  return add(bad, indent, cat("indented by ", spaces(indent), ", as no key above it is")), true;
+}
+
 }  // namespace
 
 Document parse_yaml_text(std::string_view text, const std::string& name, Errors& errors) {
@@ -160,7 +240,8 @@ Document parse_yaml_text(std::string_view text, const std::string& name, Errors&
     document.root.at = {source, 1, 1};
   } catch (const YAML::Exception& e) {
     const Position at{source, e.mark.line + 1, e.mark.column + 1};
-    errors.add(e.mark.is_null() ? Position{source} : at, "not valid YAML: " + e.msg);
+    if (e.mark.is_null() || !explain(text, static_cast<size_t>(e.mark.line), source, errors))
+      errors.add(e.mark.is_null() ? Position{source} : at, "not valid YAML: " + e.msg + line_text(text, e.mark.line));
     document.root = {};
     document.root.at = {source, 1, 1};
   }

@@ -110,17 +110,23 @@ Player Player::of_checkpoint(const FoundCheckpoint& found, const PlayerOptions& 
 
 bool Player::can_play(int side) const { return script_ || exported_ || policy_[side]; }
 
+SimSpec Player::seen_by(const SimSpec& spec) const {
+  SimSpec seen = spec;
+  if (origin_) seen.params.egocentric_view = spec.params.egocentric_view && origin_->run.spec.params.egocentric_view;
+  return seen;
+}
+
 std::unique_ptr<TeamController> Player::controller(int side, const SimSpec& spec) {
   if (script_) return script_controller(*script_);
   if (!exported_) return checkpoint_controller(side, spec);
-  const ReadPolicy& read = exported_->policy_for(spec);
+  const ReadPolicy& read = exported_->policy_for(seen_by(spec));
   return policy_controller(*read.policy, greedy_ || read.greedy);
 }
 
 std::unique_ptr<TeamController> Player::checkpoint_controller(int side, const SimSpec& spec) const {
   if (!policy_[side])
     throw InputError(cat(name_, " has no policy for team ", side, ", which was scripted while it trained"));
-  check_fits(interface_of(origin_->run.spec), spec, name_);
+  check_fits(interface_of(origin_->run.spec), seen_by(spec), name_);
   return policy_controller(*policy_[side], greedy_ || acts_greedily(origin_->run.config));
 }
 

@@ -54,6 +54,8 @@ class Player {
 
   /// Whether it can play team `side`: a checkpoint has a policy for each team that learned, all others play both.
   bool can_play(int side) const;
+  /// A game with the observations that its policy is given: the egocentric view only where it was trained with it.
+  SimSpec seen_by(const SimSpec& spec) const;
   /// What moves team `side` in a game of a scenario; valid while this lives, and until the next call with a scenario of
   /// other observations or actions. Throws InputError where can_play is false, or the scenario's observations or
   /// actions are not those of the policy.

@@ -51,15 +51,16 @@ PolicyInterface interface_of(const SimSpec& spec) {
   return {spec.name, spec.params.actions, spec.observation_size(), observation_layout(spec)};
 }
 
-void check_fits(const PolicyInterface& policy, const SimSpec& spec, const std::string& source) {
+void check_fits(const PolicyInterface& policy, const SimSpec& spec, const std::string& source,
+                const std::string& reasons) {
   const PolicyInterface here = interface_of(spec);
   if (policy.fits(here)) return;
   const auto kind = [](ActionKind actions) { return FieldCodec<ActionKind>::print(actions); };
   if (policy.actions != here.actions)
     throw InputError(cat(source, " was trained in '", policy.scenario, "' with ", kind(policy.actions),
-                         " actions; those of '", here.scenario, "' are ", kind(here.actions)));
+                         " actions; those of '", here.scenario, "' are ", kind(here.actions), reasons));
   throw InputError(cat(source, " was trained in '", policy.scenario, "', where an agent observes ", layout_text(policy),
-                       "; in '", here.scenario, "' it observes ", layout_text(here)));
+                       "; in '", here.scenario, "' it observes ", layout_text(here), reasons));
 }
 
 }  // namespace giga

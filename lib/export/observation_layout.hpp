@@ -40,6 +40,7 @@ struct PolicyInterface {
 PolicyInterface interface_of(const SimSpec& spec);
 
 /// Throws InputError where a policy cannot play a scenario: `source` is where it is from.
-void check_fits(const PolicyInterface& policy, const SimSpec& spec, const std::string& source);
+void check_fits(const PolicyInterface& policy, const SimSpec& spec, const std::string& source,
+                const std::string& reasons = "");
 
 }  // namespace giga

@@ -64,6 +64,10 @@ void Logger::warn(const std::string& message) {
   loggers_->file.log(spdlog::level::warn, std::string_view(message));
   loggers_->console.log(spdlog::level::warn, std::string_view("warning: " + message));
 }
+void Logger::answer(const std::string& message) {
+  note(message);
+  loggers_->console.log(spdlog::level::warn, std::string_view(message));
+}
 void Logger::error(const std::string& message) { loggers_->file.log(spdlog::level::err, std::string_view(message)); }
 void Logger::note(const std::string& message) { loggers_->file.log(spdlog::level::info, std::string_view(message)); }
 

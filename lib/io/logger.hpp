@@ -24,6 +24,8 @@ class Logger {
 
   void info(const std::string& message);
   void warn(const std::string& message);
+  /// An answer to what somebody did: on the console in any case.
+  void answer(const std::string& message);
   /// The error that ends the program: to the file alone, since main prints it.
   void error(const std::string& message);
   /// To the file alone.

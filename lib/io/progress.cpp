@@ -23,8 +23,11 @@ std::string of_teams(double team_0, double team_1, Print print) {
 }  // namespace
 
 double share_done(const ProgressState& s) {
-  if (s.n_updates <= 0) return 0;
-  return std::clamp(static_cast<double>(s.update) / static_cast<double>(s.n_updates), 0.0, 1.0);
+  const auto share = [](int64_t done, int64_t all) {
+    return std::clamp(static_cast<double>(done) / static_cast<double>(all), 0.0, 1.0);
+  };
+  if (s.n_updates > 0) return share(s.update, s.n_updates);
+  return s.total_agent_steps > 0 ? share(s.agent_steps, s.total_agent_steps) : 0;
 }
 
 std::vector<std::string> opponents_of(const ProgressState& s) {
@@ -46,10 +49,14 @@ std::string steps_done(const ProgressState& s) {
   return s.total_agent_steps > 0 ? done + " of " + print_short(static_cast<double>(s.total_agent_steps)) : done;
 }
 
+std::string updates_done(const ProgressState& s) {
+  const std::string done = std::to_string(s.update);
+  return s.n_updates > 0 ? done + " of " + std::to_string(s.n_updates) : done;
+}
+
 std::string progress_text(const ProgressState& s) {
-  std::string text = "update " + std::to_string(s.update) + " of " + std::to_string(s.n_updates) + ": " +
-                     steps_done(s) + " agent-steps, " + print_short(s.agent_steps_per_second) + "/s, " +
-                     print_duration(s.seconds_left) + " left";
+  std::string text = "update " + updates_done(s) + ": " + steps_done(s) + " agent-steps, " +
+                     print_short(s.agent_steps_per_second) + "/s, " + print_duration(s.seconds_left) + " left";
   const double returns[] = {s.team[0].mean_return, s.team[1].mean_return};
   if (!std::isnan(returns[0]) || !std::isnan(returns[1]))
     text += ", return " + of_teams(returns[0], returns[1], print_short);
@@ -68,7 +75,7 @@ Progress::~Progress() { finish(); }
 
 void Progress::show(const ProgressState& state) {
   const Clock::time_point now = Clock::now();
-  const bool last = state.update >= state.n_updates;
+  const bool last = share_done(state) >= 1;
   if (now >= next_text_ || last) {
     const std::string text = progress_text(state);
     mode_ == Mode::lines ? log_.info(text) : log_.note(text);
@@ -80,6 +87,15 @@ void Progress::show(const ProgressState& state) {
   if (now < next_draw_ && !last) return;
   draw();
   next_draw_ = now + kDrawEvery;
+}
+
+void Progress::wait_line(const std::string& text) {
+  const auto columns = static_cast<size_t>(log_.live().size().columns);
+  if (history_) log_.live().show({Line().add(text.substr(0, columns - 1))}, style_);
+  const Clock::time_point now = Clock::now();
+  if (now < next_text_) return;
+  mode_ == Mode::lines ? log_.info(text) : log_.note(text);
+  next_text_ = now + cadence_;
 }
 
 void Progress::draw() { log_.live().show(panel(*latest_, *history_, log_.live().size(), style_), style_); }

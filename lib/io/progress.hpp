@@ -39,10 +39,10 @@ struct TimeSplit {
 };
 
 struct ProgressState {
-  std::string title;   ///< "identical_5_vs_5, mappo, seed 1, cuda:0 (NVIDIA H200)"
-  std::string folder;  ///< of the run
-  int64_t update = 0, n_updates = 0;
-  int64_t agent_steps = 0, total_agent_steps = 0;  ///< total 0: not known beforehand
+  std::string title;                               ///< "identical_5_vs_5, mappo, seed 1, cuda:0 (NVIDIA H200)"
+  std::string folder;                              ///< of the run
+  int64_t update = 0, n_updates = 0;               ///< n 0: not known beforehand
+  int64_t agent_steps = 0, total_agent_steps = 0;  ///< where the run is complete
   double seconds = 0;                 ///< since the start of the run, earlier processes of a resumed run included
   double agent_steps_per_second = 0;  ///< recently
   double seconds_left = TeamProgress::kUnknown;  ///< estimate
@@ -57,6 +57,9 @@ double share_done(const ProgressState& state);
 
 /// "150M of 300M" agent-steps; only what is done where the total is not known.
 std::string steps_done(const ProgressState& state);
+
+/// "12 of 50" updates, or "12".
+std::string updates_done(const ProgressState& state);
 
 /// The names of the opponents that either team was evaluated against, in order of appearance.
 std::vector<std::string> opponents_of(const ProgressState& state);
@@ -86,6 +89,8 @@ class Progress {
 
   /// May be called whenever something is new: the panel is drawn at most every 100 ms.
   void show(const ProgressState& state);
+  /// What goes on before the first state is there: a line that is drawn anew on a terminal, else a plain line at times.
+  void wait_line(const std::string& text);
   /// Draws the latest state and leaves it on the terminal; what is printed next stands below it.
   void finish();
 

@@ -80,7 +80,7 @@ RunFolder RunFolder::create(const std::string& folder, const std::string& name) 
     do {
       if (++number > kMostRuns) throw InputError(cat("runs/", name, "-NNN: all numbers are taken"));
       std::snprintf(text, sizeof text, "-%03d", number);
-      path = fs::path("runs") / (name + text);
+      path = fs::path("runs") / (number == 1 ? name : name + text);
     } while (!make_folder(path));
   }
   RunFolder run(path);
@@ -106,8 +106,10 @@ fs::path RunFolder::checkpoint_file(int64_t updates) const {
 fs::path RunFolder::best_file() const { return path_ / kCheckpoints / kBest; }
 fs::path RunFolder::events_file() const { return path_ / kTensorBoardFile; }
 
-void RunFolder::describe(const std::string& config_yaml, const std::string& scenario_yaml, const Json& info) const {
+void RunFolder::describe(const std::string& config_yaml, const std::string& scenario_yaml, const Json& info,
+                         const std::string& scenario_file_name) const {
   write_file(scenario_file(), scenario_yaml);
+  if (!scenario_file_name.empty()) write_file(path_ / scenario_file_name, scenario_yaml);
   write_file(info_file(), json_text(info) + "\n");
   write_file(config_file(), config_yaml);
 }

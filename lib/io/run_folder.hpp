@@ -12,7 +12,7 @@
 namespace giga {
 
 /// config.yaml      resolved run config
-/// scenario.yaml    resolved scenario
+/// scenario.yaml    resolved scenario; also under the name of its file where it came from one, for config.yaml
 /// run.json         seed, versions, hardware, command line; resume_NNN.json: the same of each continuation
 /// metrics.csv      a row per update
 /// events.out.tfevents.gigastep   the same for TensorBoard, which calls a run by its folder
@@ -24,8 +24,8 @@ namespace giga {
 /// The folder is locked while this lives (RunLock).
 class RunFolder {
  public:
-  /// A new run in `folder`, which must not exist or be empty (InputError else); without one in runs/<name>-NNN with
-  /// the first free number.
+  /// A new run in `folder`, which must not exist or be empty (InputError else); without one in runs/<name>, or where
+  /// that is taken runs/<name>-NNN with the first number from 002 on that is free.
   static RunFolder create(const std::string& folder, const std::string& name);
   /// The folder of an earlier run, to go on with it. Throws InputError where there is none or a process works in it.
   static RunFolder open(const std::string& folder);
@@ -42,8 +42,10 @@ class RunFolder {
   std::filesystem::path best_file() const;
   const RunLock& lock() const { return lock_; }
 
-  /// Writes config.yaml, scenario.yaml and run.json.
-  void describe(const std::string& config_yaml, const std::string& scenario_yaml, const Json& info) const;
+  /// Writes config.yaml, scenario.yaml and run.json; `scenario_file_name`: the scenario also stands under this name,
+  /// which the config names.
+  void describe(const std::string& config_yaml, const std::string& scenario_yaml, const Json& info,
+                const std::string& scenario_file_name = "") const;
   /// Writes config.yaml and resume_NNN.json.
   void describe_resume(const std::string& config_yaml, const Json& info) const;
 

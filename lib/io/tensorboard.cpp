@@ -107,13 +107,24 @@ void TensorBoardEvents::text(const std::string& tag, const std::string& markdown
 }
 
 void TensorBoardEvents::scalars(int64_t step, double wall_time, const MetricsRow& row) {
-  GIGA_CHECK(step >= 0 && step <= std::numeric_limits<int32_t>::max(), "step ", step, " for TensorBoard");
+  GIGA_CHECK(step >= 0, "step ", step, " for TensorBoard");
+  append(step, wall_time, row, tensorboard_tag);
+}
+
+void TensorBoardEvents::comparison(int64_t update, double wall_time, const MetricsRow& row) {
+  GIGA_CHECK(update >= 0 && update <= std::numeric_limits<int32_t>::max(), "update ", update, " for TensorBoard");
+  append(update, wall_time, row, comparison_tag);
+}
+
+void TensorBoardEvents::append(int64_t step, double wall_time, const MetricsRow& row,
+                               std::string (*tag)(std::string_view)) {
   Message summary;
   for (const auto& [name, value] : row)
-    if (!std::isnan(value))
-      summary.message(1, Message().text(1, tensorboard_tag(name)).float32(2, static_cast<float>(value)));
+    if (!std::isnan(value)) summary.message(1, Message().text(1, tag(name)).float32(2, static_cast<float>(value)));
   if (!summary.encoded().empty()) file_.append(record_of(event_at(wall_time, step).message(5, summary)));
 }
+
+std::string comparison_tag(std::string_view name) { return cat("hparams/", name); }
 
 std::string tensorboard_tag(std::string_view name) {
   const std::string_view figure = name.substr(0, name.find("_vs_"));  // all of it where there is no opponent

@@ -32,7 +32,7 @@ class TensorBoardEvents {
   static TensorBoardEvents resume(const std::filesystem::path& path, uint64_t size);
 
   /// For the HPARAMS tab, once, at the start: what the run was told, and the tags of the figures by which runs are
-  /// compared there (of tensorboard_tag). Numbers must be finite. TensorBoard takes its columns
+  /// compared there (of comparison_tag). Numbers must be finite. TensorBoard takes its columns
   /// from one of the runs that it shows: a key that this run lacks is not shown for the others.
   void hyper_parameters(const HyperParameters& values, const std::vector<std::string>& metric_tags, double wall_time);
   /// For the HPARAMS tab: the run is over.
@@ -40,15 +40,18 @@ class TensorBoardEvents {
   /// For the TEXT tab. A configuration stays as it is between lines of three back quotes.
   void text(const std::string& tag, const std::string& markdown, int64_t step, double wall_time);
   /// One point for each figure that is known (not NaN), in single precision; `step` is its place on the axis: the
-  /// number of the update. It must be below 2^31, because the HPARAMS tab fails beyond; a long run has more
-  /// agent-steps.
+  /// agent-steps that are done.
   void scalars(int64_t step, double wall_time, const MetricsRow& row);
+  /// The figures of the HPARAMS tab, under tags of their own (comparison_tag): that tab fails where the step of one of
+  /// its figures is not below 2^31, so that they stand at the number of the update.
+  void comparison(int64_t update, double wall_time, const MetricsRow& row);
 
   uint64_t size() const { return file_.size(); }
   void flush_to_disk() const { file_.flush_to_disk(); }
 
  private:
   explicit TensorBoardEvents(AppendFile&& file) : file_(std::move(file)) {}
+  void append(int64_t step, double wall_time, const MetricsRow& row, std::string (*tag)(std::string_view));
 
   AppendFile file_;
 };
@@ -57,5 +60,7 @@ class TensorBoardEvents {
 /// curves of a figure stand side by side: "policy_loss_1" = "policy_loss/team_1", "win_rate_0_vs_circle" =
 /// "win_rate/team_0_vs_circle"; a figure of no team belongs to the run: "run/agent_steps_per_second".
 std::string tensorboard_tag(std::string_view name);
+/// "hparams/win_rate_0_vs_circle": the figure by which the HPARAMS tab compares runs.
+std::string comparison_tag(std::string_view name);
 
 }  // namespace giga

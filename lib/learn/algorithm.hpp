@@ -40,16 +40,16 @@ struct ChartRow {
 };
 
 struct Algorithm {
-  const char* name;                  ///< the value of train.algorithm
-  const char* about;                 ///< one line
-  const char* figures;               ///< its columns of metrics.csv, lines for --help
-  const char* updates;               ///< what its updates are called: "updates", "generations"
-  const char* end_key;               ///< the setting that says where a run ends
-  bool has_populations;              ///< each team is a population of networks
+  const char* name;      ///< the value of train.algorithm
+  const char* about;     ///< one line
+  const char* figures;   ///< its columns of metrics.csv, lines for --help
+  const char* updates;   ///< what its updates are called: "updates", "generations"
+  bool has_populations;  ///< each team is a population of networks
+  /// Settings of a run that mean nothing to it: keys, or prefixes that end in a dot.
+  std::span<const std::string_view> unread;
   std::span<const ChartRow> charts;  ///< of its figures; others get a chart without words
 
   PolicySettings (*policy)(const RunConfig&);
-  int64_t (*total_updates)(const RunConfig&, int n_agents);
   int64_t (*agent_steps_per_update)(const RunConfig&, int n_agents);  ///< null: known only afterwards
   void (*check)(ConfigCheck&);  ///< mistakes that show only in the combination of keys and with the scenario
 

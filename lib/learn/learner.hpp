@@ -42,6 +42,12 @@ struct HeadlineFigure {
   const char* metric;       ///< "policy_loss", without the team's number
 };
 
+/// Where an update is: "playing", step 12 of 32. `of` 0 = that is not counted.
+struct UpdateStage {
+  const char* doing = "working";
+  int64_t done = 0, of = 0;
+};
+
 class Learner {
  public:
   virtual ~Learner() = default;
@@ -49,6 +55,9 @@ class Learner {
   /// One update: collect, learn. Queues work on the device and reads back one block of figures at the end. Where
   /// something was not finite, no parameter has changed since, and `divergence` tells.
   virtual Metrics update() = 0;
+
+  /// Of the update that goes on; another thread may ask.
+  virtual UpdateStage stage() const { return {}; }
 
   /// Of the latest update.
   virtual std::optional<Divergence> divergence() const = 0;

@@ -24,6 +24,13 @@ const Algorithm* find_algorithm(const std::string& name) {
   return found == algorithms().end() ? nullptr : *found;
 }
 
+bool reads_setting(const std::string& algorithm, std::string_view key) {
+  const Algorithm* found = find_algorithm(algorithm);
+  return !found || std::none_of(found->unread.begin(), found->unread.end(), [key](std::string_view unread) {
+    return key == unread || (unread.ends_with('.') && key.starts_with(unread));
+  });
+}
+
 const Algorithm& algorithm_of(const RunConfig& config) {
   const std::string& name = config.train.algorithm;
   if (const Algorithm* found = find_algorithm(name)) return *found;

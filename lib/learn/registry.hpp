@@ -3,6 +3,7 @@
 #pragma once
 
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "learn/evolution/config.hpp"
@@ -18,6 +19,8 @@ std::vector<std::string> algorithm_names();
 
 /// The one of that name; null where there is none.
 const Algorithm* find_algorithm(const std::string& name);
+/// Whether a setting of a run means something to the algorithm of that name.
+bool reads_setting(const std::string& algorithm, std::string_view key);
 /// The one that `train.algorithm` names. Throws InputError where there is none.
 const Algorithm& algorithm_of(const RunConfig& config);
 

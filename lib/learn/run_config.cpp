@@ -2,6 +2,7 @@
 #include "learn/run_config.hpp"
 
 #include <algorithm>
+#include <filesystem>
 
 #include "config/names.hpp"
 #include "core/error.hpp"
@@ -108,6 +109,12 @@ void ConfigCheck::has_no_memory(const std::string& key, EncoderKind encoder, con
     fail(key, cat("'", FieldCodec<EncoderKind>::print(encoder), "' has a memory, and ", reason));
 }
 
+std::optional<int64_t> total_updates(const RunConfig& c, int n_agents) {
+  const auto per_update = algorithm_of(c).agent_steps_per_update;
+  if (!per_update) return std::nullopt;
+  return (c.train.total_agent_steps + per_update(c, n_agents) - 1) / per_update(c, n_agents);
+}
+
 LoadedRun load_run_config(const std::string& path, const std::vector<std::string>& overrides) {
   RunConfig config;
   KeyPositions given;
@@ -119,6 +126,16 @@ LoadedRun load_run_config(const std::string& path, const std::vector<std::string
   if (!is_wrong("scenario", given, errors))
     scenario = load_scenario({config.scenario, given["scenario"], changes, "environment"}, data_dirs(), errors);
   return finish(std::move(config), std::move(scenario), given, errors);
+}
+
+RunConfig for_run_folder(RunConfig config) {
+  const bool named = name_files(config.environment);
+  if (is_path(config.scenario))
+    config.scenario = std::filesystem::path(config.scenario).filename().string();
+  else if (named)
+    config.scenario += ".yaml";
+  if (config.scenario == "config.yaml") config.scenario = "scenario.yaml";  // that name is taken
+  return config;
 }
 
 LoadedRun load_run_config_text(const std::string& config_yaml, const std::string& scenario_yaml) {

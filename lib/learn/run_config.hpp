@@ -45,7 +45,9 @@ template <class V>
 void visit_fields(V& v, TrainConfig& c) {
   v("algorithm", c.algorithm, "learning algorithm", one_of(algorithm_names()));
   v("total_agent_steps", c.total_agent_steps,
-    "mappo: agent-steps (worlds x agents x steps) after which the run is complete", at_least(1));
+    "agent-steps after which the run is complete, its update being finished; mappo: worlds x agents x steps; "
+    "evolution: those of all episodes",
+    at_least(1));
   v("n_worlds", c.n_worlds, "mappo: worlds stepped in parallel", range(1, kMostWorlds));
   v("opponent", c.opponent, "self_play: both teams learn; else the team that does not learn plays this script");
   v("learning_team", c.learning_team, "the team that learns against a scripted opponent", range(0, 1));
@@ -155,7 +157,8 @@ void visit_fields(V& v, RunConfig& c) {
 
 /// What the algorithm of a run says; see Algorithm.
 inline bool acts_greedily(const RunConfig& c) { return algorithm_of(c).policy(c).greedy; }
-inline int64_t total_updates(const RunConfig& c, int n_agents) { return algorithm_of(c).total_updates(c, n_agents); }
+/// Updates until train.total_agent_steps are reached; none where an update's agent-steps are known only afterwards.
+std::optional<int64_t> total_updates(const RunConfig& c, int n_agents);
 
 /// Reads a run's YAML with overrides; throws InputError with all mistakes, including those that show only in the
 /// combination of keys (a horizon longer than the episode, minibatches that do not divide).
@@ -165,6 +168,10 @@ struct LoadedRun {
   SimSpec spec;       ///< compiled
 };
 LoadedRun load_run_config(const std::string& path, const std::vector<std::string>& overrides);
+/// A run's config as its folder keeps it, from which it trains the same again wherever the folder is: where the
+/// scenario is a file, or files are named in `environment`, it names a file beside it that is to hold the whole
+/// scenario.
+RunConfig for_run_folder(RunConfig config);
 /// The same from the text of a resolved config (of a checkpoint), with the scenario's own text.
 LoadedRun load_run_config_text(const std::string& config_yaml, const std::string& scenario_yaml);
 

@@ -29,7 +29,8 @@ at::Tensor activate(const at::Tensor& x, Activation activation) {
 at::Tensor rounded_to_half(const at::Tensor& x) { return x.to(at::kHalf).to(at::kFloat); }
 
 at::Tensor columns_of(const InputColumns& columns, const at::Tensor& x) {
-  return columns.all() ? x : x.narrow(-1, columns.first, columns.size);
+  // A game may write more behind what the network was trained with: then `x` is wider than `columns.row`.
+  return x.size(-1) == columns.size ? x : x.narrow(-1, columns.first, columns.size);
 }
 
 namespace {

@@ -18,4 +18,7 @@ struct GameTable {
   std::vector<Games> games;          ///< [P, P] row i = player i on side 0, column j = player j on side 1
 };
 
+/// The table in which players of one new name (`names`, [P]) are one, in the order in which names first appear.
+GameTable pooled(const GameTable& table, const std::vector<std::string>& names);
+
 }  // namespace giga

@@ -174,7 +174,8 @@ std::string ratings_table(const RatingSheet& sheet) {
   }
   table += cat("Elo by maximum likelihood, ", ratings.anchor, " = 0; a tie is half a win.");
   if (ratings.side_advantage && std::isfinite(ratings.side_advantage->value))
-    table += cat(" Side 0 is ahead by ", elo_text(ratings.side_advantage->value), " +- ",
+    table += cat(" Side ", ratings.side_advantage->value < 0 ? 1 : 0, " is ahead by ",
+                 std::lround(std::abs(ratings.side_advantage->value)), " +- ",
                  std::lround(ratings.side_advantage->high() - ratings.side_advantage->value), ".");
   table += "\n";
   for (const std::string& line : remarks(ratings)) table += "note: " + line + "\n";

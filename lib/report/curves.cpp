@@ -2,11 +2,15 @@
 #include "report/curves.hpp"
 
 #include <algorithm>
+#include <charconv>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <set>
+#include <system_error>
 
 #include "core/error.hpp"
+#include "learn/registry.hpp"
 
 namespace giga {
 namespace {
@@ -20,9 +24,15 @@ bool is_run_time_setting(const std::string& path) {
   return path == "seed" || path == "device" || path == "train.n_threads" || path.starts_with("checkpoint.");
 }
 
+constexpr const char* kAlgorithm = "train.algorithm";
+
+/// What has a part in what is learned: nothing that the run's algorithm does not read.
 Settings learning_settings(const Node& config, std::string (*print)(const Node&) = print_node) {
   Settings settings = flatten(config, print);
-  std::erase_if(settings, [](const auto& entry) { return is_run_time_setting(entry.first); });
+  const std::string algorithm = setting(settings, kAlgorithm);
+  std::erase_if(settings, [&](const auto& entry) {
+    return is_run_time_setting(entry.first) || !reads_setting(algorithm, entry.first);
+  });
   return settings;
 }
 
@@ -100,6 +110,12 @@ void make_curves(RunGroup& group, size_t max_points) {
   }
 }
 
+/// Whether a key means something in a run of these settings.
+bool reads(const Settings& settings, const std::string& key) {
+  return reads_setting(setting(settings, kAlgorithm), key);
+}
+
+/// The keys in which any two differ that both read them, the algorithm before all others.
 std::vector<std::string> differing_keys(const std::vector<Settings>& all) {
   std::vector<std::string> keys;
   std::set<std::string> seen;
@@ -107,11 +123,12 @@ std::vector<std::string> differing_keys(const std::vector<Settings>& all) {
     for (const auto& [path, value] : settings) {
       if (!seen.insert(path).second) continue;
       const bool same = std::all_of(all.begin(), all.end(), [&, &key = path, &first = value](const Settings& other) {
-        return setting(other, key) == first;
+        return !reads(other, key) || setting(other, key) == first;
       });
       if (!same) keys.push_back(path);
     }
   }
+  std::stable_partition(keys.begin(), keys.end(), [](const std::string& key) { return key == kAlgorithm; });
   return keys;
 }
 
@@ -130,7 +147,8 @@ std::vector<Settings> distinguishing_settings(const std::vector<RunGroup>& group
 std::string last_part(const std::string& path) { return path.substr(path.rfind('.') + 1); }
 
 /// "gamma=0.99, horizon=32 and 4 more".
-std::string label_of(const Settings& settings, const std::vector<std::string>& keys) {
+std::string label_of(const Settings& settings, std::vector<std::string> keys) {
+  std::erase_if(keys, [&](const std::string& key) { return !reads(settings, key); });
   std::string label;
   for (size_t k = 0; k < std::min(keys.size(), kSettingsInLabel); ++k) {
     const std::string name = last_part(keys[k]);
@@ -143,11 +161,43 @@ std::string label_of(const Settings& settings, const std::vector<std::string>& k
   return label;
 }
 
+/// Numbers by their size, before all else; texts by their letters.
+bool is_below(const std::string& a, const std::string& b) {
+  const auto number = [](const std::string& text, double& value) {
+    const auto [end, code] = std::from_chars(text.data(), text.data() + text.size(), value);
+    return code == std::errc() && end == text.data() + text.size();
+  };
+  double x = 0, y = 0;
+  const bool first = number(a, x), second = number(b, y);
+  if (first && second) return x < y;
+  return first != second ? first : a < b;
+}
+
+/// By the settings in which they differ.
+void sort_groups(std::vector<RunGroup>& groups) {
+  const std::vector<Settings> settings = distinguishing_settings(groups);
+  const std::vector<std::string> keys = differing_keys(settings);
+  std::vector<size_t> order(groups.size());
+  std::iota(order.begin(), order.end(), size_t{0});
+  std::stable_sort(order.begin(), order.end(), [&](size_t a, size_t b) {
+    for (const std::string& key : keys) {
+      const std::string x = setting(settings[a], key), y = setting(settings[b], key);
+      if (is_below(x, y)) return true;
+      if (is_below(y, x)) return false;
+    }
+    return false;
+  });
+  std::vector<RunGroup> sorted;
+  for (const size_t k : order) sorted.push_back(std::move(groups[k]));
+  groups = std::move(sorted);
+}
+
 void label_groups(std::vector<RunGroup>& groups) {
   if (groups.size() == 1) {
     groups[0].label = setting(flatten(groups[0].runs.front()->config, plain_text), "scenario");
     return;
   }
+  sort_groups(groups);
   const std::vector<Settings> settings = distinguishing_settings(groups);
   const std::vector<std::string> keys = differing_keys(settings);
   for (size_t k = 0; k < groups.size(); ++k) {
@@ -157,6 +207,11 @@ void label_groups(std::vector<RunGroup>& groups) {
 }
 
 }  // namespace
+
+std::string RunGroup::short_label() const {
+  constexpr size_t kMost = 32;
+  return letter.empty() || label.size() <= kMost ? label : letter + ": " + label.substr(0, kMost) + "...";
+}
 
 const Curve* RunGroup::find(const std::string& name) const {
   const auto at = std::find_if(curves.begin(), curves.end(), [&](const Curve& curve) { return curve.name == name; });

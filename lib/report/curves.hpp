@@ -26,13 +26,15 @@ struct RunGroup {
   std::vector<double> agent_steps, seconds;
   std::vector<Curve> curves;  ///< all other columns that have a value
 
+  /// The label, cut where it is long.
+  std::string short_label() const;
   const Curve* find(const std::string& name) const;
   /// Whether a point stands for more than one value.
   bool has_band() const { return runs.size() > 1 || rows_per_point > 1; }
 };
 
-/// Groups in the order of their first run, which must outlive them. A curve has at most `max_points` points (>= 1).
-/// Throws InputError where runs of one config do not count the same agent-steps per update.
+/// Groups by the settings in which they differ, numbers by their size. The runs must outlive them. A curve has at most
+/// `max_points` points (>= 1). Throws InputError where runs of one config do not count the same agent-steps per update.
 std::vector<RunGroup> group_runs(const std::vector<RunData>& runs, size_t max_points);
 
 /// The points per curve that keep a page of these runs at a few megabytes: 2000, or fewer for many runs and columns.

@@ -19,6 +19,7 @@ function connectControls(charts) {
   reset.addEventListener("click", () => charts.zoom(null));
   document.getElementById("axis").addEventListener("change", event => setAxis(event.target.value, charts));
   document.getElementById("colour").hidden = charts.groups.length < 2;
+  document.querySelector(`#colour input[value="${document.documentElement.dataset.colour}"]`).checked = true;
   document.getElementById("colour").addEventListener("change", event => {
     document.documentElement.dataset.colour = event.target.value;
   });

@@ -6,6 +6,7 @@
 #include <string_view>
 
 #include "chart/markup.hpp"
+#include "config/names.hpp"
 #include "core/error.hpp"
 #include "io/files.hpp"
 #include "io/host_info.hpp"
@@ -57,23 +58,33 @@ std::string report_page(const std::vector<RunData>& runs, const std::vector<Fiel
   replace_all(written, "Z", " UTC");
   return fill(asset("page.html"), {{"title", escaped(page_title(groups))},
                                    {"written", written},
+                                   {"colour", groups.size() < 3 ? "team" : "group"},
                                    {"style", asset("page.css")},
                                    {"sections", page_sections(groups, keys)},
                                    {"data", json_text(group_axes(groups))},
                                    {"script", asset("chart.js") + asset("page.js")}});
 }
 
-void write_report(const std::vector<fs::path>& runs, const fs::path& out, const std::vector<FieldInfo>& keys) {
+std::vector<std::string> write_report(const std::vector<fs::path>& runs, const fs::path& out,
+                                      const std::vector<FieldInfo>& keys) {
   std::vector<RunData> all;
+  std::vector<std::string> left_out;
   for (size_t k = 0; k < runs.size(); ++k) {
     for (size_t j = 0; j < k; ++j) {
       std::error_code code;
       if (fs::equivalent(runs[j], runs[k], code))
         throw InputError(cat("the run ", runs[k].string(), " is given twice"));
     }
-    all.push_back(read_run(runs[k]));
+    try {
+      all.push_back(read_run(runs[k]));
+    } catch (const InputError& e) {
+      if (runs.size() == 1) throw;
+      left_out.emplace_back(e.what());
+    }
   }
+  if (all.empty()) throw InputError("none of these can be reported:\n" + join(left_out, "\n"));
   write_file(out, report_page(all, keys));
+  return left_out;
 }
 
 }  // namespace giga

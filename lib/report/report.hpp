@@ -15,8 +15,9 @@ namespace giga {
 /// run config (`list_fields<RunConfig>()`): what is not the default is shown first.
 std::string report_page(const std::vector<RunData>& runs, const std::vector<FieldInfo>& keys);
 
-/// Reads run folders and writes their page. Throws InputError for folders that are no runs or are given twice.
-void write_report(const std::vector<std::filesystem::path>& runs, const std::filesystem::path& out,
-                  const std::vector<FieldInfo>& keys);
+/// Reads run folders and writes their page. Of several, those that cannot be reported are left out; returned is why, a
+/// line each. Throws InputError where no run is left, and for folders that are given twice.
+std::vector<std::string> write_report(const std::vector<std::filesystem::path>& runs, const std::filesystem::path& out,
+                                      const std::vector<FieldInfo>& keys);
 
 }  // namespace giga

@@ -98,16 +98,6 @@ std::optional<RatingData> read_ratings(const fs::path& folder) {
   return ratings;
 }
 
-using PrintNode = std::function<std::string(const Node&)>;
-
-void flatten_into(const Node& node, const std::string& path, const PrintNode& print, Settings& settings) {
-  if (!node.is_map() || node.entries.empty()) {
-    settings.emplace_back(path, print(node));
-    return;
-  }
-  for (const Node::Entry& entry : node.entries) flatten_into(entry.value, path + "." + entry.key, print, settings);
-}
-
 }  // namespace
 
 const std::vector<double>* MetricsTable::find(const std::string& name) const {
@@ -149,20 +139,6 @@ RunData read_run(const fs::path& folder) {
   run.metrics = parse_metrics(read_file(metrics), metrics.string());
   run.ratings = read_ratings(folder / RatingFiles::kFolder);
   return run;
-}
-
-Settings flatten(const Node& map, const PrintNode& print) {
-  Settings settings;
-  for (const Node::Entry& entry : map.entries) flatten_into(entry.value, entry.key, print, settings);
-  return settings;
-}
-
-std::string plain_text(const Node& node) { return node.is_scalar() ? node.text : print_node(node); }
-
-std::string setting(const Settings& settings, const std::string& path) {
-  for (const auto& [key, value] : settings)
-    if (key == path) return value;
-  return "";
 }
 
 }  // namespace giga

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "config/document.hpp"
+#include "config/settings.hpp"
 
 namespace giga {
 
@@ -49,16 +50,5 @@ RunData read_run(const std::filesystem::path& folder);
 /// The same for the text of a metrics.csv; `file` is its name in messages. Columns agent_steps (growing) and seconds
 /// are needed.
 MetricsTable parse_metrics(const std::string& text, const std::string& file);
-
-/// Path ("train.n_worlds") and value (on one line, as YAML unless told otherwise) of every leaf of a map, in its order;
-/// lists and empty maps are leaves.
-using Settings = std::vector<std::pair<std::string, std::string>>;
-Settings flatten(const Node& map, const std::function<std::string(const Node&)>& print = print_node);
-
-/// A value for people: a text without the quotes of YAML.
-std::string plain_text(const Node& node);
-
-/// Value of a path; "" where there is none.
-std::string setting(const Settings& settings, const std::string& path);
 
 }  // namespace giga

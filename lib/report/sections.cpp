@@ -182,7 +182,7 @@ void write_chart(Markup& page, const Chart& chart, const std::vector<RunGroup>& 
                                                  {"aria-pressed", "true"},
                                                  {"data-group", std::to_string(g)}});
         write_sample(page);
-        const std::string name = groups.size() == 1 ? s.label : groups[g].letter + (alone ? "" : " " + s.label);
+        const std::string name = groups.size() == 1 ? s.label : groups[g].short_label() + (alone ? "" : ", " + s.label);
         if (!alone || groups.size() > 1) page.element("span", name, {{"class", "name"}});
         page.element("span", "", {{"class", "value"}});
       }

@@ -10,7 +10,6 @@
 #include "core/error.hpp"
 #include "io/number.hpp"
 #include "io/shell_word.hpp"
-#include "learn/registry.hpp"
 
 namespace giga {
 namespace {
@@ -42,10 +41,8 @@ std::string values_of(const RunGroup& group, const std::string& path) {
 double steps_done(const RunData& run) { return run.metrics.find("agent_steps")->back(); }
 double seconds_spent(const RunData& run) { return run.metrics.find("seconds")->back(); }
 
-/// Agent-steps that the config asks for; 0 where it does not say: some algorithms end after other counts.
+/// Agent-steps that the config asks for.
 double steps_wanted(const RunData& run) {
-  const Algorithm* algorithm = find_algorithm(setting(flatten(run.config), "train.algorithm"));
-  if (algorithm && !algorithm->agent_steps_per_update) return 0;
   return std::strtod(setting(flatten(run.config), "train.total_agent_steps").c_str(), nullptr);
 }
 

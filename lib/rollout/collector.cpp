@@ -101,6 +101,7 @@ void Collector::before_play(int64_t n_steps) {
 // It is the first observer of its game, so it replaces nobody's buffers.
 // Step t looks at slot t, fills it, and writes what comes of it to slot t + 1. What starts a game writes to slot T.
 void Collector::before_step(int64_t t, GameStep& step) {
+  steps_done_ = std::max<int64_t>(t, 0);
   if (t < 0) t = options_.horizon - 1;
   // One slot per world is enough: a world is truncated at most once in a rollout that is no longer than an episode.
   step.io.final_of_truncations_only = true;

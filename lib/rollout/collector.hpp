@@ -3,6 +3,7 @@
 
 #include <torch/types.h>
 
+#include <atomic>
 #include <string>
 
 #include "core/named_array.hpp"
@@ -57,6 +58,9 @@ class Collector final : GameObserver {
   /// Plays `horizon` steps; slot 0 is the previous slot T.
   void collect() { game_.play(options_.horizon); }
 
+  /// Steps of the rollout that goes on, as far as they are queued; another thread may ask.
+  int64_t steps_done() const { return steps_done_; }
+
   const Rollout& rollout() const { return rollout_; }
   int horizon() const { return options_.horizon; }
 
@@ -71,6 +75,7 @@ class Collector final : GameObserver {
   const CollectorOptions options_;
   at::Tensor memory_[kNTeams];  // [W, n, S] what the policies remember now; undefined without memory
   Rollout rollout_;
+  std::atomic<int64_t> steps_done_ = 0;
   Game game_;
 };
 

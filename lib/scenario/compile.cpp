@@ -94,12 +94,6 @@ SimParams numbers_of(const Scenario& s) {
 }
 
 void check_numbers(const Scenario& s, Checker& check) {
-  if (s.observation.type != ObservationType::vector) {
-    const std::string type = FieldCodec<ObservationType>::print(s.observation.type);
-    check.fail({"observation.type"}, cat("observation.type: '", type,
-                                         "' is not built yet: images come with a later "
-                                         "version; use vector (in a name: _vec)"));
-  }
   if (s.damage.min_tracking_time > s.damage.max_tracking_time && check.can_judge({"damage"}))
     check.fail({"damage.min_tracking_time", "damage.max_tracking_time"},
                cat("damage.min_tracking_time: ", s.damage.min_tracking_time, " is more than max_tracking_time, ",

@@ -38,10 +38,6 @@ void visit_fields(V& v, AgentTypesFile& c) {
   v.table("agent_types", c.agent_types, "agent types by name");
 }
 
-bool is_path(const std::string& text) {
-  return text.find('/') != std::string::npos || text.ends_with(".yaml") || text.ends_with(".yml");
-}
-
 /// Names of the YAML files of a folder of all data folders, sorted.
 std::vector<std::string> names_in(const DataDirs& dirs, const char* folder) {
   std::set<std::string> names;
@@ -70,12 +66,6 @@ class Loader {
  public:
   Loader(const DataDirs& dirs, Errors& errors) : dirs_(dirs), errors_(errors) {}
 
-  /// Loads the scenario that the user asks for at `at`; a path is one of the shell, wherever it is written.
-  void load_asked(const std::string& text, const Position& at, ScenarioFile& target) {
-    if (is_path(text)) return load_file(text, text, at, target);
-    load(text, at, target);
-  }
-
   /// Loads a name or path that was written at `at` into the scenario.
   void load(const std::string& text, const Position& at, ScenarioFile& target) {
     if (is_path(text)) return load_file(relative_to(text, at), text, at, target);
@@ -83,7 +73,13 @@ class Loader {
       const auto file = find_data_file(dirs_, fs::path(kScenarioFolder) / (reading.base + ".yaml"));
       if (!file || reading.base == "agent_types") continue;
       load_file(*file, text, at, target);
-      for (const std::string& suffix : reading.suffixes) apply_suffix(suffix, target.scenario);
+      for (const std::string& suffix : reading.suffixes) {
+        if (asks_for_images(suffix))
+          errors_.add(at, cat("scenario '", text,
+                              "': _rgb asks for images, which agents here are not given; they "
+                              "observe numbers: leave it out"));
+        apply_suffix(suffix, target.scenario);
+      }
       resolve_maps(target.scenario);
       target.scenario.name = text;
       return;
@@ -116,7 +112,7 @@ class Loader {
   }
 
  private:
-  /// A path in a file is relative to the file's folder.
+  /// A path in a file is relative to the file's folder, one of the command line to the shell's.
   static fs::path relative_to(const std::string& text, const Position& at) {
     const bool in_file = at.line > 0 && at.source;
     return in_file ? (fs::path(*at.source).parent_path() / text).lexically_normal() : fs::path(text);
@@ -156,8 +152,8 @@ class Loader {
     const std::string base = split_name(text).back().base;
     std::string message = cat("unknown scenario '", text, "'", nearest_hint(base, known, 3));
     if (dirs_.empty()) message += "; no data folder was found (set GIGASTEP_DATA_DIR)";
-    errors_.add(at, message + "; allowed: the names that `gigastep scenarios` lists, with suffixes " + suffix_help() +
-                        ", or the path of a YAML file");
+    errors_.add(at, message + "; allowed: the names that `gigastep scenarios` lists, with suffixes in any order (" +
+                        suffix_help() + "), or the path of a YAML file");
     incomplete();
   }
 
@@ -317,10 +313,32 @@ class Loader {
 
 }  // namespace
 
+bool is_path(const std::string& text) {
+  return text.find('/') != std::string::npos || text.ends_with(".yaml") || text.ends_with(".yml");
+}
+
+bool name_files(Node& changes) {
+  bool found = false;
+  const auto name_file = [&found](Node& node) {
+    if (!node.is_scalar() || !is_path(node.text)) return;
+    node.text = fs::path(node.text).stem().string();
+    found = true;
+  };
+  for (Node::Entry& entry : changes.entries) {
+    if (entry.key == "maps") name_file(entry.value);
+    for (Node& item : entry.value.items) {
+      if (entry.key == "maps") name_file(item);
+      for (Node::Entry& part : item.entries)
+        if (entry.key.starts_with("team_") && part.key == "type") name_file(part.value);
+    }
+  }
+  return found;
+}
+
 std::optional<Scenario> load_scenario(const ScenarioRequest& request, const DataDirs& dirs, Errors& errors) {
   Loader loader(dirs, errors);
   ScenarioFile file;
-  loader.load_asked(request.name_or_path, request.at, file);
+  loader.load(request.name_or_path, request.at, file);
   if (request.changes && !request.changes->is_null()) loader.apply(*request.changes, request.changes_path, file);
   if (!loader.complete()) return std::nullopt;
   Loader::prune(file.scenario);
@@ -334,6 +352,16 @@ Scenario load_scenario(const std::string& name_or_path, const DataDirs& dirs, co
   const std::optional<Scenario> scenario = load_scenario(request, dirs, errors);
   errors.throw_if_any();
   return *scenario;
+}
+
+void change_scenario(const Node& changes, const std::string& path, const DataDirs& dirs, Scenario& scenario,
+                     Errors& errors) {
+  Loader loader(dirs, errors);
+  ScenarioFile file;
+  file.scenario = std::move(scenario);
+  loader.apply(changes, path, file);
+  Loader::prune(file.scenario);
+  scenario = std::move(file.scenario);
 }
 
 std::optional<Scenario> parse_scenario(std::string_view text, const std::string& name, const DataDirs& dirs,

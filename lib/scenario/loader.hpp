@@ -15,10 +15,10 @@ namespace giga {
 /// Reads a scenario; throws InputError with all errors.
 ///
 /// `name_or_path` with a slash or ending in .yaml is a file; else a scenario of the data folders, where the name may
-/// carry suffixes in this order, each standing for keys:
+/// carry suffixes in any order, each standing for keys:
 ///   _fobs | _pobs   full observability: use_stochastic_obs and use_stochastic_comm false, cone_depth 100, cone_angle
 ///                   2 pi, rewards.detection 0 | as the scenario says
-///   _rgb | _vec     observation.type: rgb | vector
+///   _vec            nothing: agents observe numbers, not images
 ///   _maps | _void   maps: all | empty
 ///   _cont | _disc   action: continuous | discrete
 /// (A bare base name means vector observations and discrete actions; in the original it meant images and continuous
@@ -43,10 +43,19 @@ struct ScenarioRequest {
 /// else what could be read, which is worth checking further (compile), so that the user sees all mistakes at once.
 std::optional<Scenario> load_scenario(const ScenarioRequest& request, const DataDirs& dirs, Errors& errors);
 
+/// Changes keys of a scenario; mistakes are added to `errors`. `path` stands before the keys in messages.
+void change_scenario(const Node& changes, const std::string& path, const DataDirs& dirs, Scenario& scenario,
+                     Errors& errors);
+
 /// Reads a scenario from a text, such as print_scenario gives.
 Scenario parse_scenario(std::string_view text, const std::string& name, const DataDirs& dirs);
 std::optional<Scenario> parse_scenario(std::string_view text, const std::string& name, const DataDirs& dirs,
                                        Errors& errors);
+
+/// Whether this is the path of a file, not a name.
+bool is_path(const std::string& name_or_path);
+/// Changes to a scenario with the names of maps and agent types in the place of their files; whether there were files.
+bool name_files(Node& changes);
 
 struct ScenarioInfo {
   std::string name, description;

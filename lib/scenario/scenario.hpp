@@ -18,8 +18,8 @@ namespace giga {
 constexpr std::array<const char*, 2> enum_names(Rules) { return {"corrected", "original"}; }
 constexpr std::array<const char*, 2> enum_names(ActionKind) { return {"discrete", "continuous"}; }
 
-enum class ObservationType : uint8_t { vector, rgb, rgb_vector };
-constexpr std::array<const char*, 3> enum_names(ObservationType) { return {"vector", "rgb", "rgb_vector"}; }
+enum class ObservationType : uint8_t { vector };  // the original has images too
+constexpr std::array<const char*, 1> enum_names(ObservationType) { return {"vector"}; }
 
 /// So many agents of a type.
 struct TeamEntry {

@@ -2,19 +2,22 @@
 #include "scenario/shorthand.hpp"
 
 #include <array>
+#include <set>
 
 #include "config/names.hpp"
 
 namespace giga {
 namespace {
 
+constexpr size_t kNPairs = 3;
+
 struct Suffix {
   const char* name;
   void (*apply)(Scenario&);
 };
 
-/// Pairs in the order in which they stand in a name.
-const std::array<std::array<Suffix, 2>, 4> kSuffixes = {{
+/// Of each pair a name has one at most. In the original's names _vec says that agents observe numbers, as all do here.
+const std::array<std::array<Suffix, 2>, kNPairs> kSuffixes = {{
     {{{"fobs",
        [](Scenario& s) {
          s.sight.use_stochastic_obs = false;
@@ -24,28 +27,41 @@ const std::array<std::array<Suffix, 2>, 4> kSuffixes = {{
          s.rewards[RewardTerm::detection] = 0;
        }},
       {"pobs", [](Scenario&) {}}}},
-    {{{"rgb", [](Scenario& s) { s.observation.type = ObservationType::rgb; }},
-      {"vec", [](Scenario& s) { s.observation.type = ObservationType::vector; }}}},
     {{{"maps", [](Scenario& s) { s.maps = MapSelection::all(); }},
       {"void", [](Scenario& s) { s.maps = MapSelection::empty(); }}}},
     {{{"cont", [](Scenario& s) { s.action = ActionKind::continuous; }},
       {"disc", [](Scenario& s) { s.action = ActionKind::discrete; }}}},
 }};
 
+constexpr const char *kVector = "vec", *kImages = "rgb";
+constexpr size_t kVectorPair = kNPairs, kNoPair = kVectorPair + 1;
+
+/// The number of the pair that a suffix is of.
+size_t pair_of(std::string_view suffix) {
+  for (size_t k = 0; k < kSuffixes.size(); ++k)
+    for (const Suffix& known : kSuffixes[k])
+      if (suffix == known.name) return k;
+  return suffix == kVector || suffix == kImages ? kVectorPair : kNoPair;
+}
+
 }  // namespace
 
 std::vector<ShortName> split_name(std::string_view name) {
   std::vector<ShortName> readings = {{std::string(name), {}}};
-  for (size_t place = kSuffixes.size(); place-- > 0;) {
-    for (const Suffix& suffix : kSuffixes[place]) {
-      const ShortName last = readings.back();
-      const std::string ending = std::string("_") + suffix.name;
-      if (last.base.size() <= ending.size() || !last.base.ends_with(ending)) continue;
-      ShortName next{last.base.substr(0, last.base.size() - ending.size()), last.suffixes};
-      next.suffixes.insert(next.suffixes.begin(), suffix.name);
-      readings.push_back(std::move(next));
-      break;
-    }
+  std::set<size_t> taken;  // pairs that have a suffix already
+  const auto take_last = [&] {
+    const ShortName last = readings.back();
+    const size_t at = last.base.rfind('_');
+    if (at == std::string::npos || at == 0) return false;
+    const std::string suffix = last.base.substr(at + 1);
+    const size_t pair = pair_of(suffix);
+    if (pair == kNoPair || !taken.insert(pair).second) return false;
+    ShortName next{last.base.substr(0, at), last.suffixes};
+    next.suffixes.insert(next.suffixes.begin(), suffix);
+    readings.push_back(std::move(next));
+    return true;
+  };
+  while (take_last()) {
   }
   return readings;
 }
@@ -55,6 +71,8 @@ void apply_suffix(std::string_view suffix, Scenario& scenario) {
     for (const Suffix& known : pair)
       if (suffix == known.name) known.apply(scenario);
 }
+
+bool asks_for_images(std::string_view suffix) { return suffix == kImages; }
 
 std::string suffix_help() {
   std::vector<std::string> pairs;

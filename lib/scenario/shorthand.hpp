@@ -16,13 +16,16 @@ struct ShortName {
   std::vector<std::string> suffixes;
 };
 
-/// All ways to read the name, the longest base (the whole name) first.
+/// All ways to read the name, the longest base (the whole name) first. Suffixes may stand in any order, one of a pair.
 std::vector<ShortName> split_name(std::string_view name);
 
 /// Sets the keys for which a suffix stands.
 void apply_suffix(std::string_view suffix, Scenario& scenario);
 
-/// "_fobs|_pobs, _rgb|_vec, ..." for messages.
+/// Whether a suffix asks for images, which the original has and we have not.
+bool asks_for_images(std::string_view suffix);
+
+/// "_fobs|_pobs, _maps|_void, ..." for messages.
 std::string suffix_help();
 
 }  // namespace giga

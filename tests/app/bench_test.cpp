@@ -137,10 +137,14 @@ TEST(Bench, Evolution) {
 
 TEST(Bench, TableForPeople) {
   const Workplace here;
-  const Outcome outcome =
-      here.run({"bench", "sim", "--worlds", "8", "--steps", "60", "--device", "cpu", "--repeats", "1"});
+  std::vector<std::string> arguments = {"bench", "sim",      "--worlds", "8",         "--steps",
+                                        "60",    "--device", "cpu",      "--repeats", "1"};
+  const Outcome outcome = here.run(arguments);
   EXPECT_EQ(outcome.code, 0) << outcome.err;
-  EXPECT_TRUE(contains(outcome.out, {"worlds", "median", "episodes_ended", "arithmetic", "fp32", "commit"}));
+  EXPECT_TRUE(contains(outcome.out, {"worlds", "median", "arithmetic", "fp32", "commit"}));
+  EXPECT_EQ(outcome.out.find("last_observation_sum"), std::string::npos) << "nobody asked";
+  arguments.emplace_back("--proof");
+  EXPECT_TRUE(contains(here.run(arguments).out, {"episodes_ended", "last_observation_sum"}));
 }
 
 }  // namespace

@@ -36,7 +36,7 @@ TEST(CommandLine, Version) {
   const Workplace here;
   const Outcome version = here.run({"--version"});
   EXPECT_EQ(version.code, 0);
-  EXPECT_TRUE(contains(version.out, {"0.", "(commit "}));
+  EXPECT_TRUE(contains(version.out, {"0.", "(commit ", " tree, build "}));
 }
 
 TEST(CommandLine, MistakesNameTheNearest) {
@@ -54,6 +54,22 @@ TEST(CommandLine, MistakesNameTheNearest) {
       {{"train", "a.yaml", "b.yaml"}, {"unexpected argument 'b.yaml'"}},
       {{"train", "quikstart"}, {"there is no config quikstart", "nearest: 'quickstart'"}},
       {{"train", "quickstart", "--seed", "x"}, {"--seed", "x"}},
+      {{"train", "quickstart", "--name", "a/b"}, {"--name a/b is a path", "--run-dir"}},
+      {{"train", "quickstart", "--set", "mappo.gamma", "0.9"},
+       {"--set mappo.gamma 0.9: expected KEY=VALUE; write --set mappo.gamma=0.9"}},
+      {{"train", "quickstart", "--mappo.gamma=0.9"},
+       {"unknown option '--mappo.gamma=0.9'; write --set mappo.gamma=0.9"}},
+      {{"train", "quickstart", "--mappo.gamma", "0.9"}, {"write --set mappo.gamma=0.9"}},
+      {{"train", "quickstart", "--set", "mappo.actor.hidden=[64,", "64]"},
+       {"the shell took the list apart at its blanks; write --set 'mappo.actor.hidden=[64, 64]'"}},
+      {{"train", "quickstart", "--set", "n_worlds=512"},
+       {"--set n_worlds: unknown key; did you mean 'train.n_worlds'?"}},
+      {{"train", "quickstart", "--set", "rewards.damage=5"}, {"did you mean 'environment.rewards.damage'?"}},
+      {{"train", "quickstart", "--set", "mappo.lr=1"}, {"unknown key; nearest: 'learning_rate'"}},
+      {{"eval", "circle", "--vs", "pursuer", "--scenario", "identical_2_vs_2", "--set", "sight.cone_depth=5"},
+       {"did you mean 'environment.sight.cone_depth'?"}},
+      {{"scenarios", "show", "identical_2_vs_2", "--picture", "a.png"}, {"pictures are SVG"}},
+      {{"scenarios", "show", "identical_2_vs_2_rgb"}, {"_rgb asks for images"}},
       {{"train", "quickstart", "--device", "tpu"}, {"--set device: 'tpu' is not auto, cpu, cuda"}},
       {{"eval", "runs/x"}, {"--vs is required"}},
       {{"eval", "runs/x", "--vs", "circel"},
@@ -61,7 +77,7 @@ TEST(CommandLine, MistakesNameTheNearest) {
       {{"eval", "runs/x", "--vs", "circle"}, {"there is no checkpoint or run folder runs/x"}},
       {{"eval", "circle", "--vs", "runs/x.h5"}, {"there is no checkpoint or run folder runs/x.h5"}},
       {{"eval", "circle", "--vs", "pursuer"},
-       {"neither circle nor pursuer says which scenario is played", "--scenario"}},
+       {"no checkpoint or manifest says which scenario circle and pursuer play", "--scenario"}},
       {{"eval", "circle", "--vs", "pursuer", "--scenario", "identical_2_v_2"}, {"nearest: 'identical_2_vs_2'"}},
       {{"eval", "runs/x", "--vs", "circle", "--episodes", "0"}, {"--episodes"}},
       {{"scenarios", "shwo", "x"}, {"unknown command 'shwo'", "nearest: 'show'", "gigastep scenarios --help"}},
@@ -112,6 +128,26 @@ TEST(CommandLine, ScenariosAreListedAndShown) {
   EXPECT_TRUE(contains(shown.out, {"team_0:", "cone_depth:", "(units)"}));
   here.write("identical_5_vs_3_void.yaml", shown.out);
   EXPECT_EQ(here.run({"scenarios", "show", "./identical_5_vs_3_void.yaml"}).out, shown.out);
+}
+
+// Of the eight maps of a scenario, with both teams' starts; an own scenario's map likewise.
+TEST(CommandLine, MapsAreDrawn) {
+  const Workplace here;
+  const auto count = [](const std::string& text, const std::string& part) {
+    size_t n = 0;
+    for (size_t at = 0; (at = text.find(part, at)) != std::string::npos; ++at) ++n;
+    return n;
+  };
+  ASSERT_EQ(here.run({"scenarios", "show", "identical_5_vs_5", "--picture", "maps.svg"}).code, 0);
+  const std::string maps = here.read("maps.svg");
+  EXPECT_EQ(count(maps, "<clipPath"), 8u);
+  EXPECT_EQ(count(maps, "team 0 starts here"), 8u);
+  EXPECT_TRUE(contains(maps, {"<svg", "two_rooms1", "5 agents of team 0 (blue) against 5 of team 1"}));
+  // The sight cone is 3 deep, its half angle 3/4 pi; weapons reach 2.05.
+  EXPECT_TRUE(contains(maps, {"an agent of team 0 sees as far as 3<", "an agent of team 1 shoots as far as 2.05<"}));
+  here.write("mine.yaml", "base: identical_1_vs_1\nmaps: wall\nmap_definitions: {wall: {boxes: [[4.5, 2, 5.5, 8]]}}\n");
+  ASSERT_EQ(here.run({"scenarios", "show", "./mine.yaml", "--picture", "mine.svg"}).code, 0);
+  EXPECT_TRUE(contains(here.read("mine.svg"), {"obstacle from [4.5, 2] to [5.5, 8]", ">wall<"}));
 }
 
 // As `cmake --install` lays the files out: bin/gigastep beside share/gigastep.

@@ -108,7 +108,7 @@ TEST_F(Eval, AScenarioWithOtherObservationsIsRefused) {
   const Outcome outcome = eval("first", "pursuer", {"--scenario", "identical_5_vs_5"});
   EXPECT_EQ(outcome.code, 2);
   EXPECT_TRUE(contains(outcome.err, {"first was trained in 'identical_2_vs_2_void'", "neighbors 3 x 9",
-                                     "'identical_5_vs_5'", "neighbors 9 x 9"}));
+                                     "'identical_5_vs_5'", "neighbors 9 x 9", "what differs: team_0: ", "maps: "}));
   EXPECT_EQ(eval("first", "pursuer", {"--scenario", "identical_2_vs_2_fobs_void"}).code, 0);
 }
 
@@ -116,6 +116,37 @@ TEST_F(Eval, AScenarioWithOtherObservationsIsRefused) {
 std::string results_of(const Outcome& outcome) {
   EXPECT_EQ(outcome.code, 0) << outcome.err;
   return print_node(at(parse_yaml_text(outcome.out, "json"), {"sides"}));
+}
+
+// A run with the egocentric view, which the scenarios that ship do not give.
+TEST_F(Eval, WhatAPolicyObservesComesWithIt) {
+  here_->write("seeing.yaml", std::string(kTinyConfig) +
+                                  "environment: {observation: {egocentric_view: true}, rewards: {damage: 3}}\n");
+  ASSERT_EQ(
+      here_->run({"train", "seeing.yaml", "--run-dir", "seeing", "--set", "train.total_agent_steps=4096", "--quiet"})
+          .code,
+      0);
+  for (const char* scenario : {"identical_2_vs_2_void", "identical_2_vs_2_void_fobs"}) {
+    const Outcome outcome = eval("seeing", "circle", {"--scenario", scenario, "--json", "-"});
+    ASSERT_EQ(outcome.code, 0) << outcome.err;
+    EXPECT_EQ(at(parse_yaml_text(outcome.out, "json"), {"scenario"}).text, scenario);
+  }
+  // Beside one that was trained without it, each with its own observations: the other's results stay what they are.
+  EXPECT_EQ(eval("seeing", "first", {"--both-sides"}).code, 0);
+  EXPECT_EQ(
+      results_of(eval("first", "circle", {"--json", "-", "--set", "environment.observation.egocentric_view=true"})),
+      results_of(eval("first", "circle", {"--json", "-"})));
+  ASSERT_EQ(here_->run({"export", "seeing", "--team", "0", "--format", "safetensors", "--out", "seen"}).code, 0);
+  EXPECT_EQ(eval("seen", "first", {"--scenario", "identical_2_vs_2_void"}).code, 0);
+}
+
+TEST_F(Eval, KeysOfTheScenarioCanBeChanged) {
+  const Document json = parse_yaml_text(
+      eval("first", "circle", {"--set", "environment.max_episode_length=7", "--json", "-"}).out, "json");
+  EXPECT_LE(number_at(json, {"sides", "0", "mean_length"}), 7);
+  const Outcome wrong = eval("first", "circle", {"--set", "environment.sight.cone_dept=5"});
+  EXPECT_EQ(wrong.code, 2);
+  EXPECT_TRUE(contains(wrong.err, {"environment.sight.cone_dept: unknown key; nearest: 'cone_depth'"}));
 }
 
 TEST_F(Eval, AnExportedPolicyPlaysAsTheCheckpointThatItIsOf) {
@@ -137,8 +168,8 @@ TEST_F(Eval, AnExportedPolicyPlaysAsTheCheckpointThatItIsOf) {
 TEST_F(Eval, WhatEvolvedToBeGreedyIsPlayedSo) {
   here_->write("evolved.yaml", R"(scenario: identical_2_vs_2_void
 device: cpu
-train: {algorithm: openai_es}
-population: {population_size: 4, generations: 1, episodes_per_member: 2, max_steps: 20, actor: {hidden: [8]}}
+train: {algorithm: openai_es, total_agent_steps: 1}
+population: {population_size: 4, episodes_per_member: 2, max_steps: 20, actor: {hidden: [8]}}
 eval: {episodes: 8, every_updates: 0}
 )");
   ASSERT_EQ(here_->run({"train", "evolved.yaml", "--run-dir", "evolved", "--quiet"}).code, 0);

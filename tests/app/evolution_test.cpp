@@ -10,8 +10,8 @@ namespace {
 
 constexpr const char* kConfig = R"(scenario: identical_1_vs_1_fobs_vec_void_disc
 device: cpu
-train: {algorithm: openai_es}
-population: {population_size: 8, episodes_per_member: 2, generations: 12, max_steps: 60, actor: {hidden: [8]}}
+train: {algorithm: openai_es, total_agent_steps: 30000}
+population: {population_size: 8, episodes_per_member: 2, max_steps: 60, actor: {hidden: [8]}}
 opponents: {pool_size: 2, pool_every_updates: 3, pool_share: 0.5}
 eval: {episodes: 8, every_updates: 4}
 checkpoint: {every_updates: 2}
@@ -31,8 +31,14 @@ class EvolutionRun : public ::testing::Test {
 TEST_F(EvolutionRun, StoppedAndKilledRunsGoOnBitForBit) {
   const Outcome whole = train("whole");
   ASSERT_EQ(whole.code, 0) << whole.err;
-  EXPECT_TRUE(contains(whole.err, {"with openai_es on cpu: 12 generations", "wins vs random"}));
-  EXPECT_EQ(metrics_rows(here_, "whole"), 12u);
+  EXPECT_TRUE(contains(whole.err, {"with openai_es on cpu: 30.0 k agent-steps", "wins vs random"}));
+  // A generation is 2 teams x 8 members x 2 episodes of 2 agents for at most 60 steps: at most 3840 agent-steps.
+  const size_t generations = metrics_rows(here_, "whole");
+  EXPECT_GE(generations, 8u);
+  const CsvTable table = parse_csv(here_.read("whole/metrics.csv"));
+  const auto steps = [&](size_t row) { return std::stoll(table.cell(row, "agent_steps")); };
+  EXPECT_LT(steps(generations - 2), 30000);
+  EXPECT_GE(steps(generations - 1), 30000) << "the generation in which the budget is reached is the last";
   for (const int signal : {SIGTERM, SIGKILL}) {
     const std::string run = cat("signal_", signal);
     const auto process = here_.start({"train", "es.yaml", "--run-dir", run});
@@ -44,16 +50,18 @@ TEST_F(EvolutionRun, StoppedAndKilledRunsGoOnBitForBit) {
     EXPECT_EQ(state_hash(here_, run), state_hash(here_, "whole"));
     EXPECT_EQ(metrics_difference(timeless_metrics(here_, run), timeless_metrics(here_, "whole")), "");
   }
-  // Complete; and further on with more generations.
-  EXPECT_TRUE(contains(here_.run({"resume", "whole"}).out, {"is complete", "--set population.generations=N"}));
-  EXPECT_EQ(here_.run({"resume", "whole", "--set", "population.generations=13"}).code, 0);
-  EXPECT_EQ(metrics_rows(here_, "whole"), 13u);
+  // Complete; and further on with one agent-step more.
+  EXPECT_TRUE(contains(here_.run({"resume", "whole"}).out, {"is complete", "--set train.total_agent_steps=N"}));
+  EXPECT_EQ(here_.run({"resume", "whole", "--set", cat("train.total_agent_steps=", steps(generations - 1) + 1)}).code,
+            0);
+  EXPECT_EQ(metrics_rows(here_, "whole"), generations + 1);
 }
 
 TEST_F(EvolutionRun, IsEvaluatedInspectedAndBenchmarked) {
   for (const char* algorithm : {"snes", "des"}) {
-    ASSERT_EQ(train(algorithm, {"--set", cat("train.algorithm=", algorithm), "--set", "population.generations=2"}).code,
-              0);
+    ASSERT_EQ(
+        train(algorithm, {"--set", cat("train.algorithm=", algorithm), "--set", "train.total_agent_steps=4000"}).code,
+        0);
     const Outcome eval = here_.run({"eval", algorithm, "--vs", "circle", "--episodes", "8", "--device", "cpu"});
     EXPECT_EQ(eval.code, 0) << eval.err;
     const Outcome inspect = here_.run({"inspect", algorithm});

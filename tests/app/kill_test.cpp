@@ -98,6 +98,9 @@ TEST_F(KilledRun, ByAFullDisk) {
     if (failed.code != 0) {
       EXPECT_NE(failed.code, 3);
       EXPECT_TRUE(contains(failed.err, {"No space left on device", name})) << failed.err;
+      if (here_.has(name + "/checkpoints/update_00000000.h5")) {
+        EXPECT_TRUE(contains(failed.err, {"to go on from there: ", " resume " + name}));
+      }
       ++failures;
       resumes += expect_goes_on(name) ? 1 : 0;
     }

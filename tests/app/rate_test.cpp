@@ -80,7 +80,7 @@ TEST_F(RatedRuns, SecondsAreThoseOfMetricsAlsoOfAResumedRun) {
                 .code,
             0);
   ASSERT_EQ(here_->run({"resume", "resumed", "--quiet", "--set", "train.total_agent_steps=1024"}).code, 0);
-  ASSERT_EQ(rate({"resumed", "--scripted", "random", "--episodes", "4"}).code, 0);
+  ASSERT_EQ(rate({"resumed", "--scripted", "random", "--episodes", "4", "--checkpoints", "0"}).code, 0);
   const CsvTable rated = parse_csv(here_->read("resumed/ratings/ratings.csv"));
   const CsvTable metrics = parse_csv(here_->read("resumed/metrics.csv"));
   const auto seconds = [](const CsvTable& table, size_t row) { return std::stod(table.cell(row, "seconds")); };
@@ -177,11 +177,53 @@ TEST_F(RatedRuns, PlayInAnotherScenarioThatFits) {
   EXPECT_FALSE(here_->has("misfit"));
 }
 
+// A run that was paid otherwise played the same game.
+TEST_F(RatedRuns, OtherRewardsAreNoOtherGame) {
+  here_->write("paid.yaml", std::string(kShortConfig) + "environment: {rewards: {damage: 7}}\n");
+  ASSERT_EQ(here_->run({"train", "paid.yaml", "--quiet", "--run-dir", "paid"}).code, 0);
+  const Outcome outcome = rate({"run-seed1", "paid", "--scripted", "random", "--episodes", "4", "--out", "ablation"});
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_TRUE(contains(outcome.out, {"run-seed1@4", "paid@4"}));
+}
+
+TEST_F(RatedRuns, KeysOfTheGameCanBeChanged) {
+  const Outcome outcome = rate({"run-seed1", "--scripted", "random", "--episodes", "4", "--out", "changed", "--set",
+                                "environment.max_episode_length=3", "--json", "-"});
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_TRUE(contains(at(parse_yaml_text(outcome.out, "json"), {"win"}).text, {"3 steps"}));
+}
+
+// Two seeds of one config: what each of them won and lost is what their pool did.
+TEST_F(RatedRuns, SeedsOfOneConfigArePooled) {
+  const std::vector<std::string> arguments = {"run-seed1", "run-seed2", "--scripted", "random", "--episodes",
+                                              "8",         "--json",    "-",          "--out",  "pooled"};
+  std::vector<std::string> with_group = arguments;
+  with_group.push_back("--group");
+  const Outcome outcome = rate(with_group);
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  const Document json = parse_yaml_text(outcome.out, "json");
+  EXPECT_EQ(names_of(json), (Names{"random", "run (2 seeds)"}));
+  double games = 0;
+  for (const char* count : {"wins", "losses", "ties"}) games += number_at(json, {"games", count, "0", "1"});
+  EXPECT_EQ(games, 16) << "8 against each of two seeds";
+}
+
+TEST_F(RatedRuns, SeveralAreWrittenBesideThemAndToldBeforehand) {
+  std::filesystem::create_directory(here_->path() / "runs");
+  for (const char* run : {"run-seed1", "run-seed2"})
+    std::filesystem::copy(here_->path() / run, here_->path() / "runs" / run, std::filesystem::copy_options::recursive);
+  const Outcome outcome = rate({"runs/run-seed1/", "runs/run-seed2", "--scripted", "random", "--episodes", "8"});
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_TRUE(contains(outcome.out, {"Written: runs/ratings"}));
+  EXPECT_TRUE(here_->has("runs/ratings/ratings.csv"));
+  EXPECT_TRUE(contains(outcome.err, {" pairs of 8 episodes, about "}));
+}
+
 TEST_F(RatedRuns, ADamagedCheckpointIsLeftOut) {
   std::filesystem::copy(here_->path() / "run-seed2", here_->path() / "damaged",
                         std::filesystem::copy_options::recursive);
   here_->write("damaged/checkpoints/update_00000003.h5", "not HDF5");
-  const Outcome outcome = rate({"damaged", "--scripted", "random", "--episodes", "8"});
+  const Outcome outcome = rate({"damaged", "--scripted", "random", "--episodes", "8", "--checkpoints", "0"});
   ASSERT_EQ(outcome.code, 0) << outcome.err;
   EXPECT_TRUE(contains(outcome.err, {"warning: ", "update_00000003.h5", "it is left out"}));
   EXPECT_TRUE(contains(outcome.out, {"damaged@4"}));
@@ -205,7 +247,9 @@ TEST_F(RatedRuns, MistakesAreToldAndLeaveNothing) {
       {{"run-seed1", "--sides", "both"}, "--sides"},
       {{"run-seed1", "--episodes", "0"}, "--episodes"},
       {{"run-seed1", "--scenario", "identical_1_vs_l"}, "identical_1_vs_l"},
-      {{"run-seed1", "other"}, "are of different scenarios"},
+      {{"run-seed1", "other"}, "were trained in different games: say with --scenario which one is played"},
+      {{"run-seed1", "other"}, "\n  max_episode_length: 500 in run-seed1@"},
+      {{"run-seed1", "--set", "mappo.gamma=0.9"}, "--set mappo.gamma: mappo: unknown key"},
       {{}, "RUN"},
   };
   for (const Mistake& mistake : mistakes) {

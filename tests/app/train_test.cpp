@@ -137,7 +137,7 @@ TEST(Train, AScriptedOpponentLearnsNothingAndIsLeftOut) {
                                      "train.learning_team=1", "--set", "train.total_agent_steps=4_096", "--quiet"});
   ASSERT_EQ(training.code, 0) << training.err;
   EXPECT_EQ(training.err, "");
-  const std::string run = "runs/identical_2_vs_2_void-mappo-seed1-001";
+  const std::string run = "runs/identical_2_vs_2_void-mappo-opponent_circle-learning_team1-seed1";
   ASSERT_TRUE(here.has(run));
   const CsvTable table = parse_csv(here.read(run + "/metrics.csv"));
   EXPECT_EQ(table.cell(0, "win_rate_0_vs_random"), "");
@@ -150,6 +150,86 @@ TEST(Train, AScriptedOpponentLearnsNothingAndIsLeftOut) {
   const Document json = parse_yaml_text(eval.out, "json");
   ASSERT_EQ(at(json, {"sides"}).items.size(), 1u);
   EXPECT_EQ(number_at(json, {"sides", "0", "team"}), 1);
+}
+
+// The scenario is a file beside the config, with a map of its own in a folder: all of it is in the run folder.
+TEST(Train, ARunsConfigTrainsAgainFromAnywhere) {
+  const Workplace here;
+  std::filesystem::create_directories(here.path() / "games/maps");
+  std::filesystem::create_directories(here.path() / "elsewhere");
+  here.write("games/maps/wall.yaml", "boxes: [[4.5, 2, 5.5, 8]]\n");
+  here.write("games/duel.yaml", "base: identical_1_vs_1_void\nmaps: maps/wall.yaml\n");
+  here.write("games/run.yaml",
+             "scenario: duel.yaml\ndevice: cpu\nenvironment: {maps: [./maps/wall.yaml], max_episode_length: 60}\n"
+             "train: {n_worlds: 16, total_agent_steps: 256}\nmappo: {horizon: 8, n_minibatches: 2, n_epochs: 1}\n"
+             "eval: {episodes: 8}\n");
+  ASSERT_EQ(here.run({"config", "games/run.yaml"}).code, 0) << "paths in a file are relative to it";
+  const Outcome first = here.run({"train", "games/run.yaml", "--quiet", "--name", "first"});
+  ASSERT_EQ(first.code, 0) << first.err;
+  EXPECT_TRUE(contains(here.read("runs/first/config.yaml"), {"scenario: duel.yaml"}));
+  std::filesystem::remove_all(here.path() / "games");
+  std::filesystem::rename(here.path() / "runs/first", here.path() / "elsewhere/moved");
+  const Outcome again = here.run({"train", "elsewhere/moved/config.yaml", "--quiet", "--run-dir", "second"});
+  ASSERT_EQ(again.code, 0) << again.err;
+  EXPECT_EQ(here.read("second/scenario.yaml"), here.read("elsewhere/moved/scenario.yaml"));
+  EXPECT_EQ(here.read("second/config.yaml"), here.read("elsewhere/moved/config.yaml"));
+}
+
+TEST(Train, RunsAreNamedByWhatWasChanged) {
+  const Workplace here;
+  here.write("tiny.yaml", kTinyConfig);
+  const std::vector<std::string> arguments = {"train",
+                                              "tiny.yaml",
+                                              "--quiet",
+                                              "--seed",
+                                              "2",
+                                              "--set",
+                                              "mappo.learning_rate=3e-4",
+                                              "--set",
+                                              "environment.rewards.damage=5",
+                                              "--set",
+                                              "train.total_agent_steps=1",
+                                              "--set",
+                                              "eval.episodes=8"};
+  const std::string name = "runs/identical_2_vs_2_void-mappo-lr3e-4-damage5-seed2";
+  ASSERT_EQ(here.run(arguments).code, 0);
+  ASSERT_EQ(here.run(arguments).code, 0);
+  EXPECT_TRUE(here.has(name + "/config.yaml"));
+  EXPECT_TRUE(here.has(name + "-002/config.yaml"));
+  const Document info = parse_yaml_text(here.read(name + "/run.json"), "run.json");
+  EXPECT_EQ(at(info, {"versions", "commit"}).text.ends_with("-dirty"),
+            at(info, {"versions", "clean_tree"}).text == "false");
+}
+
+TEST(Train, TheEndNamesThePathsAndWhatIsNext) {
+  const Workplace here;
+  here.write("tiny.yaml", kTinyConfig);
+  const Outcome outcome =
+      here.run({"train", "tiny.yaml", "--quiet", "--run-dir", "run", "--set", "train.total_agent_steps=1"});
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_TRUE(
+      contains(outcome.out, {"report:      run/report.html", "run/checkpoints/update_00000001.h5 (the last)",
+                             "run/checkpoints/best.h5 (the best", " rate run", " report run ", " export run "}));
+  EXPECT_EQ(outcome.out.find(" eval run"), std::string::npos) << "its answer stands above";
+}
+
+// Folders that are no runs are left out of a report of several.
+TEST(Train, AReportOfManyLeavesOutWhatItCannotRead) {
+  const Workplace here;
+  here.write("tiny.yaml", kTinyConfig);
+  for (const char* run : {"runs/a", "runs/b"})
+    ASSERT_EQ(here.run({"train", "tiny.yaml", "--quiet", "--run-dir", run, "--set", "train.total_agent_steps=1"}).code,
+              0);
+  here.write("runs/b/metrics.csv", "agent_steps,seconds\n");
+  std::filesystem::create_directories(here.path() / "runs/ratings");
+  const Outcome outcome = here.run({"report", "runs/a/", "runs/b/", "runs/ratings/", "--out", "all.html"});
+  EXPECT_EQ(outcome.code, 0);
+  EXPECT_TRUE(
+      contains(outcome.err, {"warning: runs/b/metrics.csv: there is no row yet", "is not a run", "it is left out"}));
+  EXPECT_TRUE(here.has("all.html"));
+  const Outcome none = here.run({"report", "runs/b", "runs/ratings", "--out", "none.html"});
+  EXPECT_EQ(none.code, 2);
+  EXPECT_TRUE(contains(none.err, {"none of these can be reported:"}));
 }
 
 /// The names with an underscore in a text: those of figures.
@@ -169,8 +249,8 @@ TEST(Train, HelpNamesTheFiguresOfEachAlgorithm) {
   here.write("mappo.yaml", kTinyConfig);
   here.write("snes.yaml", R"(scenario: identical_2_vs_2_void
 device: cpu
-train: {algorithm: snes}
-population: {population_size: 4, generations: 1, max_steps: 20}
+train: {algorithm: snes, total_agent_steps: 1}
+population: {population_size: 4, max_steps: 20}
 eval: {episodes: 8}
 )");
   const std::string help = here.run({"train", "--help"}).out;

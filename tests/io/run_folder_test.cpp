@@ -66,9 +66,9 @@ TEST(RunFolder, AFileOfThatNameIsRefused) {
 TEST(RunFolder, NamesAreCountedUp) {
   const TemporaryFolder folder;
   const InFolder here(folder.path());
-  EXPECT_EQ(RunFolder::create("", "game-mappo-seed1").path(), "runs/game-mappo-seed1-001");
+  EXPECT_EQ(RunFolder::create("", "game-mappo-seed1").path(), "runs/game-mappo-seed1");
   EXPECT_EQ(RunFolder::create("", "game-mappo-seed1").path(), "runs/game-mappo-seed1-002");
-  EXPECT_EQ(RunFolder::create("", "game-mappo-seed2").path(), "runs/game-mappo-seed2-001");
+  EXPECT_EQ(RunFolder::create("", "game-mappo-seed2").path(), "runs/game-mappo-seed2");
 }
 
 std::set<std::string> names_in(const fs::path& folder) {

@@ -85,10 +85,11 @@ TEST(TensorBoard, NumbersOfHyperParametersAreFinite) {
   EXPECT_EQ(events.size(), kFirstRecord);
 }
 
-TEST(TensorBoard, StepsHave31Bits) {
+// The HPARAMS tab takes no more; the axis of the curves, agent-steps, does.
+TEST(TensorBoard, StepsOfComparisonsHave31Bits) {
   const TemporaryFolder folder;
   TensorBoardEvents events = TensorBoardEvents::create(folder / "events", 0);
-  EXPECT_THROW(events.scalars(2147483648, 0, {{"x", 1.0}}), Error);
+  EXPECT_THROW(events.comparison(2147483648, 0, {{"x", 1.0}}), Error);
   EXPECT_THROW(events.scalars(-1, 0, {{"x", 1.0}}), Error);
   EXPECT_EQ(events.size(), kFirstRecord);
 }
@@ -133,12 +134,13 @@ TEST(TensorBoard, TheRealReaderFindsEverything) {
     TensorBoardEvents events = TensorBoardEvents::create(folder / kTensorBoardFile, 1.7e9);
     events.hyper_parameters(
         {{"seed", 3.0}, {"mappo.gamma", 0.99}, {"train.desynchronize", false}, {"scenario", "caf\xC3\xA9 \"x\""}},
-        {"win_rate/team_0_vs_circle", "run/speed"}, 1.7e9 + 0.25);
+        {comparison_tag("win_rate_0_vs_circle")}, 1.7e9 + 0.25);
     events.text("config", "```yaml\nseed: 3\n```", 0, 1.7e9 + 0.5);
     events.scalars(4096, 1.7e9 + 1, {{"speed", 1e6}, {"entropy_0", 1.25}, {"entropy_1", -1.5}});
-    // The largest step, 2^31 - 1; 1e300 is infinite in single precision.
-    events.scalars(2147483647, 1.7e9 + 2,
+    // More agent-steps than 31 bits hold; 1e300 is infinite in single precision.
+    events.scalars(20000000000, 1.7e9 + 2,
                    {{"speed", 3e6}, {"entropy_0", 1e300}, {"entropy_1", kNaN}, {"win_rate_0_vs_circle", 0.75}});
+    events.comparison(12, 1.7e9 + 2, {{"win_rate_0_vs_circle", 0.75}});
     events.session_end(true, 1.7e9 + 3);
   }
   const Reading reading = read_with_tensorboard(folder.path());
@@ -146,23 +148,24 @@ TEST(TensorBoard, TheRealReaderFindsEverything) {
   ASSERT_EQ(reading.code, 0) << reading.err;
   EXPECT_EQ(one_line(reading.out), one_line(R"(
 scalars:
-  "run/speed": [[4096, 1700000001.0, 1000000.0], [2147483647, 1700000002.0, 3000000.0]]
-  "entropy/team_0": [[4096, 1700000001.0, 1.25], [2147483647, 1700000002.0, Infinity]]
+  "run/speed": [[4096, 1700000001.0, 1000000.0], [20000000000, 1700000002.0, 3000000.0]]
+  "entropy/team_0": [[4096, 1700000001.0, 1.25], [20000000000, 1700000002.0, Infinity]]
   "entropy/team_1": [[4096, 1700000001.0, -1.5]]
-  "win_rate/team_0_vs_circle": [[2147483647, 1700000002.0, 0.75]]
+  "win_rate/team_0_vs_circle": [[20000000000, 1700000002.0, 0.75]]
+  "hparams/win_rate_0_vs_circle": [[12, 1700000002.0, 0.75]]
 texts:
   config: [[0, 1700000000.5, "```yaml\nseed: 3\n```"]]
 columns:
   hparams: {mappo.gamma: DATA_TYPE_FLOAT64, scenario: DATA_TYPE_STRING, seed: DATA_TYPE_FLOAT64,
             train.desynchronize: DATA_TYPE_BOOL}
-  metrics: ["win_rate/team_0_vs_circle", "run/speed"]
+  metrics: ["hparams/win_rate_0_vs_circle"]
 sessions:
 - run: "."
   status: STATUS_SUCCESS
   start: 1700000000.25
   end: 1700000003.0
   hparams: {mappo.gamma: 0.99, scenario: "café \"x\"", seed: 3.0, train.desynchronize: false}
-  metrics: {"win_rate/team_0_vs_circle": [2147483647, 0.75], "run/speed": [2147483647, 3000000.0]}
+  metrics: {"hparams/win_rate_0_vs_circle": [12, 0.75]}
 )"));
 }
 

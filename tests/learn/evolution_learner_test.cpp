@@ -19,8 +19,8 @@ SmallRun evolution(const std::string& algorithm, const std::string& population =
   run.train = "algorithm: " + algorithm;
   run.n_threads = 1;  // so little work that threads only wait for each other
   const bool episodes = population.find("episodes_per_member") != std::string::npos;
-  run.more = cat("population: {population_size: 8, generations: 50, actor: {hidden: [8, 8]}",
-                 episodes ? "" : ", episodes_per_member: 2", population.empty() ? "" : ", ", population, "}\n", more);
+  run.more = cat("population: {population_size: 8, actor: {hidden: [8, 8]}", episodes ? "" : ", episodes_per_member: 2",
+                 population.empty() ? "" : ", ", population, "}\n", more);
   run.scenario = scenario;
   return run;
 }
@@ -200,7 +200,7 @@ TEST(LearnEvolutionGame, ATeamLearnsToStayInside) {
                              "10\nmax_episode_length: 120\n");
     run.train += ", opponent: noop";
     run.more =
-        "population: {population_size: 32, episodes_per_member: 4, generations: 60, objective: win_rate, sigma_init: "
+        "population: {population_size: 32, episodes_per_member: 4, objective: win_rate, sigma_init: "
         "0.1, actor: {hidden: [8]}}\nopenai_es: {learning_rate: 0.05}\n";
     const auto learner = run.learner();
     const double before = metric(learner->update(), "fitness_mean_0");

@@ -18,18 +18,35 @@ TEST(LearnRegistry, EveryRowIsWhole) {
   for (const Algorithm* a : algorithms()) {
     SCOPED_TRACE(a->name);
     EXPECT_EQ(find_algorithm(a->name), a);
-    for (const char* text : {a->about, a->figures, a->updates, a->end_key}) EXPECT_GT(std::string(text).size(), 0u);
+    for (const char* text : {a->about, a->figures, a->updates}) EXPECT_GT(std::string(text).size(), 0u);
     for (const ChartRow& chart : a->charts)
       EXPECT_NE(std::string(a->figures).find(chart.stem), std::string::npos) << chart.stem << " is no figure";
     SmallRun small;
     if (a != algorithms().front()) small.train = cat("algorithm: ", a->name);
     LoadedRun run = small.load();
     EXPECT_EQ(&algorithm_of(run.config), a);
-    EXPECT_GT(total_updates(run.config, 4), 0);
+    EXPECT_EQ(total_updates(run.config, 4).has_value(), !a->has_populations);
     EXPECT_GT(a->least_bytes(run), 0);
     a->set_size(run.config, 48);
     EXPECT_EQ(a->size(run.config).value, 48);
     a->shorten(run.config);
+  }
+}
+
+TEST(LearnRegistry, SettingsThatAnAlgorithmDoesNotRead) {
+  EXPECT_TRUE(reads_setting("mappo", "mappo.gamma"));
+  EXPECT_TRUE(reads_setting("mappo", "train.n_worlds"));
+  EXPECT_FALSE(reads_setting("mappo", "population.sigma_init"));
+  EXPECT_FALSE(reads_setting("snes", "mappo.gamma"));
+  EXPECT_FALSE(reads_setting("snes", "train.n_worlds"));
+  EXPECT_FALSE(reads_setting("snes", "openai_es.learning_rate"));
+  EXPECT_TRUE(reads_setting("snes", "snes.learning_rate_mean"));
+  EXPECT_TRUE(reads_setting("snes", "train.total_agent_steps")) << "the budget of all of them";
+  // Each group of settings is read by somebody, and the algorithms name keys that there are.
+  for (const FieldInfo& field : list_fields<RunConfig>()) {
+    int readers = 0;
+    for (const Algorithm* a : algorithms()) readers += reads_setting(a->name, field.path);
+    EXPECT_GT(readers, 0) << field.path;
   }
 }
 

@@ -87,10 +87,30 @@ TEST(RatingSheet, TableIsSortedAndSaysWhatIsInfinite) {
 TEST(RatingSheet, TheSidesAdvantageIsTold) {
   RatingSheet sheet = make_sheet({.sides = Sides::apart});
   const std::string table = ratings_table(sheet);
-  EXPECT_TRUE(contains(table, {"Side 0 is ahead by +"}));
+  EXPECT_TRUE(contains(table, {"Side 0 is ahead by ", " +- "}));
+  sheet.ratings.side_advantage->value = -71.3;
+  EXPECT_TRUE(contains(ratings_table(sheet), {"Side 1 is ahead by 71 +- "})) << "the right side, without a sign";
+  sheet.ratings.side_advantage->value = 71.3;
+  EXPECT_TRUE(contains(ratings_table(sheet), {"Side 0 is ahead by 71 +- "}));
+  sheet = make_sheet({.sides = Sides::apart});
   const Document json = parse_yaml_text(json_text(ratings_json(sheet, "ratings")), "json");
   const double advantage = std::stod(json.root.find("side_advantage")->find("value")->text);
   EXPECT_NEAR(advantage, 80, 3 * sheet.ratings.side_advantage->standard_error);
+}
+
+// a and b are one: their games against c add up, and those between them are games of the pool against itself.
+TEST(RatingSheet, PooledPlayersAreOne) {
+  GameTable table{{"a", "c", "b"}, {}};
+  for (int k = 1; k <= 9; ++k) table.games.push_back({k, 10 * k, 100 * k});  // row a: 1 2 3, c: 4 5 6, b: 7 8 9
+  const GameTable pool = pooled(table, {"ab", "c", "ab"});
+  EXPECT_EQ(pool.players, (std::vector<std::string>{"ab", "c"}));
+  const int wins[] = {1 + 3 + 7 + 9, 2 + 8, 4 + 6, 5};
+  ASSERT_EQ(pool.games.size(), 4u);
+  for (size_t k = 0; k < 4; ++k) {
+    EXPECT_EQ(pool.games[k].wins, wins[k]);
+    EXPECT_EQ(pool.games[k].losses, 10 * wins[k]);
+    EXPECT_EQ(pool.games[k].ties, 100 * wins[k]);
+  }
 }
 
 TEST(RatingSheet, NamesForPicturesAreShort) {

@@ -5,6 +5,7 @@
 
 #include <cmath>
 
+#include "core/error.hpp"
 #include "io/temporary_folder.hpp"
 #include "synthetic_run.hpp"
 
@@ -58,10 +59,38 @@ TEST(Curves, ConfigsAreLabelledByWhatDiffers) {
       run_of("c", "seed: 2\nmappo: {gamma: 0.99, actor: {hidden: [8]}, critic: {hidden: [8]}}\n", kTwoRows)};
   const std::vector<RunGroup> groups = group_runs(runs, 100);
   ASSERT_EQ(groups.size(), 2u);
-  EXPECT_EQ(groups[0].label, "gamma=0.99, hidden=[8]");
-  EXPECT_EQ(groups[1].label, "gamma=0.9, hidden=[16]");
-  EXPECT_EQ(groups[0].runs.size(), 2u);
+  EXPECT_EQ(groups[0].label, "gamma=0.9, hidden=[16]") << "the smaller number first";
+  EXPECT_EQ(groups[1].label, "gamma=0.99, hidden=[8]");
+  EXPECT_EQ(groups[1].runs.size(), 2u);
   EXPECT_EQ(differing_settings(groups), (std::vector<std::string>{"mappo.gamma", "mappo.critic.hidden"}));
+}
+
+TEST(Curves, ConfigsAreSortedAsNumbers) {
+  std::vector<RunData> runs;
+  for (const char* rate : {"0.001", "1e-4", "3e-4", "none"})
+    runs.push_back(run_of(rate, cat("mappo: {learning_rate: ", rate, "}\n"), kTwoRows));
+  std::vector<std::string> labels;
+  for (const RunGroup& group : group_runs(runs, 100)) labels.push_back(group.letter + " " + group.label);
+  EXPECT_EQ(labels, (std::vector<std::string>{"A learning_rate=1e-4", "B learning_rate=3e-4", "C learning_rate=0.001",
+                                              "D learning_rate=none"}));
+}
+
+// Settings that an algorithm does not read tell its runs apart no more than they divide them.
+TEST(Curves, LabelsNameWhatTheAlgorithmReads) {
+  const auto config = [](const char* algorithm, const char* rate, const char* sigma) {
+    return cat("train: {algorithm: ", algorithm, ", n_worlds: 64}\nmappo: {learning_rate: ", rate,
+               "}\npopulation: {sigma_init: ", sigma, "}\n");
+  };
+  const std::vector<RunData> two = {run_of("a", config("openai_es", "1e-3", "0.1"), kTwoRows),
+                                    run_of("b", config("openai_es", "1e-4", "0.1"), kTwoRows)};
+  EXPECT_EQ(group_runs(two, 100).size(), 1u) << "evolution does not read mappo";
+  const std::vector<RunData> runs = {run_of("a", config("openai_es", "1e-3", "0.1"), kTwoRows),
+                                     run_of("b", config("mappo", "1e-3", "0.2"), kTwoRows),
+                                     run_of("c", config("mappo", "1e-4", "0.3"), kTwoRows)};
+  std::vector<std::string> labels;
+  for (const RunGroup& group : group_runs(runs, 100)) labels.push_back(group.label);
+  EXPECT_EQ(labels, (std::vector<std::string>{"algorithm=mappo, learning_rate=1e-4",
+                                              "algorithm=mappo, learning_rate=1e-3", "algorithm=openai_es"}));
 }
 
 TEST(Curves, LabelsOfManyDifferencesAreShort) {

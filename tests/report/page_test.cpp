@@ -150,6 +150,31 @@ TEST_F(ReportPage, ChartsAreDrawnInThePage) {
   EXPECT_TRUE(contains(page, {"data-rows=\"0 2\"", "\"agent_steps\": [100, 200, 300]", "\"seconds\": [1, 2, 3]"}));
 }
 
+TEST_F(ReportPage, ManyConfigurationsAreNamedInEachChartAndColoured) {
+  SyntheticRun run;
+  const std::vector<std::string> runs = {"a", "b", "c"};
+  const char* gammas[] = {"0.99", "0.9", "0.995"};
+  for (size_t k = 0; k < 3; ++k) {
+    run.config = config_with(1, gammas[k]);
+    run.write(folder_ / runs[k]);
+  }
+  const std::string page = page_of(runs);
+  EXPECT_TRUE(contains(page, {"data-colour=\"group\""}));
+  EXPECT_EQ(texts_of(section_of(page, "Learning"), "span", "name"), (Texts{"gamma=0.9", "gamma=0.99", "gamma=0.995"}));
+  EXPECT_TRUE(contains(page_of({"a", "b"}), {"data-colour=\"team\""}));
+}
+
+TEST_F(ReportPage, WhatCannotBeReadIsLeftOut) {
+  SyntheticRun().write(folder_ / "run");
+  std::filesystem::create_directories(folder_ / "no_run");
+  const std::vector<std::string> left_out =
+      write_report({folder_ / "run", folder_ / "no_run"}, folder_ / "page.html", {});
+  ASSERT_EQ(left_out.size(), 1u);
+  EXPECT_TRUE(contains(left_out[0], {"no_run is not a run"}));
+  EXPECT_TRUE(contains(input_error_of([&] { write_report({folder_ / "no_run"}, folder_ / "none.html", {}); }),
+                       {"no_run is not a run"}));
+}
+
 TEST_F(ReportPage, ALongRunStaysSmall) {
   std::string header = "agent_steps,seconds", metrics;
   for (int c = 0; c < 80; ++c) header += ",figure_" + std::to_string(c);

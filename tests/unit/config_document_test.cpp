@@ -93,6 +93,28 @@ TEST(ConfigDocument, ReadsAFileAsItsText) {
   EXPECT_EQ(document.root.find("b")->at.text(), path + ":2:4");
 }
 
+TEST(ConfigDocument, TabsAndIndentationAreToldByNameWithTheirLine) {
+  const auto error_of = [](const std::string& text) {
+    Errors errors;
+    parse_yaml_text(text, "f.yaml", errors);
+    return errors.text();
+  };
+  EXPECT_EQ(error_of("train:\n\tn_worlds: 5\n"),
+            "f.yaml:2:1: a tab before the key; YAML is indented with spaces: '<tab>n_worlds: 5'");
+  EXPECT_EQ(error_of("train:\n  n_worlds: 5\n   n_threads: 3\n"),
+            "f.yaml:3:4: indented by 3 spaces, the key above it by 2: the keys of a group begin in one column: '   "
+            "n_threads: 3'");
+  EXPECT_EQ(error_of("train:\n  n_worlds: 5\n n_threads: 3\n"),
+            "f.yaml:3:2: indented by 1 space, as no key above it is: ' n_threads: 3'");
+  EXPECT_EQ(error_of("mappo:\n  gamma 0.9\n  horizon: 5\n"),
+            "f.yaml:2:3: a key without its colon, as in `gamma: 0.9`: '  gamma 0.9'");
+  const std::string other = error_of("a: [1\nb: 2\n");
+  EXPECT_NE(other.find("not valid YAML: "), std::string::npos) << other;
+  EXPECT_NE(other.find("; the line: '"), std::string::npos) << other;
+  // A tab elsewhere is fine: behind a value, in a comment.
+  EXPECT_EQ(error_of("a: 1\t# x\n\t# y\nb: 2\n"), "");
+}
+
 TEST(ConfigDocument, AnEmptyDocumentIsNull) {
   EXPECT_TRUE(parse_yaml_text("", "f.yaml").root.is_null());
   EXPECT_TRUE(parse_yaml_text("# nothing\n", "f.yaml").root.is_null());

@@ -155,7 +155,7 @@ TEST(ConfigFields, SaysWhereAndWhatIsAllowed) {
       {"kind: A", "f.yaml:1:7: kind: 'A' is not one of: a, b; nearest: 'a'"},
       {"limit: 0", "f.yaml:1:8: limit: '0' is not an integer >= 1 or none"},
       {"device: {}", "f.yaml:1:9: device: a map is not a text"},
-      {"weights: 3", "f.yaml:1:10: weights: '3' is not a list, each a number"},
+      {"weights: 3", "f.yaml:1:10: weights: '3' is not a list, each a number; write [3]"},
       {"weights: [1, x]", "f.yaml:1:14: weights[1]: 'x' is not a number"},
       {"pair: [1]", "f.yaml:1:7: pair: has 1 items, expected a list of 2 items, each a number"},
       {"critic:\n  shade: drak", "f.yaml:2:10: critic.shade: 'drak' is not one of: light, dark; nearest: 'dark'"},

@@ -199,9 +199,7 @@ TEST_F(ScenarioUser, SaysWhatIsWrongWithAFile) {
       {head + "win: {at_time_limit: team_1}\nmax_episode_length: none\n",
        "f.yaml:2:22: win.at_time_limit: team_1 needs a time limit, and max_episode_length is none"},
       {head + "win: {by: score}\n", "f.yaml:2:11: win.by: 'score' is not one of: elimination, waypoints"},
-      {head + "observation: {type: rgb}\n",
-       "f.yaml:2:21: observation.type: 'rgb' is not built yet: images come with a later version; use vector (in a "
-       "name: _vec)"},
+      {head + "observation: {type: rgb}\n", "f.yaml:2:21: observation.type: 'rgb' is not one of: vector"},
       {head + "rules: orignal\n",
        "f.yaml:2:8: rules: 'orignal' is not one of: corrected, original; nearest: 'original'"},
       {"base: a.yaml\n", "a.yaml:1:7: base: 'f.yaml' leads back to this file"},

@@ -165,7 +165,7 @@ void Layout::clock() {
     to.at(column_[1]).add(label, Ink::dim).at(column_[1] + 8).add(value);
   };
   second(labelled("agent-steps").add(steps_done(s_)), "speed", speed_of(s_));
-  labelled("update").add(std::to_string(s_.update) + " of " + std::to_string(s_.n_updates));
+  labelled("update").add(updates_done(s_));
   second(labelled("elapsed").add(print_duration(s_.seconds)), "left", print_duration(s_.seconds_left));
   time_split();
   if (s_.memory_total > 0)

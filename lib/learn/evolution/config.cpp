@@ -14,7 +14,6 @@ namespace giga {
 namespace {
 
 constexpr ResumeRule kEvolutionMayChange[] = {
-    {"population.generations", "where the run ends"},
     {"population.shaping.", "from here on, as all below"},
     {"population.objective", ""},
     {"population.max_steps", ""},
@@ -31,11 +30,13 @@ constexpr ResumeRule kEvolutionMayNot[] = {
     {"population.", "the draws of the rest of the run would no longer be those of one run"},
 };
 
+constexpr std::string_view kOpenAiEsUnread[] = {"mappo.", "snes.", "des.", "train.n_worlds", "train.desynchronize"};
+constexpr std::string_view kSnesUnread[] = {"mappo.", "openai_es.", "des.", "train.n_worlds", "train.desynchronize"};
+constexpr std::string_view kDesUnread[] = {"mappo.", "openai_es.", "snes.", "train.n_worlds", "train.desynchronize"};
+
 /// Settings that mean nothing to evolution strategies, where they were changed.
 void check_train(ConfigCheck& check) {
   const TrainConfig &a = check.config.train, b;
-  check.means_nothing("train.total_agent_steps", a.total_agent_steps != b.total_agent_steps,
-                      "a run ends after population.generations");
   check.means_nothing("train.n_worlds", a.n_worlds != b.n_worlds,
                       "worlds are population.population_size x population.episodes_per_member (or parallel_episodes), "
                       "for each team that evolves");
@@ -61,10 +62,6 @@ void check_population(ConfigCheck& check) {
     check.fail("population.population_size",
                cat(p.population_size, " is odd, and with antithetic: true members come in pairs; nearest: ",
                    p.population_size - 1, ", ", p.population_size + 1));
-  const int pool_size = check.config.opponents.pool_size;
-  if (check.known({"opponents.pool_size", "population.generations"}) && pool_size > p.generations)
-    check.fail("opponents.pool_size", cat(pool_size, " past means can never be there in a run of ", p.generations,
-                                          " generations (population.generations)"));
   if (!check.known({"population.episodes_per_member", "population.parallel_episodes"})) return;
   if (p.parallel_episodes && p.episodes_per_member % *p.parallel_episodes != 0)
     return check.fail(
@@ -120,7 +117,7 @@ int64_t evolution_least_bytes(const LoadedRun& run) {
 }
 
 /// The row of a strategy.
-constexpr Algorithm evolution_strategy(const char* name, const char* about) {
+constexpr Algorithm evolution_strategy(const char* name, const char* about, std::span<const std::string_view> unread) {
   return {
       .name = name,
       .about = about,
@@ -129,14 +126,13 @@ constexpr Algorithm evolution_strategy(const char* name, const char* about) {
           "fitness_deviation, not_finite (members); of what is searched: sigma,\n"
           "parameter_norm, step_norm",
       .updates = "generations",
-      .end_key = "population.generations",
       .has_populations = true,
+      .unread = unread,
       .charts = {},
       .policy =
           [](const RunConfig& c) {
             return PolicySettings{c.population.actor, c.population.greedy, false};
           },
-      .total_updates = [](const RunConfig& c, int) { return static_cast<int64_t>(c.population.generations); },
       .agent_steps_per_update = nullptr,
       .check = check_evolution,
       .size = population_size,
@@ -154,11 +150,11 @@ int populations_at_a_time(const RunConfig& c) {
 
 ResumeRules EvolutionSettings::resume_rules() { return {kEvolutionMayChange, kEvolutionMayNot}; }
 
-const Algorithm OpenAiEsAlgorithm::kAlgorithm =
-    evolution_strategy("openai_es", "evolution by OpenAI-ES: the gradient of the mean fitness, and an optimizer");
+const Algorithm OpenAiEsAlgorithm::kAlgorithm = evolution_strategy(
+    "openai_es", "evolution by OpenAI-ES: the gradient of the mean fitness, and an optimizer", kOpenAiEsUnread);
 const Algorithm SnesAlgorithm::kAlgorithm =
-    evolution_strategy("snes", "evolution by SNES: a natural gradient of mean and deviations");
+    evolution_strategy("snes", "evolution by SNES: a natural gradient of mean and deviations", kSnesUnread);
 const Algorithm DesAlgorithm::kAlgorithm =
-    evolution_strategy("des", "evolution by Discovered ES: weights by rank that meta-learning found");
+    evolution_strategy("des", "evolution by Discovered ES: weights by rank that meta-learning found", kDesUnread);
 
 }  // namespace giga

@@ -48,7 +48,6 @@ constexpr int kMostMembers = 1'000'000;
 /// A team's population and what it plays.
 struct PopulationConfig {
   int population_size = 512;
-  int generations = 500;
   float sigma_init = 0.05f;
   bool antithetic = true;
   EsNoiseKind noise = EsNoiseKind::full;
@@ -71,7 +70,7 @@ struct PopulationConfig {
 template <class V>
 void visit_fields(V& v, PopulationConfig& c) {
   v("population_size", c.population_size, "members of a team's population", range(2, kMostMembers));
-  v("generations", c.generations, "generations after which the run is complete", range(1, 1'000'000'000));
+  v.removed("generations", "a run ends after train.total_agent_steps, whatever its algorithm");
   v("sigma_init", c.sigma_init, "standard deviation of the perturbations at the start", greater_than(0));
   v("antithetic", c.antithetic, "members come in pairs with opposite perturbations; needs an even population_size");
   v("noise", c.noise, "full: a number per parameter; low_rank: A B^T / sqrt(noise_rank) per weight matrix");

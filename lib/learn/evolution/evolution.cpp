@@ -65,6 +65,7 @@ class Evolution final : public Learner {
   Evolution(const LoadedRun& run, Device device, const MakeStrategy& make_strategy);
 
   Metrics update() override;
+  UpdateStage stage() const override { return {"playing a generation"}; }
   std::optional<Divergence> divergence() const override { return divergence_; }
   UpdateTimes times() const override { return {clock_->seconds(0, 1), clock_->seconds(1, 2)}; }
   void save_batch(NamedArrays& out) const override;

@@ -40,6 +40,7 @@ constexpr ChartRow kMappoCharts[] = {
     {"policy_loss", "Policy loss", "the clipped surrogate; its size says little, its jumps do"},
     {"value_loss", "Value loss", "of the critic, in normalised units"},
 };
+constexpr std::string_view kMappoUnread[] = {"population.", "openai_es.", "snes.", "des."};
 
 void minibatches_divide(ConfigCheck& check) {
   if (!check.known({"train.n_worlds", "mappo.horizon", "mappo.n_minibatches"})) return;
@@ -131,17 +132,12 @@ const Algorithm MappoAlgorithm::kAlgorithm = {
         "policy_loss, value_loss, entropy and mutual_information (nats), approx_kl, clip_fraction,\n"
         "explained_variance, actor_grad_norm, critic_grad_norm",
     .updates = "updates",
-    .end_key = "train.total_agent_steps",
     .has_populations = false,
+    .unread = kMappoUnread,
     .charts = kMappoCharts,
     .policy =
         [](const RunConfig& c) {
           return PolicySettings{c.mappo.actor, false, c.mappo.obs_norm};
-        },
-    .total_updates =
-        [](const RunConfig& c, int n_agents) {
-          const int64_t per_update = agent_steps_per_update(c, n_agents);
-          return (c.train.total_agent_steps + per_update - 1) / per_update;
         },
     .agent_steps_per_update = agent_steps_per_update,
     .check = check_mappo,

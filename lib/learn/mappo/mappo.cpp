@@ -3,6 +3,7 @@
 #include <ATen/Context.h>
 #include <torch/types.h>
 
+#include <atomic>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -32,6 +33,7 @@ class Mappo final : public Learner {
   Mappo(const LoadedRun& run, Device device);
 
   Metrics update() override;
+  UpdateStage stage() const override;
   int64_t updates_done() const override { return updates_; }
   int64_t agent_steps_done() const override { return updates_ * sim_->agents_per_step() * config_.mappo.horizon; }
   Actor* actor(int team) override { return team_[team] ? &team_[team]->actor() : nullptr; }
@@ -74,13 +76,14 @@ class Mappo final : public Learner {
   std::unique_ptr<Collector> collector_;
   std::unique_ptr<DeviceClock> clock_;
   int64_t updates_ = 0;
+  std::atomic<int64_t> minibatches_done_ = -1;  // of the update that goes on; -1: it collects
   std::optional<Divergence> divergence_;
 };
 
 Mappo::Mappo(const LoadedRun& run, Device device)
     : config_(run.config),
       device_(device),
-      total_updates_(total_updates(run.config, run.spec.params.n_agents)),
+      total_updates_(total_updates(run.config, run.spec.params.n_agents).value()),
       parallel_for_(device, run.config.train.n_threads, current_stream(device)) {
   set_up_libtorch(config_.train, device);
 
@@ -118,6 +121,7 @@ Mappo::Mappo(const LoadedRun& run, Device device)
 Metrics Mappo::update() {
   // A rollout: `horizon` steps of all worlds, played by the policies as they are.
   clock_->mark(0);
+  minibatches_done_ = -1;
   if (league_) league_->begin();
   collector_->collect();
   if (league_) league_->count(*sim_);
@@ -132,11 +136,12 @@ Metrics Mappo::update() {
   const double factor = schedule_factor();
   const auto scale = static_cast<float>(factor);
   const StepSizes step_sizes{scale * c.learning_rate, scale * c.critic_learning_rate};
+  minibatches_done_ = 0;
   for (int epoch = 0; epoch < c.n_epochs; ++epoch) {
     const at::Tensor order = permutation(updates_, epoch);
     std::vector<std::vector<at::Tensor>> states;  // [team][minibatch]
     for (const PpoTeam* team : learning_) states.push_back(team->minibatches(order));
-    for (int k = 0; k < c.n_minibatches; ++k)
+    for (int k = 0; k < c.n_minibatches; ++k, ++minibatches_done_)
       for (size_t team = 0; team < learning_.size(); ++team)
         learning_[team]->update_minibatch(rollout, states[team][static_cast<size_t>(k)],
                                           epoch * c.n_minibatches + k + 1, step_sizes);
@@ -150,6 +155,13 @@ Metrics Mappo::update() {
   Metrics figures = metrics(factor);
   if (league_) league_->end(updates_, *sim_);
   return figures;
+}
+
+UpdateStage Mappo::stage() const {
+  const MappoConfig& c = config_.mappo;
+  const int64_t learned = minibatches_done_;
+  if (learned < 0) return {"playing, step", collector_->steps_done(), c.horizon};
+  return {"learning, minibatch", learned, static_cast<int64_t>(c.n_epochs) * c.n_minibatches};
 }
 
 double Mappo::schedule_factor() const {
