@@ -38,9 +38,10 @@ inline LaunchShape launch_shape(const SimParams& p, int n_worlds) {
   return {false, in_shared, n_worlds, threads, in_shared ? per_world : 0};
 }
 
-/// Arguments of a kernel, by value.
-struct Launch {
-  SimParams params;
+/// Arguments of a kernel, by value. P: SimParams, or some of them as constants of the compiler.
+template <class P>
+struct LaunchOf {
+  P params;
   StateView state;
   StepIo io;
   ScratchLayout layout;
@@ -55,7 +56,15 @@ struct Launch {
 
   GIGA_HD int count() const { return playing ? *n_playing : n_worlds; }
   GIGA_HD int world(int k) const { return playing ? playing[k] : k; }
+
+  /// The same with other parameters of the same values.
+  template <class Q>
+  LaunchOf<Q> with(const Q& q) const {
+    return {q,           state,       io,       layout, copy_bytes, scratch,  seed,
+            first_world, draw_period, n_worlds, ending, playing,    n_playing};
+  }
 };
+using Launch = LaunchOf<SimParams>;
 
 /// Which thread of a launch this is.
 struct ThreadIndex {
@@ -110,8 +119,8 @@ GIGA_HD void copy_agents(const Lanes& lanes, const WorldView& from, const WorldV
 
 /// Runs the job for one world. `shared` = this world's block of shared memory; a template parameter says whether it is
 /// used, so that the compiler knows which memory its pointers mean.
-template <Job job, bool in_shared, class Lanes>
-GIGA_HD void run_world(const Lanes& lanes, const Launch& k, int world, char* shared) {
+template <Job job, bool in_shared, class Lanes, class P>
+GIGA_HD void run_world(const Lanes& lanes, const LaunchOf<P>& k, int world, char* shared) {
   const WorldView home = world_view(k.state, k.params.n_agents, world);
   if (!has_work<job>(lanes, home)) return;
   WorldView w = home;
@@ -130,8 +139,8 @@ GIGA_HD void run_world(const Lanes& lanes, const Launch& k, int world, char* sha
 }
 
 /// What a thread does in a launch of TileLanes.
-template <Job job, class Sync>
-GIGA_HD void run_tile_thread(const Launch& k, const ThreadIndex& at, char* shared, Sync sync) {
+template <Job job, class Sync, class P>
+GIGA_HD void run_tile_thread(const LaunchOf<P>& k, const ThreadIndex& at, char* shared, Sync sync) {
   const int n = k.params.n_agents, count = k.count();
   // Few worlds take as long as one does: a warp for each is faster then.
   const bool alone = k.playing && count <= kWorldsAlone && count <= at.n_blocks * kTileWarps;
@@ -149,8 +158,8 @@ GIGA_HD void run_tile_thread(const Launch& k, const ThreadIndex& at, char* share
 }
 
 /// What a thread does in a launch of BlockLanes.
-template <Job job, bool in_shared, class Sync>
-GIGA_HD void run_block_thread(const Launch& k, const ThreadIndex& at, char* shared, Sync sync) {
+template <Job job, bool in_shared, class Sync, class P>
+GIGA_HD void run_block_thread(const LaunchOf<P>& k, const ThreadIndex& at, char* shared, Sync sync) {
   if (at.block >= k.count()) return;
   const BlockLanes<Sync> lanes{at.thread, at.n_threads, sync};
   run_world<job, in_shared>(lanes, k, k.world(at.block), shared);

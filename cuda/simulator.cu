@@ -2,6 +2,7 @@
 #include "cuda/check.cuh"
 #include "cuda/executor.hpp"
 #include "cuda/runtime.hpp"
+#include "sim/usual_params.hpp"
 
 namespace giga {
 namespace {
@@ -28,8 +29,8 @@ __device__ ThreadIndex this_thread() {
           static_cast<int>(blockDim.x)};
 }
 
-template <Job job>
-__global__ void __launch_bounds__(kTileWarps* kWarp, kTileBlocks) tile_kernel(const __grid_constant__ Launch k) {
+template <Job job, class P>
+__global__ void __launch_bounds__(kTileWarps* kWarp, kTileBlocks) tile_kernel(const __grid_constant__ LaunchOf<P> k) {
   extern __shared__ char shared[];
   run_tile_thread<job>(k, this_thread(), shared, WarpSync{});
 }
@@ -155,12 +156,26 @@ class CudaSimulator final : public LaunchingSimulator {
   void launch(const Launch& k) {
     const LaunchShape& s = shape();
     if (s.tiles)
-      tile_kernel<job><<<s.blocks, s.threads, s.shared_bytes, stream_>>>(k);
+      launch_tiles<job, 10, 4>(k);
     else if (s.in_shared)
       block_kernel<job, true><<<s.blocks, s.threads, s.shared_bytes, stream_>>>(k);
     else
       block_kernel<job, false><<<s.blocks, s.threads, 0, stream_>>>(k);
     GIGA_CUDA(cudaGetLastError());
+  }
+
+  /// By the kernel for so many agents and usual parameters, if there is one.
+  template <Job job, int... kAgents>
+  void launch_tiles(const Launch& k) {
+    const auto run = [&](const auto& launch, auto kernel) {
+      kernel<<<shape().blocks, shape().threads, shape().shared_bytes, stream_>>>(launch);
+    };
+    const auto usual = [&]<class P>(std::type_identity<P>) {
+      if (!P::fits(k.params)) return false;
+      run(k.with(P(k.params)), tile_kernel<job, P>);
+      return true;
+    };
+    if (!(usual(std::type_identity<UsualParams<kAgents>>{}) || ...)) run(k, tile_kernel<job, SimParams>);
   }
 
   int index_;
