@@ -14,6 +14,7 @@
 #include "core/error.hpp"
 #include "cuda/runtime.hpp"
 #include "parity/emulated_simulator.hpp"
+#include "sim/usual_params.hpp"
 #include "support/sim_runner.hpp"
 #include "support/sim_specs.hpp"
 
@@ -38,7 +39,8 @@ bool small() {
 struct Case {
   int n_team_0, n_team_1;
   int n_worlds, n_variants, n_steps;
-  bool thin = false;  // too little happens to expect all of it
+  bool thin = false;   // too little happens to expect all of it
+  bool usual = false;  // scenarios for which UsualParams serve
 };
 void PrintTo(const Case& c, std::ostream* out) {
   *out << c.n_team_0 << " v " << c.n_team_1 << ", " << c.n_worlds << " worlds";
@@ -46,6 +48,12 @@ void PrintTo(const Case& c, std::ostream* out) {
 const Case kCases[] = {
     {1, 1, 65, 24, 60},  {2, 2, 65, 24, 60},   {5, 5, 65, 24, 60},  {7, 3, 65, 24, 60},   {16, 16, 65, 24, 60},
     {1, 12, 65, 11, 60}, {20, 20, 65, 11, 60}, {40, 30, 65, 6, 60}, {200, 200, 5, 4, 12},
+};
+/// Those for which a GPU has kernels with constants (usual_params.hpp).
+const Case kUsualCases[] = {
+    {.n_team_0 = 2, .n_team_1 = 2, .n_worlds = 65, .n_variants = 6, .n_steps = 60, .usual = true},
+    {.n_team_0 = 5, .n_team_1 = 5, .n_worlds = 65, .n_variants = 6, .n_steps = 60, .usual = true},
+    {.n_team_0 = 7, .n_team_1 = 3, .n_worlds = 65, .n_variants = 6, .n_steps = 60, .usual = true},
 };
 
 /// As many worlds, variants and steps as the executor has time for.
@@ -63,6 +71,21 @@ Case cut(Case c, Executor executor) {
   return c;
 }
 
+/// Turns a scenario into one for which the constants of UsualParams hold; everything else stays as it is.
+void make_usual(SimSpec& spec) {
+  SimParams& p = spec.params;
+  p.rules = Rules::corrected;
+  p.actions = ActionKind::discrete;
+  p.stochastic_detection = p.stochastic_communication = true;
+  p.waypoints = p.obstacle_heights = p.obstacles_block_sight = p.sight_3d = false;
+  p.cone_is_full = p.damage_cone_is_full = false;
+  spec.neighbor_limit = 15;
+  for (AgentSpec& agent : spec.agents) {
+    agent.idle_reward = 0;
+    agent.sprite = 1 + agent.team;
+  }
+}
+
 /// Variant 0 has every switch on, 1 none, then each one alone and each one missing; the rest of the scenario is random.
 SimSpec variant_of(const Case& c, int variant) {
   const uint64_t seed = static_cast<uint64_t>(1000 * variant + 31 * c.n_team_0 + c.n_team_1);
@@ -73,7 +96,9 @@ SimSpec variant_of(const Case& c, int variant) {
   if (variant >= 2 && variant % 2) mask = all ^ mask;
   set_switches(spec, mask);
   spec.params.max_episode_length = variant % 5 == 4 ? 0 : 5 + variant % 9;
+  if (c.usual) make_usual(spec);
   spec.finish();
+  if (c.usual) EXPECT_TRUE(UsualParams<4>::fits(spec.params) || UsualParams<10>::fits(spec.params));
   return spec;
 }
 
@@ -296,6 +321,8 @@ const auto kName = [](const auto& test) {
   const Case& c = std::get<1>(test.param);
   return cat(c.n_team_0, "v", c.n_team_1);
 };
+INSTANTIATE_TEST_SUITE_P(GpuUsual, SimulatorParity,
+                         ::testing::Combine(::testing::Values(Executor::gpu), ::testing::ValuesIn(kUsualCases)), kName);
 INSTANTIATE_TEST_SUITE_P(Gpu, SimulatorParity,
                          ::testing::Combine(::testing::Values(Executor::gpu), ::testing::ValuesIn(kCases)), kName);
 INSTANTIATE_TEST_SUITE_P(Emulated, SimulatorParity,

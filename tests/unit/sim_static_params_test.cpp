@@ -7,22 +7,11 @@
 #include "sim/lanes.hpp"
 #include "sim/simulator.hpp"
 #include "sim/step.hpp"
+#include "sim/usual_params.hpp"
 #include "support/sim_specs.hpp"
 
 namespace giga::test {
 namespace {
-
-/// 3 against 2, all numbers that decide about loops and branches known when this is compiled.
-struct ThreeVsTwo : SimParams {
-  explicit ThreeVsTwo(const SimParams& p) : SimParams(p) {}
-  static constexpr Rules rules = Rules::corrected;
-  static constexpr ActionKind actions = ActionKind::discrete;
-  static constexpr int n_agents = 5, n_neighbors = 5, n_boxes = 1;
-  static constexpr bool waypoints = false, stochastic_communication = true, stochastic_detection = true;
-  static constexpr bool obstacle_heights = false, obstacles_block_sight = false, sight_3d = false;
-  static constexpr bool egocentric_view = false, cone_is_full = false, damage_cone_is_full = false;
-  GIGA_HD static constexpr bool original() { return false; }
-};
 
 SimSpec three_vs_two() {
   SimSpec spec = plain_spec(3, 2);
@@ -85,7 +74,8 @@ class OneWorld {
 TEST(SimStaticParams, AStepWithConstantsIsTheSame) {
   const SimSpec spec = three_vs_two();
   OneWorld<SimParams> plain(spec);
-  OneWorld<ThreeVsTwo> constants(spec);
+  ASSERT_TRUE(UsualParams<5>::fits(spec.params));
+  OneWorld<UsualParams<5>> constants(spec);
   std::vector<int32_t> actions[kNTeams] = {{13, 13, 13}, {13, 13}};
   plain.run(jobs_of_start(), actions);
   constants.run(jobs_of_start(), actions);
