@@ -51,9 +51,9 @@ const Case kCases[] = {
 };
 /// Those for which a GPU has kernels with constants (usual_params.hpp).
 const Case kUsualCases[] = {
-    {.n_team_0 = 2, .n_team_1 = 2, .n_worlds = 65, .n_variants = 6, .n_steps = 60, .usual = true},
-    {.n_team_0 = 5, .n_team_1 = 5, .n_worlds = 65, .n_variants = 6, .n_steps = 60, .usual = true},
-    {.n_team_0 = 7, .n_team_1 = 3, .n_worlds = 65, .n_variants = 6, .n_steps = 60, .usual = true},
+    {.n_team_0 = 2, .n_team_1 = 2, .n_worlds = 65, .n_variants = 6, .n_steps = 60, .thin = true, .usual = true},
+    {.n_team_0 = 5, .n_team_1 = 5, .n_worlds = 65, .n_variants = 6, .n_steps = 60, .thin = true, .usual = true},
+    {.n_team_0 = 7, .n_team_1 = 3, .n_worlds = 65, .n_variants = 6, .n_steps = 60, .thin = true, .usual = true},
 };
 
 /// As many worlds, variants and steps as the executor has time for.
