@@ -15,6 +15,7 @@
 #include "rollout/policy_controllers.hpp"
 #include "runs.hpp"
 #include "sim/row_layout.hpp"
+#include "support/thinning.hpp"
 
 namespace giga::test {
 namespace {
@@ -191,12 +192,16 @@ TEST_P(LearnMemory, TheLineLeadsToTheNextTrial) {
 INSTANTIATE_TEST_SUITE_P(All, LearnMemory, testing::ValuesIn(kCpuSettings),
                          [](const auto& p) { return std::string(p.param.name); });
 
+// Of worlds and of members; the larger sizes are measured also where slow tests are thinned.
+constexpr int kSmallWorlds = 4096, kSmallPopulation = 512;
+
 class LearnMemoryGpu : public testing::TestWithParam<std::tuple<MemorySettings, int>> {};
 
 // In a process of its own, as ctest does: what LibTorch and CUDA load once counts in the first call of a process only.
 TEST_P(LearnMemoryGpu, PlanIsWhatFreeMemoryLoses) {
   if (cuda_device_count() == 0) GTEST_SKIP() << "no GPU";
   const auto& [settings, size] = GetParam();
+  if ((size == kSmallWorlds || size == kSmallPopulation) && thinned(2) > 1) GTEST_SKIP() << "thinned";
   const std::string name = cat(settings.name, ", ", size);
   const LoadedRun run = load_sized(settings, size);
   const auto free_bytes = [] { return static_cast<int64_t>(cuda_device_info(0).memory_free); };
@@ -241,11 +246,13 @@ const MemorySettings kGpuPopulations[] = {
 };
 const auto kGpuName = [](const auto& p) { return cat(std::get<0>(p.param).name, std::get<1>(p.param)); };
 INSTANTIATE_TEST_SUITE_P(All, LearnMemoryGpu,
-                         testing::Combine(testing::ValuesIn(kGpuSettings), testing::Values(4096, 65536)), kGpuName);
+                         testing::Combine(testing::ValuesIn(kGpuSettings), testing::Values(kSmallWorlds, 65536)),
+                         kGpuName);
 INSTANTIATE_TEST_SUITE_P(Pool, LearnMemoryGpu,
-                         testing::Combine(testing::Values(kGpuPool), testing::Values(4096, 65536)), kGpuName);
+                         testing::Combine(testing::Values(kGpuPool), testing::Values(kSmallWorlds, 65536)), kGpuName);
 INSTANTIATE_TEST_SUITE_P(Populations, LearnMemoryGpu,
-                         testing::Combine(testing::ValuesIn(kGpuPopulations), testing::Values(512, 8192)), kGpuName);
+                         testing::Combine(testing::ValuesIn(kGpuPopulations), testing::Values(kSmallPopulation, 8192)),
+                         kGpuName);
 
 }  // namespace
 }  // namespace giga::test
