@@ -73,8 +73,12 @@ TEST(Scripts, CommitOfACheckoutTellsChangedSources) {
 /// A page of these sources with rows of all six steps.
 void write_page(const Copy& copy, const std::string& hash, const std::string& result_of_tests) {
   std::string page = "Sources: `" + hash + "`\n\n";
-  for (const std::string step : {"build", "test", "others", "bench", "train", "resume"})
+  for (const std::string step : {"build", "test", "bench", "train", "resume"})
     page += "| " + step + " | what | " + (step == "test" ? result_of_tests : "ok") + " | 1.0 | | | | |\n";
+  for (const std::string tool : {"memcheck", "racecheck"})
+    for (const std::string what : {"parity of small teams", "parity of large teams", "populations", "fused gradients"})
+      page += "| others | " + tool + ": " + what + " | ok | 1.0 | | | | |\n";
+  page += "| others | all other tests | ok | 1.0 | | | | |\n";
   copy.write("docs/gpu_check.md", page);
 }
 
@@ -102,6 +106,12 @@ TEST(Scripts, FreshComparesThePageWithTheSources) {
   write_page(copy, sums.out, "ok");
   copy.write("docs/gpu_check.md", copy.read("docs/gpu_check.md") + "| test | what | ok | 1.0 | | no GPU | | |\n");
   EXPECT_EQ(fresh().code, 1);
+  write_page(copy, sums.out, "ok");
+  std::string page = copy.read("docs/gpu_check.md");
+  page.erase(page.find("| others | racecheck: populations"),
+             page.find("| others | racecheck: fused") - page.find("| others | racecheck: populations"));
+  copy.write("docs/gpu_check.md", page);
+  EXPECT_TRUE(contains(fresh().out, {"no rows of others (racecheck: populations)"}));
   write_page(copy, sums.out, "ok");
   copy.write("lib/sub/b.cpp", "int b(int);\n");
   EXPECT_EQ(fresh().code, 1);
