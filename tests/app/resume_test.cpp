@@ -146,7 +146,8 @@ TEST_F(Resume, ASecondInterruptEndsAtOnce) {
   const Outcome outcome = process->wait();
   EXPECT_EQ(outcome.code, 130);
   EXPECT_TRUE(contains(outcome.err, {"finishing update 1", "Ctrl-C again ends without saving"}));
-  EXPECT_TRUE(contains(outcome.err, {"update 1 of ", ": playing, step "})) << "the first update shows how it goes on";
+  // Playing or learning, by how fast the machine is.
+  EXPECT_TRUE(contains(outcome.err, {"\nupdate 1 of 191: "})) << "the first update shows how it goes on";
   EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(5));
   EXPECT_EQ(metrics_rows(*here_, "slow"), 0u) << "the update was finished first";
 }
