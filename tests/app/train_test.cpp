@@ -32,7 +32,8 @@ Workplace* TrainedRun::here_ = nullptr;
 Outcome TrainedRun::training_;
 
 TEST_F(TrainedRun, PrintsTheTableAndWhatToDoNext) {
-  EXPECT_TRUE(contains(training_.out, {"against", "random", "circle", " rate run ", " report run ", " export run --team 0"}));
+  EXPECT_TRUE(
+      contains(training_.out, {"against", "random", "circle", " rate run ", " report run ", " export run --team 0"}));
   EXPECT_TRUE(contains(training_.err, {"update 3 of 3", "agent-steps", "wins vs random"}));
 }
 
