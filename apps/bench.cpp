@@ -3,14 +3,17 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <fstream>
 #include <iostream>
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "apps/benchmark.hpp"
 #include "apps/command_line.hpp"
 #include "apps/commands.hpp"
 #include "apps/program_info.hpp"
 #include "config/fields.hpp"
+#include "core/error.hpp"
 #include "cuda/runtime.hpp"
 #include "io/number.hpp"
 
@@ -35,7 +38,52 @@ std::string part_text(const BenchResult& r, double seconds) {
   return text;
 }
 
-Json result_json(const BenchResult& r) {
+/// What an earlier call measured with as many worlds.
+struct Earlier {
+  std::string commit;
+  double median, low, high;  ///< agent-steps per second; quartiles
+};
+
+/// Of the results in a file; refused where they are of something else.
+class Comparison {
+ public:
+  Comparison(const std::string& path, const std::string& kind) : path_(path) {
+    if (path.empty()) return;
+    std::ifstream file(path);
+    if (!file) throw InputError("--compare: cannot read " + path);
+    json_ = Json::parse(file, nullptr, false);
+    if (!json_.is_object() || !json_.contains("results") || !json_["results"].is_array() || !json_.contains("kind"))
+      throw InputError("--compare: " + path + " was not written by gigastep bench " + kind + " --json");
+    if (json_["kind"] != kind)
+      throw InputError(cat("--compare: ", path, " has results of bench ", json_["kind"].dump(), ", not of ", kind));
+  }
+  /// What it has with so many worlds, if anything.
+  std::optional<Earlier> of(const BenchResult& r) const {
+    if (path_.empty()) return std::nullopt;
+    if (const std::string scenario = json_.value("scenario", ""); scenario != r.scenario)
+      throw InputError(cat("--compare: ", path_, " has results of scenario ", scenario, ", not of ", r.scenario));
+    for (const Json& old : json_["results"])
+      if (old.value("worlds", 0) == r.worlds && old.contains("interquartile"))
+        return Earlier{old.value("commit", "unknown"), old.value("agent_steps_per_second", 0.0),
+                       old["interquartile"].at(0).get<double>(), old["interquartile"].at(1).get<double>()};
+    return std::nullopt;
+  }
+
+ private:
+  std::string path_;
+  Json json_;
+};
+
+/// new / old, and what it may be by the quartiles of both.
+struct Ratio {
+  double median, low, high;
+  Ratio(const BenchResult& now, const Earlier& then)
+      : median(now.quantile(0.5) / then.median),
+        low(now.quantile(0.25) / then.high),
+        high(now.quantile(0.75) / then.low) {}
+};
+
+Json result_json(const BenchResult& r, const std::optional<Earlier>& earlier) {
   Json checks = Json::object();
   for (const auto& [name, value] : r.checks) checks[name] = value;
   Json json{{"arithmetic", r.arithmetic},
@@ -55,10 +103,22 @@ Json result_json(const BenchResult& r) {
     json["learning"] = part_json(r, r.work.learning_seconds);
   }
   if (!r.closed_loop_arithmetic.empty()) json["closed_loop_arithmetic"] = r.closed_loop_arithmetic;
+  if (r.bytes > 0) json["bytes_per_agent_step"] = r.bytes;
+  if (r.copy_rate > 0) {
+    json["copy_rate_bytes_per_second"] = r.copy_rate;
+    json["share_of_copy_rate"] = r.bytes * r.quantile(0.5) / r.copy_rate;
+  }
+  if (earlier) {
+    const Ratio ratio(r, *earlier);
+    json["compared"] = {{"commit", earlier->commit},
+                        {"agent_steps_per_second", earlier->median},
+                        {"ratio", ratio.median},
+                        {"ratio_by_quartiles", {ratio.low, ratio.high}}};
+  }
   return json;
 }
 
-std::string result_lines(const BenchResult& r, bool proof) {
+std::string result_lines(const BenchResult& r, bool proof, const std::optional<Earlier>& earlier) {
   char line[200];
   std::snprintf(line, sizeof line, "%10d %10lld %10s %18s %12s %10s - %-10s %10s - %-10s %8s\n", r.worlds,
                 static_cast<long long>(r.steps), r.arithmetic.c_str(), program_commit(),
@@ -70,6 +130,22 @@ std::string result_lines(const BenchResult& r, bool proof) {
   if (r.work.learning_seconds > 0)
     text += indent + "rollout " + part_text(r, r.work.rollout_seconds) + "; learning " +
             part_text(r, r.work.learning_seconds) + "\n";
+  if (r.bytes > 0) {
+    std::snprintf(line, sizeof line, "at least %.0f bytes an agent-step", r.bytes);
+    text += indent + line;
+    if (r.copy_rate > 0) {
+      std::snprintf(line, sizeof line, ": %.1f %% of %s bytes/s that a copy moves",
+                    100 * r.bytes * r.quantile(0.5) / r.copy_rate, print_short(r.copy_rate).c_str());
+      text += line;
+    }
+    text += "\n";
+  }
+  if (earlier) {
+    const Ratio ratio(r, *earlier);
+    std::snprintf(line, sizeof line, "%.3f times the %s of %s (%.3f to %.3f by the quartiles)\n", ratio.median,
+                  print_short(earlier->median).c_str(), earlier->commit.c_str(), ratio.low, ratio.high);
+    text += indent + line;
+  }
   // Of these the shares are results; all else only proves the work, for who asks.
   std::string figures;
   for (const auto& [name, value] : r.checks) {
@@ -82,6 +158,7 @@ std::string result_lines(const BenchResult& r, bool proof) {
 
 void bench(const std::string& kind, Measure measure_one, const BenchOptions& o) {
   const Device device = parse_device(o.device);
+  const Comparison comparison(o.compare, kind);
   std::vector<int> sizes = o.worlds;
   if (sizes.empty()) sizes = {kind == "train" || kind == "es" ? 0 : device.is_cuda() ? kGpuWorlds : kCpuWorlds};
 
@@ -96,10 +173,11 @@ void bench(const std::string& kind, Measure measure_one, const BenchOptions& o) 
   std::string scenario;
   for (const int worlds : sizes) {
     const BenchResult result = measure_one(o, device, worlds);
-    results.push_back(result_json(result));
+    const std::optional<Earlier> earlier = comparison.of(result);
+    results.push_back(result_json(result, earlier));
     best = std::max(best, result.quantile(0.5));
     scenario = result.scenario;
-    if (for_people) std::cout << result_lines(result, o.proof) << std::flush;
+    if (for_people) std::cout << result_lines(result, o.proof, earlier) << std::flush;
   }
   if (o.json.empty()) return;
   write_json({{"kind", kind},
@@ -138,6 +216,10 @@ CLI::App* add_kind(CLI::App& parent, Dispatch& dispatch, const std::shared_ptr<B
   command->add_flag("--proof", options->proof,
                     "also print what proves the work: sums over what was computed, episodes that ended");
   add_json_option(*command, options->json);
+  command
+      ->add_option("--compare", options->compare,
+                   "also print the ratio to the results in this file, which --json of an earlier call has written")
+      ->type_name("FILE");
   command->callback([options, kind, measure_one, &dispatch] {
     dispatch.run = [options, kind, measure_one] { bench(kind, measure_one, *options); };
   });
@@ -190,7 +272,10 @@ void add_bench_command(CLI::App& app, Dispatch& dispatch) {
       "finite\n"
       "and written, episodes end and begin anew. Each row names the arithmetic of the networks' matrix products (CPUs "
       "compute in fp32), the\n"
-      "commit of the program, and, where a learner is timed, what rollout and learning took on the device.\n"
+      "commit of the program, and, where a learner is timed, what rollout and learning took on the device. sim says "
+      "how\n"
+      "many bytes an agent-step must at least move through memory, and on a GPU which share of the rate of a copy\n"
+      "that is.\n"
       "Examples:\n"
       "  gigastep bench sim --scenario identical_2_vs_2 --worlds 1024,16384,65536\n"
       "  gigastep bench closed-loop --hidden 64,64 --json -\n"

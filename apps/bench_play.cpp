@@ -121,11 +121,29 @@ BenchResult play(const BenchOptions& options, Device device, const LoadedRun& ru
   return result;
 }
 
+/// Bytes of an agent-step that no simulator can do without: what changes at each step read and written, the action
+/// read, the outputs written.
+double least_bytes(const SimSpec& spec) {
+  const int n = spec.params.n_agents;
+  double state = 0;
+  const WorldView none{};
+  for_each_field([&](auto field, auto member) {
+    if constexpr (field.working)
+      state += static_cast<double>(field.count(n)) * static_cast<double>(sizeof(*(none.*member)));
+  });
+  const double action = spec.params.actions == ActionKind::discrete ? sizeof(int32_t) : kActionSize * sizeof(float);
+  const double outputs = spec.observation_size() * sizeof(float) + sizeof(float) + 1;  // row, reward, alive
+  return 2 * state / n + action + outputs;
+}
+
 }  // namespace
 
 BenchResult bench_sim(const BenchOptions& options, Device device, int worlds) {
-  BenchResult result = play(options, device, bench_run(options, worlds), script_controller(Scripted::random),
-                            script_controller(Scripted::random));
+  const LoadedRun run = bench_run(options, worlds);
+  BenchResult result =
+      play(options, device, run, script_controller(Scripted::random), script_controller(Scripted::random));
+  result.bytes = least_bytes(run.spec);
+  if (device.is_cuda()) result.copy_rate = cuda_copy_rate(device.index);
   result.arithmetic = FieldCodec<Precision>::print(Precision::fp32);
   return result;
 }

@@ -24,7 +24,8 @@ struct BenchOptions {
   std::string config = "mappo";                   ///< train and es
   std::vector<std::string> overrides;             ///< train and es
   std::string json;
-  bool proof = false;  ///< print BenchResult::checks
+  std::string compare;  ///< results of an earlier call, as its --json wrote them; empty: none
+  bool proof = false;   ///< print BenchResult::checks
 };
 
 /// What a piece of work made. A learner says how long the device played and learned for it.
@@ -41,7 +42,9 @@ struct BenchResult {
   int64_t steps = 0;          ///< per repeat; training: updates, es: generations
   std::vector<double> rates;  ///< agent-steps per second of each repeat, sorted
   Work work;                  ///< of all repeats together, without the warm-up
-  int64_t memory_bytes = 0;   ///< GPU: taken from its free memory; CPU: resident set of the process
+  double bytes = 0;           ///< per agent-step that must at least cross the memory; 0 = not counted
+  double copy_rate = 0;      ///< bytes per second, read and written, of a copy in the device's memory; 0 = not measured
+  int64_t memory_bytes = 0;  ///< GPU: taken from its free memory; CPU: resident set of the process
   std::vector<std::pair<std::string, double>> checks;
 
   /// The rate below which a share of the repeats lies, interpolated between neighbours; 0.5 = median.

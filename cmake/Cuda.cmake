@@ -20,10 +20,10 @@ if(GIGASTEP_HAS_CUDA)
   set(CMAKE_CUDA_FLAGS_RELEASE "-O3 -DNDEBUG")
 
   # -fmad=false is the twin of -ffp-contract=off in Options.cmake: CPU and GPU agree to the last bit. A target whose
-  # results are compared within a tolerance alone may set the property GIGA_FAST_SUMS.
+  # results are compared within a tolerance alone may set the property GIGA_FAST_MATH.
   list(JOIN giga_host_flags "," host_flags)
   list(JOIN giga_host_warnings "," host_warnings)
-  add_compile_options("$<$<COMPILE_LANGUAGE:CUDA>:-fmad=$<IF:$<BOOL:$<TARGET_PROPERTY:GIGA_FAST_SUMS>>,true;-ftz=true,false>>"
+  add_compile_options("$<$<COMPILE_LANGUAGE:CUDA>:$<IF:$<BOOL:$<TARGET_PROPERTY:GIGA_FAST_MATH>>,--use_fast_math,-fmad=false>>"
                       "$<$<COMPILE_LANGUAGE:CUDA>:--expt-relaxed-constexpr;--extended-lambda>"
                       "$<$<COMPILE_LANGUAGE:CUDA>:-Xcompiler=${host_flags};-Xcompiler=${host_warnings}>")
   if(CMAKE_COMPILE_WARNING_AS_ERROR)

@@ -6,6 +6,7 @@
 #include "math/forget_episodes.hpp"
 #include "math/gae.hpp"
 #include "math/population_actions.hpp"
+#include "math/ppo_figures.hpp"
 #include "math/ppo_loss.hpp"
 #include "math/step_gate.hpp"
 #include "math/team_mean.hpp"
@@ -27,6 +28,8 @@
   APPLY(NoiseMoments)              \
   APPLY(FiniteCheck)               \
   APPLY(StepGate)                  \
+  APPLY(AdamStep)                  \
+  APPLY(PolicyNote)                \
   APPLY(LivingMean<float>)         \
   APPLY(LivingMean<BFloat16>)      \
   APPLY(LivingMeanGradient<float>) \

@@ -3,10 +3,12 @@
 #include "core/parallel_for.hpp"
 #include "cuda/device_clock.hpp"
 #include "cuda/elementwise.hpp"
+#include "cuda/fused_policy.hpp"
 #include "cuda/population_policy.hpp"
 #include "cuda/ppo_gradients.hpp"
 #include "cuda/runtime.hpp"
 #include "cuda/sensors.hpp"
+#include "cuda/side_stream.hpp"
 
 namespace giga {
 namespace {
@@ -16,6 +18,7 @@ namespace {
 bool built_with_cuda() { return false; }
 int cuda_device_count() { return 0; }
 GpuInfo cuda_device_info(int) { missing(); }
+double cuda_copy_rate(int) { missing(); }
 Memory& cuda_memory(int) { missing(); }
 void* work_stream(int) { missing(); }
 // NOLINTNEXTLINE(performance-unnecessary-value-param): the signature of the real one
@@ -28,10 +31,17 @@ void list_population_work(const PopulationPolicy&, int32_t*, int, void*) { missi
 void launch_population_policy(const PopulationPolicy&, int, void*) { missing(); }
 bool fused_gradients_run(int) { missing(); }
 int fused_blocks(int) { missing(); }
-void launch_moments(const FusedRows&, const float*, double*, int, void*) { missing(); }
+int fused_step_blocks(int64_t, int64_t) { missing(); }
+void launch_moments(const FusedRows&, MinibatchPieces, const float*, double*, int, void*) { missing(); }
 void launch_actor_gradient(const FusedActor&, int, void*) { missing(); }
 void launch_critic_gradient(const FusedCritic&, int, void*) { missing(); }
-void launch_gradient_sum(const float*, int64_t, float*, float*, int, void*) { missing(); }
+void launch_gradient_sums(const FusedStep&, int, void*) { missing(); }
+void launch_adam(const FusedStep&, int, void*) { missing(); }
+void launch_fused_policy(const FusedPolicy&, int, void*) { missing(); }
+SideStream::SideStream(int index, void* main) : index_(index), main_(main) { missing(); }
+SideStream::~SideStream() = default;
+void SideStream::fork() { missing(); }
+void SideStream::join() { missing(); }
 GpuSensors::GpuSensors(int index) : index_(index), thermometer_("") { missing(); }
 GpuReading GpuSensors::read() const { missing(); }
 

@@ -5,43 +5,34 @@
 namespace giga {
 namespace {
 
-/// What the loss takes of the rows of a tile besides the network's output.
-template <int kRows>
-struct LossRows {
-  float old_log_prob[kRows], advantage[kRows], u[kRows][kActionSize];
-  int action[kRows];
-  bool alive[kRows];
-};
+constexpr int kSums = kNPolicyDiagnostics + kActionSize;  // diagnostics, and the gradient by log_std
+constexpr int kLaneSums = (kSums + 3) / 4;                // of which each of four lanes adds up every fourth
 
 /// Shared memory of a block.
 template <class S>
 struct ActorMemory {
-  float x[S::kRows * S::kInStride];
-  float hidden1[S::kRows * kHiddenStride];  // features; then the gradient by their sums
-  float hidden2[S::kRows * kHiddenStride];
-  float head[S::kRows * kLogitStride + kHead - kLogitStride];  // logits or means; then the gradient by them
-  float weight1[kHidden * S::kInStride];
-  float weight2[kHidden * kHiddenStride];
-  float weight3[kHead * kHiddenStride];
+  KeptSlopes<S> slopes1;
+  alignas(16) __half x[S::kRows * S::kInStride];
+  __half hidden1[S::kRows * kHiddenStride];  // features; then the gradient by their sums
+  __half hidden2[S::kRows * kHiddenStride];
+  __half head[S::kRows * kHeadStride];  // the gradient by the logits or means
+  __half weight1[kHidden * S::kInStride];
+  __half weight2[kHidden * kHiddenStride];
+  __half weight3[kHead * kHiddenStride];
   float bias1[kHidden], bias2[kHidden], bias3[kHead];
   float log_std[4];
-  LossRows<S::kRows> rows;
-  float sums[S::kRows][kNPolicyDiagnostics + kActionSize];  // diagnostics and gradient by log_std, added up
-  BatchMoments moments;
-  int64_t source[2][S::kRows];  // of this tile and the next
+  float sums[S::kWarps][4 * kLaneSums];
+  float advantage_mean, advantage_inv_std, scale, unscale;  // gradients are `scale` times too large
+  int64_t source[2][S::kRows];                              // of this tile and the next
 };
 
-/// A row of logits, spread over four lanes that lie side by side: each has every fourth number.
-struct SpreadLogits {
-  static constexpr int kNumbers = kLogitStride / 4;
+/// A row of logits as a product leaves it: four lanes that lie side by side have two columns of each tile.
+struct QuadLogits {
+  static constexpr int kNumbers = kHead / 4;
   float x[kNumbers];
-  int lane;
+  int pair;
 
-  __device__ SpreadLogits(const float* row, int lane_) : lane(lane_) {
-#pragma unroll
-    for (int k = 0; k < kNumbers; ++k) x[k] = row[column(k)];
-  }
-  __device__ int column(int k) const { return 4 * k + lane; }
+  __device__ int column(int k) const { return k / 2 * 8 + pair + k % 2; }
   __device__ bool is_action(int k) const { return column(k) < kNDiscreteActions; }
   __device__ float total(float sum) const {
     sum += __shfl_xor_sync(0xFFFFFFFFu, sum, 1);
@@ -53,185 +44,223 @@ struct SpreadLogits {
   }
 };
 
-/// LossRows of one row, on its way from global memory.
-struct FetchedLossRow {
-  float old_log_prob = 0, advantage = 0, u[kActionSize] = {};
+/// What the loss takes of a row besides the network's output.
+struct LossRow {
+  int64_t source;
+  float old_log_prob = 0, advantage = 0;
   int action = 0;
   bool alive = false;
 
-  __device__ void fetch(const FusedActor& k, int64_t source) {
-    const bool some = source >= 0;
-    alive = some && k.rows.alive[source];
-    old_log_prob = some ? k.loss.old_log_prob[source] : 0.0f;
-    advantage = some ? k.loss.advantage[source] : 0.0f;
-    action = some && k.loss.action ? k.loss.action[source] : 0;
-    if (!k.loss.action)
-      for (int i = 0; i < kActionSize; ++i) u[i] = some ? k.loss.pre_tanh_action[source * kActionSize + i] : 0.0f;
-  }
-  template <int kRows>
-  __device__ void store(LossRows<kRows>& to, int row) const {
-    to.old_log_prob[row] = old_log_prob;
-    to.advantage[row] = advantage;
-    for (int i = 0; i < kActionSize; ++i) to.u[row][i] = u[i];
-    to.action[row] = action;
-    to.alive[row] = alive;
+  __device__ LossRow(const FusedActor& k, int64_t source_) : source(source_) {
+    if (source < 0) return;
+    alive = k.rows.alive[source];
+    old_log_prob = __ldg(k.loss.old_log_prob + source);
+    advantage = __ldg(k.loss.advantage + source);
+    if (k.loss.action) action = __ldg(k.loss.action + source);
   }
 };
 
+/// The loss of a row: its gradient takes the place of the logits or means, and its sums are added to those of the lane.
 template <class S>
-__global__ void __launch_bounds__(kFusedThreads, 1) actor_kernel(const __grid_constant__ FusedActor k) {
-  extern __shared__ __align__(16) char shared[];
-  ActorMemory<S>& m = *reinterpret_cast<ActorMemory<S>*>(shared);
-  const int thread = static_cast<int>(threadIdx.x);
-  const WarpPlace<S> place;
-  const TileRows tiles(k.rows, S::kRows);
-  const FusedMlp& net = k.net;
-  const bool continuous = k.loss.action == nullptr;
-  const int input = net.width[0], hidden1 = net.width[1], hidden2 = net.width[2], output = net.width[3];
+__device__ void policy_gradient(const FusedActor& k, const ActorMemory<S>& m, const LossRow& row, QuadLogits& l,
+                                float (&sums)[kLaneSums]) {
+  const PolicySample of{row.old_log_prob, (row.advantage - m.advantage_mean) * m.advantage_inv_std, m.scale,
+                        k.loss.clip_coef, k.loss.entropy_coef};
+  float all[4 * kLaneSums] = {};
+  if (k.loss.action) {
+    categorical_gradient(l, row.action, of, all);
+  } else {
+    // The means are with the first lane of the four and the one beside it.
+    const int first = static_cast<int>(threadIdx.x) % 32 / 4 * 4;
+    const float mean[kActionSize] = {__shfl_sync(0xFFFFFFFFu, l.x[0], first), __shfl_sync(0xFFFFFFFFu, l.x[1], first),
+                                     __shfl_sync(0xFFFFFFFFu, l.x[0], first + 1)};
+    float u[kActionSize] = {}, d_mean[kActionSize], *d_std = all + kNPolicyDiagnostics;
+    if (row.source >= 0)
+      for (int i = 0; i < kActionSize; ++i) u[i] = __ldg(k.loss.pre_tanh_action + row.source * kActionSize + i);
+    gaussian_gradient(mean, m.log_std, u, of, d_mean, d_std, all);
+#pragma unroll
+    for (int i = 0; i < QuadLogits::kNumbers; ++i) l.x[i] = 0;
+    if (l.pair == 0) {
+      l.x[0] = d_mean[0];
+      l.x[1] = d_mean[1];
+    } else if (l.pair == 2) {
+      l.x[0] = d_mean[2];
+    }
+  }
+#pragma unroll
+  for (int i = 0; i < QuadLogits::kNumbers; ++i) l.x[i] = row.alive ? l.x[i] : 0.0f;
+#pragma unroll
+  for (int i = 0; i < kLaneSums; ++i) {
+    const float mine = l.pair == 0   ? all[4 * i]
+                       : l.pair == 2 ? all[4 * i + 1]
+                       : l.pair == 4 ? all[4 * i + 2]
+                                     : all[4 * i + 3];
+    sums[i] += row.alive ? mine : 0.0f;
+  }
+}
 
-  load_matrix(k.parameters + net.weight[0], hidden1, input, m.weight1, kHidden, S::kInStride);
-  load_matrix(k.parameters + net.weight[1], hidden2, hidden1, m.weight2, kHidden, kHiddenStride);
-  load_matrix(k.parameters + net.weight[2], output, hidden2, m.weight3, kHead, kHiddenStride);
+template <class S>
+__device__ void load_network(const FusedActor& k, ActorMemory<S>& m) {
+  const FusedMlp& net = k.net;
+  const int input = net.width[0], hidden1 = net.width[1], hidden2 = net.width[2], output = net.width[3];
+  load_matrix<kHidden, S::kInStride, S::kThreads>(k.parameters + net.weight[0], hidden1, input, m.weight1);
+  load_matrix<kHidden, kHiddenStride, S::kThreads>(k.parameters + net.weight[1], hidden2, hidden1, m.weight2);
+  load_matrix<kHead, kHiddenStride, S::kThreads>(k.parameters + net.weight[2], output, hidden2, m.weight3);
   load_vector(k.parameters + net.bias[0], hidden1, m.bias1, kHidden);
   load_vector(k.parameters + net.bias[1], hidden2, m.bias2, kHidden);
   load_vector(k.parameters + net.bias[2], output, m.bias3, kHead);
-  for (int i = thread; i < S::kRows * kLogitStride + kHead - kLogitStride; i += kFusedThreads) m.head[i] = 0;
-  if (thread < S::kRows)
-    for (float& sum : m.sums[thread]) sum = 0;
-  if (thread < kActionSize) m.log_std[thread] = continuous ? k.parameters[net.log_std + thread] : 0.0f;
-  if (thread == 0) {
-    m.moments = batch_moments(k.moments);
-    if (k.loss.advantage_mean) {
-      m.moments.mean = *k.loss.advantage_mean;
-      m.moments.inv_std = *k.loss.advantage_inv_std;
-    }
-  }
+  load_vector(k.loss.action ? nullptr : k.parameters + net.log_std, kActionSize, m.log_std, 4);
+  if (threadIdx.x >= 32) return;
+  const BatchMoments moments(k.moments);
+  if (threadIdx.x > 0) return;
+  m.advantage_mean = k.loss.advantage_mean ? *k.loss.advantage_mean : moments.mean;
+  m.advantage_inv_std = k.loss.advantage_inv_std ? *k.loss.advantage_inv_std : 1.0f / (sqrtf(moments.variance) + 1e-8f);
+  const float off = moments.mean - m.advantage_mean;
+  m.scale = gradient_scale(sqrtf(moments.variance + off * off) * m.advantage_inv_std);
+  m.unscale = moments.inv_count / m.scale;
+}
+
+template <class S>
+__global__ void __launch_bounds__(S::kThreads, 1) actor_kernel(const __grid_constant__ FusedActor k) {
+  extern __shared__ __align__(16) char shared[];
+  ActorMemory<S>& m = *reinterpret_cast<ActorMemory<S>*>(shared);
+  const int thread = static_cast<int>(threadIdx.x), warp = thread / 32;
+  const TileLane lane;
+  const TileRows tiles(k.rows, S::kRows);
+  const FusedMlp& net = k.net;
+  const int input = net.width[0];
+  load_network(k, m);
+
+  // A warp's rows in shared memory.
+  __half* const x = m.x + warp * 16 * S::kInStride;
+  __half* const hidden1 = m.hidden1 + warp * 16 * kHiddenStride;
+  __half* const hidden2 = m.hidden2 + warp * 16 * kHiddenStride;
+  __half* const head = m.head + warp * 16 * kHeadStride;
+
+  WeightGradient<S::kInTiles> d_weight1(4);
+  WeightGradient<S::kWeightTiles> d_weight2(4);
+  WeightGradient<2> d_weight3(2);
+  BiasGradient d_bias, d_bias3;  // of the first layer or of the second; of the head
+  const bool has_bias1 = warp < 4, has_bias2 = warp >= 4 && warp < 8, has_bias3 = warp < 2;
+  float sums[kLaneSums] = {};
+
   int64_t tile = blockIdx.x;
   if (thread < S::kRows) m.source[0][thread] = tiles.source(k.rows, tile, thread);
   __syncthreads();
-  FetchedInputs<S> next;
-  FetchedLossRow next_row;
-  next.fetch(k.rows, input, m.source[0]);
-  if (thread < S::kRows) next_row.fetch(k, m.source[0][thread]);
+  FetchedInputs<S::kIn> next;
+  next.fetch(k.rows, input, [&](int i) { return m.source[0][warp * 16 + i]; });
 
-  TileSums<S::kInTiles> d_weight1;
-  TileSums<2> d_weight2;
-  TileSums<1> d_weight3;
-  d_weight1.clear();
-  d_weight2.clear();
-  d_weight3.clear();
-  ColumnSums<kHidden> d_bias1, d_bias2;
-  ColumnSums<kHead> d_bias3;  // columns from kLogitStride on mean nothing
-
-  const int rows_at = place.first_row * kHiddenStride, columns = place.column_warp * S::kTiles * 8;
-  const int head_columns = place.column_warp * S::kHeadTiles * 8;
-  const int warp = thread / 32, head_rows = warp % 2 * 16, head_part = warp / 2 * 8;
   for (int turn = 0; tile < tiles.n_tiles; tile += gridDim.x, turn ^= 1) {
-    next.store(k.rows, input, m.x);
-    if (thread < S::kRows) next_row.store(m.rows, thread);
-    __syncthreads();
+    next.template store<S::kInStride>(k.rows, input, x);
+    const int64_t* source = m.source[turn] + warp * 16;
+    const LossRow row[2] = {LossRow(k, source[lane.group]), LossRow(k, source[lane.group + 8])};
+    __syncwarp();
 
     // Forward.
-    TileSums<S::kTiles> y;
-    Slopes<S::kTiles> slope1, slope2;
-    y.start(m.bias1 + columns);
-    y.template add_by_rows<S::kIn>({m.x + place.first_row * S::kInStride, S::kInStride},
-                                   {m.weight1 + columns * S::kInStride, S::kInStride});
-    activate(net.activation, y, slope1);
-    y.store_rounded(m.hidden1 + rows_at + columns, kHiddenStride);
-    __syncthreads();
-    y.start(m.bias2 + columns);
-    y.template add_by_rows<kHidden>({m.hidden1 + rows_at, kHiddenStride},
-                                    {m.weight2 + columns * kHiddenStride, kHiddenStride});
-    activate(net.activation, y, slope2);
-    y.store_rounded(m.hidden2 + rows_at + columns, kHiddenStride);
-    __syncthreads();
-    TileSums<S::kHeadTiles> head;
-    head.start(m.bias3 + head_columns);
-    head.template add_by_rows<kHidden>({m.hidden2 + rows_at, kHiddenStride},
-                                       {m.weight3 + head_columns * kHiddenStride, kHiddenStride});
-    head.each([&](float value, int r, int c) {
-      if (head_columns + c < kLogitStride) m.head[(place.first_row + r) * kLogitStride + head_columns + c] = value;
-    });
-    __syncthreads();
+    Slopes slope1, slope2;
+    TileSums<kHead / 8> logits;
+    {
+      TileSums<kHiddenTiles> y;
+      y.start(m.bias1);
+      y.template add_by_rows<S::kInDepth>(Halves<S::kInStride>(x, 0, 0), Halves<S::kInStride>(m.weight1, 0, 0));
+      activate(net.activation, y, slope1);
+      m.slopes1.keep(slope1);
+      Factor<kHiddenDepth> features = y.factor();
+      store(features, hidden1, kHiddenStride);
+      y.start(m.bias2);
+      y.add_by_rows(features, Halves<kHiddenStride>(m.weight2, 0, 0));
+      activate(net.activation, y, slope2);
+      features = y.factor();
+      store(features, hidden2, kHiddenStride);
+      logits.start(m.bias3);
+      logits.add_by_rows(features, Halves<kHiddenStride>(m.weight3, 0, 0));
+    }
 
-    // The loss: four lanes a row.
-    for (int r = thread / 4; r < S::kRows; r += kFusedThreads / 4) {
-      float* at = m.head + r * kLogitStride;
-      SpreadLogits l(at, thread % 4);
-      const bool alive = m.rows.alive[r], first = l.lane == 0;
-      const PolicySample of{m.rows.old_log_prob[r], (m.rows.advantage[r] - m.moments.mean) * m.moments.inv_std,
-                            m.moments.inv_count, k.loss.clip_coef, k.loss.entropy_coef};
-      float diagnostic[kNPolicyDiagnostics];
-      if (continuous) {
-        float d_mean[kActionSize], d_std[kActionSize];
-        gaussian_gradient(at, m.log_std, m.rows.u[r], of, d_mean, d_std, diagnostic);
-        __syncwarp();  // all lanes have read the means
-        for (int i = 0; i < SpreadLogits::kNumbers; ++i) l.x[i] = 0;
-        if (l.lane < kActionSize) l.x[0] = l.lane == 0 ? d_mean[0] : l.lane == 1 ? d_mean[1] : d_mean[2];
-        if (first && alive)
-          for (int i = 0; i < kActionSize; ++i) m.sums[r][kNPolicyDiagnostics + i] += d_std[i];
-      } else {
-        categorical_gradient(l, m.rows.action[r], of, diagnostic);
-      }
-      for (int i = 0; i < SpreadLogits::kNumbers; ++i) at[l.column(i)] = alive ? to_tf32(l.x[i]) : 0.0f;
-      if (first && alive)
-        for (int i = 0; i < kNPolicyDiagnostics; ++i) m.sums[r][i] += diagnostic[i];
+    // The loss of two rows for each lane.
+#pragma unroll
+    for (int half = 0; half < 2; ++half) {
+      QuadLogits l;
+      l.pair = lane.pair;
+#pragma unroll
+      for (int i = 0; i < QuadLogits::kNumbers; ++i) l.x[i] = logits.c[i / 2][2 * half + i % 2];
+      policy_gradient(k, m, row[half], l, sums);
+#pragma unroll
+      for (int i = 0; i < QuadLogits::kNumbers; ++i) logits.c[i / 2][2 * half + i % 2] = l.x[i];
+    }
+
+    // Backward: the gradient by a layer's sums takes the place of its features once these are used.
+    Factor<kHiddenDepth> gradient;
+    {
+      const Factor<kHead / 16> by_head = logits.factor();
+      store(by_head, head, kHeadStride);
+      TileSums<kHiddenTiles> y;
+      y.clear();
+      y.add_by_columns(by_head, Halves<kHiddenStride>(m.weight3, 0, 0));
+      gradient = slope2.scaled(y);
     }
     if (thread < S::kRows) m.source[turn ^ 1][thread] = tiles.source(k.rows, tile + gridDim.x, thread);
     __syncthreads();
-    // Backward: the gradient by a layer's sums takes the place of its features once these are used.
-    y.clear();
-    y.template add_by_columns<kHead>({m.head + place.first_row * kLogitStride, kLogitStride},
-                                     {m.weight3 + columns, kHiddenStride});
-    d_weight3.template add_over_rows<S::kRows>({m.head + head_rows, kLogitStride},
-                                               {m.hidden2 + head_part, kHiddenStride});
-    d_bias3.add(m.head, S::kRows, kLogitStride);
-    slope2.scale(y);
+    if (d_weight3.column < kHidden)
+      d_weight3.template add<S::kRowDepth, kHeadStride, kHiddenStride>(m.head, m.hidden2, [&](const uint32_t(&t)[4]) {
+        if (has_bias3) d_bias3.add(t);
+      });
     __syncthreads();
-    y.store_rounded(m.hidden2 + rows_at + columns, kHiddenStride);
+    store(gradient, hidden2, kHiddenStride);
+    {
+      TileSums<kHiddenTiles> y;
+      y.clear();
+      y.add_by_columns(gradient, Halves<kHiddenStride>(m.weight2, 0, 0));
+      m.slopes1.take(slope1);
+      gradient = slope1.scaled(y);
+    }
     __syncthreads();
-    y.clear();
-    y.template add_by_columns<kHidden>({m.hidden2 + rows_at, kHiddenStride}, {m.weight2 + columns, kHiddenStride});
-    d_weight2.template add_over_rows<S::kRows>({m.hidden2 + place.weight_row, kHiddenStride},
-                                               {m.hidden1 + place.weight_part * 16, kHiddenStride});
-    d_bias2.add(m.hidden2, S::kRows, kHiddenStride);
-    slope1.scale(y);
+    d_weight2.template add<S::kRowDepth, kHiddenStride, kHiddenStride>(m.hidden2, m.hidden1,
+                                                                       [&](const uint32_t(&t)[4]) {
+                                                                         if (has_bias2) d_bias.add(t);
+                                                                       });
     __syncthreads();
-    y.store_rounded(m.hidden1 + rows_at + columns, kHiddenStride);
+    store(gradient, hidden1, kHiddenStride);
+    next.fetch(k.rows, input, [&](int i) { return m.source[turn ^ 1][warp * 16 + i]; });
     __syncthreads();
-    next.fetch(k.rows, input, m.source[turn ^ 1]);
-    if (thread < S::kRows) next_row.fetch(k, m.source[turn ^ 1][thread]);
-    d_bias1.add(m.hidden1, S::kRows, kHiddenStride);
-    d_weight1.template add_over_rows<S::kRows>({m.hidden1 + place.weight_row, kHiddenStride},
-                                               {m.x + place.weight_part * S::kInTiles * 8, S::kInStride});
+    d_weight1.template add<S::kRowDepth, kHiddenStride, S::kInStride>(m.hidden1, m.x, [&](const uint32_t(&t)[4]) {
+      if (has_bias1) d_bias.add(t);
+    });
     __syncthreads();
   }
 
   // The block's sums.
+  const float unscale = m.unscale;
+  const int hidden1_width = net.width[1], hidden2_width = net.width[2], output = net.width[3];
   float* out = k.partial + blockIdx.x * (net.size + kFusedSums);
-  write_gradient(d_weight1, place.weight_row, place.weight_part * S::kInTiles * 8, hidden1, input, out + net.weight[0]);
-  write_gradient(d_weight2, place.weight_row, place.weight_part * 16, hidden2, hidden1, out + net.weight[1]);
-  write_gradient(d_weight3, head_rows, head_part, output, hidden2, out + net.weight[2]);
-  d_bias1.write(m.hidden1, out + net.bias[0], hidden1);
-  d_bias2.write(m.hidden1, out + net.bias[1], hidden2);
-  d_bias3.write(m.hidden1, out + net.bias[2], output);
-  if (thread < kNPolicyDiagnostics + kActionSize) {
+  d_weight1.write(unscale, hidden1_width, input, out + net.weight[0]);
+  d_weight2.write(unscale, hidden2_width, hidden1_width, out + net.weight[1]);
+  if (d_weight3.column < kHidden) d_weight3.write(unscale, output, hidden2_width, out + net.weight[2]);
+  if (has_bias1) d_bias.write(unscale, d_weight1.row, hidden1_width, out + net.bias[0]);
+  if (has_bias2) d_bias.write(unscale, d_weight2.row, hidden2_width, out + net.bias[1]);
+  if (has_bias3) d_bias3.write(unscale, d_weight3.row, output, out + net.bias[2]);
+#pragma unroll
+  for (int i = 0; i < kLaneSums; ++i) {
+    const float all = sum_of_groups(sums[i]);
+    if (lane.group == 0) m.sums[warp][4 * i + lane.pair / 2] = all;
+  }
+  __syncthreads();
+  if (thread < kSums) {
     float all = 0;
-    for (int r = 0; r < S::kRows; ++r) all += m.sums[r][thread];
+    for (int w = 0; w < S::kWarps; ++w) all += m.sums[w][thread];
     if (thread < kNPolicyDiagnostics)
       out[net.size + thread] = all;
-    else if (continuous)
-      out[net.log_std + thread - kNPolicyDiagnostics] = all;
+    else if (!k.loss.action)
+      out[net.log_std + thread - kNPolicyDiagnostics] = all * unscale;
+  } else if (thread - kSums < kFusedSums - kNPolicyDiagnostics) {
+    out[net.size + kNPolicyDiagnostics + thread - kSums] = 0;
   }
-  if (thread >= kNPolicyDiagnostics && thread < kFusedSums) out[net.size + thread] = 0;
 }
 
 template <class S>
-void launch(const FusedActor& actor, int index, void* stream) {
+void launch(const FusedActor& actor, void* stream) {
+  static_assert(sizeof(ActorMemory<S>) <= kMostShared);
   GIGA_CUDA(cudaFuncSetAttribute(actor_kernel<S>, cudaFuncAttributeMaxDynamicSharedMemorySize, sizeof(ActorMemory<S>)));
-  actor_kernel<S>
-      <<<fused_blocks(index), kFusedThreads, sizeof(ActorMemory<S>), static_cast<cudaStream_t>(stream)>>>(actor);
+  actor_kernel<S><<<actor.n_partial, S::kThreads, sizeof(ActorMemory<S>), static_cast<cudaStream_t>(stream)>>>(actor);
   GIGA_CUDA(cudaGetLastError());
 }
 
@@ -240,10 +269,10 @@ void launch(const FusedActor& actor, int index, void* stream) {
 void launch_actor_gradient(const FusedActor& actor, int index, void* stream) {
   GIGA_CUDA(cudaSetDevice(index));
   const int input = actor.net.width[0];
-  if (input <= 64) return launch<TileShape<64, 128>>(actor, index, stream);
-  if (input <= 128) return launch<TileShape<128, 128>>(actor, index, stream);
-  GIGA_CHECK(input <= FusedMlp::kMaxInput, "inputs of ", input, " numbers");
-  launch<TileShape<192, 64>>(actor, index, stream);
+  if (input <= NarrowTiles::kIn) return launch<NarrowTiles>(actor, stream);
+  if (input <= MediumTiles::kIn) return launch<MediumTiles>(actor, stream);
+  GIGA_CHECK(input <= WideTiles::kIn, "inputs of ", input, " numbers");
+  launch<WideTiles>(actor, stream);
 }
 
 }  // namespace giga

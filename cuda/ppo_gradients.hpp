@@ -1,11 +1,14 @@
 // The gradients of MAPPO's losses, fused: one kernel for each network gathers a minibatch, takes it through the
-// network, the loss and back by tensor cores; what lies between the layers stays on the chip.
+// network, the loss and back by tensor cores; what lies between the layers stays on the chip. Two more add up the sums
+// of all blocks and take the step.
 #pragma once
 
 #include <cstdint>
 
+#include "math/ppo_figures.hpp"
 #include "math/ppo_loss.hpp"
 #include "math/small_mlp.hpp"
+#include "math/step_gate.hpp"
 #include "sim/params.hpp"
 
 namespace giga {
@@ -68,7 +71,8 @@ struct FusedActor {
   FusedRows rows{};
   FusedPolicyLoss loss{};
   const double* moments = nullptr;  // [kMomentParts, kMoments] of the minibatch
-  float* partial = nullptr;         // [fused_blocks(), net.size + kFusedSums] out: sums of each block
+  int n_partial = 0;                // blocks that share the work
+  float* partial = nullptr;         // [n_partial, net.size + kFusedSums] out: sums of each block
 };
 struct FusedCritic {
   FusedMlp net{};
@@ -76,6 +80,7 @@ struct FusedCritic {
   FusedRows rows{};
   FusedValueLoss loss{};
   const double* moments = nullptr;
+  int n_partial = 0;
   float* partial = nullptr;  // as above; or
   float* values = nullptr;   // [states, n] out: only the values are computed
 };
@@ -83,18 +88,55 @@ struct FusedCritic {
 constexpr int kFusedSums = 8;
 static_assert(kNPolicyDiagnostics <= kFusedSums);
 
-/// Whether the GPU can run them: TF32 tensor cores and 227 KB of shared memory for a block (compute capability 9.0).
+/// Minibatches of an epoch: an order of states cut into pieces, as equal as possible.
+struct MinibatchPieces {
+  int64_t n_states;
+  int n_pieces;
+  /// The first state of piece k; of piece n_pieces: the end.
+  GIGA_HD int64_t begin(int k) const {
+    const int64_t more = n_states % n_pieces;
+    return n_states / n_pieces * k + (k < more ? k : more);
+  }
+};
+
+/// A step of actor and critic from the sums of their blocks.
+struct FusedStep {
+  struct Network {
+    int n_partial = 0;
+    const float* partial = nullptr;  // [n_partial, size + kFusedSums]
+    int64_t size = 0;
+    StepGate gate{};  // its norm is the one below
+    AdamStep adam{};
+    float* norm = nullptr;  // [1] out: of the gradient
+    float* sums = nullptr;  // [kFusedSums] out
+  };
+  Network actor, critic;
+  PolicyNote note{};             // of the actor's sums, before the gates
+  float* value_loss = nullptr;   // [1] the critic's sum of losses is added
+  double* squares = nullptr;     // [fused_step_blocks(..)] of the gradients' parts
+  uint32_t* finished = nullptr;  // [1] 0, and 0 again afterwards: blocks that have finished
+};
+
+/// Whether the GPU can run them: tensor cores for half precision, and 227 KB of shared memory for a multiprocessor
+/// (compute capability 9.0).
 bool fused_gradients_run(int index);
 /// Blocks that share a minibatch, and rows of `partial`.
 int fused_blocks(int index);
+int fused_step_blocks(int64_t actor_size, int64_t critic_size);
 
 /// All are queued. The number of multiprocessors decides the order of sums; on one GPU results repeat bit for bit.
-/// Factors of products are rounded to TF32 (10 bits of mantissa), sums are fp32, tanh is within 2^-21, derivatives of
-/// activations are rounded to half precision.
-void launch_moments(const FusedRows& rows, const float* advantage, double* moments, int index, void* stream);
+/// Factors of products are rounded to half precision (10 bits of mantissa, as TF32 has), gradients at a scale that
+/// keeps them in its range; sums are fp32, tanh is within 2^-21, derivatives of activations are rounded to half
+/// precision; exp and log are those of the hardware.
+///
+/// The moments of each minibatch of an epoch: moments [pieces, kMomentParts, kMoments]. rows.states: of the epoch.
+void launch_moments(const FusedRows& rows, MinibatchPieces pieces, const float* advantage, double* moments, int index,
+                    void* stream);
 void launch_actor_gradient(const FusedActor& actor, int index, void* stream);
 void launch_critic_gradient(const FusedCritic& critic, int index, void* stream);
-/// The sums over all blocks: gradient [size], sums [kFusedSums].
-void launch_gradient_sum(const float* partial, int64_t size, float* gradient, float* sums, int index, void* stream);
+/// The sums over all blocks become the gradients; their norms, the notes and the gates follow.
+void launch_gradient_sums(const FusedStep& step, int index, void* stream);
+/// Both networks step; the gradients are cleared.
+void launch_adam(const FusedStep& step, int index, void* stream);
 
 }  // namespace giga

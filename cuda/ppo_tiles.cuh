@@ -1,31 +1,33 @@
 // What the fused kernels of actor and critic have in common: a block takes tiles of rows, one after the other, through
-// three layers. All 16 warps share each product: a warp has 16 rows and a part of the columns.
+// three layers. A warp takes 16 rows through all layers and back in its registers; the gradients of weights need the
+// features of all rows, so these pass through shared memory, and each warp has a part of each gradient.
 #pragma once
 
-#include <cuda_fp16.h>
-
+#include "cuda/half_tiles.cuh"
 #include "cuda/ppo_gradients.hpp"
-#include "cuda/tf32_tiles.cuh"
 
 namespace giga {
 
-constexpr int kFusedWarps = 16, kFusedThreads = kFusedWarps * 32;
-constexpr int kHidden = FusedMlp::kHidden;
+constexpr int kHidden = FusedMlp::kHidden, kHiddenTiles = kHidden / 8, kHiddenDepth = kHidden / 16;
 constexpr int kHiddenStride = kHidden + 8;
-constexpr int kMostStates = 32;  // of a tile
-constexpr int kHead = 32;        // outputs of the actor, in whole tiles
+constexpr size_t kMostShared = 226 * 1024;          // bytes, of all blocks on a multiprocessor of capability 9.0
+constexpr int kHead = 32, kHeadStride = kHead + 8;  // outputs of the actor, in whole tiles
 
-/// The shape of a tile: so many rows, and inputs padded to so many.
-template <int kIn_, int kRows_>
+/// The shape of a block's tiles: inputs padded to so many, so many warps with 16 rows each; whether shared memory has
+/// room for the first layer's slopes, which would else be spilled to local memory.
+template <int kIn_, int kWarps_, bool kRoomForSlopes_>
 struct TileShape {
-  static constexpr int kIn = kIn_, kRows = kRows_, kInStride = kIn + 8;
-  static constexpr int kRowWarps = kRows / 16, kColumnWarps = kFusedWarps / kRowWarps;
-  static constexpr int kTiles = kHidden / 8 / kColumnWarps;  // of 8 columns, that a warp has of a hidden layer
-  static constexpr int kHeadTiles = kHead / 8 / kColumnWarps;
-  static constexpr int kInTiles = kIn / 8 / (kFusedWarps / 4);  // that a warp has of the first weight's gradient
-  // A thread fetches so many numbers of so many rows of the next tile: a warp has a row.
-  static constexpr int kFetchedRows = kRows / kFusedWarps, kFetchedColumns = kIn / 32;
+  static constexpr int kIn = kIn_, kInStride = kIn + 8, kInDepth = kIn / 16;
+  static constexpr int kWarps = kWarps_, kThreads = kWarps * 32;
+  static constexpr int kRows = kWarps * 16, kRowDepth = kRows / 16;
+  static constexpr bool kRoomForSlopes = kRoomForSlopes_;
+  // Of the gradient of a weight [64, ..] a warp has 16 rows, and one of so many parts of the columns.
+  static constexpr int kParts = kWarps / 4;
+  static constexpr int kInTiles = kIn / 8 / kParts, kWeightTiles = kHiddenTiles / kParts;
 };
+using NarrowTiles = TileShape<64, 16, true>;
+using MediumTiles = TileShape<128, 16, false>;
+using WideTiles = TileShape<FusedMlp::kMaxInput, 8, false>;
 
 /// tanh within 2^-21: 1 - 2 / (1 + exp(2 x)). std::tanh would take as long as a product.
 __device__ __forceinline__ float fast_tanh(float x) {
@@ -37,36 +39,57 @@ __device__ __forceinline__ float fast_tanh(float x) {
 }
 
 /// Derivatives of features, in half precision: products round them as much.
-template <int kTiles>
 struct Slopes {
-  __half2 pair[kTiles][2];
-  __device__ void scale(TileSums<kTiles>& x) const {
+  Factor<kHiddenDepth> by;
+  /// The gradient by what the features were made of.
+  __device__ Factor<kHiddenDepth> scaled(const TileSums<kHiddenTiles>& gradient) const {
+    Factor<kHiddenDepth> out = gradient.factor();
 #pragma unroll
-    for (int j = 0; j < kTiles; ++j)
+    for (int t = 0; t < kHiddenDepth; ++t)
 #pragma unroll
-      for (int k = 0; k < 2; ++k) {
-        const float2 by = __half22float2(pair[j][k]);
-        x.c[j][2 * k] *= by.x;
-        x.c[j][2 * k + 1] *= by.y;
+      for (int k = 0; k < 4; ++k) out.k[t][k] = multiply_pairs(out.k[t][k], by.k[t][k]);
+    return out;
+  }
+};
+
+/// The slopes of a lane, kept in shared memory if there is room.
+template <class S>
+struct KeptSlopes {
+  uint4 words[S::kRoomForSlopes ? kHiddenDepth : 1][S::kRoomForSlopes ? S::kThreads : 1];
+
+  __device__ void keep(const Slopes& slopes) {
+    if constexpr (S::kRoomForSlopes)
+#pragma unroll
+      for (int t = 0; t < kHiddenDepth; ++t)
+        words[t][threadIdx.x] = {slopes.by.k[t][0], slopes.by.k[t][1], slopes.by.k[t][2], slopes.by.k[t][3]};
+  }
+  __device__ void take(Slopes& slopes) const {
+    if constexpr (S::kRoomForSlopes)
+#pragma unroll
+      for (int t = 0; t < kHiddenDepth; ++t) {
+        const uint4 w = words[t][threadIdx.x];
+        slopes.by.k[t][0] = w.x;
+        slopes.by.k[t][1] = w.y;
+        slopes.by.k[t][2] = w.z;
+        slopes.by.k[t][3] = w.w;
       }
   }
 };
 
 /// The numbers become features, and `slopes` their derivatives: f(number).
-template <int kTiles, class F>
-__device__ __forceinline__ void activate_by(TileSums<kTiles>& sums, Slopes<kTiles>& slopes, F&& f) {
+template <class F>
+__device__ __forceinline__ void activate_by(TileSums<kHiddenTiles>& sums, Slopes& slopes, F&& f) {
 #pragma unroll
-  for (int j = 0; j < kTiles; ++j)
+  for (int j = 0; j < kHiddenTiles; ++j)
 #pragma unroll
     for (int k = 0; k < 2; ++k) {
       const Activated a = f(sums.c[j][2 * k]), b = f(sums.c[j][2 * k + 1]);
       sums.c[j][2 * k] = a.value;
       sums.c[j][2 * k + 1] = b.value;
-      slopes.pair[j][k] = __floats2half2_rn(a.slope, b.slope);
+      slopes.by.k[j / 2][j % 2 * 2 + k] = half_pair(a.slope, b.slope);
     }
 }
-template <int kTiles>
-__device__ void activate(Activation activation, TileSums<kTiles>& sums, Slopes<kTiles>& slopes) {
+__device__ __forceinline__ void activate(Activation activation, TileSums<kHiddenTiles>& sums, Slopes& slopes) {
   switch (activation) {
     case Activation::tanh:
       return activate_by(sums, slopes, [](float x) {
@@ -82,38 +105,58 @@ __device__ void activate(Activation activation, TileSums<kTiles>& sums, Slopes<k
   }
 }
 
-/// Loads a matrix [out, in] into [rows, stride], rounded, padded with zeros.
-__device__ inline void load_matrix(const float* from, int out, int in, float* to, int rows, int stride) {
-  for (int k = static_cast<int>(threadIdx.x); k < rows * stride; k += kFusedThreads) {
-    const int o = k / stride, i = k - o * stride;
-    to[k] = from && o < out && i < in ? to_tf32(from[o * in + i]) : 0.0f;
+/// Loads a matrix [out, in] into [kRows, kStride], padded with zeros. No matrix: zeros.
+template <int kRows, int kStride, int kThreads>
+__device__ void load_matrix(const float* from, int out, int in, __half* to) {
+  constexpr int kAtOnce = 8;  // reads on their way
+  for (int first = static_cast<int>(threadIdx.x); first < kRows * kStride; first += kAtOnce * kThreads) {
+    float x[kAtOnce];
+#pragma unroll
+    for (int j = 0; j < kAtOnce; ++j) {
+      const int k = first + j * kThreads, o = k / kStride, i = k - o * kStride;
+      x[j] = from && o < out && i < in ? __ldg(from + o * in + i) : 0.0f;
+    }
+#pragma unroll
+    for (int j = 0; j < kAtOnce; ++j)
+      if (const int k = first + j * kThreads; k < kRows * kStride) to[k] = as_half(x[j]);
   }
 }
 __device__ inline void load_vector(const float* from, int n, float* to, int padded) {
-  for (int k = static_cast<int>(threadIdx.x); k < padded; k += kFusedThreads) to[k] = from && k < n ? from[k] : 0.0f;
+  for (int k = static_cast<int>(threadIdx.x); k < padded; k += static_cast<int>(blockDim.x))
+    to[k] = from && k < n ? from[k] : 0.0f;
 }
 
 /// The moments of a minibatch, from their parts.
 struct BatchMoments {
-  float inv_count, mean, inv_std;
+  float inv_count, mean, variance;
+  /// All lanes of a warp call it.
+  __device__ explicit BatchMoments(const double* parts) {
+    static_assert(kMomentParts == 64);
+    const int lane = static_cast<int>(threadIdx.x) % 32;
+    double sum[kMoments];
+    for (int k = 0; k < kMoments; ++k) {
+      sum[k] = parts[lane * kMoments + k] + parts[(lane + 32) * kMoments + k];
+      for (int apart = 1; apart < 32; apart *= 2) sum[k] += __shfl_xor_sync(0xFFFFFFFFu, sum[k], apart);
+    }
+    const double count = sum[0] > 1 ? sum[0] : 1, m = sum[1] / count, v = sum[2] / count - m * m;
+    inv_count = static_cast<float>(1 / count);
+    mean = static_cast<float>(m);
+    variance = static_cast<float>(v > 0 ? v : 0);
+  }
 };
-__device__ inline BatchMoments batch_moments(const double* parts) {
-  double sum[kMoments] = {0, 0, 0};
-  for (int part = 0; part < kMomentParts; ++part)
-    for (int k = 0; k < kMoments; ++k) sum[k] += parts[part * kMoments + k];
-  const double count = sum[0] > 1 ? sum[0] : 1, mean = sum[1] / count, variance = sum[2] / count - mean * mean;
-  return {static_cast<float>(1 / count), static_cast<float>(mean),
-          static_cast<float>(1 / (sqrt(variance > 0 ? variance : 0) + 1e-8))};
+/// Gradients are computed this many times larger, so that numbers of the size of `typical` become 1: half precision
+/// has few numbers below 2^-14. A power of two, which rounds nothing.
+__device__ inline float gradient_scale(float typical) {
+  if (!(typical > 1e-9f && typical < 1e9f)) return 1.0f;
+  return exp2f(-rintf(log2f(typical)));
 }
 
-/// Rows of a tile: whole states, at most kMostStates.
+/// Rows of a tile: whole states.
 struct TileRows {
   int n, states;  // agents of a state, states of a tile
   int64_t n_tiles;
-  __device__ TileRows(const FusedRows& rows, int most) : n(rows.n) {
-    states = most / n < kMostStates ? most / n : kMostStates;
-    n_tiles = (rows.n_states + states - 1) / states;
-  }
+  __device__ TileRows(const FusedRows& rows, int most)
+      : n(rows.n), states(most / n), n_tiles((rows.n_states + states - 1) / states) {}
   /// The row of the rollout; -1 beyond the last.
   __device__ int64_t source(const FusedRows& rows, int64_t tile, int row) const {
     const int local = row / n;
@@ -123,129 +166,113 @@ struct TileRows {
   }
 };
 
-/// The inputs of the next tile, on their way from global memory while a tile is at work.
-template <class S>
+/// The inputs of a warp's 16 rows, on their way from global memory: two columns for each lane, and those 64 further.
+template <int kIn>
 struct FetchedInputs {
-  float x[S::kFetchedRows][S::kFetchedColumns];
+  static constexpr int kPairs = kIn / 64;
+  float2 x[16][kPairs];
 
-  __device__ static int row(int i) { return i * kFusedWarps + static_cast<int>(threadIdx.x) / 32; }
-  __device__ static int column(int j) { return j * 32 + static_cast<int>(threadIdx.x) % 32; }
+  __device__ static int column(int j) { return j * 64 + static_cast<int>(threadIdx.x) % 32 * 2; }
 
-  __device__ void fetch(const FusedRows& rows, int input, const int64_t* source) {
+  /// source(i): the row of the rollout, or below 0, of the warp's row i.
+  template <class Source>
+  __device__ void fetch(const FusedRows& rows, int input, Source&& source) {
+    // Pairs of columns are read together where they are aligned.
+    const bool aligned = (reinterpret_cast<uintptr_t>(rows.obs) % 8 | static_cast<uintptr_t>(rows.obs_stride % 2)) == 0;
 #pragma unroll
-    for (int i = 0; i < S::kFetchedRows; ++i) {
-      const int64_t from = source[row(i)];
+    for (int i = 0; i < 16; ++i) {
+      const int64_t from = source(i);
       const float* at = rows.obs + (from >= 0 ? from : 0) * rows.obs_stride;
 #pragma unroll
-      for (int j = 0; j < S::kFetchedColumns; ++j)
-        x[i][j] = from >= 0 && column(j) < input ? __ldg(at + column(j)) : 0.0f;
+      for (int j = 0; j < kPairs; ++j) {
+        const int c = column(j);
+        float2 two{0, 0};
+        if (from >= 0 && c < input) {
+          if (aligned)
+            two = __ldg(reinterpret_cast<const float2*>(at + c));
+          else
+            two = {__ldg(at + c), c + 1 < input ? __ldg(at + c + 1) : 0.0f};
+        }
+        x[i][j] = two;
+      }
     }
   }
-  __device__ void store(const FusedRows& rows, int input, float* to) {
-    if (rows.obs_mean) normalize(rows, input);
+  /// To shared memory, where the warp's rows begin.
+  template <int kStride>
+  __device__ void store(const FusedRows& rows, int input, __half* to) {
 #pragma unroll
-    for (int i = 0; i < S::kFetchedRows; ++i)
+    for (int j = 0; j < kPairs; ++j) {
+      const int c = column(j);
+      const bool first = c < input, second = c + 1 < input;
+      float2 mean{0, 0}, std{1, 1};
+      if (rows.obs_mean) {
+        mean = {first ? __ldg(rows.obs_mean + c) : 0.0f, second ? __ldg(rows.obs_mean + c + 1) : 0.0f};
+        std = {first ? __ldg(rows.obs_std + c) : 1.0f, second ? __ldg(rows.obs_std + c + 1) : 1.0f};
+      }
 #pragma unroll
-      for (int j = 0; j < S::kFetchedColumns; ++j) to[row(i) * S::kInStride + column(j)] = to_tf32(x[i][j]);
+      for (int i = 0; i < 16; ++i) {
+        float2 two = x[i][j];
+        if (rows.obs_mean) {
+          two.x = held((two.x - mean.x) / std.x, rows.obs_limit);
+          two.y = held((two.y - mean.y) / std.y, rows.obs_limit);
+        }
+        *reinterpret_cast<uint32_t*>(to + i * kStride + c) = half_pair(first ? two.x : 0.0f, second ? two.y : 0.0f);
+      }
+    }
   }
 
  private:
-  __device__ void normalize(const FusedRows& rows, int input) {
-#pragma unroll
-    for (int j = 0; j < S::kFetchedColumns; ++j) {
-      if (column(j) >= input) continue;
-      const float mean = __ldg(rows.obs_mean + column(j)), std = __ldg(rows.obs_std + column(j));
-#pragma unroll
-      for (int i = 0; i < S::kFetchedRows; ++i) {
-        const float value = (x[i][j] - mean) / std;
-        // A NaN stays one.
-        x[i][j] = value > rows.obs_limit ? rows.obs_limit : value < -rows.obs_limit ? -rows.obs_limit : value;
-      }
-    }
-  }
+  /// A NaN stays one.
+  __device__ static float held(float x, float limit) { return x > limit ? limit : x < -limit ? -limit : x; }
 };
 
-/// A warp's place in products of a tile's rows, and in the gradients of weights.
-template <class S>
-struct WarpPlace {
-  int first_row, column_warp;   // of the warp's rows; which part of the columns it has
-  int weight_row, weight_part;  // of a hidden layer's gradient [64, ..]: its 16 rows, and which quarter of the columns
-  __device__ WarpPlace() {
+/// A warp's part of the gradient of a weight [64, ..] or [32, ..].
+template <int kTiles>
+struct WeightGradient : TileSums<kTiles> {
+  int row, column;  // its first
+
+  /// Of a gradient with so many tiles of 16 rows.
+  __device__ explicit WeightGradient(int row_tiles) {
     const int warp = static_cast<int>(threadIdx.x) / 32;
-    first_row = warp % S::kRowWarps * 16;
-    column_warp = warp / S::kRowWarps;
-    weight_row = warp % 4 * 16;
-    weight_part = warp / 4;
+    row = warp % row_tiles * 16;
+    column = warp / row_tiles * kTiles * 8;
+    this->clear();
+  }
+  /// += outer^T features, over the rows of a tile. f(tile) as for add_over_rows.
+  template <int kDepth, int kStrideA, int kStride, class F>
+  __device__ void add(const __half* outer, const __half* features, F&& f) {
+    this->template add_over_rows<kDepth>(Halves<kStrideA>(outer, 0, row), Halves<kStride>(features, 0, column), f);
+  }
+  /// To the matrix [out, in].
+  __device__ void write(float factor, int out, int in, float* to) {
+    this->each([&](float value, int r, int c) {
+      r += row;
+      c += column;
+      if (r < out && c < in) to[r * in + c] = value * factor;
+    });
   }
 };
 
-/// Sums of the columns of a tile [rows, kColumns], added up over tiles: a thread has some rows of a column.
-template <int kColumns>
-struct ColumnSums {
-  float sum = 0;
+/// The gradient of a bias: sums of rows, by tensor cores too. A warp has 16 numbers of one layer's.
+struct BiasGradient {
+  static constexpr uint32_t kOnes = 0x3C003C00;
+  float c[4] = {0, 0, 0, 0};
 
-  __device__ void add(const float* tile, int rows, int stride) {
-    const int column = static_cast<int>(threadIdx.x) % kColumns;
-    for (int row = static_cast<int>(threadIdx.x) / kColumns; row < rows; row += kFusedThreads / kColumns)
-      sum += tile[row * stride + column];
-  }
-  /// Of all threads, to out [count]. `work` [threads]. All threads call it.
-  __device__ void write(float* work, float* out, int count) const {
-    __syncthreads();
-    work[threadIdx.x] = sum;
-    __syncthreads();
-    if (const int column = static_cast<int>(threadIdx.x); column < count) {
-      float all = 0;
-      for (int part = 0; part < kFusedThreads / kColumns; ++part) all += work[part * kColumns + column];
-      out[column] = all;
-    }
-  }
-};
-
-/// Sums of the columns of a warp's part of a tile, each row with a weight, added up over tiles.
-template <int kTiles>
-struct WeightedColumnSums {
-  float sum[kTiles][2] = {};
-
-  /// `low`, `high`: the weights of rows `group` and group + 8.
-  __device__ void add(const TileSums<kTiles>& x, float low, float high) {
-#pragma unroll
-    for (int j = 0; j < kTiles; ++j) {
-      sum[j][0] += x.c[j][0] * low + x.c[j][2] * high;
-      sum[j][1] += x.c[j][1] * low + x.c[j][3] * high;
-    }
-  }
-  /// Of all warps, to out [count]. `work` [row warps, kHidden]. All threads call it.
-  template <class S>
-  __device__ void write(const WarpPlace<S>& place, float* work, float* out, int count) const {
+  __device__ void add(const uint32_t (&tile)[4]) { multiply_add(c, tile, kOnes, kOnes); }
+  /// The numbers from `first` on, to out [count].
+  __device__ void write(float factor, int first, int count, float* out) const {
     const TileLane lane;
-    __syncthreads();
-#pragma unroll
-    for (int j = 0; j < kTiles; ++j)
-#pragma unroll
-      for (int k = 0; k < 2; ++k) {
-        float all = sum[j][k];
-        for (int apart = 4; apart < 32; apart *= 2) all += __shfl_xor_sync(0xFFFFFFFFu, all, apart);
-        if (lane.group == 0)
-          work[place.first_row / 16 * kHidden + (place.column_warp * kTiles + j) * 8 + lane.pair + k] = all;
-      }
-    __syncthreads();
-    if (const int column = static_cast<int>(threadIdx.x); column < count) {
-      float all = 0;
-      for (int w = 0; w < S::kRowWarps; ++w) all += work[w * kHidden + column];
-      out[column] = all;
-    }
+    if (lane.pair != 0) return;
+    for (int k = 0; k < 2; ++k)
+      if (const int at = first + lane.group + k * 8; at < count) out[at] = c[2 * k] * factor;
   }
 };
 
-/// A warp's part of a weight's gradient -> the matrix [out, in].
-template <int kTiles>
-__device__ void write_gradient(TileSums<kTiles>& sums, int first_row, int first_column, int out, int in, float* to) {
-  sums.each([&](float value, int row, int column) {
-    row += first_row;
-    column += first_column;
-    if (row < out && column < in) to[row * in + column] = value;
-  });
+/// Adds up numbers of all lanes with the same place in their group of four, in the same order each time.
+__device__ __forceinline__ float sum_of_groups(float x) {
+#pragma unroll
+  for (int apart = 4; apart < 32; apart *= 2) x += __shfl_xor_sync(0xFFFFFFFFu, x, apart);
+  return x;
 }
 
 }  // namespace giga

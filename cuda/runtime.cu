@@ -1,5 +1,7 @@
 // Devices, memory and sensors of the CUDA runtime.
+#include <algorithm>
 #include <array>
+#include <limits>
 #include <memory>
 #include <mutex>
 
@@ -70,6 +72,28 @@ GpuInfo cuda_device_info(int index) {
   GIGA_CUDA(cudaDriverGetVersion(&info.driver_version));
   GIGA_CUDA(cudaRuntimeGetVersion(&info.runtime_version));
   return info;
+}
+
+double cuda_copy_rate(int index) {
+  constexpr size_t kBytes = size_t{1} << 28;  // beyond all caches
+  constexpr int kCopies = 10;
+  Buffer<char> from(cuda_memory(index), kBytes), to(cuda_memory(index), kBytes);
+  cudaEvent_t start, end;
+  GIGA_CUDA(cudaEventCreate(&start));
+  GIGA_CUDA(cudaEventCreate(&end));
+  float best = std::numeric_limits<float>::infinity();
+  for (int k = 0; k < kCopies; ++k) {
+    float milliseconds = 0;
+    GIGA_CUDA(cudaEventRecord(start));
+    GIGA_CUDA(cudaMemcpyAsync(to.data(), from.data(), kBytes, cudaMemcpyDeviceToDevice));
+    GIGA_CUDA(cudaEventRecord(end));
+    GIGA_CUDA(cudaEventSynchronize(end));
+    GIGA_CUDA(cudaEventElapsedTime(&milliseconds, start, end));
+    best = std::min(best, milliseconds);
+  }
+  GIGA_CUDA(cudaEventDestroy(start));
+  GIGA_CUDA(cudaEventDestroy(end));
+  return 2 * static_cast<double>(kBytes) / (static_cast<double>(best) * 1e-3);
 }
 
 Memory& cuda_memory(int index) {

@@ -25,6 +25,9 @@ struct GpuInfo {
 };
 GpuInfo cuda_device_info(int index);
 
+/// Bytes per second, read and written counted, of copies within its memory, the best of some.
+double cuda_copy_rate(int index);
+
 /// Memory of a GPU, by cudaMalloc.
 Memory& cuda_memory(int index);
 

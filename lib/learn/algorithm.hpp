@@ -24,6 +24,7 @@ struct PolicySettings {
   const ActorConfig& actor;
   bool greedy = false;    ///< they take their most likely action
   bool obs_norm = false;  ///< they normalise observations
+  bool fused = true;      ///< on a GPU, fused kernels compute their actions where they serve
 };
 
 /// The setting that makes a run larger or smaller: worlds, or members of a population.

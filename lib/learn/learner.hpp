@@ -68,7 +68,7 @@ class Learner {
   /// The metrics that are shown while a run goes on, the most telling first.
   virtual std::vector<HeadlineFigure> headline() const = 0;
 
-  /// How it computes where it has several ways: "gradients by fused kernels"; empty where there is only one.
+  /// How it computes where it has several ways: "acts and learns by fused kernels"; empty where there is only one.
   virtual std::string ways() const { return {}; }
 
   virtual int64_t updates_done() const = 0;

@@ -31,8 +31,10 @@ void check_precision(const LoadedRun& run, Device device) {
 
 Actor make_actor(const LoadedRun& run, int team, Device device, EncoderFactory* encoder) {
   const PolicySettings policy = algorithm_of(run.config).policy(run.config);
-  return Actor(policy.actor, input_columns(policy.actor.inputs, run.spec), run.spec.params.actions, policy.obs_norm,
-               precision_on(run, device), torch_device(device), network_seed(run, team, 0), encoder);
+  Actor actor(policy.actor, input_columns(policy.actor.inputs, run.spec), run.spec.params.actions, policy.obs_norm,
+              precision_on(run, device), torch_device(device), network_seed(run, team, 0), encoder);
+  actor.take_fused_kernels(policy.fused);
+  return actor;
 }
 
 }  // namespace giga

@@ -20,10 +20,10 @@ struct alignas(16) Quad {
   float v[4];
 };
 
-/// log(sum(exp(x))) over the actions of a row, without overflow. A row is Logits, or has the same members and is spread
-/// over several lanes, each with some of the numbers.
+/// The probabilities of the actions of a row, 0 for numbers that are none; returns log(sum(exp(x))). Neither overflows.
+/// A row is Logits, or has the same members and is spread over several lanes, each with some of the numbers.
 template <class Row>
-GIGA_HD float log_sum_exp(const Row& row) {
+GIGA_HD float softmax(const Row& row, float (&p)[Row::kNumbers]) {
   float top = -INFINITY;
   GIGA_UNROLL
   for (int k = 0; k < Row::kNumbers; ++k)
@@ -31,9 +31,15 @@ GIGA_HD float log_sum_exp(const Row& row) {
   top = row.greatest(top);
   float sum = 0;
   GIGA_UNROLL
-  for (int k = 0; k < Row::kNumbers; ++k)
-    if (row.is_action(k)) sum += std::exp(row.x[k] - top);
-  return top + std::log(row.total(sum));
+  for (int k = 0; k < Row::kNumbers; ++k) {
+    p[k] = row.is_action(k) ? std::exp(row.x[k] - top) : 0.0f;
+    sum += p[k];
+  }
+  sum = row.total(sum);
+  const float inverse = 1.0f / sum;
+  GIGA_UNROLL
+  for (int k = 0; k < Row::kNumbers; ++k) p[k] *= inverse;
+  return top + std::log(sum);
 }
 
 /// A row of logits in registers: all loops over it have constant bounds. Rows are aligned to 16 bytes.
@@ -72,16 +78,16 @@ struct Logits {
       }
     return chosen;
   }
-  /// An action drawn with probabilities exp(x - lse), by inverting the distribution function. What rounding leaves goes
-  /// to the last action.
-  GIGA_HD int draw(float lse, const RowDraws& draws, int64_t row) const {
+  /// An action drawn with probabilities p, by inverting the distribution function. What rounding leaves goes to the
+  /// last action.
+  GIGA_HD static int draw(const float (&p)[kNumbers], const RowDraws& draws, int64_t row) {
     DrawKey key = draws.key(row);
     const float u = key.uniform(Draw::action, draws.agent(row), 0);
     float below = 0;
     int chosen = 0;
     GIGA_UNROLL
     for (int k = 0; k < kNDiscreteActions - 1; ++k) {
-      below += std::exp(x[k] - lse);
+      below += p[k];
       chosen += u >= below ? 1 : 0;
     }
     return chosen;
@@ -103,10 +109,13 @@ struct SampleCategorical {
   float* log_prob;  // [R]; null = not wanted
   bool greedy = false;
 
-  GIGA_HD void operator()(int64_t row) const {
-    const Logits l(logits + row * kLogitStride);
-    const float lse = log_sum_exp(l);
-    const int chosen = greedy ? l.largest() : l.draw(lse, draws, row);
+  GIGA_HD void operator()(int64_t row) const { sample(row, logits + row * kLogitStride); }
+  /// Of a row whose logits lie elsewhere.
+  GIGA_HD void sample(int64_t row, const float* row_logits) const {
+    const Logits l(row_logits);
+    float p[Logits::kNumbers];
+    const float lse = softmax(l, p);
+    const int chosen = greedy ? l.largest() : Logits::draw(p, draws, row);
     action[row] = chosen;
     if (log_prob) log_prob[row] = l.at(chosen) - lse;
   }
@@ -145,12 +154,14 @@ struct SampleGaussian {
   float* log_prob;         // [R]; null = not wanted
   bool greedy = false;
 
-  GIGA_HD void operator()(int64_t row) const {
+  GIGA_HD void operator()(int64_t row) const { sample(row, mean + row * kSize); }
+  /// Of a row whose means lie elsewhere.
+  GIGA_HD void sample(int64_t row, const float* row_mean) const {
     DrawKey key = draws.key(row);
     float total = 0;
     for (int k = 0; k < kSize; ++k) {
       const float normal = greedy ? 0.0f : action_normal(key, draws, row, k);
-      const float m = mean[row * kSize + k];
+      const float m = row_mean[k];
       const float u = m + std::exp(log_std[k]) * normal;
       total += squashed_log_prob(u, m, log_std[k]);
       action[row * kSize + k] = std::tanh(u);

@@ -22,7 +22,9 @@ struct PopulationAct {
   GIGA_HD void operator()(int64_t row, const float* head, const float* log_std) const {
     if (actions == ActionKind::discrete) {
       const Logits l(head);
-      static_cast<int32_t*>(action)[row] = greedy ? l.largest() : l.draw(log_sum_exp(l), draws, row);
+      float p[Logits::kNumbers];
+      softmax(l, p);
+      static_cast<int32_t*>(action)[row] = greedy ? l.largest() : Logits::draw(p, draws, row);
       return;
     }
     DrawKey key = draws.key(row);

@@ -75,11 +75,12 @@ GIGA_HD void write_diagnostics(float* out, const Surrogate& s, float entropy) {
 /// the logits.
 template <class Row>
 GIGA_HD void categorical_gradient(Row& l, int chosen, const PolicySample& of, float* diagnostic) {
-  const float lse = log_sum_exp(l);
+  float p[Row::kNumbers];
+  const float lse = softmax(l, p);
   float entropy = 0, of_chosen = 0;
   GIGA_UNROLL
   for (int k = 0; k < Row::kNumbers; ++k) {
-    if (l.is_action(k)) entropy -= std::exp(l.x[k] - lse) * (l.x[k] - lse);
+    if (l.is_action(k)) entropy -= p[k] * (l.x[k] - lse);
     of_chosen = l.column(k) == chosen ? l.x[k] : of_chosen;
   }
   entropy = l.total(entropy);
@@ -87,9 +88,8 @@ GIGA_HD void categorical_gradient(Row& l, int chosen, const PolicySample& of, fl
   // d log p(chosen) / d x_k = [k = chosen] - p_k;  d entropy / d x_k = -p_k (log p_k + entropy)
   GIGA_UNROLL
   for (int k = 0; k < Row::kNumbers; ++k) {
-    const float log_p = l.x[k] - lse, p = std::exp(log_p);
     const float chose = l.column(k) == chosen ? 1.0f : 0.0f;
-    const float slope = s.d_log_prob * (chose - p) + of.entropy_coef * p * (log_p + entropy);
+    const float slope = s.d_log_prob * (chose - p[k]) + of.entropy_coef * p[k] * (l.x[k] - lse + entropy);
     l.x[k] = l.is_action(k) ? slope * of.inv_count : 0.0f;
   }
   write_diagnostics(diagnostic, s, entropy);

@@ -43,8 +43,12 @@ class Actor final : public Policy {
 
   /// The layout for the fused kernel (cuda/population_policy.hpp), which computes in fp16; none if it has no room.
   std::optional<SmallMlp> small_mlp() const;
-  /// The layout for the fused gradients (cuda/ppo_gradients.hpp), which compute in TF32; none where these do not serve.
+  /// The layout for the fused policy and the fused gradients (cuda/ppo_gradients.hpp), which round as TF32 does; none
+  /// where these do not serve.
   std::optional<FusedMlp> fused_mlp() const;
+  /// Whether actions are computed by them where they serve; else always by LibTorch.
+  void take_fused_kernels(bool taken) { takes_fused_kernels_ = taken; }
+  bool takes_fused_kernels() const { return takes_fused_kernels_; }
   /// First of the three numbers of log_std among the parameters; continuous actions only.
   int64_t log_std_offset() const { return parameters_.offset(log_std_); }
 
@@ -73,6 +77,7 @@ class Actor final : public Policy {
   ActionKind actions_ = ActionKind::discrete;
   InputColumns inputs_;
   bool normalize_ = false;
+  bool takes_fused_kernels_ = true;
   Precision precision_ = Precision::fp32;
   ParameterSet parameters_;
   Network network_;

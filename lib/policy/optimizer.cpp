@@ -7,35 +7,44 @@
 
 namespace giga {
 
-Adam::Adam(const ParameterSet& parameters, double epsilon)
+Adam::Adam(const ParameterSet& parameters, float epsilon)
     : epsilon_(epsilon),
       moment1_(at::zeros_like(parameters.values())),
       moment2_(at::zeros_like(parameters.values())),
       steps_(at::zeros({}, parameters.values().options())),
-      skip_(at::zeros({1}, parameters.values().options())),
-      scale_(at::zeros({1}, parameters.values().options())) {}
+      norm_(at::zeros({1}, parameters.values().options())),
+      decision_(
+          at::zeros({static_cast<int64_t>(sizeof(StepDecision))}, parameters.values().options().dtype(at::kByte))) {}
 
-void Adam::step(const ParameterSet& parameters, const ParallelFor& parallel_for, float learning_rate, float max_norm,
+StepGate Adam::gate(float max_norm, const StepFlags& flags) const {
+  return {.norm = norm_.const_data_ptr<float>(),
+          .max_norm = max_norm,
+          .stop = flags.stop,
+          .minibatch = static_cast<float>(flags.minibatch),
+          .fault = flags.fault,
+          .faults = flags.faults,
+          .n_faults = flags.n_faults,
+          .decision = static_cast<StepDecision*>(decision_.data_ptr()),
+          .steps = steps_.data_ptr<float>(),
+          .norm_sum = flags.norm_sum};
+}
+
+AdamStep Adam::adam(const ParameterSet& parameters, float step_size) const {
+  return {.values = parameters.values().data_ptr<float>(),
+          .gradient = parameters.gradient().data_ptr<float>(),
+          .moment1 = moment1_.data_ptr<float>(),
+          .moment2 = moment2_.data_ptr<float>(),
+          .decision = static_cast<const StepDecision*>(decision_.const_data_ptr()),
+          .step_size = step_size,
+          .epsilon = epsilon_};
+}
+
+void Adam::step(const ParameterSet& parameters, const ParallelFor& parallel_for, float step_size, float max_norm,
                 const StepFlags& flags) {
   at::NoGradGuard no_grad;
-  const at::Tensor& gradient = parameters.gradient();
-  const at::Tensor norm = gradient.norm();
-  parallel_for.run(StepGate{.norm = norm.const_data_ptr<float>(),
-                            .max_norm = max_norm,
-                            .stop = flags.stop,
-                            .minibatch = static_cast<float>(flags.minibatch),
-                            .fault = flags.fault,
-                            .faults = flags.faults,
-                            .n_faults = flags.n_faults,
-                            .skip = skip_.data_ptr<float>(),
-                            .scale = scale_.data_ptr<float>(),
-                            .steps = steps_.data_ptr<float>(),
-                            .norm_sum = flags.norm_sum},
-                   1);
-  if (max_norm > 0) gradient.mul_(scale_);
-  at::_fused_adam_({parameters.values()}, {gradient}, {moment1_}, {moment2_}, {}, {steps_},
-                   static_cast<double>(learning_rate), 0.9, 0.999, 0.0, epsilon_, false, false, {}, skip_);
-  gradient.zero_();
+  norm_.copy_(parameters.gradient().norm());
+  parallel_for.run(gate(max_norm, flags), 1);
+  parallel_for.run(adam(parameters, step_size), parameters.size());
 }
 
 void Adam::save(const std::string& prefix, NamedArrays& out) const {

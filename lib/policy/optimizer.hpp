@@ -1,4 +1,4 @@
-// Adam over a flat parameter buffer: one fused call, clipped and skipped on the device.
+// Adam: Adam over a flat parameter buffer, clipped and skipped on the device.
 #pragma once
 
 #include <ATen/core/Tensor.h>
@@ -7,6 +7,7 @@
 
 #include "core/named_array.hpp"
 #include "core/parallel_for.hpp"
+#include "math/step_gate.hpp"
 #include "policy/parameters.hpp"
 
 namespace giga {
@@ -24,20 +25,25 @@ struct StepFlags {
 class Adam {
  public:
   Adam() = default;
-  Adam(const ParameterSet& parameters, double epsilon);
+  Adam(const ParameterSet& parameters, float epsilon);
 
   /// Clips the gradient to `max_norm` (0 = not), takes one step unless a flag forbids it, and clears the gradient. The
   /// host does not wait for the flags.
-  void step(const ParameterSet& parameters, const ParallelFor& parallel_for, float learning_rate, float max_norm,
+  void step(const ParameterSet& parameters, const ParallelFor& parallel_for, float step_size, float max_norm,
             const StepFlags& flags);
+  /// The two operations of a step, for kernels that do them: the gate wants the norm of the gradient first.
+  StepGate gate(float max_norm, const StepFlags& flags) const;
+  AdamStep adam(const ParameterSet& parameters, float step_size) const;
+  const at::Tensor& norm() const { return norm_; }
 
   void save(const std::string& prefix, NamedArrays& out) const;
   void load(const std::string& prefix, const NamedArrays& in);
 
  private:
-  double epsilon_ = 1e-5;
+  float epsilon_ = 1e-5f;
   at::Tensor moment1_, moment2_, steps_;
-  at::Tensor skip_, scale_;  // [1] of the step at hand
+  at::Tensor norm_;      // [1] of the gradient of the step at hand
+  at::Tensor decision_;  // a StepDecision, of the same
 };
 
 }  // namespace giga

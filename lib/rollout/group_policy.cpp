@@ -7,6 +7,7 @@ namespace giga {
 GroupPolicy::GroupPolicy(const Actor& network, const ActorConfig& config, Precision precision)
     : normalize_(network.normalizes()),
       shape_(config, network.inputs(), network.actions(), false, precision, network.parameters().values().device(), 0) {
+  shape_.take_fused_kernels(network.takes_fused_kernels());
 }
 
 at::Tensor GroupPolicy::row_of(const Actor& actor) {
@@ -26,6 +27,21 @@ at::Tensor GroupPolicy::forward(const at::Tensor& obs) const {
     x = RunningNorm::normalized(x, moment(0), moment(1));
   }
   return shape_.forward_members(rows_.narrow(1, 0, p), x).contiguous().view({obs.size(0), -1});
+}
+
+std::optional<FusedPolicy> GroupPolicy::fused() const {
+  std::optional<FusedPolicy> policy = fused_policy(shape_);
+  if (!policy) return policy;
+  policy->groups = static_cast<int>(groups());
+  policy->parameters = rows_.const_data_ptr<float>();
+  policy->group_stride = rows_.stride(0);
+  if (actions() == ActionKind::continuous) policy->continuous.log_std = policy->parameters + log_std_offset();
+  if (normalize_) {
+    policy->obs_mean = policy->parameters + shape_.parameters().size() + inputs().first;
+    policy->obs_std = policy->obs_mean + inputs().row;
+    policy->obs_limit = kNormalizedLimit;
+  }
+  return policy;
 }
 
 }  // namespace giga

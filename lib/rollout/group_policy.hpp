@@ -4,8 +4,9 @@
 #include <ATen/core/Tensor.h>
 
 #include <cstdint>
+#include <optional>
 
-#include "policy/actor.hpp"
+#include "policy/fused_policy.hpp"
 
 namespace giga {
 
@@ -23,10 +24,13 @@ class GroupPolicy {
   void set(const at::Tensor& rows) { rows_ = rows; }
   /// obs [R, D] of all groups, R / G each -> [R, head size], as Actor::forward.
   at::Tensor forward(const at::Tensor& obs) const;
+  /// The networks for the fused kernel, as fused_policy() gives that of an actor.
+  std::optional<FusedPolicy> fused() const;
 
   const at::Tensor& rows() const { return rows_; }
   int64_t groups() const { return rows_.size(0); }
   ObservationSet reads() const { return shape_.reads(); }
+  const InputColumns& inputs() const { return shape_.inputs(); }
   ActionKind actions() const { return shape_.actions(); }
   /// As those of Actor.
   int64_t head_size() const { return shape_.head_size(); }

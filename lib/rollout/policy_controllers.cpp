@@ -6,11 +6,27 @@
 #include "math/distributions.hpp"
 #include "math/population_actions.hpp"
 #include "policy/actor.hpp"
+#include "policy/fused_policy.hpp"
 #include "rollout/group_policy.hpp"
 #include "rollout/tensors.hpp"
 
 namespace giga {
 namespace {
+
+/// Fills in what the fused kernel reads and writes in a step, and queues it.
+void act_fused(FusedPolicy policy, const InputColumns& inputs, const TeamStep& s, bool greedy) {
+  const TeamBuffers& b = s.buffers;
+  policy.rows_per_group = s.n_rows() / policy.groups;
+  policy.obs = b.obs + inputs.first;
+  policy.obs_stride = s.obs_stride();
+  if (policy.actions == ActionKind::discrete)
+    policy.discrete = {nullptr, s.draws(), static_cast<int32_t*>(b.action), b.log_prob, greedy};
+  else
+    policy.continuous = {
+        nullptr, policy.continuous.log_std, s.draws(), b.pre_tanh_action, static_cast<float*>(b.action), b.log_prob,
+        greedy};
+  launch_fused_policy(policy, s.sim.device().index, s.parallel_for.stream());
+}
 
 at::Tensor obs_of(const TeamStep& step) {
   return wrap(step.buffers.obs, {step.n_rows(), step.obs_stride()}, step.sim.device());
@@ -18,14 +34,16 @@ at::Tensor obs_of(const TeamStep& step) {
 
 class PolicyController final : public TeamController {
  public:
-  PolicyController(const Policy& policy, bool greedy) : policy_(policy), greedy_(greedy) {}
+  PolicyController(const Policy& policy, bool greedy)
+      : policy_(policy), actor_(dynamic_cast<const Actor*>(&policy)), greedy_(greedy) {}
 
   ObservationSet reads() const override { return policy_.reads(); }
   bool fills_log_prob() const override { return true; }
   int64_t memory_size() const override { return policy_.state_size(); }
   void act(std::span<const TeamStep> parts) override {
     at::NoGradGuard no_grad;
-    for (const TeamStep& part : parts) act(part);
+    const std::optional<FusedPolicy> fused = actor_ ? fused_policy(*actor_) : std::nullopt;
+    for (const TeamStep& part : parts) fused ? act_fused(*fused, actor_->inputs(), part, greedy_) : act(part);
   }
 
  private:
@@ -54,6 +72,7 @@ class PolicyController final : public TeamController {
   }
 
   const Policy& policy_;
+  const Actor* const actor_;  // the policy, if it is one that kernels may know
   const bool greedy_;
 };
 
@@ -63,12 +82,16 @@ class GroupController final : public TeamController {
 
   ObservationSet reads() const override { return policy_.reads(); }
   void act(std::span<const TeamStep> parts) override {
-    for (const TeamStep& part : parts) act(part);
+    const std::optional<FusedPolicy> fused = policy_.fused();
+    for (const TeamStep& part : parts) {
+      GIGA_CHECK(part.worlds.count % policy_.groups() == 0, part.worlds.count, " worlds for ", policy_.groups(),
+                 " groups");
+      fused ? act_fused(*fused, policy_.inputs(), part, false) : act(part);
+    }
   }
 
  private:
   void act(const TeamStep& s) const {
-    GIGA_CHECK(s.worlds.count % policy_.groups() == 0, s.worlds.count, " worlds for ", policy_.groups(), " groups");
     const at::Tensor head = policy_.forward(obs_of(s));
     const bool continuous = policy_.actions() == ActionKind::continuous;
     s.parallel_for.run(PopulationActions{{policy_.actions(), false, s.draws(), s.buffers.action},

@@ -59,6 +59,33 @@ TEST(Bench, Simulation) {
   }
 }
 
+// 2 vs 2: a row of 52 numbers, a reward and a byte written, an action of 4 bytes read; of the state 6 numbers, a byte
+// and 4 counters read and written: 208 + 4 + 1 + 4 + 2 (24 + 1 + 4) = 275.
+TEST(Bench, ComparesWithAnEarlierCall) {
+  const Workplace here;
+  const std::vector<std::string> sim = {"bench",     "sim", "--scenario", "identical_2_vs_2",
+                                        "--worlds",  "16",  "--steps",    "20",
+                                        "--repeats", "2",   "--device",   "cpu"};
+  const auto with = [&](std::vector<std::string> more) {
+    more.insert(more.begin(), sim.begin(), sim.end());
+    return here.run(more);
+  };
+  ASSERT_EQ(with({"--json", "old.json"}).code, 0);
+  const Outcome text = with({"--compare", "old.json"});
+  EXPECT_TRUE(contains(text.out, {"at least 275 bytes an agent-step", " times the ", " by the quartiles)"}))
+      << text.out;
+  const Document json = parse_yaml_text(with({"--compare", "old.json", "--json", "-"}).out, "json");
+  const double now = number_at(json, {"results", "0", "agent_steps_per_second"});
+  const double then = number_at(json, {"results", "0", "compared", "agent_steps_per_second"});
+  EXPECT_NEAR(number_at(json, {"results", "0", "compared", "ratio"}), now / then, 1e-6);
+  EXPECT_EQ(number_at(json, {"results", "0", "bytes_per_agent_step"}), 275);
+
+  const Outcome other = here.run({"bench", "closed-loop", "--compare", "old.json"});
+  EXPECT_EQ(other.code, 2);
+  EXPECT_TRUE(contains(other.err, {"old.json has results of bench \"sim\", not of closed-loop"})) << other.err;
+  EXPECT_TRUE(contains(with({"--compare", "none.json"}).err, {"--compare: cannot read none.json"}));
+}
+
 TEST(Bench, SameSeedSameChecksum) {
   const Workplace here;
   const auto sum = [&](const std::string& seed) {

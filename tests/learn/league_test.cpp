@@ -153,9 +153,9 @@ TEST(LearnLeague, FrozenRowsTakeNoPartInLearning) {
         Rollout rollout = copy_of(clean.collector.rollout());
         const auto learn = [&](PpoTeam& of) {
           of.compute_advantages(rollout);
-          int minibatch = 0;
-          for (const at::Tensor& states : of.states(at::arange(own, at::kLong).unsqueeze(0)).tensor_split(3, 1))
-            of.update_minibatch(rollout, states, ++minibatch, {1e-3f, 1e-3f});
+          of.begin_epoch(rollout, at::arange(own, at::kLong));
+          for (int k = 0; k < clean.run.config.mappo.n_minibatches; ++k)
+            of.update_minibatch(rollout, k, k + 1, {1e-3f, 1e-3f});
           of.update_normalizer(rollout);
           NamedArrays arrays;
           of.save("", arrays);

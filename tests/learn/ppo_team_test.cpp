@@ -101,9 +101,10 @@ class Team {
   /// Two epochs of two minibatches, with steps of size 0: the networks stay as they are.
   void learn() {
     int minibatch = 0;
-    for (int epoch = 0; epoch < 2; ++epoch)
-      for (const at::Tensor& states : team_.minibatches(at::tensor({3, 0, 2, 1}, at::kLong)))
-        team_.update_minibatch(rollout_, states, ++minibatch, {0, 0});
+    for (int epoch = 0; epoch < 2; ++epoch) {
+      team_.begin_epoch(rollout_, at::tensor({3, 0, 2, 1}, at::kLong));
+      for (int k = 0; k < 2; ++k) team_.update_minibatch(rollout_, k, ++minibatch, {0, 0});
+    }
   }
   double figure(PpoFigure k) const { return team_.figures()[k].item<double>(); }
   std::vector<float> batch(const char* name) const {
@@ -237,11 +238,12 @@ TEST(LearnPpoTeam, AnActorWithMemoryLearnsFromSequences) {
     PpoTeam& team = game.team[k];
     ASSERT_EQ(team.sequence_length(), 8);
     ASSERT_EQ(team.n_sequences(), 24);
-    const at::Tensor states = team.minibatches(at::randperm(24, at::kLong)).at(0);
-    ASSERT_EQ(states.sizes(), at::IntArrayRef({8, 24}));
+    const at::Tensor order = at::randperm(24, at::kLong);
+    ASSERT_EQ(team.minibatches(order).at(0).sizes(), at::IntArrayRef({8, 24}));
     const auto ratio_error = [&](const Rollout& r) {
       team.compute_advantages(r);
-      team.update_minibatch(r, states, 1, {0, 0});
+      team.begin_epoch(r, order);
+      team.update_minibatch(r, 0, 1, {0, 0});
       return team.figures()[kFigFirstRatioError].item<double>();
     };
     EXPECT_LT(ratio_error(rollout), 1e-6);

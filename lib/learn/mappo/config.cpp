@@ -137,7 +137,7 @@ const Algorithm MappoAlgorithm::kAlgorithm = {
     .charts = kMappoCharts,
     .policy =
         [](const RunConfig& c) {
-          return PolicySettings{c.mappo.actor, false, c.mappo.obs_norm};
+          return PolicySettings{c.mappo.actor, false, c.mappo.obs_norm, c.mappo.fused};
         },
     .agent_steps_per_update = agent_steps_per_update,
     .check = check_mappo,

@@ -77,8 +77,8 @@ void visit_fields(V& v, MappoConfig& c) {
   v("value_norm_beta", c.value_norm_beta, "share of the old moments that an update keeps", range(0, 1).below(1));
   v("obs_norm", c.obs_norm, "normalise observations by running moments");
   v("fused", c.fused,
-    "on a GPU, compute gradients by fused kernels where these serve the networks (docs/architecture.md says which); "
-    "false: always by LibTorch");
+    "on a GPU, act and learn by fused kernels where these serve the networks (docs/architecture.md says which); false: "
+    "always by LibTorch");
   v.group("actor", c.actor, "the policy networks");
   v.group("critic", c.critic, "the value networks");
 }

@@ -37,15 +37,12 @@ void PpoTeam::note_faults(const TeamRollout& r) {
 }
 
 /// `sums`: those of the diagnostics over the living rows of the minibatch.
-void PpoTeam::note_policy(const at::Tensor& sums, int minibatch) {
-  static_assert(kFigRows + 1 == kNPolicyDiagnostics);
-  figures_.slice(0, 0, kNPolicyDiagnostics).add_(sums);
-  const at::Tensor rows = sums[kLossCount].clamp_min(1);
-  figures_[kFigLastKl].copy_(sums[kLossKl] / rows);
-  if (minibatch == 1) figures_[kFigFirstRatioError].copy_(sums[kLossRatioError] / rows);
-  // A policy that has moved further than target_kl takes no more steps in this update.
-  if (config_.target_kl) stop_.copy_(at::maximum(stop_, (figures_[kFigLastKl] > *config_.target_kl).to(at::kFloat)));
-  figures_[kFigSkipped].add_(stop_.squeeze(0));
+PolicyNote PpoTeam::policy_note(const float* sums, int minibatch) const {
+  return {.sums = sums,
+          .figures = figures_.data_ptr<float>(),
+          .stop = stop_.data_ptr<float>(),
+          .target_kl = config_.target_kl.value_or(-1.0f),
+          .first = minibatch == 1};
 }
 
 void PpoTeam::note_information(const at::Tensor& head, const at::Tensor& alive) {

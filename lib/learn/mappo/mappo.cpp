@@ -46,7 +46,7 @@ class Mappo final : public Learner {
   std::string ways() const override {
     if (!device_.is_cuda()) return {};
     const std::string& why = learning_.front()->plain_because();
-    return why.empty() ? "gradients by fused kernels" : "gradients by LibTorch, not by fused kernels: " + why;
+    return why.empty() ? "acts and learns by fused kernels" : "learns by LibTorch, not by fused kernels: " + why;
   }
   std::vector<HeadlineFigure> headline() const override {
     std::vector<HeadlineFigure> figures = {{"policy loss", nullptr, "policy_loss"},
@@ -139,12 +139,10 @@ Metrics Mappo::update() {
   minibatches_done_ = 0;
   for (int epoch = 0; epoch < c.n_epochs; ++epoch) {
     const at::Tensor order = permutation(updates_, epoch);
-    std::vector<std::vector<at::Tensor>> states;  // [team][minibatch]
-    for (const PpoTeam* team : learning_) states.push_back(team->minibatches(order));
+    for (PpoTeam* team : learning_) team->begin_epoch(rollout, order);
     for (int k = 0; k < c.n_minibatches; ++k, ++minibatches_done_)
-      for (size_t team = 0; team < learning_.size(); ++team)
-        learning_[team]->update_minibatch(rollout, states[team][static_cast<size_t>(k)],
-                                          epoch * c.n_minibatches + k + 1, step_sizes);
+      for (PpoTeam* team : learning_) team->update_minibatch(rollout, k, epoch * c.n_minibatches + k + 1, step_sizes);
+    for (PpoTeam* team : learning_) team->end_epoch();
   }
 
   // The next rollout sees observations in units of this one's moments too.

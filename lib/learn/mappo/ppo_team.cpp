@@ -39,10 +39,10 @@ PpoTeam::PpoTeam(const LoadedRun& run, int team, Device device, const ParallelFo
   one_ = at::ones({1}, options);
   stop_ = at::zeros({1}, options);
   figures_ = at::zeros({kNFigures}, options);
-  plain_because_ = config_.fused ? fused_gradients_refusal(actor_, critic_, n_, device) : "mappo.fused is false";
+  plain_because_ = config_.fused ? fused_update_refusal(actor_, critic_, n_, device) : "mappo.fused is false";
   if (actor_.state_size() > 0) plain_because_ = "the actor has a memory";
   if (plain_because_.empty())
-    fused_ = std::make_unique<FusedGradients>(actor_, critic_, n_, device, parallel_for.stream());
+    fused_ = std::make_unique<FusedUpdate>(actor_, critic_, n_, device, parallel_for.stream());
   if (!everywhere()) slots_ = states(at::arange((config_.horizon + 1) * worlds.count, options.dtype(at::kLong)));
 }
 
@@ -62,8 +62,7 @@ at::Tensor PpoTeam::values_of(const CriticInput& input, const at::Tensor& states
   at::Tensor values =
       all ? at::empty(input.alive.sizes(), input.obs.options()) : at::zeros(input.alive.sizes(), input.obs.options());
   if (fused_) {
-    fused_->choose(input.obs, input.alive, states);
-    fused_->write_values(values);
+    fused_->write_values(input.obs, input.alive, states, values);
     return values;
   }
   const int64_t count = all ? input.obs.size(0) : states.size(0);
@@ -119,6 +118,7 @@ void PpoTeam::compute_advantages(const Rollout& rollout) {
   const at::Tensor inv_count = weight.sum().clamp_min(1).reciprocal();
   std::tie(batch_mean_, batch_inv_std_) = weighted_moments(own(advantage_), weight, inv_count);
   stop_.zero_();
+  first_epoch_ = true;
   note_rollout(r, weight, inv_count);
   // MAPPO: the critic predicts returns in units of their running mean and deviation.
   if (config_.value_norm) value_norm_.update(own(returns_).reshape({-1, 1}), weight.view({-1}));
@@ -138,9 +138,29 @@ std::vector<at::Tensor> PpoTeam::minibatches(const at::Tensor& order) const {
   return states(own).tensor_split(config_.n_minibatches, 1);
 }
 
-void PpoTeam::update_minibatch(const Rollout& rollout, const at::Tensor& states, int minibatch, StepSizes step_sizes) {
-  if (fused_) return update_fused(rollout, states, minibatch, step_sizes);
+void PpoTeam::begin_epoch(const Rollout& rollout, const at::Tensor& order) {
+  minibatches_ = minibatches(order);
   const TeamRollout& r = rollout.team[team_];
+  if (!fused_) return;
+  if (first_epoch_) {
+    at::NoGradGuard no_grad;
+    const auto pick = [&](const at::Tensor& x) {
+      return x.slice(0, 0, r.reward.size(0)).flatten(0, 1).index_select(0, minibatches_[0].flatten());
+    };
+    note_information(actor_.forward(pick(r.obs).flatten(0, 1)), pick(r.alive).to(at::kFloat));
+  }
+  first_epoch_ = false;
+  fused_->begin_epoch(r.obs, r.alive, states(order), config_.n_minibatches, advantage_);
+}
+
+void PpoTeam::end_epoch() {
+  if (fused_) fused_->end_epoch();
+}
+
+void PpoTeam::update_minibatch(const Rollout& rollout, int k, int minibatch, StepSizes step_sizes) {
+  if (fused_) return update_fused(rollout, k, minibatch, step_sizes);
+  const TeamRollout& r = rollout.team[team_];
+  const at::Tensor& states = minibatches_[static_cast<size_t>(k)];
   const at::Tensor flat = states.flatten();
   const auto pick = [&](const at::Tensor& x) {
     return x.slice(0, 0, r.reward.size(0)).flatten(0, 1).index_select(0, flat);
@@ -225,7 +245,8 @@ at::Tensor PpoTeam::policy_loss_gradient(const TeamRollout& r, const Minibatch& 
                       count);
     actor_.log_std().grad().add_(d_log_std.sum(0));
   }
-  note_policy(diagnostics.sum(0), batch.number);
+  const at::Tensor sums = diagnostics.sum(0);
+  parallel_for_.run(policy_note(sums.const_data_ptr<float>(), batch.number), 1);
   if (batch.number == 1) note_information(head, batch.alive);
   return gradient;
 }
@@ -271,15 +292,11 @@ void PpoTeam::step_critic(int minibatch, float step_size) {
                     step_flags(kFaultCriticGradient, kFigCriticNorm, minibatch));
 }
 
-// ---- Both gradients by the fused kernels ----------------------------------------------------------------------------
+// ---- Both networks by the fused kernels -----------------------------------------------------------------------------
 
-void PpoTeam::update_fused(const Rollout& rollout, const at::Tensor& states, int minibatch, StepSizes step_sizes) {
+void PpoTeam::update_fused(const Rollout& rollout, int k, int minibatch, StepSizes step_sizes) {
   at::NoGradGuard no_grad;
   const TeamRollout& r = rollout.team[team_];
-  const at::Tensor flat = states.flatten();
-  fused_->choose(r.obs, r.alive, flat);
-  fused_->take_moments(advantage_);
-
   FusedPolicyLoss policy{.old_log_prob = r.log_prob.const_data_ptr<float>(),
                          .advantage = advantage_.const_data_ptr<float>(),
                          .clip_coef = config_.clip_coef,
@@ -293,23 +310,25 @@ void PpoTeam::update_fused(const Rollout& rollout, const at::Tensor& states, int
     policy.advantage_mean = (batch ? batch_mean_ : zero_).const_data_ptr<float>();
     policy.advantage_inv_std = (batch ? batch_inv_std_ : one_).const_data_ptr<float>();
   }
-  note_policy(fused_->actor_gradient(policy).slice(0, 0, kNPolicyDiagnostics), minibatch);
-  if (minibatch == 1) {
-    const auto pick = [&](const at::Tensor& x) {
-      return x.slice(0, 0, r.reward.size(0)).flatten(0, 1).index_select(0, flat);
-    };
-    note_information(actor_.forward(pick(r.obs).flatten(0, 1)), pick(r.alive).to(at::kFloat));
-  }
-  step_actor(minibatch, step_sizes.actor);
+  fused_->compute_gradients(k, policy,
+                            {.old_value = value_.const_data_ptr<float>(),
+                             .returns = returns_.const_data_ptr<float>(),
+                             .value_mean = value_norm_.mean().const_data_ptr<float>(),
+                             .value_std = value_norm_.std().const_data_ptr<float>(),
+                             .value_coef = config_.value_coef,
+                             .error = value_error()});
 
-  const at::Tensor& value_sums = fused_->critic_gradient({.old_value = value_.const_data_ptr<float>(),
-                                                          .returns = returns_.const_data_ptr<float>(),
-                                                          .value_mean = value_norm_.mean().const_data_ptr<float>(),
-                                                          .value_std = value_norm_.std().const_data_ptr<float>(),
-                                                          .value_coef = config_.value_coef,
-                                                          .error = value_error()});
-  step_critic(minibatch, step_sizes.critic);
-  figures_[kFigValueLoss].add_(value_sums[0]);
+  const auto network = [&](const Adam& adam, const ParameterSet& parameters, float step_size, const StepFlags& flags) {
+    return FusedStep::Network{.gate = adam.gate(config_.max_grad_norm, flags),
+                              .adam = adam.adam(parameters, step_size),
+                              .norm = adam.norm().data_ptr<float>()};
+  };
+  fused_->step({.actor = network(actor_adam_, actor_.parameters(), step_sizes.actor,
+                                 step_flags(kFaultActorGradient, kFigActorNorm, minibatch)),
+                .critic = network(critic_adam_, critic_.parameters(), step_sizes.critic,
+                                  step_flags(kFaultCriticGradient, kFigCriticNorm, minibatch)),
+                .note = policy_note(nullptr, minibatch),
+                .value_loss = figures_.data_ptr<float>() + kFigValueLoss});
 }
 
 // ---- Normalisation of observations ----------------------------------------------------------------------------------

@@ -11,8 +11,8 @@
 
 #include "core/parallel_for.hpp"
 #include "learn/learner.hpp"
-#include "learn/mappo/figures.hpp"
-#include "learn/mappo/fused_gradients.hpp"
+#include "learn/mappo/fused_update.hpp"
+#include "math/ppo_figures.hpp"
 #include "policy/actor.hpp"
 #include "policy/critic.hpp"
 #include "policy/optimizer.hpp"
@@ -39,7 +39,7 @@ class PpoTeam {
   bool needs_state() const { return critic_.needs_state(); }
   /// What its networks read of the observations.
   ObservationSet reads() const { return actor_.reads() | critic_.reads(); }
-  /// Why LibTorch computes the gradients, and not the fused kernels; empty where these do.
+  /// Why LibTorch computes the update, and not the fused kernels; empty where these do.
   const std::string& plain_because() const { return plain_because_; }
 
   /// Values, advantages and returns of a rollout; clears the figures.
@@ -51,8 +51,12 @@ class PpoTeam {
   /// The minibatches of an epoch: an order of the sequences cut into pieces, as equal as possible. Sequence k begins at
   /// state k of the team's own worlds, numbered step by step. -> states [L, B] of the rollout each.
   std::vector<at::Tensor> minibatches(const at::Tensor& order) const;
-  /// One gradient step of actor and critic on states [L, B]; the minibatches of an update are counted from 1.
-  void update_minibatch(const Rollout& rollout, const at::Tensor& states, int minibatch, StepSizes step_sizes);
+  /// A pass over the rollout in the minibatches of this order of the sequences.
+  void begin_epoch(const Rollout& rollout, const at::Tensor& order);
+  /// After its last minibatch.
+  void end_epoch();
+  /// One gradient step of actor and critic on minibatch k of the epoch. `minibatch`: its number in the update, from 1.
+  void update_minibatch(const Rollout& rollout, int k, int minibatch, StepSizes step_sizes);
 
   /// Takes the rollout's observations into the normaliser.
   void update_normalizer(const Rollout& rollout);
@@ -83,7 +87,7 @@ class PpoTeam {
     at::Tensor inv_count;  // [1] 1 / living rows
   };
   ValueError value_error() const;
-  void update_fused(const Rollout& rollout, const at::Tensor& states, int minibatch, StepSizes step_sizes);
+  void update_fused(const Rollout& rollout, int k, int minibatch, StepSizes step_sizes);
   void step_actor(int minibatch, float step_size);
   void step_critic(int minibatch, float step_size);
   at::Tensor values_of(const CriticInput& input, const at::Tensor& states) const;
@@ -94,7 +98,7 @@ class PpoTeam {
   StepFlags step_flags(PpoFault fault, PpoFigure norm_sum, int minibatch) const;
   void note_rollout(const TeamRollout& rollout, const at::Tensor& weight, const at::Tensor& inv_count);
   void note_faults(const TeamRollout& rollout);
-  void note_policy(const at::Tensor& sums, int minibatch);
+  PolicyNote policy_note(const float* sums, int minibatch) const;
   void note_information(const at::Tensor& head, const at::Tensor& alive);
   bool everywhere() const { return worlds_.count == n_worlds_; }
   /// The part of x [T, W, ...] in the team's worlds.
@@ -109,8 +113,11 @@ class PpoTeam {
   Critic critic_;
   Adam actor_adam_, critic_adam_;
   std::string plain_because_;
-  std::unique_ptr<FusedGradients> fused_;  // null: LibTorch
-  RunningNorm value_norm_;                 // size 1; stays 0 and 1 where it is off
+  std::unique_ptr<FusedUpdate> fused_;  // null: LibTorch
+  RunningNorm value_norm_;              // size 1; stays 0 and 1 where it is off
+
+  std::vector<at::Tensor> minibatches_;  // of the epoch: states [L, B] each
+  bool first_epoch_ = true;              // of the update is yet to come
 
   at::Tensor slots_;  // [(T + 1) x own worlds] all states of the team's worlds; undefined where those are all worlds
 

@@ -1,5 +1,5 @@
-// The fused gradients of actor and critic against LibTorch's in fp32, parameter by parameter.
-#include "learn/mappo/fused_gradients.hpp"
+// The fused kernels against LibTorch in fp32: gradients parameter by parameter, values, the step, the policy.
+#include "learn/mappo/fused_update.hpp"
 
 #include <ATen/CPUGeneratorImpl.h>
 #include <gtest/gtest.h>
@@ -8,6 +8,8 @@
 #include "cuda/runtime.hpp"
 #include "learn/mappo/config.hpp"
 #include "math/ppo_loss.hpp"
+#include "policy/fused_policy.hpp"
+#include "policy/optimizer.hpp"
 #include "rollout/stream.hpp"
 #include "rollout/tensors.hpp"
 
@@ -17,9 +19,11 @@ namespace {
 constexpr Device kOneGpu{Device::Kind::cuda, 0};
 constexpr float kEntropyCoef = 0.05f, kValueCoef = 0.5f, kValueClip = 0.3f;
 
-// How far a gradient may be from LibTorch's in fp32, as a share of its length: factors of products are rounded to TF32,
-// by up to 2^-11 = 0.0005 each, in five products one after the other. The derivative of relu jumps, and so does that of
-// the clipped ratio: rounding switches some units and some rows on or off. A row of 1,000 is 3 % of a gradient.
+// How far a gradient may be from LibTorch's in fp32, as a share of its length: factors of products are rounded to half
+// precision, by up to 2^-11 = 0.0005 each, in five products one after the other. The derivative of relu jumps, and so
+// does that of the clipped ratio: rounding switches some units and some rows on or off. A row of 1,000 is 3 % of a
+// gradient.
+constexpr float kMaxNorm = 0.1f;
 constexpr double kSmooth = 0.004, kJumps = 0.15;
 constexpr float kNoClip = 10, kClip = 0.2f;
 
@@ -166,6 +170,34 @@ struct Expected {
   }
 };
 
+/// What a step needs besides the gradients: optimizers, flags and figures of its own.
+struct Steps {
+  Adam adam[2];
+  at::Tensor figures, stop;
+
+  explicit Steps(const Setting& s)
+      : adam{{s.actor.parameters(), 1e-5f}, {s.critic.parameters(), 1e-5f}},
+        figures(at::zeros({kNFigures}, s.obs.options())),
+        stop(at::zeros({1}, s.obs.options())) {}
+  StepFlags flags(int network) const {
+    float* f = figures.data_ptr<float>();
+    return {stop.const_data_ptr<float>(), f + kFirstFault + kFaultActorGradient + network, f + kFirstFault, kNFaults, 1,
+            f + kFigActorNorm + network};
+  }
+  FusedStep of(const Setting& s, float step_size) const {
+    const ParameterSet* parameters[2] = {&s.actor.parameters(), &s.critic.parameters()};
+    FusedStep::Network network[2];
+    for (int k = 0; k < 2; ++k)
+      network[k] = {.gate = adam[k].gate(kMaxNorm, flags(k)),
+                    .adam = adam[k].adam(*parameters[k], step_size),
+                    .norm = adam[k].norm().data_ptr<float>()};
+    return {.actor = network[0],
+            .critic = network[1],
+            .note = {nullptr, figures.data_ptr<float>(), stop.data_ptr<float>(), -1, true},
+            .value_loss = figures.data_ptr<float>() + kFigValueLoss};
+  }
+};
+
 /// |found - expected| / |expected|.
 double apart(const at::Tensor& found, const at::Tensor& expected) {
   return ((found - expected).norm() / expected.norm()).item<double>();
@@ -247,21 +279,19 @@ const FusedCase kFusedCases[] = {
      kClip},
 };
 
-class LearnFusedGradientsGpu : public testing::TestWithParam<FusedCase> {};
+class LearnFusedUpdateGpu : public testing::TestWithParam<FusedCase> {};
 
-TEST_P(LearnFusedGradientsGpu, AreThoseOfLibTorch) {
+TEST_P(LearnFusedUpdateGpu, AreThoseOfLibTorch) {
   if (cuda_device_count() == 0) GTEST_SKIP() << "no GPU";
   if (!fused_gradients_run(0)) GTEST_SKIP() << "this GPU has too little shared memory";
   const FusedCase& c = GetParam();
   const double tolerance = c.clip == kClip ? kJumps : kSmooth;
   Setting s(c);
   const Expected expected(s, c);
-  ASSERT_EQ(fused_gradients_refusal(s.actor, s.critic, c.n, kOneGpu), "");
-  FusedGradients fused(s.actor, s.critic, c.n, kOneGpu, s.parallel_for.stream());
+  ASSERT_EQ(fused_update_refusal(s.actor, s.critic, c.n, kOneGpu), "");
+  FusedUpdate fused(s.actor, s.critic, c.n, kOneGpu, s.parallel_for.stream());
 
   at::NoGradGuard no_grad;
-  fused.choose(s.obs, s.alive, s.states);
-  fused.take_moments(s.advantage);
   FusedPolicyLoss policy{.old_log_prob = s.log_prob.const_data_ptr<float>(),
                          .advantage = s.advantage.const_data_ptr<float>(),
                          .clip_coef = c.clip,
@@ -275,31 +305,62 @@ TEST_P(LearnFusedGradientsGpu, AreThoseOfLibTorch) {
     policy.advantage_mean = zero.const_data_ptr<float>();
     policy.advantage_inv_std = one.const_data_ptr<float>();
   }
-  const at::Tensor sums = fused.actor_gradient(policy).clone();
-  const at::Tensor actor = s.actor.parameters().gradient().clone();
+  const FusedValueLoss value{.old_value = s.old_value.const_data_ptr<float>(),
+                             .returns = s.returns.const_data_ptr<float>(),
+                             .value_mean = s.mean.const_data_ptr<float>(),
+                             .value_std = s.std.const_data_ptr<float>(),
+                             .value_coef = kValueCoef,
+                             .error = {kValueClip, 0}};
+
+  // The last of three minibatches of an epoch has the states of the test.
+  const int64_t n_states = s.states.numel();
+  const at::Tensor epoch = at::cat({at::arange(2 * n_states, s.states.options()), s.states});
+  Steps steps(s);
+  fused.begin_epoch(s.obs, s.alive, epoch, 3, s.advantage);
+  fused.compute_gradients(2, policy, value);
+  fused.add_up(steps.of(s, 0));
+  fused.end_epoch();
+  const at::Tensor actor = s.actor.parameters().gradient().clone(), critic = s.critic.parameters().gradient().clone();
   expect_near("actor", s.actor.parameters(), actor, expected.actor, tolerance);
+  expect_near("critic", s.critic.parameters(), critic, expected.critic, tolerance);
+  const at::Tensor sums = fused.sums().cpu();
   for (int k = 0; k < kNPolicyDiagnostics; ++k)
-    EXPECT_NEAR(sums[k].item<double>(), expected.policy_sums[k].item<double>(),
+    EXPECT_NEAR(sums[0][k].item<double>(), expected.policy_sums[k].item<double>(),
                 0.002 * expected.policy_sums[k].abs().item<double>() + 2)
         << k;
-  EXPECT_EQ(sums[kLossCount].item<float>(), expected.policy_sums[kLossCount].item<float>());
+  EXPECT_EQ(sums[0][kLossCount].item<float>(), expected.policy_sums[kLossCount].item<float>());
+  const double right = expected.value_loss.item<double>();
+  EXPECT_NEAR(sums[1][0].item<double>(), right, 0.001 * right);
+  EXPECT_NEAR(steps.adam[0].norm().item<double>(), actor.norm().item<double>(), 1e-5 * actor.norm().item<double>());
+  EXPECT_NEAR(steps.adam[1].norm().item<double>(), critic.norm().item<double>(), 1e-5 * critic.norm().item<double>());
 
-  const FusedValueLoss value_loss{.old_value = s.old_value.const_data_ptr<float>(),
-                                  .returns = s.returns.const_data_ptr<float>(),
-                                  .value_mean = s.mean.const_data_ptr<float>(),
-                                  .value_std = s.std.const_data_ptr<float>(),
-                                  .value_coef = kValueCoef,
-                                  .error = {kValueClip, 0}};
-  const double loss = fused.critic_gradient(value_loss)[0].item<double>(), right = expected.value_loss.item<double>();
-  EXPECT_NEAR(loss, right, 0.001 * right);
-  const at::Tensor critic = s.critic.parameters().gradient().clone();
-  expect_near("critic", s.critic.parameters(), critic, expected.critic, tolerance);
-
-  // Bit for bit the same once more.
-  fused.actor_gradient(policy);
-  fused.critic_gradient(value_loss);
+  // Bit for bit the same once more; the step is that of the optimizer, which LibTorch's path takes.
+  Steps plain(s);
+  const at::Tensor before[2] = {s.actor.parameters().values().clone(), s.critic.parameters().values().clone()};
+  const ParameterSet* parameters[2] = {&s.actor.parameters(), &s.critic.parameters()};
+  at::Tensor after[2];
+  for (int k = 0; k < 2; ++k) {
+    plain.adam[k].step(*parameters[k], s.parallel_for, 1e-3f, kMaxNorm, plain.flags(k));
+    after[k] = parameters[k]->values().clone();
+    parameters[k]->values().copy_(before[k]);
+  }
+  fused.begin_epoch(s.obs, s.alive, epoch, 3, s.advantage);
+  fused.compute_gradients(2, policy, value);
+  fused.add_up(steps.of(s, 0));
+  fused.end_epoch();
   EXPECT_TRUE(at::equal(s.actor.parameters().gradient(), actor));
   EXPECT_TRUE(at::equal(s.critic.parameters().gradient(), critic));
+  Steps again(s);
+  fused.begin_epoch(s.obs, s.alive, epoch, 3, s.advantage);
+  fused.compute_gradients(2, policy, value);
+  fused.step(again.of(s, 1e-3f));
+  fused.end_epoch();
+  for (int k = 0; k < 2; ++k) {
+    EXPECT_LT((parameters[k]->values() - after[k]).abs().max().item<double>(), 1e-7) << "network " << k;
+    EXPECT_GT((parameters[k]->values() - before[k]).abs().max().item<double>(), 5e-4) << "network " << k;
+    EXPECT_EQ(parameters[k]->gradient().abs().max().item<double>(), 0) << "the gradient is cleared";
+    parameters[k]->values().copy_(before[k]);
+  }
 
   // Values, of the chosen states and of all.
   at::Tensor obs = s.obs;
@@ -307,15 +368,77 @@ TEST_P(LearnFusedGradientsGpu, AreThoseOfLibTorch) {
   const at::Tensor all = s.critic.forward(obs, s.alive.to(at::kFloat), {});
   const double scale = all.abs().max().item<double>();
   at::Tensor values = at::zeros_like(all);
-  fused.write_values(values);
+  fused.write_values(s.obs, s.alive, s.states, values);
   EXPECT_LT((s.pick(values) - s.pick(all)).abs().max().item<double>(), 0.004 * scale);
   EXPECT_EQ((values != 0).any(1).sum().item<int64_t>(), s.states.numel());
-  fused.choose(s.obs, s.alive, {});
-  fused.write_values(values);
+  fused.write_values(s.obs, s.alive, {}, values);
   EXPECT_LT((values - all).abs().max().item<double>(), 0.004 * scale);
 }
 
-INSTANTIATE_TEST_SUITE_P(All, LearnFusedGradientsGpu, testing::ValuesIn(kFusedCases),
+// The fused policy takes the actions that its probabilities say, and the update finds the same probabilities.
+TEST_P(LearnFusedUpdateGpu, ThePolicyAndTheUpdateAgree) {
+  if (cuda_device_count() == 0) GTEST_SKIP() << "no GPU";
+  if (!fused_gradients_run(0)) GTEST_SKIP() << "this GPU has too little shared memory";
+  const FusedCase& c = GetParam();
+  at::NoGradGuard no_grad;
+  Setting s(c);
+  const int64_t n_rows = Setting::kStates * c.n;
+  const bool discrete = c.actions == ActionKind::discrete;
+  const at::Tensor action = at::full({Setting::kStates, c.n}, -1, s.action.options());
+  const at::Tensor u = at::full({Setting::kStates, c.n, kActionSize}, NAN, s.obs.options()), squashed = u.clone();
+  const at::Tensor log_prob = at::full({Setting::kStates, c.n}, NAN, s.obs.options());
+  const at::Tensor draw_step = at::zeros({Setting::kStates}, s.action.options());
+  const RowDraws draws{reinterpret_cast<const uint32_t*>(draw_step.const_data_ptr<int32_t>()), 5, 0, c.n, 0};
+  FusedPolicy policy = fused_policy(s.actor).value();
+  policy.rows_per_group = n_rows;
+  policy.obs = s.obs.const_data_ptr<float>() + s.actor.inputs().first;
+  policy.obs_stride = Setting::kRow;
+  policy.discrete = {nullptr, draws, action.data_ptr<int32_t>(), log_prob.data_ptr<float>()};
+  policy.continuous.draws = draws;
+  policy.continuous.pre_tanh_action = u.data_ptr<float>();
+  policy.continuous.action = squashed.data_ptr<float>();
+  policy.continuous.log_prob = log_prob.data_ptr<float>();
+  launch_fused_policy(policy, 0, s.parallel_for.stream());
+
+  // Against LibTorch in fp32.
+  const at::Tensor head = s.actor.forward(s.obs.flatten(0, 1)).view({Setting::kStates, c.n, -1});
+  at::Tensor expected;
+  if (discrete) {
+    ASSERT_GE(action.min().item<int>(), 0);
+    ASSERT_LT(action.max().item<int>(), kNDiscreteActions);
+    expected = at::log_softmax(head.slice(-1, 0, kNDiscreteActions), -1)
+                   .gather(-1, action.to(at::kLong).unsqueeze(-1))
+                   .squeeze(-1);
+  } else {
+    const at::Tensor e = (u - head) * (-s.actor.log_std()).exp();
+    expected = (-0.5 * e.square() - s.actor.log_std() - kHalfLogTwoPi - 2 * (std::log(2.0) - u - at::softplus(-2 * u)))
+                   .sum(-1);
+    EXPECT_LT((squashed - u.tanh()).abs().max().item<double>(), 1e-6);
+  }
+  EXPECT_LT((log_prob - expected).abs().mean().item<double>(), 0.003);
+
+  // Against the update.
+  FusedUpdate fused(s.actor, s.critic, c.n, kOneGpu, s.parallel_for.stream());
+  const at::Tensor states = at::arange(Setting::kStates, s.states.options());
+  Steps steps(s);
+  fused.begin_epoch(s.obs, s.alive, states, 1, s.advantage);
+  fused.compute_gradients(0,
+                          {.old_log_prob = log_prob.const_data_ptr<float>(),
+                           .advantage = s.advantage.const_data_ptr<float>(),
+                           .action = discrete ? action.const_data_ptr<int32_t>() : nullptr,
+                           .pre_tanh_action = u.const_data_ptr<float>(),
+                           .clip_coef = kClip},
+                          {.old_value = s.old_value.const_data_ptr<float>(),
+                           .returns = s.returns.const_data_ptr<float>(),
+                           .value_mean = s.mean.const_data_ptr<float>(),
+                           .value_std = s.std.const_data_ptr<float>()});
+  fused.add_up(steps.of(s, 0));
+  fused.end_epoch();
+  const at::Tensor sums = fused.sums()[0].cpu();
+  EXPECT_LT(sums[kLossRatioError].item<double>() / sums[kLossCount].item<double>(), 1e-5);
+}
+
+INSTANTIATE_TEST_SUITE_P(All, LearnFusedUpdateGpu, testing::ValuesIn(kFusedCases),
                          [](const auto& p) { return std::string(p.param.name); });
 
 }  // namespace

@@ -3,6 +3,10 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
+
+#include "core/host_device.hpp"
+#include "math/ppo_loss.hpp"
 
 namespace giga {
 
@@ -44,5 +48,24 @@ constexpr std::array<const char*, kNFaults> kPpoFaultNames = {
     "gradient of the actor", "gradient of the critic"};
 /// The faults follow the figures.
 constexpr int kFirstFault = kNPpoFigures, kNFigures = kFirstFault + kNFaults;
+
+/// What a minibatch of a policy adds to the figures, and whether the others of the update are skipped (n = 1).
+struct PolicyNote {
+  const float* sums;  // [kNPolicyDiagnostics] over its living rows
+  float* figures;     // [kNFigures]
+  float* stop;        // [1] becomes 1 once the policy has moved further than target_kl
+  float target_kl;    // below 0: as far as it will
+  bool first;         // of the update
+
+  GIGA_HD void operator()(int64_t) const {
+    static_assert(kFigRows + 1 == kNPolicyDiagnostics);
+    for (int k = 0; k < kNPolicyDiagnostics; ++k) figures[k] += sums[k];
+    const float rows = sums[kLossCount] > 1 ? sums[kLossCount] : 1;
+    figures[kFigLastKl] = sums[kLossKl] / rows;
+    if (first) figures[kFigFirstRatioError] = sums[kLossRatioError] / rows;
+    if (target_kl >= 0 && figures[kFigLastKl] > target_kl) *stop = 1;
+    figures[kFigSkipped] += *stop;
+  }
+};
 
 }  // namespace giga

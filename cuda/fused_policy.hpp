@@ -1,0 +1,31 @@
+// The fused policy of a team: observations to actions in one kernel, for the networks that the fused gradients serve
+// too.
+#pragma once
+
+#include "cuda/ppo_gradients.hpp"
+#include "math/distributions.hpp"
+
+namespace giga {
+
+/// One network for all rows, or one for each of several groups of rows in a row, equally many each.
+struct FusedPolicy {
+  FusedMlp net{};
+  int groups = 1;
+  int64_t rows_per_group = 0;
+  const float* parameters = nullptr;  // [groups, group_stride] the network, then what observations are normalised by
+  int64_t group_stride = 0;
+  const float* obs = nullptr;  // [groups rows, obs_stride], from the first number that the network reads
+  int64_t obs_stride = 0;
+  const float* obs_mean = nullptr;  // [groups, .. input] group_stride apart; null: observations are not normalised
+  const float* obs_std = nullptr;
+  float obs_limit = 0;
+  ActionKind actions = ActionKind::discrete;
+  SampleCategorical discrete{};  // without logits
+  SampleGaussian continuous{};   // without means; log_std is that of the first group
+};
+
+/// Queues it. The network computes as the fused gradients do (cuda/ppo_gradients.hpp), to the last bit; the action is
+/// drawn by the formulas of math/distributions.hpp. Throws where the kernel does not serve the network.
+void launch_fused_policy(const FusedPolicy& policy, int index, void* stream);
+
+}  // namespace giga

@@ -1,0 +1,151 @@
+#include "learn/mappo/fused_update.hpp"
+
+#include <ATen/ATen.h>
+
+#include "core/error.hpp"
+#include "rollout/tensors.hpp"
+
+namespace giga {
+namespace {
+
+constexpr int kMostAgents = 64;  // of a team: a tile has whole states
+
+}  // namespace
+
+std::string fused_update_refusal(const Actor& actor, const Critic& critic, int n_agents, Device device) {
+  if (!device.is_cuda()) return "they are for GPUs";
+  if (!fused_gradients_run(device.index)) return "the GPU has less than 227 KB of shared memory for a block";
+  if (actor.precision() != Precision::tf32)
+    return "they compute with the 10 bits of mantissa of TF32 (train.precision)";
+  if (critic.needs_state()) return "they know no true state (mappo.critic.kind)";
+  if (n_agents > kMostAgents) return cat("they serve teams of at most ", kMostAgents, " agents");
+  const auto network = [](const char* name, bool serves) {
+    return serves ? std::string()
+                  : cat("they serve dense networks with two hidden layers of at most ", FusedMlp::kHidden,
+                        ", without layer normalisation, on at most ", FusedMlp::kMaxInput, " numbers (", name, ")");
+  };
+  const std::string reason = network("mappo.actor", actor.fused_mlp().has_value());
+  return reason.empty() ? network("mappo.critic", critic.fused_mlp().has_value()) : reason;
+}
+
+FusedUpdate::FusedUpdate(const Actor& actor, const Critic& critic, int n, Device device, void* stream)
+    : actor_(actor),
+      critic_(critic),
+      actor_mlp_(actor.fused_mlp().value()),
+      critic_mlp_(critic.fused_mlp().value()),
+      index_(device.index),
+      blocks_(fused_blocks(index_)),
+      stream_(stream),
+      side_(index_, stream) {
+  const auto options = at::TensorOptions().dtype(at::kFloat).device(torch_device(device));
+  actor_partial_ = at::empty({blocks_, actor_mlp_.size + kFusedSums}, options);
+  critic_partial_ = at::empty({blocks_, critic_mlp_.size + kFusedSums}, options);
+  sums_ = at::zeros({2, kFusedSums}, options);
+  squares_ = at::empty({fused_step_blocks(actor_mlp_.size, critic_mlp_.size)}, options.dtype(at::kDouble));
+  finished_ = at::zeros({1}, options.dtype(at::kInt));
+  rows_.n = n;
+  if (actor.normalizes()) {
+    rows_.obs_mean = actor.normalizer().mean().const_data_ptr<float>();
+    rows_.obs_std = actor.normalizer().std().const_data_ptr<float>();
+    rows_.obs_limit = kNormalizedLimit;
+  }
+}
+
+void FusedUpdate::choose(const at::Tensor& obs, const at::Tensor& alive, const at::Tensor& states) {
+  GIGA_CHECK(obs.is_contiguous() && alive.is_contiguous(), "observations with gaps");
+  states_ = states.defined() ? states.contiguous() : states;
+  rows_.states = states_.defined() ? states_.const_data_ptr<int64_t>() : nullptr;
+  rows_.n_states = states_.defined() ? states_.numel() : alive.numel() / rows_.n;
+  rows_.obs = obs.const_data_ptr<float>();
+  rows_.obs_stride = obs.size(-1);
+  rows_.alive = alive.const_data_ptr<uint8_t>();
+}
+
+FusedRows FusedUpdate::rows_of(const InputColumns& inputs) const {
+  FusedRows rows = rows_;
+  rows.obs += inputs.first;
+  if (rows.obs_mean) {
+    rows.obs_mean += inputs.first;
+    rows.obs_std += inputs.first;
+  }
+  return rows;
+}
+
+void FusedUpdate::write_values(const at::Tensor& obs, const at::Tensor& alive, const at::Tensor& states,
+                               const at::Tensor& values) {
+  GIGA_CHECK(values.is_contiguous(), "values with gaps");
+  choose(obs, alive, states);
+  if (rows_.n_states == 0) return;
+  launch_critic_gradient({.net = critic_mlp_,
+                          .parameters = critic_.parameters().values().const_data_ptr<float>(),
+                          .rows = rows_of(critic_.inputs()),
+                          .n_partial = blocks_,
+                          .values = values.data_ptr<float>()},
+                         index_, stream_);
+}
+
+void FusedUpdate::begin_epoch(const at::Tensor& obs, const at::Tensor& alive, const at::Tensor& states,
+                              int n_minibatches, const at::Tensor& advantage) {
+  choose(obs, alive, states);
+  pieces_ = {rows_.n_states, n_minibatches};
+  if (!moments_.defined() || moments_.size(0) != n_minibatches)
+    moments_ = at::empty({n_minibatches, kMomentParts, kMoments}, squares_.options());
+  launch_moments(rows_, pieces_, advantage.const_data_ptr<float>(), moments_.data_ptr<double>(), index_, stream_);
+  side_.fork();
+}
+
+void FusedUpdate::end_epoch() { side_.join(); }
+
+void FusedUpdate::compute_gradients(int k, const FusedPolicyLoss& policy, const FusedValueLoss& value) {
+  const double* moments = moments_.const_data_ptr<double>() + k * moments_.stride(0);
+  const auto rows = [&](const InputColumns& inputs) {
+    FusedRows piece = rows_of(inputs);
+    piece.states += pieces_.begin(k);
+    piece.n_states = pieces_.begin(k + 1) - pieces_.begin(k);
+    return piece;
+  };
+  launch_actor_gradient({.net = actor_mlp_,
+                         .parameters = actor_.parameters().values().const_data_ptr<float>(),
+                         .rows = rows(actor_.inputs()),
+                         .loss = policy,
+                         .moments = moments,
+                         .n_partial = blocks_,
+                         .partial = actor_partial_.data_ptr<float>()},
+                        index_, side_.stream());
+  launch_critic_gradient({.net = critic_mlp_,
+                          .parameters = critic_.parameters().values().const_data_ptr<float>(),
+                          .rows = rows(critic_.inputs()),
+                          .loss = value,
+                          .moments = moments,
+                          .n_partial = blocks_,
+                          .partial = critic_partial_.data_ptr<float>()},
+                         index_, side_.stream());
+}
+
+void FusedUpdate::complete(FusedStep& step) const {
+  float* sums = sums_.data_ptr<float>();
+  const auto network = [&](FusedStep::Network& net, const at::Tensor& partial, int64_t size, float* to) {
+    net.n_partial = blocks_;
+    net.partial = partial.const_data_ptr<float>();
+    net.size = size;
+    net.sums = to;
+  };
+  network(step.actor, actor_partial_, actor_mlp_.size, sums);
+  network(step.critic, critic_partial_, critic_mlp_.size, sums + kFusedSums);
+  step.note.sums = sums;
+  step.squares = squares_.data_ptr<double>();
+  step.finished = reinterpret_cast<uint32_t*>(finished_.data_ptr<int32_t>());
+}
+
+void FusedUpdate::add_up(FusedStep step) {
+  complete(step);
+  launch_gradient_sums(step, index_, side_.stream());
+}
+
+void FusedUpdate::step(FusedStep step) {
+  complete(step);
+  launch_gradient_sums(step, index_, side_.stream());
+  launch_adam(step, index_, side_.stream());
+}
+
+}  // namespace giga

@@ -1,0 +1,65 @@
+// FusedUpdate: how a team learns from a minibatch by the fused kernels (cuda/ppo_gradients.hpp), in the place of
+// LibTorch's passes through the networks and of its optimizer.
+#pragma once
+
+#include <torch/types.h>
+
+#include <string>
+#include <vector>
+
+#include "cuda/ppo_gradients.hpp"
+#include "cuda/side_stream.hpp"
+#include "policy/actor.hpp"
+#include "policy/critic.hpp"
+
+namespace giga {
+
+/// Why the fused kernels do not serve these networks there, for the log; empty where they do. Actor and critic go
+/// together.
+std::string fused_update_refusal(const Actor& actor, const Critic& critic, int n_agents, Device device);
+
+class FusedUpdate {
+ public:
+  /// Networks that the kernels serve; both must outlive this. `n`: agents of the team. Epochs are learned from on a
+  /// stream beside this one, so that the teams fill each other's gaps.
+  FusedUpdate(const Actor& actor, const Critic& critic, int n, Device device, void* stream);
+
+  /// Values [states, n] of the chosen states [S] (undefined: all) of obs [states, n, D] and alive [states, n].
+  void write_values(const at::Tensor& obs, const at::Tensor& alive, const at::Tensor& states, const at::Tensor& values);
+
+  /// The minibatches of an epoch: states [S] of the rollout, cut into pieces as at::tensor_split does.
+  void begin_epoch(const at::Tensor& obs, const at::Tensor& alive, const at::Tensor& states, int n_minibatches,
+                   const at::Tensor& advantage);
+  /// After the epoch's last step: what is queued on the main stream from now on waits for it.
+  void end_epoch();
+  /// Both gradients of minibatch k, in parts that step() adds up.
+  void compute_gradients(int k, const FusedPolicyLoss& policy, const FusedValueLoss& value);
+  /// Adds them up and steps. `step` has the note, the gates, what Adam works on, and where the norms and the loss go.
+  void step(FusedStep step);
+  /// The first half of it: the gradients are where `step` says, and no step is taken.
+  void add_up(FusedStep step);
+  /// Of the latest minibatch: [2, kFusedSums] the actor's sums (PolicyDiagnostic), and the critic's (its loss).
+  const at::Tensor& sums() const { return sums_; }
+
+ private:
+  FusedRows rows_of(const InputColumns& inputs) const;
+  void choose(const at::Tensor& obs, const at::Tensor& alive, const at::Tensor& states);
+  void complete(FusedStep& step) const;
+
+  const Actor& actor_;
+  const Critic& critic_;
+  const FusedMlp actor_mlp_, critic_mlp_;
+  const int index_, blocks_;
+  void* const stream_;
+  SideStream side_;
+  FusedRows rows_;                             // with whole observations
+  MinibatchPieces pieces_{0, 1};               // of the epoch
+  at::Tensor states_;                          // keeps what rows_ points to
+  at::Tensor moments_;                         // [pieces, kMomentParts, kMoments] fp64
+  at::Tensor actor_partial_, critic_partial_;  // [blocks, parameters + kFusedSums]
+  at::Tensor sums_;                            // [2, kFusedSums]
+  at::Tensor squares_;                         // [fused_step_blocks()] fp64
+  at::Tensor finished_;                        // [1]
+};
+
+}  // namespace giga
