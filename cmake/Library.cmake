@@ -37,11 +37,16 @@ function(giga_together target)
   endforeach()
 endfunction()
 
-# giga_cold(<target> [TORCH]): code that takes no share of a run's time, compiled quickly (-O1) where the build is optimised.
-# TORCH: it starts from the precompiled LibTorch header, which GCC from 13 on refuses below -O2.
+# giga_cold(<target> [LEVEL <flag>] [TORCH]): code that takes no share of a run's time, compiled quickly (-O1, or LEVEL)
+# where the build is optimised. TORCH: it starts from the precompiled LibTorch header, which GCC refuses at -O0, and from 13
+# on below -O2.
 function(giga_cold target)
+  cmake_parse_arguments(PARSE_ARGV 1 arg "TORCH" "LEVEL" "")
   set(level -O1)
-  if("TORCH" IN_LIST ARGN AND CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND CMAKE_CXX_COMPILER_VERSION VERSION_GREATER_EQUAL 13)
+  if(arg_LEVEL)
+    set(level ${arg_LEVEL})
+  endif()
+  if(arg_TORCH AND CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND CMAKE_CXX_COMPILER_VERSION VERSION_GREATER_EQUAL 13)
     set(level -O2)
   endif()
   target_compile_options(${target} PRIVATE $<$<AND:$<CONFIG:Release>,$<COMPILE_LANGUAGE:CXX>>:${level}>)

@@ -1,6 +1,7 @@
 # Run by ctest before the tests: asks a test program what tests it has, and adds an entry for each suite; for those of
-# EACH (a regular expression), which must not share a process, one for each test. Suites whose name contains "Gpu" carry
-# the label gpu. Variables from tests/CMakeLists.txt: PROGRAM, FOLDER, TIMEOUT, EACH.
+# EACH (a regular expression), which must not share a process, one for each test. Those of LONG begin before all others.
+# Suites whose name contains "Gpu" carry the label gpu. Variables from tests/CMakeLists.txt: PROGRAM, FOLDER, TIMEOUT,
+# EACH, LONG.
 if(NOT EXISTS "${PROGRAM}")
   add_test(test_${FOLDER}_NOT_BUILT test_${FOLDER}_NOT_BUILT)
   return()
@@ -14,8 +15,12 @@ macro(add_entry name filter)
     set(label gpu)
     set(lock RESOURCE_LOCK gpu)
   endif()
+  set(cost "")
+  if(LONG AND "${name}" MATCHES "${LONG}")
+    set(cost COST 100)
+  endif()
   # Skipped is what skips all its tests (main.cpp). A filter that finds nothing must not pass.
-  set_tests_properties("${name}" PROPERTIES LABELS ${label} TIMEOUT ${TIMEOUT} ${lock} SKIP_RETURN_CODE 77
+  set_tests_properties("${name}" PROPERTIES LABELS ${label} TIMEOUT ${TIMEOUT} ${lock} ${cost} SKIP_RETURN_CODE 77
                        FAIL_REGULAR_EXPRESSION "\\] 0 tests from 0 test suites")
 endmacro()
 

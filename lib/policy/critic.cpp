@@ -24,7 +24,7 @@ Critic::Critic(const CriticConfig& config, const CriticShape& shape, Precision p
                const ParallelFor& parallel_for, at::Device device, uint64_t seed)
     : kind_(config.kind), shape_(shape), precision_(precision), parallel_for_(&parallel_for) {
   const std::string name = enum_names(config.encoder)[static_cast<size_t>(config.encoder)];
-  const NetworkShape on_observations{shape.inputs.shape(), 1, config.output_gain};
+  const NetworkShape on_observations{shape.inputs.shape(), 1, config.output_gain, shape.encoder};
   switch (config.kind) {
     case CriticKind::composed:
       network_ = Network(parameters_, "team_" + name, config, on_observations);
@@ -35,9 +35,10 @@ Critic::Critic(const CriticConfig& config, const CriticShape& shape, Precision p
       break;
     case CriticKind::state: {
       const auto [first, rest] = split_state_critic(config);
-      entity_ = encoder_factory(config.encoder)(parameters_, "entity", kEntityFeatures, first);
+      EncoderFactory* make = shape.encoder ? shape.encoder : encoder_factory(config.encoder);
+      entity_ = make(parameters_, "entity", kEntityFeatures, first);
       const auto input = static_cast<int>(3 * entity_->features() + shape.world_features);
-      network_ = Network(parameters_, name, rest, {input, 1, config.output_gain});
+      network_ = Network(parameters_, name, rest, {input, 1, config.output_gain, shape.encoder});
       break;
     }
   }

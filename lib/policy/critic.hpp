@@ -21,9 +21,10 @@ namespace giga {
 /// Sizes of a critic's inputs.
 struct CriticShape {
   int team = 0;
-  int n_team[2] = {0, 0};      ///< agents of each team; the state lists team 0 first
-  InputColumns inputs;         ///< of observations
-  int64_t world_features = 0;  ///< numbers of the state that follow those of the agents (state_observation.hpp)
+  int n_team[2] = {0, 0};             ///< agents of each team; the state lists team 0 first
+  InputColumns inputs;                ///< of observations
+  int64_t world_features = 0;         ///< numbers of the state that follow those of the agents (state_observation.hpp)
+  EncoderFactory* encoder = nullptr;  ///< null: that of the table for the config
 };
 
 CriticShape critic_shape(const CriticConfig& config, const SimSpec& spec, int team);

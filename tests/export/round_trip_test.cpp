@@ -11,6 +11,7 @@
 #include "io/temporary_folder.hpp"
 #include "policies.hpp"
 #include "scenario/scenario.hpp"
+#include "support/leaky_sum.hpp"
 
 namespace giga::test {
 namespace {
@@ -204,6 +205,20 @@ TEST(ExportRoundTrip, DeviationsArePositive) {
     tensor.shape = tensor.name == kStdTensor ? std::vector<int64_t>{kInputs} : tensor.shape;
   write_file(file, encode_safetensors(tensors, {}));
   EXPECT_TRUE(contains(export_refusal(file), {"observation.std': number 0 is 0; a deviation must be > 0"}));
+}
+
+// The formats have no place for what a network remembers.
+TEST(ExportRoundTrip, ANetworkWithMemoryIsNotWritten) {
+  const TemporaryFolder folder;
+  const Actor leaky(ActorConfig(), kPaddedInputs, ActionKind::discrete, false, Precision::fp32, at::kCPU, 1,
+                    make_leaky_sum);
+  const SimSpec spec = small_spec(ActionKind::discrete);
+  for (const ExportFormat format : {ExportFormat::safetensors, ExportFormat::onnx, ExportFormat::torchscript}) {
+    const fs::path to = folder / FieldCodec<ExportFormat>::print(format);
+    EXPECT_TRUE(contains(input_error_of([&] { write_export(to, format, leaky, spec, sample_origin()); }),
+                         {"only policies of dense layers can be exported (encoder: mlp)"}));
+    EXPECT_FALSE(fs::exists(to / "manifest.json"));
+  }
 }
 
 }  // namespace

@@ -14,6 +14,7 @@
 #include "scenario/compile.hpp"
 #include "scenario/loader.hpp"
 #include "support/source.hpp"
+#include "support/thinning.hpp"
 
 namespace giga::test {
 namespace {
@@ -64,7 +65,7 @@ TEST(ConfigFuzz, Scenarios) {
   seeds.push_back(print_scenario(load_scenario("waypoint_5_vs_3_fobs", source_data())));
   ASSERT_GT(seeds.size(), 20u);
   const FuzzCount count = fuzz(
-      "scenarios", 4000, [&](int64_t k) { return mutation(seeds, k); }, read_scenario);
+      "scenarios", 4000 / thinned(4), [&](int64_t k) { return mutation(seeds, k); }, read_scenario);
   EXPECT_GT(count.accepted, 50);
   EXPECT_GT(count.refused, 100);
 }
@@ -78,7 +79,7 @@ TEST(ConfigFuzz, MapsAndAgentTypes) {
     if (k % 3 == 0) return "base: identical_1_vs_1\nteam_0: [{type: super}]\n" + mutation({types}, k);
     return "base: identical_1_vs_1\nmaps: m\nmap_definitions:\n  m:\n" + indented(mutation(maps, k));
   };
-  const FuzzCount count = fuzz("maps and agent types", 3000, make, read_scenario);
+  const FuzzCount count = fuzz("maps and agent types", 3000 / thinned(4), make, read_scenario);
   EXPECT_GT(count.accepted, 50);
   EXPECT_GT(count.refused, 100);
 }
@@ -100,7 +101,7 @@ TEST(ConfigFuzz, RunConfigs) {
     ASSERT_EQ(print_yaml(load_run_config(file, {}).config, true), printed) << text;
   };
   const FuzzCount count = fuzz(
-      "run configs", 1500, [&](int64_t k) { return mutation(seeds, k); }, read);
+      "run configs", 1500 / thinned(4), [&](int64_t k) { return mutation(seeds, k); }, read);
   std::remove(file.c_str());
   EXPECT_GT(count.accepted, 50);
   EXPECT_GT(count.refused, 100);
@@ -117,7 +118,7 @@ TEST(ConfigFuzz, Assignments) {
   const std::string file = testing::TempDir() + cat("gigastep_fuzz_set_", getpid(), ".yaml");
   std::ofstream(file) << "scenario: identical_2_vs_2\n";
   const FuzzCount count = fuzz(
-      "assignments", 3000, [&](int64_t k) { return mutation(seeds, k); },
+      "assignments", 3000 / thinned(4), [&](int64_t k) { return mutation(seeds, k); },
       [&file](const std::string& text) {
         load_run_config(file, {text, "seed=1"});
       });

@@ -17,6 +17,7 @@
 #include "scenario/compile.hpp"
 #include "scenario/loader.hpp"
 #include "sim/simulator.hpp"
+#include "support/thinning.hpp"
 
 namespace giga::golden {
 namespace {
@@ -254,6 +255,7 @@ void check_row(CellReport& report, const std::string& name, const Columns& colum
 
 TEST(GoldenStatistics, ScriptedEpisodes) {
   CellReport report("episode statistics");
+  const auto stride = static_cast<size_t>(test::thinned(3));
   for (const Recording& r : recordings()) {
     if (!r.root.has("rollout_stats")) continue;
     const H5Group all = r.root.group("rollout_stats");
@@ -269,7 +271,7 @@ TEST(GoldenStatistics, ScriptedEpisodes) {
       spec.params.win = {};  // the original's evaluator goes by elimination in every scenario
       const int max_steps = static_cast<int>(stats.number_attribute("max_steps"));
       ASSERT_EQ(spec.params.max_episode_length, max_steps) << name;
-      for (size_t k = 0; k < table.rows(); ++k) {
+      for (size_t k = 0; k < table.rows(); k += stride) {
         const double *row = table.row(k), p0 = columns.get(row, "policy0"), p1 = columns.get(row, "policy1");
         const Episodes ours = play(spec, {policy_of(policies, p0), policy_of(policies, p1)}, max_steps, 100 + k);
         check_row(report, cat(name, " policies ", p0, " and ", p1), columns, row, stats.number_attribute("episodes"),

@@ -4,6 +4,7 @@
 #include "eval/match.hpp"
 #include "rollout/policy_controllers.hpp"
 #include "runs.hpp"
+#include "support/thinning.hpp"
 
 namespace giga::test {
 namespace {
@@ -69,6 +70,7 @@ TEST(LearnOptimum, TwoWorldsOfTwoAgents) {
 }
 
 TEST(LearnOptimum, ContinuousActionsAndStateCritic) {
+  if (!tests_run_in_full()) GTEST_SKIP() << "slow; run with GIGASTEP_TEST_FULL=1";
   const Returns returns = train("state", "n_worlds: 8, total_agent_steps: 400000", "continuous");
   EXPECT_LT(returns.untrained, -0.8);
   EXPECT_GT(returns.trained, -0.2);  // seeds 1 to 8 came to -0.03 ... -0.08

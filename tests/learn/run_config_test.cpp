@@ -105,6 +105,24 @@ TEST_F(LearnRunConfig, AllMistakesOfAllStagesAtOnce) {
             "nearest: 5, 10");
 }
 
+// Every kind of encoder, at every place of one: a memory is refused where nobody keeps it, and only there.
+TEST_F(LearnRunConfig, EncodersWithMemoryAreRefusedWhereTheyAreNotServed) {
+  const auto refused = [&](const char* lines, const char* key, const char* name) {
+    const std::string message = error_of(cat("scenario: identical_2_vs_2\n", lines), {cat(key, "=", name)});
+    if (message == "no error") return false;
+    EXPECT_NE(message.find(cat("--set ", key, ": '", name, "' has a memory, and ")), std::string::npos) << message;
+    return true;
+  };
+  int k = 0;
+  for (const char* name : enum_names(EncoderKind{})) {
+    const bool remembers = has_memory(static_cast<EncoderKind>(k++));
+    EXPECT_EQ(refused("", "mappo.critic.encoder", name), remembers) << name;
+    EXPECT_EQ(refused("opponents: {pool_size: 3}\n", "mappo.actor.encoder", name), remembers) << name;
+    EXPECT_EQ(refused("train: {algorithm: snes}\n", "population.actor.encoder", name), remembers) << name;
+    EXPECT_FALSE(refused("", "mappo.actor.encoder", name)) << name;
+  }
+}
+
 // A value that could not be read is reported once, and nothing is said about what was taken in its place.
 TEST_F(LearnRunConfig, NoErrorsThatFollowFromOthers) {
   const std::pair<const char*, const char*> cases[] = {

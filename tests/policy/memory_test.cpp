@@ -2,7 +2,9 @@
 #include <gtest/gtest.h>
 #include <torch/autograd.h>
 
+#include "core/error.hpp"
 #include "policy/actor.hpp"
+#include "policy/critic.hpp"
 #include "support/leaky_sum.hpp"
 #include "tensors.hpp"
 
@@ -100,6 +102,32 @@ TEST(PolicyMemory, TheFusedKernelHasNoRoomForIt) {
   ActorConfig config;
   const Actor half(config, kLeakyInputs, ActionKind::discrete, false, Precision::fp16, at::kCPU, 1, make_leaky_sum);
   EXPECT_FALSE(half.small_mlp());
+}
+
+// Where nobody would keep or train what a network remembers, it is refused rather than forgotten.
+TEST(PolicyMemory, IsRefusedWhereItIsNotServed) {
+  const auto expect_refused = [](auto&& make, const std::string& reason) {
+    try {
+      make();
+      FAIL() << "not refused: " << reason;
+    } catch (const Error& e) {
+      EXPECT_NE(std::string(e.what()).find(reason), std::string::npos) << e.what();
+    }
+  };
+  for (const CriticKind kind : {CriticKind::composed, CriticKind::state, CriticKind::independent}) {
+    CriticConfig config;
+    config.kind = kind;
+    const CriticShape shape{0, {2, 2}, kLeakyInputs, 3, make_leaky_sum};
+    expect_refused([&] { Critic(config, shape, Precision::fp32, cpu_loop(), at::kCPU, 1); },
+                   "critics are trained on single steps: encoder mlp has a memory");
+  }
+  const Actor actor = make_leaky();
+  const at::Tensor members = actor.parameters().values().detach().repeat({2, 1});
+  expect_refused(
+      [&] {
+        actor.forward_members(members, random({2, kLeakyRows, kLeakyInputs}, 6));
+      },
+      "nobody keeps what these networks remember");
 }
 
 }  // namespace
