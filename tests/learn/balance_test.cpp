@@ -130,8 +130,7 @@ TEST(LearnBalance, AFrozenTeamKeepsItsPolicyAndItsCriticLearns) {
 
 TEST(LearnBalance, ARunWithAllOptionsGoesOnExactly) {
   SmallRun run;
-  run.mappo =
-      "entropy_target: 2, freeze_lead: 0.5, step_back: 0.1, team_reward_share: 0.5, shaping_final_factor: 0.5";
+  run.mappo = "entropy_target: 2, freeze_lead: 0.5, step_back: 0.1, team_reward_share: 0.5, shaping_final_factor: 0.5";
   run.scenario = "rewards: {game_won: 10, damage: 50}\n";
   run.more =
       "opponents: {pool_size: 3, pool_every_updates: 2, pool_share: 0.5, pool_promotion: evidence, "
@@ -139,8 +138,8 @@ TEST(LearnBalance, ARunWithAllOptionsGoesOnExactly) {
   const auto learner = run.learner(), other = run.learner();
   for (int k = 0; k < 5; ++k) learner->update();
   const NamedArrays checkpoint = saved(*learner);
-  for (const char* name : {"balance/entropy_coef", "balance/lead", "step_back/team_1/record",
-                           "league/team_0/since_kept"})
+  for (const char* name :
+       {"balance/entropy_coef", "balance/lead", "step_back/team_1/record", "league/team_0/since_kept"})
     EXPECT_NO_THROW(find_array(checkpoint, name)) << name;
   other->load(checkpoint);
   for (int k = 0; k < 3; ++k) EXPECT_EQ(difference(learner->update(), other->update()), "");
