@@ -53,9 +53,10 @@ std::string part_of_name(const std::string& assignment) {
 /// The scenario, the algorithm, what --set changes, the seed: "duel-mappo-lr3e-4-seed2". What has a place of its own,
 /// or no part in what is learned, is left out, and what is more than a name can hold.
 std::string run_name(const TrainOptions& o, const RunConfig& c) {
-  static const std::set<std::string> kLeftOut = {"scenario",        "train.algorithm",        "seed",
-                                                 "device",          "train.n_threads",        "train.max_wall_time",
-                                                 "train.precision", "train.total_agent_steps"};
+  static const std::set<std::string> kLeftOut = {
+      "scenario",        "train.algorithm",         "seed",
+      "device",          "train.n_threads",         "train.max_wall_time",
+      "train.precision", "train.total_agent_steps", "train.stop_at_agent_steps"};
   constexpr size_t kLongest = 100;
   std::string name = cat(folder_name_of(c.scenario), "-", c.train.algorithm);
   for (const std::string& assignment : o.overrides) {

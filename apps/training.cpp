@@ -2,6 +2,7 @@
 #include "apps/training.hpp"
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
 #include <csignal>
@@ -55,6 +56,16 @@ double value_of(const Metrics& metrics, const std::string& name) {
 
 constexpr std::chrono::seconds kTextCadence{10};
 
+constexpr std::array kColumns = {"update",
+                                 "agent_steps",
+                                 "seconds",
+                                 "update_seconds",
+                                 "rollout_seconds",
+                                 "learning_seconds",
+                                 "evaluation_seconds",
+                                 "checkpoint_seconds",
+                                 "agent_steps_per_second"};
+
 TerminalStyle style_of(bool color) {
   TerminalStyle style = terminal_style();
   style.color = style.color && color;
@@ -95,6 +106,11 @@ class Training {
   std::string stage_text() const;
   std::string time_left() const;
   bool complete() const { return learner_->agent_steps_done() >= config_.train.total_agent_steps; }
+  /// Whether train.stop_at_agent_steps are done.
+  bool at_stop() const {
+    const auto& stop = config_.train.stop_at_agent_steps;
+    return stop && learner_->agent_steps_done() >= *stop;
+  }
   /// " of 50" where the number of updates is known.
   std::string of_updates() const { return n_updates_ ? cat(" of ", *n_updates_) : ""; }
   void print_end() const;
@@ -110,7 +126,7 @@ class Training {
   double total_seconds() const { return cursor_.seconds + watch_.seconds(); }
   bool is_due(int every) const {
     const int64_t update = learner_->updates_done();
-    return complete() || (every > 0 && update % every == 0);
+    return complete() || at_stop() || (every > 0 && update % every == 0);
   }
 
   const Stopwatch watch_;  // of this process
@@ -318,15 +334,17 @@ void Training::update() {
 
 MetricsRow Training::row(double seconds, double evaluation_seconds, const Metrics& metrics, bool evaluated) const {
   const UpdateTimes times = learner_->times();
-  MetricsRow row = {{"update", static_cast<double>(learner_->updates_done())},
-                    {"agent_steps", static_cast<double>(learner_->agent_steps_done())},
-                    {"seconds", seconds},
-                    {"update_seconds", update_seconds_},
-                    {"rollout_seconds", times.rollout},
-                    {"learning_seconds", times.learning},
-                    {"evaluation_seconds", evaluation_seconds},
-                    {"checkpoint_seconds", checkpoint_seconds_},
-                    {"agent_steps_per_second", speed_}};
+  const std::array<double, kColumns.size()> values = {static_cast<double>(learner_->updates_done()),
+                                                      static_cast<double>(learner_->agent_steps_done()),
+                                                      seconds,
+                                                      update_seconds_,
+                                                      times.rollout,
+                                                      times.learning,
+                                                      evaluation_seconds,
+                                                      checkpoint_seconds_,
+                                                      speed_};
+  MetricsRow row;
+  for (size_t k = 0; k < kColumns.size(); ++k) row.emplace_back(kColumns[k], values[k]);
   row.insert(row.end(), metrics.begin(), metrics.end());
   const MetricsRow evaluation = evaluation_metrics(config_, evaluated ? results_ : std::vector<TeamResult>());
   row.insert(row.end(), evaluation.begin(), evaluation.end());
@@ -417,6 +435,7 @@ void Training::fail_diverged(const Divergence& what) {
 
 int Training::exit_code_of_stop() const {
   if (const int signal = StopRequest::signal()) return 128 + signal;
+  if (at_stop()) return kOutOfTime;
   const auto& limit = config_.train.max_wall_time;
   return limit && watch_.seconds() >= limit->seconds ? kOutOfTime : 0;
 }
@@ -424,7 +443,9 @@ int Training::exit_code_of_stop() const {
 int Training::stop_early(int code) {
   progress_.finish();
   if (saved_update_ != learner_->updates_done()) save(false);
-  const std::string reason = code == kOutOfTime ? "train.max_wall_time is over" : signal_name(code - 128);
+  const std::string reason = code != kOutOfTime ? signal_name(code - 128)
+                             : at_stop()        ? "train.stop_at_agent_steps are done"
+                                                : "train.max_wall_time is over";
   log_.info(cat("stopped after update ", learner_->updates_done(), of_updates(), " (", reason,
                 "), the state is saved; to go on: ", program_command(), " resume ",
                 shell_word(folder_.path().string())));
@@ -445,6 +466,8 @@ int train_in(const RunFolder& folder, TrainingSetup setup) {
   from ? training.go_on(*from) : training.start();
   return training.run();
 }
+
+std::vector<std::string> training_columns() { return {kColumns.begin(), kColumns.end()}; }
 
 std::string advice_to_resume(const std::filesystem::path& folder) {
   const std::vector<std::filesystem::path> saved = list_checkpoints(folder);

@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "io/run_folder.hpp"
 #include "learn/learner.hpp"
@@ -11,7 +12,7 @@
 namespace giga {
 
 /// Exit codes of a run that was stopped before its end with its state saved: 128 + the signal, or this one when
-/// train.max_wall_time was over.
+/// train.max_wall_time was over or train.stop_at_agent_steps were done.
 constexpr int kOutOfTime = 124;
 
 struct TrainingSetup {
@@ -28,6 +29,9 @@ int train_in(const RunFolder& folder, TrainingSetup setup);
 
 /// For people, after a failure: how to go on from what was saved; empty where nothing was.
 std::string advice_to_resume(const std::filesystem::path& folder);
+
+/// The columns of metrics.csv that every run has, before those of its learner.
+std::vector<std::string> training_columns();
 
 /// What run.json and resume_NNN.json hold.
 Json run_info(const LoadedRun& run, Device device);

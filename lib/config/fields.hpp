@@ -36,6 +36,7 @@ struct Allowed {
   bool lo_open = false, hi_open = false;  ///< the limit itself is not allowed
   bool infinity = false;                  ///< `inf` and `-inf` are numbers here
   std::vector<std::string> choices;       ///< of texts; empty = any
+  std::string pattern;                    ///< of texts, for schemas: a regular expression; empty = any
   size_t min_items = 0;                   ///< of lists
   size_t max_items = std::numeric_limits<size_t>::max();
 

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "eval/player.hpp"
+#include "learn/players/player.hpp"
 
 namespace giga {
 

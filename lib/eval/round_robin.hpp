@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "eval/match.hpp"
-#include "eval/player.hpp"
+#include "learn/players/player.hpp"
 #include "rating/game_table.hpp"
 
 namespace giga {

@@ -44,6 +44,7 @@ Json value_schema(const ValueShape& shape) {
       return number_schema(shape);
     case ValueShape::Kind::text:
       if (!shape.allowed.choices.empty()) return {{"enum", shape.allowed.choices}};
+      if (!shape.allowed.pattern.empty()) return {{"type", "string"}, {"pattern", shape.allowed.pattern}};
       return type_schema("string");
     case ValueShape::Kind::duration:
       return {{"type", "string"}, {"pattern", kDurationPattern}};

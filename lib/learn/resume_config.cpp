@@ -14,6 +14,7 @@ namespace {
 constexpr ResumeRule kMayChange[] = {
     {"train.total_agent_steps", "where the run ends; schedules stretch to the new end"},
     {"train.max_wall_time", "when it stops and saves"},
+    {"train.stop_at_agent_steps", "where it stops and saves"},
     {"train.n_threads", "CPU threads; sums may be rounded in another order"},
     {"device", "where it runs; another kind of device rounds in another way"},
     {"eval.every_updates", "how often it is evaluated"},
@@ -38,6 +39,7 @@ constexpr ResumeRule kMayNot[] = {
     {"train.opponent", "who learns is decided at the start"},
     {"train.learning_team", "who learns is decided at the start"},
     {"opponents.pool_size", "the checkpoint holds a pool of this size"},
+    {"opponents.pool_promotion", "the checkpoint holds the games on which it goes"},
     {"eval.opponents", "metrics.csv has columns for these opponents"},
 };
 

@@ -13,6 +13,12 @@
 namespace giga {
 namespace {
 
+std::vector<std::string> opponent_names() {
+  std::vector<std::string> names = {Opponent{}.name};
+  for (const std::string& name : FieldCodec<Scripted>::names()) names.push_back(name);
+  return names;
+}
+
 void check_device(ConfigCheck& check) {
   const std::string& name = check.config.device;
   const std::string number = name.starts_with("cuda:") ? name.substr(5) : "x";
@@ -36,12 +42,13 @@ void check_precision(ConfigCheck& check) {
 
 void check_opponents(ConfigCheck& check) {
   const OpponentsConfig& p = check.config.opponents;
-  if (check.config.train.opponent != Opponent::self_play && check.known({"train.opponent"})) {
-    const std::string instead = "the other team plays that script everywhere; self_play makes both learn";
-    const std::string opponent = FieldCodec<Opponent>::print(check.config.train.opponent);
+  const Opponent& opponent = check.config.train.opponent;
+  if (!opponent.is_self_play() && check.known({"train.opponent"})) {
+    const std::string instead = cat("the other team plays that ", opponent.is_path() ? "policy" : "script",
+                                    " everywhere; self_play makes both learn");
     const auto refuse = [&](const char* key, bool given) {
       if (given && check.known({key}))
-        check.fail(key, cat("this means nothing with train.opponent ", opponent, ": ", instead));
+        check.fail(key, cat("this means nothing with train.opponent ", opponent.name, ": ", instead));
     };
     refuse("opponents.pool_size", p.pool_size > 0);
     refuse("opponents.scripted_share", p.scripted_share > 0);
@@ -50,6 +57,18 @@ void check_opponents(ConfigCheck& check) {
     check.fail("opponents.pool_share",
                cat(p.pool_share, " and opponents.scripted_share ", p.scripted_share, " are more than 1 together"));
   }
+}
+
+/// The place of a policy, so that the run's own config names it from anywhere.
+void find_opponent(RunConfig& config, const KeyPositions& given, Errors& errors) {
+  Opponent& opponent = config.train.opponent;
+  if (!opponent.is_path() || is_wrong("train.opponent", given, errors)) return;
+  std::error_code code;
+  const std::filesystem::path path = std::filesystem::weakly_canonical(opponent.name, code);
+  if (code || !std::filesystem::exists(path, code))
+    return errors.add(given.at("train.opponent"),
+                      cat("train.opponent: there is no run, checkpoint or exported policy ", opponent.name));
+  opponent.name = path.string();
 }
 
 /// Puts together what was read, as far as it was; throws with all mistakes.
@@ -73,6 +92,36 @@ LoadedRun finish(RunConfig config, std::optional<Scenario> scenario, const KeyPo
 }
 
 }  // namespace
+
+Scripted Opponent::script() const {
+  const std::vector<std::string> names = FieldCodec<Scripted>::names();
+  const auto found = std::find(names.begin(), names.end(), name);
+  GIGA_CHECK(found != names.end(), "'", name, "' is no script");
+  return static_cast<Scripted>(found - names.begin());
+}
+
+bool FieldCodec<Opponent>::read(const Node& node, Opponent& value, const Allowed&, const ReadSite& site) {
+  if (node.is_scalar() && Opponent{node.text}.is_path()) {
+    value.name = node.text;
+    return true;
+  }
+  const std::vector<std::string> names = opponent_names();
+  const int index = read_choice(node, names, site);
+  if (index >= 0) value.name = names[static_cast<size_t>(index)];
+  return index >= 0;
+}
+
+std::string FieldCodec<Opponent>::expected(const Allowed&) {
+  return expected_choice(opponent_names()) + "; or a path, with a slash or a dot in it";
+}
+
+ValueShape FieldCodec<Opponent>::shape(const Allowed&) {
+  Allowed path;
+  path.pattern = "[/.]";
+  return {ValueShape::Kind::either,
+          {},
+          {{ValueShape::Kind::text, one_of(opponent_names())}, {ValueShape::Kind::text, path}}};
+}
 
 bool ConfigCheck::known(const std::vector<std::string>& keys) const {
   return std::none_of(keys.begin(), keys.end(), [&](const std::string& k) { return is_wrong(k, given_, errors_); });
@@ -121,6 +170,7 @@ LoadedRun load_run_config(const std::string& path, const std::vector<std::string
   Errors errors;
   const bool readable = read_config_file(path, overrides, config, errors, &given);
   if (!readable) errors.throw_if_any();
+  find_opponent(config, given, errors);
   const Node* changes = config.environment.is_map() ? &config.environment : nullptr;
   std::optional<Scenario> scenario;
   if (!is_wrong("scenario", given, errors))

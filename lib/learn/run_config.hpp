@@ -16,16 +16,23 @@
 
 namespace giga {
 
-/// Who plays the other side while a team learns.
-enum class Opponent : uint8_t { self_play };  // then those of Scripted, in their order
-constexpr auto enum_names(Opponent) {
-  constexpr auto kScripts = enum_names(Scripted{});
-  std::array<const char*, kScripts.size() + 1> names{"self_play"};
-  for (size_t k = 0; k < kScripts.size(); ++k) names[k + 1] = kScripts[k];
-  return names;
-}
-/// The scripted policy behind an opponent other than self_play.
-constexpr Scripted scripted_of(Opponent opponent) { return static_cast<Scripted>(static_cast<int>(opponent) - 1); }
+/// Who plays the other side while a team learns: the name `self_play` (both learn), that of a script, or the path of a
+/// run, a checkpoint or an exported policy. What has a slash or a dot is a path.
+struct Opponent {
+  std::string name = "self_play";
+
+  bool is_self_play() const { return name == "self_play"; }
+  bool is_path() const { return name.find_first_of("/.") != std::string::npos; }
+  /// Of the name of a script.
+  Scripted script() const;
+};
+template <>
+struct FieldCodec<Opponent> {
+  static bool read(const Node& node, Opponent& value, const Allowed& allowed, const ReadSite& site);
+  static std::string print(const Opponent& value) { return print_text(value.name); }
+  static std::string expected(const Allowed& allowed);
+  static ValueShape shape(const Allowed& allowed);
+};
 
 /// The most worlds that a run may step in parallel.
 constexpr int kMostWorlds = 16'777'216;
@@ -34,12 +41,13 @@ struct TrainConfig {
   std::string algorithm = "mappo";
   int64_t total_agent_steps = 250'000'000;
   int n_worlds = 4096;
-  Opponent opponent = Opponent::self_play;
+  Opponent opponent;
   int learning_team = 0;
   int n_threads = 0;
   Precision precision = Precision::tf32;
   bool desynchronize = true;
   std::optional<Duration> max_wall_time = std::nullopt;
+  std::optional<int64_t> stop_at_agent_steps = std::nullopt;
 };
 template <class V>
 void visit_fields(V& v, TrainConfig& c) {
@@ -49,8 +57,10 @@ void visit_fields(V& v, TrainConfig& c) {
     "evolution: those of all episodes",
     at_least(1));
   v("n_worlds", c.n_worlds, "mappo: worlds stepped in parallel", range(1, kMostWorlds));
-  v("opponent", c.opponent, "self_play: both teams learn; else the team that does not learn plays this script");
-  v("learning_team", c.learning_team, "the team that learns against a scripted opponent", range(0, 1));
+  v("opponent", c.opponent,
+    "self_play: both teams learn. Else the team that does not learn plays this script or, with mappo, the frozen "
+    "policy of a run (its best checkpoint), a checkpoint or an exported policy: a path, such as ./runs/first");
+  v("learning_team", c.learning_team, "the team that learns where train.opponent is not self_play", range(0, 1));
   v("n_threads", c.n_threads, "CPU back end: threads; 0 = one per core", range(0, 4096));
   v("precision", c.precision,
     "arithmetic of networks on the GPU while training; parameters stay fp32. The CPU always computes in "
@@ -63,11 +73,17 @@ void visit_fields(V& v, TrainConfig& c) {
   v("desynchronize", c.desynchronize,
     "mappo: the first episodes end at different times, so that the worlds do not reset together");
   v("max_wall_time", c.max_wall_time, "save and stop after this time of one `train` or `resume`");
+  v("stop_at_agent_steps", c.stop_at_agent_steps,
+    "evaluate, save and stop once so many agent-steps are done; schedules go by total_agent_steps still", at_least(1));
 }
 
 /// How an opponent is drawn from the pool: all alike, later ones more often, or those more often that are hard to beat.
 enum class PoolDraw : uint8_t { uniform, recency, pfsp };
 constexpr std::array<const char*, 3> enum_names(PoolDraw) { return {"uniform", "recency", "pfsp"}; }
+
+/// Whether a policy joins the pool at each turn, or only one that is stronger than those in it.
+enum class PoolPromotion : uint8_t { always, evidence };
+constexpr std::array<const char*, 2> enum_names(PoolPromotion) { return {"always", "evidence"}; }
 
 /// Whom the teams meet, besides the other team as it is.
 struct OpponentsConfig {
@@ -76,6 +92,7 @@ struct OpponentsConfig {
   float pool_share = 0.25f;
   PoolDraw pool_draw = PoolDraw::uniform;
   float pool_hardness = 2.0f;
+  PoolPromotion pool_promotion = PoolPromotion::always;
   std::vector<Scripted> scripted = {Scripted::circle};
   float scripted_share = 0.0f;
 };
@@ -96,6 +113,10 @@ void visit_fields(V& v, OpponentsConfig& c) {
     "half as much after each pool_every_updates");
   v("pool_hardness", c.pool_hardness, "pool_draw pfsp: the larger, the more often strong opponents are drawn",
     range(0, 100));
+  v("pool_promotion", c.pool_promotion,
+    "always: the present policy joins the pool at each turn; evidence (mappo): only where since the last one joined it "
+    "has won more games against the other team's pool than it lost, by 1.65 x the root of both together (95 % sure "
+    "that it is better), or the other team's pool is empty");
   v("scripted", c.scripted, "scripted opponents, in turn", Allowed{}.items(1, 64));
   v("scripted_share", c.scripted_share,
     "share of the worlds (mappo; each team learns in half of them) or of a member's episodes (evolution) "

@@ -9,7 +9,7 @@
 namespace giga {
 
 bool learns(const TrainConfig& config, int team) {
-  return config.opponent == Opponent::self_play || config.learning_team == team;
+  return config.opponent.is_self_play() || config.learning_team == team;
 }
 
 std::string actor_prefix(int team) { return cat("team_", team, "/actor/"); }

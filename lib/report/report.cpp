@@ -50,7 +50,8 @@ std::string page_title(const std::vector<RunGroup>& groups) {
 
 }  // namespace
 
-std::string report_page(const std::vector<RunData>& runs, const std::vector<FieldInfo>& keys) {
+std::string report_page(const std::vector<RunData>& runs, const std::vector<FieldInfo>& keys,
+                        const std::string& first_section) {
   GIGA_CHECK(!runs.empty(), "a report needs a run");
   const std::vector<RunGroup> groups = group_runs(runs, points_for(runs));
   std::string written = utc_now();
@@ -60,13 +61,13 @@ std::string report_page(const std::vector<RunData>& runs, const std::vector<Fiel
                                    {"written", written},
                                    {"colour", groups.size() < 3 ? "team" : "group"},
                                    {"style", asset("page.css")},
-                                   {"sections", page_sections(groups, keys)},
+                                   {"sections", first_section + page_sections(groups, keys)},
                                    {"data", json_text(group_axes(groups))},
                                    {"script", asset("chart.js") + asset("page.js")}});
 }
 
 std::vector<std::string> write_report(const std::vector<fs::path>& runs, const fs::path& out,
-                                      const std::vector<FieldInfo>& keys) {
+                                      const std::vector<FieldInfo>& keys, const std::string& first_section) {
   std::vector<RunData> all;
   std::vector<std::string> left_out;
   for (size_t k = 0; k < runs.size(); ++k) {
@@ -83,7 +84,7 @@ std::vector<std::string> write_report(const std::vector<fs::path>& runs, const f
     }
   }
   if (all.empty()) throw InputError("none of these can be reported:\n" + join(left_out, "\n"));
-  write_file(out, report_page(all, keys));
+  write_file(out, report_page(all, keys, first_section));
   return left_out;
 }
 

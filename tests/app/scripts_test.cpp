@@ -184,5 +184,36 @@ TEST(Scripts, MeasureWritesRowsAndTables) {
   EXPECT_EQ(newer.find("64 worlds"), std::string::npos);
 }
 
+// scripts/reproduce, with tiny sizes on the CPU: rows of runs and of best responses, nothing twice, the table.
+TEST(Scripts, ReproduceWritesItsTable) {
+  if (!tests_run_in_full()) GTEST_SKIP() << "slow; run with GIGASTEP_TEST_FULL=1";
+  const Copy copy;
+  if (copy.here().run({"python3", "--version"}, "/usr/bin/env").code != 0) GTEST_SKIP() << "no python3";
+  const fs::path tree = copy.here().path() / "tree", source = source_path();
+  for (const char* file : {"scripts/measure", "scripts/reproduce", "docs/reproduce.md"})
+    fs::copy_file(source / file, tree / file);
+  fs::copy(source / "configs", tree / "configs");
+  const Environment environment = {{"GIGASTEP_MEASURE_TINY", "1"},
+                                   {"BUILD", fs::path(kGigastep).parent_path().parent_path().string()},
+                                   {"OUT", (tree / "build/reproduce_tiny").string()}};
+  const auto reproduce = [&](const std::vector<std::string>& arguments) {
+    return copy.run("reproduce", arguments, environment);
+  };
+  const std::vector<std::string> part = {"--scenario", "identical_5_vs_5", "--algorithm", "mappo"};
+  const Outcome first = reproduce(part);
+  EXPECT_EQ(first.code, 0) << first.out << first.err;
+  EXPECT_TRUE(contains(first.out, {"4 of 4 measured"}));  // two seeds, and the responses to each
+  EXPECT_EQ(reproduce({"--scenario", "waypoint_3_vs_3", "--algorithm", "snes"}).code, 0);
+  const std::string rows = copy.read("build/reproduce_tiny/exploit.jsonl");
+  EXPECT_EQ(std::count(rows.begin(), rows.end(), '\n'), 2);
+  EXPECT_EQ(reproduce(part).code, 0);
+  EXPECT_EQ(copy.read("build/reproduce_tiny/exploit.jsonl"), rows);
+  EXPECT_TRUE(contains(reproduce({"left"}).out, {"left: des: identical_1_vs_1, seed 1"}));
+  ASSERT_EQ(reproduce({"docs"}).code, 0);
+  EXPECT_TRUE(contains(copy.read("build/reproduce_tiny/reproduce.md"),
+                       {"| identical_5_vs_5 | mappo | 2 |", "| waypoint_3_vs_3 | snes | 2 |", "wins against evader",
+                        "best response to team 0 wins", "gigastep exploit"}));
+}
+
 }  // namespace
 }  // namespace giga::test

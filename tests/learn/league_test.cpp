@@ -241,6 +241,42 @@ TEST(LearnLeague, GamesAgainstPastPoliciesCountFromTheirDrawOn) {
   EXPECT_EQ(array_values<double>(find_array(arrays, "team_0/wins")), (std::vector<double>{1, 0}));
 }
 
+TEST(LearnLeague, OnlyWhatIsStrongerJoinsThePoolWhereEvidenceIsAskedFor) {
+  Games games(with_opponents("pool_size: 4, pool_every_updates: 1, pool_share: 0.4, pool_promotion: evidence"));
+  // 12 worlds of a team, 4.8 of them to four policies: worlds 0 to 3 against the pool of team 1, 20 to 23 of team 0.
+  ASSERT_EQ(games.shares.pool(0), (WorldRange{0, 4}));
+  ASSERT_EQ(games.shares.pool(1), (WorldRange{20, 4}));
+  Simulator& sim = *games.sim;
+  std::fill_n(sim.state().view().episode_length, kSmallRunWorlds, 0);  // all games begin with their opponents
+  const auto kept = [&] {
+    NamedArrays arrays;
+    games.league.save("", arrays);
+    std::vector<int64_t> count;
+    for (const char* team : {"team_0/kept", "team_1/kept"})
+      count.push_back(array_values<int64_t>(find_array(arrays, team)).at(0));
+    return count;
+  };
+  const auto play = [&](int64_t update, std::array<float, 4> of_team_0, std::array<float, 4> of_team_1) {
+    games.league.begin();
+    set_stats(sim, 0, of_team_0);
+    set_stats(sim, 20, of_team_1);
+    games.league.count(sim);
+    sim.take_stats();
+    EpisodeStats self_play;
+    std::array<LeagueRecord, kNTeams> record;
+    games.league.read(self_play, record);
+    games.league.end(update, sim);
+  };
+  play(1, {}, {});
+  EXPECT_EQ(kept(), (std::vector<int64_t>{1, 1})) << "the pools were empty";
+  // Team 0 wins 7 of 10: 4 more than it loses, and 1.65 sqrt(10) = 5.2 would be evidence. Team 1 wins 9 of 10.
+  play(2, {10, 7, 3, 0}, {10, 1, 9, 0});
+  EXPECT_EQ(kept(), (std::vector<int64_t>{1, 2}));
+  // 14 of 20 together: 8 more, and 1.65 sqrt(20) = 7.4.
+  play(3, {10, 7, 3, 0}, {10, 5, 5, 0});
+  EXPECT_EQ(kept(), (std::vector<int64_t>{2, 2}));
+}
+
 /// Means of a team's figure over the updates of a run in which it is known.
 std::array<double, kNTeams> mean_figures(Learner& learner, const std::string& name, int n_updates) {
   std::array<double, kNTeams> sums{};

@@ -1,10 +1,11 @@
 // Who can play: scripts, checkpoints and run folders, exported policies, TorchScript modules; what is said to those
 // that do not fit; and a round robin.
-#include "eval/player.hpp"
+#include "learn/players/player.hpp"
 
 #include <gtest/gtest.h>
 #include <torch/csrc/jit/api/module.h>
 
+#include <cmath>
 #include <filesystem>
 
 #include "config/fields.hpp"
@@ -44,6 +45,26 @@ class LearnPlayer : public testing::Test {
 bool equal(const MatchResult& a, const MatchResult& b) {
   return a.wins[0] == b.wins[0] && a.wins[1] == b.wins[1] && a.ties == b.ties && a.mean_length == b.mean_length &&
          a.mean_return[0] == b.mean_return[0] && a.mean_return[1] == b.mean_return[1];
+}
+
+TEST_F(LearnPlayer, OneMayBeTheOpponentOfALearningTeam) {
+  SmallRun other, run;
+  other.actor = "hidden: [8]";  // another network
+  save(other, "frozen.h5");
+  run.train = cat("learning_team: 1, opponent: '", path("frozen.h5"), "'");
+  const auto learner = run.learner();
+  EXPECT_EQ(learner->actor(0), nullptr);
+  const NamedArrays before = saved(*learner);
+  for (int k = 0; k < 2; ++k) {
+    const Metrics metrics = learner->update();
+    expect_finite(metrics, 1);
+    EXPECT_TRUE(std::isnan(metric(metrics, "policy_loss_0")));
+  }
+  EXPECT_NE(difference(before, saved(*learner)).find("team_1/actor/"), std::string::npos);
+  // A run goes on against the same policy only.
+  learner->load(before);
+  save(SmallRun{}, "frozen.h5", 7);
+  EXPECT_THROW(run.learner()->load(before), InputError);
 }
 
 TEST_F(LearnPlayer, ScriptsByName) {

@@ -56,7 +56,8 @@ int32_t leave(const ObservationReader& obs) {
 /// Whole episodes of one scenario between two ways to play.
 class Games {
  public:
-  explicit Games(SimSpec spec) : spec_(std::move(spec)) {}
+  /// `factor`: of all rewards but game_won, as mappo.shaping_final_factor leaves it.
+  Games(SimSpec spec, float factor) : spec_(std::move(spec)), factor_(factor) {}
 
   /// Mean return of a team per episode, as EpisodeStat::return_0 counts it.
   double mean_return(int team, Way own, Way other) {
@@ -91,6 +92,7 @@ class Games {
       io.team[team].obs[Observation::vector].rows = obs[team].data();
     }
     sim->start(io);
+    std::fill_n(state.reward_factor, options.n_worlds, factor_);
     for (int step = 0; step < p.max_episode_length; ++step) {
       for (int team = 0; team < kNTeams; ++team) {
         const Way way = ways[static_cast<size_t>(team)];
@@ -117,6 +119,7 @@ class Games {
   }
 
   SimSpec spec_;
+  const float factor_;
   std::map<std::pair<Way, Way>, std::array<double, kNTeams>> played_;
 };
 
@@ -137,23 +140,32 @@ class ConfigRewards : public ::testing::TestWithParam<const char*> {
   template <class F>
   void in_each(F&& f) {
     int n_scenarios = 0, n_of_family = 0;
-    const int stride = test::thinned(5);
+    const int stride = test::thinned(6);
     for (const ScenarioInfo& info : list_scenarios(source_data())) {
       if (!info.name.starts_with(GetParam()) || n_agents(load_scenario(info.name, source_data())) > kMostAgents)
         continue;
       if (n_of_family++ % stride != 0) continue;
+      const auto turn = static_cast<size_t>(n_of_family / stride);
+      size_t n_environments = 0;
       for (const auto& [text, environment] : environments()) {
         const Scenario scenario = load_scenario(info.name, source_data(), &environment, "environment");
         SimSpec spec = compile(scenario);
         spec.params.egocentric_view = false;  // nobody here reads it
         ++n_scenarios;
-        Games games(std::move(spec));
-        for (int team = 0; team < kNTeams; ++team)
-          for (const Way opponent : {Way::circle, Way::fight}) {
-            SCOPED_TRACE(cat(info.name, ", team ", team, " against a team that plays ",
-                             kWayNames[static_cast<size_t>(opponent)], "; environment: ", text));
-            f(games, team, opponent);
-          }
+        ++n_environments;
+        // Whole, and faded; thinned, one of them in each scenario.
+        const std::vector<float> factors = {1.0f, 0.1f};
+        for (size_t k = 0; k < factors.size(); ++k) {
+          if (stride > 1 && k != (turn + n_environments) % factors.size()) continue;
+          Games games(spec, factors[k]);
+          for (int team = 0; team < kNTeams; ++team)
+            for (const Way opponent : {Way::circle, Way::fight}) {
+              SCOPED_TRACE(cat(info.name, ", team ", team, " against a team that plays ",
+                               kWayNames[static_cast<size_t>(opponent)], "; shaping x ", factors[k],
+                               "; environment: ", text));
+              f(games, team, opponent);
+            }
+        }
       }
     }
     EXPECT_GT(n_scenarios, 0);

@@ -19,6 +19,7 @@ struct Rollout {
   int n = 1;
   std::vector<float> reward = {1, 2, 4}, value = {2, 4, 8, 16}, final_value = {10};
   std::vector<uint8_t> alive = {1, 1, 1, 1}, final_alive = {1}, done = {0, 0, 0};
+  float team_share = 0;
   const float* value_mean = nullptr;
   const float* value_std = nullptr;
   std::vector<float> advantage, returns;
@@ -31,6 +32,7 @@ struct Rollout {
                   .n = n,
                   .gamma = 0.5f,
                   .lambda = 0.5f,
+                  .team_share = team_share,
                   .reward = reward.data(),
                   .done = done.data(),
                   .alive = alive.data(),
@@ -198,6 +200,62 @@ TEST(MathGae, WorldsAndAgentsDoNotMix) {
       const float expected = factor * (c < 3 ? kPlainAdvantage[t] : ended[t]);
       EXPECT_EQ(r.advantage[t * columns + c], expected) << "step " << t << ", column " << c;
     }
+}
+
+/// Two agents in one world that get 1, 2, 4 and 3, 6, 8 and are both valued at 2, 4, 8, 16.
+Rollout team_of_two(float share) {
+  Rollout r;
+  r.n = 2;
+  r.reward = {1, 3, 2, 6, 4, 8};
+  r.value = {2, 2, 4, 4, 8, 8, 16, 16};
+  r.alive = {1, 1, 1, 1, 1, 1, 1, 1};
+  r.final_value = {10, 10};
+  r.final_alive = {1, 1};
+  r.team_share = share;
+  return r;
+}
+
+TEST(MathGae, AShareOfTheTeamsRewardGoesToEachAgent) {
+  Rollout r = team_of_two(0.5f);
+  r.run();
+  // Means 2, 4, 6; half of them and half of the own: 1.5, 3, 5 for agent 0 and 2.5, 5, 7 for agent 1.
+  // Agent 0: A_2 = 5 + 16/2 - 8 = 5, A_1 = 3 + 8/2 - 4 + 5/4 = 4.25, A_0 = 1.5 + 4/2 - 2 + 4.25/4 = 2.5625.
+  // Agent 1: A_2 = 7, A_1 = 5 + 7/4 = 6.75, A_0 = 2.5 + 6.75/4 = 4.1875.
+  EXPECT_EQ(r.advantage, (Numbers{2.5625f, 4.1875f, 4.25f, 6.75f, 5, 7}));
+}
+
+TEST(MathGae, WhoDiesForASharedRewardLeavesBehindWhatItsMatesExpect) {
+  // Agent 1 dies in step 1: it is dead at the observations 2 and 3. With everything shared its mate's value, 8, is its
+  // own future: A_1 = (2 + 6)/2 + 8/2 - 4 = 4, A_0 = (1 + 3)/2 + 4/2 - 2 + 4/4 = 3.
+  Rollout r = team_of_two(1);
+  r.alive = {1, 1, 1, 1, 1, 0, 1, 0};
+  r.reward[5] = 0;
+  r.run();
+  EXPECT_EQ(r.advantage[3], 4);
+  EXPECT_EQ(r.advantage[1], 3);
+  EXPECT_EQ(r.advantage[5], 0);
+  // Half of it shared: one of two lives, so its value counts 0.5 / (0.5 x 2 / 1 + 0.5) = 1/3.
+  // A_1 = (0.5 x 6 + 0.5 x 4) + 8/3/2 - 4 = 1 + 4/3.
+  r.team_share = 0.5f;
+  r.run();
+  EXPECT_NEAR(r.advantage[3], 1 + 4 / 3.0, 1e-6);
+  // Nothing shared: it has no future, A_1 = 6 - 4 = 2.
+  r.team_share = 0;
+  r.run();
+  EXPECT_EQ(r.advantage[3], 2);
+}
+
+TEST(MathGae, WhatIsLeftBehindDoesNotCrossTheEndOfAGame) {
+  Rollout r = team_of_two(1);
+  r.alive = {1, 1, 1, 1, 1, 1, 1, 1};  // the observation 2 is the next game's
+  r.final_alive = {1, 0};
+  r.end(1, Done::terminated);
+  r.run();
+  EXPECT_EQ(r.advantage[3], 0) << "(2 + 6)/2 - 4, and the game is decided";
+  r.end(1, Done::truncated);
+  r.run();
+  EXPECT_EQ(r.advantage[3], 5) << "(2 + 6)/2 + 10/2 - 4: its mate lived at the time limit, valued at 10";
+  EXPECT_EQ(r.advantage[2], 5) << "the mate itself";
 }
 
 }  // namespace

@@ -42,6 +42,10 @@ void check_train(ConfigCheck& check) {
                       "for each team that evolves");
   check.means_nothing("train.desynchronize", a.desynchronize != b.desynchronize,
                       "episodes of a generation start together");
+  check.means_nothing("train.opponent", a.opponent.is_path(),
+                      "populations meet scripts; mappo learns against policies");
+  check.means_nothing("opponents.pool_promotion", check.config.opponents.pool_promotion != PoolPromotion::always,
+                      "past means join the pool at each turn");
 }
 
 /// The fused kernel must have room for the networks.
@@ -145,7 +149,7 @@ constexpr Algorithm evolution_strategy(const char* name, const char* about, std:
 }  // namespace
 
 int populations_at_a_time(const RunConfig& c) {
-  return c.train.opponent == Opponent::self_play && c.population.turns == Turns::together ? 2 : 1;
+  return c.train.opponent.is_self_play() && c.population.turns == Turns::together ? 2 : 1;
 }
 
 ResumeRules EvolutionSettings::resume_rules() { return {kEvolutionMayChange, kEvolutionMayNot}; }

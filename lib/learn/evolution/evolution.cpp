@@ -118,7 +118,7 @@ Evolution::Evolution(const LoadedRun& run, Device device, const MakeStrategy& ma
 }
 
 std::vector<int> Evolution::teams_of_generation() const {
-  if (config_.train.opponent != Opponent::self_play) return {config_.train.learning_team};
+  if (!config_.train.opponent.is_self_play()) return {config_.train.learning_team};
   if (config_.population.turns == Turns::together) return {0, 1};
   return {static_cast<int>(generations_ / config_.population.generations_per_turn % kNTeams)};
 }
@@ -132,7 +132,7 @@ Population Evolution::population_of(int team) const {
         assign_opponents(config_.opponents, worlds, other->pool().weights(config_.opponents),
                          {seed_of(config_.seed, Purpose::training), static_cast<uint32_t>(generations_), team});
   else
-    population.opponent.assign(static_cast<size_t>(worlds), network_of_script(scripted_of(config_.train.opponent)));
+    population.opponent.assign(static_cast<size_t>(worlds), network_of_script(config_.train.opponent.script()));
   return population;
 }
 

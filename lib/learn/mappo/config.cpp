@@ -19,12 +19,20 @@ constexpr ResumeRule kMappoMayChange[] = {
     {"mappo.schedule", ""},
     {"mappo.final_learning_rate_factor", ""},
     {"mappo.clip_coef", ""},
-    {"mappo.entropy_coef", ""},
+    {"mappo.entropy_rate", ""},
+    {"mappo.entropy_coef", "without entropy_target"},
     {"mappo.max_grad_norm", ""},
     {"mappo.target_kl", ""},
     {"mappo.n_epochs", ""},
+    {"mappo.shaping_fade_start", ""},
+    {"mappo.shaping_fade_end", ""},
+    {"mappo.team_learning_rate_factors", ""},
 };
 constexpr ResumeRule kMappoMayNot[] = {
+    {"mappo.entropy_target", "metrics.csv has columns for it"},
+    {"mappo.shaping_final_factor", "metrics.csv has a column for it"},
+    {"mappo.freeze_lead", "metrics.csv has columns for it"},
+    {"mappo.step_back", "metrics.csv has columns for it"},
     {"mappo.horizon", "the count of agent-steps done rests on it"},
     {"mappo.actor.", "the saved parameters fit their networks only"},
     {"mappo.critic.", "the saved parameters fit their networks only"},
@@ -62,7 +70,7 @@ void worlds_suffice(ConfigCheck& check) {
   const OpponentsConfig& p = check.config.opponents;
   const MappoConfig& c = check.config.mappo;
   const int n_worlds = check.config.train.n_worlds;
-  if (check.config.train.opponent != Opponent::self_play) return;
+  if (!check.config.train.opponent.is_self_play()) return;
   if (p.pool_size > 0 && p.pool_share + p.scripted_share > 1) return;
   const WorldShares shares = world_shares(p, n_worlds);
   const auto too_few = [&](const char* key, float share, int64_t worlds, int64_t needed, const char* what) {
@@ -89,6 +97,26 @@ void horizon_fits(ConfigCheck& check) {
                                     "' (max_episode_length ", limit, ")"));
 }
 
+/// Options that need others.
+void options_fit(ConfigCheck& check) {
+  const MappoConfig& c = check.config.mappo;
+  if (c.entropy_target && c.entropy_coef == 0 && check.known({"mappo.entropy_target", "mappo.entropy_coef"}))
+    check.fail("mappo.entropy_target", "it begins at mappo.entropy_coef, which is 0");
+  if (c.shaping_fade_start > c.shaping_fade_end && check.known({"mappo.shaping_fade_start", "mappo.shaping_fade_end"}))
+    check.fail("mappo.shaping_fade_start",
+               cat(c.shaping_fade_start, " is after mappo.shaping_fade_end ", c.shaping_fade_end));
+  if (c.shaping_final_factor != 1 && check.scenario && check.known({"mappo.shaping_final_factor"}) &&
+      check.scenario_knows("rewards.game_won") && check.scenario->rewards[RewardTerm::game_won] <= 0)
+    check.fail("mappo.shaping_final_factor",
+               "all rewards but rewards.game_won fade, and that one is off in this scenario");
+  const bool alone = !check.config.train.opponent.is_self_play();
+  if (c.freeze_lead && alone && check.known({"mappo.freeze_lead", "train.opponent"}))
+    check.fail("mappo.freeze_lead", "this means nothing where only one team learns (train.opponent)");
+  if (c.step_back && (alone || check.config.opponents.scripted_share == 0) &&
+      check.known({"mappo.step_back", "train.opponent", "opponents.scripted_share"}))
+    check.fail("mappo.step_back", "it goes by games against opponents.scripted: set opponents.scripted_share");
+}
+
 void check_mappo(ConfigCheck& check) {
   check.inputs_are_there("mappo.actor.inputs", check.config.mappo.actor.inputs);
   check.inputs_are_there("mappo.critic.inputs", check.config.mappo.critic.inputs);
@@ -99,6 +127,7 @@ void check_mappo(ConfigCheck& check) {
   worlds_suffice(check);
   minibatches_divide(check);
   horizon_fits(check);
+  options_fit(check);
 }
 
 // n_worlds x horizon must be a multiple of n_minibatches.
@@ -111,7 +140,7 @@ RunSize mappo_size(const RunConfig& c) {
 int64_t mappo_least_bytes(const LoadedRun& run) {
   const SimParams& p = run.spec.params;
   const TrainConfig& c = run.config.train;
-  const int64_t agents = c.opponent == Opponent::self_play ? p.n_agents : p.n_team[c.learning_team];
+  const int64_t agents = c.opponent.is_self_play() ? p.n_agents : p.n_team[c.learning_team];
   const auto observation = static_cast<int64_t>(sizeof(float)) * observation_rows(run.spec).stride();
   return static_cast<int64_t>(state_bytes(p.n_agents, c.n_worlds)) +
          c.n_worlds * run.config.mappo.horizon * agents * observation;

@@ -33,6 +33,8 @@ struct MappoConfig {
   float gae_lambda = 0.95f;
   float clip_coef = 0.2f;
   float entropy_coef = 0.003f;
+  std::optional<float> entropy_target = std::nullopt;
+  float entropy_rate = 0.02f;
   float value_coef = 0.5f;
   ValueLossKind value_loss = ValueLossKind::squared;
   float value_clip_coef = 0.2f;
@@ -44,6 +46,13 @@ struct MappoConfig {
   bool value_norm = true;
   float value_norm_beta = 0.99f;
   bool obs_norm = false;
+  float team_reward_share = 0.0f;
+  float shaping_final_factor = 1.0f;
+  float shaping_fade_start = 0.0f;
+  float shaping_fade_end = 1.0f;
+  std::array<float, 2> team_learning_rate_factors = {1.0f, 1.0f};
+  std::optional<float> freeze_lead = std::nullopt;
+  std::optional<float> step_back = std::nullopt;
   bool fused = true;
   ActorConfig actor;
   CriticConfig critic;
@@ -61,6 +70,12 @@ void visit_fields(V& v, MappoConfig& c) {
   v("gae_lambda", c.gae_lambda, "decay of generalised advantage estimation", range(0, 1));
   v("clip_coef", c.clip_coef, "how far the probability ratio may move from 1", greater_than(0));
   v("entropy_coef", c.entropy_coef, "weight of the entropy bonus", at_least(0));
+  v("entropy_target", c.entropy_target,
+    "entropy that a policy is held at (nats; 27 actions at random have 3.3): the weight of the bonus begins at "
+    "entropy_coef, falls while the entropy is above and grows while it is below; none = the weight stays",
+    at_least(0));
+  v("entropy_rate", c.entropy_rate,
+    "entropy_target: the share by which an update changes the weight, for each nat that is missing", greater_than(0));
   v("value_coef", c.value_coef, "weight of the value loss", at_least(0));
   v("value_loss", c.value_loss, "squared error, squared error clipped around the old value, or Huber");
   v("value_clip_coef", c.value_clip_coef, "value_loss clipped: how far a value may move, in normalised units",
@@ -76,6 +91,24 @@ void visit_fields(V& v, MappoConfig& c) {
   v("value_norm", c.value_norm, "critics predict returns normalised by running moments");
   v("value_norm_beta", c.value_norm_beta, "share of the old moments that an update keeps", range(0, 1).below(1));
   v("obs_norm", c.obs_norm, "normalise observations by running moments");
+  v("team_reward_share", c.team_reward_share,
+    "share of the team's mean reward in that of each agent. With it an agent that dies leaves behind what its living "
+    "team mates expect, so that a sacrifice can pay",
+    range(0, 1));
+  v("shaping_final_factor", c.shaping_final_factor,
+    "what is left at last of all rewards but game_won; 1 = they do not fade", range(0, 1));
+  v("shaping_fade_start", c.shaping_fade_start, "share of the run after which they begin to fade", range(0, 1));
+  v("shaping_fade_end", c.shaping_fade_end, "share of the run after which they fade no more", range(0, 1));
+  v("team_learning_rate_factors", c.team_learning_rate_factors, "of both step sizes, for team 0 and team 1",
+    at_least(0));
+  v("freeze_lead", c.freeze_lead,
+    "while a team wins more games than the other by this share of all (self-play, mean of about ten updates), its "
+    "policy rests; none = never",
+    range(0, 1));
+  v("step_back", c.step_back,
+    "a team whose share of wins against opponents.scripted falls this far below its best becomes again what it was "
+    "then; counted in training, over opponents.pool_every_updates updates and at least 400 games; none = never",
+    greater_than(0).at_most(1));
   v("fused", c.fused,
     "on a GPU, act and learn by fused kernels where these serve the networks (docs/architecture.md says which); false: "
     "always by LibTorch");

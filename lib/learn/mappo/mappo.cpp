@@ -12,11 +12,16 @@
 #include "core/seeds.hpp"
 #include "cuda/device_clock.hpp"
 #include "cuda/runtime.hpp"
+#include "io/crc32c.hpp"
+#include "io/files.hpp"
 #include "learn/learner.hpp"
 #include "learn/libtorch_settings.hpp"
+#include "learn/mappo/balance.hpp"
 #include "learn/mappo/config.hpp"
 #include "learn/mappo/ppo_team.hpp"
+#include "learn/mappo/step_back.hpp"
 #include "learn/opponents/league.hpp"
+#include "learn/players/player.hpp"
 #include "learn/team_policy.hpp"
 #include "rollout/collector.hpp"
 #include "rollout/policy_controllers.hpp"
@@ -59,7 +64,13 @@ class Mappo final : public Learner {
   }
 
  private:
+  /// Of the run, after so many updates.
+  double share_done(int64_t updates) const {
+    return std::min(1.0, static_cast<double>(updates) / static_cast<double>(total_updates_));
+  }
   double schedule_factor() const;
+  void set_shaping();
+  void step_back(const std::array<LeagueRecord, kNTeams>& record);
   at::Tensor permutation(int64_t update, int epoch) const;
   void note_divergence(int team, const float* figures);
   Metrics metrics(double factor);
@@ -73,6 +84,10 @@ class Mappo final : public Learner {
   std::unique_ptr<PpoTeam> team_[kNTeams];  // null = scripted
   std::vector<PpoTeam*> learning_;          // those of them that are not
   std::unique_ptr<League> league_;          // null = no opponents but each other or train.opponent
+  std::optional<Player> frozen_;            // the policy that train.opponent names; none = a script or nobody
+  int64_t frozen_crc_ = 0;                  // of its file
+  Balance balance_;
+  std::optional<StepBack> step_back_;
   std::unique_ptr<Collector> collector_;
   std::unique_ptr<DeviceClock> clock_;
   int64_t updates_ = 0;
@@ -84,7 +99,8 @@ Mappo::Mappo(const LoadedRun& run, Device device)
     : config_(run.config),
       device_(device),
       total_updates_(total_updates(run.config, run.spec.params.n_agents).value()),
-      parallel_for_(device, run.config.train.n_threads, current_stream(device)) {
+      parallel_for_(device, run.config.train.n_threads, current_stream(device)),
+      balance_(run.config.mappo) {
   set_up_libtorch(config_.train, device);
 
   // The stream of data: the simulator's worlds, who moves each team in them, and the collector that keeps what they
@@ -106,12 +122,19 @@ Mappo::Mappo(const LoadedRun& run, Device device)
     collecting.with_state = collecting.with_state || team_[team]->needs_state();
     collecting.keep |= team_[team]->reads();
   }
+  if (config_.train.opponent.is_path()) {
+    frozen_ = Player::load(config_.train.opponent.name, {.device = device});
+    if (frozen_->origin()) frozen_crc_ = crc32c(read_file(frozen_->origin()->file));
+  }
+  if (config_.mappo.step_back)
+    step_back_.emplace(static_cast<double>(*config_.mappo.step_back), config_.opponents.pool_every_updates);
   if (League::wanted(config_)) league_ = std::make_unique<League>(run, actors, parallel_for_);
   const auto side = [&](int team) {
     if (league_) return league_->side(team);
     const Actor* actor = actors[static_cast<size_t>(team)];
-    return everywhere(actor ? policy_controller(*actor) : script_controller(scripted_of(config_.train.opponent)),
-                      *sim_);
+    if (actor) return everywhere(policy_controller(*actor), *sim_);
+    return everywhere(
+        frozen_ ? frozen_->controller(team, run.spec) : script_controller(config_.train.opponent.script()), *sim_);
   };
   collector_ = std::make_unique<Collector>(*sim_, parallel_for_, collecting, BothSides{side(0), side(1)});
   collector_->start();
@@ -123,6 +146,7 @@ Metrics Mappo::update() {
   clock_->mark(0);
   minibatches_done_ = -1;
   if (league_) league_->begin();
+  set_shaping();
   collector_->collect();
   if (league_) league_->count(*sim_);
   clock_->mark(1);
@@ -135,13 +159,20 @@ Metrics Mappo::update() {
   const MappoConfig& c = config_.mappo;
   const double factor = schedule_factor();
   const auto scale = static_cast<float>(factor);
-  const StepSizes step_sizes{scale * c.learning_rate, scale * c.critic_learning_rate};
+  std::vector<StepSizes> step_sizes;  // [team]
+  for (int team = 0; team < kNTeams; ++team) {
+    if (!team_[team]) continue;
+    step_sizes.push_back({scale * balance_.actor_factor(team) * c.learning_rate,
+                          scale * balance_.critic_factor(team) * c.critic_learning_rate});
+    team_[team]->set_entropy_coef(balance_.entropy_coef(team));
+  }
   minibatches_done_ = 0;
   for (int epoch = 0; epoch < c.n_epochs; ++epoch) {
     const at::Tensor order = permutation(updates_, epoch);
     for (PpoTeam* team : learning_) team->begin_epoch(rollout, order);
     for (int k = 0; k < c.n_minibatches; ++k, ++minibatches_done_)
-      for (PpoTeam* team : learning_) team->update_minibatch(rollout, k, epoch * c.n_minibatches + k + 1, step_sizes);
+      for (size_t team = 0; team < learning_.size(); ++team)
+        learning_[team]->update_minibatch(rollout, k, epoch * c.n_minibatches + k + 1, step_sizes[team]);
     for (PpoTeam* team : learning_) team->end_epoch();
   }
 
@@ -162,8 +193,34 @@ UpdateStage Mappo::stage() const {
   return {"learning, minibatch", learned, static_cast<int64_t>(c.n_epochs) * c.n_minibatches};
 }
 
+/// What fades is a factor of all rewards but game_won that each world keeps (rules 5).
+void Mappo::set_shaping() {
+  if (!balance_.shaping_fades()) return;
+  at::NoGradGuard no_grad;
+  wrap(sim_->state().view().reward_factor, {config_.train.n_worlds}, sim_->device())
+      .fill_(balance_.shaping_factor(share_done(updates_)));
+}
+
+/// Keeps what a team is at its best, and takes it back there where it has fallen.
+void Mappo::step_back(const std::array<LeagueRecord, kNTeams>& record) {
+  for (int team = 0; team < kNTeams; ++team) {
+    NamedArrays& snapshot = step_back_->snapshot(team);
+    switch (step_back_->note(team, record[static_cast<size_t>(team)].scripts, updates_)) {
+      case StepBack::Verdict::best:
+        snapshot.clear();
+        team_[team]->save("", snapshot);
+        break;
+      case StepBack::Verdict::fallen:
+        team_[team]->load("", snapshot);
+        break;
+      case StepBack::Verdict::none:
+        break;
+    }
+  }
+}
+
 double Mappo::schedule_factor() const {
-  const double done = std::min(1.0, static_cast<double>(updates_) / static_cast<double>(total_updates_));
+  const double done = share_done(updates_);
   const double last = static_cast<double>(config_.mappo.final_learning_rate_factor);
   switch (config_.mappo.schedule) {
     case Schedule::constant:
@@ -267,6 +324,12 @@ Metrics Mappo::metrics(double factor) {
                        stats.term(team, static_cast<RewardTerm>(t)) / episodes);
     record[static_cast<size_t>(team)].add_metrics(team, out);
   }
+  balance_.add_metrics(share_done(updates_ - 1), out);
+  balance_.note(out);
+  if (step_back_) {
+    step_back(record);
+    step_back_->add_metrics(out);
+  }
   return out;
 }
 
@@ -277,6 +340,9 @@ void Mappo::save(NamedArrays& out) const {
   for (int team = 0; team < kNTeams; ++team)
     if (team_[team]) team_[team]->save(cat("team_", team, "/"), out);
   if (league_) league_->save("league/", out);
+  if (frozen_) out.push_back(make_array<int64_t>("opponent/crc32c", {frozen_crc_}));
+  balance_.save("balance/", out);
+  if (step_back_) step_back_->save("step_back/", out);
 }
 
 void Mappo::load(const NamedArrays& in) {
@@ -286,6 +352,12 @@ void Mappo::load(const NamedArrays& in) {
   for (int team = 0; team < kNTeams; ++team)
     if (team_[team]) team_[team]->load(cat("team_", team, "/"), in);
   if (league_) league_->load("league/", in);
+  if (frozen_ && array_values<int64_t>(find_array(in, "opponent/crc32c")).at(0) != frozen_crc_)
+    throw InputError(
+        cat("train.opponent: ", config_.train.opponent.name,
+            " holds another policy than when this run began; keep a copy of a checkpoint to learn against"));
+  balance_.load("balance/", in);
+  if (step_back_) step_back_->load("step_back/", in);
   collector_->resume();
 }
 

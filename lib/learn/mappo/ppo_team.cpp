@@ -33,7 +33,8 @@ PpoTeam::PpoTeam(const LoadedRun& run, int team, Device device, const ParallelFo
               torch_device(device), network_seed(run, team, 1)),
       actor_adam_(actor_.parameters(), config_.adam_epsilon),
       critic_adam_(critic_.parameters(), config_.adam_epsilon),
-      value_norm_(1, config_.value_norm_beta, torch_device(device)) {
+      value_norm_(1, config_.value_norm_beta, torch_device(device)),
+      entropy_coef_(config_.entropy_coef) {
   const auto options = at::TensorOptions().dtype(at::kFloat).device(torch_device(device));
   zero_ = at::zeros({1}, options);
   one_ = at::ones({1}, options);
@@ -101,6 +102,7 @@ void PpoTeam::compute_advantages(const Rollout& rollout) {
                         .n = n_,
                         .gamma = config_.gamma,
                         .lambda = config_.gae_lambda,
+                        .team_share = config_.team_reward_share,
                         .reward = r.reward.const_data_ptr<float>(),
                         .done = rollout.done.const_data_ptr<uint8_t>(),
                         .alive = r.alive.const_data_ptr<uint8_t>(),
@@ -225,7 +227,7 @@ at::Tensor PpoTeam::policy_loss_gradient(const TeamRollout& r, const Minibatch& 
                            .advantage_inv_std = inv_std.const_data_ptr<float>(),
                            .inv_count = batch.inv_count.const_data_ptr<float>(),
                            .clip_coef = config_.clip_coef,
-                           .entropy_coef = config_.entropy_coef};
+                           .entropy_coef = entropy_coef_};
   if (actor_.actions() == ActionKind::discrete) {
     parallel_for_.run(CategoricalLoss{.in = in,
                                       .logits = head.const_data_ptr<float>(),
@@ -300,7 +302,7 @@ void PpoTeam::update_fused(const Rollout& rollout, int k, int minibatch, StepSiz
   FusedPolicyLoss policy{.old_log_prob = r.log_prob.const_data_ptr<float>(),
                          .advantage = advantage_.const_data_ptr<float>(),
                          .clip_coef = config_.clip_coef,
-                         .entropy_coef = config_.entropy_coef};
+                         .entropy_coef = entropy_coef_};
   if (actor_.actions() == ActionKind::discrete)
     policy.action = r.action.const_data_ptr<int32_t>();
   else

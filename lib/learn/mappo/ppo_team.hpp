@@ -42,6 +42,8 @@ class PpoTeam {
   /// Why LibTorch computes the update, and not the fused kernels; empty where these do.
   const std::string& plain_because() const { return plain_because_; }
 
+  /// The weight of the entropy bonus from here on.
+  void set_entropy_coef(float coef) { entropy_coef_ = coef; }
   /// Values, advantages and returns of a rollout; clears the figures.
   void compute_advantages(const Rollout& rollout);
 
@@ -115,6 +117,7 @@ class PpoTeam {
   std::string plain_because_;
   std::unique_ptr<FusedUpdate> fused_;  // null: LibTorch
   RunningNorm value_norm_;              // size 1; stays 0 and 1 where it is off
+  float entropy_coef_;
 
   std::vector<at::Tensor> minibatches_;  // of the epoch: states [L, B] each
   bool first_epoch_ = true;              // of the update is yet to come

@@ -38,6 +38,7 @@ League::League(const LoadedRun& run, std::array<const Actor*, kNTeams> actors, c
                      OpponentPool(config_.pool_size, GroupPolicy::row_of(*actor)),
                      GroupPolicy(*actor, algorithm_of(run.config).policy(run.config).actor, precision),
                      {},
+                     {},
                      {}});
     // Of a fixed number of groups, so that a run may go on with other shares.
     set_rows(past_.back(), std::vector<int32_t>(std::min<size_t>(static_cast<size_t>(config_.pool_size), kMostGroups)));
@@ -129,18 +130,30 @@ void League::read(EpisodeStats& self_play, std::array<LeagueRecord, kNTeams>& re
       record[team].pool += games;
       met.pool.note(row, games.episodes, games.points());
     }
+    if (!past_.empty()) past_[team].since_kept += record[team].pool;
     record[team].scripts = game_count(next);
     next += kCounts;
   }
 }
 
+bool League::is_promoted(size_t team) const {
+  return config_.pool_promotion == PoolPromotion::always || past_[1 - team].pool.size() == 0 ||
+         past_[team].since_kept.is_evidence();
+}
+
 void League::end(int64_t updates_done, const Simulator& sim) {
   if (updates_done % config_.pool_every_updates != 0) return;
   at::NoGradGuard no_grad;
+  // Judged before either pool grows.
+  std::array<bool, kNTeams> promoted{};
+  for (size_t team = 0; team < past_.size(); ++team) promoted[team] = is_promoted(team);
   for (size_t team = 0; team < past_.size(); ++team) {
     Past& past = past_[team];
     past.pool.set_present(GroupPolicy::row_of(*past.actor));
-    past.pool.keep();
+    if (promoted[team]) {
+      past.pool.keep();
+      past.since_kept = {};
+    }
     const std::vector<double> weights = past.pool.weights(config_);
     const PoolKey key{seed_, static_cast<uint32_t>(updates_done), 1 - static_cast<int>(team)};
     std::vector<int32_t> rows(past.row.size());
@@ -155,6 +168,9 @@ void League::save(const std::string& prefix, NamedArrays& out) const {
     const std::string place = cat(prefix, "team_", team, "/");
     past_[team].pool.save(place, out);
     out.push_back(make_array<int32_t>(place + "row", past_[team].row));
+    const GameCount& since = past_[team].since_kept;
+    if (config_.pool_promotion == PoolPromotion::evidence)
+      out.push_back(make_array<double>(place + "since_kept", {since.episodes, since.wins, since.ties}));
   }
   if (!past_.empty()) out.push_back(to_array(prefix + "counts", counts_));
 }
@@ -164,6 +180,12 @@ void League::load(const std::string& prefix, const NamedArrays& in) {
     Past& past = past_[team];
     const std::string place = cat(prefix, "team_", team, "/");
     past.pool.load(place, in);
+    if (config_.pool_promotion == PoolPromotion::evidence) {
+      const std::vector<double> since = array_values<double>(find_array(in, place + "since_kept"));
+      if (since.size() != 3)
+        throw InputError(cat("array '", place, "since_kept' has ", since.size(), " numbers, expected 3"));
+      past.since_kept = {since[0], since[1], since[2]};
+    }
     std::vector<int32_t> rows = array_values<int32_t>(find_array(in, place + "row"));
     if (rows.size() != past.row.size())
       throw InputError(cat("array '", place, "row' has ", rows.size(), " numbers, expected ", past.row.size()));

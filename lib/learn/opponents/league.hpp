@@ -38,7 +38,8 @@ class League {
   /// Reads them and waits for the device: statistics of the worlds in which both teams learn, and the record of each
   /// team. A game against a past policy counts if it began after that opponent was drawn.
   void read(EpisodeStats& self_play, std::array<LeagueRecord, kNTeams>& record);
-  /// After `read`: if an update with this number calls for it, keeps the policies and draws new opponents. A game in
+  /// After `read`: if an update with this number calls for it, keeps the policies (pool_promotion) and draws new
+  /// opponents. A game in
   /// progress goes on against the new ones.
   void end(int64_t updates_done, const Simulator& sim);
 
@@ -51,10 +52,12 @@ class League {
     const Actor* actor;
     OpponentPool pool;
     GroupPolicy policy;
+    GameCount since_kept;      // of this team against the other's pool
     std::vector<int32_t> row;  // of the pool, by group; there may be more than there are groups
     at::Tensor row_index;      // [groups] the same on the device
   };
   void set_rows(Past& past, std::vector<int32_t> rows) const;
+  bool is_promoted(size_t team) const;
   at::Tensor counts_of(const at::Tensor& stats, const WorldRange& worlds, int team) const;
 
   const OpponentsConfig config_;

@@ -1,8 +1,16 @@
 #include "learn/opponents/record.hpp"
 
+#include <cmath>
+
 #include "core/error.hpp"
 
 namespace giga {
+
+bool GameCount::is_evidence() const {
+  constexpr double kDeviations = 1.65;
+  const double decided = wins + losses();
+  return decided > 0 && wins - losses() >= kDeviations * std::sqrt(decided);
+}
 
 void LeagueRecord::add_metrics(int team, Metrics& out) const {
   out.emplace_back(cat("pool_win_rate_", team), pool.win_rate());

@@ -19,6 +19,9 @@ struct GameCount {
   }
   /// A tie is half a win.
   double points() const { return wins + 0.5 * ties; }
+  double losses() const { return episodes - wins - ties; }
+  /// Whether more wins than losses are no luck: a fair coin does so once in twenty times (1.65 deviations).
+  bool is_evidence() const;
   /// NaN where no game has ended.
   double win_rate() const { return wins / episodes; }
 };

@@ -1,4 +1,4 @@
-#include "eval/policies.hpp"
+#include "learn/players/policies.hpp"
 
 #include "learn/team_policy.hpp"
 #include "policy/actor.hpp"

@@ -1,13 +1,13 @@
-#include "eval/player.hpp"
+#include "learn/players/player.hpp"
 
 #include <filesystem>
 
 #include "config/fields.hpp"
 #include "config/names.hpp"
 #include "core/error.hpp"
-#include "eval/policies.hpp"
 #include "export/export.hpp"
 #include "io/run_folder.hpp"
+#include "learn/players/policies.hpp"
 #include "policy/actor.hpp"
 
 namespace giga {

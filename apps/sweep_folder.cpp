@@ -1,0 +1,194 @@
+// Beginning a sweep, and finding out how far it came.
+#include "apps/sweep_folder.hpp"
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "apps/command_line.hpp"
+#include "apps/evaluation.hpp"
+#include "apps/run_process.hpp"
+#include "apps/training.hpp"
+#include "config/names.hpp"
+#include "core/error.hpp"
+#include "cuda/runtime.hpp"
+#include "io/files.hpp"
+#include "report/report.hpp"
+#include "sweep/sobol.hpp"
+
+namespace giga {
+namespace fs = std::filesystem;
+namespace {
+
+constexpr const char *kSweepFile = "sweep.yaml", *kConfigFile = "config.yaml", *kJournalFile = "sweep.jsonl";
+
+/// What must stay as it is when a sweep goes on.
+std::string lasting_part(SweepSpec spec) {
+  const SweepSpec usual;
+  spec.parallel = usual.parallel;
+  spec.max_wall_time = usual.max_wall_time;
+  spec.config.clear();  // it is in the folder
+  spec.set.clear();
+  return print_yaml(spec, false);
+}
+
+/// Beside the file of the sweep, or as any command finds it.
+std::string config_of_sweep(const SweepSpec& spec, const fs::path& file) {
+  std::error_code code;
+  const fs::path beside = file.parent_path() / spec.config;
+  return fs::is_regular_file(beside, code) ? beside.string() : find_config(spec.config);
+}
+
+/// The columns of metrics.csv, from an update of the smallest run of this kind.
+std::vector<std::string> metric_columns(LoadedRun run) {
+  const Algorithm& algorithm = algorithm_of(run.config);
+  const RunSize size = algorithm.size(run.config);
+  constexpr int64_t kSmall = 64;
+  const int64_t wanted = std::min(size.value, std::max(size.smallest, kSmall));
+  algorithm.set_size(run.config, (wanted + size.step - 1) / size.step * size.step);
+  algorithm.shorten(run.config);
+  const auto learner = make_learner(run, parse_device(run.config.device));
+  std::vector<std::string> names = training_columns();
+  for (const auto& [name, value] : learner->update()) names.push_back(name);
+  for (const auto& [name, value] : evaluation_metrics(run.config, {})) names.push_back(name);
+  return names;
+}
+
+}  // namespace
+
+SweepFolder::SweepFolder(const fs::path& file, const fs::path& folder) : path_(folder) {
+  KeyPositions given;
+  spec_ = read_sweep(file, given);
+  trials_ = draw_trials(spec_, sobol_points);
+  std::error_code code;
+  if (!fs::exists(path_ / kSweepFile, code)) create(file, given);
+
+  KeyPositions before;
+  const SweepSpec known = read_sweep(path_ / kSweepFile, before);
+  if (lasting_part(known) != lasting_part(spec_))
+    throw InputError(cat("the folder ", path_.string(), " holds another sweep than ", file.string(),
+                         ": of a sweep that goes on only parallel and max_wall_time may change; --out takes another "
+                         "folder"));
+  lock_.emplace(path_);
+  const LoadedRun run = load_run_config((path_ / kConfigFile).string(), {});
+  rungs_ = rungs_of(spec_.halving, run.config.train.total_agent_steps);
+  if (run.config.train.n_threads == 0 && spec_.parallel > 1)
+    threads_ = std::max(1, static_cast<int>(std::thread::hardware_concurrency()) / spec_.parallel);
+  progress_.emplace(spec_, static_cast<int>(trials_.size()), static_cast<int>(rungs_.size()));
+  journal_.emplace(path_ / kJournalFile);
+  for (const Json& event : journal_->events()) replay(event);
+}
+
+/// Everything that can be wrong shows before the first trial.
+void SweepFolder::create(const fs::path& file, const KeyPositions& given) {
+  const LoadedRun run = load_run_config(config_of_sweep(spec_, file), spec_.set);
+  const std::vector<std::string> columns = metric_columns(run);
+  for (const std::string& name : spec_.metric)
+    if (std::find(columns.begin(), columns.end(), name) == columns.end())
+      throw InputError(cat(given.at("metric").text(), ": metric: this run logs no column '", name, "'",
+                           nearest_hint(name, columns, 3), "; all: ", join(columns)));
+
+  std::error_code code;
+  if (fs::exists(path_, code) && !fs::is_empty(path_, code))
+    throw InputError(cat("the folder ", path_.string(), " is not empty, and holds no sweep"));
+  fs::create_directories(path_ / "trials");
+  fs::create_directories(path_ / "logs");
+  write_config_files(path_, run);
+  try {
+    for (const TrialSettings& settings : trials_) check_settings(settings, given);
+  } catch (const InputError&) {
+    fs::remove_all(path_, code);
+    throw;
+  }
+  write_file(path_ / kSweepFile, print_yaml(spec_, true));  // last: with it the folder is a sweep
+}
+
+void SweepFolder::check_settings(const TrialSettings& settings, const KeyPositions& given) const {
+  try {
+    load_run_config((path_ / kConfigFile).string(), assignments_of(settings));
+  } catch (const InputError& e) {
+    std::string places;
+    for (const auto& [key, value] : settings)
+      if (const auto at = given.find("parameters." + key);
+          at != given.end() && std::string(e.what()).find(key) != std::string::npos)
+        places += cat(at->second.text(), ": parameters.", key, ": ");
+    throw InputError(places + e.what());
+  }
+}
+
+void SweepFolder::replay(const Json& event) {
+  const std::string what = event.value("event", "");
+  const int trial = event.value("trial", -1);
+  if (what == "add") {
+    TrialSettings settings;
+    for (const auto& [key, value] : event.at("settings").items()) settings.emplace_back(key, value.get<std::string>());
+    trials_.push_back(std::move(settings));
+    progress_->add_trial();
+  } else if (what == "begin") {
+    progress_->begin(trial, event.at("rung"));
+  } else if (what == "result") {
+    SweepResult result;
+    if (!event.at("value").is_null()) result.value = event.at("value").get<double>();
+    result.exit_code = event.value("exit_code", 0);
+    result.seconds = event.value("seconds", 0.0);
+    result.agent_steps = event.value("agent_steps", 0.0);
+    progress_->finish({trial, event.at("rung"), event.at("seed")}, result);
+  } else {
+    throw InputError(
+        cat((path_ / kJournalFile).string(), " holds an event '", what, "', which this program does not know"));
+  }
+}
+
+void SweepFolder::begin(const SweepJob& job) {
+  journal_->write({{"event", "begin"}, {"trial", job.trial}, {"rung", job.rung}});
+  progress_->begin(job.trial, job.rung);
+}
+
+void SweepFolder::finish(const SweepRun& run, const SweepResult& result) {
+  Json event = {{"event", "result"},         {"trial", run.trial},
+                {"rung", run.rung},          {"seed", run.seed},
+                {"value", nullptr},          {"exit_code", result.exit_code},
+                {"seconds", result.seconds}, {"agent_steps", result.agent_steps}};
+  if (result.value) event["value"] = *result.value;
+  journal_->write(event);
+  progress_->finish(run, result);
+}
+
+int SweepFolder::add(const TrialSettings& settings) {
+  check_settings(settings, {});
+  Json values = Json::object();
+  for (const auto& [key, value] : settings) values[key] = value;
+  journal_->write({{"event", "add"}, {"settings", values}});
+  trials_.push_back(settings);
+  return progress_->add_trial();
+}
+
+WantedRun SweepFolder::wanted(const SweepRun& run) const {
+  WantedRun wanted;
+  wanted.folder = trial_folder(path_, run.trial, run.seed);
+  wanted.config = path_ / kConfigFile;
+  wanted.overrides = assignments_of(settings(run.trial));
+  wanted.overrides.push_back(cat("seed=", run.seed));
+  if (threads_ > 0) wanted.overrides.push_back(cat("train.n_threads=", threads_));
+  const auto rung = static_cast<size_t>(run.rung);
+  if (rung + 1 < rungs_.size()) wanted.stop_at = rungs_[rung];
+  return wanted;
+}
+
+fs::path SweepFolder::log_of(const SweepRun& run) const {
+  return path_ / "logs" / (trial_folder(path_, run.trial, run.seed).filename().string() + ".txt");
+}
+
+void SweepFolder::write_outcome(const SweepOutcome& outcome) const {
+  write_file(path_ / "trials.csv", outcome_csv(outcome));
+  write_file(path_ / "sweep.json", json_text(outcome_json(outcome)) + "\n");
+  // The page has the curves of the best trials as any report has them.
+  std::vector<fs::path> runs;
+  constexpr size_t kTrialsShown = 4;
+  for (size_t k = 0; k < std::min(kTrialsShown, outcome.trials.size()); ++k)
+    for (const std::string& run : outcome.trials[k].folders)
+      if (agent_steps_of_run(run) > 0) runs.emplace_back(run);
+  if (!runs.empty()) write_report(runs, path_ / "report.html", list_fields<RunConfig>(), outcome_section(outcome));
+}
+
+}  // namespace giga

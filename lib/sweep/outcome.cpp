@@ -1,0 +1,166 @@
+#include "sweep/outcome.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "core/error.hpp"
+#include "io/files.hpp"
+#include "report/run_data.hpp"
+#include "sweep/analysis.hpp"
+
+namespace giga {
+namespace fs = std::filesystem;
+namespace {
+
+constexpr size_t kCurves = 5;
+
+/// The worst of some columns' values: what counts of several.
+double worst_of(const SweepSpec& spec, const std::vector<double>& values) {
+  return spec.goal == SweepGoal::maximize ? *std::min_element(values.begin(), values.end())
+                                          : *std::max_element(values.begin(), values.end());
+}
+
+std::vector<const std::vector<double>*> columns_of(const SweepSpec& spec, const MetricsTable& table,
+                                                   const std::string& file) {
+  std::vector<const std::vector<double>*> columns;
+  for (const std::string& name : spec.metric) {
+    columns.push_back(table.find(name));
+    if (!columns.back()) throw InputError(cat(file, " has no column ", name));
+  }
+  return columns;
+}
+
+/// Agent-steps and metric at each row where all columns are known.
+std::vector<std::pair<double, double>> metric_points(const SweepSpec& spec, const MetricsTable& table,
+                                                     const std::string& file) {
+  const std::vector<const std::vector<double>*> columns = columns_of(spec, table, file);
+  std::vector<std::pair<double, double>> points;
+  for (size_t row = 0; row < table.rows(); ++row) {
+    std::vector<double> values;
+    for (const auto* column : columns) values.push_back((*column)[row]);
+    if (std::none_of(values.begin(), values.end(), [](double v) { return std::isnan(v); }))
+      points.emplace_back((*table.find("agent_steps"))[row], worst_of(spec, values));
+  }
+  return points;
+}
+
+std::optional<SweepOutcome::Curve> curve_of(const SweepSpec& spec, const SweepOutcome::Trial& trial) {
+  std::vector<std::vector<std::pair<double, double>>> runs;
+  for (const std::string& folder : trial.folders) {
+    const std::string file = (fs::path(folder) / "metrics.csv").string();
+    std::error_code code;
+    if (!fs::exists(file, code)) continue;
+    runs.push_back(metric_points(spec, parse_metrics(read_file(file), file), file));
+  }
+  if (runs.empty()) return std::nullopt;
+  size_t n = runs.front().size();
+  for (const auto& run : runs) n = std::min(n, run.size());
+  SweepOutcome::Curve curve{trial.number, {}, {}, {}, {}};
+  for (size_t k = 0; k < n; ++k) {
+    std::vector<double> values;
+    for (const auto& run : runs) values.push_back(run[k].second);
+    const Interval band = bootstrap_interval(values);
+    curve.agent_steps.push_back(runs.front()[k].first);
+    curve.middle.push_back(interquartile_mean(values));
+    curve.low.push_back(band.lo);
+    curve.high.push_back(band.hi);
+  }
+  return curve;
+}
+
+std::string value_of_key(const TrialSettings& settings, const std::string& key) {
+  for (const auto& [name, value] : settings)
+    if (name == key) return value;
+  return "";
+}
+
+std::vector<SweepOutcome::Parameter> explain(const SweepSpec& spec, const std::vector<TrialSettings>& trials,
+                                             const SweepProgress& progress, int& compared) {
+  std::vector<double> values;
+  std::vector<size_t> there;
+  for (size_t k = 0; k < trials.size(); ++k) {
+    const std::optional<double> value = progress.value(static_cast<int>(k), 0);
+    if (!value) continue;
+    values.push_back(*value);
+    there.push_back(k);
+  }
+  compared = static_cast<int>(values.size());
+  std::vector<SweepOutcome::Parameter> parameters;
+  for (const auto& [key, parameter] : spec.parameters) {
+    std::vector<std::string> setting;
+    for (const size_t k : there) setting.push_back(value_of_key(trials[k], key));
+    if (values.empty()) {
+      parameters.push_back({key, std::nan(""), std::nan("")});
+      continue;
+    }
+    parameters.push_back({key, explained_share(groups_of(setting), values), rank_correlation(setting, values)});
+  }
+  std::stable_sort(parameters.begin(), parameters.end(), [](auto& a, auto& b) {
+    return (std::isnan(a.share) ? -1 : a.share) > (std::isnan(b.share) ? -1 : b.share);
+  });
+  return parameters;
+}
+
+}  // namespace
+
+fs::path trial_folder(const fs::path& sweep, int trial, uint64_t seed) {
+  char number[16];
+  std::snprintf(number, sizeof number, "%03d", trial);
+  return sweep / "trials" / cat(number, "-seed", seed);
+}
+
+std::optional<double> metric_of_run(const SweepSpec& spec, const fs::path& run) {
+  const std::string file = (run / "metrics.csv").string();
+  const MetricsTable table = parse_metrics(read_file(file), file);
+  std::vector<double> values;
+  for (const std::vector<double>* column : columns_of(spec, table, file)) {
+    std::vector<double> last;
+    for (auto at = column->rbegin(); at != column->rend() && static_cast<int>(last.size()) < spec.last_values; ++at)
+      if (!std::isnan(*at)) last.push_back(*at);
+    if (last.empty()) return std::nullopt;
+    values.push_back(mean_of(last));
+  }
+  return worst_of(spec, values);
+}
+
+double agent_steps_of_run(const fs::path& run) {
+  const fs::path file = run / "metrics.csv";
+  std::error_code code;
+  if (!fs::exists(file, code)) return 0;
+  const std::string text = read_file(file);
+  if (std::count(text.begin(), text.end(), '\n') < 2) return 0;  // no row yet
+  return parse_metrics(text, file.string()).find("agent_steps")->back();
+}
+
+SweepOutcome outcome_of(const SweepSpec& spec, const std::vector<TrialSettings>& trials, const SweepProgress& progress,
+                        const std::vector<int64_t>& rungs, const fs::path& folder) {
+  SweepOutcome outcome;
+  outcome.spec = spec;
+  for (const int number : progress.ranking()) {
+    SweepOutcome::Trial trial;
+    trial.number = number;
+    trial.settings = trials.at(static_cast<size_t>(number));
+    trial.rung = progress.reached(number);
+    for (const uint64_t seed : spec.seeds) {
+      trial.folders.push_back(trial_folder(folder, number, seed).string());
+      for (int rung = 0; rung <= trial.rung; ++rung)
+        if (const SweepResult* result = progress.result({number, rung, seed})) trial.seconds += result->seconds;
+    }
+    if (trial.rung >= 0) {
+      trial.agent_steps = static_cast<double>(rungs.at(static_cast<size_t>(trial.rung)));
+      trial.seeds = spec.seeds;
+      trial.values = progress.values(number, trial.rung);
+      trial.value = progress.value(number, trial.rung);
+    }
+    outcome.trials.push_back(std::move(trial));
+  }
+  outcome.parameters = explain(spec, trials, progress, outcome.compared);
+  for (const SweepOutcome::Trial& trial : outcome.trials) {
+    if (!trial.value || outcome.curves.size() == kCurves) continue;
+    if (auto curve = curve_of(spec, trial)) outcome.curves.push_back(std::move(*curve));
+  }
+  return outcome;
+}
+
+}  // namespace giga

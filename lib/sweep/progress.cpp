@@ -1,0 +1,95 @@
+#include "sweep/progress.hpp"
+
+#include <algorithm>
+#include <numeric>
+
+#include "core/error.hpp"
+
+namespace giga {
+
+SweepProgress::SweepProgress(const SweepSpec& spec, int n_trials, int n_rungs)
+    : seeds_(spec.seeds), goal_(spec.goal), factor_(spec.halving.factor), n_trials_(n_trials), n_rungs_(n_rungs) {}
+
+int SweepProgress::add_trial() { return n_trials_++; }
+
+void SweepProgress::begin(int trial, int rung) {
+  GIGA_CHECK(trial >= 0 && trial < n_trials_ && rung >= 0 && rung < n_rungs_, "trial ", trial, ", rung ", rung);
+  begun_[trial] = std::max(rung, begun_.contains(trial) ? begun_[trial] : 0);
+}
+
+void SweepProgress::finish(const SweepRun& run, const SweepResult& result) {
+  begin(run.trial, run.rung);
+  results_[run] = result;
+}
+
+const SweepResult* SweepProgress::result(const SweepRun& run) const {
+  const auto found = results_.find(run);
+  return found == results_.end() ? nullptr : &found->second;
+}
+
+std::vector<SweepRun> SweepProgress::open() const {
+  std::vector<SweepRun> runs;
+  for (const auto& [trial, rung] : begun_)
+    for (const uint64_t seed : seeds_)
+      if (const SweepRun run{trial, rung, seed}; !result(run)) runs.push_back(run);
+  return runs;
+}
+
+int SweepProgress::reached(int trial) const {
+  for (int rung = n_rungs_ - 1; rung >= 0; --rung)
+    if (std::all_of(seeds_.begin(), seeds_.end(), [&](uint64_t seed) { return result({trial, rung, seed}); }))
+      return rung;
+  return -1;
+}
+
+std::vector<double> SweepProgress::values(int trial, int rung) const {
+  std::vector<double> values;
+  for (const uint64_t seed : seeds_)
+    if (const SweepResult* found = result({trial, rung, seed}); found && found->value) values.push_back(*found->value);
+  return values;
+}
+
+std::optional<double> SweepProgress::value(int trial, int rung) const {
+  const std::vector<double> known = values(trial, rung);
+  if (known.size() < seeds_.size()) return std::nullopt;
+  return std::accumulate(known.begin(), known.end(), 0.0) / static_cast<double>(known.size());
+}
+
+/// Whether every trial has come to this rung that ever will, new ones left aside.
+bool SweepProgress::is_settled(int rung) const {
+  return static_cast<int>(begun_.size()) == n_trials_ && std::none_of(begun_.begin(), begun_.end(), [&](const auto& b) {
+           return b.second <= rung && reached(b.first) < b.second;
+         });
+}
+
+std::optional<SweepJob> SweepProgress::next() const {
+  for (int rung = n_rungs_ - 2; rung >= 0; --rung) {
+    std::vector<std::pair<int, double>> there;  // trial, value
+    for (const auto& [trial, last] : begun_)
+      if (const auto known = value(trial, rung)) there.emplace_back(trial, *known);
+    std::stable_sort(there.begin(), there.end(), [&](auto& a, auto& b) { return better(a.second, b.second); });
+    size_t most = there.size() / static_cast<size_t>(factor_);
+    if (most == 0 && !there.empty() && is_settled(rung)) most = 1;  // few trials: the best goes on all the same
+    for (size_t k = 0; k < most; ++k)
+      if (begun_.at(there[k].first) == rung) return SweepJob{there[k].first, rung + 1};
+  }
+  for (int trial = 0; trial < n_trials_; ++trial)
+    if (!begun_.contains(trial)) return SweepJob{trial, 0};
+  return std::nullopt;
+}
+
+std::vector<int> SweepProgress::ranking() const {
+  std::vector<int> trials(static_cast<size_t>(n_trials_));
+  std::iota(trials.begin(), trials.end(), 0);
+  std::stable_sort(trials.begin(), trials.end(), [&](int a, int b) {
+    const int at = reached(a), other = reached(b);
+    if (at != other) return at > other;
+    if (at < 0) return false;
+    const std::optional<double> x = value(a, at), y = value(b, at);
+    if (!x || !y) return x.has_value() && !y.has_value();
+    return better(*x, *y);
+  });
+  return trials;
+}
+
+}  // namespace giga

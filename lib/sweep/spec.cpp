@@ -1,0 +1,71 @@
+#include "sweep/spec.hpp"
+
+#include <set>
+
+#include "core/error.hpp"
+
+namespace giga {
+namespace {
+
+Position place_of_key(const KeyPositions& given, const std::string& path, const std::filesystem::path& file) {
+  const auto found = given.find(path);
+  if (found != given.end()) return found->second;
+  return {std::make_shared<const std::string>(file.string()), 0, 0};
+}
+
+template <class T>
+bool is_empty_range(const std::optional<std::array<T, 2>>& range) {
+  return range && !((*range)[0] < (*range)[1]);
+}
+
+/// What is wrong with a parameter; empty where nothing is.
+std::string fault_of(const ParameterSpec& p, SweepMethod method) {
+  const int kinds = (p.choices.empty() ? 0 : 1) + (p.uniform ? 1 : 0) + (p.log_uniform ? 1 : 0) + (p.integers ? 1 : 0);
+  if (kinds != 1) return "needs exactly one of choices (not empty), uniform, log_uniform, integers";
+  if (is_empty_range(p.uniform) || is_empty_range(p.log_uniform) || is_empty_range(p.integers))
+    return "the range is empty: its first number must be less than its second";
+  if (method == SweepMethod::grid && (p.uniform || p.log_uniform))
+    return "a grid needs choices or integers; random and sobol draw from ranges";
+  std::set<std::string> texts;
+  for (const Choice& choice : p.choices)
+    if (!texts.insert(choice.yaml).second) return cat("the choice ", choice.yaml, " is there twice");
+  return "";
+}
+
+}  // namespace
+
+bool FieldCodec<Choice>::read(const Node& node, Choice& value, const Allowed& allowed, const ReadSite& site) {
+  if (node.is_null()) return site.fail(node, expected(allowed));
+  value.yaml = print_node(node);
+  return true;
+}
+
+SweepSpec read_sweep(const std::filesystem::path& file, KeyPositions& given) {
+  SweepSpec spec;
+  Errors errors;
+  read_config_file(file, {}, spec, errors, &given);
+  errors.throw_if_any();
+  for (const auto& [key, parameter] : spec.parameters)
+    if (const std::string fault = fault_of(parameter, spec.method); !fault.empty())
+      errors.add(place_of_key(given, "parameters." + key, file), cat("parameters.", key, ": ", fault));
+  const auto needed = [&](const char* key, bool is_there, const char* what) {
+    if (!is_there) errors.add(place_of_key(given, key, file), cat(key, ": ", what));
+  };
+  needed("config", !spec.config.empty(), "the sweep needs a run config");
+  needed("parameters", !spec.parameters.empty(), "the sweep needs something to try");
+  needed("metric", !spec.metric.empty(), "the sweep needs a column of metrics.csv to compare trials by");
+  if (std::set<uint64_t>(spec.seeds.begin(), spec.seeds.end()).size() < spec.seeds.size())
+    errors.add(place_of_key(given, "seeds", file), "seeds: one of them is there twice");
+  errors.throw_if_any();
+  return spec;
+}
+
+std::vector<int64_t> rungs_of(const HalvingSpec& halving, int64_t total) {
+  std::vector<int64_t> rungs;
+  if (halving.first_agent_steps)
+    for (int64_t steps = *halving.first_agent_steps; steps < total; steps *= halving.factor) rungs.push_back(steps);
+  rungs.push_back(total);
+  return rungs;
+}
+
+}  // namespace giga

@@ -1,0 +1,221 @@
+// gigastep sweep and exploit, end to end: small sweeps are trained, killed and resumed; bad ones are refused.
+#include <gtest/gtest.h>
+
+#include <csignal>
+#include <map>
+
+#include "runs.hpp"
+
+namespace giga::test {
+namespace {
+
+/// Runs of 4 updates of 256 agent-steps, evaluated after updates 2 and 4.
+const std::string kSweep = R"(config: short.yaml
+parameters:
+  mappo.learning_rate: {log_uniform: [1e-4, 1e-2]}
+  mappo.gamma: {choices: [0.9, 0.99]}
+trials: 3
+seeds: [1, 2]
+metric: [win_rate_0_vs_random, win_rate_1_vs_random]
+parallel: 2
+)";
+
+size_t rows_of_column(const Workplace& here, const std::string& run, const std::string& column) {
+  size_t known = 0;
+  const CsvTable table = parse_csv(here.read(run + "/metrics.csv"));
+  for (size_t row = 0; row < table.rows.size(); ++row) known += table.cell(row, column).empty() ? 0 : 1;
+  return known;
+}
+
+TEST(AppSweep, TriesAllAndSaysWhatIsBest) {
+  const Workplace here;
+  here.write("short.yaml", kShortConfig);
+  here.write("rates.yaml", kSweep);
+  const Outcome done = here.run({"sweep", "rates.yaml", "--out", "s", "--json", "result.json"});
+  ASSERT_EQ(done.code, 0) << done.err;
+  EXPECT_TRUE(contains(done.out, {"best trials by smallest of win_rate_0_vs_random, win_rate_1_vs_random",
+                                  "95 % interval", "mappo.learning_rate", "s/report.html"}));
+  const CsvTable table = parse_csv(here.read("s/trials.csv"));
+  ASSERT_EQ(table.rows.size(), 3u);
+  EXPECT_EQ(table.cell(0, "seeds"), "2");
+  for (const char* run : {"000-seed1", "000-seed2", "001-seed1", "002-seed2"}) {
+    EXPECT_EQ(metrics_rows(here, std::string("s/trials/") + run), 4u) << run;
+    EXPECT_TRUE(here.has(std::string("s/trials/") + run + "/checkpoints/update_00000004.h5")) << run;
+  }
+  const Document json = parse_yaml_text(here.read("result.json"), "json");
+  EXPECT_EQ(at(json, {"trials"}).items.size(), 3u);
+  EXPECT_EQ(at(json, {"parameters"}).items.size(), 2u);
+  EXPECT_TRUE(contains(here.read("s/report.html"), {"Best settings", "Importance over 3 trials"}));
+
+  // The same command trains nothing again.
+  const std::string journal = here.read("s/sweep.jsonl");
+  EXPECT_EQ(here.run({"sweep", "rates.yaml", "--out", "s"}).code, 0);
+  EXPECT_EQ(here.read("s/sweep.jsonl"), journal);
+  here.write("rates.yaml", kSweep + "last_values: 2\n");
+  const Outcome other = here.run({"sweep", "rates.yaml", "--out", "s"});
+  EXPECT_EQ(other.code, 2);
+  EXPECT_TRUE(contains(other.err, {"holds another sweep"}));
+}
+
+TEST(AppSweep, HalvingLetsTheBestGoOn) {
+  const Workplace here;
+  here.write("short.yaml", kShortConfig);
+  here.write("h.yaml", kSweep + "halving: {first_agent_steps: 512, factor: 3}\n");
+  const Outcome done = here.run({"sweep", "h.yaml", "--out", "h", "--quiet"});
+  ASSERT_EQ(done.code, 0) << done.err;
+  const CsvTable table = parse_csv(here.read("h/trials.csv"));
+  ASSERT_EQ(table.rows.size(), 3u);
+  std::map<std::string, int> rungs;
+  for (size_t row = 0; row < 3; ++row) ++rungs[table.cell(row, "rung")];
+  EXPECT_EQ(rungs, (std::map<std::string, int>{{"0", 2}, {"1", 1}}));
+  // The best went on in its folder: 512 agent-steps are 2 updates, the whole run is 4.
+  std::map<size_t, int> updates;
+  for (int trial = 0; trial < 3; ++trial)
+    ++updates[metrics_rows(here, "h/trials/00" + std::to_string(trial) + "-seed1")];
+  EXPECT_EQ(updates, (std::map<size_t, int>{{2, 2}, {4, 1}}));
+  EXPECT_EQ(rows_of_column(here, "h/trials/00" + table.cell(0, "trial") + "-seed1", "win_rate_0_vs_random"), 2u);
+}
+
+TEST(AppSweep, AKilledSweepGoesOnAndRepeatsNothing) {
+  const Workplace here;
+  std::string config = kShortConfig;
+  config.replace(config.find("1024"), 4, "5120");  // 20 updates
+  here.write("short.yaml", config);
+  here.write("k.yaml", kSweep);
+  {
+    const auto process = here.start({"sweep", "k.yaml", "--out", "k"});
+    ASSERT_TRUE(wait_until([&] { return metrics_rows(here, "k/trials/000-seed1") >= 3; }));
+    process->send(SIGKILL);
+    process->wait();
+  }
+  const Outcome done = here.run({"sweep", "k.yaml", "--out", "k"});
+  ASSERT_EQ(done.code, 0) << done.err;
+  std::map<std::string, int> results;
+  std::istringstream lines(here.read("k/sweep.jsonl"));
+  for (std::string line; std::getline(lines, line);) ++results[line.substr(0, line.find("\"value\""))];
+  int count = 0;
+  for (const auto& [line, times] : results) {
+    EXPECT_EQ(times, 1) << line;
+    count += line.find("\"result\"") != std::string::npos ? 1 : 0;
+  }
+  EXPECT_EQ(count, 6) << "three trials, two seeds";
+  EXPECT_EQ(metrics_rows(here, "k/trials/000-seed1"), 20u);
+  // Trained in two pieces or in one, it is the same run.
+  const std::string lr = parse_csv(here.read("k/trials.csv")).columns.back();
+  ASSERT_EQ(lr, "mappo.learning_rate");
+  EXPECT_TRUE(here.has("k/trials/002-seed2/report.html"));
+}
+
+TEST(AppSweep, AskAndTell) {
+  const Workplace here;
+  here.write("short.yaml", kShortConfig);
+  here.write("a.yaml", kSweep);
+  const auto json_of_run = [&](const std::vector<std::string>& more) {
+    std::vector<std::string> words = {"sweep", "a.yaml", "--out", "a"};
+    words.insert(words.end(), more.begin(), more.end());
+    const Outcome outcome = here.run(words);
+    EXPECT_EQ(outcome.code, 0) << outcome.err;
+    return parse_yaml_text(outcome.out, "json");
+  };
+  const Document first = json_of_run({"--ask"});
+  EXPECT_EQ(number_at(first, {"trial"}), 0);
+  EXPECT_EQ(number_at(first, {"agent_steps"}), 1024);
+  EXPECT_GT(number_at(first, {"settings", "mappo.learning_rate"}), 0);
+  EXPECT_EQ(number_at(json_of_run({"--ask"}), {"trial"}), 1);
+  EXPECT_EQ(number_at(json_of_run({"--tell", R"({"trial": 0, "value": 0.25})"}), {"open"}), 2);
+  // Somebody else's settings are tried too.
+  EXPECT_EQ(number_at(json_of_run({"--tell", R"({"settings": {"mappo.gamma": 0.9, "mappo.learning_rate": 0.001}})"}),
+                      {"trial"}),
+            3);
+  for (const auto& [text, part] : {std::pair{R"({"trial": 0, "value": 1})", "nobody waits for trial 0"},
+                                   {R"({"settings": {"mappo.gama": 1}})", "no parameter of this sweep"},
+                                   {"{", "expected a JSON object"},
+                                   {R"({"trial": 1})", "\"value\" is missing"}}) {
+    const Outcome wrong = here.run({"sweep", "a.yaml", "--out", "a", "--tell", text});
+    EXPECT_EQ(wrong.code, 2) << text;
+    EXPECT_TRUE(contains(wrong.err, {part}));
+  }
+}
+
+TEST(AppSweep, MistakesAreToldBeforeTheFirstTrial) {
+  const Workplace here;
+  here.write("short.yaml", kShortConfig);
+  const auto refused = [&](std::string from, const std::string& to, std::initializer_list<std::string> parts) {
+    std::string text = kSweep;
+    text.replace(text.find(from), from.size(), to);
+    here.write("bad.yaml", text);
+    const Outcome outcome = here.run({"sweep", "bad.yaml", "--out", "bad"});
+    EXPECT_EQ(outcome.code, 2) << to;
+    EXPECT_TRUE(contains(outcome.err, parts)) << outcome.err;
+    EXPECT_FALSE(here.has("bad")) << to;
+  };
+  refused("mappo.gamma", "mappo.gama", {"bad.yaml:4:3: parameters.mappo.gama", "nearest: 'gamma'"});
+  refused("[0.9, 0.99]", "[0.9, 1.5]", {"mappo.gamma", "1.5", "[0, 1]"});
+  refused("[1e-4, 1e-2]", "[1e-2, 1e-4]", {"bad.yaml:3:3", "the range is empty"});
+  refused("win_rate_0_vs_random", "win_rate_0_vs_circle",
+          {"bad.yaml:7:", "this run logs no column 'win_rate_0_vs_circle'", "win_rate_0_vs_random"});
+  refused("short.yaml", "long.yaml", {"there is no config long.yaml"});
+}
+
+TEST(AppExploit, AResponseLearnsAgainstEachFrozenTeam) {
+  const Workplace here;
+  here.write("short.yaml", kShortConfig);
+  ASSERT_EQ(here.run({"train", "short.yaml", "--run-dir", "run", "--quiet"}).code, 0);
+  const std::vector<std::string> command = {"exploit", "run",      "--agent-steps", "2048",   "--episodes",
+                                            "32",      "--device", "cpu",           "--json", "result.json"};
+  const Outcome done = here.run(command);
+  ASSERT_EQ(done.code, 0) << done.err;
+  EXPECT_TRUE(contains(done.out, {"frozen  response   wins", "win rate of the responses in training"}));
+  const Document json = parse_yaml_text(here.read("result.json"), "json");
+  for (const auto& [side, team] : {std::pair{"0", "1"}, {"1", "0"}}) {
+    EXPECT_EQ(at(json, {"sides", side, "response_team"}).text, team);
+    EXPECT_EQ(number_at(json, {"sides", side, "episodes"}), 32);
+    // 2048 agent-steps are 8 updates of 256, which count both teams.
+    const std::string folder = std::string("run/exploit/response_") + team;
+    EXPECT_EQ(metrics_rows(here, folder), 8u);
+    EXPECT_EQ(rows_of_column(here, folder, std::string("policy_loss_") + team), 8u);
+    EXPECT_EQ(rows_of_column(here, folder, std::string("policy_loss_") + (team[0] == '0' ? "1" : "0")), 0u);
+  }
+  // It goes on where it was: nothing is trained again.
+  const std::string before = here.read("run/exploit/response_0/metrics.csv");
+  EXPECT_EQ(here.run(command).code, 0);
+  EXPECT_EQ(here.read("run/exploit/response_0/metrics.csv"), before);
+  const Outcome other = here.run({"exploit", "run", "--agent-steps", "4096", "--device", "cpu"});
+  EXPECT_EQ(other.code, 2);
+  EXPECT_TRUE(contains(other.err, {"holds responses of another kind"}));
+}
+
+TEST(AppExploit, ARunAgainstAPolicyGoesOnAgainstTheSameOneOnly) {
+  const Workplace here;
+  here.write("short.yaml", kShortConfig);
+  ASSERT_EQ(here.run({"train", "short.yaml", "--run-dir", "run", "--quiet"}).code, 0);
+  const auto train = [&](const std::string& name, const std::vector<std::string>& more) {
+    std::vector<std::string> words = {"train",
+                                      "short.yaml",
+                                      "--run-dir",
+                                      name,
+                                      "--quiet",
+                                      "--set",
+                                      "train.opponent=./run/checkpoints/update_00000004.h5"};
+    words.insert(words.end(), more.begin(), more.end());
+    return here.run(words);
+  };
+  ASSERT_EQ(train("whole", {}).code, 0);
+  ASSERT_EQ(train("parts", {"--set", "train.stop_at_agent_steps=512"}).code, 124);
+  EXPECT_EQ(metrics_rows(here, "parts"), 2u);
+  ASSERT_EQ(here.run({"resume", "parts", "--quiet", "--set", "train.stop_at_agent_steps=none"}).code, 0);
+  EXPECT_EQ(state_hash(here, "parts"), state_hash(here, "whole"));
+  EXPECT_EQ(metrics_difference(timeless_metrics(here, "parts"), timeless_metrics(here, "whole")), "");
+
+  ASSERT_EQ(train("half", {"--set", "train.stop_at_agent_steps=512"}).code, 124);
+  here.write("run/checkpoints/update_00000004.h5", here.read("run/checkpoints/update_00000003.h5"));
+  const Outcome changed = here.run({"resume", "half", "--quiet", "--set", "train.stop_at_agent_steps=none"});
+  EXPECT_EQ(changed.code, 2);
+  EXPECT_TRUE(contains(changed.err, {"holds another policy than when this run began"}));
+  const Outcome missing = here.run({"train", "short.yaml", "--set", "train.opponent=./nowhere"});
+  EXPECT_EQ(missing.code, 2);
+  EXPECT_TRUE(contains(missing.err, {"train.opponent: there is no run, checkpoint or exported policy ./nowhere"}));
+}
+
+}  // namespace
+}  // namespace giga::test

@@ -1,0 +1,170 @@
+// What mappo changes so that both teams go on learning: each option by its arithmetic, and in a run.
+#include "learn/mappo/balance.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "learn/mappo/step_back.hpp"
+#include "runs.hpp"
+
+namespace giga::test {
+namespace {
+
+Metrics figures(double entropy, double wins_0, double wins_1) {
+  return {{"entropy_0", entropy}, {"entropy_1", std::nan("")}, {"win_rate_0", wins_0}, {"win_rate_1", wins_1}};
+}
+
+TEST(LearnBalance, NothingIsChangedByDefault) {
+  Balance balance{MappoConfig{}};
+  balance.note(figures(0.5, 1, 0));
+  for (int team = 0; team < kNTeams; ++team) {
+    EXPECT_EQ(balance.entropy_coef(team), MappoConfig{}.entropy_coef);
+    EXPECT_EQ(balance.actor_factor(team), 1);
+    EXPECT_EQ(balance.critic_factor(team), 1);
+  }
+  for (const double done : {0.0, 0.5, 1.0}) EXPECT_EQ(balance.shaping_factor(done), 1);
+  Metrics columns;
+  NamedArrays arrays;
+  balance.add_metrics(0.5, columns);
+  balance.save("", arrays);
+  EXPECT_TRUE(columns.empty());
+  EXPECT_TRUE(arrays.empty());
+}
+
+TEST(LearnBalance, ShapingFadesToItsFloor) {
+  MappoConfig config;
+  config.shaping_final_factor = 0.25f;
+  config.shaping_fade_start = 0.2f;
+  config.shaping_fade_end = 0.6f;
+  const Balance balance{config};
+  EXPECT_EQ(balance.shaping_factor(0.1), 1);
+  EXPECT_NEAR(balance.shaping_factor(0.4), 0.625, 1e-6);  // halfway from 1 to 0.25
+  EXPECT_NEAR(balance.shaping_factor(0.6), 0.25, 1e-6);
+  EXPECT_EQ(balance.shaping_factor(1), 0.25);
+  config.shaping_fade_start = config.shaping_fade_end = 0.5f;  // at once
+  EXPECT_EQ(Balance{config}.shaping_factor(0.49), 1);
+  EXPECT_EQ(Balance{config}.shaping_factor(0.5), 0.25);
+}
+
+TEST(LearnBalance, TheBonusFollowsTheEntropy) {
+  MappoConfig config;
+  config.entropy_coef = 0.01f;
+  config.entropy_target = 2.0f;
+  config.entropy_rate = 0.5f;
+  Balance balance{config};
+  balance.note(figures(1.0, 0, 0));  // one nat is missing: x exp(0.5)
+  EXPECT_NEAR(balance.entropy_coef(0), 0.01 * std::exp(0.5), 1e-7);
+  EXPECT_EQ(balance.entropy_coef(1), 0.01f) << "a figure that is not known changes nothing";
+  balance.note(figures(3.0, 0, 0));  // one too many: back
+  EXPECT_NEAR(balance.entropy_coef(0), 0.01, 1e-7);
+  for (int k = 0; k < 100; ++k) balance.note(figures(0, 0, 0));
+  EXPECT_NEAR(balance.entropy_coef(0), 0.1, 1e-7) << "ten times the first at most";
+  for (int k = 0; k < 100; ++k) balance.note(figures(3.3, 0, 0));
+  EXPECT_NEAR(balance.entropy_coef(0), 0.0001, 1e-8) << "a hundredth at least";
+}
+
+TEST(LearnBalance, ATeamThatIsFarAheadRests) {
+  MappoConfig config;
+  config.freeze_lead = 0.3f;
+  config.team_learning_rate_factors = {0.5f, 2.0f};
+  Balance balance{config};
+  // Leads of 0.8: the running mean is 0.8 (1 - 0.9^k): 0.08, 0.152, 0.2168, 0.27512, 0.327608.
+  for (int k = 0; k < 4; ++k) balance.note(figures(1, 0.9, 0.1));
+  EXPECT_FALSE(balance.is_frozen(0));
+  balance.note(figures(1, 0.9, 0.1));
+  EXPECT_TRUE(balance.is_frozen(0));
+  EXPECT_FALSE(balance.is_frozen(1));
+  EXPECT_EQ(balance.actor_factor(0), 0);
+  EXPECT_EQ(balance.critic_factor(0), 0.5f) << "its critic goes on";
+  EXPECT_EQ(balance.actor_factor(1), 2);
+  balance.note(figures(1, std::nan(""), 0.1));
+  EXPECT_TRUE(balance.is_frozen(0)) << "no game has ended: nothing is known";
+  balance.note(figures(1, 0.4, 0.6));  // 0.9 x 0.327608 - 0.02 = 0.2748
+  EXPECT_FALSE(balance.is_frozen(0));
+}
+
+TEST(LearnBalance, EvidenceIsMoreThanLuck) {
+  // 64 decided games: 1.65 x 8 = 13.2 more wins than losses are needed; ties count for nobody.
+  EXPECT_FALSE((GameCount{70, 38, 6}).is_evidence());  // 38 - 26 = 12
+  EXPECT_TRUE((GameCount{70, 39, 6}).is_evidence());   // 39 - 25 = 14
+  EXPECT_FALSE((GameCount{50, 0, 50}).is_evidence());
+  EXPECT_FALSE(GameCount{}.is_evidence());
+}
+
+TEST(LearnStepBack, ATeamGoesBackToItsBest) {
+  using Verdict = StepBack::Verdict;
+  StepBack record(0.1, 2);
+  EXPECT_EQ(record.note(0, {300, 150, 0}, 1), Verdict::none) << "the window has two updates";
+  EXPECT_EQ(record.note(0, {300, 210, 0}, 2), Verdict::best) << "360 / 600 = 0.6, the first";
+  EXPECT_EQ(record.note(0, {100, 0, 0}, 4), Verdict::none) << "too few games: the window goes on";
+  EXPECT_EQ(record.note(0, {400, 260, 100}, 6), Verdict::none) << "260 / 500 = 0.52: less, but not 0.1 less";
+  EXPECT_EQ(record.note(0, {400, 190, 0}, 8), Verdict::fallen) << "0.475";
+  EXPECT_EQ(record.note(0, {400, 240, 0}, 10), Verdict::best) << "0.6 again";
+  EXPECT_EQ(record.note(1, {400, 10, 0}, 10), Verdict::best) << "of the other team";
+
+  record.snapshot(0) = {make_array<float>("actor/values", {1, 2})};
+  record.snapshot(1) = {make_array<float>("actor/values", {3})};
+  NamedArrays saved;
+  record.save("s/", saved);
+  StepBack loaded(0.1, 2);
+  loaded.load("s/", saved);
+  Metrics metrics;
+  loaded.add_metrics(metrics);
+  EXPECT_EQ(metrics, (Metrics{{"stepped_back_0", 1}, {"stepped_back_1", 0}}));
+  ASSERT_EQ(loaded.snapshot(0).size(), 1u);
+  EXPECT_EQ(array_values<float>(find_array(loaded.snapshot(0), "actor/values")), (std::vector<float>{1, 2}));
+  EXPECT_EQ(loaded.note(0, {400, 190, 0}, 12), Verdict::fallen) << "the best is known still";
+}
+
+TEST(LearnBalance, AFrozenTeamKeepsItsPolicyAndItsCriticLearns) {
+  SmallRun run;
+  run.mappo = "team_learning_rate_factors: [0, 1], freeze_lead: 1";
+  const auto learner = run.learner();
+  const NamedArrays before = saved(*learner);
+  for (int k = 0; k < 2; ++k) learner->update();
+  const std::string changed = difference(before, saved(*learner));
+  EXPECT_EQ(changed.find("team_0/actor/"), std::string::npos) << changed;
+  EXPECT_NE(changed.find("team_1/actor/"), std::string::npos) << changed;
+}
+
+TEST(LearnBalance, ARunWithAllOptionsGoesOnExactly) {
+  SmallRun run;
+  run.mappo = "entropy_target: 2, freeze_lead: 0.5, step_back: 0.1, team_reward_share: 0.5, shaping_final_factor: 0.5";
+  run.scenario = "rewards: {game_won: 10, damage: 50}\n";
+  run.more =
+      "opponents: {pool_size: 3, pool_every_updates: 2, pool_share: 0.5, pool_promotion: evidence, "
+      "scripted_share: 0.2}\n";
+  const auto learner = run.learner(), other = run.learner();
+  for (int k = 0; k < 5; ++k) learner->update();
+  const NamedArrays checkpoint = saved(*learner);
+  for (const char* name :
+       {"balance/entropy_coef", "balance/lead", "step_back/team_1/record", "league/team_0/since_kept"})
+    EXPECT_NO_THROW(find_array(checkpoint, name)) << name;
+  other->load(checkpoint);
+  for (int k = 0; k < 3; ++k) EXPECT_EQ(difference(learner->update(), other->update()), "");
+  EXPECT_EQ(difference(saved(*learner), saved(*other)), "");
+}
+
+// What fades is what the simulator pays: with a factor of 0 only the win is left of the return.
+TEST(LearnBalance, FadedRewardsAreNotPaid) {
+  SmallRun run;
+  run.scenario = "rewards: {game_won: 10, damage: 50, detection: 5, collision_obstacle: 20, agent_disabled: 10}\n";
+  run.mappo = "shaping_final_factor: 0, shaping_fade_end: 0";
+  const auto learner = run.learner();
+  double won = 0;
+  for (int k = 0; k < 8; ++k) {
+    const Metrics metrics = learner->update();
+    EXPECT_EQ(metric(metrics, "shaping_factor"), 0);
+    if (metric(metrics, "episodes") == 0) continue;
+    for (int team = 0; team < kNTeams; ++team) {
+      EXPECT_EQ(metric(metrics, cat("reward_collision_obstacle_", team)), 0);
+      EXPECT_NEAR(metric(metrics, cat("return_", team)), metric(metrics, cat("reward_game_won_", team)), 1e-4);
+      won += metric(metrics, cat("reward_game_won_", team));
+    }
+  }
+  EXPECT_GT(won, 0);
+}
+
+}  // namespace
+}  // namespace giga::test

@@ -1,0 +1,241 @@
+// What a sweep tries, in which order trials go on, what is remembered of it, and what its results say.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <set>
+
+#include "core/error.hpp"
+#include "io/files.hpp"
+#include "io/temporary_folder.hpp"
+#include "sweep/analysis.hpp"
+#include "sweep/journal.hpp"
+#include "sweep/outcome.hpp"
+#include "sweep/progress.hpp"
+#include "sweep/sobol.hpp"
+#include "sweep/space.hpp"
+
+namespace giga {
+namespace {
+namespace fs = std::filesystem;
+
+class Sweep : public testing::Test {
+ protected:
+  fs::path write(const std::string& name, const std::string& text) const {
+    write_file(folder_ / name, text);
+    return folder_ / name;
+  }
+  SweepSpec read(const std::string& text) const {
+    KeyPositions given;
+    return read_sweep(write("s.yaml", text), given);
+  }
+  std::string error_of(const std::string& text) const {
+    try {
+      read(text);
+    } catch (const InputError& e) {
+      return e.what();
+    }
+    return "no error";
+  }
+  const test::TemporaryFolder folder_;
+};
+
+constexpr const char* kHead = "config: quickstart\nmetric: [win_rate_0]\nparameters:\n";
+
+TEST_F(Sweep, AGridHasEveryCombinationAndItsLastParameterChangesFastest) {
+  const SweepSpec spec = read(cat(kHead, "  a.x: {choices: [1, [2, 3]]}\n  b.y: {integers: [4, 6]}\nmethod: grid\n"));
+  const std::vector<TrialSettings> trials = draw_trials(spec, sobol_points);
+  ASSERT_EQ(trials.size(), 6u);
+  EXPECT_EQ(trials[0], (TrialSettings{{"a.x", "1"}, {"b.y", "4"}}));
+  EXPECT_EQ(trials[1], (TrialSettings{{"a.x", "1"}, {"b.y", "5"}}));
+  EXPECT_EQ(trials[5], (TrialSettings{{"a.x", "[2, 3]"}, {"b.y", "6"}}));
+  EXPECT_EQ(assignments_of(trials[5]), (std::vector<std::string>{"a.x=[2, 3]", "b.y=6"}));
+}
+
+TEST_F(Sweep, RandomDrawsStayInTheirRanges) {
+  const SweepSpec spec = read(cat(kHead, "  a: {log_uniform: [1e-4, 1e-2]}\n  b: {uniform: [-1, 1]}\n",
+                                  "  c: {integers: [1, 3]}\nmethod: random\ntrials: 300\n"));
+  const std::vector<TrialSettings> trials = draw_trials(spec, sobol_points);
+  ASSERT_EQ(trials.size(), 300u);
+  int below = 0;
+  std::set<std::string> integers;
+  for (const TrialSettings& t : trials) {
+    const double a = std::stod(t[0].second), b = std::stod(t[1].second);
+    EXPECT_TRUE(a >= 1e-4 && a <= 1e-2 && b >= -1 && b <= 1) << t[0].second << " " << t[1].second;
+    below += a < 1e-3 ? 1 : 0;
+    integers.insert(t[2].second);
+  }
+  // Half of the orders of magnitude lie below 1e-3: 150 +- 4 deviations of sqrt(300 / 4) = 8.7.
+  EXPECT_NEAR(below, 150, 35);
+  EXPECT_EQ(integers, (std::set<std::string>{"1", "2", "3"}));
+  EXPECT_EQ(draw_trials(spec, sobol_points), trials) << "the same again";
+}
+
+TEST_F(Sweep, SobolFillsTheSpaceEvenly) {
+  // The first eight points of the sequence in two dimensions (Bratley and Fox 1988, in the order of Gray codes).
+  const std::vector<double> points = sobol_points(2, 8);
+  const std::vector<double> expected = {0,     0,     0.5,   0.5,   0.75,  0.25,  0.25,  0.75,
+                                        0.375, 0.375, 0.875, 0.875, 0.625, 0.125, 0.125, 0.625};
+  EXPECT_EQ(points, expected);
+  // Sixteen trials of two parameters: each quarter of each range gets four, whatever the shift.
+  for (const char* seed : {"1", "2"}) {
+    const SweepSpec spec =
+        read(cat(kHead, "  a: {uniform: [0, 1]}\n  b: {uniform: [0, 1]}\ntrials: 16\nseed: ", seed, "\n"));
+    std::vector<int> count(8);
+    for (const TrialSettings& t : draw_trials(spec, sobol_points))
+      for (size_t j = 0; j < 2; ++j) ++count[4 * j + static_cast<size_t>(std::stod(t[j].second) * 4)];
+    for (const int c : count) EXPECT_NEAR(c, 4, 1);
+  }
+}
+
+TEST_F(Sweep, MistakesInTheFileAreTold) {
+  const auto contains = [&](const std::string& text, const std::string& part) {
+    const std::string error = error_of(text);
+    EXPECT_NE(error.find(part), std::string::npos) << error;
+  };
+  contains(cat(kHead, "  a: {uniform: [2, 1]}\n"), "s.yaml:4:3: parameters.a: the range is empty");
+  contains(cat(kHead, "  a: {uniform: [0, 1]}\nmethod: grid\n"), "a grid needs choices or integers");
+  contains(cat(kHead, "  a: {uniform: [0, 1], choices: [1]}\n"), "exactly one of");
+  contains(cat(kHead, "  a: {log_uniform: [0, 1]}\n"), "parameters.a.log_uniform[0]: '0' is not a number > 0");
+  contains(cat(kHead, "  a: {choices: [1, 1]}\n"), "the choice 1 is there twice");
+  contains(cat(kHead, "  a: {choice: [1]}\n"), "choices");
+  contains(cat(kHead, "  a: {choices: [1]}\nseeds: [1, 1]\n"), "seeds: one of them is there twice");
+  contains("config: quickstart\nparameters: {a: {choices: [1]}}\n", "metric: the sweep needs a column");
+  contains("config: quickstart\nmetric: [x]\n", "parameters: the sweep needs something to try");
+}
+
+/// Nine trials, of which a third goes on, for three times the agent-steps each time.
+SweepSpec halving_spec() {
+  SweepSpec spec;
+  spec.seeds = {1, 2};
+  spec.halving.first_agent_steps = 100;
+  return spec;
+}
+
+TEST(SweepHalving, RungsGrowByTheFactor) {
+  EXPECT_EQ(rungs_of(halving_spec().halving, 1000), (std::vector<int64_t>{100, 300, 900, 1000}));
+  EXPECT_EQ(rungs_of(halving_spec().halving, 900), (std::vector<int64_t>{100, 300, 900}));
+  EXPECT_EQ(rungs_of({}, 1000), (std::vector<int64_t>{1000}));
+}
+
+TEST(SweepHalving, TheBestGoOnAsSoonAsThereAreEnough) {
+  SweepProgress progress(halving_spec(), 9, 3);
+  const auto run = [&](int trial, int rung, double value) {
+    for (const uint64_t seed : {1, 2}) progress.finish({trial, rung, seed}, {value, 0, 1, 100});
+  };
+  for (int trial = 0; trial < 3; ++trial) {
+    const SweepJob job = progress.next().value();
+    EXPECT_EQ(std::pair(job.trial, job.rung), std::pair(trial, 0));
+    progress.begin(job.trial, job.rung);
+  }
+  EXPECT_EQ(progress.open().size(), 6u) << "three trials with two seeds";
+  EXPECT_EQ(progress.open()[3], (SweepRun{1, 0, 2}));
+  run(0, 0, 0.2);
+  run(1, 0, 0.5);
+  EXPECT_EQ(progress.next()->trial, 3) << "one of two is not a third";
+  run(2, 0, 0.4);
+  // Of three the best goes on.
+  EXPECT_EQ(std::pair(progress.next()->trial, progress.next()->rung), std::pair(1, 1));
+  progress.begin(1, 1);
+  EXPECT_EQ(std::pair(progress.next()->trial, progress.next()->rung), std::pair(3, 0));
+  for (int trial = 3; trial < 9; ++trial) run(trial, 0, trial == 5 ? 0.9 : 0.1);
+  // Of nine three go on: 1, which has, 5 and 2.
+  EXPECT_EQ(progress.next()->trial, 5);
+  run(5, 1, 0.95);
+  EXPECT_EQ(progress.next()->trial, 2);
+  run(2, 1, 0.3);
+  EXPECT_FALSE(progress.next()) << "trial 1 is not done yet";
+  run(1, 1, 0.6);
+  EXPECT_EQ(std::pair(progress.next()->trial, progress.next()->rung), std::pair(5, 2));
+  run(5, 2, 0.99);
+  EXPECT_TRUE(progress.complete());
+  EXPECT_EQ(progress.ranking()[0], 5);
+  EXPECT_EQ(progress.ranking()[1], 1);
+  EXPECT_EQ(progress.ranking()[2], 2);
+}
+
+TEST(SweepHalving, OfFewTrialsTheBestGoesOnAndOneThatFailedNever) {
+  SweepProgress progress(halving_spec(), 2, 2);
+  for (const uint64_t seed : {1, 2}) progress.finish({0, 0, seed}, {0.3, 0, 1, 100});
+  EXPECT_EQ(progress.next()->trial, 1);
+  progress.finish({1, 0, 1}, {0.9, 0, 1, 100});
+  progress.finish({1, 0, 2}, {std::nullopt, 3, 1, 50});  // it diverged
+  EXPECT_FALSE(progress.value(1, 0));
+  EXPECT_EQ(std::pair(progress.next()->trial, progress.next()->rung), std::pair(0, 1));
+}
+
+TEST_F(Sweep, TheJournalLosesATornLineAndNothingElse) {
+  const fs::path file = folder_ / "sweep.jsonl";
+  {
+    SweepJournal journal(file);
+    journal.write({{"event", "begin"}, {"trial", 0}});
+    journal.write({{"event", "result"}, {"value", 0.1}});
+  }
+  std::ofstream(file, std::ios::app) << "{\"event\": \"resu";
+  {
+    SweepJournal journal(file);
+    ASSERT_EQ(journal.events().size(), 2u);
+    EXPECT_EQ(journal.events()[1].at("value"), 0.1);
+    journal.write({{"event", "begin"}, {"trial", 1}});
+  }
+  EXPECT_EQ(SweepJournal(file).events().size(), 3u);
+  write("sweep.jsonl", "{\"event\": \"begin\"}\n?\n{}\n");
+  EXPECT_THROW(SweepJournal{file}, InputError);
+}
+
+TEST(SweepAnalysis, InterquartileMeans) {
+  EXPECT_EQ(interquartile_mean({9}), 9);
+  EXPECT_EQ(interquartile_mean({0, 3, 6}), 3);
+  EXPECT_EQ(interquartile_mean({100, 1, 2, 3, 0}), 2) << "the least and the greatest of five are left out";
+  EXPECT_EQ(interquartile_mean({1, 2, 3, 4, 5, 6, 7, 800}), 4.5);
+  const Interval band = bootstrap_interval({0, 0, 0, 1, 1, 1});
+  EXPECT_LT(band.lo, 0.3);
+  EXPECT_GT(band.hi, 0.7);
+  const Interval same = bootstrap_interval({2, 2, 2});
+  EXPECT_EQ(same.lo, 2);
+  EXPECT_EQ(same.hi, 2);
+}
+
+TEST(SweepAnalysis, IntervalsOfMeans) {
+  // Mean 2, deviation 1, three values: 2 +- 4.303 / sqrt(3).
+  const Interval three = mean_interval({1, 2, 3});
+  EXPECT_NEAR(three.lo, 2 - 4.303 / std::sqrt(3), 1e-9);
+  EXPECT_NEAR(three.hi, 2 + 4.303 / std::sqrt(3), 1e-9);
+  EXPECT_EQ(mean_interval({5}).lo, 5);
+}
+
+TEST(SweepAnalysis, WhatAParameterExplains) {
+  // Two groups of two: 0, 0 and 1, 1. All of the spread lies between them.
+  EXPECT_EQ(explained_share({0, 0, 1, 1}, {0, 0, 1, 1}), 1);
+  EXPECT_EQ(explained_share({0, 1, 0, 1}, {0, 0, 1, 1}), 0) << "none of it";
+  // Total 5, within 2 x 0.5 = 1, between 4; less (2 - 1) x 1 / (4 - 2) = 0.5: 3.5 / 5.
+  EXPECT_NEAR(explained_share({0, 0, 1, 1}, {0, 1, 2, 3}), 0.7, 1e-12);
+  EXPECT_TRUE(std::isnan(explained_share({0, 0, 0}, {1, 2, 3})));
+  EXPECT_EQ(groups_of({"0.5", "0.1", "0.9", "0.2", "0.8", "0.3", "0.7", "0.4"}, 4),
+            (std::vector<size_t>{2, 0, 3, 0, 3, 1, 2, 1}));
+  EXPECT_EQ(groups_of({"gelu", "tanh", "gelu"}), (std::vector<size_t>{0, 1, 0}));
+  EXPECT_EQ(rank_correlation({"1", "10", "100"}, {0.1, 0.2, 0.9}), 1);
+  EXPECT_EQ(rank_correlation({"1", "10", "100"}, {9, 8, 7}), -1);
+  EXPECT_TRUE(std::isnan(rank_correlation({"a", "b"}, {1, 2})));
+}
+
+TEST_F(Sweep, TheWorstOfSeveralColumnsCountsByItsLastKnownValues) {
+  fs::create_directories(folder_ / "run");
+  write("run/metrics.csv", "update,agent_steps,seconds,a,b\n1,10,1,0.5,0.9\n2,20,2,,\n3,30,3,0.7,0.2\n4,40,4,,\n");
+  SweepSpec spec;
+  spec.metric = {"a", "b"};
+  EXPECT_EQ(metric_of_run(spec, folder_ / "run"), 0.2);
+  spec.last_values = 2;  // means 0.6 and 0.55
+  EXPECT_NEAR(metric_of_run(spec, folder_ / "run").value(), 0.55, 1e-12);
+  spec.goal = SweepGoal::minimize;
+  EXPECT_NEAR(metric_of_run(spec, folder_ / "run").value(), 0.6, 1e-12);
+  EXPECT_EQ(agent_steps_of_run(folder_ / "run"), 40);
+  EXPECT_EQ(agent_steps_of_run(folder_ / "nothing"), 0);
+  spec.metric = {"c"};
+  EXPECT_THROW(metric_of_run(spec, folder_ / "run"), InputError);
+}
+
+}  // namespace
+}  // namespace giga
