@@ -29,5 +29,7 @@ void add_config_command(CLI::App& app, Dispatch& dispatch);
 void add_bench_command(CLI::App& app, Dispatch& dispatch);
 void add_report_command(CLI::App& app, Dispatch& dispatch);
 void add_rate_command(CLI::App& app, Dispatch& dispatch);
+void add_record_command(CLI::App& app, Dispatch& dispatch);
+void add_picture_command(CLI::App& app, Dispatch& dispatch);
 
 }  // namespace giga
