@@ -5,8 +5,10 @@
 #include <limits>
 #include <utility>
 
+#include "apps/program_info.hpp"
 #include "core/error.hpp"
 #include "core/seeds.hpp"
+#include "eval/record.hpp"
 #include "math/wilson.hpp"
 #include "rollout/policy_controllers.hpp"
 
@@ -27,6 +29,13 @@ std::vector<TeamResult> evaluate(const LoadedRun& run, Device device, Learner& l
             {team, name_of(opponent), play_match(run.spec, std::move(learned), std::move(script), options)});
       }
   return results;
+}
+
+Replay record_games(const LoadedRun& run, Device device, Learner& learner) {
+  const auto updates = static_cast<uint64_t>(learner.updates_done());
+  const MatchOptions options{run.config.eval.record, seed_of(run.config.seed, Purpose::evaluation, updates), device,
+                             1};  // a few worlds
+  return record_teams(run, learner, options, program_version()).replay;
 }
 
 MetricsRow evaluation_metrics(const RunConfig& config, const std::vector<TeamResult>& results) {

@@ -6,6 +6,7 @@
 
 #include "eval/match.hpp"
 #include "io/metrics_csv.hpp"
+#include "io/replay.hpp"
 #include "learn/learner.hpp"
 
 namespace giga {
@@ -24,6 +25,9 @@ struct TeamResult {
 /// All learning teams of a run against all of its `eval.opponents`. The episodes depend on the seed of the run and on
 /// how many updates are done, so that each evaluation plays new ones.
 std::vector<TeamResult> evaluate(const LoadedRun& run, Device device, Learner& learner);
+
+/// `eval.record` games of the teams of a run against each other, from the starts of the evaluation.
+Replay record_games(const LoadedRun& run, Device device, Learner& learner);
 
 /// win_rate_T_vs_O, loss_rate_T_vs_O and mean_return_T_vs_O for teams T and opponents O; NaN for what has no result,
 /// so that the names are the same at each update.

@@ -21,12 +21,14 @@
 #include "core/error.hpp"
 #include "cuda/runtime.hpp"
 #include "cuda/sensors.hpp"
+#include "io/files.hpp"
 #include "io/host_info.hpp"
 #include "io/number.hpp"
 #include "io/progress.hpp"
 #include "io/state_hash.hpp"
 #include "io/tensorboard.hpp"
 #include "report/report.hpp"
+#include "watch/page.hpp"
 
 namespace giga {
 namespace {
@@ -115,6 +117,8 @@ class Training {
   std::string of_updates() const { return n_updates_ ? cat(" of ", *n_updates_) : ""; }
   void print_end() const;
   MetricsRow row(double seconds, double evaluation_seconds, const Metrics& metrics, bool evaluated) const;
+  void record();
+  void write_replays_page();
   void write_row(const MetricsRow& row, bool evaluated);
   void save(bool is_best);
   void show(const Metrics& metrics);
@@ -309,7 +313,12 @@ void Training::update() {
   double evaluation_seconds = 0;
   if (evaluates) {
     evaluates_ = true;
-    evaluation_seconds = timed([&] { work([&] { results_ = evaluate(run_, device_, *learner_); }); });
+    evaluation_seconds = timed([&] {
+      work([&] {
+        results_ = evaluate(run_, device_, *learner_);
+        if (config_.eval.record > 0) record();
+      });
+    });
     evaluates_ = false;
   }
   write_row(row(total_seconds(), evaluation_seconds, metrics, evaluates), evaluates);
@@ -330,6 +339,24 @@ void Training::update() {
   state_.time.evaluation += evaluation_seconds;
   state_.time.rest = watch_.seconds() - state_.time.rollout - state_.time.update - state_.time.evaluation;
   show(metrics);
+}
+
+/// Keeps games of the teams as they play now.
+void Training::record() {
+  folder_.save_replay(learner_->updates_done(), encode_replay(record_games(run_, device_, *learner_)));
+}
+
+/// The page of the replays: those of the last evaluation first, then earlier ones at even distances.
+void Training::write_replays_page() {
+  constexpr size_t kMost = 12;
+  const std::vector<std::filesystem::path> files = folder_.replays(learner_->updates_done());
+  if (files.empty()) return;
+  std::vector<std::string> shown;
+  const size_t count = std::min(kMost, files.size());
+  for (size_t k = 0; k < count; ++k)
+    shown.push_back(
+        read_file(files[count == 1 ? files.size() - 1 : (files.size() - 1) * (count - 1 - k) / (count - 1)]));
+  write_file(folder_.replays_page(), watch_page(shown, folder_.path().filename().string(), program_version()));
 }
 
 MetricsRow Training::row(double seconds, double evaluation_seconds, const Metrics& metrics, bool evaluated) const {
@@ -455,6 +482,7 @@ int Training::stop_early(int code) {
 
 void Training::write_final_report() {
   if (learner_->updates_done() == 0) return;  // no figures yet
+  write_replays_page();
   write_report({folder_.path()}, folder_.report_file(), list_fields<RunConfig>());
 }
 

@@ -109,6 +109,7 @@ void Game::play(int64_t n_steps) {
 /// What observers want of a step.
 GameStep Game::ask(int64_t t) const {
   GameStep step;
+  step.sim = &sim_;
   for (int team = 0; team < kNTeams; ++team) step.team[team].obs = seen_[team];
   for (GameObserver* observer : observers_) observer->before_step(t, step);
   return step;

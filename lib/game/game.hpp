@@ -35,6 +35,7 @@ struct GameStep {
     float *obs = nullptr, *final_obs = nullptr;
     ObservationSet wanted = {};  ///< written besides those that controllers read
   };
+  const Simulator* sim = nullptr;  ///< that plays
   StepIo io;                  ///< of the simulator; its actions are those of `team`, its observations those of `rows`
   TeamBuffers team[kNTeams];  ///< of the controllers
   Rows rows[kNTeams];         ///< that the step writes

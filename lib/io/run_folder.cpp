@@ -9,6 +9,7 @@
 
 #include "core/error.hpp"
 #include "io/files.hpp"
+#include "io/replay.hpp"
 #include "io/tensorboard.hpp"
 
 namespace giga {
@@ -17,6 +18,7 @@ namespace {
 
 constexpr const char* kCheckpoints = "checkpoints";
 constexpr const char* kBest = "best.h5";
+constexpr const char* kReplays = "replays";
 constexpr int kMostRuns = 100'000;
 
 [[noreturn]] void fail_to_create(const fs::path& path, const std::error_code& code) {
@@ -33,26 +35,32 @@ bool make_folder(const fs::path& path) {
   return made;
 }
 
+std::string name_of_update(int64_t updates, const char* ending) {
+  char name[64];
+  std::snprintf(name, sizeof name, "update_%08lld%s", static_cast<long long>(updates), ending);
+  return name;
+}
+
 /// Number in "update_00000100.h5"; -1 for other names.
-int64_t updates_of(const fs::path& file) {
-  static constexpr std::string_view kPrefix = "update_", kEnding = ".h5";
+int64_t updates_of(const fs::path& file, std::string_view ending = ".h5") {
+  static constexpr std::string_view kPrefix = "update_";
   const std::string name = file.filename().string();
-  if (name.size() <= kPrefix.size() + kEnding.size() || name.compare(0, kPrefix.size(), kPrefix) != 0 ||
-      name.compare(name.size() - kEnding.size(), kEnding.size(), kEnding) != 0)
+  if (name.size() <= kPrefix.size() + ending.size() || name.compare(0, kPrefix.size(), kPrefix) != 0 ||
+      name.compare(name.size() - ending.size(), ending.size(), ending) != 0)
     return -1;
-  const std::string digits = name.substr(kPrefix.size(), name.size() - kPrefix.size() - kEnding.size());
+  const std::string digits = name.substr(kPrefix.size(), name.size() - kPrefix.size() - ending.size());
   const bool number = std::all_of(digits.begin(), digits.end(), [](char c) { return c >= '0' && c <= '9'; });
   return number && digits.size() <= 18 ? std::stoll(digits) : -1;
 }
 
-/// The checkpoints in a folder, oldest first.
-std::vector<fs::path> checkpoints_in(const fs::path& folder) {
+/// The checkpoints in a folder, or the files of another ending, oldest first.
+std::vector<fs::path> checkpoints_in(const fs::path& folder, std::string_view ending = ".h5") {
   std::vector<fs::path> files;
   std::error_code code;
   for (const fs::directory_entry& entry : fs::directory_iterator(folder, code))
-    if (updates_of(entry.path()) >= 0) files.push_back(entry.path());
+    if (updates_of(entry.path(), ending) >= 0) files.push_back(entry.path());
   std::sort(files.begin(), files.end(),
-            [](const fs::path& a, const fs::path& b) { return updates_of(a) < updates_of(b); });
+            [=](const fs::path& a, const fs::path& b) { return updates_of(a, ending) < updates_of(b, ending); });
   return files;
 }
 
@@ -94,14 +102,15 @@ RunFolder RunFolder::open(const std::string& folder) {
   if (!fs::is_regular_file(fs::path(folder) / "config.yaml", code))
     throw InputError(cat(folder, " is not a run folder: it has no config.yaml"));
   RunFolder run(folder);
-  for (const fs::path& place : {run.path_, run.path_ / kCheckpoints}) remove_temporaries(place);
+  for (const fs::path& place : {run.path_, run.path_ / kCheckpoints, run.path_ / kReplays}) remove_temporaries(place);
   return run;
 }
 
 fs::path RunFolder::checkpoint_file(int64_t updates) const {
-  char name[48];
-  std::snprintf(name, sizeof name, "update_%08lld.h5", static_cast<long long>(updates));
-  return path_ / kCheckpoints / name;
+  return path_ / kCheckpoints / name_of_update(updates, ".h5");
+}
+fs::path RunFolder::replay_file(int64_t updates) const {
+  return path_ / kReplays / name_of_update(updates, kReplayEnding);
 }
 fs::path RunFolder::best_file() const { return path_ / kCheckpoints / kBest; }
 fs::path RunFolder::events_file() const { return path_ / kTensorBoardFile; }
@@ -124,6 +133,17 @@ void RunFolder::describe_resume(const std::string& config_yaml, const Json& info
   }
   write_file(file, json_text(info) + "\n");
   write_file(config_file(), config_yaml);
+}
+
+void RunFolder::save_replay(int64_t updates, const std::string& bytes) const {
+  make_folder(path_ / kReplays);
+  write_file(replay_file(updates), bytes);
+}
+
+std::vector<fs::path> RunFolder::replays(int64_t updates) const {
+  std::vector<fs::path> files = checkpoints_in(path_ / kReplays, kReplayEnding);
+  std::erase_if(files, [=](const fs::path& file) { return updates_of(file, kReplayEnding) > updates; });
+  return files;
 }
 
 void RunFolder::save(const Checkpoint& checkpoint, int keep, bool is_best) const {

@@ -19,11 +19,14 @@ namespace giga {
 /// log.txt          messages
 /// checkpoints/     update_NNNNNNNN.h5, best.h5
 /// report.html      curves and facts, written at the end
+/// replays/         update_NNNNNNNN.replay: games of each evaluation; replays.html shows some of them
 /// lock             while a process trains in it
 ///
 /// The folder is locked while this lives (RunLock).
 class RunFolder {
  public:
+  static constexpr const char* kReplaysPage = "replays.html";
+
   /// A new run in `folder`, which must not exist or be empty (InputError else); without one in runs/<name>, or where
   /// that is taken runs/<name>-NNN with the first number from 002 on that is free.
   static RunFolder create(const std::string& folder, const std::string& name);
@@ -38,6 +41,8 @@ class RunFolder {
   std::filesystem::path events_file() const;
   std::filesystem::path log_file() const { return path_ / "log.txt"; }
   std::filesystem::path report_file() const { return path_ / "report.html"; }
+  std::filesystem::path replay_file(int64_t updates) const;
+  std::filesystem::path replays_page() const { return path_ / kReplaysPage; }
   std::filesystem::path checkpoint_file(int64_t updates) const;
   std::filesystem::path best_file() const;
   const RunLock& lock() const { return lock_; }
@@ -48,6 +53,11 @@ class RunFolder {
                 const std::string& scenario_file_name = "") const;
   /// Writes config.yaml and resume_NNN.json.
   void describe_resume(const std::string& config_yaml, const Json& info) const;
+
+  /// Keeps a replay of the games after so many updates.
+  void save_replay(int64_t updates, const std::string& bytes) const;
+  /// The replays up to an update, oldest first.
+  std::vector<std::filesystem::path> replays(int64_t updates) const;
 
   /// Writes a checkpoint, also as the best one where it is that, then removes all but the newest `keep`.
   void save(const Checkpoint& checkpoint, int keep, bool is_best) const;

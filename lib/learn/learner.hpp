@@ -76,6 +76,8 @@ class Learner {
 
   /// The policy of a team; null where the team is scripted.
   virtual Actor* actor(int team) = 0;
+  /// What a checkpoint keeps of the critics, for those who look at games; nothing where there are none.
+  virtual void save_critics(NamedArrays& /*out*/) const {}
 
   /// Lets an observer see the games from which the learner learns. It must outlive the learner.
   virtual void watch(GameObserver& observer) = 0;

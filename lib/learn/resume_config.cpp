@@ -19,6 +19,7 @@ constexpr ResumeRule kMayChange[] = {
     {"device", "where it runs; another kind of device rounds in another way"},
     {"eval.every_updates", "how often it is evaluated"},
     {"eval.episodes", "and how thoroughly"},
+    {"eval.record", "and how many games it keeps"},
     {"checkpoint.every_updates", "how often it is saved"},
     {"checkpoint.keep", "how many are kept"},
     {"checkpoint.keep_best", "and whether the best one is"},

@@ -128,12 +128,17 @@ struct EvalConfig {
   int every_updates = 50;
   int episodes = 512;
   std::vector<Scripted> opponents = {Scripted::random, Scripted::circle};
+  int record = 2;
 };
 template <class V>
 void visit_fields(V& v, EvalConfig& c) {
   v("every_updates", c.every_updates, "updates between evaluations; 0 = only at the end", at_least(0));
   v("episodes", c.episodes, "episodes per side and opponent, new ones at each evaluation", range(1, 1'000'000));
   v("opponents", c.opponents, "scripted opponents to play against");
+  v("record", c.record,
+    "games of the two teams of the run that each evaluation keeps as a replay, in replays/; the page replays.html "
+    "shows them; 0 = none",
+    range(0, 1000));
 }
 
 struct CheckpointConfig {

@@ -1,15 +1,16 @@
 // Putting the page together.
 #include "report/report.hpp"
 
-#include <map>
 #include <nlohmann/json.hpp>
 #include <string_view>
 
 #include "chart/markup.hpp"
+#include "chart/page_template.hpp"
 #include "config/names.hpp"
 #include "core/error.hpp"
 #include "io/files.hpp"
 #include "io/host_info.hpp"
+#include "io/run_folder.hpp"
 #include "report/assets.hpp"
 #include "report/curves.hpp"
 #include "report/sections.hpp"
@@ -29,20 +30,6 @@ void replace_all(std::string& text, std::string_view from, std::string_view to) 
     text.replace(at, from.size(), to);
 }
 
-/// Puts texts in the places {{name}} of a template; what is put in is not looked at again.
-std::string fill(const std::string& page, const std::map<std::string, std::string>& texts) {
-  std::string out;
-  for (size_t at = 0;;) {
-    const size_t begin = page.find("{{", at), end = page.find("}}", begin);
-    out += page.substr(at, begin == std::string::npos ? begin : begin - at);
-    if (begin == std::string::npos) return out;
-    const auto text = texts.find(page.substr(begin + 2, end - begin - 2));
-    GIGA_CHECK(text != texts.end(), "page.html has a place ", page.substr(begin, end + 2 - begin));
-    out += text->second;
-    at = end + 2;
-  }
-}
-
 std::string page_title(const std::vector<RunGroup>& groups) {
   if (groups.size() == 1) return groups[0].label;
   return cat(groups.size(), " configurations compared");
@@ -57,13 +44,13 @@ std::string report_page(const std::vector<RunData>& runs, const std::vector<Fiel
   std::string written = utc_now();
   replace_all(written, "T", " ");
   replace_all(written, "Z", " UTC");
-  return fill(asset("page.html"), {{"title", escaped(page_title(groups))},
-                                   {"written", written},
-                                   {"colour", groups.size() < 3 ? "team" : "group"},
-                                   {"style", asset("page.css")},
-                                   {"sections", first_section + page_sections(groups, keys)},
-                                   {"data", json_text(group_axes(groups))},
-                                   {"script", asset("chart.js") + asset("page.js")}});
+  return fill_template(asset("page.html"), {{"title", escaped(page_title(groups))},
+                                            {"written", written},
+                                            {"colour", groups.size() < 3 ? "team" : "group"},
+                                            {"style", asset("page.css")},
+                                            {"sections", first_section + page_sections(groups, keys)},
+                                            {"data", json_text(group_axes(groups))},
+                                            {"script", asset("chart.js") + asset("page.js")}});
 }
 
 std::vector<std::string> write_report(const std::vector<fs::path>& runs, const fs::path& out,
@@ -78,6 +65,9 @@ std::vector<std::string> write_report(const std::vector<fs::path>& runs, const f
     }
     try {
       all.push_back(read_run(runs[k]));
+      const fs::path page = fs::absolute(runs[k]) / RunFolder::kReplaysPage;
+      if (fs::exists(page))
+        all.back().replays = page.lexically_relative(fs::absolute(out).parent_path()).generic_string();
     } catch (const InputError& e) {
       if (runs.size() == 1) throw;
       left_out.emplace_back(e.what());

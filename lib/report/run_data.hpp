@@ -41,6 +41,7 @@ struct RunData {
   Node info;         ///< run.json
   MetricsTable metrics;
   std::optional<RatingData> ratings;
+  std::string replays;  ///< where the page of its replays is, as a link of the report; empty: there is none
 };
 
 /// Reads a run folder. A run that still goes on is fine: a last line that is not complete is left out. Throws

@@ -3,9 +3,12 @@
 
 #include <algorithm>
 #include <array>
+#include <cctype>
 #include <cmath>
 #include <cstdio>
+#include <iterator>
 #include <nlohmann/json.hpp>
+#include <string_view>
 #include <utility>
 
 #include "chart/curve_plot.hpp"
@@ -289,6 +292,34 @@ void write_section(Markup& page, const std::string& title, const std::string& no
   write();
 }
 
+/// A path as a link: what is no plain character, as %20.
+std::string url_path(const std::string& path) {
+  static constexpr char kHex[] = "0123456789ABCDEF";
+  std::string url;
+  for (const char c : path) {
+    const auto byte = static_cast<unsigned char>(c);
+    const bool plain = std::isalnum(byte) || std::string_view("/._-~").find(c) != std::string_view::npos;
+    url += plain ? std::string(1, c) : std::string{'%', kHex[byte >> 4], kHex[byte & 15]};
+  }
+  return url;
+}
+
+/// Links to the pages of replays beside the report.
+void write_replays(Markup& page, const std::vector<RunGroup>& groups) {
+  std::vector<const RunData*> runs;
+  for (const RunGroup& group : groups)
+    std::copy_if(group.runs.begin(), group.runs.end(), std::back_inserter(runs),
+                 [](const RunData* run) { return !run->replays.empty(); });
+  if (runs.empty()) return;
+  write_section(page, "Replays", "Games of the teams against each other, as they played at evaluations.", false, [&] {
+    const auto list = page.open("ul", {{"class", "readings"}});
+    for (const RunData* run : runs) {
+      const auto item = page.open("li");
+      page.element("a", runs.size() > 1 ? "watch " + run->name : "watch the games", {{"href", url_path(run->replays)}});
+    }
+  });
+}
+
 }  // namespace
 
 std::string page_sections(const std::vector<RunGroup>& groups, const std::vector<FieldInfo>& keys) {
@@ -305,6 +336,7 @@ std::string page_sections(const std::vector<RunGroup>& groups, const std::vector
       write_section(page, title, rating_note(*run->ratings), false,
                     [&] { write_rating_section(page, *run->ratings, title); });
     }
+  write_replays(page, groups);
   bool first = true;
   for (const ChartSection& section : choose_charts(columns_of(groups)))
     write_section(page, section.title, section.note, section.folded, [&] {

@@ -1,15 +1,13 @@
 // The page in a real browser: every chart is drawn, pointer, zoom and controls work, nothing goes wrong.
 #include <gtest/gtest.h>
-#include <sys/wait.h>
 
 #include <algorithm>
-#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 
 #include "config/document.hpp"
+#include "io/browser.hpp"
 #include "io/files.hpp"
-#include "io/shell_word.hpp"
 #include "io/temporary_folder.hpp"
 #include "report/report.hpp"
 #include "support/source.hpp"
@@ -17,25 +15,6 @@
 
 namespace giga::test {
 namespace {
-
-int shell(const std::string& command) {
-  const int status = std::system(command.c_str());
-  return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-}
-
-/// A Chromium that starts; "" where there is none. (Where the system's package is a snap, the command is there but
-/// fails.)
-std::string find_browser() {
-  for (const char* name : {"chromium", "chromium-browser", "google-chrome"})
-    if (shell(std::string("timeout 60 ") + name + " --version >/dev/null 2>&1") == 0) return name;
-  return "";
-}
-
-void replace(std::string& text, const std::string& from, const std::string& to) {
-  const size_t at = text.find(from);
-  GIGA_CHECK(at != std::string::npos, "no '", from, "'");
-  text.replace(at, from.size(), to);
-}
 
 class ReportInBrowser : public ::testing::Test {
  protected:
@@ -55,29 +34,10 @@ class ReportInBrowser : public ::testing::Test {
 
   /// What browser_check.js saw in the report of the runs.
   Document use_report(const std::string& options) {
-    const std::filesystem::path page = folder_ / "page.html", dom = folder_ / "dom.html", log = folder_ / "browser.log";
+    const std::filesystem::path page = folder_ / "report.html";
     write_report(runs_, page, {});
-    std::string text = read_file(page);
-    replace(text, "<body>",
-            "<body><script>const problems = []; addEventListener('error', e => problems.push(e.message));"
-            "addEventListener('securitypolicyviolation', e => problems.push(e.blockedURI));</script>");
-    const std::string check = read_file(source_path("tests/report/browser_check.js"));
-    replace(text, "</body>", "<script>" + check + "</script></body>");
-    std::ofstream(page, std::ios::binary) << text;
-
-    const std::string command = "timeout 120 " + browser_ +
-                                " --headless=new --no-sandbox --disable-gpu --window-size=1280,1600"
-                                " --virtual-time-budget=20000 --enable-logging=stderr --dump-dom " +
-                                options + " --user-data-dir=" + shell_word((folder_ / "profile").string()) + " " +
-                                shell_word("file://" + page.string()) + " >" + shell_word(dom.string()) + " 2>" +
-                                shell_word(log.string()) + " </dev/null";
-    EXPECT_EQ(shell(command), 0) << read_file(log);
-    EXPECT_EQ(read_file(log).find("CONSOLE"), std::string::npos) << read_file(log);
-    const std::string drawn = read_file(dom), start = "<pre id=\"outcome\">";
-    const size_t begin = drawn.rfind(start);
-    GIGA_CHECK(begin != std::string::npos, "the page's check did not come to its end: ", read_file(log));
-    const size_t end = drawn.find("</pre>", begin);
-    return parse_yaml_text(drawn.substr(begin + start.size(), end - begin - start.size()), "outcome");
+    return use_page(browser_, read_file(page), read_file(source_path("tests/report/browser_check.js")), folder_.path(),
+                    "--window-size=1280,1600 " + options);
   }
 
   /// Gives a run pictures, 321 pixels wide along agent-steps, 322 along time and 323 along neither, which would change

@@ -43,6 +43,7 @@ class Mappo final : public Learner {
   int64_t agent_steps_done() const override { return updates_ * sim_->agents_per_step() * config_.mappo.horizon; }
   Actor* actor(int team) override { return team_[team] ? &team_[team]->actor() : nullptr; }
   void watch(GameObserver& observer) override { collector_->watch(observer); }
+  void save_critics(NamedArrays& out) const override;
   void save(NamedArrays& out) const override;
   void load(const NamedArrays& in) override;
   std::optional<Divergence> divergence() const override { return divergence_; }
@@ -331,6 +332,11 @@ Metrics Mappo::metrics(double factor) {
     step_back_->add_metrics(out);
   }
   return out;
+}
+
+void Mappo::save_critics(NamedArrays& out) const {
+  for (int team = 0; team < kNTeams; ++team)
+    if (team_[team]) team_[team]->save_critic(cat("team_", team, "/"), out);
 }
 
 void Mappo::save(NamedArrays& out) const {

@@ -345,6 +345,11 @@ void PpoTeam::update_normalizer(const Rollout& rollout) {
 
 // ---- Checkpoints ----------------------------------------------------------------------------------------------------
 
+void PpoTeam::save_critic(const std::string& prefix, NamedArrays& out) const {
+  critic_.parameters().save(prefix + "critic/", out);
+  value_norm_.save(prefix + "value_norm/", out);
+}
+
 void PpoTeam::save(const std::string& prefix, NamedArrays& out) const {
   actor_.save(prefix + "actor/", out);
   critic_.parameters().save(prefix + "critic/", out);

@@ -71,6 +71,7 @@ class PpoTeam {
   /// Everything that is learned from in these states.
   void save_batch(const Rollout& rollout, const at::Tensor& states, NamedArrays& out) const;
 
+  void save_critic(const std::string& prefix, NamedArrays& out) const;
   void save(const std::string& prefix, NamedArrays& out) const;
   void load(const std::string& prefix, const NamedArrays& in);
 

@@ -8,6 +8,7 @@
 #include "export/export.hpp"
 #include "io/run_folder.hpp"
 #include "learn/players/policies.hpp"
+#include "learn/players/value_function.hpp"
 #include "policy/actor.hpp"
 
 namespace giga {
@@ -46,6 +47,8 @@ class Player::Exported {
   Exported(ExportedPolicy found, Device device) : found_(std::move(found)), device_(device) {}
 
   const ExportedPolicy& found() const { return found_; }
+  /// That was read last; null before.
+  const Policy* policy() const { return read_.policy.get(); }
   const ReadPolicy& policy_for(const SimSpec& spec) {
     PolicyInterface wanted = interface_of(spec);
     if (read_.policy && made_for_.fits(wanted)) return read_;
@@ -103,7 +106,12 @@ Player Player::of_checkpoint(const FoundCheckpoint& found, const PlayerOptions& 
   Player player;
   player.name_ = origin->file;
   player.greedy_ = options.greedy;
-  for (int team = 0; team < kNTeams; ++team) player.policy_[team] = std::move(loaded.actor[team]);
+  for (int team = 0; team < kNTeams; ++team) {
+    if (loaded.actor[team])
+      player.values_[team] =
+          ValueFunction::load(origin->run, team, checkpoint.arrays, *loaded.actor[team], options.device);
+    player.policy_[team] = std::move(loaded.actor[team]);
+  }
   player.origin_ = std::move(origin);
   return player;
 }
@@ -121,6 +129,13 @@ std::unique_ptr<TeamController> Player::controller(int side, const SimSpec& spec
   if (!exported_) return checkpoint_controller(side, spec);
   const ReadPolicy& read = exported_->policy_for(seen_by(spec));
   return policy_controller(*read.policy, greedy_ || read.greedy);
+}
+
+Mind Player::mind(int side, const SimSpec& spec) const {
+  if (exported_) return {exported_->policy(), nullptr};
+  const ValueFunction* values = values_[side].get();
+  if (values && values->needs_state() && origin_->run.spec.state_size() != spec.state_size()) values = nullptr;
+  return {policy_[side].get(), values};
 }
 
 std::unique_ptr<TeamController> Player::checkpoint_controller(int side, const SimSpec& spec) const {

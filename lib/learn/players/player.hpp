@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "core/memory.hpp"
+#include "eval/recorder.hpp"
 #include "learn/run_config.hpp"
 #include "rollout/policy_controllers.hpp"
 
@@ -60,6 +61,9 @@ class Player {
   /// other observations or actions. Throws InputError where can_play is false, or the scenario's observations or
   /// actions are not those of the policy.
   std::unique_ptr<TeamController> controller(int side, const SimSpec& spec);
+  /// The networks behind that controller, for recorders; nothing of scripts. No critic where it was trained to read the
+  /// true state of another scenario.
+  Mind mind(int side, const SimSpec& spec) const;
 
  private:
   class Exported;
@@ -68,7 +72,8 @@ class Player {
   std::string name_;
   bool greedy_ = false;
   std::optional<Scripted> script_;
-  std::shared_ptr<const Policy> policy_[kNTeams];  // by team, of checkpoints; null where the team was scripted
+  std::shared_ptr<const Policy> policy_[kNTeams];         // by team, of checkpoints; null where the team was scripted
+  std::shared_ptr<const ValueFunction> values_[kNTeams];  // likewise; null where it had no critic
   std::shared_ptr<Exported> exported_;
   std::shared_ptr<const Origin> origin_;
 };

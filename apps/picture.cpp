@@ -1,0 +1,90 @@
+// gigastep picture: the paths of a replay's games as a picture, or a game as a film.
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <filesystem>
+#include <iostream>
+
+#include "apps/commands.hpp"
+#include "core/error.hpp"
+#include "io/files.hpp"
+#include "watch/film.hpp"
+#include "watch/trajectories.hpp"
+
+namespace giga {
+namespace {
+namespace fs = std::filesystem;
+
+struct PictureOptions {
+  std::string replay, out, film;
+  FilmOptions how;
+};
+
+void write_picture(const Replay& replay, const fs::path& out) {
+  if (out.extension() == ".svg") return write_file(out, trajectories_svg(replay));
+  if (out.extension() == ".png") return write_file(out, encode_png(trajectories_pixels(replay)));
+  throw InputError(cat("--out ", out.string(), ": the ending says what is written: .svg or .png"));
+}
+
+/// Ten steps are a second.
+void write_film(const Replay& replay, const PictureOptions& o) {
+  const fs::path out = o.film;
+  const int length = film_length(replay, o.how);
+  if (out.extension() == ".gif") {
+    const Canvas first = film_picture(replay, o.how, 0);
+    Gif gif(first.width(), first.height(), 10 * o.how.every);
+    for (int k = 0; k < length; ++k) gif.add(film_picture(replay, o.how, k));
+    return write_file(out, gif.finish());
+  }
+  if (!out.extension().empty())
+    throw InputError(cat("--film ", o.film, ": a name that ends in .gif, or of a folder for a sequence of PNG files"));
+  fs::create_directories(out);
+  for (int k = 0; k < length; ++k) {
+    char name[32];
+    std::snprintf(name, sizeof name, "%05d.png", k);
+    write_file(out / name, encode_png(film_picture(replay, o.how, k)));
+  }
+}
+
+void make(const PictureOptions& o) {
+  if (o.out.empty() && o.film.empty()) throw InputError("--out or --film says what to write");
+  const Replay replay = decode_replay(read_file(o.replay), o.replay);
+  if (replay.episodes.empty()) throw InputError(o.replay + " has no episodes");
+  if (!o.out.empty()) {
+    write_picture(replay, o.out);
+    std::cout << o.out << std::endl;
+  }
+  if (!o.film.empty()) {
+    write_film(replay, o);
+    std::cout << o.film << ": " << film_length(replay, o.how) << " pictures" << std::endl;
+  }
+}
+
+}  // namespace
+
+void add_picture_command(CLI::App& app, Dispatch& dispatch) {
+  CLI::App* command = app.add_subcommand("picture", "draw the games of a replay: their paths, or a film");
+  auto options = std::make_shared<PictureOptions>();
+  command->add_option("REPLAY", options->replay, "file that `gigastep record` wrote")->required()->type_name("");
+  command->add_option("--out", options->out, "the paths of all episodes, as .svg or .png")->type_name("FILE");
+  command->add_option("--film", options->film, "one episode as .gif, or a folder of PNG files")->type_name("FILE|DIR");
+  command->add_option("--episode", options->how.episode, "of the film, counted from 0")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str()
+      ->type_name("K");
+  command->add_option("--size", options->how.side, "of the film: pixels of the longer side of the world")
+      ->check(CLI::Range(50, 4000))
+      ->capture_default_str()
+      ->type_name("N");
+  command->add_option("--every", options->how.every, "of the film: steps from one picture to the next")
+      ->check(CLI::Range(1, 1000))
+      ->capture_default_str()
+      ->type_name("N");
+  command->footer(
+      "Examples:\n"
+      "  gigastep picture game.replay --out trajectories.svg\n"
+      "  gigastep picture game.replay --film game.gif --episode 2\n"
+      "  gigastep picture game.replay --film frames --every 1 --size 1080");
+  command->callback([options, &dispatch] { dispatch.run = [options] { make(*options); }; });
+}
+
+}  // namespace giga

@@ -1,0 +1,123 @@
+#!/usr/bin/env python3
+"""Reads replays of gigastep with nothing but Python's standard library; docs/replays.md says what is in them.
+
+  python3 examples/read_replay.py game.replay       what happened, in words
+
+As a module: `replay = read_replay("game.replay")`; replay["episodes"][0].x[agent][state] and so on."""
+
+import array
+import itertools
+import json
+import math
+import sys
+import zlib
+
+FORMAT = 1
+STATES = (("x", 2), ("y", 2), ("z", 1), ("heading", 1), ("speed", 1), ("health", 1))  # name, order of differences
+
+
+class Bits:
+    """Bits [pairs, states]."""
+
+    def __init__(self, data, states):
+        self.data, self.row = data, (states + 7) // 8
+
+    def at(self, pair, state):
+        return self.data[pair * self.row + state // 8] >> (state % 8) & 1
+
+
+class Episode:
+    """Everything of one episode: `head` of the header, states by agent, actions, bits, and what the networks said."""
+
+    def __init__(self, replay, head, take):
+        n, steps = len(replay["agents"]), head["steps"]
+        self.teams = [sum(a["team"] == team for a in replay["agents"]) for team in (0, 1)]
+        self.head, self.states = head, steps + 1
+        place = max(replay["rules"]["limit_x"], replay["rules"]["limit_y"]) / 5000
+        unit = {"x": place, "y": place, "z": 0.02, "heading": 2 * math.pi / 65536, "speed": 0.05, "health": 0.01}
+        for name, order in STATES:
+            rows = self.columns(take(2 * n * self.states), n, order)
+            setattr(self, name, [[unit[name] * number for number in row] for row in rows])
+        discrete = replay["actions"] == "discrete"
+        actions = take(n * steps * (1 if discrete else 12))
+        if zlib.crc32(actions, zlib.crc32(replay["seed"].encode())) != head["action_check"]:
+            raise ValueError("the actions do not have their checksum")
+        numbers = actions if discrete else array.array("f", actions)
+        width = len(numbers) // n
+        self.action = [numbers[i * width:(i + 1) * width] for i in range(n)]  # continuous: three numbers a step
+        opponents = 2 * self.teams[0] * self.teams[1] * ((self.states + 7) // 8)
+        mates = sum(m * (m - 1) for m in self.teams) * ((self.states + 7) // 8) if n <= 64 else 0
+        self.sees, self.fires, self.hears = (Bits(take(size), self.states) for size in (opponents, opponents, mates))
+        self.value, self.likely, self.probability = [], [], []
+        for team, m in enumerate(self.teams):
+            mind = head[f"mind_{team}"]
+            low, high, rows = mind["low"], mind["high"], m * self.states
+            scale = (high - low) / 255
+            values = self.cut([low + scale * v for v in take(rows if low < high else 0)])
+            self.value.append(values)  # [n][states], or nothing
+            self.likely.append(self.cut(take(rows * (mind["top"] if discrete else 3 * mind["top"]))))
+            self.probability.append(self.cut([v / 63 for v in take(rows * mind["top"] if discrete else 0)]))
+
+    def cut(self, numbers):
+        return [numbers[k:k + self.states] for k in range(0, len(numbers), self.states)]
+
+    def columns(self, data, n, order):
+        """Low bytes, then high bytes, of differences folded to 0, -1, 1, -2, 2, ..."""
+        half = len(data) // 2
+        folded = [low | high << 8 for low, high in zip(data[:half], data[half:])]
+        apart = [-(f + 1) // 2 if f & 1 else f // 2 for f in folded]
+        for row in self.cut(apart):
+            if order == 2:
+                row = row[:1] + list(itertools.accumulate(row[1:]))
+            yield [(v + 32768) % 65536 - 32768 for v in itertools.accumulate(row)]
+
+    def sees_pair(self, target, opponent):
+        """Number of a pair in `sees` and `fires`: is the target detected by, or under fire of, the opponent?"""
+        n0, n1 = self.teams
+        return target * n1 + opponent - n0 if target < n0 else n0 * n1 + (target - n0) * n0 + opponent
+
+    def hears_pair(self, listener, mate):
+        """Number of a pair in `hears`: does the listener hear its mate?"""
+        team = int(listener >= self.teams[0])
+        first, n = team * self.teams[0], self.teams[team]
+        row = (listener - first) * (n - 1) + mate - first - (mate > listener)
+        return row + (self.teams[0] * (self.teams[0] - 1) if team else 0)
+
+
+def read_replay(path):
+    with open(path, "rb") as file:
+        line, rest = file.readline(), file.read()
+    if line != b"gigastep replay %d\n" % FORMAT:
+        raise ValueError(f"{path} is no replay of format {FORMAT}")
+    raw = memoryview(zlib.decompress(rest))
+    at = 4 + int.from_bytes(raw[:4], "little")
+    replay = json.loads(bytes(raw[4:at]))
+
+    def take(size):
+        nonlocal at
+        at += size
+        if at > len(raw):
+            raise ValueError(f"{path} holds less than it says")
+        return bytes(raw[at - size:at])
+
+    replay["episodes"] = [Episode(replay, head, take) for head in replay["episodes"]]
+    return replay
+
+
+def main(path):
+    replay = read_replay(path)
+    print(f"{replay['players'][0]} against {replay['players'][1]} in {replay['scenario_name']}")
+    for k, episode in enumerate(replay["episodes"]):
+        head = episode.head
+        print(f"episode {k}: {head['steps']} steps on {replay['maps'][head['map']]['name']}, winner: {head['winner']}")
+        for event in head["events"]:
+            if event["what"] in ("death", "collected"):
+                i, t = event["agent"], event["step"]
+                how = f" of {head['cause'][i]}" if event["what"] == "death" else ""
+                by = f" by agent {event['other']}" if event["other"] >= 0 else ""
+                print(f"  step {t:4}: {event['what']} of agent {i}{how}{by} at "
+                      f"({episode.x[i][t]:.2f}, {episode.y[i][t]:.2f}), altitude {episode.z[i][t]:.1f}")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])

@@ -1,0 +1,406 @@
+#include "eval/recorder.hpp"
+
+#include <torch/types.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <numbers>
+#include <utility>
+
+#include "core/error.hpp"
+#include "learn/players/value_function.hpp"
+#include "math/distributions.hpp"
+#include "policy/policy.hpp"
+#include "rollout/tensors.hpp"
+#include "sim/row_layout.hpp"
+#include "sim/state_observation.hpp"
+
+namespace giga {
+namespace {
+
+int16_t whole_multiple(float value, float unit) {
+  const float count = std::round(value / unit);
+  return static_cast<int16_t>(std::clamp(count, -32768.0f, 32767.0f));  // a NaN cannot come from a simulator
+}
+
+/// Every 64th of 65,536 headings of a turn, going round.
+int16_t heading_number(float heading) {
+  constexpr double kPerRadian = 1024 / (2 * std::numbers::pi);
+  const auto at = static_cast<int64_t>(std::lround(static_cast<double>(heading) * kPerRadian));
+  return static_cast<int16_t>(static_cast<uint16_t>(at * 64));
+}
+
+/// [rows, columns] of [columns, rows].
+template <class T>
+std::vector<T> transposed(const std::vector<T>& from, size_t columns, size_t rows) {
+  std::vector<T> to(from.size());
+  for (size_t c = 0; c < columns; ++c)
+    for (size_t r = 0; r < rows; ++r) to[r * columns + c] = from[c * rows + r];
+  return to;
+}
+
+bool bit(const uint32_t* words, int k) { return words[k / 32] >> (k & 31) & 1u; }
+
+ReplayDeath death_of(Death death) { return static_cast<ReplayDeath>(death); }
+static_assert(static_cast<int>(ReplayDeath::out_of_bounds) == static_cast<int>(Death::out_of_bounds));
+
+/// The likeliest actions of rows of logits, and their probabilities in units of 1 / 63.
+void note_likely(const float* logits, std::vector<uint8_t>& likely, std::vector<uint8_t>& probability) {
+  std::array<std::pair<float, uint8_t>, kNDiscreteActions> order;
+  float sum = 0;
+  const float top = *std::max_element(logits, logits + kNDiscreteActions);
+  for (uint8_t k = 0; k < kNDiscreteActions; ++k) {
+    order[k] = {-std::exp(logits[k] - top), k};
+    sum -= order[k].first;
+  }
+  std::partial_sort(order.begin(), order.begin() + kLikelyActions, order.end());
+  for (size_t k = 0; k < kLikelyActions; ++k) {
+    likely.push_back(order[k].second);
+    probability.push_back(static_cast<uint8_t>(std::lround(-order[k].first / sum * 63)));
+  }
+}
+
+}  // namespace
+
+/// Bits of pairs over states, of which `most` may come.
+class Recorder::PairBits {
+ public:
+  PairBits() = default;
+  PairBits(int64_t pairs, int64_t most) : row_((most + 7) / 8), bytes_(static_cast<size_t>(pairs * row_)) {}
+
+  void set(int64_t pair, int64_t state) {
+    bytes_[static_cast<size_t>(pair * row_ + state / 8)] |= static_cast<uint8_t>(1u << (state & 7));
+  }
+  /// [pairs, states] with rows of whole bytes.
+  std::vector<uint8_t> cut(int64_t states) const {
+    const int64_t row = (states + 7) / 8;
+    std::vector<uint8_t> out;
+    for (size_t at = 0; at < bytes_.size(); at += static_cast<size_t>(row_))
+      out.insert(out.end(), bytes_.begin() + static_cast<std::ptrdiff_t>(at),
+                 bytes_.begin() + static_cast<std::ptrdiff_t>(at) + row);
+    return out;
+  }
+
+ private:
+  int64_t row_ = 0;
+  std::vector<uint8_t> bytes_;
+};
+
+/// What is known of one world so far. Histories are [states, agents] until the end.
+struct Recorder::World {
+  World(const SimParams& p, int64_t most_states)
+      : pairs(p.n_team[0], p.n_team[1]),
+        died(static_cast<size_t>(p.n_agents), -1),
+        cause(died.size()),
+        sees(pairs.n_opponents(), most_states),
+        fires(pairs.n_opponents(), most_states),
+        hears(p.n_agents <= kMostListeners ? pairs.n_mates() : 0, most_states) {}
+
+  void note(const SimSpec& spec, const WorldView& w, float place_unit);
+  void note_waypoints(const SimParams& p, const WorldView& w);
+  void event(ReplayEventKind what, int agent = -1, int other = -1) { events.push_back({states, what, agent, other}); }
+
+  ReplayPairs pairs;
+  bool over = false;
+  int states = 0, map = 0;
+  uint32_t check = 0;
+  std::vector<int16_t> x, y, z, heading, speed, health;
+  std::vector<uint8_t> action;  // [T, N, bytes of one]
+  std::vector<int> died;
+  std::vector<ReplayDeath> cause;
+  std::vector<ReplayEvent> events;
+  std::vector<ReplayWaypoint> waypoints;
+  PairBits sees, fires, hears;
+  bool contact[kNTeams] = {};
+  float score[kNTeams] = {}, returns[kNTeams] = {};
+  bool at_time_limit = false;
+  ReplayEnd winner = ReplayEnd::tie;
+  std::vector<float> values[kNTeams];                          // [states, n]
+  std::vector<uint8_t> likely[kNTeams], probability[kNTeams];  // [states, n, K]
+};
+
+/// One more state.
+void Recorder::World::note(const SimSpec& spec, const WorldView& w, float place_unit) {
+  const SimParams& p = spec.params;
+  const int n = p.n_agents, words = words_for(n);
+  const auto add_check = [&](const auto* field) {
+    check = crc32_of({reinterpret_cast<const char*>(field), static_cast<size_t>(n) * sizeof *field}, check);
+  };
+  for (const float* field : {w.x, w.y, w.z, w.v, w.heading, w.health}) add_check(field);
+  add_check(w.alive);
+  map = *w.map;
+  for (int i = 0; i < n; ++i) {
+    x.push_back(whole_multiple(w.x[i], place_unit));
+    y.push_back(whole_multiple(w.y[i], place_unit));
+    z.push_back(whole_multiple(w.z[i], kReplayAltitude));
+    heading.push_back(heading_number(w.heading[i]));
+    speed.push_back(whole_multiple(w.v[i], kReplaySpeed));
+    health.push_back(whole_multiple(w.health[i], kReplayHealth));
+  }
+  for (int a = 0; a < n; ++a) {
+    int shooter = -1;
+    for (int b = 0; b < n; ++b) {
+      if (p.team_of(a) == p.team_of(b)) {
+        // What an agent sees of its own team is whom it hears (rules 6). The dead say nothing of interest.
+        if (a != b && n <= kMostListeners && w.alive[a] && bit(w.seen + int64_t{a} * words, b))
+          hears.set(pairs.mates(a, b), states);
+        continue;
+      }
+      const int tracked = w.tracked[int64_t{a} * n + b];
+      if (tracked > 0) fires.set(pairs.opponents(a, b), states);
+      if (tracked == p.min_tracking_time + 1) event(ReplayEventKind::hit, b, a);
+      if (tracked > p.min_tracking_time) shooter = b;
+      if (!bit(w.detected + int64_t{a} * words, b)) continue;
+      sees.set(pairs.opponents(a, b), states);
+      if (!std::exchange(contact[p.team_of(b)], true)) event(ReplayEventKind::contact, b, a);
+    }
+    const auto k = static_cast<size_t>(a);
+    if (w.alive[a] || died[k] >= 0) continue;
+    died[k] = states;
+    cause[k] = death_of(w.death[a]);
+    event(ReplayEventKind::death, a, w.death[a] == Death::damage ? shooter : -1);
+  }
+  over = *w.phase == Phase::waits;
+  const auto stat = [&](EpisodeStat s) { return w.stats[static_cast<int>(s)]; };
+  for (int team = 0; team < kNTeams; ++team) {
+    const float now = over ? stat(of_team(EpisodeStat::score_0, team)) : w.score[team];
+    returns[team] = stat(of_team(EpisodeStat::return_0, team));
+    for (int i = 0; now > score[team] && !waypoints.empty() && i < n; ++i) {
+      const ReplayWaypoint& last = waypoints.back();
+      if (p.team_of(i) != team || w.x[i] < last.x1 || w.x[i] > last.x2 || w.y[i] < last.y1 || w.y[i] > last.y2)
+        continue;
+      event(ReplayEventKind::collected, i);
+      break;
+    }
+    score[team] = now;
+  }
+  note_waypoints(p, w);
+  if (over) {
+    at_time_limit = stat(EpisodeStat::truncated) > 0;
+    winner = stat(EpisodeStat::wins_0) > 0   ? ReplayEnd::team_0
+             : stat(EpisodeStat::wins_1) > 0 ? ReplayEnd::team_1
+                                             : ReplayEnd::tie;
+  }
+  ++states;
+}
+
+void Recorder::World::note_waypoints(const SimParams& p, const WorldView& w) {
+  if (!p.waypoints || !(*w.waypoint_time > 0)) return;
+  const float* at = w.waypoint;
+  const bool same = !waypoints.empty() && waypoints.back().to == states - 1 && waypoints.back().x1 == at[0] &&
+                    waypoints.back().y1 == at[1];
+  if (!same) {
+    waypoints.push_back({states, states, at[0], at[1], at[2], at[3]});
+    event(ReplayEventKind::waypoint);
+  }
+  waypoints.back().to = states;
+}
+
+Recorder::Recorder(const SimSpec& spec, const Minds& minds) : spec_(spec.with_time_limit()), minds_(minds) {
+  for (int i = 0; i < spec_.params.n_agents; ++i)
+    GIGA_CHECK(spec_.params.team_of(i) == (i < spec_.params.n_team[0] ? 0 : 1), "agent ", i, " of another team");
+}
+
+Recorder::~Recorder() = default;
+
+void Recorder::before_step(int64_t, GameStep& step) {
+  bool needs_state = false;
+  for (int team = 0; team < kNTeams; ++team) {
+    const Mind& mind = minds_[static_cast<size_t>(team)];
+    if (mind.policy) step.rows[team].wanted |= mind.policy->reads();
+    if (mind.values) step.rows[team].wanted |= mind.values->reads();
+    needs_state = needs_state || (mind.values && mind.values->needs_state());
+  }
+  if (!needs_state) return;
+  const Simulator& sim = *step.sim;
+  const auto size = static_cast<size_t>(sim.n_worlds()) * static_cast<size_t>(spec_.state_size());
+  if (true_state_.size() == 0) true_state_ = Buffer<float>(sim.memory(), size);
+  void*& rows = step.io.world[Observation::state].rows;
+  if (!rows) rows = true_state_.data();
+}
+
+void Recorder::after_step(int64_t t, const GameStep& step) {
+  const Simulator& sim = *step.sim;
+  if (t < 0) {
+    GIGA_CHECK(sim.options().on_done == OnDone::freeze && sim.options().episodes == 1, "this is no match");
+    const int64_t most = spec_.params.max_episode_length + 1;
+    worlds_.assign(static_cast<size_t>(sim.n_worlds()), World(spec_.params, most));
+  } else {
+    note_actions(step);
+  }
+  read_state(sim);
+  const float unit = std::max(spec_.params.limit_x, spec_.params.limit_y) / kReplayPlaces;
+  for (size_t w = 0; w < worlds_.size(); ++w)
+    if (!worlds_[w].over)
+      worlds_[w].note(spec_, world_view(state_, spec_.params.n_agents, static_cast<int64_t>(w)), unit);
+  ask_minds(step);
+}
+
+/// One copy of all fields.
+void Recorder::read_state(const Simulator& sim) {
+  bytes_ = sim.state().save();
+  const StateView& there = sim.state().view();
+  const auto* first = reinterpret_cast<const uint8_t*>(there.x);  // the first of the field list
+  for_each_field([&](auto, auto member) {
+    auto*& field = state_.*member;
+    field = reinterpret_cast<std::remove_reference_t<decltype(field)>>(
+        bytes_.data() + (reinterpret_cast<const uint8_t*>(there.*member) - first));
+  });
+}
+
+void Recorder::note_actions(const GameStep& step) {
+  const bool discrete = spec_.params.actions == ActionKind::discrete;
+  const size_t size = discrete ? sizeof(int32_t) : kActionSize * sizeof(float);
+  for (int team = 0; team < kNTeams; ++team) {
+    const size_t row = static_cast<size_t>(spec_.params.n_team[team]) * size;
+    std::vector<uint8_t> bytes(worlds_.size() * row);
+    step.sim->memory().to_host(bytes.data(), step.team[team].action, bytes.size());
+    for (size_t w = 0; w < worlds_.size(); ++w) {
+      if (worlds_[w].over) continue;
+      const uint8_t* from = bytes.data() + w * row;
+      std::vector<uint8_t>& action = worlds_[w].action;
+      for (size_t at = 0; at < row; at += size) {
+        if (!discrete) {
+          action.insert(action.end(), from + at, from + at + size);
+          continue;
+        }
+        int32_t index = 0;
+        std::memcpy(&index, from + at, sizeof index);
+        action.push_back(static_cast<uint8_t>(std::clamp(index, 0, kNDiscreteActions - 1)));  // as rules 3.2 clamp
+      }
+    }
+  }
+}
+
+/// What the networks make of the states that were noted last.
+void Recorder::ask_minds(const GameStep& step) {
+  at::NoGradGuard no_grad;
+  const Simulator& sim = *step.sim;
+  const Device device = sim.device();
+  const auto w = static_cast<int64_t>(worlds_.size());
+  const int64_t stride = observation_rows(spec_).stride();
+  for (int team = 0; team < kNTeams; ++team) {
+    const Mind& mind = minds_[static_cast<size_t>(team)];
+    if (!mind.policy && !mind.values) continue;
+    const int64_t n = spec_.params.n_team[team];
+    at::Tensor head, value;
+    const float* rows = step.rows[team].obs;
+    if (mind.policy) {
+      NetworkState state;
+      Buffer<float>& memory = memory_[static_cast<size_t>(team)];
+      const int64_t size = mind.policy->state_size();
+      if (size > 0) {
+        if (memory.size() == 0) memory = Buffer<float>(sim.memory(), static_cast<size_t>(w * n * size));
+        state.rows = wrap(memory.data(), {w * n, size}, device);
+      }
+      const at::Tensor kept = state.rows;
+      head = mind.policy->forward(wrap(rows, {w * n, stride}, device), state);
+      if (size > 0) kept.copy_(state.rows);
+      if (spec_.params.actions == ActionKind::continuous) head = head.tanh();
+      head = head.to(at::kCPU).contiguous();
+    }
+    if (mind.values) {
+      const int64_t first = team == 0 ? 0 : spec_.params.n_team[0];
+      const at::Tensor alive = wrap(sim.state().view().alive, {w, spec_.params.n_agents}, device).narrow(1, first, n);
+      const auto* truth = static_cast<const float*>(step.io.world[Observation::state].rows);
+      const at::Tensor state = mind.values->needs_state() ? wrap(truth, {w, spec_.state_size()}, device) : at::Tensor();
+      const at::Tensor obs = rows ? wrap(rows, {w, n, stride}, device) : at::Tensor();
+      value = mind.values->forward(obs, alive, state).to(at::kCPU).contiguous();
+    }
+    for (int64_t k = 0; k < w; ++k) {
+      World& world = worlds_[static_cast<size_t>(k)];
+      // One row for each state, that of the end included.
+      const auto rows_so_far = static_cast<size_t>(world.states * n);
+      if (head.defined() && world.likely[team].size() < rows_so_far * kLikelyActions) {
+        const float* row = head.const_data_ptr<float>() + k * n * head.size(1);
+        for (int64_t i = 0; i < n; ++i, row += head.size(1)) {
+          if (spec_.params.actions == ActionKind::discrete) {
+            note_likely(row, world.likely[team], world.probability[team]);
+            continue;
+          }
+          for (int c = 0; c < kActionSize; ++c)
+            world.likely[team].push_back(static_cast<uint8_t>(std::lround(128 + 127 * row[c])));
+        }
+      }
+      if (value.defined() && world.values[team].size() < rows_so_far) {
+        const float* row = value.const_data_ptr<float>() + k * n;
+        world.values[team].insert(world.values[team].end(), row, row + n);
+      }
+    }
+  }
+}
+
+std::vector<ReplayEpisode> Recorder::episodes(const std::string& seed) const {
+  std::vector<ReplayEpisode> all;
+  const auto n = static_cast<size_t>(spec_.params.n_agents);
+  const bool discrete = spec_.params.actions == ActionKind::discrete;
+  for (const World& w : worlds_) {
+    GIGA_CHECK(w.over && w.states > 1, "an episode that has not ended");
+    const auto states = static_cast<size_t>(w.states);
+    ReplayEpisode& e = all.emplace_back();
+    e.map = w.map;
+    e.steps = w.states - 1;
+    e.winner = w.winner;
+    e.at_time_limit = w.at_time_limit;
+    e.returns = {w.returns[0], w.returns[1]};
+    e.score = {w.score[0], w.score[1]};
+    e.died = w.died;
+    e.cause = w.cause;
+    e.events = w.events;
+    e.waypoints = w.waypoints;
+    e.state_check = w.check;
+    e.x = transposed(w.x, states, n);
+    e.y = transposed(w.y, states, n);
+    e.z = transposed(w.z, states, n);
+    e.heading = transposed(w.heading, states, n);
+    e.speed = transposed(w.speed, states, n);
+    e.health = transposed(w.health, states, n);
+    if (discrete) {
+      e.action = transposed(w.action, states - 1, n);
+    } else {
+      constexpr size_t kSize = kActionSize * sizeof(float);
+      e.action.resize(w.action.size());
+      for (size_t t = 0; t + 1 < states; ++t)
+        for (size_t i = 0; i < n; ++i)
+          std::memcpy(e.action.data() + (i * (states - 1) + t) * kSize, w.action.data() + (t * n + i) * kSize, kSize);
+    }
+    e.sees = w.sees.cut(w.states);
+    e.fires = w.fires.cut(w.states);
+    e.hears = w.hears.cut(w.states);
+    for (int team = 0; team < kNTeams; ++team) {
+      ReplayMind& mind = e.mind[static_cast<size_t>(team)];
+      const auto rows = static_cast<size_t>(spec_.params.n_team[team]);
+      if (!w.values[team].empty()) {
+        const auto [low, high] = std::minmax_element(w.values[team].begin(), w.values[team].end());
+        mind.low = *low;
+        mind.high = *high > *low ? *high : *low + 1;
+        const std::vector<float> values = transposed(w.values[team], states, rows);
+        for (const float v : values)
+          mind.value.push_back(static_cast<uint8_t>(std::lround((v - mind.low) / (mind.high - mind.low) * 255)));
+      }
+      if (w.likely[team].empty()) continue;
+      mind.top = discrete ? kLikelyActions : 1;
+      // [states, n, K] -> [K, n, states]
+      const size_t per_row = discrete ? kLikelyActions : kActionSize;
+      mind.likely = transposed(w.likely[team], states, rows * per_row);
+      mind.probability = transposed(w.probability[team], discrete ? states : 0, rows * per_row);
+      const auto by_rank = [&](std::vector<uint8_t>& column) {
+        std::vector<uint8_t> to;
+        for (size_t rank = 0; rank < per_row && !column.empty(); ++rank)
+          for (size_t i = 0; i < rows; ++i) {
+            const auto from = column.begin() + static_cast<std::ptrdiff_t>((i * per_row + rank) * states);
+            to.insert(to.end(), from, from + static_cast<std::ptrdiff_t>(states));
+          }
+        column = std::move(to);
+      };
+      by_rank(mind.likely);
+      by_rank(mind.probability);
+    }
+    const std::string_view actions(reinterpret_cast<const char*>(e.action.data()), e.action.size());
+    e.action_check = crc32_of(actions, crc32_of(seed));
+  }
+  return all;
+}
+
+}  // namespace giga

@@ -1,0 +1,60 @@
+// Recorder: watches a match and keeps its games as episodes of a replay.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "core/memory.hpp"
+#include "game/game.hpp"
+#include "io/replay.hpp"
+#include "sim/params.hpp"
+
+namespace giga {
+
+class Policy;
+class ValueFunction;
+
+/// The networks of a team, which are asked what they make of each state. Null: there is none, or nobody asks.
+struct Mind {
+  const Policy* policy = nullptr;
+  const ValueFunction* values = nullptr;
+};
+using Minds = std::array<Mind, kNTeams>;
+
+/// Likeliest actions that are kept of each agent and state.
+constexpr int kLikelyActions = 3;
+
+/// Keeps the episode of each world of a match (OnDone::freeze, one episode). The networks are asked again: who plays
+/// need not tell what it thought.
+class Recorder final : public GameObserver {
+ public:
+  /// The networks must outlive it.
+  explicit Recorder(const SimSpec& spec, const Minds& minds = {});
+  ~Recorder() override;
+
+  void before_step(int64_t t, GameStep& step) override;
+  void after_step(int64_t t, const GameStep& step) override;
+
+  /// After the match: the episodes of worlds 0, 1, ... `seed`: of the simulator, as in Replay.
+  std::vector<ReplayEpisode> episodes(const std::string& seed) const;
+
+ private:
+  class PairBits;
+  struct World;
+
+  void read_state(const Simulator& sim);
+  void note_actions(const GameStep& step);
+  void ask_minds(const GameStep& step);
+
+  const SimSpec spec_;
+  const Minds minds_;
+  std::vector<World> worlds_;
+  std::vector<uint8_t> bytes_;                 // the state of all worlds, on the host
+  StateView state_{};                          // its fields
+  Buffer<float> true_state_;                   // [W, G] where a critic reads it
+  std::array<Buffer<float>, kNTeams> memory_;  // [W, n, S] of policies that remember
+};
+
+}  // namespace giga

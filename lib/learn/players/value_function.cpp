@@ -1,0 +1,37 @@
+#include "learn/players/value_function.hpp"
+
+#include <torch/types.h>
+
+#include <algorithm>
+
+#include "learn/team_policy.hpp"
+#include "rollout/stream.hpp"
+#include "rollout/tensors.hpp"
+
+namespace giga {
+
+ValueFunction::ValueFunction(const LoadedRun& run, int team, const Actor& actor, Device device)
+    : actor_(actor),
+      parallel_for_(device, 1, current_stream(device)),  // a few rows at a time
+      critic_(run.config.mappo.critic, critic_shape(run.config.mappo.critic, run.spec, team), Precision::fp32,
+              parallel_for_, torch_device(device), network_seed(run, team, 1)),
+      norm_(1, run.config.mappo.value_norm_beta, torch_device(device)) {}
+
+std::unique_ptr<ValueFunction> ValueFunction::load(const LoadedRun& run, int team, const NamedArrays& arrays,
+                                                   const Actor& actor, Device device) {
+  const std::string critic = cat("team_", team, "/critic/");
+  if (std::none_of(arrays.begin(), arrays.end(), [&](const NamedArray& a) { return a.name.starts_with(critic); }))
+    return nullptr;
+  auto values = std::unique_ptr<ValueFunction>(new ValueFunction(run, team, actor, device));
+  values->critic_.parameters().load(critic, arrays);
+  values->norm_.load(cat("team_", team, "/value_norm/"), arrays);
+  return values;
+}
+
+at::Tensor ValueFunction::forward(const at::Tensor& obs, const at::Tensor& alive, const at::Tensor& state) const {
+  at::NoGradGuard no_grad;
+  const at::Tensor x = actor_.normalizes() ? actor_.normalizer().apply(obs) : obs;
+  return critic_.forward(x, alive.to(at::kFloat), state) * norm_.std() + norm_.mean();
+}
+
+}  // namespace giga

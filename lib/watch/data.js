@@ -1,0 +1,162 @@
+// Replays as they lie in the page: unpacked, and asked. docs/replays.md describes the format.
+
+const PI2 = 2 * Math.PI;
+
+// Bits [pairs, states].
+class Bits {
+  constructor(data, states) { this.data = data; this.row = (states + 7) >> 3; }
+  at(pair, state) { return this.data[pair * this.row + (state >> 3)] >> (state & 7) & 1; }
+}
+
+// One episode: states by agent and step, and who detected, shot and heard whom.
+class Episode {
+  constructor(replay, head, take) {
+    const agents = replay.agents, n = agents.length, steps = head.steps, states = steps + 1;
+    this.replay = replay; this.head = head; this.n = n; this.steps = steps; this.states = states;
+    this.teams = [0, 1].map(team => agents.filter(agent => agent.team === team).length);
+    const {limit_x, limit_y} = replay.rules, place = Math.max(limit_x, limit_y) / 5000;
+    const column = (unit, order) => unfold(take(2 * n * states), n, states, order, unit);
+    this.x = column(place, 2);
+    this.y = column(place, 2);
+    this.z = column(0.02, 1);
+    this.heading = column(PI2 / 65536, 1);
+    this.speed = column(0.05, 1);
+    this.health = column(0.01, 1);
+    const discrete = replay.actions === "discrete", actions = take(n * steps * (discrete ? 1 : 12));
+    this.action = discrete ? actions : new Float32Array(actions.slice().buffer);
+    const bytes = (states + 7) >> 3, opponents = 2 * this.teams[0] * this.teams[1] * bytes;
+    const mates = n > 64 ? 0 : this.teams.reduce((sum, m) => sum + m * (m - 1), 0) * bytes;
+    this.sees = new Bits(take(opponents), states);
+    this.fires = new Bits(take(opponents), states);
+    this.hears = mates || n <= 64 ? new Bits(take(mates), states) : null;
+    this.minds = [0, 1].map(team => {
+      const mind = head[`mind_${team}`], rows = this.teams[team] * states;
+      return {...mind, value: take(mind.low < mind.high ? rows : 0),
+              likely: take(discrete ? mind.top * rows : mind.top ? 3 * rows : 0),
+              probability: take(discrete ? mind.top * rows : 0)};
+    });
+  }
+  team(i) { return i < this.teams[0] ? 0 : 1; }
+  alive(i, state) { const died = this.head.died[i]; return died < 0 || state < died; }
+  living(team, state) {
+    let count = 0;
+    for (let i = 0; i < this.n; ++i) if (this.team(i) === team && this.alive(i, state)) ++count;
+    return count;
+  }
+  opponents(i) { return this.team(i) ? [0, this.teams[0]] : [this.teams[0], this.n]; }
+  pair(target, opponent) {
+    const [n0, n1] = this.teams;
+    return target < n0 ? target * n1 + opponent - n0 : n0 * n1 + (target - n0) * n0 + opponent;
+  }
+  detects(observer, target, state) { return this.sees.at(this.pair(target, observer), state); }
+  tracks(shooter, target, state) { return this.fires.at(this.pair(target, shooter), state); }
+  // Steps of unbroken fire so far, as far as they count.
+  tracked(shooter, target, state) {
+    const pair = this.pair(target, shooter), most = this.replay.rules.max_tracking_time;
+    let count = 0;
+    while (count <= most && state - count >= 0 && this.fires.at(pair, state - count)) ++count;
+    return count;
+  }
+  // Whether `listener` hears `mate`; null where that is not kept.
+  hearing(listener, mate, state) {
+    if (!this.replay.rules.hearing_range) return this.alive(mate, state);
+    if (!this.hears) return null;
+    const team = this.team(listener), first = team * this.teams[0], n = this.teams[team];
+    const row = (listener - first) * (n - 1) + mate - first - (mate > listener ? 1 : 0);
+    return this.hears.at(row + (team ? this.teams[0] * (this.teams[0] - 1) : 0), state) === 1;
+  }
+  // Who of its team tells agent i what it sees, itself included.
+  sources(i, state) {
+    const all = [i], first = this.team(i) * this.teams[0];
+    for (let b = first; b < first + this.teams[this.team(i)]; ++b)
+      if (b !== i && this.alive(b, state) && this.hearing(i, b, state)) all.push(b);
+    return all;
+  }
+  // Opponents that agent i knows of.
+  known(i, state) {
+    const sources = this.sources(i, state), [from, to] = this.opponents(i), all = [];
+    for (let a = from; a < to; ++a) if (sources.some(b => this.detects(b, a, state))) all.push(a);
+    return all;
+  }
+  waypoint(state) { return this.head.waypoints.find(w => w.from <= state && state <= w.to); }
+  value(i, state) {
+    const mind = this.minds[this.team(i)];
+    if (!mind.value.length) return null;
+    const row = i - this.team(i) * this.teams[0];
+    return mind.low + (mind.high - mind.low) * mind.value[row * this.states + state] / 255;
+  }
+  // The likeliest actions of agent i in a state: [action, probability]; continuous: three means.
+  likely(i, state) {
+    const team = this.team(i), mind = this.minds[team], rows = this.teams[team], row = i - team * this.teams[0];
+    if (!mind.likely.length) return null;
+    const at = rank => (rank * rows + row) * this.states + state;
+    if (this.replay.actions !== "discrete") return [0, 1, 2].map(k => (mind.likely[at(k)] - 128) / 127);
+    return [...Array(mind.top).keys()].map(rank => [mind.likely[at(rank)], mind.probability[at(rank)] / 63]);
+  }
+  // What agent i does in step `state`: its number, or three controls.
+  actionAt(i, state) {
+    if (state >= this.steps || !this.alive(i, state)) return null;
+    const at = i * this.steps + state;
+    return this.replay.actions === "discrete" ? this.action[at] : [...this.action.slice(3 * at, 3 * at + 3)];
+  }
+  boxes() { return this.replay.maps[this.head.map].boxes; }
+}
+
+// Low bytes, then high ones, of differences that are folded to 0, -1, 1, -2, 2, ...
+function unfold(data, n, states, order, unit) {
+  const count = n * states, values = new Float32Array(count);
+  for (let row = 0; row < n; ++row) {
+    let value = 0, slope = 0;
+    for (let k = 0; k < states; ++k) {
+      const at = row * states + k, folded = data[at] | data[count + at] << 8;
+      const apart = folded & 1 ? -(folded + 1) / 2 : folded / 2;
+      slope = order === 2 && k > 1 ? slope + apart : apart;
+      value = k === 0 ? apart : value + slope;
+      values[at] = unit * ((value + 32768 & 65535) - 32768);
+    }
+  }
+  return values;
+}
+
+async function readReplay(base64) {
+  const text = atob(base64), bytes = new Uint8Array(text.length);
+  for (let k = 0; k < text.length; ++k) bytes[k] = text.charCodeAt(k);
+  const packed = bytes.subarray(bytes.indexOf(10) + 1);
+  const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate"));
+  const raw = new Uint8Array(await new Response(stream).arrayBuffer());
+  let at = 4 + new DataView(raw.buffer).getUint32(0, true);
+  const replay = JSON.parse(new TextDecoder().decode(raw.subarray(4, at)));
+  const take = size => { at += size; return raw.subarray(at - size, at); };
+  replay.episodes = replay.episodes.map(head => new Episode(replay, head, take));
+  return replay;
+}
+
+// Actions in words.
+const controlsOf = action =>
+  typeof action === "number" ? [Math.floor(action / 3) % 3 - 1, action % 3 - 1, Math.floor(action / 9) - 1] : action;
+function actionText(action) {
+  const words = [["right", "left"], ["dive", "climb"], ["slower", "faster"]];
+  const parts = controlsOf(action).map((control, k) => {
+    if (Math.abs(control) < 0.05) return "";
+    const word = words[k][control > 0 ? 1 : 0];
+    return typeof action === "number" ? word : `${word} ${Math.abs(control).toFixed(2)}`;
+  }).filter(part => part);
+  return parts.join(", ") || "straight on";
+}
+function eventText(episode, event) {
+  const name = i => `agent ${i}`;
+  switch (event.what) {
+    case "contact": return `team ${episode.team(event.agent)} detects an opponent: ${name(event.agent)} sees ${name(event.other)}`;
+    case "hit": return `${name(event.agent)} hits ${name(event.other)}`;
+    case "waypoint": return "a waypoint appears";
+    case "collected": return `${name(event.agent)} reaches the waypoint`;
+    case "end": return endText(episode);
+  }
+  const cause = {damage: "is shot down", agent: "collides with an agent", obstacle: "hits an obstacle",
+                 out_of_bounds: "leaves the map"}[episode.head.cause[event.agent]];
+  return `${name(event.agent)} ${cause}${event.other >= 0 ? ` by ${name(event.other)}` : ""}`;
+}
+function endText(episode) {
+  const {winner, at_time_limit} = episode.head;
+  return (winner === "tie" ? "a tie" : `${winner.replace("_", " ")} wins`) + (at_time_limit ? " at the time limit" : "");
+}

@@ -1,0 +1,41 @@
+#include "watch/page.hpp"
+
+#include <openssl/evp.h>
+
+#include "chart/markup.hpp"
+#include "chart/page_template.hpp"
+#include "core/error.hpp"
+#include "watch/assets.hpp"
+
+namespace giga {
+namespace {
+
+std::string asset(const char* name) {
+  const std::optional<std::string_view> bytes = watch_asset(name);
+  GIGA_CHECK(bytes, "no file ", name, " in the program");
+  return std::string(*bytes);
+}
+
+std::string base64(std::string_view bytes) {
+  std::string text((bytes.size() + 2) / 3 * 4 + 1, '\0');  // OpenSSL ends it with a zero
+  const int size =
+      EVP_EncodeBlock(reinterpret_cast<unsigned char*>(text.data()),
+                      reinterpret_cast<const unsigned char*>(bytes.data()), static_cast<int>(bytes.size()));
+  text.resize(static_cast<size_t>(size));
+  return text;
+}
+
+}  // namespace
+
+std::string watch_page(const std::vector<std::string>& replays, const std::string& title, const std::string& version) {
+  GIGA_CHECK(!replays.empty(), "a page needs a replay");
+  std::string data;
+  for (const std::string& replay : replays) data += cat(data.empty() ? "[\"" : ",\n\"", base64(replay), '"');
+  return fill_template(asset("page.html"), {{"title", escaped(title)},
+                                            {"version", escaped(version)},
+                                            {"style", asset("page.css")},
+                                            {"data", data + "]"},
+                                            {"script", asset("data.js") + asset("scene.js") + asset("page.js")}});
+}
+
+}  // namespace giga

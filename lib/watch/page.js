@@ -1,0 +1,485 @@
+// Connects the page: time, games, the chosen agent, keys, touch. `watch` is what tests look at.
+
+const $ = id => document.getElementById(id);
+const CURVE_COLORS = ["team-0", "team-1"];
+
+// One game on the page.
+class Pane {
+  constructor(parent, watch) {
+    this.watch = watch;
+    this.root = parent.appendChild(document.createElement("section"));
+    this.root.className = "pane";
+    this.title = this.root.appendChild(document.createElement("h2"));
+    this.canvas = this.root.appendChild(document.createElement("canvas"));
+    this.canvas.setAttribute("role", "img");
+    this.canvas.tabIndex = 0;
+    this.score = this.root.appendChild(document.createElement("div"));
+    this.score.className = "score";
+    this.connectPointers();
+  }
+  show(game) {
+    this.game = game;
+    const {episode} = game, {limit_x, limit_y} = episode.replay.rules;
+    if (this.scene) this.scene.show(episode); else this.scene = new Scene(this.canvas, episode, this.watch.options);
+    this.title.textContent = game.name;
+    this.canvas.style.aspectRatio = String(Math.max(0.8, Math.min(1.6, limit_x / limit_y)));
+  }
+  draw(time, chosen) {
+    const {episode} = this.game, state = Math.min(Math.floor(time + 1e-6), episode.steps);
+    this.scene.draw(Math.min(time, episode.steps), chosen < episode.n ? chosen : -1);
+    if (this.drawn === state && this.drawnGame === this.game) return;
+    this.drawn = state; this.drawnGame = this.game;
+    this.score.replaceChildren(...[0, 1].map(team => {
+      const line = document.createElement("span"), name = document.createElement("b");
+      name.textContent = `team ${team}`;
+      name.style.color = `var(--team-${team})`;
+      const points = episode.replay.rules.waypoints
+        ? `, ${episode.head.events.filter(v => v.what === "collected" && v.step <= state && episode.team(v.agent) === team).length} waypoints` : "";
+      line.append(name, ` ${episode.living(team, state)} of ${episode.teams[team]} alive${points}`);
+      return line;
+    }), state >= episode.steps ? `over: ${endText(episode)}` : "");
+    this.canvas.setAttribute("aria-label", this.watch.summary(this.game, state));
+  }
+  connectPointers() {
+    const {canvas, watch} = this, touches = new Map();
+    let moved = 0, apart = 0;
+    const spread = () => {
+      const [a, b] = [...touches.values()];
+      return Math.hypot(a.x - b.x, a.y - b.y);
+    };
+    canvas.addEventListener("pointerdown", event => {
+      canvas.setPointerCapture(event.pointerId);
+      touches.set(event.pointerId, {x: event.clientX, y: event.clientY});
+      moved = 0;
+      if (touches.size === 2) apart = spread();
+    });
+    canvas.addEventListener("pointermove", event => {
+      const last = touches.get(event.pointerId);
+      if (!last) return;
+      const dx = event.clientX - last.x, dy = event.clientY - last.y, {camera} = this.scene;
+      moved += Math.abs(dx) + Math.abs(dy);
+      touches.set(event.pointerId, {x: event.clientX, y: event.clientY});
+      if (touches.size === 2) { const now = spread(); this.zoom(now / apart); apart = now; return; }
+      if (camera.solid && !event.shiftKey) {
+        camera.yaw += dx * 0.008;
+        camera.tilt = Math.max(0.05, Math.min(1.5, camera.tilt - dy * 0.006));
+      } else if (moved > 4) { camera.moved[0] += dx; camera.moved[1] += dy; }
+      watch.redraw();
+    });
+    const end = event => {
+      const alone = touches.size === 1;
+      touches.delete(event.pointerId);
+      if (event.type !== "pointerup" || !alone || moved > 4) return;
+      const box = canvas.getBoundingClientRect();
+      watch.choose(this.scene.agentAt(event.clientX - box.left, event.clientY - box.top), this);
+    };
+    canvas.addEventListener("pointerup", end);
+    canvas.addEventListener("pointercancel", end);
+    canvas.addEventListener("wheel", event => { event.preventDefault(); this.zoom(Math.exp(-event.deltaY * 0.0015)); }, {passive: false});
+    canvas.addEventListener("dblclick", () => { const {camera} = this.scene; camera.zoom = 1; camera.moved = [0, 0]; watch.redraw(); });
+  }
+  zoom(factor) {
+    const {camera} = this.scene;
+    camera.zoom = Math.max(0.5, Math.min(12, camera.zoom * factor));
+    this.watch.redraw();
+  }
+}
+
+class Watch {
+  constructor(replays) {
+    this.games = replays.flatMap((replay, r) => replay.episodes.map((episode, k) => ({
+      episode, replay, name: `${replay.players[0]} against ${replay.players[1]}`, number: k, file: r})));
+    this.options = {view: "top", side: -1};
+    for (const box of $("layers").querySelectorAll("input")) this.options[box.name] = box.checked;
+    this.time = 0; this.chosen = -1; this.playing = false; this.speed = 1; this.dirty = true; this.frames = 0;
+    this.panes = [new Pane($("panes"), this)];
+    const [first] = replays, origins = [...new Set(replays.flatMap(replay => replay.origins))].filter(text => text);
+    $("about").textContent = `${first.scenario_name}, ${this.games.length} ${this.games.length === 1 ? "game" : "games"}` +
+      (origins.length ? `; ${origins.join("; ")}` : "");
+    this.fillLists();
+    this.connect();
+    const beside = replays.length > 1 ? this.games.findIndex(game => game.file === 1) : -1;
+    this.open(0, beside);
+  }
+  get step() { return Math.floor(this.time + 1e-6); }
+  get steps() { return Math.max(...this.panes.map(pane => pane.game.episode.steps)); }
+
+  fillLists() {
+    const several = new Set(this.games.map(game => game.file)).size > 1;
+    const name = game => `${several ? game.name + ", " : ""}${game.number + 1}: ${endText(game.episode)}, ${game.episode.steps} steps`;
+    $("game").replaceChildren(...this.games.map((game, k) => new Option(name(game), k)));
+    $("beside").replaceChildren(new Option("nothing", -1), ...this.games.map((game, k) => new Option(name(game), k)));
+  }
+  open(game, beside) {
+    const numbers = [game, beside].filter(k => k >= 0);
+    while (this.panes.length > numbers.length) this.panes.pop().root.remove();
+    while (this.panes.length < numbers.length) this.panes.push(new Pane($("panes"), this));
+    numbers.forEach((k, index) => this.panes[index].show(this.games[k]));
+    $("game").value = game; $("beside").value = beside;
+    this.pane = this.panes[0];
+    this.chosen = -1;
+    $("scrub").max = this.steps;
+    this.listEvents();
+    this.seek(0);
+  }
+
+  // Events of all games that are shown, by step.
+  listEvents() {
+    this.events = this.panes.flatMap((pane, k) => {
+      const {episode} = pane.game;
+      const all = [...episode.head.events, {step: episode.steps, what: "end", agent: -1, other: -1}];
+      return all.map(event => ({...event, episode, prefix: this.panes.length > 1 ? (k ? "right: " : "left: ") : ""}));
+    }).sort((a, b) => a.step - b.step);
+    const most = 400, shown = this.events.filter(event => event.what !== "hit").slice(0, most);
+    $("events").querySelector("ol").replaceChildren(...shown.map(event => {
+      const item = document.createElement("li"), button = item.appendChild(document.createElement("button"));
+      button.type = "button";
+      button.textContent = `${this.clock(event.step)}  ${event.prefix}${eventText(event.episode, event)}`;
+      button.addEventListener("click", () => this.seek(event.step));
+      return item;
+    }));
+    this.drawMarks();
+  }
+  clock(step) { return `${(step * this.games[0].replay.rules.seconds_per_step).toFixed(1)} s`; }
+
+  seek(time) {
+    this.time = Math.max(0, Math.min(this.steps, time));
+    this.redraw();
+  }
+  pause() { this.play(false); }
+  play(on) {
+    if (on && this.time >= this.steps) this.time = 0;
+    this.playing = on;
+    $("play").textContent = on ? "Pause" : "Play";
+    $("play").setAttribute("aria-label", on ? "Pause" : "Play");
+    if (!on) $("spoken").textContent = this.panes.map(pane => this.summary(pane.game, this.step)).join(" ");
+    this.last = undefined;
+    this.redraw();
+  }
+  setSpeed(speed) { this.speed = speed; $("speed").value = speed; }
+  choose(agent, pane = this.pane) {
+    this.pane = pane;
+    this.chosen = agent;
+    this.redraw();
+  }
+  toEvent(direction) {
+    const events = this.events.filter(event => direction > 0 ? event.step > this.step : event.step < this.step);
+    const next = direction > 0 ? events[0] : events.at(-1);
+    if (!next) return;
+    this.pause();
+    this.seek(next.step);
+    $("spoken").textContent = eventText(next.episode, next);
+  }
+  redraw() {
+    if (this.asked) return;
+    this.asked = true;
+    requestAnimationFrame(now => { this.asked = false; this.frame(now); });
+  }
+  frame(now) {
+    if (this.playing) {
+      const seconds = this.last === undefined ? 0 : Math.min(0.25, (now - this.last) / 1000);
+      this.last = now;
+      this.time = Math.min(this.steps, this.time + this.speed * seconds / this.games[0].replay.rules.seconds_per_step);
+      if (this.time >= this.steps) this.play(false);
+    }
+    ++this.frames;
+    for (const pane of this.panes) pane.draw(this.time, pane === this.pane ? this.chosen : -1);
+    $("scrub").value = this.step;
+    $("scrub").setAttribute("aria-valuetext", `step ${this.step} of ${this.steps}`);
+    $("now").textContent = `step ${this.step} of ${this.steps}, ${this.clock(this.step)}`;
+    const before = this.events.filter(event => event.step <= this.step).at(-1);
+    $("last-event").textContent = before ? `${before.prefix}${eventText(before.episode, before)}` : "";
+    if (this.shown !== `${this.step} ${this.chosen} ${this.pane.game.name} ${this.pane.game.number}`) this.describe();
+    this.drawHand();
+    if (this.playing) this.redraw();
+  }
+
+  // A state in words.
+  summary(game, state) {
+    const {episode} = game;
+    const teams = [0, 1].map(team => `team ${team} has ${episode.living(team, state)} of ${episode.teams[team]} agents`);
+    return `${game.name}, step ${state} of ${episode.steps}: ${teams.join(", ")}${state >= episode.steps ? "; over: " + endText(episode) : ""}.`;
+  }
+
+  // What the chosen agent observes, does and expects.
+  describe() {
+    const {episode} = this.pane.game, state = Math.min(this.step, episode.steps), i = this.chosen;
+    this.shown = `${this.step} ${i} ${this.pane.game.name} ${this.pane.game.number}`;
+    const known = i >= 0 && i < episode.n;
+    $("ego").hidden = $("curve").hidden = !known;
+    $("agent-mind").replaceChildren();
+    if (!known) {
+      $("agent-name").textContent = "Click an agent";
+      $("agent-facts").innerHTML = '<p class="quiet">or press the key a: what it knows, does and expects is shown here.</p>';
+      return;
+    }
+    $("agent-name").textContent = `Agent ${i}, team ${episode.team(i)}, ${episode.replay.agents[i].kind}`;
+    $("agent-facts").replaceChildren(...observationText(episode, i, state).map(([text, items]) => {
+      const part = document.createElement("div"), p = part.appendChild(document.createElement("p"));
+      p.textContent = text;
+      if (items && items.length) {
+        const list = part.appendChild(document.createElement("ul"));
+        for (const item of items) list.appendChild(document.createElement("li")).textContent = item;
+      }
+      return part;
+    }));
+    this.describeMind(episode, i, state);
+    drawEgo($("ego"), this.pane.scene, i, state);
+    $("curve").hidden = !drawCurve($("curve"), episode, i, state, this.pane.scene);
+  }
+  describeMind(episode, i, state) {
+    if (!episode.alive(i, state)) return;
+    const parts = [], add = text => { const p = document.createElement("p"); p.textContent = text; parts.push(p); };
+    const action = episode.actionAt(i, state), likely = episode.likely(i, state), value = episode.value(i, state);
+    if (action !== null) add(`Does: ${actionText(action)}`);
+    if (value !== null) add(`Expects a return of ${value.toFixed(2)} (mean of its critic, which may see more)`);
+    if (likely && episode.replay.actions === "discrete") {
+      add("Likeliest actions:");
+      for (const [number, probability] of likely) {
+        const row = document.createElement("div");
+        row.className = number === action ? "likely done" : "likely";
+        row.innerHTML = "<b></b><span></span><div class=bar><i></i></div>";
+        row.querySelector("b").textContent = actionText(number);
+        row.querySelector("span").textContent = `${Math.round(100 * probability)} %`;
+        row.querySelector("i").style.width = `${100 * probability}%`;
+        parts.push(row);
+      }
+    } else if (likely) {
+      add(`Mean of its actions: ${actionText(likely)}`);
+    }
+    $("agent-mind").replaceChildren(...parts);
+  }
+
+  // Marks of events under the time line; deaths and ends are the tallest.
+  drawMarks() {
+    const ratio = window.devicePixelRatio || 1, width = $("marks").clientWidth;
+    const canvas = this.marks = document.createElement("canvas"), pen = canvas.getContext("2d");
+    canvas.width = Math.max(1, Math.round(width * ratio)); canvas.height = Math.round(22 * ratio);
+    pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+    const style = getComputedStyle(document.documentElement), color = name => style.getPropertyValue(`--${name}`);
+    const looks = {contact: [9, "quiet"], hit: [6, "fire"], death: [18, ""], waypoint: [6, "waypoint"],
+                   collected: [13, "waypoint"], end: [20, "ink"]};
+    for (const event of this.events) {
+      const [height, name] = looks[event.what];
+      pen.fillStyle = color(name || `team-${event.episode.team(event.agent)}`);
+      pen.fillRect(this.markAt(event.step, width) - 1, 20 - height, 2, height);
+    }
+  }
+  // The thumb of the slider is 16 pixels wide in most browsers.
+  markAt(step, width) { return 8 + (width - 16) * step / Math.max(1, this.steps); }
+  drawHand() {
+    const canvas = $("marks"), ratio = window.devicePixelRatio || 1, pen = canvas.getContext("2d");
+    if (this.marks.width !== Math.max(1, Math.round(canvas.clientWidth * ratio))) this.drawMarks();
+    canvas.width = this.marks.width; canvas.height = this.marks.height;
+    pen.drawImage(this.marks, 0, 0);
+    pen.fillStyle = getComputedStyle(document.documentElement).getPropertyValue("--ink");
+    pen.globalAlpha = 0.5;
+    pen.fillRect(this.markAt(this.time, canvas.clientWidth) * ratio, 0, ratio, canvas.height);
+  }
+
+  setOption(name, value) {
+    this.options[name] = value;
+    const box = $("layers").querySelector(`[name=${name}]`);
+    if (box) box.checked = value; else $(name).value = value;
+    this.redraw();
+  }
+  nextAgent(direction) {
+    const {n} = this.pane.game.episode;
+    this.choose(this.chosen < 0 ? (direction > 0 ? 0 : n - 1) : (this.chosen + direction + n) % n);
+    $("spoken").textContent = $("agent-name").textContent;
+  }
+  setTheme(dark) {
+    document.documentElement.dataset.theme = dark ? "dark" : "light";
+    $("theme").textContent = dark ? "Light" : "Dark";
+    if (this.events) this.drawMarks();
+    this.shown = "";
+    this.redraw();
+  }
+
+  connect() {
+    const numbers = () => [Number($("game").value), Number($("beside").value)];
+    for (const id of ["game", "beside"]) $(id).addEventListener("change", () => this.open(...numbers()));
+    $("view").addEventListener("change", event => this.setOption("view", event.target.value));
+    $("side").addEventListener("change", event => this.setOption("side", Number(event.target.value)));
+    $("layers").addEventListener("change", event => this.setOption(event.target.name, event.target.checked));
+    $("play").addEventListener("click", () => this.play(!this.playing));
+    $("back").addEventListener("click", () => { this.pause(); this.seek(this.step - 1); });
+    $("forward").addEventListener("click", () => { this.pause(); this.seek(this.step + 1); });
+    $("previous-event").addEventListener("click", () => this.toEvent(-1));
+    $("next-event").addEventListener("click", () => this.toEvent(1));
+    $("next-agent").addEventListener("click", () => this.nextAgent(1));
+    $("speed").addEventListener("change", event => this.setSpeed(Number(event.target.value)));
+    $("scrub").addEventListener("input", event => { this.pause(); this.seek(Number(event.target.value)); });
+    $("marks").addEventListener("pointerdown", event => {
+      const width = $("marks").clientWidth;
+      this.seek(Math.round((event.offsetX - 8) / (width - 16) * this.steps));
+    });
+    $("theme").addEventListener("click", () => this.setTheme(document.documentElement.dataset.theme !== "dark"));
+    const dark = matchMedia("(prefers-color-scheme: dark)");
+    dark.addEventListener("change", event => this.setTheme(event.matches));
+    this.setTheme(dark.matches);
+    addEventListener("resize", () => this.redraw());
+    addEventListener("keydown", event => this.key(event));
+  }
+  key(event) {
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    const inControl = /^(SELECT|INPUT)$/.test(event.target.tagName) && event.target.type !== "checkbox";
+    const onButton = /^(BUTTON|SUMMARY)$/.test(event.target.tagName) || event.target.type === "checkbox";
+    if (inControl || (onButton && (event.key === " " || event.key === "Enter"))) return;
+    const flip = name => this.setOption(name, !this.options[name]);
+    const by = steps => { this.pause(); this.seek(this.step + steps); };
+    const speeds = [...$("speed").options].map(option => Number(option.value));
+    const faster = direction => this.setSpeed(speeds[Math.max(0, Math.min(speeds.length - 1, speeds.indexOf(this.speed) + direction))]);
+    const keys = {
+      " ": () => this.play(!this.playing), ArrowLeft: () => by(event.shiftKey ? -10 : -1), ArrowRight: () => by(event.shiftKey ? 10 : 1),
+      Home: () => by(-this.steps), End: () => by(this.steps), n: () => this.toEvent(1), p: () => this.toEvent(-1),
+      "+": () => faster(1), "=": () => faster(1), "-": () => faster(-1), a: () => this.nextAgent(1), A: () => this.nextAgent(-1),
+      Escape: () => this.choose(-1), v: () => this.setOption("view", this.options.view === "3d" ? "top" : "3d"),
+      0: () => this.setOption("side", 0), 1: () => this.setOption("side", 1), e: () => this.setOption("side", -1),
+      t: () => flip("trails"), s: () => flip("sight"), w: () => flip("weapon"), f: () => flip("fire"), d: () => flip("contacts"),
+    };
+    const act = keys[event.key];
+    if (!act) return;
+    event.preventDefault();
+    act();
+  }
+  // What stands behind # in the address: game=1&beside=2&step=30&agent=4&view=3d&side=0.
+  follow(address) {
+    const wanted = new URLSearchParams(address.replace(/^#/, "")), number = name => Number(wanted.get(name));
+    const game = name => wanted.has(name) && this.games[number(name)] ? number(name) : -1;
+    if (wanted.has("game") || wanted.has("beside")) this.open(Math.max(0, game("game")), game("beside"));
+    if (wanted.get("view") === "3d") this.setOption("view", "3d");
+    if (wanted.has("side")) this.setOption("side", number("side"));
+    for (const box of $("layers").querySelectorAll("input"))
+      if (wanted.has(box.name)) this.setOption(box.name, wanted.get(box.name) === "1");
+    if (wanted.has("agent")) this.choose(number("agent"));
+    if (wanted.has("step")) this.seek(number("step"));
+  }
+}
+
+const degrees = radians => Math.round(radians * 180 / Math.PI);
+function bearingText(turn) {
+  turn -= PI2 * Math.round(turn / PI2);
+  return Math.abs(turn) < 0.09 ? "straight ahead" : `${degrees(Math.abs(turn))}° to the ${turn > 0 ? "left" : "right"}`;
+}
+// How far from a place one can fly in a direction before the border or an obstacle.
+function wayAhead(episode, x, y, z, heading) {
+  const {limit_x, limit_y, obstacle_heights} = episode.replay.rules, dx = Math.cos(heading), dy = Math.sin(heading);
+  const until = (at, d, low, high) => d > 0 ? (high - at) / d : d < 0 ? (low - at) / d : Infinity;
+  let way = Math.min(until(x, dx, 0, limit_x), until(y, dy, 0, limit_y));
+  for (const [x1, y1, x2, y2, z1, z2] of episode.boxes()) {
+    if (obstacle_heights && (z < z1 || z > z2)) continue;
+    const a = [(x1 - x) / dx, (x2 - x) / dx].sort((p, q) => p - q), b = [(y1 - y) / dy, (y2 - y) / dy].sort((p, q) => p - q);
+    const enter = Math.max(a[0], b[0]), leave = Math.min(a[1], b[1]);
+    if (enter < leave && leave > 0) way = Math.min(way, Math.max(0, enter));
+  }
+  return Math.max(0, way);
+}
+// What agent i observes, as paragraphs [text, items].
+function observationText(episode, i, state) {
+  const at = i * episode.states + state, {head, replay} = episode;
+  const x = episode.x[at], y = episode.y[at], z = episode.z[at], heading = episode.heading[at];
+  if (!episode.alive(i, state))
+    return [[`Dead since step ${head.died[i]}: ${eventText(episode, head.events.find(v => v.what === "death" && v.agent === i))}.`]];
+  const other = b => {
+    const to = b * episode.states + state, dx = episode.x[to] - x, dy = episode.y[to] - y, dz = episode.z[to] - z;
+    const height = Math.abs(dz) < 0.15 ? "as high" : `${Math.abs(dz).toFixed(1)} ${dz > 0 ? "higher" : "lower"}`;
+    return `agent ${b}: ${Math.hypot(dx, dy).toFixed(1)} away, ${bearingText(Math.atan2(dy, dx) - heading)}, ${height}, ` +
+      `flies ${bearingText(episode.heading[to] - heading)}, health ${episode.health[to].toFixed(2)}`;
+  };
+  const near = (a, b) => distance(episode, i, a, state) - distance(episode, i, b, state);
+  const known = episode.known(i, state).sort(near), mates = episode.sources(i, state).slice(1).sort(near);
+  const own = known.filter(a => episode.detects(i, a, state));
+  const [from, to] = episode.opponents(i), opponents = [...Array(to - from).keys()].map(k => from + k);
+  const seenBy = opponents.filter(b => episode.detects(b, i, state)), shotBy = opponents.filter(b => episode.tracks(b, i, state));
+  const shootsAt = opponents.filter(a => episode.tracks(i, a, state));
+  const list = agents => agents.length ? agents.map(a => `agent ${a}`).join(", ") : "nobody";
+  const waypoint = episode.waypoint(state), parts = [];
+  parts.push([`Health ${episode.health[at].toFixed(2)} of ${replay.agents[i].max_health}; at (${x.toFixed(1)}, ${y.toFixed(1)}), ` +
+    `altitude ${z.toFixed(1)}, heading ${(degrees(heading) + 360) % 360}°, speed ${episode.speed[at].toFixed(1)}; ` +
+    `${wayAhead(episode, x, y, z, heading).toFixed(1)} to the next wall ahead.`]);
+  parts.push([`Knows of ${known.length} of ${opponents.filter(a => episode.alive(a, state)).length} living opponents, ` +
+    `${own.length} by itself${known.length ? ":" : "."}`, known.slice(0, 8).map(other)]);
+  const hears = episode.hearing(i, i + 1 < episode.n && episode.team(i + 1) === episode.team(i) ? i + 1 : i - 1, state) === null
+    ? "Whom it hears is not kept of so many agents." : `Hears ${list(mates)}.`;
+  parts.push([hears]);
+  parts.push([`Shoots at ${list(shootsAt)}.`]);
+  if (seenBy.length) parts.push([`What it is not told: ${list(seenBy)} detected it; it is shot at by ${list(shotBy)}.`]);
+  if (waypoint) {
+    const dx = (waypoint.x1 + waypoint.x2) / 2 - x, dy = (waypoint.y1 + waypoint.y2) / 2 - y;
+    parts.push([`The waypoint is ${Math.hypot(dx, dy).toFixed(1)} away, ${bearingText(Math.atan2(dy, dx) - heading)}.`]);
+  }
+  return parts;
+}
+function distance(episode, i, b, state) {
+  const p = i * episode.states + state, q = b * episode.states + state;
+  return Math.hypot(episode.x[p] - episode.x[q], episode.y[p] - episode.y[q]);
+}
+
+// What agent i knows, with its heading upwards: obstacles, mates that it hears, opponents that it knows of.
+function drawEgo(canvas, scene, i, state) {
+  const {episode} = scene, ratio = window.devicePixelRatio || 1, side = 220, pen = canvas.getContext("2d");
+  canvas.width = canvas.height = side * ratio;
+  pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+  pen.fillStyle = scene.color("field");
+  pen.fillRect(0, 0, side, side);
+  const at = i * episode.states + state, {limit_x, limit_y, sight_depth} = episode.replay.rules;
+  const reach = Math.min(Math.max(1.5 * sight_depth, 4), Math.hypot(limit_x, limit_y)), scale = side / 2 / reach;
+  const cos = Math.cos(episode.heading[at]), sin = Math.sin(episode.heading[at]);
+  const place = (x, y) => {
+    const dx = x - episode.x[at], dy = y - episode.y[at], ahead = dx * cos + dy * sin, left = dy * cos - dx * sin;
+    return [side / 2 - left * scale, side / 2 - ahead * scale];
+  };
+  const polygon = points => { pen.beginPath(); points.forEach(([x, y]) => pen.lineTo(...place(x, y))); pen.closePath(); };
+  const rectangle = (x1, y1, x2, y2) => polygon([[x1, y1], [x2, y1], [x2, y2], [x1, y2]]);
+  rectangle(0, 0, limit_x, limit_y);
+  pen.strokeStyle = scene.color("quiet"); pen.lineWidth = 1; pen.stroke();
+  pen.fillStyle = scene.color("wall");
+  for (const [x1, y1, x2, y2] of episode.boxes()) { rectangle(x1, y1, x2, y2); pen.fill(); }
+  const waypoint = episode.waypoint(state);
+  if (waypoint) { rectangle(waypoint.x1, waypoint.y1, waypoint.x2, waypoint.y2); pen.fillStyle = scene.color("waypoint"); pen.fill(); }
+  const draw = b => {
+    const to = b * episode.states + state, turn = episode.heading[to] - episode.heading[at] + Math.PI / 2;
+    const [px, py] = place(episode.x[to], episode.y[to]), c = Math.cos(turn), s = Math.sin(turn);
+    pen.beginPath();
+    for (const [a, l] of scene.shape(episode.replay.agents[b].kind)) pen.lineTo(px + 8 * (a * c - l * s), py - 8 * (a * s + l * c));
+    pen.closePath();
+    pen.fillStyle = scene.color(CURVE_COLORS[episode.team(b)]); pen.fill();
+    pen.fillStyle = scene.color("ink"); pen.font = "11px system-ui, sans-serif"; pen.fillText(String(b), px + 9, py - 6);
+  };
+  if (!episode.alive(i, state)) return;
+  [...episode.sources(i, state), ...episode.known(i, state)].forEach(draw);
+}
+
+// The value of the chosen agent over the game; false where there is none.
+function drawCurve(canvas, episode, i, state, scene) {
+  if (episode.value(i, 0) === null) return false;
+  canvas.hidden = false;
+  const ratio = window.devicePixelRatio || 1, width = canvas.clientWidth, height = 90, pen = canvas.getContext("2d");
+  canvas.width = width * ratio; canvas.height = height * ratio;
+  pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+  pen.clearRect(0, 0, width, height);
+  const {low, high} = episode.minds[episode.team(i)], last = episode.head.died[i] < 0 ? episode.steps : episode.head.died[i];
+  const x = k => 4 + (width - 8) * k / episode.steps, y = v => 16 + (height - 26) * (high - v) / (high - low);
+  pen.strokeStyle = scene.color("line"); pen.lineWidth = 1;
+  if (low < 0 && high > 0) { pen.beginPath(); pen.moveTo(4, y(0)); pen.lineTo(width - 4, y(0)); pen.stroke(); }
+  pen.beginPath();
+  for (let k = 0; k <= last; ++k) pen.lineTo(x(k), y(episode.value(i, k)));
+  pen.strokeStyle = scene.color(CURVE_COLORS[episode.team(i)]); pen.lineWidth = 1.6; pen.stroke();
+  pen.fillStyle = scene.color("ink");
+  pen.fillRect(x(state) - 0.5, 12, 1, height - 14);
+  pen.fillStyle = scene.color("quiet"); pen.font = "11px system-ui, sans-serif";
+  pen.fillText(`value over time, ${low.toFixed(1)} to ${high.toFixed(1)}`, 6, 11);
+  return true;
+}
+
+async function start() {
+  const packed = JSON.parse($("replays").textContent);
+  window.watch = new Watch(await Promise.all(packed.map(readReplay)));
+  watch.follow(location.hash);
+  addEventListener("hashchange", () => watch.follow(location.hash));
+}
+start().catch(error => {
+  $("about").textContent = `The games cannot be shown: ${error.message}. A browser of 2023 or later is needed.`;
+  console.error(error);
+});

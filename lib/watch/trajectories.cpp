@@ -1,0 +1,170 @@
+#include "watch/trajectories.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "chart/markup.hpp"
+#include "core/error.hpp"
+#include "watch/games.hpp"
+
+namespace giga {
+namespace {
+
+constexpr double kSide = 300, kGap = 22, kName = 22;
+constexpr int kInRow = 4;
+constexpr const char *kGround = "#f4f6f8", *kBorder = "#9aa4b2", *kObstacle = "#8a94a3", *kWaypoint = "#009e73";
+
+/// Where the episodes stand, and from map units to pixels of one.
+struct Layout {
+  double scale, width, height, top;
+  int columns, rows;
+
+  Layout(const Replay& replay, double head) : top(head) {
+    const auto x = static_cast<double>(replay.rules.limit_x), y = static_cast<double>(replay.rules.limit_y);
+    scale = kSide / std::max(x, y);
+    width = x * scale;
+    height = y * scale;
+    const int count = static_cast<int>(replay.episodes.size());
+    columns = std::min(count, kInRow);
+    rows = (count + kInRow - 1) / kInRow;
+  }
+  double left_of(size_t k) const { return kMargin + static_cast<double>(k % kInRow) * (width + kGap); }
+  double top_of(size_t k) const { return top + kName + static_cast<double>(k / kInRow) * (height + kGap + kName); }
+  Point at(size_t k, double x, double y) const { return {left_of(k) + x * scale, top_of(k) + height - y * scale}; }
+  double picture_width() const { return 2 * kMargin + columns * (width + kGap) - kGap; }
+  double picture_height() const { return top + rows * (height + kGap + kName) - kGap + kMargin; }
+};
+
+std::string point_text(const Point& p) { return cat(svg_number(p.x), " ", svg_number(p.y)); }
+
+/// The path of an agent until it dies.
+std::vector<Point> path_of(const GameView& game, const Layout& layout, size_t k, int agent) {
+  std::vector<Point> path;
+  for (int state = 0; state <= game.last(agent); ++state) {
+    const AgentPlace p = game.place(agent, state);
+    path.push_back(layout.at(k, p.x, p.y));
+  }
+  return path;
+}
+
+std::string ending(const ReplayEpisode& e) {
+  const std::string winner =
+      e.winner == ReplayEnd::tie ? "a tie" : cat("team ", e.winner == ReplayEnd::team_0 ? 0 : 1, " wins");
+  return cat(winner, " after ", e.steps, " steps");
+}
+
+void draw_episode(Markup& svg, const GameView& game, const Layout& layout, size_t k) {
+  const ReplayRules& rules = game.replay().rules;
+  const auto box = [&](double x1, double y1, double x2, double y2, const char* fill, double opacity) {
+    const Point low = layout.at(k, x1, y2), high = layout.at(k, x2, y1);
+    svg.add("rect", {{"x", low.x},
+                     {"y", low.y},
+                     {"width", high.x - low.x},
+                     {"height", high.y - low.y},
+                     {"fill", fill},
+                     {"fill-opacity", svg_number(opacity)}});
+  };
+  svg.text(cat("episode ", k, ": ", ending(game.episode())),
+           {{"x", layout.left_of(k)}, {"y", layout.top_of(k) - 7}, {"font-size", kTextSize}, {"fill", kQuiet}});
+  box(0, 0, static_cast<double>(rules.limit_x), static_cast<double>(rules.limit_y), kGround, 1);
+  for (const auto& b : game.boxes())
+    box(static_cast<double>(b[0]), static_cast<double>(b[1]), static_cast<double>(b[2]), static_cast<double>(b[3]),
+        kObstacle, 1);
+  for (const ReplayWaypoint& w : game.episode().waypoints)
+    box(static_cast<double>(w.x1), static_cast<double>(w.y1), static_cast<double>(w.x2), static_cast<double>(w.y2),
+        kWaypoint, 0.25);
+  const Point low = layout.at(k, 0, static_cast<double>(rules.limit_y));
+  svg.add("rect", {{"x", low.x},
+                   {"y", low.y},
+                   {"width", layout.width},
+                   {"height", layout.height},
+                   {"fill", "none"},
+                   {"stroke", kBorder}});
+  for (int i = 0; i < game.replay().n_agents(); ++i) {
+    const char* colour = kTeamColours[game.team(i)];
+    const std::vector<Point> path = path_of(game, layout, k, i);
+    std::string d = "M" + point_text(path[0]);
+    for (size_t p = 1; p < path.size(); ++p) d += "L" + point_text(path[p]);
+    svg.hint(cat("agent ", i, " of team ", game.team(i)));
+    svg.add("path", {{"d", d},
+                     {"fill", "none"},
+                     {"stroke", colour},
+                     {"stroke-width", "1.4"},
+                     {"stroke-opacity", "0.75"},
+                     {"stroke-linejoin", "round"}});
+    svg.add("circle", {{"cx", path[0].x},
+                       {"cy", path[0].y},
+                       {"r", 3.2},
+                       {"fill", "#ffffff"},
+                       {"stroke", colour},
+                       {"stroke-width", "1.6"}});
+    const Point end = path.back();
+    if (game.alive(i, game.episode().steps)) {
+      svg.add("circle", {{"cx", end.x}, {"cy", end.y}, {"r", 3.6}, {"fill", colour}});
+    } else {
+      constexpr double r = 4;
+      svg.add("path", {{"d", cat("M", point_text({end.x - r, end.y - r}), "L", point_text({end.x + r, end.y + r}), "M",
+                                 point_text({end.x - r, end.y + r}), "L", point_text({end.x + r, end.y - r}))},
+                       {"stroke", colour},
+                       {"stroke-width", "2"}});
+    }
+  }
+}
+
+}  // namespace
+
+std::string trajectories_svg(const Replay& replay) {
+  GIGA_CHECK(!replay.episodes.empty(), "a replay without episodes");
+  const Layout layout(replay, kHeadingHeight);
+  Markup svg;
+  {
+    const auto picture = open_picture(svg, std::max(layout.picture_width(), 420.0), layout.picture_height(),
+                                      cat("Paths of ", replay.players[0], " against ", replay.players[1]));
+    svg.text(cat(replay.players[0], " against ", replay.players[1]),
+             {{"x", kMargin}, {"y", kMargin + 12}, {"font-size", kTitleSize}, {"fill", kInk}});
+    svg.text(cat(replay.scenario_name, "; rings: starts, crosses: deaths, dots: ends"),
+             {{"x", kMargin}, {"y", kMargin + 33}, {"font-size", kTextSize}, {"fill", kQuiet}});
+    for (size_t k = 0; k < replay.episodes.size(); ++k)
+      draw_episode(svg, GameView(replay, replay.episodes[k]), layout, k);
+  }
+  return svg.str();
+}
+
+Canvas trajectories_pixels(const Replay& replay) {
+  GIGA_CHECK(!replay.episodes.empty(), "a replay without episodes");
+  constexpr double kSharp = 2;  // pixels of the picture for one of the SVG
+  const Layout layout(replay, kMargin - kName);
+  const auto size = [](double length) { return static_cast<int>(std::lround(kSharp * length)); };
+  Canvas canvas(size(layout.picture_width()), size(layout.picture_height()), colour_of("#ffffff"));
+  const auto scaled = [](Point p) { return Point{kSharp * p.x, kSharp * p.y}; };
+  for (size_t k = 0; k < replay.episodes.size(); ++k) {
+    const GameView game(replay, replay.episodes[k]);
+    const auto box = [&](auto x1, auto y1, auto x2, auto y2, const char* fill, double opacity) {
+      canvas.rectangle(scaled(layout.at(k, static_cast<double>(x1), static_cast<double>(y1))),
+                       scaled(layout.at(k, static_cast<double>(x2), static_cast<double>(y2))), colour_of(fill),
+                       opacity);
+    };
+    box(0, 0, replay.rules.limit_x, replay.rules.limit_y, kGround, 1);
+    for (const auto& b : game.boxes()) box(b[0], b[1], b[2], b[3], kObstacle, 1);
+    for (const ReplayWaypoint& w : game.episode().waypoints) box(w.x1, w.y1, w.x2, w.y2, kWaypoint, 0.25);
+    for (int i = 0; i < replay.n_agents(); ++i) {
+      const Colour colour = colour_of(kTeamColours[game.team(i)]);
+      const std::vector<Point> path = path_of(game, layout, k, i);
+      for (size_t p = 1; p < path.size(); ++p)
+        canvas.line(scaled(path[p - 1]), scaled(path[p]), kSharp * 1.4, colour, 0.75);
+      canvas.disc(scaled(path[0]), kSharp * 3.2, colour_of("#ffffff"));
+      canvas.ring(scaled(path[0]), kSharp * 3.2, kSharp * 1.6, colour);
+      const Point end = scaled(path.back());
+      if (game.alive(i, game.episode().steps)) {
+        canvas.disc(end, kSharp * 3.6, colour);
+        continue;
+      }
+      constexpr double r = kSharp * 4;
+      canvas.line({end.x - r, end.y - r}, {end.x + r, end.y + r}, kSharp * 2, colour);
+      canvas.line({end.x - r, end.y + r}, {end.x + r, end.y - r}, kSharp * 2, colour);
+    }
+  }
+  return canvas;
+}
+
+}  // namespace giga

@@ -1,0 +1,17 @@
+// Pictures of behaviour: the paths of whole games, from above.
+#pragma once
+
+#include <string>
+
+#include "io/replay.hpp"
+#include "watch/canvas.hpp"
+
+namespace giga {
+
+/// The paths of all episodes side by side, at most four in a row: where each agent began, went, shot somebody down and
+/// died.
+std::string trajectories_svg(const Replay& replay);
+/// The same as pixels, without text.
+Canvas trajectories_pixels(const Replay& replay);
+
+}  // namespace giga
