@@ -272,6 +272,20 @@ eval: {episodes: 8}
   }
 }
 
+// With 3 GB of address space. 262,144 worlds need more: 16 observations of 4 agents with 52 numbers each are 3.5 GB.
+TEST(Train, WhereMemoryRunsOutItSaysWhatHelps) {
+  const Workplace here;
+  here.write("tiny.yaml", kTinyConfig);
+  const Outcome training = here.run(
+      {"-c", "ulimit -v 3000000; exec '" + kGigastep + "' train tiny.yaml --quiet --set train.n_worlds=262144"},
+      "/bin/sh");
+  EXPECT_EQ(training.code, 1);
+  EXPECT_TRUE(contains(training.err, {" memory", "\n`gigastep train CONFIG --plan` measures what a run takes",
+                                      "; a smaller train.n_worlds takes less"}));
+  EXPECT_EQ(training.err.find("frame #"), std::string::npos) << training.err;
+  EXPECT_EQ(here.entries(), std::vector<std::string>{"tiny.yaml"}) << "nothing was created yet";
+}
+
 TEST(Train, DivergenceHasItsOwnExitCode) {
   const Workplace here;
   here.write("tiny.yaml", kTinyConfig);

@@ -8,6 +8,7 @@
 
 #include "core/error.hpp"
 #include "core/memory.hpp"
+#include "core/out_of_memory.hpp"
 #include "core/thread_pool.hpp"
 
 namespace giga {
@@ -153,6 +154,17 @@ TEST(CoreError, CheckTellsTheValues) {
   EXPECT_EQ(InputError("x").kind(), ErrorKind::input);
   EXPECT_EQ((Device{Device::Kind::cuda, 2}.name()), "cuda:2");
   EXPECT_EQ(Device{}.name(), "cpu");
+}
+
+TEST(CoreError, MemoryThatRanOutIsToldByUsLibTorchAndTheDriver) {
+  for (const char* message :
+       {"CUDA out of memory. Tried to allocate 20.00 GiB. GPU 0 has a total capacity of 79.10 GiB of which 1.2 GiB is "
+        "free.",
+        "out of GPU memory: 8192 MiB wanted, 1203 of 81090 MiB free",
+        "[enforce fail at alloc_cpu.cpp:124] err == 0. DefaultCPUAllocator: can't allocate memory: you tried to "
+        "allocate 68719476736 bytes. Error code 12 (Cannot allocate memory)"})
+    EXPECT_TRUE(tells_of_memory(message)) << message;
+  EXPECT_FALSE(tells_of_memory("memory.yaml:1:1: unknown key"));
 }
 
 }  // namespace
