@@ -470,12 +470,18 @@ int Training::exit_code_of_stop() const {
 int Training::stop_early(int code) {
   progress_.finish();
   if (saved_update_ != learner_->updates_done()) save(false);
-  const std::string reason = code != kOutOfTime ? signal_name(code - 128)
-                             : at_stop()        ? "train.stop_at_agent_steps are done"
-                                                : "train.max_wall_time is over";
+  const bool out_of_time = code == kOutOfTime;
+  const std::string reason = !out_of_time ? signal_name(code - 128)
+                             : at_stop()  ? "train.stop_at_agent_steps are done"
+                                          : "train.max_wall_time is over";
+  std::string how;  // resume keeps what stopped the run
+  if (out_of_time && at_stop()) how = " --set train.stop_at_agent_steps=none";
+  if (out_of_time && !at_stop())
+    how = cat(", for another ", FieldCodec<Duration>::print(*config_.train.max_wall_time),
+              "; with --set train.max_wall_time=none to the end");
   log_.info(cat("stopped after update ", learner_->updates_done(), of_updates(), " (", reason,
                 "), the state is saved; to go on: ", program_command(), " resume ",
-                shell_word(folder_.path().string())));
+                shell_word(folder_.path().string()), how));
   write_final_report();
   return code;
 }
