@@ -227,7 +227,10 @@ CLI::App* add_kind(CLI::App& parent, Dispatch& dispatch, const std::shared_ptr<B
 }
 
 void add_seed_option(CLI::App& command, uint64_t& seed) {
-  command.add_option("--seed", seed, "seed of everything random")->capture_default_str()->type_name("N");
+  command.add_option("--seed", seed, "seed of everything random")
+      ->check(refuse_negative)
+      ->capture_default_str()
+      ->type_name("N");
 }
 
 void add_precision_option(CLI::App& command, const std::string& name, Precision& precision) {

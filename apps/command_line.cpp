@@ -76,7 +76,9 @@ std::string explain_leftover(const CLI::App& command) {
   const std::vector<std::string> commands = command_names(command);
   if (word.rfind('-', 0) == 0) {
     const std::string name = word.substr(0, word.find('='));
-    return cat("unknown option '", name, "'", nearest_hint(name, option_names(command)));
+    const std::string hint = nearest_hint(name, option_names(command));
+    const bool has_keys = hint.empty() && command.get_option_no_throw("--set");
+    return cat("unknown option '", name, "'", has_keys ? "; keys are set by --set KEY=VALUE" : hint);
   }
   if (!commands.empty())
     return cat("unknown command '", word, "'", nearest_hint(word, commands), "; commands: ", join(commands));
@@ -147,6 +149,10 @@ void add_display_options(CLI::App& command, bool& quiet, bool& no_color) {
 CLI::Option* add_json_option(CLI::App& command, std::string& destination) {
   return command.add_option("--json", destination, "write the result as JSON to a file; - prints it, and nothing else")
       ->type_name("FILE|-");
+}
+
+std::string refuse_negative(const std::string& text) {
+  return text.starts_with('-') ? cat("'", text, "' is not an integer >= 0") : "";
 }
 
 std::string explain(const CLI::App& app, const CLI::Error& error) {

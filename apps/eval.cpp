@@ -145,6 +145,7 @@ void add_eval_command(CLI::App& app, Dispatch& dispatch) {
   command->add_option("--scenario", options->scenario, "scenario to play: name or file")->type_name("S");
   add_game_changes(*command, options->changes);
   command->add_option("--seed", options->seed, "seed of the episodes: same seed, same result")
+      ->check(refuse_negative)
       ->capture_default_str()
       ->type_name("S");
   add_device_option(*command, options->device)->capture_default_str();

@@ -74,8 +74,9 @@ void export_policy(const ExportOptions& o) {
   const Json ratings = rating_of(found.file, checkpoint.updates, o.team);
   write_export(o.out, format, *actor, loaded.run.spec, origin_of(checkpoint, loaded.run, o.team), &ratings);
   std::cout << o.out << ": the policy of team " << o.team << " after " << checkpoint.updates << " updates in "
-            << checkpoint.scenario_name << "\ntry it: python " << (std::filesystem::path(o.out) / kExampleName).string()
-            << std::endl;
+            << checkpoint.scenario_name << "\ntry it: python3 "
+            << (std::filesystem::path(o.out) / kExampleName).string()
+            << " (its first lines say which packages it needs)" << std::endl;
 }
 
 }  // namespace

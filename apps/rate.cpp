@@ -203,6 +203,7 @@ void add_options(CLI::App& command, RateOptions& o) {
   add_json_option(command, o.json);
   add_device_option(command, o.device)->capture_default_str();
   command.add_option("--seed", o.seed, "seed of the episodes: same seed, same result")
+      ->check(refuse_negative)
       ->capture_default_str()
       ->type_name("S");
   command.add_flag("--greedy", o.greedy, "policies take the most likely action instead of drawing one");

@@ -144,7 +144,9 @@ void add_train_command(CLI::App& app, Dispatch& dispatch) {
       ->type_name("NAME")
       ->excludes(run_dir);
   add_device_option(*command, options->device);
-  command->add_option("--seed", options->seed, "seed of everything random, as --set seed=N")->type_name("N");
+  command->add_option("--seed", options->seed, "seed of everything random, as --set seed=N")
+      ->check(refuse_negative)
+      ->type_name("N");
   add_display_options(*command, options->quiet, options->no_color);
   command->add_flag("--plan", options->plan,
                     "only measure how much memory the run takes, and how many worlds or members would fit");

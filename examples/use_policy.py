@@ -1,4 +1,4 @@
-"""Uses an exported policy from Python: python use_policy.py FOLDER
+"""Uses an exported policy from Python: python3 use_policy.py FOLDER
 
 FOLDER is what `gigastep export RUN --team 0 --format safetensors --out FOLDER` wrote. Needs numpy and safetensors.
 Describes a situation by the names in the manifest, and prints the most likely action and the first logits.

@@ -40,12 +40,13 @@ bool shapes_a_policy(const std::string& key) {
   return is_of(key, {"observation", "action", "team_0", "team_1", "maps"}) || key == "collision.obstacle_heights";
 }
 
-/// "sight.cone_depth: 3 there, 5 here", one for each key that counts.
+/// "sight.cone_depth: 3 there, 5 here", one for each key that counts. Maps and kinds of agents that only one of them
+/// has are told by `maps` and the teams.
 std::vector<std::string> differences(const Scenario& there, const Scenario& here, bool (*counts)(const std::string&),
                                      const std::string& name_there, const std::string& name_here) {
   std::vector<std::string> all;
   for (const auto& [key, before, now] : compare_settings(settings_of(there), settings_of(here)))
-    if (counts(key))
+    if (counts(key) && !((before.empty() || now.empty()) && is_of(key, {"map_definitions", "agent_types"})))
       all.push_back(cat(key, ": ", before.empty() ? "-" : before, " ", name_there, ", ", now.empty() ? "-" : now, " ",
                         name_here));
   return all;

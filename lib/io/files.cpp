@@ -25,9 +25,9 @@ void write_in_place(const fs::path& path, std::string_view bytes) {
   file.close();
 }
 
-void write_temporary(const fs::path& path, std::string_view bytes) {
+void write_temporary(const fs::path& path, std::string_view bytes, const fs::path& in_place_of) {
   File file(path, O_WRONLY | O_CREAT | O_TRUNC);
-  if (!file.is_open()) fail_with_errno("create", path);
+  if (!file.is_open()) fail_with_errno("create", in_place_of);
   file.write_all(bytes);
   file.flush_to_disk();
   file.close();
@@ -62,7 +62,7 @@ void write_file(const fs::path& path, std::string_view bytes) {
   const fs::path folder = path.has_parent_path() ? path.parent_path() : fs::path(".");
   const fs::path temporary = path.string() + "." + std::to_string(::getpid()) + kTemporaryEnding;
   try {
-    write_temporary(temporary, bytes);
+    write_temporary(temporary, bytes, path);
     if (::rename(temporary.c_str(), path.c_str()) != 0) fail_with_errno("write", path);
   } catch (...) {
     ::unlink(temporary.c_str());

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <set>
 
 #include "config/names.hpp"
 #include "core/error.hpp"
@@ -91,6 +92,16 @@ LoadedRun finish(RunConfig config, std::optional<Scenario> scenario, const KeyPo
   return run;
 }
 
+/// A scenario in the place of a config: all its keys are those of one, and some of no config.
+bool is_scenario(const Node& root) {
+  const auto all_of = [&root](const std::vector<FieldInfo>& fields, std::set<std::string> names) {
+    for (const FieldInfo& field : fields) names.insert(field.path.substr(0, field.path.find_first_of(".[")));
+    return std::all_of(root.entries.begin(), root.entries.end(),
+                       [&names](const Node::Entry& entry) { return names.contains(entry.key); });
+  };
+  return root.is_map() && all_of(list_fields<Scenario>(), {"base"}) && !all_of(list_fields<RunConfig>(), {});
+}
+
 }  // namespace
 
 Scripted Opponent::script() const {
@@ -170,6 +181,9 @@ LoadedRun load_run_config(const std::string& path, const std::vector<std::string
   Errors errors;
   const bool readable = read_config_file(path, overrides, config, errors, &given);
   if (!readable) errors.throw_if_any();
+  if (errors.size() > 0 && is_scenario(parse_yaml_file(path).root))
+    throw InputError(cat(
+        path, ": this is a scenario, not a config; to train in it: gigastep train quickstart --set scenario=", path));
   find_opponent(config, given, errors);
   const Node* changes = config.environment.is_map() ? &config.environment : nullptr;
   std::optional<Scenario> scenario;

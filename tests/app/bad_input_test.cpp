@@ -89,6 +89,12 @@ std::vector<BadInput> form_of_files() {
        kTrain,
        {{"run.yaml", "scenario: gmae.yaml\n"}, {"game.yaml", "base: identical_2_vs_2\n"}},
        {"run.yaml:1:11: no such file: gmae.yaml; nearest: 'game.yaml'"}},
+      {"scenario in the place of a config",
+       "gigastep train game.yaml",
+       {"train", "game.yaml"},
+       {{"game.yaml", "base: identical_2_vs_2\nlimit_x: 12\n"}},
+       {"game.yaml: this is a scenario, not a config; to train in it: gigastep train quickstart --set "
+        "scenario=game.yaml"}},
   };
 }
 

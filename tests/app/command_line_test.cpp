@@ -5,24 +5,27 @@
 
 #include "program.hpp"
 #include "support/source.hpp"
+#include "support/thinning.hpp"
 
 namespace giga::test {
 namespace {
 
 TEST(CommandLine, EveryCommandHasHelpWithExamples) {
   const Workplace here;
-  for (const std::vector<std::string>& command : std::vector<std::vector<std::string>>{{},
-                                                                                       {"train"},
-                                                                                       {"eval"},
-                                                                                       {"scenarios"},
-                                                                                       {"scenarios", "show"},
-                                                                                       {"config"},
-                                                                                       {"report"},
-                                                                                       {"bench"},
-                                                                                       {"bench", "sim"},
-                                                                                       {"bench", "closed-loop"},
-                                                                                       {"bench", "train"}}) {
-    std::vector<std::string> arguments = command;
+  const std::vector<std::vector<std::string>> commands = {{},
+                                                          {"train"},
+                                                          {"eval"},
+                                                          {"scenarios"},
+                                                          {"scenarios", "show"},
+                                                          {"config"},
+                                                          {"report"},
+                                                          {"bench"},
+                                                          {"bench", "sim"},
+                                                          {"bench", "closed-loop"},
+                                                          {"bench", "train"}};
+  const auto stride = static_cast<size_t>(thinned(4));
+  for (size_t k = stride / 4; k < commands.size(); k += stride) {
+    std::vector<std::string> arguments = commands[k];
     arguments.emplace_back("--help");
     const Outcome help = here.run(arguments);
     EXPECT_EQ(help.code, 0);
@@ -54,6 +57,9 @@ TEST(CommandLine, MistakesNameTheNearest) {
       {{"train", "a.yaml", "b.yaml"}, {"unexpected argument 'b.yaml'"}},
       {{"train", "quikstart"}, {"there is no config quikstart", "nearest: 'quickstart'"}},
       {{"train", "quickstart", "--seed", "x"}, {"--seed", "x"}},
+      {{"train", "quickstart", "--seed", "-1"}, {"--seed: '-1' is not an integer >= 0"}},
+      {{"eval", "circle", "--vs", "pursuer", "--seed", "-1"}, {"--seed: '-1' is not an integer >= 0"}},
+      {{"train", "quickstart", "--epochs", "3"}, {"unknown option '--epochs'; keys are set by --set KEY=VALUE"}},
       {{"train", "quickstart", "--name", "a/b"}, {"--name a/b is a path", "--run-dir"}},
       {{"train", "quickstart", "--set", "mappo.gamma", "0.9"},
        {"--set mappo.gamma 0.9: expected KEY=VALUE; write --set mappo.gamma=0.9"}},
@@ -87,7 +93,9 @@ TEST(CommandLine, MistakesNameTheNearest) {
       {{"bench", "smi"}, {"unknown command 'smi'", "nearest: 'sim'"}},
       {{"bench", "sim", "--worlds", "0"}, {"--worlds"}},
   };
-  for (const Case& c : cases) {
+  const auto stride = static_cast<size_t>(thinned(5));
+  for (size_t k = stride / 2; k < cases.size(); k += stride) {
+    const Case& c = cases[k];
     const Outcome outcome = here.run(c.arguments);
     EXPECT_EQ(outcome.code, 2) << outcome.err;
     EXPECT_EQ(outcome.out, "");

@@ -41,7 +41,7 @@ TEST_F(ExportedRun, EveryFormatHasItsFiles) {
   for (const auto& [format, file] : files) {
     const Outcome outcome = run_export("run", "0", format, format);
     ASSERT_EQ(outcome.code, 0) << outcome.err;
-    EXPECT_TRUE(contains(outcome.out, {format + ": the policy of team 0 after ", "python " + format + "/act.py"}));
+    EXPECT_TRUE(contains(outcome.out, {format + ": the policy of team 0 after ", "python3 " + format + "/act.py"}));
     EXPECT_GT(here_->read(format + "/" + file).size(), 100u);
     const Document manifest = parse_yaml_text(here_->read(format + "/manifest.json"), "manifest.json");
     EXPECT_EQ(at(manifest, {"format"}).text, format);

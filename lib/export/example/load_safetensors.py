@@ -1,4 +1,4 @@
-"""Loads the policy beside this file and acts on one observation: python act.py
+"""Loads the policy beside this file and acts on one observation: python3 act.py
 
 Needs numpy and safetensors. Nothing in the file is executed.
 """
