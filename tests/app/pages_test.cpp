@@ -37,11 +37,16 @@ std::string with(const std::string& text, const char* pattern, const char* repla
   return std::regex_replace(text, std::regex(pattern), replacement);
 }
 
-/// A folder that looks like the project's to the commands of a page: scripts/run, examples/.
+/// A folder that looks like the project's to the commands of a page: scripts/run, examples/. Each call of scripts/run
+/// leaves a line in the file `times`: its seconds and its arguments.
 class Project {
  public:
   Project() {
-    here_.write("scripts/run", "#!/bin/sh\nexec '" + kGigastep + "' \"$@\"\n");
+    here_.write("scripts/run", "#!/bin/sh\nbegan=$(date +%s%N)\n'" + kGigastep +
+                                   "' \"$@\"\ncode=$?\nmilliseconds=$((($(date +%s%N) - began) / 1000000))\n"
+                                   "printf '%d.%d s  scripts/run %s\\n' $((milliseconds / 1000)) "
+                                   "$((milliseconds / 100 % 10)) \"$*\" >>'" +
+                                   (here_.path() / "times").string() + "'\nexit $code\n");
     fs::permissions(here_.path() / "scripts/run", fs::perms::owner_all);
     fs::create_directory_symlink(source_path("examples"), here_.path() / "examples");
     fs::create_directories(here_.path() / "data");
@@ -62,8 +67,10 @@ TEST(FirstHour, EveryCommandRuns) {
   std::string page = read_file(source_path("docs/first_hour.md"));
   Environment environment;
   if (thinned(100) > 1) {
-    // The same commands with tiny runs: 32 worlds x 32 steps x 10 agents are 10,240 agent-steps in an update.
+    // The same commands with tiny runs, of one seed where there are three: 32 worlds x 32 steps x 10 agents are 10,240
+    // agent-steps in an update.
     page = with(page, "train.total_agent_steps=[0-9e]+", "train.total_agent_steps=12000");
+    page = with(page, "for seed in 1 2 3;", "for seed in 1;");
     std::string quickstart = read_file(source_path("configs/quickstart.yaml"));
     quickstart = with(with(quickstart, "n_worlds: [0-9_]+", "n_worlds: 32"), "episodes: [0-9]+", "episodes: 8");
     here.write("data/configs/quickstart.yaml", quickstart);
@@ -89,6 +96,7 @@ TEST(FirstHour, EveryCommandRuns) {
     EXPECT_TRUE(here.has(made)) << made;
   // What was stopped went on to its end, as the runs of the same length did that were not.
   EXPECT_EQ(metrics_rows(here, "runs/stopped"), metrics_rows(here, "runs/rate-1e-3-seed1"));
+  if (tests_run_in_full()) std::cout << here.read("times");  // for docs/measurements.md
 }
 
 TEST(Examples, EveryConfigIsGood) {
