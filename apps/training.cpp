@@ -480,8 +480,8 @@ int Training::stop_early(int code) {
     how = cat(", for another ", FieldCodec<Duration>::print(*config_.train.max_wall_time),
               "; with --set train.max_wall_time=none to the end");
   log_.info(cat("stopped after update ", learner_->updates_done(), of_updates(), " (", reason,
-                "), the state is saved; to go on: ", program_command(), " resume ",
-                shell_word(folder_.path().string()), how));
+                "), the state is saved; to go on: ", program_command(), " resume ", shell_word(folder_.path().string()),
+                how));
   write_final_report();
   return code;
 }
