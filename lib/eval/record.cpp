@@ -4,9 +4,11 @@
 #include <charconv>
 #include <cstring>
 #include <limits>
+#include <optional>
 
 #include "cuda/runtime.hpp"
 #include "game/game.hpp"
+#include "learn/players/player.hpp"
 #include "learn/players/value_function.hpp"
 #include "policy/actor.hpp"
 #include "rollout/policy_controllers.hpp"
@@ -147,6 +149,7 @@ RecordedMatch record_teams(const LoadedRun& run, Learner& learner, const MatchOp
   learner.save_critics(critics);
   std::array<RecordedTeam, kNTeams> teams;
   std::unique_ptr<ValueFunction> values[kNTeams];
+  std::optional<Player> opponent;  // who does not learn
   for (int team = 0; team < kNTeams; ++team) {
     RecordedTeam& t = teams[static_cast<size_t>(team)];
     if (const Actor* actor = learner.actor(team)) {
@@ -155,9 +158,10 @@ RecordedMatch record_teams(const LoadedRun& run, Learner& learner, const MatchOp
       t.controller = policy_controller(*actor, acts_greedily(run.config));
       t.mind = {actor, values[team].get()};
     } else {
-      const Scripted script = scripted_of(run.config.train.opponent);
-      t.name = name_of(script);
-      t.controller = script_controller(script);
+      opponent = Player::load(run.config.train.opponent.name, {.device = options.device});
+      t.name = opponent->name();
+      t.controller = opponent->controller(team, run.spec);
+      t.mind = opponent->mind(team, run.spec);
     }
   }
   return record_match(run.scenario, run.spec, teams, options, version);

@@ -3,25 +3,15 @@
 
 #include <array>
 #include <cstdint>
-#include <memory>
 #include <vector>
 
 #include "core/memory.hpp"
 #include "game/game.hpp"
 #include "io/replay.hpp"
+#include "learn/players/mind.hpp"
 #include "sim/params.hpp"
 
 namespace giga {
-
-class Policy;
-class ValueFunction;
-
-/// The networks of a team, which are asked what they make of each state. Null: there is none, or nobody asks.
-struct Mind {
-  const Policy* policy = nullptr;
-  const ValueFunction* values = nullptr;
-};
-using Minds = std::array<Mind, kNTeams>;
 
 /// Likeliest actions that are kept of each agent and state.
 constexpr int kLikelyActions = 3;

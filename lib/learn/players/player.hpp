@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "core/memory.hpp"
-#include "eval/recorder.hpp"
+#include "learn/players/mind.hpp"
 #include "learn/run_config.hpp"
 #include "rollout/policy_controllers.hpp"
 
