@@ -289,7 +289,10 @@ void add_bench_command(CLI::App& app, Dispatch& dispatch) {
       add_kind(*command, dispatch, sim, "sim", "simulation with random actions, every observation written", bench_sim);
   add_seed_option(*simulation, sim->seed);
   simulation->footer(
-      "Example:\n  gigastep bench sim --scenario identical_5_vs_5 --worlds 65536 --device cuda --json result.json");
+      "Of a scenario with images (_rgb) each agent-step writes one, all its bytes.\n"
+      "Examples:\n"
+      "  gigastep bench sim --scenario identical_5_vs_5 --worlds 65536 --device cuda --json result.json\n"
+      "  gigastep bench sim --scenario identical_5_vs_5_rgb --worlds 16384 --device cuda");
 
   auto loop = std::make_shared<BenchOptions>();
   CLI::App* closed = add_kind(*command, dispatch, loop, "closed-loop", "simulation driven by two sampling policies",

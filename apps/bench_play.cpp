@@ -1,4 +1,5 @@
 // gigastep bench sim and closed-loop: worlds stepped with random actions, or by policies.
+#include <algorithm>
 #include <cmath>
 #include <memory>
 #include <utility>
@@ -17,39 +18,58 @@
 #include "rollout/stream.hpp"
 #include "scenario/compile.hpp"
 #include "scenario/loader.hpp"
+#include "sim/image_rows.hpp"
 
 namespace giga {
 namespace {
 
-/// Has everything written that a learner may want.
+/// Has everything written that a learner may want: of the numbers and images what agents are given.
 class EveryOutput final : public GameObserver {
  public:
-  explicit EveryOutput(const Simulator& sim) : done_(sim.memory(), static_cast<size_t>(sim.n_worlds())) {
+  explicit EveryOutput(const Simulator& sim)
+      : done_(sim.memory(), static_cast<size_t>(sim.n_worlds())), numbers_(!sim.params().images_only) {
     for (int k = 0; k < kNTeams; ++k) {
       const size_t n = static_cast<size_t>(sim.n_worlds()) * static_cast<size_t>(sim.params().n_team[k]);
-      team_[k].obs = Buffer<float>(sim.memory(), n * static_cast<size_t>(observation_rows(sim.spec()).stride()));
+      const auto row = static_cast<size_t>(observation_rows(sim.spec()).stride());
+      team_[k].obs = Buffer<float>(sim.memory(), numbers_ ? n * row : 0);
+      team_[k].images = Buffer<uint8_t>(sim.memory(), n * static_cast<size_t>(image_bytes(sim.params().resolution)));
       team_[k].reward = Buffer<float>(sim.memory(), n);
       team_[k].alive = Buffer<uint8_t>(sim.memory(), n);
     }
   }
   void before_step(int64_t, GameStep& step) override {
     for (int k = 0; k < kNTeams; ++k) {
-      want(step.rows[k].obs, team_[k].obs.data());
-      step.rows[k].wanted = ObservationSet::all();
+      if (numbers_) {
+        want(step.rows[k].obs, team_[k].obs.data());
+        step.rows[k].wanted = ObservationSet::all();
+      }
+      step.io.team[k].obs[Observation::image].rows = team_[k].images.data();
       want(step.io.team[k].reward, team_[k].reward.data());
       want(step.io.team[k].alive, team_[k].alive.data());
     }
     want(step.io.done, done_.data());
   }
   std::vector<float> obs(int team) const { return team_[team].obs.to_host(); }
+  /// The first and the last images of a team, of which there may be more than the host has room for.
+  std::vector<uint8_t> some_images(int team, Memory& memory) const {
+    constexpr size_t kMost = 16 << 20;
+    const Buffer<uint8_t>& all = team_[team].images;
+    const size_t size = std::min(kMost, all.size());
+    std::vector<uint8_t> bytes(2 * size);
+    memory.to_host(bytes.data(), all.data(), size);
+    memory.to_host(bytes.data() + size, all.data() + all.size() - size, size);
+    return bytes;
+  }
 
  private:
   struct Team {
     Buffer<float> obs, reward;  // [W, n, padded D], [W, n]
+    Buffer<uint8_t> images;     // [W, n, R, R, 3]
     Buffer<uint8_t> alive;      // [W, n]
   };
   Team team_[kNTeams];
   Buffer<uint8_t> done_;
+  const bool numbers_;
 };
 
 LoadedRun bench_run(const BenchOptions& options, int worlds) {
@@ -101,14 +121,18 @@ BenchResult play(const BenchOptions& options, Device device, const LoadedRun& ru
   result.memory_bytes = memory_in_use(device) - memory_before;
 
   // The proof: the last observations are numbers and not all the same, and episodes ended and began anew.
-  double sum = 0, squares = 0;
+  double sum = 0, squares = 0, image_sum = 0;
   for (int team = 0; team < kNTeams; ++team) {
+    if (sim->params().resolution > 0)
+      for (const uint8_t byte : output.some_images(team, sim->memory())) image_sum += static_cast<double>(byte);
     for (const float x : output.obs(team)) {
       sum += static_cast<double>(x);
       squares += static_cast<double>(x) * static_cast<double>(x);
     }
   }
-  const double numbers = static_cast<double>(sim->agents_per_step()) * run.spec.observation_size();
+  const bool images_only = sim->params().images_only;
+  const double agents = static_cast<double>(sim->agents_per_step());
+  const double numbers = images_only ? 0 : agents * run.spec.observation_size();
   const EpisodeStats stats = sim->take_stats();
   result.checks = {{"observations_written", numbers * static_cast<double>(steps_made)},
                    {"last_observation_sum", sum},
@@ -116,7 +140,11 @@ BenchResult play(const BenchOptions& options, Device device, const LoadedRun& ru
                    {"episodes_ended", stats[EpisodeStat::episodes]},
                    {"worlds_reset", static_cast<double>(worlds_reset(*sim, steps_made))},
                    {"steps", static_cast<double>(steps_made)}};
-  if (!std::isfinite(sum) || !(squares > 0))
+  if (sim->params().resolution > 0) {
+    result.checks.emplace_back("images_written", agents * static_cast<double>(steps_made));
+    result.checks.emplace_back("some_last_images_sum", image_sum);
+  }
+  if (!std::isfinite(sum) || !(squares > 0 || images_only) || (images_only && !(image_sum > 0)))
     throw Error("the benchmark is void: observations are not finite, or all zero");
   return result;
 }
@@ -132,7 +160,8 @@ double least_bytes(const SimSpec& spec) {
       state += static_cast<double>(field.count(n)) * static_cast<double>(sizeof(*(none.*member)));
   });
   const double action = spec.params.actions == ActionKind::discrete ? sizeof(int32_t) : kActionSize * sizeof(float);
-  const double outputs = spec.observation_size() * sizeof(float) + sizeof(float) + 1;  // row, reward, alive
+  const double row = spec.params.images_only ? 0 : spec.observation_size() * sizeof(float);
+  const double outputs = row + image_bytes(spec.params.resolution) + sizeof(float) + 1;  // reward, alive
   return 2 * state / n + action + outputs;
 }
 

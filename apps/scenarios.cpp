@@ -5,6 +5,7 @@
 #include <iostream>
 
 #include "apps/commands.hpp"
+#include "apps/scenario_images.hpp"
 #include "apps/scenario_picture.hpp"
 #include "core/error.hpp"
 #include "io/files.hpp"
@@ -51,8 +52,10 @@ void print_or_draw(const ShowOptions& o) {
     return;
   }
   const std::string ending = std::filesystem::path(o.picture).extension().string();
-  if (ending != ".svg") throw InputError(cat("--picture ", o.picture, ": pictures are SVG: call it FILE.svg"));
-  write_file(o.picture, scenario_picture(compile(scenario)));
+  if (ending != ".svg" && ending != ".png")
+    throw InputError(cat("--picture ", o.picture, ": pictures of maps are SVG, of what agents see PNG: call it ",
+                         "FILE.svg or FILE.png"));
+  write_file(o.picture, ending == ".svg" ? scenario_picture(compile(scenario)) : scenario_images(compile(scenario)));
   std::cout << o.picture << std::endl;
 }
 
@@ -66,8 +69,8 @@ void add_scenarios_command(CLI::App& app, Dispatch& dispatch) {
       "Examples:\n"
       "  gigastep scenarios\n"
       "  gigastep scenarios show identical_5_vs_5           all keys with values, units and defaults, as YAML\n"
-      "  gigastep scenarios show identical_5_vs_5_fobs_void variants by suffix: _fobs|_pobs, _maps|_void, _cont|_disc, "
-      "in any order");
+      "  gigastep scenarios show identical_5_vs_5_fobs_void variants by suffix: _fobs|_pobs, _rgb|_vec, _maps|_void,\n"
+      "                                                     _cont|_disc, in any order");
   command->callback([command, &dispatch] {
     if (command->get_subcommands().empty()) dispatch.run = list;
   });
@@ -77,13 +80,16 @@ void add_scenarios_command(CLI::App& app, Dispatch& dispatch) {
   show->add_option("NAME", options->name, "name, with suffixes if wanted, or path of a scenario file")
       ->required()
       ->type_name("");
-  show->add_option("--picture", options->picture,
-                   "draw its maps instead, with where the teams start, and how far agents see and shoot")
-      ->type_name("FILE.svg");
+  show->add_option(
+          "--picture", options->picture,
+          "draw its maps instead, with where the teams start, and how far agents see and shoot; or, as PNG, the\n"
+          "images that agents are given (_rgb) some seconds into a game")
+      ->type_name("FILE.svg|png");
   show->footer(
       "Examples:\n"
       "  gigastep scenarios show hide_and_seek_5_vs_5 > mine.yaml\n"
-      "  gigastep scenarios show ./mine.yaml --picture mine.svg     any browser shows it");
+      "  gigastep scenarios show ./mine.yaml --picture mine.svg     any browser shows it\n"
+      "  gigastep scenarios show identical_5_vs_5_rgb --picture seen.png");
   show->callback([options, &dispatch] { dispatch.run = [options] { print_or_draw(*options); }; });
 }
 

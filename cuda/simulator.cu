@@ -1,5 +1,6 @@
 // The CUDA back end: one kernel per job, worlds spread over warps (small teams) or thread blocks as executor.hpp says.
 #include "cuda/check.cuh"
+#include "cuda/draw.hpp"
 #include "cuda/executor.hpp"
 #include "cuda/runtime.hpp"
 #include "sim/usual_params.hpp"
@@ -39,6 +40,12 @@ template <Job job, bool in_shared>
 __global__ void __launch_bounds__(kMaxBlockThreads) block_kernel(const __grid_constant__ Launch k) {
   extern __shared__ char shared[];
   run_block_thread<job, in_shared>(k, this_thread(), shared, BlockSync{});
+}
+
+template <Job job>
+__global__ void __launch_bounds__(kDrawThreads) draw_kernel(const __grid_constant__ Launch k, DrawShape shape) {
+  extern __shared__ __align__(16) char strip[];
+  run_draw_thread<job>(k, shape, this_thread(), strip, BlockSync{});
 }
 
 // Lists the worlds that play, in any order: worlds do not depend on each other. `count` starts at 0.
@@ -138,7 +145,14 @@ class CudaSimulator final : public LaunchingSimulator {
   void run(const Jobs& jobs, const StepIo& io, Worlds worlds) override {
     GIGA_CUDA(cudaSetDevice(index_));
     const Launch k = launch_of(io, worlds);
-    for (const Job job : jobs) with_job(job, [&](auto constant) { launch<decltype(constant)::value>(k); });
+    for (const Job job : jobs)
+      with_job(job, [&](auto constant) {
+        constexpr Job kJob = decltype(constant)::value;
+        if constexpr (kJob == Job::draw || kJob == Job::draw_final)
+          draw<kJob>(k);
+        else
+          launch<kJob>(k);
+      });
   }
 
   void list_playing() override {
@@ -152,6 +166,13 @@ class CudaSimulator final : public LaunchingSimulator {
   }
 
  private:
+  template <Job job>
+  void draw(const Launch& k) {
+    const DrawShape s = draw_shape(params(), n_worlds());
+    draw_kernel<job><<<s.blocks, kDrawThreads, s.shared_bytes, stream_>>>(k, s);
+    GIGA_CUDA(cudaGetLastError());
+  }
+
   template <Job job>
   void launch(const Launch& k) {
     const LaunchShape& s = shape();

@@ -20,7 +20,7 @@ std::string layout_text(const PolicyInterface& policy) {
 }  // namespace
 
 std::vector<ObservationBlock> observation_layout(const SimSpec& spec) {
-  const RowLayout rows(spec.params, spec.observations());
+  const RowLayout rows = observation_rows(spec);
   std::vector<ObservationBlock> blocks;
   int at = 0;
   const auto add = [&](const std::string& name, int count, const std::string& meaning,
@@ -53,6 +53,9 @@ PolicyInterface interface_of(const SimSpec& spec) {
 
 void check_fits(const PolicyInterface& policy, const SimSpec& spec, const std::string& source,
                 const std::string& reasons) {
+  if (spec.params.images_only)
+    throw InputError(cat(source, " reads numbers, and agents of '", spec.name,
+                         "' are given images alone (observation.type: rgb)", reasons));
   const PolicyInterface here = interface_of(spec);
   if (policy.fits(here)) return;
   const auto kind = [](ActionKind actions) { return FieldCodec<ActionKind>::print(actions); };

@@ -72,6 +72,14 @@ void find_opponent(RunConfig& config, const KeyPositions& given, Errors& errors)
   opponent.name = path.string();
 }
 
+/// Networks that read images are not built yet.
+void check_numbers(ConfigCheck& check) {
+  if (check.spec->params.images_only && check.known({"scenario"}) && check.scenario_knows("observation.type"))
+    check.fail("scenario", cat("agents of '", check.config.scenario,
+                               "' are given images alone (observation.type: rgb), which no network here reads yet; "
+                               "environment.observation.type: rgb_vector gives numbers too"));
+}
+
 /// Puts together what was read, as far as it was; throws with all mistakes.
 LoadedRun finish(RunConfig config, std::optional<Scenario> scenario, const KeyPositions& given, Errors& errors) {
   LoadedRun run;
@@ -86,6 +94,7 @@ LoadedRun finish(RunConfig config, std::optional<Scenario> scenario, const KeyPo
     run.spec = compile(run.scenario, errors);
     check.scenario = &run.scenario;
     check.spec = &run.spec;
+    check_numbers(check);
   }
   algorithm_of(run.config).check(check);
   errors.throw_if_any();

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <string>
 
 #include "core/error.hpp"
 #include "policy/config.hpp"
@@ -25,8 +26,16 @@ struct InputColumns {
   ObservationShape shape() const { return static_cast<int>(size); }
 };
 
+/// Throws InputError where agents are given images alone, which no network here reads yet.
+inline void check_has_numbers(const SimSpec& spec, const std::string& who) {
+  if (spec.params.images_only)
+    throw InputError(cat(who, " reads numbers, and agents of '", spec.name,
+                         "' are given images alone (observation.type: rgb); rgb_vector gives both"));
+}
+
 /// The columns in rows of all observations of a scenario; `egocentric` needs SimParams::egocentric_view.
 inline InputColumns input_columns(NetworkInputs inputs, const SimSpec& spec) {
+  check_has_numbers(spec, "the network");
   const RowLayout rows = observation_rows(spec);
   const ObservationSet set = inputs == NetworkInputs::all ? rows.set() : Observation::egocentric;
   GIGA_CHECK((rows.set() & set) == set, "no egocentric view in '", spec.name, "'");

@@ -90,6 +90,8 @@ SimParams numbers_of(const Scenario& s) {
   p.obstacles_block_sight = s.sight.obstacles_block_sight;
   p.sight_3d = s.sight.sight_3d;
   p.egocentric_view = s.observation.egocentric_view;
+  p.resolution = s.observation.type == ObservationType::vector ? 0 : s.observation.resolution;
+  p.images_only = s.observation.type == ObservationType::rgb;
   return p;
 }
 
@@ -110,6 +112,19 @@ void check_numbers(const Scenario& s, Checker& check) {
     check.fail({"win.at_time_limit", "max_episode_length"},
                cat("win.at_time_limit: ", FieldCodec<LimitWinner>::print(s.win.at_time_limit),
                    " needs a time limit, and max_episode_length is none"));
+}
+
+void check_observation(const Scenario& s, Checker& check) {
+  const ObservationConfig& o = s.observation;
+  if (o.type == ObservationType::rgb && o.egocentric_view && check.can_judge({"observation"}))
+    check.fail({"observation.egocentric_view", "observation.type"},
+               "observation.egocentric_view: these are numbers, and observation.type rgb gives images alone; "
+               "rgb_vector gives both");
+  if (o.type == ObservationType::vector && o.resolution != ObservationConfig{}.resolution &&
+      check.can_judge({"observation"}))
+    check.fail(
+        {"observation.resolution"},
+        "observation.resolution: there are no images with observation.type vector; rgb and rgb_vector have them");
 }
 
 void add_team(const Scenario& s, int team, std::vector<AgentSpec>& agents, Checker& check) {
@@ -213,6 +228,7 @@ SimSpec compile(const Scenario& scenario) {
 SimSpec compile(const Scenario& scenario, Errors& errors) {
   Checker check(scenario, errors);
   check_numbers(scenario, check);
+  check_observation(scenario, check);
 
   SimSpec spec;
   spec.name = scenario.name;

@@ -73,13 +73,7 @@ class Loader {
       const auto file = find_data_file(dirs_, fs::path(kScenarioFolder) / (reading.base + ".yaml"));
       if (!file || reading.base == "agent_types") continue;
       load_file(*file, text, at, target);
-      for (const std::string& suffix : reading.suffixes) {
-        if (asks_for_images(suffix))
-          errors_.add(at, cat("scenario '", text,
-                              "': _rgb asks for images, which agents here are not given; they "
-                              "observe numbers: leave it out"));
-        apply_suffix(suffix, target.scenario);
-      }
+      for (const std::string& suffix : reading.suffixes) apply_suffix(suffix, target.scenario);
       resolve_maps(target.scenario);
       target.scenario.name = text;
       return;

@@ -18,8 +18,8 @@ namespace giga {
 constexpr std::array<const char*, 2> enum_names(Rules) { return {"corrected", "original"}; }
 constexpr std::array<const char*, 2> enum_names(ActionKind) { return {"discrete", "continuous"}; }
 
-enum class ObservationType : uint8_t { vector };  // the original has images too
-constexpr std::array<const char*, 1> enum_names(ObservationType) { return {"vector"}; }
+enum class ObservationType : uint8_t { vector, rgb, rgb_vector };
+constexpr std::array<const char*, 3> enum_names(ObservationType) { return {"vector", "rgb", "rgb_vector"}; }
 
 /// So many agents of a type.
 struct TeamEntry {
@@ -167,13 +167,15 @@ void visit_fields(V& v, RewardConfig& c) {
 
 struct ObservationConfig {
   ObservationType type = ObservationType::vector;
+  int resolution = 84;
   int max_agents = 15;
   bool egocentric_view = false;
 };
 
 template <class V>
 void visit_fields(V& v, ObservationConfig& c) {
-  v("type", c.type, "what an agent's policy is given");
+  v("type", c.type, "what an agent's policy is given: numbers, an image (rgb), or both");
+  v("resolution", c.resolution, "pixels of each side of an image; only with images", range(8, 512));
   v("max_agents", c.max_agents, "rows of agents in a vector observation, nearest first, the ego included", at_least(1));
   v.renamed("body_view", "egocentric_view");
   v("egocentric_view", c.egocentric_view,

@@ -9,14 +9,14 @@
 namespace giga {
 namespace {
 
-constexpr size_t kNPairs = 3;
+constexpr size_t kNPairs = 4;
 
 struct Suffix {
   const char* name;
   void (*apply)(Scenario&);
 };
 
-/// Of each pair a name has one at most. In the original's names _vec says that agents observe numbers, as all do here.
+/// Of each pair a name has one at most.
 const std::array<std::array<Suffix, 2>, kNPairs> kSuffixes = {{
     {{{"fobs",
        [](Scenario& s) {
@@ -27,21 +27,26 @@ const std::array<std::array<Suffix, 2>, kNPairs> kSuffixes = {{
          s.rewards[RewardTerm::detection] = 0;
        }},
       {"pobs", [](Scenario&) {}}}},
+    {{{"rgb", [](Scenario& s) { s.observation.type = ObservationType::rgb; }},
+      {"vec",
+       [](Scenario& s) {
+         s.observation.type = ObservationType::vector;
+         s.observation.resolution = ObservationConfig{}.resolution;
+       }}}},
     {{{"maps", [](Scenario& s) { s.maps = MapSelection::all(); }},
       {"void", [](Scenario& s) { s.maps = MapSelection::empty(); }}}},
     {{{"cont", [](Scenario& s) { s.action = ActionKind::continuous; }},
       {"disc", [](Scenario& s) { s.action = ActionKind::discrete; }}}},
 }};
 
-constexpr const char *kVector = "vec", *kImages = "rgb";
-constexpr size_t kVectorPair = kNPairs, kNoPair = kVectorPair + 1;
+constexpr size_t kNoPair = kNPairs;
 
 /// The number of the pair that a suffix is of.
 size_t pair_of(std::string_view suffix) {
   for (size_t k = 0; k < kSuffixes.size(); ++k)
     for (const Suffix& known : kSuffixes[k])
       if (suffix == known.name) return k;
-  return suffix == kVector || suffix == kImages ? kVectorPair : kNoPair;
+  return kNoPair;
 }
 
 }  // namespace
@@ -71,8 +76,6 @@ void apply_suffix(std::string_view suffix, Scenario& scenario) {
     for (const Suffix& known : pair)
       if (suffix == known.name) known.apply(scenario);
 }
-
-bool asks_for_images(std::string_view suffix) { return suffix == kImages; }
 
 std::string suffix_help() {
   std::vector<std::string> pairs;

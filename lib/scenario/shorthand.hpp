@@ -1,4 +1,4 @@
-// The suffixes of scenario names: `_fobs`, `_vec`, `_void`, `_disc` and their opposites.
+// The suffixes of scenario names: `_fobs`, `_rgb`, `_void`, `_disc` and their opposites.
 #pragma once
 
 #include <optional>
@@ -22,10 +22,7 @@ std::vector<ShortName> split_name(std::string_view name);
 /// Sets the keys for which a suffix stands.
 void apply_suffix(std::string_view suffix, Scenario& scenario);
 
-/// Whether a suffix asks for images, which the original has and we have not.
-bool asks_for_images(std::string_view suffix);
-
-/// "_fobs|_pobs, _maps|_void, ..." for messages.
+/// "_fobs|_pobs, _rgb|_vec, ..." for messages.
 std::string suffix_help();
 
 }  // namespace giga

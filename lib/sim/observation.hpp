@@ -9,11 +9,17 @@ namespace giga {
 
 /// The kinds of observations, in the order of the table.
 enum class Observation : uint8_t {
-  vector,      ///< of an agent: the original's row of numbers (sim/vector_observation.hpp)
-  egocentric,  ///< of an agent: what is around it along its own heading (sim/egocentric_view.hpp)
-  state,       ///< of a world: its true state, for critics (sim/state_observation.hpp)
+  vector,        ///< of an agent: the original's row of numbers (sim/vector_observation.hpp)
+  egocentric,    ///< of an agent: what is around it along its own heading (sim/egocentric_view.hpp)
+  state,         ///< of a world: its true state, for critics (sim/state_observation.hpp)
+  image,         ///< of an agent: the ego image (sim/ego_image.hpp)
+  global_image,  ///< of a world: the image with all agents (sim/global_image.hpp)
 };
-constexpr int kNObservations = 3;
+constexpr int kNObservations = 5;
+
+/// Images are drawn by a job of their own (Job::draw), from the state alone; the other observations are written by the
+/// step.
+constexpr bool is_drawn(Observation kind) { return kind >= Observation::image; }
 
 /// What the elements of an observation are.
 enum class ElementType : uint8_t { f32, i32, u8, bf16 };

@@ -157,11 +157,22 @@ std::vector<ObservationPart> describe_state(const SimParams& p) {
            features(kBox, static_cast<size_t>(box_features(p)))}};
 }
 
+// Images
+
+std::vector<ObservationPart> describe_image(const SimParams& p) {
+  return present({{"pixels",
+                   "row by row: x from 0 to the right, in each row y from 0 up",
+                   p.resolution * p.resolution,
+                   {{"red", "0 to 255"}, {"green", "0 to 255"}, {"blue", "0 to 255"}}}});
+}
+
 }  // namespace
 
 std::vector<ObservationPart> VectorObservation::describe(const SimParams& p) { return present(describe_vector(p)); }
 std::vector<ObservationPart> EgocentricView::describe(const SimParams& p) { return present(describe_egocentric(p)); }
 std::vector<ObservationPart> StateObservation::describe(const SimParams& p) { return present(describe_state(p)); }
+std::vector<ObservationPart> EgoImage::describe(const SimParams& p) { return describe_image(p); }
+std::vector<ObservationPart> GlobalImage::describe(const SimParams& p) { return describe_image(p); }
 
 std::vector<ObservationPart> describe(Observation kind, const SimParams& p) {
   std::vector<ObservationPart> parts;

@@ -3,7 +3,9 @@
 // test go by the table.
 #pragma once
 
+#include "sim/ego_image.hpp"
 #include "sim/egocentric_view.hpp"
+#include "sim/global_image.hpp"
 #include "sim/state_observation.hpp"
 #include "sim/vector_observation.hpp"
 #include "sim/world.hpp"
@@ -16,12 +18,15 @@ namespace giga {
 ///   K::describe(p)                           what its numbers mean
 ///   K::prepare(p, w, e)                      of an agent: what its row needs, before any row is written
 ///   K::write(lanes, p, w, n, row_of)         all rows; row_of(e): that of agent e (of the world: e = 0), or null
+/// Those that are drawn (is_drawn) have no prepare and no write; draw_images draws them.
 /// n agents are written, or 0 (then lanes only keep in step).
 template <class F>
 GIGA_HD constexpr void for_each_observation(F&& f) {
   f(VectorObservation{});
   f(EgocentricView{});
   f(StateObservation{});
+  f(EgoImage{});
+  f(GlobalImage{});
 }
 
 constexpr int count_observations() {
@@ -65,6 +70,11 @@ struct WantedRows {
     Element* rows = static_cast<Element*>(of(p, io, e).rows);
     return rows ? rows + start(p, io, world, e) : nullptr;
   }
+  /// Where it is kept before a reset.
+  GIGA_HD static Element* final_row(const Parameters auto& p, const StepIo& io, int64_t world, int e) {
+    Element* rows = static_cast<Element*>(of(p, io, e).final_rows);
+    return rows ? rows + start(p, io, world, e) : nullptr;
+  }
 };
 
 /// Writes what every agent sees, by w.seen, and the worlds' observations. `active` false keeps the lanes in lockstep
@@ -75,21 +85,24 @@ GIGA_HD void write_observations(const Lanes& lanes, const Parameters auto& p, Wo
   const int n = active ? p.n_agents : 0;
   bool wanted = false;
   for_each_observation([&](auto kind) {
-    if (decltype(kind)::of == ObservationOf::agent && WantedRows<decltype(kind)>::any(io)) wanted = true;
+    if (decltype(kind)::of == ObservationOf::agent && !is_drawn(kind.id) && WantedRows<decltype(kind)>::any(io))
+      wanted = true;
   });
   lanes.each(n, [&](int e) {
     if (wanted) rank_neighbors(p, w, e);
     for_each_observation([&](auto kind) {
       using Kind = decltype(kind);
-      if constexpr (Kind::of == ObservationOf::agent)
+      if constexpr (Kind::of == ObservationOf::agent && !is_drawn(Kind::id))
         if (WantedRows<Kind>::any(io)) Kind::prepare(p, w, e);
     });
     uint8_t* alive = io.team[p.team_of(e)].alive;
     if (alive) alive[team_row(p, world, e)] = w.alive[e];
   });
   for_each_observation([&](auto kind) {
-    using Rows = WantedRows<decltype(kind)>;
-    if (Rows::any(io)) decltype(kind)::write(lanes, p, w, n, [&](int e) { return Rows::row(p, io, world, e); });
+    using Kind = decltype(kind);
+    using Rows = WantedRows<Kind>;
+    if constexpr (!is_drawn(Kind::id))
+      if (Rows::any(io)) Kind::write(lanes, p, w, n, [&](int e) { return Rows::row(p, io, world, e); });
   });
 }
 
@@ -104,16 +117,13 @@ GIGA_HD void keep_final(const Lanes& lanes, const Parameters auto& p, const Step
   for_each_observation([&](auto kind) {
     using Kind = decltype(kind);
     using Rows = WantedRows<Kind>;
-    if (!Rows::any(io)) return;
+    if (is_drawn(Kind::id) || !Rows::any(io)) return;
     struct Row {
       const typename Kind::Element* from;
       typename Kind::Element* to;
       GIGA_HD explicit operator bool() const { return from && to; }
     };
-    const auto row_of = [&](int e) {
-      auto* final_rows = static_cast<typename Kind::Element*>(Rows::of(p, io, e).final_rows);
-      return Row{Rows::row(p, io, world, e), final_rows ? final_rows + Rows::start(p, io, world, e) : nullptr};
-    };
+    const auto row_of = [&](int e) { return Row{Rows::row(p, io, world, e), Rows::final_row(p, io, world, e)}; };
     const auto copy = [](const Row& row, int k) { row.to[k] = row.from[k]; };
     const int columns = Kind::shape(p).size();
     if constexpr (Kind::of == ObservationOf::agent) {
@@ -123,6 +133,22 @@ GIGA_HD void keep_final(const Lanes& lanes, const Parameters auto& p, const Step
       lanes.each(active && row ? columns : 0, [&](int k) { copy(row, k); });
     }
   });
+}
+
+/// Draws the images of a world that are wanted, into their rows or, `final`, where those before a reset are kept.
+/// `marks`: room for all agents.
+template <class Lanes>
+GIGA_HD void draw_images(const Lanes& lanes, const Parameters auto& p, const World auto& w, const StepIo& io,
+                         int64_t world, bool final, Mark* marks) {
+  const auto whole = [&](uint8_t* row) { return ImageRows{row, p.resolution, 0, p.resolution, p.original()}; };
+  for (int e = 0; e < p.n_agents; ++e) {
+    using Rows = WantedRows<EgoImage>;
+    uint8_t* row = final ? Rows::final_row(p, io, world, e) : Rows::row(p, io, world, e);
+    if (row) draw_ego_image(lanes, p, w, e, whole(row), marks);
+  }
+  using Rows = WantedRows<GlobalImage>;
+  uint8_t* row = final ? Rows::final_row(p, io, world, 0) : Rows::row(p, io, world, 0);
+  if (row) draw_global_image(lanes, p, w, whole(row), marks);
 }
 
 }  // namespace giga

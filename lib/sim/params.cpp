@@ -58,7 +58,7 @@ SimSpec SimSpec::with_time_limit() const {
 ObservationSet SimSpec::observations() const {
   ObservationSet set;
   for_each_observation([&](auto kind) {
-    if (kind.of == ObservationOf::agent && kind.offered(params)) set |= kind.id;
+    if (kind.of == ObservationOf::agent && kind.type == ElementType::f32 && kind.offered(params)) set |= kind.id;
   });
   return set;
 }

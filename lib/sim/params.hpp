@@ -91,6 +91,7 @@ struct MapTable {
   const Box* boxes;           ///< [n_maps, n_boxes], padded with zero boxes
   const float* box_features;  ///< [n_maps, n_boxes * box_features(p)] the boxes as observations tell them
   const StartArea* start;     ///< [n_maps, 2], by team
+  const uint8_t* pictures;    ///< [n_maps, kNPictures, picture_stride] see map_picture.hpp; null without images
   const uint16_t* paths;      ///< [n_maps, kPathGrid, kPathGrid] see paths.hpp; null = ways are straight
 };
 
@@ -146,6 +147,8 @@ struct SimParams {
   bool obstacles_block_sight = false;  ///< no detection through a box
   bool sight_3d = false;               ///< distances and cones of sight and damage use altitude too
   bool egocentric_view = false;        ///< agents can be told the egocentric view, see egocentric_view.hpp
+  int resolution = 0;                  ///< pixels of a side of images; 0 = there are none
+  bool images_only = false;            ///< policies are given images and no numbers
   bool mixed_teams = false;            ///< some team has agents of different sprites: the egocentric view tells kinds
 
   AgentTable agents{};
@@ -195,7 +198,7 @@ struct SimSpec {
   /// The same with a cut after kEpisodeLimit steps where there is no time limit, so that each episode ends.
   SimSpec with_time_limit() const;
 
-  /// The observations of an agent that the scenario offers.
+  /// The observations of an agent that the scenario offers and that are numbers: those of a row (sim/row_layout.hpp).
   ObservationSet observations() const;
   /// Numbers of a row that holds them all (sim/row_layout.hpp), without the zeros behind the last.
   int observation_size() const;

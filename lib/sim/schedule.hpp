@@ -12,11 +12,13 @@ namespace giga {
 
 /// What is done to a world in one go.
 enum class Job : uint8_t {
-  start,    ///< begins the first episode
-  step,     ///< one step, where the world plays
-  restart,  ///< where the step ended an episode: closes it and begins the next
-  play_on,  ///< likewise, unless the world has played all its episodes: then it waits
-  observe,  ///< writes the observations once more
+  start,       ///< begins the first episode
+  step,        ///< one step, where the world plays
+  restart,     ///< where the step ended an episode: closes it and begins the next
+  play_on,     ///< likewise, unless the world has played all its episodes: then it waits
+  observe,     ///< writes the observations once more
+  draw_final,  ///< where the step ended an episode: draws its last images
+  draw,        ///< draws the images
 };
 
 /// How worlds go on after an episode.
@@ -27,22 +29,47 @@ struct Ending {
 
 /// Jobs of one call. Each world gets them in this order; worlds do not depend on each other.
 struct Jobs {
-  Job list[2];
-  int count;
+  Job list[4] = {};
+  int count = 0;
+  void add(Job job) { list[count++] = job; }
   const Job* begin() const { return list; }
   const Job* end() const { return list + count; }
 };
 
-/// Whether a world that has played its only episode begins to wait within Job::step. What begins an episode is a job of
-/// its own instead: it is rare, and on the GPU it takes registers that a step needs.
-GIGA_HD bool step_freezes(Ending ending) { return ending.on_done == OnDone::freeze && ending.episodes == 1; }
+/// Whether images are wanted, and whether those before a reset are.
+GIGA_HD bool wants_images(const StepIo& io) {
+  return io.team[0].obs[Observation::image].rows || io.team[1].obs[Observation::image].rows ||
+         io.world[Observation::global_image].rows;
+}
+GIGA_HD bool wants_final_images(const StepIo& io) {
+  return io.team[0].obs[Observation::image].final_rows || io.team[1].obs[Observation::image].final_rows ||
+         io.world[Observation::global_image].final_rows;
+}
 
-inline Jobs jobs_of_start() { return {{Job::start}, 1}; }
-inline Jobs jobs_of_observe() { return {{Job::observe}, 1}; }
-inline Jobs jobs_of_step(Ending ending) {
-  if (ending.on_done == OnDone::reset) return {{Job::step, Job::restart}, 2};
-  if (ending.on_done == OnDone::freeze && !step_freezes(ending)) return {{Job::step, Job::play_on}, 2};
-  return {{Job::step}, 1};
+/// Whether a world that has played its only episode begins to wait within Job::step. What begins an episode is a job of
+/// its own instead: it is rare, and on the GPU it takes registers that a step needs. So is what follows last images,
+/// which are drawn before.
+GIGA_HD bool step_freezes(Ending ending, const StepIo& io) {
+  return ending.on_done == OnDone::freeze && ending.episodes == 1 && !wants_final_images(io);
+}
+
+/// The job, and that which draws the images if they are wanted.
+inline Jobs with_images(Job job, const StepIo& io) {
+  Jobs jobs;
+  jobs.add(job);
+  if (wants_images(io)) jobs.add(Job::draw);
+  return jobs;
+}
+inline Jobs jobs_of_start(const StepIo& io) { return with_images(Job::start, io); }
+inline Jobs jobs_of_observe(const StepIo& io) { return with_images(Job::observe, io); }
+inline Jobs jobs_of_step(Ending ending, const StepIo& io) {
+  Jobs jobs;
+  jobs.add(Job::step);
+  if (ending.on_done != OnDone::keep && wants_final_images(io)) jobs.add(Job::draw_final);
+  if (ending.on_done == OnDone::reset) jobs.add(Job::restart);
+  if (ending.on_done == OnDone::freeze && !step_freezes(ending, io)) jobs.add(Job::play_on);
+  if (wants_images(io)) jobs.add(Job::draw);
+  return jobs;
 }
 
 /// Calls f with the job as a constant: f(std::integral_constant<Job, job>).
@@ -59,6 +86,10 @@ void with_job(Job job, F&& f) {
       return f(std::integral_constant<Job, Job::play_on>{});
     case Job::observe:
       return f(std::integral_constant<Job, Job::observe>{});
+    case Job::draw_final:
+      return f(std::integral_constant<Job, Job::draw_final>{});
+    case Job::draw:
+      return f(std::integral_constant<Job, Job::draw>{});
   }
 }
 

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "core/error.hpp"
+#include "sim/map_picture.hpp"
 
 namespace giga {
 namespace {
@@ -60,10 +61,11 @@ SimTables::SimTables(const SimSpec& spec, Memory& memory) : params_(spec.params)
   boxes_ = Buffer<Box>(memory, boxes);
   box_features_ = Buffer<float>(memory, make_box_features(params_, boxes));
   start_ = Buffer<StartArea>(memory, start);
+  pictures_ = Buffer<uint8_t>(memory, make_map_pictures(params_, spec.maps));
   paths_ = Buffer<uint16_t>(memory, paths);
   const float* f = floats_.data();
   params_.agents = {ints_.data(), ints_.data() + n, f, f + n, f + 2 * n, f + 3 * n, f + 4 * n};
-  params_.maps = {boxes_.data(), box_features_.data(), start_.data(), paths_.data()};
+  params_.maps = {boxes_.data(), box_features_.data(), start_.data(), pictures_.data(), paths_.data()};
 }
 
 size_t state_bytes(int n_agents, int64_t n_worlds) {
@@ -132,7 +134,7 @@ Simulator::Simulator(SimSpec spec, const SimOptions& options, Memory& memory)
 }
 
 void Simulator::start(const StepIo& io) {
-  run(jobs_of_start(), io, Worlds::all);
+  run(jobs_of_start(io), io, Worlds::all);
   n_lists_ = 0;
 }
 
@@ -147,10 +149,10 @@ void Simulator::step(const StepIo& io) {
     }
     --steps_to_list_;
   }
-  run(jobs_of_step(ending()), io, worlds_of_step(ending(), io));
+  run(jobs_of_step(ending(), io), io, worlds_of_step(ending(), io));
 }
 
-void Simulator::observe(const StepIo& io) { run(jobs_of_observe(), io, Worlds::all); }
+void Simulator::observe(const StepIo& io) { run(jobs_of_observe(io), io, Worlds::all); }
 
 EpisodeStats take_host_stats(const StateView& state, int64_t n_worlds) {
   EpisodeStats sums;

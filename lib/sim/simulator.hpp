@@ -53,6 +53,7 @@ class SimTables {
   Buffer<Box> boxes_;
   Buffer<float> box_features_;
   Buffer<StartArea> start_;
+  Buffer<uint8_t> pictures_;
   Buffer<uint16_t> paths_;
 };
 
@@ -104,7 +105,8 @@ class Simulator {
   /// Starts the first episode of every world and writes the observations and alive flags of `io`.
   void start(const StepIo& io);
   /// One step of every world; reads the actions of both teams and writes the rest of `io`. Of a world that waits, only
-  /// reward and done are written: its observations are those that its last step wrote.
+  /// reward and done are written: its observations are those that its last step wrote. Its images may be drawn again,
+  /// which makes the same.
   void step(const StepIo& io);
   /// Writes the observations and alive flags of `io` once more, for buffers that do not hold them (after loading a
   /// state): for every world, including waiting ones, exactly as its last start or step wrote them.

@@ -97,6 +97,11 @@ GIGA_HD void step_world(const Lanes& lanes, const Parameters auto& p, World auto
   });
 }
 
+/// Whether the step ended the episode and its last observation is wanted.
+GIGA_HD bool keeps_final(const World auto& w, const StepIo& io) {
+  return *w.phase == Phase::truncated || (*w.phase == Phase::terminated && !io.final_of_truncations_only);
+}
+
 /// Whether any world that shares these lanes has an episode to settle.
 template <class Lanes>
 GIGA_HD bool to_settle(const Lanes& lanes, const World auto& w) {
@@ -109,7 +114,7 @@ GIGA_HD bool finish_world(const Lanes& lanes, const Parameters auto& p, World au
                           int64_t world) {
   const bool ended = *w.phase == Phase::terminated || *w.phase == Phase::truncated;
   lanes.each(ended ? kNEpisodeItems : 0, [&](int item) { finish_episode(p, w, item); });
-  keep_final(lanes, p, io, world, ended && (!io.final_of_truncations_only || *w.phase == Phase::truncated));
+  keep_final(lanes, p, io, world, keeps_final(w, io));
   return ended;
 }
 
@@ -170,7 +175,7 @@ GIGA_HD void start_world(const Lanes& lanes, const Parameters auto& p, World aut
 /// Whether a job has anything to do in any world that shares these lanes; asked before the job.
 template <Job job, class Lanes>
 GIGA_HD bool has_work(const Lanes& lanes, const World auto& w) {
-  if constexpr (job == Job::restart || job == Job::play_on) return to_settle(lanes, w);
+  if constexpr (job == Job::restart || job == Job::play_on || job == Job::draw_final) return to_settle(lanes, w);
   return true;
 }
 
@@ -185,7 +190,7 @@ GIGA_HD void run_job(const Lanes& lanes, const Parameters auto& p, World auto& w
   if constexpr (job == Job::step) {
     auto&& draws = draws_at(*w.draw_step);
     step_world(lanes, p, w, draws, io, ending.on_done, world);
-    if (step_freezes(ending) && to_settle(lanes, w)) freeze_world(lanes, p, w, io, world);
+    if (step_freezes(ending, io) && to_settle(lanes, w)) freeze_world(lanes, p, w, io, world);
   }
   if constexpr (job == Job::restart) {
     auto&& draws = draws_at(*w.draw_step - 1);  // the step's own: it has counted itself already
@@ -194,6 +199,12 @@ GIGA_HD void run_job(const Lanes& lanes, const Parameters auto& p, World auto& w
   if constexpr (job == Job::play_on) play_on(lanes, p, w, draws_at, io, world, ending.episodes);
   // Every world, those that wait too: the buffers need not hold what was written before.
   if constexpr (job == Job::observe) write_observations(lanes, p, w, io, world);
+  if constexpr (job == Job::draw || job == Job::draw_final) {
+    static_assert(sizeof(Mark) <= kNeighborFeatures * sizeof(float), "marks lie where the features of agents do");
+    const bool final = job == Job::draw_final;
+    if (!final || keeps_final(w, io))
+      draw_images(lanes, p, w, io, world, final, reinterpret_cast<Mark*>(&w.features[0]));
+  }
 }
 
 /// All jobs of a call for one world, for executors whose workers see to one world at a time.

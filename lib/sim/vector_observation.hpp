@@ -4,10 +4,20 @@
 #include <cmath>
 
 #include "core/geometry.hpp"
+#include "sim/image_rows.hpp"
 #include "sim/observation_text.hpp"
 #include "sim/world.hpp"
 
 namespace giga {
+
+/// The place of an agent by which rows are ordered: beside images the original takes the pixel (Q17).
+GIGA_HD bool orders_by_pixel(const Parameters auto& p) { return p.original() && p.resolution > 0; }
+GIGA_HD float order_x(const Parameters auto& p, const World auto& w, int a) {
+  return orders_by_pixel(p) ? static_cast<float>(pixel_of(p, w.x[a], p.limit_x)) : w.x[a];
+}
+GIGA_HD float order_y(const Parameters auto& p, const World auto& w, int a) {
+  return orders_by_pixel(p) ? static_cast<float>(pixel_of(p, w.y[a], p.limit_y)) : w.y[a];
+}
 
 /// The agents of e's rows: e itself, then those seen by ascending distance (equal ones by index), then nobody. Stores
 /// their headings relative to e in w.neighbor_turn.
@@ -20,7 +30,7 @@ GIGA_HD void rank_neighbors(const Parameters auto& p, World auto& w, int e) {
   int count = 1;
   for (int a = 0; a < n; ++a) {
     if (a == e || !(seen[a / 32] >> (a & 31) & 1u)) continue;
-    const float dx = w.x[a] - w.x[e], dy = w.y[a] - w.y[e];
+    const float dx = order_x(p, w, a) - order_x(p, w, e), dy = order_y(p, w, a) - order_y(p, w, e);
     const float away = std::sqrt(dx * dx + dy * dy);
     if (count == limit && (limit == 1 || away >= distance[limit - 1])) continue;
     int at = count < limit ? count++ : limit - 1;

@@ -132,6 +132,14 @@ Canvas::Canvas(int width, int height, Colour ground)
   }
 }
 
+void Canvas::set(int x, int y, Colour colour) {
+  GIGA_CHECK(x >= 0 && x < width_ && y >= 0 && y < height_, "pixel ", x, ", ", y, " of ", width_, " x ", height_);
+  uint8_t* pixel = pixels_.data() + (static_cast<size_t>(y) * static_cast<size_t>(width_) + static_cast<size_t>(x)) * 3;
+  pixel[0] = colour.red;
+  pixel[1] = colour.green;
+  pixel[2] = colour.blue;
+}
+
 /// Mixes a colour into the pixels whose distance to a shape is less than half a pixel; inside it is negative.
 template <class Distance>
 void Canvas::fill(Point low, Point high, Colour colour, double opacity, const Distance& distance) {

@@ -27,6 +27,8 @@ class Canvas {
   /// Three bytes a pixel, rows from the top.
   const std::vector<uint8_t>& pixels() const { return pixels_; }
 
+  /// One pixel.
+  void set(int x, int y, Colour colour);
   /// A line with round ends.
   void line(Point a, Point b, double width, Colour colour, double opacity = 1);
   void disc(Point centre, double radius, Colour colour, double opacity = 1);

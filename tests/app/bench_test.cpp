@@ -86,6 +86,18 @@ TEST(Bench, ComparesWithAnEarlierCall) {
   EXPECT_TRUE(contains(with({"--compare", "none.json"}).err, {"--compare: cannot read none.json"}));
 }
 
+TEST(Bench, Images) {
+  const Workplace here;
+  const Document json = bench(here, {"sim", "--scenario", "identical_2_vs_2_rgb", "--worlds", "16", "--steps", "150"});
+  expect_sound(json, "0");
+  const auto check = [&](const char* key) { return number_at(json, {"results", "0", "checksum", key}); };
+  EXPECT_EQ(check("images_written"), 3 * 150 * 16 * 4);  // one warm-up, two repeats; agents
+  EXPECT_EQ(check("observations_written"), 0);           // images alone
+  EXPECT_GT(check("some_last_images_sum"), 0);
+  // As in ComparesWithAnEarlierCall, with an image of 84 * 84 * 3 = 21168 bytes in place of 208 of a row.
+  EXPECT_EQ(number_at(json, {"results", "0", "bytes_per_agent_step"}), 275 - 208 + 21168);
+}
+
 TEST(Bench, SameSeedSameChecksum) {
   const Workplace here;
   const auto sum = [&](const std::string& seed) {

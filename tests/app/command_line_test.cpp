@@ -74,8 +74,11 @@ TEST(CommandLine, MistakesNameTheNearest) {
       {{"train", "quickstart", "--set", "mappo.lr=1"}, {"unknown key; nearest: 'learning_rate'"}},
       {{"eval", "circle", "--vs", "pursuer", "--scenario", "identical_2_vs_2", "--set", "sight.cone_depth=5"},
        {"did you mean 'environment.sight.cone_depth'?"}},
-      {{"scenarios", "show", "identical_2_vs_2", "--picture", "a.png"}, {"pictures are SVG"}},
-      {{"scenarios", "show", "identical_2_vs_2_rgb"}, {"_rgb asks for images"}},
+      {{"scenarios", "show", "identical_2_vs_2", "--picture", "a.jpg"}, {"SVG", "PNG"}},
+      {{"scenarios", "show", "identical_2_vs_2", "--picture", "a.png"}, {"not given images: add _rgb"}},
+      {{"train", "quickstart", "--set", "scenario=identical_2_vs_2_rgb"},
+       {"--set scenario: ", "'identical_2_vs_2_rgb'", "images alone", "rgb_vector"}},
+      {{"bench", "closed-loop", "--scenario", "identical_2_vs_2_rgb", "--device", "cpu"}, {"images alone"}},
       {{"train", "quickstart", "--device", "tpu"}, {"--set device: 'tpu' is not auto, cpu, cuda"}},
       {{"eval", "runs/x"}, {"--vs is required"}},
       {{"eval", "runs/x", "--vs", "circel"},
@@ -154,6 +157,10 @@ TEST(CommandLine, MapsAreDrawn) {
   // The sight cone is 3 deep, its half angle 3/4 pi; weapons reach 2.05.
   EXPECT_TRUE(contains(maps, {"an agent of team 0 sees as far as 3<", "an agent of team 1 shoots as far as 2.05<"}));
   here.write("mine.yaml", "base: identical_1_vs_1\nmaps: wall\nmap_definitions: {wall: {boxes: [[4.5, 2, 5.5, 8]]}}\n");
+  // Five images, 3 x 2 of them: 3 (84 x 3 + 4) + 4 = 772 by 516 pixels, in the header of the file.
+  ASSERT_EQ(here.run({"scenarios", "show", "identical_2_vs_2_rgb", "--picture", "seen.png"}).code, 0);
+  EXPECT_EQ(here.read("seen.png").substr(0, 24),
+            std::string("\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\x03\x04\0\0\x02\x04", 24));
   ASSERT_EQ(here.run({"scenarios", "show", "./mine.yaml", "--picture", "mine.svg"}).code, 0);
   EXPECT_TRUE(contains(here.read("mine.svg"), {"obstacle from [4.5, 2] to [5.5, 8]", ">wall<"}));
 }

@@ -136,16 +136,13 @@ TEST(GoldenContents, EveryScenarioName) {
     for (const Node::Entry& entry : all.root.entries) {
       const std::string& name = entry.key;
       const Params given(print_node(entry.value), name);
-      // Images are not built: all else of their names is that of the names with vectors.
-      const size_t images = name.find("_rgb");
-      std::string ours = name;
-      if (images != std::string::npos) ours.replace(images, 4, "_vec");
-      const Scenario scenario = load_scenario(ours, data_dirs());
+      const Scenario scenario = load_scenario(name, data_dirs());
       Comparison c;
       compare_parameters(c, scenario, given, defaults);
       const bool vector = given.has("obs_type") && given.text("obs_type") == "vector";
       const bool discrete = given.has("discrete_actions") && given.flag("discrete_actions");
-      c.same("obs_type is vector", -1, -1, images == std::string::npos, vector);
+      c.same("obs_type is vector", -1, -1, scenario.observation.type == ObservationType::vector, vector);
+      c.same("obs_type is rgb", -1, -1, scenario.observation.type == ObservationType::rgb, !vector);
       c.same("discrete_actions", -1, -1, scenario.action == ActionKind::discrete, discrete);
       EXPECT_TRUE(c.passed()) << c.describe(name);
       // Q1: in the original `void` has obstacles like `maps`; here it means what it says, under both rules.

@@ -4,7 +4,7 @@
 #include <cstring>
 
 #include "core/error.hpp"
-#include "cuda/executor.hpp"
+#include "cuda/draw.hpp"
 
 namespace giga::test {
 namespace {
@@ -24,7 +24,8 @@ class EmulatedSimulator final : public LaunchingSimulator {
       : LaunchingSimulator(std::move(spec), options, host_memory()),
         order_(order),
         threads_(shape().threads),
-        shared_(host_memory(), shape().shared_bytes + kSharedGuardBytes) {}
+        draw_threads_(params().resolution > 0 ? kWarp : 0),
+        shared_(host_memory(), kSharedGuardBytes + std::max(shape().shared_bytes, draw_bytes())) {}
 
   bool over() override { return n_lists() > 0 && *n_playing() == 0; }
   EpisodeStats take_stats() override { return take_host_stats(state_.view(), n_worlds()); }
@@ -32,7 +33,14 @@ class EmulatedSimulator final : public LaunchingSimulator {
  protected:
   void run(const Jobs& jobs, const StepIo& io, Worlds worlds) override {
     const Launch k = launch_of(io, worlds);
-    for (const Job job : jobs) with_job(job, [&](auto constant) { launch<decltype(constant)::value>(k); });
+    for (const Job job : jobs)
+      with_job(job, [&](auto constant) {
+        constexpr Job kJob = decltype(constant)::value;
+        if constexpr (kJob == Job::draw || kJob == Job::draw_final)
+          draw<kJob>(k);
+        else
+          launch<kJob>(k);
+      });
   }
 
   // From the last to the first: any order will do.
@@ -47,27 +55,48 @@ class EmulatedSimulator final : public LaunchingSimulator {
   void launch(const Launch& k) {
     const LaunchShape& s = shape();
     const EmulatedSync sync{&threads_};
-    char* shared = shared_.data();
     if (k.scratch) std::memset(k.scratch, kPoison, global_scratch_bytes(params(), n_worlds()));
-    for (int block = 0; block < s.blocks; ++block) {
-      std::memset(shared, kPoison, shared_.size());
-      threads_.run(s.tiles ? kWarp : s.threads, order_, [&](int thread) {
-        const ThreadIndex at{block, s.blocks, thread, s.threads};
-        if (s.tiles)
-          run_tile_thread<job>(k, at, shared, sync);
-        else if (s.in_shared)
-          run_block_thread<job, true>(k, at, shared, sync);
-        else
-          run_block_thread<job, false>(k, at, shared, sync);
+    for (int block = 0; block < s.blocks; ++block)
+      with_shared(block, s.shared_bytes, [&](char* shared) {
+        threads_.run(s.tiles ? kWarp : s.threads, order_, [&](int thread) {
+          const ThreadIndex at{block, s.blocks, thread, s.threads};
+          if (s.tiles)
+            run_tile_thread<job>(k, at, shared, sync);
+          else if (s.in_shared)
+            run_block_thread<job, true>(k, at, shared, sync);
+          else
+            run_block_thread<job, false>(k, at, shared, sync);
+        });
       });
-      const char* guard = shared + s.shared_bytes;
-      GIGA_CHECK(std::count(guard, guard + kSharedGuardBytes, static_cast<char>(kPoison)) == kSharedGuardBytes,
-                 "block ", block, " wrote beyond its ", s.shared_bytes, " bytes of shared memory");
-    }
+  }
+
+  // With fewer threads in a block than the GPU has: any number does the same work, and fibers are slow.
+  template <Job job>
+  void draw(const Launch& k) {
+    const DrawShape s = draw_shape(params(), n_worlds());
+    const EmulatedSync sync{&draw_threads_};
+    for (int block = 0; block < s.blocks; ++block)
+      with_shared(block, s.shared_bytes, [&](char* shared) {
+        draw_threads_.run(kWarp, order_, [&](int thread) {
+          run_draw_thread<job>(k, s, {block, s.blocks, thread, kWarp}, shared, sync);
+        });
+      });
+  }
+  size_t draw_bytes() const { return params().resolution > 0 ? draw_shape(params(), n_worlds()).shared_bytes : 0; }
+
+  /// Runs a block with its shared memory, and looks whether it kept to that.
+  template <class F>
+  void with_shared(int block, size_t bytes, F&& run_threads) {
+    char* shared = shared_.data();
+    std::memset(shared, kPoison, bytes + kSharedGuardBytes);
+    run_threads(shared);
+    const char* guard = shared + bytes;
+    GIGA_CHECK(std::count(guard, guard + kSharedGuardBytes, static_cast<char>(kPoison)) == kSharedGuardBytes, "block ",
+               block, " wrote beyond its ", bytes, " bytes of shared memory");
   }
 
   ThreadOrder order_;
-  LockstepThreads threads_;
+  LockstepThreads threads_, draw_threads_;
   Buffer<char> shared_;  // of the block that runs, then the guard
 };
 

@@ -45,7 +45,7 @@ int run(int steps) {
   options.n_worlds = kWorlds;
   options.seed = 1;
   const auto sim = make_cpu_simulator(spec, options);
-  const RowLayout layout(spec.params, spec.observations());
+  const RowLayout layout = observation_rows(spec);
   std::vector<int32_t> action[kNTeams];
   std::vector<float> rows[kNTeams];
   StepIo io;

@@ -109,7 +109,7 @@ SimRunner::SimRunner(std::unique_ptr<Simulator> sim, Outputs outputs, int row_st
     for_each_observation([&](auto kind) {
       if (kind.of == ObservationOf::world || !kind.offered(p)) return;
       if (outputs == Outputs::egocentric && kind.id != Observation::egocentric) return;
-      io.obs[kind.id] = add_observation(kind.name + team, rows, kind.shape(p).size(), row_step, all);
+      io.obs[kind.id] = add_observation(kind.name + team, kind.type, rows, kind.shape(p).size(), row_step, all);
     });
     if (!all) continue;
     io.reward = static_cast<float*>(add("reward" + team, rows, 1, 4, true));
@@ -120,16 +120,20 @@ SimRunner::SimRunner(std::unique_ptr<Simulator> sim, Outputs outputs, int row_st
   io_.done = static_cast<uint8_t*>(add("done", 1, 1, 1, false));
   for_each_observation([&](auto kind) {
     if (kind.of == ObservationOf::world && kind.offered(p))
-      io_.world[kind.id] = add_observation(kind.name, 1, kind.shape(p).size(), row_step, true);
+      io_.world[kind.id] = add_observation(kind.name, kind.type, 1, kind.shape(p).size(), row_step, true);
   });
   io_.terms = static_cast<float*>(add("terms [term][agent]", n * kNRewardTerms, n, 4, true));
 }
 
-ObservationIo SimRunner::add_observation(const std::string& name, size_t rows, int size, int row_step, bool final) {
+ObservationIo SimRunner::add_observation(const std::string& name, ElementType type, size_t rows, int size, int row_step,
+                                         bool final) {
   const int stride = row_step > 0 ? size / row_step * row_step + row_step : size;
   const auto columns = static_cast<size_t>(stride);
-  return {add(name, rows * columns, columns, 4, true, true),
-          final ? add("final " + name, rows * columns, columns, 4, true) : nullptr, row_step > 0 ? stride : 0};
+  const auto element = static_cast<size_t>(size_of(type));
+  const bool is_float = type == ElementType::f32;
+  return {add(name, rows * columns, columns, element, is_float, true),
+          final ? add("final " + name, rows * columns, columns, element, is_float) : nullptr,
+          row_step > 0 ? stride : 0};
 }
 
 void* SimRunner::add(const std::string& name, size_t per_world, size_t per_agent, size_t element, bool is_float,

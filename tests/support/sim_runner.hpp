@@ -65,7 +65,8 @@ class SimRunner {
     SnapshotField shape;  // without bytes
     Buffer<uint8_t> buffer;
   };
-  ObservationIo add_observation(const std::string& name, size_t rows, int size, int row_step, bool final);
+  ObservationIo add_observation(const std::string& name, ElementType type, size_t rows, int size, int row_step,
+                                bool final);
   void* add(const std::string& name, size_t per_world, size_t per_agent, size_t element, bool is_float,
             bool observed = false);
   void poison();

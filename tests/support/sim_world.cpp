@@ -37,7 +37,7 @@ TestWorld::TestWorld(SimSpec spec, OnDone on_done)
   attach_scratch(view_, layout_, scratch_.data());
   ObservationSet offered;
   for_each_observation([&](auto kind) {
-    if (kind.of == ObservationOf::agent && kind.offered(params())) offered |= kind.id;
+    if (kind.of == ObservationOf::agent && kind.type == ElementType::f32 && kind.offered(params())) offered |= kind.id;
   });
   rows_ = RowLayout(params(), offered);
   done_.resize(kNWorlds);
@@ -79,12 +79,12 @@ void TestWorld::poison() {
 
 void TestWorld::start() {
   poison();
-  run(jobs_of_start());
+  run(jobs_of_start(io_));
 }
 
 void TestWorld::step() {
   poison();
-  run(jobs_of_step({on_done_}));
+  run(jobs_of_step({on_done_}, io_));
 }
 
 void TestWorld::run(const Jobs& jobs) {

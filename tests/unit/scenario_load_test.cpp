@@ -47,12 +47,11 @@ TEST(ScenarioLoad, TheOriginals288Names) {
           for (const char* action : {"_cont", "_disc"}) {
             const std::string name = base + sight + observation + maps + action;
             ++n_names;
-            if (observation == std::string("_rgb")) {
-              EXPECT_THROW(load(name), InputError);
-              continue;
-            }
             const Scenario scenario = load(name);
             EXPECT_EQ(scenario.name, name);
+            const bool images = observation == std::string("_rgb");
+            EXPECT_EQ(scenario.observation.type, images ? ObservationType::rgb : ObservationType::vector);
+            EXPECT_EQ(compile(scenario).params.resolution, images ? 84 : 0);
             EXPECT_EQ(scenario.sight.use_stochastic_obs, sight == std::string("_pobs"));
             EXPECT_EQ(scenario.communication.use_stochastic_comm, sight == std::string("_pobs"));
             EXPECT_EQ(scenario.sight.cone_depth, sight == std::string("_fobs") ? 100 : 3);

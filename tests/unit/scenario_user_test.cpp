@@ -199,7 +199,16 @@ TEST_F(ScenarioUser, SaysWhatIsWrongWithAFile) {
       {head + "win: {at_time_limit: team_1}\nmax_episode_length: none\n",
        "f.yaml:2:22: win.at_time_limit: team_1 needs a time limit, and max_episode_length is none"},
       {head + "win: {by: score}\n", "f.yaml:2:11: win.by: 'score' is not one of: elimination, waypoints"},
-      {head + "observation: {type: rgb}\n", "f.yaml:2:21: observation.type: 'rgb' is not one of: vector"},
+      {head + "observation: {type: pixels}\n",
+       "f.yaml:2:21: observation.type: 'pixels' is not one of: vector, rgb, rgb_vector"},
+      {head + "observation: {type: rgb, resolution: 4}\n",
+       "f.yaml:2:38: observation.resolution: '4' is not an integer in [8, 512]"},
+      {head + "observation: {resolution: 64}\n",
+       "f.yaml:2:27: observation.resolution: there are no images with observation.type vector; rgb and "
+       "rgb_vector have them"},
+      {head + "observation: {type: rgb, egocentric_view: true}\n",
+       "f.yaml:2:43: observation.egocentric_view: these are numbers, and observation.type rgb gives images alone; "
+       "rgb_vector gives both"},
       {head + "rules: orignal\n",
        "f.yaml:2:8: rules: 'orignal' is not one of: corrected, original; nearest: 'original'"},
       {"base: a.yaml\n", "a.yaml:1:7: base: 'f.yaml' leads back to this file"},

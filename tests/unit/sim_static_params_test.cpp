@@ -77,15 +77,15 @@ TEST(SimStaticParams, AStepWithConstantsIsTheSame) {
   ASSERT_TRUE(UsualParams<5>::fits(spec.params));
   OneWorld<UsualParams<5>> constants(spec);
   std::vector<int32_t> actions[kNTeams] = {{13, 13, 13}, {13, 13}};
-  plain.run(jobs_of_start(), actions);
-  constants.run(jobs_of_start(), actions);
+  plain.run(jobs_of_start({}), actions);
+  constants.run(jobs_of_start({}), actions);
   ASSERT_EQ(plain.bytes(), constants.bytes());
   const std::vector<uint8_t> first = plain.bytes();
   for (int step = 0; step < 100; ++step) {  // more than two episodes
     for (int t = 0; t < kNTeams; ++t)
       for (size_t k = 0; k < actions[t].size(); ++k) actions[t][k] = (step * 7 + static_cast<int>(k) * 5 + t) % 27;
-    plain.run(jobs_of_step({OnDone::reset, 1}), actions);
-    constants.run(jobs_of_step({OnDone::reset, 1}), actions);
+    plain.run(jobs_of_step({OnDone::reset, 1}, {}), actions);
+    constants.run(jobs_of_step({OnDone::reset, 1}, {}), actions);
     ASSERT_EQ(plain.bytes(), constants.bytes()) << "step " << step;
   }
   EXPECT_NE(plain.bytes(), first);
