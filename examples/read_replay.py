@@ -52,11 +52,11 @@ class Episode:
         for team, m in enumerate(self.teams):
             mind = head[f"mind_{team}"]
             low, high, rows = mind["low"], mind["high"], m * self.states
-            scale = (high - low) / 255
+            scale = (high - low) / 63
             values = self.cut([low + scale * v for v in take(rows if low < high else 0)])
             self.value.append(values)  # [n][states], or nothing
             self.likely.append(self.cut(take(rows * (mind["top"] if discrete else 3 * mind["top"]))))
-            self.probability.append(self.cut([v / 63 for v in take(rows * mind["top"] if discrete else 0)]))
+            self.probability.append(self.cut([v / 31 for v in take(rows * mind["top"] if discrete else 0)]))
 
     def cut(self, numbers):
         return [numbers[k:k + self.states] for k in range(0, len(numbers), self.states)]

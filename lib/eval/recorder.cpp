@@ -45,7 +45,7 @@ bool bit(const uint32_t* words, int k) { return words[k / 32] >> (k & 31) & 1u; 
 ReplayDeath death_of(Death death) { return static_cast<ReplayDeath>(death); }
 static_assert(static_cast<int>(ReplayDeath::out_of_bounds) == static_cast<int>(Death::out_of_bounds));
 
-/// The likeliest actions of rows of logits, and their probabilities in units of 1 / 63.
+/// The likeliest actions of rows of logits, and their probabilities in units of 1 / kReplayShares.
 void note_likely(const float* logits, std::vector<uint8_t>& likely, std::vector<uint8_t>& probability) {
   std::array<std::pair<float, uint8_t>, kNDiscreteActions> order;
   float sum = 0;
@@ -57,7 +57,28 @@ void note_likely(const float* logits, std::vector<uint8_t>& likely, std::vector<
   std::partial_sort(order.begin(), order.begin() + kLikelyActions, order.end());
   for (size_t k = 0; k < kLikelyActions; ++k) {
     likely.push_back(order[k].second);
-    probability.push_back(static_cast<uint8_t>(std::lround(-order[k].first / sum * 63)));
+    probability.push_back(static_cast<uint8_t>(std::lround(-order[k].first / sum * kReplayShares)));
+  }
+}
+
+/// What the dead do and their networks say has no effect, and costs as much room as what the living do.
+void forget_the_dead(const SimParams& p, ReplayEpisode& e) {
+  const auto states = static_cast<size_t>(e.steps) + 1;
+  for (size_t i = 0; i < e.died.size(); ++i) {
+    if (e.died[i] < 0) continue;
+    const size_t died = static_cast<size_t>(e.died[i]), steps = states - 1;
+    const size_t size = p.actions == ActionKind::discrete ? 1 : kActionSize * sizeof(float);
+    const uint8_t nothing = p.actions == ActionKind::discrete ? 13 : 0;
+    const auto action = e.action.begin() + static_cast<std::ptrdiff_t>(i * steps * size);
+    std::fill(action + static_cast<std::ptrdiff_t>(died * size), action + static_cast<std::ptrdiff_t>(steps * size),
+              nothing);
+    const int team = p.team_of(static_cast<int>(i));
+    const auto rows = static_cast<size_t>(p.n_team[team]), row = i - (team ? static_cast<size_t>(p.n_team[0]) : 0);
+    ReplayMind& mind = e.mind[static_cast<size_t>(team)];
+    for (std::vector<uint8_t>* column : {&mind.value, &mind.likely, &mind.probability})
+      for (size_t first = row * states; first < column->size(); first += rows * states)
+        std::fill(column->begin() + static_cast<std::ptrdiff_t>(first + died),
+                  column->begin() + static_cast<std::ptrdiff_t>(first + states), uint8_t{0});
   }
 }
 
@@ -372,12 +393,22 @@ std::vector<ReplayEpisode> Recorder::episodes(const std::string& seed) const {
       ReplayMind& mind = e.mind[static_cast<size_t>(team)];
       const auto rows = static_cast<size_t>(spec_.params.n_team[team]);
       if (!w.values[team].empty()) {
-        const auto [low, high] = std::minmax_element(w.values[team].begin(), w.values[team].end());
-        mind.low = *low;
-        mind.high = *high > *low ? *high : *low + 1;
         const std::vector<float> values = transposed(w.values[team], states, rows);
-        for (const float v : values)
-          mind.value.push_back(static_cast<uint8_t>(std::lround((v - mind.low) / (mind.high - mind.low) * 255)));
+        mind.low = mind.high = values[0];
+        const auto living = [&](size_t at) {
+          const int died = w.died[at / states + (team ? static_cast<size_t>(spec_.params.n_team[0]) : 0)];
+          return died < 0 || static_cast<int>(at % states) < died;
+        };
+        for (size_t at = 0; at < values.size(); ++at) {
+          if (!living(at)) continue;
+          mind.low = std::min(mind.low, values[at]);
+          mind.high = std::max(mind.high, values[at]);
+        }
+        if (!(mind.low < mind.high)) mind.high = mind.low + 1;
+        for (size_t at = 0; at < values.size(); ++at)
+          mind.value.push_back(living(at) ? static_cast<uint8_t>(std::lround((values[at] - mind.low) /
+                                                                             (mind.high - mind.low) * kReplayValues))
+                                          : uint8_t{0});
       }
       if (w.likely[team].empty()) continue;
       mind.top = discrete ? kLikelyActions : 1;
@@ -397,6 +428,7 @@ std::vector<ReplayEpisode> Recorder::episodes(const std::string& seed) const {
       by_rank(mind.likely);
       by_rank(mind.probability);
     }
+    forget_the_dead(spec_.params, e);
     const std::string_view actions(reinterpret_cast<const char*>(e.action.data()), e.action.size());
     e.action_check = crc32_of(actions, crc32_of(seed));
   }

@@ -23,6 +23,9 @@ constexpr int kMostListeners = 64;
 constexpr float kReplayPlaces = 5000, kReplayAltitude = 0.02f, kReplayTurn = 65536, kReplaySpeed = 0.05f,
                 kReplayHealth = 0.01f;
 
+/// Steps in which values and probabilities are kept.
+constexpr int kReplayValues = 63, kReplayShares = 31;
+
 enum class ReplayActions : uint8_t { discrete, continuous };
 constexpr std::array<const char*, 2> enum_names(ReplayActions) { return {"discrete", "continuous"}; }
 
@@ -84,13 +87,13 @@ struct ReplayWaypoint {
   float x1 = 0, y1 = 0, x2 = 0, y2 = 0;
 };
 
-/// What a team's networks said. Of the agents of the team, in their order.
+/// What a team's networks said, by agent of the team. Zeros for the dead.
 struct ReplayMind {
   float low = 0, high = 0;           ///< of the values; equal: there are none
   int top = 0;                       ///< likeliest actions that are kept; continuous: 1, the means; 0: nothing
-  std::vector<uint8_t> value;        ///< [n, states] low + (high - low) value / 255
+  std::vector<uint8_t> value;        ///< [n, states] low + (high - low) value / kReplayValues
   std::vector<uint8_t> likely;       ///< [top, n, states] actions; continuous: [3, n, states] means, 128 + 127 mean
-  std::vector<uint8_t> probability;  ///< [top, n, states] in units of 1 / 63; discrete only
+  std::vector<uint8_t> probability;  ///< [top, n, states] in units of 1 / kReplayShares; discrete only
 };
 
 /// One episode. T steps have T + 1 states; state 0 is the start. Rows are of agents, one behind the other.
@@ -107,7 +110,7 @@ struct ReplayEpisode {
   int64_t action_check = 0, state_check = 0;  ///< action_checksum; crc32_of all states, bit for bit (docs/replays.md)
 
   std::vector<int16_t> x, y, z, heading, speed, health;  ///< [N, states] see kReplayPlaces
-  std::vector<uint8_t> action;                           ///< [N, T] indices, or [N, T, 3] floats of 4 bytes
+  std::vector<uint8_t> action;  ///< [N, T] indices, or [N, T, 3] floats of 4 bytes; the dead do nothing
   /// Bits [pairs, states], those of a pair filled up to whole bytes. Pairs by target and opponent, by target and
   /// shooter, by listener and mate (ReplayPairs).
   std::vector<uint8_t> sees, fires, hears;

@@ -83,7 +83,7 @@ class Episode {
     const mind = this.minds[this.team(i)];
     if (!mind.value.length) return null;
     const row = i - this.team(i) * this.teams[0];
-    return mind.low + (mind.high - mind.low) * mind.value[row * this.states + state] / 255;
+    return mind.low + (mind.high - mind.low) * mind.value[row * this.states + state] / 63;
   }
   // The likeliest actions of agent i in a state: [action, probability]; continuous: three means.
   likely(i, state) {
@@ -91,7 +91,7 @@ class Episode {
     if (!mind.likely.length) return null;
     const at = rank => (rank * rows + row) * this.states + state;
     if (this.replay.actions !== "discrete") return [0, 1, 2].map(k => (mind.likely[at(k)] - 128) / 127);
-    return [...Array(mind.top).keys()].map(rank => [mind.likely[at(rank)], mind.probability[at(rank)] / 63]);
+    return [...Array(mind.top).keys()].map(rank => [mind.likely[at(rank)], mind.probability[at(rank)] / 31]);
   }
   // What agent i does in step `state`: its number, or three controls.
   actionAt(i, state) {

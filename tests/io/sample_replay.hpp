@@ -59,12 +59,12 @@ inline Replay sample_replay(ReplayActions actions = ReplayActions::discrete) {
   e.hears = {0b00101, 0b00111};  // 0 hears 1, 1 hears 0
   const bool discrete = actions == ReplayActions::discrete;
   e.mind[0].low = -1;
-  e.mind[0].high = 4;
-  e.mind[0].value = {0, 51, 102, 153, 255, 10, 20, 30, 40, 50};
+  e.mind[0].high = 62;  // a value is its number less 1
+  e.mind[0].value = {0, 1, 2, 3, 63, 10, 20, 30, 40, 50};
   e.mind[0].top = discrete ? 2 : 1;
   e.mind[0].likely = discrete ? std::vector<uint8_t>{22, 13, 25, 19, 0, 10, 13, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10}
                               : std::vector<uint8_t>(3 * 2 * 5, 255);
-  if (discrete) e.mind[0].probability = {63, 40, 50, 32, 33, 60, 61, 62, 63, 63, 0, 20, 10, 5, 6, 1, 2, 1, 0, 0};
+  if (discrete) e.mind[0].probability = {31, 20, 25, 16, 17, 30, 30, 31, 31, 31, 0, 10, 5, 3, 3, 1, 1, 1, 0, 0};
   e.action_check = action_checksum(r, e);
   e.state_check = 12345;
   r.episodes = {e};

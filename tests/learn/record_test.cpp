@@ -124,12 +124,17 @@ TEST(LearnRecord, ActionsAndMindsBelongToTheirState) {
     const at::Tensor value = recorded.values->forward(obs.unsqueeze(0), alive, {});
     for (int i = 0; i < n; ++i) {
       const auto at = static_cast<size_t>(i * states + k);
+      if (!witness.alive[s][static_cast<size_t>(i)]) {
+        EXPECT_EQ(e.action[static_cast<size_t>(i * e.steps + k)], 13) << "the dead do nothing";
+        EXPECT_EQ(mind.probability[at], 0);
+        continue;
+      }
       EXPECT_EQ(e.action[static_cast<size_t>(i * e.steps + k)], witness.actions[s][static_cast<size_t>(i)]);
       const float most = chance[i][mind.likely[at]].item<float>();
       EXPECT_FLOAT_EQ(most, chance[i].max().item<float>());
-      EXPECT_NEAR(mind.probability[at] / 63.0f, most, 0.51f / 63);
-      EXPECT_NEAR(mind.low + (mind.high - mind.low) * mind.value[at] / 255, value[0][i].item<float>(),
-                  0.51f * (mind.high - mind.low) / 255 + 1e-5f);
+      EXPECT_NEAR(mind.probability[at] / 31.0f, most, 0.51f / 31);
+      EXPECT_NEAR(mind.low + (mind.high - mind.low) * mind.value[at] / 63, value[0][i].item<float>(),
+                  0.51f * (mind.high - mind.low) / 63 + 1e-5f);
       likeliest = std::max(likeliest, most);
     }
   }

@@ -107,11 +107,11 @@ TEST(Film, AsManyPicturesAsItSays) {
   const Replay replay = sample_replay();  // four steps
   EXPECT_EQ(film_length(replay, {0, 100, 2}), 3);
   EXPECT_EQ(film_length(replay, {0, 100, 3}), 3) << "states 0, 3 and the last";
-  const Canvas first = film_picture(replay, {0, 100, 3}, 0);
-  EXPECT_EQ(first.width(), 120);  // ten pixels around
-  // Agent 0 is at (1, 1) of 10: 20 from the left, 90 + 10 from the top; its colour is that of team 0.
-  EXPECT_EQ(pixel(first, 20, 100), "0 114 178");
-  EXPECT_NE(pixel(film_picture(replay, {0, 100, 3}, 2), 20, 100), "0 114 178") << "it has flown on";
+  const Canvas first = film_picture(replay, {0, 400, 3}, 0);
+  EXPECT_EQ(first.width(), 420);  // ten pixels around
+  // Agent 0 is at (1, 1) of 10: 40 from the left, 360 from the top; its colour is that of team 0.
+  EXPECT_EQ(pixel(first, 50, 370), "0 114 178");
+  EXPECT_NE(pixel(film_picture(replay, {0, 400, 3}, 2), 50, 370), "0 114 178") << "it has flown on";
 }
 
 TEST(Trajectories, APathForEachAgent) {
