@@ -8,7 +8,7 @@ class Camera {
     const {limit_x, limit_y} = this.rules, margin = 14;
     this.width = width; this.height = height;
     const flat = Math.min((width - 2 * margin) / limit_x, (height - 2 * margin) / limit_y);
-    this.scale = this.zoom * (this.solid ? 1.08 * Math.min(width, height * 1.3) / Math.hypot(limit_x, limit_y) : flat);
+    this.scale = this.zoom * (this.solid ? 0.93 * Math.min(width, height * 1.3) / Math.hypot(limit_x, limit_y) : flat);
     this.cos = Math.cos(this.yaw); this.sin = Math.sin(this.yaw);
     this.up = Math.cos(this.tilt); this.flat = Math.sin(this.tilt);
     this.distance = 2.2 * Math.hypot(limit_x, limit_y);
