@@ -39,7 +39,8 @@ std::string config_of_sweep(const SweepSpec& spec, const fs::path& file) {
   return fs::is_regular_file(beside, code) ? beside.string() : find_config(spec.config);
 }
 
-/// The columns of metrics.csv, from an update of the smallest run of this kind.
+/// The columns of metrics.csv, from an update of the smallest run of this kind; on the CPU, so that this process holds
+/// nothing of a GPU while trials train there.
 std::vector<std::string> metric_columns(LoadedRun run) {
   const Algorithm& algorithm = algorithm_of(run.config);
   const RunSize size = algorithm.size(run.config);
@@ -47,7 +48,7 @@ std::vector<std::string> metric_columns(LoadedRun run) {
   const int64_t wanted = std::min(size.value, std::max(size.smallest, kSmall));
   algorithm.set_size(run.config, (wanted + size.step - 1) / size.step * size.step);
   algorithm.shorten(run.config);
-  const auto learner = make_learner(run, parse_device(run.config.device));
+  const auto learner = make_learner(run, Device{});
   std::vector<std::string> names = training_columns();
   for (const auto& [name, value] : learner->update()) names.push_back(name);
   for (const auto& [name, value] : evaluation_metrics(run.config, {})) names.push_back(name);
@@ -82,6 +83,7 @@ SweepFolder::SweepFolder(const fs::path& file, const fs::path& folder) : path_(f
 /// Everything that can be wrong shows before the first trial.
 void SweepFolder::create(const fs::path& file, const KeyPositions& given) {
   const LoadedRun run = load_run_config(config_of_sweep(spec_, file), spec_.set);
+  parse_device(run.config.device);  // one that is not here is told now
   const std::vector<std::string> columns = metric_columns(run);
   for (const std::string& name : spec_.metric)
     if (std::find(columns.begin(), columns.end(), name) == columns.end())

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "apps/run_process.hpp"
 #include "io/run_lock.hpp"
 #include "learn/run_config.hpp"
 #include "sweep/journal.hpp"
