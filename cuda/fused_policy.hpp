@@ -24,8 +24,9 @@ struct FusedPolicy {
   SampleGaussian continuous{};   // without means; log_std is that of the first group
 };
 
-/// Queues it. The network computes as the fused gradients do (cuda/ppo_gradients.hpp), to the last bit; the action is
-/// drawn by the formulas of math/distributions.hpp. Throws where the kernel does not serve the network.
+/// Queues it. The network computes as the fused gradients do (cuda/ppo_gradients.hpp), products, tanh and relu to the
+/// last bit; the action is drawn by the formulas of math/distributions.hpp. Throws where the kernel does not serve the
+/// network.
 void launch_fused_policy(const FusedPolicy& policy, int index, void* stream);
 
 }  // namespace giga
