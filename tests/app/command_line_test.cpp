@@ -78,7 +78,6 @@ TEST(CommandLine, MistakesNameTheNearest) {
       {{"scenarios", "show", "identical_2_vs_2", "--picture", "a.png"}, {"not given images: add _rgb"}},
       {{"train", "quickstart", "--set", "scenario=identical_2_vs_2_rgb"},
        {"--set scenario: ", "'identical_2_vs_2_rgb'", "images alone", "rgb_vector"}},
-      {{"bench", "closed-loop", "--scenario", "identical_2_vs_2_rgb", "--device", "cpu"}, {"images alone"}},
       {{"train", "quickstart", "--device", "tpu"}, {"--set device: 'tpu' is not auto, cpu, cuda"}},
       {{"eval", "runs/x"}, {"--vs is required"}},
       {{"eval", "runs/x", "--vs", "circel"},
