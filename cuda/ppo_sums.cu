@@ -31,6 +31,7 @@ __global__ void __launch_bounds__(kMomentThreads)
     if (thread < half)
       for (int k = 0; k < kMoments; ++k) sums[k][thread] += sums[k][thread + half];
   }
+  __syncthreads();
   if (thread < kMoments)
     moments[(static_cast<int64_t>(piece) * kMomentParts + blockIdx.x) * kMoments + thread] = sums[thread][0];
 }
