@@ -66,8 +66,8 @@ TEST(ConfigFuzz, Scenarios) {
   ASSERT_GT(seeds.size(), 20u);
   const FuzzCount count = fuzz(
       "scenarios", 4000 / thinned(4), [&](int64_t k) { return mutation(seeds, k); }, read_scenario);
-  EXPECT_GT(count.accepted, 50);
-  EXPECT_GT(count.refused, 100);
+  EXPECT_GT(count.accepted, 50 / thinned(4));
+  EXPECT_GT(count.refused, 100 / thinned(4));
 }
 
 // As part of a scenario, so that they are compiled too.
@@ -80,8 +80,8 @@ TEST(ConfigFuzz, MapsAndAgentTypes) {
     return "base: identical_1_vs_1\nmaps: m\nmap_definitions:\n  m:\n" + indented(mutation(maps, k));
   };
   const FuzzCount count = fuzz("maps and agent types", 3000 / thinned(4), make, read_scenario);
-  EXPECT_GT(count.accepted, 50);
-  EXPECT_GT(count.refused, 100);
+  EXPECT_GT(count.accepted, 50 / thinned(4));
+  EXPECT_GT(count.refused, 100 / thinned(4));
 }
 
 TEST(ConfigFuzz, RunConfigs) {
@@ -103,8 +103,8 @@ TEST(ConfigFuzz, RunConfigs) {
   const FuzzCount count = fuzz(
       "run configs", 1500 / thinned(4), [&](int64_t k) { return mutation(seeds, k); }, read);
   std::remove(file.c_str());
-  EXPECT_GT(count.accepted, 50);
-  EXPECT_GT(count.refused, 100);
+  EXPECT_GT(count.accepted, 50 / thinned(4));
+  EXPECT_GT(count.refused, 100 / thinned(4));
 }
 
 TEST(ConfigFuzz, Assignments) {
@@ -124,7 +124,7 @@ TEST(ConfigFuzz, Assignments) {
       });
   std::remove(file.c_str());
   EXPECT_GT(count.accepted, 50 / thinned(4));
-  EXPECT_GT(count.refused, 100);
+  EXPECT_GT(count.refused, 100 / thinned(4));
 }
 
 }  // namespace
