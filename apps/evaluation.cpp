@@ -1,14 +1,14 @@
 // Matches of learned teams against scripts, as figures and as a table.
 #include "apps/evaluation.hpp"
 
+#include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <limits>
 #include <utility>
 
-#include "apps/program_info.hpp"
 #include "core/error.hpp"
 #include "core/seeds.hpp"
-#include "eval/record.hpp"
 #include "math/wilson.hpp"
 #include "rollout/policy_controllers.hpp"
 
@@ -31,11 +31,19 @@ std::vector<TeamResult> evaluate(const LoadedRun& run, Device device, Learner& l
   return results;
 }
 
-Replay record_games(const LoadedRun& run, Device device, Learner& learner) {
-  const auto updates = static_cast<uint64_t>(learner.updates_done());
-  const MatchOptions options{run.config.eval.record, seed_of(run.config.seed, Purpose::evaluation, updates), device,
-                             1};  // a few worlds
-  return record_teams(run, learner, options, program_version()).replay;
+double evaluation_score(const std::vector<TeamResult>& results) {
+  double score = std::numeric_limits<double>::infinity();
+  for (int team = 0; team < kNTeams; ++team) {
+    double sum = 0;
+    int count = 0;
+    for (const TeamResult& r : results) {
+      if (r.team != team) continue;
+      sum += r.share(r.wins());
+      ++count;
+    }
+    if (count > 0) score = std::min(score, sum / count);
+  }
+  return std::isfinite(score) ? score : -1;
 }
 
 MetricsRow evaluation_metrics(const RunConfig& config, const std::vector<TeamResult>& results) {

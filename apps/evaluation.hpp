@@ -6,7 +6,6 @@
 
 #include "eval/match.hpp"
 #include "io/metrics_csv.hpp"
-#include "io/replay.hpp"
 #include "learn/learner.hpp"
 
 namespace giga {
@@ -26,8 +25,8 @@ struct TeamResult {
 /// how many updates are done, so that each evaluation plays new ones.
 std::vector<TeamResult> evaluate(const LoadedRun& run, Device device, Learner& learner);
 
-/// `eval.record` games of the teams of a run against each other, from the starts of the evaluation.
-Replay record_games(const LoadedRun& run, Device device, Learner& learner);
+/// The weaker team's mean win rate over the opponents; -1 where nobody was evaluated.
+double evaluation_score(const std::vector<TeamResult>& results);
 
 /// win_rate_T_vs_O, loss_rate_T_vs_O and mean_return_T_vs_O for teams T and opponents O; NaN for what has no result,
 /// so that the names are the same at each update.

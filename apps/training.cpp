@@ -6,7 +6,6 @@
 #include <chrono>
 #include <cmath>
 #include <csignal>
-#include <ctime>
 #include <filesystem>
 #include <functional>
 #include <iostream>
@@ -15,20 +14,19 @@
 #include <nlohmann/json.hpp>
 
 #include "apps/evaluation.hpp"
+#include "apps/metrics_files.hpp"
 #include "apps/program_info.hpp"
+#include "apps/run_replays.hpp"
 #include "apps/stop_request.hpp"
 #include "apps/watcher.hpp"
 #include "core/error.hpp"
 #include "cuda/runtime.hpp"
 #include "cuda/sensors.hpp"
-#include "io/files.hpp"
 #include "io/host_info.hpp"
 #include "io/number.hpp"
 #include "io/progress.hpp"
 #include "io/state_hash.hpp"
-#include "io/tensorboard.hpp"
 #include "report/report.hpp"
-#include "watch/page.hpp"
 
 namespace giga {
 namespace {
@@ -74,22 +72,6 @@ TerminalStyle style_of(bool color) {
   return style;
 }
 
-/// The weaker team's mean win rate over the opponents; -1 where nobody was evaluated.
-double evaluation_score(const std::vector<TeamResult>& results) {
-  double score = std::numeric_limits<double>::infinity();
-  for (int team = 0; team < kNTeams; ++team) {
-    double sum = 0;
-    int count = 0;
-    for (const TeamResult& r : results) {
-      if (r.team != team) continue;
-      sum += r.share(r.wins());
-      ++count;
-    }
-    if (count > 0) score = std::min(score, sum / count);
-  }
-  return std::isfinite(score) ? score : -1;
-}
-
 class Training {
  public:
   Training(const RunFolder& folder, TrainingSetup setup);
@@ -118,7 +100,6 @@ class Training {
   void print_end() const;
   MetricsRow row(double seconds, double evaluation_seconds, const Metrics& metrics, bool evaluated) const;
   void record();
-  void write_replays_page();
   void write_row(const MetricsRow& row, bool evaluated);
   void save(bool is_best);
   void show(const Metrics& metrics);
@@ -144,8 +125,7 @@ class Training {
   Progress progress_;
   ProgressState state_;
   std::optional<GpuSensors> sensors_;  // of a GPU
-  std::optional<MetricsCsv> csv_;
-  std::optional<TensorBoardEvents> events_;
+  std::optional<MetricsFiles> metrics_files_;
 
   RunCursor cursor_;                 // seconds: of earlier processes
   int64_t first_update_ = 0;         // that this process does, less one
@@ -187,16 +167,7 @@ Training::Training(const RunFolder& folder, TrainingSetup setup)
 }
 
 void Training::start() {
-  const auto now = static_cast<double>(std::time(nullptr));
-  csv_.emplace(folder_.metrics_file());
-  events_.emplace(TensorBoardEvents::create(folder_.events_file(), now));
-  std::vector<std::string> goals;
-  for (const auto& [name, value] : evaluation_metrics(config_, {}))
-    if (name.starts_with("win_rate")) goals.push_back(comparison_tag(name));
-  const std::string yaml = print_yaml(config_, false);
-  events_->hyper_parameters(flat_hyper_parameters(parse_yaml_text(yaml, "config").root), goals, now);
-  events_->text("config", "```yaml\n" + yaml + "```", 0, now);
-  events_->text("scenario", "```yaml\n" + print_yaml(run_.scenario, false) + "```", 0, now);
+  metrics_files_.emplace(folder_, run_);
   const std::string length = n_updates_
                                  ? cat(*n_updates_, " ", algorithm_of(config_).updates)
                                  : print_short(static_cast<double>(config_.train.total_agent_steps)) + " agent-steps";
@@ -209,8 +180,7 @@ void Training::go_on(const Checkpoint& from) {
   cursor_ = from.cursor;
   first_update_ = saved_update_ = from.updates;
   first_agent_steps_ = from.agent_steps;
-  csv_.emplace(folder_.metrics_file(), cursor_.metrics_bytes);
-  events_.emplace(TensorBoardEvents::resume(folder_.events_file(), cursor_.events_bytes));
+  metrics_files_.emplace(folder_, cursor_);
   log_.info(cat("going on after update ", from.updates, of_updates(), " on ", device_.name(), ", state ",
                 state_sha256(from.arrays).substr(0, 16), "..., results in ", folder_.path().string()));
 }
@@ -225,7 +195,7 @@ int Training::run() {
   }
   progress_.finish();
   log_.note(cat("done after ", total_seconds(), " s"));
-  events_->session_end(true, static_cast<double>(std::time(nullptr)));
+  metrics_files_->end();
   write_final_report();
   print_end();
   return 0;
@@ -346,19 +316,6 @@ void Training::record() {
   folder_.save_replay(learner_->updates_done(), encode_replay(record_games(run_, device_, *learner_)));
 }
 
-/// The page of the replays: those of the last evaluation first, then earlier ones at even distances.
-void Training::write_replays_page() {
-  constexpr size_t kMost = 12;
-  const std::vector<std::filesystem::path> files = folder_.replays(learner_->updates_done());
-  if (files.empty()) return;
-  std::vector<std::string> shown;
-  const size_t count = std::min(kMost, files.size());
-  for (size_t k = 0; k < count; ++k)
-    shown.push_back(
-        read_file(files[count == 1 ? files.size() - 1 : (files.size() - 1) * (count - 1 - k) / (count - 1)]));
-  write_file(folder_.replays_page(), watch_page(shown, folder_.path().filename().string(), program_version()));
-}
-
 MetricsRow Training::row(double seconds, double evaluation_seconds, const Metrics& metrics, bool evaluated) const {
   const UpdateTimes times = learner_->times();
   const std::array<double, kColumns.size()> values = {static_cast<double>(learner_->updates_done()),
@@ -379,14 +336,11 @@ MetricsRow Training::row(double seconds, double evaluation_seconds, const Metric
 }
 
 void Training::write_row(const MetricsRow& row, bool evaluated) {
-  csv_->write(row);
-  const auto now = static_cast<double>(std::time(nullptr));
-  events_->scalars(learner_->agent_steps_done(), now, row);
-  if (!evaluated) return;
   MetricsRow rates;
-  for (const auto& figure : evaluation_metrics(config_, results_))
-    if (figure.first.starts_with("win_rate")) rates.push_back(figure);
-  events_->comparison(learner_->updates_done(), now, rates);
+  if (evaluated)
+    for (const auto& figure : evaluation_metrics(config_, results_))
+      if (figure.first.starts_with("win_rate")) rates.push_back(figure);
+  metrics_files_->write(learner_->updates_done(), learner_->agent_steps_done(), row, rates);
 }
 
 Checkpoint Training::checkpoint() const {
@@ -400,16 +354,14 @@ Checkpoint Training::checkpoint() const {
   c.seed = config_.seed;
   c.cursor = cursor_;
   c.cursor.seconds = total_seconds();
-  c.cursor.metrics_bytes = csv_->size();
-  c.cursor.events_bytes = events_->size();
+  metrics_files_->note_sizes(c.cursor);
   learner_->save(c.arrays);
   return c;
 }
 
 void Training::save(bool is_best) {
   // First what the checkpoint counts on: the rows up to here.
-  csv_->flush_to_disk();
-  events_->flush_to_disk();
+  metrics_files_->flush_to_disk();
   folder_.save(checkpoint(), config_.checkpoint.keep, is_best);
   saved_update_ = learner_->updates_done();
 }
@@ -488,7 +440,7 @@ int Training::stop_early(int code) {
 
 void Training::write_final_report() {
   if (learner_->updates_done() == 0) return;  // no figures yet
-  write_replays_page();
+  write_replays_page(folder_, learner_->updates_done());
   write_report({folder_.path()}, folder_.report_file(), list_fields<RunConfig>());
 }
 

@@ -1,0 +1,35 @@
+#include "apps/run_replays.hpp"
+
+#include <algorithm>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "apps/program_info.hpp"
+#include "core/seeds.hpp"
+#include "eval/record.hpp"
+#include "io/files.hpp"
+#include "watch/page.hpp"
+
+namespace giga {
+
+Replay record_games(const LoadedRun& run, Device device, Learner& learner) {
+  const auto updates = static_cast<uint64_t>(learner.updates_done());
+  const MatchOptions options{run.config.eval.record, seed_of(run.config.seed, Purpose::evaluation, updates), device,
+                             1};  // a few worlds
+  return record_teams(run, learner, options, program_version()).replay;
+}
+
+void write_replays_page(const RunFolder& folder, int64_t updates) {
+  constexpr size_t kMost = 12;
+  const std::vector<std::filesystem::path> files = folder.replays(updates);
+  if (files.empty()) return;
+  std::vector<std::string> shown;
+  const size_t count = std::min(kMost, files.size());
+  for (size_t k = 0; k < count; ++k)
+    shown.push_back(
+        read_file(files[count == 1 ? files.size() - 1 : (files.size() - 1) * (count - 1 - k) / (count - 1)]));
+  write_file(folder.replays_page(), watch_page(shown, folder.path().filename().string(), program_version()));
+}
+
+}  // namespace giga

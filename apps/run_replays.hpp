@@ -1,0 +1,19 @@
+// The replays of a run: games that are recorded while it trains, and the page that plays them.
+#pragma once
+
+#include <cstdint>
+
+#include "io/replay.hpp"
+#include "io/run_folder.hpp"
+#include "learn/learner.hpp"
+
+namespace giga {
+
+/// `eval.record` games of the teams of a run against each other, from the starts of the evaluation.
+Replay record_games(const LoadedRun& run, Device device, Learner& learner);
+
+/// The page of the replays up to an update: those of the last evaluation first, then earlier ones at even distances.
+/// None where there are no replays.
+void write_replays_page(const RunFolder& folder, int64_t updates);
+
+}  // namespace giga
