@@ -45,8 +45,8 @@ struct LaunchOf {
   StateView state;
   StepIo io;
   ScratchLayout layout;
-  size_t copy_bytes;  // working copy of the agents' state, in front of a world's scratch in shared memory
-  char* scratch;      // [W, layout.size]; null = shared memory, with the working copy
+  size_t world_bytes;  // of a world in shared memory: the working copy of its state, then scratch
+  char* scratch;       // [W, layout.size]; null = shared memory, with the working copy
   uint64_t seed;
   int64_t first_world, draw_period;
   int n_worlds;
@@ -54,14 +54,21 @@ struct LaunchOf {
   const int32_t* playing;    // [n_playing] the worlds to work on; null = all
   const int32_t* n_playing;  // [1]
 
+  /// That of the launch; worked out anew where that costs the compiler and not the GPU.
+  GIGA_HD ScratchLayout scratch_layout() const {
+    if constexpr (P::kTeam > 0)
+      return ScratchLayout(params);
+    else
+      return layout;
+  }
   GIGA_HD int count() const { return playing ? *n_playing : n_worlds; }
   GIGA_HD int world(int k) const { return playing ? playing[k] : k; }
 
   /// The same with other parameters of the same values.
   template <class Q>
   LaunchOf<Q> with(const Q& q) const {
-    return {q,           state,       io,       layout, copy_bytes, scratch,  seed,
-            first_world, draw_period, n_worlds, ending, playing,    n_playing};
+    return {q,           state,       io,       layout, world_bytes, scratch,  seed,
+            first_world, draw_period, n_worlds, ending, playing,     n_playing};
   }
 };
 using Launch = LaunchOf<SimParams>;
@@ -72,8 +79,8 @@ struct ThreadIndex {
   int thread, n_threads;  // of the block
 };
 
-/// Points the working fields of the state to shared memory; copy_agents moves them there or back. Words come first, so
-/// that each array is aligned.
+/// Points the working fields of the state to shared memory; copy_world moves them there or back. Words come first, so
+/// that each array is aligned, and of them those of the world.
 GIGA_HD WorldView working_copy(const WorldView& home, char* block, int n) {
   WorldView w = home;
   size_t at = 0;
@@ -85,10 +92,15 @@ GIGA_HD WorldView working_copy(const WorldView& home, char* block, int n) {
   for_each_field([&](auto field, auto member) {
     constexpr size_t kSize = sizeof(*(w.*member));
     static_assert(!field.working || (field.columns == 1 && ((field.per == Per::agent && (kSize == 4 || kSize == 1)) ||
+                                                            (field.per == Per::agent_words && kSize == 4) ||
+                                                            (field.per == Per::world && (kSize == 4 || kSize == 1)) ||
                                                             (field.per == Per::pair && kSize == 1))),
-                  "a working field has a word or a byte for each agent, or a byte for each pair: working_copy and "
-                  "copy_agents know no others");
-    if constexpr (field.working && kSize == sizeof(uint32_t)) take(field, member);
+                  "a working field has a word or a byte for the world, a word, words of bits or a byte for each agent, "
+                  "or a byte for each pair: working_copy and copy_world know no others");
+    if constexpr (field.working && field.per == Per::world && kSize == 4) take(field, member);
+  });
+  for_each_field([&](auto field, auto member) {
+    if constexpr (field.working && field.per != Per::world && sizeof(*(w.*member)) == 4) take(field, member);
   });
   for_each_field([&](auto field, auto member) {
     if constexpr (field.working && field.per == Per::pair) take(field, member);
@@ -98,23 +110,79 @@ GIGA_HD WorldView working_copy(const WorldView& home, char* block, int n) {
   });
   return w;
 }
+
+/// Word k of the world's working fields.
+template <class T>
+GIGA_HD uint32_t* world_word(const T& w, int k) {
+  uint32_t* word = nullptr;
+  int count = 0;
+  for_each_field([&](auto field, auto member) {
+    if constexpr (field.working && field.per == Per::world && sizeof(*(w.*member)) == 4)
+      if (count++ == k) word = reinterpret_cast<uint32_t*>(w.*member);
+  });
+  return word;
+}
+constexpr int count_world_words() {
+  int count = 0;
+  for_each_field([&](auto field, auto member) {
+    constexpr size_t kSize = sizeof(*(std::declval<StateView>().*member));
+    count += field.working && field.per == Per::world && kSize == 4 ? 1 : 0;
+  });
+  return count;
+}
+
+/// Copies the working fields. Where the number of agents is a constant, all in one go, so that all that has to be read
+/// is asked for before the first of it is waited for.
 template <class Lanes>
-GIGA_HD void copy_agents(const Lanes& lanes, const WorldView& from, const WorldView& to, int n) {
-  lanes.each(n, [&](int i) {
+GIGA_HD void copy_world(const Lanes& lanes, const Parameters auto& p, const WorldView& from, const WorldView& to) {
+  constexpr int kAgents = 2 * std::remove_cvref_t<decltype(p)>::kTeam, kWorldWords = count_world_words();
+  const int n = p.n_agents, one_word = words_for(n) == 1;
+  const auto agent = [&](int i) {
     for_each_field([&](auto field, auto member) {
       if constexpr (field.working && field.per == Per::agent) (to.*member)[i] = (from.*member)[i];
+      if constexpr (field.working && field.per == Per::world && sizeof(*(to.*member)) == 1)
+        if (i == n - 1) *(to.*member) = *(from.*member);
+      if constexpr (field.working && field.per == Per::agent_words)
+        if (one_word) (to.*member)[i] = (from.*member)[i];
     });
-  });
-  for_each_field([&](auto field, auto member) {
-    if constexpr (field.working && field.per == Per::pair) {
-      if (n % 2 == 0)  // whole words
-        lanes.each(n * n / 4, [&](int k) {
-          reinterpret_cast<uint32_t*>(to.*member)[k] = reinterpret_cast<const uint32_t*>(from.*member)[k];
+  };
+  const auto pair_word = [&](int k) {
+    for_each_field([&](auto field, auto member) {
+      if constexpr (field.working && field.per == Per::pair)
+        reinterpret_cast<uint32_t*>(to.*member)[k] = reinterpret_cast<const uint32_t*>(from.*member)[k];
+    });
+  };
+  const auto of_world = [&](int k) { *world_word(to, k) = *world_word(from, k); };
+  if constexpr (kAgents > 0) {
+    constexpr int kPairWords = kAgents * kAgents / 4;
+    static_assert(kAgents % 2 == 0, "whole words");
+    lanes.each_agent(n, [&](int i) {
+      GIGA_UNROLL
+      for (int k = 0; k < kWorldWords; k += kAgents)
+        if (k + i < kWorldWords) of_world(k + i);
+      agent(i);
+      GIGA_UNROLL
+      for (int k = 0; k < kPairWords; k += kAgents)
+        if (k + i < kPairWords) pair_word(k + i);
+    });
+  } else {
+    lanes.each(kWorldWords, of_world);
+    lanes.each_agent(n, agent);
+    if (!one_word)
+      lanes.each(n * words_for(n), [&](int k) {
+        for_each_field([&](auto field, auto member) {
+          if constexpr (field.working && field.per == Per::agent_words) (to.*member)[k] = (from.*member)[k];
         });
-      else
-        lanes.each(n * n, [&](int k) { (to.*member)[k] = (from.*member)[k]; });
-    }
-  });
+      });
+    if (n % 2 == 0)
+      lanes.each(n * n / 4, pair_word);
+    else
+      lanes.each(n * n, [&](int k) {
+        for_each_field([&](auto field, auto member) {
+          if constexpr (field.working && field.per == Per::pair) (to.*member)[k] = (from.*member)[k];
+        });
+      });
+  }
 }
 
 /// Runs the job for one world. `shared` = this world's block of shared memory; a template parameter says whether it is
@@ -126,8 +194,8 @@ GIGA_HD void run_world(const Lanes& lanes, const LaunchOf<P>& k, int world, char
   WorldView w = home;
   if constexpr (in_shared) {
     w = working_copy(home, shared, k.params.n_agents);
-    attach_scratch(w, k.layout, shared + k.copy_bytes);
-    copy_agents(lanes, home, w, k.params.n_agents);
+    attach_scratch(w, k.scratch_layout(), shared + working_copy_bytes(k.params.n_agents));
+    copy_world(lanes, k.params, home, w);
   } else {
     attach_scratch(w, k.layout, k.scratch + static_cast<size_t>(world) * k.layout.size);
   }
@@ -135,7 +203,8 @@ GIGA_HD void run_world(const Lanes& lanes, const LaunchOf<P>& k, int world, char
     return PhiloxDraws(k.seed, draw_world(k.first_world, k.draw_period, world), step);
   };
   run_job<job>(lanes, k.params, w, draws_at, k.io, k.ending, world);
-  if constexpr (in_shared) copy_agents(lanes, w, home, k.params.n_agents);
+  if constexpr (in_shared) copy_world(lanes, k.params, w, home);
+  lanes.wait_sent();  // before the shared memory goes
 }
 
 /// What a thread does in a launch of TileLanes.
@@ -144,17 +213,18 @@ GIGA_HD void run_tile_thread(const LaunchOf<P>& k, const ThreadIndex& at, char* 
   const int n = k.params.n_agents, count = k.count();
   // Few worlds take as long as one does: a warp for each is faster then.
   const bool alone = k.playing && count <= kWorldsAlone && count <= at.n_blocks * kTileWarps;
-  const int width = alone ? kWarp : n, per_warp = kWarp / width;
   const int lane = at.thread % kWarp, warp = at.thread / kWarp;
-  const int tile = lane / width;
+  // Divided by n, which may be a constant, rather than by the width.
+  const int width = alone ? kWarp : n, per_warp = alone ? 1 : kWarp / n;
+  const int tile = alone ? 0 : lane / n, first = alone ? lane : lane % n;
   const int slot = warp * per_warp + (tile < per_warp ? tile : 0);
   const int index = at.block * (kTileWarps * per_warp) + slot;
   if (at.block * (kTileWarps * per_warp) >= count) return;
   const bool idle = tile >= per_warp || index >= count;
-  const TileLanes<Sync> lanes{idle ? INT_MAX : lane % width, width, sync};
+  const TileLanes<Sync> lanes{idle ? INT_MAX : first, width, sync};
   // An idle thread looks at some world of the launch, so that it can keep in step.
   run_world<job, true>(lanes, k, k.world(index < count ? index : count - 1),
-                       shared + slot * (k.copy_bytes + k.layout.size));
+                       shared + static_cast<size_t>(slot) * k.world_bytes);
 }
 
 /// What a thread does in a launch of BlockLanes.
@@ -182,7 +252,7 @@ class LaunchingSimulator : public Simulator {
             .state = state_.view(),
             .io = io,
             .layout = layout_,
-            .copy_bytes = working_copy_bytes(params().n_agents),
+            .world_bytes = shared_bytes(params()),
             .scratch = scratch_.data(),
             .seed = options_.seed,
             .first_world = options_.first_world,

@@ -1,6 +1,11 @@
 // Lanes of the GPU: how the agents of a world are spread over threads (see sim/lanes.hpp). Sync keeps the threads in
 // step: wait() returns when all have called it, any(flag) likewise with whether any flag was set. On the GPU these are
 // its barriers (simulator.cu); where there is none, tests run the threads one after the other (tests/parity).
+//
+// Sync of a warp also copies numbers from shared memory on its own while the threads go on: each thread that has
+// written some calls before_sending, then all wait(), then one calls send(to, from, count); it may only write to `from`
+// again after its wait_sent, and read `to` after its wait_delivered. Both addresses are multiples of 16 bytes, count
+// of 4.
 #pragma once
 
 #include "core/host_device.hpp"
@@ -17,11 +22,17 @@ namespace giga {
 /// whole world, or beyond the last world, have `first` past every loop and only keep in step. Sync: of a warp.
 template <class Sync>
 struct TileLanes {
+  static constexpr bool kSerial = false;
   int first, stride;
   Sync sync;
   template <class F>
   GIGA_HD void each(int n, F&& f) const {
     for (int i = first; i < n; i += stride) f(i);
+    sync.wait();
+  }
+  template <class F>
+  GIGA_HD void each_agent(int n, F&& f) const {
+    if (first < n) f(first);
     sync.wait();
   }
   template <class OfRow, class F>
@@ -34,18 +45,27 @@ struct TileLanes {
     }
     sync.wait();
   }
+  GIGA_HD void before_sending() const { sync.before_sending(); }
+  GIGA_HD void send(float* to, const float* from, int count) const { sync.send(to, from, count); }
+  GIGA_HD void wait_sent() const { sync.wait_sent(); }
+  GIGA_HD void wait_delivered() const { sync.wait_delivered(); }
   GIGA_HD bool any(bool flag) const { return sync.any(flag); }
 };
 
 /// One world per thread block of whole warps. Sync: of the block.
 template <class Sync>
 struct BlockLanes {
+  static constexpr bool kSerial = false;
   int first, stride;
   Sync sync;
   template <class F>
   GIGA_HD void each(int n, F&& f) const {
     for (int i = first; i < n; i += stride) f(i);
     sync.wait();
+  }
+  template <class F>
+  GIGA_HD void each_agent(int n, F&& f) const {
+    each(n, f);
   }
   /// A warp per row.
   template <class OfRow, class F>
@@ -58,6 +78,8 @@ struct BlockLanes {
     }
     sync.wait();
   }
+  GIGA_HD void wait_sent() const {}
+  GIGA_HD void wait_delivered() const {}
   GIGA_HD bool any(bool flag) const { return sync.any(flag); }
 };
 

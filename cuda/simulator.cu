@@ -8,10 +8,10 @@
 namespace giga {
 namespace {
 
-// Blocks of TileLanes per multiprocessor: 8 holds a thread to 64 registers, and hiding latency is worth the few spills.
-// Measured on an H200, G agent-steps/s at 4, 5, 6 and 8 blocks: 2 vs 2 1.61, 1.79, 1.85, 1.89; 5 vs 5 0.72, 0.77, 0.82,
-// 0.86.
-constexpr int kTileBlocks = 8;
+// Blocks of TileLanes per multiprocessor, which bounds a thread's registers. With the staged rows of teams of five the
+// shared memory holds five blocks. Measured on an H200, G agent-steps/s of 2 vs 2 at 5 and 8 blocks: 3.45, 3.04.
+template <class P>
+constexpr int kTileBlocks = P::kTeam > 0 ? 5 : 8;
 
 // After so many lists the host looks how many worlds one had: enough work that the device does not wait for it.
 constexpr int64_t kListsLater = 2;
@@ -19,6 +19,30 @@ constexpr int64_t kListsLater = 2;
 struct WarpSync {
   __device__ void wait() const { __syncwarp(); }
   __device__ bool any(bool flag) const { return __any_sync(0xFFFFFFFFu, flag); }
+
+  // Bulk copies of the tensor memory accelerator, compute capability 9.0 and later.
+#if __CUDA_ARCH__ >= 900
+  __device__ void before_sending() const { asm volatile("fence.proxy.async.shared::cta;" ::: "memory"); }
+  __device__ void send(float* to, const float* from, int count) const {
+    asm volatile("cp.async.bulk.global.shared::cta.bulk_group [%0], [%1], %2;" ::"l"(__cvta_generic_to_global(to)),
+                 "r"(static_cast<uint32_t>(__cvta_generic_to_shared(from))),
+                 "r"(count * static_cast<int>(sizeof(float)))
+                 : "memory");
+    asm volatile("cp.async.bulk.commit_group;" ::: "memory");
+  }
+  __device__ void wait_sent() const { asm volatile("cp.async.bulk.wait_group.read 0;" ::: "memory"); }
+  __device__ void wait_delivered() const {
+    asm volatile("cp.async.bulk.wait_group 0;" ::: "memory");
+    asm volatile("fence.proxy.async.global;" ::: "memory");
+  }
+#else
+  __device__ void before_sending() const {}
+  __device__ void send(float* to, const float* from, int count) const {
+    for (int k = 0; k < count; k += 4) *reinterpret_cast<float4*>(to + k) = *reinterpret_cast<const float4*>(from + k);
+  }
+  __device__ void wait_sent() const {}
+  __device__ void wait_delivered() const {}
+#endif
 };
 struct BlockSync {
   __device__ void wait() const { __syncthreads(); }
@@ -31,7 +55,8 @@ __device__ ThreadIndex this_thread() {
 }
 
 template <Job job, class P>
-__global__ void __launch_bounds__(kTileWarps* kWarp, kTileBlocks) tile_kernel(const __grid_constant__ LaunchOf<P> k) {
+__global__ void __launch_bounds__(kTileWarps* kWarp, kTileBlocks<P>)
+    tile_kernel(const __grid_constant__ LaunchOf<P> k) {
   extern __shared__ char shared[];
   run_tile_thread<job>(k, this_thread(), shared, WarpSync{});
 }
@@ -177,26 +202,14 @@ class CudaSimulator final : public LaunchingSimulator {
   void launch(const Launch& k) {
     const LaunchShape& s = shape();
     if (s.tiles)
-      launch_tiles<job, 10, 4>(k);
+      with_usual_params(k.params, [&]<class P>(const P& p) {
+        tile_kernel<job, P><<<s.blocks, s.threads, s.shared_bytes, stream_>>>(k.with(p));
+      });
     else if (s.in_shared)
       block_kernel<job, true><<<s.blocks, s.threads, s.shared_bytes, stream_>>>(k);
     else
       block_kernel<job, false><<<s.blocks, s.threads, 0, stream_>>>(k);
     GIGA_CUDA(cudaGetLastError());
-  }
-
-  /// By the kernel for so many agents and usual parameters, if there is one.
-  template <Job job, int... kAgents>
-  void launch_tiles(const Launch& k) {
-    const auto run = [&](const auto& launch, auto kernel) {
-      kernel<<<shape().blocks, shape().threads, shape().shared_bytes, stream_>>>(launch);
-    };
-    const auto usual = [&]<class P>(std::type_identity<P>) {
-      if (!P::fits(k.params)) return false;
-      run(k.with(P(k.params)), tile_kernel<job, P>);
-      return true;
-    };
-    if (!(usual(std::type_identity<UsualParams<kAgents>>{}) || ...)) run(k, tile_kernel<job, SimParams>);
   }
 
   int index_;

@@ -56,11 +56,16 @@ class DrawKey {
  public:
   GIGA_HD DrawKey(uint64_t seed, uint32_t world, uint32_t step) : seed_(seed), world_(world), step_(step) {}
 
+  /// Four draws as bits: numbers 4 `block` to 4 `block` + 3 of row `row`.
+  GIGA_HD Philox4 bits(Draw draw, uint32_t row, uint32_t block) const {
+    return philox4x32(world_, step_, (static_cast<uint32_t>(draw) << 24) | block, row, seed_);
+  }
+
   /// Uniform on [0, 1): number `index` of row `row`. Needs row and index below 65,536 x 4.
   GIGA_HD float uniform(Draw draw, uint32_t row, uint32_t index) {
     const uint32_t purpose = (static_cast<uint32_t>(draw) << 24) | (index >> 2);
     if (purpose != cached_purpose_ || row != cached_row_) {
-      cached_ = philox4x32(world_, step_, purpose, row, seed_);
+      cached_ = bits(draw, row, index >> 2);
       cached_purpose_ = purpose;
       cached_row_ = row;
     }
@@ -77,6 +82,32 @@ class DrawKey {
   uint32_t world_, step_;
   uint32_t cached_purpose_ = 0xFFFFFFFFu, cached_row_ = 0xFFFFFFFFu;
   Philox4 cached_{};
+};
+
+/// The draws of a row whose indices are the agents of a team, all made at once: on the GPU the threads of a warp keep
+/// in step that way. Teams of kTeam agents each.
+template <int kTeam>
+class TeamUniforms {
+ public:
+  GIGA_HD TeamUniforms(const DrawKey& key, Draw draw, uint32_t row, int team) {
+    uint32_t all[4 * kBlocks];
+    const uint32_t first = team == 0 ? 0u : static_cast<uint32_t>(kTeam) / 4;
+    GIGA_UNROLL
+    for (int b = 0; b < kBlocks; ++b) {
+      const Philox4 four = key.bits(draw, row, first + static_cast<uint32_t>(b));
+      GIGA_UNROLL
+      for (int k = 0; k < 4; ++k) all[4 * b + k] = four.word[k];
+    }
+    GIGA_UNROLL
+    for (int k = 0; k < kTeam; ++k) bits_[k] = team == 0 ? all[k] : all[k + kShift];
+  }
+  /// That of the team's agent k.
+  GIGA_HD float operator()(int k) const { return to_unit_float(bits_[k]); }
+
+ private:
+  static constexpr int kShift = kTeam % 4;  // where the draws of team 1 begin in their block
+  static constexpr int kBlocks = (kShift + kTeam + 3) / 4;
+  uint32_t bits_[kTeam];
 };
 
 }  // namespace giga

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "core/philox.hpp"
+#include "sim/params.hpp"
 
 namespace giga {
 
@@ -23,8 +24,16 @@ class PhiloxDraws {
   }
   /// Does `ego` hear `sender`? A step and the reset that follows it draw apart (`after_reset`).
   GIGA_HD float comm(int ego, int sender, bool after_reset) {
-    const uint32_t row = static_cast<uint32_t>(ego) + (after_reset ? 0x10000u : 0u);
-    return key_.uniform(Draw::comm, row, static_cast<uint32_t>(sender));
+    return key_.uniform(Draw::comm, comm_row(ego, after_reset), static_cast<uint32_t>(sender));
+  }
+  /// The same for all observers, or senders, of a team of kTeam agents.
+  template <int kTeam>
+  GIGA_HD TeamUniforms<kTeam> detect_by(int target, int team) const {
+    return {key_, Draw::detect, static_cast<uint32_t>(target), team};
+  }
+  template <int kTeam>
+  GIGA_HD TeamUniforms<kTeam> comm_from(int ego, int team, bool after_reset) const {
+    return {key_, Draw::comm, comm_row(ego, after_reset), team};
   }
   /// Index of the map of the next episode, uniform over n_maps.
   GIGA_HD int map(int n_maps) {
@@ -38,7 +47,38 @@ class PhiloxDraws {
   }
 
  private:
+  GIGA_HD static uint32_t comm_row(int ego, bool after_reset) {
+    return static_cast<uint32_t>(ego) + (after_reset ? 0x10000u : 0u);
+  }
+
   DrawKey key_;
 };
+
+/// Whether a source of draws makes those of a whole team at once, for these parameters.
+template <class P, class Draws>
+concept DrawsByTeam = (P::kTeam > 0) && requires(const Draws& draws) {
+  draws.template detect_by<P::kTeam>(0, 0);
+};
+
+/// Calls f(draw), where draw(b, k) says whether agent b detects target a: b is number k of the team that observes it.
+template <Parameters P, class Draws, class F>
+GIGA_HD void with_detect_draws(const P& p, Draws& draws, int a, F&& f) {
+  if constexpr (DrawsByTeam<P, Draws>) {
+    const auto all = draws.template detect_by<P::kTeam>(a, 1 - p.team_of(a));
+    f([&](int, int k) { return all(k); });
+  } else {
+    f([&](int b, int) { return draws.detect(a, b); });
+  }
+}
+/// Likewise whether agent e hears agent b, number k of its own team.
+template <Parameters P, class Draws, class F>
+GIGA_HD void with_comm_draws(const P& p, Draws& draws, int e, bool after_reset, F&& f) {
+  if constexpr (DrawsByTeam<P, Draws>) {
+    const auto all = draws.template comm_from<P::kTeam>(e, p.team_of(e), after_reset);
+    f([&](int, int k) { return all(k); });
+  } else {
+    f([&](int b, int) { return draws.comm(e, b, after_reset); });
+  }
+}
 
 }  // namespace giga

@@ -6,34 +6,35 @@
 
 namespace giga {
 
-/// Adds the step to the episode's sums: item 0 to 1 = a team's returns, then one item per team and term.
-constexpr int kNEpisodeItems = kNTeams + kNTeams * kNRewardTerms;
+/// Adds the step to the episode's sums: item 0 to 1 = a team's returns, then one item per team and active term.
+GIGA_HD int n_step_items(const Parameters auto& p) { return kNTeams + kNTeams * p.n_active_terms; }
 GIGA_HD void accumulate_episode(const Parameters auto& p, World auto& w, int item) {
   if (item < kNTeams) {
+    const float returns = w.returns[item], returns_masked = w.returns_masked[item];  // asked for early, needed late
     float sum = 0, masked = 0;
-    for (int i = 0; i < p.n_agents; ++i) {
-      if (p.team_of(i) != item) continue;
+    for_team(p, item, [&](int i, int) {
       sum += w.reward[i];
       if (w.alive[i] && !w.counts[kDone]) masked += w.reward[i];
-    }
-    w.returns[item] += sum;
-    w.returns_masked[item] += masked;
+    });
+    w.returns[item] = returns + sum;
+    w.returns_masked[item] = returns_masked + masked;
     return;
   }
-  const int team = (item - kNTeams) / kNRewardTerms, t = (item - kNTeams) % kNRewardTerms;
+  const int k = item - kNTeams, team = k >= p.n_active_terms ? 1 : 0, t = active_term(p, k - team * p.n_active_terms);
   const RewardTerm term = static_cast<RewardTerm>(t);
-  if (!term_active(p, term)) return;
+  float& total = w.term_returns[team * kNRewardTerms + t];
+  const float before = total;
   float sum = 0;
-  for (int i = 0; i < p.n_agents; ++i)
-    if (p.team_of(i) == team && w.was_alive[i]) sum += w.terms[t * p.n_agents + i];
-  w.term_returns[team * kNRewardTerms + t] += scale_term(p, w, term, sum);
+  for_team(p, team, [&](int i, int) {
+    if (w.was_alive[i]) sum += w.terms[t * p.n_agents + i];
+  });
+  total = before + scale_term(p, w, term, sum);
 }
 
 /// Counts a team's living agents into w.counts[first + team].
 GIGA_HD void count_team(const Parameters auto& p, World auto& w, const uint8_t* alive, int first, int team) {
   int count = 0;
-  for (int i = 0; i < p.n_agents; ++i)
-    if (p.team_of(i) == team && alive[i]) ++count;
+  for_team(p, team, [&](int i, int) { count += alive[i] ? 1 : 0; });
   w.counts[first + team] = count;
 }
 
@@ -81,7 +82,8 @@ GIGA_HD EpisodeStat end_of_agent(Death death) {
   return EpisodeStat::deaths_bounds_0;
 }
 
-/// Moves the sums of a finished episode into the statistics; item as in accumulate_episode.
+/// Moves the sums of a finished episode into the statistics: item 0 to 1 = a team's, then one item per team and term.
+constexpr int kNEpisodeItems = kNTeams + kNTeams * kNRewardTerms;
 GIGA_HD void finish_episode(const Parameters auto& p, World auto& w, int item) {
   const auto stat = [&w](EpisodeStat s, int offset = 0) -> float& { return w.stats[static_cast<int>(s) + offset]; };
   if (item >= kNTeams) {
@@ -102,8 +104,8 @@ GIGA_HD void finish_episode(const Parameters auto& p, World auto& w, int item) {
   stat(EpisodeStat::return_0, item) += w.returns[item];
   stat(EpisodeStat::return_masked_0, item) += w.returns_masked[item];
   stat(EpisodeStat::score_0, item) += w.score[item];
-  for (int i = 0; i < p.n_agents; ++i)
-    if (p.team_of(i) == item) stat(end_of_agent(w.death[i]), item) += 1;
+  const int first = p.first_of(item), end = first + p.size_of(item);
+  for (int i = first; i < end; ++i) stat(end_of_agent(w.death[i]), item) += 1;
   w.returns[item] = w.returns_masked[item] = w.score[item] = 0;
 }
 

@@ -1,7 +1,10 @@
 // Lanes: how the agents of one world are spread over workers. A stage is lanes.each(n, f): f(0) ... f(n - 1) in any
 // order, all finished and visible to every worker when it returns. lanes.each_cell(rows, columns, of_row, f) does the
 // same with f(of_row(row), column) over a matrix, neighboring lanes at neighboring columns: each worker calls of_row
-// once for a row, for what its cells have in common; where that converts to false the row is left out.
+// once for a row, for what its cells have in common; where that converts to false the row is left out. each_agent is
+// each for the agents of the world: where there is a worker for each of them, the compiler learns that f runs once.
+// kSerial: one worker does it all, in order. wait_delivered: from the next stage on, rows that were written can be
+// read.
 //   SerialLanes  one worker (CPU; worlds run in parallel over threads)
 //   TileLanes    part of a warp, several worlds a warp (small teams); cuda/lanes.hpp
 //   BlockLanes   one thread block (dozens to hundreds of agents); cuda/lanes.hpp
@@ -12,9 +15,14 @@
 namespace giga {
 
 struct SerialLanes {
+  static constexpr bool kSerial = true;
   template <class F>
   GIGA_HD void each(int n, F&& f) const {
     for (int i = 0; i < n; ++i) f(i);
+  }
+  template <class F>
+  GIGA_HD void each_agent(int n, F&& f) const {
+    each(n, f);
   }
   template <class OfRow, class F>
   GIGA_HD void each_cell(int rows, int columns, OfRow&& of_row, F&& f) const {
@@ -23,6 +31,7 @@ struct SerialLanes {
       for (int column = 0; common && column < columns; ++column) f(common, column);
     }
   }
+  GIGA_HD void wait_delivered() const {}
   /// Whether `flag` holds in any world that shares this one's workers: stages guarded by it stay in lockstep.
   GIGA_HD bool any(bool flag) const { return flag; }
 };

@@ -40,7 +40,7 @@ GIGA_HD void move(const Parameters auto& p, World auto& w, Controls c, int i) {
   const float heading = p.original() ? wrap_original(turned) : wrap_angle(turned);
   const SinCos dir = sin_cos(heading);
 
-  const float pushed = w.v[i] + kDt * c.throttle * Physics::thrust * a * p.agents.thrust[i];
+  const float pushed = w.v[i] + kDt * c.throttle * Physics::thrust * a * table_value(p.agents.thrust + i);
   const float speed = pushed - Physics::drag * (pushed * pushed) * a;
 
   w.x[i] += kDt * (speed * dir.cos) * a;
@@ -77,14 +77,14 @@ GIGA_HD float planar_distance2(const World auto& w, int i, int j) {
 /// Rules 4.3.2: touching another living agent of any team. Only flags, since others still look at `alive`.
 GIGA_HD void check_agents(const Parameters auto& p, World auto& w, int i) {
   if (!w.alive[i]) return;
-  for (int j = 0; j < p.n_agents; ++j) {
-    if (j == i || !w.alive[j]) continue;
-    const float dz = w.z[i] - w.z[j];
-    if (planar_distance2(w, i, j) < p.collision_range2 && (dz < 0 ? -dz : dz) < p.collision_altitude) {
-      w.flags[i] |= kHitAgent;
-      return;
-    }
-  }
+  bool hit = false;
+  for (int team = 0; team < kNTeams; ++team)
+    for_team(p, team, [&](int j, int) {
+      const float dz = w.z[i] - w.z[j];
+      const bool near = (planar_distance2(w, i, j) < p.collision_range2) & ((dz < 0 ? -dz : dz) < p.collision_altitude);
+      hit |= near & (j != i) & (w.alive[j] != 0);
+    });
+  if (hit) w.flags[i] |= kHitAgent;
 }
 
 /// Strictly inside a box of the world's map, each grown by `margin` on every side.

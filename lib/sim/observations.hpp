@@ -17,7 +17,8 @@ namespace giga {
 ///   K::offered(p), K::shape(p)               whether a scenario has it, and with which shape
 ///   K::describe(p)                           what its numbers mean
 ///   K::prepare(p, w, e)                      of an agent: what its row needs, before any row is written
-///   K::write(lanes, p, w, n, row_of)         all rows; row_of(e): that of agent e (of the world: e = 0), or null
+///   K::write(lanes, p, w, n, rows)           all rows; rows(e): that of agent e (of the world: e = 0), or null;
+///                                            rows.of_team(team): those of a team
 /// Those that are drawn (is_drawn) have no prepare and no write; draw_images draws them.
 /// n agents are written, or 0 (then lanes only keep in step).
 template <class F>
@@ -38,7 +39,7 @@ static_assert(count_observations() == kNObservations, "an observation without a 
 
 /// Row of agent i in its team's buffers.
 GIGA_HD int64_t team_row(const Parameters auto& p, int64_t world, int i) {
-  return world * p.n_team[p.team_of(i)] + table_value(p.agents.slot + i);
+  return world * p.size_of(p.team_of(i)) + p.slot_of(i);
 }
 
 /// The rows of one kind of observation that somebody wants.
@@ -57,7 +58,7 @@ struct WantedRows {
     if constexpr (Kind::of == ObservationOf::world)
       return io.world[Kind::id];
     else
-      return io.team[p.team_of(e)].obs[Kind::id];
+      return io.of(p.team_of(e)).obs[Kind::id];
   }
   /// Where the row of agent e (or of the world) begins, in elements.
   GIGA_HD static int64_t start(const Parameters auto& p, const StepIo& io, int64_t world, int e) {
@@ -77,6 +78,22 @@ struct WantedRows {
   }
 };
 
+/// The same as Kind::write takes them: of(e) of agent e (or of the world: e = 0), of_team(team).
+template <class Kind, class P>
+struct WorldRows {
+  const P& p;
+  const StepIo& io;
+  int64_t world;
+
+  GIGA_HD typename Kind::Element* operator()(int e) const { return WantedRows<Kind>::row(p, io, world, e); }
+  GIGA_HD TeamRows of_team(int team) const {
+    const ObservationIo& to = io.of(team).obs[Kind::id];
+    const int stride = to.stride > 0 ? to.stride : Kind::shape(p).size();
+    float* rows = static_cast<float*>(to.rows);
+    return {rows ? rows + world * p.size_of(team) * stride : nullptr, stride};
+  }
+};
+
 /// Writes what every agent sees, by w.seen, and the worlds' observations. `active` false keeps the lanes in lockstep
 /// without work.
 template <class Lanes>
@@ -88,21 +105,21 @@ GIGA_HD void write_observations(const Lanes& lanes, const Parameters auto& p, Wo
     if (decltype(kind)::of == ObservationOf::agent && !is_drawn(kind.id) && WantedRows<decltype(kind)>::any(io))
       wanted = true;
   });
-  lanes.each(n, [&](int e) {
+  lanes.each_agent(n, [&](int e) {
     if (wanted) rank_neighbors(p, w, e);
     for_each_observation([&](auto kind) {
       using Kind = decltype(kind);
       if constexpr (Kind::of == ObservationOf::agent && !is_drawn(Kind::id))
         if (WantedRows<Kind>::any(io)) Kind::prepare(p, w, e);
     });
-    uint8_t* alive = io.team[p.team_of(e)].alive;
+    uint8_t* alive = io.of(p.team_of(e)).alive;
     if (alive) alive[team_row(p, world, e)] = w.alive[e];
   });
   for_each_observation([&](auto kind) {
     using Kind = decltype(kind);
     using Rows = WantedRows<Kind>;
     if constexpr (!is_drawn(Kind::id))
-      if (Rows::any(io)) Kind::write(lanes, p, w, n, [&](int e) { return Rows::row(p, io, world, e); });
+      if (Rows::any(io)) Kind::write(lanes, p, w, n, WorldRows<Kind, std::remove_cvref_t<decltype(p)>>{p, io, world});
   });
 }
 
@@ -111,7 +128,7 @@ template <class Lanes>
 GIGA_HD void keep_final(const Lanes& lanes, const Parameters auto& p, const StepIo& io, int64_t world, bool active) {
   const int n = active ? p.n_agents : 0;
   lanes.each(n, [&](int e) {
-    const TeamIo& team = io.team[p.team_of(e)];
+    const TeamIo& team = io.of(p.team_of(e));
     if (team.final_alive && team.alive) team.final_alive[team_row(p, world, e)] = team.alive[team_row(p, world, e)];
   });
   for_each_observation([&](auto kind) {

@@ -5,6 +5,7 @@
 #include <concepts>
 #include <cstdint>
 #include <string>
+#include <type_traits>
 #include <vector>
 
 #include "core/host_device.hpp"
@@ -75,9 +76,8 @@ struct StartArea {
   float heading_lo, heading_hi;
 };
 
-/// Per-agent constants, each array [n_agents]. The team is in SimParams::team_bits, nearer to hand.
+/// Per-agent constants, each array [n_agents].
 struct AgentTable {
-  const int32_t* slot;        ///< number of the agent inside its team: row in the team's buffers
   const int32_t* sprite;      ///< bit mask of the drawn shape; also an observation
   const float* thrust;        ///< factor on acceleration
   const float* max_health;    ///< health limit
@@ -101,15 +101,13 @@ struct SimParams {
   ActionKind actions = ActionKind::discrete;
 
   int n_agents = 0;
-  int n_team[kNTeams] = {0, 0};
+  int n_team[kNTeams] = {0, 0};  ///< agents of each team; those of team 0 come first
   int n_maps = 1;
   int n_boxes = 0;       ///< most boxes of any map of the set; part of the observation
   int n_neighbors = 15;  ///< rows of agents in a vector observation, the ego included: min(n_agents, limit)
 
   float limit_x = 10, limit_y = 10;
   float inv_limit_x = 0.1f, inv_limit_y = 0.1f, inv_diagonal = 0;  ///< 1 / limit; 1 / sqrt(limit_x^2 + limit_y^2)
-
-  uint32_t team_bits[kMaxAgents / 32] = {};  ///< bit i of word i / 32: the team of agent i
 
   // Sight. Depths are squared here once.
   float very_close_depth2 = 1;
@@ -140,7 +138,9 @@ struct SimParams {
 
   float reward_weight[kNRewardTerms] = {};  ///< 0 or less switches a term off; [idle_reward] is unused
   bool has_idle_reward = false;             ///< some agent type has one
-  bool divide_reward_by_team_size = true;   ///< by the number of all agents, as the original does
+  uint64_t active_terms = 0;                ///< by SimTables: the terms that are active, four bits each
+  int n_active_terms = 0;
+  bool divide_reward_by_team_size = true;  ///< by the number of all agents, as the original does
 
   // Beyond the original, off by default.
   bool obstacle_heights = false;       ///< boxes are solid between z1 and z2 only
@@ -156,7 +156,13 @@ struct SimParams {
 
   GIGA_HD bool original() const { return rules == Rules::original; }
   /// Team of agent i, 0 or 1.
-  GIGA_HD int team_of(int i) const { return static_cast<int>(team_bits[i >> 5] >> (i & 31) & 1u); }
+  GIGA_HD int team_of(int i) const { return i >= n_team[0] ? 1 : 0; }
+  GIGA_HD int first_of(int team) const { return team == 0 ? 0 : n_team[0]; }
+  GIGA_HD int size_of(int team) const { return team == 0 ? n_team[0] : n_team[1]; }
+  /// Number of agent i inside its team: its row in the team's buffers.
+  GIGA_HD int slot_of(int i) const { return i - first_of(team_of(i)); }
+  /// Agents of each team where that is known to the compiler, else 0.
+  static constexpr int kTeam = 0;
 };
 
 /// What the stages of a step take as parameters: SimParams, or a type in which some of its members are constants of the
@@ -165,6 +171,46 @@ struct SimParams {
 ///   };
 template <class P>
 concept Parameters = std::derived_from<P, SimParams>;
+
+/// Calls f(agent, k) with the agents of a team in their order, k = 0, 1, ...; unrolled where their number is constant.
+template <class F>
+GIGA_HD void for_team(const Parameters auto& p, int team, F&& f) {
+  const int first = p.first_of(team);
+  constexpr int kTeam = std::remove_cvref_t<decltype(p)>::kTeam;
+  if constexpr (kTeam > 0) {
+    GIGA_UNROLL
+    for (int k = 0; k < kTeam; ++k) f(first + k, k);
+  } else {
+    const int count = p.size_of(team);
+    for (int k = 0; k < count; ++k) f(first + k, k);
+  }
+}
+
+/// Words of 32 bits for one bit per agent.
+GIGA_HD int words_for(int n_agents) { return (n_agents + 31) / 32; }
+
+/// A row of bits, one for each agent: writes that of each agent of a team by test(agent, k), in their order, and 0 for
+/// all others.
+template <class Test>
+GIGA_HD void write_team_bits(const Parameters auto& p, int team, uint32_t* row, Test&& test) {
+  if constexpr (constexpr int kTeam = std::remove_cvref_t<decltype(p)>::kTeam; kTeam > 0) {
+    static_assert(2 * kTeam <= 32);
+    uint32_t bits = 0;
+    for_team(p, team, [&](int a, int k) {
+      if (test(a, k)) bits |= 1u << a;
+    });
+    *row = bits;
+  } else {
+    const int first = p.first_of(team), end = first + p.size_of(team), words = words_for(p.n_agents);
+    for (int word = 0; word < words; ++word) {
+      uint32_t bits = 0;
+      const int to = (word + 1) * 32 < end ? (word + 1) * 32 : end;
+      for (int a = word * 32 > first ? word * 32 : first; a < to; ++a)
+        if (test(a, a - first)) bits |= 1u << (a & 31);
+      row[word] = bits;
+    }
+  }
+}
 
 struct AgentSpec {
   int32_t team = 0;
@@ -188,8 +234,9 @@ struct SimSpec {
   std::vector<MapSpec> maps;
   int neighbor_limit = 15;  ///< max_agent_in_vec_obs
 
-  /// Sets n_agents, n_team, team_bits, n_maps, n_boxes, n_neighbors, has_idle_reward, mixed_teams and the reciprocals;
-  /// throws Error where a team is empty or there are more than kMaxAgents agents.
+  /// Sets n_agents, n_team, n_maps, n_boxes, n_neighbors, has_idle_reward, mixed_teams and the reciprocals;
+  /// throws Error where a team is empty, an agent of team 0 stands behind one of team 1, or there are
+  /// more than kMaxAgents agents.
   void finish();
 
   /// The same with episodes of at most `steps`. Such a cut is no time limit of the scenario: surviving to the

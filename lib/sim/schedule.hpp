@@ -46,11 +46,11 @@ GIGA_HD bool wants_final_images(const StepIo& io) {
          io.world[Observation::global_image].final_rows;
 }
 
-/// Whether a world that has played its only episode begins to wait within Job::step. What begins an episode is a job of
-/// its own instead: it is rare, and on the GPU it takes registers that a step needs. So is what follows last images,
-/// which are drawn before.
-GIGA_HD bool step_freezes(Ending ending, const StepIo& io) {
-  return ending.on_done == OnDone::freeze && ending.episodes == 1 && !wants_final_images(io);
+/// Whether Job::step also does what follows where it ended an episode: the world waits, or its next episode starts.
+/// Last images are drawn before that, by a job of their own; so is the start of a next episode with OnDone::freeze.
+GIGA_HD bool step_settles(Ending ending, const StepIo& io) {
+  return !wants_final_images(io) &&
+         (ending.on_done == OnDone::reset || (ending.on_done == OnDone::freeze && ending.episodes == 1));
 }
 
 /// The job, and that which draws the images if they are wanted.
@@ -66,8 +66,8 @@ inline Jobs jobs_of_step(Ending ending, const StepIo& io) {
   Jobs jobs;
   jobs.add(Job::step);
   if (ending.on_done != OnDone::keep && wants_final_images(io)) jobs.add(Job::draw_final);
-  if (ending.on_done == OnDone::reset) jobs.add(Job::restart);
-  if (ending.on_done == OnDone::freeze && !step_freezes(ending, io)) jobs.add(Job::play_on);
+  if (ending.on_done == OnDone::reset && !step_settles(ending, io)) jobs.add(Job::restart);
+  if (ending.on_done == OnDone::freeze && !step_settles(ending, io)) jobs.add(Job::play_on);
   if (wants_images(io)) jobs.add(Job::draw);
   return jobs;
 }

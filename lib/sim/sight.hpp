@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "core/geometry.hpp"
+#include "sim/draws.hpp"
 #include "sim/segment_box.hpp"
 #include "sim/world.hpp"
 
@@ -30,33 +31,30 @@ struct Sighting {
 ///
 /// The original compares an angle with the half angle of a cone; here the cosine is compared, since
 /// |angle| < limit <=> d cos(angle) > d cos(limit), and d cos(angle) is a dot product. At d = 0 the direction does not
-/// matter: such a pair is close, and a squared distance of 0 passes `<= [inside]` either way (Q3).
-template <class Draws>
-GIGA_HD Sighting sight(const Parameters auto& p, const World auto& w, Draws& draws, int a, int b) {
+/// matter: such a pair is close, and a squared distance of 0 passes `<= [inside]` either way (Q3). And it compares a
+/// quotient, d2 / limit, with 1; rounded correctly, that is <= 1 exactly where d2 <= limit, for a limit above 0.
+///
+/// `draw()` is asked where chance decides.
+template <class Draw>
+GIGA_HD Sighting sight(const Parameters auto& p, const World auto& w, int a, int b, Draw&& draw) {
   const float dx = w.x[a] - w.x[b], dy = w.y[a] - w.y[b];
   float d2 = dx * dx + dy * dy;
   if (p.sight_3d) d2 += (w.z[a] - w.z[b]) * (w.z[a] - w.z[b]);
 
-  // Division by zero is meant: x / 0 = inf and 0 / 0 = NaN both compare false.
+  const auto within = [d2](float limit) { return limit > 0 && d2 <= limit; };
   const bool close = d2 < p.very_close_depth2;
-  const float depth = d2 / (p.cone_depth2 * p.agents.range[b]);
-  if (!close && !(depth <= 1.0f)) return {false, false};  // most pairs: too far, whatever the direction
+  const float depth2 = p.cone_depth2 * table_value(p.agents.range + b);
+  if (!close && !within(depth2)) return {false, false};  // most pairs: too far, whatever the direction
 
-  const float d = std::sqrt(d2);
+  const float d = square_root(d2);
   const float ahead = dx * w.dir_x[b] + dy * w.dir_y[b];
   const bool in_cone = p.cone_is_full || ahead > p.cone_cos * d;
   const bool in_damage_cone = p.damage_cone_is_full || ahead > p.damage_cone_cos * d;
-  bool see = close;
-  if (!see && p.stochastic_detection) {
-    see = depth <= (in_damage_cone ? 1.0f : 0.0f);
-    // Outside the cone, or at its full depth, no draw below 1 suffices, so none is needed.
-    if (!see && in_cone && depth < 1) see = depth < draws.detect(a, b);
-  } else if (!see) {
-    see = depth <= (in_cone ? 1.0f : 0.0f);
-  }
+  bool see = close || d2 <= 0 || (p.stochastic_detection ? in_damage_cone : in_cone);
+  // Outside the cone no draw suffices, so none is needed.
+  if (!see && p.stochastic_detection && in_cone) see = divide(d2, depth2) < draw();
   if (see && p.obstacles_block_sight && sight_blocked(p, w, a, b)) see = false;
-  const float damage_depth = d2 / (p.damage_cone_depth2 * p.agents.damage_range[b]);
-  return {see, damage_depth <= (in_damage_cone ? 1.0f : 0.0f)};
+  return {see, within(p.damage_cone_depth2 * table_value(p.agents.damage_range + b)) && (in_damage_cone || d2 <= 0)};
 }
 
 /// Damage units of a tracking counter: 0 up to the minimum, then growing by 1 a step.
@@ -69,25 +67,21 @@ GIGA_HD int damage_units(const Parameters auto& p, int tracked) {
 /// Everything that is done to target a: who detects it, who fires at it and for how long, what it takes.
 template <class Draws>
 GIGA_HD void detect_and_track(const Parameters auto& p, World auto& w, Draws& draws, int a) {
-  const int n = p.n_agents, words = words_for(n);
-  uint8_t* tracked = w.tracked + static_cast<int64_t>(a) * n;
-  uint32_t* detected = w.detected + static_cast<int64_t>(a) * words;
+  uint8_t* tracked = w.tracked + static_cast<int64_t>(a) * p.n_agents;  // of its own team the counters stay 0
+  uint32_t* detected = w.detected + static_cast<int64_t>(a) * words_for(p.n_agents);
+  const bool alive = w.alive[a] != 0;
   int taken = 0;
-  for (int word = 0; word < words; ++word) {
-    uint32_t bits = 0;
-    const int end = (word + 1) * 32 < n ? (word + 1) * 32 : n;
-    for (int b = word * 32; b < end; ++b) {
-      if (p.team_of(a) == p.team_of(b)) continue;  // its counter stays 0
+  with_detect_draws(p, draws, a, [&](auto&& draw) {
+    write_team_bits(p, 1 - p.team_of(a), detected, [&](int b, int k) {
       Sighting s{false, false};
-      if (w.alive[a] && w.alive[b]) s = sight(p, w, draws, a, b);
-      if (s.detected) bits |= 1u << (b & 31);
+      if (alive && w.alive[b]) s = sight(p, w, a, b, [&] { return draw(b, k); });
       const int before = tracked[b];
       const int now = s.detected && s.in_weapon_range ? (before < 255 ? before + 1 : 255) : 0;
-      if (now != before) tracked[b] = static_cast<uint8_t>(now);
+      tracked[b] = static_cast<uint8_t>(now);
       taken += damage_units(p, now);
-    }
-    detected[word] = bits;
-  }
+      return s.detected;
+    });
+  });
   w.taken[a] = static_cast<float>(taken);
   if (taken > 0) w.flags[a] |= kTookDamage;
 }
@@ -95,14 +89,13 @@ GIGA_HD void detect_and_track(const Parameters auto& p, World auto& w, Draws& dr
 /// Detection without fire, for the first observation of an episode.
 template <class Draws>
 GIGA_HD void detect_only(const Parameters auto& p, World auto& w, Draws& draws, int a) {
-  for (int b = 0; b < p.n_agents; ++b)
-    if (p.team_of(a) != p.team_of(b) && sight(p, w, draws, a, b).detected)
-      w.detected[static_cast<int64_t>(a) * words_for(p.n_agents) + b / 32] |= 1u << (b & 31);
+  write_team_bits(p, 1 - p.team_of(a), w.detected + static_cast<int64_t>(a) * words_for(p.n_agents),
+                  [&](int b, int) { return sight(p, w, a, b, [&] { return draws.detect(a, b); }).detected; });
 }
 
 /// Rules 4.5: damage, healing and the waypoint's refill; death at zero health.
 GIGA_HD void update_health(const Parameters auto& p, World auto& w, int i) {
-  const float limit = p.agents.max_health[i];
+  const float limit = table_value(p.agents.max_health + i);
   const float refill = (w.flags[i] & kHitWaypoint) ? limit : 0.0f;
   const float health = w.health[i] - w.taken[i] * p.damage_per_second * kDt + p.healing_per_second * kDt + refill;
   w.health[i] = w.alive[i] ? clamp(health, 0.0f, limit) : 0.0f;

@@ -6,6 +6,7 @@
 
 #include "core/error.hpp"
 #include "sim/map_picture.hpp"
+#include "sim/rewards.hpp"
 
 namespace giga {
 namespace {
@@ -37,13 +38,11 @@ std::vector<float> make_box_features(const SimParams& p, const std::vector<Box>&
 
 SimTables::SimTables(const SimSpec& spec, Memory& memory) : params_(spec.params) {
   const size_t n = spec.agents.size();
-  std::vector<int32_t> ints(2 * n);
+  std::vector<int32_t> sprites(n);
   std::vector<float> floats(5 * n);
-  int next_slot[kNTeams] = {0, 0};
   for (size_t i = 0; i < n; ++i) {
     const AgentSpec& agent = spec.agents[i];
-    ints[i] = next_slot[agent.team]++;
-    ints[n + i] = agent.sprite;
+    sprites[i] = agent.sprite;
     const float values[5] = {agent.thrust, agent.max_health, agent.range, agent.damage_range, agent.idle_reward};
     for (size_t k = 0; k < 5; ++k) floats[k * n + i] = values[k];
   }
@@ -56,7 +55,7 @@ SimTables::SimTables(const SimSpec& spec, Memory& memory) : params_(spec.params)
     for (const StartArea& area : spec.maps[m].start) start.push_back(area);
     paths.insert(paths.end(), spec.maps[m].paths.begin(), spec.maps[m].paths.end());
   }
-  ints_ = Buffer<int32_t>(memory, ints);
+  sprites_ = Buffer<int32_t>(memory, sprites);
   floats_ = Buffer<float>(memory, floats);
   boxes_ = Buffer<Box>(memory, boxes);
   box_features_ = Buffer<float>(memory, make_box_features(params_, boxes));
@@ -64,7 +63,8 @@ SimTables::SimTables(const SimSpec& spec, Memory& memory) : params_(spec.params)
   pictures_ = Buffer<uint8_t>(memory, make_map_pictures(params_, spec.maps));
   paths_ = Buffer<uint16_t>(memory, paths);
   const float* f = floats_.data();
-  params_.agents = {ints_.data(), ints_.data() + n, f, f + n, f + 2 * n, f + 3 * n, f + 4 * n};
+  list_active_terms(params_);
+  params_.agents = {sprites_.data(), f, f + n, f + 2 * n, f + 3 * n, f + 4 * n};
   params_.maps = {boxes_.data(), box_features_.data(), start_.data(), pictures_.data(), paths_.data()};
 }
 

@@ -48,7 +48,7 @@ class SimTables {
 
  private:
   SimParams params_;
-  Buffer<int32_t> ints_;
+  Buffer<int32_t> sprites_;
   Buffer<float> floats_;
   Buffer<Box> boxes_;
   Buffer<float> box_features_;

@@ -90,9 +90,6 @@ enum class Phase : uint8_t {
   truncated,   ///< likewise, by the time limit
 };
 
-/// Words of 32 bits for one bit per agent.
-GIGA_HD int words_for(int n_agents) { return (n_agents + 31) / 32; }
-
 /// Pointers to the arrays of W worlds of N agents, or of one world (W = 1). Everything here is saved in a checkpoint.
 struct StateView {
   float* x;                 // [W, N] position, map units
@@ -156,16 +153,16 @@ GIGA_HD constexpr void for_each_field(F&& f) {
   f(WorkingField<Per::agent>{"alive"}, &StateView::alive);
   f(StateField<Per::agent>{"death"}, &StateView::death);
   f(WorkingField<Per::pair>{"tracked"}, &StateView::tracked);
-  f(StateField<Per::agent_words>{"detected"}, &StateView::detected);
-  f(StateField<Per::agent_words>{"seen"}, &StateView::seen);
-  f(StateField<Per::world>{"map"}, &StateView::map);
+  f(WorkingField<Per::agent_words>{"detected"}, &StateView::detected);
+  f(WorkingField<Per::agent_words>{"seen"}, &StateView::seen);
+  f(WorkingField<Per::world>{"map"}, &StateView::map);
   f(StateField<Per::world, 4>{"waypoint"}, &StateView::waypoint);
   f(StateField<Per::world>{"waypoint_time"}, &StateView::waypoint_time);
-  f(StateField<Per::world>{"reward_factor"}, &StateView::reward_factor);
-  f(StateField<Per::world>{"episode_length"}, &StateView::episode_length);
-  f(StateField<Per::world>{"draw_step"}, &StateView::draw_step);
-  f(StateField<Per::world>{"outcome"}, &StateView::outcome);
-  f(StateField<Per::world>{"phase"}, &StateView::phase);
+  f(WorkingField<Per::world>{"reward_factor"}, &StateView::reward_factor);
+  f(WorkingField<Per::world>{"episode_length"}, &StateView::episode_length);
+  f(WorkingField<Per::world>{"draw_step"}, &StateView::draw_step);
+  f(WorkingField<Per::world>{"outcome"}, &StateView::outcome);
+  f(WorkingField<Per::world>{"phase"}, &StateView::phase);
   f(StateField<Per::world, kNTeams>{"returns"}, &StateView::returns);
   f(StateField<Per::world, kNTeams>{"returns_masked"}, &StateView::returns_masked);
   f(StateField<Per::world, kNTeams>{"score"}, &StateView::score);

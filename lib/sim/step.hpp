@@ -20,8 +20,10 @@ template <class Lanes, class Draws>
 GIGA_HD void observe_world(const Lanes& lanes, const Parameters auto& p, World auto& w, Draws& draws, const StepIo& io,
                            int64_t world, bool after_reset, bool active = true) {
   const int n = active ? p.n_agents : 0;
-  if (p.stochastic_communication) lanes.each(n, [&](int e) { listen(p, w, draws, e, after_reset); });
-  lanes.each(n, [&](int e) { look(p, w, e); });
+  lanes.each_agent(n, [&](int e) {
+    if (p.stochastic_communication) listen(p, w, draws, e, after_reset);
+    look(p, w, e);
+  });
   write_observations(lanes, p, w, io, world, active);
 }
 
@@ -31,39 +33,38 @@ GIGA_HD void reset_world(const Lanes& lanes, const Parameters auto& p, World aut
                          bool active = true) {
   const int n = active ? p.n_agents : 0, one = active ? 1 : 0;
   lanes.each(one, [&](int) { begin_episode(p, w, draws); });
-  lanes.each(n, [&](int i) { place_agent(p, w, draws, i); });
+  lanes.each_agent(n, [&](int i) { place_agent(p, w, draws, i); });
   for (int round = 1; round <= kResampleRounds; ++round) {
-    lanes.each(n, [&](int i) { propose_place(p, w, draws, round, i); });
-    lanes.each(n, [&](int i) { accept_place(p, w, i); });
+    lanes.each_agent(n, [&](int i) { propose_place(p, w, draws, round, i); });
+    lanes.each_agent(n, [&](int i) { accept_place(p, w, i); });
   }
   // The original's first observation shows no opponent even where everything is observable (Q18).
   if (!p.original() && !p.stochastic_detection && !p.stochastic_communication)
-    lanes.each(n, [&](int a) { detect_only(p, w, draws, a); });
+    lanes.each_agent(n, [&](int a) { detect_only(p, w, draws, a); });
 }
 
-/// One step of one world. Between two stages all lanes see all results of the first. Where the episode ends, its world
-/// is left in Phase::terminated or truncated, for freeze_world or restart_world.
+/// The stages of one step of one world, up to its observation. Between two stages all lanes see all results of the
+/// first. Where the episode ends, its world is left in Phase::terminated or truncated. `active`: it plays.
 template <class Lanes, class Draws>
-GIGA_HD void step_world(const Lanes& lanes, const Parameters auto& p, World auto& w, Draws& draws, const StepIo& io,
-                        OnDone on_done, int64_t world) {
-  const bool active = *w.phase == Phase::plays;
+GIGA_HD void play_step(const Lanes& lanes, const Parameters auto& p, World auto& w, Draws& draws, const StepIo& io,
+                       OnDone on_done, int64_t world, bool active) {
   const int n = active ? p.n_agents : 0, one = active ? 1 : 0, teams = active ? kNTeams : 0;
 
-  lanes.each(n, [&](int i) {
+  lanes.each_agent(n, [&](int i) {
     w.was_alive[i] = w.alive[i];
     w.flags[i] = 0;
     w.next[i] = w.x[i];
     w.next[p.n_agents + i] = w.y[i];
-    const void* action = io.team[p.team_of(i)].action;
+    const void* action = io.of(p.team_of(i)).action;
     move(p, w, read_controls(p, action, team_row(p, world, i)), i);
     if (p.waypoints) touch_waypoint(p, w, i);
     check_bounds(p, w, i);
   });
-  lanes.each(n, [&](int i) { check_agents(p, w, i); });
-  lanes.each(n, [&](int i) { check_obstacles(p, w, i); });
+  lanes.each_agent(n, [&](int i) { check_agents(p, w, i); });
+  lanes.each_agent(n, [&](int i) { check_obstacles(p, w, i); });
   if (p.waypoints) lanes.each(one, [&](int) { update_waypoint(p, w, draws); });
-  lanes.each(n, [&](int a) { detect_and_track(p, w, draws, a); });
-  lanes.each(n, [&](int i) {
+  lanes.each_agent(n, [&](int a) { detect_and_track(p, w, draws, a); });
+  lanes.each_agent(n, [&](int i) {
     update_health(p, w, i);
     note_death(w, i);
   });
@@ -72,16 +73,15 @@ GIGA_HD void step_world(const Lanes& lanes, const Parameters auto& p, World auto
     count_team(p, w, w.alive, kAlive0, team);
   });
   lanes.each(one, [&](int) { end_of_step(p, w); });
-  lanes.each(n, [&](int i) {
+  lanes.each_agent(n, [&](int i) {
     compute_reward(p, w, i);
-    float* reward = io.team[p.team_of(i)].reward;
+    float* reward = io.of(p.team_of(i)).reward;
     if (reward) reward[team_row(p, world, i)] = w.reward[i];
     for (int t = 0; io.terms && t < kNRewardTerms; ++t)
       io.terms[(world * kNRewardTerms + t) * p.n_agents + i] =
           term_active(p, static_cast<RewardTerm>(t)) ? w.terms[t * p.n_agents + i] : 0.0f;
   });
-  lanes.each(active ? kNEpisodeItems : 0, [&](int item) { accumulate_episode(p, w, item); });
-  observe_world(lanes, p, w, draws, io, world, false, active);
+  lanes.each(active ? n_step_items(p) : 0, [&](int item) { accumulate_episode(p, w, item); });
 
   lanes.each(1, [&](int) {
     const Done done = active ? static_cast<Done>(w.counts[kDone]) : Done::running;
@@ -91,8 +91,8 @@ GIGA_HD void step_world(const Lanes& lanes, const Parameters auto& p, World auto
     if (active) *w.draw_step += 1;
   });
   // A world that waits earns nothing.
-  lanes.each(active ? 0 : p.n_agents, [&](int i) {
-    float* reward = io.team[p.team_of(i)].reward;
+  lanes.each_agent(active ? 0 : p.n_agents, [&](int i) {
+    float* reward = io.of(p.team_of(i)).reward;
     if (reward) reward[team_row(p, world, i)] = 0.0f;
   });
 }
@@ -113,20 +113,35 @@ template <class Lanes>
 GIGA_HD bool finish_world(const Lanes& lanes, const Parameters auto& p, World auto& w, const StepIo& io,
                           int64_t world) {
   const bool ended = *w.phase == Phase::terminated || *w.phase == Phase::truncated;
+  lanes.wait_delivered();  // the rows of the last observation
   lanes.each(ended ? kNEpisodeItems : 0, [&](int item) { finish_episode(p, w, item); });
   keep_final(lanes, p, io, world, keeps_final(w, io));
   return ended;
 }
 
-/// What follows a step in which the episode ended, with OnDone::freeze: the world waits.
-template <class Lanes>
-GIGA_HD void freeze_world(const Lanes& lanes, const Parameters auto& p, World auto& w, const StepIo& io,
-                          int64_t world) {
-  const bool ended = finish_world(lanes, p, w, io, world);
-  lanes.each(ended ? 1 : 0, [&](int) { *w.phase = Phase::waits; });
+/// One step of one world, and what it observes then. Where the episode ended and the step settles that (step_settles):
+/// with OnDone::freeze the world waits, with OnDone::reset a new episode starts, by the draws of this step, and is
+/// observed. A loop around the one call that observes: twice that code would not fit into the GPU's instruction cache.
+template <class Lanes, class Draws>
+GIGA_HD void step_world(const Lanes& lanes, const Parameters auto& p, World auto& w, Draws& draws, const StepIo& io,
+                        Ending ending, int64_t world) {
+  bool observes = *w.phase == Phase::plays, restarted = false;
+  play_step(lanes, p, w, draws, io, ending.on_done, world, observes);
+  GIGA_ROLLED
+  for (;;) {
+    observe_world(lanes, p, w, draws, io, world, restarted, observes);
+    if (restarted || !step_settles(ending, io) || !to_settle(lanes, w)) return;
+    observes = finish_world(lanes, p, w, io, world);
+    if (ending.on_done == OnDone::freeze) {
+      lanes.each(observes ? 1 : 0, [&](int) { *w.phase = Phase::waits; });
+      return;
+    }
+    reset_world(lanes, p, w, draws, observes);
+    restarted = true;
+  }
 }
 
-/// With OnDone::reset: a new episode starts. `draws` are those of the step. A pass of its own, because it is rare.
+/// The same for a step that did not settle it: OnDone::reset, after the last images were drawn.
 template <class Lanes, class Draws>
 GIGA_HD void restart_world(const Lanes& lanes, const Parameters auto& p, World auto& w, Draws& draws, const StepIo& io,
                            int64_t world) {
@@ -189,8 +204,7 @@ GIGA_HD void run_job(const Lanes& lanes, const Parameters auto& p, World auto& w
   }
   if constexpr (job == Job::step) {
     auto&& draws = draws_at(*w.draw_step);
-    step_world(lanes, p, w, draws, io, ending.on_done, world);
-    if (step_freezes(ending, io) && to_settle(lanes, w)) freeze_world(lanes, p, w, io, world);
+    step_world(lanes, p, w, draws, io, ending, world);
   }
   if constexpr (job == Job::restart) {
     auto&& draws = draws_at(*w.draw_step - 1);  // the step's own: it has counted itself already

@@ -5,27 +5,40 @@
 
 namespace giga {
 
-/// SimParams with what decides about loops and branches fixed, for `kAgents` agents.
-template <int kAgents>
+/// SimParams with what decides about loops and branches fixed, for two teams of `kTeamSize` agents.
+template <int kTeamSize>
 struct UsualParams : SimParams {
   explicit UsualParams(const SimParams& p) : SimParams(p) {}
   static constexpr Rules rules = Rules::corrected;
   static constexpr ActionKind actions = ActionKind::discrete;
-  static constexpr int n_agents = kAgents, n_neighbors = kAgents < 15 ? kAgents : 15;
-  static constexpr bool waypoints = false, mixed_teams = false, has_idle_reward = false;
+  static constexpr int kTeam = kTeamSize, n_agents = 2 * kTeam, n_neighbors = n_agents;
+  static_assert(n_neighbors <= 15);
+  static constexpr bool waypoints = false, has_idle_reward = false;
   static constexpr bool stochastic_communication = true, stochastic_detection = true;
   static constexpr bool obstacle_heights = false, obstacles_block_sight = false, sight_3d = false;
   static constexpr bool cone_is_full = false, damage_cone_is_full = false;
   GIGA_HD static constexpr bool original() { return false; }
+  GIGA_HD static constexpr int team_of(int i) { return i >= kTeam ? 1 : 0; }
+  GIGA_HD static constexpr int first_of(int team) { return team == 0 ? 0 : kTeam; }
+  GIGA_HD static constexpr int size_of(int) { return kTeam; }
+  GIGA_HD static constexpr int slot_of(int i) { return i - first_of(team_of(i)); }
 
   /// Whether a scenario is so.
   static bool fits(const SimParams& p) {
-    return p.rules == rules && p.actions == actions && p.n_agents == n_agents && p.n_neighbors == n_neighbors &&
-           p.waypoints == waypoints && p.mixed_teams == mixed_teams && p.has_idle_reward == has_idle_reward &&
+    return p.rules == rules && p.actions == actions && p.n_team[0] == kTeam && p.n_team[1] == kTeam &&
+           p.n_neighbors == n_neighbors && p.waypoints == waypoints && p.has_idle_reward == has_idle_reward &&
            p.stochastic_communication == stochastic_communication && p.stochastic_detection == stochastic_detection &&
            p.obstacle_heights == obstacle_heights && p.obstacles_block_sight == obstacles_block_sight &&
            p.sight_3d == sight_3d && p.cone_is_full == cone_is_full && p.damage_cone_is_full == damage_cone_is_full;
   }
 };
+
+/// Calls f with the parameters: with those of them as constants that a scenario has in common with most.
+template <class F>
+void with_usual_params(const SimParams& p, F&& f) {
+  if (UsualParams<5>::fits(p)) return f(UsualParams<5>(p));
+  if (UsualParams<2>::fits(p)) return f(UsualParams<2>(p));
+  f(p);
+}
 
 }  // namespace giga

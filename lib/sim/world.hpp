@@ -6,6 +6,11 @@
 
 namespace giga {
 
+/// What others are told of an agent, in the units of the vector observation.
+struct alignas(16) AgentFeatures {
+  float x, y, z, speed, heading, health, sprite;
+};
+
 /// Pointers to one world's arrays, N agents: its state (state.hpp), some of it perhaps in a working copy, and scratch.
 struct WorldView : StateView {
   float *dir_x, *dir_y;      // [N] cosine and sine of the heading
@@ -17,8 +22,8 @@ struct WorldView : StateView {
   uint32_t* hears;           // [N, words] bit b of row e: e hears b
   uint16_t* neighbors;       // [N, n_neighbors] agents of the observation's rows; kNobody = row of zeros
   float* neighbor_distance;  // [N, n_neighbors] while they are ranked
-  float* neighbor_turn;      // [N, n_neighbors] their headings relative to the agent's; in the same memory
-  float* features;           // [N, kNeighborFeatures] see vector_observation.hpp
+  AgentFeatures* features;   // [N] see vector_observation.hpp
+  float* stage;              // [N, kStageColumns] or [kTeam, kStageRow] part of the rows, on its way to memory
   uint16_t* nearest_agents;  // [N, kNearestAgents] see egocentric_view.hpp
   float* terms;              // [kNRewardTerms, N] what each reward term added to the agent's reward
   int32_t* counts;           // [kNCounts] see Count
@@ -35,7 +40,13 @@ concept World = requires(W& w) {
 
 constexpr uint16_t kNobody = 0xFFFF;
 constexpr int kNeighborFeatures = 9;  ///< numbers per agent in an observation
-constexpr int kNearestAgents = 5;     ///< agents that an egocentric view tells of
+constexpr int kStageAgents = 4;       ///< so many agents of each row are staged at a time: 36 numbers, 9 times 16 bytes
+constexpr int kStageColumns = kStageAgents * kNeighborFeatures;
+/// With constant teams whole rows are staged, those of a team at a time: so many numbers each, with room for four
+/// boxes, as RowLayout has them.
+template <class P>
+constexpr int kStageRow = (2 * P::kTeam * kNeighborFeatures + 16 + 7) / 8 * 8;
+constexpr int kNearestAgents = 5;  ///< agents that an egocentric view tells of
 
 /// What happened to an agent in this step.
 enum AgentFlag : uint8_t {
@@ -59,10 +70,10 @@ enum class Done : uint8_t {
 
 /// Bytes of scratch that a world of p needs, and the carving of a 16-byte aligned block of that size.
 struct ScratchLayout {
-  size_t dir_x, dir_y, taken, reward, next, features, terms, neighbor_keys, hears, counts, neighbors, nearest_agents,
-      was_alive, flags, size;
+  size_t features, stage, terms, neighbor_distance, dir_x, dir_y, taken, reward, next, hears, counts, neighbors,
+      was_alive, flags, nearest_agents, size;
 
-  GIGA_HD explicit ScratchLayout(const SimParams& p) {
+  GIGA_HD explicit ScratchLayout(const Parameters auto& p) {
     const size_t n = static_cast<size_t>(p.n_agents);
     size_t at = 0;
     const auto take = [&at](size_t bytes) {
@@ -70,20 +81,24 @@ struct ScratchLayout {
       at += (bytes + 3) & ~size_t{3};
       return start;
     };
-    dir_x = take(4 * n);
-    dir_y = take(4 * n);
+    features = take(sizeof(AgentFeatures) * n);
+    // Rows are staged when nothing else of these is needed any more.
+    stage = terms = take(4 * n * kNRewardTerms);
+    neighbor_distance = take(p.kTeam > 0 ? 0 : 4 * n * static_cast<size_t>(p.n_neighbors));
     taken = take(4 * n);
     reward = take(4 * n);
     next = take(4 * n * 3);
-    features = take(4 * n * kNeighborFeatures);
-    terms = take(4 * n * kNRewardTerms);
-    neighbor_keys = take(4 * n * static_cast<size_t>(p.n_neighbors));
     hears = take(4 * n * static_cast<size_t>(words_for(p.n_agents)));
+    using P = std::remove_cvref_t<decltype(p)>;
+    const size_t staged = P::kTeam > 0 ? static_cast<size_t>(P::kTeam * kStageRow<P>) : n * kStageColumns;
+    if (at < stage + 4 * staged) at = stage + 4 * staged;
+    dir_x = take(4 * n);
+    dir_y = take(4 * n);
     counts = take(4 * kNCounts);
     neighbors = take(2 * n * static_cast<size_t>(p.n_neighbors));
-    nearest_agents = take(p.egocentric_view ? 2 * n * kNearestAgents : 0);
     was_alive = take(n);
     flags = take(n);
+    nearest_agents = take(p.egocentric_view ? 2 * n * kNearestAgents : 0);
     size = (at + 15) & ~size_t{15};
   }
 };
@@ -94,9 +109,10 @@ GIGA_HD void attach_scratch(WorldView& w, const ScratchLayout& layout, char* blo
   w.taken = reinterpret_cast<float*>(block + layout.taken);
   w.reward = reinterpret_cast<float*>(block + layout.reward);
   w.next = reinterpret_cast<float*>(block + layout.next);
-  w.features = reinterpret_cast<float*>(block + layout.features);
+  w.features = reinterpret_cast<AgentFeatures*>(block + layout.features);
+  w.stage = reinterpret_cast<float*>(block + layout.stage);
   w.terms = reinterpret_cast<float*>(block + layout.terms);
-  w.neighbor_distance = w.neighbor_turn = reinterpret_cast<float*>(block + layout.neighbor_keys);
+  w.neighbor_distance = reinterpret_cast<float*>(block + layout.neighbor_distance);
   w.hears = reinterpret_cast<uint32_t*>(block + layout.hears);
   w.counts = reinterpret_cast<int32_t*>(block + layout.counts);
   w.neighbors = reinterpret_cast<uint16_t*>(block + layout.neighbors);
@@ -136,6 +152,8 @@ struct TeamIo {
 };
 struct StepIo {
   TeamIo team[kNTeams];
+  /// That of a team: a choice, because the GPU reads an array of its arguments by a computed index slowly.
+  GIGA_HD const TeamIo& of(int which) const { return which == 0 ? team[0] : team[1]; }
   ObservationIos world;                    // of the worlds
   bool final_of_truncations_only = false;  // leave final_* alone where a game was decided: values need no more of it
   uint8_t* done = nullptr;                 // [W] Done

@@ -52,7 +52,7 @@ void GoldenWorld::step(const int32_t* discrete, const float* continuous, Recorde
     for (size_t k = 0; continuous && k < kActionSize; ++k)
       team.continuous[slot_of(i) * kActionSize + k] = continuous[static_cast<size_t>(i) * kActionSize + k];
   }
-  step_world(SerialLanes{}, params(), view_, draws, io(), OnDone::keep, 0);
+  step_world(SerialLanes{}, params(), view_, draws, io(), {OnDone::keep}, 0);
 }
 
 const float* GoldenWorld::observation(int i) const {

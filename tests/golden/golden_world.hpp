@@ -48,7 +48,7 @@ class GoldenWorld {
     std::vector<uint8_t> alive;
   };
   size_t team_of(int i) const { return static_cast<size_t>(params().team_of(i)); }
-  size_t slot_of(int i) const { return static_cast<size_t>(params().agents.slot[i]); }
+  size_t slot_of(int i) const { return static_cast<size_t>(params().slot_of(i)); }
   StepIo io();
 
   SimSpec spec_;

@@ -5,6 +5,7 @@
 
 #include "core/error.hpp"
 #include "cuda/draw.hpp"
+#include "sim/usual_params.hpp"
 
 namespace giga::test {
 namespace {
@@ -16,6 +17,15 @@ struct EmulatedSync {
   LockstepThreads* threads;
   void wait() const { threads->wait(); }
   bool any(bool flag) const { return threads->any(flag); }
+  void before_sending() const {}
+  void send(float* to, const float* from, int count) const {
+    GIGA_CHECK(
+        reinterpret_cast<uintptr_t>(to) % 16 == 0 && reinterpret_cast<uintptr_t>(from) % 16 == 0 && count % 4 == 0,
+        "the GPU cannot send this");
+    std::copy(from, from + count, to);
+  }
+  void wait_sent() const {}
+  void wait_delivered() const {}
 };
 
 class EmulatedSimulator final : public LaunchingSimulator {
@@ -61,7 +71,7 @@ class EmulatedSimulator final : public LaunchingSimulator {
         threads_.run(s.tiles ? kWarp : s.threads, order_, [&](int thread) {
           const ThreadIndex at{block, s.blocks, thread, s.threads};
           if (s.tiles)
-            run_tile_thread<job>(k, at, shared, sync);
+            with_usual_params(k.params, [&](const auto& p) { run_tile_thread<job>(k.with(p), at, shared, sync); });
           else if (s.in_shared)
             run_block_thread<job, true>(k, at, shared, sync);
           else

@@ -23,7 +23,8 @@ std::vector<std::vector<float>> observe_team_0(TestWorld& world) {
   for (int a = 0; a < n; ++a) {
     for (int k = 0; k < words; ++k) w.detected[a * words + k] = 0;
     for (int b = 0; b < n; ++b)
-      if (p.team_of(a) != p.team_of(b) && w.alive[a] && w.alive[b] && sight(p, w, world.draws, a, b).detected)
+      if (p.team_of(a) != p.team_of(b) && w.alive[a] && w.alive[b] &&
+          sight(p, w, a, b, [&] { return world.draws.detect(a, b); }).detected)
         w.detected[a * words + b / 32] |= 1u << (b % 32);
   }
   std::vector<float> flat(static_cast<size_t>(p.n_team[0] * world.columns()), NAN);

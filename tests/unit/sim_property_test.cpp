@@ -38,6 +38,7 @@ SimOptions options_for(uint64_t seed, int n_worlds, int n_threads, OnDone on_don
 /// Agents in reversed order and, every other stage, the even ones first: any stage that reads what another agent of the
 /// same stage writes gives other results than SerialLanes.
 struct ScrambledLanes {
+  static constexpr bool kSerial = false;
   int* stage;
   template <class F>
   void each(int n, F&& f) const {
@@ -48,12 +49,17 @@ struct ScrambledLanes {
         for (int i = start; i < n; i += 2) f(i);
     }
   }
+  template <class F>
+  void each_agent(int n, F&& f) const {
+    each(n, f);
+  }
   template <class OfRow, class F>
   void each_cell(int rows, int columns, OfRow&& of_row, F&& f) const {
     each(rows * columns, [&](int k) {
       if (const auto common = of_row(k / columns)) f(common, k % columns);
     });
   }
+  void wait_delivered() const {}
   bool any(bool) const { return true; }  // as if another world of the same warp had ended
 };
 

@@ -250,7 +250,7 @@ TEST(SimReward, ScaledTermsAddUpToTheReward) {
           if (p.divide_reward_by_team_size) sum /= 7;
           if (!before[w * n + i]) sum = 0;
           const auto team = static_cast<size_t>(p.team_of(i));
-          const size_t row = w * static_cast<size_t>(p.n_team[team]) + static_cast<size_t>(p.agents.slot[i]);
+          const size_t row = w * static_cast<size_t>(p.n_team[team]) + static_cast<size_t>(p.slot_of(i));
           const float reward = shot.float_at(team ? "reward of team 1" : "reward of team 0", row);
           ASSERT_NEAR(reward, sum, 1e-4) << "scenario " << seed << ", step " << k << ", world " << w << ", agent " << i;
           ++checked;

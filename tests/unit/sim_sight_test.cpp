@@ -16,7 +16,7 @@ Sighting look_at(TestWorld& world, float heading, float dx, float dy, float dz =
   world.put(1, 5 + dx, 5 + dy, 0, 5 + dz);
   face(world.now(), 0);
   face(world.now(), 1);
-  return sight(world.params(), world.now(), world.draws, 1, 0);
+  return sight(world.params(), world.now(), 1, 0, [&] { return world.draws.detect(1, 0); });
 }
 
 Sighting look_polar(TestWorld& world, float heading, float angle, float distance) {
@@ -138,7 +138,7 @@ TEST(SimSight, StochasticFrequencyIsLinearInSquaredDistance) {
     int hits = 0;
     for (int k = 0; k < n; ++k) {
       PhiloxDraws draws(5, static_cast<uint32_t>(k % 65), static_cast<uint32_t>(k / 65));
-      hits += sight(world.params(), world.now(), draws, 1, 0).detected;
+      hits += sight(world.params(), world.now(), 1, 0, [&] { return draws.detect(1, 0); }).detected;
     }
     EXPECT_NEAR(hits / static_cast<double>(n), 1 - d * d / 9, 0.016) << "distance " << d;
   }

@@ -13,8 +13,8 @@
 namespace giga::test {
 namespace {
 
-SimSpec three_vs_two() {
-  SimSpec spec = plain_spec(3, 2);
+SimSpec three_vs_three() {
+  SimSpec spec = plain_spec(3, 3);
   spec.params.actions = ActionKind::discrete;
   spec.params.stochastic_communication = spec.params.stochastic_detection = true;
   spec.params.max_episode_length = 40;
@@ -72,11 +72,11 @@ class OneWorld {
 };
 
 TEST(SimStaticParams, AStepWithConstantsIsTheSame) {
-  const SimSpec spec = three_vs_two();
+  const SimSpec spec = three_vs_three();
   OneWorld<SimParams> plain(spec);
-  ASSERT_TRUE(UsualParams<5>::fits(spec.params));
-  OneWorld<UsualParams<5>> constants(spec);
-  std::vector<int32_t> actions[kNTeams] = {{13, 13, 13}, {13, 13}};
+  ASSERT_TRUE(UsualParams<3>::fits(spec.params));
+  OneWorld<UsualParams<3>> constants(spec);
+  std::vector<int32_t> actions[kNTeams] = {{13, 13, 13}, {13, 13, 13}};
   plain.run(jobs_of_start({}), actions);
   constants.run(jobs_of_start({}), actions);
   ASSERT_EQ(plain.bytes(), constants.bytes());
