@@ -59,13 +59,13 @@ void add_moments(const PolicyModel& model, int64_t size, NamedArrays& arrays) {
 
 }  // namespace
 
-PolicyModel model_of(const Actor& actor, int inputs) {
+PolicyModel model_of(const Actor& actor, int inputs, const std::optional<RowView>& view) {
   if (actor.network().encoder().layers().empty())
     throw InputError("only policies of dense layers can be exported (encoder: mlp)");
   NamedArrays arrays;
   actor.save("", arrays);
   PolicyModel model;
-  model.shape = {inputs, actor.actions(), actor.config(), actor.normalizes()};
+  model.shape = {inputs, actor.actions(), actor.config(), actor.normalizes(), view};
   for (const TensorShape& tensor : tensors_of(model.shape)) {
     NamedArray array = find_array(arrays, actor_name(tensor.name));
     if (tensor.name == layer_tensor(0, "weight")) array = for_whole_rows(array, actor.inputs());

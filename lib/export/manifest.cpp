@@ -7,6 +7,7 @@
 #include "config/fields.hpp"
 #include "core/error.hpp"
 #include "scenario/scenario.hpp"
+#include "sim/egocentric_view.hpp"
 #include "sim/movement.hpp"
 
 namespace giga {
@@ -44,9 +45,25 @@ Json observation_json(const Manifest& manifest) {
   for (const ObservationBlock& block : manifest.observation) blocks.push_back(block_json(block));
   return {{"input", "obs"},
           {"type", "float32"},
-          {"size", manifest.shape.inputs},
+          {"size", manifest.shape.row()},
           {"layout", "item k of a block begins at first + k * size; a feature of all items is obs[start:stop:step]"},
           {"blocks", std::move(blocks)}};
+}
+
+constexpr const char* kInside = "egocentric_view_inside";
+constexpr const char* kInsideMeaning =
+    "the policy computes what it reads of the egocentric view (gigastep's docs/rules.md, 7.5) from the observation, "
+    "for "
+    "maps of limit_x by limit_y: agents and their kinds (as bits of `sprite`), the waypoint and the boxes of the "
+    "observation. What the observation leaves out, such as images and agents beyond its items, the view does not tell "
+    "either. The one difference is rounding: places in the observation are shares of the map in fp32, so a bearing is "
+    "exact to some 1e-7 of the map's side divided by the distance";
+
+Json view_json(const RowView& view) {
+  return {{"meaning", kInsideMeaning}, {"neighbors", view.neighbors},          {"waypoint", view.waypoint},
+          {"boxes", view.boxes},       {"numbers_of_a_box", view.box_numbers}, {"limit_x", view.limit_x},
+          {"limit_y", view.limit_y},   {"opponents", view.opponents},          {"team_mates", view.team_mates},
+          {"kinds", view.kinds}};
 }
 
 constexpr const char* kControls[kActionSize][2] = {
@@ -94,6 +111,7 @@ class MemberReader {
   /// A map inside a map; null where there is none.
   const Node* map(const Node* in, const std::string& key) { return child(in, key, &Node::is_map, "a map"); }
   const Node* sequence(const Node* in, const std::string& key) { return child(in, key, &Node::is_sequence, "a list"); }
+  void wrong(const Node& node, const std::string& message) { errors_.add(node.at, message); }
   template <class T>
   void value(const Node* in, const std::string& key, T& value, const Allowed& allowed = {}) {
     if (const Node* node = find(in, key)) FieldCodec<T>::read(*node, value, allowed, {key, errors_});
@@ -118,7 +136,12 @@ class MemberReader {
 constexpr int kMostNumbers = 1'000'000;  // of an observation; kMaxAgents agents have 9 each
 
 void read_observation(const Node* node, MemberReader& in, Manifest& manifest) {
-  in.value(node, "size", manifest.shape.inputs, range(1, kMostNumbers));
+  int size = 0;
+  in.value(node, "size", size, range(1, kMostNumbers));
+  const std::optional<RowView>& inside = manifest.shape.view;
+  manifest.shape.inputs = inside ? inside->size() : size;
+  if (node && inside && inside->row_size() != size)
+    in.wrong(*node, cat("size: ", size, "; the ", kInside, " is of observations of ", inside->row_size(), " numbers"));
   const Node* blocks = in.sequence(node, "blocks");
   if (!blocks) return;
   for (const Node& item : blocks->items) {
@@ -128,6 +151,19 @@ void read_observation(const Node* node, MemberReader& in, Manifest& manifest) {
     in.value(&item, "count", block.count, range(1, kMostNumbers));
     in.value(&item, "size", block.size, range(1, kMostNumbers));
   }
+}
+
+void read_view(const Node* node, MemberReader& in, Manifest& manifest) {
+  RowView& view = manifest.shape.view.emplace();
+  in.value(node, "neighbors", view.neighbors, range(0, kMaxAgents - 1));
+  in.value(node, "waypoint", view.waypoint);
+  in.value(node, "boxes", view.boxes, range(0, kMostNumbers / 6));
+  in.value(node, "numbers_of_a_box", view.box_numbers, range(4, 6));
+  in.value(node, "limit_x", view.limit_x, greater_than(0));
+  in.value(node, "limit_y", view.limit_y, greater_than(0));
+  in.value(node, "opponents", view.opponents, range(0, kViewOpponents));
+  in.value(node, "team_mates", view.team_mates, range(0, kViewTeamMates));
+  in.value(node, "kinds", view.kinds);
 }
 
 void read_architecture(const Node* node, MemberReader& in, Manifest& manifest) {
@@ -156,6 +192,7 @@ Manifest read_root(const Node& root, MemberReader& in) {
   in.value(&root, "gigastep_version", manifest.origin.gigastep_version);
   in.value(&root, "format", manifest.format);
   read_architecture(in.map(&root, "architecture"), in, manifest);
+  if (root.find(kInside)) read_view(in.map(&root, kInside), in, manifest);
   read_observation(in.map(&root, "observation"), in, manifest);
   in.value(&root, "action_selection", manifest.origin.selection);
   const Node* action = in.map(&root, "action");
@@ -199,25 +236,27 @@ const char* policy_file_name(ExportFormat format) {
 
 std::string manifest_text(const Manifest& manifest, const Json* ratings) {
   const PolicyOrigin& origin = manifest.origin;
-  return json_text({{"kind", kManifestKind},
-                    {"format_version", kManifestFormat},
-                    {"gigastep_version", origin.gigastep_version},
-                    {"format", name_of(manifest.format)},
-                    {"file", policy_file_name(manifest.format)},
-                    {"architecture", architecture_json(manifest.shape, origin.precision)},
-                    {"observation", observation_json(manifest)},
-                    {"action", action_json(manifest)},
-                    {"action_selection", name_of(origin.selection)},
-                    {"ratings", ratings ? *ratings : Json::object()},
-                    {"training",
-                     {{"scenario", origin.scenario_name},
-                      {"rules", name_of(manifest.rules)},
-                      {"team", origin.team},
-                      {"seed", origin.seed},
-                      {"updates", origin.updates},
-                      {"agent_steps", origin.agent_steps},
-                      {"scenario_yaml", origin.scenario_yaml},
-                      {"config_yaml", origin.config_yaml}}}});
+  Json json{{"kind", kManifestKind},
+            {"format_version", kManifestFormat},
+            {"gigastep_version", origin.gigastep_version},
+            {"format", name_of(manifest.format)},
+            {"file", policy_file_name(manifest.format)},
+            {"architecture", architecture_json(manifest.shape, origin.precision)},
+            {"observation", observation_json(manifest)},
+            {"action", action_json(manifest)},
+            {"action_selection", name_of(origin.selection)},
+            {"ratings", ratings ? *ratings : Json::object()},
+            {"training",
+             {{"scenario", origin.scenario_name},
+              {"rules", name_of(manifest.rules)},
+              {"team", origin.team},
+              {"seed", origin.seed},
+              {"updates", origin.updates},
+              {"agent_steps", origin.agent_steps},
+              {"scenario_yaml", origin.scenario_yaml},
+              {"config_yaml", origin.config_yaml}}}};
+  if (manifest.shape.view) json[kInside] = view_json(*manifest.shape.view);
+  return json_text(json);
 }
 
 Manifest parse_manifest(std::string_view text, const std::string& name) {
@@ -231,7 +270,7 @@ Manifest read_manifest(const std::filesystem::path& file) {
 }
 
 PolicyInterface interface_of(const Manifest& manifest) {
-  return {manifest.origin.scenario_name, manifest.shape.actions, manifest.shape.inputs, manifest.observation};
+  return {manifest.origin.scenario_name, manifest.shape.actions, manifest.shape.row(), manifest.observation};
 }
 
 }  // namespace giga

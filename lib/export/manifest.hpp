@@ -40,7 +40,7 @@ struct PolicyOrigin {
 struct Manifest {
   ExportFormat format = ExportFormat::safetensors;
   PolicyShape shape;
-  std::vector<ObservationBlock> observation;
+  std::vector<ObservationBlock> observation;  ///< what the policy takes: without a view that it computes
   Rules rules = Rules::corrected;
   std::vector<float> log_std;  ///< [3]; empty for discrete actions
   PolicyOrigin origin;

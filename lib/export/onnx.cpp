@@ -4,10 +4,12 @@
 #include <bit>
 #include <cmath>
 #include <limits>
+#include <set>
 #include <utility>
 #include <vector>
 
 #include "core/error.hpp"
+#include "io/number.hpp"
 #include "io/protobuf_wire.hpp"
 
 namespace giga {
@@ -15,14 +17,15 @@ namespace {
 
 constexpr uint64_t kIrVersion = 8;  // that of operator set 17
 constexpr uint64_t kOperatorSet = 17;
-constexpr uint64_t kFloatTensor = 1;                        // TensorProto.DataType
-constexpr uint64_t kFloatAttribute = 1, kIntAttribute = 2;  // AttributeProto.AttributeType
+constexpr uint64_t kFloatTensor = 1, kInt64Tensor = 7;                          // TensorProto.DataType
+constexpr uint64_t kFloatAttribute = 1, kIntAttribute = 2, kIntsAttribute = 7;  // AttributeProto.AttributeType
 constexpr const char* kInput = "obs";
 
-ProtobufMessage tensor_message(const std::string& name, const std::vector<int64_t>& shape, std::string_view bytes) {
+ProtobufMessage tensor_message(const std::string& name, const std::vector<int64_t>& shape, std::string_view bytes,
+                               uint64_t type = kFloatTensor) {
   ProtobufMessage tensor;
   for (const int64_t side : shape) tensor.varint(1, static_cast<uint64_t>(side));
-  return tensor.varint(2, kFloatTensor).text(8, name).bytes(9, bytes);
+  return tensor.varint(2, type).text(8, name).bytes(9, bytes);
 }
 
 /// An input or output [batch, size].
@@ -57,7 +60,20 @@ class GraphBuilder {
   }
 
   std::string constant(const std::string& name, float value) {
-    initializers_.push_back(tensor_message(name, {}, little_endian(std::bit_cast<uint32_t>(value))));
+    if (names_.insert(name).second)
+      initializers_.push_back(tensor_message(name, {}, little_endian(std::bit_cast<uint32_t>(value))));
+    return name;
+  }
+  /// Whole numbers, of one dimension or, `scalar`, none.
+  std::string integers(const std::vector<int>& values, bool scalar = false) {
+    std::string name = scalar ? "index" : "integers", bytes;
+    for (const int value : values) {
+      name += cat("_", value);
+      bytes += little_endian(static_cast<uint64_t>(int64_t{value}));
+    }
+    std::vector<int64_t> shape;
+    if (!scalar) shape.push_back(static_cast<int64_t>(values.size()));
+    if (names_.insert(name).second) initializers_.push_back(tensor_message(name, shape, bytes, kInt64Tensor));
     return name;
   }
   void tensor(const NamedArray& array) {
@@ -72,13 +88,53 @@ class GraphBuilder {
     for (const ProtobufMessage& node : nodes_) graph.message(1, node);
     graph.text(2, "policy");
     for (const ProtobufMessage& initializer : initializers_) graph.message(5, initializer);
-    graph.message(11, value_message(kInput, shape.inputs));
+    graph.message(11, value_message(kInput, shape.row()));
     return graph.message(12, value_message(shape.output_name(), shape.outputs()));
   }
 
  private:
   std::vector<ProtobufMessage> nodes_, initializers_;
+  std::set<std::string> names_;  // of constants
   int n_nodes_ = 0;
+};
+
+/// Formulas as nodes of the graph.
+class OnnxWriter final : public ArrayWriter {
+ public:
+  explicit OnnxWriter(GraphBuilder& graph) : graph_(graph) {}
+
+  std::string operation(const ArrayOperation& op, const std::vector<std::string>& arguments) override {
+    return graph_.add(op.onnx, arguments);
+  }
+  std::string number(float value) override { return graph_.constant(cat("number_", print_number(value)), value); }
+  std::string columns(const std::string& x, int first, int end) override {
+    return graph_.add("Slice", {x, graph_.integers({first}), graph_.integers({end}), graph_.integers({1})});
+  }
+  std::string reshaped(const std::string& x, const std::vector<int>& sides) override {
+    std::vector<int> shape = {-1};
+    shape.insert(shape.end(), sides.begin(), sides.end());
+    return graph_.add("Reshape", {x, graph_.integers(shape)});
+  }
+  std::string feature(const std::string& x, int k) override {
+    return graph_.add("Gather", {x, graph_.integers({k}, true)}, {int_attribute("axis", 2)});
+  }
+  std::string running_sum(const std::string& x) override {
+    return graph_.add("CumSum", {x, graph_.integers({1}, true)});
+  }
+  std::string sum_of_items(const std::string& x) override {
+    return graph_.add("ReduceSum", {x, graph_.integers({1})}, {int_attribute("keepdims", 0)});
+  }
+  std::string least(const std::string& x) override {
+    const ProtobufMessage axes = ProtobufMessage().text(1, "axes").varint(8, 2).varint(20, kIntsAttribute);
+    return graph_.add("ReduceMin", {x}, {axes, int_attribute("keepdims", 0)});
+  }
+  std::string joined(const std::vector<std::string>& parts) override {
+    return graph_.add("Concat", parts, {int_attribute("axis", 1)});
+  }
+  std::string named(const std::string&, const std::string& x) override { return x; }
+
+ private:
+  GraphBuilder& graph_;
 };
 
 std::string add_activation(GraphBuilder& graph, Activation activation, const std::string& x) {
@@ -126,6 +182,10 @@ std::string encode_onnx(const PolicyModel& model, const std::string& gigastep_ve
     graph.constant("one", 1.0f);
   }
   std::string x = kInput;
+  if (shape.view) {
+    OnnxWriter writer(graph);
+    x = with_view(*shape.view, {&writer, x}).text;
+  }
   if (shape.normalizes) x = add_normalisation(graph, x);
   for (int layer = 0; layer < shape.n_layers(); ++layer) x = add_layer(graph, shape, layer, x);
 

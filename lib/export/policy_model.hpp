@@ -2,10 +2,12 @@
 // every export format is written from.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "core/named_array.hpp"
+#include "export/row_view.hpp"
 #include "policy/config.hpp"
 #include "sim/params.hpp"
 
@@ -13,11 +15,16 @@ namespace giga {
 
 /// Which tensors a policy has follows from this.
 struct PolicyShape {
-  int inputs = 0;  ///< numbers of an observation
+  int inputs = 0;  ///< numbers that the network reads
   ActionKind actions = ActionKind::discrete;
   MlpConfig network;        ///< hidden sizes, activation, layer_norm
   bool normalizes = false;  ///< observations pass (x - mean) / std first, clamped to +- kNormalizedLimit
+  /// The policy takes the vector observation alone, and computes the egocentric view behind it; none: it takes what the
+  /// network reads.
+  std::optional<RowView> view = {};
 
+  /// Numbers of an observation.
+  int row() const { return view ? view->row_size() : inputs; }
   /// Logits of the actions, or means before squashing.
   int outputs() const { return actions == ActionKind::discrete ? kNDiscreteActions : kActionSize; }
   /// "logits" or "mean".

@@ -23,9 +23,17 @@ std::string buffer_name(std::string tensor) {
   return tensor;
 }
 
+/// The lines that make x, what the network reads, of obs.
+std::string input_code(const std::optional<RowView>& view) {
+  if (!view) return "    x = obs\n";
+  PythonWriter writer("torch", "    ");
+  const Array row = with_view(*view, {&writer, "obs"});
+  return cat(writer.code(), "    x = ", row.text, "\n");
+}
+
 /// The Python of `forward`.
 std::string source_of(const PolicyShape& shape) {
-  std::string code = "def forward(self, obs: Tensor) -> Tensor:\n    x = obs\n";
+  std::string code = "def forward(self, obs: Tensor) -> Tensor:\n" + input_code(shape.view);
   const auto line = [&code](const std::string& value) { code += "    x = " + value + "\n"; };
   const std::string limit = print_number(kNormalizedLimit), epsilon = print_number(kLayerNormEpsilon);
   if (shape.normalizes)
@@ -102,6 +110,32 @@ class TorchScriptPolicy final : public Policy {
   at::Tensor log_std_;
 };
 
+/// A policy that reads the egocentric view, where nobody but itself computes it.
+class PolicyWithView final : public Policy {
+ public:
+  PolicyWithView(std::shared_ptr<const Policy> policy, const RowView& view, Device device)
+      : policy_(std::move(policy)), view_(view), module_("RowView") {
+    module_.define("def forward(self, obs: Tensor) -> Tensor:\n" + input_code(view) + "    return x\n");
+    module_.to(torch_device(device));
+  }
+
+  at::Tensor forward(const at::Tensor& obs, NetworkState& state) const override {
+    at::NoGradGuard no_grad;
+    torch::jit::GraphOptimizerEnabledGuard as_written(false);
+    const at::Tensor row = module_.forward({obs.narrow(1, 0, view_.row_size())}).toTensor();
+    return policy_->forward(row, state);
+  }
+  int64_t state_size() const override { return policy_->state_size(); }
+  ObservationSet reads() const override { return Observation::vector; }
+  ActionKind actions() const override { return policy_->actions(); }
+  at::Tensor log_std() const override { return policy_->log_std(); }
+
+ private:
+  std::shared_ptr<const Policy> policy_;
+  RowView view_;
+  mutable torch::jit::Module module_;  // `forward` of a module is not const
+};
+
 }  // namespace
 
 std::string encode_torchscript(const PolicyModel& model) {
@@ -116,6 +150,11 @@ std::string encode_torchscript(const PolicyModel& model) {
   std::ostringstream out;
   module.save(out);
   return out.str();
+}
+
+std::shared_ptr<const Policy> with_view_inside(std::shared_ptr<const Policy> policy, const RowView& view,
+                                               Device device) {
+  return std::make_shared<PolicyWithView>(std::move(policy), view, device);
 }
 
 ReadPolicy open_torchscript(const std::string& bytes, const std::string& name, int inputs, ActionKind actions,

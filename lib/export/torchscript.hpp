@@ -10,9 +10,13 @@
 
 namespace giga {
 
-/// The bytes of a file: a module with forward(obs [B, inputs]) -> logits [B, 27] or mean [B, 3], and its tensors as
-/// buffers, "." in their names being "_".
+/// The bytes of a file: a module with forward(obs [B, shape.row()]) -> logits [B, 27] or mean [B, 3], and its tensors
+/// as buffers, "." in their names being "_".
 std::string encode_torchscript(const PolicyModel& model);
+
+/// A policy that reads rows with the egocentric view, as one that reads the vector observation and computes the view.
+std::shared_ptr<const Policy> with_view_inside(std::shared_ptr<const Policy> policy, const RowView& view,
+                                               Device device);
 
 /// The module in the bytes of a file as a policy: `forward` gives it the first `inputs` columns of its rows. It is
 /// tried once. Continuous actions: its attribute `log_std` [3] is the logarithm of their deviation before squashing; a

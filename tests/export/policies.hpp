@@ -14,6 +14,8 @@ namespace giga::test {
 /// 2 against 2 with a waypoint and two boxes: observations of 4 x 9 + 5 + 2 x 4 = 49 numbers, padded to 56.
 SimSpec small_spec(ActionKind actions);
 constexpr int kInputs = 49, kPaddedInputs = 56;
+/// The same with the egocentric view, which begins at 56: 7 + 12 + 3 + 3 x 8 = 46 numbers.
+SimSpec small_spec_with_view(ActionKind actions);
 
 struct ActorKind {
   ActionKind actions = ActionKind::discrete;
@@ -26,11 +28,20 @@ struct ActorKind {
 /// All 2 x 4 x 2 x 2 that read everything, and one of each kind of action that reads a part.
 std::vector<ActorKind> all_kinds();
 
+/// A random actor for small_spec_with_view, which reads the view alone (`reads_part`) or everything.
+Actor make_actor_with_view(const ActorKind& kind);
+
 /// Hidden layers of 12 and 10; every parameter, biases too, is random, and so are the moments of the normaliser.
 Actor make_random_actor(const ActorKind& kind);
 
 /// [rows, kPaddedInputs], of mean 2 and deviation 3; zeros behind column kInputs.
 at::Tensor random_observations(int64_t rows);
+
+/// Rows of all agents in games with discrete actions that are drawn, every eighth step: [rows, observation_size()].
+at::Tensor played_rows(SimSpec spec, int64_t n_rows);
+
+/// Such rows as networks read them, with zeros behind.
+at::Tensor padded(const at::Tensor& rows, const SimSpec& spec);
 
 /// Of team 1 after 12 updates.
 PolicyOrigin sample_origin();

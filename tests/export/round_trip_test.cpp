@@ -207,6 +207,61 @@ TEST(ExportRoundTrip, DeviationsArePositive) {
   EXPECT_TRUE(contains(export_refusal(file), {"observation.std': number 0 is 0; a deviation must be > 0"}));
 }
 
+// Where the scenario offers the view, its numbers are those of the training; elsewhere the policy computes them.
+TEST(ExportRoundTrip, APolicyComputesTheEgocentricView) {
+  const TemporaryFolder folder;
+  for (const ActorKind& kind : {ActorKind{ActionKind::discrete, Activation::tanh, false, false, true},
+                                ActorKind{ActionKind::continuous, Activation::tanh, false, true, false}}) {
+    const SimSpec with = small_spec_with_view(kind.actions), without = small_spec(kind.actions);
+    const Actor actor = make_actor_with_view(kind);
+    const at::Tensor rows = played_rows(with, 33), expected = actor.forward(padded(rows, with));
+    for (const ExportFormat format : {ExportFormat::safetensors, ExportFormat::torchscript}) {
+      SCOPED_TRACE(kind.name() + FieldCodec<ExportFormat>::print(format));
+      const fs::path path = folder / (kind.name() + FieldCodec<ExportFormat>::print(format));
+      write_export(path, format, actor, with, sample_origin());
+      const Manifest manifest = read_manifest(path / kManifestName);
+      EXPECT_EQ(manifest.shape.view, row_view(with));
+      EXPECT_EQ(interface_of(manifest).inputs, kInputs);
+      const at::Tensor here = read(path, with, true).policy->forward(padded(rows, with));
+      const at::Tensor alone = read(path, without, true).policy->forward(padded(rows.slice(1, 0, kInputs), without));
+      EXPECT_LE(worst(without_unused_logit(alone), without_unused_logit(expected)), 1e-4);
+      if (format == ExportFormat::safetensors) {
+        EXPECT_TRUE(at::equal(without_unused_logit(here), without_unused_logit(expected)));
+      }
+      EXPECT_LE(worst(without_unused_logit(here), without_unused_logit(expected)), 1e-4);
+    }
+  }
+}
+
+TEST(ExportRoundTrip, TheEgocentricViewAsInput) {
+  const TemporaryFolder folder;
+  const ActorKind kind{ActionKind::discrete, Activation::tanh, false, false, true};
+  const SimSpec spec = small_spec_with_view(kind.actions);
+  write_export(folder / "input", ExportFormat::safetensors, make_actor_with_view(kind), spec, sample_origin(),
+               {ViewPlace::input});
+  const Manifest manifest = read_manifest(folder / "input/manifest.json");
+  EXPECT_FALSE(manifest.shape.view);
+  EXPECT_EQ(interface_of(manifest).inputs, spec.observation_size());
+  EXPECT_TRUE(contains(export_refusal(folder / "input"), {"egocentric_self"}));  // small_spec offers no view
+}
+
+TEST(ExportRoundTrip, AModuleComputesTheViewOfMapsOfItsSize) {
+  const TemporaryFolder folder;
+  const ActorKind kind{ActionKind::discrete, Activation::tanh, false, false, true};
+  const Actor actor = make_actor_with_view(kind);
+  SimSpec wider = small_spec(kind.actions);
+  wider.params.limit_x = 12;
+  wider.finish();
+  for (const ExportFormat format : {ExportFormat::safetensors, ExportFormat::torchscript}) {
+    const fs::path path = folder / FieldCodec<ExportFormat>::print(format);
+    write_export(path, format, actor, small_spec_with_view(kind.actions), sample_origin());
+    const std::string message = input_error_of([&] { read(path, wider, true); });
+    EXPECT_TRUE(contains(message, {format == ExportFormat::torchscript ? "view of maps of 10 x 10; those of 'small' "
+                                                                         "are 12 x 10"
+                                                                       : "no error"}));
+  }
+}
+
 // The formats have no place for what a network remembers.
 TEST(ExportRoundTrip, ANetworkWithMemoryIsNotWritten) {
   const TemporaryFolder folder;

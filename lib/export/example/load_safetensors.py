@@ -40,7 +40,8 @@ class Policy:
         return x * self.tensors[name + "norm_weight"] + self.tensors[name + "norm_bias"]
 
     def __call__(self, obs):
-        x = self.normalised(obs) if self.architecture["normalizes_observations"] else obs
+        x = network_input(obs)
+        x = self.normalised(x) if self.architecture["normalizes_observations"] else x
         n_hidden = len(self.architecture["hidden"])
         for k in range(n_hidden + 1):
             name = f"layers.{k}."
