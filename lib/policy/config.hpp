@@ -60,6 +60,7 @@ constexpr bool has_memory(EncoderKind kind) {
 struct NetworkConfig : MlpConfig {
   NetworkInputs inputs = NetworkInputs::all;
   EncoderKind encoder = EncoderKind::mlp;
+  int impala_width = 16;  ///< channels of the first section of make_impala
 };
 
 template <class V>
