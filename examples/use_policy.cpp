@@ -1,8 +1,8 @@
 // Uses an exported policy from C++, with nothing but the header of nlohmann/json (Debian: nlohmann-json3-dev):
 //   c++ -std=c++20 -O2 examples/use_policy.cpp -o use_policy && ./use_policy FOLDER
 // FOLDER is what `gigastep export RUN --team 0 --format safetensors --out FOLDER` wrote. Describes a situation by the
-// names in the manifest, and prints the most likely action and the first outputs. For networks of tanh layers, which is
-// the default; the folder's act.py shows what the others compute.
+// names in the manifest, and prints the most likely action and the first outputs. For networks of tanh layers without
+// memory, which is the default; the folder's act.py shows what the others compute.
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
@@ -37,7 +37,7 @@ class Policy {
     const Json& architecture = manifest.at("architecture");
     n_layers_ = architecture.at("hidden").size() + 1;
     if (architecture.at("activation") != "tanh" || architecture.at("layer_norm") == true ||
-        architecture.at("normalizes_observations") == true)
+        architecture.at("normalizes_observations") == true || architecture.at("memory") != "none")
       throw std::runtime_error("this example computes tanh layers alone");
   }
 

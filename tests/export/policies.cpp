@@ -28,7 +28,8 @@ SimSpec small_spec(ActionKind actions) {
 
 std::string ActorKind::name() const {
   return FieldCodec<ActionKind>::print(actions) + "_" + FieldCodec<Activation>::print(activation) +
-         (layer_norm ? "_layer_norm" : "") + (normalizes ? "_normalizes" : "") + (reads_part ? "_reads_part" : "");
+         (layer_norm ? "_layer_norm" : "") + (normalizes ? "_normalizes" : "") + (reads_part ? "_reads_part" : "") +
+         (memory == MemoryKind::none ? "" : "_" + FieldCodec<MemoryKind>::print(memory));
 }
 
 std::vector<ActorKind> all_kinds() {
@@ -39,6 +40,10 @@ std::vector<ActorKind> all_kinds() {
         for (const bool normalizes : {false, true}) kinds.push_back({actions, activation, layer_norm, normalizes});
   kinds.push_back({ActionKind::discrete, Activation::tanh, false, false, true});
   kinds.push_back({ActionKind::continuous, Activation::relu, false, true, true});
+  for (const MemoryKind memory : {MemoryKind::gru, MemoryKind::lstm}) {
+    kinds.push_back({ActionKind::discrete, Activation::tanh, false, false, true, memory});
+    kinds.push_back({ActionKind::continuous, Activation::relu, true, true, false, memory});
+  }
   return kinds;
 }
 
@@ -48,6 +53,8 @@ Actor make_random_actor(const ActorKind& kind) {
   config.activation = kind.activation;
   config.layer_norm = kind.layer_norm;
   config.output_gain = 1;
+  config.memory = kind.memory;
+  config.memory_size = 9;
   const InputColumns inputs = kind.reads_part ? InputColumns(kPaddedInputs, 8, 40) : InputColumns(kPaddedInputs);
   Actor actor(config, inputs, kind.actions, kind.normalizes, Precision::fp32, at::kCPU, 1);
   actor.parameters().values().add_(random({actor.parameters().size()}, 2), 0.1);
@@ -59,6 +66,13 @@ at::Tensor random_observations(int64_t rows) {
   at::Tensor obs = random({rows, kPaddedInputs}, 3) * 3 + 2;
   obs.slice(1, kInputs, kPaddedInputs).zero_();
   return obs;
+}
+
+at::Tensor third_head(const Policy& policy, const at::Tensor& obs) {
+  at::NoGradGuard no_grad;
+  NetworkState state;
+  for (int step = 0; step < 2; ++step) policy.forward(obs, state);
+  return policy.forward(obs, state);
 }
 
 PolicyOrigin sample_origin() {

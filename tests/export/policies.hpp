@@ -20,10 +20,11 @@ struct ActorKind {
   Activation activation = Activation::tanh;
   bool layer_norm = false, normalizes = false;
   bool reads_part = false;  ///< columns 8 to 47 only
+  MemoryKind memory = MemoryKind::none;
 
   std::string name() const;  ///< "discrete_tanh_layer_norm"
 };
-/// All 2 x 4 x 2 x 2 that read everything, and one of each kind of action that reads a part.
+/// All 2 x 4 x 2 x 2 that read everything; and one of each kind of action that reads a part, and with each memory.
 std::vector<ActorKind> all_kinds();
 
 /// Hidden layers of 12 and 10; every parameter, biases too, is random, and so are the moments of the normaliser.
@@ -31,6 +32,9 @@ Actor make_random_actor(const ActorKind& kind);
 
 /// [rows, kPaddedInputs], of mean 2 and deviation 3; zeros behind column kInputs.
 at::Tensor random_observations(int64_t rows);
+
+/// What a policy gives at the third step in which it sees the same; without memory as at the first.
+at::Tensor third_head(const Policy& policy, const at::Tensor& obs);
 
 /// Of team 1 after 12 updates.
 PolicyOrigin sample_origin();

@@ -55,7 +55,7 @@ void compare_with_python(ExportFormat format) {
     PolicyOrigin origin = sample_origin();
     if (kind.layer_norm) origin.selection = ActionSelection::greedy;
     write_export(folder / kind.name(), format, actor, small_spec(kind.actions), origin);
-    write_tensor(folder / (kind.name() + ".f32"), actor.forward(obs).slice(1, 0, outputs));
+    write_tensor(folder / (kind.name() + ".f32"), third_head(actor, obs).slice(1, 0, outputs));
   }
   const Outcome outcome = run_python(shell_word(source_path("tests/export/compare.py")) + " " +
                                      shell_word(folder.path().string()) + " 1e-5");
