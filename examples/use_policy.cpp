@@ -2,8 +2,9 @@
 //   c++ -std=c++20 -O2 examples/use_policy.cpp -o use_policy && ./use_policy FOLDER
 // FOLDER is what `gigastep export RUN --team 0 --format safetensors --view input --out FOLDER` wrote. Describes a
 // situation by the names in the manifest, and prints the most likely action and the first outputs. For networks of tanh
-// layers, which is the default; the folder's act.py shows what the others compute, and the egocentric view of policies
-// that were exported without --view input. A graph of --format onnx computes all that, and ONNX Runtime runs it in C++.
+// layers without memory, which is the default; the folder's act.py shows what the others compute, and the egocentric
+// view of policies that were exported without --view input. A graph of --format onnx computes all that, and ONNX
+// Runtime runs it in C++.
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
@@ -38,7 +39,7 @@ class Policy {
     const Json& architecture = manifest.at("architecture");
     n_layers_ = architecture.at("hidden").size() + 1;
     if (architecture.at("activation") != "tanh" || architecture.at("layer_norm") == true ||
-        architecture.at("normalizes_observations") == true)
+        architecture.at("normalizes_observations") == true || architecture.at("memory") != "none")
       throw std::runtime_error("this example computes tanh layers alone");
     if (manifest.contains("egocentric_view_inside"))
       throw std::runtime_error("this example does not compute the egocentric view: export with --view input");

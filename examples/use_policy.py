@@ -43,7 +43,9 @@ def main():
     for feature, value in {"nearness": 0.5, "ahead": 0.8, "left": 0.6, "course_ahead": -1, "health": 1}.items():
         set_number(obs, manifest, "egocentric_opponents", feature, value)
 
-    head = policy(obs)[0]
+    # The first step of an episode. A policy with memory gets at the next step what it gives out here.
+    heads, state = policy.step(obs, export.start(len(obs)))
+    head = heads[0]
     action = export.act(head)
     print("action:", manifest["action"]["table"][action] if manifest["action"]["kind"] == "discrete" else action)
     print("head:", " ".join(f"{number:.4f}" for number in head[:3]))

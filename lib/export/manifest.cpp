@@ -23,6 +23,8 @@ Json architecture_json(const PolicyShape& shape, Precision precision) {
           {"activation", name_of(shape.network.activation)},
           {"layer_norm", shape.network.layer_norm},
           {"layer_norm_epsilon", kLayerNormEpsilon},
+          {"memory", name_of(shape.memory)},
+          {"memory_size", shape.memory_size},
           {"normalizes_observations", shape.normalizes},
           {"normalized_limit", kNormalizedLimit},
           {"training_precision", name_of(precision)},
@@ -64,6 +66,21 @@ Json view_json(const RowView& view) {
           {"boxes", view.boxes},       {"numbers_of_a_box", view.box_numbers}, {"limit_x", view.limit_x},
           {"limit_y", view.limit_y},   {"opponents", view.opponents},          {"team_mates", view.team_mates},
           {"kinds", view.kinds}};
+}
+
+/// What goes from one step of an agent to its next; of size 0 without memory.
+Json state_json(const PolicyShape& shape) {
+  Json json{{"size", shape.state_size()}};
+  if (shape.memory == MemoryKind::none) return json;
+  const int h = shape.memory_size;
+  json["input"] = kStateInput;
+  json["output"] = kStateOutput;
+  json["type"] = "float32";
+  json["rule"] =
+      "each agent has its own: zeros at the first step of each episode, then what came out at the step before";
+  json["parts"] = Json::array({{{"name", "h"}, {"slice", {0, h}}}});
+  if (shape.memory == MemoryKind::lstm) json["parts"].push_back({{"name", "c"}, {"slice", {h, 2 * h}}});
+  return json;
 }
 
 constexpr const char* kControls[kActionSize][2] = {
@@ -172,6 +189,10 @@ void read_architecture(const Node* node, MemberReader& in, Manifest& manifest) {
   in.value(node, "activation", network.activation);
   in.value(node, "layer_norm", network.layer_norm);
   in.value(node, "normalizes_observations", manifest.shape.normalizes);
+  // Manifests of before memory have none of it.
+  if (node && node->find("memory")) in.value(node, "memory", manifest.shape.memory);
+  if (manifest.shape.memory != MemoryKind::none)
+    in.value(node, "memory_size", manifest.shape.memory_size, range(1, 4096));
   in.value(node, "training_precision", manifest.origin.precision);
 }
 
@@ -244,6 +265,7 @@ std::string manifest_text(const Manifest& manifest, const Json* ratings) {
             {"architecture", architecture_json(manifest.shape, origin.precision)},
             {"observation", observation_json(manifest)},
             {"action", action_json(manifest)},
+            {"state", state_json(manifest.shape)},
             {"action_selection", name_of(origin.selection)},
             {"ratings", ratings ? *ratings : Json::object()},
             {"training",

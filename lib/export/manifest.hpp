@@ -18,6 +18,8 @@ constexpr std::array<const char*, 3> enum_names(ExportFormat) { return {"safeten
 /// "policy.safetensors", "policy.onnx", "policy.pt".
 const char* policy_file_name(ExportFormat format);
 constexpr const char* kManifestName = "manifest.json";
+/// How graphs name what a policy with memory remembers.
+constexpr const char *kStateInput = "state", *kStateOutput = "next_state";
 constexpr const char* kManifestKind = "gigastep policy";
 constexpr int kManifestFormat = 2;  // 1 named parts of observations otherwise
 

@@ -47,7 +47,7 @@ class ImageEncoder : public Encoder {
     channels_ = input.sides[2];
   }
 
-  at::Tensor forward(const ParameterSet& p, at::Tensor x, NetworkState&, Rounding) const override {
+  at::Tensor forward(const ParameterSet& p, at::Tensor x, Rounding) const override {
     std::vector<int64_t> shape = x.sizes().vec();
     shape.back() = features();
     x = x.reshape({-1, side_, side_, channels_}).permute({0, 3, 1, 2});
@@ -56,8 +56,7 @@ class ImageEncoder : public Encoder {
     for (const DenseLayer& layer : dense_) x = dense(p, layer, x, Rounding::none);
     return x.view(shape);
   }
-  at::Tensor forward_members(const ParameterSet&, const at::Tensor&, at::Tensor, NetworkState&,
-                             Rounding) const override {
+  at::Tensor forward_members(const ParameterSet&, const at::Tensor&, at::Tensor, Rounding) const override {
     throw InputError("networks that read images are not evolved");
   }
   int64_t features() const override { return features_; }

@@ -6,6 +6,7 @@
 #include "core/geometry.hpp"
 #include "sim/image_rows.hpp"
 #include "sim/observation_text.hpp"
+#include "sim/waypoint.hpp"
 #include "sim/world.hpp"
 
 namespace giga {
@@ -108,6 +109,7 @@ constexpr int kWaypointFeatures = 5;
 GIGA_HD float tail_value(const Parameters auto& p, const World auto& w, const float* boxes, int e, int column) {
   const int before = p.waypoints ? kWaypointFeatures : 0;
   if (column >= before) return table_value(boxes + column - before);
+  if (p.waypoint_unseen_time > 0 && !waypoint_shown(p, w)) return 0;
   if (column == 4) return *w.waypoint_time;
   return (column & 1) ? (w.waypoint[column] - w.y[e]) * p.inv_limit_y : (w.waypoint[column] - w.x[e]) * p.inv_limit_x;
 }

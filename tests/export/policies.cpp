@@ -44,6 +44,8 @@ Actor make_actor_with_view(const ActorKind& kind) {
   config.hidden = {12, 10};
   config.output_gain = 1;
   config.inputs = kind.reads_part ? NetworkInputs::egocentric : NetworkInputs::all;
+  config.memory = kind.memory;
+  config.memory_size = 9;
   Actor actor(config, input_columns(config.inputs, spec), kind.actions, kind.normalizes, Precision::fp32, at::kCPU, 1);
   const at::Tensor rows = padded(played_rows(spec, 64), spec);
   if (kind.normalizes) actor.normalizer().update(rows, at::ones({64}));
@@ -56,7 +58,8 @@ at::Tensor padded(const at::Tensor& rows, const SimSpec& spec) {
 
 std::string ActorKind::name() const {
   return FieldCodec<ActionKind>::print(actions) + "_" + FieldCodec<Activation>::print(activation) +
-         (layer_norm ? "_layer_norm" : "") + (normalizes ? "_normalizes" : "") + (reads_part ? "_reads_part" : "");
+         (layer_norm ? "_layer_norm" : "") + (normalizes ? "_normalizes" : "") + (reads_part ? "_reads_part" : "") +
+         (memory == MemoryKind::none ? "" : "_" + FieldCodec<MemoryKind>::print(memory));
 }
 
 std::vector<ActorKind> all_kinds() {
@@ -67,6 +70,10 @@ std::vector<ActorKind> all_kinds() {
         for (const bool normalizes : {false, true}) kinds.push_back({actions, activation, layer_norm, normalizes});
   kinds.push_back({ActionKind::discrete, Activation::tanh, false, false, true});
   kinds.push_back({ActionKind::continuous, Activation::relu, false, true, true});
+  for (const MemoryKind memory : {MemoryKind::gru, MemoryKind::lstm}) {
+    kinds.push_back({ActionKind::discrete, Activation::tanh, false, false, true, memory});
+    kinds.push_back({ActionKind::continuous, Activation::relu, true, true, false, memory});
+  }
   return kinds;
 }
 
@@ -76,6 +83,8 @@ Actor make_random_actor(const ActorKind& kind) {
   config.activation = kind.activation;
   config.layer_norm = kind.layer_norm;
   config.output_gain = 1;
+  config.memory = kind.memory;
+  config.memory_size = 9;
   const InputColumns inputs = kind.reads_part ? InputColumns(kPaddedInputs, 8, 40) : InputColumns(kPaddedInputs);
   Actor actor(config, inputs, kind.actions, kind.normalizes, Precision::fp32, at::kCPU, 1);
   actor.parameters().values().add_(random({actor.parameters().size()}, 2), 0.1);
@@ -121,6 +130,13 @@ at::Tensor played_rows(SimSpec spec, int64_t n_rows) {
     n_kept += int64_t{options.n_worlds} * spec.params.n_agents;
   }
   return at::cat(kept).slice(0, 0, n_rows);
+}
+
+at::Tensor third_head(const Policy& policy, const at::Tensor& obs) {
+  at::NoGradGuard no_grad;
+  NetworkState state;
+  for (int step = 0; step < 2; ++step) policy.forward(obs, state);
+  return policy.forward(obs, state);
 }
 
 PolicyOrigin sample_origin() {

@@ -22,10 +22,11 @@ struct ActorKind {
   Activation activation = Activation::tanh;
   bool layer_norm = false, normalizes = false;
   bool reads_part = false;  ///< columns 8 to 47 only
+  MemoryKind memory = MemoryKind::none;
 
   std::string name() const;  ///< "discrete_tanh_layer_norm"
 };
-/// All 2 x 4 x 2 x 2 that read everything, and one of each kind of action that reads a part.
+/// All 2 x 4 x 2 x 2 that read everything; and one of each kind of action that reads a part, and with each memory.
 std::vector<ActorKind> all_kinds();
 
 /// A random actor for small_spec_with_view, which reads the view alone (`reads_part`) or everything.
@@ -42,6 +43,9 @@ at::Tensor played_rows(SimSpec spec, int64_t n_rows);
 
 /// Such rows as networks read them, with zeros behind.
 at::Tensor padded(const at::Tensor& rows, const SimSpec& spec);
+
+/// What a policy gives at the third step in which it sees the same; without memory as at the first.
+at::Tensor third_head(const Policy& policy, const at::Tensor& obs);
 
 /// Of team 1 after 12 updates.
 PolicyOrigin sample_origin();

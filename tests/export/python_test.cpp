@@ -65,7 +65,7 @@ void compare_with_python(ExportFormat format) {
     PolicyOrigin origin = sample_origin();
     if (kind.layer_norm) origin.selection = ActionSelection::greedy;
     write_export(folder / kind.name(), format, actor, small_spec(kind.actions), origin);
-    write_tensor(folder / (kind.name() + ".f32"), actor.forward(obs).slice(1, 0, outputs));
+    write_tensor(folder / (kind.name() + ".f32"), third_head(actor, obs).slice(1, 0, outputs));
   }
   expect_agreement(folder, all_kinds().size());
 }
@@ -76,14 +76,15 @@ void compare_view_with_python(ExportFormat format) {
   size_t n = 0;
   for (const ActionKind actions : {ActionKind::discrete, ActionKind::continuous})
     for (const bool normalizes : {false, true}) {
-      const ActorKind kind{actions, Activation::tanh, false, normalizes, actions == ActionKind::discrete};
+      ActorKind kind{actions, Activation::tanh, false, normalizes, actions == ActionKind::discrete};
+      if (normalizes) kind.memory = MemoryKind::gru;
       const SimSpec spec = small_spec_with_view(actions);
       const at::Tensor rows = played_rows(spec, kRows);
       const Actor actor = make_actor_with_view(kind);
       const int outputs = actions == ActionKind::discrete ? kNDiscreteActions : kActionSize;
       write_tensor(folder / "obs.f32", rows.slice(1, 0, kInputs));
       write_export(folder / kind.name(), format, actor, spec, sample_origin());
-      write_tensor(folder / (kind.name() + ".f32"), actor.forward(padded(rows, spec)).slice(1, 0, outputs));
+      write_tensor(folder / (kind.name() + ".f32"), third_head(actor, padded(rows, spec)).slice(1, 0, outputs));
       ++n;
     }
   expect_agreement(folder, n);

@@ -11,7 +11,6 @@
 #include "io/temporary_folder.hpp"
 #include "policies.hpp"
 #include "scenario/scenario.hpp"
-#include "support/leaky_sum.hpp"
 
 namespace giga::test {
 namespace {
@@ -44,7 +43,7 @@ TEST(ExportRoundTrip, SafetensorsGiveTheSameActor) {
     write(folder / kind.name(), ExportFormat::safetensors, kind);
     const auto policy = read(folder / kind.name(), spec, false).policy;
     ASSERT_EQ(policy->actions(), kind.actions);
-    const at::Tensor head = policy->forward(obs), expected = actor.forward(obs);
+    const at::Tensor head = third_head(*policy, obs), expected = third_head(actor, obs);
     ASSERT_EQ(head.sizes(), expected.sizes());
     EXPECT_TRUE(at::equal(without_unused_logit(head), without_unused_logit(expected)));
     EXPECT_TRUE(kind.actions == ActionKind::discrete || at::equal(policy->log_std(), actor.log_std()));
@@ -60,7 +59,7 @@ TEST(ExportRoundTrip, TorchScriptGivesTheSameNumbers) {
     write(folder / kind.name(), ExportFormat::torchscript, kind);
     const auto policy = read(folder / kind.name(), small_spec(kind.actions), true).policy;
     ASSERT_EQ(policy->actions(), kind.actions);
-    const at::Tensor head = policy->forward(obs), expected = actor.forward(obs);
+    const at::Tensor head = third_head(*policy, obs), expected = third_head(actor, obs);
     ASSERT_EQ(head.sizes(), expected.sizes());
     ASSERT_TRUE(head.is_contiguous());
     EXPECT_LE(worst(without_unused_logit(head), without_unused_logit(expected)), 1e-5);
@@ -73,12 +72,12 @@ TEST(ExportRoundTripGpu, PoliciesPlayOnTheGpu) {
   const TemporaryFolder folder;
   const at::Tensor obs = random_observations(33);
   for (const ActorKind& kind : all_kinds()) {
-    const at::Tensor expected = without_unused_logit(make_random_actor(kind).forward(obs));
+    const at::Tensor expected = without_unused_logit(third_head(make_random_actor(kind), obs));
     for (const ExportFormat format : {ExportFormat::safetensors, ExportFormat::torchscript}) {
       const std::string name = kind.name() + "_" + FieldCodec<ExportFormat>::print(format);
       write(folder / name, format, kind);
       const auto policy = read(folder / name, small_spec(kind.actions), true, {Device::Kind::cuda, 0}).policy;
-      const at::Tensor head = policy->forward(obs.to(at::kCUDA));
+      const at::Tensor head = third_head(*policy, obs.to(at::kCUDA));
       EXPECT_LT(worst(without_unused_logit(head).cpu(), expected), 1e-2) << name;  // matrix products may be TF32
     }
   }
@@ -262,17 +261,23 @@ TEST(ExportRoundTrip, AModuleComputesTheViewOfMapsOfItsSize) {
   }
 }
 
-// The formats have no place for what a network remembers.
-TEST(ExportRoundTrip, ANetworkWithMemoryIsNotWritten) {
+// The first step of an episode and a later one differ, and so do both formats' modules.
+TEST(ExportRoundTrip, AMemoryIsExportedToo) {
   const TemporaryFolder folder;
-  const Actor leaky(ActorConfig(), kPaddedInputs, ActionKind::discrete, false, Precision::fp32, at::kCPU, 1,
-                    make_leaky_sum);
-  const SimSpec spec = small_spec(ActionKind::discrete);
-  for (const ExportFormat format : {ExportFormat::safetensors, ExportFormat::onnx, ExportFormat::torchscript}) {
-    const fs::path to = folder / FieldCodec<ExportFormat>::print(format);
-    EXPECT_TRUE(contains(input_error_of([&] { write_export(to, format, leaky, spec, sample_origin()); }),
-                         {"only policies of dense layers can be exported (encoder: mlp)"}));
-    EXPECT_FALSE(fs::exists(to / "manifest.json"));
+  const at::Tensor obs = random_observations(5);
+  for (const MemoryKind memory : {MemoryKind::gru, MemoryKind::lstm}) {
+    ActorKind kind;
+    kind.memory = memory;
+    for (const ExportFormat format : {ExportFormat::safetensors, ExportFormat::torchscript}) {
+      const fs::path to = folder / (kind.name() + FieldCodec<ExportFormat>::print(format));
+      write(to, format, kind);
+      const Manifest manifest = read_manifest(to / "manifest.json");
+      EXPECT_EQ(manifest.shape.memory, memory);
+      EXPECT_EQ(manifest.shape.memory_size, 9);
+      const auto policy = read(to, small_spec(kind.actions), true).policy;
+      EXPECT_EQ(policy->state_size(), memory == MemoryKind::lstm ? 18 : 9);
+      EXPECT_GT(worst(policy->forward(obs), third_head(*policy, obs)), 0.01);
+    }
   }
 }
 

@@ -24,10 +24,7 @@ struct MadeEncoder {
     encoder = make(parameters, "eye", ObservationShape(side, side, 3), config);
     parameters.allocate(at::kCPU, 1);
   }
-  at::Tensor operator()(const at::Tensor& x) const {
-    NetworkState none;
-    return encoder->forward(parameters, x, none, Rounding::none);
-  }
+  at::Tensor operator()(const at::Tensor& x) const { return encoder->forward(parameters, x, Rounding::none); }
 };
 
 at::Tensor byte_images(at::IntArrayRef rows, int side) {
