@@ -17,16 +17,17 @@
 namespace giga {
 namespace {
 
-struct ExportOptions {
-  std::string checkpoint, format, out;
+struct ExportRequest {
+  std::string checkpoint, format, out, view = "inside";
   int team = 0;
 };
 
-ExportFormat parse_format(const std::string& name) {
-  const std::vector<std::string> names = FieldCodec<ExportFormat>::names();
+template <class Choice>
+Choice parse_choice(const char* what, const std::string& name) {
+  const std::vector<std::string> names = FieldCodec<Choice>::names();
   for (size_t k = 0; k < names.size(); ++k)
-    if (name == names[k]) return static_cast<ExportFormat>(k);
-  throw InputError(cat("format '", name, "' is unknown", nearest_hint(name, names), "; allowed: ", join(names)));
+    if (name == names[k]) return static_cast<Choice>(k);
+  throw InputError(cat(what, " '", name, "' is unknown", nearest_hint(name, names), "; allowed: ", join(names)));
 }
 
 PolicyOrigin origin_of(const Checkpoint& c, const LoadedRun& run, int team) {
@@ -59,8 +60,10 @@ Json rating_of(const std::filesystem::path& checkpoint, int64_t updates, int tea
   }
 }
 
-void export_policy(const ExportOptions& o) {
-  const ExportFormat format = parse_format(o.format);  // a wrong name is told before anything is read
+void export_policy(const ExportRequest& o) {
+  // A wrong name is told before anything is read.
+  const auto format = parse_choice<ExportFormat>("format", o.format);
+  const auto view = parse_choice<ViewPlace>("view", o.view);
   const FoundCheckpoint found = find_best_checkpoint(o.checkpoint);
   const std::string file = found.file.string();
   for (const std::string& line : found.damaged) std::cerr << "warning: " << line << "; " << file << " is taken\n";
@@ -72,7 +75,7 @@ void export_policy(const ExportOptions& o) {
     throw InputError(cat("team ", o.team, " of ", file, " has no learned policy: it was scripted in training; team ",
                          1 - o.team, " has one"));
   const Json ratings = rating_of(found.file, checkpoint.updates, o.team);
-  write_export(o.out, format, *actor, loaded.run.spec, origin_of(checkpoint, loaded.run, o.team), &ratings);
+  write_export(o.out, format, *actor, loaded.run.spec, origin_of(checkpoint, loaded.run, o.team), {view, &ratings});
   std::cout << o.out << ": the policy of team " << o.team << " after " << checkpoint.updates << " updates in "
             << checkpoint.scenario_name << "\ntry it: python3 "
             << (std::filesystem::path(o.out) / kExampleName).string()
@@ -83,7 +86,7 @@ void export_policy(const ExportOptions& o) {
 
 void add_export_command(CLI::App& app, Dispatch& dispatch) {
   CLI::App* command = app.add_subcommand("export", "write the policy of a team for use in other programs");
-  auto options = std::make_shared<ExportOptions>();
+  auto options = std::make_shared<ExportRequest>();
   command
       ->add_option("CHECKPOINT", options->checkpoint,
                    "checkpoint file, or run folder (its best checkpoint, or its newest if none is called best)")
@@ -99,6 +102,11 @@ void add_export_command(CLI::App& app, Dispatch& dispatch) {
                    "module; legacy: PyTorch develops it no further)")
       ->required()
       ->type_name("FORMAT");
+  command
+      ->add_option("--view", options->view,
+                   "of policies that read the egocentric view: inside (default): the policy computes it and takes the "
+                   "vector observation alone, the original's; input: the view is part of its observation")
+      ->type_name("PLACE");
   command->add_option("--out", options->out, "folder to be made; it must not exist or be empty")
       ->required()
       ->type_name("DIR");

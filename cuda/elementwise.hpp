@@ -8,6 +8,7 @@
 #include "math/population_actions.hpp"
 #include "math/ppo_figures.hpp"
 #include "math/ppo_loss.hpp"
+#include "math/recurrent.hpp"
 #include "math/step_gate.hpp"
 #include "math/team_mean.hpp"
 #include "scripted/actions.hpp"
@@ -30,6 +31,10 @@
   APPLY(StepGate)                  \
   APPLY(AdamStep)                  \
   APPLY(PolicyNote)                \
+  APPLY(GruStep)                   \
+  APPLY(GruStepGradient)           \
+  APPLY(LstmStep)                  \
+  APPLY(LstmStepGradient)          \
   APPLY(LivingMean<float>)         \
   APPLY(LivingMean<BFloat16>)      \
   APPLY(LivingMeanGradient<float>) \

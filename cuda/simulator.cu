@@ -73,6 +73,12 @@ __global__ void __launch_bounds__(kDrawThreads) draw_kernel(const __grid_constan
   run_draw_thread<job>(k, shape, this_thread(), strip, BlockSync{});
 }
 
+__global__ void __launch_bounds__(kDrawThreads)
+    redraw_kernel(const __grid_constant__ SimParams p, Redraw request, DrawShape shape) {
+  extern __shared__ __align__(16) char strip[];
+  run_redraw_thread(p, request, shape, this_thread(), strip, BlockSync{});
+}
+
 // Lists the worlds that play, in any order: worlds do not depend on each other. `count` starts at 0.
 __global__ void list_worlds(const Phase* phase, int n_worlds, int32_t* playing, int32_t* count) {
   const int world = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
@@ -159,6 +165,14 @@ class CudaSimulator final : public LaunchingSimulator {
       for (size_t row = 0; row < kNStatRows; ++row)
         stats.rows[row] += partial[static_cast<size_t>(b) * kNStatRows + row];
     return stats;
+  }
+
+  void redraw(const Redraw& request) override {
+    if (request.count == 0) return;
+    GIGA_CUDA(cudaSetDevice(index_));
+    const DrawShape s = redraw_shape(params(), request);
+    redraw_kernel<<<s.blocks, kDrawThreads, s.shared_bytes, stream_>>>(params(), request, s);
+    GIGA_CUDA(cudaGetLastError());
   }
 
   void synchronize() override {

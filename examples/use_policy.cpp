@@ -1,8 +1,10 @@
 // Uses an exported policy from C++, with nothing but the header of nlohmann/json (Debian: nlohmann-json3-dev):
 //   c++ -std=c++20 -O2 examples/use_policy.cpp -o use_policy && ./use_policy FOLDER
-// FOLDER is what `gigastep export RUN --team 0 --format safetensors --out FOLDER` wrote. Describes a situation by the
-// names in the manifest, and prints the most likely action and the first outputs. For networks of tanh layers, which is
-// the default; the folder's act.py shows what the others compute.
+// FOLDER is what `gigastep export RUN --team 0 --format safetensors --view input --out FOLDER` wrote. Describes a
+// situation by the names in the manifest, and prints the most likely action and the first outputs. For networks of tanh
+// layers without memory, which is the default; the folder's act.py shows what the others compute, and the egocentric
+// view of policies that were exported without --view input. A graph of --format onnx computes all that, and ONNX
+// Runtime runs it in C++.
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
@@ -37,8 +39,10 @@ class Policy {
     const Json& architecture = manifest.at("architecture");
     n_layers_ = architecture.at("hidden").size() + 1;
     if (architecture.at("activation") != "tanh" || architecture.at("layer_norm") == true ||
-        architecture.at("normalizes_observations") == true)
+        architecture.at("normalizes_observations") == true || architecture.at("memory") != "none")
       throw std::runtime_error("this example computes tanh layers alone");
+    if (manifest.contains("egocentric_view_inside"))
+      throw std::runtime_error("this example does not compute the egocentric view: export with --view input");
   }
 
   /// Logits [27], or the means [3] of continuous actions before their tanh.
@@ -90,6 +94,9 @@ int main(int argc, char** argv) try {
   const std::pair<const char*, float> self[] = {{"seen", 1}, {"same_team", 1}, {"x", 0.5},    {"y", 0.5},
                                                 {"z", 0.5},  {"speed", 0.15},  {"health", 1}, {"sprite", 1}};
   for (const auto& [feature, value] : self) set_number(obs, policy.manifest, "self", feature, value);
+  const std::pair<const char*, float> neighbor[] = {{"seen", 1},   {"x", 0.08},  {"y", 0.06}, {"heading", 3.1415927f},
+                                                    {"health", 1}, {"sprite", 1}};
+  for (const auto& [feature, value] : neighbor) set_number(obs, policy.manifest, "neighbors", feature, value);
   const std::pair<const char*, float> opponent[] = {
       {"nearness", 0.5}, {"ahead", 0.8}, {"left", 0.6}, {"course_ahead", -1}, {"health", 1}};
   for (const auto& [feature, value] : opponent)

@@ -35,10 +35,17 @@ def main():
 
     # The agent is in the middle of the map and flies along x; one opponent is ahead of it, to its left.
     obs = export.example_observation()
+    # Of x and y 0.08 and 0.06 are 0.8 and 0.6 units on a map of 10 x 10. A policy that reads the egocentric view
+    # computes it from this; only one that was exported with --view input is told.
+    opponent = {"seen": 1, "x": 0.08, "y": 0.06, "heading": np.pi, "health": 1, "sprite": 1}
+    for feature, value in opponent.items():
+        set_number(obs, manifest, "neighbors", feature, value)
     for feature, value in {"nearness": 0.5, "ahead": 0.8, "left": 0.6, "course_ahead": -1, "health": 1}.items():
         set_number(obs, manifest, "egocentric_opponents", feature, value)
 
-    head = policy(obs)[0]
+    # The first step of an episode. A policy with memory gets at the next step what it gives out here.
+    heads, state = policy.step(obs, export.start(len(obs)))
+    head = heads[0]
     action = export.act(head)
     print("action:", manifest["action"]["table"][action] if manifest["action"]["kind"] == "discrete" else action)
     print("head:", " ".join(f"{number:.4f}" for number in head[:3]))

@@ -5,7 +5,6 @@
 #include "config/names.hpp"
 #include "config/settings.hpp"
 #include "core/error.hpp"
-#include "export/observation_layout.hpp"
 #include "scenario/compile.hpp"
 #include "scenario/loader.hpp"
 
@@ -114,8 +113,7 @@ PlayedGame choose_game(const GameRequest& request, const std::vector<const Playe
     const Scenario& trained = player->origin()->run.scenario;
     const std::vector<std::string> all = differences(trained, game.scenario, makes_another_game, "in training", "here");
     const std::vector<std::string> shapes = differences(trained, game.scenario, shapes_a_policy, "there", "here");
-    check_fits(interface_of(player->origin()->run.spec), player->seen_by(game.spec), player->name(),
-               shapes.empty() ? "" : "; what differs: " + join(shapes, "; "));
+    player->check_plays(game.spec, shapes.empty() ? "" : "; what differs: " + join(shapes, "; "));
     if (!all.empty() && request.scenario.empty() && request.changes.empty())
       game.notes.push_back(cat(player->name(), " was trained in another game: ", join(all, "; ")));
   }

@@ -218,7 +218,13 @@ void Recorder::World::note_waypoints(const SimParams& p, const WorldView& w) {
   waypoints.back().to = states;
 }
 
-Recorder::Recorder(const SimSpec& spec, const Minds& minds) : spec_(spec.with_time_limit()), minds_(minds) {
+/// What the networks know of the games so far: [W n, S] by team.
+struct Recorder::Remembered {
+  std::array<NetworkState, kNTeams> policies, critics;
+};
+
+Recorder::Recorder(const SimSpec& spec, const Minds& minds)
+    : spec_(spec.with_time_limit()), minds_(minds), remembered_(std::make_unique<Remembered>()) {
   for (int i = 0; i < spec_.params.n_agents; ++i)
     GIGA_CHECK(spec_.params.team_of(i) == (i < spec_.params.n_team[0] ? 0 : 1), "agent ", i, " of another team");
 }
@@ -308,16 +314,8 @@ void Recorder::ask_minds(const GameStep& step) {
     at::Tensor head, value;
     const float* rows = step.rows[team].obs;
     if (mind.policy) {
-      NetworkState state;
-      Buffer<float>& memory = memory_[static_cast<size_t>(team)];
-      const int64_t size = mind.policy->state_size();
-      if (size > 0) {
-        if (memory.size() == 0) memory = Buffer<float>(sim.memory(), static_cast<size_t>(w * n * size));
-        state.rows = wrap(memory.data(), {w * n, size}, device);
-      }
-      const at::Tensor kept = state.rows;
-      head = mind.policy->forward(wrap(rows, {w * n, stride}, device), state);
-      if (size > 0) kept.copy_(state.rows);
+      head =
+          mind.policy->forward(wrap(rows, {w * n, stride}, device), remembered_->policies[static_cast<size_t>(team)]);
       if (spec_.params.actions == ActionKind::continuous) head = head.tanh();
       head = head.to(at::kCPU).contiguous();
     }
@@ -327,7 +325,9 @@ void Recorder::ask_minds(const GameStep& step) {
       const auto* truth = static_cast<const float*>(step.io.world[Observation::state].rows);
       const at::Tensor state = mind.values->needs_state() ? wrap(truth, {w, spec_.state_size()}, device) : at::Tensor();
       const at::Tensor obs = rows ? wrap(rows, {w, n, stride}, device) : at::Tensor();
-      value = mind.values->forward(obs, alive, state).to(at::kCPU).contiguous();
+      value = mind.values->forward(obs, alive, state, remembered_->critics[static_cast<size_t>(team)])
+                  .to(at::kCPU)
+                  .contiguous();
     }
     for (int64_t k = 0; k < w; ++k) {
       World& world = worlds_[static_cast<size_t>(k)];

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstdint>
+#include <memory>
 #include <vector>
 
 #include "core/memory.hpp"
@@ -33,6 +34,7 @@ class Recorder final : public GameObserver {
  private:
   class PairBits;
   struct World;
+  struct Remembered;
 
   void read_state(const Simulator& sim);
   void note_actions(const GameStep& step);
@@ -41,10 +43,10 @@ class Recorder final : public GameObserver {
   const SimSpec spec_;
   const Minds minds_;
   std::vector<World> worlds_;
-  std::vector<uint8_t> bytes_;                 // the state of all worlds, on the host
-  StateView state_{};                          // its fields
-  Buffer<float> true_state_;                   // [W, G] where a critic reads it
-  std::array<Buffer<float>, kNTeams> memory_;  // [W, n, S] of policies that remember
+  std::vector<uint8_t> bytes_;  // the state of all worlds, on the host
+  StateView state_{};           // its fields
+  Buffer<float> true_state_;    // [W, G] where a critic reads it
+  std::unique_ptr<Remembered> remembered_;
 };
 
 }  // namespace giga

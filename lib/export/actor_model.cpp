@@ -8,12 +8,13 @@
 namespace giga {
 namespace {
 
-/// Where the tensor of a model stands among the arrays of an actor: "layers.2.weight" is "mlp/2/weight".
+/// Where the tensor of a model stands among the arrays of an actor: "layers.2.weight" is "mlp/2/weight", "memory.bias"
+/// is "mlp/memory/bias".
 std::string actor_name(std::string name) {
-  constexpr std::string_view kLayers = "layers.", kObservation = "observation.";
-  if (name.starts_with(kLayers)) {
+  constexpr std::string_view kLayers = "layers.", kMemory = "memory.", kObservation = "observation.";
+  if (name.starts_with(kLayers) || name.starts_with(kMemory)) {
     std::replace(name.begin(), name.end(), '.', '/');
-    return "mlp/" + name.substr(kLayers.size());
+    return "mlp/" + (name.starts_with("layers") ? name.substr(kLayers.size()) : name);
   }
   return name.starts_with(kObservation) ? "normalizer/" + name.substr(kObservation.size()) : name;
 }
@@ -59,13 +60,19 @@ void add_moments(const PolicyModel& model, int64_t size, NamedArrays& arrays) {
 
 }  // namespace
 
-PolicyModel model_of(const Actor& actor, int inputs) {
+PolicyModel model_of(const Actor& actor, int inputs, const std::optional<RowView>& view) {
   if (actor.network().encoder().layers().empty())
     throw InputError("only policies of dense layers can be exported (encoder: mlp)");
   NamedArrays arrays;
   actor.save("", arrays);
   PolicyModel model;
-  model.shape = {inputs, actor.actions(), actor.config(), actor.normalizes()};
+  const NetworkConfig& network = actor.config();
+  model.shape = {inputs, actor.actions(), network, actor.normalizes()};
+  model.shape.view = view;
+  if (network.remembers()) {
+    model.shape.memory = network.memory;
+    model.shape.memory_size = network.memory_size;
+  }
   for (const TensorShape& tensor : tensors_of(model.shape)) {
     NamedArray array = find_array(arrays, actor_name(tensor.name));
     if (tensor.name == layer_tensor(0, "weight")) array = for_whole_rows(array, actor.inputs());
@@ -79,6 +86,8 @@ Actor actor_of(const PolicyModel& model, int padded_inputs, Precision precision,
   GIGA_CHECK(padded_inputs >= shape.inputs, padded_inputs, " < ", shape.inputs);
   ActorConfig config;
   static_cast<MlpConfig&>(config) = shape.network;
+  config.memory = shape.memory;
+  config.memory_size = shape.memory_size;
   Actor actor(config, padded_inputs, shape.actions, shape.normalizes, precision, torch_device(device), 0);
   NamedArrays own, arrays;
   actor.save("", own);

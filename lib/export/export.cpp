@@ -39,13 +39,25 @@ std::string encode(const PolicyModel& model, ExportFormat format, const std::str
   throw Error("an export format without a writer");
 }
 
-std::string example_of(ExportFormat format) {
+/// The function of act.py that makes what the network reads of an observation.
+std::string input_function(const std::optional<RowView>& view) {
+  if (!view) return "def network_input(obs):\n    return obs\n";
+  PythonWriter writer("np", "    ");
+  const Array row = with_view(*view, {&writer, "obs"});
+  return cat("def network_input(obs):\n",
+             "    \"\"\"The observation and, behind it, the egocentric view, which is computed from it.\"\"\"\n",
+             writer.code(), "    return ", row.text, "\n");
+}
+
+std::string example_of(ExportFormat format, const std::optional<RowView>& view) {
   const auto part = [](const std::string& name) {
     const auto text = example_part(name);
     GIGA_CHECK(text, "no part ", name, " of the example");
     return std::string(*text);
   };
-  return part(FieldCodec<ExportFormat>::print(format)) + "\n\n" + part("act");
+  const bool reads_tensors = format == ExportFormat::safetensors;
+  return part(FieldCodec<ExportFormat>::print(format)) + "\n\n" + (reads_tensors ? input_function(view) + "\n\n" : "") +
+         part("act");
 }
 
 /// Makes the folder; true where it was not there.
@@ -92,7 +104,14 @@ ReadPolicy read_safetensors(const fs::path& file, const Manifest& manifest, cons
   const PolicyModel model{manifest.shape, decode_safetensors(read_policy_file(file), file.string())};
   check_tensors(model, file.string());
   const Precision precision = device.is_cuda() ? manifest.origin.precision : Precision::fp32;
-  return {std::make_shared<Actor>(actor_of(model, observation_rows(spec).stride(), precision, device))};
+  const auto actor = [&](int row) { return std::make_shared<Actor>(actor_of(model, row, precision, device)); };
+  const std::optional<RowView>& inside = manifest.shape.view;
+  // Where the simulator computes the same view, its numbers are taken: they are those of the training to the last bit.
+  if (!inside || row_view(spec) == inside) return {actor(observation_rows(spec).stride())};
+  RowView here = *inside;
+  here.limit_x = spec.params.limit_x;
+  here.limit_y = spec.params.limit_y;
+  return {with_view_inside(actor(here.size()), here, device)};
 }
 
 /// Whether a file begins like a ZIP archive.
@@ -111,16 +130,24 @@ std::optional<ExportFormat> format_of_file(const fs::path& file) {
 
 }  // namespace
 
+SimSpec without_view(const SimSpec& spec) {
+  SimSpec seen = spec;
+  seen.params.egocentric_view = false;
+  return seen;
+}
+
 void write_export(const fs::path& folder, ExportFormat format, const Actor& actor, const SimSpec& spec,
-                  const PolicyOrigin& origin, const Json* ratings) {
-  const PolicyModel model = model_of(actor, spec.observation_size());
-  Manifest manifest{format, model.shape, observation_layout(spec), spec.params.rules, {}, origin};
+                  const PolicyOrigin& origin, const ExportOptions& options) {
+  const std::optional<RowView> inside = options.view == ViewPlace::inside ? row_view(spec) : std::nullopt;
+  const PolicyModel model = model_of(actor, spec.observation_size(), inside);
+  Manifest manifest{format, model.shape, observation_layout(inside ? without_view(spec) : spec), spec.params.rules,
+                    {},     origin};
   if (model.shape.actions == ActionKind::continuous)
     manifest.log_std = array_values<float>(find_array(model.tensors, kLogStdTensor));
   // The manifest comes last: a folder that has one is whole.
   write_all(folder, {{policy_file_name(format), encode(model, format, origin.gigastep_version)},
-                     {kExampleName, example_of(format)},
-                     {kManifestName, manifest_text(manifest, ratings) + "\n"}});
+                     {kExampleName, example_of(format, model.shape.view)},
+                     {kManifestName, manifest_text(manifest, options.ratings) + "\n"}});
 }
 
 bool is_exported_policy(const fs::path& path) {
@@ -160,13 +187,20 @@ ExportedPolicy find_exported_policy(const fs::path& path, bool trust) {
 
 ReadPolicy read_exported_policy(const ExportedPolicy& exported, const SimSpec& spec, Device device) {
   const std::string file = exported.file.string();
-  if (exported.manifest) check_fits(interface_of(*exported.manifest), spec, file);
+  const std::optional<RowView> inside = exported.manifest ? exported.manifest->shape.view : std::nullopt;
+  const SimSpec seen = inside ? without_view(spec) : spec;
+  if (exported.manifest) check_fits(interface_of(*exported.manifest), seen, file);
+  if (inside && exported.format == ExportFormat::torchscript &&
+      (inside->limit_x != spec.params.limit_x || inside->limit_y != spec.params.limit_y))
+    throw InputError(cat(file, " computes the egocentric view of maps of ", inside->limit_x, " x ", inside->limit_y,
+                         "; those of '", spec.name, "' are ", spec.params.limit_x, " x ", spec.params.limit_y,
+                         "; export the policy with --format safetensors or with --view input"));
   ReadPolicy read;
   if (exported.format == ExportFormat::safetensors)
     read = read_safetensors(exported.file, exported.manifest.value(), spec, device);
   else
     read =
-        open_torchscript(read_policy_file(exported.file), file, spec.observation_size(), spec.params.actions, device);
+        open_torchscript(read_policy_file(exported.file), file, seen.observation_size(), spec.params.actions, device);
   if (exported.manifest && exported.manifest->origin.selection == ActionSelection::greedy) read.greedy = true;
   return read;
 }

@@ -15,10 +15,25 @@ class Actor;
 
 constexpr const char* kExampleName = "act.py";
 
-/// Writes policy.*, act.py and, last, manifest.json (with `ratings`, an object) into a folder that does not exist or is
+/// Where the egocentric view comes from that a policy reads.
+enum class ViewPlace : uint8_t {
+  inside,  ///< the policy computes it from the vector observation, and takes that alone
+  input,   ///< it is part of the policy's observation
+};
+constexpr std::array<const char*, 2> enum_names(ViewPlace) { return {"inside", "input"}; }
+
+struct ExportOptions {
+  ViewPlace view = ViewPlace::inside;
+  const Json* ratings = nullptr;  ///< an object for the manifest
+};
+
+/// A scenario as those see it who are not given the egocentric view.
+SimSpec without_view(const SimSpec& spec);
+
+/// Writes policy.*, act.py and, last, manifest.json into a folder that does not exist or is
 /// empty; InputError where it is not or cannot be made. Where something fails nothing is left behind.
 void write_export(const std::filesystem::path& folder, ExportFormat format, const Actor& actor, const SimSpec& spec,
-                  const PolicyOrigin& origin, const Json* ratings = nullptr);
+                  const PolicyOrigin& origin, const ExportOptions& options = {});
 
 /// Whether a path is that of an exported policy: the folder of an export, a file named like a policy (.safetensors,
 /// .onnx, .pt), or a ZIP archive, which is what TorchScript modules are.

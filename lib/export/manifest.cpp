@@ -7,6 +7,7 @@
 #include "config/fields.hpp"
 #include "core/error.hpp"
 #include "scenario/scenario.hpp"
+#include "sim/egocentric_view.hpp"
 #include "sim/movement.hpp"
 
 namespace giga {
@@ -22,6 +23,8 @@ Json architecture_json(const PolicyShape& shape, Precision precision) {
           {"activation", name_of(shape.network.activation)},
           {"layer_norm", shape.network.layer_norm},
           {"layer_norm_epsilon", kLayerNormEpsilon},
+          {"memory", name_of(shape.memory)},
+          {"memory_size", shape.memory_size},
           {"normalizes_observations", shape.normalizes},
           {"normalized_limit", kNormalizedLimit},
           {"training_precision", name_of(precision)},
@@ -44,9 +47,40 @@ Json observation_json(const Manifest& manifest) {
   for (const ObservationBlock& block : manifest.observation) blocks.push_back(block_json(block));
   return {{"input", "obs"},
           {"type", "float32"},
-          {"size", manifest.shape.inputs},
+          {"size", manifest.shape.row()},
           {"layout", "item k of a block begins at first + k * size; a feature of all items is obs[start:stop:step]"},
           {"blocks", std::move(blocks)}};
+}
+
+constexpr const char* kInside = "egocentric_view_inside";
+constexpr const char* kInsideMeaning =
+    "the policy computes what it reads of the egocentric view (gigastep's docs/rules.md, 7.5) from the observation, "
+    "for "
+    "maps of limit_x by limit_y: agents and their kinds (as bits of `sprite`), the waypoint and the boxes of the "
+    "observation. What the observation leaves out, such as images and agents beyond its items, the view does not tell "
+    "either. The one difference is rounding: places in the observation are shares of the map in fp32, so a bearing is "
+    "exact to some 1e-7 of the map's side divided by the distance";
+
+Json view_json(const RowView& view) {
+  return {{"meaning", kInsideMeaning}, {"neighbors", view.neighbors},          {"waypoint", view.waypoint},
+          {"boxes", view.boxes},       {"numbers_of_a_box", view.box_numbers}, {"limit_x", view.limit_x},
+          {"limit_y", view.limit_y},   {"opponents", view.opponents},          {"team_mates", view.team_mates},
+          {"kinds", view.kinds}};
+}
+
+/// What goes from one step of an agent to its next; of size 0 without memory.
+Json state_json(const PolicyShape& shape) {
+  Json json{{"size", shape.state_size()}};
+  if (shape.memory == MemoryKind::none) return json;
+  const int h = shape.memory_size;
+  json["input"] = kStateInput;
+  json["output"] = kStateOutput;
+  json["type"] = "float32";
+  json["rule"] =
+      "each agent has its own: zeros at the first step of each episode, then what came out at the step before";
+  json["parts"] = Json::array({{{"name", "h"}, {"slice", {0, h}}}});
+  if (shape.memory == MemoryKind::lstm) json["parts"].push_back({{"name", "c"}, {"slice", {h, 2 * h}}});
+  return json;
 }
 
 constexpr const char* kControls[kActionSize][2] = {
@@ -94,6 +128,7 @@ class MemberReader {
   /// A map inside a map; null where there is none.
   const Node* map(const Node* in, const std::string& key) { return child(in, key, &Node::is_map, "a map"); }
   const Node* sequence(const Node* in, const std::string& key) { return child(in, key, &Node::is_sequence, "a list"); }
+  void wrong(const Node& node, const std::string& message) { errors_.add(node.at, message); }
   template <class T>
   void value(const Node* in, const std::string& key, T& value, const Allowed& allowed = {}) {
     if (const Node* node = find(in, key)) FieldCodec<T>::read(*node, value, allowed, {key, errors_});
@@ -118,7 +153,12 @@ class MemberReader {
 constexpr int kMostNumbers = 1'000'000;  // of an observation; kMaxAgents agents have 9 each
 
 void read_observation(const Node* node, MemberReader& in, Manifest& manifest) {
-  in.value(node, "size", manifest.shape.inputs, range(1, kMostNumbers));
+  int size = 0;
+  in.value(node, "size", size, range(1, kMostNumbers));
+  const std::optional<RowView>& inside = manifest.shape.view;
+  manifest.shape.inputs = inside ? inside->size() : size;
+  if (node && inside && inside->row_size() != size)
+    in.wrong(*node, cat("size: ", size, "; the ", kInside, " is of observations of ", inside->row_size(), " numbers"));
   const Node* blocks = in.sequence(node, "blocks");
   if (!blocks) return;
   for (const Node& item : blocks->items) {
@@ -130,12 +170,29 @@ void read_observation(const Node* node, MemberReader& in, Manifest& manifest) {
   }
 }
 
+void read_view(const Node* node, MemberReader& in, Manifest& manifest) {
+  RowView& view = manifest.shape.view.emplace();
+  in.value(node, "neighbors", view.neighbors, range(0, kMaxAgents - 1));
+  in.value(node, "waypoint", view.waypoint);
+  in.value(node, "boxes", view.boxes, range(0, kMostNumbers / 6));
+  in.value(node, "numbers_of_a_box", view.box_numbers, range(4, 6));
+  in.value(node, "limit_x", view.limit_x, greater_than(0));
+  in.value(node, "limit_y", view.limit_y, greater_than(0));
+  in.value(node, "opponents", view.opponents, range(0, kViewOpponents));
+  in.value(node, "team_mates", view.team_mates, range(0, kViewTeamMates));
+  in.value(node, "kinds", view.kinds);
+}
+
 void read_architecture(const Node* node, MemberReader& in, Manifest& manifest) {
   MlpConfig& network = manifest.shape.network;
   in.value(node, "hidden", network.hidden, range(1, 16384).items(1, 16));
   in.value(node, "activation", network.activation);
   in.value(node, "layer_norm", network.layer_norm);
   in.value(node, "normalizes_observations", manifest.shape.normalizes);
+  // Manifests of before memory have none of it.
+  if (node && node->find("memory")) in.value(node, "memory", manifest.shape.memory);
+  if (manifest.shape.memory != MemoryKind::none)
+    in.value(node, "memory_size", manifest.shape.memory_size, range(1, 4096));
   in.value(node, "training_precision", manifest.origin.precision);
 }
 
@@ -156,6 +213,7 @@ Manifest read_root(const Node& root, MemberReader& in) {
   in.value(&root, "gigastep_version", manifest.origin.gigastep_version);
   in.value(&root, "format", manifest.format);
   read_architecture(in.map(&root, "architecture"), in, manifest);
+  if (root.find(kInside)) read_view(in.map(&root, kInside), in, manifest);
   read_observation(in.map(&root, "observation"), in, manifest);
   in.value(&root, "action_selection", manifest.origin.selection);
   const Node* action = in.map(&root, "action");
@@ -199,25 +257,28 @@ const char* policy_file_name(ExportFormat format) {
 
 std::string manifest_text(const Manifest& manifest, const Json* ratings) {
   const PolicyOrigin& origin = manifest.origin;
-  return json_text({{"kind", kManifestKind},
-                    {"format_version", kManifestFormat},
-                    {"gigastep_version", origin.gigastep_version},
-                    {"format", name_of(manifest.format)},
-                    {"file", policy_file_name(manifest.format)},
-                    {"architecture", architecture_json(manifest.shape, origin.precision)},
-                    {"observation", observation_json(manifest)},
-                    {"action", action_json(manifest)},
-                    {"action_selection", name_of(origin.selection)},
-                    {"ratings", ratings ? *ratings : Json::object()},
-                    {"training",
-                     {{"scenario", origin.scenario_name},
-                      {"rules", name_of(manifest.rules)},
-                      {"team", origin.team},
-                      {"seed", origin.seed},
-                      {"updates", origin.updates},
-                      {"agent_steps", origin.agent_steps},
-                      {"scenario_yaml", origin.scenario_yaml},
-                      {"config_yaml", origin.config_yaml}}}});
+  Json json{{"kind", kManifestKind},
+            {"format_version", kManifestFormat},
+            {"gigastep_version", origin.gigastep_version},
+            {"format", name_of(manifest.format)},
+            {"file", policy_file_name(manifest.format)},
+            {"architecture", architecture_json(manifest.shape, origin.precision)},
+            {"observation", observation_json(manifest)},
+            {"action", action_json(manifest)},
+            {"state", state_json(manifest.shape)},
+            {"action_selection", name_of(origin.selection)},
+            {"ratings", ratings ? *ratings : Json::object()},
+            {"training",
+             {{"scenario", origin.scenario_name},
+              {"rules", name_of(manifest.rules)},
+              {"team", origin.team},
+              {"seed", origin.seed},
+              {"updates", origin.updates},
+              {"agent_steps", origin.agent_steps},
+              {"scenario_yaml", origin.scenario_yaml},
+              {"config_yaml", origin.config_yaml}}}};
+  if (manifest.shape.view) json[kInside] = view_json(*manifest.shape.view);
+  return json_text(json);
 }
 
 Manifest parse_manifest(std::string_view text, const std::string& name) {
@@ -231,7 +292,7 @@ Manifest read_manifest(const std::filesystem::path& file) {
 }
 
 PolicyInterface interface_of(const Manifest& manifest) {
-  return {manifest.origin.scenario_name, manifest.shape.actions, manifest.shape.inputs, manifest.observation};
+  return {manifest.origin.scenario_name, manifest.shape.actions, manifest.shape.row(), manifest.observation};
 }
 
 }  // namespace giga

@@ -18,6 +18,8 @@ constexpr std::array<const char*, 3> enum_names(ExportFormat) { return {"safeten
 /// "policy.safetensors", "policy.onnx", "policy.pt".
 const char* policy_file_name(ExportFormat format);
 constexpr const char* kManifestName = "manifest.json";
+/// How graphs name what a policy with memory remembers.
+constexpr const char *kStateInput = "state", *kStateOutput = "next_state";
 constexpr const char* kManifestKind = "gigastep policy";
 constexpr int kManifestFormat = 2;  // 1 named parts of observations otherwise
 
@@ -40,7 +42,7 @@ struct PolicyOrigin {
 struct Manifest {
   ExportFormat format = ExportFormat::safetensors;
   PolicyShape shape;
-  std::vector<ObservationBlock> observation;
+  std::vector<ObservationBlock> observation;  ///< what the policy takes: without a view that it computes
   Rules rules = Rules::corrected;
   std::vector<float> log_std;  ///< [3]; empty for discrete actions
   PolicyOrigin origin;

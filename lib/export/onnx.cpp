@@ -4,10 +4,13 @@
 #include <bit>
 #include <cmath>
 #include <limits>
+#include <set>
 #include <utility>
 #include <vector>
 
 #include "core/error.hpp"
+#include "export/manifest.hpp"
+#include "io/number.hpp"
 #include "io/protobuf_wire.hpp"
 
 namespace giga {
@@ -15,14 +18,15 @@ namespace {
 
 constexpr uint64_t kIrVersion = 8;  // that of operator set 17
 constexpr uint64_t kOperatorSet = 17;
-constexpr uint64_t kFloatTensor = 1;                        // TensorProto.DataType
-constexpr uint64_t kFloatAttribute = 1, kIntAttribute = 2;  // AttributeProto.AttributeType
+constexpr uint64_t kFloatTensor = 1, kInt64Tensor = 7;                          // TensorProto.DataType
+constexpr uint64_t kFloatAttribute = 1, kIntAttribute = 2, kIntsAttribute = 7;  // AttributeProto.AttributeType
 constexpr const char* kInput = "obs";
 
-ProtobufMessage tensor_message(const std::string& name, const std::vector<int64_t>& shape, std::string_view bytes) {
+ProtobufMessage tensor_message(const std::string& name, const std::vector<int64_t>& shape, std::string_view bytes,
+                               uint64_t type = kFloatTensor) {
   ProtobufMessage tensor;
   for (const int64_t side : shape) tensor.varint(1, static_cast<uint64_t>(side));
-  return tensor.varint(2, kFloatTensor).text(8, name).bytes(9, bytes);
+  return tensor.varint(2, type).text(8, name).bytes(9, bytes);
 }
 
 /// An input or output [batch, size].
@@ -47,17 +51,28 @@ class GraphBuilder {
   /// A node with one output, which gets a name of its own.
   std::string add(const std::string& op, const std::vector<std::string>& inputs,
                   const std::vector<ProtobufMessage>& attributes = {}) {
-    std::string output = cat(op, "_", n_nodes_++);
-    ProtobufMessage node;
-    for (const std::string& input : inputs) node.text(1, input);
-    node.text(2, output).text(3, output).text(4, op);
-    for (const ProtobufMessage& attribute : attributes) node.message(5, attribute);
-    nodes_.push_back(std::move(node));
-    return output;
+    return add_many(op, inputs, 1, attributes).front();
+  }
+  /// The columns of x in so many equal parts.
+  std::vector<std::string> split(const std::string& x, int parts) {
+    return add_many("Split", {x}, parts, {int_attribute("axis", 1)});
   }
 
   std::string constant(const std::string& name, float value) {
-    initializers_.push_back(tensor_message(name, {}, little_endian(std::bit_cast<uint32_t>(value))));
+    if (names_.insert(name).second)
+      initializers_.push_back(tensor_message(name, {}, little_endian(std::bit_cast<uint32_t>(value))));
+    return name;
+  }
+  /// Whole numbers, of one dimension or, `scalar`, none.
+  std::string integers(const std::vector<int>& values, bool scalar = false) {
+    std::string name = scalar ? "index" : "integers", bytes;
+    for (const int value : values) {
+      name += cat("_", value);
+      bytes += little_endian(static_cast<uint64_t>(int64_t{value}));
+    }
+    std::vector<int64_t> shape;
+    if (!scalar) shape.push_back(static_cast<int64_t>(values.size()));
+    if (names_.insert(name).second) initializers_.push_back(tensor_message(name, shape, bytes, kInt64Tensor));
     return name;
   }
   void tensor(const NamedArray& array) {
@@ -66,19 +81,80 @@ class GraphBuilder {
   }
 
   /// The graph that gives `value` out under the name of the policy's output.
-  ProtobufMessage finish(const PolicyShape& shape, const std::string& value) {
-    nodes_.push_back(ProtobufMessage().text(1, value).text(2, shape.output_name()).text(4, "Identity"));
+  ProtobufMessage finish(const PolicyShape& shape, const std::string& value, const std::string& state) {
+    const auto name = [&](const std::string& from, const char* to) {
+      nodes_.push_back(ProtobufMessage().text(1, from).text(2, to).text(4, "Identity"));
+    };
+    name(value, shape.output_name());
+    const bool remembers = shape.state_size() > 0;
+    if (remembers) name(state, kStateOutput);
     ProtobufMessage graph;
     for (const ProtobufMessage& node : nodes_) graph.message(1, node);
     graph.text(2, "policy");
     for (const ProtobufMessage& initializer : initializers_) graph.message(5, initializer);
-    graph.message(11, value_message(kInput, shape.inputs));
-    return graph.message(12, value_message(shape.output_name(), shape.outputs()));
+    graph.message(11, value_message(kInput, shape.row()));
+    if (remembers) graph.message(11, value_message(kStateInput, shape.state_size()));
+    graph.message(12, value_message(shape.output_name(), shape.outputs()));
+    return remembers ? graph.message(12, value_message(kStateOutput, shape.state_size())) : graph;
   }
 
  private:
+  std::vector<std::string> add_many(const std::string& op, const std::vector<std::string>& inputs, int outputs,
+                                    const std::vector<ProtobufMessage>& attributes) {
+    const std::string name = cat(op, "_", n_nodes_++);
+    std::vector<std::string> names;
+    for (int k = 0; k < outputs; ++k) names.push_back(k == 0 ? name : cat(name, "_", k));
+    ProtobufMessage node;
+    for (const std::string& input : inputs) node.text(1, input);
+    for (const std::string& output : names) node.text(2, output);
+    node.text(3, name).text(4, op);
+    for (const ProtobufMessage& attribute : attributes) node.message(5, attribute);
+    nodes_.push_back(std::move(node));
+    return names;
+  }
+
   std::vector<ProtobufMessage> nodes_, initializers_;
+  std::set<std::string> names_;  // of constants
   int n_nodes_ = 0;
+};
+
+/// Formulas as nodes of the graph.
+class OnnxWriter final : public ArrayWriter {
+ public:
+  explicit OnnxWriter(GraphBuilder& graph) : graph_(graph) {}
+
+  std::string operation(const ArrayOperation& op, const std::vector<std::string>& arguments) override {
+    return graph_.add(op.onnx, arguments);
+  }
+  std::string number(float value) override { return graph_.constant(cat("number_", print_number(value)), value); }
+  std::string columns(const std::string& x, int first, int end) override {
+    return graph_.add("Slice", {x, graph_.integers({first}), graph_.integers({end}), graph_.integers({1})});
+  }
+  std::string reshaped(const std::string& x, const std::vector<int>& sides) override {
+    std::vector<int> shape = {-1};
+    shape.insert(shape.end(), sides.begin(), sides.end());
+    return graph_.add("Reshape", {x, graph_.integers(shape)});
+  }
+  std::string feature(const std::string& x, int k) override {
+    return graph_.add("Gather", {x, graph_.integers({k}, true)}, {int_attribute("axis", 2)});
+  }
+  std::string running_sum(const std::string& x) override {
+    return graph_.add("CumSum", {x, graph_.integers({1}, true)});
+  }
+  std::string sum_of_items(const std::string& x) override {
+    return graph_.add("ReduceSum", {x, graph_.integers({1})}, {int_attribute("keepdims", 0)});
+  }
+  std::string least(const std::string& x) override {
+    const ProtobufMessage axes = ProtobufMessage().text(1, "axes").varint(8, 2).varint(20, kIntsAttribute);
+    return graph_.add("ReduceMin", {x}, {axes, int_attribute("keepdims", 0)});
+  }
+  std::string joined(const std::vector<std::string>& parts) override {
+    return graph_.add("Concat", parts, {int_attribute("axis", 1)});
+  }
+  std::string named(const std::string&, const std::string& x) override { return x; }
+
+ private:
+  GraphBuilder& graph_;
 };
 
 std::string add_activation(GraphBuilder& graph, Activation activation, const std::string& x) {
@@ -113,6 +189,33 @@ std::string add_layer(GraphBuilder& graph, const PolicyShape& shape, int layer, 
   return add_activation(graph, shape.network.activation, x);
 }
 
+/// What comes out of a recurrent cell (math/recurrent.hpp) and what it then remembers.
+struct Remembered {
+  std::string features, state;
+};
+Remembered add_memory(GraphBuilder& graph, MemoryKind kind, const std::string& x) {
+  const bool lstm = kind == MemoryKind::lstm;
+  const auto product = [&](const std::string& rows, const char* weight, const char* bias) {
+    return graph.split(graph.add("Gemm", {rows, weight, bias}, {int_attribute("transB", 1)}), lstm ? 4 : 3);
+  };
+  const std::vector<std::string> parts = lstm ? graph.split(kStateInput, 2) : std::vector<std::string>{kStateInput};
+  const std::vector<std::string> in = product(x, kInputWeightTensor, kInputBiasTensor),
+                                 back = product(parts[0], kHiddenWeightTensor, kHiddenBiasTensor);
+  const auto add = [&](const std::string& a, const std::string& b) { return graph.add("Add", {a, b}); };
+  const auto times = [&](const std::string& a, const std::string& b) { return graph.add("Mul", {a, b}); };
+  const auto tanh = [&](const std::string& a) { return graph.add("Tanh", {a}); };
+  const auto gate = [&](size_t k) { return graph.add("Sigmoid", {add(in[k], back[k])}); };
+  if (!lstm) {
+    const std::string candidate = tanh(add(in[2], times(gate(0), back[2])));
+    // (1 - update) candidate + update h = candidate + update (h - candidate)
+    const std::string h = add(candidate, times(gate(1), graph.add("Sub", {parts[0], candidate})));
+    return {h, h};
+  }
+  const std::string c = add(times(gate(1), parts[1]), times(gate(0), tanh(add(in[2], back[2]))));
+  const std::string h = times(gate(3), tanh(c));
+  return {h, graph.add("Concat", {h, c}, {int_attribute("axis", 1)})};
+}
+
 }  // namespace
 
 std::string encode_onnx(const PolicyModel& model, const std::string& gigastep_version) {
@@ -126,11 +229,25 @@ std::string encode_onnx(const PolicyModel& model, const std::string& gigastep_ve
     graph.constant("one", 1.0f);
   }
   std::string x = kInput;
+  Remembered remembered;
+  if (shape.view) {
+    OnnxWriter writer(graph);
+    x = with_view(*shape.view, {&writer, x}).text;
+  }
   if (shape.normalizes) x = add_normalisation(graph, x);
-  for (int layer = 0; layer < shape.n_layers(); ++layer) x = add_layer(graph, shape, layer, x);
+  for (int layer = 0; layer < shape.n_layers(); ++layer) {
+    if (!shape.is_hidden(layer) && shape.memory != MemoryKind::none) {
+      remembered = add_memory(graph, shape.memory, x);
+      x = remembered.features;
+    }
+    x = add_layer(graph, shape, layer, x);
+  }
 
   ProtobufMessage file;
-  file.varint(1, kIrVersion).text(2, "gigastep").text(3, gigastep_version).message(7, graph.finish(shape, x));
+  file.varint(1, kIrVersion)
+      .text(2, "gigastep")
+      .text(3, gigastep_version)
+      .message(7, graph.finish(shape, x, remembered.state));
   file.message(8, ProtobufMessage().text(1, "").varint(2, kOperatorSet));
   if (file.encoded().size() > static_cast<size_t>(std::numeric_limits<int32_t>::max()))
     throw InputError(cat("the policy has ", file.encoded().size(),

@@ -38,6 +38,14 @@ std::vector<TensorShape> tensors_of(const PolicyShape& shape) {
   int64_t from = shape.inputs;
   if (shape.normalizes) list.insert(list.end(), {{kMeanTensor, {from}}, {kStdTensor, {from}}});
   for (int k = 0; k < shape.n_layers(); ++k) {
+    if (!shape.is_hidden(k) && shape.memory != MemoryKind::none) {
+      const int64_t size = shape.memory_size, gates = (shape.memory == MemoryKind::lstm ? 4 : 3) * size;
+      list.insert(list.end(), {{kInputWeightTensor, {gates, from}},
+                               {kInputBiasTensor, {gates}},
+                               {kHiddenWeightTensor, {gates, size}},
+                               {kHiddenBiasTensor, {gates}}});
+      from = size;
+    }
     const int64_t to = shape.is_hidden(k) ? shape.network.hidden[static_cast<size_t>(k)] : shape.outputs();
     list.push_back({layer_tensor(k, "weight"), {to, from}});
     list.push_back({layer_tensor(k, "bias"), {to}});

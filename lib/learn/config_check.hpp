@@ -31,9 +31,6 @@ class ConfigCheck {
   /// An error where a network reads an egocentric view that the scenario does not give.
   void inputs_are_there(const std::string& key, NetworkInputs inputs);
 
-  /// An error where an encoder with memory is not offered, for a reason.
-  void has_no_memory(const std::string& key, EncoderKind encoder, const std::string& reason);
-
  private:
   const KeyPositions& given_;
   Errors& errors_;

@@ -173,11 +173,6 @@ void ConfigCheck::inputs_are_there(const std::string& key, NetworkInputs inputs)
   fail(key, "'egocentric' needs environment.observation.egocentric_view: true; allowed without it: all");
 }
 
-void ConfigCheck::has_no_memory(const std::string& key, EncoderKind encoder, const std::string& reason) {
-  if (has_memory(encoder) && known({key}))
-    fail(key, cat("'", FieldCodec<EncoderKind>::print(encoder), "' has a memory, and ", reason));
-}
-
 std::optional<int64_t> total_updates(const RunConfig& c, int n_agents) {
   const auto per_update = algorithm_of(c).agent_steps_per_update;
   if (!per_update) return std::nullopt;

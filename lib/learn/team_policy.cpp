@@ -29,10 +29,10 @@ void check_precision(const LoadedRun& run, Device device) {
                          " has less; allowed there: fp32, tf32, bf16"));
 }
 
-Actor make_actor(const LoadedRun& run, int team, Device device, EncoderFactory* encoder) {
+Actor make_actor(const LoadedRun& run, int team, Device device) {
   const PolicySettings policy = algorithm_of(run.config).policy(run.config);
   Actor actor(policy.actor, input_columns(policy.actor.inputs, run.spec), run.spec.params.actions, policy.obs_norm,
-              precision_on(run, device), torch_device(device), network_seed(run, team, 0), encoder);
+              precision_on(run, device), torch_device(device), network_seed(run, team, 0));
   actor.take_fused_kernels(policy.fused);
   return actor;
 }

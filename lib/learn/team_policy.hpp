@@ -12,8 +12,8 @@ namespace giga {
 /// Whether a team learns, or plays the scripted opponent.
 bool learns(const TrainConfig& config, int team);
 
-/// The actor of a team as the configuration describes it, freshly initialised. `encoder`: null = as configured.
-Actor make_actor(const LoadedRun& run, int team, Device device, EncoderFactory* encoder = nullptr);
+/// The actor of a team as the configuration describes it, freshly initialised.
+Actor make_actor(const LoadedRun& run, int team, Device device);
 
 /// Where a checkpoint keeps the actor of a team: "team_0/actor/".
 std::string actor_prefix(int team);

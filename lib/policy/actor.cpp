@@ -10,10 +10,11 @@ namespace giga {
 constexpr double kObsNormBeta = 0.99;  // share kept per rollout
 
 Actor::Actor(const ActorConfig& config, const InputColumns& inputs, ActionKind actions, bool normalize,
-             Precision precision, at::Device device, uint64_t seed, EncoderFactory* encoder)
+             Precision precision, at::Device device, uint64_t seed)
     : config_(config), actions_(actions), inputs_(inputs), normalize_(normalize), precision_(precision) {
+  GIGA_CHECK(!config.remembers() || precision != Precision::fp16, "a memory in half precision");
   const char* name = enum_names(config.encoder)[static_cast<size_t>(config.encoder)];
-  network_ = Network(parameters_, name, config, {inputs.shape(), head_size(), config.output_gain, encoder});
+  network_ = Network(parameters_, name, config, {inputs.shape(), head_size(), config.output_gain});
   if (actions_ == ActionKind::continuous)
     log_std_ = parameters_.add("log_std", {kActionSize}, {Init::Kind::constant, config.log_std_init});
   parameters_.allocate(device, seed);
@@ -28,17 +29,15 @@ at::Tensor Actor::input_of(const at::Tensor& obs) const {
 }
 
 at::Tensor Actor::forward(const at::Tensor& obs, NetworkState& state) const {
-  return network_.forward(parameters_, input_of(obs), state, rounding()).to(at::kFloat);
+  if (state_size() == 0) return forward_sequence(obs, {});
+  at::Tensor states;
+  const at::Tensor head = forward_sequence(obs, {.start = state.rows, .states = &states});
+  state.rows = states[0];
+  return head;
 }
 
-at::Tensor Actor::forward_sequence(const at::Tensor& obs, const at::Tensor& begins, NetworkState state) const {
-  if (state_size() == 0) return forward(obs.flatten(0, 1));
-  std::vector<at::Tensor> heads;
-  for (int64_t t = 0; t < obs.size(0); ++t) {
-    state.reset(begins[t]);
-    heads.push_back(forward(obs[t], state));
-  }
-  return at::cat(heads);
+at::Tensor Actor::forward_sequence(const at::Tensor& obs, const Sequence& sequence) const {
+  return network_.forward(parameters_, input_of(obs), sequence, rounding()).to(at::kFloat);
 }
 
 at::Tensor Actor::forward_members(const at::Tensor& members, const at::Tensor& obs, NetworkState& state) const {

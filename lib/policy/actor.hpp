@@ -22,15 +22,13 @@ class Actor final : public Policy {
  public:
   Actor() = default;
   /// `inputs`: the columns that it reads of whole observations. `normalize`: observations pass a RunningNorm first.
-  /// `encoder`: null = that of the table for config.encoder.
   Actor(const ActorConfig& config, const InputColumns& inputs, ActionKind actions, bool normalize, Precision precision,
-        at::Device device, uint64_t seed, EncoderFactory* encoder = nullptr);
+        at::Device device, uint64_t seed);
 
   using Policy::forward;
   at::Tensor forward(const at::Tensor& obs, NetworkState& state) const override;
-  /// L steps in a row: obs [L, R, D], `state` at the first of them -> [L R, head size]. begins [L, R] bool tells which
-  /// rows begin an episode at which step; undefined without memory.
-  at::Tensor forward_sequence(const at::Tensor& obs, const at::Tensor& begins, NetworkState state) const;
+  /// Steps in a row: obs [L R, D] -> [L R, head size].
+  at::Tensor forward_sequence(const at::Tensor& obs, const Sequence& sequence) const;
   /// Each member of a population [M, P] of parameters: obs [M, R, D] -> [M, R, head size]. All share the normaliser.
   at::Tensor forward_members(const at::Tensor& members, const at::Tensor& obs, NetworkState& state) const;
   /// The same without memory.
@@ -39,7 +37,7 @@ class Actor final : public Policy {
     NetworkState state;
     return forward_members(members, obs, state);
   }
-  int64_t state_size() const override { return network_.encoder().state_size(); }
+  int64_t state_size() const override { return network_.state_size(); }
 
   /// The layout for the fused kernel (cuda/population_policy.hpp), which computes in fp16; none if it has no room.
   std::optional<SmallMlp> small_mlp() const;

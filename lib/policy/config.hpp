@@ -47,19 +47,20 @@ struct MlpConfig {
 enum class EncoderKind : uint8_t { mlp };
 constexpr std::array<const char*, 1> enum_names(EncoderKind) { return {"mlp"}; }
 
-/// Whether an encoder of this kind remembers something from step to step.
-constexpr bool has_memory(EncoderKind kind) {
-  switch (kind) {
-    case EncoderKind::mlp:
-      break;
-  }
-  return false;
-}
+/// What a network remembers from step to step, behind its encoder: nothing, or the state of a recurrent cell
+/// (math/recurrent.hpp).
+enum class MemoryKind : uint8_t { none, gru, lstm };
+constexpr std::array<const char*, 3> enum_names(MemoryKind) { return {"none", "gru", "lstm"}; }
 
 /// What actors and critics have in common: the numbers that they read, and the encoder that turns them into features.
 struct NetworkConfig : MlpConfig {
   NetworkInputs inputs = NetworkInputs::all;
   EncoderKind encoder = EncoderKind::mlp;
+  MemoryKind memory = MemoryKind::none;
+  int memory_size = 64;
+  int impala_width = 16;  ///< channels of the first section of make_impala
+
+  bool remembers() const { return memory != MemoryKind::none; }
 };
 
 template <class V>
@@ -72,6 +73,13 @@ void visit_network_fields(V& v, NetworkConfig& c) {
   v("activation", c.activation, "nonlinearity after each hidden layer");
   v("layer_norm", c.layer_norm, "layer normalisation before each nonlinearity");
   v("hidden_gain", c.hidden_gain, "gain of the orthogonal initialisation of hidden layers", greater_than(0));
+  v("memory", c.memory,
+    "what the network remembers from step to step, between the encoder and the output layer, zero where an episode "
+    "begins: none, or the state of a recurrent cell, gru or lstm");
+  v("memory_size", c.memory_size,
+    "numbers that the cell remembers and gives to the output layer (lstm: and its cell, "
+    "as many again)",
+    range(1, 4096));
 }
 
 /// The policy of a team: one network for all its agents, each fed its own observation.

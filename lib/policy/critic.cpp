@@ -15,6 +15,7 @@ CriticShape critic_shape(const CriticConfig& config, const SimSpec& spec, int te
 std::pair<NetworkConfig, NetworkConfig> split_state_critic(const CriticConfig& config) {
   NetworkConfig first = config, rest = config;
   first.hidden = {config.hidden.front()};
+  first.memory = MemoryKind::none;
   rest.hidden.erase(rest.hidden.begin());
   if (rest.hidden.empty()) rest.hidden = first.hidden;
   return {first, rest};
@@ -24,7 +25,7 @@ Critic::Critic(const CriticConfig& config, const CriticShape& shape, Precision p
                const ParallelFor& parallel_for, at::Device device, uint64_t seed)
     : kind_(config.kind), shape_(shape), precision_(precision), parallel_for_(&parallel_for) {
   const std::string name = enum_names(config.encoder)[static_cast<size_t>(config.encoder)];
-  const NetworkShape on_observations{shape.inputs.shape(), 1, config.output_gain, shape.encoder};
+  const NetworkShape on_observations{shape.inputs.shape(), 1, config.output_gain};
   switch (config.kind) {
     case CriticKind::composed:
       network_ = Network(parameters_, "team_" + name, config, on_observations);
@@ -35,15 +36,12 @@ Critic::Critic(const CriticConfig& config, const CriticShape& shape, Precision p
       break;
     case CriticKind::state: {
       const auto [first, rest] = split_state_critic(config);
-      EncoderFactory* make = shape.encoder ? shape.encoder : encoder_factory(config.encoder);
-      entity_ = make(parameters_, "entity", kEntityFeatures, first);
+      entity_ = encoder_factory(config.encoder)(parameters_, "entity", kEntityFeatures, first);
       const auto input = static_cast<int>(3 * entity_->features() + shape.world_features);
-      network_ = Network(parameters_, name, rest, {input, 1, config.output_gain, shape.encoder});
+      network_ = Network(parameters_, name, rest, {input, 1, config.output_gain});
       break;
     }
   }
-  GIGA_CHECK(network_.encoder().state_size() == 0 && (!entity_ || entity_->state_size() == 0),
-             "critics are trained on single steps: encoder ", name, " has a memory");
   parameters_.allocate(device, seed);
 }
 
@@ -70,26 +68,28 @@ std::optional<FusedMlp> Critic::fused_mlp() const {
   return mlp;
 }
 
-at::Tensor Critic::forward(const at::Tensor& obs, const at::Tensor& alive, const at::Tensor& state) const {
-  if (kind_ == CriticKind::state) return forward_state(state);
+at::Tensor Critic::forward(const at::Tensor& obs, const at::Tensor& alive, const at::Tensor& state,
+                           const Sequence& sequence) const {
+  if (kind_ == CriticKind::state) return forward_state(state, sequence);
   at::Tensor x = columns_of(shape_.inputs, obs);
   if (precision_ == Precision::bf16) x = x.to(at::kBFloat16);
-  NetworkState none;
   const at::Tensor value =
-      kind_ == CriticKind::composed ? forward_composed(x, alive) : network_.forward(parameters_, x, none);
-  return value.squeeze(-1).to(at::kFloat);
+      kind_ == CriticKind::composed ? forward_composed(x, alive, sequence) : network_.forward(parameters_, x, sequence);
+  return value.view({x.size(0), x.size(1)}).to(at::kFloat);
 }
 
 // The value V_i(s_i) of each agent becomes part of a composed V(S) = f(V_1(s_1), ..., V_n(s_n)): the layers exchange
 // the mean features of the team's living agents, so the order of the agents does not matter. An encoder that is no
-// chain of dense layers exchanges at the output layer only.
-at::Tensor Critic::forward_composed(at::Tensor x, const at::Tensor& alive) const {
+// chain of dense layers exchanges at the output layer only; what is remembered of each agent is exchanged there too.
+at::Tensor Critic::forward_composed(at::Tensor x, const at::Tensor& alive, const Sequence& sequence) const {
   const int64_t b = x.size(0), n = x.size(1);
   const std::vector<DenseLayer> layers = network_.layers();
-  NetworkState none;
   if (layers.size() == 1)
-    x = network_.encoder().forward(parameters_, x.reshape({b * n, -1}), none, Rounding::none).view({b, n, -1});
+    x = network_.encoder().forward(parameters_, x.reshape({b * n, -1}), Rounding::none).view({b, n, -1});
   for (size_t k = 0; k < layers.size(); ++k) {
+    const bool is_output = k + 1 == layers.size();
+    if (is_output && state_size() > 0)
+      x = network_.remember(parameters_, x.reshape({b * n, x.size(-1)}), sequence).view({b, n, -1});
     const DenseLayer& layer = layers[k];
     at::Tensor sums =
         linear(x.reshape({b * n, x.size(-1)}), parameters_[layer.weight], parameters_[layer.bias]).view({b, n, -1});
@@ -105,7 +105,7 @@ at::Tensor Critic::forward_composed(at::Tensor x, const at::Tensor& alive) const
 // Deep Sets (Zaheer et al. 2017): one encoder for all agents. The value of an agent of the own team follows from its
 // code, the mean codes of the living agents of both teams, and the world. The order of agents in a team does not
 // matter.
-at::Tensor Critic::forward_state(const at::Tensor& state) const {
+at::Tensor Critic::forward_state(const at::Tensor& state, const Sequence& sequence) const {
   const int n_agents = shape_.n_team[0] + shape_.n_team[1], own = shape_.n_team[shape_.team];
   const int own_first = shape_.team == 0 ? 0 : shape_.n_team[0], other_first = shape_.team == 0 ? shape_.n_team[0] : 0;
   const int64_t b = state.size(0), entity_columns = n_agents * kEntityFeatures;
@@ -116,8 +116,7 @@ at::Tensor Critic::forward_state(const at::Tensor& state) const {
     entities = entities.to(at::kBFloat16);
     world = world.to(at::kBFloat16);
   }
-  NetworkState none;
-  const at::Tensor code = entity_->forward(parameters_, entities, none, Rounding::none);
+  const at::Tensor code = entity_->forward(parameters_, entities, Rounding::none);
   const auto team_mean = [&](int first, int n) {
     const at::Tensor living = alive.slice(1, first, first + n).squeeze(-1).contiguous();
     return living_mean(*parallel_for_, code.slice(1, first, first + n).contiguous(), living).unsqueeze(1);
@@ -126,7 +125,7 @@ at::Tensor Critic::forward_state(const at::Tensor& state) const {
   const at::Tensor other_mean = team_mean(other_first, n_agents - own);
   const at::Tensor context = at::cat({own_mean, other_mean, world.unsqueeze(1)}, -1).expand({b, own, -1});
   const at::Tensor input = at::cat({code.slice(1, own_first, own_first + own), context}, -1);
-  return network_.forward(parameters_, input, none).squeeze(-1).to(at::kFloat);
+  return network_.forward(parameters_, input, sequence).view({b, own}).to(at::kFloat);
 }
 
 }  // namespace giga

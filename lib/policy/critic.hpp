@@ -21,16 +21,15 @@ namespace giga {
 /// Sizes of a critic's inputs.
 struct CriticShape {
   int team = 0;
-  int n_team[2] = {0, 0};             ///< agents of each team; the state lists team 0 first
-  InputColumns inputs;                ///< of observations
-  int64_t world_features = 0;         ///< numbers of the state that follow those of the agents (state_observation.hpp)
-  EncoderFactory* encoder = nullptr;  ///< null: that of the table for the config
+  int n_team[2] = {0, 0};      ///< agents of each team; the state lists team 0 first
+  InputColumns inputs;         ///< of observations
+  int64_t world_features = 0;  ///< numbers of the state that follow those of the agents (state_observation.hpp)
 };
 
 CriticShape critic_shape(const CriticConfig& config, const SimSpec& spec, int team);
 
 /// Kind state: the first hidden layer encodes one agent, the others are the value network (or, if there is only one,
-/// another one of that size).
+/// another one of that size, and the memory).
 std::pair<NetworkConfig, NetworkConfig> split_state_critic(const CriticConfig& config);
 
 class Critic {
@@ -40,8 +39,12 @@ class Critic {
          at::Device device, uint64_t seed);
 
   /// obs [B, n, D] (normalised if the actor normalises), alive [B, n] float, state [B, G] (kind state; else undefined)
-  /// -> values [B, n], fp32, in the value normaliser's units.
-  at::Tensor forward(const at::Tensor& obs, const at::Tensor& alive, const at::Tensor& state) const;
+  /// -> values [B, n], fp32, in the value normaliser's units. `sequence`: of a critic with memory, which remembers
+  /// something of each agent; B = L worlds, and its rows are worlds x n.
+  at::Tensor forward(const at::Tensor& obs, const at::Tensor& alive, const at::Tensor& state,
+                     const Sequence& sequence = {}) const;
+  /// Numbers that it remembers of an agent; 0 = no memory.
+  int64_t state_size() const { return network_.state_size(); }
 
   /// As Actor::fused_mlp.
   std::optional<FusedMlp> fused_mlp() const;
@@ -55,8 +58,8 @@ class Critic {
 
  private:
   void add_team_weights(const std::string& name);
-  at::Tensor forward_composed(at::Tensor x, const at::Tensor& alive) const;
-  at::Tensor forward_state(const at::Tensor& state) const;
+  at::Tensor forward_composed(at::Tensor x, const at::Tensor& alive, const Sequence& sequence) const;
+  at::Tensor forward_state(const at::Tensor& state, const Sequence& sequence) const;
 
   CriticKind kind_ = CriticKind::composed;
   CriticShape shape_;

@@ -7,25 +7,22 @@
 
 #include "policy/config.hpp"
 #include "policy/layers.hpp"
-#include "policy/network_state.hpp"
 #include "policy/parameters.hpp"
 #include "sim/observation.hpp"
 
 namespace giga {
 
 /// Turns inputs x [..., numbers of the input] into features [..., F]; the numbers of an image lie in a row too. It
-/// holds no numbers: the parameters are in a ParameterSet, what it remembers of a row in a NetworkState [..., S].
+/// holds no numbers, the parameters are in a ParameterSet, and remembers nothing (RecurrentCell does).
 class Encoder {
  public:
   virtual ~Encoder() = default;
-  virtual at::Tensor forward(const ParameterSet& p, at::Tensor x, NetworkState& state, Rounding rounding) const = 0;
+  virtual at::Tensor forward(const ParameterSet& p, at::Tensor x, Rounding rounding) const = 0;
   /// Each member of a population [M, P] on rows of its own: x [M, R, input] -> [M, R, F].
   virtual at::Tensor forward_members(const ParameterSet& p, const at::Tensor& members, at::Tensor x,
-                                     NetworkState& state, Rounding rounding) const = 0;
+                                     Rounding rounding) const = 0;
   /// F.
   virtual int64_t features() const = 0;
-  /// Numbers that a row remembers; 0 = no memory.
-  virtual int64_t state_size() const { return 0; }
   /// The layers of an encoder that is a chain of dense layers and nothing else. The fused kernel and the export formats
   /// take such encoders only, and between these layers the agents of a composed critic exchange features. Else empty.
   virtual std::vector<DenseLayer> layers() const { return {}; }

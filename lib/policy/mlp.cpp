@@ -16,11 +16,11 @@ class Mlp final : public Encoder {
     }
   }
 
-  at::Tensor forward(const ParameterSet& p, at::Tensor x, NetworkState&, Rounding rounding) const override {
+  at::Tensor forward(const ParameterSet& p, at::Tensor x, Rounding rounding) const override {
     for (const DenseLayer& layer : layers_) x = dense(p, layer, x, rounding);
     return x;
   }
-  at::Tensor forward_members(const ParameterSet& p, const at::Tensor& members, at::Tensor x, NetworkState&,
+  at::Tensor forward_members(const ParameterSet& p, const at::Tensor& members, at::Tensor x,
                              Rounding rounding) const override {
     for (const DenseLayer& layer : layers_) x = dense_members(p, members, layer, x, rounding);
     return x;

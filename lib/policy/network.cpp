@@ -2,18 +2,25 @@
 
 #include <algorithm>
 
-#include "core/error.hpp"
-
 namespace giga {
 
 Network::Network(ParameterSet& parameters, const std::string& name, const NetworkConfig& config,
                  const NetworkShape& shape)
-    : encoder_(
-          (shape.encoder ? shape.encoder : encoder_factory(config.encoder))(parameters, name, shape.input, config)),
-      output_(add_dense(parameters, name + "/" + std::to_string(encoder_->layers().size()),
-                        {encoder_->features(), shape.output, shape.output_gain})) {
-  GIGA_CHECK(shape.encoder || has_memory(config.encoder) == (encoder_->state_size() > 0),
-             "has_memory() of the encoder");
+    : encoder_(encoder_factory(config.encoder)(parameters, name, shape.input, config)) {
+  int64_t features = encoder_->features();
+  if (config.remembers()) {
+    cell_.emplace(parameters, name + "/memory", config.memory, features, config.memory_size);
+    features = cell_->features();
+  }
+  output_ = add_dense(parameters, name + "/" + std::to_string(encoder_->layers().size()),
+                      {features, shape.output, shape.output_gain});
+}
+
+at::Tensor Network::forward_members(const ParameterSet& p, const at::Tensor& members, const at::Tensor& x,
+                                    NetworkState& state, Rounding rounding) const {
+  at::Tensor features = encoder_->forward_members(p, members, x, rounding);
+  if (cell_) features = cell_->forward_members(p, members, features, state);
+  return dense_members(p, members, output_, features, rounding);
 }
 
 std::vector<DenseLayer> Network::layers() const {
@@ -24,6 +31,7 @@ std::vector<DenseLayer> Network::layers() const {
 
 std::optional<SmallMlp> Network::small(const ParameterSet& p) const {
   const std::vector<DenseLayer> hidden = encoder_->layers();
+  if (cell_) return std::nullopt;
   std::vector<int> sizes;
   for (const DenseLayer& layer : hidden) sizes.push_back(static_cast<int>(p.shape(layer.weight)[0]));
   const auto fits = [&](const DenseLayer& layer) {

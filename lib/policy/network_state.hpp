@@ -1,7 +1,9 @@
-// NetworkState: what a recurrent network remembers from one step to the next.
+// NetworkState and Sequence: what networks with memory remember from one step to the next.
 #pragma once
 
 #include <ATen/core/Tensor.h>
+
+#include <cstdint>
 
 namespace giga {
 
@@ -14,6 +16,14 @@ struct NetworkState {
   void reset(const at::Tensor& begins) {
     if (rows.defined()) rows = rows.masked_fill(begins.unsqueeze(-1), 0);
   }
+};
+
+/// L steps in a row of R rows. Inputs and outputs of a network are [L R, ...], step by step.
+struct Sequence {
+  int64_t length = 1;            // L
+  at::Tensor begins = {};        // [L, R] bool: which rows begin an episode at which step; undefined: none does
+  at::Tensor start = {};         // [R, S] what is remembered before the first step; undefined: nothing
+  at::Tensor* states = nullptr;  // if wanted: becomes [L, R, S], what is remembered after each step; no gradient
 };
 
 }  // namespace giga

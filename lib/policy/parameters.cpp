@@ -63,6 +63,8 @@ std::vector<at::Tensor> ParameterSet::starts(uint64_t seed) const {
     if (start[k].defined()) continue;  // the right part of an earlier one
     if (spec.init.kind == Init::Kind::constant) {
       start[k] = at::full(spec.shape, spec.init.value);
+      const Init::Part& part = spec.init.part;
+      start[k].view({-1}).narrow(0, part.first, part.count).fill_(part.value);
     } else if (spec.beside < 0) {
       start[k] = orthogonal(spec.shape, spec.init.value, generator);
     } else {

@@ -12,10 +12,15 @@
 
 namespace giga {
 
-/// How a parameter starts: orthogonal rows or columns times `value` (Saxe et al. 2014), or all equal to `value`.
+/// How a parameter starts: orthogonal rows or columns times `value` (Saxe et al. 2014), or all equal to `value`, a part
+/// of them to another one.
 struct Init {
   enum class Kind : uint8_t { orthogonal, constant } kind = Kind::constant;
   float value = 0;
+  struct Part {
+    int64_t first = 0, count = 0;
+    float value = 0;
+  } part = {};
 };
 
 /// The place of a weight matrix among the flat parameters, row by row.

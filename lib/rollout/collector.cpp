@@ -66,9 +66,14 @@ Collector::Collector(Simulator& sim, const ParallelFor& parallel_for, const Coll
     TeamRollout& r = rollout_.team[team];
     const int64_t size = memory_size(sides[static_cast<size_t>(team)]);
     if (size == 0) continue;
-    r.state = at::zeros({sim.n_worlds(), sim.params().n_team[team], size}, r.obs.options());
+    r.state = at::zeros({sim.n_worlds(), sim.params().n_team[team], size},
+                        at::TensorOptions().dtype(at::kFloat).device(torch_device(sim.device())));
     memory_[team] = r.state.clone();
   }
+}
+
+void Collector::forget(int team, const WorldRange& worlds) {
+  if (memory_[team].defined()) memory_[team].narrow(0, worlds.first, worlds.count).zero_();
 }
 
 void Collector::save(const std::string& prefix, NamedArrays& out) const {

@@ -17,7 +17,7 @@ at::Tensor GroupPolicy::row_of(const Actor& actor) {
   return at::cat({values, actor.normalizer().mean(), actor.normalizer().std()});
 }
 
-at::Tensor GroupPolicy::forward(const at::Tensor& obs) const {
+at::Tensor GroupPolicy::forward(const at::Tensor& obs, NetworkState& state) const {
   at::NoGradGuard no_grad;
   const int64_t d = shape_.inputs().row;
   at::Tensor x = obs.view({groups(), -1, d});
@@ -26,7 +26,10 @@ at::Tensor GroupPolicy::forward(const at::Tensor& obs) const {
     const auto moment = [&](int64_t k) { return rows_.narrow(1, p + k * d, d).unsqueeze(1); };
     x = RunningNorm::normalized(x, moment(0), moment(1));
   }
-  return shape_.forward_members(rows_.narrow(1, 0, p), x).contiguous().view({obs.size(0), -1});
+  if (state.rows.defined()) state.rows = state.rows.view({groups(), -1, state_size()});
+  const at::Tensor head = shape_.forward_members(rows_.narrow(1, 0, p), x, state);
+  if (state.rows.defined()) state.rows = state.rows.view({obs.size(0), -1});
+  return head.contiguous().view({obs.size(0), -1});
 }
 
 std::optional<FusedPolicy> GroupPolicy::fused() const {

@@ -23,7 +23,7 @@ class GroupPolicy {
   /// The networks [G, row size] of the groups; they are not copied.
   void set(const at::Tensor& rows) { rows_ = rows; }
   /// obs [R, D] of all groups, R / G each -> [R, head size], as Actor::forward.
-  at::Tensor forward(const at::Tensor& obs) const;
+  at::Tensor forward(const at::Tensor& obs, NetworkState& state) const;
   /// The networks for the fused kernel, as fused_policy() gives that of an actor.
   std::optional<FusedPolicy> fused() const;
 
@@ -32,6 +32,7 @@ class GroupPolicy {
   ObservationSet reads() const { return shape_.reads(); }
   const InputColumns& inputs() const { return shape_.inputs(); }
   ActionKind actions() const { return shape_.actions(); }
+  int64_t state_size() const { return shape_.state_size(); }
   /// As those of Actor.
   int64_t head_size() const { return shape_.head_size(); }
   int64_t log_std_offset() const { return shape_.log_std_offset(); }

@@ -32,6 +32,18 @@ at::Tensor obs_of(const TeamStep& step) {
   return wrap(step.buffers.obs, {step.n_rows(), step.obs_stride()}, step.sim.device());
 }
 
+/// The output of a policy for the rows of a step; what it remembers goes on.
+template <class AnyPolicy>
+at::Tensor remembering(const AnyPolicy& policy, const TeamStep& s) {
+  NetworkState state;
+  if (policy.state_size() == 0) return policy.forward(obs_of(s), state);
+  const at::Tensor memory = wrap(s.buffers.memory, {s.n_rows(), s.buffers.memory_size}, s.sim.device());
+  state.rows = memory;
+  const at::Tensor head = policy.forward(obs_of(s), state);
+  memory.copy_(state.rows);
+  return head;
+}
+
 class PolicyController final : public TeamController {
  public:
   PolicyController(const Policy& policy, bool greedy)
@@ -47,18 +59,9 @@ class PolicyController final : public TeamController {
   }
 
  private:
-  /// The output for the rows of a step; what the policy remembers goes on.
-  at::Tensor remembering(const TeamStep& s) const {
-    if (policy_.state_size() == 0) return policy_.forward(obs_of(s));
-    const at::Tensor memory = wrap(s.buffers.memory, {s.n_rows(), s.buffers.memory_size}, s.sim.device());
-    NetworkState state{memory};
-    const at::Tensor head = policy_.forward(obs_of(s), state);
-    memory.copy_(state.rows);
-    return head;
-  }
   void act(const TeamStep& s) const {
     const TeamBuffers& b = s.buffers;
-    const at::Tensor head = remembering(s);
+    const at::Tensor head = remembering(policy_, s);
     if (s.sim.params().actions == ActionKind::discrete) {
       s.parallel_for.run(SampleCategorical{head.const_data_ptr<float>(), s.draws(), static_cast<int32_t*>(b.action),
                                            b.log_prob, greedy_},
@@ -81,6 +84,7 @@ class GroupController final : public TeamController {
   explicit GroupController(const GroupPolicy& policy) : policy_(policy) {}
 
   ObservationSet reads() const override { return policy_.reads(); }
+  int64_t memory_size() const override { return policy_.state_size(); }
   void act(std::span<const TeamStep> parts) override {
     const std::optional<FusedPolicy> fused = policy_.fused();
     for (const TeamStep& part : parts) {
@@ -92,7 +96,7 @@ class GroupController final : public TeamController {
 
  private:
   void act(const TeamStep& s) const {
-    const at::Tensor head = policy_.forward(obs_of(s));
+    const at::Tensor head = remembering(policy_, s);
     const bool continuous = policy_.actions() == ActionKind::continuous;
     s.parallel_for.run(PopulationActions{{policy_.actions(), false, s.draws(), s.buffers.action},
                                          head.const_data_ptr<float>(),

@@ -57,16 +57,30 @@ class LibTorchPopulations final : public PopulationController {
   void move_members(const Population& p, const TeamStep& s) const {
     const at::Tensor obs =
         wrap(s.buffers.obs, {shape_.n_members, shape_.n_worlds * s.n(), s.obs_stride()}, s.sim.device());
-    run(s, network_.forward_members(p.members, obs).contiguous(), p.members, nullptr);
+    NetworkState state{memory_of(s, {shape_.n_members, shape_.n_worlds * s.n()})};
+    const at::Tensor memory = state.rows;
+    const at::Tensor head = network_.forward_members(p.members, obs, state);
+    if (memory.defined()) memory.copy_(state.rows);
+    run(s, head.contiguous(), p.members, nullptr);
+  }
+  /// What the agents of a team remember, [..., S]; undefined without memory.
+  at::Tensor memory_of(const TeamStep& s, std::vector<int64_t> sizes) const {
+    if (memory_size() == 0) return {};
+    sizes.push_back(memory_size());
+    return wrap(s.buffers.memory, sizes, s.sim.device());
   }
   // Scripts need no head.
   void move_opponents(const Population& p, size_t k, const TeamStep& s) const {
     const int64_t m = shape_.n_members, e = shape_.n_worlds, n = s.n(), d = s.obs_stride();
     const at::Tensor obs = wrap(s.buffers.obs, {m, e, n, d}, s.sim.device());
     const at::Tensor head = at::empty({m, e, n, network_.head_size()}, obs.options());
+    const at::Tensor memory = memory_of(s, {m, e, n});
     for (const Group& group : groups_[k]) {
       const at::Tensor rows = obs.index_select(1, group.worlds).view({1, -1, d});
-      const at::Tensor out = network_.forward_members(p.opponents.narrow(0, group.network, 1), rows);
+      NetworkState state;
+      if (memory.defined()) state.rows = memory.index_select(1, group.worlds).view({1, -1, memory_size()});
+      const at::Tensor out = network_.forward_members(p.opponents.narrow(0, group.network, 1), rows, state);
+      if (memory.defined()) memory.index_copy_(1, group.worlds, state.rows.view({m, group.worlds.size(0), n, -1}));
       head.index_copy_(1, group.worlds, out.view({m, group.worlds.size(0), n, -1}));
     }
     run(s, head, p.opponents, opponents_of(k));

@@ -38,6 +38,7 @@ class PopulationController : public TeamController {
   void end();
 
   ObservationSet reads() const override;
+  int64_t memory_size() const override { return network_.state_size(); }
   /// `teams`: both in all worlds.
   void act(std::span<const TeamStep> teams) override;
 

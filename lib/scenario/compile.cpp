@@ -7,6 +7,7 @@
 
 #include "core/error.hpp"
 #include "sim/paths.hpp"
+#include "sim/physics.hpp"
 #include "sim/rewards.hpp"
 
 namespace giga {
@@ -77,6 +78,9 @@ SimParams numbers_of(const Scenario& s) {
 
   p.waypoints = s.waypoints.enable_waypoints;
   p.waypoint_size = s.waypoints.waypoint_size;
+  // Half a step less, so that rounding does not count.
+  if (s.waypoints.shown_steps)
+    p.waypoint_unseen_time = (static_cast<float>(kWaypointSteps - *s.waypoints.shown_steps) + 0.5f) * kDt;
 
   p.max_episode_length = s.max_episode_length.value_or(0);
   p.episode_ends_one_team_dead = s.episode_ends_one_team_dead;
@@ -105,6 +109,14 @@ void check_numbers(const Scenario& s, Checker& check) {
     check.fail({"waypoints.waypoint_size", "waypoints.enable_waypoints"},
                cat("waypoints.waypoint_size: ", s.waypoints.waypoint_size, " does not fit into a world of ", s.limit_x,
                    " x ", s.limit_y));
+  if (s.waypoints.shown_steps && check.can_judge({"waypoints", "rules"})) {
+    if (!s.waypoints.enable_waypoints)
+      check.fail({"waypoints.shown_steps", "waypoints.enable_waypoints"},
+                 "waypoints.shown_steps: this means nothing without waypoints.enable_waypoints: true");
+    else if (s.rules == Rules::original)
+      check.fail({"waypoints.shown_steps", "rules"},
+                 "waypoints.shown_steps: the original shows waypoints as long as they stay; it needs rules: corrected");
+  }
   if (s.win.by == WinBy::waypoints && !s.waypoints.enable_waypoints && check.can_judge({"win", "waypoints"}))
     check.fail({"win.by", "waypoints.enable_waypoints"}, "win.by: waypoints needs waypoints.enable_waypoints: true");
   if (s.win.at_time_limit != LimitWinner::tie && !s.max_episode_length &&

@@ -123,12 +123,20 @@ void visit_fields(V& v, CollisionConfig& c) {
 struct WaypointConfig {
   bool enable_waypoints = false;
   float waypoint_size = 0.6f;
+  std::optional<int> shown_steps;
 };
+
+/// The longest that a waypoint stays.
+constexpr int kWaypointSteps = 100;
 
 template <class V>
 void visit_fields(V& v, WaypointConfig& c) {
   v("enable_waypoints", c.enable_waypoints, "waypoints appear; they heal and reward those who reach them");
   v("waypoint_size", c.waypoint_size, "side of the square (units)", greater_than(0));
+  v("shown_steps", c.shown_steps,
+    "agents are shown a waypoint for so many steps after it appears, and it stays for 100: who is to reach it must "
+    "remember it (beyond the original); none = as long as it stays, 50 to 100 steps",
+    range(1, kWaypointSteps - 1));
 }
 
 constexpr std::array<const char*, 2> enum_names(WinBy) { return {"elimination", "waypoints"}; }

@@ -18,6 +18,19 @@ class CpuSimulator final : public Simulator {
     for (auto& block : scratch_) block = Buffer<char>(host_memory(), layout_.size);
   }
 
+  void redraw(const Redraw& request) override {
+    const SimParams& p = params();
+    pool_.for_ranges(request.count * p.n_team[request.team], [&](int64_t begin, int64_t end, int thread) {
+      WorldView w{};
+      attach_scratch(w, layout_, scratch_[static_cast<size_t>(thread)].data());
+      for (int64_t k = begin; k < end; ++k) {
+        const ImageRows image{request.images + k * image_bytes(p.resolution), p.resolution, 0, p.resolution,
+                              p.original()};
+        redraw_image(SerialLanes{}, p, request, k, image, marks_of(w));
+      }
+    });
+  }
+
   bool over() override {
     const Phase* phase = state_.view().phase;
     return std::all_of(phase, phase + n_worlds(), [](Phase p) { return p == Phase::waits; });

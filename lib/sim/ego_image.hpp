@@ -19,6 +19,13 @@ GIGA_HD Mark ego_mark(const Parameters auto& p, const World auto& w, int e, int 
 }
 
 /// Whether e took damage in its last step. Its counters say so, so that an image needs nothing but the state.
+GIGA_HD bool took_damage(const Parameters auto& p, const World auto& w, int e) {
+  const uint8_t* tracked = w.tracked + static_cast<int64_t>(e) * p.n_agents;
+  bool hurt = false;
+  for (int b = 0; b < p.n_agents; ++b) hurt = hurt || damage_units(p, tracked[b]) > 0;
+  return hurt;
+}
+/// The same by all lanes.
 template <class Lanes>
 GIGA_HD bool was_hurt(const Lanes& lanes, const Parameters auto& p, const World auto& w, int e) {
   bool hurt = false;
@@ -50,12 +57,12 @@ GIGA_HD void draw_tails(const Lanes& lanes, int n, int e, const Mark* marks, con
   }
 }
 
-/// Draws the rows of the image. `marks`: room for all agents.
+/// Draws the rows of the image; `hurt`: by was_hurt. `marks`: room for all agents.
 template <class Lanes>
-GIGA_HD void draw_ego_image(const Lanes& lanes, const Parameters auto& p, const World auto& w, int e,
+GIGA_HD void draw_ego_image(const Lanes& lanes, const Parameters auto& p, const World auto& w, int e, bool hurt,
                             const ImageRows& image, Mark* marks) {
   const int n = p.n_agents;
-  const Picture picture = was_hurt(lanes, p, w, e) ? Picture::hurt : Picture::ego;
+  const Picture picture = hurt ? Picture::hurt : Picture::ego;
   lanes.each(n, [&](int a) { marks[a] = ego_mark(p, w, e, a); });
   copy_bytes(lanes, picture_of(p, w, picture, image.x0), image.bytes, (image.x1 - image.x0) * row_bytes(image.side));
   draw_waypoint(lanes, p, w, image);
@@ -63,6 +70,12 @@ GIGA_HD void draw_ego_image(const Lanes& lanes, const Parameters auto& p, const 
   draw_tails(lanes, n, e, marks, image);
   lanes.each(1, [&](int) { set_pixel(image.at(marks[e].x, marks[e].y), 0, 0, 0); });
   lanes.each(n * kSpritePixels, [&](int k) { draw_sprite(image, marks[k / kSpritePixels], k % kSpritePixels); });
+}
+
+template <class Lanes>
+GIGA_HD void draw_ego_image(const Lanes& lanes, const Parameters auto& p, const World auto& w, int e,
+                            const ImageRows& image, Mark* marks) {
+  draw_ego_image(lanes, p, w, e, was_hurt(lanes, p, w, e), image, marks);
 }
 
 /// [resolution, resolution, 3] of bytes.

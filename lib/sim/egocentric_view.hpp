@@ -9,6 +9,7 @@
 #include "core/geometry.hpp"
 #include "sim/movement.hpp"
 #include "sim/observation_text.hpp"
+#include "sim/waypoint.hpp"
 
 namespace giga {
 
@@ -179,7 +180,7 @@ GIGA_HD void write_view_surroundings(const Parameters auto& p, const World auto&
   out += view_self_columns(p);
   write_view_walls(p, w, e, out);
   if (!p.waypoints) return;
-  if (*w.waypoint_time > 0)
+  if (waypoint_shown(p, w))
     write_view_waypoint(w, e, out + kViewRays);
   else
     write_nothing(kViewWaypoint, out + kViewRays);

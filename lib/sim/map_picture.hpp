@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "sim/image_rows.hpp"
+#include "sim/waypoint.hpp"
 #include "sim/world.hpp"
 
 namespace giga {
@@ -33,7 +34,7 @@ std::vector<uint8_t> make_map_pictures(const SimParams& p, const std::vector<Map
 /// black while there is none (Q21).
 template <class Lanes>
 GIGA_HD void draw_waypoint(const Lanes& lanes, const Parameters auto& p, const World auto& w, const ImageRows& image) {
-  const bool active = *w.waypoint_time > 0;
+  const bool active = waypoint_shown(p, w);
   if (!p.waypoints || !(active || p.original())) return;
   const int width = pixels_of(p.waypoint_size, p.limit_x, p.resolution);
   const int height = pixels_of(p.waypoint_size, p.limit_y, p.resolution);

@@ -14,11 +14,12 @@ enum class Observation : uint8_t {
   state,         ///< of a world: its true state, for critics (sim/state_observation.hpp)
   image,         ///< of an agent: the ego image (sim/ego_image.hpp)
   global_image,  ///< of a world: the image with all agents (sim/global_image.hpp)
+  image_state,   ///< of a world: what its ego images are drawn from (sim/image_state.hpp)
 };
-constexpr int kNObservations = 5;
+constexpr int kNObservations = 6;
 
-/// Images are drawn by a job of their own (Job::draw), from the state alone; the other observations are written by the
-/// step.
+/// Images, and what they are drawn from, are written by a job of their own (Job::draw), from the state alone; the other
+/// observations are written by the step.
 constexpr bool is_drawn(Observation kind) { return kind >= Observation::image; }
 
 /// What the elements of an observation are.

@@ -166,6 +166,13 @@ std::vector<ObservationPart> describe_image(const SimParams& p) {
                    {{"red", "0 to 255"}, {"green", "0 to 255"}, {"blue", "0 to 255"}}}});
 }
 
+std::vector<ObservationPart> describe_image_state(const SimParams& p) {
+  return present({{"image_state",
+                   "what the images of all agents are drawn from",
+                   ImageState::shape(p).size(),
+                   {{"word", "the bits of a number; lib/sim/image_state.hpp has their order"}}}});
+}
+
 }  // namespace
 
 std::vector<ObservationPart> VectorObservation::describe(const SimParams& p) { return present(describe_vector(p)); }
@@ -173,6 +180,7 @@ std::vector<ObservationPart> EgocentricView::describe(const SimParams& p) { retu
 std::vector<ObservationPart> StateObservation::describe(const SimParams& p) { return present(describe_state(p)); }
 std::vector<ObservationPart> EgoImage::describe(const SimParams& p) { return describe_image(p); }
 std::vector<ObservationPart> GlobalImage::describe(const SimParams& p) { return describe_image(p); }
+std::vector<ObservationPart> ImageState::describe(const SimParams& p) { return describe_image_state(p); }
 
 std::vector<ObservationPart> describe(Observation kind, const SimParams& p) {
   std::vector<ObservationPart> parts;

@@ -6,6 +6,7 @@
 #include "sim/ego_image.hpp"
 #include "sim/egocentric_view.hpp"
 #include "sim/global_image.hpp"
+#include "sim/image_state.hpp"
 #include "sim/state_observation.hpp"
 #include "sim/vector_observation.hpp"
 #include "sim/world.hpp"
@@ -28,6 +29,7 @@ GIGA_HD constexpr void for_each_observation(F&& f) {
   f(StateObservation{});
   f(EgoImage{});
   f(GlobalImage{});
+  f(ImageState{});
 }
 
 constexpr int count_observations() {
@@ -152,6 +154,12 @@ GIGA_HD void keep_final(const Lanes& lanes, const Parameters auto& p, const Step
   });
 }
 
+/// Room for the marks of all agents, where their features lie while observations are written.
+GIGA_HD Mark* marks_of(World auto& w) {
+  static_assert(sizeof(Mark) <= kNeighborFeatures * sizeof(float));
+  return reinterpret_cast<Mark*>(&w.features[0]);
+}
+
 /// Draws the images of a world that are wanted, into their rows or, `final`, where those before a reset are kept.
 /// `marks`: room for all agents.
 template <class Lanes>
@@ -166,6 +174,9 @@ GIGA_HD void draw_images(const Lanes& lanes, const Parameters auto& p, const Wor
   using Rows = WantedRows<GlobalImage>;
   uint8_t* row = final ? Rows::final_row(p, io, world, 0) : Rows::row(p, io, world, 0);
   if (row) draw_global_image(lanes, p, w, whole(row), marks);
+  using States = WantedRows<ImageState>;
+  int32_t* state = final ? States::final_row(p, io, world, 0) : States::row(p, io, world, 0);
+  if (state) write_image_state(lanes, p, w, state);
 }
 
 }  // namespace giga

@@ -131,6 +131,7 @@ struct SimParams {
 
   bool waypoints = false;
   float waypoint_size = 0.6f;
+  float waypoint_unseen_time = 0;  ///< waypoints.shown_steps: agents see it while it stays longer than this (seconds)
 
   int max_episode_length = 500;  ///< steps; 0 = no limit
   bool episode_ends_one_team_dead = true;

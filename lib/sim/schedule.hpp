@@ -39,11 +39,11 @@ struct Jobs {
 /// Whether images are wanted, and whether those before a reset are.
 GIGA_HD bool wants_images(const StepIo& io) {
   return io.team[0].obs[Observation::image].rows || io.team[1].obs[Observation::image].rows ||
-         io.world[Observation::global_image].rows;
+         io.world[Observation::global_image].rows || io.world[Observation::image_state].rows;
 }
 GIGA_HD bool wants_final_images(const StepIo& io) {
   return io.team[0].obs[Observation::image].final_rows || io.team[1].obs[Observation::image].final_rows ||
-         io.world[Observation::global_image].final_rows;
+         io.world[Observation::global_image].final_rows || io.world[Observation::image_state].final_rows;
 }
 
 /// Whether Job::step also does what follows where it ended an episode: the world waits, or its next episode starts.

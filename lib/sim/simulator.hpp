@@ -15,6 +15,8 @@
 
 namespace giga {
 
+struct Redraw;  // sim/image_state.hpp
+
 struct SimOptions {
   int n_worlds = 1;
   uint64_t seed = 0;
@@ -111,6 +113,9 @@ class Simulator {
   /// Writes the observations and alive flags of `io` once more, for buffers that do not hold them (after loading a
   /// state): for every world, including waiting ones, exactly as its last start or step wrote them.
   void observe(const StepIo& io);
+  /// Draws ego images again from rows of Observation::image_state, all in the memory of the device; the same bytes as
+  /// those that were drawn beside these rows.
+  virtual void redraw(const Redraw& request) = 0;
   /// Sums of finished episodes since the last call; waits for queued steps.
   virtual EpisodeStats take_stats() = 0;
   /// OnDone::freeze: whether all worlds wait, as far as is known without waiting for the steps queued last: on a GPU it

@@ -214,10 +214,8 @@ GIGA_HD void run_job(const Lanes& lanes, const Parameters auto& p, World auto& w
   // Every world, those that wait too: the buffers need not hold what was written before.
   if constexpr (job == Job::observe) write_observations(lanes, p, w, io, world);
   if constexpr (job == Job::draw || job == Job::draw_final) {
-    static_assert(sizeof(Mark) <= kNeighborFeatures * sizeof(float), "marks lie where the features of agents do");
     const bool final = job == Job::draw_final;
-    if (!final || keeps_final(w, io))
-      draw_images(lanes, p, w, io, world, final, reinterpret_cast<Mark*>(&w.features[0]));
+    if (!final || keeps_final(w, io)) draw_images(lanes, p, w, io, world, final, marks_of(w));
   }
 }
 

@@ -7,6 +7,7 @@
 #include "sim/image_rows.hpp"
 #include "sim/observation_text.hpp"
 #include "sim/rows.hpp"
+#include "sim/waypoint.hpp"
 #include "sim/world.hpp"
 
 namespace giga {
@@ -145,6 +146,7 @@ GIGA_HD const float* features_of_boxes(const Parameters auto& p, const World aut
 /// Numbers behind the neighbors: the waypoint relative to e and its remaining seconds, then the boxes of the map.
 constexpr int kWaypointFeatures = 5;
 GIGA_HD float waypoint_value(const Parameters auto& p, const World auto& w, int e, int k) {
+  if (p.waypoint_unseen_time > 0 && !waypoint_shown(p, w)) return 0;
   if (k == 4) return *w.waypoint_time;
   return (k & 1) ? (w.waypoint[k] - w.y[e]) * p.inv_limit_y : (w.waypoint[k] - w.x[e]) * p.inv_limit_x;
 }

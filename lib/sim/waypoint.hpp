@@ -14,6 +14,11 @@ GIGA_HD void touch_waypoint(const Parameters auto& p, World auto& w, int i) {
   if (*w.waypoint_time > 0 && inside && (p.original() || w.was_alive[i])) w.flags[i] |= kHitWaypoint;
 }
 
+/// Whether agents are shown the present waypoint (rules 16.7).
+GIGA_HD bool waypoint_shown(const Parameters auto& p, const World auto& w) {
+  return *w.waypoint_time > p.waypoint_unseen_time;
+}
+
 /// Ages the waypoint, removes a collected one, which counts once for each team that had a living agent in it, and lets
 /// a new one appear where there is none.
 template <class Draws>
@@ -34,7 +39,8 @@ GIGA_HD void update_waypoint(const Parameters auto& p, World auto& w, Draws& dra
     w.waypoint[1] = draws.waypoint_location(1) * (p.limit_y - p.waypoint_size);
     w.waypoint[2] = w.waypoint[0] + p.waypoint_size;
     w.waypoint[3] = w.waypoint[1] + p.waypoint_size;
-    time += Physics::waypoint_min_time + Physics::waypoint_more_time * draws.waypoint_time();
+    const float more = p.waypoint_unseen_time > 0 ? 1.0f : draws.waypoint_time();
+    time += Physics::waypoint_min_time + Physics::waypoint_more_time * more;
   }
   *w.waypoint_time = time;
 }

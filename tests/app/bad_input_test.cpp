@@ -195,6 +195,17 @@ std::vector<BadInput> meanings() {
                  "pool; it needs at least 1"}),
       in_evolution("setting of another algorithm", "train: {algorithm: openai_es, n_worlds: 64}",
                    {"run.yaml:2:41: train.n_worlds: this means nothing to train.algorithm openai_es"}),
+      in_config("memory without steps to learn it from", "mappo: {horizon: 1, actor: {memory: gru}}",
+                {"run.yaml:2:37: mappo.actor.memory: 'gru' learns from the steps of a rollout in a row, and "
+                 "mappo.horizon is 1; allowed with it: none; with memory mappo.horizon is at least 2"}),
+      in_config("minibatches of parts of worlds, with memory",
+                "train: {n_worlds: 10}\nmappo: {n_minibatches: 4, actor: {memory: lstm}}",
+                {"run.yaml:3:24: mappo.n_minibatches: 4 does not divide train.n_worlds = 10, whose rollouts stay whole "
+                 "with memory; nearest: 2, 5"}),
+      in_evolution("memory in half precision",
+                   "train: {algorithm: snes, precision: fp16}\npopulation: {actor: {memory: gru}}",
+                   {"run.yaml:2:37: train.precision: fp16 is computed by one kernel, which knows no memory, and "
+                    "population.actor.memory is gru; allowed there: fp32, tf32, bf16"}),
       in_config("horizon longer than an episode", "environment: {max_episode_length: 20}\nmappo: {horizon: 32}",
                 {"run.yaml:3:18: mappo.horizon: 32 is longer than an episode of scenario 'identical_2_vs_2'"}),
       {"run folder that holds something",

@@ -49,6 +49,27 @@ TEST_F(ExportedRun, EveryFormatHasItsFiles) {
   }
 }
 
+// Whole games, so that what is remembered from step to step counts.
+TEST_F(ExportedRun, WithMemoryItPlaysAsItsRunDoes) {
+  const Outcome trained =
+      here_->run({"train", "short.yaml", "--run-dir", "remembers", "--quiet", "--set", "train.opponent=circle", "--set",
+                  "mappo.actor.memory=lstm", "--set", "mappo.actor.memory_size=4"});
+  ASSERT_EQ(trained.code, 0) << trained.err;
+  const auto games = [](const std::string& player) {
+    const Outcome outcome =
+        here_->run({"eval", player, "--vs", "circle", "--episodes", "16", "--trust", "--json", "-"});
+    EXPECT_EQ(outcome.code, 0) << outcome.err;
+    return print_node(at(parse_yaml_text(outcome.out, player), {"sides"}));
+  };
+  const std::string expected = games("remembers");
+  for (const char* format : {"safetensors", "torchscript"}) {
+    const std::string folder = std::string("remembers_") + format;
+    ASSERT_EQ(run_export("remembers", "0", format, folder).code, 0);
+    EXPECT_EQ(number_at(parse_yaml_text(here_->read(folder + "/manifest.json"), format), {"state", "size"}), 2 * 4);
+    EXPECT_EQ(games(folder), expected) << format;
+  }
+}
+
 TEST_F(ExportedRun, OfARunItIsTheBestCheckpoint) {
   ASSERT_EQ(run_export("run", "0", "safetensors", "of_run").code, 0);
   ASSERT_EQ(run_export("run/checkpoints/best.h5", "0", "safetensors", "of_best").code, 0);
@@ -79,6 +100,8 @@ TEST_F(ExportedRun, MistakesEndWithCodeTwoAndLeaveNothing) {
     EXPECT_TRUE(contains(outcome.err, parts));
   };
   refused(run_export("run", "0", "onyx", "new"), {"format 'onyx' is unknown; nearest: 'onnx'; allowed: safetensors"});
+  refused(here_->run({"export", "run", "--team", "0", "--format", "onnx", "--view", "inputs", "--out", "new"}),
+          {"view 'inputs' is unknown; nearest: 'input'; allowed: inside, input"});
   refused(run_export("run", "1", "onnx", "new"), {"team 1 of run", "scripted in training; team 0 has one"});
   refused(run_export("run", "2", "onnx", "new"), {"--team"});
   refused(run_export("nowhere", "0", "onnx", "new"), {"there is no checkpoint or run folder nowhere"});

@@ -120,13 +120,15 @@ TEST(Examples, AnExportedPolicyGivesTheSameNumbersInPythonAndCpp) {
   project.here().write("short.yaml", kShortConfig);
   const Outcome made = project.shell(
       "scripts/run train short.yaml --run-dir run --quiet --set environment.observation.egocentric_view=true\n"
-      "scripts/run export run --team 0 --format safetensors --out policy\n"
+      "scripts/run export run --team 0 --format safetensors --view input --out policy\n"
+      "scripts/run export run --team 0 --format safetensors --out alone\n"
       "c++ -std=c++20 examples/use_policy.cpp -o use_policy\n");
   ASSERT_EQ(made.code, 0) << made.err;
   const Outcome cpp = project.shell("./use_policy policy");
   ASSERT_EQ(cpp.code, 0) << cpp.err;
   EXPECT_TRUE(contains(cpp.out, {"action: ", "\"throttle\":", "head: "}));
   EXPECT_NE(project.shell("./use_policy nowhere").code, 0);
+  EXPECT_TRUE(contains(project.shell("./use_policy alone").err, {"export with --view input"}));
 
   const std::string python = python_with("numpy, safetensors");
   if (python.empty()) GTEST_SKIP() << "no Python with numpy and safetensors: scripts/bootstrap --dev installs them";

@@ -28,10 +28,14 @@ def check_onnx(folder, manifest):
     model = onnx.load(folder / manifest["file"])
     onnx.checker.check_model(model, full_check=True)
     assert model.opset_import[0].version >= 17, model.opset_import
-    (obs,), (head,) = model.graph.input, model.graph.output
-    sides = [[d.dim_param or d.dim_value for d in v.type.tensor_type.shape.dim] for v in (obs, head)]
-    assert (obs.name, head.name) == ("obs", manifest["action"]["output"]), (obs.name, head.name)
-    assert sides == [["batch", manifest["observation"]["size"]], ["batch", manifest["action"]["size"]]], sides
+    values = {v.name: [d.dim_param or d.dim_value for d in v.type.tensor_type.shape.dim]
+              for v in [*model.graph.input, *model.graph.output]}
+    expected = {"obs": ["batch", manifest["observation"]["size"]],
+                manifest["action"]["output"]: ["batch", manifest["action"]["size"]]}
+    state = manifest["state"]
+    if state["size"] > 0:
+        expected |= {state["input"]: ["batch", state["size"]], state["output"]: ["batch", state["size"]]}
+    assert values == expected, values
 
 
 def check_torchscript(folder, manifest):
@@ -63,6 +67,14 @@ def check_actions(example, manifest, head):
         assert example.act(head, random).shape == (3,)
 
 
+def third_head(example, policy, obs):
+    """What comes out at the third step in which the agents see the same."""
+    state = example.start(len(obs))
+    for _ in range(3):
+        head, state = policy.step(obs, state)
+    return head
+
+
 def compare(folder, obs):
     """The largest difference of an export's outputs, together and row by row."""
     import numpy as np
@@ -73,11 +85,13 @@ def compare(folder, obs):
     assert expected.shape[1] == manifest["action"]["size"], expected.shape
     example = load_example(folder)
     policy = example.Policy()
-    together, alone = policy(obs), np.concatenate([policy(row[None]) for row in obs])
+    together = third_head(example, policy, obs)
+    alone = np.concatenate([third_head(example, policy, row[None]) for row in obs])
     assert together.dtype == np.float32 and together.shape == expected.shape, (together.dtype, together.shape)
     {"onnx": check_onnx, "torchscript": check_torchscript}.get(manifest["format"], lambda *_: None)(folder, manifest)
     check_actions(example, manifest, expected[0])
-    assert policy(example.example_observation()).shape == (1, manifest["action"]["size"])
+    head, state = policy.step(example.example_observation(), example.start(1))
+    assert head.shape == (1, manifest["action"]["size"]) and state.shape == (1, manifest["state"]["size"])
     return max(abs(together - expected).max(), abs(alone - expected).max())
 
 

@@ -14,23 +14,38 @@ namespace giga::test {
 /// 2 against 2 with a waypoint and two boxes: observations of 4 x 9 + 5 + 2 x 4 = 49 numbers, padded to 56.
 SimSpec small_spec(ActionKind actions);
 constexpr int kInputs = 49, kPaddedInputs = 56;
+/// The same with the egocentric view, which begins at 56: 7 + 12 + 3 + 3 x 8 = 46 numbers.
+SimSpec small_spec_with_view(ActionKind actions);
 
 struct ActorKind {
   ActionKind actions = ActionKind::discrete;
   Activation activation = Activation::tanh;
   bool layer_norm = false, normalizes = false;
   bool reads_part = false;  ///< columns 8 to 47 only
+  MemoryKind memory = MemoryKind::none;
 
   std::string name() const;  ///< "discrete_tanh_layer_norm"
 };
-/// All 2 x 4 x 2 x 2 that read everything, and one of each kind of action that reads a part.
+/// All 2 x 4 x 2 x 2 that read everything; and one of each kind of action that reads a part, and with each memory.
 std::vector<ActorKind> all_kinds();
+
+/// A random actor for small_spec_with_view, which reads the view alone (`reads_part`) or everything.
+Actor make_actor_with_view(const ActorKind& kind);
 
 /// Hidden layers of 12 and 10; every parameter, biases too, is random, and so are the moments of the normaliser.
 Actor make_random_actor(const ActorKind& kind);
 
 /// [rows, kPaddedInputs], of mean 2 and deviation 3; zeros behind column kInputs.
 at::Tensor random_observations(int64_t rows);
+
+/// Rows of all agents in games with discrete actions that are drawn, every eighth step: [rows, observation_size()].
+at::Tensor played_rows(SimSpec spec, int64_t n_rows);
+
+/// Such rows as networks read them, with zeros behind.
+at::Tensor padded(const at::Tensor& rows, const SimSpec& spec);
+
+/// What a policy gives at the third step in which it sees the same; without memory as at the first.
+at::Tensor third_head(const Policy& policy, const at::Tensor& obs);
 
 /// Of team 1 after 12 updates.
 PolicyOrigin sample_origin();

@@ -44,7 +44,17 @@ void write_tensor(const fs::path& file, const at::Tensor& tensor) {
   write_file(file, {static_cast<const char*>(values.data_ptr()), values.nbytes()});
 }
 
-/// Exports an actor of every kind, with the numbers that it gives beside it, and lets Python compare.
+/// Lets Python compare the exports of a folder with the numbers beside them.
+void expect_agreement(const TemporaryFolder& folder, size_t n) {
+  const Outcome outcome = run_python(shell_word(source_path("tests/export/compare.py")) + " " +
+                                     shell_word(folder.path().string()) + " 1e-5");
+  if (outcome.code == kNotInstalled || outcome.code == kNoPython)
+    GTEST_SKIP() << "not all that reads the format is installed (scripts/bootstrap --dev): " << outcome.out;
+  EXPECT_EQ(outcome.code, 0) << outcome.out;
+  EXPECT_NE(outcome.out.find(cat(n, " policies agree")), std::string::npos) << outcome.out;
+}
+
+/// Exports an actor of every kind, with the numbers that it gives beside it.
 void compare_with_python(ExportFormat format) {
   const TemporaryFolder folder;
   const at::Tensor obs = random_observations(kRows);
@@ -55,19 +65,37 @@ void compare_with_python(ExportFormat format) {
     PolicyOrigin origin = sample_origin();
     if (kind.layer_norm) origin.selection = ActionSelection::greedy;
     write_export(folder / kind.name(), format, actor, small_spec(kind.actions), origin);
-    write_tensor(folder / (kind.name() + ".f32"), actor.forward(obs).slice(1, 0, outputs));
+    write_tensor(folder / (kind.name() + ".f32"), third_head(actor, obs).slice(1, 0, outputs));
   }
-  const Outcome outcome = run_python(shell_word(source_path("tests/export/compare.py")) + " " +
-                                     shell_word(folder.path().string()) + " 1e-5");
-  if (outcome.code == kNotInstalled || outcome.code == kNoPython)
-    GTEST_SKIP() << "not all that reads the format is installed (scripts/bootstrap --dev): " << outcome.out;
-  EXPECT_EQ(outcome.code, 0) << outcome.out;
-  EXPECT_NE(outcome.out.find(cat(all_kinds().size(), " policies agree")), std::string::npos) << outcome.out;
+  expect_agreement(folder, all_kinds().size());
+}
+
+/// The same of policies that read the egocentric view: they compute it from the vector observation.
+void compare_view_with_python(ExportFormat format) {
+  const TemporaryFolder folder;
+  size_t n = 0;
+  for (const ActionKind actions : {ActionKind::discrete, ActionKind::continuous})
+    for (const bool normalizes : {false, true}) {
+      ActorKind kind{actions, Activation::tanh, false, normalizes, actions == ActionKind::discrete};
+      if (normalizes) kind.memory = MemoryKind::gru;
+      const SimSpec spec = small_spec_with_view(actions);
+      const at::Tensor rows = played_rows(spec, kRows);
+      const Actor actor = make_actor_with_view(kind);
+      const int outputs = actions == ActionKind::discrete ? kNDiscreteActions : kActionSize;
+      write_tensor(folder / "obs.f32", rows.slice(1, 0, kInputs));
+      write_export(folder / kind.name(), format, actor, spec, sample_origin());
+      write_tensor(folder / (kind.name() + ".f32"), third_head(actor, padded(rows, spec)).slice(1, 0, outputs));
+      ++n;
+    }
+  expect_agreement(folder, n);
 }
 
 TEST(ExportPython, SafetensorsGiveTheSameNumbers) { compare_with_python(ExportFormat::safetensors); }
 TEST(ExportPython, OnnxRuntimeGivesTheSameNumbers) { compare_with_python(ExportFormat::onnx); }
 TEST(ExportPython, TorchScriptGivesTheSameNumbers) { compare_with_python(ExportFormat::torchscript); }
+TEST(ExportPython, SafetensorsComputeTheView) { compare_view_with_python(ExportFormat::safetensors); }
+TEST(ExportPython, OnnxRuntimeComputesTheView) { compare_view_with_python(ExportFormat::onnx); }
+TEST(ExportPython, TorchScriptComputesTheView) { compare_view_with_python(ExportFormat::torchscript); }
 
 }  // namespace
 }  // namespace giga::test

@@ -11,7 +11,6 @@
 #include "io/temporary_folder.hpp"
 #include "policies.hpp"
 #include "scenario/scenario.hpp"
-#include "support/leaky_sum.hpp"
 
 namespace giga::test {
 namespace {
@@ -44,7 +43,7 @@ TEST(ExportRoundTrip, SafetensorsGiveTheSameActor) {
     write(folder / kind.name(), ExportFormat::safetensors, kind);
     const auto policy = read(folder / kind.name(), spec, false).policy;
     ASSERT_EQ(policy->actions(), kind.actions);
-    const at::Tensor head = policy->forward(obs), expected = actor.forward(obs);
+    const at::Tensor head = third_head(*policy, obs), expected = third_head(actor, obs);
     ASSERT_EQ(head.sizes(), expected.sizes());
     EXPECT_TRUE(at::equal(without_unused_logit(head), without_unused_logit(expected)));
     EXPECT_TRUE(kind.actions == ActionKind::discrete || at::equal(policy->log_std(), actor.log_std()));
@@ -60,7 +59,7 @@ TEST(ExportRoundTrip, TorchScriptGivesTheSameNumbers) {
     write(folder / kind.name(), ExportFormat::torchscript, kind);
     const auto policy = read(folder / kind.name(), small_spec(kind.actions), true).policy;
     ASSERT_EQ(policy->actions(), kind.actions);
-    const at::Tensor head = policy->forward(obs), expected = actor.forward(obs);
+    const at::Tensor head = third_head(*policy, obs), expected = third_head(actor, obs);
     ASSERT_EQ(head.sizes(), expected.sizes());
     ASSERT_TRUE(head.is_contiguous());
     EXPECT_LE(worst(without_unused_logit(head), without_unused_logit(expected)), 1e-5);
@@ -73,12 +72,12 @@ TEST(ExportRoundTripGpu, PoliciesPlayOnTheGpu) {
   const TemporaryFolder folder;
   const at::Tensor obs = random_observations(33);
   for (const ActorKind& kind : all_kinds()) {
-    const at::Tensor expected = without_unused_logit(make_random_actor(kind).forward(obs));
+    const at::Tensor expected = without_unused_logit(third_head(make_random_actor(kind), obs));
     for (const ExportFormat format : {ExportFormat::safetensors, ExportFormat::torchscript}) {
       const std::string name = kind.name() + "_" + FieldCodec<ExportFormat>::print(format);
       write(folder / name, format, kind);
       const auto policy = read(folder / name, small_spec(kind.actions), true, {Device::Kind::cuda, 0}).policy;
-      const at::Tensor head = policy->forward(obs.to(at::kCUDA));
+      const at::Tensor head = third_head(*policy, obs.to(at::kCUDA));
       EXPECT_LT(worst(without_unused_logit(head).cpu(), expected), 1e-2) << name;  // matrix products may be TF32
     }
   }
@@ -207,17 +206,78 @@ TEST(ExportRoundTrip, DeviationsArePositive) {
   EXPECT_TRUE(contains(export_refusal(file), {"observation.std': number 0 is 0; a deviation must be > 0"}));
 }
 
-// The formats have no place for what a network remembers.
-TEST(ExportRoundTrip, ANetworkWithMemoryIsNotWritten) {
+// Where the scenario offers the view, its numbers are those of the training; elsewhere the policy computes them.
+TEST(ExportRoundTrip, APolicyComputesTheEgocentricView) {
   const TemporaryFolder folder;
-  const Actor leaky(ActorConfig(), kPaddedInputs, ActionKind::discrete, false, Precision::fp32, at::kCPU, 1,
-                    make_leaky_sum);
-  const SimSpec spec = small_spec(ActionKind::discrete);
-  for (const ExportFormat format : {ExportFormat::safetensors, ExportFormat::onnx, ExportFormat::torchscript}) {
-    const fs::path to = folder / FieldCodec<ExportFormat>::print(format);
-    EXPECT_TRUE(contains(input_error_of([&] { write_export(to, format, leaky, spec, sample_origin()); }),
-                         {"only policies of dense layers can be exported (encoder: mlp)"}));
-    EXPECT_FALSE(fs::exists(to / "manifest.json"));
+  for (const ActorKind& kind : {ActorKind{ActionKind::discrete, Activation::tanh, false, false, true},
+                                ActorKind{ActionKind::continuous, Activation::tanh, false, true, false}}) {
+    const SimSpec with = small_spec_with_view(kind.actions), without = small_spec(kind.actions);
+    const Actor actor = make_actor_with_view(kind);
+    const at::Tensor rows = played_rows(with, 33), expected = actor.forward(padded(rows, with));
+    for (const ExportFormat format : {ExportFormat::safetensors, ExportFormat::torchscript}) {
+      SCOPED_TRACE(kind.name() + FieldCodec<ExportFormat>::print(format));
+      const fs::path path = folder / (kind.name() + FieldCodec<ExportFormat>::print(format));
+      write_export(path, format, actor, with, sample_origin());
+      const Manifest manifest = read_manifest(path / kManifestName);
+      EXPECT_EQ(manifest.shape.view, row_view(with));
+      EXPECT_EQ(interface_of(manifest).inputs, kInputs);
+      const at::Tensor here = read(path, with, true).policy->forward(padded(rows, with));
+      const at::Tensor alone = read(path, without, true).policy->forward(padded(rows.slice(1, 0, kInputs), without));
+      EXPECT_LE(worst(without_unused_logit(alone), without_unused_logit(expected)), 1e-4);
+      if (format == ExportFormat::safetensors) {
+        EXPECT_TRUE(at::equal(without_unused_logit(here), without_unused_logit(expected)));
+      }
+      EXPECT_LE(worst(without_unused_logit(here), without_unused_logit(expected)), 1e-4);
+    }
+  }
+}
+
+TEST(ExportRoundTrip, TheEgocentricViewAsInput) {
+  const TemporaryFolder folder;
+  const ActorKind kind{ActionKind::discrete, Activation::tanh, false, false, true};
+  const SimSpec spec = small_spec_with_view(kind.actions);
+  write_export(folder / "input", ExportFormat::safetensors, make_actor_with_view(kind), spec, sample_origin(),
+               {ViewPlace::input});
+  const Manifest manifest = read_manifest(folder / "input/manifest.json");
+  EXPECT_FALSE(manifest.shape.view);
+  EXPECT_EQ(interface_of(manifest).inputs, spec.observation_size());
+  EXPECT_TRUE(contains(export_refusal(folder / "input"), {"egocentric_self"}));  // small_spec offers no view
+}
+
+TEST(ExportRoundTrip, AModuleComputesTheViewOfMapsOfItsSize) {
+  const TemporaryFolder folder;
+  const ActorKind kind{ActionKind::discrete, Activation::tanh, false, false, true};
+  const Actor actor = make_actor_with_view(kind);
+  SimSpec wider = small_spec(kind.actions);
+  wider.params.limit_x = 12;
+  wider.finish();
+  for (const ExportFormat format : {ExportFormat::safetensors, ExportFormat::torchscript}) {
+    const fs::path path = folder / FieldCodec<ExportFormat>::print(format);
+    write_export(path, format, actor, small_spec_with_view(kind.actions), sample_origin());
+    const std::string message = input_error_of([&] { read(path, wider, true); });
+    EXPECT_TRUE(contains(message, {format == ExportFormat::torchscript ? "view of maps of 10 x 10; those of 'small' "
+                                                                         "are 12 x 10"
+                                                                       : "no error"}));
+  }
+}
+
+// The first step of an episode and a later one differ, and so do both formats' modules.
+TEST(ExportRoundTrip, AMemoryIsExportedToo) {
+  const TemporaryFolder folder;
+  const at::Tensor obs = random_observations(5);
+  for (const MemoryKind memory : {MemoryKind::gru, MemoryKind::lstm}) {
+    ActorKind kind;
+    kind.memory = memory;
+    for (const ExportFormat format : {ExportFormat::safetensors, ExportFormat::torchscript}) {
+      const fs::path to = folder / (kind.name() + FieldCodec<ExportFormat>::print(format));
+      write(to, format, kind);
+      const Manifest manifest = read_manifest(to / "manifest.json");
+      EXPECT_EQ(manifest.shape.memory, memory);
+      EXPECT_EQ(manifest.shape.memory_size, 9);
+      const auto policy = read(to, small_spec(kind.actions), true).policy;
+      EXPECT_EQ(policy->state_size(), memory == MemoryKind::lstm ? 18 : 9);
+      EXPECT_GT(worst(policy->forward(obs), third_head(*policy, obs)), 0.01);
+    }
   }
 }
 

@@ -19,8 +19,9 @@ SmallRun evolution(const std::string& algorithm, const std::string& population =
   run.train = "algorithm: " + algorithm;
   run.n_threads = 1;  // so little work that threads only wait for each other
   const bool episodes = population.find("episodes_per_member") != std::string::npos;
-  run.more = cat("population: {population_size: 8, actor: {hidden: [8, 8]}", episodes ? "" : ", episodes_per_member: 2",
-                 population.empty() ? "" : ", ", population, "}\n", more);
+  const bool actor = population.find("actor") != std::string::npos;
+  run.more = cat("population: {population_size: 8", actor ? "" : ", actor: {hidden: [8, 8]}",
+                 episodes ? "" : ", episodes_per_member: 2", population.empty() ? "" : ", ", population, "}\n", more);
   run.scenario = scenario;
   return run;
 }
@@ -46,6 +47,8 @@ const EvolutionVariant kEvolutionVariants[] = {
     {"SnesScoreWaypoints", evolution("snes", "objective: score, max_steps: 20", "",
                                      "waypoints: {enable_waypoints: true}\nmaps: four_rooms\n")},
     {"DesRounds", evolution("des", "episodes_per_member: 6, parallel_episodes: 2, max_steps: 30, greedy: false")},
+    {"SnesGruPool", evolution("snes", "actor: {hidden: [8], memory: gru, memory_size: 6}",
+                              "opponents: {pool_size: 3, pool_every_updates: 1, pool_share: 0.5}\n")},
     {"OpenAiTeamOneAgainstCircle", with_train(evolution("openai_es"), "opponent: circle, learning_team: 1")},
 };
 

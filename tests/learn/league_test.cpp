@@ -110,6 +110,33 @@ TEST(LearnLeague, EachGroupPlaysItsPolicy) {
   }
 }
 
+// Of two networks with memory in one group of worlds each, every row remembers what its own network would.
+TEST(LearnLeague, EachGroupRemembersByItsOwnPolicy) {
+  at::NoGradGuard no_grad;
+  ActorConfig config;
+  config.hidden = {8};
+  config.memory = MemoryKind::gru;
+  config.memory_size = 5;
+  const auto make = [&](uint64_t seed) {
+    return Actor(config, 6, ActionKind::discrete, true, Precision::fp32, at::kCPU, seed);
+  };
+  const Actor a = make(1), b = make(2);
+  GroupPolicy groups(a, config, Precision::fp32);
+  ASSERT_EQ(groups.state_size(), 5);
+  groups.set(at::stack({GroupPolicy::row_of(a), GroupPolicy::row_of(b)}));
+  NetworkState state, state_a, state_b;
+  state.rows = at::zeros({6, 5});
+  for (int t = 0; t < 3; ++t) {
+    const at::Tensor obs = at::randn({6, 6});
+    const at::Tensor head = groups.forward(obs, state);
+    const at::Tensor expected =
+        at::cat({a.forward(obs.narrow(0, 0, 3), state_a), b.forward(obs.narrow(0, 3, 3), state_b)});
+    EXPECT_LT((head - expected).abs().max().item<double>(), 1e-5) << "step " << t;
+    ASSERT_EQ(state.rows.sizes(), at::IntArrayRef({6, 5}));
+    EXPECT_LT((state.rows - at::cat({state_a.rows, state_b.rows})).abs().max().item<double>(), 1e-5) << "step " << t;
+  }
+}
+
 Rollout copy_of(const Rollout& rollout) {
   const auto copy = [](const at::Tensor& x) { return x.defined() ? x.clone() : x; };
   Rollout result;

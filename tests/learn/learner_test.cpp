@@ -23,6 +23,7 @@ SmallRun with_opponents(SmallRun run, const std::string& keys) {
   run.more = "opponents: {" + keys + "}\n";
   return run;
 }
+constexpr const char* kGru = "hidden: [16], memory: gru, memory_size: 8";
 const Variant kVariants[] = {
     {"Plain", {}},
     {"ContinuousObsNormStateCritic", {"", "obs_norm: true", "kind: state, hidden: [16, 12]", "action: continuous\n"}},
@@ -51,6 +52,12 @@ const Variant kVariants[] = {
                      "action: continuous\nteam_0: [{type: default, count: 3}]\n"},
                     "pool_size: 2, pool_every_updates: 2, pool_share: 0.4, pool_draw: recency")},
     {"NoSelfPlay", with_opponents({}, "pool_size: 5, pool_every_updates: 2, pool_share: 1")},
+    {"GruObsNorm", {"", "obs_norm: true", kGru, "action: continuous\n", 3, kGru}},
+    {"LstmPoolAndScripts",
+     with_opponents({"", "", "kind: state, hidden: [8], memory: lstm, memory_size: 6", "", 3,
+                     "hidden: [16], memory: lstm, memory_size: 6"},
+                    "pool_size: 2, pool_every_updates: 1, pool_share: 0.5, scripted: [circle], scripted_share: 0.25")},
+    {"OnlyTheCriticRemembers", {"opponent: circle", "", "kind: independent, hidden: [8], memory: gru", ""}},
 };
 
 class LearnVariants : public testing::TestWithParam<Variant> {};

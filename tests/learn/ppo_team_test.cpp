@@ -10,7 +10,6 @@
 #include "core/error.hpp"
 #include "rollout/policy_controllers.hpp"
 #include "runs.hpp"
-#include "support/leaky_sum.hpp"
 
 namespace giga::test {
 namespace {
@@ -204,8 +203,7 @@ TEST(LearnPpoTeam, MinibatchesHaveEachStateOfTheTeamsWorldsOnce) {
 /// Two teams with memory, and the worlds in which they play.
 struct TeamsWithMemory {
   TeamsWithMemory(const LoadedRun& run, const ParallelFor& parallel_for)
-      : team{{run, 0, kCpu, parallel_for, {0, 24}, make_leaky_sum},
-             {run, 1, kCpu, parallel_for, {0, 24}, make_leaky_sum}},
+      : team{{run, 0, kCpu, parallel_for, {0, 24}}, {run, 1, kCpu, parallel_for, {0, 24}}},
         sim(make_cpu_simulator(run.spec, {24, 17, 0, OnDone::reset, 1})),
         collector(*sim, parallel_for, {run.config.mappo.horizon, false, true},
                   {everywhere(policy_controller(team[0].actor()), *sim),
@@ -217,9 +215,11 @@ struct TeamsWithMemory {
   Collector collector;
 };
 
-LoadedRun run_with_memory() {
+LoadedRun run_with_memory(const char* kind = "gru") {
   SmallRun small;
-  small.actor = "hidden: [16], output_gain: 1";
+  small.actor = cat("hidden: [16], output_gain: 1, memory_size: 12, memory: ", kind);
+  small.critic = cat("hidden: [16, 16], memory_size: 10, memory: ", kind);
+  small.mappo = "value_norm: false";
   LoadedRun run = small.load();  // 24 worlds, 8 steps, episodes of at most 40
   run.config.mappo.n_minibatches = 1;
   return run;
@@ -254,6 +254,58 @@ TEST(LearnPpoTeam, AnActorWithMemoryLearnsFromSequences) {
     changed = rollout;
     changed.done = at::zeros_like(rollout.done);
     EXPECT_GT(ratio_error(changed), 1e-3) << "without resets";
+  }
+}
+
+// The values of a rollout are those of a critic that goes through the games step by step and forgets where one begins;
+// a game that is cut off is worth the value of its last observation, with what was remembered until then.
+TEST(LearnPpoTeam, ACriticWithMemoryValuesSequences) {
+  const ParallelFor parallel_for(kCpu, 1);
+  for (const char* kind : {"gru", "lstm"}) {
+    const LoadedRun run = run_with_memory(kind);
+    TeamsWithMemory game(run, parallel_for);
+    PpoTeam& team = game.team[0];
+    NamedArrays arrays;
+    team.save_critic("", arrays);
+    Critic critic(run.config.mappo.critic, critic_shape(run.config.mappo.critic, run.spec, 0), Precision::fp32,
+                  parallel_for, at::kCPU, 0);
+    critic.parameters().load("critic/", arrays);
+    at::NoGradGuard no_grad;
+    NetworkState state;
+    int cut_off = 0;
+    for (int k = 0; k < 6; ++k) {
+      game.collector.collect();
+      const Rollout& rollout = game.collector.rollout();
+      const TeamRollout& r = rollout.team[0];
+      team.compute_advantages(rollout);
+      NamedArrays batch;
+      team.save_batch(rollout, at::arange(8 * 24), batch);
+      const at::Tensor values = at::zeros({8, 24, 2}), advantages = at::zeros({8, 24, 2});
+      from_array(find_array(batch, "batch/value"), values.view({8 * 24, 2}));
+      from_array(find_array(batch, "batch/advantage"), advantages.view({8 * 24, 2}));
+      for (int64_t t = 0; t < 8; ++t) {
+        const auto value = [&](const at::Tensor& obs, const at::Tensor& alive, at::Tensor& after) {
+          return critic.forward(obs, alive.to(at::kFloat), {}, {.start = state.rows, .states = &after});
+        };
+        at::Tensor after, unused;
+        const at::Tensor expected = value(r.obs[t], r.alive[t], after);
+        EXPECT_LT((expected - values[t]).abs().max().item<double>(), 1e-5)
+            << kind << ", rollout " << k << ", step " << t;
+        state.rows = after[0];
+        const at::Tensor last = value(r.final_obs, r.final_alive, unused);
+        for (int64_t w = 0; w < 24; ++w) {
+          if (rollout.done[t][w].item<int>() != static_cast<int>(Done::truncated) || !r.final_alive[w][0].item<bool>())
+            continue;
+          ++cut_off;
+          // The last reward, and what would have come.
+          const double v = last[w][0].item<double>(), reward = r.reward[t][w][0].item<double>();
+          EXPECT_NEAR(advantages[t][w][0].item<double>(),
+                      reward + static_cast<double>(run.config.mappo.gamma) * v - expected[w][0].item<double>(), 1e-4);
+        }
+        state.reset((rollout.done[t] != 0).repeat_interleave(2));
+      }
+    }
+    EXPECT_GT(cut_off, 0) << "no game was cut off";
   }
 }
 

@@ -114,6 +114,7 @@ TEST(LearnRecord, ActionsAndMindsBelongToTheirState) {
   ASSERT_EQ(mind.top, kLikelyActions);
   EXPECT_EQ(e.mind[1].top, 0) << "nobody asked team 1";
   float likeliest = 0;
+  NetworkState memory;
   for (int k = 0; k < e.steps; ++k) {
     at::NoGradGuard no_grad;
     const auto s = static_cast<size_t>(k);
@@ -121,7 +122,7 @@ TEST(LearnRecord, ActionsAndMindsBelongToTheirState) {
     const at::Tensor obs = wrap(witness.obs[s].data(), {n, stride}, {});
     const at::Tensor chance = recorded.learner->actor(0)->forward(obs).narrow(1, 0, kNDiscreteActions).softmax(1);
     const at::Tensor alive = wrap(witness.alive[s].data(), {1, recorded.run.spec.params.n_agents}, {}).narrow(1, 0, n);
-    const at::Tensor value = recorded.values->forward(obs.unsqueeze(0), alive, {});
+    const at::Tensor value = recorded.values->forward(obs.unsqueeze(0), alive, {}, memory);
     for (int i = 0; i < n; ++i) {
       const auto at = static_cast<size_t>(i * states + k);
       if (!witness.alive[s][static_cast<size_t>(i)]) {

@@ -105,22 +105,26 @@ TEST_F(LearnRunConfig, AllMistakesOfAllStagesAtOnce) {
             "nearest: 5, 10");
 }
 
-// Every kind of encoder, at every place of one: a memory is refused where nobody keeps it, and only there.
-TEST_F(LearnRunConfig, EncodersWithMemoryAreRefusedWhereTheyAreNotServed) {
-  const auto refused = [&](const char* lines, const char* key, const char* name) {
-    const std::string message = error_of(cat("scenario: identical_2_vs_2\n", lines), {cat(key, "=", name)});
-    if (message == "no error") return false;
-    EXPECT_NE(message.find(cat("--set ", key, ": '", name, "' has a memory, and ")), std::string::npos) << message;
-    return true;
-  };
-  int k = 0;
-  for (const char* name : enum_names(EncoderKind{})) {
-    const bool remembers = has_memory(static_cast<EncoderKind>(k++));
-    EXPECT_EQ(refused("", "mappo.critic.encoder", name), remembers) << name;
-    EXPECT_EQ(refused("opponents: {pool_size: 3}\n", "mappo.actor.encoder", name), remembers) << name;
-    EXPECT_EQ(refused("train: {algorithm: snes}\n", "population.actor.encoder", name), remembers) << name;
-    EXPECT_FALSE(refused("", "mappo.actor.encoder", name)) << name;
-  }
+TEST_F(LearnRunConfig, AMemoryIsRefusedWhereItCannotBe) {
+  const auto message = [&](const std::string& lines) { return error_of(cat("scenario: identical_2_vs_2\n", lines)); };
+  EXPECT_EQ(
+      message("mappo: {horizon: 1, n_minibatches: 1, actor: {memory: gru}, critic: {memory: lstm}}\n"),
+      "run.yaml:2:55: mappo.actor.memory: 'gru' learns from the steps of a rollout in a row, and mappo.horizon is "
+      "1; allowed with it: none; with memory mappo.horizon is at least 2\n"
+      "run.yaml:2:78: mappo.critic.memory: 'lstm' learns from the steps of a rollout in a row, and mappo.horizon "
+      "is 1; allowed with it: none; with memory mappo.horizon is at least 2");
+  // 10 worlds of 8 steps in 4 minibatches: 80 states can be divided so, 10 worlds cannot.
+  const std::string four = "train: {n_worlds: 10}\nmappo: {horizon: 8, n_minibatches: 4";
+  EXPECT_EQ(message(four + "}\n"), "no error");
+  EXPECT_EQ(message(four + ", critic: {memory: gru}}\n"),
+            "run.yaml:3:36: mappo.n_minibatches: 4 does not divide train.n_worlds = 10, whose rollouts stay whole with "
+            "memory; nearest: 2, 5");
+  EXPECT_EQ(message("train: {algorithm: snes, precision: fp16}\npopulation: {actor: {memory: gru}}\n"),
+            "run.yaml:2:37: train.precision: fp16 is computed by one kernel, which knows no memory, and "
+            "population.actor.memory is gru; allowed there: fp32, tf32, bf16");
+  EXPECT_EQ(message("train: {algorithm: snes}\npopulation: {actor: {memory: gru}}\n"), "no error");
+  EXPECT_EQ(message("mappo: {actor: {memory: gruu}}\n"),
+            "run.yaml:2:25: mappo.actor.memory: 'gruu' is not one of: none, gru, lstm; nearest: 'gru'");
 }
 
 // A value that could not be read is reported once, and nothing is said about what was taken in its place.

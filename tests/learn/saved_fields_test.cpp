@@ -10,14 +10,16 @@ namespace {
 
 /// Settings under which a learner saves all that it can.
 std::vector<SmallRun> runs() {
-  SmallRun plain, continuous, pool;
+  SmallRun plain, continuous, pool, memory;
   plain.scenario = "waypoints: {enable_waypoints: true}\nmaps: all\n";
   continuous.mappo = "obs_norm: true";
   continuous.critic = "kind: state, hidden: [16, 12]";
   continuous.scenario = "action: continuous\n";
   // After three updates there is one past policy, which was drawn everywhere: a disturbed row is the present one, 0.
   pool.more = "opponents: {pool_size: 3, pool_every_updates: 2, pool_share: 0.5, pool_draw: pfsp}\n";
-  return {plain, continuous, pool};
+  memory.actor = "hidden: [8], memory: lstm, memory_size: 6";
+  memory.critic = "hidden: [8], memory: gru, memory_size: 6";
+  return {plain, continuous, pool, memory};
 }
 
 TEST(LearnSavedFields, EachIsLoadedAndChangesTheRun) {

@@ -38,6 +38,16 @@ class EmulatedSimulator final : public LaunchingSimulator {
         shared_(host_memory(), kSharedGuardBytes + std::max(shape().shared_bytes, draw_bytes())) {}
 
   bool over() override { return n_lists() > 0 && *n_playing() == 0; }
+  void redraw(const Redraw& request) override {
+    const DrawShape s = redraw_shape(params(), request);
+    const EmulatedSync sync{&draw_threads_};
+    for (int block = 0; block < s.blocks; ++block)
+      with_shared(block, s.shared_bytes, [&](char* shared) {
+        draw_threads_.run(kWarp, order_, [&](int thread) {
+          run_redraw_thread(params(), request, s, {block, s.blocks, thread, kWarp}, shared, sync);
+        });
+      });
+  }
   EpisodeStats take_stats() override { return take_host_stats(state_.view(), n_worlds()); }
 
  protected:

@@ -76,6 +76,75 @@ int64_t lit(const Snapshot& snapshot) {
   return std::count_if(bytes.begin(), bytes.end(), [](uint8_t b) { return b != 0 && b != 0xFF; });
 }
 
+/// The ego images of a team drawn again from rows of the image state, the last world first.
+std::vector<uint8_t> redrawn(Simulator& sim, int team, const std::vector<uint8_t>& states) {
+  std::vector<int64_t> order;
+  for (int world = sim.n_worlds() - 1; world >= 0; --world) order.push_back(world);
+  const SimParams& p = sim.params();
+  const Buffer<uint8_t> from(sim.memory(), states);
+  const Buffer<int64_t> rows(sim.memory(), order);
+  const auto bytes = static_cast<size_t>(image_bytes(p.resolution)) * static_cast<size_t>(p.n_team[team]);
+  Buffer<uint8_t> images(sim.memory(), std::vector<uint8_t>(bytes * order.size(), 0xAA));
+  sim.redraw({team, reinterpret_cast<const int32_t*>(from.data()), rows.data(), sim.n_worlds(), images.data()});
+  sim.synchronize();
+  return images.to_host();
+}
+
+/// Blocks of equal size, the last one first.
+std::vector<uint8_t> reversed_blocks(const std::vector<uint8_t>& bytes, size_t n_blocks) {
+  const size_t size = bytes.size() / n_blocks;
+  std::vector<uint8_t> result;
+  for (size_t block = n_blocks; block-- > 0;)
+    result.insert(result.end(), bytes.begin() + static_cast<int64_t>(block * size),
+                  bytes.begin() + static_cast<int64_t>((block + 1) * size));
+  return result;
+}
+
+// What is learned from is what was acted on: images that are drawn again from the rows that were kept, of either back
+// end, by either.
+TEST_P(ImageParity, DrawnAgainFromTheImageState) {
+  int64_t colored = 0;
+  for (int variant = 0; variant < case_.n_variants; ++variant) {
+    const SimSpec spec = variant_of(variant);
+    const SimOptions options = options_of(variant);
+    SimRunner a(make_cpu_simulator(spec, options));
+    SimRunner b(other(spec, options, variant));
+    a.start();
+    b.start();
+    for (int k = 0; k < 2; ++k) {
+      a.step(static_cast<uint64_t>(k));
+      b.step(static_cast<uint64_t>(k));
+    }
+    const Snapshot now = a.snapshot();
+    const std::vector<uint8_t>& states = now.field("image_state").bytes;
+    // Six words an agent and its row of bits, then map, waypoint and its time.
+    const auto n = static_cast<size_t>(spec.params.n_agents);
+    EXPECT_EQ(states.size(), 4 * now.n_worlds * (n * (6 + (n + 31) / 32) + 6));
+    for (int team = 0; team < kNTeams; ++team) {
+      const auto expected = reversed_blocks(now.field(cat("image of team ", team)).bytes, now.n_worlds);
+      EXPECT_TRUE(redrawn(a.sim(), team, states) == expected) << "variant " << variant << ", team " << team;
+      EXPECT_TRUE(redrawn(b.sim(), team, states) == expected) << "variant " << variant << ", team " << team;
+    }
+    colored += lit(now);
+    // So are the last images of an episode.
+    const auto& last = now.field("final image_state").bytes;
+    const auto& final_images = now.field("final image of team 0").bytes;
+    const size_t image = final_images.size() / now.n_worlds, row = last.size() / now.n_worlds;
+    for (size_t world = 0; world < now.n_worlds; ++world) {
+      if (now.byte_at("done", world) == 0 || options.on_done == OnDone::keep) continue;
+      std::vector<uint8_t> kept(last.begin() + static_cast<int64_t>(world * row),
+                                last.begin() + static_cast<int64_t>((world + 1) * row));
+      std::vector<uint8_t> all;  // as many rows as redrawn() draws
+      for (size_t k = 0; k < now.n_worlds; ++k) all.insert(all.end(), kept.begin(), kept.end());
+      const std::vector<uint8_t> drawn = redrawn(b.sim(), 0, all);
+      EXPECT_TRUE(std::equal(drawn.begin(), drawn.begin() + static_cast<int64_t>(image),
+                             final_images.begin() + static_cast<int64_t>(world * image)))
+          << "variant " << variant << ", world " << world;
+    }
+  }
+  EXPECT_GT(colored, 0);
+}
+
 TEST_P(ImageParity, EveryByteOfEveryStep) {
   int64_t colored = 0, final_images = 0;
   for (int variant = 0; variant < case_.n_variants; ++variant) {
@@ -123,7 +192,7 @@ TEST(DrawShape, AStripFitsAndBeginsAtAWideAddress) {
   for (int resolution = 8; resolution <= 512; ++resolution) {
     p.resolution = resolution;
     const DrawShape s = draw_shape(p, 3);
-    EXPECT_EQ(s.blocks, 3 * 11 * s.strips);  // ten agents and the global image
+    EXPECT_EQ(s.blocks, 3 * 12 * s.strips);  // ten agents, the global image and the image state
     EXPECT_GE(s.rows * s.strips, resolution);
     EXPECT_LT(s.rows * (s.strips - 1), resolution);
     EXPECT_LE(s.strip_bytes, static_cast<size_t>(kStripBytes));

@@ -66,7 +66,6 @@ TEST(PolicyLayers, ANetworkOfDenseLayersIsTheFormula) {
       config.activation = activation;
       config.layer_norm = norm;
       const Network network(p, "mlp", config, {3, 2, 1.0f});
-      NetworkState none;
       p.allocate(at::kCPU, 3);
       { p.values().copy_(p.values() + 0.3 * random({p.size()}, 9)); }
       const at::Tensor x = random({6, 3}, 4);
@@ -91,7 +90,7 @@ TEST(PolicyLayers, ANetworkOfDenseLayersIsTheFormula) {
       }
       const int last = norm ? 4 : 2;
       const at::Tensor expected = at::mm(h, p[last].t()) + p[last + 1];
-      EXPECT_LT(worst(network.forward(p, x, none), expected), 2e-6) << "activation " << static_cast<int>(activation);
+      EXPECT_LT(worst(network.forward(p, x, {}), expected), 2e-6) << "activation " << static_cast<int>(activation);
     }
 }
 

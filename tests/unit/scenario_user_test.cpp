@@ -195,6 +195,13 @@ TEST_F(ScenarioUser, SaysWhatIsWrongWithAFile) {
        "f.yaml:2:29: damage.max_tracking_time: '256' is not an integer in [0, 255]"},
       {head + "waypoints: {enable_waypoints: true, waypoint_size: 11}\n",
        "f.yaml:2:52: waypoints.waypoint_size: 11 does not fit into a world of 10 x 10"},
+      {head + "waypoints: {shown_steps: 1}\n",
+       "f.yaml:2:26: waypoints.shown_steps: this means nothing without waypoints.enable_waypoints: true"},
+      {head + "waypoints: {enable_waypoints: true, shown_steps: 1}\nrules: original\n",
+       "f.yaml:2:50: waypoints.shown_steps: the original shows waypoints as long as they stay; it needs rules: "
+       "corrected"},
+      {head + "waypoints: {enable_waypoints: true, shown_steps: 100}\n",
+       "f.yaml:2:50: waypoints.shown_steps: '100' is not an integer in [1, 99] or none"},
       {head + "win: {by: waypoints}\n", "f.yaml:2:11: win.by: waypoints needs waypoints.enable_waypoints: true"},
       {head + "win: {at_time_limit: team_1}\nmax_episode_length: none\n",
        "f.yaml:2:22: win.at_time_limit: team_1 needs a time limit, and max_episode_length is none"},

@@ -67,6 +67,7 @@ class ScrambledSimulator final : public Simulator {
  public:
   ScrambledSimulator(SimSpec spec, const SimOptions& options)
       : Simulator(std::move(spec), options, host_memory()), layout_(params()), scratch_(host_memory(), layout_.size) {}
+  void redraw(const Redraw&) override {}
   EpisodeStats take_stats() override { return {}; }
 
  protected:

@@ -115,6 +115,42 @@ TEST(SimWaypoint, EdgesAreInside) {
   }
 }
 
+TEST(SimWaypoint, ShownForSomeStepsItStaysAllTheSame) {
+  SimSpec spec = waypoint_spec(1, 1);
+  spec.params.egocentric_view = true;
+  spec.params.waypoint_unseen_time = 9.85f;  // shown for two steps: at 10.0 and at 9.9 seconds
+  TestWorld world(spec);
+  world.put(0, 2, 2);
+  world.put(1, 8, 8);
+  world.draws.appear = 0;
+  world.draws.location[0] = 0.25f;
+  world.draws.location[1] = 0.5f;
+  world.draws.time = 0.2f;  // which does not count
+  // Two agents of 9 numbers each, then the waypoint's 5; of the view 7 numbers and 12 walls, then its 3.
+  const auto shown = [&] {
+    int zeros = 0;
+    for (int column = 18; column < 23; ++column) zeros += world.obs(0, column) == 0;
+    for (int column = 19; column < 22; ++column) zeros += world.egocentric(0, column) == 0;
+    EXPECT_TRUE(zeros == 0 || zeros == 8) << zeros << " numbers are 0";
+    return zeros == 0;
+  };
+  world.step();
+  world.draws.appear = 1;
+  EXPECT_NEAR(*world.now().waypoint_time, 10, 1e-5f);
+  EXPECT_NEAR(world.obs(0, 18), (2.35f - world.now().x[0]) / 10, 1e-5f);
+  EXPECT_TRUE(shown());
+  world.step();
+  EXPECT_NEAR(world.obs(0, 22), 9.9f, 1e-5f);
+  EXPECT_TRUE(shown());
+  world.step();
+  EXPECT_NEAR(*world.now().waypoint_time, 9.8f, 1e-5f);
+  EXPECT_FALSE(shown());
+  world.put(0, 2.5f, 5);
+  world.step();
+  EXPECT_EQ(world.reward(0), 50.0f) << "who remembers where it is is paid";
+  EXPECT_EQ(*world.now().waypoint_time, 0.0f);
+}
+
 TEST(SimWaypoint, DyingInItIsStillPaid) {
   SimSpec spec = waypoint_spec(1, 2);
   spec.maps[0].boxes = {{4.3f, 5, 4.5f, 5.6f, 0, 10}};

@@ -1,6 +1,11 @@
 # From what the policy gives for an observation to an action, and a try of it.
 
 
+def start(n):
+    """What n agents remember at the first step of an episode: nothing. [n, 0] where the policy has no memory."""
+    return np.zeros((n, MANIFEST["state"]["size"]), np.float32)
+
+
 def act(head, random=None):
     """The action for one row of a policy's output: drawn with a numpy.random.Generator, the most likely one without.
 
@@ -29,5 +34,10 @@ def example_observation():
 
 
 if __name__ == "__main__":
-    action = act(Policy()(example_observation())[0], np.random.default_rng())
-    print(MANIFEST["action"]["table"][action] if MANIFEST["action"]["kind"] == "discrete" else action)
+    policy, random = Policy(), np.random.default_rng()
+    state = start(1)  # at the first step of each episode
+    for _ in range(3):  # three steps of one agent
+        obs = example_observation()  # what it sees now
+        head, state = policy.step(obs, state)
+        action = act(head[0], random)
+        print(MANIFEST["action"]["table"][action] if MANIFEST["action"]["kind"] == "discrete" else action)

@@ -14,11 +14,14 @@ MANIFEST = json.loads((FOLDER / "manifest.json").read_text(encoding="utf-8"))
 
 
 class Policy:
-    """Observations [B, size] float32 -> logits [B, 27] or means [B, 3]."""
+    """Observations [B, size] float32 -> logits [B, 27] or means [B, 3], and what is remembered until the next step."""
 
     def __init__(self):
         self.session = onnxruntime.InferenceSession(FOLDER / MANIFEST["file"], providers=["CPUExecutionProvider"])
 
-    def __call__(self, obs):
-        (head,) = self.session.run([MANIFEST["action"]["output"]], {"obs": obs})
-        return head
+    def step(self, obs, state):
+        if MANIFEST["state"]["size"] == 0:
+            (head,) = self.session.run([MANIFEST["action"]["output"]], {"obs": obs})
+            return head, state
+        outputs = [MANIFEST["action"]["output"], MANIFEST["state"]["output"]]
+        return self.session.run(outputs, {"obs": obs, MANIFEST["state"]["input"]: state})

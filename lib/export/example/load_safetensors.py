@@ -22,7 +22,7 @@ ACTIVATIONS = {
 
 
 class Policy:
-    """Observations [B, size] float32 -> logits [B, 27] or means [B, 3]."""
+    """Observations [B, size] float32 -> logits [B, 27] or means [B, 3], and what is remembered until the next step."""
 
     def __init__(self):
         self.tensors = load_file(FOLDER / MANIFEST["file"])
@@ -39,13 +39,31 @@ class Policy:
         x = centred / np.sqrt(variance + self.architecture["layer_norm_epsilon"])
         return x * self.tensors[name + "norm_weight"] + self.tensors[name + "norm_bias"]
 
-    def __call__(self, obs):
-        x = self.normalised(obs) if self.architecture["normalizes_observations"] else obs
+    def remember(self, x, state):
+        """What comes out of the recurrent cell, and its next state."""
+        t, lstm = self.tensors, self.architecture["memory"] == "lstm"
+        h, c = np.split(state, 2, axis=1) if lstm else (state, None)
+        into = np.split(x @ t["memory.input_weight"].T + t["memory.input_bias"], 4 if lstm else 3, axis=1)
+        back = np.split(h @ t["memory.hidden_weight"].T + t["memory.hidden_bias"], 4 if lstm else 3, axis=1)
+        gates = [1 / (1 + np.exp(-i - b)) for i, b in zip(into, back)]
+        if lstm:  # in, forget, candidate, out
+            c = gates[1] * c + gates[0] * np.tanh(into[2] + back[2])
+            h = gates[3] * np.tanh(c)
+            return h, np.concatenate([h, c], axis=1).astype(np.float32)
+        candidate = np.tanh(into[2] + gates[0] * back[2])  # reset, update, candidate
+        h = (1 - gates[1]) * candidate + gates[1] * h
+        return h, h.astype(np.float32)
+
+    def step(self, obs, state):
+        x = network_input(obs)
+        x = self.normalised(x) if self.architecture["normalizes_observations"] else x
         n_hidden = len(self.architecture["hidden"])
         for k in range(n_hidden + 1):
+            if k == n_hidden and MANIFEST["state"]["size"] > 0:
+                x, state = self.remember(x, state)
             name = f"layers.{k}."
             x = x @ self.tensors[name + "weight"].T + self.tensors[name + "bias"]
             if k < n_hidden:
                 x = self.layer_norm(x, name) if self.architecture["layer_norm"] else x
                 x = ACTIVATIONS[self.architecture["activation"]](x)
-        return x.astype(np.float32)
+        return x.astype(np.float32), state

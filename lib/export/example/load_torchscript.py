@@ -14,11 +14,14 @@ MANIFEST = json.loads((FOLDER / "manifest.json").read_text(encoding="utf-8"))
 
 
 class Policy:
-    """Observations [B, size] float32 -> logits [B, 27] or means [B, 3]."""
+    """Observations [B, size] float32 -> logits [B, 27] or means [B, 3], and what is remembered until the next step."""
 
     def __init__(self):
         self.module = torch.jit.load(FOLDER / MANIFEST["file"], map_location="cpu").eval()
 
-    def __call__(self, obs):
+    def step(self, obs, state):
         with torch.inference_mode():
-            return self.module(torch.from_numpy(obs)).numpy()
+            if MANIFEST["state"]["size"] == 0:
+                return self.module(torch.from_numpy(obs)).numpy(), state
+            head, state = self.module(torch.from_numpy(obs), torch.from_numpy(state))
+            return head.numpy(), state.numpy()

@@ -52,6 +52,9 @@ void check_train(ConfigCheck& check) {
 void check_fp16(ConfigCheck& check) {
   const ActorConfig& actor = check.config.population.actor;
   if (!check.wants_fp16()) return;
+  if (check.known({"population.actor.memory"}) && actor.remembers())
+    check.refuse_fp16(cat("is computed by one kernel, which knows no memory, and population.actor.memory is ",
+                          FieldCodec<MemoryKind>::print(actor.memory)));
   if (check.known({"population.actor.layer_norm"}) && actor.layer_norm)
     check.refuse_fp16("has no layer normalisation, and population.actor.layer_norm is true");
   if (check.known({"population.actor.hidden"}) && !SmallMlp::has_room_for(actor.hidden))
@@ -82,13 +85,16 @@ void check_population(ConfigCheck& check) {
 void check_noise_rank(ConfigCheck& check) {
   const PopulationConfig& p = check.config.population;
   if (!check.spec || p.noise != EsNoiseKind::low_rank) return;
-  if (!check.known({"population.noise_rank", "population.actor.hidden", "population.actor.inputs"})) return;
+  if (!check.known({"population.noise_rank", "population.actor.hidden", "population.actor.inputs",
+                    "population.actor.memory", "population.actor.memory_size"}))
+    return;
   if (p.actor.inputs == NetworkInputs::egocentric && !check.spec->params.egocentric_view) return;
   auto input = static_cast<int>(input_columns(p.actor.inputs, *check.spec).size), most = 0;
   for (const int size : p.actor.hidden) {
     most = std::max(most, std::min(input, size));
     input = size;
   }
+  if (p.actor.remembers()) most = std::max(most, p.actor.memory_size);  // its matrices have three times as many rows
   if (p.noise_rank > most)
     check.fail("population.noise_rank",
                cat(p.noise_rank, " is more than the smaller side of any weight matrix; at most ", most,
@@ -97,8 +103,6 @@ void check_noise_rank(ConfigCheck& check) {
 
 void check_evolution(ConfigCheck& check) {
   check.inputs_are_there("population.actor.inputs", check.config.population.actor.inputs);
-  check.has_no_memory("population.actor.encoder", check.config.population.actor.encoder,
-                      "the members of a population keep no memory");
   check_train(check);
   check_fp16(check);
   check_population(check);

@@ -50,17 +50,42 @@ constexpr ChartRow kMappoCharts[] = {
 };
 constexpr std::string_view kMappoUnread[] = {"population.", "openai_es.", "snes.", "des."};
 
+bool remembers(const MappoConfig& c) { return c.actor.remembers() || c.critic.remembers(); }
+/// Steps that stay together in a minibatch.
+int steps_together(const MappoConfig& c) { return remembers(c) ? c.horizon : 1; }
+
+/// A rollout of one step has nothing that a memory could learn from.
+void memory_has_steps(ConfigCheck& check) {
+  const MappoConfig& c = check.config.mappo;
+  if (c.horizon > 1 || !check.known({"mappo.horizon"})) return;
+  const auto refuse = [&](const char* key, const NetworkConfig& network) {
+    if (network.remembers() && check.known({key}))
+      check.fail(key,
+                 cat("'", FieldCodec<MemoryKind>::print(network.memory),
+                     "' learns from the steps of a rollout in a row, and mappo.horizon is 1; allowed with it: none; "
+                     "with memory mappo.horizon is at least 2"));
+  };
+  refuse("mappo.actor.memory", c.actor);
+  refuse("mappo.critic.memory", c.critic);
+}
+
 void minibatches_divide(ConfigCheck& check) {
-  if (!check.known({"train.n_worlds", "mappo.horizon", "mappo.n_minibatches"})) return;
+  if (!check.known(
+          {"train.n_worlds", "mappo.horizon", "mappo.n_minibatches", "mappo.actor.memory", "mappo.critic.memory"}))
+    return;
   const TrainConfig& train = check.config.train;
   const MappoConfig& c = check.config.mappo;
-  const int64_t states = static_cast<int64_t>(train.n_worlds) * c.horizon;
+  const bool whole = steps_together(c) > 1;
+  const int64_t states = static_cast<int64_t>(train.n_worlds) * c.horizon / steps_together(c);
   if (states % c.n_minibatches == 0) return;
   // The divisors around it, which are what is allowed.
   int64_t below = std::min<int64_t>(c.n_minibatches, states), above = below;
   while (states % below != 0) --below;
   while (above <= states && states % above != 0) ++above;
   const std::string nearest = above > c.n_minibatches && above <= states ? cat(below, ", ", above) : cat(below);
+  if (whole)
+    return check.fail("mappo.n_minibatches", cat(c.n_minibatches, " does not divide train.n_worlds = ", train.n_worlds,
+                                                 ", whose rollouts stay whole with memory; nearest: ", nearest));
   check.fail("mappo.n_minibatches", cat(c.n_minibatches, " does not divide train.n_worlds x mappo.horizon = ",
                                         train.n_worlds, " x ", c.horizon, " = ", states, "; nearest: ", nearest));
 }
@@ -83,10 +108,11 @@ void worlds_suffice(ConfigCheck& check) {
   if (p.scripted_share > 0 && check.known({"opponents.scripted"}))
     too_few("opponents.scripted_share", p.scripted_share, shares.scripted, static_cast<int64_t>(p.scripted.size()),
             "scripts (opponents.scripted)");
-  const int64_t states = shares.learning(0).count * c.horizon;
+  const int64_t states = shares.learning(0).count * c.horizon / steps_together(c);
   if (states < c.n_minibatches && check.known({"train.n_worlds", "mappo.horizon", "mappo.n_minibatches"}))
-    check.fail("mappo.n_minibatches", cat(c.n_minibatches, " minibatches for ", states,
-                                          " states of the worlds in which a team learns (opponents)"));
+    check.fail("mappo.n_minibatches",
+               cat(c.n_minibatches, " minibatches for ", states,
+                   steps_together(c) > 1 ? " worlds" : " states of the worlds", " in which a team learns (opponents)"));
 }
 
 void horizon_fits(ConfigCheck& check) {
@@ -120,19 +146,17 @@ void options_fit(ConfigCheck& check) {
 void check_mappo(ConfigCheck& check) {
   check.inputs_are_there("mappo.actor.inputs", check.config.mappo.actor.inputs);
   check.inputs_are_there("mappo.critic.inputs", check.config.mappo.critic.inputs);
-  check.has_no_memory("mappo.critic.encoder", check.config.mappo.critic.encoder, "critics learn from single steps");
-  if (check.config.opponents.pool_size > 0)
-    check.has_no_memory("mappo.actor.encoder", check.config.mappo.actor.encoder,
-                        "past policies (opponents.pool_size) keep no memory");
+  memory_has_steps(check);
   worlds_suffice(check);
   minibatches_divide(check);
   horizon_fits(check);
   options_fit(check);
 }
 
-// n_worlds x horizon must be a multiple of n_minibatches.
+// n_worlds x horizon must be a multiple of n_minibatches; with memory n_worlds itself.
 RunSize mappo_size(const RunConfig& c) {
-  const int64_t step = c.mappo.n_minibatches / std::gcd(c.mappo.n_minibatches, c.mappo.horizon);
+  const int64_t divides = c.mappo.horizon / steps_together(c.mappo);
+  const int64_t step = c.mappo.n_minibatches / std::gcd<int64_t>(c.mappo.n_minibatches, divides);
   return {"train.n_worlds", "world", c.train.n_worlds, step, step, kMostWorlds};
 }
 

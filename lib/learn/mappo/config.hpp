@@ -61,7 +61,8 @@ template <class V>
 void visit_fields(V& v, MappoConfig& c) {
   v("horizon", c.horizon, "steps of a rollout; at most the scenario's max_episode_length", range(1, 65536));
   v("n_epochs", c.n_epochs, "passes over a rollout per update", range(1, 1000));
-  v("n_minibatches", c.n_minibatches, "minibatches per epoch; must divide n_worlds x horizon", range(1, 1'000'000));
+  v("n_minibatches", c.n_minibatches, "minibatches per epoch; must divide n_worlds x horizon, with memory n_worlds",
+    range(1, 1'000'000));
   v("learning_rate", c.learning_rate, "Adam step size of the actors", greater_than(0));
   v("critic_learning_rate", c.critic_learning_rate, "Adam step size of the critics", greater_than(0));
   v("schedule", c.schedule, "how both step sizes change over the run");

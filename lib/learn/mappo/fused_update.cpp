@@ -18,6 +18,8 @@ std::string fused_update_refusal(const Actor& actor, const Critic& critic, int n
   if (actor.precision() != Precision::tf32)
     return "they compute with the 10 bits of mantissa of TF32 (train.precision)";
   if (critic.needs_state()) return "they know no true state (mappo.critic.kind)";
+  if (actor.state_size() > 0 || critic.state_size() > 0)
+    return cat("they know no memory (mappo.", actor.state_size() > 0 ? "actor" : "critic", ".memory)");
   if (n_agents > kMostAgents) return cat("they serve teams of at most ", kMostAgents, " agents");
   const auto network = [](const char* name, bool serves) {
     return serves ? std::string()

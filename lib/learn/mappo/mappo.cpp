@@ -183,7 +183,8 @@ Metrics Mappo::update() {
 
   ++updates_;
   Metrics figures = metrics(factor);
-  if (league_) league_->end(updates_, *sim_);
+  if (league_ && league_->end(updates_, *sim_))
+    for (int team = 0; team < kNTeams; ++team) collector_->forget(team, league_->pool_worlds(team));
   return figures;
 }
 
@@ -344,7 +345,10 @@ void Mappo::save(NamedArrays& out) const {
   sim_->state().save("simulator/", out);
   collector_->save("collector/", out);
   for (int team = 0; team < kNTeams; ++team)
-    if (team_[team]) team_[team]->save(cat("team_", team, "/"), out);
+    if (team_[team]) {
+      team_[team]->save(cat("team_", team, "/"), out);
+      team_[team]->save_memory(cat("team_", team, "/"), out);
+    }
   if (league_) league_->save("league/", out);
   if (frozen_) out.push_back(make_array<int64_t>("opponent/crc32c", {frozen_crc_}));
   balance_.save("balance/", out);
@@ -356,7 +360,10 @@ void Mappo::load(const NamedArrays& in) {
   sim_->state().load("simulator/", in);
   collector_->load("collector/", in);
   for (int team = 0; team < kNTeams; ++team)
-    if (team_[team]) team_[team]->load(cat("team_", team, "/"), in);
+    if (team_[team]) {
+      team_[team]->load(cat("team_", team, "/"), in);
+      team_[team]->load_memory(cat("team_", team, "/"), in);
+    }
   if (league_) league_->load("league/", in);
   if (frozen_ && array_values<int64_t>(find_array(in, "opponent/crc32c")).at(0) != frozen_crc_)
     throw InputError(

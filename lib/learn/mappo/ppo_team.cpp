@@ -21,14 +21,14 @@ namespace giga {
 // ---- Networks -------------------------------------------------------------------------------------------------------
 
 PpoTeam::PpoTeam(const LoadedRun& run, int team, Device device, const ParallelFor& parallel_for,
-                 const WorldRange& worlds, EncoderFactory* encoder)
+                 const WorldRange& worlds)
     : config_(run.config.mappo),
       team_(team),
       n_(run.spec.params.n_team[team]),
       n_worlds_(run.config.train.n_worlds),
       worlds_(worlds),
       parallel_for_(parallel_for),
-      actor_(make_actor(run, team, device, encoder)),
+      actor_(make_actor(run, team, device)),
       critic_(config_.critic, critic_shape(config_.critic, run.spec, team), precision_on(run, device), parallel_for,
               torch_device(device), network_seed(run, team, 1)),
       actor_adam_(actor_.parameters(), config_.adam_epsilon),
@@ -41,9 +41,12 @@ PpoTeam::PpoTeam(const LoadedRun& run, int team, Device device, const ParallelFo
   stop_ = at::zeros({1}, options);
   figures_ = at::zeros({kNFigures}, options);
   plain_because_ = config_.fused ? fused_update_refusal(actor_, critic_, n_, device) : "mappo.fused is false";
-  if (actor_.state_size() > 0) plain_because_ = "the actor has a memory";
   if (plain_because_.empty())
     fused_ = std::make_unique<FusedUpdate>(actor_, critic_, n_, device, parallel_for.stream());
+  if (critic_.state_size() > 0) {
+    critic_memory_ = at::zeros({n_worlds_, n_, critic_.state_size()}, options);
+    critic_start_ = at::zeros_like(critic_memory_);
+  }
   if (!everywhere()) slots_ = states(at::arange((config_.horizon + 1) * worlds.count, options.dtype(at::kLong)));
 }
 
@@ -81,6 +84,60 @@ at::Tensor PpoTeam::values_of(const CriticInput& input, const at::Tensor& states
   return values;
 }
 
+namespace {
+
+/// Where episodes begin within a rollout: [T + 1, W] bool, at each slot. What was known before the rollout has been
+/// forgotten by then where its first step begins one.
+at::Tensor beginnings(const Rollout& rollout) {
+  const at::Tensor ended = rollout.done != 0;  // the next step begins an episode
+  return at::cat({at::zeros_like(ended.slice(0, 0, 1)), ended});
+}
+
+}  // namespace
+
+// A critic with memory goes through all slots in a row. The value of an episode's last observation follows from what
+// was remembered after the step before. -> values [(T + 1) W, n] and [W, n], 0 in worlds of others.
+std::pair<at::Tensor, at::Tensor> PpoTeam::remembering_values(const Rollout& rollout) {
+  const TeamRollout& r = rollout.team[team_];
+  const int64_t t = r.reward.size(0), w = r.reward.size(1), d = r.obs.size(-1);
+  const at::Tensor begins = beginnings(rollout);
+  const at::Tensor values = at::zeros({t + 1, w, n_}, r.obs.options()),
+                   final_values = at::zeros({w, n_}, r.obs.options());
+  critic_start_.copy_(critic_memory_);
+  const int64_t worlds_at_once = std::max<int64_t>(1, kValueChunk / (t + 1));
+  for (int64_t from = worlds_.first; from < worlds_.end(); from += worlds_at_once) {
+    const int64_t to = std::min(from + worlds_at_once, worlds_.end()), b = to - from;
+    const auto critic = [&](const at::Tensor& obs, const at::Tensor& alive, const at::Tensor& truth,
+                            const Sequence& sequence) {
+      const at::Tensor rows = obs.reshape({-1, n_, d});
+      return critic_.forward(actor_.normalizes() ? actor_.normalizer().apply(rows) : rows,
+                             alive.reshape({-1, n_}).to(at::kFloat),
+                             truth.defined() ? truth.reshape({-1, truth.size(-1)}) : truth, sequence);
+    };
+    const at::Tensor begin_here = begins.slice(1, from, to);
+    at::Tensor after;  // [T + 1, B n, S]
+    const at::Tensor value = critic(r.obs.slice(1, from, to), r.alive.slice(1, from, to),
+                                    critic_.needs_state() ? rollout.true_state.slice(1, from, to) : at::Tensor(),
+                                    {.length = t + 1,
+                                     .begins = begin_here.repeat_interleave(n_, 1),
+                                     .start = critic_start_.slice(0, from, to).flatten(0, 1),
+                                     .states = &after});
+    values.slice(1, from, to).copy_(value.view({t + 1, b, n_}));
+    after = after.view({t + 1, b, n_, -1});
+    // Before slot T, from which the next rollout goes on.
+    critic_memory_.slice(0, from, to).copy_(after[t - 1].masked_fill(begin_here[t].view({b, 1, 1}), 0));
+    // A world is truncated at most once in a rollout.
+    const at::Tensor truncated = rollout.done.slice(1, from, to) == static_cast<int64_t>(Done::truncated);  // [T, B]
+    const at::Tensor when = truncated.to(at::kLong).argmax(0).view({1, b, 1, 1}).expand({1, b, n_, after.size(3)});
+    const at::Tensor last = after.gather(0, when)[0].flatten(0, 1);
+    final_values.slice(0, from, to)
+        .copy_(critic(r.final_obs.slice(0, from, to), r.final_alive.slice(0, from, to),
+                      critic_.needs_state() ? rollout.final_true_state.slice(0, from, to) : at::Tensor(),
+                      {.start = last}));
+  }
+  return {values.view({(t + 1) * w, n_}), final_values};
+}
+
 // GAE, equations 11 to 16: the advantage is the sum of (gamma lambda)^k delta_(t + k), where delta_t = r_t + gamma
 // V(s_(t + 1)) - V(s_t). The return, which the critic learns, is advantage + value.
 void PpoTeam::compute_advantages(const Rollout& rollout) {
@@ -90,10 +147,15 @@ void PpoTeam::compute_advantages(const Rollout& rollout) {
   const auto true_states = [&](const at::Tensor& global) {
     return critic_.needs_state() ? global.reshape({-1, global.size(-1)}) : at::Tensor();
   };
-  const at::Tensor value = values_of(
-      {r.obs.view({(t + 1) * w, n_, d}), r.alive.view({(t + 1) * w, n_}), true_states(rollout.true_state)}, slots_);
-  const at::Tensor final_value = values_of({r.final_obs, r.final_alive, true_states(rollout.final_true_state)},
-                                           everywhere() ? slots_ : slots_.slice(0, 0, worlds_.count));
+  at::Tensor value, final_value;
+  if (critic_.state_size() > 0) {
+    std::tie(value, final_value) = remembering_values(rollout);
+  } else {
+    value = values_of(
+        {r.obs.view({(t + 1) * w, n_, d}), r.alive.view({(t + 1) * w, n_}), true_states(rollout.true_state)}, slots_);
+    final_value = values_of({r.final_obs, r.final_alive, true_states(rollout.final_true_state)},
+                            everywhere() ? slots_ : slots_.slice(0, 0, worlds_.count));
+  }
 
   advantage_ = at::empty_like(r.reward);
   returns_ = at::empty_like(r.reward);
@@ -168,36 +230,38 @@ void PpoTeam::update_minibatch(const Rollout& rollout, int k, int minibatch, Ste
     return x.slice(0, 0, r.reward.size(0)).flatten(0, 1).index_select(0, flat);
   };
   const at::Tensor alive = pick(r.alive).to(at::kFloat);
-  const Minibatch batch{.number = minibatch,
-                        .length = states.size(0),
-                        .states = flat,
-                        .obs = pick(r.obs),
-                        .alive = alive,
-                        .inv_count = alive.sum().clamp_min(1).reciprocal()};
+  const Minibatch batch{
+      .number = minibatch,
+      .length = states.size(0),
+      .states = flat,
+      .begins = states.size(0) > 1 ? beginnings(rollout).flatten().index_select(0, flat).view_as(states) : at::Tensor(),
+      .obs = pick(r.obs),
+      .alive = alive,
+      .inv_count = alive.sum().clamp_min(1).reciprocal()};
   update_actor(rollout, batch, step_sizes.actor);
   update_critic(rollout, batch, step_sizes.critic);
 }
 
 // ---- The actor's loss -----------------------------------------------------------------------------------------------
 
-/// Heads [S n, head size]. An actor with memory begins with what it remembered at the start of the rollout, and forgets
-/// where an episode ends.
-at::Tensor PpoTeam::actor_heads(const Rollout& rollout, const Minibatch& batch) const {
-  const at::Tensor obs = batch.obs.view({batch.length, -1, batch.obs.size(-1)});
-  if (actor_.state_size() == 0) return actor_.forward_sequence(obs, {}, {});
-  const at::Tensor states = batch.states.view({batch.length, -1});
-  const at::Tensor ended = rollout.done.slice(0, 0, -1) != 0;  // the next step begins an episode
-  const at::Tensor begins = at::cat({at::zeros_like(ended.slice(0, 0, 1)), ended}).flatten();
-  return actor_.forward_sequence(obs, begins.index_select(0, batch.states).view_as(states).repeat_interleave(n_, 1),
-                                 {rollout.team[team_].state.index_select(0, states[0]).flatten(0, 1)});
+/// The agents of the worlds of a minibatch: a network with memory begins with what it remembered at the start of the
+/// rollout [W, n, S], and forgets where an episode ends. Undefined: it has none.
+Sequence PpoTeam::sequence_of(const Minibatch& batch, const at::Tensor& start) const {
+  if (!start.defined()) return {};
+  const at::Tensor worlds = batch.states.slice(0, 0, batch.states.size(0) / batch.length);  // those of step 0
+  return {.length = batch.length,
+          .begins = batch.begins.defined() ? batch.begins.repeat_interleave(n_, 1) : at::Tensor(),
+          .start = start.index_select(0, worlds).flatten(0, 1)};
 }
 
 // PPO, equation 7, with the entropy bonus of equation 9; MAPPO's L(theta): the mean over all living agents of
 //   min(ratio A, clip(ratio, 1 - clip_coef, 1 + clip_coef) A) + entropy_coef * entropy,  ratio = pi(a | o) / pi_old(a |
 //   o).
 void PpoTeam::update_actor(const Rollout& rollout, const Minibatch& batch, float step_size) {
-  const at::Tensor head = actor_heads(rollout, batch);
-  head.backward(policy_loss_gradient(rollout.team[team_], batch, head));
+  const TeamRollout& r = rollout.team[team_];
+  const at::Tensor head = actor_.forward_sequence(batch.obs.flatten(0, 1),
+                                                  sequence_of(batch, actor_.state_size() > 0 ? r.state : at::Tensor()));
+  head.backward(policy_loss_gradient(r, batch, head));
   step_actor(batch.number, step_size);
 }
 
@@ -264,7 +328,7 @@ void PpoTeam::update_critic(const Rollout& rollout, const Minibatch& batch, floa
     const int64_t t = rollout.done.size(0);
     state = rollout.true_state.slice(0, 0, t).flatten(0, 1).index_select(0, batch.states);
   }
-  const at::Tensor value = critic_.forward(obs, batch.alive, state);
+  const at::Tensor value = critic_.forward(obs, batch.alive, state, sequence_of(batch, critic_start_));
   const at::Tensor gradient = at::empty_like(value), loss = at::empty_like(value);
   parallel_for_.run(ValueLoss{.rows = {batch.states.const_data_ptr<int64_t>(), n_},
                               .value = value.const_data_ptr<float>(),
@@ -344,6 +408,14 @@ void PpoTeam::update_normalizer(const Rollout& rollout) {
 }
 
 // ---- Checkpoints ----------------------------------------------------------------------------------------------------
+
+void PpoTeam::save_memory(const std::string& prefix, NamedArrays& out) const {
+  if (critic_memory_.defined()) out.push_back(to_array(prefix + "critic_memory", critic_memory_));
+}
+
+void PpoTeam::load_memory(const std::string& prefix, const NamedArrays& in) {
+  if (critic_memory_.defined()) from_array(find_array(in, prefix + "critic_memory"), critic_memory_);
+}
 
 void PpoTeam::save_critic(const std::string& prefix, NamedArrays& out) const {
   critic_.parameters().save(prefix + "critic/", out);

@@ -31,9 +31,8 @@ struct StepSizes {
 /// step.
 class PpoTeam {
  public:
-  /// Learns only from `worlds` of a rollout. `encoder`: of the actor; null = as configured.
-  PpoTeam(const LoadedRun& run, int team, Device device, const ParallelFor& parallel_for, const WorldRange& worlds,
-          EncoderFactory* encoder = nullptr);
+  /// Learns only from `worlds` of a rollout.
+  PpoTeam(const LoadedRun& run, int team, Device device, const ParallelFor& parallel_for, const WorldRange& worlds);
 
   Actor& actor() { return actor_; }
   bool needs_state() const { return critic_.needs_state(); }
@@ -44,11 +43,12 @@ class PpoTeam {
 
   /// The weight of the entropy bonus from here on.
   void set_entropy_coef(float coef) { entropy_coef_ = coef; }
-  /// Values, advantages and returns of a rollout; clears the figures.
+  /// Values, advantages and returns of a rollout; clears the figures. A critic with memory goes on from the rollout
+  /// before, and remembers what it knows before the next one.
   void compute_advantages(const Rollout& rollout);
 
-  /// Steps that are learned from in a row: 1 for an actor without memory, else the rollout.
-  int64_t sequence_length() const { return actor_.state_size() > 0 ? config_.horizon : 1; }
+  /// Steps that are learned from in a row: 1 for networks without memory, else the rollout.
+  int64_t sequence_length() const { return actor_.state_size() > 0 || critic_.state_size() > 0 ? config_.horizon : 1; }
   int64_t n_sequences() const { return config_.horizon * worlds_.count / sequence_length(); }
   /// The minibatches of an epoch: an order of the sequences cut into pieces, as equal as possible. Sequence k begins at
   /// state k of the team's own worlds, numbered step by step. -> states [L, B] of the rollout each.
@@ -71,6 +71,10 @@ class PpoTeam {
   /// Everything that is learned from in these states.
   void save_batch(const Rollout& rollout, const at::Tensor& states, NamedArrays& out) const;
 
+  /// What the critic remembers of the games that go on; nothing without memory.
+  void save_memory(const std::string& prefix, NamedArrays& out) const;
+  void load_memory(const std::string& prefix, const NamedArrays& in);
+
   void save_critic(const std::string& prefix, NamedArrays& out) const;
   void save(const std::string& prefix, NamedArrays& out) const;
   void load(const std::string& prefix, const NamedArrays& in);
@@ -85,6 +89,7 @@ class PpoTeam {
     int number;            // in the update, from 1
     int64_t length;        // L
     at::Tensor states;     // [S] of the rollout, step by step
+    at::Tensor begins;     // [L, B] bool: the first steps of episodes; undefined where nobody remembers
     at::Tensor obs;        // [S, n, D]
     at::Tensor alive;      // [S, n] fp32
     at::Tensor inv_count;  // [1] 1 / living rows
@@ -94,7 +99,8 @@ class PpoTeam {
   void step_actor(int minibatch, float step_size);
   void step_critic(int minibatch, float step_size);
   at::Tensor values_of(const CriticInput& input, const at::Tensor& states) const;
-  at::Tensor actor_heads(const Rollout& rollout, const Minibatch& batch) const;
+  std::pair<at::Tensor, at::Tensor> remembering_values(const Rollout& rollout);
+  Sequence sequence_of(const Minibatch& batch, const at::Tensor& start) const;
   void update_actor(const Rollout& rollout, const Minibatch& batch, float step_size);
   at::Tensor policy_loss_gradient(const TeamRollout& rollout, const Minibatch& batch, const at::Tensor& head);
   void update_critic(const Rollout& rollout, const Minibatch& batch, float step_size);
@@ -123,6 +129,8 @@ class PpoTeam {
   std::vector<at::Tensor> minibatches_;  // of the epoch: states [L, B] each
   bool first_epoch_ = true;              // of the update is yet to come
 
+  // What the critic remembers: of each agent, before the latest rollout and after it; undefined without memory.
+  at::Tensor critic_start_, critic_memory_;  // [W, n, S]
   at::Tensor slots_;  // [(T + 1) x own worlds] all states of the team's worlds; undefined where those are all worlds
 
   // Of the latest rollout; T x W states, n agents. Without meaning in worlds in which the team does not learn.

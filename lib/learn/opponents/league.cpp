@@ -141,8 +141,8 @@ bool League::is_promoted(size_t team) const {
          past_[team].since_kept.is_evidence();
 }
 
-void League::end(int64_t updates_done, const Simulator& sim) {
-  if (updates_done % config_.pool_every_updates != 0) return;
+bool League::end(int64_t updates_done, const Simulator& sim) {
+  if (updates_done % config_.pool_every_updates != 0) return false;
   at::NoGradGuard no_grad;
   // Judged before either pool grows.
   std::array<bool, kNTeams> promoted{};
@@ -161,6 +161,7 @@ void League::end(int64_t updates_done, const Simulator& sim) {
     set_rows(past, std::move(rows));
   }
   counts_.copy_(wrap(sim.state().view().episode_length, {shares_.n_worlds}, sim.device()) == 0);
+  return true;
 }
 
 void League::save(const std::string& prefix, NamedArrays& out) const {

@@ -39,9 +39,10 @@ class League {
   /// team. A game against a past policy counts if it began after that opponent was drawn.
   void read(EpisodeStats& self_play, std::array<LeagueRecord, kNTeams>& record);
   /// After `read`: if an update with this number calls for it, keeps the policies (pool_promotion) and draws new
-  /// opponents. A game in
-  /// progress goes on against the new ones.
-  void end(int64_t updates_done, const Simulator& sim);
+  /// opponents. A game in progress goes on against the new ones, who remember nothing of it. Whether it did.
+  bool end(int64_t updates_done, const Simulator& sim);
+  /// Where past policies of a team play.
+  WorldRange pool_worlds(int team) const { return shares_.pool(1 - team); }
 
   void save(const std::string& prefix, NamedArrays& out) const;
   void load(const std::string& prefix, const NamedArrays& in);

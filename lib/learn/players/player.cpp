@@ -120,14 +120,27 @@ bool Player::can_play(int side) const { return script_ || exported_ || policy_[s
 
 SimSpec Player::seen_by(const SimSpec& spec) const {
   SimSpec seen = spec;
-  if (origin_) seen.params.egocentric_view = spec.params.egocentric_view && origin_->run.spec.params.egocentric_view;
+  if (origin_)
+    seen.params.egocentric_view =
+        spec.params.egocentric_view && origin_->run.spec.params.egocentric_view && !computes_view();
   return seen;
+}
+
+bool Player::computes_view() const {
+  return exported_ && exported_->found().manifest && exported_->found().manifest->shape.view;
+}
+
+void Player::check_plays(const SimSpec& spec, const std::string& reasons) const {
+  if (!origin_) return;
+  const PolicyInterface policy =
+      exported_ ? interface_of(*exported_->found().manifest) : interface_of(origin_->run.spec);
+  check_fits(policy, seen_by(spec), name_, reasons);
 }
 
 std::unique_ptr<TeamController> Player::controller(int side, const SimSpec& spec) {
   if (script_) return script_controller(*script_);
   if (!exported_) return checkpoint_controller(side, spec);
-  const ReadPolicy& read = exported_->policy_for(seen_by(spec));
+  const ReadPolicy& read = exported_->policy_for(computes_view() ? spec : seen_by(spec));
   return policy_controller(*read.policy, greedy_ || read.greedy);
 }
 
@@ -141,7 +154,7 @@ Mind Player::mind(int side, const SimSpec& spec) const {
 std::unique_ptr<TeamController> Player::checkpoint_controller(int side, const SimSpec& spec) const {
   if (!policy_[side])
     throw InputError(cat(name_, " has no policy for team ", side, ", which was scripted while it trained"));
-  check_fits(interface_of(origin_->run.spec), seen_by(spec), name_);
+  check_plays(spec);
   return policy_controller(*policy_[side], greedy_ || acts_greedily(origin_->run.config));
 }
 

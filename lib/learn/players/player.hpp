@@ -55,8 +55,8 @@ class Player {
 
   /// Whether it can play team `side`: a checkpoint has a policy for each team that learned, all others play both.
   bool can_play(int side) const;
-  /// A game with the observations that its policy is given: the egocentric view only where it was trained with it.
-  SimSpec seen_by(const SimSpec& spec) const;
+  /// Throws InputError where its policy cannot play a scenario, as check_fits of export/observation_layout.hpp does.
+  void check_plays(const SimSpec& spec, const std::string& reasons = "") const;
   /// What moves team `side` in a game of a scenario; valid while this lives, and until the next call with a scenario of
   /// other observations or actions. Throws InputError where can_play is false, or the scenario's observations or
   /// actions are not those of the policy.
@@ -67,6 +67,10 @@ class Player {
 
  private:
   class Exported;
+  /// A game with the observations that its policy is given: the egocentric view only where it was trained with it and
+  /// does not compute it itself.
+  SimSpec seen_by(const SimSpec& spec) const;
+  bool computes_view() const;
   std::unique_ptr<TeamController> checkpoint_controller(int side, const SimSpec& spec) const;
 
   std::string name_;

@@ -28,10 +28,14 @@ std::unique_ptr<ValueFunction> ValueFunction::load(const LoadedRun& run, int tea
   return values;
 }
 
-at::Tensor ValueFunction::forward(const at::Tensor& obs, const at::Tensor& alive, const at::Tensor& state) const {
+at::Tensor ValueFunction::forward(const at::Tensor& obs, const at::Tensor& alive, const at::Tensor& state,
+                                  NetworkState& memory) const {
   at::NoGradGuard no_grad;
   const at::Tensor x = actor_.normalizes() ? actor_.normalizer().apply(obs) : obs;
-  return critic_.forward(x, alive.to(at::kFloat), state) * norm_.std() + norm_.mean();
+  at::Tensor after;
+  const at::Tensor value = critic_.forward(x, alive.to(at::kFloat), state, {.start = memory.rows, .states = &after});
+  if (critic_.state_size() > 0) memory.rows = after[0];
+  return value * norm_.std() + norm_.mean();
 }
 
 }  // namespace giga

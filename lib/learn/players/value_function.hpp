@@ -23,7 +23,9 @@ class ValueFunction {
                                              const Actor& actor, Device device);
 
   /// obs [W, n, D], alive [W, n] bytes, state [W, G] (undefined unless needed) -> returns that are expected [W, n].
-  at::Tensor forward(const at::Tensor& obs, const at::Tensor& alive, const at::Tensor& state) const;
+  /// `memory` [W n, S]: read, and replaced by what the critic remembers now.
+  at::Tensor forward(const at::Tensor& obs, const at::Tensor& alive, const at::Tensor& state,
+                     NetworkState& memory) const;
 
   bool needs_state() const { return critic_.needs_state(); }
   ObservationSet reads() const { return critic_.reads(); }

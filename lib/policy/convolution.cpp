@@ -1,0 +1,171 @@
+#include "policy/convolution.hpp"
+
+#include <ATen/ATen.h>
+
+#include <cmath>
+#include <limits>
+
+#include "core/error.hpp"
+
+namespace giga {
+namespace {
+
+const float kReluGain = std::sqrt(2.0f);  // of the orthogonal initialisation
+constexpr double kByteScale = 1.0 / 255;  // pixels in [0, 1]
+
+/// A convolution by the numbers of its parameters. The weight is a matrix [output, size * size * input], in which the
+/// channels lie next to each other as those of images do.
+struct Convolution {
+  int weight = -1, bias = -1;
+  int64_t input, output, size, stride, padding;
+};
+
+Convolution add_convolution(ParameterSet& parameters, const std::string& name, int64_t input, int64_t output,
+                            int64_t size, int64_t stride, int64_t padding) {
+  Convolution c{-1, -1, input, output, size, stride, padding};
+  c.weight = parameters.add(name + "/weight", {output, size * size * input}, {Init::Kind::orthogonal, kReluGain});
+  c.bias = parameters.add(name + "/bias", {output}, {Init::Kind::constant, 0});
+  return c;
+}
+
+int64_t side_behind(const Convolution& c, int64_t side) { return (side + 2 * c.padding - c.size) / c.stride + 1; }
+
+/// x [R, input, H, W] -> [R, output, H', W'], in the type of x. `scale`: of the pixels; it is cheaper on the weights.
+at::Tensor convolved(const ParameterSet& p, const Convolution& c, const at::Tensor& x, double scale = 1) {
+  at::Tensor weight = p[c.weight].view({c.output, c.size, c.size, c.input}).permute({0, 3, 1, 2});
+  if (scale != 1) weight = weight * scale;
+  return at::conv2d(x, weight.to(x.scalar_type()), p[c.bias].to(x.scalar_type()), at::IntArrayRef{c.stride, c.stride},
+                    at::IntArrayRef{c.padding, c.padding});
+}
+
+/// What both encoders are: pixels, convolutions, dense layers.
+class ImageEncoder : public Encoder {
+ public:
+  ImageEncoder(const char* kind, const ObservationShape& input) : side_(input.sides[0]) {
+    if (input.n_sides != 3 || input.sides[0] != input.sides[1])
+      throw InputError(cat("the encoder ", kind, " reads images, and its input has none"));
+    channels_ = input.sides[2];
+  }
+
+  at::Tensor forward(const ParameterSet& p, at::Tensor x, Rounding) const override {
+    std::vector<int64_t> shape = x.sizes().vec();
+    shape.back() = features();
+    x = x.reshape({-1, side_, side_, channels_}).permute({0, 3, 1, 2});
+    if (x.scalar_type() == at::kByte) x = x.to(at::kFloat);
+    x = convolutions(p, x).permute({0, 2, 3, 1}).flatten(1);
+    for (const DenseLayer& layer : dense_) x = dense(p, layer, x, Rounding::none);
+    return x.view(shape);
+  }
+  at::Tensor forward_members(const ParameterSet&, const at::Tensor&, at::Tensor, Rounding) const override {
+    throw InputError("networks that read images are not evolved");
+  }
+  int64_t features() const override { return features_; }
+
+ protected:
+  /// x [R, C, H, W] of pixels in [0, 255].
+  virtual at::Tensor convolutions(const ParameterSet& p, const at::Tensor& x) const = 0;
+
+  void add_dense_layers(ParameterSet& parameters, const std::string& name, int64_t input, const MlpConfig& config) {
+    for (const int size : config.hidden) {
+      const DenseShape shape{input, size, config.hidden_gain, config.activation, config.layer_norm};
+      dense_.push_back(add_dense(parameters, cat(name, "/dense_", dense_.size()), shape));
+      input = features_ = size;
+    }
+  }
+
+  int64_t side_, channels_ = 0;
+
+ private:
+  int64_t features_ = 0;
+  std::vector<DenseLayer> dense_;
+};
+
+class Nature final : public ImageEncoder {
+ public:
+  Nature(ParameterSet& parameters, const std::string& name, const ObservationShape& input, const NetworkConfig& config)
+      : ImageEncoder("nature", input) {
+    if (side_ < kNatureSide)
+      throw InputError(cat("the encoder nature needs images of at least ", kNatureSide, " x ", kNatureSide,
+                           " pixels; these have ", side_, " x ", side_));
+    layers_ = {add_convolution(parameters, name + "/conv_0", channels_, 32, 8, 4, 0),
+               add_convolution(parameters, name + "/conv_1", 32, 64, 4, 2, 0),
+               add_convolution(parameters, name + "/conv_2", 64, 64, 3, 1, 0)};
+    int64_t side = side_;
+    for (const Convolution& c : layers_) side = side_behind(c, side);
+    add_dense_layers(parameters, name, layers_.back().output * side * side, config);
+  }
+
+ private:
+  at::Tensor convolutions(const ParameterSet& p, const at::Tensor& pixels) const override {
+    at::Tensor x = at::relu(convolved(p, layers_[0], pixels, kByteScale));
+    x = at::relu(convolved(p, layers_[1], x));
+    return at::relu(convolved(p, layers_[2], x));
+  }
+
+  std::vector<Convolution> layers_;
+};
+
+class Impala final : public ImageEncoder {
+ public:
+  Impala(ParameterSet& parameters, const std::string& name, const ObservationShape& input, const NetworkConfig& config)
+      : ImageEncoder("impala", input) {
+    int64_t side = side_, from = channels_;
+    for (size_t k = 0; k < sections_.size(); ++k) {
+      const int64_t to = k == 0 ? config.impala_width : 2 * config.impala_width;
+      const auto same = [&](const std::string& part, int64_t input_channels) {
+        return add_convolution(parameters, cat(name, "/section_", k, "/", part), input_channels, to, 3, 1, 1);
+      };
+      sections_[k] = {
+          same("conv", from),
+          {{{same("block_0/0", to), same("block_0/1", to)}, {same("block_1/0", to), same("block_1/1", to)}}}};
+      side = (side - 1) / 2 + 1;
+      from = to;
+    }
+    add_dense_layers(parameters, name, from * side * side, config);
+  }
+
+ private:
+  struct Block {
+    Convolution first, second;
+  };
+  struct Section {
+    Convolution enter;
+    std::array<Block, 2> blocks;
+  };
+
+  at::Tensor convolutions(const ParameterSet& p, const at::Tensor& pixels) const override {
+    at::Tensor x = pixels;
+    for (const Section& section : sections_) {
+      x = pool_of_three(convolved(p, section.enter, x, &section == sections_.data() ? kByteScale : 1));
+      for (const Block& block : section.blocks)
+        x = x + convolved(p, block.second, at::relu(convolved(p, block.first, at::relu(x))));
+    }
+    return at::relu(x);
+  }
+
+  std::array<Section, 3> sections_;
+};
+
+}  // namespace
+
+at::Tensor pool_of_three(const at::Tensor& x) {
+  at::Tensor y = at::constant_pad_nd(x, {1, 1, 1, 1}, -std::numeric_limits<double>::infinity());
+  for (const int64_t side : {3, 2}) {
+    const int64_t end = y.size(side) - 2;  // behind the first pixel of the last three
+    const auto every_second = [&](int64_t first) { return y.slice(side, first, first + end, 2); };
+    y = at::maximum(at::maximum(every_second(0), every_second(1)), every_second(2));
+  }
+  return y;
+}
+
+std::shared_ptr<const Encoder> make_nature(ParameterSet& parameters, const std::string& name,
+                                           const ObservationShape& input, const NetworkConfig& config) {
+  return std::make_shared<Nature>(parameters, name, input, config);
+}
+
+std::shared_ptr<const Encoder> make_impala(ParameterSet& parameters, const std::string& name,
+                                           const ObservationShape& input, const NetworkConfig& config) {
+  return std::make_shared<Impala>(parameters, name, input, config);
+}
+
+}  // namespace giga
