@@ -59,7 +59,7 @@ TEST_F(ExportedRun, WithMemoryItPlaysAsItsRunDoes) {
     const Outcome outcome =
         here_->run({"eval", player, "--vs", "circle", "--episodes", "16", "--trust", "--json", "-"});
     EXPECT_EQ(outcome.code, 0) << outcome.err;
-    return print_node(at(parse_yaml_text(outcome.out, player), {"sides"}));
+    return print_node(at(parse_yaml_text(outcome.out, player), {"sides"}).items.at(0));  // as team 0
   };
   const std::string expected = games("remembers");
   for (const char* format : {"safetensors", "torchscript"}) {
