@@ -52,6 +52,12 @@ double rating_of(const fs::path& run, int64_t updates) {
   return at != found.end() && at->is_number() ? at->get<double>() : NAN;
 }
 
+/// The name of its folder.
+std::string name_of_run(const std::string& text) {
+  const fs::path path = fs::path(text).lexically_normal();
+  return (path.has_filename() ? path : path.parent_path()).filename().string();
+}
+
 /// Of a run its best policy, and earlier ones as weaker levels, the strongest first; of all others the one that is
 /// named.
 std::vector<Level> levels_of(const std::string& text, int most, const PlayerOptions& options) {
@@ -60,9 +66,9 @@ std::vector<Level> levels_of(const std::string& text, int most, const PlayerOpti
   std::error_code code;
   if (find_script(text) || !fs::is_directory(text, code) || is_exported_policy(text)) return levels;
   const auto label = [&](Level& level) {
-    const int64_t updates = level.player.origin()->updates;
-    level.rating = rating_of(text, updates);
-    std::string name = cat(fs::path(text).lexically_normal().string(), " after ", updates);
+    const Player::Origin& origin = *level.player.origin();
+    level.rating = rating_of(text, origin.updates);
+    std::string name = cat(name_of_run(text), " after ", origin.updates, ' ', algorithm_of(origin.run.config).updates);
     if (!std::isnan(level.rating)) name += cat(", rated ", std::lround(level.rating));
     level.player.rename(name);
   };

@@ -1,5 +1,6 @@
 #include "play/plain_actor.hpp"
 
+#include "core/error.hpp"
 #include "export/actor_model.hpp"
 #include "policy/config.hpp"
 
@@ -9,6 +10,8 @@ namespace giga {
 static_assert(kNormalizedLimit == 10 && kLayerNormEpsilon == 1e-5f);
 
 PlainNetwork plain_network_of(const Actor& actor, int inputs, bool greedy) {
+  if (actor.state_size() > 0)
+    throw InputError("a page plays networks without memory only (encoder: mlp), and this one remembers");
   const PolicyModel model = model_of(actor, inputs);
   PlainNetwork network;
   network.actions = model.shape.actions;

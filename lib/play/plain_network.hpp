@@ -31,8 +31,6 @@ struct PlainNetwork {
   std::vector<float> log_std;  ///< [3]; continuous actions only
 
   size_t inputs() const { return layers.front().inputs(); }
-  /// Numbers that an agent remembers from step to step. Dense layers remember nothing.
-  int64_t memory_size() const { return 0; }
   /// `row`: the first inputs() numbers of an agent's observations -> `head`: 27 logits, or 3 means before squashing.
   void forward(const float* row, float* head) const;
 };

@@ -13,7 +13,6 @@ class PlainController final : public TeamController {
   explicit PlainController(std::shared_ptr<const PlainNetwork> network) : network_(std::move(network)) {}
 
   ObservationSet reads() const override { return ObservationSet::all(); }
-  int64_t memory_size() const override { return network_->memory_size(); }
   void act(std::span<const TeamStep> parts) override {
     for (const TeamStep& part : parts) act(part);
   }
