@@ -32,6 +32,7 @@ void add_rate_command(CLI::App& app, Dispatch& dispatch);
 void add_sweep_command(CLI::App& app, Dispatch& dispatch);
 void add_exploit_command(CLI::App& app, Dispatch& dispatch);
 void add_record_command(CLI::App& app, Dispatch& dispatch);
+void add_play_command(CLI::App& app, Dispatch& dispatch);
 void add_picture_command(CLI::App& app, Dispatch& dispatch);
 
 }  // namespace giga

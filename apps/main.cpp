@@ -63,6 +63,7 @@ int run(int argc, char** argv, giga::Dispatch& dispatch) {
   giga::add_sweep_command(app, dispatch);
   giga::add_exploit_command(app, dispatch);
   giga::add_record_command(app, dispatch);
+  giga::add_play_command(app, dispatch);
   giga::add_picture_command(app, dispatch);
   try {
     app.parse(argc, argv);

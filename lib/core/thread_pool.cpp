@@ -2,10 +2,10 @@
 
 #if defined(_OPENMP)
 #include <omp.h>
-#endif
 
 #include <exception>
 #include <mutex>
+#endif
 
 namespace giga {
 namespace {
@@ -24,13 +24,12 @@ int default_threads() {
 ThreadPool::ThreadPool(int n_threads) : n_threads_(n_threads > 0 ? n_threads : default_threads()) {}
 
 void ThreadPool::for_ranges(int64_t count, const std::function<void(int64_t, int64_t, int)>& body) const {
+  const int n = n_threads_;
+#if defined(_OPENMP)
   std::exception_ptr error;
   std::mutex mutex;
-  const int n = n_threads_;
   // A loop over the ranges, not over threads: all are done even where OpenMP gives fewer threads than asked for.
-#if defined(_OPENMP)
 #pragma omp parallel for num_threads(n) schedule(static, 1)
-#endif
   for (int thread = 0; thread < n; ++thread) {
     const int64_t begin = count * thread / n, end = count * (thread + 1) / n;
     if (begin == end) continue;
@@ -42,6 +41,13 @@ void ThreadPool::for_ranges(int64_t count, const std::function<void(int64_t, int
     }
   }
   if (error) std::rethrow_exception(error);
+#else
+  // In a browser's module there are neither threads nor locks, nor anything that catches.
+  for (int thread = 0; thread < n; ++thread) {
+    const int64_t begin = count * thread / n, end = count * (thread + 1) / n;
+    if (begin != end) body(begin, end, thread);
+  }
+#endif
 }
 
 }  // namespace giga

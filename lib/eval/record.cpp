@@ -107,6 +107,28 @@ uint64_t seed_of_digits(const Replay& replay) {
   return seed;
 }
 
+/// What a replay says of an episode beside its states; empty: what both say is the same.
+std::string other_difference(const ReplayEpisode& a, const ReplayEpisode& b) {
+  const auto same_event = [](const ReplayEvent& x, const ReplayEvent& y) {
+    return x.step == y.step && x.what == y.what && x.agent == y.agent && x.other == y.other;
+  };
+  const auto same_waypoint = [](const ReplayWaypoint& x, const ReplayWaypoint& y) {
+    return x.from == y.from && x.to == y.to && x.x1 == y.x1 && x.y1 == y.y1 && x.x2 == y.x2 && x.y2 == y.y2;
+  };
+  if (a.map != b.map) return "in its map";
+  if (a.winner != b.winner || a.at_time_limit != b.at_time_limit) return "in who wins";
+  if (a.score != b.score || a.returns != b.returns) return "in its scores or returns";
+  if (a.died != b.died || a.cause != b.cause) return "in who dies";
+  if (a.sees != b.sees) return "in who detects whom";
+  if (a.fires != b.fires) return "in who shoots at whom";
+  if (a.hears != b.hears) return "in who hears whom";
+  if (!std::equal(a.events.begin(), a.events.end(), b.events.begin(), b.events.end(), same_event))
+    return "in its events";
+  if (!std::equal(a.waypoints.begin(), a.waypoints.end(), b.waypoints.begin(), b.waypoints.end(), same_waypoint))
+    return "in its waypoints";
+  return "";
+}
+
 /// The first state of an agent's column that differs; `states` where none does.
 int first_difference(const ReplayEpisode& a, const ReplayEpisode& b, int states) {
   int first = states;
@@ -121,21 +143,26 @@ int first_difference(const ReplayEpisode& a, const ReplayEpisode& b, int states)
 
 }  // namespace
 
-RecordedMatch record_match(const Scenario& scenario, const SimSpec& spec,
-                           const std::array<RecordedTeam, kNTeams>& teams, const MatchOptions& options,
-                           const std::string& version) {
-  RecordedMatch recorded;
-  Replay& replay = recorded.replay;
+Replay replay_frame(const Scenario& scenario, const SimSpec& spec, const std::string& version) {
+  Replay replay;
   replay.gigastep_version = version;
   replay.scenario_name = spec.name;
   replay.scenario = print_yaml(scenario, false);
-  replay.seed = cat(options.seed);
   replay.actions = static_cast<ReplayActions>(spec.params.actions);
-  replay.players = {teams[0].name, teams[1].name};
-  replay.origins = {teams[0].origin, teams[1].origin};
   replay.rules = rules_of(scenario, spec.params);
   replay.agents = agents_of(scenario, spec);
   replay.maps = maps_of(spec);
+  return replay;
+}
+
+RecordedMatch record_match(const Scenario& scenario, const SimSpec& spec,
+                           const std::array<RecordedTeam, kNTeams>& teams, const MatchOptions& options,
+                           const std::string& version) {
+  RecordedMatch recorded{replay_frame(scenario, spec, version), {}};
+  Replay& replay = recorded.replay;
+  replay.seed = cat(options.seed);
+  replay.players = {teams[0].name, teams[1].name};
+  replay.origins = {teams[0].origin, teams[1].origin};
 
   Recorder recorder(spec, {teams[0].mind, teams[1].mind});
   recorded.result = play_match(spec, teams[0].controller, teams[1].controller, options, {&recorder});
@@ -200,6 +227,8 @@ std::string verify_replay(const Replay& replay, Device device) {
     if (now.state_check != then.state_check)
       return cat("episode ", k, " differs by less than the replay keeps: the checksums of its states are ",
                  now.state_check, " now, ", then.state_check, " then");
+    if (const std::string what = other_difference(now, then); !what.empty())
+      return cat("episode ", k, " has the same states, but differs ", what);
   }
   return "";
 }

@@ -27,6 +27,9 @@ struct RecordedMatch {
   MatchResult result;
 };
 
+/// A replay of a scenario without games, players and seed.
+Replay replay_frame(const Scenario& scenario, const SimSpec& spec, const std::string& version);
+
 /// Plays a match and keeps all of its episodes.
 RecordedMatch record_match(const Scenario& scenario, const SimSpec& spec,
                            const std::array<RecordedTeam, kNTeams>& teams, const MatchOptions& options,
@@ -36,8 +39,9 @@ RecordedMatch record_match(const Scenario& scenario, const SimSpec& spec,
 RecordedMatch record_teams(const LoadedRun& run, Learner& learner, const MatchOptions& options,
                            const std::string& version);
 
-/// Plays the recorded actions again from the recorded seed, and compares all states bit for bit. Returns what differs
-/// first; empty: nothing does. Throws InputError where the scenario cannot be read any more.
+/// Plays the recorded actions again from the recorded seed, and compares all states bit for bit, and what else the
+/// replay says of the games. Returns what differs first; empty: nothing does. Throws InputError where the scenario
+/// cannot be read any more.
 std::string verify_replay(const Replay& replay, Device device);
 
 }  // namespace giga

@@ -8,33 +8,12 @@ class Bits {
   at(pair, state) { return this.data[pair * this.row + (state >> 3)] >> (state & 7) & 1; }
 }
 
-// One episode: states by agent and step, and who detected, shot and heard whom.
-class Episode {
-  constructor(replay, head, take) {
-    const agents = replay.agents, n = agents.length, steps = head.steps, states = steps + 1;
-    this.replay = replay; this.head = head; this.n = n; this.steps = steps; this.states = states;
-    this.teams = [0, 1].map(team => agents.filter(agent => agent.team === team).length);
-    const {limit_x, limit_y} = replay.rules, place = Math.max(limit_x, limit_y) / 5000;
-    const column = (unit, order) => unfold(take(2 * n * states), n, states, order, unit);
-    this.x = column(place, 2);
-    this.y = column(place, 2);
-    this.z = column(0.02, 1);
-    this.heading = column(PI2 / 65536, 1);
-    this.speed = column(0.05, 1);
-    this.health = column(0.01, 1);
-    const discrete = replay.actions === "discrete", actions = take(n * steps * (discrete ? 1 : 12));
-    this.action = discrete ? actions : new Float32Array(actions.slice().buffer);
-    const bytes = (states + 7) >> 3, opponents = 2 * this.teams[0] * this.teams[1] * bytes;
-    const mates = n > 64 ? 0 : this.teams.reduce((sum, m) => sum + m * (m - 1), 0) * bytes;
-    this.sees = new Bits(take(opponents), states);
-    this.fires = new Bits(take(opponents), states);
-    this.hears = mates || n <= 64 ? new Bits(take(mates), states) : null;
-    this.minds = [0, 1].map(team => {
-      const mind = head[`mind_${team}`], rows = this.teams[team] * states;
-      return {...mind, value: take(mind.low < mind.high ? rows : 0),
-              likely: take(discrete ? mind.top * rows : mind.top ? 3 * rows : 0),
-              probability: take(discrete ? mind.top * rows : 0)};
-    });
+// What can be asked of an episode: states by agent and step, and who detected, shot and heard whom. `states` is the length
+// of a row, `steps` the last state.
+class EpisodeBase {
+  constructor(replay, head) {
+    this.replay = replay; this.head = head; this.n = replay.agents.length;
+    this.teams = [0, 1].map(team => replay.agents.filter(agent => agent.team === team).length);
   }
   team(i) { return i < this.teams[0] ? 0 : 1; }
   alive(i, state) { const died = this.head.died[i]; return died < 0 || state < died; }
@@ -100,6 +79,36 @@ class Episode {
     return this.replay.actions === "discrete" ? this.action[at] : [...this.action.slice(3 * at, 3 * at + 3)];
   }
   boxes() { return this.replay.maps[this.head.map].boxes; }
+}
+
+// One that was read from a file.
+class Episode extends EpisodeBase {
+  constructor(replay, head, take) {
+    super(replay, head);
+    const {n} = this, steps = head.steps, states = steps + 1;
+    this.steps = steps; this.states = states;
+    const {limit_x, limit_y} = replay.rules, place = Math.max(limit_x, limit_y) / 5000;
+    const column = (unit, order) => unfold(take(2 * n * states), n, states, order, unit);
+    this.x = column(place, 2);
+    this.y = column(place, 2);
+    this.z = column(0.02, 1);
+    this.heading = column(PI2 / 65536, 1);
+    this.speed = column(0.05, 1);
+    this.health = column(0.01, 1);
+    const discrete = replay.actions === "discrete", actions = take(n * steps * (discrete ? 1 : 12));
+    this.action = discrete ? actions : new Float32Array(actions.slice().buffer);
+    const bytes = (states + 7) >> 3, opponents = 2 * this.teams[0] * this.teams[1] * bytes;
+    const mates = n > 64 ? 0 : this.teams.reduce((sum, m) => sum + m * (m - 1), 0) * bytes;
+    this.sees = new Bits(take(opponents), states);
+    this.fires = new Bits(take(opponents), states);
+    this.hears = mates || n <= 64 ? new Bits(take(mates), states) : null;
+    this.minds = [0, 1].map(team => {
+      const mind = head[`mind_${team}`], rows = this.teams[team] * states;
+      return {...mind, value: take(mind.low < mind.high ? rows : 0),
+              likely: take(discrete ? mind.top * rows : mind.top ? 3 * rows : 0),
+              probability: take(discrete ? mind.top * rows : 0)};
+    });
+  }
 }
 
 // Low bytes, then high ones, of differences that are folded to 0, -1, 1, -2, 2, ...

@@ -16,6 +16,8 @@ std::string asset(const char* name) {
   return std::string(*bytes);
 }
 
+}  // namespace
+
 std::string base64(std::string_view bytes) {
   std::string text((bytes.size() + 2) / 3 * 4 + 1, '\0');  // OpenSSL ends it with a zero
   const int size =
@@ -24,8 +26,6 @@ std::string base64(std::string_view bytes) {
   text.resize(static_cast<size_t>(size));
   return text;
 }
-
-}  // namespace
 
 std::string watch_page(const std::vector<std::string>& replays, const std::string& title, const std::string& version) {
   GIGA_CHECK(!replays.empty(), "a page needs a replay");

@@ -49,10 +49,11 @@ class Scene {
     return {x: mix(e.x), y: mix(e.y), z: mix(e.z), heading: e.heading[a] + share * turn};
   }
 
-  // What depends on the whole step alone: who is known to the chosen side, who fires at whom.
+  // What depends on the whole step alone: who is known to the chosen side, who fires at whom. options.eyes: an agent, of
+  // whose knowledge alone all is drawn; options.hide: who is not known is not drawn.
   facts(state) {
-    const {side} = this.options, e = this.episode;
-    if (this.cache && this.cache.state === state && this.cache.side === side) return this.cache;
+    const {side, eyes = -1} = this.options, e = this.episode;
+    if (this.cache && this.cache.state === state && this.cache.side === side && this.cache.eyes === eyes) return this.cache;
     const contacts = [], fire = [], known = new Uint8Array(e.n).fill(side < 0 ? 1 : 0);
     for (let a = 0; a < e.n; ++a) {
       if (e.team(a) === side) known[a] = 1;
@@ -65,7 +66,11 @@ class Scene {
         if (e.tracks(b, a, state)) fire.push([b, a, e.tracked(b, a, state) > e.replay.rules.min_tracking_time]);
       }
     }
-    return this.cache = {state, side, contacts, fire, known};
+    if (eyes < 0) return this.cache = {state, side, eyes, contacts, fire, known};
+    known.fill(0);
+    for (const i of [...e.sources(eyes, state), ...e.known(eyes, state)]) known[i] = 1;
+    const both = ([a, b]) => known[a] && known[b];
+    return this.cache = {state, side, eyes, contacts: contacts.filter(both), fire: fire.filter(both), known};
   }
 
   draw(time, chosen) {
@@ -177,7 +182,8 @@ class Scene {
     const {pen, camera, episode: e} = this, from = Math.max(0, state - TRAIL);
     pen.lineWidth = e.n > 100 ? 1 : 1.6;
     for (let i = 0; i < e.n; ++i) {
-      if (!facts.known[i]) continue;
+      // Where an opponent was before it was seen is nobody's to know.
+      if (!facts.known[i] || (this.options.hide && e.team(i) !== this.options.side)) continue;
       const end = e.alive(i, state) ? state : e.head.died[i];
       if (end <= from) continue;
       pen.strokeStyle = this.teamColor[e.team(i)];
@@ -238,6 +244,7 @@ class Scene {
     const order = [...places.keys()].sort((a, b) => this.places[b][2] - this.places[a][2]);
     const usual = Math.max(3.2, Math.min(10, 0.32 * Math.min(camera.width, camera.height) / Math.sqrt(e.n) / 4.5));
     for (const i of order) {
+      if (options.hide && !facts.known[i]) continue;
       const {x, y, z, heading} = places[i], [px, py, , unit] = this.places[i], alive = e.alive(i, state);
       const agent = e.replay.agents[i], color = this.teamColor[e.team(i)];
       // From above the higher is the larger; in three dimensions the nearer is.

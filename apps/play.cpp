@@ -1,0 +1,246 @@
+// gigastep play: writes a page in which a person flies an agent with and against trained teams.
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <iostream>
+#include <map>
+#include <nlohmann/json.hpp>
+
+#include "apps/command_line.hpp"
+#include "apps/commands.hpp"
+#include "apps/players.hpp"
+#include "apps/program_info.hpp"
+#include "core/error.hpp"
+#include "eval/played_game.hpp"
+#include "eval/record.hpp"
+#include "export/export.hpp"
+#include "io/files.hpp"
+#include "io/run_folder.hpp"
+#include "learn/players/player.hpp"
+#include "play/page.hpp"
+#include "play/plain_actor.hpp"
+#include "policy/actor.hpp"
+#include "rating/find_rating.hpp"
+#include "rating/sheet.hpp"
+
+namespace giga {
+namespace {
+namespace fs = std::filesystem;
+
+constexpr int kMostAgents = 200;  // with more of them a page does not keep up
+
+struct PlayOptions {
+  std::string a, b, out = "play", folder;
+  std::vector<std::string> scenarios, changes;
+  int levels = 3;
+  bool greedy = false;
+};
+
+/// Somebody to play with or against, and how strong; NaN where nobody has rated it.
+struct Level {
+  Player player;
+  double rating;
+};
+
+double rating_of(const fs::path& run, int64_t updates) {
+  const fs::path file = run / RatingFiles::kFolder / RatingFiles::kJson;
+  std::error_code code;
+  if (!fs::exists(file, code)) return NAN;
+  const Json found = find_rating(file, {run, updates, 0});
+  const auto at = found.find("rating");
+  return at != found.end() && at->is_number() ? at->get<double>() : NAN;
+}
+
+/// The name of its folder.
+std::string name_of_run(const std::string& text) {
+  const fs::path path = fs::path(text).lexically_normal();
+  return (path.has_filename() ? path : path.parent_path()).filename().string();
+}
+
+/// Of a run its best policy, and earlier ones as weaker levels, the strongest first; of all others the one that is
+/// named.
+std::vector<Level> levels_of(const std::string& text, int most, const PlayerOptions& options) {
+  std::vector<Level> levels;
+  levels.push_back({Player::load(text, options), NAN});
+  std::error_code code;
+  if (find_script(text) || !fs::is_directory(text, code) || is_exported_policy(text)) return levels;
+  const auto label = [&](Level& level) {
+    const Player::Origin& origin = *level.player.origin();
+    level.rating = rating_of(text, origin.updates);
+    std::string name = cat(name_of_run(text), " after ", origin.updates, ' ', algorithm_of(origin.run.config).updates);
+    if (!std::isnan(level.rating)) name += cat(", rated ", std::lround(level.rating));
+    level.player.rename(name);
+  };
+  label(levels[0]);
+  const int64_t best = levels[0].player.origin()->updates;
+  std::vector<fs::path> files = list_checkpoints(text);
+  for (const size_t k : spread(files.size(), static_cast<size_t>(most))) {
+    if (static_cast<int>(levels.size()) == most) break;
+    Level level{Player::of_checkpoint(find_checkpoint(files[k].string()), options), NAN};
+    if (level.player.origin()->updates == best) continue;
+    label(level);
+    levels.push_back(std::move(level));
+  }
+  const auto strength = [](const Level& level) {
+    return std::pair(std::isnan(level.rating) ? -INFINITY : level.rating, level.player.origin()->updates);
+  };
+  // What was named comes first; the others by rating, or where there is none by how long they learned.
+  std::stable_sort(levels.begin() + 1, levels.end(),
+                   [&](const Level& x, const Level& y) { return strength(x) > strength(y); });
+  return levels;
+}
+
+/// Collects the players of a page: each network once.
+class PagePlayers {
+ public:
+  /// `greedy`: all policies take their most likely action.
+  PagePlayers(PlayPage& page, bool greedy) : page_(page), greedy_(greedy) {}
+
+  void add_script(Scripted script) {
+    const int who = network_of_script(script);
+    page_.players.push_back({name_of(script), {who, who}});
+    loaded_.push_back(nullptr);
+  }
+  void add(Player& player) {
+    if (player.script()) return;  // all scripts are there
+    page_.players.push_back({player.name(), {}});
+    loaded_.push_back(&player);
+  }
+  /// Who can play team `team` of a scenario. Their networks are put on the page.
+  std::vector<int> able(int team, const SimSpec& spec) {
+    std::vector<int> all;
+    for (size_t k = 0; k < loaded_.size(); ++k)
+      if (!loaded_[k] || take(k, team, spec)) all.push_back(static_cast<int>(k));
+    return all;
+  }
+
+ private:
+  bool take(size_t number, int team, const SimSpec& spec) {
+    Player& player = *loaded_[number];
+    if (!player.can_play(team)) return false;
+    const std::unique_ptr<TeamController> controller = player.controller(team, spec);  // throws where it does not fit
+    const auto* actor = dynamic_cast<const Actor*>(player.mind(team, spec).policy);
+    if (!actor)
+      throw InputError(cat(player.name(),
+                           " is a TorchScript module, which a page cannot run: play a run, a checkpoint "
+                           "or a safetensors export"));
+    // An exported policy is the same for both teams.
+    const int network_of = player.mind(0, spec).policy == actor ? 0 : team;
+    const auto [at, is_new] = networks_.try_emplace({number, network_of}, static_cast<int>(page_.networks.size()));
+    if (is_new) {
+      const bool greedy = greedy_ || (player.origin() && acts_greedily(player.origin()->run.config));
+      page_.networks.push_back(plain_network_of(*actor, player.seen_by(spec).observation_size(), greedy));
+    }
+    page_.players[number].who[static_cast<size_t>(team)] = at->second;
+    return true;
+  }
+
+  PlayPage& page_;
+  const bool greedy_;
+  std::vector<Player*> loaded_;  // [players] null: a script
+  std::map<std::pair<size_t, int>, int> networks_;
+};
+
+void write(const PlayOptions& o) {
+  if (!has_play_module()) throw InputError(kNoPlayModule);
+  const PlayerOptions loading{Device{}, false, o.greedy};
+  std::vector<Level> levels = levels_of(o.a, o.levels, loading);
+  const std::string first = levels[0].player.name();
+  std::string against = first;
+  if (!o.b.empty() && o.b != o.a) {
+    std::vector<Level> others = levels_of(o.b, o.levels, loading);
+    against = others[0].player.name();
+    std::move(others.begin(), others.end(), std::back_inserter(levels));
+  }
+  PlayPage page;
+  page.version = program_version();
+  page.title = first == against ? first : cat(first, " and ", against);
+  page.about = "You fly one agent; trained policies and scripts fly the others.";
+  PagePlayers players(page, o.greedy);
+  std::vector<const Player*> all;
+  for (Level& level : levels) {
+    all.push_back(&level.player);
+    players.add(level.player);
+  }
+  for (size_t k = 0; k < enum_names(Scripted{}).size(); ++k) players.add_script(static_cast<Scripted>(k));
+  const auto number_of = [&](const std::string& name) {
+    const auto found =
+        std::find_if(page.players.begin(), page.players.end(), [&](const auto& p) { return p.name == name; });
+    return static_cast<int>(found - page.players.begin());
+  };
+  page.mates = number_of(first);
+  page.opponents = number_of(against);
+
+  std::vector<std::string> scenarios = o.scenarios;
+  if (scenarios.empty()) scenarios.emplace_back();
+  for (const std::string& name : scenarios) {
+    PlayedGame game = choose_game({name, o.changes}, all, OtherGames::allowed);
+    for (const std::string& note : game.notes) std::cerr << "note: " << note << '\n';
+    if (game.spec.params.n_agents > kMostAgents)
+      throw InputError(cat("'", game.spec.name, "' has ", game.spec.params.n_agents, " agents; allowed are at most ",
+                           kMostAgents, ", so that a page keeps up"));
+    PageScenario& scenario = page.scenarios.emplace_back();
+    scenario.name = game.spec.name;
+    scenario.spec = game.spec;
+    scenario.frame = replay_frame(game.scenario, game.spec, page.version);
+    for (int team = 0; team < kNTeams; ++team)
+      scenario.players[static_cast<size_t>(team)] = players.able(team, game.spec);
+  }
+
+  if (!o.folder.empty()) {
+    write_play_folder(o.folder, page);
+    std::cout << o.folder << ": for a web server" << std::endl;
+    return;
+  }
+  fs::path out = o.out;
+  if (out.filename().empty()) throw InputError(cat("--out ", o.out, " names no file"));
+  if (out.extension() != ".html") out += ".html";
+  const std::string text = play_page(page);
+  write_file(out, text);
+  std::cout << out.string() << ": " << (text.size() + 512) / 1024 << " KB; open it in a browser" << std::endl;
+}
+
+const char* const kHelp =
+    "POLICY flies your mates, and your opponents too unless --vs names others: runs, checkpoints, exported policies "
+    "(safetensors),\n"
+    "scripted teams. All scripts can be chosen on the page, and of a run folder earlier checkpoints too, as weaker "
+    "levels.\n"
+    "The page computes the same numbers as the trainer, so a game that it saves can be watched (`gigastep picture`) "
+    "and "
+    "checked\n"
+    "(`gigastep record --verify`).\n"
+    "Examples:\n"
+    "  gigastep play runs/first\n"
+    "  gigastep play runs/first --vs pursuer --scenario identical_5_vs_5 --scenario waypoint_5_vs_5 --out game.html\n"
+    "  gigastep play circle --vs evader --scenario hide_and_seek_5_vs_5 --folder site";
+
+}  // namespace
+
+void add_play_command(CLI::App& app, Dispatch& dispatch) {
+  CLI::App* command = app.add_subcommand("play", "write a page in which you fly with and against trained teams");
+  auto options = std::make_shared<PlayOptions>();
+  command->add_option("POLICY", options->a, "who flies with you: run, checkpoint, exported policy, script")
+      ->required()
+      ->type_name("");
+  command->add_option("--vs", options->b, "who flies against you; default: POLICY")->type_name("POLICY");
+  command->add_option("--scenario", options->scenarios, "scenario to play: name or file; may be given several times")
+      ->type_name("S")
+      ->take_all()
+      ->allow_extra_args(false);
+  add_game_changes(*command, options->changes);
+  command->add_option("--levels", options->levels, "of a run folder: checkpoints to choose from, the best included")
+      ->check(CLI::Range(1, 20))
+      ->capture_default_str()
+      ->type_name("N");
+  command->add_flag("--greedy", options->greedy, "policies take their most likely action instead of drawing one");
+  CLI::Option* out =
+      command->add_option("--out", options->out, "file to write")->capture_default_str()->type_name("FILE");
+  command->add_option("--folder", options->folder, "write a folder for a web server instead")
+      ->type_name("DIR")
+      ->excludes(out);
+  command->footer(kHelp);
+  command->callback([options, &dispatch] { dispatch.run = [options] { write(*options); }; });
+}
+
+}  // namespace giga

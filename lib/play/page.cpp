@@ -1,0 +1,130 @@
+#include "play/page.hpp"
+
+#include <zlib.h>
+
+#include <cstdio>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <system_error>
+
+#include "chart/markup.hpp"
+#include "chart/page_template.hpp"
+#include "config/document.hpp"
+#include "core/error.hpp"
+#include "io/files.hpp"
+#include "io/json.hpp"
+#include "play/assets.hpp"
+#include "play/session.hpp"
+#include "play/spec_bytes.hpp"
+#include "watch/assets.hpp"
+#include "watch/page.hpp"
+
+namespace giga {
+namespace {
+namespace fs = std::filesystem;
+
+constexpr int kSelfCheck = 100;  // steps, as in play.js
+
+std::string asset(const char* name, std::optional<std::string_view> (*find)(std::string_view)) {
+  const std::optional<std::string_view> bytes = find(name);
+  GIGA_CHECK(bytes, "no file ", name, " in the program");
+  return std::string(*bytes);
+}
+
+std::string module_bytes() {
+  if (!has_play_module()) throw InputError(kNoPlayModule);
+  return asset("play.wasm", play_asset);
+}
+
+std::string packed(std::string_view raw) {
+  uLongf size = compressBound(static_cast<uLong>(raw.size()));
+  std::string out(size, '\0');
+  const int result = compress2(reinterpret_cast<Bytef*>(out.data()), &size, reinterpret_cast<const Bytef*>(raw.data()),
+                               static_cast<uLong>(raw.size()), Z_BEST_COMPRESSION);
+  GIGA_CHECK(result == Z_OK, "zlib: ", result);
+  out.resize(size);
+  return base64(out);
+}
+
+std::string digits_of(uint64_t hash) {
+  char text[17];
+  std::snprintf(text, sizeof text, "%016llx", static_cast<unsigned long long>(hash));
+  return text;
+}
+
+Json frame_json(const Replay& frame) { return json_of(parse_yaml_text(print_yaml(frame, false), "frame").root); }
+
+Json data_of(const PlayPage& page) {
+  Json data;
+  data["about"] = page.about;
+  data["scenarios"] = Json::array();
+  for (const PageScenario& scenario : page.scenarios) {
+    const SimSpec played = scenario.spec.with_time_limit();
+    data["scenarios"].push_back({{"name", scenario.name},
+                                 {"spec", packed(spec_bytes(scenario.spec))},
+                                 {"frame", frame_json(scenario.frame)},
+                                 {"most_states", played.params.max_episode_length + 1},
+                                 {"hash", digits_of(states_hash(scenario.spec, kSelfCheck))},
+                                 {"players", scenario.players}});
+  }
+  data["players"] = Json::array();
+  for (const PagePlayer& player : page.players) data["players"].push_back({{"name", player.name}, {"who", player.who}});
+  data["mates"] = page.mates;
+  data["opponents"] = page.opponents;
+  data["networks"] = Json::array();
+  for (const PlainNetwork& network : page.networks) data["networks"].push_back(packed(network_bytes(network)));
+  return data;
+}
+
+/// As a script element may hold it: JSON reads < the same way.
+std::string inside_script(const Json& data) {
+  std::string text;
+  for (const char letter : data.dump()) letter == '<' ? text += "\\u003c" : text += letter;
+  return text;
+}
+
+std::string style() { return asset("page.css", watch_asset) + asset("page.css", play_asset); }
+std::string script() {
+  return asset("data.js", watch_asset) + asset("scene.js", watch_asset) + asset("module.js", play_asset) +
+         asset("live.js", play_asset) + asset("play.js", play_asset);
+}
+
+std::string html(const PlayPage& page, std::map<std::string, std::string> parts) {
+  parts["title"] = escaped(page.title);
+  parts["version"] = escaped(page.version);
+  return fill_template(asset("page.html", play_asset), parts);
+}
+
+}  // namespace
+
+bool has_play_module() { return play_asset("play.wasm").has_value(); }
+
+std::string play_page(const PlayPage& page) {
+  Json data = data_of(page);
+  data["module"] = packed(module_bytes());
+  return html(page, {{"source", "'unsafe-inline'"},
+                     {"connect", "'none'"},
+                     {"style", "<style>" + style() + "</style>"},
+                     {"data", inside_script(data)},
+                     {"script", "<script>" + script() + "</script>"},
+                     {"needs", "This file needs no network."}});
+}
+
+void write_play_folder(const fs::path& folder, const PlayPage& page) {
+  const std::string module = module_bytes();
+  std::error_code code;
+  fs::create_directories(folder, code);
+  if (code) throw InputError(cat("cannot create the folder ", folder.string(), ": ", code.message()));
+  write_file(folder / "play.wasm", module);
+  write_file(folder / "game.json", data_of(page).dump());
+  write_file(folder / "play.css", style());
+  write_file(folder / "play.js", script());
+  write_file(folder / "index.html", html(page, {{"source", "'self'"},
+                                                {"connect", "'self'"},
+                                                {"style", "<link rel=\"stylesheet\" href=\"play.css\">"},
+                                                {"data", ""},
+                                                {"script", "<script src=\"play.js\"></script>"},
+                                                {"needs", "It is served as a folder."}}));
+}
+
+}  // namespace giga

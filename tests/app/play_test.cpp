@@ -1,0 +1,64 @@
+// gigastep play as a user runs it. What its page does is in tests/play.
+#include <gtest/gtest.h>
+
+#include "program.hpp"
+
+namespace giga::test {
+namespace {
+
+constexpr const char* kWithoutModule = "scripts/bootstrap --web";
+
+/// Whether this build has the module; if not, the program says what to install.
+bool has_module(const Workplace& here) {
+  const Outcome outcome = here.run({"play", "circle", "--scenario", "identical_1_vs_1", "--out", "probe"});
+  if (outcome.code == 0) return true;
+  EXPECT_EQ(outcome.code, 2);
+  EXPECT_TRUE(contains(outcome.err, {kWithoutModule}));
+  return false;
+}
+
+TEST(Play, WritesAPageAndAFolder) {
+  const Workplace here;
+  if (!has_module(here)) GTEST_SKIP() << "no compiler for WebAssembly: " << kWithoutModule;
+  const Outcome page = here.run({"play", "circle", "--vs", "pursuer", "--scenario", "identical_2_vs_2", "--scenario",
+                                 "waypoint_3_vs_3", "--out", "game.html"});
+  ASSERT_EQ(page.code, 0) << page.err;
+  EXPECT_TRUE(contains(page.out, {"game.html: ", " KB; open it in a browser"}));
+  EXPECT_TRUE(contains(here.read("game.html"), {"<title>circle and pursuer - gigastep play</title>",
+                                                "\"name\":\"waypoint_3_vs_3\"", "\"mates\":2,\"opponents\":5"}));
+  const Outcome folder = here.run({"play", "evader", "--scenario", "identical_2_vs_2", "--folder", "site"});
+  ASSERT_EQ(folder.code, 0) << folder.err;
+  EXPECT_TRUE(here.has("site/index.html") && here.has("site/play.wasm") && here.has("site/game.json"));
+
+  // A run: its best checkpoint, and earlier ones as levels.
+  here.write("tiny.yaml", kTinyConfig);
+  const Outcome training = here.run({"train", "tiny.yaml", "--run-dir", "run", "--quiet"});
+  ASSERT_EQ(training.code, 0) << training.err;
+  const Outcome levels = here.run({"play", "run", "--levels", "2"});
+  ASSERT_EQ(levels.code, 0) << levels.err;
+  const std::string html = here.read("play.html");
+  size_t named = 0;
+  for (size_t at = 0; (at = html.find("\"name\":\"run after ", at)) != std::string::npos; ++at) ++named;
+  EXPECT_EQ(named, 2u);
+}
+
+TEST(Play, WhatIsWrong) {
+  const Workplace here;
+  if (!has_module(here)) GTEST_SKIP() << "no compiler for WebAssembly: " << kWithoutModule;
+  const auto refused = [&](const std::vector<std::string>& arguments, const std::string& message) {
+    const Outcome outcome = here.run(arguments);
+    EXPECT_EQ(outcome.code, 2) << outcome.out << outcome.err;
+    EXPECT_TRUE(contains(outcome.err, {message}));
+  };
+  refused({"play"}, "POLICY is required");
+  refused({"play", "cirle"}, "nearest: 'circle'");
+  refused({"play", "circle"}, "name one with --scenario");
+  refused({"play", "circle", "--scenario", "identical_5_vs_55"}, "identical_5_vs_5");
+  here.write("large.yaml", "base: identical_100_vs_100\nteam_1:\n  - {type: default, count: 101}\n");
+  refused({"play", "circle", "--scenario", "large.yaml"}, "has 201 agents; allowed are at most 200");
+  refused({"play", "circle", "--scenario", "identical_1_vs_1", "--folder", "a", "--out", "b"}, "--folder");
+  refused({"play", "circle", "--scenario", "identical_1_vs_1", "--levels", "0"}, "--levels");
+}
+
+}  // namespace
+}  // namespace giga::test
