@@ -16,7 +16,7 @@ struct TeamRows {
   GIGA_HD explicit operator bool() const { return first != nullptr; }
   GIGA_HD float* row(int slot) const { return first + static_cast<int64_t>(slot) * stride; }
   GIGA_HD bool aligned(size_t bytes) const {
-    return (reinterpret_cast<uintptr_t>(first) % bytes == 0) & (stride * sizeof(float) % bytes == 0);
+    return reinterpret_cast<uintptr_t>(first) % bytes == 0 && stride * sizeof(float) % bytes == 0;
   }
 };
 
@@ -56,7 +56,7 @@ template <int kStride, class Lanes>
 GIGA_HD void copy_rows(const Lanes& lanes, const Parameters auto& p, bool active, const float* stage,
                        const TeamRows (&to)[kNTeams], RowPart part) {
   const size_t bytes = sizeof(FourNumbers);
-  const bool fours = to[0].aligned(bytes) & to[1].aligned(bytes) & (part.first % 4 == 0);
+  const bool fours = to[0].aligned(bytes) && to[1].aligned(bytes) && part.first % 4 == 0;
   const int done = fours ? part.count / 4 * 4 : 0;
   if (done > 0) copy_rows_as<FourNumbers, kStride>(lanes, p, active, stage, to, {part.first, done});
   if (done < part.count)

@@ -65,11 +65,12 @@ class Player {
   /// true state of another scenario.
   Mind mind(int side, const SimSpec& spec) const;
 
- private:
-  class Exported;
   /// A game with the observations that its policy is given: the egocentric view only where it was trained with it and
   /// does not compute it itself.
   SimSpec seen_by(const SimSpec& spec) const;
+
+ private:
+  class Exported;
   bool computes_view() const;
   std::unique_ptr<TeamController> checkpoint_controller(int side, const SimSpec& spec) const;
 
