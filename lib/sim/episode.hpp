@@ -104,8 +104,9 @@ GIGA_HD void finish_episode(const Parameters auto& p, World auto& w, int item) {
   stat(EpisodeStat::return_0, item) += w.returns[item];
   stat(EpisodeStat::return_masked_0, item) += w.returns_masked[item];
   stat(EpisodeStat::score_0, item) += w.score[item];
-  const int first = p.first_of(item), end = first + p.size_of(item);
-  for (int i = first; i < end; ++i) stat(end_of_agent(w.death[i]), item) += 1;
+  const int end = p.end_of(item);
+  for (int i = p.first_of(item); i < end; ++i)
+    if (p.team_of(i) == item) stat(end_of_agent(w.death[i]), item) += 1;
   w.returns[item] = w.returns_masked[item] = w.score[item] = 0;
 }
 

@@ -88,6 +88,13 @@ struct Redraw {
   uint8_t* images = nullptr;  // [count, agents of the team, resolution, resolution, 3]
 };
 
+/// Agent number `slot` of a team.
+GIGA_HD int agent_of(const Parameters auto& p, int team, int slot) {
+  int a = p.first_of(team);
+  while (p.team_of(a) != team || p.slot_of(a) != slot) ++a;
+  return a;
+}
+
 /// Draws rows [image.x0, image.x1) of image `number` of a request.
 template <class Lanes>
 GIGA_HD void redraw_image(const Lanes& lanes, const Parameters auto& p, const Redraw& request, int64_t number,
@@ -95,7 +102,7 @@ GIGA_HD void redraw_image(const Lanes& lanes, const Parameters auto& p, const Re
   const int n = p.n_team[request.team];
   const int64_t k = number / n, row = request.rows ? request.rows[k] : k;
   const ImageWorld w(p, request.states + row * image_state_size(p));
-  const int e = p.first_of(request.team) + static_cast<int>(number - k * n);
+  const int e = agent_of(p, request.team, static_cast<int>(number - k * n));
   draw_ego_image(lanes, p, w, e, w.hurt[e] != 0, image, marks);
 }
 

@@ -19,11 +19,14 @@ void SimSpec::finish() {
                          "; allowed: min_tracking_time (", params.min_tracking_time, ") to 255"));
   params.n_team[0] = params.n_team[1] = 0;
   params.has_idle_reward = params.mixed_teams = false;
+  for (uint32_t& bits : params.team_bits) bits = 0;
+  params.team_after_team = true;
   const AgentSpec* first_of_team[kNTeams] = {};
   for (size_t i = 0; i < agents.size(); ++i) {
     const AgentSpec& agent = agents[i];
     GIGA_CHECK(agent.team == 0 || agent.team == 1, "team ", agent.team);
-    GIGA_CHECK(i == 0 || agent.team >= agents[i - 1].team, "agent ", i, " of team 0 stands behind one of team 1");
+    if (i > 0 && agent.team < agents[i - 1].team) params.team_after_team = false;
+    params.team_bits[i / 32] |= static_cast<uint32_t>(agent.team) << (i % 32);
     ++params.n_team[agent.team];
     params.has_idle_reward = params.has_idle_reward || agent.idle_reward != 0;
     const AgentSpec*& first = first_of_team[agent.team];

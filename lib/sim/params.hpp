@@ -101,13 +101,16 @@ struct SimParams {
   ActionKind actions = ActionKind::discrete;
 
   int n_agents = 0;
-  int n_team[kNTeams] = {0, 0};  ///< agents of each team; those of team 0 come first
+  int n_team[kNTeams] = {0, 0};
   int n_maps = 1;
   int n_boxes = 0;       ///< most boxes of any map of the set; part of the observation
   int n_neighbors = 15;  ///< rows of agents in a vector observation, the ego included: min(n_agents, limit)
 
   float limit_x = 10, limit_y = 10;
   float inv_limit_x = 0.1f, inv_limit_y = 0.1f, inv_diagonal = 0;  ///< 1 / limit; 1 / sqrt(limit_x^2 + limit_y^2)
+
+  uint32_t team_bits[kMaxAgents / 32] = {};  ///< bit i of word i / 32: the team of agent i
+  bool team_after_team = true;               ///< the agents of team 0, then those of team 1; not so in some recordings
 
   // Sight. Depths are squared here once.
   float very_close_depth2 = 1;
@@ -157,11 +160,18 @@ struct SimParams {
 
   GIGA_HD bool original() const { return rules == Rules::original; }
   /// Team of agent i, 0 or 1.
-  GIGA_HD int team_of(int i) const { return i >= n_team[0] ? 1 : 0; }
-  GIGA_HD int first_of(int team) const { return team == 0 ? 0 : n_team[0]; }
+  GIGA_HD int team_of(int i) const { return static_cast<int>(team_bits[i >> 5] >> (i & 31) & 1u); }
   GIGA_HD int size_of(int team) const { return team == 0 ? n_team[0] : n_team[1]; }
+  /// All agents of a team lie in [first_of, end_of).
+  GIGA_HD int first_of(int team) const { return team_after_team && team == 1 ? n_team[0] : 0; }
+  GIGA_HD int end_of(int team) const { return team_after_team && team == 0 ? n_team[0] : n_agents; }
   /// Number of agent i inside its team: its row in the team's buffers.
-  GIGA_HD int slot_of(int i) const { return i - first_of(team_of(i)); }
+  GIGA_HD int slot_of(int i) const {
+    if (team_after_team) return i - first_of(team_of(i));
+    int slot = 0;
+    for (int k = 0; k < i; ++k) slot += team_of(k) == team_of(i) ? 1 : 0;
+    return slot;
+  }
   /// Agents of each team where that is known to the compiler, else 0.
   static constexpr int kTeam = 0;
 };
@@ -176,14 +186,16 @@ concept Parameters = std::derived_from<P, SimParams>;
 /// Calls f(agent, k) with the agents of a team in their order, k = 0, 1, ...; unrolled where their number is constant.
 template <class F>
 GIGA_HD void for_team(const Parameters auto& p, int team, F&& f) {
-  const int first = p.first_of(team);
   constexpr int kTeam = std::remove_cvref_t<decltype(p)>::kTeam;
   if constexpr (kTeam > 0) {
+    const int first = p.first_of(team);
     GIGA_UNROLL
     for (int k = 0; k < kTeam; ++k) f(first + k, k);
   } else {
-    const int count = p.size_of(team);
-    for (int k = 0; k < count; ++k) f(first + k, k);
+    const int end = p.end_of(team);
+    int k = 0;
+    for (int a = p.first_of(team); a < end; ++a)
+      if (p.team_of(a) == team) f(a, k++);
   }
 }
 
@@ -202,12 +214,13 @@ GIGA_HD void write_team_bits(const Parameters auto& p, int team, uint32_t* row, 
     });
     *row = bits;
   } else {
-    const int first = p.first_of(team), end = first + p.size_of(team), words = words_for(p.n_agents);
+    const int first = p.first_of(team), end = p.end_of(team), words = words_for(p.n_agents);
+    int k = 0;
     for (int word = 0; word < words; ++word) {
       uint32_t bits = 0;
       const int to = (word + 1) * 32 < end ? (word + 1) * 32 : end;
       for (int a = word * 32 > first ? word * 32 : first; a < to; ++a)
-        if (test(a, a - first)) bits |= 1u << (a & 31);
+        if (p.team_of(a) == team && test(a, k++)) bits |= 1u << (a & 31);
       row[word] = bits;
     }
   }
@@ -235,9 +248,8 @@ struct SimSpec {
   std::vector<MapSpec> maps;
   int neighbor_limit = 15;  ///< max_agent_in_vec_obs
 
-  /// Sets n_agents, n_team, n_maps, n_boxes, n_neighbors, has_idle_reward, mixed_teams and the reciprocals;
-  /// throws Error where a team is empty, an agent of team 0 stands behind one of team 1, or there are
-  /// more than kMaxAgents agents.
+  /// Sets n_agents, n_team, team_bits, team_after_team, n_maps, n_boxes, n_neighbors, has_idle_reward, mixed_teams and
+  /// the reciprocals; throws Error where a team is empty or there are more than kMaxAgents agents.
   void finish();
 
   /// The same with episodes of at most `steps`. Such a cut is no time limit of the scenario: surviving to the

@@ -50,9 +50,9 @@ GIGA_HD int observers_of(const Parameters auto& p, const World auto& w, int i) {
 GIGA_HD float way_gained(const Parameters auto& p, const World auto& w, int i) {
   float nearest = -1;
   int target = -1;
-  const int first = p.first_of(1 - p.team_of(i)), end = first + p.size_of(1 - p.team_of(i));
-  for (int a = first; a < end; ++a) {
-    if (!w.alive[a]) continue;
+  const int team = 1 - p.team_of(i), end = p.end_of(team);
+  for (int a = p.first_of(team); a < end; ++a) {
+    if (p.team_of(a) != team || !w.alive[a]) continue;
     const float way = way_to(p, w, w.x[i], w.y[i], a);
     if (target >= 0 && way >= nearest) continue;
     nearest = way;

@@ -20,16 +20,18 @@ struct UsualParams : SimParams {
   GIGA_HD static constexpr bool original() { return false; }
   GIGA_HD static constexpr int team_of(int i) { return i >= kTeam ? 1 : 0; }
   GIGA_HD static constexpr int first_of(int team) { return team == 0 ? 0 : kTeam; }
+  GIGA_HD static constexpr int end_of(int team) { return first_of(team) + kTeam; }
   GIGA_HD static constexpr int size_of(int) { return kTeam; }
   GIGA_HD static constexpr int slot_of(int i) { return i - first_of(team_of(i)); }
 
   /// Whether a scenario is so.
   static bool fits(const SimParams& p) {
-    return p.rules == rules && p.actions == actions && p.n_team[0] == kTeam && p.n_team[1] == kTeam &&
-           p.n_neighbors == n_neighbors && p.waypoints == waypoints && p.has_idle_reward == has_idle_reward &&
-           p.stochastic_communication == stochastic_communication && p.stochastic_detection == stochastic_detection &&
-           p.obstacle_heights == obstacle_heights && p.obstacles_block_sight == obstacles_block_sight &&
-           p.sight_3d == sight_3d && p.cone_is_full == cone_is_full && p.damage_cone_is_full == damage_cone_is_full;
+    return p.team_after_team && p.rules == rules && p.actions == actions && p.n_team[0] == kTeam &&
+           p.n_team[1] == kTeam && p.n_neighbors == n_neighbors && p.waypoints == waypoints &&
+           p.has_idle_reward == has_idle_reward && p.stochastic_communication == stochastic_communication &&
+           p.stochastic_detection == stochastic_detection && p.obstacle_heights == obstacle_heights &&
+           p.obstacles_block_sight == obstacles_block_sight && p.sight_3d == sight_3d &&
+           p.cone_is_full == cone_is_full && p.damage_cone_is_full == damage_cone_is_full;
   }
 };
 

@@ -79,6 +79,8 @@ void make_usual(SimSpec& spec) {
   p.waypoints = p.obstacle_heights = p.obstacles_block_sight = p.sight_3d = false;
   p.cone_is_full = p.damage_cone_is_full = false;
   spec.neighbor_limit = 15;
+  std::stable_sort(spec.agents.begin(), spec.agents.end(),
+                   [](const AgentSpec& a, const AgentSpec& b) { return a.team < b.team; });
   for (AgentSpec& agent : spec.agents) {
     agent.idle_reward = 0;
     agent.sprite = 1 + agent.team;

@@ -135,7 +135,11 @@ SimSpec random_spec(uint64_t seed, int n_team_0, int n_team_1) {
   spec.name = "random " + std::to_string(seed);
   spec.agents.clear();
   const int size[kNTeams] = {n_team_0, n_team_1};
-  for (int team = 0; team < kNTeams; ++team)
+  const bool mixed = dice.chance(0.3f);  // the teams' agents in turn instead of one team after the other
+  for (int k = 0; k < std::max(size[0], size[1]); ++k)
+    for (int team = 0; mixed && team < kNTeams; ++team)
+      if (k < size[team]) spec.agents.push_back(random_agent(dice, team));
+  for (int team = 0; !mixed && team < kNTeams; ++team)
     for (int k = 0; k < size[team]; ++k) spec.agents.push_back(random_agent(dice, team));
 
   SimParams& p = spec.params;
