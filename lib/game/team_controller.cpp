@@ -59,7 +59,8 @@ ScriptedActions scripted_actions(Scripted script, const TeamStep& step) {
           step.sim.state().view().episode_length + step.worlds.first,
           step.buffers.action,
           params,
-          step.buffers.obs,
+          step.layout.set().has(Observation::vector) ? step.buffers.obs + step.layout.columns(Observation::vector).first
+                                                     : nullptr,
           step.obs_stride()};
 }
 

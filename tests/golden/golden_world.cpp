@@ -19,7 +19,7 @@ GoldenWorld::GoldenWorld(SimSpec spec)
     team_[t].continuous.resize(n * kActionSize);
     team_[t].reward.resize(n);
     team_[t].alive.resize(n);
-    team_[t].obs.resize(n * static_cast<size_t>(spec_.observation_size()));
+    team_[t].obs.resize(n * static_cast<size_t>(columns()));
   }
 }
 
@@ -56,7 +56,7 @@ void GoldenWorld::step(const int32_t* discrete, const float* continuous, Recorde
 }
 
 const float* GoldenWorld::observation(int i) const {
-  return team_[team_of(i)].obs.data() + slot_of(i) * static_cast<size_t>(spec_.observation_size());
+  return team_[team_of(i)].obs.data() + slot_of(i) * static_cast<size_t>(columns());
 }
 
 float GoldenWorld::term(RewardTerm term, int i) const {

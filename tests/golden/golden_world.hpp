@@ -8,6 +8,7 @@
 #include "sim/lanes.hpp"
 #include "sim/simulator.hpp"
 #include "sim/step.hpp"
+#include "sim/vector_observation.hpp"
 #include "sim/world.hpp"
 
 namespace giga::golden {
@@ -16,6 +17,8 @@ class GoldenWorld {
  public:
   explicit GoldenWorld(SimSpec spec);
 
+  /// Numbers of an agent's vector observation.
+  int columns() const { return VectorObservation::shape(params()).size(); }
   const SimSpec& spec() const { return spec_; }
   const SimParams& params() const { return tables_.params(); }
   int n_agents() const { return spec_.params.n_agents; }

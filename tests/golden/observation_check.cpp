@@ -28,7 +28,7 @@ void compare_row(Comparison& c, int agent, int row, const float* got, const floa
 
 void compare_tail(Comparison& c, const GoldenWorld& world, int agent, const float* recorded) {
   const float* got = world.observation(agent);
-  const int first = world.params().n_neighbors * kNeighborFeatures, end = world.spec().observation_size();
+  const int first = world.params().n_neighbors * kNeighborFeatures, end = world.columns();
   for (int k = first; k < end; ++k) {
     const bool waypoint = world.params().waypoints && k < first + 5;
     c.near(waypoint ? "vec.waypoint" : "vec.boxes", agent, k, got[k], recorded[k]);

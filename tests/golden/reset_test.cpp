@@ -47,7 +47,7 @@ struct ResetCase {
       if (k < 3) retry[k] = g.floats(std::string("draws/u_") + axis[k] + "_retry");
     }
     GIGA_CHECK(n_resampled.row_size() == static_cast<size_t>(kResampleRounds), where, ": rounds of resampling");
-    GIGA_CHECK(obs.row_size() == x.row_size() * static_cast<size_t>(world.spec().observation_size()), where,
+    GIGA_CHECK(obs.row_size() == x.row_size() * static_cast<size_t>(world.columns()), where,
                ": size of the observation");
   }
   size_t n_records() const { return x.rows(); }
@@ -131,7 +131,7 @@ void check_reset(ResetCase& s, size_t t, ResetTotals& totals) {
     c.near("y", i, -1, s.world.view().y[i], s.y.row(t)[i]);
     c.near("z", i, -1, s.world.view().z[i], s.z.row(t)[i]);
   }
-  const size_t size = static_cast<size_t>(s.world.spec().observation_size());
+  const size_t size = static_cast<size_t>(s.world.columns());
   for (int i = 0; i < s.world.n_agents(); ++i)
     compare_observation(c, s.world, i, s.obs.row(t) + static_cast<size_t>(i) * size, false);
 

@@ -113,8 +113,8 @@ struct StepCase {
     const Array<int32_t> steps = images ? g.ints("out/vec_of_rgb_vector_step") : Array<int32_t>{};
     for (size_t t = 0; t < steps.rows(); ++t)
       GIGA_CHECK(steps.data[t] == static_cast<int32_t>(t), where, ": not the first steps");
-    GIGA_CHECK(vec.row_size() == reward.row_size() * static_cast<size_t>(world.spec().observation_size()), where,
-               ": recorded observations have ", vec.shape[2], " numbers, ours ", world.spec().observation_size());
+    GIGA_CHECK(vec.row_size() == reward.row_size() * static_cast<size_t>(world.columns()), where,
+               ": recorded observations have ", vec.shape[2], " numbers, ours ", world.columns());
   }
   size_t n_records() const { return vec.rows(); }
 
@@ -189,7 +189,7 @@ void compare_values(Comparison& c, StepCase& s, size_t t) {
 }
 
 void compare_observations(Comparison& c, StepCase& s, size_t t, bool as_set) {
-  const size_t size = static_cast<size_t>(s.world.spec().observation_size());
+  const size_t size = static_cast<size_t>(s.world.columns());
   for (int i = 0; i < s.world.n_agents(); ++i) {
     const float* recorded = s.vec.row(t) + static_cast<size_t>(i) * size;
     if (as_set) {

@@ -10,6 +10,7 @@
 #include "core/parallel_for.hpp"
 #include "cuda/runtime.hpp"
 #include "scripted/actions.hpp"
+#include "sim/vector_observation.hpp"
 #include "support/sim_runner.hpp"
 #include "support/sim_specs.hpp"
 
@@ -31,7 +32,7 @@ class Decisions {
     StepIo io;
     for (int team = 0; team < kNTeams; ++team) {
       const auto t = static_cast<size_t>(team);
-      obs_[t].resize(rows(team) * static_cast<size_t>(spec_.observation_size()));
+      obs_[t].resize(rows(team) * static_cast<size_t>(columns()));
       io.team[team].obs[Observation::vector].rows = obs_[t].data();
     }
     sim_->start(io);
@@ -57,12 +58,13 @@ class Decisions {
     const RowDraws draws{steps.data(), 5, 0, spec_.params.n_team[team], team};
     const ParallelFor parallel_for(device, 1);
     parallel_for.run(ScriptedActions{script, spec_.params.actions, draws, ages.data(), action.data(), tables.params(),
-                                     obs.data(), spec_.observation_size()},
+                                     obs.data(), columns()},
                      static_cast<int64_t>(rows(team)));
     return action.to_host();
   }
 
  private:
+  int columns() const { return VectorObservation::shape(spec_.params).size(); }
   size_t rows(int team) const { return static_cast<size_t>(kWorlds * spec_.params.n_team[team]); }
 
   SimSpec spec_;

@@ -9,6 +9,7 @@
 #include "sim/row_layout.hpp"
 #include "sim/simulator.hpp"
 #include "sim/step.hpp"
+#include "sim/vector_observation.hpp"
 
 namespace giga::test {
 
@@ -60,8 +61,8 @@ class TestWorld {
   const SimParams& params() const { return tables_.params(); }
   WorldView& now() { return view_; }
   int n_agents() const { return params().n_agents; }
-  /// Numbers of a row of observations, which holds all that the scenario offers.
-  int columns() const { return rows_.numbers(); }
+  /// Numbers of an agent's vector observation.
+  int columns() const { return VectorObservation::shape(params()).size(); }
 
   bool alive(int i) const { return view_.alive[i] != 0; }
   /// Did b detect a in the last step?
@@ -72,14 +73,10 @@ class TestWorld {
 
   float reward(int i) const { return teams_[team(i)].reward[row(i)]; }
   float term(RewardTerm t, int i) const;
-  float obs(int e, int column) const { return teams_[team(e)].obs[row(e) * stride() + static_cast<size_t>(column)]; }
+  float obs(int e, int column) const { return teams_[team(e)].obs[at(Observation::vector, e, column)]; }
   /// Number `column` of the egocentric view.
-  float egocentric(int e, int column) const {
-    return obs(e, static_cast<int>(rows_.columns(Observation::egocentric).first) + column);
-  }
-  float final_obs(int e, int column) const {
-    return teams_[team(e)].final_obs[row(e) * stride() + static_cast<size_t>(column)];
-  }
+  float egocentric(int e, int column) const { return teams_[team(e)].obs[at(Observation::egocentric, e, column)]; }
+  float final_obs(int e, int column) const { return teams_[team(e)].final_obs[at(Observation::vector, e, column)]; }
   uint8_t alive_out(int i) const { return teams_[team(i)].alive[row(i)]; }
   uint8_t final_alive(int i) const { return teams_[team(i)].final_alive[row(i)]; }
   Done done() const { return static_cast<Done>(done_[kWorld]); }
@@ -104,6 +101,9 @@ class TestWorld {
   size_t team(int i) const { return static_cast<size_t>(params().team_of(i)); }
   size_t row(int i) const { return static_cast<size_t>(team_row(params(), kWorld, i)); }
   size_t stride() const { return static_cast<size_t>(rows_.stride()); }
+  size_t at(Observation kind, int e, int column) const {
+    return row(e) * stride() + static_cast<size_t>(rows_.columns(kind).first + column);
+  }
   size_t state_columns() const { return static_cast<size_t>(state_size(params())); }
   bool bit(const uint32_t* rows, int row, int column) const {
     return (rows[row * words_for(n_agents()) + column / 32] >> (column % 32) & 1u) != 0;

@@ -17,6 +17,7 @@
 #include "scenario/loader.hpp"
 #include "scripted/actions.hpp"
 #include "sim/simulator.hpp"
+#include "sim/vector_observation.hpp"
 #include "support/source.hpp"
 #include "support/thinning.hpp"
 
@@ -82,12 +83,13 @@ class Games {
     const auto sim = make_cpu_simulator(spec_, options);
     const SimParams& p = sim->params();
     const StateView& state = sim->state().view();
+    const int columns = VectorObservation::shape(p).size();
     std::vector<float> obs[kNTeams];
     std::vector<int32_t> action[kNTeams];
     StepIo io;
     for (int team = 0; team < kNTeams; ++team) {
       action[team].resize(static_cast<size_t>(options.n_worlds) * static_cast<size_t>(p.n_team[team]));
-      obs[team].resize(action[team].size() * static_cast<size_t>(spec_.observation_size()));
+      obs[team].resize(action[team].size() * static_cast<size_t>(columns));
       io.team[team].action = action[team].data();
       io.team[team].obs[Observation::vector].rows = obs[team].data();
     }
@@ -98,11 +100,11 @@ class Games {
         const Way way = ways[static_cast<size_t>(team)];
         const RowDraws draws{state.draw_step, options.seed, 0, p.n_team[team], team};
         const ScriptedActions scripted{
-            script(team, way),       p.actions, draws, state.episode_length, action[team].data(), p, obs[team].data(),
-            spec_.observation_size()};
+            script(team, way), p.actions, draws, state.episode_length, action[team].data(), p,
+            obs[team].data(),  columns};
         for (size_t row = 0; row < action[team].size(); ++row) {
           if (way == Way::leave)
-            action[team][row] = leave({p, obs[team].data() + row * static_cast<size_t>(spec_.observation_size())});
+            action[team][row] = leave({p, obs[team].data() + row * static_cast<size_t>(columns)});
           else if (way == Way::straight_out)
             action[team][row] = 22;  // straight with full throttle
           else if (way == Way::idle)

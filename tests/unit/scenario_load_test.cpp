@@ -8,6 +8,7 @@
 #include "core/error.hpp"
 #include "scenario/compile.hpp"
 #include "scenario/loader.hpp"
+#include "sim/vector_observation.hpp"
 #include "support/source.hpp"
 
 namespace giga {
@@ -176,7 +177,7 @@ TEST(ScenarioLoad, ThePublishedSetting) {
   const SimSpec spec = compile(scenario);
   EXPECT_EQ(spec.params.n_neighbors, 10);
   EXPECT_TRUE(spec.params.cone_is_full);
-  EXPECT_EQ(spec.observation_size(), 90);
+  EXPECT_EQ(VectorObservation::shape(spec.params).size(), 90);
 }
 
 TEST(ScenarioLoad, AgentTypes) {

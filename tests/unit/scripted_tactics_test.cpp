@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "scripted/actions.hpp"
+#include "sim/vector_observation.hpp"
 #include "support/sim_specs.hpp"
 
 namespace giga::test {
@@ -18,7 +19,7 @@ class View {
     spec_.params.waypoints = waypoints;
     spec_.maps[0].boxes = boxes;
     spec_.finish();
-    row_.assign(static_cast<size_t>(spec_.observation_size()), 0.0f);
+    row_.assign(static_cast<size_t>(VectorObservation::shape(spec_.params).size()), 0.0f);
     const size_t tail = row_.size() - 4 * boxes.size();
     for (size_t b = 0; b < boxes.size(); ++b) {
       const float corners[] = {boxes[b].x1, boxes[b].y1, boxes[b].x2, boxes[b].y2};

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "sim/draws.hpp"
+#include "sim/vector_observation.hpp"
 #include "support/sim_specs.hpp"
 #include "support/sim_world.hpp"
 
@@ -238,7 +239,7 @@ TEST(SimObservation, BuiltInSizes) {
     spec.params.waypoints = c.waypoints;
     spec.maps[0].boxes.resize(4);
     spec.finish();
-    EXPECT_EQ(spec.observation_size(), c.size) << c.n0 << " v " << c.n1;
+    EXPECT_EQ(VectorObservation::shape(spec.params).size(), c.size) << c.n0 << " v " << c.n1;
   }
 }
 

@@ -11,6 +11,7 @@
 #include "sim/draws.hpp"
 #include "sim/lanes.hpp"
 #include "sim/step.hpp"
+#include "sim/vector_observation.hpp"
 #include "support/sim_runner.hpp"
 #include "support/sim_specs.hpp"
 #include "support/thinning.hpp"
@@ -272,7 +273,8 @@ TEST(SimProperty, WorldsAreNumberedAcrossDevices) {
 
 TEST(SimProperty, StridedObservationsHoldTheSameNumbers) {
   const SimSpec spec = random_spec(13, 4, 3);
-  const size_t columns = static_cast<size_t>(spec.observation_size()), stride = columns / 5 * 5 + 5;
+  const size_t columns = static_cast<size_t>(VectorObservation::shape(spec.params).size()),
+               stride = columns / 5 * 5 + 5;
   SimRunner dense(make_cpu_simulator(spec, options_for(1, 65, 1)));
   SimRunner strided(make_cpu_simulator(spec, options_for(1, 65, 1)), Outputs::all, 5);
   dense.start();
