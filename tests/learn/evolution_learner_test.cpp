@@ -234,6 +234,8 @@ TEST(LearnEvolutionLearnerGpu, GoingOnIsBitForBit) {
   for (const EvolutionVariant& variant : kEvolutionVariants) {
     for (const char* precision : {"fp16", "tf32", "fp32"}) {  // fused, and through LibTorch
       SCOPED_TRACE(cat(variant.name, ", ", precision));
+      // The kernel that computes fp16 knows no memory.
+      if (std::string_view(variant.name) == "SnesGruPool" && std::string_view(precision) == "fp16") continue;
       SmallRun run = variant.run;
       run.precision = precision;
       const auto learner = run.learner(gpu), loaded = run.learner(gpu);
