@@ -150,7 +150,7 @@ std::vector<Candidate> find_candidates(const PlayerRequest& request, const Playe
     for (size_t j = 0; j < k; ++j)
       if (fs::equivalent(path, request.runs[j], code))
         throw InputError(cat("the run ", path.string(), " is given twice"));
-    if (!fs::exists(path, code)) throw InputError(cat("there is no checkpoint or run folder ", path.string()));
+    if (!fs::exists(path, code)) fail_no_such_run(path);
     if (is_exported_policy(path)) {
       all.push_back(exported_candidate(path, options));
     } else if (fs::is_directory(path, code)) {

@@ -77,6 +77,10 @@ fs::path default_folder(const RateOptions& o) {
   return (in_run ? folder.parent_path().parent_path() : folder) / RatingFiles::kFolder;
 }
 
+std::string seconds_text(double seconds) {
+  return seconds < 60 ? cat(std::ceil(seconds), " s") : print_duration(seconds);
+}
+
 /// What is to come: pairs, and the time that they take by a quarter of one, which is played for this.
 void announce(RoundRobin& all, const MatchOptions& match) {
   const auto can = [&](int side) {
@@ -93,7 +97,7 @@ void announce(RoundRobin& all, const MatchOptions& match) {
     play_match(all.spec, first.controller(0, all.spec), last.controller(1, all.spec), probe);
     const std::chrono::duration<double> took = std::chrono::steady_clock::now() - start;
     const double seconds = took.count() * match.episodes / probe.episodes * static_cast<double>(pairs);
-    std::cerr << ", about " << (seconds < 60 ? cat(std::ceil(seconds), " s") : print_duration(seconds));
+    std::cerr << ", about " << seconds_text(seconds);
   }
   std::cerr << std::endl;
 }
@@ -137,7 +141,10 @@ RatingSheet play_and_rate(const RateOptions& o, RoundRobin& all, Device device) 
   rating.sides = sides_of(o, all.scenario);
   const MatchOptions match{o.episodes, o.seed, device, all.n_threads};
   announce(all, match);
+  const auto start = std::chrono::steady_clock::now();
   sheet.table = play_table(all.players, all.spec, match, ProgressLines());
+  const std::chrono::duration<double> took = std::chrono::steady_clock::now() - start;
+  std::cerr << "played in " << seconds_text(took.count()) << std::endl;
   pool(all.pools, sheet);
   sheet.ratings = rate(sheet.table, rating);
   return sheet;

@@ -12,6 +12,7 @@
 #include "apps/training.hpp"
 #include "core/error.hpp"
 #include "cuda/runtime.hpp"
+#include "io/run_folder.hpp"
 #include "learn/resume_config.hpp"
 
 namespace giga {
@@ -27,7 +28,7 @@ struct ResumeOptions {
 /// The run folder that a path belongs to: itself, or that of the checkpoint file.
 std::string folder_of(const std::string& path) {
   std::error_code code;
-  if (!fs::exists(path, code)) throw InputError(cat("there is no run folder or checkpoint ", path));
+  if (!fs::exists(path, code)) fail_no_such_run(path);
   if (fs::is_directory(path, code)) return path;
   const fs::path folder = fs::absolute(path, code).parent_path().parent_path();
   if (!fs::is_regular_file(folder / "config.yaml", code))

@@ -202,8 +202,25 @@ Allowed one_of(std::vector<std::string> choices) {
   return allowed;
 }
 
+namespace {
+
+/// How "400k" and the like are written.
+std::string without_suffix(const Node& node) {
+  constexpr std::string_view kSuffixes = "kMG";
+  const size_t power = !node.is_scalar() || node.text.empty() ? kSuffixes.npos : kSuffixes.find(node.text.back());
+  if (power == kSuffixes.npos) return "";
+  const char* end = node.text.data() + node.text.size() - 1;
+  double number = 0;
+  const auto read = std::from_chars(node.text.data(), end, number);
+  if (read.ec != std::errc() || read.ptr != end || std::abs(number) > 1e6) return "";
+  const double meant = number * std::pow(1e3, static_cast<double>(power + 1));
+  return cat(" (numbers have no suffix: ", std::llround(meant), ")");
+}
+
+}  // namespace
+
 bool ReadSite::fail(const Node& node, const std::string& expected) const {
-  errors.add(node.at, path + ": " + node.shown() + " is not " + expected + alternative);
+  errors.add(node.at, path + ": " + node.shown() + " is not " + expected + alternative + without_suffix(node));
   return false;
 }
 

@@ -230,10 +230,10 @@ std::string print_node(const Node& node) {
     case Node::Kind::scalar: {
       // A plain scalar stays plain where that is safe, so that a number stays a number.
       const auto safe = [](unsigned char c) {
-        return (c < 0x80 && std::isalnum(c)) || c == '+' || c == '_' || c == '.';
+        return (c < 0x80 && std::isalnum(c)) || c == '+' || c == '-' || c == '_' || c == '.';
       };
       const size_t sign = node.text.starts_with('-') ? 1 : 0;
-      const bool plain = !node.quoted && node.text.size() > sign && node.text != "..." &&
+      const bool plain = !node.quoted && node.text.size() > sign && node.text[sign] != '-' && node.text != "..." &&
                          std::all_of(node.text.begin() + static_cast<std::ptrdiff_t>(sign), node.text.end(), safe);
       return plain ? node.text : print_text(node.text);
     }

@@ -7,6 +7,7 @@
 #include <system_error>
 #include <vector>
 
+#include "config/names.hpp"
 #include "core/error.hpp"
 #include "io/files.hpp"
 #include "io/replay.hpp"
@@ -159,6 +160,16 @@ void RunFolder::save(const Checkpoint& checkpoint, int keep, bool is_best) const
   }
 }
 
+void fail_no_such_run(const fs::path& path) {
+  const fs::path folder = path.parent_path();
+  std::vector<std::string> others;
+  std::error_code code;
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder.empty() ? "." : folder, code))
+    others.push_back((folder / entry.path().filename()).string());
+  std::sort(others.begin(), others.end());
+  throw InputError(cat("there is no checkpoint or run folder ", path.string(), nearest_hint(path.string(), others)));
+}
+
 std::vector<fs::path> list_checkpoints(const fs::path& run_folder) { return checkpoints_in(run_folder / kCheckpoints); }
 
 namespace {
@@ -167,7 +178,7 @@ enum class Prefer : uint8_t { newest, best };
 
 FoundCheckpoint find_preferred(const std::string& path, Prefer prefer) {
   std::error_code code;
-  if (!fs::exists(path, code)) throw InputError(cat("there is no checkpoint or run folder ", path));
+  if (!fs::exists(path, code)) fail_no_such_run(path);
   FoundCheckpoint found;
   if (!fs::is_directory(path, code)) {
     found.file = path;

@@ -69,6 +69,10 @@ class RunFolder {
   RunLock lock_;
 };
 
+/// Throws InputError: `path`, a run or checkpoint that somebody named, is not there. It names the entry beside it that
+/// may have been meant.
+[[noreturn]] void fail_no_such_run(const std::filesystem::path& path);
+
 /// A checkpoint, where it was found, and what is wrong with newer ones, a line each.
 struct FoundCheckpoint {
   std::filesystem::path file;

@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <optional>
 
-#include "policy/fused_policy.hpp"
+#include "policy/fused_actor.hpp"
 
 namespace giga {
 

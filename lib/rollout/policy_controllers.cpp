@@ -6,7 +6,7 @@
 #include "math/distributions.hpp"
 #include "math/population_actions.hpp"
 #include "policy/actor.hpp"
-#include "policy/fused_policy.hpp"
+#include "policy/fused_actor.hpp"
 #include "rollout/group_policy.hpp"
 #include "rollout/tensors.hpp"
 

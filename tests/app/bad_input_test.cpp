@@ -206,6 +206,9 @@ std::vector<BadInput> meanings() {
                    "train: {algorithm: snes, precision: fp16}\npopulation: {actor: {memory: gru}}",
                    {"run.yaml:2:37: train.precision: fp16 is computed by one kernel, which knows no memory, and "
                     "population.actor.memory is gru; allowed there: fp32, tf32, bf16"}),
+      in_config(
+          "number with a suffix", "train: {total_agent_steps: 400k}",
+          {"run.yaml:2:29: train.total_agent_steps: '400k' is not an integer >= 1 (numbers have no suffix: 400000)"}),
       in_config("horizon longer than an episode", "environment: {max_episode_length: 20}\nmappo: {horizon: 32}",
                 {"run.yaml:3:18: mappo.horizon: 32 is longer than an episode of scenario 'identical_2_vs_2'"}),
       {"run folder that holds something",
@@ -214,7 +217,7 @@ std::vector<BadInput> meanings() {
        {{"old/notes.txt", "mine"}, {"run.yaml", kGame}},
        {"the run folder old is there already and not empty: a run is never overwritten", "gigastep resume old"}},
       on_command_line("run folder that is not there", "gigastep resume runs/x", {"resume", "runs/x"},
-                      {"there is no run folder or checkpoint runs/x"}),
+                      {"there is no checkpoint or run folder runs/x"}),
       {"folder that is no run",
        "gigastep resume old",
        {"resume", "old"},

@@ -102,6 +102,9 @@ TEST(RunFolder, FindsTheNewestCheckpoint) {
   EXPECT_EQ(find_checkpoint(run.checkpoint_file(2).string()).checkpoint.updates, 2);
   EXPECT_TRUE(contains(input_error_of([&] { find_checkpoint((folder / "none").string()); }),
                        {"there is no checkpoint or run folder"}));
+  const std::string twin = path + "2";  // one letter more
+  EXPECT_EQ(input_error_of([&] { find_checkpoint(twin); }),
+            "there is no checkpoint or run folder " + twin + "; nearest: '" + path + "'");
 }
 
 TEST(RunFolder, ADamagedCheckpointIsNamedAndThePreviousOneTaken) {

@@ -8,7 +8,7 @@
 #include "cuda/runtime.hpp"
 #include "learn/mappo/config.hpp"
 #include "math/ppo_loss.hpp"
-#include "policy/fused_policy.hpp"
+#include "policy/fused_actor.hpp"
 #include "policy/optimizer.hpp"
 #include "rollout/stream.hpp"
 #include "rollout/tensors.hpp"

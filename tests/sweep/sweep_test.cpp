@@ -10,6 +10,7 @@
 #include "core/error.hpp"
 #include "io/files.hpp"
 #include "io/temporary_folder.hpp"
+#include "support/source.hpp"
 #include "sweep/analysis.hpp"
 #include "sweep/journal.hpp"
 #include "sweep/outcome.hpp"
@@ -52,6 +53,14 @@ TEST_F(Sweep, AGridHasEveryCombinationAndItsLastParameterChangesFastest) {
   EXPECT_EQ(trials[1], (TrialSettings{{"a.x", "1"}, {"b.y", "5"}}));
   EXPECT_EQ(trials[5], (TrialSettings{{"a.x", "[2, 3]"}, {"b.y", "6"}}));
   EXPECT_EQ(assignments_of(trials[5]), (std::vector<std::string>{"a.x=[2, 3]", "b.y=6"}));
+}
+
+TEST(SweepExample, NumbersStayAsTheyAreWritten) {
+  KeyPositions given;
+  const std::vector<TrialSettings> trials =
+      draw_trials(read_sweep(test::source_path("examples/sweeps/rates.yaml"), given), sobol_points);
+  ASSERT_EQ(trials.size(), 3u);
+  EXPECT_EQ(assignments_of(trials[0]), std::vector<std::string>{"mappo.learning_rate=3e-4"});  // once a text in quotes
 }
 
 TEST_F(Sweep, RandomDrawsStayInTheirRanges) {

@@ -16,8 +16,7 @@ namespace fs = std::filesystem;
 namespace {
 
 [[noreturn]] void fail_unknown(const std::string& text) {
-  if (text.find_first_of("/\\.") != std::string::npos)
-    throw InputError(cat("there is no checkpoint or run folder ", text));
+  if (text.find_first_of("/\\.") != std::string::npos) fail_no_such_run(text);
   const std::vector<std::string> names = FieldCodec<Scripted>::names();
   throw InputError(cat("'", text, "' is neither a scripted team nor a file or folder", nearest_hint(text, names),
                        "; scripted teams: ", join(names)));

@@ -1,4 +1,4 @@
-#include "policy/fused_policy.hpp"
+#include "policy/fused_actor.hpp"
 
 namespace giga {
 
