@@ -43,20 +43,25 @@ void Game::take_seats(const Side& side, int team) {
   GIGA_CHECK(next == sim_.n_worlds(), "somebody moves team ", team, " in ", next, " of ", sim_.n_worlds(), " worlds");
 }
 
-void Game::start() { begin(&Simulator::start); }
+void Game::start() {
+  const GameStep step = begin(&Simulator::start);
+  forget(step);
+  finish(-1, step);
+}
 
-void Game::resume() { begin(&Simulator::observe); }
+// What was loaded is remembered as it is.
+void Game::resume() { finish(-1, begin(&Simulator::observe)); }
 
-void Game::begin(void (Simulator::*write)(const StepIo&)) {
+GameStep Game::begin(void (Simulator::*write)(const StepIo&)) {
   for (ObservationSet& reads : reads_) reads = {};
   for (const Seat& seat : seats_)
     for (const Part& part : seat.parts) reads_[part.team] |= seat.controller->reads();
   make_buffers();
   const GameStep step = step_at(-1);
   (sim_.*write)(step.io);
-  finish(-1, step);
   steps_ = 0;
   started_ = true;
+  return step;
 }
 
 void Game::watch(GameObserver& observer) {
@@ -101,6 +106,7 @@ void Game::play(int64_t n_steps) {
     const GameStep step = step_at(t);
     act(step);
     sim_.step(step.io);
+    forget(step);
     finish(t, step);
     ++steps_;
   }
@@ -132,7 +138,6 @@ GameStep Game::step_at(int64_t t) const {
 
 void Game::finish(int64_t t, const GameStep& step) {
   for (int team = 0; team < kNTeams; ++team) seen_[team] = step.rows[team].obs;
-  forget(step);
   for (GameObserver* observer : observers_) observer->after_step(t, step);
 }
 

@@ -95,7 +95,7 @@ class Game {
   void make_buffers();
   GameStep ask(int64_t t) const;
   GameStep step_at(int64_t t) const;
-  void begin(void (Simulator::*write)(const StepIo&));
+  GameStep begin(void (Simulator::*write)(const StepIo&));
   void finish(int64_t t, const GameStep& step);
   void act(const GameStep& step);
   void forget(const GameStep& step);

@@ -206,9 +206,8 @@ std::vector<BadInput> meanings() {
                    "train: {algorithm: snes, precision: fp16}\npopulation: {actor: {memory: gru}}",
                    {"run.yaml:2:37: train.precision: fp16 is computed by one kernel, which knows no memory, and "
                     "population.actor.memory is gru; allowed there: fp32, tf32, bf16"}),
-      in_config(
-          "number with a suffix", "train: {total_agent_steps: 400k}",
-          {"run.yaml:2:29: train.total_agent_steps: '400k' is not an integer >= 1 (numbers have no suffix: 400000)"}),
+      in_config("number with a suffix", "train: {n_worlds: 4k}",
+                {"run.yaml:2:19: train.n_worlds: '4k' is not an integer in [1, ", " (numbers have no suffix: 4000)"}),
       in_config("horizon longer than an episode", "environment: {max_episode_length: 20}\nmappo: {horizon: 32}",
                 {"run.yaml:3:18: mappo.horizon: 32 is longer than an episode of scenario 'identical_2_vs_2'"}),
       {"run folder that holds something",
