@@ -319,9 +319,10 @@ std::string shortened(const std::string& text) {
 TEST(BadInput, EveryKindIsToldAndTheTableInTheDocsIsCurrent) {
   std::string page =
       "# What gigastep says to bad input\n\n"
-      "One input of each kind and the whole message; exit code 2, and nothing is created. Where a line of a config is\n"
-      "shown, it is line 2 of `run.yaml`, behind `scenario: identical_2_vs_2`; a line of a scenario is line 2 of\n"
-      "`game.yaml`, behind `base: identical_2_vs_2`. This page is written by `scripts/docs` from a test.\n\n"
+      "One input of each kind and the whole message; exit code 2, and nothing is created. Where a line of a\n"
+      "config is shown, it is line 2 of `run.yaml`, behind `scenario: identical_2_vs_2`; a line of a\n"
+      "scenario is line 2 of `game.yaml`, behind `base: identical_2_vs_2`. This page is written by\n"
+      "`scripts/docs` from a test.\n\n"
       "| kind | input | message |\n|---|---|---|\n";
   const std::string file = source_path("docs/bad_input.md");
   const bool writes = std::getenv("GIGASTEP_WRITE_DOCS") != nullptr;
