@@ -22,6 +22,8 @@ class ParallelFor {
 
   Device device() const { return device_; }
   void* stream() const { return stream_; }
+  /// Of a CPU.
+  const ThreadPool& pool() const { return *pool_; }
 
   template <class Op>
   void run(const Op& op, int64_t n) const {

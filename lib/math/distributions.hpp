@@ -111,8 +111,9 @@ struct SampleCategorical {
 
   GIGA_HD void operator()(int64_t row) const { sample(row, logits + row * kLogitStride); }
   /// Of a row whose logits lie elsewhere.
+  template <class Row = Logits>
   GIGA_HD void sample(int64_t row, const float* row_logits) const {
-    const Logits l(row_logits);
+    const Row l(row_logits);
     float p[Logits::kNumbers];
     const float lse = softmax(l, p);
     const int chosen = greedy ? l.largest() : Logits::draw(p, draws, row);

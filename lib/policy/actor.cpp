@@ -58,7 +58,7 @@ std::optional<SmallMlp> Actor::small_mlp() const {
 
 std::optional<FusedMlp> Actor::fused_mlp() const {
   const std::optional<SmallMlp> small = network_.small(parameters_);
-  if (precision_ != Precision::tf32 || !small) return std::nullopt;
+  if (!small) return std::nullopt;
   FusedMlp mlp(*small, parameters_.size());
   if (actions_ == ActionKind::continuous) mlp.log_std = static_cast<int>(log_std_offset());
   return mlp.fits() ? std::optional(mlp) : std::nullopt;

@@ -41,8 +41,8 @@ class Actor final : public Policy {
 
   /// The layout for the fused kernel (cuda/population_policy.hpp), which computes in fp16; none if it has no room.
   std::optional<SmallMlp> small_mlp() const;
-  /// The layout for the fused policy and the fused gradients (cuda/ppo_gradients.hpp), which round as TF32 does; none
-  /// where these do not serve.
+  /// The layout for the fused policy and the fused gradients (cuda/ppo_gradients.hpp), which round as TF32 does on a
+  /// GPU; none where they have no room for the network.
   std::optional<FusedMlp> fused_mlp() const;
   /// Whether actions are computed by them where they serve; else always by LibTorch.
   void take_fused_kernels(bool taken) { takes_fused_kernels_ = taken; }

@@ -58,7 +58,7 @@ void Critic::add_team_weights(const std::string& name) {
 }
 
 std::optional<FusedMlp> Critic::fused_mlp() const {
-  if (kind_ == CriticKind::state || precision_ != Precision::tf32) return std::nullopt;
+  if (kind_ == CriticKind::state) return std::nullopt;
   const std::optional<SmallMlp> small = network_.small(parameters_);
   if (!small) return std::nullopt;
   FusedMlp mlp(*small, parameters_.size());

@@ -1,12 +1,17 @@
 #include "policy/fused_actor.hpp"
 
+#include "policy/cpu_kernels.hpp"
+
 namespace giga {
 
 std::optional<FusedPolicy> fused_policy(const Actor& actor) {
   const at::Tensor& values = actor.parameters().values();
   const std::optional<FusedMlp> mlp = actor.fused_mlp();
-  if (!actor.takes_fused_kernels() || !mlp || !values.is_cuda() || !fused_gradients_run(values.get_device()))
-    return std::nullopt;
+  if (!actor.takes_fused_kernels() || !mlp) return std::nullopt;
+  const bool serves = values.is_cuda()
+                          ? actor.precision() == Precision::tf32 && fused_gradients_run(values.get_device())
+                          : actor.precision() == Precision::fp32;
+  if (!serves) return std::nullopt;
   FusedPolicy policy{.net = *mlp, .parameters = values.const_data_ptr<float>(), .actions = actor.actions()};
   if (actor.actions() == ActionKind::continuous) policy.continuous.log_std = policy.parameters + mlp->log_std;
   if (actor.normalizes()) {
@@ -15,6 +20,13 @@ std::optional<FusedPolicy> fused_policy(const Actor& actor) {
     policy.obs_limit = kNormalizedLimit;
   }
   return policy;
+}
+
+void act_fused(const FusedPolicy& policy, const ParallelFor& parallel_for) {
+  if (parallel_for.device().is_cuda())
+    launch_fused_policy(policy, parallel_for.device().index, parallel_for.stream());
+  else
+    run_fused_policy(policy, parallel_for.pool());
 }
 
 }  // namespace giga

@@ -1,8 +1,10 @@
-// How an actor's actions are computed by the fused kernel (cuda/fused_policy.hpp), where that serves its network.
+// How an actor's actions are computed by the fused kernel (cuda/fused_policy.hpp, on a CPU cpu_kernels.hpp), where that
+// serves its network.
 #pragma once
 
 #include <optional>
 
+#include "core/parallel_for.hpp"
 #include "cuda/fused_policy.hpp"
 #include "policy/actor.hpp"
 
@@ -11,5 +13,8 @@ namespace giga {
 /// Its network and normaliser; what it sees and where its actions go is for the caller to add. None where LibTorch has
 /// to do.
 std::optional<FusedPolicy> fused_policy(const Actor& actor);
+
+/// Draws the actions of all rows: queued on a GPU, done on return on a CPU.
+void act_fused(const FusedPolicy& policy, const ParallelFor& parallel_for);
 
 }  // namespace giga

@@ -13,7 +13,7 @@
 namespace giga {
 namespace {
 
-/// Fills in what the fused kernel reads and writes in a step, and queues it.
+/// Fills in what the fused kernel reads and writes in a step.
 void act_fused(FusedPolicy policy, const InputColumns& inputs, const TeamStep& s, bool greedy) {
   const TeamBuffers& b = s.buffers;
   policy.rows_per_group = s.n_rows() / policy.groups;
@@ -25,7 +25,7 @@ void act_fused(FusedPolicy policy, const InputColumns& inputs, const TeamStep& s
     policy.continuous = {
         nullptr, policy.continuous.log_std, s.draws(), b.pre_tanh_action, static_cast<float*>(b.action), b.log_prob,
         greedy};
-  launch_fused_policy(policy, s.sim.device().index, s.parallel_for.stream());
+  act_fused(policy, s.parallel_for);
 }
 
 at::Tensor obs_of(const TeamStep& step) {

@@ -6,6 +6,7 @@
 #include "sim/lanes.hpp"
 #include "sim/simulator.hpp"
 #include "sim/step.hpp"
+#include "sim/usual_params.hpp"
 
 namespace giga {
 namespace {
@@ -42,16 +43,18 @@ class CpuSimulator final : public Simulator {
   void run(const Jobs& jobs, const StepIo& io, Worlds worlds) override {
     const bool listed = worlds == Worlds::listed;
     const int64_t count = listed ? static_cast<int64_t>(playing_.size()) : n_worlds();
-    pool_.for_ranges(count, [&](int64_t begin, int64_t end, int thread) {
-      char* scratch = scratch_[static_cast<size_t>(thread)].data();
-      for (int64_t k = begin; k < end; ++k) {
-        const int64_t world = listed ? playing_[static_cast<size_t>(k)] : k;
-        WorldView w = world_view(state_.view(), params().n_agents, world);
-        attach_scratch(w, layout_, scratch);
-        const uint32_t number = draw_world(options_.first_world, options_.draw_period, world);
-        const auto draws_at = [&](uint32_t step) { return PhiloxDraws(options_.seed, number, step); };
-        run_jobs(SerialLanes{}, jobs, params(), w, draws_at, io, ending(), world);
-      }
+    with_usual_params(params(), [&](const auto& p) {
+      pool_.for_ranges(count, [&](int64_t begin, int64_t end, int thread) {
+        char* scratch = scratch_[static_cast<size_t>(thread)].data();
+        for (int64_t k = begin; k < end; ++k) {
+          const int64_t world = listed ? playing_[static_cast<size_t>(k)] : k;
+          WorldView w = world_view(state_.view(), p.n_agents, world);
+          attach_scratch(w, layout_, scratch);
+          const uint32_t number = draw_world(options_.first_world, options_.draw_period, world);
+          const auto draws_at = [&](uint32_t step) { return PhiloxDraws(options_.seed, number, step); };
+          run_jobs(SerialLanes{}, jobs, p, w, draws_at, io, ending(), world);
+        }
+      });
     });
   }
 

@@ -111,8 +111,9 @@ void visit_fields(V& v, MappoConfig& c) {
     "then; counted in training, over opponents.pool_every_updates updates and at least 400 games; none = never",
     greater_than(0).at_most(1));
   v("fused", c.fused,
-    "on a GPU, act and learn by fused kernels where these serve the networks (docs/architecture.md says which); false: "
-    "always by LibTorch");
+    "learn by fused kernels where these serve the networks (docs/architecture.md says which), on a GPU act by them "
+    "too; "
+    "false: always by LibTorch");
   v.group("actor", c.actor, "the policy networks");
   v.group("critic", c.critic, "the value networks");
 }

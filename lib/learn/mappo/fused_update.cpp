@@ -3,6 +3,7 @@
 #include <ATen/ATen.h>
 
 #include "core/error.hpp"
+#include "policy/cpu_kernels.hpp"
 #include "rollout/tensors.hpp"
 
 namespace giga {
@@ -10,12 +11,17 @@ namespace {
 
 constexpr int kMostAgents = 64;  // of a team: a tile has whole states
 
+int blocks_on(Device device) { return device.is_cuda() ? fused_blocks(device.index) : kCpuParts; }
+int step_blocks_on(Device device, const FusedMlp& actor, const FusedMlp& critic) {
+  return device.is_cuda() ? fused_step_blocks(actor.size, critic.size) : 0;
+}
+
 }  // namespace
 
 std::string fused_update_refusal(const Actor& actor, const Critic& critic, int n_agents, Device device) {
-  if (!device.is_cuda()) return "they are for GPUs";
-  if (!fused_gradients_run(device.index)) return "the GPU has less than 227 KB of shared memory for a block";
-  if (actor.precision() != Precision::tf32)
+  if (device.is_cuda() && !fused_gradients_run(device.index))
+    return "the GPU has less than 227 KB of shared memory for a block";
+  if (device.is_cuda() && actor.precision() != Precision::tf32)
     return "they compute with the 10 bits of mantissa of TF32 (train.precision)";
   if (critic.needs_state()) return "they know no true state (mappo.critic.kind)";
   if (actor.state_size() > 0 || critic.state_size() > 0)
@@ -30,20 +36,20 @@ std::string fused_update_refusal(const Actor& actor, const Critic& critic, int n
   return reason.empty() ? network("mappo.critic", critic.fused_mlp().has_value()) : reason;
 }
 
-FusedUpdate::FusedUpdate(const Actor& actor, const Critic& critic, int n, Device device, void* stream)
+FusedUpdate::FusedUpdate(const Actor& actor, const Critic& critic, int n, const ParallelFor& parallel_for)
     : actor_(actor),
       critic_(critic),
       actor_mlp_(actor.fused_mlp().value()),
       critic_mlp_(critic.fused_mlp().value()),
-      index_(device.index),
-      blocks_(fused_blocks(index_)),
-      stream_(stream),
-      side_(index_, stream) {
+      parallel_for_(parallel_for),
+      blocks_(blocks_on(parallel_for.device())) {
+  const Device device = parallel_for.device();
+  if (device.is_cuda()) side_.emplace(device.index, parallel_for.stream());
   const auto options = at::TensorOptions().dtype(at::kFloat).device(torch_device(device));
   actor_partial_ = at::empty({blocks_, actor_mlp_.size + kFusedSums}, options);
   critic_partial_ = at::empty({blocks_, critic_mlp_.size + kFusedSums}, options);
   sums_ = at::zeros({2, kFusedSums}, options);
-  squares_ = at::empty({fused_step_blocks(actor_mlp_.size, critic_mlp_.size)}, options.dtype(at::kDouble));
+  squares_ = at::empty({step_blocks_on(device, actor_mlp_, critic_mlp_)}, options.dtype(at::kDouble));
   finished_ = at::zeros({1}, options.dtype(at::kInt));
   rows_.n = n;
   if (actor.normalizes()) {
@@ -78,12 +84,15 @@ void FusedUpdate::write_values(const at::Tensor& obs, const at::Tensor& alive, c
   GIGA_CHECK(values.is_contiguous(), "values with gaps");
   choose(obs, alive, states);
   if (rows_.n_states == 0) return;
-  launch_critic_gradient({.net = critic_mlp_,
-                          .parameters = critic_.parameters().values().const_data_ptr<float>(),
-                          .rows = rows_of(critic_.inputs()),
-                          .n_partial = blocks_,
-                          .values = values.data_ptr<float>()},
-                         index_, stream_);
+  const FusedCritic critic{.net = critic_mlp_,
+                           .parameters = critic_.parameters().values().const_data_ptr<float>(),
+                           .rows = rows_of(critic_.inputs()),
+                           .n_partial = blocks_,
+                           .values = values.data_ptr<float>()};
+  if (side_)
+    launch_critic_gradient(critic, index(), parallel_for_.stream());
+  else
+    run_critic_gradient(critic, parallel_for_.pool());
 }
 
 void FusedUpdate::begin_epoch(const at::Tensor& obs, const at::Tensor& alive, const at::Tensor& states,
@@ -92,11 +101,16 @@ void FusedUpdate::begin_epoch(const at::Tensor& obs, const at::Tensor& alive, co
   pieces_ = {rows_.n_states, n_minibatches};
   if (!moments_.defined() || moments_.size(0) != n_minibatches)
     moments_ = at::empty({n_minibatches, kMomentParts, kMoments}, squares_.options());
-  launch_moments(rows_, pieces_, advantage.const_data_ptr<float>(), moments_.data_ptr<double>(), index_, stream_);
-  side_.fork();
+  const auto* a = advantage.const_data_ptr<float>();
+  auto* moments = moments_.data_ptr<double>();
+  if (!side_) return run_moments(rows_, pieces_, a, moments);
+  launch_moments(rows_, pieces_, a, moments, index(), parallel_for_.stream());
+  side_->fork();
 }
 
-void FusedUpdate::end_epoch() { side_.join(); }
+void FusedUpdate::end_epoch() {
+  if (side_) side_->join();
+}
 
 void FusedUpdate::compute_gradients(int k, const FusedPolicyLoss& policy, const FusedValueLoss& value) {
   const double* moments = moments_.const_data_ptr<double>() + k * moments_.stride(0);
@@ -106,22 +120,27 @@ void FusedUpdate::compute_gradients(int k, const FusedPolicyLoss& policy, const 
     piece.n_states = pieces_.begin(k + 1) - pieces_.begin(k);
     return piece;
   };
-  launch_actor_gradient({.net = actor_mlp_,
+  const FusedActor actor{.net = actor_mlp_,
                          .parameters = actor_.parameters().values().const_data_ptr<float>(),
                          .rows = rows(actor_.inputs()),
                          .loss = policy,
                          .moments = moments,
                          .n_partial = blocks_,
-                         .partial = actor_partial_.data_ptr<float>()},
-                        index_, side_.stream());
-  launch_critic_gradient({.net = critic_mlp_,
-                          .parameters = critic_.parameters().values().const_data_ptr<float>(),
-                          .rows = rows(critic_.inputs()),
-                          .loss = value,
-                          .moments = moments,
-                          .n_partial = blocks_,
-                          .partial = critic_partial_.data_ptr<float>()},
-                         index_, side_.stream());
+                         .partial = actor_partial_.data_ptr<float>()};
+  const FusedCritic critic{.net = critic_mlp_,
+                           .parameters = critic_.parameters().values().const_data_ptr<float>(),
+                           .rows = rows(critic_.inputs()),
+                           .loss = value,
+                           .moments = moments,
+                           .n_partial = blocks_,
+                           .partial = critic_partial_.data_ptr<float>()};
+  if (side_) {
+    launch_actor_gradient(actor, index(), side_->stream());
+    launch_critic_gradient(critic, index(), side_->stream());
+  } else {
+    run_actor_gradient(actor, parallel_for_.pool());
+    run_critic_gradient(critic, parallel_for_.pool());
+  }
 }
 
 void FusedUpdate::complete(FusedStep& step) const {
@@ -141,13 +160,19 @@ void FusedUpdate::complete(FusedStep& step) const {
 
 void FusedUpdate::add_up(FusedStep step) {
   complete(step);
-  launch_gradient_sums(step, index_, side_.stream());
+  if (side_)
+    launch_gradient_sums(step, index(), side_->stream());
+  else
+    run_gradient_sums(step);
 }
 
 void FusedUpdate::step(FusedStep step) {
+  add_up(step);
   complete(step);
-  launch_gradient_sums(step, index_, side_.stream());
-  launch_adam(step, index_, side_.stream());
+  if (side_)
+    launch_adam(step, index(), side_->stream());
+  else
+    run_adam(step);
 }
 
 }  // namespace giga

@@ -1,12 +1,15 @@
-// FusedUpdate: how a team learns from a minibatch by the fused kernels (cuda/ppo_gradients.hpp), in the place of
-// LibTorch's passes through the networks and of its optimizer.
+// FusedUpdate: how a team learns from a minibatch by the fused kernels (cuda/ppo_gradients.hpp), or on a CPU by what
+// does the same block by block (policy/cpu_kernels.hpp), in the place of LibTorch's passes through the networks and of
+// its optimizer.
 #pragma once
 
 #include <torch/types.h>
 
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "core/parallel_for.hpp"
 #include "cuda/ppo_gradients.hpp"
 #include "cuda/side_stream.hpp"
 #include "policy/actor.hpp"
@@ -14,15 +17,15 @@
 
 namespace giga {
 
-/// Why the fused kernels do not serve these networks there, for the log; empty where they do. Actor and critic go
+/// Why they do not serve these networks there, for the log; empty where they do. Actor and critic go
 /// together.
 std::string fused_update_refusal(const Actor& actor, const Critic& critic, int n_agents, Device device);
 
 class FusedUpdate {
  public:
-  /// Networks that the kernels serve; both must outlive this. `n`: agents of the team. Epochs are learned from on a
-  /// stream beside this one, so that the teams fill each other's gaps.
-  FusedUpdate(const Actor& actor, const Critic& critic, int n, Device device, void* stream);
+  /// Networks that they serve; all three must outlive this. `n`: agents of the team. On a GPU epochs are learned from
+  /// on a stream beside that of `parallel_for`, so that the teams fill each other's gaps.
+  FusedUpdate(const Actor& actor, const Critic& critic, int n, const ParallelFor& parallel_for);
 
   /// Values [states, n] of the chosen states [S] (undefined: all) of obs [states, n, D] and alive [states, n].
   void write_values(const at::Tensor& obs, const at::Tensor& alive, const at::Tensor& states, const at::Tensor& values);
@@ -42,6 +45,7 @@ class FusedUpdate {
   const at::Tensor& sums() const { return sums_; }
 
  private:
+  int index() const { return parallel_for_.device().index; }
   FusedRows rows_of(const InputColumns& inputs) const;
   void choose(const at::Tensor& obs, const at::Tensor& alive, const at::Tensor& states);
   void complete(FusedStep& step) const;
@@ -49,9 +53,9 @@ class FusedUpdate {
   const Actor& actor_;
   const Critic& critic_;
   const FusedMlp actor_mlp_, critic_mlp_;
-  const int index_, blocks_;
-  void* const stream_;
-  SideStream side_;
+  const ParallelFor& parallel_for_;
+  const int blocks_;                           // that share a minibatch
+  std::optional<SideStream> side_;             // none on a CPU
   FusedRows rows_;                             // with whole observations
   MinibatchPieces pieces_{0, 1};               // of the epoch
   at::Tensor states_;                          // keeps what rows_ points to

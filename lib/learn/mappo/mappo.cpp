@@ -50,9 +50,9 @@ class Mappo final : public Learner {
   UpdateTimes times() const override { return {clock_->seconds(0, 1), clock_->seconds(1, 2)}; }
   void save_batch(NamedArrays& out) const override;
   std::string ways() const override {
-    if (!device_.is_cuda()) return {};
     const std::string& why = learning_.front()->plain_because();
-    return why.empty() ? "acts and learns by fused kernels" : "learns by LibTorch, not by fused kernels: " + why;
+    if (!why.empty()) return "learns by LibTorch, not by fused kernels: " + why;
+    return device_.is_cuda() ? "acts and learns by fused kernels" : "learns by fused kernels";
   }
   std::vector<HeadlineFigure> headline() const override {
     std::vector<HeadlineFigure> figures = {{"policy loss", nullptr, "policy_loss"},

@@ -41,8 +41,7 @@ PpoTeam::PpoTeam(const LoadedRun& run, int team, Device device, const ParallelFo
   stop_ = at::zeros({1}, options);
   figures_ = at::zeros({kNFigures}, options);
   plain_because_ = config_.fused ? fused_update_refusal(actor_, critic_, n_, device) : "mappo.fused is false";
-  if (plain_because_.empty())
-    fused_ = std::make_unique<FusedUpdate>(actor_, critic_, n_, device, parallel_for.stream());
+  if (plain_because_.empty()) fused_ = std::make_unique<FusedUpdate>(actor_, critic_, n_, parallel_for);
   if (critic_.state_size() > 0) {
     critic_memory_ = at::zeros({n_worlds_, n_, critic_.state_size()}, options);
     critic_start_ = at::zeros_like(critic_memory_);
@@ -358,7 +357,7 @@ void PpoTeam::step_critic(int minibatch, float step_size) {
                     step_flags(kFaultCriticGradient, kFigCriticNorm, minibatch));
 }
 
-// ---- Both networks by the fused kernels -----------------------------------------------------------------------------
+// ---- Both networks fused --------------------------------------------------------------------------------------------
 
 void PpoTeam::update_fused(const Rollout& rollout, int k, int minibatch, StepSizes step_sizes) {
   at::NoGradGuard no_grad;
