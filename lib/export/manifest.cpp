@@ -161,13 +161,22 @@ void read_observation(const Node* node, MemberReader& in, Manifest& manifest) {
     in.wrong(*node, cat("size: ", size, "; the ", kInside, " is of observations of ", inside->row_size(), " numbers"));
   const Node* blocks = in.sequence(node, "blocks");
   if (!blocks) return;
+  RowView told;  // what the blocks say of the row
   for (const Node& item : blocks->items) {
     ObservationBlock& block = manifest.observation.emplace_back();
     in.value(&item, "name", block.name);
     in.value(&item, "first", block.first, range(0, kMostNumbers));
     in.value(&item, "count", block.count, range(1, kMostNumbers));
     in.value(&item, "size", block.size, range(1, kMostNumbers));
+    if (block.name == "neighbors") told.neighbors = block.count;
+    if (block.name == "waypoint") told.waypoint = true;
+    if (block.name != "boxes") continue;
+    told.boxes = block.count;
+    told.box_numbers = block.size;
   }
+  if (inside && (told.neighbors != inside->neighbors || told.waypoint != inside->waypoint ||
+                 told.boxes != inside->boxes || (told.boxes > 0 && told.box_numbers != inside->box_numbers)))
+    in.wrong(*blocks, cat("blocks: not those of the ", kInside));
 }
 
 void read_view(const Node* node, MemberReader& in, Manifest& manifest) {

@@ -156,7 +156,7 @@ GIGA_HD void keep_final(const Lanes& lanes, const Parameters auto& p, const Step
 
 /// Room for the marks of all agents, where their features lie while observations are written.
 GIGA_HD Mark* marks_of(World auto& w) {
-  static_assert(sizeof(Mark) <= kNeighborFeatures * sizeof(float));
+  static_assert(sizeof(Mark) <= sizeof(w.features[0]));
   return reinterpret_cast<Mark*>(&w.features[0]);
 }
 

@@ -141,7 +141,8 @@ GIGA_HD void step_world(const Lanes& lanes, const Parameters auto& p, World auto
   }
 }
 
-/// The same for a step that did not settle it: OnDone::reset, after the last images were drawn.
+/// What step_world does where an episode ended, for a step that did not settle it: OnDone::reset, after the last images
+/// were drawn.
 template <class Lanes, class Draws>
 GIGA_HD void restart_world(const Lanes& lanes, const Parameters auto& p, World auto& w, Draws& draws, const StepIo& io,
                            int64_t world) {

@@ -5,6 +5,7 @@
 
 #include "cuda/runtime.hpp"
 #include "io/state_hash.hpp"
+#include "io/temporary_folder.hpp"
 #include "learn/evolution/opponents.hpp"
 #include "runs.hpp"
 #include "scripted/script.hpp"
@@ -247,6 +248,19 @@ TEST(LearnEvolutionLearnerGpu, GoingOnIsBitForBit) {
       EXPECT_EQ(difference(saved(*learner), saved(*loaded)), "");
     }
   }
+}
+
+// hidden [200] on 106 numbers: min(200, 106) = 106. A GRU of 64: its gates' matrices are [3 x 64, 200] and [3 x 64,
+// 64].
+TEST(LearnEvolutionConfig, ACellsMatricesBoundTheRankToo) {
+  const auto load = [](int rank) {
+    return load_run_config_text(
+        cat("train: {algorithm: openai_es, precision: tf32}\npopulation: {noise: low_rank, noise_rank: ", rank,
+            ", actor: {hidden: [200], memory: gru, memory_size: 64}}\n"),
+        "base: identical_5_vs_5\n");
+  };
+  EXPECT_NO_THROW(load(192));
+  EXPECT_TRUE(contains(input_error_of([&] { load(193); }), {"population.noise_rank: 193", "at most 192"}));
 }
 
 }  // namespace

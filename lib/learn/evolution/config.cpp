@@ -94,7 +94,12 @@ void check_noise_rank(ConfigCheck& check) {
     most = std::max(most, std::min(input, size));
     input = size;
   }
-  if (p.actor.remembers()) most = std::max(most, p.actor.memory_size);  // its matrices have three times as many rows
+  if (p.actor.remembers()) {
+    // A cell's two matrices hold all its gates, one below the other: [gates x memory_size, features], and the same of
+    // what it remembers.
+    const int rows = (p.actor.memory == MemoryKind::gru ? 3 : 4) * p.actor.memory_size;
+    most = std::max({most, std::min(rows, input), p.actor.memory_size});
+  }
   if (p.noise_rank > most)
     check.fail("population.noise_rank",
                cat(p.noise_rank, " is more than the smaller side of any weight matrix; at most ", most,

@@ -49,8 +49,8 @@ class Player::Exported {
   /// That was read last; null before.
   const Policy* policy() const { return read_.policy.get(); }
   const ReadPolicy& policy_for(const SimSpec& spec) {
-    PolicyInterface wanted = interface_of(spec);
-    if (read_.policy && made_for_.fits(wanted)) return read_;
+    MadeFor wanted{interface_of(spec), row_view(spec), spec.params.limit_x, spec.params.limit_y};
+    if (read_.policy && made_for_.serves(wanted)) return read_;
     read_ = read_exported_policy(found_, spec, device_);
     made_for_ = std::move(wanted);
     return read_;
@@ -59,8 +59,17 @@ class Player::Exported {
  private:
   ExportedPolicy found_;
   Device device_;
+  /// What the policy is read for: it may compute the egocentric view, which depends on the map's size.
+  struct MadeFor {
+    PolicyInterface interface;
+    std::optional<RowView> view;
+    float limit_x = 0, limit_y = 0;
+    bool serves(const MadeFor& o) const {
+      return interface.fits(o.interface) && view == o.view && limit_x == o.limit_x && limit_y == o.limit_y;
+    }
+  };
   ReadPolicy read_;
-  PolicyInterface made_for_;
+  MadeFor made_for_;
 };
 
 std::optional<Scripted> find_script(const std::string& name) {
