@@ -13,6 +13,11 @@
 
 namespace giga {
 
+std::string why_games_have_no_room(const LoadedRun& run) {
+  return too_large_to_keep(replay_frame(run.scenario, run.spec, program_version()), run.config.eval.record,
+                           run.spec.with_time_limit().params.max_episode_length);
+}
+
 Replay record_games(const LoadedRun& run, Device device, Learner& learner) {
   const auto updates = static_cast<uint64_t>(learner.updates_done());
   const MatchOptions options{run.config.eval.record, seed_of(run.config.seed, Purpose::evaluation, updates), device,

@@ -9,6 +9,8 @@
 
 namespace giga {
 
+/// Why `eval.record` games of a run are too large for a replay; empty: they are not.
+std::string why_games_have_no_room(const LoadedRun& run);
 /// `eval.record` games of the teams of a run against each other, from the starts of the evaluation.
 Replay record_games(const LoadedRun& run, Device device, Learner& learner);
 

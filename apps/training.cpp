@@ -313,6 +313,8 @@ void Training::update() {
 
 /// Keeps games of the teams as they play now.
 void Training::record() {
+  if (const std::string wrong = why_games_have_no_room(run_); !wrong.empty())
+    return log_.note(cat("no games are kept (eval.record: ", config_.eval.record, "): ", wrong));
   folder_.save_replay(learner_->updates_done(), encode_replay(record_games(run_, device_, *learner_)));
 }
 

@@ -1,5 +1,6 @@
 #include "chart/page_template.hpp"
 
+#include "chart/markup.hpp"
 #include "core/error.hpp"
 
 namespace giga {
@@ -15,6 +16,23 @@ std::string fill_template(std::string_view page, const std::map<std::string, std
     out += text->second;
     at = end + 2;
   }
+}
+
+std::string embedded_file(std::optional<std::string_view> (*find)(std::string_view), std::string_view name) {
+  const std::optional<std::string_view> bytes = find(name);
+  GIGA_CHECK(bytes, "no file ", name, " in the program");
+  return std::string(*bytes);
+}
+
+std::string page_head(const PageHead& head) {
+  const std::string style = head.style_file.empty() ? cat("<style>", head.style, "</style>")
+                                                    : cat("<link rel=\"stylesheet\" href=\"", head.style_file, "\">");
+  return cat("<meta charset=\"utf-8\">\n<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n",
+             "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src ", head.source,
+             "; script-src ", head.source, head.more_scripts.empty() ? "" : " ", head.more_scripts,
+             head.connect.empty() ? "" : "; connect-src ", head.connect, "; img-src data:\">\n",
+             "<link rel=\"icon\" href=\"data:,\">\n<title>", escaped(head.title), " - gigastep ", head.kind,
+             "</title>\n", style);
 }
 
 }  // namespace giga

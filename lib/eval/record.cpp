@@ -164,6 +164,9 @@ RecordedMatch record_match(const Scenario& scenario, const SimSpec& spec,
   replay.players = {teams[0].name, teams[1].name};
   replay.origins = {teams[0].origin, teams[1].origin};
 
+  const int most_steps = spec.with_time_limit().params.max_episode_length;
+  if (const std::string wrong = too_large_to_keep(replay, options.episodes, most_steps); !wrong.empty())
+    throw InputError(wrong);
   Recorder recorder(spec, {teams[0].mind, teams[1].mind});
   recorded.result = play_match(spec, teams[0].controller, teams[1].controller, options, {&recorder});
   replay.episodes = recorder.episodes(replay.seed);

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "core/error.hpp"
+#include "io/deflate.hpp"
 #include "io/json.hpp"
 
 namespace giga {
@@ -111,16 +112,6 @@ class Parts {
 };
 
 void append(const std::vector<uint8_t>& bytes, std::string& out) { out.append(bytes.begin(), bytes.end()); }
-
-std::string deflated(const std::string& raw) {
-  uLongf size = compressBound(static_cast<uLong>(raw.size()));
-  std::string out(size, '\0');
-  const int result = compress2(reinterpret_cast<Bytef*>(out.data()), &size, reinterpret_cast<const Bytef*>(raw.data()),
-                               static_cast<uLong>(raw.size()), Z_BEST_COMPRESSION);
-  GIGA_CHECK(result == Z_OK, "zlib: ", result);
-  out.resize(size);
-  return out;
-}
 
 /// A zlib stream that is read piece by piece, so that a small file cannot ask for all memory.
 class Inflater {
@@ -288,6 +279,15 @@ uint32_t crc32_of(std::string_view bytes, uint32_t before) {
 int64_t action_checksum(const Replay& replay, const ReplayEpisode& episode) {
   const std::string_view actions(reinterpret_cast<const char*>(episode.action.data()), episode.action.size());
   return crc32_of(actions, crc32_of(replay.seed));
+}
+
+std::string too_large_to_keep(const Replay& frame, int64_t episodes, int most_steps) {
+  ReplayEpisode longest;
+  longest.steps = most_steps;
+  const size_t most = kMostBytes / EpisodeSizes(frame, longest).all(frame, longest);
+  if (static_cast<size_t>(episodes) > most)
+    return cat("a replay has room for ", most, " of these games, not for ", episodes);
+  return "";
 }
 
 std::string encode_replay(const Replay& replay) {

@@ -160,6 +160,10 @@ int64_t action_checksum(const Replay& replay, const ReplayEpisode& episode);
 /// zlib's CRC-32 of bytes, going on from that of bytes before.
 uint32_t crc32_of(std::string_view bytes, uint32_t before = 0);
 
+/// Why games of this kind, `frame`, may have no room in one replay; empty: they have. To be asked before they are
+/// played.
+std::string too_large_to_keep(const Replay& frame, int64_t episodes, int most_steps);
+
 /// The bytes of a file. Throws Error where the parts do not fit each other.
 std::string encode_replay(const Replay& replay);
 /// Throws InputError where the bytes are no replay, of another format, damaged, or make no sense; `name` is for

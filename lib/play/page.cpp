@@ -1,7 +1,5 @@
 #include "play/page.hpp"
 
-#include <zlib.h>
-
 #include <cstdio>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -11,6 +9,7 @@
 #include "chart/page_template.hpp"
 #include "config/document.hpp"
 #include "core/error.hpp"
+#include "io/deflate.hpp"
 #include "io/files.hpp"
 #include "io/json.hpp"
 #include "play/assets.hpp"
@@ -25,26 +24,12 @@ namespace fs = std::filesystem;
 
 constexpr int kSelfCheck = 100;  // steps, as in play.js
 
-std::string asset(const char* name, std::optional<std::string_view> (*find)(std::string_view)) {
-  const std::optional<std::string_view> bytes = find(name);
-  GIGA_CHECK(bytes, "no file ", name, " in the program");
-  return std::string(*bytes);
-}
-
 std::string module_bytes() {
   if (!has_play_module()) throw InputError(kNoPlayModule);
-  return asset("play.wasm", play_asset);
+  return embedded_file(play_asset, "play.wasm");
 }
 
-std::string packed(std::string_view raw) {
-  uLongf size = compressBound(static_cast<uLong>(raw.size()));
-  std::string out(size, '\0');
-  const int result = compress2(reinterpret_cast<Bytef*>(out.data()), &size, reinterpret_cast<const Bytef*>(raw.data()),
-                               static_cast<uLong>(raw.size()), Z_BEST_COMPRESSION);
-  GIGA_CHECK(result == Z_OK, "zlib: ", result);
-  out.resize(size);
-  return base64(out);
-}
+std::string packed(std::string_view raw) { return base64(deflated(raw)); }
 
 std::string digits_of(uint64_t hash) {
   char text[17];
@@ -83,16 +68,21 @@ std::string inside_script(const Json& data) {
   return text;
 }
 
-std::string style() { return asset("page.css", watch_asset) + asset("page.css", play_asset); }
+std::string style() { return embedded_file(watch_asset, "page.css") + embedded_file(play_asset, "page.css"); }
 std::string script() {
-  return asset("data.js", watch_asset) + asset("scene.js", watch_asset) + asset("module.js", play_asset) +
-         asset("live.js", play_asset) + asset("play.js", play_asset);
+  return embedded_file(watch_asset, "data.js") + embedded_file(watch_asset, "scene.js") +
+         embedded_file(play_asset, "module.js") + embedded_file(play_asset, "live.js") +
+         embedded_file(play_asset, "play.js");
 }
 
-std::string html(const PlayPage& page, std::map<std::string, std::string> parts) {
+std::string html(const PlayPage& page, PageHead head, std::map<std::string, std::string> parts) {
+  head.title = page.title;
+  head.kind = "play";
+  head.more_scripts = "'wasm-unsafe-eval'";
+  parts["head"] = page_head(head);
   parts["title"] = escaped(page.title);
   parts["version"] = escaped(page.version);
-  return fill_template(asset("page.html", play_asset), parts);
+  return fill_template(embedded_file(play_asset, "page.html"), parts);
 }
 
 }  // namespace
@@ -102,12 +92,10 @@ bool has_play_module() { return play_asset("play.wasm").has_value(); }
 std::string play_page(const PlayPage& page) {
   Json data = data_of(page);
   data["module"] = packed(module_bytes());
-  return html(page, {{"source", "'unsafe-inline'"},
-                     {"connect", "'none'"},
-                     {"style", "<style>" + style() + "</style>"},
-                     {"data", inside_script(data)},
-                     {"script", "<script>" + script() + "</script>"},
-                     {"needs", "This file needs no network."}});
+  return html(page, {.style = style()},
+              {{"data", inside_script(data)},
+               {"script", "<script>" + script() + "</script>"},
+               {"needs", "This file needs no network."}});
 }
 
 void write_play_folder(const fs::path& folder, const PlayPage& page) {
@@ -119,12 +107,10 @@ void write_play_folder(const fs::path& folder, const PlayPage& page) {
   write_file(folder / "game.json", data_of(page).dump());
   write_file(folder / "play.css", style());
   write_file(folder / "play.js", script());
-  write_file(folder / "index.html", html(page, {{"source", "'self'"},
-                                                {"connect", "'self'"},
-                                                {"style", "<link rel=\"stylesheet\" href=\"play.css\">"},
-                                                {"data", ""},
-                                                {"script", "<script src=\"play.js\"></script>"},
-                                                {"needs", "It is served as a folder."}}));
+  write_file(
+      folder / "index.html",
+      html(page, {.style_file = "play.css", .source = "'self'", .connect = "'self'"},
+           {{"data", ""}, {"script", "<script src=\"play.js\"></script>"}, {"needs", "It is served as a folder."}}));
 }
 
 }  // namespace giga

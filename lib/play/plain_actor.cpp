@@ -10,8 +10,8 @@ namespace giga {
 static_assert(kNormalizedLimit == 10 && kLayerNormEpsilon == 1e-5f);
 
 PlainNetwork plain_network_of(const Actor& actor, int inputs, bool greedy) {
-  if (actor.state_size() > 0)
-    throw InputError("a page plays networks without memory only (encoder: mlp), and this one remembers");
+  if (actor.network().encoder().layers().empty())
+    throw InputError("a page computes policies of dense layers only (encoder: mlp)");
   const PolicyModel model = model_of(actor, inputs);
   PlainNetwork network;
   network.actions = model.shape.actions;
@@ -38,6 +38,9 @@ PlainNetwork plain_network_of(const Actor& actor, int inputs, bool greedy) {
     layer.norm_weight = tensor(layer_tensor(k, "norm_weight"));
     layer.norm_bias = tensor(layer_tensor(k, "norm_bias"));
   }
+  if (model.shape.memory != MemoryKind::none)
+    network.memory = {tensor(kInputWeightTensor), tensor(kInputBiasTensor), tensor(kHiddenWeightTensor),
+                      tensor(kHiddenBiasTensor)};
   if (network.actions == ActionKind::continuous) network.log_std = rounded(kLogStdTensor);
   return network;
 }

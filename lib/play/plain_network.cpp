@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <span>
 
+#include "math/recurrent.hpp"
 #include "play/byte_stream.hpp"
 
 namespace giga {
@@ -10,6 +12,31 @@ namespace {
 
 // Those of lib/policy/config.hpp, which the module of a page does not see; plain_actor.cpp holds them to it.
 constexpr float kInputLimit = 10, kNormEpsilon = 1e-5f;
+
+/// W x + b.
+std::vector<float> product(const std::vector<float>& weights, const std::vector<float>& bias,
+                           std::span<const float> x) {
+  std::vector<float> y = bias;
+  const float* weight = weights.data();
+  for (float& sum : y)
+    for (const float value : x) sum += value * *weight++;
+  return y;
+}
+
+/// One step of one row: features -> features. `state` becomes what is remembered after it.
+std::vector<float> remember(const PlainMemory& memory, const std::vector<float>& x, float* state) {
+  const auto size = static_cast<int64_t>(memory.size());
+  const std::vector<float> input = product(memory.input_weight, memory.input_bias, x),
+                           hidden = product(memory.hidden_weight, memory.hidden_bias, {state, memory.size()});
+  std::vector<float> gates(4 * memory.size()), features(memory.size());
+  // Each number of the state is read before it is written.
+  float* const cell = state + size;
+  const GruStep gru{size, input.data(), hidden.data(), state, nullptr, gates.data(), features.data(), state};
+  const LstmStep lstm{size,         input.data(), hidden.data(),   cell,  nullptr,
+                      gates.data(), cell,         features.data(), state, cell};
+  for (int64_t k = 0; k < size; ++k) memory.is_lstm() ? lstm(k) : gru(k);
+  return features;
+}
 
 void normalize_layer(const PlainLayer& layer, std::vector<float>& x) {
   double sum = 0, squares = 0;
@@ -32,20 +59,17 @@ float rounded_to_half_precision(float x) {
   return std::nearbyint(x / unit) * unit;
 }
 
-void PlainNetwork::forward(const float* row, float* head) const {
-  std::vector<float> x(row, row + inputs()), y;
+void PlainNetwork::forward(const float* row, float* state, float* head) const {
+  std::vector<float> x(row, row + inputs());
   for (size_t k = 0; k < mean.size(); ++k) x[k] = std::clamp((x[k] - mean[k]) / std[k], -kInputLimit, kInputLimit);
   for (const PlainLayer& layer : layers) {
+    if (&layer == &layers.back() && memory.size() > 0) x = remember(memory, x, state);
     if (half)
       for (float& value : x) value = rounded_to_half_precision(value);
-    y.assign(layer.bias.begin(), layer.bias.end());
-    const float* weight = layer.weight.data();
-    for (float& sum : y)
-      for (const float value : x) sum += value * *weight++;
-    if (!layer.norm_weight.empty()) normalize_layer(layer, y);
+    x = product(layer.weight, layer.bias, x);
+    if (!layer.norm_weight.empty()) normalize_layer(layer, x);
     if (layer.activation)
-      for (float& value : y) value = activate(*layer.activation, value);
-    x.swap(y);
+      for (float& value : x) value = activate(*layer.activation, value);
   }
   std::copy(x.begin(), x.end(), head);
 }
@@ -66,6 +90,9 @@ std::string network_bytes(const PlainNetwork& network) {
     out.put_all(layer.norm_weight);
     out.put_all(layer.norm_bias);
   }
+  for (const auto* part : {&network.memory.input_weight, &network.memory.input_bias, &network.memory.hidden_weight,
+                           &network.memory.hidden_bias})
+    out.put_all(*part);
   return out.take();
 }
 
@@ -87,6 +114,9 @@ PlainNetwork read_network(std::string_view bytes) {
     layer.norm_weight = in.get_all<float>();
     layer.norm_bias = in.get_all<float>();
   }
+  for (auto* part : {&network.memory.input_weight, &network.memory.input_bias, &network.memory.hidden_weight,
+                     &network.memory.hidden_bias})
+    *part = in.get_all<float>();
   GIGA_CHECK(in.at_end() && !network.layers.empty(), "bytes of a network");
   return network;
 }

@@ -10,29 +10,42 @@ class Controls {
   constructor() {
     this.keys = new Set();
     this.touch = [0, 0, 0];
+    this.asked = {flies: false, start: false};
     this.connectTouch();
     addEventListener("blur", () => this.keys.clear());
   }
   now() {
-    const sum = [...this.touch], pad = navigator.getGamepads ? [...navigator.getGamepads()].find(one => one) : null;
+    const sum = [...this.touch], pad = this.ofGamepad();
     for (const code of this.keys) { const [control, sign] = KEYS[code]; sum[control] += sign; }
-    if (pad) {
-      const axis = k => Math.abs(pad.axes[k] ?? 0) > 0.15 ? pad.axes[k] : 0, pressed = k => pad.buttons[k]?.pressed ? 1 : 0;
-      sum[0] -= axis(0); sum[2] -= axis(1); sum[1] += pressed(0) - pressed(1) - axis(3);
-    }
-    return sum.map(control => Math.max(-1, Math.min(1, control)));
+    return sum.map((control, k) => Math.max(-1, Math.min(1, control + pad[k])));
+  }
+  get gamepad() { return navigator.getGamepads ? [...navigator.getGamepads()].find(one => one) : undefined; }
+  ofGamepad() {
+    const pad = this.gamepad;
+    const axis = k => Math.abs(pad?.axes[k] ?? 0) > 0.15 ? pad.axes[k] : 0, pressed = k => pad?.buttons[k]?.pressed ? 1 : 0;
+    return [-axis(0), pressed(0) - pressed(1) - axis(3), -axis(1)];
+  }
+  // A gamepad tells nothing by itself: what it has begun to do since it was asked last.
+  newOfGamepad() {
+    const {flies, start} = this.asked;
+    this.asked = {flies: this.ofGamepad().some(control => control !== 0), start: this.gamepad?.buttons[9]?.pressed ?? false};
+    return {flies: this.asked.flies && !flies, start: this.asked.start && !start};
   }
   connectTouch() {
     const stick = $("stick"), knob = stick.querySelector("i");
+    let finger = null;
     const move = event => {
       const box = stick.getBoundingClientRect(), half = box.width / 2;
       const away = [event.clientX - box.left - half, event.clientY - box.top - half].map(d => Math.max(-1, Math.min(1, d / half / 0.8)));
       this.touch[0] = -away[0]; this.touch[2] = -away[1];
       knob.style.transform = `translate(${40 * away[0]}px, ${40 * away[1]}px)`;
     };
-    const end = () => { this.touch[0] = this.touch[2] = 0; knob.style.transform = ""; };
-    stick.addEventListener("pointerdown", event => { stick.setPointerCapture(event.pointerId); move(event); });
-    stick.addEventListener("pointermove", event => { if (stick.hasPointerCapture(event.pointerId)) move(event); });
+    const end = event => {
+      if (event.pointerId !== finger) return;
+      finger = null; this.touch[0] = this.touch[2] = 0; knob.style.transform = "";
+    };
+    stick.addEventListener("pointerdown", event => { finger = event.pointerId; stick.setPointerCapture(finger); move(event); });
+    stick.addEventListener("pointermove", event => { if (event.pointerId === finger) move(event); });
     for (const type of ["pointerup", "pointercancel"]) stick.addEventListener(type, end);
     for (const [id, sign] of [["climb", 1], ["dive", -1]]) {
       $(id).addEventListener("pointerdown", () => { this.touch[1] = sign; });
@@ -182,6 +195,7 @@ class Play {
     requestAnimationFrame(now => { this.asked = false; this.frame(now); });
   }
   frame(now) {
+    this.followGamepad();
     const {episode} = this, step = episode.replay.rules.seconds_per_step;
     if (this.playing) {
       const seconds = this.last === undefined ? 0 : Math.min(0.25, (now - this.last) / 1000);
@@ -195,7 +209,13 @@ class Play {
     const time = episode.over || !this.running ? episode.steps : Math.max(0, episode.steps - 1 + this.share);
     this.scene.draw(time, this.person);
     if (this.shown !== episode.steps) this.describe();
-    if (this.playing || (navigator.getGamepads && [...navigator.getGamepads()].some(pad => pad))) this.redraw();
+    if (this.playing || this.controls.gamepad) this.redraw();
+  }
+  // What flies starts a game, as keys do; the button Start pauses it, and begins a new one where it is over.
+  followGamepad() {
+    const {flies, start} = this.controls.newOfGamepad(), {over} = this.episode;
+    if (start && over) { this.start(); this.run(true); } else if (start) this.run(!this.running);
+    else if (flies && !this.running && !over) this.run(true);
   }
   describe() {
     const {episode, person} = this, state = episode.steps, rules = episode.replay.rules;

@@ -13,6 +13,7 @@ class PlainController final : public TeamController {
   explicit PlainController(std::shared_ptr<const PlainNetwork> network) : network_(std::move(network)) {}
 
   ObservationSet reads() const override { return ObservationSet::all(); }
+  int64_t memory_size() const override { return static_cast<int64_t>(network_->memory.state_size()); }
   void act(std::span<const TeamStep> parts) override {
     for (const TeamStep& part : parts) act(part);
   }
@@ -23,9 +24,9 @@ class PlainController final : public TeamController {
     const int64_t stride = discrete ? kLogitStride : kActionSize;
     heads_.assign(static_cast<size_t>((s.n_rows() * stride + 3) / 4), Quad{});
     float* heads = heads_[0].v;
-    for (int64_t row = 0; row < s.n_rows(); ++row)
-      network_->forward(s.buffers.obs + row * s.obs_stride(), heads + row * stride);
     const TeamBuffers& b = s.buffers;
+    for (int64_t row = 0; row < s.n_rows(); ++row)
+      network_->forward(b.obs + row * s.obs_stride(), b.memory + row * b.memory_size, heads + row * stride);
     if (discrete)
       s.parallel_for.run(
           SampleCategorical{heads, s.draws(), static_cast<int32_t*>(b.action), nullptr, network_->greedy}, s.n_rows());

@@ -19,11 +19,7 @@ namespace giga {
 namespace fs = std::filesystem;
 namespace {
 
-std::string asset(const char* name) {
-  const std::optional<std::string_view> bytes = report_asset(name);
-  GIGA_CHECK(bytes, "no file ", name, " in the program");
-  return std::string(*bytes);
-}
+std::string asset(const char* name) { return embedded_file(report_asset, name); }
 
 void replace_all(std::string& text, std::string_view from, std::string_view to) {
   for (size_t at = 0; (at = text.find(from, at)) != std::string::npos; at += to.size())
@@ -44,10 +40,11 @@ std::string report_page(const std::vector<RunData>& runs, const std::vector<Fiel
   std::string written = utc_now();
   replace_all(written, "T", " ");
   replace_all(written, "Z", " UTC");
-  return fill_template(asset("page.html"), {{"title", escaped(page_title(groups))},
+  const std::string title = page_title(groups);
+  return fill_template(asset("page.html"), {{"head", page_head({title, "report", asset("page.css")})},
+                                            {"title", escaped(title)},
                                             {"written", written},
                                             {"colour", groups.size() < 3 ? "team" : "group"},
-                                            {"style", asset("page.css")},
                                             {"sections", first_section + page_sections(groups, keys)},
                                             {"data", json_text(group_axes(groups))},
                                             {"script", asset("chart.js") + asset("page.js")}});

@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "core/error.hpp"
+#include "io/deflate.hpp"
 
 namespace giga {
 namespace {
@@ -211,19 +212,13 @@ std::string encode_png(const Canvas& canvas) {
     raw.append(canvas.pixels().begin() + static_cast<std::ptrdiff_t>(at),
                canvas.pixels().begin() + static_cast<std::ptrdiff_t>(at + row));
   }
-  uLongf size = compressBound(static_cast<uLong>(raw.size()));
-  std::string packed(size, '\0');
-  const int result = compress2(reinterpret_cast<Bytef*>(packed.data()), &size,
-                               reinterpret_cast<const Bytef*>(raw.data()), static_cast<uLong>(raw.size()), 9);
-  GIGA_CHECK(result == Z_OK, "zlib: ", result);
-  packed.resize(size);
   std::string header;
   put_big_endian(header, static_cast<uint32_t>(canvas.width()));
   put_big_endian(header, static_cast<uint32_t>(canvas.height()));
   header += std::string("\x08\x02\x00\x00\x00", 5);  // 8 bits, red green blue
   std::string out = "\x89PNG\r\n\x1a\n";
   put_chunk(out, "IHDR", header);
-  put_chunk(out, "IDAT", packed);
+  put_chunk(out, "IDAT", deflated(raw));
   put_chunk(out, "IEND", "");
   return out;
 }

@@ -10,11 +10,7 @@
 namespace giga {
 namespace {
 
-std::string asset(const char* name) {
-  const std::optional<std::string_view> bytes = watch_asset(name);
-  GIGA_CHECK(bytes, "no file ", name, " in the program");
-  return std::string(*bytes);
-}
+std::string asset(const char* name) { return embedded_file(watch_asset, name); }
 
 }  // namespace
 
@@ -31,9 +27,9 @@ std::string watch_page(const std::vector<std::string>& replays, const std::strin
   GIGA_CHECK(!replays.empty(), "a page needs a replay");
   std::string data;
   for (const std::string& replay : replays) data += cat(data.empty() ? "[\"" : ",\n\"", base64(replay), '"');
-  return fill_template(asset("page.html"), {{"title", escaped(title)},
+  return fill_template(asset("page.html"), {{"head", page_head({title, "replay", asset("page.css")})},
+                                            {"title", escaped(title)},
                                             {"version", escaped(version)},
-                                            {"style", asset("page.css")},
                                             {"data", data + "]"},
                                             {"script", asset("data.js") + asset("scene.js") + asset("page.js")}});
 }

@@ -90,7 +90,10 @@ class Watch {
     this.games = replays.flatMap((replay, r) => replay.episodes.map((episode, k) => ({
       episode, replay, name: `${replay.players[0]} against ${replay.players[1]}`, number: k, file: r})));
     this.options = {view: "top", side: -1};
-    for (const box of $("layers").querySelectorAll("input")) this.options[box.name] = box.checked;
+    // Of very many agents there is enough to draw and to see without these; a click shows them.
+    const many = replays[0].agents.length > 500, less = ["trails", "weapon"];
+    for (const box of $("layers").querySelectorAll("input"))
+      this.options[box.name] = box.checked &&= !(many && less.includes(box.name));
     this.time = 0; this.chosen = -1; this.playing = false; this.speed = 1; this.dirty = true; this.frames = 0;
     this.panes = [new Pane($("panes"), this)];
     const [first] = replays, origins = [...new Set(replays.flatMap(replay => replay.origins))].filter(text => text);

@@ -27,7 +27,8 @@ class Camera {
   }
 }
 
-const TRAIL = 30;  // steps
+const TRAIL = 30;   // steps
+const CROWD = 100;  // of more agents less is drawn, or all at once
 
 class Scene {
   constructor(canvas, episode, options) {
@@ -82,9 +83,10 @@ class Scene {
     pen.setTransform(ratio, 0, 0, ratio, 0, 0);
     camera.solid = options.view === "3d";
     camera.fit(width, height);
-    const style = getComputedStyle(document.documentElement);
-    this.color = name => style.getPropertyValue(`--${name}`);
+    const style = getComputedStyle(document.documentElement), colors = {};  // asking is slow, and thousands of agents ask
+    this.color = name => colors[name] ??= style.getPropertyValue(`--${name}`);
     this.teamColor = [this.color("team-0"), this.color("team-1")];
+    this.crowd = e.n > CROWD;
     const state = Math.min(Math.floor(time + 1e-6), e.steps), facts = this.facts(state);
     const places = [];
     for (let i = 0; i < e.n; ++i) places.push(this.place(i, time));
@@ -107,11 +109,20 @@ class Scene {
     this.drawAgents(places, state, facts, chosen);
   }
 
-  path(points, closed = true) {
+  path(points, closed = true) { this.pen.beginPath(); this.extend(points, closed); }
+  extend(points, closed) {
     const {pen} = this;
-    pen.beginPath();
-    points.forEach(([x, y], k) => k ? pen.lineTo(x, y) : pen.moveTo(x, y));
+    for (let k = 0; k < points.length; ++k) k ? pen.lineTo(points[k][0], points[k][1]) : pen.moveTo(points[k][0], points[k][1]);
     if (closed) pen.closePath();
+  }
+  // Paths by team, in its colour: each by itself, so that they add up; those of a crowd at once, which takes a third less.
+  paint(paths, closed, paint) {
+    paths.forEach((all, team) => {
+      this.pen.strokeStyle = this.pen.fillStyle = this.teamColor[team];
+      if (this.crowd) this.pen.beginPath();
+      for (const points of all) this.crowd ? this.extend(points, closed) : (this.path(points, closed), paint());
+      if (this.crowd) paint();
+    });
   }
   rectangle(x1, y1, x2, y2, z) {
     return [[x1, y1], [x2, y1], [x2, y2], [x1, y2]].map(([x, y]) => this.camera.at(x, y, z));
@@ -159,7 +170,7 @@ class Scene {
 
   drawCones(places, state, facts, kind, chosen) {
     const {pen, camera, episode: e} = this, rules = e.replay.rules;
-    const far = Math.hypot(rules.limit_x, rules.limit_y);
+    const far = Math.hypot(rules.limit_x, rules.limit_y), cones = [[], []];
     for (let i = 0; i < e.n; ++i) {
       if (!e.alive(i, state) || !facts.known[i]) continue;
       if (kind === "sight" && !this.options.sight && i !== chosen) continue;
@@ -167,36 +178,37 @@ class Scene {
       const depth = Math.min(rules[`${kind}_depth`] * Math.sqrt(factor), far), angle = Math.min(rules[`${kind}_angle`], Math.PI);
       if (!(depth > 0) || !(angle > 0)) continue;
       const {x, y, z, heading} = places[i], points = angle < Math.PI ? [camera.at(x, y, z)] : [];
-      const parts = e.n > 100 ? 6 : 20;
+      const parts = this.crowd ? 6 : 20;
       for (let k = 0; k <= parts; ++k) {
         const at = heading + angle * (2 * k / parts - 1);
         points.push(camera.at(x + depth * Math.cos(at), y + depth * Math.sin(at), z));
       }
-      this.path(points);
-      pen.globalAlpha = kind === "sight" ? 0.07 : 0.14; pen.fillStyle = this.teamColor[e.team(i)]; pen.fill();
+      cones[e.team(i)].push(points);
     }
+    pen.globalAlpha = kind === "sight" ? 0.07 : 0.14;
+    this.paint(cones, true, () => pen.fill());
     pen.globalAlpha = 1;
   }
 
   drawTrails(time, state, facts) {
     const {pen, camera, episode: e} = this, from = Math.max(0, state - TRAIL);
-    pen.lineWidth = e.n > 100 ? 1 : 1.6;
+    // Two pieces of each, the older one fainter.
+    const pieces = [[[], []], [[], []]];
+    pen.lineWidth = this.crowd ? 1 : 1.6;
     for (let i = 0; i < e.n; ++i) {
       // Where an opponent was before it was seen is nobody's to know.
       if (!facts.known[i] || (this.options.hide && e.team(i) !== this.options.side)) continue;
       const end = e.alive(i, state) ? state : e.head.died[i];
       if (end <= from) continue;
-      pen.strokeStyle = this.teamColor[e.team(i)];
-      // Two pieces, the older one fainter.
       const middle = (from + end) >> 1;
-      for (const [a, b, alpha] of [[from, middle, 0.22], [middle, end, 0.55]]) {
+      for (const [piece, a, b] of [[0, from, middle], [1, middle, end]]) {
         const points = [];
         for (let k = a; k <= b; ++k) { const at = i * e.states + k; points.push(camera.at(e.x[at], e.y[at], e.z[at])); }
         if (b === state) points.push(this.places[i]);
-        this.path(points, false);
-        pen.globalAlpha = alpha; pen.stroke();
+        pieces[piece][e.team(i)].push(points);
       }
     }
+    pieces.forEach((paths, piece) => { pen.globalAlpha = [0.22, 0.55][piece]; this.paint(paths, false, () => pen.stroke()); });
     pen.globalAlpha = 1;
   }
 
@@ -242,6 +254,7 @@ class Scene {
   drawAgents(places, state, facts, chosen) {
     const {pen, camera, episode: e, options} = this, {limit_z} = e.replay.rules;
     const order = [...places.keys()].sort((a, b) => this.places[b][2] - this.places[a][2]);
+    const many = [[], []];
     const usual = Math.max(3.2, Math.min(10, 0.32 * Math.min(camera.width, camera.height) / Math.sqrt(e.n) / 4.5));
     for (const i of order) {
       if (options.hide && !facts.known[i]) continue;
@@ -261,7 +274,9 @@ class Scene {
       const step = 0.01 * Math.max(e.replay.rules.limit_x, e.replay.rules.limit_y);
       const ahead = camera.at(x + step * Math.cos(heading), y + step * Math.sin(heading), z);
       const angle = Math.atan2(ahead[1] - py, ahead[0] - px), cos = Math.cos(angle), sin = Math.sin(angle);
-      this.path(this.shape(agent.kind).map(([a, l]) => [px + size * (a * cos + l * sin), py + size * (a * sin - l * cos)]));
+      const outline = this.shape(agent.kind).map(([a, l]) => [px + size * (a * cos + l * sin), py + size * (a * sin - l * cos)]);
+      if (this.crowd && facts.known[i] && i !== chosen && options.side < 0) { many[e.team(i)].push(outline); continue; }
+      this.path(outline);
       pen.lineWidth = 1.4; pen.strokeStyle = color;
       pen.fillStyle = facts.known[i] ? color : this.color("field");
       pen.globalAlpha = facts.known[i] ? 1 : 0.55;
@@ -283,11 +298,12 @@ class Scene {
         pen.lineWidth = 2; pen.strokeStyle = this.color("ink");
         pen.beginPath(); pen.arc(px, py, size + 7.5, 0, PI2); pen.stroke();
       }
-      if (options.names && e.n <= 100) {
+      if (options.names && !this.crowd) {
         pen.fillStyle = this.color("ink"); pen.font = "11px system-ui, sans-serif"; pen.textAlign = "left";
         pen.fillText(String(i), px + size + 5, py - size - 1);
       }
     }
+    this.paint(many, true, () => { if (this.crowd) pen.fill(); });
   }
 
   // The agent at a place of the canvas; -1: nobody is near.

@@ -113,6 +113,16 @@ TEST(Replay, WhatIsBroken) {
   EXPECT_TRUE(contains(with("\"team\": 1", "\"team\": 0"), {"has a team without agents"}));
 }
 
+TEST(Replay, GamesThatAreTooLargeAreToldBeforeTheyArePlayed) {
+  Replay frame = sample_replay();
+  frame.agents.assign(1024, {});
+  for (size_t k = 512; k < 1024; ++k) frame.agents[k].team = 1;
+  // Of 2 x 512 x 512 pairs who sees whom and who shoots at whom, 63 bytes each for 501 states: 66,060,288. 12 bytes of
+  // each state and agent, 1 of each action: 6,156,288 + 512,000. 1 GiB, 1,073,741,824, has room for 14.8 of that.
+  EXPECT_EQ(too_large_to_keep(frame, 14, 500), "");
+  EXPECT_EQ(too_large_to_keep(frame, 15, 500), "a replay has room for 14 of these games, not for 15");
+}
+
 TEST(Replay, OtherActionsAreNoticed) {
   Replay replay = sample_replay();
   replay.episodes[0].action[0] = 21;

@@ -19,9 +19,9 @@ namespace {
 
 constexpr int64_t kRow = 48, kInputs = 45, kRows = 64;
 
-at::Tensor random_rows() {
+at::Tensor random_rows(uint32_t step = 0) {
   at::Tensor rows = at::empty({kRows, kRow});
-  DrawKey key(7, 0, 0);
+  DrawKey key(7, 0, step);
   for (int64_t k = 0; k < rows.numel(); ++k)
     rows.data_ptr<float>()[k] =
         4 * key.uniform(Draw::init, static_cast<uint32_t>(k / kRow), static_cast<uint32_t>(k % kRow)) - 2;
@@ -29,29 +29,50 @@ at::Tensor random_rows() {
   return rows;
 }
 
-/// The largest difference of a head, after the network went through bytes. The greatest number of each head is the
-/// same.
-float difference_of(Actor& actor) {
+/// The largest difference of two rows of numbers; NaN where one is.
+float difference_of(const std::vector<float>& row, const float* expected) {
+  float largest = 0;
+  for (size_t k = 0; k < row.size(); ++k) {
+    const float apart = std::fabs(row[k] - expected[k]);
+    if (std::isnan(apart)) return apart;
+    largest = std::max(largest, apart);
+  }
+  return largest;
+}
+
+/// Holds the network, after it went through bytes, to the actor for some steps. In the middle one every third row
+/// begins an episode.
+void expect_same(Actor& actor, uint32_t steps = 1) {
   at::NoGradGuard no_grad;
+  at::set_num_threads(1);  // these networks are too small to be divided
   if (actor.normalizes()) actor.normalizer().update(random_rows() * 3 + 1, at::ones({kRows}));
   const PlainNetwork network = read_network(network_bytes(plain_network_of(actor, kInputs, false)));
   EXPECT_EQ(static_cast<int64_t>(network.inputs()), kInputs);
-  const at::Tensor rows = random_rows(), heads = actor.forward(rows).contiguous();
+  const size_t size = network.memory.state_size();
+  ASSERT_EQ(static_cast<int64_t>(size), actor.state_size());
   const int outputs = actor.actions() == ActionKind::discrete ? kNDiscreteActions : kActionSize;
-  float largest = 0;
-  for (int64_t row = 0; row < kRows; ++row) {
-    std::vector<float> head(static_cast<size_t>(outputs), NAN);
-    network.forward(rows.const_data_ptr<float>() + row * kRow, head.data());
-    const float* expected = heads.const_data_ptr<float>() + row * heads.size(1);
-    for (int k = 0; k < outputs; ++k) {
-      const float apart = std::fabs(head[static_cast<size_t>(k)] - expected[k]);
-      largest = apart <= largest ? largest : apart;
+  NetworkState state;
+  std::vector<std::vector<float>> memory(kRows, std::vector<float>(size, 0));
+  for (uint32_t step = 0; step < steps; ++step) {
+    if (step > 0 && step == steps / 2) {
+      state.reset(at::arange(kRows) % 3 == 0);
+      for (size_t row = 0; row < kRows; row += 3) memory[row].assign(size, 0);
     }
-    EXPECT_EQ(std::max_element(head.begin(), head.end()) - head.begin(),
-              std::max_element(expected, expected + outputs) - expected)
-        << "row " << row;
+    const at::Tensor rows = random_rows(step), heads = actor.forward(rows, state).contiguous();
+    for (int64_t row = 0; row < kRows; ++row) {
+      std::vector<float> head(static_cast<size_t>(outputs), NAN);
+      std::vector<float>& remembered = memory[static_cast<size_t>(row)];
+      network.forward(rows.const_data_ptr<float>() + row * kRow, remembered.data(), head.data());
+      const float* expected = heads.const_data_ptr<float>() + row * heads.size(1);
+      EXPECT_LT(difference_of(head, expected), 1e-5f) << "step " << step << " row " << row;
+      EXPECT_EQ(std::max_element(head.begin(), head.end()) - head.begin(),
+                std::max_element(expected, expected + outputs) - expected)
+          << "step " << step << " row " << row;
+      if (size == 0) continue;
+      EXPECT_LT(difference_of(remembered, state.rows[row].contiguous().const_data_ptr<float>()), 1e-5f)
+          << "what is remembered after step " << step << " by row " << row;
+    }
   }
-  return largest;
 }
 
 TEST(PlainNetwork, ComputesWhatLibTorchDoes) {
@@ -66,8 +87,29 @@ TEST(PlainNetwork, ComputesWhatLibTorchDoes) {
         // With a normaliser the network reads columns 8 to 39 alone, as one of the egocentric view does.
         const InputColumns inputs = norm ? InputColumns(kRow, 8, 32) : InputColumns(kRow);
         Actor actor(config, inputs, actions, norm, Precision::fp32, at::kCPU, 3);
-        EXPECT_LT(difference_of(actor), 1e-5f) << static_cast<int>(activation) << norm;
+        SCOPED_TRACE(testing::Message() << static_cast<int>(activation) << norm);
+        expect_same(actor);
       }
+}
+
+ActorConfig remembering(MemoryKind kind) {
+  ActorConfig config;
+  config.hidden = {32};
+  config.output_gain = 3;
+  config.memory = kind;
+  config.memory_size = 24;
+  return config;
+}
+
+TEST(PlainNetwork, RemembersAsLibTorchDoes) {
+  for (const MemoryKind kind : {MemoryKind::gru, MemoryKind::lstm})
+    for (const bool norm : {false, true}) {
+      const InputColumns inputs = norm ? InputColumns(kRow, 8, 32) : InputColumns(kRow);
+      Actor actor(remembering(kind), inputs, norm ? ActionKind::continuous : ActionKind::discrete, norm,
+                  Precision::fp32, at::kCPU, 3);
+      SCOPED_TRACE(testing::Message() << static_cast<int>(kind) << norm);
+      expect_same(actor, 40);
+    }
 }
 
 TEST(PlainNetwork, RoundsToHalfPrecisionAsEvolutionDoes) {
@@ -80,7 +122,7 @@ TEST(PlainNetwork, RoundsToHalfPrecisionAsEvolutionDoes) {
   config.output_gain = 1;
   config.activation = Activation::relu;
   Actor actor(config, InputColumns(kRow), ActionKind::continuous, false, Precision::fp16, at::kCPU, 5);
-  EXPECT_LT(difference_of(actor), 1e-5f);
+  expect_same(actor);
 }
 
 TEST(PlainNetwork, DamagedBytesAreRefused) {
@@ -94,37 +136,39 @@ TEST(PlainNetwork, DamagedBytesAreRefused) {
 }
 
 /// A game of two networks, greedy ones, here and as `gigastep record` plays it with LibTorch: the same, bit for bit.
+void expect_same_game(const char* name, const std::array<ActorConfig, kNTeams>& configs) {
+  const Scenario scenario = load_scenario(name, data_dirs());
+  const SimSpec spec = compile(scenario);
+  std::shared_ptr<const PlainNetwork> network[kNTeams];
+  std::array<RecordedTeam, kNTeams> teams;
+  std::vector<Actor> actors;
+  for (uint64_t team = 0; team < kNTeams; ++team)
+    actors.emplace_back(configs[team], input_columns(NetworkInputs::all, spec), spec.params.actions, false,
+                        Precision::fp32, at::kCPU, team);
+  for (size_t team = 0; team < kNTeams; ++team) {
+    network[team] = std::make_shared<const PlainNetwork>(plain_network_of(actors[team], spec.observation_size(), true));
+    teams[team] = {policy_controller(actors[team], true), {}, "a"};
+  }
+  const Replay replay = record_match(scenario, spec, teams, {1, 11, {}, 1}, "0.1.0").replay;
+  PlaySession session(spec, 11, {Scripted::noop, network[0]}, {Scripted::noop, network[1]}, -1);
+  int steps = 0;
+  for (; !session.over(); ++steps) session.step({1, 1, 1});
+  const ReplayEpisode& e = replay.episodes.at(0);
+  ASSERT_EQ(steps, e.steps) << name;
+  const StateView& state = session.state().view();
+  for (int i = 0; i < spec.params.n_agents; ++i) {
+    const float unit = replay.place_unit();
+    EXPECT_EQ(std::lround(state.x[i] / unit), e.x[static_cast<size_t>((i + 1) * (steps + 1) - 1)]) << name << i;
+  }
+}
+
 TEST(PlaySession, PlaysTheGameThatRecordPlays) {
   at::set_num_threads(1);  // these networks are too small to be divided
-  for (const char* name : {"waypoint_5_vs_3", "identical_2_vs_2_cont"}) {
-    const Scenario scenario = load_scenario(name, data_dirs());
-    const SimSpec spec = compile(scenario);
-    ActorConfig config;
-    config.hidden = {32, 32};
-    config.output_gain = 3;
-    std::shared_ptr<const PlainNetwork> network[kNTeams];
-    std::array<RecordedTeam, kNTeams> teams;
-    std::vector<Actor> actors;
-    for (uint64_t team = 0; team < kNTeams; ++team)
-      actors.emplace_back(config, input_columns(NetworkInputs::all, spec), spec.params.actions, false, Precision::fp32,
-                          at::kCPU, team);
-    for (size_t team = 0; team < kNTeams; ++team) {
-      network[team] =
-          std::make_shared<const PlainNetwork>(plain_network_of(actors[team], spec.observation_size(), true));
-      teams[team] = {policy_controller(actors[team], true), {}, "a"};
-    }
-    const Replay replay = record_match(scenario, spec, teams, {1, 11, {}, 1}, "0.1.0").replay;
-    PlaySession session(spec, 11, {Scripted::noop, network[0]}, {Scripted::noop, network[1]}, -1);
-    int steps = 0;
-    for (; !session.over(); ++steps) session.step({1, 1, 1});
-    const ReplayEpisode& e = replay.episodes.at(0);
-    ASSERT_EQ(steps, e.steps) << name;
-    const StateView& state = session.state().view();
-    for (int i = 0; i < spec.params.n_agents; ++i) {
-      const float unit = replay.place_unit();
-      EXPECT_EQ(std::lround(state.x[i] / unit), e.x[static_cast<size_t>((i + 1) * (steps + 1) - 1)]) << name << i;
-    }
-  }
+  ActorConfig plain;
+  plain.hidden = {32, 32};
+  plain.output_gain = 3;
+  expect_same_game("waypoint_5_vs_3", {plain, remembering(MemoryKind::lstm)});
+  expect_same_game("identical_2_vs_2_cont", {remembering(MemoryKind::gru), plain});
 }
 
 }  // namespace

@@ -14,21 +14,26 @@
 #include "rollout/policy_controllers.hpp"
 #include "scenario/compile.hpp"
 #include "scenario/loader.hpp"
-#include "support/source.hpp"
 #include "support/thinning.hpp"
+#include "watch/reference_pictures.hpp"
 
 namespace giga::test {
 namespace {
 
-constexpr int kMostAgents = 40;  // of the scenarios that are compared in full
+/// A screen that is touched.
+constexpr const char* kFinger = "--window-size=1280,900 --blink-settings=primaryPointerType=2,availablePointerTypes=2";
+constexpr int kMostAgents = 200;  // as `gigastep play` has it
 
-PageScenario page_scenario(const std::string& name, int n_players) {
-  const Scenario scenario = load_scenario(name, data_dirs());
+PageScenario page_scenario(const std::string& name, const Scenario& scenario, int n_players) {
   PageScenario page{name, compile(scenario), {}, {}};
   page.frame = replay_frame(scenario, page.spec, "0.1.0");
   for (auto& all : page.players)
     for (int k = 0; k < n_players; ++k) all.push_back(k);
   return page;
+}
+
+PageScenario page_scenario(const std::string& name, int n_players) {
+  return page_scenario(name, load_scenario(name, data_dirs()), n_players);
 }
 
 int agents_of(const Scenario& scenario) {
@@ -59,30 +64,14 @@ PlayPage page_of_scripts(const std::string& first) {
   return page;
 }
 
-std::string text(const Document& seen, const char* key) {
-  const Node* node = seen.root.find(key);
-  return node ? node->text : "";
-}
-std::vector<std::string> texts(const Document& seen, const char* key) {
-  std::vector<std::string> all;
-  if (const Node* node = seen.root.find(key))
-    for (const Node& item : node->items) all.push_back(item.text);
-  return all;
-}
-
-std::string from_hex(const std::string& hex) {
-  std::string bytes;
-  for (size_t k = 0; k + 1 < hex.size(); k += 2) bytes += static_cast<char>(std::stoi(hex.substr(k, 2), nullptr, 16));
-  return bytes;
-}
-
 /// A policy of the quickstart's size.
-Actor quickstart_actor(const SimSpec& spec, uint64_t seed) {
+Actor quickstart_actor(const SimSpec& spec, uint64_t seed, MemoryKind memory = MemoryKind::none,
+                       NetworkInputs inputs = NetworkInputs::all) {
   ActorConfig config;
   config.hidden = {64, 64};
   config.output_gain = 3;
-  return Actor(config, input_columns(NetworkInputs::all, spec), spec.params.actions, false, Precision::fp32, at::kCPU,
-               seed);
+  config.memory = memory;
+  return Actor(config, input_columns(inputs, spec), spec.params.actions, false, Precision::fp32, at::kCPU, seed);
 }
 
 TEST(PlaySpec, ComesBackFromBytes) {
@@ -136,27 +125,24 @@ TEST_F(PlayPageTest, AsAFolder) {
   EXPECT_EQ(read_file(folder / "site/index.html").find("{{"), std::string::npos);
 }
 
-class PlayInBrowser : public PlayPageTest {
+class PlayInBrowser : public InBrowser {
  protected:
   void SetUp() override {
-    PlayPageTest::SetUp();
-    if (IsSkipped()) return;
-    browser_ = find_browser();
-    if (browser_.empty()) GTEST_SKIP() << "no Chromium here";
+    if (!has_play_module()) GTEST_SKIP() << kNoPlayModule;
+    InBrowser::SetUp();
   }
-  Document use(const PlayPage& page, const std::string& part, const std::string& options = "--window-size=1280,900") {
-    const std::string check = "const PART = \"" + part + "\", HASH_STEPS = " + std::to_string(hash_steps()) + ";\n" +
-                              read_file(source_path("tests/play/browser_check.js"));
-    return use_page(browser_, play_page(page), check, folder_.path(), options);
+  Document use_part(const PlayPage& page, const std::string& part, const std::string& options) const {
+    return use(play_page(page), "play",
+               reference_pictures("play") + "const PART = \"" + part +
+                   "\", HASH_STEPS = " + std::to_string(hash_steps()) + ";\n",
+               options);
   }
   static int hash_steps() { return tests_run_in_full() ? 5000 : 300; }
-  std::string browser_;
-  TemporaryFolder folder_;
 };
 
 TEST_F(PlayInBrowser, ComputesTheSameNumbersAsHere) {
   const PlayPage page = page_of_scripts("identical_5_vs_5");
-  const Document seen = use(page, "hash");
+  const Document seen = use_part(page, "hash", "--window-size=1280,900");
   EXPECT_EQ(texts(seen, "problems"), std::vector<std::string>());
   const std::vector<std::string> hashes = texts(seen, "hashes");
   ASSERT_EQ(hashes.size(), page.scenarios.size());
@@ -173,7 +159,7 @@ TEST_F(PlayInBrowser, KeysFlyAndASavedGameIsVerified) {
   PlayPage page = page_of_scripts("waypoint_5_vs_3");
   page.scenarios.resize(1);
   page.scenarios.push_back(page_scenario("special_5_vs_5_cont", static_cast<int>(page.players.size())));
-  const Document seen = use(page, "play");
+  const Document seen = use_part(page, "play", kFinger);
   EXPECT_EQ(texts(seen, "problems"), std::vector<std::string>());
   EXPECT_EQ(texts(seen, "requests"), std::vector<std::string>());
   EXPECT_EQ(text(seen, "injected"), "0");
@@ -186,12 +172,21 @@ TEST_F(PlayInBrowser, KeysFlyAndASavedGameIsVerified) {
   EXPECT_EQ(texts(seen, "actions"), (std::vector<std::string>{"16", "26", "13"}));
   EXPECT_EQ(text(seen, "turned"), "true");
   EXPECT_EQ(text(seen, "paused"), "true");
+  EXPECT_EQ(text(seen, "touch_shown"), "flex");
+  // It starts the game; the middle of the stick is straight on, 13; its upper left corner faster to the left, 18 + 6 +
+  // 1; a button climbs too, 18 + 6 + 2; climbing alone is 9 + 3 + 2, diving 9 + 3; 13 where a finger has left.
+  EXPECT_EQ(texts(seen, "touch"), (Texts{"true", "13", "25", "26", "14", "13", "12", "13"}));
+  // What hands at rest do to a stick starts nothing; to the upper right is faster to the right, 18 + 0 + 1; a button
+  // dives too, 18; another climbs, 9 + 3 + 2; the right stick dives, 9 + 3. Start pauses, goes on, and begins a new
+  // game.
+  EXPECT_EQ(texts(seen, "gamepad"), (Texts{"false", "true", "19", "18", "14", "12", "false", "true", "false"}));
   EXPECT_EQ(text(seen, "eyes"), "0") << "what agent 0 knows is shown";
   EXPECT_EQ(text(seen, "hidden"), "true") << "an opponent that it does not know is not drawn";
   EXPECT_EQ(text(seen, "shown"), "true") << "with everybody shown it is";
   EXPECT_EQ(text(seen, "map"), "true");
   EXPECT_EQ(text(seen, "over"), "true");
   EXPECT_EQ(text(seen, "unnamed"), "0") << "controls without a name";
+  expect_pictures(seen, "play", {"top", "solid"});
   for (const char* name : {"discrete", "continuous"}) {
     const Replay replay = decode_replay(from_hex(text(seen, name)), name);
     EXPECT_EQ(verify_replay(replay, {}), "") << name;
@@ -209,24 +204,28 @@ TEST_F(PlayInBrowser, KeysFlyAndASavedGameIsVerified) {
 
 TEST_F(PlayInBrowser, NetworksPlayThereAsLibTorchPlaysThemHere) {
   PlayPage page = page_of_scripts("identical_5_vs_5");
-  page.scenarios.resize(1);
-  const Scenario scenario = load_scenario("identical_5_vs_5", data_dirs());
+  Scenario scenario = load_scenario("identical_5_vs_5", data_dirs());
+  scenario.observation.egocentric_view = true;
+  page.scenarios = {page_scenario("identical_5_vs_5", scenario, 1)};
   const SimSpec& spec = page.scenarios[0].spec;
   std::vector<Actor> actors;
   std::array<RecordedTeam, kNTeams> teams;
   for (uint64_t team = 0; team < kNTeams; ++team) {
-    actors.push_back(quickstart_actor(spec, team));
+    // One reads the egocentric view, one remembers.
+    actors.push_back(team == 0 ? quickstart_actor(spec, team, MemoryKind::none, NetworkInputs::egocentric)
+                               : quickstart_actor(spec, team, MemoryKind::gru));
     page.networks.push_back(plain_network_of(actors.back(), spec.observation_size(), true));
   }
   for (size_t team = 0; team < kNTeams; ++team) teams[team] = {policy_controller(actors[team], true), {}, "a"};
   page.players = {{"networks", {0, 1}}};
   page.mates = page.opponents = 0;
   page.scenarios[0].players = {std::vector<int>{0}, std::vector<int>{0}};
-  const Document seen = use(page, "watch", "--window-size=500,900 --blink-settings=preferredColorScheme=0");
+  const Document seen = use_part(page, "watch", "--window-size=500,900 --blink-settings=preferredColorScheme=0");
   EXPECT_EQ(texts(seen, "problems"), std::vector<std::string>());
   EXPECT_EQ(text(seen, "wide"), "true") << "nothing is wider than a phone's screen";
   const Replay there = decode_replay(from_hex(text(seen, "discrete")), "discrete");
   const Replay here = record_match(scenario, spec, teams, {1, 7, {}, 1}, "0.1.0").replay;
+  EXPECT_EQ(text(seen, "again"), "true") << "a second game with the same seed is the same";
   EXPECT_EQ(there.seed, "7");
   EXPECT_EQ(there.episodes[0].action, here.episodes[0].action);
   EXPECT_EQ(there.episodes[0].state_check, here.episodes[0].state_check);

@@ -1,5 +1,4 @@
-// Uses a report as a reader does and writes down what it sees, as JSON in <pre id="outcome">. browser_test.cpp puts it at
-// the end of a page; `problems` are the errors since the page's beginning.
+// Uses a report as a reader does.
 const pause = milliseconds => new Promise(done => setTimeout(done, milliseconds));
 
 // How many pixels wide a line is drawn; 0 where it is hidden or has no colour.
@@ -24,7 +23,7 @@ const ranges = () => [JSON.stringify(reportCharts.range().map(Math.round))];
 const labels = () =>
   [...new Set(charts().map(chart => [...chart.axes.querySelectorAll(".x")].map(text => text.textContent).join(" ")))];
 
-async function useReport() {
+async function usePage() {
   const seen = {};
   seen.charts = charts().length;
   seen.line_pixels = charts().map(chart => Math.min(...lineWidths(chart)));
@@ -79,9 +78,3 @@ async function useReport() {
   seen.injected = document.querySelectorAll("#evil").length;
   return seen;
 }
-
-useReport().catch(error => { problems.push(String(error.stack || error)); return {}; }).then(seen => {
-  const outcome = document.body.appendChild(document.createElement("pre"));
-  outcome.id = "outcome";
-  outcome.textContent = JSON.stringify({...seen, problems});
-});

@@ -5,24 +5,16 @@
 #include <filesystem>
 #include <fstream>
 
-#include "config/document.hpp"
 #include "io/browser.hpp"
 #include "io/files.hpp"
-#include "io/temporary_folder.hpp"
 #include "report/report.hpp"
-#include "support/source.hpp"
 #include "synthetic_run.hpp"
 
 namespace giga::test {
 namespace {
 
-class ReportInBrowser : public ::testing::Test {
+class ReportInBrowser : public InBrowser {
  protected:
-  void SetUp() override {
-    browser_ = find_browser();
-    if (browser_.empty()) GTEST_SKIP() << "no Chromium here";
-  }
-
   /// Writes a run whose curves are moved by `offset`.
   void add_run(const std::string& name, int seed, const std::string& gamma, double offset) {
     SyntheticRun run;
@@ -36,8 +28,7 @@ class ReportInBrowser : public ::testing::Test {
   Document use_report(const std::string& options) {
     const std::filesystem::path page = folder_ / "report.html";
     write_report(runs_, page, {});
-    return use_page(browser_, read_file(page), read_file(source_path("tests/report/browser_check.js")), folder_.path(),
-                    "--window-size=1280,1600 " + options);
+    return use(read_file(page), "report", "const REFERENCES = null;\n", "--window-size=1280,1600 " + options);
   }
 
   /// Gives a run pictures, 321 pixels wide along agent-steps, 322 along time and 323 along neither, which would change
@@ -51,17 +42,9 @@ class ReportInBrowser : public ::testing::Test {
                                     << "<script>parent.problems.push('a script in a picture')</script></svg>";
   }
 
-  std::string browser_;
-  TemporaryFolder folder_;
   std::vector<std::filesystem::path> runs_;
 };
 
-std::vector<std::string> texts(const Document& seen, const char* key) {
-  std::vector<std::string> all;
-  for (const Node& item : seen.root.find(key)->items) all.push_back(item.text);
-  return all;
-}
-std::string text(const Document& seen, const char* key) { return seen.root.find(key)->text; }
 int number(const Document& seen, const char* key) { return std::stoi(text(seen, key)); }
 int least(const Document& seen, const char* key) {
   int value = 1 << 30;
@@ -69,7 +52,6 @@ int least(const Document& seen, const char* key) {
   return value;
 }
 
-using Texts = std::vector<std::string>;
 constexpr int kLinePixels = 100;  // a line across a chart of some 500 pixels covers at least these, dashes or not
 
 TEST_F(ReportInBrowser, SeedsOfOneConfig) {

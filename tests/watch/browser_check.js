@@ -1,14 +1,37 @@
-// Uses the page of a replay as a person does and writes down what it sees, as JSON in <pre id="outcome">.
-const frame = () => new Promise(done => requestAnimationFrame(() => setTimeout(done, 0)));
+// Uses the page of a replay as a person does.
 const press = key => document.body.dispatchEvent(new KeyboardEvent("keydown", {key, bubbles: true, cancelable: true}));
 const value = id => document.getElementById(id).value;
-const text = id => document.getElementById(id).textContent;
 
 // The colour in the middle of an agent on the first canvas.
 function colorAt(i) {
   const {canvas, places} = watch.panes[0].scene, ratio = devicePixelRatio;
   const [x, y] = places[i];
   return [...canvas.getContext("2d").getImageData(Math.round(x * ratio), Math.round(y * ratio), 1, 1).data.slice(0, 3)].join(" ");
+}
+
+// The game from above and, in the dark, in three dimensions, without what depends on fonts.
+async function comparePictures(seen) {
+  watch.pause();
+  document.getElementById("beside").value = "-1";
+  document.getElementById("beside").dispatchEvent(new Event("change"));
+  const [pane] = watch.panes, {canvas} = pane.scene, look = async () => { watch.redraw(); await frame(); await frame(); };
+  watch.setTheme(false);
+  for (const name of ["sight", "weapon", "trails", "fire", "contacts"]) watch.setOption(name, true);
+  watch.setOption("names", false); watch.setOption("view", "top"); watch.setOption("side", -1);
+  watch.choose(0, pane);
+  pin(canvas, 300, 240);
+  watch.seek(2);
+  await look(); await notePicture(seen, canvas, "top");
+  const wrong = async what => { await look(); await noteWrong(seen, canvas, "top", what); };
+  watch.seek(3); await wrong("another step");
+  watch.seek(2);
+  const root = document.documentElement, [box] = pane.game.episode.boxes();
+  root.style.setProperty("--team-1", "#0072b2"); await wrong("another colour");
+  root.style.removeProperty("--team-1");
+  box[0] -= 1; await wrong("another map"); box[0] += 1;
+  watch.setOption("view", "3d"); await wrong("another view");
+  watch.setTheme(true);
+  await look(); await notePicture(seen, canvas, "solid");
 }
 
 async function usePage() {
@@ -66,19 +89,13 @@ async function usePage() {
   document.getElementById("theme").click(); await frame();
   seen.grounds.push(ground());
   seen.events = [...document.querySelectorAll("#events li")].map(item => item.textContent);
-  seen.unnamed = [...document.querySelectorAll("button, select, input, canvas")].filter(e =>
-    !e.getAttribute("aria-label") && !e.closest("label") && !e.textContent.trim()).length;
+  seen.unnamed = unnamed();
   seen.wide = document.documentElement.scrollWidth <= innerWidth;
 
   document.getElementById("beside").value = "0";
   document.getElementById("beside").dispatchEvent(new Event("change")); await frame();
   seen.panes_beside = watch.panes.length;
   seen.requests = performance.getEntriesByType("resource").map(entry => entry.name);
+  if (REFERENCES) await comparePictures(seen);
   return seen;
 }
-
-usePage().catch(error => { problems.push(String(error.stack || error)); return {}; }).then(seen => {
-  const outcome = document.body.appendChild(document.createElement("pre"));
-  outcome.id = "outcome";
-  outcome.textContent = JSON.stringify({...seen, problems});
-});

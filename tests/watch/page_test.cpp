@@ -3,26 +3,12 @@
 
 #include <gtest/gtest.h>
 
-#include "config/document.hpp"
 #include "io/browser.hpp"
-#include "io/files.hpp"
 #include "io/sample_replay.hpp"
-#include "io/temporary_folder.hpp"
-#include "support/source.hpp"
+#include "watch/reference_pictures.hpp"
 
 namespace giga::test {
 namespace {
-
-using Texts = std::vector<std::string>;
-Texts texts(const Document& seen, const char* key) {
-  Texts all;
-  for (const Node& item : seen.root.find(key)->items) all.push_back(item.text);
-  return all;
-}
-std::string text(const Document& seen, const char* key) {
-  const Node* node = seen.root.find(key);
-  return node ? node->text : "";
-}
 
 TEST(WatchPage, HoldsItsGamesAndNothingElseIsAskedFor) {
   const std::string page = watch_page({encode_replay(sample_replay())}, "</script><b id=evil>x", "0.1.0");
@@ -33,22 +19,17 @@ TEST(WatchPage, HoldsItsGamesAndNothingElseIsAskedFor) {
     EXPECT_EQ(page.find(outside), std::string::npos) << outside;
 }
 
-class WatchInBrowser : public testing::Test {
+class WatchInBrowser : public InBrowser {
  protected:
-  void SetUp() override {
-    browser_ = find_browser();
-    if (browser_.empty()) GTEST_SKIP() << "no Chromium here";
+  Document use_replays(const std::vector<std::string>& replays, const std::string& references,
+                       const std::string& options) const {
+    return use(watch_page(replays, "<b id=evil>a</b> against b", "0.1.0"), "watch", references, options);
   }
-  Document use(const std::vector<std::string>& replays, const std::string& options) {
-    const std::string page = watch_page(replays, "<b id=evil>a</b> against b", "0.1.0");
-    return use_page(browser_, page, read_file(source_path("tests/watch/browser_check.js")), folder_.path(), options);
-  }
-  std::string browser_;
-  TemporaryFolder folder_;
 };
 
 TEST_F(WatchInBrowser, ShowsTheStepThatIsAskedFor) {
-  const Document seen = use({encode_replay(sample_replay())}, "--window-size=1280,900");
+  const Document seen =
+      use_replays({encode_replay(sample_replay())}, reference_pictures("watch"), "--window-size=1280,900");
   EXPECT_EQ(texts(seen, "problems"), Texts());
   EXPECT_EQ(texts(seen, "requests"), Texts());
   EXPECT_EQ(text(seen, "injected"), "0");
@@ -86,11 +67,13 @@ TEST_F(WatchInBrowser, ShowsTheStepThatIsAskedFor) {
   EXPECT_EQ(texts(seen, "events").back(), "0.4 s  team 0 wins at the time limit");
   EXPECT_EQ(text(seen, "unnamed"), "0") << "controls without a name";
   EXPECT_EQ(text(seen, "panes_beside"), "2");
+  expect_pictures(seen, "watch", {"top", "solid"});
 }
 
 TEST_F(WatchInBrowser, TwoReplaysSideBySideOnAPhone) {
-  const Document seen = use({encode_replay(sample_replay(ReplayActions::continuous)), encode_replay(sample_replay())},
-                            "--window-size=500,900 --blink-settings=preferredColorScheme=0");
+  const Document seen =
+      use_replays({encode_replay(sample_replay(ReplayActions::continuous)), encode_replay(sample_replay())},
+                  "const REFERENCES = null;\n", "--window-size=500,900 --blink-settings=preferredColorScheme=0");
   EXPECT_EQ(texts(seen, "problems"), Texts());
   EXPECT_EQ(text(seen, "games"), "2");
   EXPECT_EQ(text(seen, "panes"), "2");
