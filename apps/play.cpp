@@ -97,16 +97,12 @@ class PagePlayers {
   /// `greedy`: all policies take their most likely action.
   PagePlayers(PlayPage& page, bool greedy) : page_(page), greedy_(greedy) {}
 
-  void add_script(Scripted script) {
+  /// Both return the number of the player on the page.
+  int add_script(Scripted script) {
     const int who = network_of_script(script);
-    page_.players.push_back({name_of(script), {who, who}});
-    loaded_.push_back(nullptr);
+    return add({name_of(script), {who, who}}, nullptr);
   }
-  void add(Player& player) {
-    if (player.script()) return;  // all scripts are there
-    page_.players.push_back({player.name(), {}});
-    loaded_.push_back(&player);
-  }
+  int add(Player& player, const std::string& name) { return add({name, {}}, &player); }
   /// Who can play team `team` of a scenario. Their networks are put on the page.
   std::vector<int> able(int team, const SimSpec& spec) {
     std::vector<int> all;
@@ -116,11 +112,21 @@ class PagePlayers {
   }
 
  private:
+  int add(const PagePlayer& shown, Player* player) {
+    page_.players.push_back(shown);
+    loaded_.push_back(player);
+    return static_cast<int>(loaded_.size()) - 1;
+  }
   bool take(size_t number, int team, const SimSpec& spec) {
     Player& player = *loaded_[number];
     if (!player.can_play(team)) return false;
     const std::unique_ptr<TeamController> controller = player.controller(team, spec);  // throws where it does not fit
     const auto* actor = dynamic_cast<const Actor*>(player.mind(team, spec).policy);
+    if (!actor && player.computes_view())
+      throw InputError(cat(player.name(),
+                           " computes the egocentric view itself where a game does not offer that of its "
+                           "training, and a page cannot: play the run that it is of, or '",
+                           spec.name, "' as it was in training"));
     if (!actor)
       throw InputError(cat(player.name(),
                            " is a TorchScript module, which a page cannot run: play a run, a checkpoint "
@@ -130,7 +136,9 @@ class PagePlayers {
     const auto [at, is_new] = networks_.try_emplace({number, network_of}, static_cast<int>(page_.networks.size()));
     if (is_new) {
       const bool greedy = greedy_ || (player.origin() && acts_greedily(player.origin()->run.config));
-      page_.networks.push_back(plain_network_of(*actor, player.seen_by(spec).observation_size(), greedy));
+      // One that would compute the egocentric view reads that of the page.
+      const SimSpec seen = player.computes_view() ? spec : player.seen_by(spec);
+      page_.networks.push_back(plain_network_of(*actor, seen.observation_size(), greedy));
     }
     page_.players[number].who[static_cast<size_t>(team)] = at->second;
     return true;
@@ -146,31 +154,35 @@ void write(const PlayOptions& o) {
   if (!has_play_module()) throw InputError(kNoPlayModule);
   const PlayerOptions loading{Device{}, false, o.greedy};
   std::vector<Level> levels = levels_of(o.a, o.levels, loading);
-  const std::string first = levels[0].player.name();
-  std::string against = first;
-  if (!o.b.empty() && o.b != o.a) {
-    std::vector<Level> others = levels_of(o.b, o.levels, loading);
-    against = others[0].player.name();
-    std::move(others.begin(), others.end(), std::back_inserter(levels));
-  }
+  std::vector<Level> others;
+  if (!o.b.empty() && o.b != o.a) others = levels_of(o.b, o.levels, loading);
+  const std::string first = levels[0].player.name(), against = (others.empty() ? levels : others)[0].player.name();
   PlayPage page;
   page.version = program_version();
   page.title = first == against ? first : cat(first, " and ", against);
   page.about = "You fly one agent; trained policies and scripts fly the others.";
   PagePlayers players(page, o.greedy);
   std::vector<const Player*> all;
-  for (Level& level : levels) {
-    all.push_back(&level.player);
-    players.add(level.player);
-  }
-  for (size_t k = 0; k < enum_names(Scripted{}).size(); ++k) players.add_script(static_cast<Scripted>(k));
-  const auto number_of = [&](const std::string& name) {
-    const auto found =
-        std::find_if(page.players.begin(), page.players.end(), [&](const auto& p) { return p.name == name; });
-    return static_cast<int>(found - page.players.begin());
+  const auto add = [&](std::vector<Level>& group, const std::string& source) {
+    int own = -1;  // the first of them among the page's players; scripts come behind all others
+    for (Level& level : group) {
+      all.push_back(&level.player);
+      if (level.player.script()) continue;
+      const auto shows = [&](const PagePlayer& p) { return p.name == level.player.name(); };
+      const bool taken = std::any_of(page.players.begin(), page.players.end(), shows);
+      const int number = players.add(level.player, level.player.name() + (taken ? cat(" (", source, ")") : ""));
+      if (own < 0) own = number;
+    }
+    return own;
   };
-  page.mates = number_of(first);
-  page.opponents = number_of(against);
+  const int mates = add(levels, o.a), opponents = others.empty() ? mates : add(others, o.b);
+  const int scripts = static_cast<int>(page.players.size());
+  for (size_t k = 0; k < enum_names(Scripted{}).size(); ++k) players.add_script(static_cast<Scripted>(k));
+  const auto number_of = [scripts](int number, const std::optional<Scripted>& script) {
+    return number >= 0 ? number : scripts + static_cast<int>(script.value());
+  };
+  page.mates = number_of(mates, find_script(o.a));
+  page.opponents = number_of(opponents, find_script(others.empty() ? o.a : o.b));
 
   std::vector<std::string> scenarios = o.scenarios;
   if (scenarios.empty()) scenarios.emplace_back();

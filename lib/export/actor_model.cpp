@@ -46,6 +46,14 @@ NamedArray for_whole_rows(const NamedArray& weight, const InputColumns& inputs) 
   return result;
 }
 
+/// A first layer may have columns for the zeros behind a row, up to the next multiple of 8; beyond, its weights are 0.
+void check_reads_within(const NamedArray& weight, int64_t inputs) {
+  const std::vector<float> values = array_values<float>(weight);
+  for (size_t k = 0; k < values.size(); ++k)
+    GIGA_CHECK(static_cast<int64_t>(k) % weight.shape[1] < (inputs + 7) / 8 * 8 || values[k] == 0, "reads beyond ",
+               inputs, " numbers");
+}
+
 /// The moments of a normaliser with that mean and deviation, as it saves them after infinitely many updates.
 void add_moments(const PolicyModel& model, int64_t size, NamedArrays& arrays) {
   const NamedArray mean = resized(find_array(model.tensors, kMeanTensor), "normalizer/mean", {size}, 0);
@@ -76,6 +84,7 @@ PolicyModel model_of(const Actor& actor, int inputs, const std::optional<RowView
   for (const TensorShape& tensor : tensors_of(model.shape)) {
     NamedArray array = find_array(arrays, actor_name(tensor.name));
     if (tensor.name == layer_tensor(0, "weight")) array = for_whole_rows(array, actor.inputs());
+    if (tensor.name == layer_tensor(0, "weight")) check_reads_within(array, inputs);
     model.tensors.push_back(resized(array, tensor.name, tensor.shape, 0));
   }
   return model;

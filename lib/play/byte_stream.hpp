@@ -44,7 +44,9 @@ class ByteReader {
   }
   template <class T>
   std::vector<T> get_all() {
-    std::vector<T> values(get<uint32_t>());
+    const auto count = get<uint32_t>();
+    GIGA_CHECK(count <= rest_.size() / sizeof(T), count, " numbers in ", rest_.size(), " bytes");
+    std::vector<T> values(count);
     const char* from = next(values.size() * sizeof(T));
     if (!values.empty()) std::memcpy(values.data(), from, values.size() * sizeof(T));
     return values;

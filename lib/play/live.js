@@ -15,11 +15,13 @@ const CAUSES = ["none", "damage", "agent", "obstacle", "out_of_bounds"];
 const STATES = {x: "x", y: "y", z: "z", speed: "v", heading: "heading", health: "health"};
 
 class LiveEpisode extends EpisodeBase {
-  // `states`: the most that it may come to have. `frame`: a replay without games.
-  constructor(frame, states) {
+  // `states`: the most that it may come to have. `frame`: a replay without games. `unseen`: agents are shown a waypoint
+  // while it stays longer than so many seconds.
+  constructor(frame, states, unseen) {
     const n = frame.agents.length;
     super(frame, {map: 0, steps: 0, winner: "tie", at_time_limit: false, returns: [0, 0], score: [0, 0], died: Array(n).fill(-1),
                   cause: Array(n).fill("none"), events: [], waypoints: []});
+    this.unseen = unseen; this.shownTo = -1;  // the last state at which agents are shown the waypoint that is there
     this.states = states; this.steps = -1; this.over = false; this.check = 0; this.contact = [false, false];
     for (const column of Object.keys(STATES)) this[column] = new Float32Array(n * states);
     const bits = pairs => new Bits(new Uint8Array(pairs * ((states + 7) >> 3)), states), [n0, n1] = this.teams;
@@ -34,6 +36,8 @@ class LiveEpisode extends EpisodeBase {
     const row = (listener - first) * (n - 1) + mate - first - (mate > listener ? 1 : 0);
     return row + (team ? this.teams[0] * (this.teams[0] - 1) : 0);
   }
+  // What agents know of a waypoint, near the present.
+  shownWaypoint(state) { return state <= this.shownTo ? this.waypoint(state) : undefined; }
   event(what, agent = -1, other = -1) { this.head.events.push({step: this.steps, what, agent, other}); }
 
   // What was done in the step that was taken last.
@@ -102,6 +106,7 @@ class LiveEpisode extends EpisodeBase {
   noteWaypoint([x1, y1, x2, y2], time) {
     const {waypoints} = this.head, last = waypoints.at(-1), state = this.steps;
     if (!this.replay.rules.waypoints || !(time > 0)) return;
+    if (time > this.unseen) this.shownTo = state;
     if (last && last.to === state - 1 && last.x1 === x1 && last.y1 === y1) { last.to = state; return; }
     waypoints.push({from: state, to: state, x1, y1, x2, y2});
     this.event("waypoint");

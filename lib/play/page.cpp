@@ -22,7 +22,7 @@ namespace giga {
 namespace {
 namespace fs = std::filesystem;
 
-constexpr int kSelfCheck = 100;  // steps, as in play.js
+constexpr int kSelfCheck = 100;  // steps
 
 std::string module_bytes() {
   if (!has_play_module()) throw InputError(kNoPlayModule);
@@ -42,6 +42,7 @@ Json frame_json(const Replay& frame) { return json_of(parse_yaml_text(print_yaml
 Json data_of(const PlayPage& page) {
   Json data;
   data["about"] = page.about;
+  data["self_check"] = kSelfCheck;
   data["scenarios"] = Json::array();
   for (const PageScenario& scenario : page.scenarios) {
     const SimSpec played = scenario.spec.with_time_limit();
@@ -49,6 +50,7 @@ Json data_of(const PlayPage& page) {
                                  {"spec", packed(spec_bytes(scenario.spec))},
                                  {"frame", frame_json(scenario.frame)},
                                  {"most_states", played.params.max_episode_length + 1},
+                                 {"waypoint_unseen_time", played.params.waypoint_unseen_time},
                                  {"hash", digits_of(states_hash(scenario.spec, kSelfCheck))},
                                  {"players", scenario.players}});
   }
@@ -61,10 +63,13 @@ Json data_of(const PlayPage& page) {
   return data;
 }
 
+/// Names of folders need not be UTF-8; what is not is shown as a replacement character.
+std::string text_of(const Json& data) { return data.dump(-1, ' ', false, Json::error_handler_t::replace); }
+
 /// As a script element may hold it: JSON reads < the same way.
 std::string inside_script(const Json& data) {
   std::string text;
-  for (const char letter : data.dump()) letter == '<' ? text += "\\u003c" : text += letter;
+  for (const char letter : text_of(data)) letter == '<' ? text += "\\u003c" : text += letter;
   return text;
 }
 
@@ -104,7 +109,7 @@ void write_play_folder(const fs::path& folder, const PlayPage& page) {
   fs::create_directories(folder, code);
   if (code) throw InputError(cat("cannot create the folder ", folder.string(), ": ", code.message()));
   write_file(folder / "play.wasm", module);
-  write_file(folder / "game.json", data_of(page).dump());
+  write_file(folder / "game.json", text_of(data_of(page)));
   write_file(folder / "play.css", style());
   write_file(folder / "play.js", script());
   write_file(

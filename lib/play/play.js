@@ -3,7 +3,6 @@
 const $ = id => document.getElementById(id);
 const KEYS = {KeyA: [0, 1], ArrowLeft: [0, 1], KeyD: [0, -1], ArrowRight: [0, -1], KeyW: [2, 1], ArrowUp: [2, 1],
               KeyS: [2, -1], ArrowDown: [2, -1], Space: [1, 1], ShiftLeft: [1, -1], ShiftRight: [1, -1]};
-const SELF_CHECK = 100;  // steps
 
 // What the person wants: heading, dive and throttle, each from -1 to 1, out of all devices.
 class Controls {
@@ -81,8 +80,9 @@ class Play {
     $("scenario").selectedIndex = number;
     const {scenario} = this;
     scenario.bytes ??= await unpack(scenario.spec);
+    if (this.scenario !== scenario) return;  // another one was chosen in the meantime
     this.game.scenario(scenario.bytes);
-    this.checked = this.game.hash(SELF_CHECK) === scenario.hash;
+    this.checked = this.game.hash(this.data.self_check) === scenario.hash;
     $("checked").textContent = this.checked ? "Checked: it computes the same numbers as the trainer."
       : "Beware: this browser computes other numbers than the trainer.";
     this.fillList("map", [["", "any"], ...scenario.frame.maps.map((map, k) => [k, map.name])]);
@@ -113,12 +113,12 @@ class Play {
     });
     // The map is drawn from the seed, so a seed is looked for that draws it.
     for (let k = 0; k < 1000; ++k) {
-      this.seed = seed ?? String(crypto.getRandomValues(new Uint32Array(1))[0]);
+      this.seed = String(BigInt.asUintN(64, BigInt(seed ?? crypto.getRandomValues(new Uint32Array(1))[0])));
       this.game.start(BigInt(this.seed), who, person);
       if (seed !== undefined || map === "" || this.game.field("map", Int32Array, 1)[0] === Number(map)) break;
     }
     this.who = who;
-    this.episode = new LiveEpisode(scenario.frame, scenario.most_states);
+    this.episode = new LiveEpisode(scenario.frame, scenario.most_states, scenario.waypoint_unseen_time);
     this.episode.noteState(this.game, false);
     this.options.side = side;
     if (this.scene) this.scene.show(this.episode); else this.scene = new Scene($("field"), this.episode, this.options);

@@ -138,7 +138,7 @@ class Scene {
     this.path(this.rectangle(0, 0, limit_x, limit_y, 0));
     pen.strokeStyle = this.color("quiet");
     pen.stroke();
-    const waypoint = e.waypoint(state);
+    const waypoint = this.options.hide && e.shownWaypoint ? e.shownWaypoint(state) : e.waypoint(state);
     if (!waypoint) return;
     this.path(this.rectangle(waypoint.x1, waypoint.y1, waypoint.x2, waypoint.y2, 0));
     pen.globalAlpha = 0.35; pen.fillStyle = this.color("waypoint"); pen.fill();

@@ -1,6 +1,8 @@
 // gigastep play as a user runs it. What its page does is in tests/play.
 #include <gtest/gtest.h>
 
+#include <nlohmann/json.hpp>
+
 #include "program.hpp"
 
 namespace giga::test {
@@ -40,6 +42,50 @@ TEST(Play, WritesAPageAndAFolder) {
   size_t named = 0;
   for (size_t at = 0; (at = html.find("\"name\":\"run after ", at)) != std::string::npos; ++at) ++named;
   EXPECT_EQ(named, 2u);
+}
+
+// An exported policy computes the egocentric view where nobody offers it. On a page of a game that does, it must read
+// that: its network is the run's, weight by weight.
+TEST(Play, AnExportedPolicyPlaysAsItsRun) {
+  const Workplace here;
+  if (!has_module(here)) GTEST_SKIP() << "no compiler for WebAssembly: " << kWithoutModule;
+  here.write("tiny.yaml", kTinyConfig);
+  const std::vector<std::string> train = {"train",     "tiny.yaml",
+                                          "--set",     "environment.observation.egocentric_view=true",
+                                          "--set",     "mappo.actor.inputs=egocentric",
+                                          "--run-dir", "run",
+                                          "--quiet"};
+  const Outcome training = here.run(train);
+  ASSERT_EQ(training.code, 0) << training.err;
+  ASSERT_EQ(here.run({"export", "run", "--team", "1", "--format", "safetensors", "--out", "exported"}).code, 0);
+  const auto networks = [&](const std::string& policy) {
+    const Outcome outcome = here.run({"play", policy, "--levels", "1", "--folder", policy + "_page"});
+    EXPECT_EQ(outcome.code, 0) << outcome.err;
+    return nlohmann::json::parse(here.read(policy + "_page/game.json")).at("networks");
+  };
+  const nlohmann::json of_run = networks("run"), of_export = networks("exported");
+  ASSERT_EQ(of_run.size(), 2u);
+  ASSERT_EQ(of_export.size(), 1u);
+  EXPECT_EQ(of_export[0], of_run[1]);
+  EXPECT_NE(of_export[0], of_run[0]);
+  const Outcome other = here.run({"play", "exported", "--set", "environment.observation.egocentric_view=false"});
+  EXPECT_EQ(other.code, 2);
+  EXPECT_TRUE(contains(other.err, {"exported computes the egocentric view itself"}));
+}
+
+// Two folders of one name: the second is told with its path, and is the one that is played against.
+TEST(Play, RunsOfOneNameStayApart) {
+  const Workplace here;
+  if (!has_module(here)) GTEST_SKIP() << "no compiler for WebAssembly: " << kWithoutModule;
+  here.write("tiny.yaml", kTinyConfig);
+  for (const std::string folder : {"run", "other/run"})
+    ASSERT_EQ(here.run({"train", "tiny.yaml", "--run-dir", folder, "--quiet"}).code, 0);
+  const Outcome page = here.run({"play", "run", "--vs", "other/run", "--levels", "1", "--folder", "site"});
+  ASSERT_EQ(page.code, 0) << page.err;
+  const nlohmann::json game = nlohmann::json::parse(here.read("site/game.json"));
+  EXPECT_EQ(game.at("mates"), 0);
+  EXPECT_EQ(game.at("opponents"), 1);
+  EXPECT_TRUE(contains(game.at("players")[1].at("name"), {"run after ", " (other/run)"}));
 }
 
 TEST(Play, WhatIsWrong) {

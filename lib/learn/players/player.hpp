@@ -68,10 +68,11 @@ class Player {
   /// A game with the observations that its policy is given: the egocentric view only where it was trained with it and
   /// does not compute it itself.
   SimSpec seen_by(const SimSpec& spec) const;
+  /// An exported policy that does.
+  bool computes_view() const;
 
  private:
   class Exported;
-  bool computes_view() const;
   std::unique_ptr<TeamController> checkpoint_controller(int side, const SimSpec& spec) const;
 
   std::string name_;
