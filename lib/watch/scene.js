@@ -27,8 +27,8 @@ class Camera {
   }
 }
 
-const TRAIL = 30;   // steps
-const CROWD = 100;  // of more agents less is drawn, or all at once
+const TRAIL = 30;               // steps
+const MANY = 100, CROWD = 200;  // of more agents less is drawn; and what is drawn, at once
 
 class Scene {
   constructor(canvas, episode, options) {
@@ -178,7 +178,7 @@ class Scene {
       const depth = Math.min(rules[`${kind}_depth`] * Math.sqrt(factor), far), angle = Math.min(rules[`${kind}_angle`], Math.PI);
       if (!(depth > 0) || !(angle > 0)) continue;
       const {x, y, z, heading} = places[i], points = angle < Math.PI ? [camera.at(x, y, z)] : [];
-      const parts = this.crowd ? 6 : 20;
+      const parts = e.n > MANY ? 6 : 20;
       for (let k = 0; k <= parts; ++k) {
         const at = heading + angle * (2 * k / parts - 1);
         points.push(camera.at(x + depth * Math.cos(at), y + depth * Math.sin(at), z));
@@ -194,7 +194,7 @@ class Scene {
     const {pen, camera, episode: e} = this, from = Math.max(0, state - TRAIL);
     // Two pieces of each, the older one fainter.
     const pieces = [[[], []], [[], []]];
-    pen.lineWidth = this.crowd ? 1 : 1.6;
+    pen.lineWidth = e.n > MANY ? 1 : 1.6;
     for (let i = 0; i < e.n; ++i) {
       // Where an opponent was before it was seen is nobody's to know.
       if (!facts.known[i] || (this.options.hide && e.team(i) !== this.options.side)) continue;
@@ -282,7 +282,7 @@ class Scene {
       pen.globalAlpha = facts.known[i] ? 1 : 0.55;
       pen.fill(); pen.stroke();
       const health = Math.max(0, Math.min(1, e.health[i * e.states + state] / agent.max_health));
-      if (e.n <= 200 && health < 0.995) {
+      if (!this.crowd && health < 0.995) {
         pen.lineWidth = 2.2;
         pen.strokeStyle = this.color("grid"); pen.beginPath(); pen.arc(px, py, size + 4, 0, PI2); pen.stroke();
         pen.strokeStyle = health < 0.35 ? this.color("fire") : color;
@@ -298,7 +298,7 @@ class Scene {
         pen.lineWidth = 2; pen.strokeStyle = this.color("ink");
         pen.beginPath(); pen.arc(px, py, size + 7.5, 0, PI2); pen.stroke();
       }
-      if (options.names && !this.crowd) {
+      if (options.names && e.n <= MANY) {
         pen.fillStyle = this.color("ink"); pen.font = "11px system-ui, sans-serif"; pen.textAlign = "left";
         pen.fillText(String(i), px + size + 5, py - size - 1);
       }

@@ -87,7 +87,7 @@ class InBrowser : public testing::Test {
                 "addEventListener('securitypolicyviolation', e => problems.push(e.blockedURI));"
                 "addEventListener('unhandledrejection', e => problems.push(String(e.reason)));</script>");
     std::ofstream(page, std::ios::binary) << text;
-    const std::string command = "timeout 120 " + browser_ +
+    const std::string command = "timeout 300 " + browser_ +
                                 " --headless=new --no-sandbox --disable-gpu --virtual-time-budget=20000"
                                 " --enable-logging=stderr --dump-dom " +
                                 options + " --user-data-dir=" + shell_word((folder_ / "profile").string()) + " " +
