@@ -156,8 +156,10 @@ double least_bytes(const SimSpec& spec) {
   double state = 0;
   const WorldView none{};
   for_each_field([&](auto field, auto member) {
+    const bool pairs = field.per == Per::pair || field.per == Per::agent_words;
     if constexpr (field.working)
-      state += static_cast<double>(field.count(n)) * static_cast<double>(sizeof(*(none.*member)));
+      if (!pairs || n <= kMaxAgents)  // beyond, lists that may be empty
+        state += static_cast<double>(field.count(n)) * static_cast<double>(sizeof(*(none.*member)));
   });
   const double action = spec.params.actions == ActionKind::discrete ? sizeof(int32_t) : kActionSize * sizeof(float);
   const double row = spec.params.images_only ? 0 : spec.observation_size() * sizeof(float);

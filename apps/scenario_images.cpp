@@ -43,6 +43,9 @@ class ImageBuffers final : public GameObserver {
 std::string scenario_images(const SimSpec& spec) {
   const int side = spec.params.resolution;
   if (side == 0) throw InputError(cat("agents of '", spec.name, "' are not given images: add _rgb to its name"));
+  if (spec.params.n_agents > kMaxAgents)
+    throw InputError(
+        cat("'", spec.name, "' has ", spec.params.n_agents, " agents: images are drawn of up to ", kMaxAgents));
   SimOptions options;
   options.n_threads = 1;
   const auto sim = make_cpu_simulator(spec, options);

@@ -33,9 +33,7 @@ void list() {
     const Scenario scenario = load_scenario(info.name, dirs);
     const int n0 = team_size(scenario.team_0), n1 = team_size(scenario.team_1);
     const std::string agents = std::to_string(n0) + " vs " + std::to_string(n1);
-    // Larger worlds than the simulators handle can be looked at, but have no compiled form.
-    const bool playable = n0 + n1 <= kMaxAgents;
-    const std::string numbers = playable ? std::to_string(compile(scenario).observation_size()) : "-";
+    const std::string numbers = std::to_string(compile(scenario).observation_size());
     std::printf("%-30s %-14s %11s  %-19s  %s\n", info.name.c_str(), agents.c_str(), numbers.c_str(),
                 won_by(scenario.win).c_str(), info.description.c_str());
   }

@@ -47,6 +47,10 @@ GIGA_HD uint32_t draw_world(int64_t first, int64_t period, int64_t world) {
   return static_cast<uint32_t>(first + (period > 0 ? world % period : world));
 }
 
+/// The number of an agent as part of a row, with bit 16 left free for what tells two kinds of rows apart: a reset, a
+/// team. Numbers below 65,536 stay as they are.
+GIGA_HD uint32_t draw_slot(uint32_t number) { return (number & 0xFFFFu) | (number >> 16 << 17); }
+
 /// What a draw decides; part of the counter, so that no two purposes share numbers. Each keeps its number for good.
 enum class Draw : uint32_t { waypoint, detect, comm, map, start, action, opponent, init = 8, es_noise, pool };
 

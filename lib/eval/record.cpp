@@ -158,6 +158,9 @@ Replay replay_frame(const Scenario& scenario, const SimSpec& spec, const std::st
 RecordedMatch record_match(const Scenario& scenario, const SimSpec& spec,
                            const std::array<RecordedTeam, kNTeams>& teams, const MatchOptions& options,
                            const std::string& version) {
+  if (spec.params.n_agents > kMaxAgents)
+    throw InputError(cat("scenario '", spec.name, "' has ", spec.params.n_agents,
+                         " agents in a world; recordings hold games of at most ", kMaxAgents));
   RecordedMatch recorded{replay_frame(scenario, spec, version), {}};
   Replay& replay = recorded.replay;
   replay.seed = cat(options.seed);

@@ -80,6 +80,19 @@ void check_numbers(ConfigCheck& check) {
                                "environment.observation.type: rgb_vector gives numbers too"));
 }
 
+/// What worlds of more agents than tables of pairs serve do not have.
+void check_many(ConfigCheck& check) {
+  const int n = check.spec->params.n_agents;
+  if (n <= kMaxAgents) return;
+  if (check.config.eval.record > 0 && check.known({"eval.record", "scenario"}))
+    check.fail("eval.record",
+               cat(check.config.eval.record, ": scenario '", check.config.scenario, "' has ", n,
+                   " agents in a world, and recordings hold games of at most ", kMaxAgents, "; allowed: 0"));
+  if (check.config.device.starts_with("cuda") && check.known({"device", "scenario"}))
+    check.fail("device", cat(check.config.device, ": scenario '", check.config.scenario, "' has ", n,
+                             " agents in a world; a GPU plays up to ", kMaxAgents, "; allowed: cpu"));
+}
+
 /// Puts together what was read, as far as it was; throws with all mistakes.
 LoadedRun finish(RunConfig config, std::optional<Scenario> scenario, const KeyPositions& given, Errors& errors) {
   LoadedRun run;
@@ -95,6 +108,7 @@ LoadedRun finish(RunConfig config, std::optional<Scenario> scenario, const KeyPo
     check.scenario = &run.scenario;
     check.spec = &run.spec;
     check_numbers(check);
+    check_many(check);
   }
   algorithm_of(run.config).check(check);
   errors.throw_if_any();

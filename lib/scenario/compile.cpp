@@ -99,7 +99,14 @@ SimParams numbers_of(const Scenario& s) {
   return p;
 }
 
+/// Places are 32-bit floats. Up to here they tell apart 1 / 512 of a unit; the slowest step is 0.13 units.
+constexpr float kLargestSide = 32768;
+
 void check_numbers(const Scenario& s, Checker& check) {
+  for (const auto& [key, limit] : {std::pair{"limit_x", s.limit_x}, {"limit_y", s.limit_y}})
+    if (limit > kLargestSide && check.can_judge({key}))
+      check.fail({key}, cat(key, ": in a world of ", limit,
+                            " units places are too coarse for the slowest step; allowed: at most ", kLargestSide));
   if (s.damage.min_tracking_time > s.damage.max_tracking_time && check.can_judge({"damage"}))
     check.fail({"damage.min_tracking_time", "damage.max_tracking_time"},
                cat("damage.min_tracking_time: ", s.damage.min_tracking_time, " is more than max_tracking_time, ",
@@ -159,17 +166,34 @@ void add_team(const Scenario& s, int team, std::vector<AgentSpec>& agents, Check
   }
 }
 
+/// What worlds whose pairs are found by place do not have (rules 17).
+void check_many(const Scenario& s, int64_t count, Checker& check) {
+  const std::string many = cat(count, " agents in a world; above ", kMaxAgents, " ");
+  if (s.observation.type != ObservationType::vector && check.can_judge({"observation"}))
+    check.fail({"observation.type", "team_0", "team_1"},
+               cat("observation.type: ", many, "there are no images; allowed: vector"));
+  const auto has_boxes = [&](const std::string& name) {
+    const auto map = s.map_definitions.find(name);
+    return map != s.map_definitions.end() && !map->second.boxes.empty();
+  };
+  if (s.rewards[RewardTerm::approach] > 0 && std::any_of(s.maps.names.begin(), s.maps.names.end(), has_boxes) &&
+      check.can_judge({"rewards", "maps"}))
+    check.fail({"rewards.approach", "maps"},
+               cat("rewards.approach: ", many, "ways are straight; allowed: 0, or maps without obstacles"));
+}
+
 std::vector<AgentSpec> agents_of(const Scenario& s, Checker& check) {
   int64_t count = 0;
   for (const auto* team : {&s.team_0, &s.team_1})
     for (const TeamEntry& entry : *team) count += entry.count;
   std::vector<AgentSpec> agents;
   if (!check.can_judge({"agent_types"})) return agents;
-  if (count > kMaxAgents && check.can_judge({"team_0", "team_1"})) {
-    check.fail({"team_0", "team_1"}, cat("team_0, team_1: ", count, " agents in a world; this version handles at most ",
-                                         kMaxAgents, ", a later one lifts the limit"));
+  if (count > kMaxGridAgents && check.can_judge({"team_0", "team_1"})) {
+    check.fail({"team_0", "team_1"},
+               cat("team_0, team_1: ", count, " agents in a world; allowed: at most ", kMaxGridAgents));
     return agents;
   }
+  if (count > kMaxAgents && check.can_judge({"team_0", "team_1"})) check_many(s, count, check);
   for (int team = 0; team < kNTeams; ++team)
     if (check.can_judge({cat("team_", team)})) add_team(s, team, agents, check);
   return agents;

@@ -1,6 +1,7 @@
 // The CPU back end: worlds in parallel over threads, each stepped by one worker.
 #include <algorithm>
 
+#include "core/error.hpp"
 #include "core/thread_pool.hpp"
 #include "sim/draws.hpp"
 #include "sim/lanes.hpp"
@@ -74,6 +75,7 @@ class CpuSimulator final : public Simulator {
 }  // namespace
 
 std::unique_ptr<Simulator> make_cpu_simulator(SimSpec spec, const SimOptions& options) {
+  GIGA_CHECK(spec.params.n_agents <= kMaxAgents && !options.grid, spec.params.n_agents, " agents with tables of pairs");
   return std::make_unique<CpuSimulator>(std::move(spec), options);
 }
 

@@ -92,11 +92,11 @@ GIGA_HD FreeWay free_way(const Parameters auto& p, const Box* boxes, float x, fl
 
 /// After rank_neighbors: the nearest opponents and team mates among e's rows, and the direction in which e flies.
 GIGA_HD void gather_nearest(const Parameters auto& p, World auto& w, int e) {
-  uint16_t* nearest = w.nearest_agents + e * kNearestAgents;
+  auto* nearest = w.nearest_agents + e * kNearestAgents;
   for (int k = 0; k < kNearestAgents; ++k) nearest[k] = kNobody;
   const int most[2] = {view_opponents(p), view_team_mates(p)};
   int found[2] = {0, 0};
-  const uint16_t* rows = w.neighbors + static_cast<int64_t>(e) * p.n_neighbors;
+  const auto* rows = w.neighbors + static_cast<int64_t>(e) * p.n_neighbors;
   for (int k = 1; k < p.n_neighbors && rows[k] != kNobody; ++k) {
     const int mate = p.team_of(rows[k]) == p.team_of(e) ? 1 : 0;
     if (found[mate] == most[mate]) continue;
@@ -188,7 +188,7 @@ GIGA_HD void write_view_surroundings(const Parameters auto& p, const World auto&
 
 /// The rest: agent number `item` of e's egocentric view.
 GIGA_HD void write_view_agent_item(const Parameters auto& p, const World auto& w, int e, int item, float* out) {
-  const uint16_t a = w.nearest_agents[e * kNearestAgents + item];
+  const auto a = w.nearest_agents[e * kNearestAgents + item];
   const bool sees = w.neighbors[static_cast<int64_t>(e) * p.n_neighbors] != kNobody;
   out += view_agents_at(p) + item * view_agent_columns(p);
   if (a == kNobody || !sees) return write_nothing(view_agent_columns(p), out);

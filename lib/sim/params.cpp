@@ -11,9 +11,9 @@ namespace giga {
 
 void SimSpec::finish() {
   params.n_agents = static_cast<int>(agents.size());
-  if (params.n_agents > kMaxAgents)
+  if (params.n_agents > kMaxGridAgents)
     throw InputError(
-        cat("scenario '", name, "' has ", params.n_agents, " agents per world; this version runs up to ", kMaxAgents));
+        cat("scenario '", name, "' has ", params.n_agents, " agents per world; allowed: up to ", kMaxGridAgents));
   if (params.max_tracking_time < params.min_tracking_time || params.max_tracking_time > 255)
     throw InputError(cat("scenario '", name, "': max_tracking_time is ", params.max_tracking_time,
                          "; allowed: min_tracking_time (", params.min_tracking_time, ") to 255"));
@@ -26,13 +26,15 @@ void SimSpec::finish() {
     const AgentSpec& agent = agents[i];
     GIGA_CHECK(agent.team == 0 || agent.team == 1, "team ", agent.team);
     if (i > 0 && agent.team < agents[i - 1].team) params.team_after_team = false;
-    params.team_bits[i / 32] |= static_cast<uint32_t>(agent.team) << (i % 32);
+    if (i < kMaxAgents) params.team_bits[i / 32] |= static_cast<uint32_t>(agent.team) << (i % 32);
     ++params.n_team[agent.team];
     params.has_idle_reward = params.has_idle_reward || agent.idle_reward != 0;
     const AgentSpec*& first = first_of_team[agent.team];
     if (!first) first = &agent;
     params.mixed_teams = params.mixed_teams || agent.sprite != first->sprite;
   }
+  GIGA_CHECK(params.n_agents <= kMaxAgents || params.team_after_team, "scenario '", name, "': ", params.n_agents,
+             " agents that are not sorted by team");
   for (int team = 0; team < kNTeams; ++team)
     if (params.n_team[team] == 0) throw InputError(cat("scenario '", name, "': team ", team, " has no agents"));
   if (maps.empty()) throw InputError(cat("scenario '", name, "' has no map"));

@@ -16,7 +16,9 @@ namespace giga {
 constexpr float kDt = 0.1f;              ///< seconds a step
 constexpr float kAltitudeLimit = 10.0f;  ///< z lives in [0, 10], whatever the size of the map
 constexpr int kEpisodeLimit = 10'000;    ///< steps of an episode where the scenario has no limit and one is needed
-constexpr int kMaxAgents = 1024;         ///< agents per world that the executors here handle
+constexpr int kMaxAgents = 1024;         ///< agents per world that executors with tables of pairs handle
+constexpr int kMaxGridAgents = 1 << 22;  ///< agents per world that the grid handles (grid.hpp)
+constexpr int kMostShooters = 64;        ///< opponents whose fire at one agent is counted there (rules 17.2)
 constexpr int kNTeams = 2;
 constexpr int kNDiscreteActions = 27;
 constexpr int kActionSize = 3;  ///< heading, dive, throttle
@@ -109,7 +111,7 @@ struct SimParams {
   float limit_x = 10, limit_y = 10;
   float inv_limit_x = 0.1f, inv_limit_y = 0.1f, inv_diagonal = 0;  ///< 1 / limit; 1 / sqrt(limit_x^2 + limit_y^2)
 
-  uint32_t team_bits[kMaxAgents / 32] = {};  ///< bit i of word i / 32: the team of agent i
+  uint32_t team_bits[kMaxAgents / 32] = {};  ///< bit i of word i / 32: the team of agent i, of the first kMaxAgents
   bool team_after_team = true;               ///< the agents of team 0, then those of team 1; not so in some recordings
 
   // Sight. Depths are squared here once.
@@ -159,7 +161,7 @@ struct SimParams {
   MapTable maps{};
 
   GIGA_HD bool original() const { return rules == Rules::original; }
-  /// Team of agent i, 0 or 1.
+  /// Team of agent i, 0 or 1. Of a world of more than kMaxAgents agents: GridParams::team_of (grid.hpp).
   GIGA_HD int team_of(int i) const { return static_cast<int>(team_bits[i >> 5] >> (i & 31) & 1u); }
   GIGA_HD int size_of(int team) const { return team == 0 ? n_team[0] : n_team[1]; }
   /// All agents of a team lie in [first_of, end_of).
@@ -249,7 +251,7 @@ struct SimSpec {
   int neighbor_limit = 15;  ///< max_agent_in_vec_obs
 
   /// Sets n_agents, n_team, team_bits, team_after_team, n_maps, n_boxes, n_neighbors, has_idle_reward, mixed_teams and
-  /// the reciprocals; throws Error where a team is empty or there are more than kMaxAgents agents.
+  /// the reciprocals; throws Error where a team is empty or there are more than kMaxGridAgents agents.
   void finish();
 
   /// The same with episodes of at most `steps`. Such a cut is no time limit of the scenario: surviving to the

@@ -68,22 +68,28 @@ SimTables::SimTables(const SimSpec& spec, Memory& memory) : params_(spec.params)
   params_.maps = {boxes_.data(), box_features_.data(), start_.data(), pictures_.data(), paths_.data()};
 }
 
-size_t state_bytes(int n_agents, int64_t n_worlds) {
+StateShape::StateShape(const SimSpec& spec, const SimOptions& options) : n_agents(spec.params.n_agents) {
+  if (n_agents <= kMaxAgents && !options.grid) return;
+  shooters = std::min(options.most_shooters, std::max(spec.params.n_team[0], spec.params.n_team[1]));
+  rows = spec.params.n_neighbors;
+}
+
+size_t state_bytes(const StateShape& shape, int64_t n_worlds) {
   size_t total = 0;
-  for_each_field([&](auto field, auto member) {
-    using Element = std::remove_pointer_t<std::remove_cvref_t<decltype(std::declval<StateView>().*member)>>;
-    total += padded(static_cast<size_t>(field.count(n_agents) * n_worlds) * sizeof(Element));
+  StateView view{};
+  PairLists lists;
+  for_each_array(shape, view, lists, [&](const char*, auto*& array, int64_t per_world) {
+    total += padded(static_cast<size_t>(per_world * n_worlds) * sizeof(*array));
   });
   return total;
 }
 
-SimState::SimState(int n_agents, int n_worlds, Memory& memory)
-    : n_agents_(n_agents), n_worlds_(n_worlds), bytes_(memory, state_bytes(n_agents, static_cast<int64_t>(n_worlds))) {
+SimState::SimState(const StateShape& shape, int n_worlds, Memory& memory)
+    : shape_(shape), n_worlds_(n_worlds), bytes_(memory, state_bytes(shape, static_cast<int64_t>(n_worlds))) {
   uint8_t* at = bytes_.data();
-  for_each_field([&](auto field, auto member) {
-    auto*& array = view_.*member;
+  for_each_array(shape_, view_, lists_, [&](const char*, auto*& array, int64_t per_world) {
     array = reinterpret_cast<std::remove_reference_t<decltype(array)>>(at);
-    at += padded(static_cast<size_t>(field.count(n_agents) * n_worlds) * sizeof(*array));
+    at += padded(static_cast<size_t>(per_world * n_worlds) * sizeof(*array));
   });
 }
 
@@ -95,11 +101,9 @@ void SimState::load(const std::vector<uint8_t>& bytes) {
 
 void SimState::save(const std::string& prefix, NamedArrays& out) const {
   const std::vector<uint8_t> bytes = bytes_.to_host();
-  for_each_field([&](auto field, auto member) {
-    const auto* from = view_.*member;
+  for_each_array(shape_, view_, lists_, [&](const char* name, const auto* from, int64_t per_world) {
     using T = std::remove_cvref_t<decltype(*from)>;
-    const int64_t per_world = field.count(n_agents_);
-    NamedArray array{prefix + field.name, file_type<T>(), {n_worlds_, per_world}, {}};
+    NamedArray array{prefix + name, file_type<T>(), {n_worlds_, per_world}, {}};
     const auto offset = reinterpret_cast<const uint8_t*>(from) - bytes_.data();
     const auto size = per_world * n_worlds_ * static_cast<int64_t>(sizeof(T));
     array.bytes.assign(bytes.begin() + offset, bytes.begin() + offset + size);
@@ -109,11 +113,10 @@ void SimState::save(const std::string& prefix, NamedArrays& out) const {
 
 void SimState::load(const std::string& prefix, const NamedArrays& in) {
   std::vector<uint8_t> bytes(bytes_.size());
-  for_each_field([&](auto field, auto member) {
-    const auto* to = view_.*member;
+  for_each_array(shape_, view_, lists_, [&](const char* name, const auto* to, int64_t per_world) {
     using T = std::remove_cvref_t<decltype(*to)>;
-    const NamedArray& array = find_array(in, prefix + field.name);
-    const size_t size = static_cast<size_t>(field.count(n_agents_) * n_worlds_) * sizeof(T);
+    const NamedArray& array = find_array(in, prefix + name);
+    const size_t size = static_cast<size_t>(per_world * n_worlds_) * sizeof(T);
     if (array.type != file_type<T>() || array.bytes.size() != size)
       throw InputError(cat("array '", array.name, "' of the checkpoint has ", array.bytes.size(), " bytes, expected ",
                            size, ": it was written with other settings"));
@@ -130,7 +133,7 @@ Simulator::Simulator(SimSpec spec, const SimOptions& options, Memory& memory)
                  (options.episodes > 1 && options.on_done == OnDone::freeze && spec_.params.max_episode_length > 0),
              options.episodes, " episodes");
   tables_ = SimTables(spec_, memory);
-  state_ = SimState(spec_.params.n_agents, options.n_worlds, memory);
+  state_ = SimState(StateShape(spec_, options_), options.n_worlds, memory);
 }
 
 void Simulator::start(const StepIo& io) {

@@ -27,6 +27,9 @@ struct SimOptions {
   /// OnDone::freeze: episodes that a world plays before it waits, counted in its statistics, so do not read these in
   /// between. More than one needs a scenario with a time limit.
   int episodes = 1;
+  /// Finds pairs by place also where a world has no more than kMaxAgents agents (rules 17): the same numbers.
+  bool grid = false;
+  int most_shooters = kMostShooters;  ///< in such worlds: opponents whose fire at one agent is counted
 };
 
 /// Sums over all episodes that ended since the last reading.
@@ -59,15 +62,48 @@ class SimTables {
   Buffer<uint16_t> paths_;
 };
 
+/// How large the state of a world is. What it keeps of pairs are tables [N, N], or lists of bounded length.
+struct StateShape {
+  int n_agents = 0;
+  int shooters = 0;  ///< entries of an agent's list of fire; 0 = tables
+  int rows = 0;      ///< agents of an observation's rows; with lists
+
+  StateShape(int agents) : n_agents(agents) {}                      // NOLINT(google-explicit-constructor): of tables
+  StateShape(const SimSpec& spec, const SimOptions& options = {});  // NOLINT(google-explicit-constructor)
+  bool lists() const { return shooters > 0; }
+};
+
+/// What worlds of many agents keep of pairs (grid.hpp).
+struct PairLists {
+  uint32_t* fire = nullptr;       // [W, N, shooters]
+  uint32_t* neighbors = nullptr;  // [W, N, rows]
+};
+
+/// Calls f(name, pointer to the array, elements of a world) for every array of a state of that shape, in their order.
+template <class View, class Lists, class F>
+void for_each_array(const StateShape& shape, View& view, Lists& lists, F&& f) {
+  const int64_t n = shape.n_agents;
+  for_each_field([&](auto field, auto member) {
+    if (shape.lists() && (field.per == Per::pair || field.per == Per::agent_words)) return;
+    f(field.name, view.*member, field.count(shape.n_agents));
+  });
+  if (!shape.lists()) return;
+  f("fire", lists.fire, n * shape.shooters);
+  f("neighbors", lists.neighbors, n * shape.rows);
+}
+
 /// Bytes of the state of `n_worlds` worlds.
-size_t state_bytes(int n_agents, int64_t n_worlds);
+size_t state_bytes(const StateShape& shape, int64_t n_worlds);
 
 /// The state of all worlds in the memory of a device.
 class SimState {
  public:
   SimState() = default;
-  SimState(int n_agents, int n_worlds, Memory& memory);
+  SimState(const StateShape& shape, int n_worlds, Memory& memory);
+  const StateShape& shape() const { return shape_; }
+  /// With lists the members for pairs are null.
   const StateView& view() const { return view_; }
+  const PairLists& lists() const { return lists_; }
   /// All bytes of the state in the order of the field list.
   std::vector<uint8_t> save() const { return bytes_.to_host(); }
   void load(const std::vector<uint8_t>& bytes);
@@ -80,10 +116,12 @@ class SimState {
   void load(const std::string& prefix, const NamedArrays& in);
 
  private:
-  int n_agents_ = 0, n_worlds_ = 0;
+  StateShape shape_ = 0;
+  int n_worlds_ = 0;
   int64_t n_loads_ = 0;
   Buffer<uint8_t> bytes_;
   StateView view_{};
+  PairLists lists_;
 };
 
 /// Common to all back ends. Work is queued (CUDA: on the simulator's stream) and results are read after `synchronize`,
@@ -147,6 +185,9 @@ class Simulator {
 /// take_stats of a back end whose state lies in host memory.
 EpisodeStats take_host_stats(const StateView& state, int64_t n_worlds);
 
+/// Worlds in parallel over threads, with tables of pairs: of at most kMaxAgents agents.
 std::unique_ptr<Simulator> make_cpu_simulator(SimSpec spec, const SimOptions& options);
+/// Worlds one after the other, the agents of each in parallel over threads, pairs found by place (rules 17).
+std::unique_ptr<Simulator> make_grid_simulator(SimSpec spec, const SimOptions& options);
 
 }  // namespace giga

@@ -15,6 +15,11 @@
 
 namespace giga {
 
+/// Called where pairs are looked for anew: agents have moved. What keeps pairs in tables has nothing to prepare; a
+/// world that finds its pairs by place sorts its agents (grid.hpp).
+template <class Lanes>
+GIGA_HD void sort_agents(const Lanes&, const Parameters auto&, World auto&, int) {}
+
 /// Decides what every agent sees and writes it.
 template <class Lanes, class Draws>
 GIGA_HD void observe_world(const Lanes& lanes, const Parameters auto& p, World auto& w, Draws& draws, const StepIo& io,
@@ -35,9 +40,11 @@ GIGA_HD void reset_world(const Lanes& lanes, const Parameters auto& p, World aut
   lanes.each(one, [&](int) { begin_episode(p, w, draws); });
   lanes.each_agent(n, [&](int i) { place_agent(p, w, draws, i); });
   for (int round = 1; round <= kResampleRounds; ++round) {
+    sort_agents(lanes, p, w, n);
     lanes.each_agent(n, [&](int i) { propose_place(p, w, draws, round, i); });
     lanes.each_agent(n, [&](int i) { accept_place(p, w, i); });
   }
+  sort_agents(lanes, p, w, n);
   // The original's first observation shows no opponent even where everything is observable (Q18).
   if (!p.original() && !p.stochastic_detection && !p.stochastic_communication)
     lanes.each_agent(n, [&](int a) { detect_only(p, w, draws, a); });
@@ -60,6 +67,7 @@ GIGA_HD void play_step(const Lanes& lanes, const Parameters auto& p, World auto&
     if (p.waypoints) touch_waypoint(p, w, i);
     check_bounds(p, w, i);
   });
+  sort_agents(lanes, p, w, n);
   lanes.each_agent(n, [&](int i) { check_agents(p, w, i); });
   lanes.each_agent(n, [&](int i) { check_obstacles(p, w, i); });
   if (p.waypoints) lanes.each(one, [&](int) { update_waypoint(p, w, draws); });

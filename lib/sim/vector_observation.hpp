@@ -21,6 +21,12 @@ GIGA_HD float order_y(const Parameters auto& p, const World auto& w, int a) {
   return orders_by_pixel(p) ? static_cast<float>(pixel_of(p, w.y[a], p.limit_y)) : w.y[a];
 }
 
+/// How far agent a is from e where rows are ordered.
+GIGA_HD float order_distance(const Parameters auto& p, const World auto& w, int e, int a) {
+  const float dx = order_x(p, w, a) - order_x(p, w, e), dy = order_y(p, w, a) - order_y(p, w, e);
+  return square_root(dx * dx + dy * dy);
+}
+
 /// The agents of e's rows: e itself, then those seen by ascending distance (equal ones by index), then nobody. By
 /// insertion, for any number of agents.
 GIGA_HD void rank_by_insertion(const Parameters auto& p, World auto& w, int e) {
@@ -32,8 +38,7 @@ GIGA_HD void rank_by_insertion(const Parameters auto& p, World auto& w, int e) {
   int count = 1;
   for (int a = 0; a < n; ++a) {
     if (a == e || !(seen[a / 32] >> (a & 31) & 1u)) continue;
-    const float dx = order_x(p, w, a) - order_x(p, w, e), dy = order_y(p, w, a) - order_y(p, w, e);
-    const float away = square_root(dx * dx + dy * dy);
+    const float away = order_distance(p, w, e, a);
     if (count == limit && (limit == 1 || away >= distance[limit - 1])) continue;
     int at = count < limit ? count++ : limit - 1;
     for (; at > 1 && away < distance[at - 1]; --at) {
@@ -119,7 +124,7 @@ GIGA_HD void describe_agent(const Parameters auto& p, World auto& w, int a) {
 template <class Put>
 GIGA_HD void write_neighbor(const Parameters auto& p, const World auto& w, int e, const AgentFeatures& own, int k,
                             Put&& put) {
-  const uint16_t a = w.neighbors[static_cast<int64_t>(e) * p.n_neighbors + k];
+  const auto a = w.neighbors[static_cast<int64_t>(e) * p.n_neighbors + k];
   const bool some = a != kNobody;
   const AgentFeatures f = w.features[some ? a : e];
   const auto apart = [&](float value, float from) { return some ? value - (k == 0 ? 0.0f : from) : 0.0f; };

@@ -7,6 +7,7 @@
 
 #include "core/error.hpp"
 #include "core/philox.hpp"
+#include "sim/grid.hpp"
 #include "sim/observations.hpp"
 
 namespace giga::test {
@@ -28,6 +29,21 @@ std::string print(const SnapshotField& field, size_t index) {
   char text[64];
   std::snprintf(text, sizeof(text), "%.9g (0x%08x)", static_cast<double>(read<float>(field, index)), bits);
   return text;
+}
+
+/// Of a state with lists of fire: the tables [N, N] that they stand for.
+std::vector<uint8_t> tracked_by_pair(const SimState& state, int n_worlds) {
+  const StateShape& shape = state.shape();
+  const auto n = static_cast<size_t>(shape.n_agents), most = static_cast<size_t>(shape.shooters);
+  if (!shape.lists()) return {};
+  std::vector<uint8_t> tracked(n * n * static_cast<size_t>(n_worlds));
+  for (size_t target = 0; target < n * static_cast<size_t>(n_worlds); ++target)
+    for (size_t k = 0; k < most; ++k) {
+      const uint32_t entry = state.lists().fire[target * most + k];
+      if (entry != 0)
+        tracked[target * n + static_cast<size_t>(shooter_of(entry))] = static_cast<uint8_t>(count_of(entry));
+    }
+  return tracked;
 }
 
 }  // namespace
@@ -178,10 +194,14 @@ Snapshot SimRunner::snapshot() {
   Snapshot shot;
   shot.n_worlds = static_cast<size_t>(sim_->n_worlds());
   const int n_agents = sim_->params().n_agents;
-  SimState on_host(n_agents, sim_->n_worlds(), host_memory());
+  SimState on_host(sim_->state().shape(), sim_->n_worlds(), host_memory());
   on_host.load(sim_->state().save());
+  const std::vector<uint8_t> tracked = tracked_by_pair(on_host, sim_->n_worlds());
   for_each_field([&](auto kind, auto member) {
     const auto* field = on_host.view().*member;
+    if constexpr (kind.per == Per::pair)
+      if (!field) field = tracked.data();
+    if (!field) return;
     const auto per_world = static_cast<size_t>(kind.count(n_agents));
     using T = std::remove_cvref_t<decltype(*field)>;
     SnapshotField f;

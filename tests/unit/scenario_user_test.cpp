@@ -166,9 +166,17 @@ TEST_F(ScenarioUser, SaysWhatIsWrongWithAFile) {
        "f.yaml:2:17: team_0[0].type: unknown agent type 'seekr'; nearest: 'seeker'; known: " + types},
       {head + "team_0: [{type: default, count: 0}]\n",
        "f.yaml:2:33: team_0[0].count: '0' is not an integer in [1, 1000000]"},
-      {head + "team_0: [{type: default, count: 1020}]\n",
-       "f.yaml:2:9: team_0, team_1: 1025 agents in a world; this version handles at most 1024, a later one lifts the "
-       "limit"},
+      {head + "team_0: [{type: default, count: 999999}, {type: default, count: 999999}, "
+              "{type: default, count: 999999}, {type: default, count: 999999}, {type: default, count: 999999}]\n",
+       "f.yaml:2:9: team_0, team_1: 5000000 agents in a world; allowed: at most 4194304"},
+      {head + "team_0: [{type: default, count: 1020}]\nobservation: {type: rgb}\nrewards: {approach: 1}\n",
+       "f.yaml:3:21: observation.type: 1025 agents in a world; above 1024 there are no images; allowed: vector\n"
+       "f.yaml:4:21: rewards.approach: 1025 agents in a world; above 1024 ways are straight; allowed: 0, or maps "
+       "without "
+       "obstacles"},
+      {head + "limit_x: 40000\nmaps: empty\n",
+       "f.yaml:2:10: limit_x: in a world of 40000 units places are too coarse for the slowest step; allowed: at most "
+       "32768"},
       {head + "maps: two_room\n", "f.yaml:2:7: maps: unknown map 'two_room'; nearest: 'two_rooms1'; known: " + maps},
       {head + "maps: [empty, x, empty]\n",
        "f.yaml:2:15: maps: unknown map 'x'; known: " + maps + "\nf.yaml:2:18: maps: 'empty' is named twice"},

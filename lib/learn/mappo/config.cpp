@@ -143,7 +143,18 @@ void options_fit(ConfigCheck& check) {
     check.fail("mappo.step_back", "it goes by games against opponents.scripted: set opponents.scripted_share");
 }
 
+/// The true state has numbers of every agent: of many no network reads it.
+void state_is_read(ConfigCheck& check) {
+  if (check.spec && check.spec->params.n_agents > kMaxAgents && check.config.mappo.critic.kind == CriticKind::state &&
+      check.known({"mappo.critic.kind"}))
+    check.fail("mappo.critic.kind",
+               cat("state: scenario '", check.config.scenario, "' has ", check.spec->params.n_agents,
+                   " agents in a world, and the true state tells of at most ", kMaxAgents,
+                   "; allowed: composed, independent"));
+}
+
 void check_mappo(ConfigCheck& check) {
+  state_is_read(check);
   check.inputs_are_there("mappo.actor.inputs", check.config.mappo.actor.inputs);
   check.inputs_are_there("mappo.critic.inputs", check.config.mappo.critic.inputs);
   memory_has_steps(check);
@@ -166,7 +177,7 @@ int64_t mappo_least_bytes(const LoadedRun& run) {
   const TrainConfig& c = run.config.train;
   const int64_t agents = c.opponent.is_self_play() ? p.n_agents : p.n_team[c.learning_team];
   const auto observation = static_cast<int64_t>(sizeof(float)) * observation_rows(run.spec).stride();
-  return static_cast<int64_t>(state_bytes(p.n_agents, c.n_worlds)) +
+  return static_cast<int64_t>(state_bytes(run.spec, c.n_worlds)) +
          c.n_worlds * run.config.mappo.horizon * agents * observation;
 }
 

@@ -1,0 +1,218 @@
+// Worlds of many agents: a uniform grid of cells over the places of the agents that live, by which pairs are found
+// (rules 17). GridParams and GridWorld are the parameters and the world that the stages of step.hpp then work on; what
+// the stages that look at pairs do for them stands in grid_stages.hpp.
+#pragma once
+
+#include <cmath>
+
+#include "core/geometry.hpp"
+#include "sim/draws.hpp"
+#include "sim/movement.hpp"
+#include "sim/params.hpp"
+#include "sim/reset.hpp"
+#include "sim/world.hpp"
+
+namespace giga {
+
+/// Of those that detect an agent so many are kept for who looks for it; where there are more, all are found again.
+constexpr int kKeptDetectors = 16;
+/// Agents whose numbers are added up by one worker: the order of additions does not depend on their number
+/// (rules 17.5).
+constexpr int kSumBlock = 1024;
+
+/// An entry of the list of fire at an agent: number of the shooter, above it its counter. 0 = none.
+constexpr int kShooterBits = 24;
+static_assert(kMaxGridAgents <= 1 << kShooterBits);
+GIGA_HD uint32_t fire_entry(int shooter, int count) {
+  return static_cast<uint32_t>(count) << kShooterBits | static_cast<uint32_t>(shooter);
+}
+GIGA_HD int shooter_of(uint32_t entry) { return static_cast<int>(entry & ((1u << kShooterBits) - 1u)); }
+GIGA_HD int count_of(uint32_t entry) { return static_cast<int>(entry >> kShooterBits); }
+
+/// SimParams of any number of agents, and how far pairs reach. Distances are in the plane and a little more than what
+/// the formulas compare, so that rounding leaves nobody out.
+struct GridParams : SimParams {
+  int most_shooters = kMostShooters;  ///< of a list of fire
+  float sight_reach[kNTeams] = {};    ///< at which an agent of the team detects at most
+  float hearing_reach = 0, touch_reach = 0, start_reach = 0;
+  float margin = 0;  ///< of places: more than what float32 may round
+
+  GridParams() = default;
+  /// `widest_range`: by team, the largest AgentTable::range.
+  GridParams(const SimParams& p, const float (&widest_range)[kNTeams], int shooters) : SimParams(p) {
+    constexpr float kMore = 1.0001f;
+    const int most = n_team[0] > n_team[1] ? n_team[0] : n_team[1];
+    most_shooters = shooters < most ? shooters : most;
+    for (int team = 0; team < kNTeams; ++team)
+      sight_reach[team] = kMore * std::sqrt(max_of(very_close_depth2, cone_depth2 * widest_range[team]));
+    hearing_reach = kMore * communication_range;
+    touch_reach = kMore * std::sqrt(collision_range2);
+    start_reach = kMore * std::sqrt(collision_range2 + kStartMargin);
+    margin = 1e-6f * max_of(limit_x, limit_y);
+  }
+
+  /// Bits tell the teams of few agents only.
+  GIGA_HD int team_of(int i) const { return team_after_team ? (i >= n_team[0] ? 1 : 0) : SimParams::team_of(i); }
+  GIGA_HD int slot_of(int i) const { return team_after_team ? i - first_of(team_of(i)) : SimParams::slot_of(i); }
+};
+
+/// An agent where it was when the grid was made.
+struct PlacedAgent {
+  float x, y;
+  int32_t agent;
+};
+
+/// A range of the agents sorted by cell.
+struct CellRange {
+  int32_t begin, end;
+};
+
+/// Cells over a rectangle, row after row along x.
+struct GridShape {
+  int columns = 1, rows = 1;
+  float x0 = 0, y0 = 0;          // corner of the rectangle
+  float size_x = 1, size_y = 1;  // of a cell
+  float inverse_size_x = 0, inverse_size_y = 0;
+
+  GIGA_HD int cells() const { return columns * rows; }
+  GIGA_HD int column(float x) const { return cell((x - x0) * inverse_size_x, columns); }
+  GIGA_HD int row(float y) const { return cell((y - y0) * inverse_size_y, rows); }
+  GIGA_HD int cell_of(float x, float y) const { return row(y) * columns + column(x); }
+
+ private:
+  /// What lies outside counts to the outermost cell: the dead stay where they left the map.
+  GIGA_HD static int cell(float at, int n) {
+    if (!(at > 0)) return 0;
+    return at < static_cast<float>(n) ? static_cast<int>(at) : n - 1;
+  }
+};
+
+/// About one cell for each of `n` agents that lie in a rectangle; never more than `n`.
+GIGA_HD GridShape grid_shape(int n, float x0, float y0, float x1, float y1) {
+  GridShape g;
+  if (n < 1) return g;
+  g.x0 = x0;
+  g.y0 = y0;
+  const float width = max_of(x1 - x0, 1e-3f), height = max_of(y1 - y0, 1e-3f);
+  const float side = std::sqrt(width / static_cast<float>(n) * height);
+  const auto count = [&](float length, int most) {
+    const float k = length / side;
+    return k >= static_cast<float>(most) ? most : (k > 1 ? static_cast<int>(k) : 1);
+  };
+  g.columns = count(width, n);
+  g.rows = count(height, n / g.columns);
+  g.size_x = width / static_cast<float>(g.columns);
+  g.size_y = height / static_cast<float>(g.rows);
+  g.inverse_size_x = 1.0f / g.size_x;
+  g.inverse_size_y = 1.0f / g.size_y;
+  return g;
+}
+
+/// The number of an agent, of 32 bits, where worlds of few agents have uint16_t: compared with kNobody and set to it
+/// alike.
+struct AgentNumber {
+  uint32_t value;
+
+  GIGA_HD AgentNumber& operator=(uint16_t) {  // kNobody, nothing else
+    value = 0xFFFFFFFFu;
+    return *this;
+  }
+  GIGA_HD operator int() const { return static_cast<int>(value); }
+  GIGA_HD friend bool operator==(AgentNumber a, uint16_t) { return a.value == 0xFFFFFFFFu; }
+};
+
+/// What a step reads and writes of a world of many agents. Pairs have no tables here: the members of WorldView for them
+/// (tracked, detected, seen, hears) are null, and those for numbers of agents are hidden by wider ones.
+struct GridWorld : WorldView {
+  // State:
+  uint32_t* fire;          // [N, most_shooters] entries by the number of the shooter, zeros behind
+  AgentNumber* neighbors;  // [N, n_neighbors] agents of the observation's rows; kNobody = row of zeros
+  // Scratch:
+  AgentNumber* nearest_agents;  // [N, kNearestAgents]
+  int32_t* detects;             // [N] opponents that the agent detects
+  int32_t* dealt;               // [N] damage units that the agent deals
+  int32_t* observers;           // [N] opponents that detect the agent
+  int32_t* detectors;           // [N, kKeptDetectors] the first of them, in any order
+  uint8_t* could_see;           // [N] lived when sight was decided
+  int32_t* full_lists;          // [1] agents at which more opponents fired than are counted, since it was last read
+  PlacedAgent* placed;          // [N] those that lived when the grid was made, by cell, then by number
+  int32_t* cell_begin;          // [cells + 1] the first of each cell in `placed`
+  GridShape grid;
+
+  GIGA_HD CellRange cells(int row, int first_column, int last_column) const {
+    const int32_t* begin = cell_begin + row * grid.columns;
+    return {begin[first_column], begin[last_column + 1]};
+  }
+};
+
+/// Calls f(agent) for all that lie within `reach` of a place, and for some that lie a little farther off; in the order
+/// of the cells.
+template <class F>
+GIGA_HD void for_near(const GridParams& p, const GridWorld& w, float x, float y, float reach, F&& f) {
+  const float far = reach + p.margin, far2 = far * far;
+  const int first = w.grid.column(x - far), last = w.grid.column(x + far), end = w.grid.row(y + far);
+  for (int row = w.grid.row(y - far); row <= end; ++row) {
+    const CellRange range = w.cells(row, first, last);
+    for (int32_t k = range.begin; k < range.end; ++k) {
+      const PlacedAgent a = w.placed[k];
+      const float dx = a.x - x, dy = a.y - y;
+      if (dx * dx + dy * dy <= far2) f(static_cast<int>(a.agent));
+    }
+  }
+}
+
+/// Calls f(agent) ring of cells by ring around a place, until `enough(distance)`, asked before each ring, says that
+/// agents that lie at least so far off do not matter.
+template <class Enough, class F>
+GIGA_HD void for_rings(const GridParams& p, const GridWorld& w, float x, float y, Enough&& enough, F&& f) {
+  const GridShape& g = w.grid;
+  const int column = g.column(x), row = g.row(y);
+  const auto visit = [&](int at, int first, int last) {
+    const CellRange range = w.cells(at, first, last);
+    for (int32_t k = range.begin; k < range.end; ++k) f(static_cast<int>(w.placed[k].agent));
+  };
+  visit(row, column, column);
+  for (int ring = 1;; ++ring) {
+    const int left = column - ring, right = column + ring, low = row - ring, high = row + ring;
+    // The nearest that a cell of this ring, or one beyond, can lie: behind an open side of the square of those before.
+    float distance = INFINITY;
+    if (left >= 0) distance = min_of(distance, x - (g.x0 + static_cast<float>(left + 1) * g.size_x));
+    if (right < g.columns) distance = min_of(distance, g.x0 + static_cast<float>(right) * g.size_x - x);
+    if (low >= 0) distance = min_of(distance, y - (g.y0 + static_cast<float>(low + 1) * g.size_y));
+    if (high < g.rows) distance = min_of(distance, g.y0 + static_cast<float>(high) * g.size_y - y);
+    if (distance == INFINITY || enough(distance - p.margin)) return;
+    const int from = left < 0 ? 0 : left, to = right < g.columns ? right : g.columns - 1;
+    const int bottom = low < 0 ? 0 : low, top = high < g.rows ? high : g.rows - 1;
+    if (low >= 0) visit(low, from, to);
+    for (int at = low < 0 ? bottom : low + 1; at <= (high < g.rows ? high - 1 : top); ++at) {
+      if (left >= 0) visit(at, left, left);
+      if (right < g.columns) visit(at, right, right);
+    }
+    if (high < g.rows) visit(high, from, to);
+  }
+}
+
+/// PhiloxDraws for many workers at once and any number of agents: keeps no block of draws, and gives the agents from
+/// 65,536 on rows of their own (rules 17.4).
+class GridDraws {
+ public:
+  GIGA_HD GridDraws(uint64_t seed, uint32_t world, uint32_t step) : seed_(seed), world_(world), step_(step) {}
+
+  GIGA_HD float waypoint_appears() const { return draws().waypoint_appears(); }
+  GIGA_HD float waypoint_location(int axis) const { return draws().waypoint_location(axis); }
+  GIGA_HD float waypoint_time() const { return draws().waypoint_time(); }
+  GIGA_HD float detect(int target, int observer) const { return draws().detect(target, observer); }
+  GIGA_HD float comm(int ego, int sender, bool after_reset) const {
+    return draws().comm(static_cast<int>(draw_slot(static_cast<uint32_t>(ego))), sender, after_reset);
+  }
+  GIGA_HD int map(int n_maps) const { return draws().map(n_maps); }
+  GIGA_HD float start(int agent, int round, StartDraw what) const { return draws().start(agent, round, what); }
+
+ private:
+  GIGA_HD PhiloxDraws draws() const { return {seed_, world_, step_}; }
+
+  uint64_t seed_;
+  uint32_t world_, step_;
+};
+
+}  // namespace giga

@@ -1,0 +1,329 @@
+// What the stages that look at pairs do in a world of many agents (GridWorld): overloads of the functions of the same
+// names, which step.hpp calls. Formulas are those that all executors share; only whom they are asked about differs.
+// Three short ones stand here once more, because they lie inside the loops over tables, and kernels that no GPU could
+// check were to stay as they are: propose_place, track and hears_mate. tests/parity/grid_test.cpp holds both to the
+// same bits.
+#pragma once
+
+#include "sim/communication.hpp"
+#include "sim/episode.hpp"
+#include "sim/grid.hpp"
+#include "sim/observations.hpp"
+#include "sim/reset.hpp"
+#include "sim/rewards.hpp"
+#include "sim/sight.hpp"
+
+namespace giga {
+
+/// Adds to a number that other workers add to as well.
+GIGA_HD void add_together(int32_t* sum, int32_t value) {
+#if defined(__CUDA_ARCH__)
+  atomicAdd(sum, value);
+#else
+  __atomic_fetch_add(sum, value, __ATOMIC_RELAXED);
+#endif
+}
+
+/// The agents near agent i, in the place of all agents of both teams.
+struct NearAgents : GridParams {
+  const GridWorld& world;
+  int i;
+  float reach;
+};
+template <class F>
+GIGA_HD void for_team(const NearAgents& p, int team, F&& f) {
+  if (team == 0) for_near(p, p.world, p.world.x[p.i], p.world.y[p.i], p.reach, [&](int j) { f(j, 0); });
+}
+
+/// Rules 4.3.2.
+GIGA_HD void check_agents(const GridParams& p, GridWorld& w, int i) {
+  if (w.alive[i]) check_agents(NearAgents{p, w, i, p.touch_reach}, static_cast<WorldView&>(w), i);
+}
+
+GIGA_HD void forget_opponents(const GridParams& p, GridWorld& w, int i) {
+  uint32_t* fire = w.fire + static_cast<int64_t>(i) * p.most_shooters;
+  for (int k = 0; k < p.most_shooters; ++k) fire[k] = 0;
+  w.observers[i] = 0;
+}
+
+/// Rules 9.2.
+template <class Draws>
+GIGA_HD void propose_place(const GridParams& p, GridWorld& w, Draws& draws, int round, int i) {
+  bool crowded = inside_obstacle(p, w, w.x[i], w.y[i], w.z[i], kStartMargin);
+  for_near(p, w, w.x[i], w.y[i], p.start_reach, [&](int j) {
+    const float dz = w.z[i] - w.z[j];
+    crowded |= j != i && planar_distance2(w, i, j) < p.collision_range2 + kStartMargin &&
+               (dz < 0 ? -dz : dz) < p.collision_altitude + kStartMargin;
+  });
+  w.flags[i] = static_cast<uint8_t>(crowded ? w.flags[i] | kNeedsResample : w.flags[i] & ~kNeedsResample);
+  if (crowded) draw_place(p, w, draws, round, i);
+}
+
+/// Calls f(observer, sighting) for the opponents of target a that detect it.
+template <class Draws, class F>
+GIGA_HD void for_detectors(const GridParams& p, const GridWorld& w, Draws& draws, int a, const uint8_t* could_see,
+                           F&& f) {
+  const int team = 1 - p.team_of(a);
+  for_near(p, w, w.x[a], w.y[a], p.sight_reach[team], [&](int b) {
+    if (p.team_of(b) != team || !could_see[b]) return;
+    const Sighting s = sight(p, w, a, b, [&] { return draws.detect(a, b); });
+    if (s.detected) f(b, s);
+  });
+}
+
+/// The counters of those who fire at an agent, by the number of the shooter.
+class FireList {
+ public:
+  GIGA_HD FireList(const uint32_t* entries, int most) : entries_(entries), most_(most) {
+    while (size_ < most && entries[size_] != 0) ++size_;
+  }
+  GIGA_HD int size() const { return size_; }
+  GIGA_HD int count(int shooter) const {
+    for (int k = 0; k < size_; ++k)
+      if (shooter_of(entries_[k]) == shooter) return count_of(entries_[k]);
+    return 0;
+  }
+
+ private:
+  const uint32_t* entries_;
+  int most_, size_ = 0;
+};
+
+/// The counter of an opponent that fired `before` times in a row, after a sighting.
+GIGA_HD int track(int before, const Sighting& s) {
+  return s.detected && s.in_weapon_range ? (before < 255 ? before + 1 : 255) : 0;
+}
+
+/// Rules 4.4 and 4.5, and 17.2 for the list of fire.
+template <class Draws>
+GIGA_HD void detect_and_track(const GridParams& p, GridWorld& w, Draws& draws, int a) {
+  uint32_t* list = w.fire + static_cast<int64_t>(a) * p.most_shooters;
+  int32_t* kept = w.detectors + static_cast<int64_t>(a) * kKeptDetectors;
+  const FireList before(list, p.most_shooters);
+  uint32_t now[kMostShooters];
+  int n_now = 0, observers = 0, taken = 0;
+  bool full = false;
+  w.could_see[a] = w.alive[a];
+  if (w.alive[a])
+    for_detectors(p, w, draws, a, w.alive, [&](int b, const Sighting& s) {
+      if (observers < kKeptDetectors) kept[observers] = b;
+      ++observers;
+      add_together(w.detects + b, 1);
+      const int count = track(before.count(b), s);
+      if (count == 0) return;
+      if (n_now == p.most_shooters) {
+        full = true;
+        return;
+      }
+      int at = n_now++;
+      for (; at > 0 && shooter_of(now[at - 1]) > b; --at) now[at] = now[at - 1];
+      now[at] = fire_entry(b, count);
+      const int units = damage_units(p, count);
+      taken += units;
+      if (units > 0) add_together(w.dealt + b, units);
+    });
+  for (int k = 0; k < n_now; ++k) list[k] = now[k];
+  for (int k = n_now; k < before.size(); ++k) list[k] = 0;
+  w.observers[a] = observers;
+  if (full) add_together(w.full_lists, 1);
+  w.taken[a] = static_cast<float>(taken);
+  if (taken > 0) w.flags[a] |= kTookDamage;
+}
+
+template <class Draws>
+GIGA_HD void detect_only(const GridParams& p, GridWorld& w, Draws& draws, int a) {
+  int32_t* kept = w.detectors + static_cast<int64_t>(a) * kKeptDetectors;
+  int observers = 0;
+  w.could_see[a] = w.alive[a];
+  for_detectors(p, w, draws, a, w.alive, [&](int b, const Sighting&) {
+    if (observers < kKeptDetectors) kept[observers] = b;
+    ++observers;
+  });
+  w.observers[a] = observers;
+}
+
+/// The agents of e's rows (rules 7.1), nearest first, equally near ones by number: of those for which seen(agent)
+/// holds, which are asked only if they would have a row, and of which none lies beyond `reach`. Looks no farther than
+/// the last row.
+template <class Seen>
+GIGA_HD void rank_seen(const GridParams& p, GridWorld& w, int e, float reach, bool sees_itself, Seen&& seen) {
+  const int limit = p.n_neighbors;
+  AgentNumber* rows = w.neighbors + static_cast<int64_t>(e) * limit;
+  float* distance = w.neighbor_distance + static_cast<int64_t>(e) * limit;
+  rows[0] = AgentNumber{static_cast<uint32_t>(e)};
+  if (!sees_itself) rows[0] = kNobody;
+  int count = 1;
+  const auto before = [](float d1, int a1, float d2, int a2) { return d1 < d2 || (d1 == d2 && a1 < a2); };
+  const auto no_row = [&](float away, int a) {
+    return count == limit && !before(away, a, distance[limit - 1], rows[limit - 1]);
+  };
+  if (limit > 1)
+    for_rings(
+        p, w, w.x[e], w.y[e],
+        [&](float far) { return far > reach || (count == limit && far * 0.9999f > distance[limit - 1]); },
+        [&](int a) {
+          const float away = order_distance(p, w, e, a);
+          if (a == e || no_row(away, a) || !seen(a)) return;
+          int at = count < limit ? count++ : limit - 1;
+          for (; at > 1 && before(away, a, distance[at - 1], rows[at - 1]); --at) {
+            distance[at] = distance[at - 1];
+            rows[at] = rows[at - 1];
+          }
+          distance[at] = away;
+          rows[at] = AgentNumber{static_cast<uint32_t>(a)};
+        });
+  for (; count < limit; ++count) rows[count] = kNobody;
+}
+
+/// Whether agent e hears agent b of its team; `draw()` is asked where chance decides (rules 6).
+template <class Draw>
+GIGA_HD bool hears_mate(const GridParams& p, const GridWorld& w, int e, int b, Draw&& draw) {
+  if (!w.alive[b]) return false;
+  if (b == e) return true;
+  const float loss = divide(square_root(planar_distance2(w, e, b)), p.communication_range);
+  return clamp(loss, 0.0f, 1.0f) <= draw();
+}
+
+/// Rules 6 and 7.1 with stochastic communication: whom e sees decides who hears whom, asked for those agents alone that
+/// may have a row.
+template <class Draws>
+GIGA_HD void listen(const GridParams& p, GridWorld& w, Draws& draws, int e, bool after_reset) {
+  const int team = p.team_of(e);
+  const auto hears = [&](int b) { return hears_mate(p, w, e, b, [&] { return draws.comm(e, b, after_reset); }); };
+  const auto told_of = [&](int a) {
+    const int observers = w.observers[a];
+    bool told = false;
+    if (observers <= kKeptDetectors) {
+      const int32_t* kept = w.detectors + static_cast<int64_t>(a) * kKeptDetectors;
+      for (int k = 0; k < observers && !told; ++k) told = hears(kept[k]);
+      return told;
+    }
+    for_near(p, w, w.x[a], w.y[a], p.sight_reach[team], [&](int b) {
+      if (told || p.team_of(b) != team || !w.could_see[b] || !hears(b)) return;
+      told = sight(p, w, a, b, [&] { return draws.detect(a, b); }).detected;
+    });
+    return told;
+  };
+  rank_seen(p, w, e, p.hearing_reach + p.sight_reach[team] + p.margin, hears(e),
+            [&](int a) { return p.team_of(a) == team ? hears(a) : told_of(a); });
+}
+
+/// The same without it: all living mates, and whomever anybody detects.
+GIGA_HD void look(const GridParams& p, GridWorld& w, int e) {
+  if (p.stochastic_communication) return;  // `listen` has seen to it
+  const auto seen = [&](int a) { return (p.team_of(a) == p.team_of(e) && w.alive[a]) || w.observers[a] > 0; };
+  rank_seen(p, w, e, INFINITY, seen(e), seen);
+}
+
+/// The rows are ranked when it is decided whom an agent sees, and kept as state.
+GIGA_HD void rank_neighbors(const GridParams&, GridWorld&, int) {}
+
+GIGA_HD Dealt dealt_by(const GridParams&, const GridWorld& w, int i) { return {w.detects[i], w.dealt[i]}; }
+GIGA_HD int observers_of(const GridParams&, const GridWorld& w, int i) { return w.observers[i]; }
+
+/// Rules 5.4. By the table of a map with obstacles the nearest opponent need not be near: all are asked then.
+GIGA_HD float way_gained(const GridParams& p, const GridWorld& w, int i) {
+  if (p.maps.paths) return way_gained(p, static_cast<const WorldView&>(w), i);
+  const int team = 1 - p.team_of(i);
+  float nearest = -1;
+  int target = -1;
+  for_rings(
+      p, w, w.x[i], w.y[i], [&](float far) { return target >= 0 && far * 0.9999f > nearest; },
+      [&](int a) {
+        if (p.team_of(a) != team || !w.alive[a]) return;
+        const float way = way_to(p, w, w.x[i], w.y[i], a);
+        if (target >= 0 && (way > nearest || (way == nearest && a > target))) return;
+        nearest = way;
+        target = a;
+      });
+  return target >= 0 ? way_to(p, w, w.next[i], w.next[p.n_agents + i], target) - nearest : 0.0f;
+}
+
+/// Some of the agents of a team: what is summed over a team is summed over these.
+struct GridBlock : GridParams {
+  int first, end;
+
+  GIGA_HD GridBlock(const GridParams& p, int team, int block) : GridParams(p), first(p.first_of(team)) {
+    const int last = p.end_of(team);
+    if (team_after_team) first += block * kSumBlock;
+    end = team_after_team && first + kSumBlock < last ? first + kSumBlock : last;
+  }
+};
+template <class F>
+GIGA_HD void for_team(const GridBlock& p, int team, F&& f) {
+  int k = 0;
+  for (int a = p.first; a < p.end; ++a)
+    if (p.team_of(a) == team) f(a, k++);
+}
+GIGA_HD int sum_blocks(const GridParams& p, int team) {
+  return p.team_after_team ? (p.n_team[team] + kSumBlock - 1) / kSumBlock : 1;
+}
+
+/// Rules 17.5: each block is summed as a world of few agents is.
+GIGA_HD void accumulate_episode(const GridParams& p, GridWorld& w, int item) {
+  const int k = item - kNTeams, team = item < kNTeams ? item : (k >= p.n_active_terms ? 1 : 0);
+  for (int block = 0; block < sum_blocks(p, team); ++block) {
+    float returns[kNTeams] = {}, masked[kNTeams] = {}, terms[kNTeams * kNRewardTerms] = {};
+    WorldView part = w;
+    part.returns = returns;
+    part.returns_masked = masked;
+    part.term_returns = terms;
+    accumulate_episode(GridBlock(p, team, block), part, item);
+    if (item < kNTeams) {
+      w.returns[item] += returns[item];
+      w.returns_masked[item] += masked[item];
+    } else {
+      const int t = team * kNRewardTerms + active_term(p, k - team * p.n_active_terms);
+      w.term_returns[t] += terms[t];
+    }
+  }
+}
+
+/// How the agents of a team ended is counted in whole numbers: one by one, a float counts to 16,777,216 only.
+GIGA_HD void finish_episode(const GridParams& p, GridWorld& w, int item) {
+  GridParams nobody = p;
+  nobody.team_after_team = true;
+  nobody.n_team[0] = nobody.n_team[1] = nobody.n_agents = 0;
+  finish_episode(nobody, static_cast<WorldView&>(w), item);
+  if (item >= kNTeams) return;
+  int ends[kNDeaths + 1] = {};
+  for (int i = p.first_of(item); i < p.end_of(item); ++i)
+    if (p.team_of(i) == item) ++ends[static_cast<int>(w.death[i])];
+  for (int death = 0; death <= kNDeaths; ++death)
+    w.stats[static_cast<int>(end_of_agent(static_cast<Death>(death))) + item] += static_cast<float>(ends[death]);
+}
+
+/// Sorts the agents that live by cell, those of a cell by number.
+GIGA_HD void fill_grid(const GridParams& p, GridWorld& w) {
+  int n = 0;
+  float x0 = INFINITY, y0 = INFINITY, x1 = -INFINITY, y1 = -INFINITY;
+  for (int i = 0; i < p.n_agents; ++i) {
+    if (!w.alive[i]) continue;
+    ++n;
+    x0 = min_of(x0, w.x[i]), x1 = max_of(x1, w.x[i]);
+    y0 = min_of(y0, w.y[i]), y1 = max_of(y1, w.y[i]);
+  }
+  w.grid = grid_shape(n, x0, y0, x1, y1);
+  const int cells = w.grid.cells();
+  for (int k = 0; k <= cells; ++k) w.cell_begin[k] = 0;
+  // Counts one cell further than they belong, so that placing an agent moves the beginning of its own cell.
+  for (int i = 0; i < p.n_agents; ++i)
+    if (w.alive[i]) ++w.cell_begin[w.grid.cell_of(w.x[i], w.y[i]) + 1];
+  for (int k = 0; k < cells; ++k) w.cell_begin[k + 1] += w.cell_begin[k];
+  for (int i = p.n_agents - 1; i >= 0; --i)
+    if (w.alive[i]) w.placed[--w.cell_begin[w.grid.cell_of(w.x[i], w.y[i]) + 1]] = {w.x[i], w.y[i], i};
+  for (int k = 0; k < cells; ++k) w.cell_begin[k] = w.cell_begin[k + 1];
+  w.cell_begin[cells] = n;
+}
+
+/// The hook of step.hpp. One worker sorts; a GPU will sort by a library.
+template <class Lanes>
+GIGA_HD void sort_agents(const Lanes& lanes, const GridParams& p, GridWorld& w, int n) {
+  lanes.each_agent(n, [&](int i) {
+    w.detects[i] = 0;
+    w.dealt[i] = 0;
+  });
+  lanes.each(n > 0 ? 1 : 0, [&](int) { fill_grid(p, w); });
+}
+
+}  // namespace giga

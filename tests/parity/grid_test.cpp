@@ -1,0 +1,252 @@
+// The grid, by which worlds of many agents find their pairs (rules 17), against the CPU's tables of pairs, bit for bit,
+// at sizes that both can play: every state field, every output, at every step, over resets, deaths and waypoints.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <random>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "core/error.hpp"
+#include "sim/grid_stages.hpp"
+#include "support/sim_runner.hpp"
+#include "support/sim_specs.hpp"
+
+namespace giga::test {
+namespace {
+
+struct Case {
+  int n_team_0, n_team_1;
+  int n_variants, n_steps;
+};
+void PrintTo(const Case& c, std::ostream* out) { *out << c.n_team_0 << " v " << c.n_team_1; }
+const Case kCases[] = {{1, 1, 8, 30}, {2, 9, 12, 30}, {7, 3, 24, 40}, {20, 20, 12, 25}, {60, 50, 6, 15}};
+
+/// Variant 0 has every switch on, 1 none, then each one alone and each one missing; the rest of the scenario is random.
+SimSpec variant_of(const Case& c, int variant) {
+  SimSpec spec =
+      random_spec(static_cast<uint64_t>(7000 * variant + 31 * c.n_team_0 + c.n_team_1), c.n_team_0, c.n_team_1);
+  const unsigned all = kNSwitchMasks - 1;
+  unsigned mask = variant == 0 ? all : 0;
+  if (variant >= 2) mask = 1u << (static_cast<unsigned>(variant - 2) / 2 % kNSwitches);
+  if (variant >= 2 && variant % 2) mask = all ^ mask;
+  set_switches(spec, mask);
+  spec.params.max_episode_length = variant % 5 == 4 ? 0 : 5 + variant % 9;
+  spec.finish();
+  return spec;
+}
+
+SimOptions options_of(int variant) {
+  SimOptions options;
+  options.n_worlds = 3;
+  options.n_threads = 1 + variant % 2;
+  options.seed = 0xABCDEFull + static_cast<uint64_t>(variant);
+  options.first_world = variant % 3 == 2 ? 100000 : 0;
+  options.on_done = variant % 4 == 3 ? (variant % 8 == 3 ? OnDone::freeze : OnDone::keep) : OnDone::reset;
+  return options;
+}
+
+std::unique_ptr<Simulator> grid(const SimSpec& spec, SimOptions options) {
+  options.grid = true;
+  return make_grid_simulator(spec, options);
+}
+
+/// Without the tables of which a grid keeps nothing. What they led to, the observations, is compared.
+Snapshot without_tables(Snapshot shot) {
+  std::erase_if(shot.fields, [](const SnapshotField& f) { return f.name == "detected" || f.name == "seen"; });
+  return shot;
+}
+
+class GridParity : public ::testing::TestWithParam<Case> {};
+
+TEST_P(GridParity, EveryStepIsThatOfTheTables) {
+  const Case c = GetParam();
+  Activity activity;
+  for (int variant = 0; variant < c.n_variants; ++variant) {
+    const SimSpec spec = variant_of(c, variant);
+    const SimOptions options = options_of(variant);
+    SimRunner a(make_cpu_simulator(spec, options)), b(grid(spec, options));
+    a.start();
+    b.start();
+    ASSERT_EQ(difference(without_tables(a.snapshot()), b.snapshot()), "") << "variant " << variant << ", start";
+    for (int k = 0; k < c.n_steps; ++k) {
+      a.step(static_cast<uint64_t>(k));
+      b.step(static_cast<uint64_t>(k));
+      const Snapshot now = a.snapshot();
+      ASSERT_EQ(difference(without_tables(now), b.snapshot()), "") << "variant " << variant << ", step " << k;
+      activity.add(now);
+      if (k % 6 != 5) continue;
+      a.observe();
+      b.observe();
+      ASSERT_EQ(difference(observations(a.snapshot()), observations(b.snapshot())), "")
+          << "variant " << variant << ", observe after step " << k;
+    }
+    const EpisodeStats stats = a.sim().take_stats(), same = b.sim().take_stats();
+    EXPECT_EQ(stats.rows, same.rows) << "variant " << variant;
+  }
+  if (c.n_team_0 < 7) return;
+  EXPECT_GT(activity.detections, 0);
+  EXPECT_GT(activity.shots, 0);
+  EXPECT_GT(activity.dead, 0);
+  EXPECT_GT(activity.ended, 0);
+  EXPECT_GT(activity.waypoints, 0);
+}
+
+INSTANTIATE_TEST_SUITE_P(Sizes, GridParity, ::testing::ValuesIn(kCases),
+                         [](const auto& test) { return cat(test.param.n_team_0, "v", test.param.n_team_1); });
+
+TEST(Grid, ASavedStateHoldsAllThatTheNextStepsNeed) {
+  const SimSpec spec = variant_of({20, 20, 1, 1}, 3);
+  SimRunner a(grid(spec, options_of(0))), b(grid(spec, options_of(0)));
+  a.start();
+  b.start();
+  for (uint64_t k = 0; k < 7; ++k) a.step(k);
+  ASSERT_NE(difference(a.snapshot(), b.snapshot()), "");
+  NamedArrays saved;
+  a.sim().state().save("x/", saved);
+  b.sim().state().load("x/", saved);
+  for (uint64_t k = 7; k < 15; ++k) {
+    a.step(k);
+    b.step(k);
+  }
+  EXPECT_EQ(difference(a.snapshot(), b.snapshot()), "");
+}
+
+// Five opponents look at agent 0 from two units away, each inside its weapon cone; lists have room for four.
+TEST(Grid, ALongerListOfFireThanThereIsRoomForIsAnError) {
+  SimSpec spec = plain_spec(1, 5);
+  set_damage_cone(spec.params, 5, kTwoPi);
+  set_cone(spec.params, 5, kTwoPi);
+  spec.params.collision_range2 = 0;
+  spec.maps[0].start[0] = {5, 5, 5, 5, 0, 0, 0, 0};
+  spec.maps[0].start[1] = {7, 5, 7, 5, 0, 0, 0, 0};
+  spec.finish();
+  SimOptions options;
+  options.most_shooters = 5;
+  SimRunner enough(grid(spec, options));
+  enough.start();
+  enough.step(1);
+  EXPECT_EQ(std::ranges::count(enough.snapshot().field("tracked").bytes, 1), 10) << "five at one, one at five";
+  options.most_shooters = 4;
+  SimRunner full(grid(spec, options));
+  full.start();
+  try {
+    full.step(1);
+    FAIL() << "five shooters in a list of four";
+  } catch (const Error& error) {
+    EXPECT_NE(std::string(error.what()).find("1 agent was fired at by more than 4 opponents at once"),
+              std::string::npos)
+        << error.what();
+  }
+}
+
+// Above 65,535 bit 16 of a row, which tells a reset, belongs to no agent: 65,536 = 0x10000 becomes 0x20000.
+TEST(Grid, NoTwoAgentsShareDraws) {
+  EXPECT_EQ(draw_slot(65535), 65535u);
+  EXPECT_EQ(draw_slot(65536), 131072u);
+  std::set<uint32_t> rows;
+  for (const uint32_t agent : {0u, 1u, 65535u, 65536u, 65537u, 131071u, 131072u, 4194303u})
+    for (const uint32_t reset : {0u, 65536u}) rows.insert(draw_slot(agent) + reset);
+  EXPECT_EQ(rows.size(), 16u);
+  GridDraws draws(1, 2, 3);
+  PhiloxDraws few(1, 2, 3);
+  EXPECT_EQ(draws.comm(65535, 7, true), few.comm(65535, 7, true));
+  EXPECT_NE(draws.comm(65536, 7, false), few.comm(0, 7, true));
+}
+
+/// A world of agents at random places, as sort_agents leaves it.
+struct Places {
+  Places(int n, float limit, uint64_t seed) : x(static_cast<size_t>(n)), y(x.size()), alive(x.size(), 1) {
+    std::mt19937_64 dice(seed);
+    const auto place = [&] { return limit * static_cast<float>(static_cast<double>(dice() >> 11) * 0x1p-53); };
+    for (size_t i = 0; i < x.size(); ++i) {
+      x[i] = place();
+      y[i] = i % 3 == 0 ? y[i / 2] + 0.25f : place();  // some in crowds
+      alive[i] = dice() % 5 != 0;
+    }
+    placed.resize(x.size());
+    begin.resize(x.size() + 1);
+    p.n_agents = n;
+    p.margin = 1e-6f * limit;
+    w.x = x.data();
+    w.y = y.data();
+    w.alive = alive.data();
+    w.placed = placed.data();
+    w.cell_begin = begin.data();
+    fill_grid(p, w);
+  }
+  float distance(int i, float px, float py) const {
+    const float dx = x[static_cast<size_t>(i)] - px, dy = y[static_cast<size_t>(i)] - py;
+    return square_root(dx * dx + dy * dy);
+  }
+
+  std::vector<float> x, y;
+  std::vector<uint8_t> alive;
+  std::vector<PlacedAgent> placed;
+  std::vector<int32_t> begin;
+  GridParams p;
+  GridWorld w{};
+};
+
+TEST(Grid, FindsAllThatAreNearOnSmallAndLargeMaps) {
+  for (const float limit : {1.0f, 40.0f, 32768.0f})
+    for (const int n : {2, 50, 700}) {
+      const Places places(n, limit, static_cast<uint64_t>(n));
+      for (int e = 0; e < n; e += 1 + n / 40) {
+        // The dead lie beside the map too.
+        const float x = places.x[static_cast<size_t>(e)] - (e % 7 == 0 ? 0.1f * limit : 0.0f);
+        const float y = places.y[static_cast<size_t>(e)], reach = limit * static_cast<float>(e % 5) / 8;
+        std::multiset<int> near, rings;
+        for_near(places.p, places.w, x, y, reach, [&](int a) { near.insert(a); });
+        float asked = 0;
+        for_rings(
+            places.p, places.w, x, y,
+            [&](float far) {
+              EXPECT_GE(far + 3 * places.p.margin, asked) << "farther and farther";
+              asked = far;
+              return far > reach;
+            },
+            [&](int a) { rings.insert(a); });
+        for (int a = 0; a < n; ++a) {
+          const bool expected = places.alive[static_cast<size_t>(a)] && places.distance(a, x, y) <= reach;
+          if (expected) EXPECT_EQ(near.count(a), 1u) << n << " agents, agent " << a << " of " << e;
+          if (expected) EXPECT_EQ(rings.count(a), 1u) << n << " agents, agent " << a << " of " << e;
+          EXPECT_LE(near.count(a), places.alive[static_cast<size_t>(a)] ? 1u : 0u);
+        }
+      }
+    }
+}
+
+// More agents than tables of pairs serve; any number of threads gives the same bits.
+TEST(Grid, PlaysMoreAgentsThanTablesDo) {
+  SimSpec spec = plain_spec(700, 500);
+  spec.params.limit_x = spec.params.limit_y = 30;
+  spec.params.stochastic_detection = spec.params.stochastic_communication = true;
+  spec.params.max_episode_length = 6;
+  spec.maps[0].start[0] = {2, 2, 28, 28, 0, 5, 0, 6};
+  spec.maps[0].start[1] = {2, 2, 28, 28, 0, 5, 0, 6};
+  spec.finish();
+  SimOptions options;
+  options.n_worlds = 2;
+  options.n_threads = 1;
+  SimRunner one(grid(spec, options));
+  options.n_threads = 3;
+  SimRunner three(make_grid_simulator(spec, options));
+  one.start();
+  three.start();
+  int detects = 0;
+  for (uint64_t k = 0; k < 8; ++k) {
+    one.step(k);
+    three.step(k);
+    const Snapshot now = one.snapshot();
+    ASSERT_EQ(difference(now, three.snapshot()), "") << "step " << k;
+    detects += static_cast<int>(std::ranges::count_if(now.field("tracked").bytes, [](uint8_t t) { return t > 0; }));
+  }
+  EXPECT_GT(detects, 100);
+  EXPECT_EQ(one.sim().take_stats()[EpisodeStat::episodes], 2);
+}
+
+}  // namespace
+}  // namespace giga::test
