@@ -211,8 +211,10 @@ TEST(Grid, FindsAllThatAreNearOnSmallAndLargeMaps) {
             [&](int a) { rings.insert(a); });
         for (int a = 0; a < n; ++a) {
           const bool expected = places.alive[static_cast<size_t>(a)] && places.distance(a, x, y) <= reach;
-          if (expected) EXPECT_EQ(near.count(a), 1u) << n << " agents, agent " << a << " of " << e;
-          if (expected) EXPECT_EQ(rings.count(a), 1u) << n << " agents, agent " << a << " of " << e;
+          if (expected) {
+            EXPECT_EQ(near.count(a), 1u) << n << " agents, agent " << a << " of " << e;
+            EXPECT_EQ(rings.count(a), 1u) << n << " agents, agent " << a << " of " << e;
+          }
           EXPECT_LE(near.count(a), places.alive[static_cast<size_t>(a)] ? 1u : 0u);
         }
       }
