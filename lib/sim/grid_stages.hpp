@@ -1,8 +1,8 @@
 // What the stages that look at pairs do in a world of many agents (GridWorld): overloads of the functions of the same
 // names, which step.hpp calls. Formulas are those that all executors share; only whom they are asked about differs.
-// Three short ones stand here once more, because they lie inside the loops over tables, and kernels that no GPU could
-// check were to stay as they are: propose_place, track and hears_mate. tests/parity/grid_test.cpp holds both to the
-// same bits.
+// Four short ones stand here once more, because they lie around the loops over tables, and kernels that no GPU could
+// check were to stay as they are: place_agent, propose_place, track and hears_mate. tests/parity/grid_test.cpp holds
+// both to the same bits.
 #pragma once
 
 #include "sim/communication.hpp"
@@ -40,10 +40,22 @@ GIGA_HD void check_agents(const GridParams& p, GridWorld& w, int i) {
   if (w.alive[i]) check_agents(NearAgents{p, w, i, p.touch_reach}, static_cast<WorldView&>(w), i);
 }
 
-GIGA_HD void forget_opponents(const GridParams& p, GridWorld& w, int i) {
+/// Rules 9.1.
+template <class Draws>
+GIGA_HD void place_agent(const GridParams& p, GridWorld& w, Draws& draws, int i) {
+  const StartArea& area = start_area(p, w, i);
+  draw_place(p, w, draws, 0, i);
+  take_place(p, w, i);
+  w.v[i] = 1.0f;
+  w.heading[i] = area.heading_lo + draws.start(i, 0, StartDraw::heading) * (area.heading_hi - area.heading_lo);
+  w.health[i] = p.original() ? 1.0f : p.agents.max_health[i];
+  w.alive[i] = 1;
+  w.death[i] = Death::none;
+  w.flags[i] = 0;
   uint32_t* fire = w.fire + static_cast<int64_t>(i) * p.most_shooters;
   for (int k = 0; k < p.most_shooters; ++k) fire[k] = 0;
   w.observers[i] = 0;
+  face(w, i);
 }
 
 /// Rules 9.2.

@@ -40,17 +40,11 @@ GIGA_HD void take_place(const Parameters auto& p, World auto& w, int i) {
   w.z[i] = w.next[2 * p.n_agents + i];
 }
 
-/// Nobody has fired at agent i or detected it yet.
-GIGA_HD void forget_opponents(const Parameters auto& p, World auto& w, int i) {
-  const int64_t n = p.n_agents, words = words_for(p.n_agents);
-  for (int64_t b = 0; b < n; ++b) w.tracked[i * n + b] = 0;
-  for (int64_t k = 0; k < words; ++k) w.detected[i * words + k] = 0;
-}
-
 /// Agent i as it starts. Health is 1 for everybody in the original, whatever the type's maximum (Q5); speed is 1,
 /// below the floor that holds from the first step on (Q6).
 template <class Draws>
 GIGA_HD void place_agent(const Parameters auto& p, World auto& w, Draws& draws, int i) {
+  const int64_t n = p.n_agents, words = words_for(p.n_agents);
   const StartArea& area = start_area(p, w, i);
   draw_place(p, w, draws, 0, i);
   take_place(p, w, i);
@@ -60,7 +54,8 @@ GIGA_HD void place_agent(const Parameters auto& p, World auto& w, Draws& draws, 
   w.alive[i] = 1;
   w.death[i] = Death::none;
   w.flags[i] = 0;
-  forget_opponents(p, w, i);
+  for (int64_t b = 0; b < n; ++b) w.tracked[i * n + b] = 0;
+  for (int64_t k = 0; k < words; ++k) w.detected[i * words + k] = 0;
   face(w, i);
 }
 
