@@ -17,6 +17,9 @@ struct Dispatch {
   std::string size_key;  ///< the setting that makes the run smaller (RunSize), once a run is known
   /// What to do after a failure, for people; may be empty.
   std::function<std::string()> advice;
+  std::string who;  ///< before messages of failures: "rank 1: "; empty where the process is alone
+  /// Tells the other ranks of a failure; may be empty.
+  std::function<void(const std::string&)> tell_ranks;
 };
 
 void add_train_command(CLI::App& app, Dispatch& dispatch);

@@ -82,15 +82,20 @@ int run_and_report(int argc, char** argv) {
     const std::string advice = dispatch.advice ? dispatch.advice() : "";
     return with_advice(message, dispatch.size_key) + (advice.empty() ? "" : "\n" + advice);
   };
+  const auto fail_here = [&dispatch](const std::string& message, int code) {
+    fail(dispatch.who + message, code);
+    if (dispatch.tell_ranks) dispatch.tell_ranks(message);
+    return code;
+  };
   try {
     return run(argc, argv, dispatch);
   } catch (const giga::Error& e) {
     const int code = exit_code(e);
-    return fail(code == kFailed ? advised(e.what()) : with_advice(e.what(), dispatch.size_key), code);
+    return fail_here(code == kFailed ? advised(e.what()) : with_advice(e.what(), dispatch.size_key), code);
   } catch (const std::bad_alloc&) {
-    return fail(advised("out of memory"), kFailed);
+    return fail_here(advised("out of memory"), kFailed);
   } catch (const std::exception& e) {
-    return fail(advised(without_stack(e.what())), kFailed);
+    return fail_here(advised(without_stack(e.what())), kFailed);
   }
 }
 

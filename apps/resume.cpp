@@ -2,17 +2,22 @@
 #include <CLI/CLI.hpp>
 #include <filesystem>
 #include <iostream>
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <system_error>
 
 #include "apps/command_line.hpp"
 #include "apps/commands.hpp"
+#include "apps/follow.hpp"
+#include "apps/joined_ranks.hpp"
 #include "apps/plan.hpp"
 #include "apps/program_info.hpp"
+#include "apps/start_ranks.hpp"
 #include "apps/training.hpp"
 #include "core/error.hpp"
 #include "cuda/runtime.hpp"
 #include "io/run_folder.hpp"
+#include "io/state_hash.hpp"
 #include "learn/resume_config.hpp"
 
 namespace giga {
@@ -23,6 +28,7 @@ struct ResumeOptions {
   std::string run;
   std::vector<std::string> overrides;
   bool quiet = false, no_color = false;
+  RankOptions ranks;
 };
 
 /// The run folder that a path belongs to: itself, or that of the checkpoint file.
@@ -63,35 +69,55 @@ Json resume_info(const ResumedRun& resumed, Device device, const FoundCheckpoint
   return info;
 }
 
-int resume(const ResumeOptions& o, Dispatch& dispatch) {
-  const RunFolder folder = RunFolder::open(folder_of(o.run));
-  const FoundCheckpoint found = find_checkpoint(o.run);
-  std::error_code code;
-  if (!fs::is_directory(o.run, code)) expect_newest(o.run, folder);
-  const Checkpoint& from = found.checkpoint;
+void warn(const FoundCheckpoint& found) {
   for (const std::string& line : found.damaged)
     std::cerr << "warning: " << line << "; going on from " << found.file.string() << '\n';
-  if (from.gigastep_version != program_version())
-    std::cerr << "warning: the checkpoint was written by gigastep " << from.gigastep_version << ", this is "
+  if (found.checkpoint.gigastep_version != program_version())
+    std::cerr << "warning: the checkpoint was written by gigastep " << found.checkpoint.gigastep_version << ", this is "
               << program_version() << ": the run goes on, but perhaps not bit for bit\n";
+}
+
+int resume(const ResumeOptions& o, Dispatch& dispatch) {
+  const JoinedRanks joined = join_others(o.ranks, dispatch);
+  const bool starts_ranks = o.ranks.ranks && *o.ranks.ranks > 1;
+  // Rank 0 holds the folder; others read the checkpoint only.
+  const fs::path path = folder_of(o.run);
+  std::unique_ptr<const RunFolder> folder;
+  if (joined.leads()) folder.reset(new RunFolder(RunFolder::open(path.string())));
+  const FoundCheckpoint found = find_checkpoint(o.run);
+  std::error_code code;
+  if (folder && !fs::is_directory(o.run, code)) expect_newest(o.run, *folder);
+  const Checkpoint& from = found.checkpoint;
+  if (folder && !starts_ranks) warn(found);
 
   const ResumedRun resumed = resume_config(from.config_yaml, from.scenario_yaml, o.overrides);
-  TrainingSetup setup{resumed.run, parse_device(resumed.run.config.device), nullptr, &from, o.quiet, !o.no_color};
+  TrainingSetup setup{resumed.run, device_of_rank(resumed.run.config.device, joined), nullptr, &from, o.quiet,
+                      !o.no_color};
+  setup.ranks = joined.ranks;
   if (from.agent_steps >= resumed.run.config.train.total_agent_steps) {
-    std::cout << "the run " << folder.path().string() << " is complete: " << from.updates << " updates, "
-              << from.agent_steps << " agent-steps; to go on: --set train.total_agent_steps=N\n";
-    return 0;
+    if (folder)
+      std::cout << "the run " << path.string() << " is complete: " << from.updates << " updates, " << from.agent_steps
+                << " agent-steps; to go on: --set train.total_agent_steps=N\n";
+    return finish(joined, 0);
+  }
+  if (starts_ranks) {
+    folder.reset();
+    return start_ranks(*o.ranks.ranks);
   }
   dispatch.size_key = algorithm_of(setup.run.config).size(setup.run.config).key;
+  expect_same(joined.ranks.get(), "program, config or checkpoint",
+              cat(described(setup.run), "update ", from.updates, "\nstate ", state_sha256(from.arrays), '\n'));
   check_memory(setup.run, setup.device);
   setup.learner = make_learner(setup.run, setup.device);
+  if (joined.ranks) setup.learner->divide(*joined.ranks);
   setup.learner->load(from.arrays);
+  if (!folder) return finish(joined, follow(std::move(setup)));
 
   set_aside(found.damaged_files);
-  folder.describe_resume(print_yaml(for_run_folder(resumed.run.config), true),
-                         resume_info(resumed, setup.device, found));
-  dispatch.advice = [path = folder.path()] { return advice_to_resume(path); };
-  return train_in(folder, std::move(setup));
+  folder->describe_resume(print_yaml(for_run_folder(resumed.run.config), true),
+                          resume_info(resumed, setup.device, found));
+  dispatch.advice = [path = folder->path()] { return advice_to_resume(path); };
+  return finish(joined, train_in(*folder, std::move(setup)));
 }
 
 }  // namespace
@@ -102,6 +128,7 @@ void add_resume_command(CLI::App& app, Dispatch& dispatch) {
   command->add_option("RUN", options->run, "run folder, or its newest checkpoint file")->required()->type_name("");
   add_set_option(*command, options->overrides);
   add_display_options(*command, options->quiet, options->no_color);
+  add_rank_options(*command, options->ranks);
   command->footer(
       "On the same machine, build and device a run that was stopped and resumed is the same, bit for bit, as one that\n"
       "was not: gigastep inspect shows the same SHA-256. Rows of metrics.csv and TensorBoard events that were written\n"

@@ -9,7 +9,10 @@
 
 #include "apps/command_line.hpp"
 #include "apps/commands.hpp"
+#include "apps/follow.hpp"
+#include "apps/joined_ranks.hpp"
 #include "apps/plan.hpp"
+#include "apps/start_ranks.hpp"
 #include "apps/training.hpp"
 #include "core/error.hpp"
 #include "cuda/runtime.hpp"
@@ -24,6 +27,7 @@ struct TrainOptions {
   std::vector<std::string> overrides;
   std::optional<uint64_t> seed;
   bool quiet = false, no_color = false, plan = false;
+  RankOptions ranks;
 };
 
 std::vector<std::string> all_overrides(const TrainOptions& o) {
@@ -104,25 +108,32 @@ std::string figures_help() {
 int train(const TrainOptions& o, Dispatch& dispatch) {
   // Whatever is wrong with the input shows before anything is created.
   const std::string run_dir = folder_of(o);
+  const JoinedRanks joined = join_others(o.ranks, dispatch);
   TrainingSetup setup;
   setup.run = load_run_config(find_config(o.config), all_overrides(o));
-  setup.device = parse_device(setup.run.config.device);
+  setup.device = device_of_rank(setup.run.config.device, joined);
   dispatch.size_key = algorithm_of(setup.run.config).size(setup.run.config).key;
   setup.quiet = o.quiet;
   setup.color = !o.no_color;
   if (o.plan) {
+    if (joined.ranks || o.ranks.ranks) throw InputError("--plan measures one process; leave the ranks out");
     print_plan(setup.run, setup.device);
     return 0;
   }
+  if (o.ranks.ranks && *o.ranks.ranks > 1) return start_ranks(*o.ranks.ranks);
+  expect_same(joined.ranks.get(), "program or config", described(setup.run));
   check_memory(setup.run, setup.device);
   setup.learner = make_learner(setup.run, setup.device);
+  setup.ranks = joined.ranks;
+  if (joined.ranks) setup.learner->divide(*joined.ranks);
+  if (!joined.leads()) return finish(joined, follow(std::move(setup)));
 
   const RunFolder folder = RunFolder::create(run_dir, run_name(o, setup.run.config));
   const RunConfig config = for_run_folder(setup.run.config);
   folder.describe(print_yaml(config, true), print_scenario(setup.run.scenario), run_info(setup.run, setup.device),
                   is_path(config.scenario) ? config.scenario : "");
   dispatch.advice = [path = folder.path()] { return advice_to_resume(path); };
-  return train_in(folder, std::move(setup));
+  return finish(joined, train_in(folder, std::move(setup)));
 }
 
 }  // namespace
@@ -148,6 +159,7 @@ void add_train_command(CLI::App& app, Dispatch& dispatch) {
       ->check(refuse_negative)
       ->type_name("N");
   add_display_options(*command, options->quiet, options->no_color);
+  add_rank_options(*command, options->ranks);
   command->add_flag("--plan", options->plan,
                     "only measure how much memory the run takes, and how many worlds or members would fit");
   command->footer(

@@ -14,6 +14,8 @@
 #include <nlohmann/json.hpp>
 
 #include "apps/evaluation.hpp"
+#include "apps/follow.hpp"
+#include "apps/joined_ranks.hpp"
 #include "apps/metrics_files.hpp"
 #include "apps/program_info.hpp"
 #include "apps/run_replays.hpp"
@@ -72,6 +74,11 @@ TerminalStyle style_of(bool color) {
   return style;
 }
 
+/// Whether train.stop_at_agent_steps are done.
+bool stops_at(const TrainConfig& train, int64_t agent_steps) {
+  return train.stop_at_agent_steps && agent_steps >= *train.stop_at_agent_steps;
+}
+
 class Training {
  public:
   Training(const RunFolder& folder, TrainingSetup setup);
@@ -90,11 +97,7 @@ class Training {
   std::string stage_text() const;
   std::string time_left() const;
   bool complete() const { return learner_->agent_steps_done() >= config_.train.total_agent_steps; }
-  /// Whether train.stop_at_agent_steps are done.
-  bool at_stop() const {
-    const auto& stop = config_.train.stop_at_agent_steps;
-    return stop && learner_->agent_steps_done() >= *stop;
-  }
+  bool at_stop() const { return stops_at(config_.train, learner_->agent_steps_done()); }
   /// " of 50" where the number of updates is known.
   std::string of_updates() const { return n_updates_ ? cat(" of ", *n_updates_) : ""; }
   void print_end() const;
@@ -104,7 +107,9 @@ class Training {
   void save(bool is_best);
   void show(const Metrics& metrics);
   [[noreturn]] void fail_diverged(const Divergence& what);
-  int exit_code_of_stop() const;
+  int exit_code_of_stop() const {
+    return agreed_stop(ranks_.get(), stop_code(config_.train, learner_->agent_steps_done(), watch_.seconds()));
+  }
   int stop_early(int code);
   void write_final_report();
   Checkpoint checkpoint() const;
@@ -119,6 +124,7 @@ class Training {
   const RunConfig& config_;
   const Device device_;
   const RunFolder& folder_;
+  const std::shared_ptr<Ranks> ranks_;  // null: no others
   const std::unique_ptr<Learner> learner_;
   const std::optional<int64_t> n_updates_;  // none: known only afterwards
   Logger log_;
@@ -148,6 +154,7 @@ Training::Training(const RunFolder& folder, TrainingSetup setup)
       config_(run_.config),
       device_(setup.device),
       folder_(folder),
+      ranks_(std::move(setup.ranks)),
       learner_(std::move(setup.learner)),
       n_updates_(total_updates(config_, run_.spec.params.n_agents)),
       log_(folder.log_file(), setup.quiet ? Logger::Console::quiet : Logger::Console::all),
@@ -173,6 +180,7 @@ void Training::start() {
                                  : print_short(static_cast<double>(config_.train.total_agent_steps)) + " agent-steps";
   log_.info(cat("training ", config_.scenario, " with ", config_.train.algorithm, " on ", device_.name(), ": ", length,
                 ", results in ", folder_.path().string()));
+  if (ranks_) log_.info(cat("shared by ", ranks_->size(), " ranks"));
   save(false);
 }
 
@@ -183,6 +191,7 @@ void Training::go_on(const Checkpoint& from) {
   metrics_files_.emplace(folder_, cursor_);
   log_.info(cat("going on after update ", from.updates, of_updates(), " on ", device_.name(), ", state ",
                 state_sha256(from.arrays).substr(0, 16), "..., results in ", folder_.path().string()));
+  if (ranks_) log_.info(cat("shared by ", ranks_->size(), " ranks"));
 }
 
 int Training::run() {
@@ -301,7 +310,8 @@ void Training::update() {
     cursor_.best_updates = learner_->updates_done();
   }
   checkpoint_seconds_ = 0;
-  if (is_best || is_due(config_.checkpoint.every_updates)) checkpoint_seconds_ = timed([&] { save(is_best); });
+  const bool saves = is_best || is_due(config_.checkpoint.every_updates);
+  if (as_rank_0_says(ranks_.get(), saves)) checkpoint_seconds_ = timed([&] { save(is_best); });
 
   const UpdateTimes times = learner_->times();
   state_.time.rollout += times.rollout;
@@ -364,7 +374,9 @@ Checkpoint Training::checkpoint() const {
 void Training::save(bool is_best) {
   // First what the checkpoint counts on: the rows up to here.
   metrics_files_->flush_to_disk();
-  folder_.save(checkpoint(), config_.checkpoint.keep, is_best);
+  const Checkpoint now = checkpoint();
+  expect_same_state(ranks_.get(), now.arrays);
+  folder_.save(now, config_.checkpoint.keep, is_best);
   saved_update_ = learner_->updates_done();
 }
 
@@ -414,13 +426,6 @@ void Training::fail_diverged(const Divergence& what) {
   throw Error(reason, ErrorKind::diverged);
 }
 
-int Training::exit_code_of_stop() const {
-  if (const int signal = StopRequest::signal()) return 128 + signal;
-  if (at_stop()) return kOutOfTime;
-  const auto& limit = config_.train.max_wall_time;
-  return limit && watch_.seconds() >= limit->seconds ? kOutOfTime : 0;
-}
-
 int Training::stop_early(int code) {
   progress_.finish();
   if (saved_update_ != learner_->updates_done()) save(false);
@@ -447,6 +452,12 @@ void Training::write_final_report() {
 }
 
 }  // namespace
+
+int stop_code(const TrainConfig& train, int64_t agent_steps, double seconds) {
+  if (const int signal = StopRequest::signal()) return 128 + signal;
+  if (stops_at(train, agent_steps)) return kOutOfTime;
+  return train.max_wall_time && seconds >= train.max_wall_time->seconds ? kOutOfTime : 0;
+}
 
 int train_in(const RunFolder& folder, TrainingSetup setup) {
   const Checkpoint* from = setup.from;

@@ -8,6 +8,7 @@
 
 #include "io/run_folder.hpp"
 #include "learn/learner.hpp"
+#include "ranks/ranks.hpp"
 
 namespace giga {
 
@@ -18,10 +19,15 @@ constexpr int kOutOfTime = 124;
 struct TrainingSetup {
   LoadedRun run;
   Device device;
-  std::unique_ptr<Learner> learner;  ///< new, or with the state of `from`
-  const Checkpoint* from = nullptr;  ///< null: a new run
-  bool quiet = false, color = true;  ///< of what is shown on the terminal
+  std::unique_ptr<Learner> learner;        ///< new, or with the state of `from`
+  const Checkpoint* from = nullptr;        ///< null: a new run
+  bool quiet = false, color = true;        ///< of what is shown on the terminal
+  std::shared_ptr<Ranks> ranks = nullptr;  ///< which train together; null: this process alone
 };
+
+/// Why a run stops before its end: the signal that came (128 + its number) or kOutOfTime; 0: it does not. `seconds`: of
+/// this process.
+int stop_code(const TrainConfig& train, int64_t agent_steps, double seconds);
 
 /// Trains until the run is complete (returns 0) or is asked to stop. Throws Error of kind `diverged` where a number was
 /// not finite, and any other Error where a file could not be written; the last checkpoint is whole then.

@@ -18,6 +18,7 @@ namespace giga {
 
 class Actor;
 class GameObserver;
+class Ranks;
 
 /// Figures of one update, in a stable order: (name, value), NaN = not known.
 using Metrics = std::vector<std::pair<std::string, double>>;
@@ -85,6 +86,11 @@ class Learner {
   /// Everything that the next update depends on.
   virtual void save(NamedArrays& out) const = 0;
   virtual void load(const NamedArrays& in) = 0;
+
+  /// Shares the games of every update with the other ranks; before the first one and before `load`. All ranks then
+  /// have the same state after every update. Throws InputError where the algorithm or its settings cannot be divided.
+  /// `ranks` must outlive the learner.
+  virtual void divide(Ranks& ranks);
 };
 
 /// The learner of the algorithm that `run.config.train.algorithm` names.

@@ -24,6 +24,7 @@ PopulationGames::PopulationGames(const SimSpec& spec, const PopulationGamesOptio
   sim.n_worlds = static_cast<int>(options.n_populations * shape_.worlds_each());
   sim.seed = options.seed;
   sim.draw_period = options.common_random_numbers ? options.n_worlds : 0;
+  sim.first_world = options.common_random_numbers ? 0 : options.first_world;
   sim.on_done = OnDone::freeze;
   sim.episodes = options.n_rounds;
   sim.n_threads = options.n_threads;

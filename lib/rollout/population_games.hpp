@@ -24,6 +24,7 @@ struct PopulationGamesOptions {
   int n_threads = 0;
   std::optional<int> max_steps = std::nullopt;  ///< episodes are cut off after these, or by the scenario
   int n_rounds = 1;                             ///< episodes that each world plays, one after the other
+  int64_t first_world = 0;  ///< without common_random_numbers: global number of world 0, where ranks share a population
 };
 
 class PopulationGames {

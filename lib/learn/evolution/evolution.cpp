@@ -13,6 +13,7 @@
 #include "learn/libtorch_settings.hpp"
 #include "learn/opponents/record.hpp"
 #include "learn/team_policy.hpp"
+#include "ranks/ranks.hpp"
 #include "rollout/population_games.hpp"
 #include "rollout/stream.hpp"
 #include "rollout/tensors.hpp"
@@ -23,9 +24,11 @@ namespace {
 
 constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 
-PopulationGamesOptions games_options(const RunConfig& c) {
+/// Those of this rank's members; `ranks` null: of all.
+PopulationGamesOptions games_options(const RunConfig& c, const Ranks* ranks) {
   PopulationGamesOptions o;
-  o.n_members = c.population.population_size;
+  o.n_members = c.population.population_size / (ranks ? ranks->size() : 1);
+  if (ranks) o.first_world = ranks->rank() * o.n_members * c.population.n_worlds();
   o.n_worlds = c.population.n_worlds();
   o.n_rounds = c.population.n_rounds();
   o.n_populations = populations_at_a_time(c);
@@ -84,8 +87,10 @@ class Evolution final : public Learner {
   void watch(GameObserver& observer) override { games_->watch(observer); }
   void save(NamedArrays& out) const override;
   void load(const NamedArrays& in) override;
+  void divide(Ranks& ranks) override;
 
  private:
+  at::Tensor own_members(const at::Tensor& members) const;
   std::vector<int> teams_of_generation() const;
   Population population_of(int team) const;
   Metrics metrics(const std::vector<Population>& populations);
@@ -93,7 +98,9 @@ class Evolution final : public Learner {
   void team_metrics(int team, const PopulationFigures* figures, Metrics& out) const;
 
   const RunConfig config_;
+  const SimSpec spec_;
   const ParallelFor parallel_for_;
+  Ranks* ranks_ = nullptr;                       // null: this process plays all members
   std::unique_ptr<EvolvingTeam> team_[kNTeams];  // null = scripted
   std::unique_ptr<PopulationGames> games_;
   std::unique_ptr<DeviceClock> clock_;
@@ -103,7 +110,7 @@ class Evolution final : public Learner {
 };
 
 Evolution::Evolution(const LoadedRun& run, Device device, const MakeStrategy& make_strategy)
-    : config_(run.config), parallel_for_(device, run.config.train.n_threads, current_stream(device)) {
+    : config_(run.config), spec_(run.spec), parallel_for_(device, run.config.train.n_threads, current_stream(device)) {
   check_precision(run, device);
   set_up_libtorch(config_.train, device);
   const Actor* network = nullptr;
@@ -112,9 +119,33 @@ Evolution::Evolution(const LoadedRun& run, Device device, const MakeStrategy& ma
     team_[team] = std::make_unique<EvolvingTeam>(run, team, device, make_strategy, parallel_for_);
     network = &team_[team]->actor();
   }
-  games_ = std::make_unique<PopulationGames>(run.spec, games_options(config_), *network, parallel_for_);
+  games_ = std::make_unique<PopulationGames>(spec_, games_options(config_, nullptr), *network, parallel_for_);
   no_networks_ = at::zeros({1, network->parameters().size()}, at::TensorOptions().device(torch_device(device)));
   clock_ = make_device_clock(device, parallel_for_.stream());
+}
+
+void Evolution::divide(Ranks& ranks) {
+  const PopulationConfig& p = config_.population;
+  const int n = ranks.size();
+  if (p.population_size % n != 0) {
+    const int step = p.antithetic && n % 2 != 0 ? 2 * n : n, below = p.population_size / step * step;
+    throw InputError(cat("population.population_size: ", p.population_size, " members cannot be divided among ", n,
+                         " ranks; nearest: ", below > 0 ? cat(below, ", ") : "", below + step));
+  }
+  if (!p.common_random_numbers && populations_at_a_time(config_) > 1)
+    throw InputError(
+        "population.common_random_numbers: false takes one rank, or population.turns: alternating: the worlds of the "
+        "second population have no numbers in a row");
+  ranks_ = &ranks;
+  const EvolvingTeam& any = team_[0] ? *team_[0] : *team_[1];
+  games_ = std::make_unique<PopulationGames>(spec_, games_options(config_, ranks_), any.actor(), parallel_for_);
+}
+
+/// Those that this rank plays. Each rank makes all of them, from counters: only fitness crosses.
+at::Tensor Evolution::own_members(const at::Tensor& members) const {
+  if (!ranks_) return members;
+  const int64_t count = members.size(0) / ranks_->size();
+  return members.narrow(0, ranks_->rank() * count, count);
 }
 
 std::vector<int> Evolution::teams_of_generation() const {
@@ -126,7 +157,7 @@ std::vector<int> Evolution::teams_of_generation() const {
 Population Evolution::population_of(int team) const {
   const EvolvingTeam* other = team_[1 - team].get();
   const int64_t worlds = config_.population.n_worlds();
-  Population population{team, team_[team]->ask(), other ? other->pool().networks() : no_networks_, {}};
+  Population population{team, own_members(team_[team]->ask()), other ? other->pool().networks() : no_networks_, {}};
   if (other)
     population.opponent =
         assign_opponents(config_.opponents, worlds, other->pool().weights(config_.opponents),
@@ -144,9 +175,11 @@ Metrics Evolution::update() {
   games_->play(populations, static_cast<uint32_t>(generations_));
   clock_->mark(1);
 
-  for (size_t k = 0; k < teams.size(); ++k)
-    team_[teams[k]]->tell(
-        fitness_of(games_->results(k), config_.population.n_rounds(), teams[k], config_.population.objective));
+  for (size_t k = 0; k < teams.size(); ++k) {
+    const at::Tensor fitness =
+        fitness_of(games_->results(k), config_.population.n_rounds(), teams[k], config_.population.objective);
+    team_[teams[k]]->tell(ranks_ ? ranks_->gather_rows(fitness) : fitness);
+  }
   ++generations_;
   clock_->mark(2);
   Metrics figures = metrics(populations);
@@ -186,6 +219,7 @@ void Evolution::team_metrics(int team, const PopulationFigures* f, Metrics& out)
 // Reads the figures of population k of those that played, and counts its games against the other team's pool.
 PopulationFigures Evolution::figures_of(const Population& population, size_t k) {
   const at::Tensor by_world = games_->results(k).sum(0, false, at::kDouble).cpu();  // [E, kNStatRows]
+  if (ranks_) ranks_->all_reduce_sum(by_world);
   const at::Tensor sums = by_world.sum(0), learned = team_[population.team]->figures().cpu();
   PopulationFigures f;
   f.stats.assign(sums.const_data_ptr<double>(), sums.const_data_ptr<double>() + kNStatRows);

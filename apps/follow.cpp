@@ -1,0 +1,53 @@
+#include "apps/follow.hpp"
+
+#include <chrono>
+
+#include "apps/joined_ranks.hpp"
+#include "apps/stop_request.hpp"
+#include "core/error.hpp"
+#include "io/state_hash.hpp"
+
+namespace giga {
+
+void expect_same_state(Ranks* ranks, const NamedArrays& arrays) {
+  if (!ranks) return;
+  const std::vector<std::string> all = ranks->gather(state_sha256(arrays));
+  for (size_t rank = 1; rank < all.size(); ++rank)
+    if (all[rank] != all[0])
+      throw Error(cat("rank ", rank, " has come to another state than rank 0 (SHA-256 ", all[rank].substr(0, 16),
+                      "... instead of ", all[0].substr(0, 16),
+                      "...): machines, builds or numbers of threads of the ranks differ; nothing was saved"));
+}
+
+int follow(TrainingSetup setup) {
+  const StopRequest signals;
+  Learner& learner = *setup.learner;
+  Ranks* ranks = setup.ranks.get();
+  const TrainConfig& train = setup.run.config.train;
+  const auto begin = std::chrono::steady_clock::now();
+  int64_t saved_update = setup.from ? learner.updates_done() : -1;
+  const auto save = [&] {
+    NamedArrays arrays;
+    learner.save(arrays);
+    expect_same_state(ranks, arrays);
+    saved_update = learner.updates_done();
+  };
+
+  if (!setup.from) save();
+  while (learner.agent_steps_done() < train.total_agent_steps) {
+    const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+    if (const int code = agreed_stop(ranks, stop_code(train, learner.agent_steps_done(), seconds))) {
+      if (saved_update != learner.updates_done()) save();
+      return code;
+    }
+    learner.update();
+    if (const auto what = learner.divergence())
+      throw Error(cat("training diverged: the ", what->tensor, " of team ", what->team,
+                      " held a NaN or an infinity at update ", what->update, "; rank 0 keeps the batch"),
+                  ErrorKind::diverged);
+    if (as_rank_0_says(ranks, false)) save();
+  }
+  return 0;
+}
+
+}  // namespace giga

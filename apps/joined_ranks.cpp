@@ -1,0 +1,97 @@
+#include "apps/joined_ranks.hpp"
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cstdlib>
+#include <sstream>
+
+#include "apps/program_info.hpp"
+#include "core/error.hpp"
+#include "cuda/runtime.hpp"
+#include "scenario/loader.hpp"
+
+namespace giga {
+namespace {
+
+/// The first line in which two texts differ: "train.n_threads: 1 instead of 2".
+std::string first_difference(const std::string& a, const std::string& b) {
+  std::istringstream left(a), right(b);
+  std::string one, other;
+  for (;;) {
+    const bool more_left = static_cast<bool>(std::getline(left, one)), more_right = !!std::getline(right, other);
+    if (!more_left && !more_right) return "";
+    if (!more_left) one = "nothing";
+    if (!more_right) other = "nothing";
+    if (one != other) return cat("'", other, "' instead of '", one, "'");
+  }
+}
+
+}  // namespace
+
+void add_rank_options(CLI::App& command, RankOptions& options) {
+  command
+      .add_option("--ranks", options.ranks,
+                  "train by so many processes on this machine: with GPUs each has its own, without they share the "
+                  "cores. openai_es, snes and des only (docs/scale.md; torchrun and srun need no option)")
+      ->check(CLI::Range(1, 256))
+      ->type_name("N");
+  command
+      .add_option("--rank-timeout", options.timeout,
+                  "of several ranks: seconds for which one that lives is waited for; more than an evaluation takes")
+      ->check(CLI::Range(1, 1'000'000))
+      ->capture_default_str()
+      ->type_name("SECONDS");
+}
+
+JoinedRanks join_others(const RankOptions& options, Dispatch& dispatch) {
+  const std::optional<RankPlace> place = rank_place([](const char* name) { return std::getenv(name); });
+  if (!place) return {};
+  if (options.ranks)
+    throw InputError(cat("--ranks ", *options.ranks, ": this process is rank ", place->rank, " of ", place->size,
+                         " already, as its variables say (torchrun, srun); leave the option out"));
+  RankPatience patience;
+  patience.answer = std::chrono::seconds(options.timeout);
+  dispatch.who = cat("rank ", place->rank, ": ");
+  const std::shared_ptr<Ranks> ranks = join_ranks(*place, patience);
+  dispatch.tell_ranks = [ranks](const std::string& message) { ranks->report_failure(message); };
+  return {ranks, place->local_rank};
+}
+
+Device device_of_rank(const std::string& device, const JoinedRanks& joined) {
+  const Device found = parse_device(device);
+  if (!joined.ranks || !found.is_cuda()) return found;
+  if (device.starts_with("cuda:"))
+    throw InputError(cat("device ", device, ": several ranks have a GPU each, by their number; write cuda"));
+  return parse_device(cat("cuda:", joined.local_rank));
+}
+
+void expect_same(Ranks* ranks, const std::string& what, const std::string& text) {
+  if (!ranks) return;
+  const std::vector<std::string> all = ranks->gather(text);
+  for (size_t rank = 1; rank < all.size(); ++rank)
+    if (all[rank] != all[0])
+      throw InputError(
+          cat("rank ", rank, " has another ", what, " than rank 0: ", first_difference(all[0], all[rank])));
+}
+
+std::string described(const LoadedRun& run) {
+  return cat("gigastep ", program_version(), '\n', print_yaml(run.config, false), print_scenario(run.scenario));
+}
+
+int finish(const JoinedRanks& joined, int code) {
+  if (joined.ranks) joined.ranks->leave();
+  return code;
+}
+
+int agreed_stop(Ranks* ranks, int code) {
+  if (!ranks) return code;
+  const std::vector<std::string> codes = ranks->gather(std::to_string(code));
+  const auto first = std::find_if(codes.begin(), codes.end(), [](const std::string& c) { return c != "0"; });
+  return first == codes.end() ? 0 : std::stoi(*first);
+}
+
+bool as_rank_0_says(Ranks* ranks, bool decision) {
+  return ranks ? ranks->broadcast(decision ? "yes" : "no") == "yes" : decision;
+}
+
+}  // namespace giga

@@ -1,0 +1,166 @@
+#include "apps/start_ranks.hpp"
+
+#include <sys/prctl.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <chrono>
+#include <csignal>
+#include <cstring>
+#include <map>
+#include <optional>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "apps/stop_request.hpp"
+#include "apps/training.hpp"
+#include "core/error.hpp"
+#include "io/files.hpp"
+#include "ranks/ranks.hpp"
+
+namespace giga {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+constexpr std::chrono::seconds kGrace{30};
+constexpr int kFailed = 1, kEndedBySignal = 128;
+
+/// The words of this process's command line, without --ranks.
+std::vector<std::string> own_words() {
+  const std::string line = read_file("/proc/self/cmdline");
+  std::vector<std::string> words;
+  for (size_t at = 0; at < line.size();) {
+    const size_t end = line.find('\0', at);
+    words.push_back(line.substr(at, end - at));
+    at = end == std::string::npos ? line.size() : end + 1;
+  }
+  for (size_t k = 1; k < words.size(); ++k) {
+    if (words[k] == "--ranks") {
+      const auto at = words.begin() + static_cast<std::ptrdiff_t>(k);
+      words.erase(at, at + 2);
+      break;
+    }
+    if (words[k].starts_with("--ranks=")) {
+      words.erase(words.begin() + static_cast<std::ptrdiff_t>(k));
+      break;
+    }
+  }
+  return words;
+}
+
+/// The environment of a rank: the variables that torchrun would set.
+std::vector<std::string> variables_of(int rank, int n, int port) {
+  std::map<std::string, std::string> all;
+  for (char** v = environ; *v; ++v) {
+    const std::string line = *v;
+    const size_t equals = line.find('=');
+    if (equals != std::string::npos) all[line.substr(0, equals)] = line.substr(equals + 1);
+  }
+  const auto cores = static_cast<int>(std::thread::hardware_concurrency());
+  all.try_emplace("OMP_NUM_THREADS", std::to_string(std::max(1, cores / n)));
+  all["RANK"] = all["LOCAL_RANK"] = std::to_string(rank);
+  all["WORLD_SIZE"] = all["LOCAL_WORLD_SIZE"] = std::to_string(n);
+  all["MASTER_ADDR"] = "127.0.0.1";
+  all["MASTER_PORT"] = std::to_string(port);
+  all["TORCHELASTIC_USE_AGENT_STORE"] = "True";
+  all["TORCHELASTIC_RESTART_COUNT"] = "0";
+  std::vector<std::string> lines;
+  for (const auto& [name, value] : all) lines.push_back(cat(name, "=", value));
+  return lines;
+}
+
+std::vector<char*> pointers(std::vector<std::string>& texts) {
+  std::vector<char*> all;
+  for (std::string& text : texts) all.push_back(text.data());
+  all.push_back(nullptr);
+  return all;
+}
+
+int start(std::vector<std::string> words, std::vector<std::string> variables) {
+  const std::vector<char*> argv = pointers(words), envp = pointers(variables);
+  const pid_t parent = ::getpid(), pid = ::fork();
+  if (pid < 0) throw Error(cat("cannot start a rank: ", std::strerror(errno)));
+  if (pid > 0) return pid;
+  // The child of a process with threads: nothing but calls that are safe there until execve.
+  ::prctl(PR_SET_PDEATHSIG, SIGTERM);
+  if (::getppid() != parent) ::_exit(127);  // it has died meanwhile
+  ::execve("/proc/self/exe", argv.data(), envp.data());
+  ::_exit(127);
+}
+
+/// The processes; killed and waited for where they live at the end.
+class Children {
+ public:
+  explicit Children(int n) {
+    const std::vector<std::string> words = own_words();
+    for (int rank = 0; rank < n; ++rank) pids_.push_back(start(words, variables_of(rank, n, server_.port())));
+  }
+  ~Children() {
+    send(SIGKILL);
+    for (size_t rank = 0; rank < pids_.size(); ++rank)
+      if (pids_[rank] > 0) ::waitpid(pids_[rank], nullptr, 0);
+  }
+  Children(const Children&) = delete;
+  Children& operator=(const Children&) = delete;
+
+  void send(int signal) const {
+    for (const int pid : pids_)
+      if (pid > 0) ::kill(pid, signal);
+  }
+
+  /// Notes who has ended. Returns whether all have.
+  bool look() {
+    bool all = true;
+    for (size_t rank = 0; rank < pids_.size(); ++rank) {
+      int status = 0;
+      if (pids_[rank] > 0 && ::waitpid(pids_[rank], &status, WNOHANG) == pids_[rank]) note(rank, status);
+      all = all && pids_[rank] == 0;
+    }
+    return all;
+  }
+  std::optional<int> failure() const { return failure_; }
+  int code_of_rank_0() const { return code_of_rank_0_; }
+
+ private:
+  void note(size_t rank, int status) {
+    pids_[rank] = 0;
+    const bool killed = WIFSIGNALED(status);
+    const int code = killed ? kFailed : WEXITSTATUS(status);
+    if (rank == 0) code_of_rank_0_ = code;
+    if (killed)
+      server_.report_failure(cat("rank ", rank, " of ", pids_.size(), " was ended by signal ", WTERMSIG(status), " (",
+                                 ::strsignal(WTERMSIG(status)), ")"));
+    const bool stopped = code == kOutOfTime || code > kEndedBySignal;  // as all have agreed
+    if (code != 0 && !stopped && !failure_) failure_ = code;
+  }
+
+  RankServer server_;
+  std::vector<int> pids_;  // 0: it has ended
+  std::optional<int> failure_;
+  int code_of_rank_0_ = 0;
+};
+
+}  // namespace
+
+int start_ranks(int n) {
+  const StopRequest signals;
+  Children children(n);
+  bool forwarded = false;
+  std::optional<Clock::time_point> failed_at;
+  while (!children.look()) {
+    // A terminal sends SIGINT to all processes; a second one would end them at once.
+    if (const int signal = StopRequest::signal(); signal != 0 && !forwarded) {
+      forwarded = true;
+      children.send(signal == SIGINT ? SIGTERM : signal);
+    }
+    if (children.failure() && !failed_at) failed_at = Clock::now();
+    if (failed_at && Clock::now() - *failed_at > kGrace) children.send(SIGKILL);
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  }
+  return children.failure().value_or(children.code_of_rank_0());
+}
+
+}  // namespace giga

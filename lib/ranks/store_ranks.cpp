@@ -1,0 +1,235 @@
+// Ranks that speak through c10d's TCPStore, a table of words that one process serves. Each call puts a rank's word
+// there and waits for those of all others, so who is missing is known by name, which Gloo does not tell; and sums are
+// made by each rank itself in one order. What crosses is little: fitness, decisions.
+#include <torch/csrc/distributed/c10d/TCPStore.hpp>
+
+#include <algorithm>
+#include <condition_variable>
+#include <cstring>
+#include <mutex>
+#include <thread>
+
+#include "core/error.hpp"
+#include "ranks/ranks.hpp"
+
+namespace giga {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+using Milliseconds = std::chrono::milliseconds;
+
+constexpr const char *kFailure = "gigastep/failure", *kLeft = "gigastep/left";
+constexpr Milliseconds kBeat{1000};
+constexpr Milliseconds kRest{3000};  // what a rank that fails leaves the others to read its message
+constexpr size_t kPiece = 4 << 20;   // the store takes values of up to 8 MB
+
+std::vector<uint8_t> to_bytes(const std::string& text) { return {text.begin(), text.end()}; }
+
+/// LibTorch puts pages of stack behind its messages.
+std::string first_line(const std::string& message) { return message.substr(0, message.find('\n')); }
+
+c10d::TCPStoreOptions options_of(int port, bool serves, Milliseconds timeout) {
+  c10d::TCPStoreOptions options;
+  options.port = static_cast<uint16_t>(port);
+  options.isServer = serves;
+  options.waitWorkers = false;
+  options.timeout = timeout;
+  return options;
+}
+
+/// Seconds for messages.
+std::string seconds_of(Milliseconds time) { return cat(static_cast<double>(time.count()) / 1000, " s"); }
+
+class StoreRanks final : public Ranks {
+ public:
+  StoreRanks(const RankPlace& place, const RankPatience& patience)
+      : Ranks(place.rank, place.size),
+        place_(place),
+        patience_(patience),
+        serves_(!place.served && place.rank == 0),
+        heard_(static_cast<size_t>(place.size)) {
+    store_ =
+        reach([&] { return std::make_unique<c10d::TCPStore>(place.host, options_of(place.port, serves_, wait())); });
+    beats_ = reach([&] { return std::make_unique<c10d::TCPStore>(place.host, options_of(place.port, false, wait())); });
+    heart_ = std::thread([this] { beat(); });
+    try {
+      barrier();
+    } catch (...) {
+      still();
+      throw;
+    }
+  }
+  ~StoreRanks() override { still(); }
+
+  std::vector<std::string> gather(const std::string& mine) override {
+    const int64_t call = calls_++;
+    return reach([&] {
+      post(key(call, rank()), mine);
+      std::vector<std::string> all;
+      const Clock::time_point begin = Clock::now();
+      for (int r = 0; r < size(); ++r) {
+        wait_for(call, r, begin);
+        all.push_back(r == rank() ? mine : read(key(call, r)));
+      }
+      // Whoever is in this call has read the words of the one before.
+      if (call > 0) clear(key(call - 1, rank()));
+      return all;
+    });
+  }
+
+  void report_failure(const std::string& message) noexcept override {
+    try {
+      store_->compareSet(word(kFailure), to_bytes(""), to_bytes(cat("rank ", rank(), " has failed: ", message)));
+      if (serves_) std::this_thread::sleep_for(kRest);
+    } catch (const std::exception&) {  // the store is gone: the others notice that by themselves
+    }
+  }
+
+  void leave() override {
+    barrier();
+    reach([&] {
+      store_->add(word(kLeft), 1);
+      const Clock::time_point end = Clock::now() + kRest;
+      while (serves_ && store_->add(word(kLeft), 0) < size() && Clock::now() < end)
+        std::this_thread::sleep_for(Milliseconds(2));
+      return 0;
+    });
+  }
+
+ private:
+  Milliseconds wait() const { return patience_.answer; }
+  std::string word(const std::string& name) const { return cat(name, "/", place_.attempt); }
+  std::string key(int64_t call, int rank) const { return word(cat("gigastep/call/", call, "/", rank)); }
+  std::string life(int rank) const { return word(cat("gigastep/alive/", rank)); }
+
+  /// Calls of the store, whose errors say little.
+  template <class F>
+  auto reach(F&& f) -> decltype(f()) {
+    try {
+      return f();
+    } catch (const c10::Error& e) {
+      const std::string who = place_.served ? "the process that started the ranks" : "rank 0";
+      throw Error(cat("rank ", rank(), " of ", size(), " cannot reach the store at ", place_.host, ":", place_.port,
+                      ", so ", who, " is missing: ", first_line(e.what_without_backtrace())));
+    }
+  }
+
+  // The first piece comes last: once it is there, all are. It begins with the size of the whole.
+  void post(const std::string& name, const std::string& text) {
+    for (size_t k = 1; k * kPiece < text.size(); ++k)
+      store_->set(cat(name, "/", k), to_bytes(text.substr(k * kPiece, kPiece)));
+    store_->set(name, to_bytes(cat(text.size(), ":") + text.substr(0, kPiece)));
+    posted_pieces_ = {posted_pieces_.second, (text.size() + kPiece - 1) / kPiece};
+  }
+  std::string read(const std::string& name) {
+    const std::vector<uint8_t> first = store_->get(name);
+    std::string text(first.begin(), first.end());
+    const size_t colon = text.find(':'), size = std::stoull(text.substr(0, colon));
+    text.erase(0, colon + 1);
+    for (size_t k = 1; k * kPiece < size; ++k) {
+      const std::vector<uint8_t> piece = store_->get(cat(name, "/", k));
+      text.append(piece.begin(), piece.end());
+    }
+    GIGA_CHECK(text.size() == size, text.size(), " bytes, not ", size);
+    return text;
+  }
+  void clear(const std::string& name) {
+    store_->deleteKey(name);
+    for (size_t k = 1; k < posted_pieces_.first; ++k) store_->deleteKey(cat(name, "/", k));
+  }
+
+  void wait_for(int64_t call, int r, Clock::time_point begin) {
+    std::chrono::microseconds pause{20};
+    Clock::time_point looked = Clock::now();
+    while (!store_->check({key(call, r)})) {
+      std::this_thread::sleep_for(pause);
+      pause = std::min(pause * 2, std::chrono::microseconds(1000));
+      const Clock::time_point now = Clock::now();
+      if (now - looked < kBeat / 4) continue;
+      looked = now;
+      if (store_->check({word(kFailure)})) throw Error(message_of_failure());
+      check_alive(r, now);
+      if (now - begin < patience_.answer) continue;
+      fail(cat("rank ", r, " of ", size(), heard(r) ? " lives, but hangs: no answer within " : " did not come within ",
+               seconds_of(patience_.answer)));
+    }
+  }
+  std::string message_of_failure() {
+    const std::vector<uint8_t> text = store_->get(word(kFailure));
+    return {text.begin(), text.end()};
+  }
+  /// The rank that is silent is told too, should it wake up again.
+  [[noreturn]] void fail(const std::string& message) {
+    store_->compareSet(word(kFailure), to_bytes(""), to_bytes(message));
+    throw Error(message_of_failure());
+  }
+  void check_alive(int r, Clock::time_point now) {
+    Heard& last = heard_[static_cast<size_t>(r)];
+    const int64_t beats = store_->add(life(r), 0);
+    // Nobody looks between two calls: the first look of a call starts the clock.
+    if (last.beats != beats || now - last.looked > 4 * kBeat) last = {beats, now, now};
+    last.looked = now;
+    if (beats == 0 || now - last.at < patience_.silence) return;
+    fail(cat("rank ", r, " of ", size(), " has not been heard of for ", seconds_of(patience_.silence),
+             ": it is dead, stopped or cut off"));
+  }
+  bool heard(int r) const { return heard_[static_cast<size_t>(r)].beats > 0; }
+
+  void beat() {
+    std::unique_lock lock(mutex_);
+    try {
+      do beats_->add(life(rank()), 1);
+      while (!wake_.wait_for(lock, kBeat, [this] { return over_; }));
+    } catch (const c10::Error&) {  // the store is gone: the next call tells
+    }
+  }
+  void still() {
+    {
+      const std::lock_guard lock(mutex_);
+      over_ = true;
+    }
+    wake_.notify_one();
+    if (heart_.joinable()) heart_.join();
+  }
+
+  struct Heard {
+    int64_t beats = 0;
+    Clock::time_point at, looked;  // when they were counted first, last
+  };
+
+  const RankPlace place_;
+  const RankPatience patience_;
+  const bool serves_;
+  std::unique_ptr<c10d::TCPStore> store_, beats_;  // the second is the heart's
+  int64_t calls_ = 0;
+  std::pair<size_t, size_t> posted_pieces_{1, 1};  // of the call before, of the latest
+  std::vector<Heard> heard_;                       // [size] signs of life
+  std::mutex mutex_;
+  std::condition_variable wake_;
+  bool over_ = false;
+  std::thread heart_;
+};
+
+}  // namespace
+
+std::unique_ptr<Ranks> join_ranks(const RankPlace& place, const RankPatience& patience) {
+  return std::make_unique<StoreRanks>(place, patience);
+}
+
+struct RankServer::Store {
+  c10d::TCPStore store{"127.0.0.1", options_of(0, true, kRest)};
+};
+
+RankServer::RankServer() : store_(std::make_unique<Store>()) {}
+RankServer::~RankServer() = default;
+
+int RankServer::port() const { return store_->store.getPort(); }
+
+void RankServer::report_failure(const std::string& message) noexcept {
+  try {
+    store_->store.compareSet(cat(kFailure, "/0"), to_bytes(""), to_bytes(message));
+  } catch (const std::exception&) {  // the ranks notice the end of the store by themselves
+  }
+}
+
+}  // namespace giga

@@ -1,0 +1,99 @@
+// What ranks tell each other, and what the others learn of one that is gone. The ranks are threads of this process.
+#include <ATen/ATen.h>
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <thread>
+
+#include "core/error.hpp"
+#include "ranks/ranks.hpp"
+
+namespace giga {
+namespace {
+
+using std::chrono::milliseconds;
+
+/// Runs `work` as each of n ranks. -> what each threw; empty where nothing.
+std::vector<std::string> as_ranks(int n, const std::function<void(Ranks&)>& work, RankPatience patience = {}) {
+  const RankServer server;
+  std::vector<std::string> errors(static_cast<size_t>(n));
+  std::vector<std::thread> threads;
+  for (int rank = 0; rank < n; ++rank)
+    threads.emplace_back([&, rank] {
+      try {
+        const auto ranks =
+            join_ranks({.rank = rank, .size = n, .port = server.port(), .served = true, .attempt = "0"}, patience);
+        work(*ranks);
+      } catch (const Error& e) {
+        errors[static_cast<size_t>(rank)] = e.what();
+      }
+    });
+  for (std::thread& thread : threads) thread.join();
+  return errors;
+}
+
+TEST(Ranks, GatherAddAndBroadcastInOrder) {
+  const std::vector<std::string> errors = as_ranks(8, [](Ranks& ranks) {
+    for (int round = 0; round < 3; ++round) {
+      const std::vector<std::string> all = ranks.gather(cat("rank ", ranks.rank(), " round ", round));
+      ASSERT_EQ(all.size(), 8u);
+      for (int r = 0; r < 8; ++r) EXPECT_EQ(all[static_cast<size_t>(r)], cat("rank ", r, " round ", round));
+    }
+    // fp32: 1e8 + 1 = 1e8, so ((1e8 + 1) + ... + 1) - 1e8 = 0; the other order gives 6.
+    at::Tensor x = at::ones({2});
+    if (ranks.rank() == 0) x.fill_(1e8);
+    if (ranks.rank() == 7) x.fill_(-1e8);
+    ranks.all_reduce_sum(x);
+    EXPECT_TRUE(at::equal(x, at::zeros({2}))) << x;
+    const at::Tensor rows = ranks.gather_rows(at::full({2, 3}, ranks.rank(), at::kDouble));
+    EXPECT_TRUE(at::equal(rows, at::arange(8, at::kDouble).repeat_interleave(2).unsqueeze(1).expand({16, 3})));
+    at::Tensor y = at::full({4}, ranks.rank(), at::kLong);
+    ranks.broadcast(y, 5);
+    EXPECT_TRUE(at::equal(y, at::full({4}, 5, at::kLong)));
+    ranks.leave();
+  });
+  for (const std::string& error : errors) EXPECT_EQ(error, "");
+}
+
+TEST(Ranks, TakeTextsThatTheStoreDoesNotTakeInOnePiece) {
+  // 9 MiB, and again: pieces of 4 MiB, of which those of an earlier call are cleared.
+  const auto errors = as_ranks(2, [](Ranks& ranks) {
+    for (int round = 0; round < 3; ++round) {
+      const auto letter = [&](int rank) { return static_cast<char>('a' + 2 * round + rank); };
+      const std::vector<std::string> all = ranks.gather(std::string(9 << 20, letter(ranks.rank())));
+      for (int r = 0; r < 2; ++r) EXPECT_TRUE(all[static_cast<size_t>(r)] == std::string(9 << 20, letter(r)));
+    }
+    ranks.leave();
+  });
+  for (const std::string& error : errors) EXPECT_EQ(error, "");
+}
+
+TEST(Ranks, LearnWhyAnotherOneFailed) {
+  const auto errors = as_ranks(3, [](Ranks& ranks) {
+    if (ranks.rank() == 1) return ranks.report_failure("out of memory");
+    ranks.gather("");
+  });
+  EXPECT_EQ(errors[0], "rank 1 has failed: out of memory");
+  EXPECT_EQ(errors[2], errors[0]);
+}
+
+TEST(Ranks, NameTheOneThatIsGoneAndTheOneThatHangs) {
+  const auto gone = as_ranks(2,
+                             [](Ranks& ranks) {
+                               if (ranks.rank() == 0)
+                                 ranks.gather("");  // the other is destroyed, and its heart with it
+                             },
+                             {.silence = milliseconds(2500)});
+  EXPECT_EQ(gone[0], "rank 1 of 2 has not been heard of for 2.5 s: it is dead, stopped or cut off");
+
+  const auto hangs = as_ranks(2,
+                              [](Ranks& ranks) {
+                                if (ranks.rank() == 0) ranks.gather("");
+                                if (ranks.rank() == 1) std::this_thread::sleep_for(milliseconds(2500));
+                              },
+                              {.answer = milliseconds(1500)});
+  EXPECT_EQ(hangs[0], "rank 1 of 2 lives, but hangs: no answer within 1.5 s");
+}
+
+}  // namespace
+}  // namespace giga
