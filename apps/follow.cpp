@@ -41,10 +41,13 @@ int follow(TrainingSetup setup) {
       return code;
     }
     learner.update();
-    if (const auto what = learner.divergence())
+    if (const auto what = learner.divergence()) {
+      NamedArrays for_rank_0;  // which keeps it beside the batch
+      learner.save(for_rank_0);
       throw Error(cat("training diverged: the ", what->tensor, " of team ", what->team,
                       " held a NaN or an infinity at update ", what->update, "; rank 0 keeps the batch"),
                   ErrorKind::diverged);
+    }
     if (as_rank_0_says(ranks, false)) save();
   }
   return 0;

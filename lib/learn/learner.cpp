@@ -2,14 +2,9 @@
 
 #include <algorithm>
 
-#include "core/error.hpp"
 #include "learn/registry.hpp"
 
 namespace giga {
-
-void Learner::divide(Ranks& /*ranks*/) {
-  throw InputError("train.algorithm: this one cannot be trained by several ranks yet; openai_es, snes and des can");
-}
 
 std::unique_ptr<Learner> make_learner(const LoadedRun& run, Device device) {
   const auto row = std::find(algorithms().begin(), algorithms().end(), &algorithm_of(run.config));

@@ -90,7 +90,7 @@ class Learner {
   /// Shares the games of every update with the other ranks; before the first one and before `load`. All ranks then
   /// have the same state after every update. Throws InputError where the algorithm or its settings cannot be divided.
   /// `ranks` must outlive the learner.
-  virtual void divide(Ranks& ranks);
+  virtual void divide(Ranks& ranks) = 0;
 };
 
 /// The learner of the algorithm that `run.config.train.algorithm` names.

@@ -74,7 +74,8 @@ void Actor::load(const std::string& prefix, const NamedArrays& in) {
   if (normalize_) normalizer_.load(prefix + "normalizer/", in);
 }
 
-at::Tensor mutual_information(const Actor& actor, const at::Tensor& head, const at::Tensor& weight) {
+at::Tensor mutual_information(const Actor& actor, const at::Tensor& head, const at::Tensor& weight,
+                              const SumOverRanks& sum) {
   at::NoGradGuard no_grad;
   at::Tensor p;  // [R, groups, choices]
   if (actor.actions() == ActionKind::discrete) {
@@ -88,9 +89,13 @@ at::Tensor mutual_information(const Actor& actor, const at::Tensor& head, const 
     p = at::cat({below, zero + 1}, -1) - at::cat({zero, below}, -1);
   }
   const auto entropy = [](const at::Tensor& q) { return -(q * (q + 1e-12).log()).sum(-1); };
-  const at::Tensor count = weight.sum().clamp_min(1);
-  const at::Tensor mean_policy = (p * weight.view({-1, 1, 1})).sum(0) / count;  // [groups, choices]
-  const at::Tensor mean_entropy = (entropy(p) * weight.unsqueeze(-1)).sum(0) / count;
+  const at::Tensor living = weight.sum();
+  at::Tensor mean_policy = (p * weight.view({-1, 1, 1})).sum(0);  // [groups, choices]
+  at::Tensor mean_entropy = (entropy(p) * weight.unsqueeze(-1)).sum(0);
+  for (const at::Tensor& x : {living, mean_policy, mean_entropy}) sum(x);
+  const at::Tensor count = living.clamp_min(1);
+  mean_policy /= count;
+  mean_entropy /= count;
   return (entropy(mean_policy) - mean_entropy).sum().reshape({1});
 }
 

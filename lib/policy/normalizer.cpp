@@ -17,12 +17,15 @@ RunningNorm::RunningNorm(int64_t size, double beta, at::Device device) : beta_(b
   std_ = at::ones({size}, options);
 }
 
-void RunningNorm::update(const at::Tensor& x, const at::Tensor& weight) {
+void RunningNorm::update(const at::Tensor& x, const at::Tensor& weight, const SumOverRanks& sum) {
   at::NoGradGuard no_grad;
   const at::Tensor count = weight.sum();
+  sum(count);
   const at::Tensor present = (count > 0).to(at::kFloat);
   const at::Tensor share = (weight / count.clamp_min(1)).unsqueeze(0);  // [1, R]
   const at::Tensor mean = at::mm(share, x).squeeze(0), squares = at::mm(share, x.square()).squeeze(0);
+  sum(mean);
+  sum(squares);
   const at::Tensor step = present * (1.0 - beta_);
   sum_.add_(step * (mean - sum_));
   sum_squares_.add_(step * (squares - sum_squares_));

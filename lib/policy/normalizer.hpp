@@ -6,6 +6,7 @@
 #include <string>
 
 #include "core/named_array.hpp"
+#include "policy/sum_over_ranks.hpp"
 
 namespace giga {
 
@@ -17,8 +18,9 @@ class RunningNorm {
   /// `beta` = share kept per update; 0 < beta < 1.
   RunningNorm(int64_t size, double beta, at::Device device);
 
-  /// Takes in the rows of x [R, size] whose weight [R] is 1, not those of weight 0. No effect if all are 0.
-  void update(const at::Tensor& x, const at::Tensor& weight);
+  /// Takes in the rows of x [R, size] whose weight [R] is 1, not those of weight 0, of all ranks. No effect if all are
+  /// 0.
+  void update(const at::Tensor& x, const at::Tensor& weight, const SumOverRanks& sum = {});
   /// (x - mean) / std, clamped to +- kNormalizedLimit.
   at::Tensor apply(const at::Tensor& x) const { return normalized(x, mean_, std_); }
   /// The same with given moments.

@@ -3,9 +3,11 @@
 #include <signal.h>
 
 #include <chrono>
+#include <cmath>
 #include <fstream>
 
 #include "core/error.hpp"
+#include "io/run_folder.hpp"
 #include "runs.hpp"
 #include "support/thinning.hpp"
 
@@ -23,9 +25,44 @@ eval: {episodes: 8, every_updates: 2, record: 0}
 checkpoint: {every_updates: 1}
 )";
 
+// An update: 16 worlds x 8 steps x 4 agents = 512 agent-steps; a shard: 2 worlds x 8 steps = 16 states, 4 in a
+// minibatch.
+constexpr const char* kMappo = R"(scenario: identical_2_vs_2_fobs_vec_void_disc
+device: cpu
+train: {algorithm: mappo, n_worlds: 16, total_agent_steps: 1536, n_threads: 1, desynchronize: true}
+mappo: {horizon: 8, n_minibatches: 4, n_epochs: 2, shards: 8, actor: {hidden: [8, 8]}, critic: {hidden: [8, 8]}}
+eval: {episodes: 8, every_updates: 0, record: 0}
+checkpoint: {every_updates: 1}
+)";
+
+NamedArrays arrays_of(const Workplace& here, const std::string& run) {
+  return find_checkpoint((here.path() / run).string()).checkpoint.arrays;
+}
+
+/// Where two states differ by more than rounding: the greatest difference of fp32 numbers, relative to 1 or the number;
+/// infinite where shapes or integers differ.
+double difference(const NamedArrays& a, const NamedArrays& b) {
+  if (a.size() != b.size()) return INFINITY;
+  double greatest = 0;
+  for (size_t k = 0; k < a.size(); ++k) {
+    if (a[k].name != b[k].name || a[k].shape != b[k].shape) return INFINITY;
+    if (a[k].type != ArrayType::f32) {
+      if (a[k].bytes != b[k].bytes) return INFINITY;
+      continue;
+    }
+    const std::vector<float> x = array_values<float>(a[k]), y = array_values<float>(b[k]);
+    for (size_t i = 0; i < x.size(); ++i)
+      greatest = std::max(greatest, static_cast<double>(std::fabs(x[i] - y[i]) / std::max(1.0f, std::fabs(x[i]))));
+  }
+  return greatest;
+}
+
 class RankedRun : public ::testing::Test {
  protected:
-  RankedRun() { here_.write("es.yaml", kConfig); }
+  RankedRun() {
+    here_.write("es.yaml", kConfig);
+    here_.write("mappo.yaml", kMappo);
+  }
   std::vector<std::string> train(const std::string& run, int ranks, const std::vector<std::string>& more = {}) {
     std::vector<std::string> words = {"train", "es.yaml", "--run-dir", run};
     if (ranks > 1) words.insert(words.end(), {"--ranks", std::to_string(ranks)});
@@ -52,6 +89,52 @@ TEST_F(RankedRun, EqualsTheRunOfOneProcessBitForBit) {
     EXPECT_EQ(state_hash(here_, run), state_hash(here_, "one"));
     EXPECT_EQ(metrics_rows(here_, run), metrics_rows(here_, "one"));
   }
+}
+
+// Sums over ranks are added in another order than by one process: rounding, which three updates carry on. What is
+// learned from is the same: worlds, draws, minibatches, moments.
+TEST_F(RankedRun, OfMappoEqualsTheRunOfOneProcessToRounding) {
+  const std::vector<std::vector<std::string>> settings = {
+      {},
+      {"--set", "mappo.fused=false", "--set", "mappo.obs_norm=true", "--set", "mappo.advantage_norm=batch"},
+      {"--set", "mappo.actor.memory=gru", "--set", "mappo.critic.memory=gru", "--set", "mappo.shards=4"},
+      {"--set", "mappo.critic.kind=state", "--set", "train.opponent=circle", "--set", "mappo.target_kl=0.001"}};
+  const size_t n_settings = tests_run_in_full() ? settings.size() : 1;
+  for (size_t k = 0; k < n_settings; ++k) {
+    SCOPED_TRACE(k);
+    const auto run = [&](const std::string& name, int ranks, const std::vector<std::string>& more = {}) {
+      std::vector<std::string> words = train(name, ranks, settings[k]);
+      words[1] = "mappo.yaml";
+      words.insert(words.end(), more.begin(), more.end());
+      const Outcome outcome = here_.run(words);
+      EXPECT_EQ(outcome.code, more.empty() ? 0 : 124) << outcome.err;
+      return name;
+    };
+    const NamedArrays one = arrays_of(here_, run(cat("one", k), 1));
+    const NamedArrays two = arrays_of(here_, run(cat("two", k), 2));
+    EXPECT_LT(difference(one, two), 1e-4);
+    // The same ranks give the same bits.
+    EXPECT_EQ(state_hash(here_, run(cat("again", k), 2)), state_hash(here_, cat("two", k)));
+    if (k == 0) {
+      EXPECT_LT(difference(one, arrays_of(here_, run("eight", 8))), 1e-4);
+    }
+    // Begun by two and ended by one.
+    const std::string begun = run(cat("begun", k), 2, {"--set", "train.stop_at_agent_steps=512"});
+    const Outcome resumed = here_.run({"resume", begun, "--set", "train.stop_at_agent_steps=none"});
+    ASSERT_EQ(resumed.code, 0) << resumed.err;
+    EXPECT_LT(difference(one, arrays_of(here_, begun)), 1e-4);
+    EXPECT_EQ(metrics_rows(here_, begun), 3u);
+  }
+}
+
+TEST_F(RankedRun, OfMappoEndsWhereAGradientIsNotFinite) {
+  // A first step of 1e38 makes the second minibatch's gradient infinite, in both ranks.
+  const Outcome outcome = here_.run({"train", "mappo.yaml", "--run-dir", "run", "--ranks", "2", "--set",
+                                     "mappo.learning_rate=1e38", "--set", "mappo.max_grad_norm=0"});
+  EXPECT_EQ(outcome.code, 3) << outcome.err;
+  EXPECT_TRUE(contains(outcome.err, {"the gradient of the actor of team 0 held a NaN or an infinity at update 1"}));
+  const NamedArrays kept = arrays_of(here_, "run/diverged_update_1_team_0.h5");
+  EXPECT_EQ(find_array(kept, "simulator/x").shape, (std::vector<int64_t>{16, 4}));  // the worlds of both
 }
 
 TEST_F(RankedRun, IsStoppedBySignalAndGoesOnWithAnotherNumberOfRanks) {
@@ -103,8 +186,18 @@ TEST_F(RankedRun, RefusesWhatCannotBeDivided) {
     return outcome.err;
   };
   EXPECT_TRUE(contains(refused(train("a", 3)), {"8 members cannot be divided among 3 ranks; nearest: 6, 12"}));
-  EXPECT_TRUE(contains(refused(train("b", 2, {"--set", "train.algorithm=mappo"})),
-                       {"cannot be trained by several ranks yet; openai_es, snes and des can"}));
+  const auto mappo = [](const std::vector<std::string>& more) {
+    std::vector<std::string> words = {"train", "mappo.yaml", "--run-dir", "b", "--ranks", "2"};
+    words.insert(words.end(), more.begin(), more.end());
+    return words;
+  };
+  EXPECT_TRUE(contains(refused(mappo({"--set", "mappo.shards=1"})),
+                       {"mappo.shards: 1 cannot be divided among 2 ranks; nearest: 2"}));
+  EXPECT_TRUE(contains(refused(mappo({"--set", "mappo.shards=3"})), {"3 does not divide train.n_worlds = 16"}));
+  EXPECT_TRUE(contains(refused(mappo({"--set", "mappo.shards=16", "--set", "mappo.n_minibatches=16"})),
+                       {"16 does not divide the 8 states of a shard"}));
+  EXPECT_TRUE(contains(refused(mappo({"--set", "opponents.pool_size=2", "--set", "opponents.pool_share=0.5"})),
+                       {"mappo.shards: 8: further opponents are met in worlds that are not divided alike"}));
   EXPECT_TRUE(contains(refused(train("c", 2), {{"RANK", "0"}, {"WORLD_SIZE", "2"}}), {"MASTER_PORT is not set"}));
   EXPECT_FALSE(here_.has("a"));
 

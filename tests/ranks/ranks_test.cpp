@@ -6,6 +6,7 @@
 #include <thread>
 
 #include "core/error.hpp"
+#include "ranks/divided_arrays.hpp"
 #include "ranks/ranks.hpp"
 
 namespace giga {
@@ -50,6 +51,22 @@ TEST(Ranks, GatherAddAndBroadcastInOrder) {
     at::Tensor y = at::full({4}, ranks.rank(), at::kLong);
     ranks.broadcast(y, 5);
     EXPECT_TRUE(at::equal(y, at::full({4}, 5, at::kLong)));
+    ranks.leave();
+  });
+  for (const std::string& error : errors) EXPECT_EQ(error, "");
+}
+
+TEST(Ranks, ShareTheRowsOfAnArrayAndPutThemTogetherAgain) {
+  const auto errors = as_ranks(2, [](Ranks& ranks) {
+    NamedArray whole = make_array<float>("x", {0, 1, 2, 3, 4, 5, 6, 7});
+    whole.shape = {4, 2};
+    NamedArray mine = own_rows(ranks, whole);
+    EXPECT_EQ(mine.shape, (std::vector<int64_t>{2, 2}));
+    EXPECT_EQ(array_values<float>(mine).front(), ranks.rank() == 0 ? 0 : 4);
+    gather_rows(ranks, mine);
+    EXPECT_EQ(mine.shape, whole.shape);
+    EXPECT_EQ(mine.bytes, whole.bytes);
+    EXPECT_THROW(own_rows(ranks, make_array<float>("y", {1, 2, 3})), InputError);
     ranks.leave();
   });
   for (const std::string& error : errors) EXPECT_EQ(error, "");

@@ -24,6 +24,7 @@ constexpr ResumeRule kMappoMayChange[] = {
     {"mappo.max_grad_norm", ""},
     {"mappo.target_kl", ""},
     {"mappo.n_epochs", ""},
+    {"mappo.shards", ""},
     {"mappo.shaping_fade_start", ""},
     {"mappo.shaping_fade_end", ""},
     {"mappo.team_learning_rate_factors", ""},
@@ -75,6 +76,7 @@ void minibatches_divide(ConfigCheck& check) {
     return;
   const TrainConfig& train = check.config.train;
   const MappoConfig& c = check.config.mappo;
+  if (c.shards > 1) return;  // shards_divide
   const bool whole = steps_together(c) > 1;
   const int64_t states = static_cast<int64_t>(train.n_worlds) * c.horizon / steps_together(c);
   if (states % c.n_minibatches == 0) return;
@@ -88,6 +90,31 @@ void minibatches_divide(ConfigCheck& check) {
                                                  ", whose rollouts stay whole with memory; nearest: ", nearest));
   check.fail("mappo.n_minibatches", cat(c.n_minibatches, " does not divide train.n_worlds x mappo.horizon = ",
                                         train.n_worlds, " x ", c.horizon, " = ", states, "; nearest: ", nearest));
+}
+
+/// Each shard has as many worlds, and gives each minibatch as many states.
+void shards_divide(ConfigCheck& check) {
+  const MappoConfig& c = check.config.mappo;
+  const OpponentsConfig& p = check.config.opponents;
+  if (c.shards == 1 || !check.known({"mappo.shards"})) return;
+  if (p.pool_size > 0 || p.scripted_share > 0) {
+    if (check.known({"opponents.pool_size", "opponents.scripted_share"}))
+      check.fail("mappo.shards", cat(c.shards,
+                                     ": further opponents are met in worlds that are not divided alike; allowed with "
+                                     "opponents.pool_size or opponents.scripted_share: 1"));
+    return;
+  }
+  if (!check.known(
+          {"train.n_worlds", "mappo.horizon", "mappo.n_minibatches", "mappo.actor.memory", "mappo.critic.memory"}))
+    return;
+  const int64_t n_worlds = check.config.train.n_worlds;
+  if (n_worlds % c.shards != 0)
+    return check.fail("mappo.shards", cat(c.shards, " does not divide train.n_worlds = ", n_worlds));
+  const int64_t states = n_worlds / c.shards * (c.horizon / steps_together(c));
+  if (states % c.n_minibatches != 0)
+    check.fail("mappo.n_minibatches",
+               cat(c.n_minibatches, " does not divide the ", states, steps_together(c) > 1 ? " worlds" : " states",
+                   " of a shard (train.n_worlds ", n_worlds, ", mappo.shards ", c.shards, ")"));
 }
 
 /// Shares that come to no world.
@@ -160,14 +187,15 @@ void check_mappo(ConfigCheck& check) {
   memory_has_steps(check);
   worlds_suffice(check);
   minibatches_divide(check);
+  shards_divide(check);
   horizon_fits(check);
   options_fit(check);
 }
 
-// n_worlds x horizon must be a multiple of n_minibatches; with memory n_worlds itself.
+// n_worlds x horizon must be a multiple of n_minibatches, with memory n_worlds itself; in each shard.
 RunSize mappo_size(const RunConfig& c) {
   const int64_t divides = c.mappo.horizon / steps_together(c.mappo);
-  const int64_t step = c.mappo.n_minibatches / std::gcd<int64_t>(c.mappo.n_minibatches, divides);
+  const int64_t step = c.mappo.shards * (c.mappo.n_minibatches / std::gcd<int64_t>(c.mappo.n_minibatches, divides));
   return {"train.n_worlds", "world", c.train.n_worlds, step, step, kMostWorlds};
 }
 

@@ -25,6 +25,7 @@ struct MappoConfig {
   int horizon = 16;
   int n_epochs = 4;
   int n_minibatches = 8;
+  int shards = 1;
   float learning_rate = 1e-3f;
   float critic_learning_rate = 1e-3f;
   Schedule schedule = Schedule::linear;
@@ -63,6 +64,10 @@ void visit_fields(V& v, MappoConfig& c) {
   v("n_epochs", c.n_epochs, "passes over a rollout per update", range(1, 1000));
   v("n_minibatches", c.n_minibatches, "minibatches per epoch; must divide n_worlds x horizon, with memory n_worlds",
     range(1, 1'000'000));
+  v("shards", c.shards,
+    "parts of the worlds that are shuffled into minibatches each by itself, so that several ranks can take them; a "
+    "multiple of the number of ranks. The result depends on it, and not on the ranks but for rounding",
+    range(1, 65536));
   v("learning_rate", c.learning_rate, "Adam step size of the actors", greater_than(0));
   v("critic_learning_rate", c.critic_learning_rate, "Adam step size of the critics", greater_than(0));
   v("schedule", c.schedule, "how both step sizes change over the run");

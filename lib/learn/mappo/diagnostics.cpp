@@ -12,9 +12,11 @@ namespace giga {
 void PpoTeam::note_rollout(const TeamRollout& r, const at::Tensor& weight, const at::Tensor& inv_count) {
   figures_.zero_();
   // Explained variance: 1 - Var(returns - values) / Var(returns), and returns - values are the advantages.
-  const auto [return_mean, return_inv_std] = weighted_moments(own(returns_), weight, inv_count);
+  const auto [return_mean, return_inv_std] = weighted_moments(own(returns_), weight, inv_count, sum_);
   figures_[kFigExplained].copy_(1.0 - (return_inv_std / batch_inv_std_).square());
-  figures_[kFigLiving].copy_(weight.mean());
+  const at::Tensor living = at::stack({weight.sum(), at::full({}, weight.numel(), weight.options())});
+  sum_(living);
+  figures_[kFigLiving].copy_(living[0] / living[1]);
   note_faults(r);
 }
 
@@ -34,6 +36,7 @@ void PpoTeam::note_faults(const TeamRollout& r) {
     check.greatest[k] = greatest[k].const_data_ptr<float>();
   }
   parallel_for_.run(check, static_cast<int64_t>(tensors.size()));
+  sum_(figures_.slice(0, kFirstFault, kNFigures));  // so that all ranks refuse the same steps
 }
 
 /// `sums`: those of the diagnostics over the living rows of the minibatch.
@@ -46,7 +49,7 @@ PolicyNote PpoTeam::policy_note(const float* sums, int minibatch) const {
 }
 
 void PpoTeam::note_information(const at::Tensor& head, const at::Tensor& alive) {
-  figures_[kFigMutualInformation].copy_(mutual_information(actor_, head, alive.view({-1})).squeeze(0));
+  figures_[kFigMutualInformation].copy_(mutual_information(actor_, head, alive.view({-1}), sum_).squeeze(0));
 }
 
 StepFlags PpoTeam::step_flags(PpoFault fault, PpoFigure norm_sum, int minibatch) const {

@@ -36,12 +36,14 @@ std::string fused_update_refusal(const Actor& actor, const Critic& critic, int n
   return reason.empty() ? network("mappo.critic", critic.fused_mlp().has_value()) : reason;
 }
 
-FusedUpdate::FusedUpdate(const Actor& actor, const Critic& critic, int n, const ParallelFor& parallel_for)
+FusedUpdate::FusedUpdate(const Actor& actor, const Critic& critic, int n, const ParallelFor& parallel_for,
+                         const SumOverRanks& sum)
     : actor_(actor),
       critic_(critic),
       actor_mlp_(actor.fused_mlp().value()),
       critic_mlp_(critic.fused_mlp().value()),
       parallel_for_(parallel_for),
+      sum_(sum),
       blocks_(blocks_on(parallel_for.device())) {
   const Device device = parallel_for.device();
   if (device.is_cuda()) side_.emplace(device.index, parallel_for.stream());
@@ -103,7 +105,11 @@ void FusedUpdate::begin_epoch(const at::Tensor& obs, const at::Tensor& alive, co
     moments_ = at::empty({n_minibatches, kMomentParts, kMoments}, squares_.options());
   const auto* a = advantage.const_data_ptr<float>();
   auto* moments = moments_.data_ptr<double>();
-  if (!side_) return run_moments(rows_, pieces_, a, moments);
+  if (!side_) {
+    run_moments(rows_, pieces_, a, moments);
+    sum_(moments_);
+    return;
+  }
   launch_moments(rows_, pieces_, a, moments, index(), parallel_for_.stream());
   side_->fork();
 }
@@ -158,7 +164,20 @@ void FusedUpdate::complete(FusedStep& step) const {
   step.finished = reinterpret_cast<uint32_t*>(finished_.data_ptr<int32_t>());
 }
 
+// The parts of all ranks in the place of this one's first.
+void FusedUpdate::add_ranks() {
+  const at::Tensor own = at::cat({actor_partial_.sum(0), critic_partial_.sum(0)});
+  sum_(own);
+  int64_t from = 0;
+  for (const at::Tensor& partial : {actor_partial_, critic_partial_}) {
+    partial.zero_();
+    partial[0].copy_(own.narrow(0, from, partial.size(1)));
+    from += partial.size(1);
+  }
+}
+
 void FusedUpdate::add_up(FusedStep step) {
+  if (!sum_.alone()) add_ranks();
   complete(step);
   if (side_)
     launch_gradient_sums(step, index(), side_->stream());

@@ -24,8 +24,10 @@ std::string fused_update_refusal(const Actor& actor, const Critic& critic, int n
 class FusedUpdate {
  public:
   /// Networks that they serve; all three must outlive this. `n`: agents of the team. On a GPU epochs are learned from
-  /// on a stream beside that of `parallel_for`, so that the teams fill each other's gaps.
-  FusedUpdate(const Actor& actor, const Critic& critic, int n, const ParallelFor& parallel_for);
+  /// on a stream beside that of `parallel_for`, so that the teams fill each other's gaps. `sum`: over all
+  /// ranks; on a GPU there is but one.
+  FusedUpdate(const Actor& actor, const Critic& critic, int n, const ParallelFor& parallel_for,
+              const SumOverRanks& sum = {});
 
   /// Values [states, n] of the chosen states [S] (undefined: all) of obs [states, n, D] and alive [states, n].
   void write_values(const at::Tensor& obs, const at::Tensor& alive, const at::Tensor& states, const at::Tensor& values);
@@ -49,11 +51,13 @@ class FusedUpdate {
   FusedRows rows_of(const InputColumns& inputs) const;
   void choose(const at::Tensor& obs, const at::Tensor& alive, const at::Tensor& states);
   void complete(FusedStep& step) const;
+  void add_ranks();
 
   const Actor& actor_;
   const Critic& critic_;
   const FusedMlp actor_mlp_, critic_mlp_;
   const ParallelFor& parallel_for_;
+  const SumOverRanks sum_;
   const int blocks_;                           // that share a minibatch
   std::optional<SideStream> side_;             // none on a CPU
   FusedRows rows_;                             // with whole observations

@@ -23,6 +23,7 @@
 #include "learn/opponents/league.hpp"
 #include "learn/players/player.hpp"
 #include "learn/team_policy.hpp"
+#include "ranks/divided_arrays.hpp"
 #include "rollout/collector.hpp"
 #include "rollout/policy_controllers.hpp"
 #include "rollout/stream.hpp"
@@ -40,7 +41,9 @@ class Mappo final : public Learner {
   Metrics update() override;
   UpdateStage stage() const override;
   int64_t updates_done() const override { return updates_; }
-  int64_t agent_steps_done() const override { return updates_ * sim_->agents_per_step() * config_.mappo.horizon; }
+  int64_t agent_steps_done() const override {
+    return updates_ * agent_steps_per_update(config_, sim_->params().n_agents);
+  }
   Actor* actor(int team) override { return team_[team] ? &team_[team]->actor() : nullptr; }
   void watch(GameObserver& observer) override { collector_->watch(observer); }
   void save_critics(NamedArrays& out) const override;
@@ -49,6 +52,7 @@ class Mappo final : public Learner {
   std::optional<Divergence> divergence() const override { return divergence_; }
   UpdateTimes times() const override { return {clock_->seconds(0, 1), clock_->seconds(1, 2)}; }
   void save_batch(NamedArrays& out) const override;
+  void divide(Ranks& ranks) override;
   std::string ways() const override {
     const std::string& why = learning_.front()->plain_because();
     if (!why.empty()) return "learns by LibTorch, not by fused kernels: " + why;
@@ -65,6 +69,8 @@ class Mappo final : public Learner {
   }
 
  private:
+  void make_teams_and_worlds();
+  int n_ranks() const { return ranks_ ? ranks_->size() : 1; }
   /// Of the run, after so many updates.
   double share_done(int64_t updates) const {
     return std::min(1.0, static_cast<double>(updates) / static_cast<double>(total_updates_));
@@ -73,14 +79,18 @@ class Mappo final : public Learner {
   void set_shaping();
   void step_back(const std::array<LeagueRecord, kNTeams>& record);
   at::Tensor permutation(int64_t update, int epoch) const;
+  void save_worlds(NamedArrays& out) const;
+  void load_worlds(const NamedArrays& in);
   void note_divergence(int team, const float* figures);
   Metrics metrics(double factor);
   void team_metrics(int team, const float* figures, Metrics& out) const;
 
   const RunConfig config_;
+  LoadedRun run_;  // with the worlds of this process
   const Device device_;
   const int64_t total_updates_;
   ParallelFor parallel_for_;
+  Ranks* ranks_ = nullptr;  // null: this process has all worlds
   std::unique_ptr<Simulator> sim_;
   std::unique_ptr<PpoTeam> team_[kNTeams];  // null = scripted
   std::vector<PpoTeam*> learning_;          // those of them that are not
@@ -98,33 +108,42 @@ class Mappo final : public Learner {
 
 Mappo::Mappo(const LoadedRun& run, Device device)
     : config_(run.config),
+      run_(run),
       device_(device),
       total_updates_(total_updates(run.config, run.spec.params.n_agents).value()),
       parallel_for_(device, run.config.train.n_threads, current_stream(device)),
       balance_(run.config.mappo) {
   set_up_libtorch(config_.train, device);
+  make_teams_and_worlds();
+  clock_ = make_device_clock(device, parallel_for_.stream());
+}
 
-  // The stream of data: the simulator's worlds, who moves each team in them, and the collector that keeps what they
-  // see, do and get.
+// The stream of data: the simulator's worlds, who moves each team in them, and the collector that keeps what they see,
+// do and get.
+void Mappo::make_teams_and_worlds() {
+  const LoadedRun& run = run_;
   SimOptions options;
-  options.n_worlds = config_.train.n_worlds;
+  options.n_worlds = run.config.train.n_worlds;
   options.seed = seed_of(config_.seed, Purpose::training);
+  options.first_world = ranks_ ? static_cast<int64_t>(ranks_->rank()) * options.n_worlds : 0;
   options.n_threads = config_.train.n_threads;
-  sim_ = make_simulator(run.spec, options, device, parallel_for_.stream());
+  sim_ = make_simulator(run.spec, options, device_, parallel_for_.stream());
 
-  const WorldShares shares = world_shares(config_.opponents, config_.train.n_worlds);
+  SumOverRanks sum;
+  if (ranks_) sum.add = [this](const at::Tensor& x) { ranks_->all_reduce_sum(x); };
+  const WorldShares shares = world_shares(config_.opponents, options.n_worlds);
   std::array<const Actor*, kNTeams> actors{};
   CollectorOptions collecting{.horizon = config_.mappo.horizon, .desynchronize = config_.train.desynchronize};
   for (int team = 0; team < kNTeams; ++team) {
     if (!learns(config_.train, team)) continue;
-    team_[team] = std::make_unique<PpoTeam>(run, team, device, parallel_for_, shares.learning(team));
+    team_[team] = std::make_unique<PpoTeam>(run, team, device_, parallel_for_, shares.learning(team), sum);
     learning_.push_back(team_[team].get());
     actors[static_cast<size_t>(team)] = &team_[team]->actor();
     collecting.with_state = collecting.with_state || team_[team]->needs_state();
     collecting.keep |= team_[team]->reads();
   }
   if (config_.train.opponent.is_path()) {
-    frozen_ = Player::load(config_.train.opponent.name, {.device = device});
+    frozen_ = Player::load(config_.train.opponent.name, {.device = device_});
     if (frozen_->origin()) frozen_crc_ = crc32c(read_file(frozen_->origin()->file));
   }
   if (config_.mappo.step_back)
@@ -139,7 +158,24 @@ Mappo::Mappo(const LoadedRun& run, Device device)
   };
   collector_ = std::make_unique<Collector>(*sim_, parallel_for_, collecting, BothSides{side(0), side(1)});
   collector_->start();
-  clock_ = make_device_clock(device, parallel_for_.stream());
+}
+
+void Mappo::divide(Ranks& ranks) {
+  const int n = ranks.size(), shards = config_.mappo.shards;
+  if (League::wanted(config_))
+    throw InputError(
+        cat("several ranks know no further opponents yet; set opponents.pool_size=0 and "
+            "opponents.scripted_share=0, or take one rank"));
+  if (shards % n != 0)
+    throw InputError(cat("mappo.shards: ", shards, " cannot be divided among ", n,
+                         " ranks; nearest: ", shards > n ? cat(shards / n * n, ", ") : "", (shards / n + 1) * n));
+  collector_.reset();
+  learning_.clear();
+  for (auto& team : team_) team.reset();
+  sim_.reset();
+  ranks_ = &ranks;
+  run_.config.train.n_worlds = config_.train.n_worlds / n;
+  make_teams_and_worlds();
 }
 
 Metrics Mappo::update() {
@@ -199,7 +235,7 @@ UpdateStage Mappo::stage() const {
 void Mappo::set_shaping() {
   if (!balance_.shaping_fades()) return;
   at::NoGradGuard no_grad;
-  wrap(sim_->state().view().reward_factor, {config_.train.n_worlds}, sim_->device())
+  wrap(sim_->state().view().reward_factor, {sim_->n_worlds()}, sim_->device())
       .fill_(balance_.shaping_factor(share_done(updates_)));
 }
 
@@ -235,17 +271,34 @@ double Mappo::schedule_factor() const {
   return 1;
 }
 
-// The order of a team's sequences in an epoch, the same for both teams. The generator is seeded afresh each time, so
-// that it has no state to save.
-at::Tensor Mappo::permutation(int64_t update, int epoch) const {
-  const uint64_t index = static_cast<uint64_t>(update) << 16 | static_cast<uint64_t>(epoch);
-  const at::Device device = torch_device(device_);
+/// A random order of 0 to n - 1. The generator is seeded afresh each time, so that it has no state to save.
+at::Tensor random_order(int64_t n, uint64_t seed, Device where) {
+  const at::Device device = torch_device(where);
   at::Generator generator = at::globalContext().defaultGenerator(device);
   {
     std::lock_guard lock(generator.mutex());
-    generator.set_current_seed(seed_of(config_.seed, Purpose::permutation, index));
+    generator.set_current_seed(seed);
   }
-  return at::randperm(learning_.front()->n_sequences(), generator, at::TensorOptions().dtype(at::kLong).device(device));
+  return at::randperm(n, generator, at::TensorOptions().dtype(at::kLong).device(device));
+}
+
+// The order of a team's sequences in an epoch, the same for both teams. Each minibatch takes as many of every shard,
+// whose order goes by its number among all ranks.
+at::Tensor Mappo::permutation(int64_t update, int epoch) const {
+  const uint64_t seed =
+      seed_of(config_.seed, Purpose::permutation, static_cast<uint64_t>(update) << 16 | static_cast<uint64_t>(epoch));
+  const int64_t n = learning_.front()->n_sequences();
+  if (config_.mappo.shards == 1) return random_order(n, seed, device_);
+  const int64_t shards = config_.mappo.shards / n_ranks(), worlds = sim_->n_worlds(), of_shard = worlds / shards;
+  const int64_t first = ranks_ ? ranks_->rank() * shards : 0;
+  std::vector<at::Tensor> orders;  // [shards]: [minibatches, sequences]
+  for (int64_t shard = 0; shard < shards; ++shard) {
+    const uint64_t own = seed_of(seed, Purpose::permutation, static_cast<uint64_t>(first + shard));
+    const at::Tensor order = random_order(n / shards, own, device_);
+    orders.push_back((order.div(of_shard, "floor") * worlds + order.remainder(of_shard) + shard * of_shard)
+                         .view({config_.mappo.n_minibatches, -1}));
+  }
+  return at::cat(orders, 1).flatten();
 }
 
 // ---- Bookkeeping: metrics, divergence, checkpoints -----------------------------------------------------------------
@@ -304,6 +357,7 @@ Metrics Mappo::metrics(double factor) {
   for (int team = 0; team < kNTeams; ++team)
     if (team_[team]) note_divergence(team, figures[team].const_data_ptr<float>());
   EpisodeStats stats = sim_->take_stats();
+  if (ranks_) ranks_->all_reduce_sum(at::from_blob(stats.rows.data(), {kNStatRows}, at::kDouble));
   std::array<LeagueRecord, kNTeams> record;
   if (league_) league_->read(stats, record);  // of the worlds in which both teams learn
   const double episodes = stats[EpisodeStat::episodes];
@@ -342,28 +396,49 @@ void Mappo::save_critics(NamedArrays& out) const {
 
 void Mappo::save(NamedArrays& out) const {
   out.push_back(make_array<int64_t>("updates", {updates_}));
-  sim_->state().save("simulator/", out);
-  collector_->save("collector/", out);
+  save_worlds(out);
   for (int team = 0; team < kNTeams; ++team)
-    if (team_[team]) {
-      team_[team]->save(cat("team_", team, "/"), out);
-      team_[team]->save_memory(cat("team_", team, "/"), out);
-    }
+    if (team_[team]) team_[team]->save(cat("team_", team, "/"), out);
   if (league_) league_->save("league/", out);
   if (frozen_) out.push_back(make_array<int64_t>("opponent/crc32c", {frozen_crc_}));
   balance_.save("balance/", out);
   if (step_back_) step_back_->save("step_back/", out);
 }
 
-void Mappo::load(const NamedArrays& in) {
-  updates_ = array_values<int64_t>(find_array(in, "updates")).at(0);
+// What there is of each world: of all ranks, so that checkpoints do not know of them.
+void Mappo::save_worlds(NamedArrays& out) const {
+  NamedArrays arrays;
+  sim_->state().save("simulator/", arrays);
+  collector_->save("collector/", arrays);
+  for (int team = 0; team < kNTeams; ++team)
+    if (team_[team]) team_[team]->save_memory(cat("team_", team, "/"), arrays);
+  for (NamedArray& array : arrays) {
+    if (ranks_) gather_rows(*ranks_, array);
+    out.push_back(std::move(array));
+  }
+}
+
+void Mappo::load_worlds(const NamedArrays& in) {
   sim_->state().load("simulator/", in);
   collector_->load("collector/", in);
   for (int team = 0; team < kNTeams; ++team)
-    if (team_[team]) {
-      team_[team]->load(cat("team_", team, "/"), in);
-      team_[team]->load_memory(cat("team_", team, "/"), in);
-    }
+    if (team_[team]) team_[team]->load_memory(cat("team_", team, "/"), in);
+}
+
+void Mappo::load(const NamedArrays& in) {
+  updates_ = array_values<int64_t>(find_array(in, "updates")).at(0);
+  if (ranks_) {
+    NamedArrays own;
+    for (const NamedArray& array : in)
+      if (array.name.starts_with("simulator/") || array.name.starts_with("collector/") ||
+          array.name.ends_with("/critic_memory"))
+        own.push_back(own_rows(*ranks_, array));
+    load_worlds(own);
+  } else {
+    load_worlds(in);
+  }
+  for (int team = 0; team < kNTeams; ++team)
+    if (team_[team]) team_[team]->load(cat("team_", team, "/"), in);
   if (league_) league_->load("league/", in);
   if (frozen_ && array_values<int64_t>(find_array(in, "opponent/crc32c")).at(0) != frozen_crc_)
     throw InputError(

@@ -21,13 +21,14 @@ namespace giga {
 // ---- Networks -------------------------------------------------------------------------------------------------------
 
 PpoTeam::PpoTeam(const LoadedRun& run, int team, Device device, const ParallelFor& parallel_for,
-                 const WorldRange& worlds)
+                 const WorldRange& worlds, const SumOverRanks& sum)
     : config_(run.config.mappo),
       team_(team),
       n_(run.spec.params.n_team[team]),
       n_worlds_(run.config.train.n_worlds),
       worlds_(worlds),
       parallel_for_(parallel_for),
+      sum_(sum),
       actor_(make_actor(run, team, device)),
       critic_(config_.critic, critic_shape(config_.critic, run.spec, team), precision_on(run, device), parallel_for,
               torch_device(device), network_seed(run, team, 1)),
@@ -41,7 +42,8 @@ PpoTeam::PpoTeam(const LoadedRun& run, int team, Device device, const ParallelFo
   stop_ = at::zeros({1}, options);
   figures_ = at::zeros({kNFigures}, options);
   plain_because_ = config_.fused ? fused_update_refusal(actor_, critic_, n_, device) : "mappo.fused is false";
-  if (plain_because_.empty()) fused_ = std::make_unique<FusedUpdate>(actor_, critic_, n_, parallel_for);
+  if (plain_because_.empty() && device.is_cuda() && !sum_.alone()) plain_because_ = "on a GPU they know no other ranks";
+  if (plain_because_.empty()) fused_ = std::make_unique<FusedUpdate>(actor_, critic_, n_, parallel_for, sum_);
   if (critic_.state_size() > 0) {
     critic_memory_ = at::zeros({n_worlds_, n_, critic_.state_size()}, options);
     critic_start_ = at::zeros_like(critic_memory_);
@@ -52,10 +54,22 @@ PpoTeam::PpoTeam(const LoadedRun& run, int team, Device device, const ParallelFo
 // ---- Advantages -----------------------------------------------------------------------------------------------------
 
 std::pair<at::Tensor, at::Tensor> weighted_moments(const at::Tensor& x, const at::Tensor& weight,
-                                                   const at::Tensor& inv_count) {
-  const at::Tensor mean = (x * weight).sum() * inv_count;
-  const at::Tensor variance = ((x - mean).square() * weight).sum() * inv_count;
+                                                   const at::Tensor& inv_count, const SumOverRanks& sum) {
+  const auto mean_of = [&](const at::Tensor& terms) {
+    const at::Tensor total = terms.sum();
+    sum(total);
+    return total * inv_count;
+  };
+  const at::Tensor mean = mean_of(x * weight);
+  const at::Tensor variance = mean_of((x - mean).square() * weight);
   return {mean, (variance.sqrt() + 1e-8).reciprocal()};
+}
+
+/// Of the rows with weight 1; 1 where there is none.
+at::Tensor PpoTeam::inverse_count(const at::Tensor& weight) const {
+  const at::Tensor count = weight.sum();
+  sum_(count);
+  return count.clamp_min(1).reciprocal();
 }
 
 /// Values [S, n] of these states, 0 for the others; of all if `states` is undefined.
@@ -178,13 +192,13 @@ void PpoTeam::compute_advantages(const Rollout& rollout) {
   value_ = value.view({t + 1, w, n_}).slice(0, 0, t);
 
   const at::Tensor weight = own(r.alive.slice(0, 0, t)).to(at::kFloat);
-  const at::Tensor inv_count = weight.sum().clamp_min(1).reciprocal();
-  std::tie(batch_mean_, batch_inv_std_) = weighted_moments(own(advantage_), weight, inv_count);
+  const at::Tensor inv_count = inverse_count(weight);
+  std::tie(batch_mean_, batch_inv_std_) = weighted_moments(own(advantage_), weight, inv_count, sum_);
   stop_.zero_();
   first_epoch_ = true;
   note_rollout(r, weight, inv_count);
   // MAPPO: the critic predicts returns in units of their running mean and deviation.
-  if (config_.value_norm) value_norm_.update(own(returns_).reshape({-1, 1}), weight.view({-1}));
+  if (config_.value_norm) value_norm_.update(own(returns_).reshape({-1, 1}), weight.view({-1}), sum_);
 }
 
 // ---- Minibatches ----------------------------------------------------------------------------------------------------
@@ -236,7 +250,7 @@ void PpoTeam::update_minibatch(const Rollout& rollout, int k, int minibatch, Ste
       .begins = states.size(0) > 1 ? beginnings(rollout).flatten().index_select(0, flat).view_as(states) : at::Tensor(),
       .obs = pick(r.obs),
       .alive = alive,
-      .inv_count = alive.sum().clamp_min(1).reciprocal()};
+      .inv_count = inverse_count(alive)};
   update_actor(rollout, batch, step_sizes.actor);
   update_critic(rollout, batch, step_sizes.critic);
 }
@@ -265,6 +279,7 @@ void PpoTeam::update_actor(const Rollout& rollout, const Minibatch& batch, float
 }
 
 void PpoTeam::step_actor(int minibatch, float step_size) {
+  sum_(actor_.parameters().gradient());
   actor_adam_.step(actor_.parameters(), parallel_for_, step_size, config_.max_grad_norm,
                    step_flags(kFaultActorGradient, kFigActorNorm, minibatch));
 }
@@ -277,7 +292,7 @@ at::Tensor PpoTeam::policy_loss_gradient(const TeamRollout& r, const Minibatch& 
     inv_std = batch_inv_std_;
   } else if (config_.advantage_norm == AdvantageNorm::minibatch) {
     const at::Tensor a = advantage_.view({-1, n_}).index_select(0, batch.states);
-    std::tie(mean, inv_std) = weighted_moments(a, batch.alive, batch.inv_count);
+    std::tie(mean, inv_std) = weighted_moments(a, batch.alive, batch.inv_count, sum_);
   }
   const int64_t count = head.size(0);
   at::Tensor gradient = at::empty_like(head);
@@ -311,6 +326,7 @@ at::Tensor PpoTeam::policy_loss_gradient(const TeamRollout& r, const Minibatch& 
     actor_.log_std().grad().add_(d_log_std.sum(0));
   }
   const at::Tensor sums = diagnostics.sum(0);
+  sum_(sums);
   parallel_for_.run(policy_note(sums.const_data_ptr<float>(), batch.number), 1);
   if (batch.number == 1) note_information(head, batch.alive);
   return gradient;
@@ -344,7 +360,9 @@ void PpoTeam::update_critic(const Rollout& rollout, const Minibatch& batch, floa
                     value.numel());
   value.backward(gradient);
   step_critic(batch.number, step_size);
-  figures_[kFigValueLoss].add_(loss.sum());
+  const at::Tensor sum_of_losses = loss.sum();
+  sum_(sum_of_losses);
+  figures_[kFigValueLoss].add_(sum_of_losses);
 }
 
 ValueError PpoTeam::value_error() const {
@@ -353,6 +371,7 @@ ValueError PpoTeam::value_error() const {
 }
 
 void PpoTeam::step_critic(int minibatch, float step_size) {
+  sum_(critic_.parameters().gradient());
   critic_adam_.step(critic_.parameters(), parallel_for_, step_size, config_.max_grad_norm,
                     step_flags(kFaultCriticGradient, kFigCriticNorm, minibatch));
 }
@@ -403,7 +422,7 @@ void PpoTeam::update_normalizer(const Rollout& rollout) {
   const TeamRollout& r = rollout.team[team_];
   const int64_t t = r.reward.size(0), d = r.obs.size(-1);
   actor_.normalizer().update(own(r.obs.slice(0, 0, t)).reshape({-1, d}),
-                             own(r.alive.slice(0, 0, t)).to(at::kFloat).view({-1}));
+                             own(r.alive.slice(0, 0, t)).to(at::kFloat).view({-1}), sum_);
 }
 
 // ---- Checkpoints ----------------------------------------------------------------------------------------------------

@@ -31,8 +31,10 @@ struct StepSizes {
 /// step.
 class PpoTeam {
  public:
-  /// Learns only from `worlds` of a rollout.
-  PpoTeam(const LoadedRun& run, int team, Device device, const ParallelFor& parallel_for, const WorldRange& worlds);
+  /// Learns only from `worlds` of a rollout. `sum`: over all ranks, each of which has a PpoTeam with as many worlds and
+  /// takes the same steps.
+  PpoTeam(const LoadedRun& run, int team, Device device, const ParallelFor& parallel_for, const WorldRange& worlds,
+          const SumOverRanks& sum = {});
 
   Actor& actor() { return actor_; }
   bool needs_state() const { return critic_.needs_state(); }
@@ -92,10 +94,11 @@ class PpoTeam {
     at::Tensor begins;     // [L, B] bool: the first steps of episodes; undefined where nobody remembers
     at::Tensor obs;        // [S, n, D]
     at::Tensor alive;      // [S, n] fp32
-    at::Tensor inv_count;  // [1] 1 / living rows
+    at::Tensor inv_count;  // [1] 1 / living rows, of all ranks
   };
   ValueError value_error() const;
   void update_fused(const Rollout& rollout, int k, int minibatch, StepSizes step_sizes);
+  at::Tensor inverse_count(const at::Tensor& weight) const;
   void step_actor(int minibatch, float step_size);
   void step_critic(int minibatch, float step_size);
   at::Tensor values_of(const CriticInput& input, const at::Tensor& states) const;
@@ -118,6 +121,7 @@ class PpoTeam {
   const int64_t n_worlds_;
   const WorldRange worlds_;
   const ParallelFor& parallel_for_;
+  const SumOverRanks sum_;
   Actor actor_;
   Critic critic_;
   Adam actor_adam_, critic_adam_;
@@ -142,8 +146,8 @@ class PpoTeam {
   at::Tensor figures_;                     // [kNFigures]
 };
 
-/// Mean and 1 / deviation over the entries with weight, of which there are 1 / inv_count.
+/// Mean and 1 / deviation over the entries with weight, of which all ranks have 1 / inv_count.
 std::pair<at::Tensor, at::Tensor> weighted_moments(const at::Tensor& x, const at::Tensor& weight,
-                                                   const at::Tensor& inv_count);
+                                                   const at::Tensor& inv_count, const SumOverRanks& sum = {});
 
 }  // namespace giga
