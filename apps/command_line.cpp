@@ -56,8 +56,11 @@ std::string explain_setting(const CLI::App& command, const std::string& word) {
   for (size_t k = 0; k + 2 < words.size(); ++k) {
     if (words[k] != "--set") continue;
     const std::string &assignment = words[k + 1], &next = words[k + 2];
-    if (assignment.find('=') == std::string::npos && !next.starts_with("-"))
-      return cat("--set ", assignment, " ", next, ": expected KEY=VALUE", write(assignment + "=" + next));
+    if (assignment.find('=') == std::string::npos && !next.starts_with("-")) {
+      const bool apart = next == "=" && k + 3 < words.size();  // KEY = VALUE
+      return cat("--set ", assignment, " ", next, ": expected KEY=VALUE",
+                 write(assignment + "=" + (apart ? words[k + 3] : next)));
+    }
     if (std::count(assignment.begin(), assignment.end(), '[') <= std::count(assignment.begin(), assignment.end(), ']'))
       continue;
     std::string list = assignment;
@@ -76,10 +79,14 @@ std::string explain_leftover(const CLI::App& command) {
   const std::vector<std::string> commands = command_names(command);
   if (word.rfind('-', 0) == 0) {
     const std::string name = word.substr(0, word.find('='));
+    if ((name == "--out" || name == "--output" || name == "--dir") && command.get_option_no_throw("--run-dir"))
+      return cat("unknown option '", name, "'; the folder of the run is --run-dir");
     const std::string hint = nearest_hint(name, option_names(command));
     const bool has_keys = hint.empty() && command.get_option_no_throw("--set");
     return cat("unknown option '", name, "'", has_keys ? "; keys are set by --set KEY=VALUE" : hint);
   }
+  if (commands.size() == 1)
+    return cat("unexpected argument '", word, "'; write ", command.get_name(), " ", commands.front(), " ", word);
   if (!commands.empty())
     return cat("unknown command '", word, "'", nearest_hint(word, commands), "; commands: ", join(commands));
   return cat("unexpected argument '", word, "'");

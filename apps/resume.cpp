@@ -101,6 +101,7 @@ int resume(const ResumeOptions& o, Dispatch& dispatch) {
     return finish(joined, 0);
   }
   if (starts_ranks) {
+    algorithm_of(setup.run.config).expect_divides(setup.run.config, *o.ranks.ranks);
     folder.reset();
     return start_ranks(*o.ranks.ranks);
   }

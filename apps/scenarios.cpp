@@ -45,6 +45,7 @@ struct ShowOptions {
 
 void print_or_draw(const ShowOptions& o) {
   const Scenario scenario = load_scenario(o.name, data_dirs());
+  const SimSpec spec = compile(scenario);  // what cannot be played is told here already
   if (o.picture.empty()) {
     std::cout << print_scenario(scenario);
     return;
@@ -53,7 +54,7 @@ void print_or_draw(const ShowOptions& o) {
   if (ending != ".svg" && ending != ".png")
     throw InputError(cat("--picture ", o.picture, ": pictures of maps are SVG, of what agents see PNG: call it ",
                          "FILE.svg or FILE.png"));
-  write_file(o.picture, ending == ".svg" ? scenario_picture(compile(scenario)) : scenario_images(compile(scenario)));
+  write_file(o.picture, ending == ".svg" ? scenario_picture(spec) : scenario_images(spec));
   std::cout << o.picture << std::endl;
 }
 

@@ -120,7 +120,10 @@ int train(const TrainOptions& o, Dispatch& dispatch) {
     print_plan(setup.run, setup.device);
     return 0;
   }
-  if (o.ranks.ranks && *o.ranks.ranks > 1) return start_ranks(*o.ranks.ranks);
+  if (o.ranks.ranks && *o.ranks.ranks > 1) {
+    algorithm_of(setup.run.config).expect_divides(setup.run.config, *o.ranks.ranks);  // told once, not by every rank
+    return start_ranks(*o.ranks.ranks);
+  }
   expect_same(joined.ranks.get(), "program or config", described(setup.run));
   check_memory(setup.run, setup.device);
   setup.learner = make_learner(setup.run, setup.device);

@@ -113,9 +113,9 @@ def main(path):
         for event in head["events"]:
             if event["what"] in ("death", "collected"):
                 i, t = event["agent"], event["step"]
-                how = f" of {head['cause'][i]}" if event["what"] == "death" else ""
-                by = f" by agent {event['other']}" if event["other"] >= 0 else ""
-                print(f"  step {t:4}: {event['what']} of agent {i}{how}{by} at "
+                what = f"dies ({head['cause'][i]})" if event["what"] == "death" else "collects a waypoint"
+                by = f", by agent {event['other']}" if event["other"] >= 0 else ""
+                print(f"  step {t:4}: agent {i} {what}{by} at "
                       f"({episode.x[i][t]:.2f}, {episode.y[i][t]:.2f}), altitude {episode.z[i][t]:.1f}")
 
 

@@ -150,8 +150,13 @@ void set_override(Document& document, std::string_view assignment, Errors& error
   const std::string shown = path.size() > kShownPath ? path.substr(0, kShownPath) + "..." : path;
   const auto source = std::make_shared<const std::string>("--set " + shown);
   const Position at{source};
-  if (equals == std::string_view::npos || equals == 0)
-    return errors.add({std::make_shared<const std::string>(cat("--set ", assignment))}, "expected KEY=VALUE");
+  if (equals == std::string_view::npos || equals == 0) {
+    const size_t colon = assignment.find(':');
+    const std::string hint = colon == std::string_view::npos || equals == 0
+                                 ? ""
+                                 : cat("; write --set ", path.substr(0, colon), "=", assignment.substr(colon + 1));
+    return errors.add({std::make_shared<const std::string>(cat("--set ", assignment))}, "expected KEY=VALUE" + hint);
+  }
 
   // The value. Its positions inside the argument say nothing that the key does not.
   Errors in_value;

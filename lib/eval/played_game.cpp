@@ -104,6 +104,9 @@ PlayedGame choose_game(const GameRequest& request, const std::vector<const Playe
     throw InputError(
         cat("no checkpoint or manifest says which scenario ", join(names, " and "), " play: name one with --scenario"));
   }
+  if (first && first->origin()->run.scenario.action != game.scenario.action)
+    game.notes.push_back(cat("actions stay ", FieldCodec<ActionKind>::print(first->origin()->run.scenario.action),
+                             ", as ", first->name(), " was trained"));
   if (first) carry_over(players, *first, game.scenario);
   change(request.changes, game.scenario);
   game.spec = compile(game.scenario);

@@ -53,6 +53,8 @@ struct Algorithm {
   PolicySettings (*policy)(const RunConfig&);
   int64_t (*agent_steps_per_update)(const RunConfig&, int n_agents);  ///< null: known only afterwards
   void (*check)(ConfigCheck&);  ///< mistakes that show only in the combination of keys and with the scenario
+  /// Throws InputError where a run cannot be shared by so many ranks (lib/ranks).
+  void (*expect_divides)(const RunConfig&, int n_ranks);
 
   // For the memory plan.
   RunSize (*size)(const RunConfig&);

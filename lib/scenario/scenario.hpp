@@ -66,7 +66,8 @@ void visit_fields(V& v, SightConfig& c) {
   v("very_close_cone_depth", c.very_close_cone_depth, "opponents nearer than this (units) are always detected",
     at_least(0));
   v("cone_depth", c.cone_depth, "how far an agent detects opponents (units)", at_least(0));
-  v("cone_angle", c.cone_angle, "half angle of the sight cone (radians); pi or more = every direction", at_least(0));
+  v("cone_angle", c.cone_angle, "half angle of the sight cone (radians); pi or more = every direction",
+    range(0, 2 * kPi));
   v("use_stochastic_obs", c.use_stochastic_obs, "detection succeeds with probability 1 - (distance / depth)^2");
   v("obstacles_block_sight", c.obstacles_block_sight, "no detection through an obstacle (beyond the original)");
   v("sight_3d", c.sight_3d, "distances and cones of sight and damage use the altitude too (beyond the original)");
@@ -96,7 +97,7 @@ struct DamageConfig {
 template <class V>
 void visit_fields(V& v, DamageConfig& c) {
   v("damage_cone_depth", c.damage_cone_depth, "how far an agent shoots (units); 0 = nobody does", at_least(0));
-  v("damage_cone_angle", c.damage_cone_angle, "half angle of the weapon cone (radians)", at_least(0));
+  v("damage_cone_angle", c.damage_cone_angle, "half angle of the weapon cone (radians)", range(0, 2 * kPi));
   v("damage_per_second", c.damage_per_second, "health lost a second for each step of tracking beyond the minimum",
     at_least(0));
   v("healing_per_second", c.healing_per_second, "health gained a second", at_least(0));

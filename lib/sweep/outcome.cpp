@@ -152,6 +152,9 @@ SweepOutcome outcome_of(const SweepSpec& spec, const std::vector<TrialSettings>&
       trial.seeds = spec.seeds;
       trial.values = progress.values(number, trial.rung);
       trial.value = progress.value(number, trial.rung);
+      for (const uint64_t seed : spec.seeds)  // runs end with a whole update
+        if (const SweepResult* result = progress.result({number, trial.rung, seed}))
+          trial.agent_steps = std::max(trial.agent_steps, result->agent_steps);
     }
     outcome.trials.push_back(std::move(trial));
   }

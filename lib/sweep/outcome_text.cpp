@@ -1,4 +1,5 @@
 // The outcome of a sweep as CSV, JSON, text and HTML.
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <nlohmann/json.hpp>
@@ -25,10 +26,18 @@ std::string digits(double value, const char* format = "%.4g") {
   return text;
 }
 
-/// "0.91 [0.88, 0.94]".
-std::string with_interval(const std::vector<double>& values) {
-  if (values.empty()) return "-";
+/// Student's interval; of win rates cut at 0 and 1.
+Interval interval_of(const SweepSpec& spec, const std::vector<double>& values) {
   const Interval interval = mean_interval(values);
+  for (const std::string& column : spec.metric)
+    if (!column.starts_with("win_rate_")) return interval;
+  return {std::clamp(interval.lo, 0.0, 1.0), std::clamp(interval.hi, 0.0, 1.0)};
+}
+
+/// "0.91 [0.88, 0.94]".
+std::string with_interval(const SweepSpec& spec, const std::vector<double>& values) {
+  if (values.empty()) return "-";
+  const Interval interval = interval_of(spec, values);
   if (values.size() == 1) return digits(values[0]);
   return cat(digits(mean_of(values)), " [", digits(interval.lo), ", ", digits(interval.hi), "]");
 }
@@ -53,8 +62,8 @@ std::string settings_text(const TrialSettings& settings) {
 }
 
 /// A row of the table of the best: trial, value, agent-steps, settings.
-std::vector<std::string> row_of(const SweepOutcome::Trial& trial) {
-  return {std::to_string(trial.number), with_interval(trial.values), print_short(trial.agent_steps),
+std::vector<std::string> row_of(const SweepSpec& spec, const SweepOutcome::Trial& trial) {
+  return {std::to_string(trial.number), with_interval(spec, trial.values), print_short(trial.agent_steps),
           settings_text(trial.settings)};
 }
 
@@ -67,7 +76,7 @@ void write_outcome(Markup& page, const SweepOutcome& outcome) {
                    ". The charts below are those of the best trials."),
                {{"class", "note"}});
   std::vector<TableRow> rows;
-  for (const SweepOutcome::Trial* trial : best_trials(outcome)) rows.push_back(row_of(*trial));
+  for (const SweepOutcome::Trial* trial : best_trials(outcome)) rows.push_back(row_of(outcome.spec, *trial));
   write_table(page, "Best settings, with 95 % intervals over the seeds (Student's t)",
               {"trial", "value", "agent-steps", "settings"}, rows);
   rows.clear();
@@ -104,7 +113,7 @@ std::string outcome_csv(const SweepOutcome& outcome) {
   const auto number = [](double value) { return std::isfinite(value) ? print_number(value) : std::string(); };
   for (const SweepOutcome::Trial& t : outcome.trials) {
     const bool known = !t.values.empty();
-    const Interval interval = known ? mean_interval(t.values) : Interval{std::nan(""), std::nan("")};
+    const Interval interval = known ? interval_of(outcome.spec, t.values) : Interval{std::nan(""), std::nan("")};
     text += cat(t.number, ",", t.rung < 0 ? "" : std::to_string(t.rung), ",", number(t.agent_steps), ",",
                 t.value ? number(*t.value) : "", ",", number(interval.lo), ",", number(interval.hi), ",",
                 t.values.size(), ",", number(t.seconds));
@@ -125,7 +134,7 @@ Json outcome_json(const SweepOutcome& outcome) {
                 {"value", nullptr},  {"values", t.values},   {"seconds", t.seconds}, {"folders", t.folders}};
     if (t.value) one["value"] = *t.value;
     if (!t.values.empty()) {
-      const Interval interval = mean_interval(t.values);
+      const Interval interval = interval_of(outcome.spec, t.values);
       one["interval"] = {interval.lo, interval.hi};
     }
     trials.push_back(std::move(one));
@@ -144,7 +153,7 @@ std::string outcome_text(const SweepOutcome& outcome) {
   std::string text = cat("best trials by ", metric_text(outcome.spec), " (mean over ", outcome.spec.seeds.size(),
                          outcome.spec.seeds.size() == 1 ? " seed" : " seeds, 95 % interval", "):\n");
   for (const SweepOutcome::Trial* trial : best_trials(outcome)) {
-    const std::vector<std::string> row = row_of(*trial);
+    const std::vector<std::string> row = row_of(outcome.spec, *trial);
     text += cat("  trial ", row[0], "  ", row[1], "  after ", row[2], " agent-steps: ", row[3], "\n");
   }
   if (best_trials(outcome).empty()) text += "  none has a value yet\n";

@@ -34,7 +34,7 @@ def example_observation():
 
 
 if __name__ == "__main__":
-    policy, random = Policy(), np.random.default_rng()
+    policy, random = Policy(), np.random.default_rng(0)  # draws the same each time
     state = start(1)  # at the first step of each episode
     for _ in range(3):  # three steps of one agent
         obs = example_observation()  # what it sees now

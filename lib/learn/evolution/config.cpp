@@ -120,6 +120,20 @@ RunSize population_size(const RunConfig& c) {
           c.population.antithetic ? 2 : 1, 2,        std::min<int64_t>(most, kMostMembers)};
 }
 
+/// Each rank plays as many members.
+void expect_members_divide(const RunConfig& c, int n) {
+  const PopulationConfig& p = c.population;
+  if (p.population_size % n != 0) {
+    const int step = p.antithetic && n % 2 != 0 ? 2 * n : n, below = p.population_size / step * step;
+    throw InputError(cat("population.population_size: ", p.population_size, " members cannot be divided among ", n,
+                         " ranks; nearest: ", below > 0 ? cat(below, ", ") : "", below + step));
+  }
+  if (!p.common_random_numbers && populations_at_a_time(c) > 1)
+    throw InputError(
+        "population.common_random_numbers: false takes one rank, or population.turns: alternating: the worlds of the "
+        "second population have no numbers in a row");
+}
+
 /// The state of the worlds, and their observations.
 int64_t evolution_least_bytes(const LoadedRun& run) {
   const PopulationConfig& p = run.config.population;
@@ -147,6 +161,7 @@ constexpr Algorithm evolution_strategy(const char* name, const char* about, std:
           },
       .agent_steps_per_update = nullptr,
       .check = check_evolution,
+      .expect_divides = expect_members_divide,
       .size = population_size,
       .set_size = [](RunConfig& c, int64_t size) { c.population.population_size = static_cast<int>(size); },
       .shorten = [](RunConfig& c) { c.population.max_steps = 1; },

@@ -12,6 +12,7 @@
 #include "learn/evolution/opponents.hpp"
 #include "learn/libtorch_settings.hpp"
 #include "learn/opponents/record.hpp"
+#include "learn/registry.hpp"
 #include "learn/team_policy.hpp"
 #include "ranks/ranks.hpp"
 #include "rollout/population_games.hpp"
@@ -125,17 +126,7 @@ Evolution::Evolution(const LoadedRun& run, Device device, const MakeStrategy& ma
 }
 
 void Evolution::divide(Ranks& ranks) {
-  const PopulationConfig& p = config_.population;
-  const int n = ranks.size();
-  if (p.population_size % n != 0) {
-    const int step = p.antithetic && n % 2 != 0 ? 2 * n : n, below = p.population_size / step * step;
-    throw InputError(cat("population.population_size: ", p.population_size, " members cannot be divided among ", n,
-                         " ranks; nearest: ", below > 0 ? cat(below, ", ") : "", below + step));
-  }
-  if (!p.common_random_numbers && populations_at_a_time(config_) > 1)
-    throw InputError(
-        "population.common_random_numbers: false takes one rank, or population.turns: alternating: the worlds of the "
-        "second population have no numbers in a row");
+  algorithm_of(config_).expect_divides(config_, ranks.size());
   ranks_ = &ranks;
   const EvolvingTeam& any = team_[0] ? *team_[0] : *team_[1];
   games_ = std::make_unique<PopulationGames>(spec_, games_options(config_, ranks_), any.actor(), parallel_for_);

@@ -192,6 +192,17 @@ void check_mappo(ConfigCheck& check) {
   options_fit(check);
 }
 
+void expect_shards_divide(const RunConfig& c, int n_ranks) {
+  const int shards = c.mappo.shards, below = shards / n_ranks * n_ranks;
+  if (c.opponents.pool_size > 0 || c.opponents.scripted_share > 0)
+    throw InputError(
+        "opponents: several ranks know no further opponents yet; set opponents.pool_size=0 and "
+        "opponents.scripted_share=0, or take one rank");
+  if (below != shards)
+    throw InputError(cat("mappo.shards: ", shards, " cannot be divided among ", n_ranks,
+                         " ranks; nearest: ", below > 0 ? cat(below, ", ") : "", below + n_ranks));
+}
+
 // n_worlds x horizon must be a multiple of n_minibatches, with memory n_worlds itself; in each shard.
 RunSize mappo_size(const RunConfig& c) {
   const int64_t divides = c.mappo.horizon / steps_together(c.mappo);
@@ -233,6 +244,7 @@ const Algorithm MappoAlgorithm::kAlgorithm = {
         },
     .agent_steps_per_update = agent_steps_per_update,
     .check = check_mappo,
+    .expect_divides = expect_shards_divide,
     .size = mappo_size,
     .set_size = [](RunConfig& c, int64_t size) { c.train.n_worlds = static_cast<int>(size); },
     .shorten = [](RunConfig& c) { c.mappo.n_epochs = 1; },

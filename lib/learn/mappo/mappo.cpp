@@ -161,20 +161,13 @@ void Mappo::make_teams_and_worlds() {
 }
 
 void Mappo::divide(Ranks& ranks) {
-  const int n = ranks.size(), shards = config_.mappo.shards;
-  if (League::wanted(config_))
-    throw InputError(
-        cat("several ranks know no further opponents yet; set opponents.pool_size=0 and "
-            "opponents.scripted_share=0, or take one rank"));
-  if (shards % n != 0)
-    throw InputError(cat("mappo.shards: ", shards, " cannot be divided among ", n,
-                         " ranks; nearest: ", shards > n ? cat(shards / n * n, ", ") : "", (shards / n + 1) * n));
+  MappoAlgorithm::kAlgorithm.expect_divides(config_, ranks.size());
   collector_.reset();
   learning_.clear();
   for (auto& team : team_) team.reset();
   sim_.reset();
   ranks_ = &ranks;
-  run_.config.train.n_worlds = config_.train.n_worlds / n;
+  run_.config.train.n_worlds = config_.train.n_worlds / ranks.size();
   make_teams_and_worlds();
 }
 
