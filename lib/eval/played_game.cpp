@@ -64,14 +64,20 @@ void expect_one_game(const std::vector<const Player*>& players, const Player& fi
   }
 }
 
-/// What the policies observe, and how they act. A policy without the egocentric view is not given it.
+/// What the policies observe, and how they act: images and numbers where some learned from these and some from those. A
+/// policy without the egocentric view is not given it.
 void carry_over(const std::vector<const Player*>& players, const Player& first, Scenario& scenario) {
   const Scenario& own = first.origin()->run.scenario;
   scenario.observation = own.observation;
   scenario.action = own.action;
-  for (const Player* player : players)
-    if (player->origin() && player->origin()->run.scenario.observation.egocentric_view)
-      scenario.observation.egocentric_view = true;
+  ObservationConfig& seen = scenario.observation;
+  for (const Player* player : players) {
+    if (!player->origin()) continue;
+    const ObservationConfig& there = player->origin()->run.scenario.observation;
+    if (there.egocentric_view) seen.egocentric_view = true;
+    if (there.type != seen.type) seen.type = ObservationType::rgb_vector;
+    if (player->reads_image()) seen.resolution = there.resolution;
+  }
 }
 
 void change(const std::vector<std::string>& assignments, Scenario& scenario) {

@@ -13,6 +13,7 @@
 #include "math/distributions.hpp"
 #include "policy/policy.hpp"
 #include "rollout/tensors.hpp"
+#include "sim/image_rows.hpp"
 #include "sim/row_layout.hpp"
 #include "sim/state_observation.hpp"
 
@@ -312,10 +313,15 @@ void Recorder::ask_minds(const GameStep& step) {
     if (!mind.policy && !mind.values) continue;
     const int64_t n = spec_.params.n_team[team];
     at::Tensor head, value;
-    const float* rows = step.rows[team].obs;
+    // What a network reads: the images [W n, R R 3] or the numbers [W n, D]; undefined where there are none.
+    const auto seen = [&](bool image) {
+      const float* rows = step.rows[team].obs;
+      const auto* images = static_cast<const uint8_t*>(step.io.team[team].obs[Observation::image].rows);
+      if (image) return wrap(images, {w * n, image_bytes(spec_.params.resolution)}, device);
+      return rows ? wrap(rows, {w * n, stride}, device) : at::Tensor();
+    };
     if (mind.policy) {
-      head =
-          mind.policy->forward(wrap(rows, {w * n, stride}, device), remembered_->policies[static_cast<size_t>(team)]);
+      head = mind.policy->forward(seen(mind.policy->reads_image()), remembered_->policies[static_cast<size_t>(team)]);
       if (spec_.params.actions == ActionKind::continuous) head = head.tanh();
       head = head.to(at::kCPU).contiguous();
     }
@@ -324,7 +330,8 @@ void Recorder::ask_minds(const GameStep& step) {
       const at::Tensor alive = wrap(sim.state().view().alive, {w, spec_.params.n_agents}, device).narrow(1, first, n);
       const auto* truth = static_cast<const float*>(step.io.world[Observation::state].rows);
       const at::Tensor state = mind.values->needs_state() ? wrap(truth, {w, spec_.state_size()}, device) : at::Tensor();
-      const at::Tensor obs = rows ? wrap(rows, {w, n, stride}, device) : at::Tensor();
+      at::Tensor obs = seen(mind.values->reads_image());
+      if (obs.defined()) obs = obs.view({w, n, -1});
       value = mind.values->forward(obs, alive, state, remembered_->critics[static_cast<size_t>(team)])
                   .to(at::kCPU)
                   .contiguous();

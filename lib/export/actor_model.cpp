@@ -1,7 +1,10 @@
 #include "export/actor_model.hpp"
 
+#include <ATen/ATen.h>
+
 #include <algorithm>
 
+#include "config/fields.hpp"
 #include "core/error.hpp"
 #include "rollout/tensors.hpp"
 
@@ -9,14 +12,37 @@ namespace giga {
 namespace {
 
 /// Where the tensor of a model stands among the arrays of an actor: "layers.2.weight" is "mlp/2/weight", "memory.bias"
-/// is "mlp/memory/bias".
-std::string actor_name(std::string name) {
-  constexpr std::string_view kLayers = "layers.", kMemory = "memory.", kObservation = "observation.";
-  if (name.starts_with(kLayers) || name.starts_with(kMemory)) {
-    std::replace(name.begin(), name.end(), '.', '/');
-    return "mlp/" + (name.starts_with("layers") ? name.substr(kLayers.size()) : name);
-  }
-  return name.starts_with(kObservation) ? "normalizer/" + name.substr(kObservation.size()) : name;
+/// is "mlp/memory/bias". Of an encoder of images "conv_0.weight" is "nature/conv_0/weight", "layers.0.weight"
+/// "nature/dense_0/weight", and that of the output layer "nature/0/weight".
+std::string actor_name(const PolicyShape& shape, std::string name) {
+  constexpr std::string_view kLayers = "layers.", kObservation = "observation.";
+  if (name == kLogStdTensor) return name;
+  if (name.starts_with(kObservation)) return "normalizer/" + name.substr(kObservation.size());
+  const std::string output = layer_tensor(shape.n_layers() - 1, "");
+  if (shape.reads_image() && name.starts_with(output))
+    name = "0." + name.substr(output.size());
+  else if (name.starts_with(kLayers))
+    name = (shape.reads_image() ? "dense_" : "") + name.substr(kLayers.size());
+  std::replace(name.begin(), name.end(), '.', '/');
+  return cat(FieldCodec<EncoderKind>::print(shape.image.kind), "/", name);
+}
+
+/// The weight of a convolution between an actor's matrix [output, size size input] and [output, input, size, size].
+NamedArray convolution_weight(const NamedArray& array, const std::string& name, const ConvolutionShape& c,
+                              bool of_actor) {
+  const std::vector<float> values = array_values<float>(array);
+  at::Tensor x = at::tensor(values);
+  x = of_actor ? x.view({c.output, c.size, c.size, c.input}).permute({0, 3, 1, 2})
+               : x.view({c.output, c.input, c.size, c.size}).permute({0, 2, 3, 1}).reshape({c.output, -1});
+  return to_array(name, x.contiguous());
+}
+
+/// The convolution whose weight a tensor is.
+std::optional<ConvolutionShape> convolution_of(const PolicyShape& shape, const std::string& tensor) {
+  if (shape.reads_image())
+    for (const ConvolutionShape& c : convolutions_of(shape.image))
+      if (c.weight() == tensor) return c;
+  return std::nullopt;
 }
 
 /// An array of one or two dimensions cut or extended at the end of each; what is new is `filling`.
@@ -69,22 +95,29 @@ void add_moments(const PolicyModel& model, int64_t size, NamedArrays& arrays) {
 }  // namespace
 
 PolicyModel model_of(const Actor& actor, int inputs, const std::optional<RowView>& view) {
-  if (actor.network().encoder().layers().empty())
-    throw InputError("only policies of dense layers can be exported (encoder: mlp)");
   NamedArrays arrays;
   actor.save("", arrays);
   PolicyModel model;
   const NetworkConfig& network = actor.config();
   model.shape = {inputs, actor.actions(), network, actor.normalizes()};
   model.shape.view = view;
+  if (network.reads_image())
+    model.shape.image = {network.encoder, actor.inputs().side,
+                         network.encoder == EncoderKind::impala ? network.impala_width : 0};
   if (network.remembers()) {
     model.shape.memory = network.memory;
     model.shape.memory_size = network.memory_size;
   }
   for (const TensorShape& tensor : tensors_of(model.shape)) {
-    NamedArray array = find_array(arrays, actor_name(tensor.name));
-    if (tensor.name == layer_tensor(0, "weight")) array = for_whole_rows(array, actor.inputs());
-    if (tensor.name == layer_tensor(0, "weight")) check_reads_within(array, inputs);
+    NamedArray array = find_array(arrays, actor_name(model.shape, tensor.name));
+    if (const auto convolution = convolution_of(model.shape, tensor.name)) {
+      model.tensors.push_back(convolution_weight(array, tensor.name, *convolution, true));
+      continue;
+    }
+    if (tensor.name == layer_tensor(0, "weight") && !model.shape.reads_image()) {
+      array = for_whole_rows(array, actor.inputs());
+      check_reads_within(array, inputs);
+    }
     model.tensors.push_back(resized(array, tensor.name, tensor.shape, 0));
   }
   return model;
@@ -92,17 +125,23 @@ PolicyModel model_of(const Actor& actor, int inputs, const std::optional<RowView
 
 Actor actor_of(const PolicyModel& model, int padded_inputs, Precision precision, Device device) {
   const PolicyShape& shape = model.shape;
-  GIGA_CHECK(padded_inputs >= shape.inputs, padded_inputs, " < ", shape.inputs);
+  GIGA_CHECK(shape.reads_image() || padded_inputs >= shape.inputs, padded_inputs, " < ", shape.inputs);
   ActorConfig config;
   static_cast<MlpConfig&>(config) = shape.network;
   config.memory = shape.memory;
   config.memory_size = shape.memory_size;
-  Actor actor(config, padded_inputs, shape.actions, shape.normalizes, precision, torch_device(device), 0);
+  config.encoder = shape.image.kind;
+  if (shape.image.impala_width > 0) config.impala_width = shape.image.impala_width;
+  const InputColumns inputs =
+      shape.reads_image() ? InputColumns::image_of(shape.image.side) : InputColumns(padded_inputs);
+  Actor actor(config, inputs, shape.actions, shape.normalizes, precision, torch_device(device), 0);
   NamedArrays own, arrays;
   actor.save("", own);
   for (const TensorShape& tensor : tensors_of(shape)) {
-    const std::string name = actor_name(tensor.name);
-    if (tensor.name != kMeanTensor && tensor.name != kStdTensor)
+    const std::string name = actor_name(shape, tensor.name);
+    if (const auto convolution = convolution_of(shape, tensor.name))
+      arrays.push_back(convolution_weight(find_array(model.tensors, tensor.name), name, *convolution, false));
+    else if (tensor.name != kMeanTensor && tensor.name != kStdTensor)
       arrays.push_back(resized(find_array(model.tensors, tensor.name), name, find_array(own, name).shape, 0));
   }
   if (shape.normalizes) add_moments(model, padded_inputs, arrays);

@@ -7,8 +7,9 @@
 
 namespace giga {
 
-/// `inputs`: numbers of an observation without padding. The weights of the columns behind them and of the logit that is
-/// not used are left out. `view`: what takes the place of the egocentric view among the inputs.
+/// `inputs`: numbers of an observation without padding, or bytes of an image. The weights of the columns behind them
+/// and of the logit that is not used are left out. `view`: what takes the place of the egocentric view among the
+/// inputs.
 PolicyModel model_of(const Actor& actor, int inputs, const std::optional<RowView>& view = {});
 
 /// An actor whose `forward` gives the same as that of the actor which the model is of, save for the logit that is not

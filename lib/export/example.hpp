@@ -6,7 +6,8 @@
 
 namespace giga {
 
-/// safetensors, onnx, torchscript: how a policy of that format is loaded; act: how it is used. Nothing for other names.
+/// safetensors, onnx, torchscript: how a policy of that format is loaded; images: what convolutions are in numpy; act:
+/// how a policy is used. Nothing for other names.
 std::optional<std::string_view> example_part(std::string_view name);
 
 }  // namespace giga

@@ -39,25 +39,29 @@ std::string encode(const PolicyModel& model, ExportFormat format, const std::str
   throw Error("an export format without a writer");
 }
 
-/// The function of act.py that makes what the network reads of an observation.
-std::string input_function(const std::optional<RowView>& view) {
-  if (!view) return "def network_input(obs):\n    return obs\n";
+/// The functions of act.py that make what the dense layers take of an observation; t: the policy's tensors.
+std::string input_functions(const PolicyShape& shape) {
+  if (shape.reads_image())
+    return cat(example_part("images").value(), "\n\ndef network_input(image, t):\n",
+               "    \"\"\"What the convolutions make of images [B, side, side, 3].\"\"\"\n",
+               python_convolutions(shape.image, "image", false, "    "), "    return x\n");
+  if (!shape.view) return "def network_input(obs, t):\n    return obs\n";
   PythonWriter writer("np", "    ");
-  const Array row = with_view(*view, {&writer, "obs"});
-  return cat("def network_input(obs):\n",
+  const Array row = with_view(*shape.view, {&writer, "obs"});
+  return cat("def network_input(obs, t):\n",
              "    \"\"\"The observation and, behind it, the egocentric view, which is computed from it.\"\"\"\n",
              writer.code(), "    return ", row.text, "\n");
 }
 
-std::string example_of(ExportFormat format, const std::optional<RowView>& view) {
+std::string example_of(ExportFormat format, const PolicyShape& shape) {
   const auto part = [](const std::string& name) {
     const auto text = example_part(name);
     GIGA_CHECK(text, "no part ", name, " of the example");
     return std::string(*text);
   };
   const bool reads_tensors = format == ExportFormat::safetensors;
-  return part(FieldCodec<ExportFormat>::print(format)) + "\n\n" + (reads_tensors ? input_function(view) + "\n\n" : "") +
-         part("act");
+  return part(FieldCodec<ExportFormat>::print(format)) + "\n\n" +
+         (reads_tensors ? input_functions(shape) + "\n\n" : "") + part("act");
 }
 
 /// Makes the folder; true where it was not there.
@@ -106,6 +110,7 @@ ReadPolicy read_safetensors(const fs::path& file, const Manifest& manifest, cons
   const Precision precision = device.is_cuda() ? manifest.origin.precision : Precision::fp32;
   const auto actor = [&](int row) { return std::make_shared<Actor>(actor_of(model, row, precision, device)); };
   const std::optional<RowView>& inside = manifest.shape.view;
+  if (manifest.shape.reads_image()) return {actor(manifest.shape.inputs)};
   // Where the simulator computes the same view, its numbers are taken: they are those of the training to the last bit.
   if (!inside || row_view(spec) == inside) return {actor(observation_rows(spec).stride())};
   RowView here = *inside;
@@ -138,15 +143,17 @@ SimSpec without_view(const SimSpec& spec) {
 
 void write_export(const fs::path& folder, ExportFormat format, const Actor& actor, const SimSpec& spec,
                   const PolicyOrigin& origin, const ExportOptions& options) {
-  const std::optional<RowView> inside = options.view == ViewPlace::inside ? row_view(spec) : std::nullopt;
-  const PolicyModel model = model_of(actor, spec.observation_size(), inside);
-  Manifest manifest{format, model.shape, observation_layout(inside ? without_view(spec) : spec), spec.params.rules,
-                    {},     origin};
+  const bool sees = actor.reads_image();
+  const std::optional<RowView> inside = options.view == ViewPlace::inside && !sees ? row_view(spec) : std::nullopt;
+  const PolicyModel model =
+      model_of(actor, sees ? static_cast<int>(actor.inputs().size) : spec.observation_size(), inside);
+  Manifest manifest{format, model.shape, {}, spec.params.rules, {}, origin};
+  if (!sees) manifest.observation = observation_layout(inside ? without_view(spec) : spec);
   if (model.shape.actions == ActionKind::continuous)
     manifest.log_std = array_values<float>(find_array(model.tensors, kLogStdTensor));
   // The manifest comes last: a folder that has one is whole.
   write_all(folder, {{policy_file_name(format), encode(model, format, origin.gigastep_version)},
-                     {kExampleName, example_of(format, model.shape.view)},
+                     {kExampleName, example_of(format, model.shape)},
                      {kManifestName, manifest_text(manifest, options.ratings) + "\n"}});
 }
 
@@ -199,8 +206,9 @@ ReadPolicy read_exported_policy(const ExportedPolicy& exported, const SimSpec& s
   if (exported.format == ExportFormat::safetensors)
     read = read_safetensors(exported.file, exported.manifest.value(), spec, device);
   else
-    read =
-        open_torchscript(read_policy_file(exported.file), file, seen.observation_size(), spec.params.actions, device);
+    read = open_torchscript(read_policy_file(exported.file), file,
+                            {seen.observation_size(), exported.manifest ? exported.manifest->shape.image.side : 0},
+                            spec.params.actions, device);
   if (exported.manifest && exported.manifest->origin.selection == ActionSelection::greedy) read.greedy = true;
   return read;
 }

@@ -8,6 +8,7 @@
 #include "core/error.hpp"
 #include "scenario/scenario.hpp"
 #include "sim/egocentric_view.hpp"
+#include "sim/image_rows.hpp"
 #include "sim/movement.hpp"
 
 namespace giga {
@@ -19,16 +20,21 @@ std::string name_of(T value) {
 }
 
 Json architecture_json(const PolicyShape& shape, Precision precision) {
-  return {{"hidden", shape.network.hidden},
-          {"activation", name_of(shape.network.activation)},
-          {"layer_norm", shape.network.layer_norm},
-          {"layer_norm_epsilon", kLayerNormEpsilon},
-          {"memory", name_of(shape.memory)},
-          {"memory_size", shape.memory_size},
-          {"normalizes_observations", shape.normalizes},
-          {"normalized_limit", kNormalizedLimit},
-          {"training_precision", name_of(precision)},
-          {"training_arithmetic", cat("on a GPU: ", meaning_of(precision), "; on a CPU: fp32")}};
+  Json json{{"hidden", shape.network.hidden},
+            {"activation", name_of(shape.network.activation)},
+            {"layer_norm", shape.network.layer_norm},
+            {"layer_norm_epsilon", kLayerNormEpsilon},
+            {"memory", name_of(shape.memory)},
+            {"memory_size", shape.memory_size},
+            {"normalizes_observations", shape.normalizes},
+            {"normalized_limit", kNormalizedLimit},
+            {"training_precision", name_of(precision)},
+            {"training_arithmetic", cat("on a GPU: ", meaning_of(precision), "; on a CPU: fp32")}};
+  if (!shape.reads_image()) return json;
+  json["encoder"] = name_of(shape.image.kind);
+  json["image_side"] = shape.image.side;
+  if (shape.image.kind == EncoderKind::impala) json["impala_width"] = shape.image.impala_width;
+  return json;
 }
 
 /// Feature j of the items of a block is obs[start:stop:step].
@@ -43,9 +49,19 @@ Json block_json(const ObservationBlock& block) {
 }
 
 Json observation_json(const Manifest& manifest) {
+  const int side = manifest.shape.image.side;
+  if (side > 0)
+    return {{"input", kImageInput},
+            {"type", "uint8"},
+            {"size", manifest.shape.row()},
+            {"shape", {side, side, kChannels}},
+            {"layout",
+             "the image of the agent (gigastep's docs/rules.md, 8.3): pixel [x, y], then red, green, blue; y "
+             "is up"},
+            {"blocks", Json::array()}};
   Json blocks = Json::array();
   for (const ObservationBlock& block : manifest.observation) blocks.push_back(block_json(block));
-  return {{"input", "obs"},
+  return {{"input", kRowInput},
           {"type", "float32"},
           {"size", manifest.shape.row()},
           {"layout", "item k of a block begins at first + k * size; a feature of all items is obs[start:stop:step]"},
@@ -159,6 +175,9 @@ void read_observation(const Node* node, MemberReader& in, Manifest& manifest) {
   manifest.shape.inputs = inside ? inside->size() : size;
   if (node && inside && inside->row_size() != size)
     in.wrong(*node, cat("size: ", size, "; the ", kInside, " is of observations of ", inside->row_size(), " numbers"));
+  if (const int side = manifest.shape.image.side; node && side > 0 && size != image_bytes(side))
+    in.wrong(*node,
+             cat("size: ", size, "; images of ", side, " x ", side, " pixels have ", image_bytes(side), " bytes"));
   const Node* blocks = in.sequence(node, "blocks");
   if (!blocks) return;
   RowView told;  // what the blocks say of the row
@@ -203,6 +222,12 @@ void read_architecture(const Node* node, MemberReader& in, Manifest& manifest) {
   if (manifest.shape.memory != MemoryKind::none)
     in.value(node, "memory_size", manifest.shape.memory_size, range(1, 4096));
   in.value(node, "training_precision", manifest.origin.precision);
+  if (!node || !node->find("encoder")) return;  // it reads numbers
+  ImageEncoderShape& image = manifest.shape.image;
+  in.value(node, "encoder", image.kind);
+  if (!reads_images(image.kind)) return;
+  in.value(node, "image_side", image.side, range(image.kind == EncoderKind::nature ? kNatureSide : 8, 512));
+  if (image.kind == EncoderKind::impala) in.value(node, "impala_width", image.impala_width, range(1, 512));
 }
 
 void read_training(const Node* node, MemberReader& in, Manifest& manifest) {
@@ -301,7 +326,8 @@ Manifest read_manifest(const std::filesystem::path& file) {
 }
 
 PolicyInterface interface_of(const Manifest& manifest) {
-  return {manifest.origin.scenario_name, manifest.shape.actions, manifest.shape.row(), manifest.observation};
+  return {manifest.origin.scenario_name, manifest.shape.actions, manifest.shape.row(), manifest.observation,
+          manifest.shape.image.side};
 }
 
 }  // namespace giga

@@ -18,6 +18,8 @@ constexpr std::array<const char*, 3> enum_names(ExportFormat) { return {"safeten
 /// "policy.safetensors", "policy.onnx", "policy.pt".
 const char* policy_file_name(ExportFormat format);
 constexpr const char* kManifestName = "manifest.json";
+/// How graphs name what goes in: a row of numbers, or an image.
+constexpr const char *kRowInput = "obs", *kImageInput = "image";
 /// How graphs name what a policy with memory remembers.
 constexpr const char *kStateInput = "state", *kStateOutput = "next_state";
 constexpr const char* kManifestKind = "gigastep policy";

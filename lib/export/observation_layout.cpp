@@ -9,8 +9,9 @@
 namespace giga {
 namespace {
 
-/// "45 numbers: self 1 x 9, neighbors 4 x 9".
+/// "45 numbers: self 1 x 9, neighbors 4 x 9", "images of 84 x 84 pixels".
 std::string layout_text(const PolicyInterface& policy) {
+  if (policy.image_side > 0) return cat("images of ", policy.image_side, " x ", policy.image_side, " pixels");
   std::string text;
   for (const ObservationBlock& b : policy.observation)
     text += cat(text.empty() ? ": " : ", ", b.name, " ", b.count, " x ", b.size);
@@ -44,26 +45,30 @@ std::vector<ObservationBlock> observation_layout(const SimSpec& spec) {
 }
 
 bool PolicyInterface::fits(const PolicyInterface& other) const {
-  return actions == other.actions && inputs == other.inputs && observation == other.observation;
+  if (actions != other.actions || image_side != other.image_side) return false;
+  return image_side > 0 || (inputs == other.inputs && observation == other.observation);
 }
 
-PolicyInterface interface_of(const SimSpec& spec) {
-  return {spec.name, spec.params.actions, spec.observation_size(), observation_layout(spec)};
+PolicyInterface interface_of(const SimSpec& spec, bool reads_image) {
+  return {spec.name, spec.params.actions, spec.observation_size(), observation_layout(spec),
+          reads_image ? spec.params.resolution : 0};
 }
 
 void check_fits(const PolicyInterface& policy, const SimSpec& spec, const std::string& source,
                 const std::string& reasons) {
-  if (spec.params.images_only)
+  const bool reads_image = policy.image_side > 0;
+  if (spec.params.images_only && !reads_image)
     throw InputError(cat(source, " reads numbers, and agents of '", spec.name,
                          "' are given images alone (observation.type: rgb)", reasons));
-  const PolicyInterface here = interface_of(spec);
+  const PolicyInterface here = interface_of(spec, reads_image);
   if (policy.fits(here)) return;
   const auto kind = [](ActionKind actions) { return FieldCodec<ActionKind>::print(actions); };
   if (policy.actions != here.actions)
     throw InputError(cat(source, " was trained in '", policy.scenario, "' with ", kind(policy.actions),
                          " actions; those of '", here.scenario, "' are ", kind(here.actions), reasons));
   throw InputError(cat(source, " was trained in '", policy.scenario, "', where an agent observes ", layout_text(policy),
-                       "; in '", here.scenario, "' it observes ", layout_text(here), reasons));
+                       "; in '", here.scenario, "' it observes ",
+                       reads_image && here.image_side == 0 ? "no images" : layout_text(here), reasons));
 }
 
 }  // namespace giga

@@ -33,11 +33,13 @@ struct PolicyInterface {
   ActionKind actions = ActionKind::discrete;
   int inputs = 0;  ///< numbers of an observation
   std::vector<ObservationBlock> observation;
+  int image_side = 0;  ///< pixels of a side of the image that it reads in the place of numbers; 0: it reads numbers
 
   /// Whether such policies can play each other's scenarios.
   bool fits(const PolicyInterface& other) const;
 };
-PolicyInterface interface_of(const SimSpec& spec);
+/// Of policies that learned in a scenario, from its images or from its numbers.
+PolicyInterface interface_of(const SimSpec& spec, bool reads_image = false);
 
 /// Throws InputError where a policy cannot play a scenario: `source` is where it is from.
 void check_fits(const PolicyInterface& policy, const SimSpec& spec, const std::string& source,

@@ -12,15 +12,15 @@
 #include "export/manifest.hpp"
 #include "io/number.hpp"
 #include "io/protobuf_wire.hpp"
+#include "sim/image_rows.hpp"
 
 namespace giga {
 namespace {
 
 constexpr uint64_t kIrVersion = 8;  // that of operator set 17
 constexpr uint64_t kOperatorSet = 17;
-constexpr uint64_t kFloatTensor = 1, kInt64Tensor = 7;                          // TensorProto.DataType
+constexpr uint64_t kFloatTensor = 1, kByteTensor = 2, kInt64Tensor = 7;         // TensorProto.DataType
 constexpr uint64_t kFloatAttribute = 1, kIntAttribute = 2, kIntsAttribute = 7;  // AttributeProto.AttributeType
-constexpr const char* kInput = "obs";
 
 ProtobufMessage tensor_message(const std::string& name, const std::vector<int64_t>& shape, std::string_view bytes,
                                uint64_t type = kFloatTensor) {
@@ -29,17 +29,23 @@ ProtobufMessage tensor_message(const std::string& name, const std::vector<int64_
   return tensor.varint(2, type).text(8, name).bytes(9, bytes);
 }
 
-/// An input or output [batch, size].
-ProtobufMessage value_message(const std::string& name, int size) {
+/// An input or output [batch, sides].
+ProtobufMessage value_message(const std::string& name, const std::vector<int>& sides, uint64_t type = kFloatTensor) {
   ProtobufMessage shape;
   shape.message(1, ProtobufMessage().text(2, "batch"));
-  shape.message(1, ProtobufMessage().varint(1, static_cast<uint64_t>(size)));
-  const ProtobufMessage tensor_type = ProtobufMessage().varint(1, kFloatTensor).message(2, shape);
+  for (const int side : sides) shape.message(1, ProtobufMessage().varint(1, static_cast<uint64_t>(side)));
+  const ProtobufMessage tensor_type = ProtobufMessage().varint(1, type).message(2, shape);
   return ProtobufMessage().text(1, name).message(2, ProtobufMessage().message(1, tensor_type));
 }
 
 ProtobufMessage int_attribute(const std::string& name, int64_t value) {
   return ProtobufMessage().text(1, name).varint(3, static_cast<uint64_t>(value)).varint(20, kIntAttribute);
+}
+ProtobufMessage ints_attribute(const std::string& name, const std::vector<int>& values) {
+  ProtobufMessage attribute;
+  attribute.text(1, name);
+  for (const int value : values) attribute.varint(8, static_cast<uint64_t>(value));
+  return attribute.varint(20, kIntsAttribute);
 }
 ProtobufMessage float_attribute(const std::string& name, float value) {
   return ProtobufMessage().text(1, name).float32(2, value).varint(20, kFloatAttribute);
@@ -92,10 +98,12 @@ class GraphBuilder {
     for (const ProtobufMessage& node : nodes_) graph.message(1, node);
     graph.text(2, "policy");
     for (const ProtobufMessage& initializer : initializers_) graph.message(5, initializer);
-    graph.message(11, value_message(kInput, shape.row()));
-    if (remembers) graph.message(11, value_message(kStateInput, shape.state_size()));
-    graph.message(12, value_message(shape.output_name(), shape.outputs()));
-    return remembers ? graph.message(12, value_message(kStateOutput, shape.state_size())) : graph;
+    const int side = shape.image.side;
+    graph.message(11, side > 0 ? value_message(kImageInput, {side, side, kChannels}, kByteTensor)
+                               : value_message(kRowInput, {shape.row()}));
+    if (remembers) graph.message(11, value_message(kStateInput, {shape.state_size()}));
+    graph.message(12, value_message(shape.output_name(), {shape.outputs()}));
+    return remembers ? graph.message(12, value_message(kStateOutput, {shape.state_size()})) : graph;
   }
 
  private:
@@ -145,8 +153,7 @@ class OnnxWriter final : public ArrayWriter {
     return graph_.add("ReduceSum", {x, graph_.integers({1})}, {int_attribute("keepdims", 0)});
   }
   std::string least(const std::string& x) override {
-    const ProtobufMessage axes = ProtobufMessage().text(1, "axes").varint(8, 2).varint(20, kIntsAttribute);
-    return graph_.add("ReduceMin", {x}, {axes, int_attribute("keepdims", 0)});
+    return graph_.add("ReduceMin", {x}, {ints_attribute("axes", {2}), int_attribute("keepdims", 0)});
   }
   std::string joined(const std::vector<std::string>& parts) override {
     return graph_.add("Concat", parts, {int_attribute("axis", 1)});
@@ -156,6 +163,39 @@ class OnnxWriter final : public ArrayWriter {
  private:
   GraphBuilder& graph_;
 };
+
+/// The convolutions of an encoder of images.
+class OnnxImageWriter final : public ImageWriter {
+ public:
+  explicit OnnxImageWriter(GraphBuilder& graph) : graph_(graph) {}
+
+  std::string convolution(const ConvolutionShape& c, const std::string& x) override {
+    return graph_.add(
+        "Conv", {x, c.weight(), c.bias()},
+        {ints_attribute("kernel_shape", {c.size, c.size}), ints_attribute("strides", {c.stride, c.stride}),
+         ints_attribute("pads", {c.padding, c.padding, c.padding, c.padding})});
+  }
+  std::string relu(const std::string& x) override { return graph_.add("Relu", {x}); }
+  std::string pool(const std::string& x) override {
+    return graph_.add("MaxPool", {x},
+                      {ints_attribute("kernel_shape", {3, 3}), ints_attribute("strides", {2, 2}),
+                       ints_attribute("pads", {1, 1, 1, 1})});
+  }
+  std::string sum(const std::string& x, const std::string& y) override { return graph_.add("Add", {x, y}); }
+
+ private:
+  GraphBuilder& graph_;
+};
+
+/// From the bytes of an image to the numbers that the first dense layer takes.
+std::string add_image(GraphBuilder& graph, const ImageEncoderShape& shape) {
+  OnnxImageWriter writer(graph);
+  const std::string bytes = graph.add("Cast", {kImageInput}, {int_attribute("to", static_cast<int64_t>(kFloatTensor))});
+  const std::string turned = graph.add("Transpose", {bytes}, {ints_attribute("perm", {0, 3, 1, 2})});
+  const std::string last = write_convolutions(shape, writer, graph.add("Div", {turned, graph.constant("white", 255)}));
+  const std::string channels_last = graph.add("Transpose", {last}, {ints_attribute("perm", {0, 2, 3, 1})});
+  return graph.add("Reshape", {channels_last, graph.integers({-1, convolved_features(shape)})});
+}
 
 std::string add_activation(GraphBuilder& graph, Activation activation, const std::string& x) {
   switch (activation) {
@@ -228,7 +268,7 @@ std::string encode_onnx(const PolicyModel& model, const std::string& gigastep_ve
     graph.constant("half", 0.5f);
     graph.constant("one", 1.0f);
   }
-  std::string x = kInput;
+  std::string x = shape.reads_image() ? add_image(graph, shape.image) : kRowInput;
   Remembered remembered;
   if (shape.view) {
     OnnxWriter writer(graph);

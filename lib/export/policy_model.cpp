@@ -35,7 +35,10 @@ std::string layer_tensor(int layer, const char* part) { return cat("layers.", la
 
 std::vector<TensorShape> tensors_of(const PolicyShape& shape) {
   std::vector<TensorShape> list;
-  int64_t from = shape.inputs;
+  int64_t from = shape.reads_image() ? convolved_features(shape.image) : shape.inputs;
+  if (shape.reads_image())
+    for (const ConvolutionShape& c : convolutions_of(shape.image))
+      list.insert(list.end(), {{c.weight(), {c.output, c.input, c.size, c.size}}, {c.bias(), {c.output}}});
   if (shape.normalizes) list.insert(list.end(), {{kMeanTensor, {from}}, {kStdTensor, {from}}});
   for (int k = 0; k < shape.n_layers(); ++k) {
     if (!shape.is_hidden(k) && shape.memory != MemoryKind::none) {

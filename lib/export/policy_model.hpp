@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "core/named_array.hpp"
+#include "export/image_encoder.hpp"
 #include "export/row_view.hpp"
 #include "policy/config.hpp"
 #include "sim/params.hpp"
@@ -15,7 +16,7 @@ namespace giga {
 
 /// Which tensors a policy has follows from this.
 struct PolicyShape {
-  int inputs = 0;  ///< numbers that the network reads
+  int inputs = 0;  ///< numbers that the network reads, bytes of an image included
   ActionKind actions = ActionKind::discrete;
   MlpConfig network;                     ///< hidden sizes, activation, layer_norm
   bool normalizes = false;               ///< observations pass (x - mean) / std first, clamped to +- kNormalizedLimit
@@ -24,7 +25,11 @@ struct PolicyShape {
   /// The policy takes the vector observation alone, and computes the egocentric view behind it; none: it takes what the
   /// network reads.
   std::optional<RowView> view = {};
+  /// The encoder of a policy that takes an image [side, side, 3] of bytes, before its dense layers; side 0: it takes
+  /// numbers.
+  ImageEncoderShape image = {};
 
+  bool reads_image() const { return image.side > 0; }
   /// Numbers of an observation.
   int row() const { return view ? view->row_size() : inputs; }
   /// Logits of the actions, or means before squashing.
@@ -37,10 +42,10 @@ struct PolicyShape {
   bool is_hidden(int layer) const { return layer + 1 < n_layers(); }
 };
 
-/// All tensors are fp32. observation.mean and observation.std [inputs] (where it normalises); per layer K
-/// layers.K.weight [to, from], layers.K.bias [to], and of hidden ones with layer_norm layers.K.norm_weight and
-/// layers.K.norm_bias [to]; with memory those of a RecurrentCell, as memory.input_weight and so on; log_std [3]
-/// (continuous actions).
+/// All tensors are fp32. Those of the convolutions of an encoder of images (image_encoder.hpp); observation.mean and
+/// observation.std [inputs] (where it normalises); per layer K layers.K.weight [to, from], layers.K.bias [to], and of
+/// hidden ones with layer_norm layers.K.norm_weight and layers.K.norm_bias [to]; with memory those of a RecurrentCell,
+/// as memory.input_weight and so on; log_std [3] (continuous actions).
 struct PolicyModel {
   PolicyShape shape;
   NamedArrays tensors;

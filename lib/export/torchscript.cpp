@@ -14,6 +14,7 @@
 #include "policy/parameters.hpp"
 #include "policy/policy.hpp"
 #include "rollout/tensors.hpp"
+#include "sim/image_rows.hpp"
 
 namespace giga {
 namespace {
@@ -67,7 +68,7 @@ std::string source_of(const PolicyShape& shape) {
   const bool remembers = shape.memory != MemoryKind::none;
   std::string code = remembers ? "def forward(self, obs: Tensor, state: Tensor) -> Tuple[Tensor, Tensor]:\n"
                                : "def forward(self, obs: Tensor) -> Tensor:\n";
-  code += input_code(shape.view);
+  code += shape.reads_image() ? python_convolutions(shape.image, "obs", true, "    ") : input_code(shape.view);
   const auto line = [&code](const std::string& value) { code += "    x = " + value + "\n"; };
   const std::string limit = print_number(kNormalizedLimit), epsilon = print_number(kLayerNormEpsilon);
   if (shape.normalizes)
@@ -94,8 +95,8 @@ std::string first_line(const std::exception& e) {
 
 class TorchScriptPolicy final : public Policy {
  public:
-  TorchScriptPolicy(torch::jit::Module module, int inputs, ActionKind actions, Device device)
-      : module_(std::move(module)), inputs_(inputs), actions_(actions) {
+  TorchScriptPolicy(torch::jit::Module module, const ModuleInput& input, ActionKind actions, Device device)
+      : module_(std::move(module)), input_(input), actions_(actions) {
     module_.eval();
     if (module_.hasattr(kStateSize)) state_size_ = module_.attr(kStateSize).toInt();
     if (state_size_ < 0 || state_size_ > kMostState)
@@ -104,10 +105,14 @@ class TorchScriptPolicy final : public Policy {
   }
 
   at::Tensor forward(const at::Tensor& obs, NetworkState& state) const override {
-    const at::Tensor head = call(obs.narrow(1, 0, inputs_).contiguous(), state).contiguous();
+    const int64_t side = input_.image_side;
+    const at::Tensor head =
+        call(side > 0 ? obs.view({-1, side, side, kChannels}) : obs.narrow(1, 0, input_.numbers).contiguous(), state)
+            .contiguous();
     return actions_ == ActionKind::discrete ? at::constant_pad_nd(head, {0, kLogitStride - kNDiscreteActions}) : head;
   }
   int64_t state_size() const override { return state_size_; }
+  ObservationSet reads() const override { return input_.image_side > 0 ? Observation::image : all_numbers(); }
   ActionKind actions() const override { return actions_; }
   at::Tensor log_std() const override { return log_std_; }
   /// A mean without a deviation.
@@ -118,7 +123,10 @@ class TorchScriptPolicy final : public Policy {
     const int64_t outputs = actions_ == ActionKind::discrete ? kNDiscreteActions : kActionSize;
     const auto options = at::TensorOptions().dtype(at::kFloat).device(torch_device(device));
     NetworkState state;
-    const at::Tensor head = call(at::zeros({2, inputs_}, options), state);
+    const int64_t side = input_.image_side;
+    const at::Tensor input = side > 0 ? at::zeros({2, side, side, kChannels}, options.dtype(at::kByte))
+                                      : at::zeros({2, input_.numbers}, options);
+    const at::Tensor head = call(input, state);
     if (state_size_ > 0 && (state.rows.scalar_type() != at::kFloat || state.rows.device() != options.device() ||
                             state.rows.sizes() != at::IntArrayRef({2, state_size_})))
       return cat("forward gave a next state of ", state.rows.scalar_type(), " ", state.rows.sizes(), " on ",
@@ -127,7 +135,7 @@ class TorchScriptPolicy final : public Policy {
         head.sizes() == at::IntArrayRef({2, outputs}))
       return "";
     return cat("forward gave a tensor of ", head.scalar_type(), " ", head.sizes(), " on ", head.device().str(),
-               " for observations [2, ", inputs_, "]; needed: Float [2, ", outputs, "] on ", options.device().str());
+               " for observations ", input.sizes(), "; needed: Float [2, ", outputs, "] on ", options.device().str());
   }
 
  private:
@@ -136,7 +144,7 @@ class TorchScriptPolicy final : public Policy {
     at::NoGradGuard no_grad;
     torch::jit::GraphOptimizerEnabledGuard as_written(false);
     if (state_size_ == 0) return module_.forward({obs}).toTensor();
-    if (!state.rows.defined()) state.rows = at::zeros({obs.size(0), state_size_}, obs.options());
+    if (!state.rows.defined()) state.rows = at::zeros({obs.size(0), state_size_}, obs.options().dtype(at::kFloat));
     const auto out = module_.forward({obs, state.rows}).toTuple();
     if (out->elements().size() != 2) throw InputError("forward of a module with a state gives a head and a state");
     state.rows = out->elements()[1].toTensor().contiguous();
@@ -153,7 +161,8 @@ class TorchScriptPolicy final : public Policy {
   }
 
   mutable torch::jit::Module module_;  // `forward` of a module is not const
-  int64_t inputs_, state_size_ = 0;
+  ModuleInput input_;
+  int64_t state_size_ = 0;
   ActionKind actions_;
   bool has_deviation_ = false;
   at::Tensor log_std_;
@@ -208,12 +217,12 @@ std::shared_ptr<const Policy> with_view_inside(std::shared_ptr<const Policy> pol
   return std::make_shared<PolicyWithView>(std::move(policy), view, device);
 }
 
-ReadPolicy open_torchscript(const std::string& bytes, const std::string& name, int inputs, ActionKind actions,
-                            Device device) {
+ReadPolicy open_torchscript(const std::string& bytes, const std::string& name, const ModuleInput& input,
+                            ActionKind actions, Device device) {
   try {
     std::istringstream in(bytes);
     auto policy =
-        std::make_shared<TorchScriptPolicy>(torch::jit::load(in, torch_device(device)), inputs, actions, device);
+        std::make_shared<TorchScriptPolicy>(torch::jit::load(in, torch_device(device)), input, actions, device);
     if (const std::string fault = policy->fault(device); !fault.empty()) throw InputError(fault);
     const bool greedy = policy->greedy();
     return {std::move(policy), greedy};

@@ -5,6 +5,7 @@
 #include "core/error.hpp"
 #include "core/philox.hpp"
 #include "math/forget_episodes.hpp"
+#include "sim/image_rows.hpp"
 #include "sim/schedule.hpp"
 
 namespace giga {
@@ -72,13 +73,16 @@ void Game::watch(GameObserver& observer) {
 void Game::make_buffers() {
   const GameStep asked = ask(0);
   for (int team = 0; team < kNTeams; ++team) {
-    const auto make = [&](int64_t per_agent, Buffer<float>& buffer) {
+    const auto make = [&]<class T>(int64_t per_agent, Buffer<T>& buffer) {
       const int64_t agents = static_cast<int64_t>(sim_.n_worlds()) * sim_.params().n_team[team];
-      if (buffer.size() == 0) buffer = Buffer<float>(sim_.memory(), static_cast<size_t>(agents * per_agent));
+      if (buffer.size() == 0) buffer = Buffer<T>(sim_.memory(), static_cast<size_t>(agents * per_agent));
     };
+    const ObservationSet wanted = reads_[team] | asked.rows[team].wanted;
     // A discrete action is an int32, which takes the room of a float.
     if (!asked.team[team].action) make(sim_.params().actions == ActionKind::discrete ? 1 : kActionSize, action_[team]);
-    if (!asked.rows[team].obs && !(reads_[team] | asked.rows[team].wanted).empty()) make(layout_.stride(), obs_[team]);
+    if (!asked.rows[team].obs && !(wanted & layout_.set()).empty()) make(layout_.stride(), obs_[team]);
+    if (!asked.io.team[team].obs[Observation::image].rows && wanted.has(Observation::image))
+      make(image_bytes(sim_.params().resolution), image_[team]);
     if (!asked.team[team].memory) make(memory_size_[team], memory_[team]);
   }
 }
@@ -116,7 +120,10 @@ void Game::play(int64_t n_steps) {
 GameStep Game::ask(int64_t t) const {
   GameStep step;
   step.sim = &sim_;
-  for (int team = 0; team < kNTeams; ++team) step.team[team].obs = seen_[team];
+  for (int team = 0; team < kNTeams; ++team) {
+    step.team[team].obs = seen_[team];
+    step.team[team].image = seen_image_[team];
+  }
   for (GameObserver* observer : observers_) observer->before_step(t, step);
   return step;
 }
@@ -128,6 +135,8 @@ GameStep Game::step_at(int64_t t) const {
     GameStep::Rows& rows = step.rows[team];
     if (!rows.obs) rows.obs = obs_[team].data();
     layout_.attach(io, rows.wanted | reads_[team], rows.obs, rows.final_obs);
+    void*& images = io.obs[Observation::image].rows;
+    if (!images && (rows.wanted | reads_[team]).has(Observation::image)) images = image_[team].data();
     if (!step.team[team].action) step.team[team].action = action_[team].data();
     io.action = step.team[team].action;
     if (!step.team[team].memory) step.team[team].memory = memory_[team].data();
@@ -137,7 +146,10 @@ GameStep Game::step_at(int64_t t) const {
 }
 
 void Game::finish(int64_t t, const GameStep& step) {
-  for (int team = 0; team < kNTeams; ++team) seen_[team] = step.rows[team].obs;
+  for (int team = 0; team < kNTeams; ++team) {
+    seen_[team] = step.rows[team].obs;
+    seen_image_[team] = static_cast<const uint8_t*>(step.io.team[team].obs[Observation::image].rows);
+  }
   for (GameObserver* observer : observers_) observer->after_step(t, step);
 }
 

@@ -55,7 +55,8 @@ class GameObserver {
   virtual void before_play(int64_t /*n_steps*/) {}
   /// Before step `t` of a play; -1: before the first observations are written. Adds what it wants of the step by
   /// want() and to Rows::wanted, and takes nothing away that others want. It must do nothing else: steps may be asked
-  /// for ahead of time. Actions and observations for which nobody brings a buffer lie in buffers of the game.
+  /// for ahead of time. Actions and observations for which nobody brings a buffer lie in buffers of the game. Images
+  /// are wanted by Rows::wanted too, and found in `io`; one buffer serves all steps.
   virtual void before_step(int64_t /*t*/, GameStep& /*step*/) {}
   /// When the step is queued. The buffers that it wanted, its own or others', are those of `step`.
   virtual void after_step(int64_t /*t*/, const GameStep& /*step*/) {}
@@ -107,9 +108,11 @@ class Game {
   const RowLayout layout_;
   ObservationSet reads_[kNTeams];                 // of the controllers of a side
   Buffer<float> obs_[kNTeams], action_[kNTeams];  // see GameShapes; empty where observers have them
+  Buffer<uint8_t> image_[kNTeams];                // [W, n, R, R, 3] of the agents; empty where nobody wants them
   Buffer<float> memory_[kNTeams];                 // [W, n, S]; likewise
   int64_t memory_size_[kNTeams] = {};             // S
   const float* seen_[kNTeams] = {};               // the observations that were written last
+  const uint8_t* seen_image_[kNTeams] = {};       // and the images
   int64_t steps_ = 0;                             // since the start
   bool started_ = false;
   std::vector<TeamStep> parts_;  // of the controller that acts

@@ -1,6 +1,7 @@
 #include "game/team_controller.hpp"
 
 #include "core/error.hpp"
+#include "sim/image_rows.hpp"
 
 namespace giga {
 namespace {
@@ -30,14 +31,15 @@ TeamStep TeamStep::part(const WorldRange& some) const {
   const bool discrete = sim.params().actions == ActionKind::discrete;
   const int64_t action_bytes = discrete ? int64_t{sizeof(int32_t)} : kActionSize * int64_t{sizeof(float)};
   const auto at = [skipped](auto* buffer, int64_t stride) { return buffer ? buffer + skipped * stride : nullptr; };
+  const int64_t image = image_bytes(sim.params().resolution);
   return {sim,
           parallel_for,
           team,
           number,
           some,
-          {at(buffers.obs, obs_stride()), at(static_cast<char*>(buffers.action), action_bytes),
-           at(buffers.pre_tanh_action, kActionSize), at(buffers.log_prob, 1), at(buffers.memory, buffers.memory_size),
-           buffers.memory_size},
+          {at(buffers.obs, obs_stride()), at(buffers.image, image),
+           at(static_cast<char*>(buffers.action), action_bytes), at(buffers.pre_tanh_action, kActionSize),
+           at(buffers.log_prob, 1), at(buffers.memory, buffers.memory_size), buffers.memory_size},
           layout};
 }
 

@@ -17,6 +17,7 @@ namespace giga {
 /// Buffers of a team at one step; n = agents of the team, D = stride of observation_rows(). Null = not there.
 struct TeamBuffers {
   const float* obs = nullptr;        // [W, n, D] what the agents see
+  const uint8_t* image = nullptr;    // [W, n, R, R, 3] the same as images, R pixels of a side
   void* action = nullptr;            // [W, n] int32 or [W, n, 3] float
   float* pre_tanh_action = nullptr;  // [W, n, 3] continuous actions before squashing
   float* log_prob = nullptr;         // [W, n] of the actions

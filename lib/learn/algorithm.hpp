@@ -35,6 +35,11 @@ struct RunSize {
   int64_t smallest = 1, most = 1;  ///< ... in this range
 };
 
+/// Images that an update draws again instead of keeping them: bytes that they would take, and those of what is kept.
+struct RedrawnImages {
+  int64_t images = 0, kept = 0;
+};
+
 /// A chart in the report of a run: of the columns STEM_0 and STEM_1, or of the column STEM.
 struct ChartRow {
   const char *stem, *title, *note;  ///< the note says unit and meaning
@@ -59,8 +64,9 @@ struct Algorithm {
   // For the memory plan.
   RunSize (*size)(const RunConfig&);
   void (*set_size)(RunConfig&, int64_t);
-  void (*shorten)(RunConfig&);               ///< makes an update quick without changing its memory
-  int64_t (*least_bytes)(const LoadedRun&);  ///< of its largest buffers, whose size is exact: a lower bound
+  void (*shorten)(RunConfig&);                           ///< makes an update quick without changing its memory
+  int64_t (*least_bytes)(const LoadedRun&);              ///< of its largest buffers, whose size is exact: a lower bound
+  RedrawnImages (*redrawn)(const LoadedRun&) = nullptr;  ///< null: it learns from no images
 };
 
 /// What a resumed run may do to a setting.

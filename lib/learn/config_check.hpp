@@ -28,10 +28,13 @@ class ConfigCheck {
   /// Whether `train.precision` is fp16, and the error that the run cannot have it.
   bool wants_fp16() const;
   void refuse_fp16(const std::string& reason);
-  /// An error where a network reads an egocentric view that the scenario does not give.
-  void inputs_are_there(const std::string& key, NetworkInputs inputs);
+  /// An error where a network reads what the scenario does not give its agents. `group`: of its settings, as
+  /// "mappo.actor".
+  void inputs_are_there(const std::string& group, const NetworkConfig& network);
 
  private:
+  void image_is_there(const std::string& group, const NetworkConfig& network);
+
   const KeyPositions& given_;
   Errors& errors_;
 };

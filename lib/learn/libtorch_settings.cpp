@@ -30,7 +30,13 @@ void set_up_libtorch(const TrainConfig& config, Device device) {
 
   let_segments_grow();
   // bf16 is done by casts and needs no setting; products of numbers in half precision are exact in TF32.
-  at::globalContext().setAllowTF32CuBLAS(config.precision == Precision::tf32 || config.precision == Precision::fp16);
+  const bool tf32 = config.precision == Precision::tf32 || config.precision == Precision::fp16;
+  at::globalContext().setAllowTF32CuBLAS(tf32);
+  // Convolutions: algorithms that add up in a fixed order, chosen by rule. Those that benchmarks choose can be others
+  // in the next run, and a resumed run would not repeat.
+  at::globalContext().setAllowTF32CuDNN(tf32);
+  at::globalContext().setDeterministicCuDNN(true);
+  at::globalContext().setBenchmarkCuDNN(false);
   if (config.n_threads > 0) at::set_num_threads(config.n_threads);
 }
 

@@ -125,6 +125,10 @@ std::string plan_text(const LoadedRun& run, Device device, const MemorySpace& sp
     text += line;
   }
   const auto how = [&](int64_t n) { return plan.measured(n) ? "measured" : "extrapolated"; };
+  const auto redrawn = algorithm_of(run.config).redrawn;
+  if (const RedrawnImages of_update = redrawn ? redrawn(run) : RedrawnImages{}; of_update.images > 0)
+    text += cat("the images of an update would take ", print_bytes(of_update.images), "; they are drawn again from ",
+                print_bytes(of_update.kept), " that are kept in their place\n");
   const int64_t need = plan.bytes(size.value), largest = plan.largest(space.free);
   text += cat(size.key, " ", size.value, " takes ", print_bytes(need), " (", how(size.value), ") and ",
               need <= space.free ? "fits" : "does not fit", ": ", device.name(), " has ", print_bytes(space.free),

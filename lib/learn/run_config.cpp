@@ -72,14 +72,6 @@ void find_opponent(RunConfig& config, const KeyPositions& given, Errors& errors)
   opponent.name = path.string();
 }
 
-/// Networks that read images are not built yet.
-void check_numbers(ConfigCheck& check) {
-  if (check.spec->params.images_only && check.known({"scenario"}) && check.scenario_knows("observation.type"))
-    check.fail("scenario", cat("agents of '", check.config.scenario,
-                               "' are given images alone (observation.type: rgb), which no network here reads yet; "
-                               "environment.observation.type: rgb_vector gives numbers too"));
-}
-
 /// What worlds of more agents than tables of pairs serve do not have.
 void check_many(ConfigCheck& check) {
   const int n = check.spec->params.n_agents;
@@ -107,7 +99,6 @@ LoadedRun finish(RunConfig config, std::optional<Scenario> scenario, const KeyPo
     run.spec = compile(run.scenario, errors);
     check.scenario = &run.scenario;
     check.spec = &run.spec;
-    check_numbers(check);
     check_many(check);
   }
   algorithm_of(run.config).check(check);
@@ -182,9 +173,37 @@ void ConfigCheck::refuse_fp16(const std::string& reason) {
   fail("train.precision", cat("fp16 ", reason, "; allowed there: fp32, tf32, bf16"));
 }
 
-void ConfigCheck::inputs_are_there(const std::string& key, NetworkInputs inputs) {
-  if (!spec || !errors_.empty() || spec->params.egocentric_view || inputs != NetworkInputs::egocentric) return;
-  fail(key, "'egocentric' needs environment.observation.egocentric_view: true; allowed without it: all");
+void ConfigCheck::inputs_are_there(const std::string& group, const NetworkConfig& network) {
+  if (!spec) return;
+  if (!network.reads_image() && spec->params.images_only) {
+    if (known({"scenario", group + ".encoder"}) && scenario_knows("observation.type"))
+      fail("scenario",
+           cat("agents of '", config.scenario, "' are given images alone (observation.type: rgb), and ", group,
+               ".encoder ", FieldCodec<EncoderKind>::print(network.encoder),
+               " reads numbers; nature and impala read images, and environment.observation.type: rgb_vector "
+               "gives both"));
+    return;
+  }
+  if (!errors_.empty()) return;
+  if (network.reads_image()) return image_is_there(group, network);
+  if (!spec->params.egocentric_view && network.inputs == NetworkInputs::egocentric)
+    fail(group + ".inputs",
+         "'egocentric' needs environment.observation.egocentric_view: true; allowed without it: all");
+}
+
+void ConfigCheck::image_is_there(const std::string& group, const NetworkConfig& network) {
+  const std::string key = group + ".encoder", name = FieldCodec<EncoderKind>::print(network.encoder);
+  const int side = spec->params.resolution;
+  if (side == 0)
+    return fail(key,
+                cat("'", name, "' reads images, and agents of '", config.scenario,
+                    "' are given none; environment.observation.type: rgb or rgb_vector gives them; allowed without "
+                    "images: mlp"));
+  if (network.encoder == EncoderKind::nature && side < kNatureSide)
+    fail(key, cat("'nature' needs images of at least ", kNatureSide, " x ", kNatureSide,
+                  " pixels, and environment.observation.resolution is ", side, "; allowed with it: impala"));
+  if (network.inputs != NetworkInputs::all)
+    fail(group + ".inputs", cat("these are numbers, and the encoder ", name, " reads the image; allowed with it: all"));
 }
 
 std::optional<int64_t> total_updates(const RunConfig& c, int n_agents) {

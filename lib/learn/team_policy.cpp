@@ -31,7 +31,7 @@ void check_precision(const LoadedRun& run, Device device) {
 
 Actor make_actor(const LoadedRun& run, int team, Device device) {
   const PolicySettings policy = algorithm_of(run.config).policy(run.config);
-  Actor actor(policy.actor, input_columns(policy.actor.inputs, run.spec), run.spec.params.actions, policy.obs_norm,
+  Actor actor(policy.actor, inputs_of(policy.actor, run.spec), run.spec.params.actions, policy.obs_norm,
               precision_on(run, device), torch_device(device), network_seed(run, team, 0));
   actor.take_fused_kernels(policy.fused);
   return actor;

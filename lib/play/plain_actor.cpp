@@ -10,6 +10,8 @@ namespace giga {
 static_assert(kNormalizedLimit == 10 && kLayerNormEpsilon == 1e-5f);
 
 PlainNetwork plain_network_of(const Actor& actor, int inputs, bool greedy) {
+  if (actor.reads_image())
+    throw InputError("a page plays networks that read numbers only (encoder: mlp), and this one reads images");
   if (actor.network().encoder().layers().empty())
     throw InputError("a page computes policies of dense layers only (encoder: mlp)");
   const PolicyModel model = model_of(actor, inputs);

@@ -12,7 +12,7 @@ class PlainController final : public TeamController {
  public:
   explicit PlainController(std::shared_ptr<const PlainNetwork> network) : network_(std::move(network)) {}
 
-  ObservationSet reads() const override { return ObservationSet::all(); }
+  ObservationSet reads() const override { return all_numbers(); }
   int64_t memory_size() const override { return static_cast<int64_t>(network_->memory.state_size()); }
   void act(std::span<const TeamStep> parts) override {
     for (const TeamStep& part : parts) act(part);

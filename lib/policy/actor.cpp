@@ -13,6 +13,7 @@ Actor::Actor(const ActorConfig& config, const InputColumns& inputs, ActionKind a
              Precision precision, at::Device device, uint64_t seed)
     : config_(config), actions_(actions), inputs_(inputs), normalize_(normalize), precision_(precision) {
   GIGA_CHECK(!config.remembers() || precision != Precision::fp16, "a memory in half precision");
+  GIGA_CHECK(!normalize || !inputs.is_image(), "a normaliser of images");
   const char* name = enum_names(config.encoder)[static_cast<size_t>(config.encoder)];
   network_ = Network(parameters_, name, config, {inputs.shape(), head_size(), config.output_gain});
   if (actions_ == ActionKind::continuous)

@@ -42,10 +42,14 @@ struct MlpConfig {
   float hidden_gain = 1.41421356f;
 };
 
-/// The kinds of encoders by name. encoder.cpp has the table of what makes them; a kind with settings of its own adds a
-/// group of them to NetworkConfig.
-enum class EncoderKind : uint8_t { mlp };
-constexpr std::array<const char*, 1> enum_names(EncoderKind) { return {"mlp"}; }
+/// The kinds of encoders by name. encoder.cpp has the table of what makes them; a kind with settings of its own adds
+/// them to NetworkConfig.
+enum class EncoderKind : uint8_t { mlp, nature, impala };
+constexpr std::array<const char*, 3> enum_names(EncoderKind) { return {"mlp", "nature", "impala"}; }
+/// Whether an encoder reads the image of an agent; the others read its numbers.
+constexpr bool reads_images(EncoderKind kind) { return kind != EncoderKind::mlp; }
+/// Pixels of a side of the smallest image that the convolutions of `nature` fit on.
+constexpr int kNatureSide = 36;
 
 /// What a network remembers from step to step, behind its encoder: nothing, or the state of a recurrent cell
 /// (math/recurrent.hpp).
@@ -58,17 +62,22 @@ struct NetworkConfig : MlpConfig {
   EncoderKind encoder = EncoderKind::mlp;
   MemoryKind memory = MemoryKind::none;
   int memory_size = 64;
-  int impala_width = 16;  ///< channels of the first section of make_impala
+  int impala_width = 16;
 
   bool remembers() const { return memory != MemoryKind::none; }
+  bool reads_image() const { return reads_images(encoder); }
 };
 
 template <class V>
 void visit_network_fields(V& v, NetworkConfig& c) {
   v("inputs", c.inputs,
-    "what is read of an observation: all, or only the egocentric view (needs "
+    "what is read of an agent's numbers: all, or only the egocentric view (needs "
     "environment.observation.egocentric_view: true)");
-  v("encoder", c.encoder, "network between the inputs and the output layer; mlp: dense layers of the sizes in hidden");
+  v("encoder", c.encoder,
+    "network between what is read and the output layer; mlp: dense layers of the sizes in hidden, on numbers; nature "
+    "(Mnih et al. 2015) and impala (Espeholt et al. 2018): convolutions on the agent's image, then such layers");
+  v("impala_width", c.impala_width,
+    "encoder impala: channels of its first section; the two behind it have twice as many", range(1, 512));
   v("hidden", c.hidden, "sizes of the hidden layers", range(1, 16384).items(1, 16));
   v("activation", c.activation, "nonlinearity after each hidden layer");
   v("layer_norm", c.layer_norm, "layer normalisation before each nonlinearity");

@@ -1,6 +1,7 @@
 #include "policy/convolution.hpp"
 
 #include <ATen/ATen.h>
+#include <ATen/core/grad_mode.h>
 
 #include <cmath>
 #include <limits>
@@ -12,6 +13,23 @@ namespace {
 
 const float kReluGain = std::sqrt(2.0f);  // of the orthogonal initialisation
 constexpr double kByteScale = 1.0 / 255;  // pixels in [0, 1]
+constexpr int64_t kAtOnce = 8192;         // images, where no gradient is wanted: bounds the memory
+
+/// The numbers of one network: those of a set, or of a member [1, P] of a population of such sets.
+class Weights {
+ public:
+  explicit Weights(const ParameterSet& set, at::Tensor member = {}) : set_(set), member_(std::move(member)) {}
+
+  at::Tensor operator[](int k) const { return member_.defined() ? set_.of_members(member_, k)[0] : set_[k]; }
+  at::Tensor dense_layer(const DenseLayer& layer, const at::Tensor& x) const {
+    return member_.defined() ? dense_members(set_, member_, layer, x.unsqueeze(0), Rounding::none)[0]
+                             : dense(set_, layer, x, Rounding::none);
+  }
+
+ private:
+  const ParameterSet& set_;
+  const at::Tensor member_;
+};
 
 /// A convolution by the numbers of its parameters. The weight is a matrix [output, size * size * input], in which the
 /// channels lie next to each other as those of images do.
@@ -31,7 +49,7 @@ Convolution add_convolution(ParameterSet& parameters, const std::string& name, i
 int64_t side_behind(const Convolution& c, int64_t side) { return (side + 2 * c.padding - c.size) / c.stride + 1; }
 
 /// x [R, input, H, W] -> [R, output, H', W'], in the type of x. `scale`: of the pixels; it is cheaper on the weights.
-at::Tensor convolved(const ParameterSet& p, const Convolution& c, const at::Tensor& x, double scale = 1) {
+at::Tensor convolved(const Weights& p, const Convolution& c, const at::Tensor& x, double scale = 1) {
   at::Tensor weight = p[c.weight].view({c.output, c.size, c.size, c.input}).permute({0, 3, 1, 2});
   if (scale != 1) weight = weight * scale;
   return at::conv2d(x, weight.to(x.scalar_type()), p[c.bias].to(x.scalar_type()), at::IntArrayRef{c.stride, c.stride},
@@ -48,22 +66,20 @@ class ImageEncoder : public Encoder {
   }
 
   at::Tensor forward(const ParameterSet& p, at::Tensor x, Rounding) const override {
-    std::vector<int64_t> shape = x.sizes().vec();
-    shape.back() = features();
-    x = x.reshape({-1, side_, side_, channels_}).permute({0, 3, 1, 2});
-    if (x.scalar_type() == at::kByte) x = x.to(at::kFloat);
-    x = convolutions(p, x).permute({0, 2, 3, 1}).flatten(1);
-    for (const DenseLayer& layer : dense_) x = dense(p, layer, x, Rounding::none);
-    return x.view(shape);
+    return features_of(Weights(p), x);
   }
-  at::Tensor forward_members(const ParameterSet&, const at::Tensor&, at::Tensor, Rounding) const override {
-    throw InputError("networks that read images are not evolved");
+  /// One member after the other: a convolution has too much work for a kernel of many small networks.
+  at::Tensor forward_members(const ParameterSet& p, const at::Tensor& members, at::Tensor x, Rounding) const override {
+    std::vector<at::Tensor> features;
+    for (int64_t m = 0; m < members.size(0); ++m)
+      features.push_back(features_of(Weights(p, members.narrow(0, m, 1)), x[m]));
+    return at::stack(features);
   }
   int64_t features() const override { return features_; }
 
  protected:
   /// x [R, C, H, W] of pixels in [0, 255].
-  virtual at::Tensor convolutions(const ParameterSet& p, const at::Tensor& x) const = 0;
+  virtual at::Tensor convolutions(const Weights& p, const at::Tensor& x) const = 0;
 
   void add_dense_layers(ParameterSet& parameters, const std::string& name, int64_t input, const MlpConfig& config) {
     for (const int size : config.hidden) {
@@ -76,6 +92,24 @@ class ImageEncoder : public Encoder {
   int64_t side_, channels_ = 0;
 
  private:
+  at::Tensor features_of(const Weights& p, const at::Tensor& x) const {
+    std::vector<int64_t> shape = x.sizes().vec();
+    shape.back() = features();
+    const at::Tensor images = x.reshape({-1, side_, side_, channels_});
+    if (at::GradMode::is_enabled() || images.size(0) <= kAtOnce) return features_of_images(p, images).view(shape);
+    std::vector<at::Tensor> parts;
+    for (const at::Tensor& part : images.split(kAtOnce)) parts.push_back(features_of_images(p, part));
+    return at::cat(parts).view(shape);
+  }
+  /// Bytes become numbers here and nowhere before; the channels stay last in memory.
+  at::Tensor features_of_images(const Weights& p, const at::Tensor& images) const {
+    at::Tensor x = images.permute({0, 3, 1, 2});
+    if (x.scalar_type() == at::kByte) x = x.to(at::kFloat);
+    x = convolutions(p, x).permute({0, 2, 3, 1}).flatten(1);
+    for (const DenseLayer& layer : dense_) x = p.dense_layer(layer, x);
+    return x;
+  }
+
   int64_t features_ = 0;
   std::vector<DenseLayer> dense_;
 };
@@ -96,7 +130,7 @@ class Nature final : public ImageEncoder {
   }
 
  private:
-  at::Tensor convolutions(const ParameterSet& p, const at::Tensor& pixels) const override {
+  at::Tensor convolutions(const Weights& p, const at::Tensor& pixels) const override {
     at::Tensor x = at::relu(convolved(p, layers_[0], pixels, kByteScale));
     x = at::relu(convolved(p, layers_[1], x));
     return at::relu(convolved(p, layers_[2], x));
@@ -133,7 +167,7 @@ class Impala final : public ImageEncoder {
     std::array<Block, 2> blocks;
   };
 
-  at::Tensor convolutions(const ParameterSet& p, const at::Tensor& pixels) const override {
+  at::Tensor convolutions(const Weights& p, const at::Tensor& pixels) const override {
     at::Tensor x = pixels;
     for (const Section& section : sections_) {
       x = pool_of_three(convolved(p, section.enter, x, &section == sections_.data() ? kByteScale : 1));

@@ -9,7 +9,6 @@ namespace giga {
 /// Three convolutions (8 x 8 by 4, 4 x 4 by 2, 3 x 3) of 32, 64 and 64 channels, ReLU behind each, then dense layers of
 /// config.hidden. Throws InputError where the input is no image or smaller than kNatureSide.
 EncoderFactory make_nature;
-constexpr int kNatureSide = 36;
 
 /// Three sections of config.impala_width, twice and twice as many channels, each a convolution, a pooling that halves
 /// the sides and two residual blocks; then ReLU and dense layers of config.hidden. For images of any size.

@@ -9,7 +9,8 @@ namespace giga {
 
 CriticShape critic_shape(const CriticConfig& config, const SimSpec& spec, int team) {
   const SimParams& p = spec.params;
-  return {team, {p.n_team[0], p.n_team[1]}, input_columns(config.inputs, spec), world_feature_count(p)};
+  const InputColumns inputs = config.kind == CriticKind::state ? InputColumns() : inputs_of(config, spec);
+  return {team, {p.n_team[0], p.n_team[1]}, inputs, world_feature_count(p)};
 }
 
 std::pair<NetworkConfig, NetworkConfig> split_state_critic(const CriticConfig& config) {

@@ -38,7 +38,8 @@ class Critic {
   Critic(const CriticConfig& config, const CriticShape& shape, Precision precision, const ParallelFor& parallel_for,
          at::Device device, uint64_t seed);
 
-  /// obs [B, n, D] (normalised if the actor normalises), alive [B, n] float, state [B, G] (kind state; else undefined)
+  /// obs [B, n, D] (normalised if the actor normalises; images where it reads them), alive [B, n] float, state [B, G]
+  /// (kind state; else undefined)
   /// -> values [B, n], fp32, in the value normaliser's units. `sequence`: of a critic with memory, which remembers
   /// something of each agent; B = L worlds, and its rows are worlds x n.
   at::Tensor forward(const at::Tensor& obs, const at::Tensor& alive, const at::Tensor& state,
@@ -51,6 +52,7 @@ class Critic {
   const InputColumns& inputs() const { return shape_.inputs; }
 
   bool needs_state() const { return kind_ == CriticKind::state; }
+  bool reads_image() const { return reads().has(Observation::image); }
   /// What it reads of the agents' observations.
   ObservationSet reads() const { return needs_state() ? ObservationSet() : shape_.inputs.set; }
   ParameterSet& parameters() { return parameters_; }

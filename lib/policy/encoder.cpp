@@ -1,6 +1,7 @@
 #include "policy/encoder.hpp"
 
 #include "core/error.hpp"
+#include "policy/convolution.hpp"
 
 namespace giga {
 
@@ -13,7 +14,8 @@ struct EncoderRow {
   EncoderKind kind;
   EncoderFactory* make;
 };
-constexpr EncoderRow kEncoders[] = {{EncoderKind::mlp, make_mlp}};
+constexpr EncoderRow kEncoders[] = {
+    {EncoderKind::mlp, make_mlp}, {EncoderKind::nature, make_nature}, {EncoderKind::impala, make_impala}};
 
 }  // namespace
 

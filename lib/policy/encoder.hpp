@@ -23,8 +23,8 @@ class Encoder {
                                      Rounding rounding) const = 0;
   /// F.
   virtual int64_t features() const = 0;
-  /// The layers of an encoder that is a chain of dense layers and nothing else. The fused kernel and the export formats
-  /// take such encoders only, and between these layers the agents of a composed critic exchange features. Else empty.
+  /// The layers of an encoder that is a chain of dense layers and nothing else. The fused kernels and pages take such
+  /// encoders only, and between these layers the agents of a composed critic exchange features. Else empty.
   virtual std::vector<DenseLayer> layers() const { return {}; }
 };
 

@@ -5,6 +5,7 @@
 #include "core/error.hpp"
 #include "policy/parameters.hpp"
 #include "rollout/tensors.hpp"
+#include "sim/image_state.hpp"
 #include "sim/row_layout.hpp"
 
 namespace giga {
@@ -21,7 +22,7 @@ T* whole(const at::Tensor& tensor) {
   return tensor.defined() ? tensor.data_ptr<T>() : nullptr;
 }
 
-Rollout make_rollout(const Simulator& sim, const CollectorOptions& options, const BothSides& sides) {
+Rollout make_rollout(Simulator& sim, const CollectorOptions& options, const BothSides& sides) {
   const SimSpec& spec = sim.spec();
   const int64_t t = options.horizon, w = sim.n_worlds(), d = observation_rows(spec).stride(), g = spec.state_size();
   const auto make = [&sim](at::IntArrayRef sizes, at::ScalarType type = at::kFloat) {
@@ -33,26 +34,32 @@ Rollout make_rollout(const Simulator& sim, const CollectorOptions& options, cons
     const int64_t n = spec.params.n_team[team];
     const bool discrete = spec.params.actions == ActionKind::discrete;
     r.action = discrete ? make({t, w, n}, at::kInt) : make({t, w, n, kActionSize});
-    const auto any = [&](auto&& holds) {
-      return std::any_of(sides[team].begin(), sides[team].end(),
-                         [&](const SidePart& part) { return holds(*part.controller); });
-    };
-    if (!any([](const TeamController& c) { return c.fills_log_prob(); })) {
-      if (any([](const TeamController& c) { return !c.reads().empty(); })) r.obs = make({1, w, n, d});
-      continue;
+    ObservationSet reads;
+    bool learns = false;
+    for (const SidePart& part : sides[team]) {
+      reads |= part.controller->reads();
+      learns = learns || part.controller->fills_log_prob();
     }
-    r.obs = make({t + 1, w, n, d});
+    if (learns) reads |= options.keep;
+    if (!(reads & spec.observations()).empty()) r.obs = make({learns ? t + 1 : 1, w, n, d});
+    if (!learns) continue;
+    if (reads.has(Observation::image)) rollout.images.sim = &sim;
     r.alive = make({t + 1, w, n}, at::kByte);
     if (!discrete) r.pre_tanh_action = make({t, w, n, kActionSize});
     r.log_prob = make({t, w, n});
     r.reward = make({t, w, n});
-    r.final_obs = make({w, n, d});
+    if (r.obs.defined()) r.final_obs = make({w, n, d});
     r.final_alive = make({w, n}, at::kByte);
   }
   rollout.done = make({t, w}, at::kByte);
   if (options.with_state) {
     rollout.true_state = make({t + 1, w, g});
     rollout.final_true_state = make({w, g});
+  }
+  if (rollout.images.sim) {
+    const int64_t s = image_state_size(spec.params);
+    rollout.images.states = make({t + 1, w, s}, at::kInt);
+    if (options.with_final_images) rollout.images.final_states = make({w, s}, at::kInt);
   }
   return rollout;
 }
@@ -95,10 +102,11 @@ void Collector::before_play(int64_t n_steps) {
   GIGA_CHECK(n_steps == options_.horizon, n_steps, " steps for ", options_.horizon, " slots");
   for (const TeamRollout& r : rollout_.team) {
     if (!r.alive.defined()) continue;
-    r.obs[0].copy_(r.obs[n_steps]);
+    if (r.obs.defined()) r.obs[0].copy_(r.obs[n_steps]);
     r.alive[0].copy_(r.alive[n_steps]);
   }
-  if (rollout_.true_state.defined()) rollout_.true_state[0].copy_(rollout_.true_state[n_steps]);
+  for (const at::Tensor& states : {rollout_.true_state, rollout_.images.states})
+    if (states.defined()) states[0].copy_(states[n_steps]);
   for (int team = 0; team < kNTeams; ++team)
     if (memory_[team].defined()) rollout_.team[team].state.copy_(memory_[team]);
 }
@@ -114,16 +122,22 @@ void Collector::before_step(int64_t t, GameStep& step) {
     const TeamRollout& r = rollout_.team[team];
     TeamIo& out = step.io.team[team];
     step.rows[team] = {slot<float>(r.obs, t + 1), whole<float>(r.final_obs),
-                       r.alive.defined() ? options_.keep : ObservationSet()};
+                       r.alive.defined() ? options_.keep & all_numbers() : ObservationSet()};
     out.alive = slot<uint8_t>(r.alive, t + 1);
     out.reward = slot<float>(r.reward, t);
     out.final_alive = whole<uint8_t>(r.final_alive);
     void* action = static_cast<char*>(r.action.data_ptr()) + t * r.action.stride(0) * r.action.itemsize();
-    step.team[team] = {slot<float>(r.obs, t), action, slot<float>(r.pre_tanh_action, t), slot<float>(r.log_prob, t),
-                       whole<float>(memory_[team])};
+    TeamBuffers& buffers = step.team[team];  // the images are those of the game
+    buffers.obs = slot<float>(r.obs, t);
+    buffers.action = action;
+    buffers.pre_tanh_action = slot<float>(r.pre_tanh_action, t);
+    buffers.log_prob = slot<float>(r.log_prob, t);
+    buffers.memory = whole<float>(memory_[team]);
   }
   step.io.world[Observation::state] = {slot<float>(rollout_.true_state, t + 1),
                                        whole<float>(rollout_.final_true_state)};
+  step.io.world[Observation::image_state] = {slot<int32_t>(rollout_.images.states, t + 1),
+                                             whole<int32_t>(rollout_.images.final_states)};
   step.io.done = slot<uint8_t>(rollout_.done, t);
 }
 

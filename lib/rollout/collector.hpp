@@ -8,6 +8,7 @@
 
 #include "core/named_array.hpp"
 #include "game/game.hpp"
+#include "rollout/kept_images.hpp"
 
 namespace giga {
 
@@ -17,7 +18,7 @@ namespace giga {
 /// `pre_tanh_action` and `log_prob` mean nothing.
 struct TeamRollout {
   at::Tensor obs;              // [T + 1, W, n, D] slot t: before step t; [1, W, n, D] of a team that does not learn. 0
-                               // where nobody reads them
+                               // where nobody reads them; undefined where nobody reads numbers
   at::Tensor alive;            // [T + 1, W, n] uint8, at `obs`
   at::Tensor action;           // [T, W, n] int32 or [T, W, n, 3] float
   at::Tensor pre_tanh_action;  // [T, W, n, 3] float, continuous actions only
@@ -33,13 +34,15 @@ struct Rollout {
   at::Tensor done;              // [T, W] uint8, Done
   at::Tensor true_state;        // [T + 1, W, G] true state; only with `with_state`
   at::Tensor final_true_state;  // [W, G]
+  KeptImages images;            // where a learning team's networks read them
 };
 
 struct CollectorOptions {
   int horizon = 16;
-  bool with_state = false;     ///< keep the true state for a critic
-  bool desynchronize = false;  ///< first episodes start at a random age, so that worlds do not reset in step
-  ObservationSet keep = {};    ///< observations of learning teams that are kept besides those that controllers read
+  bool with_state = false;         ///< keep the true state for a critic
+  bool desynchronize = false;      ///< first episodes start at a random age, so that worlds do not reset in step
+  ObservationSet keep = {};        ///< observations of learning teams that are kept besides those that controllers read
+  bool with_final_images = false;  ///< keep those of truncated episodes, for a critic that reads images
 };
 
 class Collector final : GameObserver {

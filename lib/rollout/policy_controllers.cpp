@@ -9,6 +9,7 @@
 #include "policy/fused_actor.hpp"
 #include "rollout/group_policy.hpp"
 #include "rollout/tensors.hpp"
+#include "sim/image_rows.hpp"
 
 namespace giga {
 namespace {
@@ -28,7 +29,11 @@ void act_fused(FusedPolicy policy, const InputColumns& inputs, const TeamStep& s
   act_fused(policy, s.parallel_for);
 }
 
-at::Tensor obs_of(const TeamStep& step) {
+/// What a policy reads of a step: the images of its agents, or their rows of numbers.
+template <class AnyPolicy>
+at::Tensor obs_of(const AnyPolicy& policy, const TeamStep& step) {
+  if (policy.reads().has(Observation::image))
+    return wrap(step.buffers.image, {step.n_rows(), image_bytes(step.sim.params().resolution)}, step.sim.device());
   return wrap(step.buffers.obs, {step.n_rows(), step.obs_stride()}, step.sim.device());
 }
 
@@ -36,10 +41,10 @@ at::Tensor obs_of(const TeamStep& step) {
 template <class AnyPolicy>
 at::Tensor remembering(const AnyPolicy& policy, const TeamStep& s) {
   NetworkState state;
-  if (policy.state_size() == 0) return policy.forward(obs_of(s), state);
+  if (policy.state_size() == 0) return policy.forward(obs_of(policy, s), state);
   const at::Tensor memory = wrap(s.buffers.memory, {s.n_rows(), s.buffers.memory_size}, s.sim.device());
   state.rows = memory;
-  const at::Tensor head = policy.forward(obs_of(s), state);
+  const at::Tensor head = policy.forward(obs_of(policy, s), state);
   memory.copy_(state.rows);
   return head;
 }

@@ -35,6 +35,9 @@ class RowLayout {
   int stride_ = 0, numbers_ = 0;
 };
 
+/// Whatever numbers a scenario offers its agents.
+constexpr ObservationSet all_numbers() { return ObservationSet(Observation::vector) | Observation::egocentric; }
+
 /// The row that holds all observations which a scenario offers an agent: what networks, scripts and exported policies
 /// find theirs in.
 inline RowLayout observation_rows(const SimSpec& spec) { return RowLayout(spec.params, spec.observations()); }

@@ -195,6 +195,34 @@ std::vector<BadInput> meanings() {
                  "pool; it needs at least 1"}),
       in_evolution("setting of another algorithm", "train: {algorithm: openai_es, n_worlds: 64}",
                    {"run.yaml:2:41: train.n_worlds: this means nothing to train.algorithm openai_es"}),
+      in_config(
+          "encoder of images without images", "mappo: {actor: {encoder: nature}}",
+          {"run.yaml:2:26: mappo.actor.encoder: 'nature' reads images, and agents of 'identical_2_vs_2' are given "
+           "none; environment.observation.type: rgb or rgb_vector gives them; allowed without images: mlp"}),
+      in_config("image too small for the encoder",
+                "environment: {observation: {type: rgb_vector, resolution: 16}}\nmappo: {actor: {encoder: nature}}",
+                {"run.yaml:3:26: mappo.actor.encoder: 'nature' needs images of at least 36 x 36 pixels, and "
+                 "environment.observation.resolution is 16; allowed with it: impala"}),
+      in_config(
+          "images alone for an encoder of numbers",
+          "environment: {observation: {type: rgb}}\nmappo: {critic: {kind: state}}",
+          {"run.yaml:1:11: scenario: agents of 'identical_2_vs_2' are given images alone (observation.type: rgb), "
+           "and mappo.actor.encoder mlp reads numbers; nature and impala read images"}),
+      in_config(
+          "encoder of images for the true state",
+          "environment: {observation: {type: rgb}}\n"
+          "mappo: {actor: {encoder: impala}, critic: {kind: state, encoder: impala}}",
+          {"run.yaml:3:66: mappo.critic.encoder: 'impala' reads images, and mappo.critic.kind state the true state "
+           "of the world, which is numbers; allowed with it: mlp"}),
+      in_config("normalised images",
+                "environment: {observation: {type: rgb_vector}}\n"
+                "mappo: {obs_norm: true, actor: {encoder: impala}}",
+                {"run.yaml:3:19: mappo.obs_norm: this normalises the numbers that actors read, and mappo.actor.encoder "
+                 "impala reads images; allowed with it: false"}),
+      in_evolution("encoder of images in an evolution strategy",
+                   "train: {algorithm: snes}\npopulation: {actor: {encoder: impala}}",
+                   {"run.yaml:3:31: population.actor.encoder: 'impala' is not offered to populations, whose networks "
+                    "read numbers; allowed there: mlp; train.algorithm mappo has it"}),
       in_config("memory without steps to learn it from", "mappo: {horizon: 1, actor: {memory: gru}}",
                 {"run.yaml:2:37: mappo.actor.memory: 'gru' learns from the steps of a rollout in a row, and "
                  "mappo.horizon is 1; allowed with it: none; with memory mappo.horizon is at least 2"}),

@@ -1,6 +1,7 @@
 """compare.py FOLDER LIMIT: whether the exports in a folder give the numbers that gigastep's own actors gave.
 
-FOLDER has obs.f32 (observations, raw float32), and for each export NAME/ the outputs NAME.f32. Exit code 1 where a
+FOLDER has obs.f32 (observations, raw float32), and for each export NAME/ the outputs NAME.f32; of one that takes images
+these are in NAME.u8. Exit code 1 where a
 number differs by more than LIMIT or an export is not what its manifest says, 77 where a Python package is missing.
 """
 
@@ -30,7 +31,8 @@ def check_onnx(folder, manifest):
     assert model.opset_import[0].version >= 17, model.opset_import
     values = {v.name: [d.dim_param or d.dim_value for d in v.type.tensor_type.shape.dim]
               for v in [*model.graph.input, *model.graph.output]}
-    expected = {"obs": ["batch", manifest["observation"]["size"]],
+    seen = manifest["observation"]
+    expected = {seen["input"]: ["batch", *seen.get("shape", [seen["size"]])],
                 manifest["action"]["output"]: ["batch", manifest["action"]["size"]]}
     state = manifest["state"]
     if state["size"] > 0:
@@ -80,7 +82,11 @@ def compare(folder, obs):
     import numpy as np
 
     manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
-    obs = obs.reshape(-1, manifest["observation"]["size"])
+    if manifest["observation"]["type"] == "uint8":
+        images = np.fromfile(folder.with_name(folder.name + ".u8"), np.uint8)
+        obs = images.reshape(-1, *manifest["observation"]["shape"])
+    else:
+        obs = obs.reshape(-1, manifest["observation"]["size"])
     expected = np.fromfile(folder.with_name(folder.name + ".f32"), np.float32).reshape(len(obs), -1)
     assert expected.shape[1] == manifest["action"]["size"], expected.shape
     example = load_example(folder)

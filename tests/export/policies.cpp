@@ -59,7 +59,29 @@ at::Tensor padded(const at::Tensor& rows, const SimSpec& spec) {
 std::string ActorKind::name() const {
   return FieldCodec<ActionKind>::print(actions) + "_" + FieldCodec<Activation>::print(activation) +
          (layer_norm ? "_layer_norm" : "") + (normalizes ? "_normalizes" : "") + (reads_part ? "_reads_part" : "") +
-         (memory == MemoryKind::none ? "" : "_" + FieldCodec<MemoryKind>::print(memory));
+         (memory == MemoryKind::none ? "" : "_" + FieldCodec<MemoryKind>::print(memory)) +
+         (encoder == EncoderKind::mlp ? "" : "_" + FieldCodec<EncoderKind>::print(encoder));
+}
+
+std::vector<ActorKind> image_kinds() {
+  return {{.activation = Activation::relu, .encoder = EncoderKind::nature},
+          {.actions = ActionKind::continuous,
+           .activation = Activation::tanh,
+           .layer_norm = true,
+           .memory = MemoryKind::gru,
+           .encoder = EncoderKind::impala}};
+}
+
+SimSpec small_spec_with_images(const ActorKind& kind) {
+  SimSpec spec = small_spec(kind.actions);
+  spec.params.resolution = kind.image_side();
+  spec.params.images_only = true;
+  return spec;
+}
+
+at::Tensor varied_images(int64_t rows, int side) {
+  const at::Tensor k = at::arange(rows * side * side * 3);
+  return ((k * 37 + k.div(101, "floor") * 11) % 256).to(at::kByte).view({rows, -1});
 }
 
 std::vector<ActorKind> all_kinds() {
@@ -85,7 +107,10 @@ Actor make_random_actor(const ActorKind& kind) {
   config.output_gain = 1;
   config.memory = kind.memory;
   config.memory_size = 9;
-  const InputColumns inputs = kind.reads_part ? InputColumns(kPaddedInputs, 8, 40) : InputColumns(kPaddedInputs);
+  config.encoder = kind.encoder;
+  config.impala_width = 4;
+  InputColumns inputs = kind.reads_part ? InputColumns(kPaddedInputs, 8, 40) : InputColumns(kPaddedInputs);
+  if (config.reads_image()) inputs = InputColumns::image_of(kind.image_side());
   Actor actor(config, inputs, kind.actions, kind.normalizes, Precision::fp32, at::kCPU, 1);
   actor.parameters().values().add_(random({actor.parameters().size()}, 2), 0.1);
   if (kind.normalizes) actor.normalizer().update(random_observations(64), at::ones({64}));

@@ -23,11 +23,21 @@ struct ActorKind {
   bool layer_norm = false, normalizes = false;
   bool reads_part = false;  ///< columns 8 to 47 only
   MemoryKind memory = MemoryKind::none;
+  EncoderKind encoder = EncoderKind::mlp;
 
+  /// Pixels of the images that it reads: as few as the convolutions of nature fit on; an odd number.
+  int image_side() const { return encoder == EncoderKind::nature ? kNatureSide : 11; }
   std::string name() const;  ///< "discrete_tanh_layer_norm"
 };
 /// All 2 x 4 x 2 x 2 that read everything; and one of each kind of action that reads a part, and with each memory.
 std::vector<ActorKind> all_kinds();
+
+/// Two that read images: nature with discrete actions; impala with continuous ones and a memory.
+std::vector<ActorKind> image_kinds();
+/// small_spec whose agents are given images alone.
+SimSpec small_spec_with_images(const ActorKind& kind);
+/// [rows, side side 3] of bytes.
+at::Tensor varied_images(int64_t rows, int side);
 
 /// A random actor for small_spec_with_view, which reads the view alone (`reads_part`) or everything.
 Actor make_actor_with_view(const ActorKind& kind);

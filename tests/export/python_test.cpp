@@ -90,12 +90,30 @@ void compare_view_with_python(ExportFormat format) {
   expect_agreement(folder, n);
 }
 
+/// The same of policies that take images.
+void compare_images_with_python(ExportFormat format) {
+  const TemporaryFolder folder;
+  write_tensor(folder / "obs.f32", at::zeros({0}));
+  for (const ActorKind& kind : image_kinds()) {
+    const Actor actor = make_random_actor(kind);
+    const at::Tensor images = varied_images(5, kind.image_side());
+    const int outputs = kind.actions == ActionKind::discrete ? kNDiscreteActions : kActionSize;
+    write_export(folder / kind.name(), format, actor, small_spec_with_images(kind), sample_origin());
+    write_tensor(folder / (kind.name() + ".u8"), images);
+    write_tensor(folder / (kind.name() + ".f32"), third_head(actor, images).slice(1, 0, outputs));
+  }
+  expect_agreement(folder, image_kinds().size());
+}
+
 TEST(ExportPython, SafetensorsGiveTheSameNumbers) { compare_with_python(ExportFormat::safetensors); }
 TEST(ExportPython, OnnxRuntimeGivesTheSameNumbers) { compare_with_python(ExportFormat::onnx); }
 TEST(ExportPython, TorchScriptGivesTheSameNumbers) { compare_with_python(ExportFormat::torchscript); }
 TEST(ExportPython, SafetensorsComputeTheView) { compare_view_with_python(ExportFormat::safetensors); }
 TEST(ExportPython, OnnxRuntimeComputesTheView) { compare_view_with_python(ExportFormat::onnx); }
 TEST(ExportPython, TorchScriptComputesTheView) { compare_view_with_python(ExportFormat::torchscript); }
+TEST(ExportPython, SafetensorsTakeImages) { compare_images_with_python(ExportFormat::safetensors); }
+TEST(ExportPython, OnnxRuntimeTakesImages) { compare_images_with_python(ExportFormat::onnx); }
+TEST(ExportPython, TorchScriptTakesImages) { compare_images_with_python(ExportFormat::torchscript); }
 
 }  // namespace
 }  // namespace giga::test

@@ -67,6 +67,37 @@ TEST(ExportRoundTrip, TorchScriptGivesTheSameNumbers) {
   }
 }
 
+TEST(ExportRoundTrip, PoliciesOfImages) {
+  const TemporaryFolder folder;
+  for (const ActorKind& kind : image_kinds()) {
+    const Actor actor = make_random_actor(kind);
+    SimSpec spec = small_spec_with_images(kind);
+    const at::Tensor images = varied_images(5, kind.image_side()), expected = third_head(actor, images);
+    EXPECT_GT(worst(expected[0], expected[1]), 1e-3) << "other images, other numbers";
+    for (const ExportFormat format : {ExportFormat::safetensors, ExportFormat::torchscript}) {
+      SCOPED_TRACE(kind.name() + FieldCodec<ExportFormat>::print(format));
+      const fs::path path = folder / (kind.name() + FieldCodec<ExportFormat>::print(format));
+      write_export(path, format, actor, spec, sample_origin());
+      const auto policy = read(path, spec, true).policy;
+      EXPECT_TRUE(policy->reads_image());
+      EXPECT_EQ(policy->state_size(), actor.state_size());
+      const at::Tensor head = third_head(*policy, images);
+      if (format == ExportFormat::safetensors) {
+        EXPECT_TRUE(at::equal(without_unused_logit(head), without_unused_logit(expected)));
+      }
+      EXPECT_LE(worst(without_unused_logit(head), without_unused_logit(expected)), 1e-5);
+      SimSpec larger = spec, none = spec;
+      larger.params.resolution = 50;
+      none.params.resolution = 0;
+      none.params.images_only = false;
+      const std::string trained = cat("where an agent observes images of ", kind.image_side(), " x ");
+      EXPECT_TRUE(contains(input_error_of([&] { read(path, larger, true); }),
+                           {trained.c_str(), "pixels; in 'small' it observes images of 50 x 50 pixels"}));
+      EXPECT_TRUE(contains(input_error_of([&] { read(path, none, true); }), {"in 'small' it observes no images"}));
+    }
+  }
+}
+
 TEST(ExportRoundTripGpu, PoliciesPlayOnTheGpu) {
   if (cuda_device_count() == 0) GTEST_SKIP() << "no GPU";
   const TemporaryFolder folder;

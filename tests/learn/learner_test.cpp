@@ -23,7 +23,16 @@ SmallRun with_opponents(SmallRun run, const std::string& keys) {
   run.more = "opponents: {" + keys + "}\n";
   return run;
 }
+/// Networks of images learn on one thread here: those of a convolution's gradient wait for each other in a busy loop,
+/// which takes forever where tests share the cores.
+SmallRun alone(SmallRun run) {
+  run.n_threads = 1;
+  return run;
+}
 constexpr const char* kGru = "hidden: [16], memory: gru, memory_size: 8";
+constexpr const char* kEye = "encoder: impala, impala_width: 2, hidden: [8], activation: relu";
+constexpr const char *kImages = "observation: {type: rgb, resolution: 12}\n",
+                     *kBoth = "observation: {type: rgb_vector, resolution: 9}\n";
 const Variant kVariants[] = {
     {"Plain", {}},
     {"ContinuousObsNormStateCritic", {"", "obs_norm: true", "kind: state, hidden: [16, 12]", "action: continuous\n"}},
@@ -58,6 +67,17 @@ const Variant kVariants[] = {
                      "hidden: [16], memory: lstm, memory_size: 6"},
                     "pool_size: 2, pool_every_updates: 1, pool_share: 0.5, scripted: [circle], scripted_share: 0.25")},
     {"OnlyTheCriticRemembers", {"opponent: circle", "", "kind: independent, hidden: [8], memory: gru", ""}},
+    {"ImagesStateCriticPoolAndScripts",
+     alone(with_opponents(
+         {"", "", "kind: state, hidden: [8]", kImages, 3, kEye},
+         "pool_size: 2, pool_every_updates: 1, pool_share: 0.5, scripted: [pursuer], scripted_share: 0.25"))},
+    {"ImagesGruCriticOfNumbers",
+     alone({"", "", "hidden: [8]", cat(kBoth, "action: continuous\n"), 3, cat(kEye, ", memory: gru, memory_size: 6")})},
+    {"ImagesForBoth", alone({"opponent: circle, learning_team: 1", "", kEye, kImages, 3, kEye})},
+    {"OnlyTheCriticSeesAndRemembers",
+     alone({"", "obs_norm: true", cat(kEye, ", kind: independent, memory: lstm, memory_size: 5"), kBoth})},
+    {"NatureStateCritic", alone({"opponent: circle", "", "kind: state, hidden: [8]",
+                                 "observation: {type: rgb, resolution: 36}\n", 3, "encoder: nature, hidden: [8]"})},
 };
 
 class LearnVariants : public testing::TestWithParam<Variant> {};

@@ -127,6 +127,44 @@ TEST_F(LearnRunConfig, AMemoryIsRefusedWhereItCannotBe) {
             "run.yaml:2:25: mappo.actor.memory: 'gruu' is not one of: none, gru, lstm; nearest: 'gru'");
 }
 
+TEST_F(LearnRunConfig, AnEncoderOfImagesIsRefusedWhereItCannotBe) {
+  const auto message = [&](const std::string& scenario, const std::string& lines) {
+    return error_of(cat("scenario: ", scenario, "\n", lines));
+  };
+  const std::string state = "mappo: {critic: {kind: state}, actor: {encoder: ";
+  EXPECT_EQ(message("identical_2_vs_2_rgb", state + "nature}}\n"), "no error");
+  EXPECT_EQ(
+      message("identical_2_vs_2", state + "nature}}\n"),
+      "run.yaml:2:49: mappo.actor.encoder: 'nature' reads images, and agents of 'identical_2_vs_2' are given none; "
+      "environment.observation.type: rgb or rgb_vector gives them; allowed without images: mlp");
+  const std::string small = "environment: {observation: {resolution: 35}}\n";
+  EXPECT_EQ(message("identical_2_vs_2_rgb", small + state + "nature}}\n"),
+            "run.yaml:3:49: mappo.actor.encoder: 'nature' needs images of at least 36 x 36 pixels, and "
+            "environment.observation.resolution is 35; allowed with it: impala");
+  EXPECT_EQ(message("identical_2_vs_2_rgb", small + state + "impala}}\n"), "no error");
+  EXPECT_EQ(message("identical_2_vs_2_rgb", "mappo: {actor: {encoder: nature}, critic: {hidden: [8]}}\n"),
+            "run.yaml:1:11: scenario: agents of 'identical_2_vs_2_rgb' are given images alone (observation.type: rgb), "
+            "and mappo.critic.encoder mlp reads numbers; nature and impala read images, and "
+            "environment.observation.type: rgb_vector gives both");
+  EXPECT_EQ(
+      message("identical_2_vs_2_rgb", "mappo: {critic: {kind: state, encoder: impala}, actor: {encoder: impala}}\n"),
+      "run.yaml:2:40: mappo.critic.encoder: 'impala' reads images, and mappo.critic.kind state the true state of "
+      "the world, which is numbers; allowed with it: mlp");
+  EXPECT_EQ(
+      message("identical_2_vs_2_rgb", state + "impala, inputs: egocentric}}\n"),
+      "run.yaml:2:65: mappo.actor.inputs: these are numbers, and the encoder impala reads the image; allowed with "
+      "it: all");
+  EXPECT_EQ(
+      message("identical_2_vs_2_rgb", state + "impala}, obs_norm: true}\n"),
+      "run.yaml:2:68: mappo.obs_norm: this normalises the numbers that actors read, and mappo.actor.encoder impala "
+      "reads images; allowed with it: false");
+  EXPECT_EQ(message("identical_2_vs_2_rgb", "train: {algorithm: snes}\npopulation: {actor: {encoder: nature}}\n"),
+            "run.yaml:3:31: population.actor.encoder: 'nature' is not offered to populations, whose networks read "
+            "numbers; allowed there: mlp; train.algorithm mappo has it");
+  EXPECT_EQ(message("identical_2_vs_2", "mappo: {actor: {encoder: nautre}}\n"),
+            "run.yaml:2:26: mappo.actor.encoder: 'nautre' is not one of: mlp, nature, impala; nearest: 'nature'");
+}
+
 // A value that could not be read is reported once, and nothing is said about what was taken in its place.
 TEST_F(LearnRunConfig, NoErrorsThatFollowFromOthers) {
   const std::pair<const char*, const char*> cases[] = {

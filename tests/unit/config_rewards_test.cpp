@@ -30,13 +30,16 @@ constexpr int kMostAgents = 40;
 enum class Way : uint8_t { fight, circle, leave, straight_out, idle };
 constexpr const char* kWayNames[] = {"fight", "circle", "leave", "straight_out", "idle"};
 
-/// The `environment:` of the configs that set rewards, each once.
+/// The `environment:` of the configs that set rewards, each once. What agents observe is no part of the game.
 std::map<std::string, Node> environments() {
   std::map<std::string, Node> distinct;
   for (const auto& file : std::filesystem::directory_iterator(test::source_path("configs"))) {
     const Document config = parse_yaml_file(file.path());
     const Node* environment = config.root.find("environment");
-    if (environment && environment->find("rewards")) distinct.emplace(print_node(*environment), *environment);
+    if (!environment || !environment->find("rewards")) continue;
+    Node game = *environment;
+    std::erase_if(game.entries, [](const Node::Entry& entry) { return entry.key == "observation"; });
+    distinct.emplace(print_node(game), *environment);
   }
   return distinct;
 }

@@ -24,7 +24,9 @@ def act(head, random=None):
 
 
 def example_observation():
-    """An agent in the middle of the map that flies along x, alone as far as it sees; the rest zeros."""
+    """An agent in the middle of the map that flies along x, alone as far as it sees; the rest zeros. Or a black image."""
+    if MANIFEST["observation"]["type"] == "uint8":
+        return np.zeros((1, *MANIFEST["observation"]["shape"]), np.uint8)
     obs = np.zeros((1, MANIFEST["observation"]["size"]), np.float32)
     (me,) = (block for block in MANIFEST["observation"]["blocks"] if block["name"] == "self")
     values = {"seen": 1, "same_team": 1, "x": 0.5, "y": 0.5, "z": 0.5, "speed": 0.15, "health": 1, "sprite": 1}

@@ -21,7 +21,8 @@ class Policy:
 
     def step(self, obs, state):
         if MANIFEST["state"]["size"] == 0:
-            (head,) = self.session.run([MANIFEST["action"]["output"]], {"obs": obs})
+            (head,) = self.session.run([MANIFEST["action"]["output"]], {MANIFEST["observation"]["input"]: obs})
             return head, state
         outputs = [MANIFEST["action"]["output"], MANIFEST["state"]["output"]]
-        return self.session.run(outputs, {"obs": obs, MANIFEST["state"]["input"]: state})
+        inputs = {MANIFEST["observation"]["input"]: obs, MANIFEST["state"]["input"]: state}
+        return self.session.run(outputs, inputs)

@@ -22,7 +22,7 @@ ACTIVATIONS = {
 
 
 class Policy:
-    """Observations [B, size] float32 -> logits [B, 27] or means [B, 3], and what is remembered until the next step."""
+    """Observations [B, size] float32, or images [B, side, side, 3] uint8 -> logits [B, 27] or means [B, 3], and what is remembered until the next step."""
 
     def __init__(self):
         self.tensors = load_file(FOLDER / MANIFEST["file"])
@@ -55,7 +55,7 @@ class Policy:
         return h, h.astype(np.float32)
 
     def step(self, obs, state):
-        x = network_input(obs)
+        x = network_input(obs, self.tensors)
         x = self.normalised(x) if self.architecture["normalizes_observations"] else x
         n_hidden = len(self.architecture["hidden"])
         for k in range(n_hidden + 1):

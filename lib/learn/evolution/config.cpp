@@ -89,6 +89,7 @@ void check_noise_rank(ConfigCheck& check) {
                     "population.actor.memory", "population.actor.memory_size"}))
     return;
   if (p.actor.inputs == NetworkInputs::egocentric && !check.spec->params.egocentric_view) return;
+  if (p.actor.reads_image() || check.spec->params.images_only) return;
   auto input = static_cast<int>(input_columns(p.actor.inputs, *check.spec).size), most = 0;
   for (const int size : p.actor.hidden) {
     most = std::max(most, std::min(input, size));
@@ -107,7 +108,13 @@ void check_noise_rank(ConfigCheck& check) {
 }
 
 void check_evolution(ConfigCheck& check) {
-  check.inputs_are_there("population.actor.inputs", check.config.population.actor.inputs);
+  const ActorConfig& actor = check.config.population.actor;
+  if (actor.reads_image() && check.known({"population.actor.encoder"}))
+    check.fail("population.actor.encoder",
+               cat("'", FieldCodec<EncoderKind>::print(actor.encoder),
+                   "' is not offered to populations, whose networks read numbers; allowed there: mlp; train.algorithm "
+                   "mappo has it"));
+  check.inputs_are_there("population.actor", actor);
   check_train(check);
   check_fp16(check);
   check_population(check);

@@ -7,6 +7,7 @@
 #include "core/error.hpp"
 #include "learn/config_check.hpp"
 #include "learn/opponents/world_shares.hpp"
+#include "sim/image_state.hpp"
 #include "sim/row_layout.hpp"
 #include "sim/simulator.hpp"
 
@@ -54,6 +55,23 @@ constexpr std::string_view kMappoUnread[] = {"population.", "openai_es.", "snes.
 bool remembers(const MappoConfig& c) { return c.actor.remembers() || c.critic.remembers(); }
 /// Steps that stay together in a minibatch.
 int steps_together(const MappoConfig& c) { return remembers(c) ? c.horizon : 1; }
+
+/// What the networks read is given to the agents; a critic of the true state reads that, and nothing of theirs.
+void networks_see(ConfigCheck& check) {
+  const MappoConfig& c = check.config.mappo;
+  check.inputs_are_there("mappo.actor", c.actor);
+  if (c.critic.kind != CriticKind::state)
+    check.inputs_are_there("mappo.critic", c.critic);
+  else if (c.critic.reads_image() && check.known({"mappo.critic.encoder", "mappo.critic.kind"}))
+    check.fail("mappo.critic.encoder",
+               cat("'", FieldCodec<EncoderKind>::print(c.critic.encoder),
+                   "' reads images, and mappo.critic.kind state the true state of the world, which is numbers; allowed "
+                   "with it: mlp"));
+  if (c.obs_norm && c.actor.reads_image() && check.known({"mappo.obs_norm", "mappo.actor.encoder"}))
+    check.fail("mappo.obs_norm",
+               cat("this normalises the numbers that actors read, and mappo.actor.encoder ",
+                   FieldCodec<EncoderKind>::print(c.actor.encoder), " reads images; allowed with it: false"));
+}
 
 /// A rollout of one step has nothing that a memory could learn from.
 void memory_has_steps(ConfigCheck& check) {
@@ -182,8 +200,7 @@ void state_is_read(ConfigCheck& check) {
 
 void check_mappo(ConfigCheck& check) {
   state_is_read(check);
-  check.inputs_are_there("mappo.actor.inputs", check.config.mappo.actor.inputs);
-  check.inputs_are_there("mappo.critic.inputs", check.config.mappo.critic.inputs);
+  networks_see(check);
   memory_has_steps(check);
   worlds_suffice(check);
   minibatches_divide(check);
@@ -210,14 +227,37 @@ RunSize mappo_size(const RunConfig& c) {
   return {"train.n_worlds", "world", c.train.n_worlds, step, step, kMostWorlds};
 }
 
-/// The state of the worlds, and the observations of the rollout.
-int64_t mappo_least_bytes(const LoadedRun& run) {
+/// What a rollout keeps of observations, and what images would take that it does not keep.
+struct RolloutBytes {
+  int64_t numbers = 0, image_states = 0, images = 0;
+};
+RolloutBytes rollout_bytes(const LoadedRun& run) {
   const SimParams& p = run.spec.params;
   const TrainConfig& c = run.config.train;
+  const MappoConfig& m = run.config.mappo;
   const int64_t agents = c.opponent.is_self_play() ? p.n_agents : p.n_team[c.learning_team];
-  const auto observation = static_cast<int64_t>(sizeof(float)) * observation_rows(run.spec).stride();
-  return static_cast<int64_t>(state_bytes(run.spec, c.n_worlds)) +
-         c.n_worlds * run.config.mappo.horizon * agents * observation;
+  const int64_t states = static_cast<int64_t>(c.n_worlds) * m.horizon;
+  const bool critic_sees = m.critic.kind != CriticKind::state;
+  const auto reads_numbers = [](const NetworkConfig& network) { return !network.reads_image(); };
+  RolloutBytes bytes;
+  if (reads_numbers(m.actor) || (critic_sees && reads_numbers(m.critic)))
+    bytes.numbers = states * agents * static_cast<int64_t>(sizeof(float)) * observation_rows(run.spec).stride();
+  if (m.actor.reads_image() || (critic_sees && m.critic.reads_image())) {
+    bytes.image_states = states * static_cast<int64_t>(sizeof(int32_t)) * image_state_size(p);
+    bytes.images = states * agents * image_bytes(p.resolution);
+  }
+  return bytes;
+}
+
+/// The state of the worlds, and the observations of the rollout.
+int64_t mappo_least_bytes(const LoadedRun& run) {
+  const RolloutBytes kept = rollout_bytes(run);
+  return static_cast<int64_t>(state_bytes(run.spec, run.config.train.n_worlds)) + kept.numbers + kept.image_states;
+}
+
+RedrawnImages mappo_redrawn(const LoadedRun& run) {
+  const RolloutBytes bytes = rollout_bytes(run);
+  return {bytes.images, bytes.image_states};
 }
 
 }  // namespace
@@ -249,6 +289,7 @@ const Algorithm MappoAlgorithm::kAlgorithm = {
     .set_size = [](RunConfig& c, int64_t size) { c.train.n_worlds = static_cast<int>(size); },
     .shorten = [](RunConfig& c) { c.mappo.n_epochs = 1; },
     .least_bytes = mappo_least_bytes,
+    .redrawn = mappo_redrawn,
 };
 
 }  // namespace giga

@@ -27,7 +27,7 @@ void PpoTeam::note_faults(const TeamRollout& r) {
   FiniteCheck check{};
   check.fault = figures_.data_ptr<float>() + kFirstFault;
   for (size_t k = 0; k < tensors.size(); ++k) {
-    std::tie(least[k], greatest[k]) = at::aminmax(own(tensors[k]));
+    std::tie(least[k], greatest[k]) = at::aminmax(tensors[k].defined() ? own(tensors[k]) : zero_);  // images: bytes
     if (k == kFaultValues) {  // in reward units, so that a fault of their normaliser shows
       least[k] = least[k] * value_norm_.std() + value_norm_.mean();
       greatest[k] = greatest[k] * value_norm_.std() + value_norm_.mean();
@@ -66,7 +66,8 @@ at::Tensor PpoTeam::faulty_states(const Rollout& rollout, int64_t most) const {
   const TeamRollout& r = rollout.team[team_];
   const int64_t t = r.reward.size(0), n_states = t * worlds_.count;
   at::Tensor bad = at::zeros({n_states}, r.reward.options().dtype(at::kBool));
-  for (const at::Tensor& x : {r.obs.slice(0, 0, t), r.log_prob, r.reward, value_, advantage_, returns_})
+  for (const at::Tensor& x :
+       {r.obs.defined() ? r.obs.slice(0, 0, t) : r.reward, r.log_prob, r.reward, value_, advantage_, returns_})
     bad.logical_or_(at::isfinite(own(x)).logical_not().reshape({n_states, -1}).any(1));
   const at::Tensor index = states(bad.nonzero().squeeze(1));
   return index.slice(0, 0, std::min(most, index.size(0)));
@@ -91,6 +92,7 @@ void PpoTeam::save_batch(const Rollout& rollout, const at::Tensor& states, Named
   add("advantage", advantage_);
   add("returns", returns_);
   add("true_state", rollout.true_state);
+  add("image_state", rollout.images.states);
 }
 
 }  // namespace giga

@@ -141,6 +141,7 @@ void Mappo::make_teams_and_worlds() {
     actors[static_cast<size_t>(team)] = &team_[team]->actor();
     collecting.with_state = collecting.with_state || team_[team]->needs_state();
     collecting.keep |= team_[team]->reads();
+    collecting.with_final_images = collecting.with_final_images || team_[team]->critic_reads_image();
   }
   if (config_.train.opponent.is_path()) {
     frozen_ = Player::load(config_.train.opponent.name, {.device = device_});

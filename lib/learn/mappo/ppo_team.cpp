@@ -72,27 +72,48 @@ at::Tensor PpoTeam::inverse_count(const at::Tensor& weight) const {
   return count.clamp_min(1).reciprocal();
 }
 
+/// What the critic reads of all slots [T + 1, W, ...] of a rollout or, `final`, of the last observations [1, W, ...] of
+/// episodes that were truncated.
+PpoTeam::CriticInput PpoTeam::critic_input(const Rollout& rollout, bool final) const {
+  const TeamRollout& r = rollout.team[team_];
+  const auto last = [](const at::Tensor& x) { return x.defined() ? x.unsqueeze(0) : x; };
+  CriticInput input{r.obs, r.alive, rollout.true_state, rollout.images.states};
+  if (final)
+    input = {last(r.final_obs), last(r.final_alive), last(rollout.final_true_state), last(rollout.images.final_states)};
+  if (critic_.needs_state() || critic_.reads_image()) input.obs = at::Tensor();
+  if (!critic_.needs_state()) input.state = at::Tensor();
+  if (!critic_.reads_image()) input.image_state = at::Tensor();
+  return input;
+}
+
+/// Values [S, n] of these rows, for which images are drawn.
+at::Tensor PpoTeam::critic_values(const KeptImages& images, const CriticInput& input, const Sequence& sequence) const {
+  at::Tensor x = input.obs;
+  if (critic_.reads_image())
+    x = images.draw(team_, input.image_state);
+  else if (actor_.normalizes() && x.defined())
+    x = actor_.normalizer().apply(x);
+  return critic_.forward(x, input.alive.to(at::kFloat), input.state, sequence);
+}
+
 /// Values [S, n] of these states, 0 for the others; of all if `states` is undefined.
-at::Tensor PpoTeam::values_of(const CriticInput& input, const at::Tensor& states) const {
+at::Tensor PpoTeam::values_of(const KeptImages& images, const CriticInput& input, const at::Tensor& states) const {
   at::NoGradGuard no_grad;
   const bool all = !states.defined();
   at::Tensor values =
-      all ? at::empty(input.alive.sizes(), input.obs.options()) : at::zeros(input.alive.sizes(), input.obs.options());
+      all ? at::empty(input.alive.sizes(), zero_.options()) : at::zeros(input.alive.sizes(), zero_.options());
   if (fused_) {
     fused_->write_values(input.obs, input.alive, states, values);
     return values;
   }
-  const int64_t count = all ? input.obs.size(0) : states.size(0);
-  for (int64_t from = 0; from < count; from += kValueChunk) {
-    const int64_t to = std::min(from + kValueChunk, count);
-    const auto part = [&](const at::Tensor& x) {
-      if (!x.defined()) return x;
-      return all ? x.slice(0, from, to) : x.index_select(0, states.slice(0, from, to));
-    };
-    at::Tensor x = part(input.obs);
-    if (actor_.normalizes()) x = actor_.normalizer().apply(x);
-    const at::Tensor value = critic_.forward(x, part(input.alive).to(at::kFloat), part(input.state));
-    all ? part(values).copy_(value) : values.index_copy_(0, states.slice(0, from, to), value);
+  const int64_t count = all ? input.alive.size(0) : states.size(0);
+  const int64_t at_once = critic_.reads_image() ? std::max<int64_t>(1, kImagesAtOnce / n_) : kValueChunk;
+  for (int64_t from = 0; from < count; from += at_once) {
+    const int64_t to = std::min(from + at_once, count);
+    const at::Tensor some = all ? states : states.slice(0, from, to);
+    const at::Tensor value = critic_values(
+        images, input.each([&](const at::Tensor& x) { return all ? x.slice(0, from, to) : x.index_select(0, some); }));
+    all ? values.slice(0, from, to).copy_(value) : values.index_copy_(0, some, value);
   }
   return values;
 }
@@ -112,29 +133,25 @@ at::Tensor beginnings(const Rollout& rollout) {
 // was remembered after the step before. -> values [(T + 1) W, n] and [W, n], 0 in worlds of others.
 std::pair<at::Tensor, at::Tensor> PpoTeam::remembering_values(const Rollout& rollout) {
   const TeamRollout& r = rollout.team[team_];
-  const int64_t t = r.reward.size(0), w = r.reward.size(1), d = r.obs.size(-1);
+  const int64_t t = r.reward.size(0), w = r.reward.size(1);
   const at::Tensor begins = beginnings(rollout);
-  const at::Tensor values = at::zeros({t + 1, w, n_}, r.obs.options()),
-                   final_values = at::zeros({w, n_}, r.obs.options());
+  const at::Tensor values = at::zeros({t + 1, w, n_}, zero_.options()),
+                   final_values = at::zeros({w, n_}, zero_.options());
   critic_start_.copy_(critic_memory_);
-  const int64_t worlds_at_once = std::max<int64_t>(1, kValueChunk / (t + 1));
+  const int64_t states_at_once = critic_.reads_image() ? kImagesAtOnce / n_ : kValueChunk;
+  const int64_t worlds_at_once = std::max<int64_t>(1, states_at_once / (t + 1));
   for (int64_t from = worlds_.first; from < worlds_.end(); from += worlds_at_once) {
     const int64_t to = std::min(from + worlds_at_once, worlds_.end()), b = to - from;
-    const auto critic = [&](const at::Tensor& obs, const at::Tensor& alive, const at::Tensor& truth,
-                            const Sequence& sequence) {
-      const at::Tensor rows = obs.reshape({-1, n_, d});
-      return critic_.forward(actor_.normalizes() ? actor_.normalizer().apply(rows) : rows,
-                             alive.reshape({-1, n_}).to(at::kFloat),
-                             truth.defined() ? truth.reshape({-1, truth.size(-1)}) : truth, sequence);
+    const auto critic = [&](bool final, const Sequence& sequence) {
+      const auto rows = [&](const at::Tensor& x) { return x.slice(1, from, to).flatten(0, 1).contiguous(); };
+      return critic_values(rollout.images, critic_input(rollout, final).each(rows), sequence);
     };
     const at::Tensor begin_here = begins.slice(1, from, to);
     at::Tensor after;  // [T + 1, B n, S]
-    const at::Tensor value = critic(r.obs.slice(1, from, to), r.alive.slice(1, from, to),
-                                    critic_.needs_state() ? rollout.true_state.slice(1, from, to) : at::Tensor(),
-                                    {.length = t + 1,
-                                     .begins = begin_here.repeat_interleave(n_, 1),
-                                     .start = critic_start_.slice(0, from, to).flatten(0, 1),
-                                     .states = &after});
+    const at::Tensor value = critic(false, {.length = t + 1,
+                                            .begins = begin_here.repeat_interleave(n_, 1),
+                                            .start = critic_start_.slice(0, from, to).flatten(0, 1),
+                                            .states = &after});
     values.slice(1, from, to).copy_(value.view({t + 1, b, n_}));
     after = after.view({t + 1, b, n_, -1});
     // Before slot T, from which the next rollout goes on.
@@ -143,10 +160,7 @@ std::pair<at::Tensor, at::Tensor> PpoTeam::remembering_values(const Rollout& rol
     const at::Tensor truncated = rollout.done.slice(1, from, to) == static_cast<int64_t>(Done::truncated);  // [T, B]
     const at::Tensor when = truncated.to(at::kLong).argmax(0).view({1, b, 1, 1}).expand({1, b, n_, after.size(3)});
     const at::Tensor last = after.gather(0, when)[0].flatten(0, 1);
-    final_values.slice(0, from, to)
-        .copy_(critic(r.final_obs.slice(0, from, to), r.final_alive.slice(0, from, to),
-                      critic_.needs_state() ? rollout.final_true_state.slice(0, from, to) : at::Tensor(),
-                      {.start = last}));
+    final_values.slice(0, from, to).copy_(critic(true, {.start = last}));
   }
   return {values.view({(t + 1) * w, n_}), final_values};
 }
@@ -156,17 +170,14 @@ std::pair<at::Tensor, at::Tensor> PpoTeam::remembering_values(const Rollout& rol
 void PpoTeam::compute_advantages(const Rollout& rollout) {
   at::NoGradGuard no_grad;
   const TeamRollout& r = rollout.team[team_];
-  const int64_t t = r.reward.size(0), w = r.reward.size(1), d = r.obs.size(-1);
-  const auto true_states = [&](const at::Tensor& global) {
-    return critic_.needs_state() ? global.reshape({-1, global.size(-1)}) : at::Tensor();
-  };
+  const int64_t t = r.reward.size(0), w = r.reward.size(1);
   at::Tensor value, final_value;
   if (critic_.state_size() > 0) {
     std::tie(value, final_value) = remembering_values(rollout);
   } else {
-    value = values_of(
-        {r.obs.view({(t + 1) * w, n_, d}), r.alive.view({(t + 1) * w, n_}), true_states(rollout.true_state)}, slots_);
-    final_value = values_of({r.final_obs, r.final_alive, true_states(rollout.final_true_state)},
+    const auto rows = [](const at::Tensor& x) { return x.flatten(0, 1); };
+    value = values_of(rollout.images, critic_input(rollout, false).each(rows), slots_);
+    final_value = values_of(rollout.images, critic_input(rollout, true).each(rows),
                             everywhere() ? slots_ : slots_.slice(0, 0, worlds_.count));
   }
 
@@ -240,15 +251,17 @@ void PpoTeam::update_minibatch(const Rollout& rollout, int k, int minibatch, Ste
   const at::Tensor& states = minibatches_[static_cast<size_t>(k)];
   const at::Tensor flat = states.flatten();
   const auto pick = [&](const at::Tensor& x) {
-    return x.slice(0, 0, r.reward.size(0)).flatten(0, 1).index_select(0, flat);
+    return x.defined() ? x.slice(0, 0, r.reward.size(0)).flatten(0, 1).index_select(0, flat) : x;
   };
   const at::Tensor alive = pick(r.alive).to(at::kFloat);
+  const bool sees = actor_.reads_image() || critic_.reads_image();
   const Minibatch batch{
       .number = minibatch,
       .length = states.size(0),
       .states = flat,
       .begins = states.size(0) > 1 ? beginnings(rollout).flatten().index_select(0, flat).view_as(states) : at::Tensor(),
       .obs = pick(r.obs),
+      .images = sees ? rollout.images.draw(team_, rollout.images.states.flatten(0, 1), flat) : at::Tensor(),
       .alive = alive,
       .inv_count = inverse_count(alive)};
   update_actor(rollout, batch, step_sizes.actor);
@@ -272,8 +285,9 @@ Sequence PpoTeam::sequence_of(const Minibatch& batch, const at::Tensor& start) c
 //   o).
 void PpoTeam::update_actor(const Rollout& rollout, const Minibatch& batch, float step_size) {
   const TeamRollout& r = rollout.team[team_];
-  const at::Tensor head = actor_.forward_sequence(batch.obs.flatten(0, 1),
-                                                  sequence_of(batch, actor_.state_size() > 0 ? r.state : at::Tensor()));
+  const at::Tensor& seen = actor_.reads_image() ? batch.images : batch.obs;
+  const at::Tensor head =
+      actor_.forward_sequence(seen.flatten(0, 1), sequence_of(batch, actor_.state_size() > 0 ? r.state : at::Tensor()));
   head.backward(policy_loss_gradient(r, batch, head));
   step_actor(batch.number, step_size);
 }
@@ -337,13 +351,13 @@ at::Tensor PpoTeam::policy_loss_gradient(const TeamRollout& r, const Minibatch& 
 // PPO, equation 9; MAPPO's L(phi): the mean over all living agents of the error of V(s) against the return, squared,
 // clipped around the old value, or Huber.
 void PpoTeam::update_critic(const Rollout& rollout, const Minibatch& batch, float step_size) {
-  const at::Tensor obs = actor_.normalizes() ? actor_.normalizer().apply(batch.obs) : batch.obs;
-  at::Tensor state;
+  at::Tensor seen = critic_.reads_image() ? batch.images : batch.obs, state;
+  if (actor_.normalizes() && !critic_.reads_image()) seen = actor_.normalizer().apply(seen);
   if (critic_.needs_state()) {
     const int64_t t = rollout.done.size(0);
     state = rollout.true_state.slice(0, 0, t).flatten(0, 1).index_select(0, batch.states);
   }
-  const at::Tensor value = critic_.forward(obs, batch.alive, state, sequence_of(batch, critic_start_));
+  const at::Tensor value = critic_.forward(seen, batch.alive, state, sequence_of(batch, critic_start_));
   const at::Tensor gradient = at::empty_like(value), loss = at::empty_like(value);
   parallel_for_.run(ValueLoss{.rows = {batch.states.const_data_ptr<int64_t>(), n_},
                               .value = value.const_data_ptr<float>(),

@@ -38,6 +38,7 @@ class PpoTeam {
 
   Actor& actor() { return actor_; }
   bool needs_state() const { return critic_.needs_state(); }
+  bool critic_reads_image() const { return critic_.reads_image(); }
   /// What its networks read of the observations.
   ObservationSet reads() const { return actor_.reads() | critic_.reads(); }
   /// Why LibTorch computes the update, and not the fused kernels; empty where these do.
@@ -82,9 +83,16 @@ class PpoTeam {
   void load(const std::string& prefix, const NamedArrays& in);
 
  private:
-  /// Inputs of the critic: obs [S, n, D], alive [S, n], and the true state [S, G] if it needs that.
+  /// Inputs of the critic: obs [S, n, D], alive [S, n]; the true state [S, G] if it needs that, and what images are
+  /// drawn from [S, words] if it reads them. What is undefined is not read.
   struct CriticInput {
-    at::Tensor obs, alive, state;
+    at::Tensor obs, alive, state, image_state;
+
+    template <class F>
+    CriticInput each(F&& f) const {
+      const auto of = [&](const at::Tensor& x) { return x.defined() ? f(x) : x; };
+      return {of(obs), of(alive), of(state), of(image_state)};
+    }
   };
   /// What actor and critic learn from in a step: S = L B states.
   struct Minibatch {
@@ -92,7 +100,8 @@ class PpoTeam {
     int64_t length;        // L
     at::Tensor states;     // [S] of the rollout, step by step
     at::Tensor begins;     // [L, B] bool: the first steps of episodes; undefined where nobody remembers
-    at::Tensor obs;        // [S, n, D]
+    at::Tensor obs;        // [S, n, D]; undefined where nobody reads numbers
+    at::Tensor images;     // [S, n, R R 3] bytes; undefined where nobody reads them
     at::Tensor alive;      // [S, n] fp32
     at::Tensor inv_count;  // [1] 1 / living rows, of all ranks
   };
@@ -101,7 +110,9 @@ class PpoTeam {
   at::Tensor inverse_count(const at::Tensor& weight) const;
   void step_actor(int minibatch, float step_size);
   void step_critic(int minibatch, float step_size);
-  at::Tensor values_of(const CriticInput& input, const at::Tensor& states) const;
+  CriticInput critic_input(const Rollout& rollout, bool final) const;
+  at::Tensor critic_values(const KeptImages& images, const CriticInput& input, const Sequence& sequence = {}) const;
+  at::Tensor values_of(const KeptImages& images, const CriticInput& input, const at::Tensor& states) const;
   std::pair<at::Tensor, at::Tensor> remembering_values(const Rollout& rollout);
   Sequence sequence_of(const Minibatch& batch, const at::Tensor& start) const;
   void update_actor(const Rollout& rollout, const Minibatch& batch, float step_size);

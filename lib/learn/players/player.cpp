@@ -46,10 +46,11 @@ class Player::Exported {
   Exported(ExportedPolicy found, Device device) : found_(std::move(found)), device_(device) {}
 
   const ExportedPolicy& found() const { return found_; }
+  bool reads_image() const { return found_.manifest && found_.manifest->shape.reads_image(); }
   /// That was read last; null before.
   const Policy* policy() const { return read_.policy.get(); }
   const ReadPolicy& policy_for(const SimSpec& spec) {
-    MadeFor wanted{interface_of(spec), row_view(spec), spec.params.limit_x, spec.params.limit_y};
+    MadeFor wanted{interface_of(spec, reads_image()), row_view(spec), spec.params.limit_x, spec.params.limit_y};
     if (read_.policy && made_for_.serves(wanted)) return read_;
     read_ = read_exported_policy(found_, spec, device_);
     made_for_ = std::move(wanted);
@@ -138,10 +139,15 @@ bool Player::computes_view() const {
   return exported_ && exported_->found().manifest && exported_->found().manifest->shape.view;
 }
 
+bool Player::reads_image() const {
+  if (exported_) return exported_->reads_image();
+  return origin_ && algorithm_of(origin_->run.config).policy(origin_->run.config).actor.reads_image();
+}
+
 void Player::check_plays(const SimSpec& spec, const std::string& reasons) const {
   if (!origin_) return;
   const PolicyInterface policy =
-      exported_ ? interface_of(*exported_->found().manifest) : interface_of(origin_->run.spec);
+      exported_ ? interface_of(*exported_->found().manifest) : interface_of(origin_->run.spec, reads_image());
   check_fits(policy, seen_by(spec), name_, reasons);
 }
 

@@ -70,6 +70,8 @@ class Player {
   SimSpec seen_by(const SimSpec& spec) const;
   /// An exported policy that does.
   bool computes_view() const;
+  /// Whether its policy reads images in the place of numbers.
+  bool reads_image() const;
 
  private:
   class Exported;

@@ -31,7 +31,7 @@ std::unique_ptr<ValueFunction> ValueFunction::load(const LoadedRun& run, int tea
 at::Tensor ValueFunction::forward(const at::Tensor& obs, const at::Tensor& alive, const at::Tensor& state,
                                   NetworkState& memory) const {
   at::NoGradGuard no_grad;
-  const at::Tensor x = actor_.normalizes() ? actor_.normalizer().apply(obs) : obs;
+  const at::Tensor x = actor_.normalizes() && !critic_.reads_image() ? actor_.normalizer().apply(obs) : obs;
   at::Tensor after;
   const at::Tensor value = critic_.forward(x, alive.to(at::kFloat), state, {.start = memory.rows, .states = &after});
   if (critic_.state_size() > 0) memory.rows = after[0];

@@ -22,12 +22,13 @@ class ValueFunction {
   static std::unique_ptr<ValueFunction> load(const LoadedRun& run, int team, const NamedArrays& arrays,
                                              const Actor& actor, Device device);
 
-  /// obs [W, n, D], alive [W, n] bytes, state [W, G] (undefined unless needed) -> returns that are expected [W, n].
-  /// `memory` [W n, S]: read, and replaced by what the critic remembers now.
+  /// obs [W, n, D] (images where it reads them), alive [W, n] bytes, state [W, G] (undefined unless needed) -> returns
+  /// that are expected [W, n]. `memory` [W n, S]: read, and replaced by what the critic remembers now.
   at::Tensor forward(const at::Tensor& obs, const at::Tensor& alive, const at::Tensor& state,
                      NetworkState& memory) const;
 
   bool needs_state() const { return critic_.needs_state(); }
+  bool reads_image() const { return critic_.reads_image(); }
   ObservationSet reads() const { return critic_.reads(); }
 
  private:
