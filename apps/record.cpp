@@ -61,7 +61,8 @@ void record(const RecordOptions& o) {
   }
   const PlayedGame game = choose_game({o.scenario, o.changes}, all, OtherGames::allowed);
   for (const std::string& note : game.notes) std::cerr << "note: " << note << '\n';
-  const MatchOptions options{o.episodes, seed_of(o.seed, Purpose::eval), device, 1};
+  const int n_threads = game.spec.params.n_agents > kMaxAgents ? 0 : 1;  // games are few; the agents of a crowd are not
+  const MatchOptions options{o.episodes, seed_of(o.seed, Purpose::eval), device, n_threads};
 
   std::vector<std::string> replays;
   for (size_t k = 0; k < players.size(); ++k) {

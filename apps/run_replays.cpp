@@ -20,20 +20,28 @@ std::string why_games_have_no_room(const LoadedRun& run) {
 
 Replay record_games(const LoadedRun& run, Device device, Learner& learner) {
   const auto updates = static_cast<uint64_t>(learner.updates_done());
+  // Games are few; the agents of a crowd are not.
+  const int n_threads = run.spec.params.n_agents > kMaxAgents ? run.config.train.n_threads : 1;
   const MatchOptions options{run.config.eval.record, seed_of(run.config.seed, Purpose::evaluation, updates), device,
-                             1};  // a few worlds
+                             n_threads};
   return record_teams(run, learner, options, program_version()).replay;
 }
 
 void write_replays_page(const RunFolder& folder, int64_t updates) {
-  constexpr size_t kMost = 12;
+  constexpr size_t kMost = 12, kMostBytes = size_t{24} << 20;  // browsers open no page of any size
   const std::vector<std::filesystem::path> files = folder.replays(updates);
   if (files.empty()) return;
   std::vector<std::string> shown;
   const size_t count = std::min(kMost, files.size());
-  for (size_t k = 0; k < count; ++k)
+  size_t bytes = 0;
+  for (size_t k = 0; k < count; ++k) {
     shown.push_back(
         read_file(files[count == 1 ? files.size() - 1 : (files.size() - 1) * (count - 1 - k) / (count - 1)]));
+    bytes += shown.back().size();
+    if (bytes <= kMostBytes || shown.size() == 1) continue;
+    shown.pop_back();
+    break;
+  }
   write_file(folder.replays_page(), watch_page(shown, folder.path().filename().string(), program_version()));
 }
 

@@ -12,7 +12,8 @@ import math
 import sys
 import zlib
 
-FORMAT = 1
+FORMATS = (1, 2)  # worlds of up to 1,024 agents; crowds
+MINDS = 64  # agents of each team of a crowd of which it is kept what their networks said
 STATES = (("x", 2), ("y", 2), ("z", 1), ("heading", 1), ("speed", 1), ("health", 1))  # name, order of differences
 
 
@@ -32,12 +33,15 @@ class Episode:
     def __init__(self, replay, head, take):
         n, steps = len(replay["agents"]), head["steps"]
         self.teams = [sum(a["team"] == team for a in replay["agents"]) for team in (0, 1)]
-        self.head, self.states = head, steps + 1
-        place = max(replay["rules"]["limit_x"], replay["rules"]["limit_y"]) / 5000
+        self.head, self.states, self.crowd = head, steps + 1, replay["format"] == 2
+        longer = max(replay["rules"]["limit_x"], replay["rules"]["limit_y"])
+        place = max(longer / 30000, 0.01) if self.crowd else longer / 5000
         unit = {"x": place, "y": place, "z": 0.02, "heading": 2 * math.pi / 65536, "speed": 0.05, "health": 0.01}
         for name, order in STATES:
             rows = self.columns(take(2 * n * self.states), n, order)
             setattr(self, name, [[unit[name] * number for number in row] for row in rows])
+        if self.crowd:
+            self.read_deaths(take, n)
         discrete = replay["actions"] == "discrete"
         actions = take(n * steps * (1 if discrete else 12))
         if zlib.crc32(actions, zlib.crc32(replay["seed"].encode())) != head["action_check"]:
@@ -45,18 +49,38 @@ class Episode:
         numbers = actions if discrete else array.array("f", actions)
         width = len(numbers) // n
         self.action = [numbers[i * width:(i + 1) * width] for i in range(n)]  # continuous: three numbers a step
-        opponents = 2 * self.teams[0] * self.teams[1] * ((self.states + 7) // 8)
+        opponents = 0 if self.crowd else 2 * self.teams[0] * self.teams[1] * ((self.states + 7) // 8)
         mates = sum(m * (m - 1) for m in self.teams) * ((self.states + 7) // 8) if n <= 64 else 0
-        self.sees, self.fires, self.hears = (Bits(take(size), self.states) for size in (opponents, opponents, mates))
+        sees = n * ((self.states + 7) // 8) if self.crowd else opponents  # crowd: is the agent seen by an opponent?
+        self.sees, self.fires, self.hears = (Bits(take(size), self.states) for size in (sees, opponents, mates))
         self.value, self.likely, self.probability = [], [], []
         for team, m in enumerate(self.teams):
             mind = head[f"mind_{team}"]
-            low, high, rows = mind["low"], mind["high"], m * self.states
+            low, high, rows = mind["low"], mind["high"], (min(m, MINDS) if self.crowd else m) * self.states
             scale = (high - low) / 63
             values = self.cut([low + scale * v for v in take(rows if low < high else 0)])
             self.value.append(values)  # [n][states], or nothing
             self.likely.append(self.cut(take(rows * (mind["top"] if discrete else 3 * mind["top"]))))
             self.probability.append(self.cut([v / 31 for v in take(rows * mind["top"] if discrete else 0)]))
+        self.fire = self.read_fire(take) if self.crowd else None
+
+    def read_deaths(self, take, n):
+        """Of a crowd: when the agents died (-1: they lived), of what, and by whose fire."""
+        causes = ("none", "damage", "agent", "obstacle", "out_of_bounds")
+        self.head["died"] = [k - 1 for k in numbers(take(4 * n))]
+        self.head["cause"] = [causes[k] for k in take(n)]
+        by = numbers(take(4 * n))
+        deaths = [{"step": step, "what": "death", "agent": i, "other": by[i] - 1}
+                  for i, step in enumerate(self.head["died"]) if step >= 0]
+        self.head["events"] = sorted(self.head["events"] + deaths, key=lambda event: event["step"])
+
+    @staticmethod
+    def read_fire(take):
+        """Of a crowd, unbroken fire: (first state, last state, target, shooter)."""
+        count = numbers(take(4))[0]
+        wait, more, target, shooter = (numbers(take(4 * count)) for _ in range(4))
+        start = list(itertools.accumulate(wait))
+        return list(zip(start, map(sum, zip(start, more)), target, shooter))
 
     def cut(self, numbers):
         return [numbers[k:k + self.states] for k in range(0, len(numbers), self.states)]
@@ -84,14 +108,23 @@ class Episode:
         return row + (self.teams[0] * (self.teams[0] - 1) if team else 0)
 
 
+def numbers(data):
+    """32-bit numbers: all lowest bytes, then those above them, and so on."""
+    count = len(data) // 4
+    return [sum(data[k + byte * count] << 8 * byte for byte in range(4)) for k in range(count)]
+
+
 def read_replay(path):
     with open(path, "rb") as file:
         line, rest = file.readline(), file.read()
-    if line != b"gigastep replay %d\n" % FORMAT:
-        raise ValueError(f"{path} is no replay of format {FORMAT}")
+    formats = [number for number in FORMATS if line == b"gigastep replay %d\n" % number]
+    if not formats:
+        raise ValueError(f"{path} is no replay of the formats {FORMATS}")
     raw = memoryview(zlib.decompress(rest))
     at = 4 + int.from_bytes(raw[:4], "little")
     replay = json.loads(bytes(raw[4:at]))
+    replay["format"] = formats[0]
+    replay["agents"] = [agent for agent in replay["agents"] for _ in range(agent.get("count", 1))]
 
     def take(size):
         nonlocal at

@@ -119,8 +119,8 @@ std::string other_difference(const ReplayEpisode& a, const ReplayEpisode& b) {
   if (a.winner != b.winner || a.at_time_limit != b.at_time_limit) return "in who wins";
   if (a.score != b.score || a.returns != b.returns) return "in its scores or returns";
   if (a.died != b.died || a.cause != b.cause) return "in who dies";
-  if (a.sees != b.sees) return "in who detects whom";
-  if (a.fires != b.fires) return "in who shoots at whom";
+  if (a.sees != b.sees) return a.fires.empty() ? "in who is seen" : "in who detects whom";
+  if (a.fires != b.fires || a.fire != b.fire) return "in who shoots at whom";
   if (a.hears != b.hears) return "in who hears whom";
   if (!std::equal(a.events.begin(), a.events.end(), b.events.begin(), b.events.end(), same_event))
     return "in its events";
@@ -158,9 +158,6 @@ Replay replay_frame(const Scenario& scenario, const SimSpec& spec, const std::st
 RecordedMatch record_match(const Scenario& scenario, const SimSpec& spec,
                            const std::array<RecordedTeam, kNTeams>& teams, const MatchOptions& options,
                            const std::string& version) {
-  if (spec.params.n_agents > kMaxAgents)
-    throw InputError(cat("scenario '", spec.name, "' has ", spec.params.n_agents,
-                         " agents in a world; recordings hold games of at most ", kMaxAgents));
   RecordedMatch recorded{replay_frame(scenario, spec, version), {}};
   Replay& replay = recorded.replay;
   replay.seed = cat(options.seed);
@@ -214,7 +211,7 @@ std::string verify_replay(const Replay& replay, Device device) {
   options.n_worlds = static_cast<int>(replay.episodes.size());
   options.seed = seed_of_digits(replay);
   options.on_done = OnDone::freeze;
-  options.n_threads = 1;
+  options.n_threads = replay.is_crowd() ? 0 : 1;  // the agents of a crowd are shared among threads
   void* const stream = current_stream(device);
   const auto sim = make_simulator(spec, options, device, stream);
   const ParallelFor parallel_for(device, 1, stream);

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstring>
 #include <numbers>
+#include <tuple>
 #include <utility>
 
 #include "core/error.hpp"
@@ -13,6 +14,7 @@
 #include "math/distributions.hpp"
 #include "policy/policy.hpp"
 #include "rollout/tensors.hpp"
+#include "sim/grid.hpp"
 #include "sim/image_rows.hpp"
 #include "sim/row_layout.hpp"
 #include "sim/state_observation.hpp"
@@ -39,6 +41,16 @@ std::vector<T> transposed(const std::vector<T>& from, size_t columns, size_t row
   for (size_t c = 0; c < columns; ++c)
     for (size_t r = 0; r < rows; ++r) to[r * columns + c] = from[c * rows + r];
   return to;
+}
+
+constexpr uint32_t kNoAgent = 0xFFFFFFFF;  // of the rows of an observation
+
+/// Also of worlds of any number of agents: those of team 0 come first.
+int team_of(const SimParams& p, int agent) { return agent < p.n_team[0] ? 0 : 1; }
+bool is_crowd(const SimParams& p) { return p.n_agents > kMostPaired; }
+/// Agents of a team of which it is kept what their networks say.
+int n_minds(const SimParams& p, int team) {
+  return is_crowd(p) ? std::min(p.n_team[team], kMostMinds) : p.n_team[team];
 }
 
 bool bit(const uint32_t* words, int k) { return words[k / 32] >> (k & 31) & 1u; }
@@ -73,8 +85,9 @@ void forget_the_dead(const SimParams& p, ReplayEpisode& e) {
     const auto action = e.action.begin() + static_cast<std::ptrdiff_t>(i * steps * size);
     std::fill(action + static_cast<std::ptrdiff_t>(died * size), action + static_cast<std::ptrdiff_t>(steps * size),
               nothing);
-    const int team = p.team_of(static_cast<int>(i));
-    const auto rows = static_cast<size_t>(p.n_team[team]), row = i - (team ? static_cast<size_t>(p.n_team[0]) : 0);
+    const int team = team_of(p, static_cast<int>(i));
+    const auto rows = static_cast<size_t>(n_minds(p, team)), row = i - (team ? static_cast<size_t>(p.n_team[0]) : 0);
+    if (row >= rows) continue;
     ReplayMind& mind = e.mind[static_cast<size_t>(team)];
     for (std::vector<uint8_t>* column : {&mind.value, &mind.likely, &mind.probability})
       for (size_t first = row * states; first < column->size(); first += rows * states)
@@ -85,7 +98,7 @@ void forget_the_dead(const SimParams& p, ReplayEpisode& e) {
 
 }  // namespace
 
-/// Bits of pairs over states, of which `most` may come.
+/// Bits of pairs, or of agents, over states, of which `most` may come.
 class Recorder::PairBits {
  public:
   PairBits() = default;
@@ -109,17 +122,29 @@ class Recorder::PairBits {
   std::vector<uint8_t> bytes_;
 };
 
+/// What a crowd keeps of pairs, of one world: PairLists and the length of a list of fire.
+struct Recorder::Lists {
+  const uint32_t *fire, *neighbors;
+  int shooters;
+};
+
 /// What is known of one world so far. Histories are [states, agents] until the end.
 struct Recorder::World {
   World(const SimParams& p, int64_t most_states)
       : pairs(p.n_team[0], p.n_team[1]),
         died(static_cast<size_t>(p.n_agents), -1),
         cause(died.size()),
-        sees(pairs.n_opponents(), most_states),
-        fires(pairs.n_opponents(), most_states),
-        hears(p.n_agents <= kMostListeners ? pairs.n_mates() : 0, most_states) {}
+        sees(is_crowd(p) ? p.n_agents : pairs.n_opponents(), most_states),
+        fires(is_crowd(p) ? 0 : pairs.n_opponents(), most_states),
+        hears(p.n_agents <= kMostListeners ? pairs.n_mates() : 0, most_states),
+        burning(is_crowd(p) ? died.size() : 0) {}
 
-  void note(const SimSpec& spec, const WorldView& w, float place_unit);
+  void note(const SimSpec& spec, const WorldView& w, const Lists& lists, float place_unit);
+  void note_pairs(const SimParams& p, const WorldView& w);
+  void note_lists(const SimParams& p, const WorldView& w, const Lists& lists);
+  void note_fire(int target, const uint32_t* entries, int most);
+  void note_death(const WorldView& w, int agent, int shooter);
+  void note_scores(const SimParams& p, const WorldView& w);
   void note_waypoints(const SimParams& p, const WorldView& w);
   void event(ReplayEventKind what, int agent = -1, int other = -1) { events.push_back({states, what, agent, other}); }
 
@@ -134,6 +159,8 @@ struct Recorder::World {
   std::vector<ReplayEvent> events;
   std::vector<ReplayWaypoint> waypoints;
   PairBits sees, fires, hears;
+  std::vector<std::vector<ReplayFire>> burning;  // of a crowd, by target: fire that goes on, by shooter
+  std::vector<ReplayFire> fire;                  // and that which has ended
   bool contact[kNTeams] = {};
   float score[kNTeams] = {}, returns[kNTeams] = {};
   bool at_time_limit = false;
@@ -143,9 +170,9 @@ struct Recorder::World {
 };
 
 /// One more state.
-void Recorder::World::note(const SimSpec& spec, const WorldView& w, float place_unit) {
+void Recorder::World::note(const SimSpec& spec, const WorldView& w, const Lists& lists, float place_unit) {
   const SimParams& p = spec.params;
-  const int n = p.n_agents, words = words_for(n);
+  const int n = p.n_agents;
   const auto add_check = [&](const auto* field) {
     check = crc32_of({reinterpret_cast<const char*>(field), static_cast<size_t>(n) * sizeof *field}, check);
   };
@@ -160,10 +187,38 @@ void Recorder::World::note(const SimSpec& spec, const WorldView& w, float place_
     speed.push_back(whole_multiple(w.v[i], kReplaySpeed));
     health.push_back(whole_multiple(w.health[i], kReplayHealth));
   }
+  over = *w.phase == Phase::waits;
+  const auto stat = [&](EpisodeStat s) { return w.stats[static_cast<int>(s)]; };
+  if (is_crowd(p)) {
+    note_lists(p, w, lists);
+  } else {
+    note_pairs(p, w);
+    note_scores(p, w);
+    note_waypoints(p, w);
+  }
+  if (over) {
+    at_time_limit = stat(EpisodeStat::truncated) > 0;
+    winner = stat(EpisodeStat::wins_0) > 0   ? ReplayEnd::team_0
+             : stat(EpisodeStat::wins_1) > 0 ? ReplayEnd::team_1
+                                             : ReplayEnd::tie;
+  }
+  ++states;
+}
+
+void Recorder::World::note_death(const WorldView& w, int agent, int shooter) {
+  const auto k = static_cast<size_t>(agent);
+  if (w.alive[agent] || died[k] >= 0) return;
+  died[k] = states;
+  cause[k] = death_of(w.death[agent]);
+  event(ReplayEventKind::death, agent, w.death[agent] == Death::damage ? shooter : -1);
+}
+
+void Recorder::World::note_pairs(const SimParams& p, const WorldView& w) {
+  const int n = p.n_agents, words = words_for(n);
   for (int a = 0; a < n; ++a) {
     int shooter = -1;
     for (int b = 0; b < n; ++b) {
-      if (p.team_of(a) == p.team_of(b)) {
+      if (team_of(p, a) == team_of(p, b)) {
         // What an agent sees of its own team is whom it hears (rules 6). The dead say nothing of interest.
         if (a != b && n <= kMostListeners && w.alive[a] && bit(w.seen + int64_t{a} * words, b))
           hears.set(pairs.mates(a, b), states);
@@ -175,36 +230,68 @@ void Recorder::World::note(const SimSpec& spec, const WorldView& w, float place_
       if (tracked > p.min_tracking_time) shooter = b;
       if (!bit(w.detected + int64_t{a} * words, b)) continue;
       sees.set(pairs.opponents(a, b), states);
-      if (!std::exchange(contact[p.team_of(b)], true)) event(ReplayEventKind::contact, b, a);
+      if (!std::exchange(contact[team_of(p, b)], true)) event(ReplayEventKind::contact, b, a);
     }
-    const auto k = static_cast<size_t>(a);
-    if (w.alive[a] || died[k] >= 0) continue;
-    died[k] = states;
-    cause[k] = death_of(w.death[a]);
-    event(ReplayEventKind::death, a, w.death[a] == Death::damage ? shooter : -1);
+    note_death(w, a, shooter);
   }
-  over = *w.phase == Phase::waits;
+}
+
+/// Whom an agent of a crowd sees are the agents of its rows (rules 17.3); the dead listen on, which does not count.
+void Recorder::World::note_lists(const SimParams& p, const WorldView& w, const Lists& lists) {
+  for (int b = 0; b < p.n_agents; ++b) {
+    const uint32_t* rows = lists.neighbors + int64_t{b} * p.n_neighbors;
+    for (int k = 0; w.alive[b] && k < p.n_neighbors; ++k) {
+      const auto a = static_cast<int>(rows[k]);
+      if (rows[k] == kNoAgent || team_of(p, a) == team_of(p, b) || !w.alive[a]) continue;
+      sees.set(a, states);
+      if (!std::exchange(contact[team_of(p, b)], true)) event(ReplayEventKind::contact, b, a);
+    }
+  }
+  note_scores(p, w);
+  note_waypoints(p, w);
+  for (int a = 0; a < p.n_agents; ++a) {
+    const uint32_t* entries = lists.fire + int64_t{a} * lists.shooters;
+    int shooter = -1;
+    for (int k = 0; k < lists.shooters && entries[k] != 0; ++k)
+      if (count_of(entries[k]) > p.min_tracking_time) shooter = shooter_of(entries[k]);
+    note_fire(a, entries, lists.shooters);
+    note_death(w, a, shooter);
+  }
+}
+
+/// Both lists are ordered by shooter.
+void Recorder::World::note_fire(int target, const uint32_t* entries, int most) {
+  std::vector<ReplayFire>& before = burning[static_cast<size_t>(target)];
+  std::vector<ReplayFire> now;
+  auto old = before.begin();
+  const auto end_below = [&](int shooter) {
+    for (; old != before.end() && old->shooter < shooter; ++old) fire.push_back(*old);
+  };
+  for (int k = 0; k < most && entries[k] != 0; ++k) {
+    const int shooter = shooter_of(entries[k]);
+    end_below(shooter);
+    const bool goes_on = old != before.end() && old->shooter == shooter;
+    now.push_back(goes_on ? *old++ : ReplayFire{states, states, target, shooter});
+    now.back().to = states;
+  }
+  fire.insert(fire.end(), old, before.end());
+  before = std::move(now);
+}
+
+void Recorder::World::note_scores(const SimParams& p, const WorldView& w) {
   const auto stat = [&](EpisodeStat s) { return w.stats[static_cast<int>(s)]; };
   for (int team = 0; team < kNTeams; ++team) {
     const float now = over ? stat(of_team(EpisodeStat::score_0, team)) : w.score[team];
     returns[team] = stat(of_team(EpisodeStat::return_0, team));
-    for (int i = 0; now > score[team] && !waypoints.empty() && i < n; ++i) {
+    for (int i = 0; now > score[team] && !waypoints.empty() && i < p.n_agents; ++i) {
       const ReplayWaypoint& last = waypoints.back();
-      if (p.team_of(i) != team || w.x[i] < last.x1 || w.x[i] > last.x2 || w.y[i] < last.y1 || w.y[i] > last.y2)
+      if (team_of(p, i) != team || w.x[i] < last.x1 || w.x[i] > last.x2 || w.y[i] < last.y1 || w.y[i] > last.y2)
         continue;
       event(ReplayEventKind::collected, i);
       break;
     }
     score[team] = now;
   }
-  note_waypoints(p, w);
-  if (over) {
-    at_time_limit = stat(EpisodeStat::truncated) > 0;
-    winner = stat(EpisodeStat::wins_0) > 0   ? ReplayEnd::team_0
-             : stat(EpisodeStat::wins_1) > 0 ? ReplayEnd::team_1
-                                             : ReplayEnd::tie;
-  }
-  ++states;
 }
 
 void Recorder::World::note_waypoints(const SimParams& p, const WorldView& w) {
@@ -226,8 +313,7 @@ struct Recorder::Remembered {
 
 Recorder::Recorder(const SimSpec& spec, const Minds& minds)
     : spec_(spec.with_time_limit()), minds_(minds), remembered_(std::make_unique<Remembered>()) {
-  for (int i = 0; i < spec_.params.n_agents; ++i)
-    GIGA_CHECK(spec_.params.team_of(i) == (i < spec_.params.n_team[0] ? 0 : 1), "agent ", i, " of another team");
+  GIGA_CHECK(spec_.params.team_after_team, "agents of team 1 before those of team 0");
 }
 
 Recorder::~Recorder() = default;
@@ -258,10 +344,9 @@ void Recorder::after_step(int64_t t, const GameStep& step) {
     note_actions(step);
   }
   read_state(sim);
-  const float unit = std::max(spec_.params.limit_x, spec_.params.limit_y) / kReplayPlaces;
+  const float unit = place_unit(std::max(spec_.params.limit_x, spec_.params.limit_y), spec_.params.n_agents);
   for (size_t w = 0; w < worlds_.size(); ++w)
-    if (!worlds_[w].over)
-      worlds_[w].note(spec_, world_view(state_, spec_.params.n_agents, static_cast<int64_t>(w)), unit);
+    if (!worlds_[w].over) worlds_[w].note(spec_, view_of(w), lists_of(sim, w), unit);
   ask_minds(step);
 }
 
@@ -270,11 +355,31 @@ void Recorder::read_state(const Simulator& sim) {
   bytes_ = sim.state().save();
   const StateView& there = sim.state().view();
   const auto* first = reinterpret_cast<const uint8_t*>(there.x);  // the first of the field list
+  const auto copied = [&](const auto* field) {
+    const auto* at = bytes_.data() + (reinterpret_cast<const uint8_t*>(field) - first);
+    return reinterpret_cast<decltype(field)>(at);
+  };
   for_each_field([&](auto, auto member) {
     auto*& field = state_.*member;
-    field = reinterpret_cast<std::remove_reference_t<decltype(field)>>(
-        bytes_.data() + (reinterpret_cast<const uint8_t*>(there.*member) - first));
+    field = there.*member ? const_cast<std::remove_reference_t<decltype(field)>>(copied(there.*member)) : nullptr;
   });
+  const PairLists& lists = sim.state().lists();
+  if (lists.fire) lists_ = {const_cast<uint32_t*>(copied(lists.fire)), const_cast<uint32_t*>(copied(lists.neighbors))};
+}
+
+WorldView Recorder::view_of(size_t world) const {
+  WorldView w{};
+  for_each_field([&](auto field, auto member) {
+    if (state_.*member) w.*member = state_.*member + static_cast<int64_t>(world) * field.count(spec_.params.n_agents);
+  });
+  return w;
+}
+
+Recorder::Lists Recorder::lists_of(const Simulator& sim, size_t world) const {
+  const StateShape& shape = sim.state().shape();
+  if (!shape.lists()) return {nullptr, nullptr, 0};
+  const int64_t first = static_cast<int64_t>(world) * shape.n_agents;
+  return {lists_.fire + first * shape.shooters, lists_.neighbors + first * shape.rows, shape.shooters};
 }
 
 void Recorder::note_actions(const GameStep& step) {
@@ -336,13 +441,14 @@ void Recorder::ask_minds(const GameStep& step) {
                   .to(at::kCPU)
                   .contiguous();
     }
+    const int64_t kept = n_minds(spec_.params, team);
     for (int64_t k = 0; k < w; ++k) {
       World& world = worlds_[static_cast<size_t>(k)];
       // One row for each state, that of the end included.
-      const auto rows_so_far = static_cast<size_t>(world.states * n);
+      const auto rows_so_far = static_cast<size_t>(world.states * kept);
       if (head.defined() && world.likely[team].size() < rows_so_far * kLikelyActions) {
         const float* row = head.const_data_ptr<float>() + k * n * head.size(1);
-        for (int64_t i = 0; i < n; ++i, row += head.size(1)) {
+        for (int64_t i = 0; i < kept; ++i, row += head.size(1)) {
           if (spec_.params.actions == ActionKind::discrete) {
             note_likely(row, world.likely[team], world.probability[team]);
             continue;
@@ -353,7 +459,7 @@ void Recorder::ask_minds(const GameStep& step) {
       }
       if (value.defined() && world.values[team].size() < rows_so_far) {
         const float* row = value.const_data_ptr<float>() + k * n;
-        world.values[team].insert(world.values[team].end(), row, row + n);
+        world.values[team].insert(world.values[team].end(), row, row + kept);
       }
     }
   }
@@ -396,9 +502,14 @@ std::vector<ReplayEpisode> Recorder::episodes(const std::string& seed) const {
     e.sees = w.sees.cut(w.states);
     e.fires = w.fires.cut(w.states);
     e.hears = w.hears.cut(w.states);
+    e.fire = w.fire;
+    for (const std::vector<ReplayFire>& on : w.burning) e.fire.insert(e.fire.end(), on.begin(), on.end());
+    std::sort(e.fire.begin(), e.fire.end(), [](const ReplayFire& a, const ReplayFire& b) {
+      return std::tie(a.from, a.target, a.shooter) < std::tie(b.from, b.target, b.shooter);
+    });
     for (int team = 0; team < kNTeams; ++team) {
       ReplayMind& mind = e.mind[static_cast<size_t>(team)];
-      const auto rows = static_cast<size_t>(spec_.params.n_team[team]);
+      const auto rows = static_cast<size_t>(n_minds(spec_.params, team));
       if (!w.values[team].empty()) {
         const std::vector<float> values = transposed(w.values[team], states, rows);
         mind.low = mind.high = values[0];

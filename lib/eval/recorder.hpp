@@ -33,10 +33,13 @@ class Recorder final : public GameObserver {
 
  private:
   class PairBits;
+  struct Lists;
   struct World;
   struct Remembered;
 
   void read_state(const Simulator& sim);
+  WorldView view_of(size_t world) const;
+  Lists lists_of(const Simulator& sim, size_t world) const;
   void note_actions(const GameStep& step);
   void ask_minds(const GameStep& step);
 
@@ -44,7 +47,8 @@ class Recorder final : public GameObserver {
   const Minds minds_;
   std::vector<World> worlds_;
   std::vector<uint8_t> bytes_;  // the state of all worlds, on the host
-  StateView state_{};           // its fields
+  StateView state_{};           // its fields; those of pairs are null in a crowd
+  PairLists lists_;             // of a crowd
   Buffer<float> true_state_;    // [W, G] where a critic reads it
   std::unique_ptr<Remembered> remembered_;
 };

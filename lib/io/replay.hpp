@@ -2,6 +2,7 @@
 // each agent did, and what its networks said. docs/replays.md describes the format.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <string>
@@ -12,16 +13,22 @@
 
 namespace giga {
 
-constexpr int kReplayFormat = 1;
+/// Of worlds in which pairs are kept, and of crowds: those of more agents.
+constexpr int kReplayFormat = 1, kCrowdFormat = 2;
+/// The most agents of a world of which it is kept of each pair who detects and who shoots at whom; the most of all.
+constexpr int kMostPaired = 1024, kMostReplayAgents = 20'000;
+/// Agents of each team of a crowd, the first ones, of which it is kept what their networks said.
+constexpr int kMostMinds = 64;
 constexpr const char* kReplayEnding = ".replay";
 /// Numbers of an action, and actions of those that are discrete (rules 3).
 constexpr int kReplayControls = 3, kReplayActions = 27;
 /// The most agents of a world of which it is also kept who hears whom.
 constexpr int kMostListeners = 64;
-/// States are kept in whole multiples of these; of x and y the longer side of the world is 5,000. A turn is 65,536
-/// headings, so that those of 16 bits go round; only every 64th is used.
-constexpr float kReplayPlaces = 5000, kReplayAltitude = 0.02f, kReplayTurn = 65536, kReplaySpeed = 0.05f,
-                kReplayHealth = 0.01f;
+/// States are kept in whole multiples of these; of x and y the longer side of the world is 5,000, of a crowd 30,000,
+/// but not less than kCrowdPlace each. A turn is 65,536 headings, so that those of 16 bits go round; only every 64th is
+/// used.
+constexpr float kReplayPlaces = 5000, kCrowdPlaces = 30000, kCrowdPlace = 0.01f, kReplayAltitude = 0.02f,
+                kReplayTurn = 65536, kReplaySpeed = 0.05f, kReplayHealth = 0.01f;
 
 /// Steps in which values and probabilities are kept.
 constexpr int kReplayValues = 63, kReplayShares = 31;
@@ -87,7 +94,14 @@ struct ReplayWaypoint {
   float x1 = 0, y1 = 0, x2 = 0, y2 = 0;
 };
 
-/// What a team's networks said, by agent of the team. Zeros for the dead.
+/// Unbroken fire at a target, in the states `from` to `to`: the shooter tracks it in all of them.
+struct ReplayFire {
+  int from = 0, to = 0, target = 0, shooter = 0;
+
+  bool operator==(const ReplayFire&) const = default;
+};
+
+/// What a team's networks said, by agent of the team (of a crowd: by those of Replay::n_minds). Zeros for the dead.
 struct ReplayMind {
   float low = 0, high = 0;           ///< of the values; equal: there are none
   int top = 0;                       ///< likeliest actions that are kept; continuous: 1, the means; 0: nothing
@@ -104,6 +118,7 @@ struct ReplayEpisode {
   std::array<float, 2> returns{}, score{};  ///< by team
   std::vector<int> died;                    ///< by agent: the first state in which it is dead; -1: it lived
   std::vector<ReplayDeath> cause;           ///< by agent
+  /// Of a crowd without hits, and with the deaths behind all others of their step, by agent.
   std::vector<ReplayEvent> events;
   std::vector<ReplayWaypoint> waypoints;
   std::array<ReplayMind, 2> mind;
@@ -112,8 +127,10 @@ struct ReplayEpisode {
   std::vector<int16_t> x, y, z, heading, speed, health;  ///< [N, states] see kReplayPlaces
   std::vector<uint8_t> action;  ///< [N, T] indices, or [N, T, 3] floats of 4 bytes; the dead do nothing
   /// Bits [pairs, states], those of a pair filled up to whole bytes. Pairs by target and opponent, by target and
-  /// shooter, by listener and mate (ReplayPairs).
+  /// shooter, by listener and mate (ReplayPairs). Of a crowd `sees` are bits [N, states], whether a living opponent's
+  /// observation has the agent, and the others are empty.
   std::vector<uint8_t> sees, fires, hears;
+  std::vector<ReplayFire> fire;  ///< of a crowd, by `from`, target and shooter
 };
 
 struct Replay {
@@ -130,6 +147,8 @@ struct Replay {
 
   int n_agents() const { return static_cast<int>(agents.size()); }
   int n_team(int team) const;
+  bool is_crowd() const { return n_agents() > kMostPaired; }
+  int n_minds(int team) const { return is_crowd() ? std::min(n_team(team), kMostMinds) : n_team(team); }
   bool has_hearing() const { return n_agents() <= kMostListeners; }
   float place_unit() const;  ///< of x and y
 };
@@ -155,6 +174,8 @@ class ReplayPairs {
   int n_[2];
 };
 
+/// Replay::place_unit of a world of that longer side.
+float place_unit(float longer_side, int n_agents);
 /// CRC-32 (zlib's) over the seed's digits and the bytes of the actions.
 int64_t action_checksum(const Replay& replay, const ReplayEpisode& episode);
 /// zlib's CRC-32 of bytes, going on from that of bytes before.
@@ -242,8 +263,9 @@ void visit_fields(V& v, ReplayEpisode& c) {
   v("action_check", c.action_check, "CRC-32 of seed and actions", range(0, 4294967295.0));
   v("state_check", c.state_check, "CRC-32 of all states", range(0, 4294967295.0));
 }
-template <class V>
-void visit_fields(V& v, Replay& c) {
+/// `agents`: in the place of `c.agents`.
+template <class V, class Agents>
+void visit_header(V& v, Replay& c, Agents& agents) {
   v("gigastep_version", c.gigastep_version, "that wrote it");
   v("scenario_name", c.scenario_name, "");
   v("scenario", c.scenario, "as YAML");
@@ -252,9 +274,13 @@ void visit_fields(V& v, Replay& c) {
   v("players", c.players, "by side");
   v("origins", c.origins, "by side: file");
   v.group("rules", c.rules, "");
-  v.list("agents", c.agents, "team 0 first");
+  v.list("agents", agents, "team 0 first");
   v.list("maps", c.maps, "");
   v.list("episodes", c.episodes, "");
+}
+template <class V>
+void visit_fields(V& v, Replay& c) {
+  visit_header(v, c, c.agents);
 }
 
 }  // namespace giga

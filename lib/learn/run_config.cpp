@@ -76,10 +76,6 @@ void find_opponent(RunConfig& config, const KeyPositions& given, Errors& errors)
 void check_many(ConfigCheck& check) {
   const int n = check.spec->params.n_agents;
   if (n <= kMaxAgents) return;
-  if (check.config.eval.record > 0 && check.known({"eval.record", "scenario"}))
-    check.fail("eval.record",
-               cat(check.config.eval.record, ": scenario '", check.config.scenario, "' has ", n,
-                   " agents in a world, and recordings hold games of at most ", kMaxAgents, "; allowed: 0"));
   if (check.config.device.starts_with("cuda") && check.known({"device", "scenario"}))
     check.fail("device", cat(check.config.device, ": scenario '", check.config.scenario, "' has ", n,
                              " agents in a world; a GPU plays up to ", kMaxAgents, "; allowed: cpu"));

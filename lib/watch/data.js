@@ -8,11 +8,13 @@ class Bits {
   at(pair, state) { return this.data[pair * this.row + (state >> 3)] >> (state & 7) & 1; }
 }
 
+const PAIRED = 1024, MINDS = 64;  // the most agents of which pairs are kept; those of a larger team whose minds are
+
 // What can be asked of an episode: states by agent and step, and who detected, shot and heard whom. `states` is the length
-// of a row, `steps` the last state.
+// of a row, `steps` the last state. Of a crowd, which has more agents than PAIRED, it is kept who is seen, not by whom.
 class EpisodeBase {
   constructor(replay, head) {
-    this.replay = replay; this.head = head; this.n = replay.agents.length;
+    this.replay = replay; this.head = head; this.n = replay.agents.length; this.crowd = this.n > PAIRED;
     this.teams = [0, 1].map(team => replay.agents.filter(agent => agent.team === team).length);
   }
   team(i) { return i < this.teams[0] ? 0 : 1; }
@@ -28,6 +30,17 @@ class EpisodeBase {
     return target < n0 ? target * n1 + opponent - n0 : n0 * n1 + (target - n0) * n0 + opponent;
   }
   detects(observer, target, state) { return this.sees.at(this.pair(target, observer), state); }
+  // Of a crowd: whether the observation of any living opponent has the agent.
+  seen(target, state) { return this.sees.at(target, state) === 1; }
+  // Who fires at whom: [shooter, target, steps so far]. `fire` is ordered by the first state.
+  firing(state) {
+    const all = [], {from, to, target, shooter} = this.fire;
+    for (let k = 0; k < from.length && from[k] <= state; ++k)
+      if (state <= to[k]) all.push([shooter[k], target[k], state - from[k] + 1]);
+    return all;
+  }
+  // Agents of a team whose minds are kept.
+  minded(team) { return this.crowd ? Math.min(this.teams[team], MINDS) : this.teams[team]; }
   tracks(shooter, target, state) { return this.fires.at(this.pair(target, shooter), state); }
   // Steps of unbroken fire so far, as far as they count.
   tracked(shooter, target, state) {
@@ -51,23 +64,23 @@ class EpisodeBase {
       if (b !== i && this.alive(b, state) && this.hearing(i, b, state)) all.push(b);
     return all;
   }
-  // Opponents that agent i knows of.
+  // Opponents that agent i knows of, as far as that is kept.
   known(i, state) {
+    if (this.crowd) return [];
     const sources = this.sources(i, state), [from, to] = this.opponents(i), all = [];
     for (let a = from; a < to; ++a) if (sources.some(b => this.detects(b, a, state))) all.push(a);
     return all;
   }
   waypoint(state) { return this.head.waypoints.find(w => w.from <= state && state <= w.to); }
   value(i, state) {
-    const mind = this.minds[this.team(i)];
-    if (!mind.value.length) return null;
-    const row = i - this.team(i) * this.teams[0];
+    const mind = this.minds[this.team(i)], row = i - this.team(i) * this.teams[0];
+    if (!mind.value.length || row >= this.minded(this.team(i))) return null;
     return mind.low + (mind.high - mind.low) * mind.value[row * this.states + state] / 63;
   }
   // The likeliest actions of agent i in a state: [action, probability]; continuous: three means.
   likely(i, state) {
-    const team = this.team(i), mind = this.minds[team], rows = this.teams[team], row = i - team * this.teams[0];
-    if (!mind.likely.length) return null;
+    const team = this.team(i), mind = this.minds[team], rows = this.minded(team), row = i - team * this.teams[0];
+    if (!mind.likely.length || row >= rows) return null;
     const at = rank => (rank * rows + row) * this.states + state;
     if (this.replay.actions !== "discrete") return [0, 1, 2].map(k => (mind.likely[at(k)] - 128) / 127);
     return [...Array(mind.top).keys()].map(rank => [mind.likely[at(rank)], mind.probability[at(rank)] / 31]);
@@ -87,7 +100,8 @@ class Episode extends EpisodeBase {
     super(replay, head);
     const {n} = this, steps = head.steps, states = steps + 1;
     this.steps = steps; this.states = states;
-    const {limit_x, limit_y} = replay.rules, place = Math.max(limit_x, limit_y) / 5000;
+    const {limit_x, limit_y} = replay.rules, longer = Math.max(limit_x, limit_y);
+    const place = this.crowd ? Math.max(longer / 30000, 0.01) : longer / 5000;
     const column = (unit, order) => unfold(take(2 * n * states), n, states, order, unit);
     this.x = column(place, 2);
     this.y = column(place, 2);
@@ -95,20 +109,44 @@ class Episode extends EpisodeBase {
     this.heading = column(PI2 / 65536, 1);
     this.speed = column(0.05, 1);
     this.health = column(0.01, 1);
+    if (this.crowd) this.readDeaths(take);
     const discrete = replay.actions === "discrete", actions = take(n * steps * (discrete ? 1 : 12));
     this.action = discrete ? actions : new Float32Array(actions.slice().buffer);
     const bytes = (states + 7) >> 3, opponents = 2 * this.teams[0] * this.teams[1] * bytes;
     const mates = n > 64 ? 0 : this.teams.reduce((sum, m) => sum + m * (m - 1), 0) * bytes;
-    this.sees = new Bits(take(opponents), states);
-    this.fires = new Bits(take(opponents), states);
+    this.sees = new Bits(take(this.crowd ? n * bytes : opponents), states);
+    this.fires = this.crowd ? null : new Bits(take(opponents), states);
     this.hears = mates || n <= 64 ? new Bits(take(mates), states) : null;
     this.minds = [0, 1].map(team => {
-      const mind = head[`mind_${team}`], rows = this.teams[team] * states;
+      const mind = head[`mind_${team}`], rows = this.minded(team) * states;
       return {...mind, value: take(mind.low < mind.high ? rows : 0),
               likely: take(discrete ? mind.top * rows : mind.top ? 3 * rows : 0),
               probability: take(discrete ? mind.top * rows : 0)};
     });
+    if (this.crowd) this.readFire(take);
   }
+  // Of a crowd, these are columns: who died when, of what, and shot by whom.
+  readDeaths(take) {
+    const {n, head} = this, causes = ["none", "damage", "agent", "obstacle", "out_of_bounds"];
+    const died = numbers(take(4 * n), n), cause = take(n), by = numbers(take(4 * n), n), deaths = [];
+    head.died = Array.from(died, value => value - 1);
+    head.cause = Array.from(cause, value => causes[value]);
+    for (let i = 0; i < n; ++i) if (died[i]) deaths.push({step: died[i] - 1, what: "death", agent: i, other: by[i] - 1});
+    head.events = [...head.events, ...deaths].sort((a, b) => a.step - b.step);
+  }
+  readFire(take) {
+    const [count] = numbers(take(4), 1), column = () => numbers(take(4 * count), count);
+    const from = column(), to = column(), target = column(), shooter = column();
+    for (let k = 0; k < count; ++k) { from[k] += k ? from[k - 1] : 0; to[k] += from[k]; }
+    this.fire = {from, to, target, shooter};
+  }
+}
+
+// 32-bit numbers: all lowest bytes, then those above them, and so on.
+function numbers(data, count) {
+  const values = new Uint32Array(count);
+  for (let k = 0; k < 4 * count; ++k) values[k % count] |= data[k] << 8 * Math.floor(k / count);
+  return values;
 }
 
 // Low bytes, then high ones, of differences that are folded to 0, -1, 1, -2, 2, ...
@@ -135,6 +173,7 @@ async function readReplay(base64) {
   const raw = new Uint8Array(await new Response(stream).arrayBuffer());
   let at = 4 + new DataView(raw.buffer).getUint32(0, true);
   const replay = JSON.parse(new TextDecoder().decode(raw.subarray(4, at)));
+  replay.agents = replay.agents.flatMap(({count = 1, ...agent}) => Array(count).fill(agent));  // of a crowd, alike ones
   const take = size => { at += size; return raw.subarray(at - size, at); };
   replay.episodes = replay.episodes.map(head => new Episode(replay, head, take));
   return replay;

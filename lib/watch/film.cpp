@@ -50,12 +50,10 @@ Canvas film_picture(const Replay& replay, const FilmOptions& options, int k) {
       canvas.line(at(a.x, a.y), at(b.x, b.y), 1.5, colour, 0.15 + 0.5 * (s - state + kTrail) / kTrail);
     }
   }
-  for (int target = 0; target < n; ++target)
-    for (int shooter = 0; shooter < n; ++shooter)
-      if (game.team(target) != game.team(shooter) && game.hits(shooter, target, state)) {
-        const AgentPlace a = game.place(shooter, state), b = game.place(target, state);
-        canvas.line(at(a.x, a.y), at(b.x, b.y), 2, colour_of("#c2185b"));
-      }
+  for (const auto& [shooter, target] : game.hits(state)) {
+    const AgentPlace a = game.place(shooter, state), b = game.place(target, state);
+    canvas.line(at(a.x, a.y), at(b.x, b.y), 2, colour_of("#c2185b"));
+  }
   for (int i = 0; i < n; ++i) {
     const Colour colour = colour_of(kTeamColours[game.team(i)]);
     const AgentPlace p = game.place(i, state);

@@ -3,6 +3,8 @@
 
 #include <cmath>
 #include <numbers>
+#include <utility>
+#include <vector>
 
 #include "io/replay.hpp"
 
@@ -38,21 +40,32 @@ class GameView {
     return {unit_ * episode_.x[at], unit_ * episode_.y[at], static_cast<double>(kReplayAltitude) * episode_.z[at],
             2 * std::numbers::pi / static_cast<double>(kReplayTurn) * episode_.heading[at]};
   }
-  /// Whether `shooter` has had the target in its weapon's cone for longer than does no harm.
-  bool hits(int shooter, int target, int state) const {
-    const ReplayPairs pairs(replay_);
-    const int64_t row = (states() + 7) / 8, pair = target == shooter ? 0 : pairs.opponents(target, shooter);
-    for (int back = 0; back <= replay_.rules.min_tracking_time; ++back) {
-      const int at = state - back;
-      if (at < 0 || !(episode_.fires[static_cast<size_t>(pair * row + at / 8)] >> (at & 7) & 1)) return false;
-    }
-    return true;
+  /// Who does damage to whom: shooter and target, which has been in its weapon's cone for longer than does no harm.
+  std::vector<std::pair<int, int>> hits(int state) const {
+    std::vector<std::pair<int, int>> all;
+    for (const ReplayFire& f : episode_.fire)
+      if (f.from + replay_.rules.min_tracking_time <= state && state <= f.to) all.emplace_back(f.shooter, f.target);
+    if (replay_.is_crowd()) return all;
+    for (int target = 0; target < replay_.n_agents(); ++target)
+      for (int shooter = 0; shooter < replay_.n_agents(); ++shooter)
+        if (team(target) != team(shooter) && hits(shooter, target, state)) all.emplace_back(shooter, target);
+    return all;
   }
   const std::vector<std::array<float, 6>>& boxes() const {
     return replay_.maps[static_cast<size_t>(episode_.map)].boxes;
   }
 
  private:
+  bool hits(int shooter, int target, int state) const {
+    const ReplayPairs pairs(replay_);
+    const int64_t row = (states() + 7) / 8, pair = pairs.opponents(target, shooter);
+    for (int back = 0; back <= replay_.rules.min_tracking_time; ++back) {
+      const int at = state - back;
+      if (at < 0 || !(episode_.fires[static_cast<size_t>(pair * row + at / 8)] >> (at & 7) & 1)) return false;
+    }
+    return true;
+  }
+
   const Replay& replay_;
   const ReplayEpisode& episode_;
   double unit_;

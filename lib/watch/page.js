@@ -94,6 +94,10 @@ class Watch {
     const many = replays[0].agents.length > 500, less = ["trails", "weapon"];
     for (const box of $("layers").querySelectorAll("input"))
       this.options[box.name] = box.checked &&= !(many && less.includes(box.name));
+    if (replays.every(replay => replay.agents.length > PAIRED)) {  // of a crowd that is not kept
+      this.options.contacts = false;
+      $("layers").querySelector("[name=contacts]").closest("label").hidden = true;
+    }
     this.time = 0; this.chosen = -1; this.playing = false; this.speed = 1; this.dirty = true; this.frames = 0;
     this.panes = [new Pane($("panes"), this)];
     const [first] = replays, origins = [...new Set(replays.flatMap(replay => replay.origins))].filter(text => text);
@@ -378,14 +382,11 @@ function wayAhead(episode, x, y, z, heading) {
   }
   return Math.max(0, way);
 }
-// What agent i observes, as paragraphs [text, items].
-function observationText(episode, i, state) {
-  const at = i * episode.states + state, {head, replay} = episode;
-  const x = episode.x[at], y = episode.y[at], z = episode.z[at], heading = episode.heading[at];
-  if (!episode.alive(i, state))
-    return [[`Dead since step ${head.died[i]}: ${eventText(episode, head.events.find(v => v.what === "death" && v.agent === i))}.`]];
+// Whom agent i knows of, hears, shoots at, and who shoots at it.
+function pairsText(episode, i, state, list) {
+  const at = i * episode.states + state, x = episode.x[at], y = episode.y[at], heading = episode.heading[at];
   const other = b => {
-    const to = b * episode.states + state, dx = episode.x[to] - x, dy = episode.y[to] - y, dz = episode.z[to] - z;
+    const to = b * episode.states + state, dx = episode.x[to] - x, dy = episode.y[to] - y, dz = episode.z[to] - episode.z[at];
     const height = Math.abs(dz) < 0.15 ? "as high" : `${Math.abs(dz).toFixed(1)} ${dz > 0 ? "higher" : "lower"}`;
     return `agent ${b}: ${Math.hypot(dx, dy).toFixed(1)} away, ${bearingText(Math.atan2(dy, dx) - heading)}, ${height}, ` +
       `flies ${bearingText(episode.heading[to] - heading)}, health ${episode.health[to].toFixed(2)}`;
@@ -396,18 +397,35 @@ function observationText(episode, i, state) {
   const [from, to] = episode.opponents(i), opponents = [...Array(to - from).keys()].map(k => from + k);
   const seenBy = opponents.filter(b => episode.detects(b, i, state)), shotBy = opponents.filter(b => episode.tracks(b, i, state));
   const shootsAt = opponents.filter(a => episode.tracks(i, a, state));
+  const hears = episode.hearing(i, i + 1 < episode.n && episode.team(i + 1) === episode.team(i) ? i + 1 : i - 1, state) === null
+    ? "Whom it hears is not kept of so many agents." : `Hears ${list(mates)}.`;
+  const parts = [[`Knows of ${known.length} of ${opponents.filter(a => episode.alive(a, state)).length} living opponents, ` +
+    `${own.length} by itself${known.length ? ":" : "."}`, known.slice(0, 8).map(other)], [hears], [`Shoots at ${list(shootsAt)}.`]];
+  if (seenBy.length) parts.push([`What it is not told: ${list(seenBy)} detected it; it is shot at by ${list(shotBy)}.`]);
+  return parts;
+}
+// What agent i observes, as paragraphs [text, items].
+function observationText(episode, i, state) {
+  const at = i * episode.states + state, {head, replay} = episode;
+  const x = episode.x[at], y = episode.y[at], z = episode.z[at], heading = episode.heading[at];
+  if (!episode.alive(i, state))
+    return [[`Dead since step ${head.died[i]}: ${eventText(episode, head.events.find(v => v.what === "death" && v.agent === i))}.`]];
   const list = agents => agents.length ? agents.map(a => `agent ${a}`).join(", ") : "nobody";
   const waypoint = episode.waypoint(state), parts = [];
   parts.push([`Health ${episode.health[at].toFixed(2)} of ${replay.agents[i].max_health}; at (${x.toFixed(1)}, ${y.toFixed(1)}), ` +
     `altitude ${z.toFixed(1)}, heading ${(degrees(heading) + 360) % 360}°, speed ${episode.speed[at].toFixed(1)}; ` +
     `${wayAhead(episode, x, y, z, heading).toFixed(1)} to the next wall ahead.`]);
-  parts.push([`Knows of ${known.length} of ${opponents.filter(a => episode.alive(a, state)).length} living opponents, ` +
-    `${own.length} by itself${known.length ? ":" : "."}`, known.slice(0, 8).map(other)]);
-  const hears = episode.hearing(i, i + 1 < episode.n && episode.team(i + 1) === episode.team(i) ? i + 1 : i - 1, state) === null
-    ? "Whom it hears is not kept of so many agents." : `Hears ${list(mates)}.`;
-  parts.push([hears]);
-  parts.push([`Shoots at ${list(shootsAt)}.`]);
-  if (seenBy.length) parts.push([`What it is not told: ${list(seenBy)} detected it; it is shot at by ${list(shotBy)}.`]);
+  if (episode.crowd) {
+    const firing = episode.firing(state), targets = firing.filter(([b]) => b === i).map(([, a]) => a);
+    const shooters = firing.filter(([, a]) => a === i).map(([b]) => b);
+    parts.push(["Whom it sees and hears is not kept of so many agents."], [`Shoots at ${list(targets)}.`]);
+    parts.push([`What it is not told: ${episode.seen(i, state) ? "opponents see" : "no opponent sees"} it; ` +
+      `it is shot at by ${list(shooters)}.`]);
+    if (i - episode.team(i) * episode.teams[0] >= episode.minded(episode.team(i)))
+      parts.push([`What networks say is kept of the first ${MINDS} agents of a team.`]);
+  } else {
+    parts.push(...pairsText(episode, i, state, list));
+  }
   if (waypoint) {
     const dx = (waypoint.x1 + waypoint.x2) / 2 - x, dy = (waypoint.y1 + waypoint.y2) / 2 - y;
     parts.push([`The waypoint is ${Math.hypot(dx, dy).toFixed(1)} away, ${bearingText(Math.atan2(dy, dx) - heading)}.`]);

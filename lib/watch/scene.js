@@ -56,6 +56,11 @@ class Scene {
     const {side, eyes = -1} = this.options, e = this.episode;
     if (this.cache && this.cache.state === state && this.cache.side === side && this.cache.eyes === eyes) return this.cache;
     const contacts = [], fire = [], known = new Uint8Array(e.n).fill(side < 0 ? 1 : 0);
+    if (e.crowd) {
+      for (let a = 0; a < e.n; ++a) if (e.team(a) === side || e.seen(a, state)) known[a] = 1;
+      for (const [b, a, steps] of e.firing(state)) fire.push([b, a, steps > e.replay.rules.min_tracking_time]);
+      return this.cache = {state, side, eyes, contacts, fire, known};
+    }
     for (let a = 0; a < e.n; ++a) {
       if (e.team(a) === side) known[a] = 1;
       if (!e.alive(a, state)) continue;

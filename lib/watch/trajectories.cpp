@@ -10,39 +10,53 @@
 namespace giga {
 namespace {
 
-constexpr double kSide = 300, kGap = 22, kName = 22;
-constexpr int kInRow = 4;
+constexpr double kGap = 22, kName = 22;
 constexpr const char *kGround = "#f4f6f8", *kBorder = "#9aa4b2", *kObstacle = "#8a94a3", *kWaypoint = "#009e73";
+
+/// Sizes in pixels of one. What is told of a few agents would hide the paths of a crowd.
+struct Looks {
+  double side, line, ring, ring_line, end, cross, cross_line, step;
+  int in_row;
+};
+constexpr Looks kFew{300, 1.4, 3.2, 1.6, 3.6, 4, 2, 0, 4}, kCrowd{640, 0.6, 0.7, 0.5, 1.2, 1.4, 0.6, 2, 2};
+const Looks& looks_of(const Replay& replay) { return replay.is_crowd() ? kCrowd : kFew; }
 
 /// Where the episodes stand, and from map units to pixels of one.
 struct Layout {
+  const Looks& looks;
   double scale, width, height, top;
   int columns, rows;
 
-  Layout(const Replay& replay, double head) : top(head) {
+  Layout(const Replay& replay, double head) : looks(looks_of(replay)), top(head) {
     const auto x = static_cast<double>(replay.rules.limit_x), y = static_cast<double>(replay.rules.limit_y);
-    scale = kSide / std::max(x, y);
+    scale = looks.side / std::max(x, y);
     width = x * scale;
     height = y * scale;
     const int count = static_cast<int>(replay.episodes.size());
-    columns = std::min(count, kInRow);
-    rows = (count + kInRow - 1) / kInRow;
+    columns = std::min(count, looks.in_row);
+    rows = (count + looks.in_row - 1) / looks.in_row;
   }
-  double left_of(size_t k) const { return kMargin + static_cast<double>(k % kInRow) * (width + kGap); }
-  double top_of(size_t k) const { return top + kName + static_cast<double>(k / kInRow) * (height + kGap + kName); }
+  double left_of(size_t k) const { return kMargin + static_cast<double>(k % in_row()) * (width + kGap); }
+  double top_of(size_t k) const { return top + kName + static_cast<double>(k / in_row()) * (height + kGap + kName); }
   Point at(size_t k, double x, double y) const { return {left_of(k) + x * scale, top_of(k) + height - y * scale}; }
   double picture_width() const { return 2 * kMargin + columns * (width + kGap) - kGap; }
   double picture_height() const { return top + rows * (height + kGap + kName) - kGap + kMargin; }
+
+ private:
+  size_t in_row() const { return static_cast<size_t>(looks.in_row); }
 };
 
 std::string point_text(const Point& p) { return cat(svg_number(p.x), " ", svg_number(p.y)); }
 
-/// The path of an agent until it dies.
+/// The path of an agent until it dies; of a crowd without points that lie less than a step from those before.
 std::vector<Point> path_of(const GameView& game, const Layout& layout, size_t k, int agent) {
   std::vector<Point> path;
-  for (int state = 0; state <= game.last(agent); ++state) {
+  const int last = game.last(agent);
+  for (int state = 0; state <= last; ++state) {
     const AgentPlace p = game.place(agent, state);
-    path.push_back(layout.at(k, p.x, p.y));
+    const Point at = layout.at(k, p.x, p.y);
+    const bool near = state > 0 && std::hypot(at.x - path.back().x, at.y - path.back().y) < layout.looks.step;
+    if (!near || state == last) path.push_back(at);
   }
   return path;
 }
@@ -73,6 +87,7 @@ void draw_episode(Markup& svg, const GameView& game, const Layout& layout, size_
   for (const ReplayWaypoint& w : game.episode().waypoints)
     box(static_cast<double>(w.x1), static_cast<double>(w.y1), static_cast<double>(w.x2), static_cast<double>(w.y2),
         kWaypoint, 0.25);
+  const Looks& looks = layout.looks;
   const Point low = layout.at(k, 0, static_cast<double>(rules.limit_y));
   svg.add("rect", {{"x", low.x},
                    {"y", low.y},
@@ -85,28 +100,28 @@ void draw_episode(Markup& svg, const GameView& game, const Layout& layout, size_
     const std::vector<Point> path = path_of(game, layout, k, i);
     std::string d = "M" + point_text(path[0]);
     for (size_t p = 1; p < path.size(); ++p) d += "L" + point_text(path[p]);
-    svg.hint(cat("agent ", i, " of team ", game.team(i)));
+    if (!game.replay().is_crowd()) svg.hint(cat("agent ", i, " of team ", game.team(i)));
     svg.add("path", {{"d", d},
                      {"fill", "none"},
                      {"stroke", colour},
-                     {"stroke-width", "1.4"},
+                     {"stroke-width", svg_number(looks.line)},
                      {"stroke-opacity", "0.75"},
                      {"stroke-linejoin", "round"}});
     svg.add("circle", {{"cx", path[0].x},
                        {"cy", path[0].y},
-                       {"r", 3.2},
+                       {"r", looks.ring},
                        {"fill", "#ffffff"},
                        {"stroke", colour},
-                       {"stroke-width", "1.6"}});
+                       {"stroke-width", svg_number(looks.ring_line)}});
     const Point end = path.back();
     if (game.alive(i, game.episode().steps)) {
-      svg.add("circle", {{"cx", end.x}, {"cy", end.y}, {"r", 3.6}, {"fill", colour}});
+      svg.add("circle", {{"cx", end.x}, {"cy", end.y}, {"r", looks.end}, {"fill", colour}});
     } else {
-      constexpr double r = 4;
+      const double r = looks.cross;
       svg.add("path", {{"d", cat("M", point_text({end.x - r, end.y - r}), "L", point_text({end.x + r, end.y + r}), "M",
                                  point_text({end.x - r, end.y + r}), "L", point_text({end.x + r, end.y - r}))},
                        {"stroke", colour},
-                       {"stroke-width", "2"}});
+                       {"stroke-width", svg_number(looks.cross_line)}});
     }
   }
 }
@@ -134,6 +149,7 @@ Canvas trajectories_pixels(const Replay& replay) {
   GIGA_CHECK(!replay.episodes.empty(), "a replay without episodes");
   constexpr double kSharp = 2;  // pixels of the picture for one of the SVG
   const Layout layout(replay, kMargin - kName);
+  const Looks& looks = layout.looks;
   const auto size = [](double length) { return static_cast<int>(std::lround(kSharp * length)); };
   Canvas canvas(size(layout.picture_width()), size(layout.picture_height()), colour_of("#ffffff"));
   const auto scaled = [](Point p) { return Point{kSharp * p.x, kSharp * p.y}; };
@@ -151,17 +167,17 @@ Canvas trajectories_pixels(const Replay& replay) {
       const Colour colour = colour_of(kTeamColours[game.team(i)]);
       const std::vector<Point> path = path_of(game, layout, k, i);
       for (size_t p = 1; p < path.size(); ++p)
-        canvas.line(scaled(path[p - 1]), scaled(path[p]), kSharp * 1.4, colour, 0.75);
-      canvas.disc(scaled(path[0]), kSharp * 3.2, colour_of("#ffffff"));
-      canvas.ring(scaled(path[0]), kSharp * 3.2, kSharp * 1.6, colour);
+        canvas.line(scaled(path[p - 1]), scaled(path[p]), kSharp * looks.line, colour, 0.75);
+      canvas.disc(scaled(path[0]), kSharp * looks.ring, colour_of("#ffffff"));
+      canvas.ring(scaled(path[0]), kSharp * looks.ring, kSharp * looks.ring_line, colour);
       const Point end = scaled(path.back());
       if (game.alive(i, game.episode().steps)) {
-        canvas.disc(end, kSharp * 3.6, colour);
+        canvas.disc(end, kSharp * looks.end, colour);
         continue;
       }
-      constexpr double r = kSharp * 4;
-      canvas.line({end.x - r, end.y - r}, {end.x + r, end.y + r}, kSharp * 2, colour);
-      canvas.line({end.x - r, end.y + r}, {end.x + r, end.y - r}, kSharp * 2, colour);
+      const double r = kSharp * looks.cross;
+      canvas.line({end.x - r, end.y - r}, {end.x + r, end.y + r}, kSharp * looks.cross_line, colour);
+      canvas.line({end.x - r, end.y + r}, {end.x + r, end.y - r}, kSharp * looks.cross_line, colour);
     }
   }
   return canvas;

@@ -2,12 +2,20 @@
 // keeps.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <memory>
+
+#include "io/browser.hpp"
 #include "io/files.hpp"
+#include "io/replay.hpp"
 #include "program.hpp"
 #include "support/source.hpp"
+#include "support/thinning.hpp"
 
 namespace giga::test {
 namespace {
+
+constexpr size_t kMostCrowd = size_t{1} << 20;
 
 size_t size_of_file(const Workplace& here, const std::string& name) { return here.read(name).size(); }
 
@@ -126,6 +134,86 @@ TEST(Record, TrainingKeepsGames) {
     return text.substr(text.find("sha"), 80);
   };
   EXPECT_EQ(hash("run"), hash("none"));
+}
+
+/// A game of the crowd whose agents see some 35 others, as `gigastep record` keeps it; in the short form of the tests
+/// it ends after 80 steps, of some 200.
+class RecordedCrowd : public InBrowser {
+ protected:
+  static void SetUpTestSuite() {
+    here_ = std::make_unique<Workplace>();
+    std::vector<std::string> arguments = {
+        "record", "pursuer", "--vs", "circle", "--scenario", "swarm_1000_vs_1000", "--episodes", "1", "--out", "crowd"};
+    if (!tests_run_in_full()) arguments.insert(arguments.end(), {"--set", "environment.max_episode_length=80"});
+    const Outcome outcome = here_->run(arguments);
+    EXPECT_TRUE(contains(outcome.out, {"crowd.replay: pursuer against circle, 1 episode, "})) << outcome.err;
+  }
+  static void TearDownTestSuite() { here_.reset(); }
+  void SetUp() override {}
+
+  static std::unique_ptr<Workplace> here_;
+};
+std::unique_ptr<Workplace> RecordedCrowd::here_;
+
+TEST_F(RecordedCrowd, IsReadPlayedAgainAndDrawn) {
+  EXPECT_LE(size_of_file(*here_, "crowd.replay"), kMostCrowd);
+  const Outcome again = here_->run({"record", "--verify", "crowd.replay"});
+  EXPECT_EQ(again.out, "crowd.replay: played again, all 1 episodes are the same bit for bit\n") << again.err;
+  ASSERT_EQ(here_->run({"picture", "crowd.replay", "--out", "paths.svg", "--film", "f", "--every", "400"}).code, 0);
+  EXPECT_LE(size_of_file(*here_, "paths.svg"), 4u << 20);
+  EXPECT_TRUE(here_->has("f/00001.png"));
+  const std::string python = python_with("zlib");
+  if (python.empty()) return;
+  const Outcome words = here_->run({source_path("examples/read_replay.py"), "crowd.replay"}, python);
+  ASSERT_EQ(words.code, 0) << words.err;
+  const Replay replay = decode_replay(here_->read("crowd.replay"), "crowd.replay");
+  const auto& died = replay.episodes[0].died;
+  EXPECT_EQ(static_cast<size_t>(std::count(words.out.begin(), words.out.end(), '\n')),
+            2 + died.size() - static_cast<size_t>(std::count(died.begin(), died.end(), -1)))
+      << "two lines, and one for each death";
+}
+
+TEST_F(RecordedCrowd, PlaysInABrowser) {
+  InBrowser::SetUp();
+  if (IsSkipped()) return;
+  const Document seen = use(here_->read("crowd.html"), "app", "", "--window-size=1280,900");
+  const Replay replay = decode_replay(here_->read("crowd.replay"), "crowd.replay");
+  const ReplayEpisode& e = replay.episodes.at(0);
+  EXPECT_EQ(texts(seen, "problems"), Texts());
+  EXPECT_EQ(texts(seen, "requests"), Texts());
+  EXPECT_EQ(text(seen, "agents"), "2000");
+  EXPECT_EQ(text(seen, "steps"), std::to_string(e.steps));
+  EXPECT_EQ(texts(seen, "layers"), Texts()) << "of a crowd these are hidden at first, or not kept";
+  // Of each state: who lives, whom team 0 knows (itself and whom it sees), lines of fire, and those that hit.
+  Texts states;
+  for (const int k : {0, 70, e.steps}) {
+    int living[2] = {0, 0}, known = 1000, fire = 0, hits = 0;
+    const int row = (e.steps + 8) / 8;
+    for (int i = 0; i < 2000; ++i) {
+      const int died = e.died[static_cast<size_t>(i)];
+      living[i / 1000] += died < 0 || k < died;
+      if (i >= 1000) known += e.sees[static_cast<size_t>(i * row + k / 8)] >> (k & 7) & 1;
+    }
+    for (const ReplayFire& f : e.fire) {
+      if (f.from > k || k > f.to) continue;
+      ++fire;
+      hits += k - f.from + 1 > replay.rules.min_tracking_time;
+    }
+    states.push_back(cat(k, ": ", living[0], " ", living[1], " ", known, " ", fire, " ", hits));
+  }
+  EXPECT_EQ(texts(seen, "states"), states);
+  EXPECT_TRUE(contains(text(seen, "first"), {"Agent 0, team 0, default"}));
+  EXPECT_TRUE(contains(text(seen, "last"), {"Agent 999, team 0, default"}));
+  EXPECT_EQ(text(seen, "played"), "true");
+  EXPECT_EQ(text(seen, "view"), "3d");
+}
+
+TEST(Record, AWorldThatIsTooLargeIsNamed) {
+  const Workplace here;
+  const Outcome outcome = here.run({"record", "circle", "--scenario", "swarm_million"});
+  EXPECT_EQ(outcome.code, 2) << outcome.out;
+  EXPECT_TRUE(contains(outcome.err, {"scenario 'swarm_million' has 1000000 agents in a world; replays hold games of at "
+                                     "most 20000"}));
 }
 
 }  // namespace

@@ -44,8 +44,9 @@ TEST(ReplayFuzz, Bytes) {
   EXPECT_GT(count.refused, 5000);
 }
 
-TEST(ReplayFuzz, HeadersAndColumns) {
-  const std::string good = encode_replay(sample_replay()), first_line = good.substr(0, kFirstLine);
+/// Feeds changed headers and changed columns of a replay, by turns.
+FuzzCount fuzz_insides(const std::string& name, int64_t n_inputs, const Replay& replay) {
+  const std::string good = encode_replay(replay), first_line = good.substr(0, kFirstLine);
   const std::string raw = unpacked(good);
   size_t header = 0;
   for (size_t byte = 0; byte < 4; ++byte)
@@ -59,9 +60,19 @@ TEST(ReplayFuzz, HeadersAndColumns) {
     for (size_t byte = 0; byte < 4; ++byte) all += static_cast<char>(changed.size() >> 8 * byte & 255);
     return packed(first_line, all + changed + columns);
   };
-  const FuzzCount count = fuzz("headers and columns of replays", 4000, make, read);
+  return fuzz(name, n_inputs, make, read);
+}
+
+TEST(ReplayFuzz, HeadersAndColumns) {
+  const FuzzCount count = fuzz_insides("headers and columns of replays", 4000, sample_replay());
   EXPECT_GT(count.accepted, 50);
   EXPECT_GT(count.refused, 500);
+}
+
+TEST(ReplayFuzz, Crowds) {
+  const FuzzCount count = fuzz_insides("headers and columns of crowds", 1500, sample_crowd());
+  EXPECT_GT(count.accepted, 10);
+  EXPECT_GT(count.refused, 200);
 }
 
 }  // namespace

@@ -59,6 +59,69 @@ TEST(Replay, ReadsBackToTheSame) {
   }
 }
 
+TEST(Replay, ACrowdReadsBackToTheSame) {
+  const Replay before = sample_crowd();
+  const std::string bytes = encode_replay(before);
+  EXPECT_EQ(bytes.substr(0, kFirstLine), "gigastep replay 2\n");
+  const Replay after = decode_replay(bytes, "x");
+  EXPECT_EQ(encode_replay(after), bytes);
+  ASSERT_EQ(after.n_agents(), 1150);
+  EXPECT_EQ(after.agents[999].kind, "scout");
+  EXPECT_EQ(after.agents[1000].kind, "default");
+  EXPECT_EQ(after.n_team(0), 1050);
+  EXPECT_FLOAT_EQ(after.place_unit(), 0.03f);  // 900 / 30,000
+  const ReplayEpisode &a = before.episodes[0], &b = after.episodes.at(0);
+  EXPECT_EQ(b.died, a.died);
+  EXPECT_EQ(b.cause, a.cause);
+  EXPECT_EQ(b.x, a.x);
+  EXPECT_EQ(b.sees, a.sees);
+  EXPECT_EQ(b.fire, a.fire);
+  EXPECT_EQ(b.mind[1].likely, a.mind[1].likely);
+  EXPECT_EQ(b.mind[0].top, 0);
+  ASSERT_EQ(b.events.size(), 4u);
+  EXPECT_EQ(b.events[2].agent, 7);
+  EXPECT_EQ(b.events[2].other, 1149);
+  EXPECT_EQ(b.events[3].agent, 1049);
+  EXPECT_EQ(b.events[3].other, -1);
+}
+
+TEST(Replay, WhatIsBrokenInACrowd) {
+  const auto broken = [](const std::function<void(ReplayEpisode&)>& change) {
+    Replay replay = sample_crowd();
+    change(replay.episodes[0]);
+    return refusal(encode_replay(replay));
+  };
+  EXPECT_EQ(broken([](auto& e) { e.fire[2].to = 3; }),
+            "x.replay is damaged: episode 0 has fire of agent 999 at agent 1149 from step 1 of 2");
+  EXPECT_TRUE(contains(broken([](auto& e) { e.fire[1].target = 4; }), {"has fire of agent 3 at agent 4"}));
+  EXPECT_TRUE(contains(broken([](auto& e) { e.fire[0].shooter = 1150; }), {"has fire of agent 1150 at agent 7"}));
+  EXPECT_TRUE(contains(broken([](auto& e) { e.fire[2] = e.fire[1]; }), {"has lines of fire out of their order"}));
+  EXPECT_TRUE(contains(broken([](auto& e) { e.died[8] = 3; }), {"has a death of agent 8 in step 4 of 2"}));
+  const std::string good = encode_replay(sample_crowd());
+  const auto with = [&](const std::string& from, const std::string& to) {
+    return refusal(repacked(good, [&](std::string& raw) {
+      const size_t at = raw.find(from);
+      ASSERT_NE(at, std::string::npos) << from;
+      ASSERT_EQ(from.size(), to.size());
+      raw.replace(at, from.size(), to);
+    }));
+  };
+  EXPECT_EQ(with("\"count\": 1000", "\"count\":  800"),
+            "x.replay has 950 agents; in format 2 it would have 1025 to 20000");
+  EXPECT_TRUE(contains(with("\"count\": 1000", "\"count\": 1e99"), {"count"}));
+  EXPECT_TRUE(contains(with("\"contact\"", "\"hit\"    "), {"has deaths or hits among its events"}));
+  std::string other = good;
+  other[kFirstLine - 2] = '1';
+  EXPECT_TRUE(contains(refusal(other), {"count"})) << "format 1 has no groups of agents";
+  // Four bytes that ask for 4,294,967,295 lines of fire: 64 GiB.
+  EXPECT_EQ(refusal(repacked(good,
+                             [](std::string& raw) {
+                               const size_t count = raw.size() - 3 * 16 - 4;
+                               for (size_t k = 0; k < 4; ++k) raw[count + k] = '\xff';
+                             })),
+            "x.replay asks for more than 1024 MiB");
+}
+
 TEST(Replay, NumbersOfPairs) {
   // Two against three. Targets 0 and 1 have opponents 2, 3, 4: pairs 0 to 5; targets 2, 3, 4 have 0, 1: 6 to 11.
   const ReplayPairs pairs(2, 3);
@@ -80,7 +143,7 @@ TEST(Replay, WhatIsNone) {
   EXPECT_EQ(refusal(""), "x.replay is empty");
   EXPECT_EQ(refusal("seed: 3\n"), "x.replay is no replay: it does not begin as one (gigastep record writes them)");
   EXPECT_EQ(refusal("gigastep replay x\n"), "x.replay is damaged: its first line makes no sense");
-  EXPECT_EQ(refusal("gigastep replay 2\n"), "x.replay has format version 2, newer than 1, which this gigastep reads");
+  EXPECT_EQ(refusal("gigastep replay 3\n"), "x.replay has format version 3, newer than 2, which this gigastep reads");
 }
 
 TEST(Replay, WhatIsBroken) {
@@ -121,6 +184,19 @@ TEST(Replay, GamesThatAreTooLargeAreToldBeforeTheyArePlayed) {
   // each state and agent, 1 of each action: 6,156,288 + 512,000. 1 GiB, 1,073,741,824, has room for 14.8 of that.
   EXPECT_EQ(too_large_to_keep(frame, 14, 500), "");
   EXPECT_EQ(too_large_to_keep(frame, 15, 500), "a replay has room for 14 of these games, not for 15");
+}
+
+TEST(Replay, TheLargestCrowd) {
+  Replay frame = sample_crowd();
+  frame.agents.assign(20'000, frame.agents[0]);
+  frame.agents[19'999].team = 1;
+  // For each agent 9 bytes of its death, 63 of who sees it; for each of 501 states 12, for each of 500 steps 1 of the
+  // action and 4 for lines of fire: 20,000 x 8,584 = 171,680,000. 1 GiB has room for 6.25 of that.
+  EXPECT_EQ(too_large_to_keep(frame, 6, 500), "");
+  EXPECT_EQ(too_large_to_keep(frame, 7, 500), "a replay has room for 6 of these games, not for 7");
+  frame.agents.push_back(frame.agents.back());
+  EXPECT_EQ(too_large_to_keep(frame, 1, 1),
+            "scenario 'small' has 20001 agents in a world; replays hold games of at most 20000");
 }
 
 TEST(Replay, OtherActionsAreNoticed) {

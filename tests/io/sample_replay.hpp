@@ -71,4 +71,48 @@ inline Replay sample_replay(ReplayActions actions = ReplayActions::discrete) {
   return r;
 }
 
+/// A crowd: 1,000 scouts and 50 others of team 0 against 100, two steps, so three states.
+inline Replay sample_crowd() {
+  Replay r = sample_replay();
+  r.rules.limit_x = 900;
+  r.rules.limit_y = 600;
+  const ReplayAgent scout = r.agents[1], other = r.agents[0], opponent = r.agents[2];
+  r.agents.assign(1000, scout);
+  r.agents.insert(r.agents.end(), 50, other);
+  r.agents.insert(r.agents.end(), 100, opponent);
+  constexpr size_t kAgents = 1150, kStates = 3, kSteps = 2;
+
+  ReplayEpisode e;
+  e.steps = kSteps;
+  e.winner = ReplayEnd::team_1;
+  e.died.assign(kAgents, -1);
+  e.cause.assign(kAgents, ReplayDeath::none);
+  e.died[7] = 1;
+  e.cause[7] = ReplayDeath::damage;
+  e.died[1049] = 1;
+  e.cause[1049] = ReplayDeath::agent;
+  // The deaths of a step behind what else happens in it.
+  e.events = {{0, ReplayEventKind::contact, 1050, 7},
+              {1, ReplayEventKind::waypoint, -1, -1},
+              {1, ReplayEventKind::death, 7, 1149},
+              {1, ReplayEventKind::death, 1049, -1}};
+  e.waypoints = {{1, 2, 1, 1, 1.5f, 1.5f}};
+  for (std::vector<int16_t>* column : {&e.x, &e.y, &e.z, &e.heading, &e.speed, &e.health})
+    for (size_t k = 0; k < kAgents * kStates; ++k) column->push_back(static_cast<int16_t>(10 * k));
+  e.action.assign(kAgents * kSteps, 13);
+  e.sees.assign(kAgents, 0);  // a byte each for three states
+  e.sees[7] = 0b011;
+  e.fire = {{0, 1, 7, 1149}, {1, 2, 1149, 3}, {1, 2, 1149, 999}};
+  e.mind[1].low = -1;
+  e.mind[1].high = 62;
+  e.mind[1].top = 1;
+  const size_t told = static_cast<size_t>(kMostMinds) * kStates;  // of 100 agents the first 64
+  e.mind[1].value.assign(told, 20);
+  e.mind[1].likely.assign(told, 26);
+  e.mind[1].probability.assign(told, 31);
+  e.action_check = action_checksum(r, e);
+  r.episodes = {e};
+  return r;
+}
+
 }  // namespace giga::test

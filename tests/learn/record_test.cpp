@@ -4,6 +4,8 @@
 #include <gtest/gtest.h>
 #include <torch/types.h>
 
+#include <algorithm>
+
 #include "game/game.hpp"
 #include "learn/players/value_function.hpp"
 #include "learn/team_policy.hpp"
@@ -154,6 +156,89 @@ TEST(LearnRecord, PlaysAgainAndNoticesWhatDiffers) {
   other = recorded.replay;
   other.seed = "6";
   EXPECT_NE(verify_replay(other, {}), "");
+}
+
+/// What a recorder of a crowd should have seen of world 1: by state, whom living opponents see, and who fires at whom.
+struct CrowdWitness final : GameObserver {
+  void after_step(int64_t, const GameStep& step) override {
+    const SimState& state = step.sim->state();
+    const StateShape& shape = state.shape();
+    const int n = shape.n_agents;
+    if (over) return;
+    const uint8_t* lives = state.view().alive + n;
+    alive.push_back({lives, lives + n});
+    auto& seen_now = seen.emplace_back(n);
+    auto& fire_now = fire.emplace_back();
+    for (int i = 0; i < n; ++i) {
+      for (int k = 0; k < shape.rows; ++k) {
+        const uint32_t a = state.lists().neighbors[int64_t{n + i} * shape.rows + k];
+        if (a < static_cast<uint32_t>(n) && lives[i] && lives[a] && (a < 520) != (i < 520)) seen_now[a] = true;
+      }
+      for (int k = 0; k < shape.shooters; ++k)
+        if (const uint32_t entry = state.lists().fire[int64_t{n + i} * shape.shooters + k])
+          fire_now.push_back({i, static_cast<int>(entry & 0xFFFFFF)});
+    }
+    over = state.view().phase[1] == Phase::waits;
+  }
+  bool over = false;
+  std::vector<std::vector<uint8_t>> alive;
+  std::vector<std::vector<bool>> seen;
+  std::vector<std::vector<std::pair<int, int>>> fire;  // target, shooter
+};
+
+TEST(LearnRecord, ACrowdKeepsWhatTheSimulatorSays) {
+  // 520 against 520 on 8 x 60. Teams start 0.2 x 8 = 1.6 apart, less than weapons reach, at 520 / (0.3 x 8 x 0.8 x 60),
+  // 4.5 on each unit of ground: they see, shoot and hit each other at once.
+  SmallRun small = small_run();
+  small.scenario =
+      "team_0: [{type: default, count: 520}]\nteam_1: [{type: default, count: 520}]\nlimit_x: 8\nlimit_y: 60\n"
+      "max_episode_length: 10\ncollision: {collision_range: 0.1}\n";
+  const LoadedRun run = small.load();
+  const Actor actor = make_actor(run, 0, {});
+  const auto controller = [&] { return policy_controller(actor); };
+  const MatchOptions options{2, 5, {}, 2};
+  const Replay replay =
+      record_match(run.scenario, run.spec,
+                   {RecordedTeam{controller(), {}, "a"}, RecordedTeam{controller(), {&actor}, "b"}}, options, "0.1.0")
+          .replay;
+  CrowdWitness witness;
+  play_match(run.spec, controller(), controller(), options, {&witness});
+  const ReplayEpisode& e = replay.episodes.at(1);
+  const int states = e.steps + 1;
+  ASSERT_EQ(static_cast<int>(witness.seen.size()), states);
+  size_t n_seen = 0, n_fire = 0, n_dead = 0;
+  for (int k = 0; k < states; ++k) {
+    const auto s = static_cast<size_t>(k);
+    for (size_t i = 0; i < 1040; ++i) {
+      EXPECT_EQ(e.died[i] < 0 || k < e.died[i], witness.alive[s][i] != 0) << "agent " << i << ", state " << k;
+      const bool seen = e.sees[i * static_cast<size_t>((states + 7) / 8) + s / 8] >> (k & 7) & 1;
+      EXPECT_EQ(seen, witness.seen[s][i]) << "agent " << i << ", state " << k;
+      n_seen += seen;
+    }
+    std::vector<std::pair<int, int>> fire;
+    for (const ReplayFire& f : e.fire)
+      if (f.from <= k && k <= f.to) fire.emplace_back(f.target, f.shooter);
+    std::sort(fire.begin(), fire.end());
+    EXPECT_EQ(fire, witness.fire[s]) << "state " << k;
+    n_fire += fire.size();
+  }
+  for (const ReplayEvent& event : e.events) n_dead += event.what == ReplayEventKind::death;
+  EXPECT_GT(n_seen, 1000u);
+  EXPECT_GT(n_fire, 100u);
+  EXPECT_EQ(n_dead, static_cast<size_t>(std::count_if(e.died.begin(), e.died.end(), [](int d) { return d >= 0; })));
+  EXPECT_GT(n_dead, 10u);
+  EXPECT_EQ(e.mind[1].likely.size(), static_cast<size_t>(kLikelyActions * kMostMinds * states));
+  EXPECT_EQ(e.mind[0].top, 0) << "nobody asked team 0";
+
+  // What is read is what was recorded, and plays again.
+  const Replay read = decode_replay(encode_replay(replay), "x");
+  EXPECT_EQ(verify_replay(read, {}), "");
+  Replay other = read;
+  ++other.episodes[1].fire.at(0).to;
+  EXPECT_EQ(verify_replay(other, {}), "episode 1 has the same states, but differs in who shoots at whom");
+  other = read;
+  other.episodes[0].sees[5] ^= 1;
+  EXPECT_EQ(verify_replay(other, {}), "episode 0 has the same states, but differs in who is seen");
 }
 
 }  // namespace
