@@ -67,7 +67,7 @@ void visit_fields(V& v, SightConfig& c) {
     at_least(0));
   v("cone_depth", c.cone_depth, "how far an agent detects opponents (units)", at_least(0));
   v("cone_angle", c.cone_angle, "half angle of the sight cone (radians); pi or more = every direction",
-    range(0, 2 * kPi));
+    range(0, 6.3));
   v("use_stochastic_obs", c.use_stochastic_obs, "detection succeeds with probability 1 - (distance / depth)^2");
   v("obstacles_block_sight", c.obstacles_block_sight, "no detection through an obstacle (beyond the original)");
   v("sight_3d", c.sight_3d, "distances and cones of sight and damage use the altitude too (beyond the original)");
@@ -97,7 +97,7 @@ struct DamageConfig {
 template <class V>
 void visit_fields(V& v, DamageConfig& c) {
   v("damage_cone_depth", c.damage_cone_depth, "how far an agent shoots (units); 0 = nobody does", at_least(0));
-  v("damage_cone_angle", c.damage_cone_angle, "half angle of the weapon cone (radians)", range(0, 2 * kPi));
+  v("damage_cone_angle", c.damage_cone_angle, "half angle of the weapon cone (radians)", range(0, 6.3));
   v("damage_per_second", c.damage_per_second, "health lost a second for each step of tracking beyond the minimum",
     at_least(0));
   v("healing_per_second", c.healing_per_second, "health gained a second", at_least(0));

@@ -55,7 +55,7 @@ TEST(Record, PythonReadsIt) {
     const Outcome words = here.run({source_path("examples/read_replay.py"), "game.replay"}, python);
     ASSERT_EQ(words.code, 0) << words.err;
     EXPECT_TRUE(
-        contains(words.out, {std::string("circle against pursuer in ") + scenario, "episode 1: ", "death of agent"}));
+        contains(words.out, {std::string("circle against pursuer in ") + scenario, "episode 1: ", " dies ("}));
   }
 }
 
