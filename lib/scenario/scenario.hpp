@@ -66,8 +66,7 @@ void visit_fields(V& v, SightConfig& c) {
   v("very_close_cone_depth", c.very_close_cone_depth, "opponents nearer than this (units) are always detected",
     at_least(0));
   v("cone_depth", c.cone_depth, "how far an agent detects opponents (units)", at_least(0));
-  v("cone_angle", c.cone_angle, "half angle of the sight cone (radians); pi or more = every direction",
-    range(0, 6.3));
+  v("cone_angle", c.cone_angle, "half angle of the sight cone (radians); pi or more = every direction", range(0, 6.3));
   v("use_stochastic_obs", c.use_stochastic_obs, "detection succeeds with probability 1 - (distance / depth)^2");
   v("obstacles_block_sight", c.obstacles_block_sight, "no detection through an obstacle (beyond the original)");
   v("sight_3d", c.sight_3d, "distances and cones of sight and damage use the altitude too (beyond the original)");

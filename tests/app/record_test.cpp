@@ -54,8 +54,7 @@ TEST(Record, PythonReadsIt) {
     ASSERT_EQ(here.run({"record", "circle", "--vs", "pursuer", "--scenario", scenario, "--episodes", "2"}).code, 0);
     const Outcome words = here.run({source_path("examples/read_replay.py"), "game.replay"}, python);
     ASSERT_EQ(words.code, 0) << words.err;
-    EXPECT_TRUE(
-        contains(words.out, {std::string("circle against pursuer in ") + scenario, "episode 1: ", " dies ("}));
+    EXPECT_TRUE(contains(words.out, {std::string("circle against pursuer in ") + scenario, "episode 1: ", " dies ("}));
   }
 }
 
