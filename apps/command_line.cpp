@@ -85,10 +85,10 @@ std::string explain_leftover(const CLI::App& command) {
     const bool has_keys = hint.empty() && command.get_option_no_throw("--set");
     return cat("unknown option '", name, "'", has_keys ? "; keys are set by --set KEY=VALUE" : hint);
   }
-  if (commands.size() == 1)
+  const std::string nearest = nearest_hint(word, commands);
+  if (commands.size() == 1 && nearest.empty())
     return cat("unexpected argument '", word, "'; write ", command.get_name(), " ", commands.front(), " ", word);
-  if (!commands.empty())
-    return cat("unknown command '", word, "'", nearest_hint(word, commands), "; commands: ", join(commands));
+  if (!commands.empty()) return cat("unknown command '", word, "'", nearest, "; commands: ", join(commands));
   return cat("unexpected argument '", word, "'");
 }
 
