@@ -56,6 +56,8 @@ class PythonImageWriter final : public ImageWriter {
 std::vector<ConvolutionShape> convolutions_of(const ImageEncoderShape& shape) {
   if (shape.kind == EncoderKind::nature)
     return {{"conv_0", kChannels, 32, 8, 4, 0}, {"conv_1", 32, 64, 4, 2, 0}, {"conv_2", 64, 64, 3, 1, 0}};
+  if (shape.kind == EncoderKind::compact)
+    return {{"conv_0", kChannels, 32, 4, 4, 0}, {"conv_1", 32, 32, 3, 2, 1}, {"conv_2", 32, 32, 3, 2, 1}};
   GIGA_CHECK(shape.kind == EncoderKind::impala, "an encoder without convolutions");
   std::vector<ConvolutionShape> all;
   int from = kChannels;
@@ -73,7 +75,7 @@ std::vector<ConvolutionShape> convolutions_of(const ImageEncoderShape& shape) {
 int convolved_features(const ImageEncoderShape& shape) {
   const std::vector<ConvolutionShape> all = convolutions_of(shape);
   int side = shape.side;
-  if (shape.kind == EncoderKind::nature)
+  if (shape.kind != EncoderKind::impala)
     for (const ConvolutionShape& c : all) side = side_after(c, side);
   else
     for (int k = 0; k < kSections; ++k) side = (side - 1) / 2 + 1;
@@ -83,7 +85,7 @@ int convolved_features(const ImageEncoderShape& shape) {
 std::string write_convolutions(const ImageEncoderShape& shape, ImageWriter& writer, const std::string& pixels) {
   const std::vector<ConvolutionShape> all = convolutions_of(shape);
   std::string x = pixels;
-  if (shape.kind == EncoderKind::nature) {
+  if (shape.kind != EncoderKind::impala) {
     for (const ConvolutionShape& c : all) x = writer.relu(writer.convolution(c, x));
     return x;
   }

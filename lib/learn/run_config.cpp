@@ -176,7 +176,7 @@ void ConfigCheck::inputs_are_there(const std::string& group, const NetworkConfig
       fail("scenario",
            cat("agents of '", config.scenario, "' are given images alone (observation.type: rgb), and ", group,
                ".encoder ", FieldCodec<EncoderKind>::print(network.encoder),
-               " reads numbers; nature and impala read images, and environment.observation.type: rgb_vector "
+               " reads numbers; nature, impala and compact read images, and environment.observation.type: rgb_vector "
                "gives both"));
     return;
   }

@@ -44,8 +44,8 @@ struct MlpConfig {
 
 /// The kinds of encoders by name. encoder.cpp has the table of what makes them; a kind with settings of its own adds
 /// them to NetworkConfig.
-enum class EncoderKind : uint8_t { mlp, nature, impala };
-constexpr std::array<const char*, 3> enum_names(EncoderKind) { return {"mlp", "nature", "impala"}; }
+enum class EncoderKind : uint8_t { mlp, nature, impala, compact };
+constexpr std::array<const char*, 4> enum_names(EncoderKind) { return {"mlp", "nature", "impala", "compact"}; }
 /// Whether an encoder reads the image of an agent; the others read its numbers.
 constexpr bool reads_images(EncoderKind kind) { return kind != EncoderKind::mlp; }
 /// Pixels of a side of the smallest image that the convolutions of `nature` fit on.
@@ -75,7 +75,8 @@ void visit_network_fields(V& v, NetworkConfig& c) {
     "environment.observation.egocentric_view: true)");
   v("encoder", c.encoder,
     "network between what is read and the output layer; mlp: dense layers of the sizes in hidden, on numbers; nature "
-    "(Mnih et al. 2015) and impala (Espeholt et al. 2018): convolutions on the agent's image, then such layers");
+    "(Mnih et al. 2015), impala (Espeholt et al. 2018) and compact (three small layers): convolutions on the agent's "
+    "image, then such layers");
   v("impala_width", c.impala_width,
     "encoder impala: channels of its first section; the two behind it have twice as many", range(1, 512));
   v("hidden", c.hidden, "sizes of the hidden layers", range(1, 16384).items(1, 16));

@@ -56,7 +56,27 @@ at::Tensor convolved(const Weights& p, const Convolution& c, const at::Tensor& x
                     at::IntArrayRef{c.padding, c.padding});
 }
 
-/// What both encoders are: pixels, convolutions, dense layers.
+/// The same, without padding and for a size that is a multiple of the stride: squares of stride x stride pixels are
+/// taken for pixels of so many more channels. Three channels alone fill no tensor core.
+at::Tensor convolved_patches(const Weights& p, const Convolution& c, const at::Tensor& x, double scale) {
+  const int64_t stride = c.stride, across = c.size / stride, channels = stride * stride * c.input;
+  const int64_t side = side_behind(c, x.size(2)) - 1 + across;  // in patches
+  const at::Tensor patches = x.permute({0, 2, 3, 1})
+                                 .narrow(1, 0, side * stride)
+                                 .narrow(2, 0, side * stride)
+                                 .reshape({-1, side, stride, side, stride * c.input})
+                                 .transpose(2, 3)
+                                 .reshape({-1, side, side, channels});
+  const at::Tensor weight = p[c.weight]
+                                .view({c.output, across, stride, across, stride * c.input})
+                                .transpose(2, 3)
+                                .reshape({c.output, across, across, channels}) *
+                            scale;
+  return at::conv2d(patches.permute({0, 3, 1, 2}), weight.permute({0, 3, 1, 2}).to(x.scalar_type()),
+                    p[c.bias].to(x.scalar_type()));
+}
+
+/// What all encoders are: pixels, convolutions, dense layers.
 class ImageEncoder : public Encoder {
  public:
   ImageEncoder(const char* kind, const ObservationShape& input) : side_(input.sides[0]) {
@@ -114,26 +134,31 @@ class ImageEncoder : public Encoder {
   std::vector<DenseLayer> dense_;
 };
 
-class Nature final : public ImageEncoder {
+/// Convolutions one after the other, ReLU behind each.
+class Chain final : public ImageEncoder {
  public:
-  Nature(ParameterSet& parameters, const std::string& name, const ObservationShape& input, const NetworkConfig& config)
-      : ImageEncoder("nature", input) {
-    if (side_ < kNatureSide)
-      throw InputError(cat("the encoder nature needs images of at least ", kNatureSide, " x ", kNatureSide,
-                           " pixels; these have ", side_, " x ", side_));
-    layers_ = {add_convolution(parameters, name + "/conv_0", channels_, 32, 8, 4, 0),
-               add_convolution(parameters, name + "/conv_1", 32, 64, 4, 2, 0),
-               add_convolution(parameters, name + "/conv_2", 64, 64, 3, 1, 0)};
-    int64_t side = side_;
-    for (const Convolution& c : layers_) side = side_behind(c, side);
-    add_dense_layers(parameters, name, layers_.back().output * side * side, config);
+  struct Layer {
+    int64_t output, size, stride, padding;
+  };
+
+  Chain(const char* kind, const std::vector<Layer>& layers, ParameterSet& parameters, const std::string& name,
+        const ObservationShape& input, const NetworkConfig& config)
+      : ImageEncoder(kind, input) {
+    int64_t side = side_, from = channels_;
+    for (const Layer& l : layers) {
+      layers_.push_back(add_convolution(parameters, cat(name, "/conv_", layers_.size()), from, l.output, l.size,
+                                        l.stride, l.padding));
+      side = side_behind(layers_.back(), side);
+      from = l.output;
+    }
+    add_dense_layers(parameters, name, from * side * side, config);
   }
 
  private:
   at::Tensor convolutions(const Weights& p, const at::Tensor& pixels) const override {
-    at::Tensor x = at::relu(convolved(p, layers_[0], pixels, kByteScale));
-    x = at::relu(convolved(p, layers_[1], x));
-    return at::relu(convolved(p, layers_[2], x));
+    at::Tensor x = at::relu(convolved_patches(p, layers_[0], pixels, kByteScale));
+    for (size_t k = 1; k < layers_.size(); ++k) x = at::relu(convolved(p, layers_[k], x));
+    return x;
   }
 
   std::vector<Convolution> layers_;
@@ -183,6 +208,7 @@ class Impala final : public ImageEncoder {
 }  // namespace
 
 at::Tensor pool_of_three(const at::Tensor& x) {
+  if (!at::GradMode::is_enabled()) return at::max_pool2d(x, {3, 3}, {2, 2}, {1, 1});
   at::Tensor y = at::constant_pad_nd(x, {1, 1, 1, 1}, -std::numeric_limits<double>::infinity());
   for (const int64_t side : {3, 2}) {
     const int64_t end = y.size(side) - 2;  // behind the first pixel of the last three
@@ -194,7 +220,17 @@ at::Tensor pool_of_three(const at::Tensor& x) {
 
 std::shared_ptr<const Encoder> make_nature(ParameterSet& parameters, const std::string& name,
                                            const ObservationShape& input, const NetworkConfig& config) {
-  return std::make_shared<Nature>(parameters, name, input, config);
+  if (input.n_sides == 3 && input.sides[0] < kNatureSide)
+    throw InputError(cat("the encoder nature needs images of at least ", kNatureSide, " x ", kNatureSide,
+                         " pixels; these have ", input.sides[0], " x ", input.sides[0]));
+  const std::vector<Chain::Layer> layers = {{32, 8, 4, 0}, {64, 4, 2, 0}, {64, 3, 1, 0}};
+  return std::make_shared<Chain>("nature", layers, parameters, name, input, config);
+}
+
+std::shared_ptr<const Encoder> make_compact(ParameterSet& parameters, const std::string& name,
+                                            const ObservationShape& input, const NetworkConfig& config) {
+  const std::vector<Chain::Layer> layers = {{32, 4, 4, 0}, {32, 3, 2, 1}, {32, 3, 2, 1}};
+  return std::make_shared<Chain>("compact", layers, parameters, name, input, config);
 }
 
 std::shared_ptr<const Encoder> make_impala(ParameterSet& parameters, const std::string& name,

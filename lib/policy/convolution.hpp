@@ -1,5 +1,6 @@
-// Encoders of images: `nature` (Mnih et al. 2015) and `impala` (Espeholt et al. 2018). An image is a row of bytes
-// [side, side, 3], which is channels-last already: what it becomes is a view until the first convolution.
+// Encoders of images: `nature` (Mnih et al. 2015), `impala` (Espeholt et al. 2018) and `compact`, our own. An image is
+// a row of bytes [side, side, 3], which is channels-last already: what it becomes is a view until the first
+// convolution.
 #pragma once
 
 #include "policy/encoder.hpp"
@@ -9,6 +10,11 @@ namespace giga {
 /// Three convolutions (8 x 8 by 4, 4 x 4 by 2, 3 x 3) of 32, 64 and 64 channels, ReLU behind each, then dense layers of
 /// config.hidden. Throws InputError where the input is no image or smaller than kNatureSide.
 EncoderFactory make_nature;
+
+/// Three convolutions (4 x 4 by 4, 3 x 3 by 2 twice) of 32 channels, ReLU behind each, then dense layers of
+/// config.hidden: a fifth of the arithmetic of `nature`. For images of any size; of a side that is no multiple of 4 the
+/// last pixels are not seen.
+EncoderFactory make_compact;
 
 /// Three sections of config.impala_width, twice and twice as many channels, each a convolution, a pooling that halves
 /// the sides and two residual blocks; then ReLU and dense layers of config.hidden. For images of any size.

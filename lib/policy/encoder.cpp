@@ -14,8 +14,10 @@ struct EncoderRow {
   EncoderKind kind;
   EncoderFactory* make;
 };
-constexpr EncoderRow kEncoders[] = {
-    {EncoderKind::mlp, make_mlp}, {EncoderKind::nature, make_nature}, {EncoderKind::impala, make_impala}};
+constexpr EncoderRow kEncoders[] = {{EncoderKind::mlp, make_mlp},
+                                    {EncoderKind::nature, make_nature},
+                                    {EncoderKind::impala, make_impala},
+                                    {EncoderKind::compact, make_compact}};
 
 }  // namespace
 

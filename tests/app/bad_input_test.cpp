@@ -207,7 +207,7 @@ std::vector<BadInput> meanings() {
           "images alone for an encoder of numbers",
           "environment: {observation: {type: rgb}}\nmappo: {critic: {kind: state}}",
           {"run.yaml:1:11: scenario: agents of 'identical_2_vs_2' are given images alone (observation.type: rgb), "
-           "and mappo.actor.encoder mlp reads numbers; nature and impala read images"}),
+           "and mappo.actor.encoder mlp reads numbers; nature, impala and compact read images"}),
       in_config(
           "encoder of images for the true state",
           "environment: {observation: {type: rgb}}\n"

@@ -69,7 +69,8 @@ std::vector<ActorKind> image_kinds() {
            .activation = Activation::tanh,
            .layer_norm = true,
            .memory = MemoryKind::gru,
-           .encoder = EncoderKind::impala}};
+           .encoder = EncoderKind::impala},
+          {.activation = Activation::relu, .encoder = EncoderKind::compact}};
 }
 
 SimSpec small_spec_with_images(const ActorKind& kind) {

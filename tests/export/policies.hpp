@@ -32,7 +32,7 @@ struct ActorKind {
 /// All 2 x 4 x 2 x 2 that read everything; and one of each kind of action that reads a part, and with each memory.
 std::vector<ActorKind> all_kinds();
 
-/// Two that read images: nature with discrete actions; impala with continuous ones and a memory.
+/// Three that read images: nature and compact with discrete actions; impala with continuous ones and a memory.
 std::vector<ActorKind> image_kinds();
 /// small_spec whose agents are given images alone.
 SimSpec small_spec_with_images(const ActorKind& kind);

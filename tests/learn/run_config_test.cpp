@@ -144,7 +144,7 @@ TEST_F(LearnRunConfig, AnEncoderOfImagesIsRefusedWhereItCannotBe) {
   EXPECT_EQ(message("identical_2_vs_2_rgb", small + state + "impala}}\n"), "no error");
   EXPECT_EQ(message("identical_2_vs_2_rgb", "mappo: {actor: {encoder: nature}, critic: {hidden: [8]}}\n"),
             "run.yaml:1:11: scenario: agents of 'identical_2_vs_2_rgb' are given images alone (observation.type: rgb), "
-            "and mappo.critic.encoder mlp reads numbers; nature and impala read images, and "
+            "and mappo.critic.encoder mlp reads numbers; nature, impala and compact read images, and "
             "environment.observation.type: rgb_vector gives both");
   EXPECT_EQ(
       message("identical_2_vs_2_rgb", "mappo: {critic: {kind: state, encoder: impala}, actor: {encoder: impala}}\n"),
@@ -161,8 +161,9 @@ TEST_F(LearnRunConfig, AnEncoderOfImagesIsRefusedWhereItCannotBe) {
   EXPECT_EQ(message("identical_2_vs_2_rgb", "train: {algorithm: snes}\npopulation: {actor: {encoder: nature}}\n"),
             "run.yaml:3:31: population.actor.encoder: 'nature' is not offered to populations, whose networks read "
             "numbers; allowed there: mlp; train.algorithm mappo has it");
-  EXPECT_EQ(message("identical_2_vs_2", "mappo: {actor: {encoder: nautre}}\n"),
-            "run.yaml:2:26: mappo.actor.encoder: 'nautre' is not one of: mlp, nature, impala; nearest: 'nature'");
+  EXPECT_EQ(
+      message("identical_2_vs_2", "mappo: {actor: {encoder: nautre}}\n"),
+      "run.yaml:2:26: mappo.actor.encoder: 'nautre' is not one of: mlp, nature, impala, compact; nearest: 'nature'");
 }
 
 // A value that could not be read is reported once, and nothing is said about what was taken in its place.

@@ -57,7 +57,7 @@ TEST(PolicyActor, AnUnknownEncoderIsRefusedWithTheAllowedOnes) {
   Errors errors;
   ActorConfig config;
   read_fields(parse_yaml_text("{encoder: mpl}", "a.yaml", errors).root, config, errors);
-  EXPECT_EQ(errors.text(), "a.yaml:1:11: encoder: 'mpl' is not one of: mlp, nature, impala; nearest: 'mlp'");
+  EXPECT_EQ(errors.text(), "a.yaml:1:11: encoder: 'mpl' is not one of: mlp, nature, impala, compact; nearest: 'mlp'");
 }
 
 TEST(PolicyActor, SmallOutputGainStartsNearlyUniform) {

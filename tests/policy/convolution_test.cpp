@@ -53,6 +53,35 @@ TEST(PolicyNature, TheSmallestImage) {
   EXPECT_EQ(message, "the encoder nature needs images of at least 36 x 36 pixels; these have 35 x 35");
 }
 
+TEST(PolicyCompact, ParametersByArithmetic) {
+  // 84 -> 84 / 4 = 21 -> 11 -> 6: 32 x 6 x 6 = 1152 numbers go to 64.
+  const MadeEncoder made(make_compact, 84, cnn_config({64}));
+  EXPECT_EQ(made.parameters.size(), (3 * 16 * 32 + 32) + 2 * (32 * 9 * 32 + 32) + (1152 * 64 + 64));
+  EXPECT_EQ(made.parameters.size(), 93'856);
+  EXPECT_EQ(made(byte_images({2, 5}, 84)).sizes(), at::IntArrayRef({2, 5, 64}));
+  // 11 -> 2 -> 1 -> 1.
+  EXPECT_EQ(MadeEncoder(make_compact, 11, cnn_config({7}))(byte_images({3}, 11)).sizes(), at::IntArrayRef({3, 7}));
+}
+
+// Patches are a way to compute it; what is computed are the convolutions of the paper.
+TEST(PolicyNature, AsConvolutionsOneByOne) {
+  at::NoGradGuard no_grad;
+  for (const int side : {kNatureSide, 43}) {  // 43: the last three pixels are in no window
+    const MadeEncoder made(make_nature, side, cnn_config({8}));
+    const at::Tensor images = byte_images({3}, side);
+    at::Tensor x = images.view({3, side, side, 3}).permute({0, 3, 1, 2}).to(at::kFloat) / 255;
+    const int64_t sizes[] = {8, 4, 3}, inputs[] = {3, 32, 64}, strides[] = {4, 2, 1};
+    for (int k = 0; k < 3; ++k) {
+      const at::Tensor weight = made.parameters[2 * k].view({-1, sizes[k], sizes[k], inputs[k]}).permute({0, 3, 1, 2});
+      x = at::relu(at::conv2d(x, weight, made.parameters[2 * k + 1], at::IntArrayRef{strides[k], strides[k]}));
+    }
+    const at::Tensor features = x.permute({0, 2, 3, 1}).flatten(1);
+    const at::Tensor expected = at::relu(at::linear(features, made.parameters[6], made.parameters[7]));
+    EXPECT_LT((made(images) - expected).abs().max().item<float>(), 1e-5f * expected.abs().max().item<float>());
+    EXPECT_GT(expected.abs().max().item<float>(), 1e-3);
+  }
+}
+
 TEST(PolicyImpala, ParametersByArithmetic) {
   // 84 -> 42 -> 21 -> 11, 32 channels: 3872 numbers go to 256. A section has one convolution and four more.
   const MadeEncoder made(make_impala, 84, cnn_config({256}));
@@ -72,7 +101,7 @@ TEST(PolicyImpala, WidthAndOddSides) {
 }
 
 TEST(PolicyImages, OfOtherInputsAreRefused) {
-  for (EncoderFactory* make : {make_nature, make_impala}) {
+  for (EncoderFactory* make : {make_nature, make_impala, make_compact}) {
     ParameterSet parameters;
     const std::string message = input_error_of([&] { make(parameters, "eye", ObservationShape(84), cnn_config({8})); });
     EXPECT_TRUE(contains(message, {"reads images, and its input has none"}));
@@ -100,7 +129,7 @@ TEST(PolicyNature, FirstConvolutionByHand) {
 
 TEST(PolicyImages, BytesAreTheNumbersThatTheyStandFor) {
   at::NoGradGuard no_grad;
-  for (EncoderFactory* make : {make_nature, make_impala}) {
+  for (EncoderFactory* make : {make_nature, make_impala, make_compact}) {
     const MadeEncoder made(make, 40, cnn_config({32}));
     const at::Tensor bytes = byte_images({3}, 40), expected = made(bytes);
     EXPECT_TRUE(at::equal(made(bytes.to(at::kFloat)), expected));
@@ -115,6 +144,8 @@ TEST(PolicyImages, BytesAreTheNumbersThatTheyStandFor) {
 TEST(PolicyImages, PoolingAsLibTorchs) {
   for (const int64_t side : {5, 6, 21}) {
     const at::Tensor x = (at::arange(2 * 3 * side * side) * 73 % 89).to(at::kFloat).view({2, 3, side, side});
+    EXPECT_TRUE(at::equal(pool_of_three(x), at::max_pool2d(x, {3, 3}, {2, 2}, {1, 1}))) << side;
+    at::NoGradGuard no_grad;
     EXPECT_TRUE(at::equal(pool_of_three(x), at::max_pool2d(x, {3, 3}, {2, 2}, {1, 1}))) << side;
   }
 }
@@ -134,7 +165,7 @@ TEST(PolicyImages, GradientOfPooling) {
 }
 
 TEST(PolicyImages, GradientsReachEveryParameter) {
-  for (EncoderFactory* make : {make_nature, make_impala}) {
+  for (EncoderFactory* make : {make_nature, make_impala, make_compact}) {
     const MadeEncoder made(make, 40, cnn_config({32}));
     made(byte_images({4}, 40)).square().sum().backward();
     const auto all = made.parameters.matrices();
