@@ -42,6 +42,26 @@ class PythonImageWriter final : public ImageWriter {
     return name;
   }
 
+  /// With tensors, what `centred` of example/images.py does with arrays.
+  std::string centred(const std::string& image, int side) {
+    const int middle = side / 2;
+    const auto channel = [&](int k) { return line(cat(image, "[:, :, :, ", k, "]")); };
+    const std::string r = channel(0), g = channel(1), b = channel(2);
+    const std::string own = line(cat("(", g, " == 255) & (", r, " == ", b, ") & (", r, " > 0) & (", r, " < 255)"));
+    const std::string number = line(cat("torch.arange(1, ", side * side + 1, ", device=", image, ".device)"));
+    const std::string place = line(cat("(", own, ".flatten(1).long() * ", number, ").amax([1]).unsqueeze(1)"));
+    const std::string at = line(cat("torch.where(", place, " > 0, ", place, " - 1, torch.full_like(", place, ", ",
+                                    middle * side + middle, "))"));
+    const std::string steps = line(cat("torch.arange(", side, ", device=", image, ".device)"));
+    const std::string far = cat(middle, ", ", side - middle);
+    const std::string wide = line(cat("torch.constant_pad_nd(", image, ", [0, 0, ", far, ", ", far, "])"));
+    const std::string x = line(cat("torch.floor_divide(", at, ", ", side, ") + ", steps));
+    const std::string y = line(cat("torch.remainder(", at, ", ", side, ") + ", steps));
+    const std::string rows =
+        line(cat(wide, ".gather(1, ", x, ".view(-1, ", side, ", 1, 1).expand(-1, -1, ", 2 * side, ", 3))"));
+    return line(cat(rows, ".gather(2, ", y, ".view(-1, 1, ", side, ", 1).expand(-1, ", side, ", -1, 3))"));
+  }
+
   const std::string& code() const { return code_; }
 
  private:
@@ -71,6 +91,8 @@ std::vector<ConvolutionShape> convolutions_of(const ImageEncoderShape& shape) {
   }
   return all;
 }
+
+bool centres_agent(const ImageEncoderShape& shape) { return shape.kind == EncoderKind::compact; }
 
 int convolved_features(const ImageEncoderShape& shape) {
   const std::vector<ConvolutionShape> all = convolutions_of(shape);
@@ -102,9 +124,11 @@ std::string write_convolutions(const ImageEncoderShape& shape, ImageWriter& writ
 std::string python_convolutions(const ImageEncoderShape& shape, const std::string& image, bool torch,
                                 const std::string& indent) {
   PythonImageWriter writer(torch, indent);
+  std::string seen = image;
+  if (centres_agent(shape)) seen = torch ? writer.centred(image, shape.side) : writer.line(cat("centred(", image, ")"));
   const std::string pixels =
-      writer.line(torch ? cat(image, ".float().permute([0, 3, 1, 2]) / 255.0")
-                        : cat(image, ".astype(np.float32).transpose(0, 3, 1, 2) / np.float32(255)"));
+      writer.line(torch ? cat(seen, ".float().permute([0, 3, 1, 2]) / 255.0")
+                        : cat(seen, ".astype(np.float32).transpose(0, 3, 1, 2) / np.float32(255)"));
   const std::string last = write_convolutions(shape, writer, pixels);
   return cat(writer.code(), indent, "x = ", last,
              torch ? ".permute([0, 2, 3, 1]).flatten(1)\n" : ".transpose(0, 2, 3, 1).reshape(len(image), -1)\n");

@@ -48,11 +48,13 @@ class ImageWriter {
   ImageWriter& operator=(const ImageWriter&) = default;
 };
 
+/// Whether the encoder first moves the agent to the middle of its image (math/image_patches.hpp).
+bool centres_agent(const ImageEncoderShape& shape);
 /// From pixels in [0, 1] to the last convolution's numbers [B, C, x, y].
 std::string write_convolutions(const ImageEncoderShape& shape, ImageWriter& writer, const std::string& pixels);
 
 /// The lines of Python that do so from `image`, [B, side, side, 3] of bytes, to x [B, features]. `torch`: with tensors
-/// `self.NAME`; else with numpy, functions `convolution` and `pool`, and tensors `t["NAME"]`.
+/// `self.NAME`; else with numpy, functions `convolution`, `pool` and `centred`, and tensors `t["NAME"]`.
 std::string python_convolutions(const ImageEncoderShape& shape, const std::string& image, bool torch,
                                 const std::string& indent);
 

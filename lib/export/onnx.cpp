@@ -69,6 +69,14 @@ class GraphBuilder {
       initializers_.push_back(tensor_message(name, {}, little_endian(std::bit_cast<uint32_t>(value))));
     return name;
   }
+  /// The whole numbers from `first` below `end`.
+  std::string range(int first, int end) {
+    const std::string name = cat("range_", first, "_", end);
+    std::string bytes;
+    for (int value = first; value < end; ++value) bytes += little_endian(static_cast<uint64_t>(int64_t{value}));
+    if (names_.insert(name).second) initializers_.push_back(tensor_message(name, {end - first}, bytes, kInt64Tensor));
+    return name;
+  }
   /// Whole numbers, of one dimension or, `scalar`, none.
   std::string integers(const std::vector<int>& values, bool scalar = false) {
     std::string name = scalar ? "index" : "integers", bytes;
@@ -187,10 +195,49 @@ class OnnxImageWriter final : public ImageWriter {
   GraphBuilder& graph_;
 };
 
+std::string add_cast(GraphBuilder& graph, const std::string& x, uint64_t type) {
+  return graph.add("Cast", {x}, {int_attribute("to", static_cast<int64_t>(type))});
+}
+
+/// What `centred` of example/images.py does, with numbers [B, side, side, 3].
+std::string add_centred(GraphBuilder& graph, const std::string& images, int side) {
+  const int middle = side / 2;
+  const auto both = [&](const std::string& x, const std::string& y) { return graph.add("And", {x, y}); };
+  const auto channel = [&](int k) {
+    return graph.add("Slice", {images, graph.integers({k}), graph.integers({k + 1}), graph.integers({3})});
+  };
+  const std::string r = channel(0), g = channel(1), b = channel(2);
+  const std::string white = graph.constant("white", 255), black = graph.constant("black", 0);
+  const std::string own = both(both(graph.add("Equal", {g, white}), graph.add("Equal", {r, b})),
+                               both(graph.add("Greater", {r, black}), graph.add("Less", {r, white})));
+  const std::string flat =
+      graph.add("Reshape", {add_cast(graph, own, kInt64Tensor), graph.integers({-1, side * side})});
+  const std::string place = graph.add("ReduceMax", {graph.add("Mul", {flat, graph.range(1, side * side + 1)})},
+                                      {ints_attribute("axes", {1}), int_attribute("keepdims", 1)});
+  const std::string at =
+      graph.add("Where", {graph.add("Greater", {place, graph.integers({0})}),
+                          graph.add("Sub", {place, graph.integers({1})}), graph.integers({middle * side + middle})});
+  const std::string x = graph.add("Div", {at, graph.integers({side})});
+  const std::string y = graph.add("Sub", {at, graph.add("Mul", {x, graph.integers({side})})});
+  // The rows along the first side that are taken of each image.
+  const auto taken = [&](const std::string& from, const std::string& first) {
+    const std::string rows =
+        graph.add("Reshape", {graph.add("Add", {first, graph.range(0, side)}), graph.integers({-1, side, 1})});
+    return graph.add("GatherND", {from, rows}, {int_attribute("batch_dims", 1)});
+  };
+  const auto turned = [&](const std::string& from) {
+    return graph.add("Transpose", {from}, {ints_attribute("perm", {0, 2, 1, 3})});
+  };
+  const std::string wide =
+      graph.add("Pad", {images, graph.integers({0, middle, middle, 0, 0, side - middle, side - middle, 0})});
+  return turned(taken(turned(taken(wide, x)), y));
+}
+
 /// From the bytes of an image to the numbers that the first dense layer takes.
 std::string add_image(GraphBuilder& graph, const ImageEncoderShape& shape) {
   OnnxImageWriter writer(graph);
-  const std::string bytes = graph.add("Cast", {kImageInput}, {int_attribute("to", static_cast<int64_t>(kFloatTensor))});
+  std::string bytes = add_cast(graph, kImageInput, kFloatTensor);
+  if (centres_agent(shape)) bytes = add_centred(graph, bytes, shape.side);
   const std::string turned = graph.add("Transpose", {bytes}, {ints_attribute("perm", {0, 3, 1, 2})});
   const std::string last = write_convolutions(shape, writer, graph.add("Div", {turned, graph.constant("white", 255)}));
   const std::string channels_last = graph.add("Transpose", {last}, {ints_attribute("perm", {0, 2, 3, 1})});

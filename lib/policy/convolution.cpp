@@ -7,6 +7,8 @@
 #include <limits>
 
 #include "core/error.hpp"
+#include "math/image_patches.hpp"
+#include "policy/run_elementwise.hpp"
 
 namespace giga {
 namespace {
@@ -56,23 +58,40 @@ at::Tensor convolved(const Weights& p, const Convolution& c, const at::Tensor& x
                     at::IntArrayRef{c.padding, c.padding});
 }
 
-/// The same, without padding and for a size that is a multiple of the stride: squares of stride x stride pixels are
-/// taken for pixels of so many more channels. Three channels alone fill no tensor core.
-at::Tensor convolved_patches(const Weights& p, const Convolution& c, const at::Tensor& x, double scale) {
-  const int64_t stride = c.stride, across = c.size / stride, channels = stride * stride * c.input;
-  const int64_t side = side_behind(c, x.size(2)) - 1 + across;  // in patches
-  const at::Tensor patches = x.permute({0, 2, 3, 1})
-                                 .narrow(1, 0, side * stride)
-                                 .narrow(2, 0, side * stride)
-                                 .reshape({-1, side, stride, side, stride * c.input})
-                                 .transpose(2, 3)
-                                 .reshape({-1, side, side, channels});
+template <class T>
+at::Tensor patches_of(const at::Tensor& images, int64_t across, bool centred) {
+  const int64_t n = images.size(0), side = images.size(1);
+  const T* const pixels = static_cast<const T*>(images.const_data_ptr());
+  at::Tensor own;
+  if (centred) {
+    const at::Tensor places = at::empty({n, side}, images.options().dtype(at::kInt));
+    run_elementwise(images, OwnPixels<T>{pixels, static_cast<int>(side), places.data_ptr<int32_t>()}, n * side, 64);
+    own = places.amax(1);
+  }
+  using Patches = ImagePatches<T>;
+  const auto type = std::is_same_v<T, BFloat16> ? at::kBFloat16 : at::kFloat;
+  const at::Tensor patches = at::empty({n, across, across, kPatch * Patches::kNumbers}, images.options().dtype(type));
+  run_elementwise(images,
+                  Patches{pixels, centred ? own.const_data_ptr<int32_t>() : nullptr, static_cast<int>(side),
+                          static_cast<int>(across), static_cast<typename Patches::Out*>(patches.data_ptr())},
+                  n * across * across * kPatch);
+  return patches;
+}
+
+/// The first layer: a convolution by a stride of kPatch, of a size that is a multiple of it, without padding. Patches
+/// are its pixels, because three channels alone fill no tensor core. images [R, side, side, 3] in bytes or numbers.
+at::Tensor convolved_patches(const Weights& p, const Convolution& c, const at::Tensor& images, bool centred) {
+  const int64_t across = c.size / kPatch, channels = kPatch * kPatch * c.input;  // of a window, of a patch
+  const int64_t patches = side_behind(c, images.size(1)) - 1 + across;
+  const at::Tensor x = images.scalar_type() == at::kByte       ? patches_of<uint8_t>(images, patches, centred)
+                       : images.scalar_type() == at::kBFloat16 ? patches_of<BFloat16>(images, patches, centred)
+                                                               : patches_of<float>(images, patches, centred);
   const at::Tensor weight = p[c.weight]
-                                .view({c.output, across, stride, across, stride * c.input})
+                                .view({c.output, across, kPatch, across, kPatch * c.input})
                                 .transpose(2, 3)
                                 .reshape({c.output, across, across, channels}) *
-                            scale;
-  return at::conv2d(patches.permute({0, 3, 1, 2}), weight.permute({0, 3, 1, 2}).to(x.scalar_type()),
+                            kByteScale;
+  return at::conv2d(x.permute({0, 3, 1, 2}), weight.permute({0, 3, 1, 2}).to(x.scalar_type()),
                     p[c.bias].to(x.scalar_type()));
 }
 
@@ -98,8 +117,8 @@ class ImageEncoder : public Encoder {
   int64_t features() const override { return features_; }
 
  protected:
-  /// x [R, C, H, W] of pixels in [0, 255].
-  virtual at::Tensor convolutions(const Weights& p, const at::Tensor& x) const = 0;
+  /// images [R, side, side, C] of pixels in [0, 255], bytes or numbers -> [R, output, H, W].
+  virtual at::Tensor convolutions(const Weights& p, const at::Tensor& images) const = 0;
 
   void add_dense_layers(ParameterSet& parameters, const std::string& name, int64_t input, const MlpConfig& config) {
     for (const int size : config.hidden) {
@@ -115,7 +134,7 @@ class ImageEncoder : public Encoder {
   at::Tensor features_of(const Weights& p, const at::Tensor& x) const {
     std::vector<int64_t> shape = x.sizes().vec();
     shape.back() = features();
-    const at::Tensor images = x.reshape({-1, side_, side_, channels_});
+    const at::Tensor images = x.reshape({-1, side_, side_, channels_}).contiguous();
     if (at::GradMode::is_enabled() || images.size(0) <= kAtOnce) return features_of_images(p, images).view(shape);
     std::vector<at::Tensor> parts;
     for (const at::Tensor& part : images.split(kAtOnce)) parts.push_back(features_of_images(p, part));
@@ -123,9 +142,7 @@ class ImageEncoder : public Encoder {
   }
   /// Bytes become numbers here and nowhere before; the channels stay last in memory.
   at::Tensor features_of_images(const Weights& p, const at::Tensor& images) const {
-    at::Tensor x = images.permute({0, 3, 1, 2});
-    if (x.scalar_type() == at::kByte) x = x.to(at::kFloat);
-    x = convolutions(p, x).permute({0, 2, 3, 1}).flatten(1);
+    at::Tensor x = convolutions(p, images).permute({0, 2, 3, 1}).flatten(1);
     for (const DenseLayer& layer : dense_) x = p.dense_layer(layer, x);
     return x;
   }
@@ -134,16 +151,17 @@ class ImageEncoder : public Encoder {
   std::vector<DenseLayer> dense_;
 };
 
-/// Convolutions one after the other, ReLU behind each.
+/// Convolutions one after the other, ReLU behind each; the first of patches.
 class Chain final : public ImageEncoder {
  public:
   struct Layer {
     int64_t output, size, stride, padding;
   };
 
-  Chain(const char* kind, const std::vector<Layer>& layers, ParameterSet& parameters, const std::string& name,
-        const ObservationShape& input, const NetworkConfig& config)
-      : ImageEncoder(kind, input) {
+  /// The first layer has a stride of kPatch. `centred`: the agent is moved to the middle of its image.
+  Chain(const char* kind, const std::vector<Layer>& layers, bool centred, ParameterSet& parameters,
+        const std::string& name, const ObservationShape& input, const NetworkConfig& config)
+      : ImageEncoder(kind, input), centred_(centred) {
     int64_t side = side_, from = channels_;
     for (const Layer& l : layers) {
       layers_.push_back(add_convolution(parameters, cat(name, "/conv_", layers_.size()), from, l.output, l.size,
@@ -155,13 +173,14 @@ class Chain final : public ImageEncoder {
   }
 
  private:
-  at::Tensor convolutions(const Weights& p, const at::Tensor& pixels) const override {
-    at::Tensor x = at::relu(convolved_patches(p, layers_[0], pixels, kByteScale));
+  at::Tensor convolutions(const Weights& p, const at::Tensor& images) const override {
+    at::Tensor x = at::relu(convolved_patches(p, layers_[0], images, centred_));
     for (size_t k = 1; k < layers_.size(); ++k) x = at::relu(convolved(p, layers_[k], x));
     return x;
   }
 
   std::vector<Convolution> layers_;
+  bool centred_;
 };
 
 class Impala final : public ImageEncoder {
@@ -192,8 +211,9 @@ class Impala final : public ImageEncoder {
     std::array<Block, 2> blocks;
   };
 
-  at::Tensor convolutions(const Weights& p, const at::Tensor& pixels) const override {
-    at::Tensor x = pixels;
+  at::Tensor convolutions(const Weights& p, const at::Tensor& images) const override {
+    at::Tensor x = images.permute({0, 3, 1, 2});
+    if (x.scalar_type() == at::kByte) x = x.to(at::kFloat);
     for (const Section& section : sections_) {
       x = pool_of_three(convolved(p, section.enter, x, &section == sections_.data() ? kByteScale : 1));
       for (const Block& block : section.blocks)
@@ -224,13 +244,13 @@ std::shared_ptr<const Encoder> make_nature(ParameterSet& parameters, const std::
     throw InputError(cat("the encoder nature needs images of at least ", kNatureSide, " x ", kNatureSide,
                          " pixels; these have ", input.sides[0], " x ", input.sides[0]));
   const std::vector<Chain::Layer> layers = {{32, 8, 4, 0}, {64, 4, 2, 0}, {64, 3, 1, 0}};
-  return std::make_shared<Chain>("nature", layers, parameters, name, input, config);
+  return std::make_shared<Chain>("nature", layers, false, parameters, name, input, config);
 }
 
 std::shared_ptr<const Encoder> make_compact(ParameterSet& parameters, const std::string& name,
                                             const ObservationShape& input, const NetworkConfig& config) {
   const std::vector<Chain::Layer> layers = {{32, 4, 4, 0}, {32, 3, 2, 1}, {32, 3, 2, 1}};
-  return std::make_shared<Chain>("compact", layers, parameters, name, input, config);
+  return std::make_shared<Chain>("compact", layers, true, parameters, name, input, config);
 }
 
 std::shared_ptr<const Encoder> make_impala(ParameterSet& parameters, const std::string& name,

@@ -11,9 +11,10 @@ namespace giga {
 /// config.hidden. Throws InputError where the input is no image or smaller than kNatureSide.
 EncoderFactory make_nature;
 
-/// Three convolutions (4 x 4 by 4, 3 x 3 by 2 twice) of 32 channels, ReLU behind each, then dense layers of
-/// config.hidden: a fifth of the arithmetic of `nature`. For images of any size; of a side that is no multiple of 4 the
-/// last pixels are not seen.
+/// The agent is moved to the middle of its image (math/image_patches.hpp), so that where others lie is where they are
+/// seen from it. Then three convolutions (4 x 4 by 4, 3 x 3 by 2 twice) of 32 channels, ReLU behind each, and dense
+/// layers of config.hidden: a fifth of the arithmetic of `nature`. For images of any size; of a side that is no
+/// multiple of 4 the last pixels are not seen, and what lies farther from the agent than half a side never is.
 EncoderFactory make_compact;
 
 /// Three sections of config.impala_width, twice and twice as many channels, each a convolution, a pooling that halves

@@ -1,7 +1,5 @@
 #include "policy/recurrent_cell.hpp"
 
-#include <ATen/Parallel.h>
-#include <c10/core/impl/VirtualGuardImpl.h>
 #include <torch/autograd.h>
 #include <torch/types.h>
 
@@ -10,10 +8,9 @@
 #include <optional>
 
 #include "core/error.hpp"
-#include "core/parallel_for.hpp"
-#include "cuda/elementwise.hpp"
 #include "math/recurrent.hpp"
 #include "policy/layers.hpp"
+#include "policy/run_elementwise.hpp"
 
 namespace giga {
 namespace {
@@ -26,11 +23,8 @@ int64_t gates_of(MemoryKind kind) { return kind == MemoryKind::lstm ? 4 : 3; }
 /// stream.
 template <class Op>
 void run(const Op& op, int64_t rows, const at::Tensor& x) {
-  if (x.is_cuda()) {
-    const c10::impl::VirtualGuardImpl cuda(at::kCUDA);
-    void* const stream = cuda.getStream(x.device()).native_handle();
-    return launch_elementwise(op, rows * op.size, static_cast<int>(x.device().index()), stream);
-  }
+  if (x.is_cuda())
+    return launch_elementwise(op, rows * op.size, static_cast<int>(x.device().index()), libtorch_stream(x));
   at::parallel_for(0, rows, std::max<int64_t>(1, kGrain / op.size), [&op](int64_t begin, int64_t end) {
     for (int64_t r = begin; r < end; ++r)
       for (int64_t j = 0; j < op.size; ++j) op(CellElement(r, j, op.size));

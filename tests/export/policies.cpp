@@ -82,7 +82,11 @@ SimSpec small_spec_with_images(const ActorKind& kind) {
 
 at::Tensor varied_images(int64_t rows, int side) {
   const at::Tensor k = at::arange(rows * side * side * 3);
-  return ((k * 37 + k.div(101, "floor") * 11) % 256).to(at::kByte).view({rows, -1});
+  const at::Tensor images = ((k * 37 + k.div(101, "floor") * 11) % 256).to(at::kByte).view({rows, side, side, 3});
+  // In all but the first an agent: its own colour (rules 8.3), in one corner or another.
+  for (int64_t row = 1; row < rows; ++row)
+    images[row][row * 2 % side][side - 1 - row * 5 % side] = at::tensor({100, 255, 100}, at::kByte);
+  return images.view({rows, -1});
 }
 
 std::vector<ActorKind> all_kinds() {

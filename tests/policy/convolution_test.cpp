@@ -63,6 +63,38 @@ TEST(PolicyCompact, ParametersByArithmetic) {
   EXPECT_EQ(MadeEncoder(make_compact, 11, cnn_config({7}))(byte_images({3}, 11)).sizes(), at::IntArrayRef({3, 7}));
 }
 
+// An agent (255 - 155, 255, 255 - 155) and an opponent that lies 5 to its right and 2 below: the features are the same
+// wherever both are, as long as both are in the picture; where no pixel is the agent's own, the image stays as it is.
+TEST(PolicyCompact, WhereTheAgentIsDoesNotMatter) {
+  at::NoGradGuard no_grad;
+  const int side = 41;
+  const MadeEncoder made(make_compact, side, cnn_config({16}));
+  const auto draw = [&](at::Tensor image, int x, int y, int r, int g, int b) {
+    image[x][y] = at::tensor({r, g, b}, at::kByte);
+  };
+  at::Tensor images = at::zeros({5, side, side, 3}, at::kByte);
+  const int places[][2] = {{20, 20}, {3, 9}, {30, 38}, {0, 2}};
+  for (int k = 0; k < 4; ++k) {
+    draw(images[k], places[k][0], places[k][1], 100, 255, 100);
+    draw(images[k], places[k][0] + 5, places[k][1] - 2, 255, 90, 0);
+  }
+  // What is no agent's own: white, the green of health, gray, another colour.
+  draw(images[4], 25, 18, 255, 90, 0);
+  draw(images[4], 1, 1, 255, 255, 255);
+  draw(images[4], 2, 1, 0, 255, 0);
+  draw(images[4], 3, 1, 127, 127, 127);
+  draw(images[4], 4, 1, 100, 255, 101);
+  const at::Tensor features = made(images.view({5, -1}));
+  for (int k = 1; k < 4; ++k) EXPECT_TRUE(at::equal(features[0], features[k])) << k;
+  at::Tensor moved = images[4].clone();
+  draw(moved, 0, 0, 100, 255, 100);  // moves it by (20, 20)
+  EXPECT_FALSE(at::equal(features[4], made(moved.view({1, -1}))[0]));
+  at::Tensor middle = images[4].clone();
+  draw(middle, 20, 20, 100, 255, 100);
+  draw(images[4], 20, 20, 100, 255, 101);  // as good as the same, but not its own
+  EXPECT_LT((made(images[4].reshape({1, -1})) - made(middle.view({1, -1}))).abs().max().item<float>(), 0.01);
+}
+
 // Patches are a way to compute it; what is computed are the convolutions of the paper.
 TEST(PolicyNature, AsConvolutionsOneByOne) {
   at::NoGradGuard no_grad;
