@@ -257,6 +257,23 @@ TEST(LearnPpoTeam, AnActorWithMemoryLearnsFromSequences) {
   }
 }
 
+// One world in each minibatch: its states are every 24th number of the order, not numbers that lie in a row.
+TEST(LearnPpoTeam, AMinibatchMayBeOneSequence) {
+  const ParallelFor parallel_for(kCpu, 1);
+  LoadedRun run = run_with_memory();
+  run.config.mappo.n_minibatches = 24;
+  TeamsWithMemory game(run, parallel_for);
+  for (int k = 0; k < 3; ++k) game.collector.collect();
+  const Rollout& rollout = game.collector.rollout();
+  PpoTeam& team = game.team[0];
+  team.compute_advantages(rollout);
+  team.begin_epoch(rollout, at::randperm(24, at::kLong));
+  for (int k = 0; k < 24; ++k) {
+    team.update_minibatch(rollout, k, 1, {0, 0});
+    EXPECT_LT(team.figures()[kFigFirstRatioError].item<double>(), 1e-6) << "minibatch " << k;
+  }
+}
+
 // The values of a rollout are those of a critic that goes through the games step by step and forgets where one begins;
 // a game that is cut off is worth the value of its last observation, with what was remembered until then.
 TEST(LearnPpoTeam, ACriticWithMemoryValuesSequences) {

@@ -247,7 +247,7 @@ void PpoTeam::update_minibatch(const Rollout& rollout, int k, int minibatch, Ste
   if (fused_) return update_fused(rollout, k, minibatch, step_sizes);
   const TeamRollout& r = rollout.team[team_];
   const at::Tensor& states = minibatches_[static_cast<size_t>(k)];
-  const at::Tensor flat = states.flatten();
+  const at::Tensor flat = states.flatten().contiguous();  // of one sequence: a column of the order
   const auto pick = [&](const at::Tensor& x) {
     return x.defined() ? x.slice(0, 0, r.reward.size(0)).flatten(0, 1).index_select(0, flat) : x;
   };
