@@ -48,7 +48,7 @@ struct PopulationActions {
 
   GIGA_HD void operator()(int64_t row) const {
     const int64_t world = act.draws.world(row);
-    const int64_t id = network ? network[world % n_worlds] : world / n_worlds;
+    const int64_t id = network ? network[left_over(world, n_worlds)] : quotient(world, n_worlds);
     if (id >= 0) act(row, head + row * head_size, parameters + id * n_parameters + log_std);
   }
 };

@@ -17,7 +17,7 @@ struct PopulationScripts {
 
   GIGA_HD void operator()(int64_t row) const {
     const int64_t world = script.draws.world(row);
-    const int32_t id = network[world % n_worlds];
+    const int32_t id = network[left_over(world, n_worlds)];
     if (id >= 0 || phase[world] != Phase::plays) return;
     script.act(script_of_network(id), row);
   }
