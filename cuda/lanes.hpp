@@ -19,8 +19,8 @@
 namespace giga {
 
 /// Several worlds per group of threads, one thread per agent: 3 worlds of 10 agents use 30 of the 32 threads of a warp,
-/// 4 worlds of 40 all of a block of 5 warps. Threads beyond the last whole world, or beyond the last world, have `first`
-/// past every loop and only keep in step. Sync: of the group.
+/// 4 worlds of 40 all of a block of 5 warps. Threads beyond the last whole world, or beyond the last world, have
+/// `first` past every loop and only keep in step. Sync: of the group.
 template <class Sync>
 struct TileLanes {
   static constexpr bool kSerial = false;

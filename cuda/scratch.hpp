@@ -10,7 +10,7 @@
 
 namespace giga {
 
-constexpr size_t kSharedLimit = 48 << 10;  // beyond it a world's scratch lies in global memory
+constexpr size_t kSharedLimit = 48 << 10;  // of a block; beyond it a world's scratch lies in global memory
 
 /// Bytes of the working copy of the agents' state and the world's, in front of a world's scratch in shared memory.
 GIGA_HD size_t working_copy_bytes(int n_agents) {

@@ -11,9 +11,12 @@
 #if defined(__CUDA_ARCH__)
 #define GIGA_UNROLL _Pragma("unroll")
 #define GIGA_ROLLED _Pragma("unroll 1")
+#define GIGA_PRAGMA(text) _Pragma(#text)
+#define GIGA_UNROLL_BY(n) GIGA_PRAGMA(unroll n)
 #else
 #define GIGA_UNROLL
 #define GIGA_ROLLED
+#define GIGA_UNROLL_BY(n)
 #endif
 
 namespace giga {
@@ -26,6 +29,13 @@ GIGA_HD T table_value(const T* p) {
   return __ldg(p);
 #else
   return *p;
+#endif
+}
+
+/// On a GPU: has the memory at an address brought to its cache, without waiting for it.
+GIGA_HD void prefetch([[maybe_unused]] const void* p) {
+#if defined(__CUDA_ARCH__)
+  asm volatile("prefetch.global.L2 [%0];" ::"l"(p));
 #endif
 }
 

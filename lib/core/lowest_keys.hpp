@@ -1,6 +1,6 @@
-// sort_lowest: the lowest of a constant number of keys in ascending order, by a sorting network: no branches, and on the
-// GPU nothing but registers. Of Batcher's odd-even merge sort (1968) for each sixteen of them, and of his bitonic merge
-// for what two sixteens have in common.
+// sort_lowest: the lowest of a constant number of keys in ascending order, by a sorting network: no branches, and on
+// the GPU nothing but registers. Of Batcher's odd-even merge sort (1968) for each sixteen of them, and of his bitonic
+// merge for what two sixteens have in common.
 #pragma once
 
 #include <cstdint>
@@ -56,7 +56,8 @@ GIGA_HD void run_network(uint32_t (&keys)[kCount]) {
       }
     };
     (compare.template operator()<kFirst + kAll.low[kAt], kFirst + kAll.high[kAt]>(), ...);
-  }(std::make_index_sequence<static_cast<size_t>(kAll.count)>{});
+  }
+  (std::make_index_sequence<static_cast<size_t>(kAll.count)>{});
 }
 
 /// Puts the lowest 16 keys, or all of them, into keys[0], keys[1], ... in ascending order. What lies behind is left
@@ -74,7 +75,8 @@ GIGA_HD void sort_lowest(uint32_t (&keys)[kCount]) {
   };
   [&]<int... kChunk>(std::integer_sequence<int, kChunk...>) {
     (merge.template operator()<(kChunk + 1) * kSortedKeys>(), ...);
-  }(std::make_integer_sequence<int, (kCount - 1) / kSortedKeys>{});
+  }
+  (std::make_integer_sequence<int, (kCount - 1) / kSortedKeys>{});
 }
 
 }  // namespace giga

@@ -75,7 +75,9 @@ GIGA_HD FreeWay free_way(const Parameters auto& p, const Box* boxes, float x, fl
   const float ahead_x = dx != 0 ? max_of(x0, x1) : kBeyond, ahead_y = dy != 0 ? max_of(y0, y1) : kBeyond;
   const float behind_x = dx != 0 ? -min_of(x0, x1) : kBeyond, behind_y = dy != 0 ? -min_of(y0, y1) : kBeyond;
   FreeWay way{max_of(min_of(ahead_x, ahead_y), 0.0f), max_of(min_of(behind_x, behind_y), 0.0f)};
-  // Selections rather than branches, so that the numbers of a box are read at the same time.
+  // Selections rather than branches, so that the numbers of a box are read at the same time, and those of some boxes.
+  [[maybe_unused]] constexpr int kAtOnce = kBoxesAtOnce<decltype(p)>;
+  GIGA_UNROLL_BY(kAtOnce)
   for (int b = 0; b < p.n_boxes; ++b) {
     const Box box = table_box(boxes + b);
     const bool some = box.x1 < box.x2 && box.y1 < box.y2;  // else padding

@@ -211,6 +211,10 @@ GIGA_HD int lowest_bit(uint32_t bits) {
 #endif
 }
 
+/// Boxes of a map that a GPU reads together.
+template <class P>
+constexpr int kBoxesAtOnce = std::remove_cvref_t<P>::kTeam > 0 ? 4 : 1;
+
 /// Words of 32 bits for one bit per agent.
 GIGA_HD constexpr int words_for(int n_agents) { return (n_agents + 31) / 32; }
 

@@ -205,8 +205,8 @@ struct VectorObservation {
                                 const TeamRows (&to)[kNTeams]) {
     static_assert(!P::waypoints && P::kTeam % kStageRows<P> == 0);
     constexpr int kRows = kStageRows<P>, kPitch = kStageRow<P>, kFront = P::n_neighbors * kNeighborFeatures;
-    constexpr int kWorkers = P::n_agents / kRows;                         // of a row
-    constexpr int kShare = (P::n_neighbors + kWorkers - 1) / kWorkers;    // agents of a row that one of them writes
+    constexpr int kWorkers = P::n_agents / kRows;                       // of a row
+    constexpr int kShare = (P::n_neighbors + kWorkers - 1) / kWorkers;  // agents of a row that one of them writes
     const float* boxes = features_of_boxes(p, w);
     const int n_tail = p.n_boxes * box_features(p);
     const bool whole = kFront + n_tail <= kPitch;  // else there are too many boxes for the stage

@@ -46,7 +46,7 @@ void PrintTo(const Case& c, std::ostream* out) {
   *out << c.n_team_0 << " v " << c.n_team_1 << ", " << c.n_worlds << " worlds";
 }
 const Case kCases[] = {
-    {1, 1, 65, 24, 60},  {2, 2, 65, 24, 60},   {5, 5, 65, 24, 60},  {7, 3, 65, 24, 60},   {16, 16, 65, 24, 60},
+    {1, 1, 65, 24, 60},  {2, 2, 65, 24, 60},   {5, 5, 65, 24, 60},   {7, 3, 65, 24, 60},  {16, 16, 65, 24, 60},
     {1, 12, 65, 11, 60}, {10, 10, 65, 11, 60}, {20, 20, 65, 11, 60}, {40, 30, 65, 6, 60}, {200, 200, 5, 4, 12},
 };
 /// Those for which a GPU has kernels with constants (usual_params.hpp): 8 and 3 worlds a warp, then 8 and 4 a block.
