@@ -50,8 +50,7 @@ BenchResult measure_evolution(const BenchOptions& options, Device device, const 
   }
 
   const int64_t memory_before = device.is_cuda() ? memory_in_use(device) : 0;
-  const auto learner = make_learner(run, device);
-  if (options.joined) learner->divide(*options.joined);
+  const auto learner = make_learner(run, device, options.joined);
   double episodes = 0, steps = 0;
   measure(
       options,

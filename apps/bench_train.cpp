@@ -32,8 +32,7 @@ BenchResult measure_training(const BenchOptions& options, Device device, const L
   result.arithmetic = arithmetic_of(run, device);
   result.worlds = run.config.train.n_worlds;
   const int64_t memory_before = device.is_cuda() ? memory_in_use(device) : 0;
-  const auto learner = make_learner(run, device);
-  if (options.joined) learner->divide(*options.joined);
+  const auto learner = make_learner(run, device, options.joined);
   double episodes = 0;
   Metrics metrics;
   measure(

@@ -109,9 +109,8 @@ int resume(const ResumeOptions& o, Dispatch& dispatch) {
   dispatch.size_key = algorithm_of(setup.run.config).size(setup.run.config).key;
   expect_same(joined.ranks.get(), "program, config or checkpoint",
               cat(described(setup.run), "update ", from.updates, "\nstate ", state_sha256(from.arrays), '\n'));
-  check_memory(setup.run, setup.device);
-  setup.learner = make_learner(setup.run, setup.device);
-  if (joined.ranks) setup.learner->divide(*joined.ranks);
+  check_memory(setup.run, setup.device, joined.size());
+  setup.learner = make_learner(setup.run, setup.device, joined.ranks.get());
   setup.learner->load(from.arrays);
   if (!folder) return finish(joined, follow(std::move(setup)));
 

@@ -132,10 +132,9 @@ int train(const TrainOptions& o, Dispatch& dispatch) {
     return start_ranks(n_ranks);
   }
   expect_same(joined.ranks.get(), "program or config", described(setup.run));
-  check_memory(setup.run, setup.device);
-  setup.learner = make_learner(setup.run, setup.device);
+  check_memory(setup.run, setup.device, n_ranks);
+  setup.learner = make_learner(setup.run, setup.device, joined.ranks.get());
   setup.ranks = joined.ranks;
-  if (joined.ranks) setup.learner->divide(*joined.ranks);
   if (!joined.leads()) return finish(joined, follow(std::move(setup)));
 
   const RunFolder folder = RunFolder::create(run_dir, run_name(o, setup.run.config));

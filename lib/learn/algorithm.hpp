@@ -15,6 +15,7 @@ namespace giga {
 
 class ConfigCheck;
 class Learner;
+class Ranks;
 struct ActorConfig;
 struct LoadedRun;
 struct RunConfig;
@@ -105,7 +106,7 @@ struct CollectSettings<SettingsOf<Found...>, Row, Rest...>
 template <class... Rows>
 struct AlgorithmList {
   using Settings = typename CollectSettings<SettingsOf<>, Rows...>::Type;
-  using Make = std::unique_ptr<Learner> (*)(const LoadedRun&, Device);
+  using Make = std::unique_ptr<Learner> (*)(const LoadedRun&, Device, Ranks*);
 
   static std::vector<const Algorithm*> descriptions() { return {&Rows::kAlgorithm...}; }
   /// In the same order. Only who calls this needs the learners at link time.

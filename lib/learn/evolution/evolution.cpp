@@ -72,7 +72,7 @@ struct PopulationFigures {
 
 class Evolution final : public Learner {
  public:
-  Evolution(const LoadedRun& run, Device device, const MakeStrategy& make_strategy);
+  Evolution(const LoadedRun& run, Device device, Ranks* ranks, const MakeStrategy& make_strategy);
 
   Metrics update() override;
   UpdateStage stage() const override { return {"playing a generation"}; }
@@ -94,7 +94,6 @@ class Evolution final : public Learner {
   void watch(GameObserver& observer) override { games_->watch(observer); }
   void save(NamedArrays& out) const override;
   void load(const NamedArrays& in) override;
-  void divide(Ranks& ranks) override;
 
  private:
   at::Tensor own_members(const at::Tensor& members) const;
@@ -108,7 +107,7 @@ class Evolution final : public Learner {
   const RunConfig config_;
   const SimSpec spec_;
   const ParallelFor parallel_for_;
-  Ranks* ranks_ = nullptr;                       // null: this process plays all members
+  Ranks* const ranks_;                           // null: this process plays all members
   std::unique_ptr<EvolvingTeam> team_[kNTeams];  // null = scripted
   std::unique_ptr<PopulationGames> games_;
   std::unique_ptr<DeviceClock> clock_;
@@ -117,8 +116,11 @@ class Evolution final : public Learner {
   std::optional<Divergence> divergence_;
 };
 
-Evolution::Evolution(const LoadedRun& run, Device device, const MakeStrategy& make_strategy)
-    : config_(run.config), spec_(run.spec), parallel_for_(device, run.config.train.n_threads, current_stream(device)) {
+Evolution::Evolution(const LoadedRun& run, Device device, Ranks* ranks, const MakeStrategy& make_strategy)
+    : config_(run.config),
+      spec_(run.spec),
+      parallel_for_(device, run.config.train.n_threads, current_stream(device)),
+      ranks_(ranks) {
   check_precision(run, device);
   set_up_libtorch(config_.train, device);
   const Actor* network = nullptr;
@@ -127,16 +129,9 @@ Evolution::Evolution(const LoadedRun& run, Device device, const MakeStrategy& ma
     team_[team] = std::make_unique<EvolvingTeam>(run, team, device, make_strategy, parallel_for_);
     network = &team_[team]->actor();
   }
-  games_ = std::make_unique<PopulationGames>(spec_, games_options(config_, nullptr), *network, parallel_for_);
+  games_ = std::make_unique<PopulationGames>(spec_, games_options(config_, ranks_), *network, parallel_for_);
   no_networks_ = at::zeros({1, network->parameters().size()}, at::TensorOptions().device(torch_device(device)));
   clock_ = make_device_clock(device, parallel_for_.stream());
-}
-
-void Evolution::divide(Ranks& ranks) {
-  algorithm_of(config_).expect_divides(config_, ranks.size());
-  ranks_ = &ranks;
-  const EvolvingTeam& any = team_[0] ? *team_[0] : *team_[1];
-  games_ = std::make_unique<PopulationGames>(spec_, games_options(config_, ranks_), any.actor(), parallel_for_);
 }
 
 /// Those that this rank plays. Each rank makes all of them, from counters: only fitness crosses.
@@ -306,8 +301,9 @@ void Evolution::load(const NamedArrays& in) {
 
 }  // namespace
 
-std::unique_ptr<Learner> make_evolution(const LoadedRun& run, Device device, const MakeStrategy& make_strategy) {
-  return std::make_unique<Evolution>(run, device, make_strategy);
+std::unique_ptr<Learner> make_evolution(const LoadedRun& run, Device device, Ranks* ranks,
+                                        const MakeStrategy& make_strategy) {
+  return std::make_unique<Evolution>(run, device, ranks, make_strategy);
 }
 
 }  // namespace giga

@@ -140,7 +140,7 @@ int64_t agent_steps_per_update(const RunConfig& config, int n_agents);
 struct MappoAlgorithm {
   using Settings = MappoSettings;
   static const Algorithm kAlgorithm;
-  static std::unique_ptr<Learner> make(const LoadedRun& run, Device device);
+  static std::unique_ptr<Learner> make(const LoadedRun& run, Device device, Ranks* ranks);
 };
 
 }  // namespace giga

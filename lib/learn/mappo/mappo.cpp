@@ -37,7 +37,7 @@ constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 
 class Mappo final : public Learner {
  public:
-  Mappo(const LoadedRun& run, Device device);
+  Mappo(const LoadedRun& run, Device device, Ranks* ranks);
 
   Metrics update() override;
   UpdateStage stage() const override;
@@ -53,7 +53,6 @@ class Mappo final : public Learner {
   std::optional<Divergence> divergence() const override { return divergence_; }
   UpdateTimes times() const override { return {clock_->seconds(0, 1), clock_->seconds(1, 2)}; }
   void save_batch(NamedArrays& out) const override;
-  void divide(Ranks& ranks) override;
   std::string ways() const override {
     const std::string& why = learning_.front()->plain_because();
     if (!why.empty()) return "learns by LibTorch, not by fused kernels: " + why;
@@ -91,7 +90,7 @@ class Mappo final : public Learner {
   const Device device_;
   const int64_t total_updates_;
   ParallelFor parallel_for_;
-  Ranks* ranks_ = nullptr;          // null: this process has all worlds
+  Ranks* const ranks_;              // null: this process has all worlds
   std::unique_ptr<RankSums> sums_;  // null likewise
   std::unique_ptr<Simulator> sim_;
   std::unique_ptr<PpoTeam> team_[kNTeams];  // null = scripted
@@ -108,14 +107,19 @@ class Mappo final : public Learner {
   std::optional<Divergence> divergence_;
 };
 
-Mappo::Mappo(const LoadedRun& run, Device device)
+Mappo::Mappo(const LoadedRun& run, Device device, Ranks* ranks)
     : config_(run.config),
       run_(run),
       device_(device),
       total_updates_(total_updates(run.config, run.spec.params.n_agents).value()),
       parallel_for_(device, run.config.train.n_threads, current_stream(device)),
+      ranks_(ranks),
       balance_(run.config.mappo) {
   set_up_libtorch(config_.train, device);
+  if (ranks_) {
+    sums_ = std::make_unique<RankSums>(*ranks_, device_);
+    run_.config.train.n_worlds = config_.train.n_worlds / ranks_->size();
+  }
   make_teams_and_worlds();
   clock_ = make_device_clock(device, parallel_for_.stream());
 }
@@ -160,18 +164,6 @@ void Mappo::make_teams_and_worlds() {
   };
   collector_ = std::make_unique<Collector>(*sim_, parallel_for_, collecting, BothSides{side(0), side(1)});
   collector_->start();
-}
-
-void Mappo::divide(Ranks& ranks) {
-  MappoAlgorithm::kAlgorithm.expect_divides(config_, ranks.size());
-  collector_.reset();
-  learning_.clear();
-  for (auto& team : team_) team.reset();
-  sim_.reset();
-  ranks_ = &ranks;
-  sums_ = std::make_unique<RankSums>(ranks, device_);
-  run_.config.train.n_worlds = config_.train.n_worlds / ranks.size();
-  make_teams_and_worlds();
 }
 
 Metrics Mappo::update() {
@@ -449,8 +441,8 @@ void Mappo::load(const NamedArrays& in) {
 
 }  // namespace
 
-std::unique_ptr<Learner> MappoAlgorithm::make(const LoadedRun& run, Device device) {
-  return std::make_unique<Mappo>(run, device);
+std::unique_ptr<Learner> MappoAlgorithm::make(const LoadedRun& run, Device device, Ranks* ranks) {
+  return std::make_unique<Mappo>(run, device, ranks);
 }
 
 }  // namespace giga
