@@ -88,9 +88,9 @@ class Learner {
   virtual void load(const NamedArrays& in) = 0;
 };
 
-/// The learner of the algorithm that `run.config.train.algorithm` names. `ranks`: it shares the games of every update with
-/// them, which all make one at the same time, and all have the same state after every update; they must outlive it. Throws
-/// InputError where the algorithm or its settings cannot be divided.
+/// The learner of the algorithm that `run.config.train.algorithm` names. `ranks`: it shares the games of every update
+/// with them, which all make one at the same time, and all have the same state after every update; they must outlive
+/// it. Throws InputError where the algorithm or its settings cannot be divided.
 std::unique_ptr<Learner> make_learner(const LoadedRun& run, Device device, Ranks* ranks = nullptr);
 
 }  // namespace giga

@@ -41,7 +41,9 @@ std::unique_ptr<EvolutionStrategy> make_snes(const PopulationConfig& population,
 }
 
 std::unique_ptr<Learner> SnesAlgorithm::make(const LoadedRun& run, Device device, Ranks* ranks) {
-  return make_evolution(run, device, ranks, [](const RunConfig& c, const auto&... rest) { return make_snes(c.population, c.snes, rest...); });
+  return make_evolution(run, device, ranks, [](const RunConfig& c, const auto&... rest) {
+    return make_snes(c.population, c.snes, rest...);
+  });
 }
 
 }  // namespace giga
