@@ -28,6 +28,11 @@ void print_plan(const LoadedRun& run, Device device) {
   std::cout << plan_text(run, device, space, plan);
 }
 
-void check_memory(const LoadedRun& run, Device device) { check_fits(run, device, memory_space(device)); }
+void check_memory(const LoadedRun& run, Device device, int n_ranks) {
+  const Algorithm& algorithm = algorithm_of(run.config);
+  LoadedRun share = run;
+  if (n_ranks > 1) algorithm.set_size(share.config, algorithm.size(run.config).value / n_ranks);
+  check_fits(share, device, memory_space(device));
+}
 
 }  // namespace giga

@@ -10,7 +10,7 @@ namespace giga {
 void print_plan(const LoadedRun& run, Device device);
 
 /// Throws InputError where the run certainly needs more memory than the device has free; to be called before anything
-/// is created.
-void check_memory(const LoadedRun& run, Device device);
+/// is created. Of several ranks, where the share of one does.
+void check_memory(const LoadedRun& run, Device device, int n_ranks);
 
 }  // namespace giga

@@ -15,6 +15,7 @@ namespace giga {
 
 class ConfigCheck;
 class Learner;
+class Ranks;
 struct ActorConfig;
 struct LoadedRun;
 struct RunConfig;
@@ -60,6 +61,8 @@ struct Algorithm {
   void (*check)(ConfigCheck&);  ///< mistakes that show only in the combination of keys and with the scenario
   /// Throws InputError where a run cannot be shared by so many ranks (lib/ranks).
   void (*expect_divides)(const RunConfig&, int n_ranks);
+  /// "KEY=VALUE" of a setting that must not keep its default for that; empty where it has not; null: there is none.
+  std::string (*setting_for_ranks)(const RunConfig&, int n_ranks) = nullptr;
 
   // For the memory plan.
   RunSize (*size)(const RunConfig&);
@@ -103,7 +106,7 @@ struct CollectSettings<SettingsOf<Found...>, Row, Rest...>
 template <class... Rows>
 struct AlgorithmList {
   using Settings = typename CollectSettings<SettingsOf<>, Rows...>::Type;
-  using Make = std::unique_ptr<Learner> (*)(const LoadedRun&, Device);
+  using Make = std::unique_ptr<Learner> (*)(const LoadedRun&, Device, Ranks*);
 
   static std::vector<const Algorithm*> descriptions() { return {&Rows::kAlgorithm...}; }
   /// In the same order. Only who calls this needs the learners at link time.

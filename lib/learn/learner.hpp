@@ -86,14 +86,11 @@ class Learner {
   /// Everything that the next update depends on.
   virtual void save(NamedArrays& out) const = 0;
   virtual void load(const NamedArrays& in) = 0;
-
-  /// Shares the games of every update with the other ranks; before the first one and before `load`. All ranks then
-  /// have the same state after every update. Throws InputError where the algorithm or its settings cannot be divided.
-  /// `ranks` must outlive the learner.
-  virtual void divide(Ranks& ranks) = 0;
 };
 
-/// The learner of the algorithm that `run.config.train.algorithm` names.
-std::unique_ptr<Learner> make_learner(const LoadedRun& run, Device device);
+/// The learner of the algorithm that `run.config.train.algorithm` names. `ranks`: it shares the games of every update
+/// with them, which all make one at the same time, and all have the same state after every update; they must outlive
+/// it. Throws InputError where the algorithm or its settings cannot be divided.
+std::unique_ptr<Learner> make_learner(const LoadedRun& run, Device device, Ranks* ranks = nullptr);
 
 }  // namespace giga

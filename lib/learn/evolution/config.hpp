@@ -171,17 +171,17 @@ int populations_at_a_time(const RunConfig& config);
 struct OpenAiEsAlgorithm {
   using Settings = EvolutionSettings;
   static const Algorithm kAlgorithm;
-  static std::unique_ptr<Learner> make(const LoadedRun& run, Device device);
+  static std::unique_ptr<Learner> make(const LoadedRun& run, Device device, Ranks* ranks);
 };
 struct SnesAlgorithm {
   using Settings = EvolutionSettings;
   static const Algorithm kAlgorithm;
-  static std::unique_ptr<Learner> make(const LoadedRun& run, Device device);
+  static std::unique_ptr<Learner> make(const LoadedRun& run, Device device, Ranks* ranks);
 };
 struct DesAlgorithm {
   using Settings = EvolutionSettings;
   static const Algorithm kAlgorithm;
-  static std::unique_ptr<Learner> make(const LoadedRun& run, Device device);
+  static std::unique_ptr<Learner> make(const LoadedRun& run, Device device, Ranks* ranks);
 };
 
 }  // namespace giga

@@ -36,8 +36,8 @@ std::unique_ptr<EvolutionStrategy> make_des(const PopulationConfig& population, 
   return std::make_unique<Des>(population, config, place, mean, parallel_for);
 }
 
-std::unique_ptr<Learner> DesAlgorithm::make(const LoadedRun& run, Device device) {
-  return make_evolution(run, device,
+std::unique_ptr<Learner> DesAlgorithm::make(const LoadedRun& run, Device device, Ranks* ranks) {
+  return make_evolution(run, device, ranks,
                         [](const RunConfig& c, const auto&... rest) { return make_des(c.population, c.des, rest...); });
 }
 

@@ -9,6 +9,7 @@
 namespace giga {
 
 /// `make_strategy` is called once for each team that learns.
-std::unique_ptr<Learner> make_evolution(const LoadedRun& run, Device device, const MakeStrategy& make_strategy);
+std::unique_ptr<Learner> make_evolution(const LoadedRun& run, Device device, Ranks* ranks,
+                                        const MakeStrategy& make_strategy);
 
 }  // namespace giga

@@ -82,8 +82,8 @@ std::unique_ptr<EvolutionStrategy> make_openai_es(const PopulationConfig& popula
   return std::make_unique<OpenAiEs>(population, config, place, mean, parallel_for);
 }
 
-std::unique_ptr<Learner> OpenAiEsAlgorithm::make(const LoadedRun& run, Device device) {
-  return make_evolution(run, device, [](const RunConfig& c, const auto&... rest) {
+std::unique_ptr<Learner> OpenAiEsAlgorithm::make(const LoadedRun& run, Device device, Ranks* ranks) {
+  return make_evolution(run, device, ranks, [](const RunConfig& c, const auto&... rest) {
     return make_openai_es(c.population, c.openai_es, rest...);
   });
 }

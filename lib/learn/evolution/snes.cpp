@@ -40,9 +40,10 @@ std::unique_ptr<EvolutionStrategy> make_snes(const PopulationConfig& population,
   return std::make_unique<Snes>(population, config, place, mean, parallel_for);
 }
 
-std::unique_ptr<Learner> SnesAlgorithm::make(const LoadedRun& run, Device device) {
-  return make_evolution(
-      run, device, [](const RunConfig& c, const auto&... rest) { return make_snes(c.population, c.snes, rest...); });
+std::unique_ptr<Learner> SnesAlgorithm::make(const LoadedRun& run, Device device, Ranks* ranks) {
+  return make_evolution(run, device, ranks, [](const RunConfig& c, const auto&... rest) {
+    return make_snes(c.population, c.snes, rest...);
+  });
 }
 
 }  // namespace giga

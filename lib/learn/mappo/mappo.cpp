@@ -22,6 +22,7 @@
 #include "learn/mappo/step_back.hpp"
 #include "learn/opponents/league.hpp"
 #include "learn/players/player.hpp"
+#include "learn/rank_sums.hpp"
 #include "learn/team_policy.hpp"
 #include "ranks/divided_arrays.hpp"
 #include "rollout/collector.hpp"
@@ -36,7 +37,7 @@ constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 
 class Mappo final : public Learner {
  public:
-  Mappo(const LoadedRun& run, Device device);
+  Mappo(const LoadedRun& run, Device device, Ranks* ranks);
 
   Metrics update() override;
   UpdateStage stage() const override;
@@ -52,7 +53,6 @@ class Mappo final : public Learner {
   std::optional<Divergence> divergence() const override { return divergence_; }
   UpdateTimes times() const override { return {clock_->seconds(0, 1), clock_->seconds(1, 2)}; }
   void save_batch(NamedArrays& out) const override;
-  void divide(Ranks& ranks) override;
   std::string ways() const override {
     const std::string& why = learning_.front()->plain_because();
     if (!why.empty()) return "learns by LibTorch, not by fused kernels: " + why;
@@ -90,7 +90,8 @@ class Mappo final : public Learner {
   const Device device_;
   const int64_t total_updates_;
   ParallelFor parallel_for_;
-  Ranks* ranks_ = nullptr;  // null: this process has all worlds
+  Ranks* const ranks_;              // null: this process has all worlds
+  std::unique_ptr<RankSums> sums_;  // null likewise
   std::unique_ptr<Simulator> sim_;
   std::unique_ptr<PpoTeam> team_[kNTeams];  // null = scripted
   std::vector<PpoTeam*> learning_;          // those of them that are not
@@ -106,14 +107,19 @@ class Mappo final : public Learner {
   std::optional<Divergence> divergence_;
 };
 
-Mappo::Mappo(const LoadedRun& run, Device device)
+Mappo::Mappo(const LoadedRun& run, Device device, Ranks* ranks)
     : config_(run.config),
       run_(run),
       device_(device),
       total_updates_(total_updates(run.config, run.spec.params.n_agents).value()),
       parallel_for_(device, run.config.train.n_threads, current_stream(device)),
+      ranks_(ranks),
       balance_(run.config.mappo) {
   set_up_libtorch(config_.train, device);
+  if (ranks_) {
+    sums_ = std::make_unique<RankSums>(*ranks_, device_);
+    run_.config.train.n_worlds = config_.train.n_worlds / ranks_->size();
+  }
   make_teams_and_worlds();
   clock_ = make_device_clock(device, parallel_for_.stream());
 }
@@ -129,8 +135,7 @@ void Mappo::make_teams_and_worlds() {
   options.n_threads = config_.train.n_threads;
   sim_ = make_simulator(run.spec, options, device_, parallel_for_.stream());
 
-  SumOverRanks sum;
-  if (ranks_) sum.add = [this](const at::Tensor& x) { ranks_->all_reduce_sum(x); };
+  const SumOverRanks sum = sums_ ? sums_->over_all() : SumOverRanks{};
   const WorldShares shares = world_shares(config_.opponents, options.n_worlds);
   std::array<const Actor*, kNTeams> actors{};
   CollectorOptions collecting{.horizon = config_.mappo.horizon, .desynchronize = config_.train.desynchronize};
@@ -161,18 +166,8 @@ void Mappo::make_teams_and_worlds() {
   collector_->start();
 }
 
-void Mappo::divide(Ranks& ranks) {
-  MappoAlgorithm::kAlgorithm.expect_divides(config_, ranks.size());
-  collector_.reset();
-  learning_.clear();
-  for (auto& team : team_) team.reset();
-  sim_.reset();
-  ranks_ = &ranks;
-  run_.config.train.n_worlds = config_.train.n_worlds / ranks.size();
-  make_teams_and_worlds();
-}
-
 Metrics Mappo::update() {
+  if (sums_) sums_->begin();
   // A rollout: `horizon` steps of all worlds, played by the policies as they are.
   clock_->mark(0);
   minibatches_done_ = -1;
@@ -351,7 +346,8 @@ Metrics Mappo::metrics(double factor) {
   for (int team = 0; team < kNTeams; ++team)
     if (team_[team]) note_divergence(team, figures[team].const_data_ptr<float>());
   EpisodeStats stats = sim_->take_stats();
-  if (ranks_) ranks_->all_reduce_sum(at::from_blob(stats.rows.data(), {kNStatRows}, at::kDouble));
+  if (sums_) sums_->add_host(at::from_blob(stats.rows.data(), {kNStatRows}, at::kDouble));
+  if (sums_) sums_->end();
   std::array<LeagueRecord, kNTeams> record;
   if (league_) league_->read(stats, record);  // of the worlds in which both teams learn
   const double episodes = stats[EpisodeStat::episodes];
@@ -407,7 +403,7 @@ void Mappo::save_worlds(NamedArrays& out) const {
   for (int team = 0; team < kNTeams; ++team)
     if (team_[team]) team_[team]->save_memory(cat("team_", team, "/"), arrays);
   for (NamedArray& array : arrays) {
-    if (ranks_) gather_rows(*ranks_, array);
+    if (sums_) sums_->gather_rows(array);
     out.push_back(std::move(array));
   }
 }
@@ -445,8 +441,8 @@ void Mappo::load(const NamedArrays& in) {
 
 }  // namespace
 
-std::unique_ptr<Learner> MappoAlgorithm::make(const LoadedRun& run, Device device) {
-  return std::make_unique<Mappo>(run, device);
+std::unique_ptr<Learner> MappoAlgorithm::make(const LoadedRun& run, Device device, Ranks* ranks) {
+  return std::make_unique<Mappo>(run, device, ranks);
 }
 
 }  // namespace giga
