@@ -12,7 +12,7 @@ class ScriptController final : public TeamController {
 
   ObservationSet reads() const override { return observations_of(script_); }
   void act(std::span<const TeamStep> parts) override {
-    for (const TeamStep& part : parts) part.parallel_for.run(scripted_actions(script_, part), part.n_rows());
+    for (const TeamStep& part : joined(parts)) part.parallel_for.run(scripted_actions(script_, part), part.n_rows());
   }
 
  private:
@@ -47,6 +47,17 @@ RowDraws TeamStep::draws() const {
   const SimOptions& o = sim.options();
   const int64_t first = o.draw_period > 0 ? o.first_world : o.first_world + worlds.first;
   return {sim.state().view().draw_step + worlds.first, o.seed, first, n(), team, o.draw_period};
+}
+
+std::vector<TeamStep> joined(std::span<const TeamStep> parts) {
+  std::vector<TeamStep> wide;
+  for (const TeamStep& part : parts) {
+    if (!wide.empty() && wide.back().team == part.team && wide.back().worlds.end() == part.worlds.first)
+      wide.back().worlds.count += part.worlds.count;
+    else
+      wide.push_back(part);
+  }
+  return wide;
 }
 
 std::unique_ptr<TeamController> script_controller(Scripted script) {
