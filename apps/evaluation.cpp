@@ -19,15 +19,30 @@ std::vector<TeamResult> evaluate(const LoadedRun& run, Device device, Learner& l
   const auto updates = static_cast<uint64_t>(learner.updates_done());
   const MatchOptions options{config.episodes, seed_of(run.config.seed, Purpose::evaluation, updates), device,
                              run.config.train.n_threads};
+  std::vector<std::shared_ptr<TeamController>> scripts;
+  for (const Scripted opponent : config.opponents) scripts.push_back(script_controller(opponent));
+  // Team after team, so that the worlds of a policy lie side by side.
+  std::vector<Pairing> pairs;
+  std::array<size_t, kNTeams> first{};  // of the team's pairs
+  for (int team = 0; team < kNTeams; ++team) {
+    const auto side = static_cast<size_t>(team);
+    first[side] = pairs.size();
+    const Actor* const actor = learner.actor(team);
+    if (!actor) continue;
+    const std::shared_ptr<TeamController> learned = policy_controller(*actor, acts_greedily(run.config));
+    for (const auto& script : scripts) {
+      Pairing& pair = pairs.emplace_back();
+      pair.side[side] = learned;
+      pair.side[1 - side] = script;
+    }
+  }
+  const std::vector<MatchResult> matches = play_matches(run.spec, pairs, options);
+
   std::vector<TeamResult> results;
-  for (const Scripted opponent : config.opponents)
+  for (size_t k = 0; k < scripts.size(); ++k)
     for (int team = 0; team < kNTeams; ++team)
-      if (const Actor* actor = learner.actor(team)) {
-        auto learned = policy_controller(*actor, acts_greedily(run.config)), script = script_controller(opponent);
-        if (team == 1) std::swap(learned, script);
-        results.push_back(
-            {team, name_of(opponent), play_match(run.spec, std::move(learned), std::move(script), options)});
-      }
+      if (learner.actor(team))
+        results.push_back({team, name_of(config.opponents[k]), matches.at(first[static_cast<size_t>(team)] + k)});
   return results;
 }
 

@@ -1,6 +1,7 @@
 // Matches: episodes between two teams, whoever moves them, and what came of them.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <vector>
@@ -39,5 +40,16 @@ struct MatchResult {
 MatchResult play_match(const SimSpec& spec, std::shared_ptr<TeamController> side0,
                        std::shared_ptr<TeamController> side1, const MatchOptions& options,
                        std::vector<GameObserver*> observers = {});
+
+/// Who plays on side 0 and on side 1.
+struct Pairing {
+  std::array<std::shared_ptr<TeamController>, kNTeams> side;
+};
+
+/// The matches of several pairs, of the same episodes: what play_match makes of each. Where many agents are at work a
+/// GPU takes hardly longer for several matches than for one, so they are played side by side, as far as memory allows:
+/// a controller that several pairs share is asked for all of them at once, neighbours in the list best.
+std::vector<MatchResult> play_matches(const SimSpec& spec, const std::vector<Pairing>& pairs,
+                                      const MatchOptions& options);
 
 }  // namespace giga

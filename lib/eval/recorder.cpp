@@ -311,8 +311,24 @@ struct Recorder::Remembered {
   std::array<NetworkState, kNTeams> policies, critics;
 };
 
+/// States of which the networks are not asked yet: a GPU takes as long for one state as for many. Those that remember
+/// are asked of each state at once.
+struct Recorder::Waiting {
+  static constexpr int64_t kMost = 64, kMostBytes = int64_t{1} << 26;
+  int64_t most = 1, count = 0;  // states
+  Device device;
+  at::Tensor numbers[kNTeams];  // [most, W n, D] that agents see, where a network reads them
+  at::Tensor images[kNTeams];   // [most, W n, R R 3] likewise
+  at::Tensor alive;             // [most, W, N] bytes
+  at::Tensor truth;             // [most, W, G] where a critic reads it
+  std::vector<int> states;      // [count, W] that a world had by then, this one included
+};
+
 Recorder::Recorder(const SimSpec& spec, const Minds& minds)
-    : spec_(spec.with_time_limit()), minds_(minds), remembered_(std::make_unique<Remembered>()) {
+    : spec_(spec.with_time_limit()),
+      minds_(minds),
+      remembered_(std::make_unique<Remembered>()),
+      waiting_(std::make_unique<Waiting>()) {
   GIGA_CHECK(spec_.params.team_after_team, "agents of team 1 before those of team 0");
 }
 
@@ -336,10 +352,16 @@ void Recorder::before_step(int64_t, GameStep& step) {
 
 void Recorder::after_step(int64_t t, const GameStep& step) {
   const Simulator& sim = *step.sim;
+  const auto over = [this] {
+    return std::all_of(worlds_.begin(), worlds_.end(), [](const World& w) { return w.over; });
+  };
   if (t < 0) {
     GIGA_CHECK(sim.options().on_done == OnDone::freeze && sim.options().episodes == 1, "this is no match");
     const int64_t most = spec_.params.max_episode_length + 1;
     worlds_.assign(static_cast<size_t>(sim.n_worlds()), World(spec_.params, most));
+    make_room(step);
+  } else if (over()) {
+    return;
   } else {
     note_actions(step);
   }
@@ -347,7 +369,8 @@ void Recorder::after_step(int64_t t, const GameStep& step) {
   const float unit = place_unit(std::max(spec_.params.limit_x, spec_.params.limit_y), spec_.params.n_agents);
   for (size_t w = 0; w < worlds_.size(); ++w)
     if (!worlds_[w].over) worlds_[w].note(spec_, view_of(w), lists_of(sim, w), unit);
-  ask_minds(step);
+  put_off(step);
+  if (over() || waiting_->count == waiting_->most) ask_minds();
 }
 
 /// One copy of all fields.
@@ -406,25 +429,83 @@ void Recorder::note_actions(const GameStep& step) {
   }
 }
 
-/// What the networks make of the states that were noted last.
-void Recorder::ask_minds(const GameStep& step) {
-  at::NoGradGuard no_grad;
+/// For what the networks read of as many states as may wait.
+void Recorder::make_room(const GameStep& step) {
   const Simulator& sim = *step.sim;
-  const Device device = sim.device();
+  Waiting& to = *waiting_;
+  to.device = sim.device();
   const auto w = static_cast<int64_t>(worlds_.size());
-  const int64_t stride = observation_rows(spec_).stride();
+  const auto asks = [](const Mind& mind) { return mind.policy || mind.values; };
+  const auto remembers = [](const Mind& mind) {
+    return (mind.policy && mind.policy->state_size() > 0) || (mind.values && mind.values->state_size() > 0);
+  };
+  const bool at_once = std::any_of(minds_.begin(), minds_.end(), remembers);
+  if (std::none_of(minds_.begin(), minds_.end(), asks)) return;
+
+  int64_t bytes = 0;  // of a state
+  std::vector<std::pair<at::Tensor*, at::Tensor>> rooms;
+  const auto room = [&](at::Tensor& tensor, at::IntArrayRef sizes, at::ScalarType type) {
+    const at::Tensor one = at::empty(sizes, at::TensorOptions().dtype(type).device(torch_device(to.device)));
+    bytes += static_cast<int64_t>(one.nbytes());
+    rooms.emplace_back(&tensor, one);
+  };
+  for (int team = 0; team < kNTeams; ++team) {
+    const Mind& mind = minds_[static_cast<size_t>(team)];
+    if (!asks(mind)) continue;
+    const int64_t rows = w * spec_.params.n_team[team];
+    const auto reads = [&](bool image) {
+      return (mind.policy && mind.policy->reads_image() == image) ||
+             (mind.values && mind.values->reads_image() == image);
+    };
+    if (reads(false) && step.rows[team].obs)
+      room(to.numbers[team], {rows, observation_rows(spec_).stride()}, at::kFloat);
+    if (reads(true)) room(to.images[team], {rows, image_bytes(spec_.params.resolution)}, at::kByte);
+  }
+  room(to.alive, {w, spec_.params.n_agents}, at::kByte);
+  if (step.io.world[Observation::state].rows) room(to.truth, {w, spec_.state_size()}, at::kFloat);
+  to.most = at_once ? 1 : std::clamp<int64_t>(Waiting::kMostBytes / bytes, 1, Waiting::kMost);
+  for (auto& [tensor, one] : rooms) {
+    std::vector<int64_t> sizes = one.sizes().vec();
+    sizes.insert(sizes.begin(), to.most);
+    *tensor = at::empty(sizes, one.options());
+  }
+}
+
+/// Keeps what the networks read of the states that were noted last.
+void Recorder::put_off(const GameStep& step) {
+  Waiting& to = *waiting_;
+  if (!to.alive.defined()) return;  // nobody asks
+  const auto keep = [&](const at::Tensor& room, const auto* from) {
+    if (!room.defined()) return;
+    const at::Tensor slot = room[to.count];
+    slot.copy_(wrap(from, slot.sizes(), to.device));
+  };
+  for (int team = 0; team < kNTeams; ++team) {
+    keep(to.numbers[team], step.rows[team].obs);
+    keep(to.images[team], static_cast<const uint8_t*>(step.io.team[team].obs[Observation::image].rows));
+  }
+  keep(to.alive, step.sim->state().view().alive);
+  keep(to.truth, static_cast<const float*>(step.io.world[Observation::state].rows));
+  for (const World& world : worlds_) to.states.push_back(world.states);
+  ++to.count;
+}
+
+/// What the networks make of the states that wait.
+void Recorder::ask_minds() {
+  at::NoGradGuard no_grad;
+  Waiting& from = *waiting_;
+  if (from.count == 0) return;
+  const auto w = static_cast<int64_t>(worlds_.size()), count = from.count;
+  // Rows of all states: [count, R, ...] -> [count R, ...]; undefined where there are none.
+  const auto all = [&](const at::Tensor& room) {
+    return room.defined() ? room.narrow(0, 0, count).flatten(0, 1) : at::Tensor();
+  };
   for (int team = 0; team < kNTeams; ++team) {
     const Mind& mind = minds_[static_cast<size_t>(team)];
     if (!mind.policy && !mind.values) continue;
     const int64_t n = spec_.params.n_team[team];
     at::Tensor head, value;
-    // What a network reads: the images [W n, R R 3] or the numbers [W n, D]; undefined where there are none.
-    const auto seen = [&](bool image) {
-      const float* rows = step.rows[team].obs;
-      const auto* images = static_cast<const uint8_t*>(step.io.team[team].obs[Observation::image].rows);
-      if (image) return wrap(images, {w * n, image_bytes(spec_.params.resolution)}, device);
-      return rows ? wrap(rows, {w * n, stride}, device) : at::Tensor();
-    };
+    const auto seen = [&](bool image) { return all(image ? from.images[team] : from.numbers[team]); };
     if (mind.policy) {
       head = mind.policy->forward(seen(mind.policy->reads_image()), remembered_->policies[static_cast<size_t>(team)]);
       if (spec_.params.actions == ActionKind::continuous) head = head.tanh();
@@ -432,22 +513,21 @@ void Recorder::ask_minds(const GameStep& step) {
     }
     if (mind.values) {
       const int64_t first = team == 0 ? 0 : spec_.params.n_team[0];
-      const at::Tensor alive = wrap(sim.state().view().alive, {w, spec_.params.n_agents}, device).narrow(1, first, n);
-      const auto* truth = static_cast<const float*>(step.io.world[Observation::state].rows);
-      const at::Tensor state = mind.values->needs_state() ? wrap(truth, {w, spec_.state_size()}, device) : at::Tensor();
+      const at::Tensor alive = all(from.alive).narrow(1, first, n);
+      const at::Tensor state = mind.values->needs_state() ? all(from.truth) : at::Tensor();
       at::Tensor obs = seen(mind.values->reads_image());
-      if (obs.defined()) obs = obs.view({w, n, -1});
+      if (obs.defined()) obs = obs.view({count * w, n, -1});
       value = mind.values->forward(obs, alive, state, remembered_->critics[static_cast<size_t>(team)])
                   .to(at::kCPU)
                   .contiguous();
     }
     const int64_t kept = n_minds(spec_.params, team);
-    for (int64_t k = 0; k < w; ++k) {
-      World& world = worlds_[static_cast<size_t>(k)];
+    for (int64_t at = 0; at < count * w; ++at) {
+      World& world = worlds_[static_cast<size_t>(at % w)];
       // One row for each state, that of the end included.
-      const auto rows_so_far = static_cast<size_t>(world.states * kept);
+      const auto rows_so_far = static_cast<size_t>(from.states[static_cast<size_t>(at)] * kept);
       if (head.defined() && world.likely[team].size() < rows_so_far * kLikelyActions) {
-        const float* row = head.const_data_ptr<float>() + k * n * head.size(1);
+        const float* row = head.const_data_ptr<float>() + at * n * head.size(1);
         for (int64_t i = 0; i < kept; ++i, row += head.size(1)) {
           if (spec_.params.actions == ActionKind::discrete) {
             note_likely(row, world.likely[team], world.probability[team]);
@@ -458,11 +538,13 @@ void Recorder::ask_minds(const GameStep& step) {
         }
       }
       if (value.defined() && world.values[team].size() < rows_so_far) {
-        const float* row = value.const_data_ptr<float>() + k * n;
+        const float* row = value.const_data_ptr<float>() + at * n;
         world.values[team].insert(world.values[team].end(), row, row + kept);
       }
     }
   }
+  from.count = 0;
+  from.states.clear();
 }
 
 std::vector<ReplayEpisode> Recorder::episodes(const std::string& seed) const {

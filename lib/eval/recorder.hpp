@@ -36,12 +36,15 @@ class Recorder final : public GameObserver {
   struct Lists;
   struct World;
   struct Remembered;
+  struct Waiting;
 
   void read_state(const Simulator& sim);
   WorldView view_of(size_t world) const;
   Lists lists_of(const Simulator& sim, size_t world) const;
   void note_actions(const GameStep& step);
-  void ask_minds(const GameStep& step);
+  void make_room(const GameStep& step);
+  void put_off(const GameStep& step);
+  void ask_minds();
 
   const SimSpec spec_;
   const Minds minds_;
@@ -51,6 +54,7 @@ class Recorder final : public GameObserver {
   PairLists lists_;             // of a crowd
   Buffer<float> true_state_;    // [W, G] where a critic reads it
   std::unique_ptr<Remembered> remembered_;
+  std::unique_ptr<Waiting> waiting_;
 };
 
 }  // namespace giga

@@ -12,11 +12,12 @@ class ScriptController final : public TeamController {
 
   ObservationSet reads() const override { return observations_of(script_); }
   void act(std::span<const TeamStep> parts) override {
-    for (size_t k = 0; k < parts.size(); ++k) {
-      const TeamStep& part = parts[k];
+    const std::vector<TeamStep> steps = joined(parts);
+    for (size_t k = 0; k < steps.size(); ++k) {
+      const TeamStep& part = steps[k];
       const ScriptedActions actions = scripted_actions(script_, part);
-      if (k + 1 < parts.size() && !uses_observation(script_)) {
-        const TeamStep& next = parts[++k];
+      if (k + 1 < steps.size() && !uses_observation(script_)) {
+        const TeamStep& next = steps[++k];
         part.parallel_for.run(BlindActions{actions, scripted_actions(script_, next), part.n_rows()},
                               part.n_rows() + next.n_rows());
       } else {
@@ -57,6 +58,17 @@ RowDraws TeamStep::draws() const {
   const SimOptions& o = sim.options();
   const int64_t first = o.draw_period > 0 ? o.first_world : o.first_world + worlds.first;
   return {sim.state().view().draw_step + worlds.first, o.seed, first, n(), team, o.draw_period};
+}
+
+std::vector<TeamStep> joined(std::span<const TeamStep> parts) {
+  std::vector<TeamStep> wide;
+  for (const TeamStep& part : parts) {
+    if (!wide.empty() && wide.back().team == part.team && wide.back().worlds.end() == part.worlds.first)
+      wide.back().worlds.count += part.worlds.count;
+    else
+      wide.push_back(part);
+  }
+  return wide;
 }
 
 std::unique_ptr<TeamController> script_controller(Scripted script) {

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <memory>
 #include <span>
+#include <vector>
 
 #include "core/parallel_for.hpp"
 #include "math/rows.hpp"
@@ -43,6 +44,8 @@ struct TeamStep {
   /// Addresses the draws of the agents, which do not depend on who moves the other worlds.
   RowDraws draws() const;
 };
+/// The same parts, those as one of which one follows the other in the worlds of a team.
+std::vector<TeamStep> joined(std::span<const TeamStep> parts);
 
 class TeamController {
  public:

@@ -101,6 +101,37 @@ TEST(LearnMatch, CountsAddUpAndTheSeedDecides) {
   EXPECT_FALSE(same_result(first, play(2, 2)));
 }
 
+TEST(LearnMatch, SideBySideIsOneAfterTheOther) {
+  const SmallRun small;
+  const auto learner = small.learner();
+  const SimSpec spec = small.load().spec;
+  const std::shared_ptr<TeamController> learned[] = {policy_controller(*learner->actor(0)),
+                                                     policy_controller(*learner->actor(1))};
+  const std::shared_ptr<TeamController> random = script(Scripted::random), circle = script(Scripted::circle_random);
+  // Neighbours with the same controller, controllers of both sides, a script against itself.
+  const std::vector<Pairing> pairs = {{{learned[0], random}}, {{learned[0], circle}}, {{random, learned[1]}},
+                                      {{random, circle}},     {{circle, circle}},     {{learned[0], learned[1]}}};
+  for (const int episodes : {1, 33}) {
+    const MatchOptions options{episodes, 5, {}, 2};
+    const std::vector<MatchResult> together = play_matches(spec, pairs, options);
+    ASSERT_EQ(together.size(), pairs.size());
+    for (size_t k = 0; k < pairs.size(); ++k)
+      EXPECT_TRUE(same_result(together[k], play_match(spec, pairs[k].side[0], pairs[k].side[1], options)))
+          << "pair " << k << ", " << episodes << " episodes";
+    EXPECT_FALSE(same_result(together[0], together[1]));
+  }
+}
+
+TEST(LearnMatch, MoreThanFitSideBySide) {
+  const std::vector<Pairing> pairs(3, {{script(Scripted::random), script(Scripted::circle_random)}});
+  const MatchOptions options{20'000, 3, {}, 2};  // 40,000 agents each, of 65,536 at once
+  const SimSpec spec = peaceful("16");
+  const MatchResult one = play_match(spec, pairs[0].side[0], pairs[0].side[1], options);
+  const std::vector<MatchResult> all = play_matches(spec, pairs, options);
+  ASSERT_EQ(all.size(), 3u);
+  for (const MatchResult& r : all) EXPECT_TRUE(same_result(r, one));
+}
+
 TEST(LearnMatch, LearnedPolicyPlaysBothSides) {
   const SmallRun small;
   const auto learner = small.learner();

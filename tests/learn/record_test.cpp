@@ -57,13 +57,7 @@ SmallRun small_run() {
 }
 
 struct Recorded {
-  LoadedRun run = small_run().load();
-  std::unique_ptr<Learner> learner = small_run().learner();
-  NamedArrays critics;
-  std::unique_ptr<ValueFunction> values;
-  Replay replay;
-
-  Recorded() {
+  explicit Recorded(const SmallRun& small = small_run()) : run(small.load()), learner(small.learner()) {
     learner->save_critics(critics);
     values = ValueFunction::load(run, 0, critics, *learner->actor(0), {});
     const std::array<RecordedTeam, 2> teams = {
@@ -71,6 +65,12 @@ struct Recorded {
         RecordedTeam{policy_controller(*learner->actor(1)), {}, "b"}};
     replay = record_match(run.scenario, run.spec, teams, {3, 5, {}, 2}, "0.1.0").replay;
   }
+
+  LoadedRun run;
+  std::unique_ptr<Learner> learner;
+  NamedArrays critics;
+  std::unique_ptr<ValueFunction> values;
+  Replay replay;
 };
 
 TEST(LearnRecord, KeepsWhatTheSimulatorSays) {
@@ -105,24 +105,27 @@ TEST(LearnRecord, KeepsWhatTheSimulatorSays) {
   }
 }
 
-TEST(LearnRecord, ActionsAndMindsBelongToTheirState) {
-  const Recorded recorded;
+/// Of a game with at least so many states.
+void expect_actions_and_minds_of_their_states(const SmallRun& small, int least) {
+  const Recorded recorded(small);
   Witness witness(recorded.run);
   play_match(recorded.run.spec, policy_controller(*recorded.learner->actor(0)),
              policy_controller(*recorded.learner->actor(1)), {3, 5, {}, 2}, {&witness});
   const ReplayEpisode& e = recorded.replay.episodes.at(1);
   const ReplayMind& mind = e.mind[0];
   const int n = recorded.run.spec.params.n_team[0], states = e.steps + 1;
+  ASSERT_GE(states, least);
   ASSERT_EQ(mind.top, kLikelyActions);
   EXPECT_EQ(e.mind[1].top, 0) << "nobody asked team 1";
   float likeliest = 0;
-  NetworkState memory;
+  NetworkState thoughts, memory;  // of the policy, of the critic
   for (int k = 0; k < e.steps; ++k) {
     at::NoGradGuard no_grad;
     const auto s = static_cast<size_t>(k);
     const int stride = observation_rows(recorded.run.spec).stride();
     const at::Tensor obs = wrap(witness.obs[s].data(), {n, stride}, {});
-    const at::Tensor chance = recorded.learner->actor(0)->forward(obs).narrow(1, 0, kNDiscreteActions).softmax(1);
+    const at::Tensor head = recorded.learner->actor(0)->forward(obs, thoughts);
+    const at::Tensor chance = head.narrow(1, 0, kNDiscreteActions).softmax(1);
     const at::Tensor alive = wrap(witness.alive[s].data(), {1, recorded.run.spec.params.n_agents}, {}).narrow(1, 0, n);
     const at::Tensor value = recorded.values->forward(obs.unsqueeze(0), alive, {}, memory);
     for (int i = 0; i < n; ++i) {
@@ -142,6 +145,23 @@ TEST(LearnRecord, ActionsAndMindsBelongToTheirState) {
     }
   }
   EXPECT_GT(likeliest, 0.2f) << "a policy that knows what it wants, so that the test sees mistakes";
+}
+
+TEST(LearnRecord, ActionsAndMindsBelongToTheirState) { expect_actions_and_minds_of_their_states(small_run(), 2); }
+
+// Networks are asked of many states at once: here of some more than that.
+TEST(LearnRecord, MindsOfALongGame) {
+  SmallRun small = small_run();
+  small.scenario = "limit_x: 60\nlimit_y: 60\nmax_episode_length: 150\ndamage: {damage_cone_depth: 0}\n";
+  expect_actions_and_minds_of_their_states(small, 100);
+}
+
+TEST(LearnRecord, MindsThatRemember) {
+  SmallRun small = small_run();
+  small.actor = "hidden: [16], memory: gru, memory_size: 8, output_gain: 8";
+  small.critic = "kind: independent, hidden: [8], memory: gru";
+  small.scenario = "max_episode_length: 90\nlimit_x: 60\nlimit_y: 60\ndamage: {damage_cone_depth: 0}\n";
+  expect_actions_and_minds_of_their_states(small, 80);
 }
 
 TEST(LearnRecord, PlaysAgainAndNoticesWhatDiffers) {

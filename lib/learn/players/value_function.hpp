@@ -27,6 +27,8 @@ class ValueFunction {
   at::Tensor forward(const at::Tensor& obs, const at::Tensor& alive, const at::Tensor& state,
                      NetworkState& memory) const;
 
+  /// Numbers that it remembers of a row; 0 = no memory.
+  int64_t state_size() const { return critic_.state_size(); }
   bool needs_state() const { return critic_.needs_state(); }
   bool reads_image() const { return critic_.reads_image(); }
   ObservationSet reads() const { return critic_.reads(); }
