@@ -321,6 +321,8 @@ void add_bench_command(CLI::App& app, Dispatch& dispatch) {
   CLI::App* simulation =
       add_kind(*command, dispatch, sim, "sim", "simulation with random actions, every observation written", bench_sim);
   add_seed_option(*simulation, sim->seed);
+  simulation->add_flag("--nothing-stored", sim->nothing_stored,
+                       "worlds alone: neither observations nor rewards are written");
   simulation->footer(
       "Of a scenario with images (_rgb) each agent-step writes one, all its bytes.\n"
       "Examples:\n"

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -105,8 +106,10 @@ BenchResult play(const BenchOptions& options, Device device, const LoadedRun& ru
   void* const stream = current_stream(device);
   const auto sim = make_simulator(run.spec, sim_options, device, stream);
   const ParallelFor parallel_for(device, 0, stream);
-  EveryOutput output(*sim);
-  Game game(*sim, parallel_for, {everywhere(std::move(team0), *sim), everywhere(std::move(team1), *sim)}, {&output});
+  std::optional<EveryOutput> output;
+  std::vector<GameObserver*> observers;
+  if (!options.nothing_stored) observers = {&output.emplace(*sim)};
+  Game game(*sim, parallel_for, {everywhere(std::move(team0), *sim), everywhere(std::move(team1), *sim)}, observers);
   game.start();
   int64_t steps_made = 0;
   measure(
@@ -120,12 +123,17 @@ BenchResult play(const BenchOptions& options, Device device, const LoadedRun& ru
       result);
   result.memory_bytes = memory_in_use(device) - memory_before;
 
-  // The proof: the last observations are numbers and not all the same, and episodes ended and began anew.
+  // The proof: episodes ended and began anew; the last observations are numbers and not all the same.
+  const EpisodeStats stats = sim->take_stats();
+  result.checks = {{"episodes_ended", stats[EpisodeStat::episodes]},
+                   {"worlds_reset", static_cast<double>(worlds_reset(*sim, steps_made))},
+                   {"steps", static_cast<double>(steps_made)}};
+  if (!output) return result;
   double sum = 0, squares = 0, image_sum = 0;
   for (int team = 0; team < kNTeams; ++team) {
     if (sim->params().resolution > 0)
-      for (const uint8_t byte : output.some_images(team, sim->memory())) image_sum += static_cast<double>(byte);
-    for (const float x : output.obs(team)) {
+      for (const uint8_t byte : output->some_images(team, sim->memory())) image_sum += static_cast<double>(byte);
+    for (const float x : output->obs(team)) {
       sum += static_cast<double>(x);
       squares += static_cast<double>(x) * static_cast<double>(x);
     }
@@ -133,13 +141,9 @@ BenchResult play(const BenchOptions& options, Device device, const LoadedRun& ru
   const bool images_only = sim->params().images_only;
   const double agents = static_cast<double>(sim->agents_per_step());
   const double numbers = images_only ? 0 : agents * run.spec.observation_size();
-  const EpisodeStats stats = sim->take_stats();
-  result.checks = {{"observations_written", numbers * static_cast<double>(steps_made)},
-                   {"last_observation_sum", sum},
-                   {"last_observation_square_sum", squares},
-                   {"episodes_ended", stats[EpisodeStat::episodes]},
-                   {"worlds_reset", static_cast<double>(worlds_reset(*sim, steps_made))},
-                   {"steps", static_cast<double>(steps_made)}};
+  result.checks.emplace_back("observations_written", numbers * static_cast<double>(steps_made));
+  result.checks.emplace_back("last_observation_sum", sum);
+  result.checks.emplace_back("last_observation_square_sum", squares);
   if (sim->params().resolution > 0) {
     result.checks.emplace_back("images_written", agents * static_cast<double>(steps_made));
     result.checks.emplace_back("some_last_images_sum", image_sum);
@@ -150,8 +154,8 @@ BenchResult play(const BenchOptions& options, Device device, const LoadedRun& ru
 }
 
 /// Bytes of an agent-step that no simulator can do without: what changes at each step read and written, the action
-/// read, the outputs written.
-double least_bytes(const SimSpec& spec) {
+/// read, the outputs written where they are.
+double least_bytes(const SimSpec& spec, bool nothing_stored) {
   const int n = spec.params.n_agents;
   double state = 0;
   const WorldView none{};
@@ -164,7 +168,7 @@ double least_bytes(const SimSpec& spec) {
   const double action = spec.params.actions == ActionKind::discrete ? sizeof(int32_t) : kActionSize * sizeof(float);
   const double row = spec.params.images_only ? 0 : spec.observation_size() * sizeof(float);
   const double outputs = row + image_bytes(spec.params.resolution) + sizeof(float) + 1;  // reward, alive
-  return 2 * state / n + action + outputs;
+  return 2 * state / n + action + (nothing_stored ? 0 : outputs);
 }
 
 }  // namespace
@@ -173,7 +177,7 @@ BenchResult bench_sim(const BenchOptions& options, Device device, int worlds) {
   const LoadedRun run = bench_run(options, worlds);
   const std::shared_ptr<TeamController> random = script_controller(Scripted::random);  // of both teams: one launch
   BenchResult result = play(options, device, run, random, random);
-  result.bytes = least_bytes(run.spec);
+  result.bytes = least_bytes(run.spec, options.nothing_stored);
   if (device.is_cuda()) result.copy_rate = cuda_copy_rate(device.index);
   result.arithmetic = FieldCodec<Precision>::print(Precision::fp32);
   return result;

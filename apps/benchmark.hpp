@@ -21,6 +21,7 @@ struct BenchOptions {
   int64_t steps = 0;  ///< per repeat; 0 = about half a second of them
   int repeats = 7;
   uint64_t seed = 0;                              ///< of sim and closed-loop
+  bool nothing_stored = false;                    ///< sim: neither observations nor rewards are written
   std::vector<int> hidden = {64, 64};             ///< closed-loop: of both policies
   Precision precision = TrainConfig{}.precision;  ///< of a closed loop
   std::string config = "mappo";                   ///< train and es

@@ -175,6 +175,23 @@ TEST(Bench, Evolution) {
   }
 }
 
+// What an agent-step of 2 vs 2 must move with its outputs is 301.5 bytes (ComparesWithAnEarlierCall): 52 numbers of a
+// row, reward and alive are 208 + 4 + 1 of them.
+TEST(Bench, NothingStored) {
+  const Workplace here;
+  const std::vector<std::string> sizes = {"sim", "--scenario", "identical_2_vs_2", "--worlds", "16", "--steps", "150"};
+  std::vector<std::string> without = sizes;
+  without.emplace_back("--nothing-stored");
+  const Document all = bench(here, sizes), json = bench(here, without);
+  EXPECT_EQ(number_at(json, {"results", "0", "bytes_per_agent_step"}), 301.5 - 213);
+  const auto ended = [](const Document& result) {
+    return number_at(result, {"results", "0", "checksum", "episodes_ended"});
+  };
+  EXPECT_GT(ended(all), 0);
+  EXPECT_EQ(ended(json), ended(all)) << "the same games";
+  EXPECT_EQ(json.root.find("results")->items[0].find("checksum")->find("observations_written"), nullptr);
+}
+
 TEST(Bench, TableForPeople) {
   const Workplace here;
   std::vector<std::string> arguments = {"bench", "sim",      "--worlds", "8",         "--steps",

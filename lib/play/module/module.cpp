@@ -38,6 +38,7 @@ void launch_elementwise(const Op&, int64_t, int, void*) {
 template void launch_elementwise(const SampleCategorical&, int64_t, int, void*);
 template void launch_elementwise(const SampleGaussian&, int64_t, int, void*);
 template void launch_elementwise(const ScriptedActions&, int64_t, int, void*);
+template void launch_elementwise(const BlindActions&, int64_t, int, void*);
 template void launch_elementwise(const ForgetEpisodes&, int64_t, int, void*);
 
 namespace {
