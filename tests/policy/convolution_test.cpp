@@ -4,6 +4,7 @@
 #include <ATen/ATen.h>
 #include <gtest/gtest.h>
 
+#include "cuda/runtime.hpp"
 #include "io/temporary_folder.hpp"
 
 namespace giga::test {
@@ -20,9 +21,9 @@ struct MadeEncoder {
   ParameterSet parameters;
   std::shared_ptr<const Encoder> encoder;
 
-  MadeEncoder(EncoderFactory* make, int side, const NetworkConfig& config) {
+  MadeEncoder(EncoderFactory* make, int side, const NetworkConfig& config, at::Device device = at::kCPU) {
     encoder = make(parameters, "eye", ObservationShape(side, side, 3), config);
-    parameters.allocate(at::kCPU, 1);
+    parameters.allocate(device, 1);
   }
   at::Tensor operator()(const at::Tensor& x) const { return encoder->forward(parameters, x, Rounding::none); }
 };
@@ -194,6 +195,32 @@ TEST(PolicyImages, GradientOfPooling) {
   pool_of_three(flat).sum().backward();
   EXPECT_EQ(flat.grad().sum().item<float>(), 16);  // of 4 x 4 numbers
   EXPECT_GT(flat.grad().min().item<float>(), 0);
+}
+
+// Patches are the same bytes on both; products in fp32 differ in the order of sums, those in bfloat16 by 8 bits of
+// mantissa through a few layers.
+TEST(PolicyImagesGpu, AsOnTheCpu) {
+  if (cuda_device_count() == 0) GTEST_SKIP() << "no GPU";
+  at::NoGradGuard no_grad;
+  at::globalContext().setAllowTF32CuDNN(false);
+  at::globalContext().setAllowTF32CuBLAS(false);
+  const at::Device gpu(at::kCUDA, 0);
+  for (EncoderFactory* make : {make_nature, make_impala, make_compact}) {
+    const MadeEncoder made(make, 44, cnn_config({32}));
+    MadeEncoder there(make, 44, cnn_config({32}), gpu);
+    there.parameters.values().copy_(made.parameters.values());
+    at::Tensor images = byte_images({6}, 44).view({6, 44, 44, 3});
+    for (int k = 1; k < 6; ++k) images[k][k * 7][43 - k * 8] = at::tensor({100, 255, 100}, at::kByte);  // the agent
+    images = images.view({6, -1});
+    const at::Tensor expected = made(images);
+    const float largest = expected.abs().max().item<float>();
+    const auto off = [&](const at::Tensor& x) {
+      return (there(x).to(at::kFloat).cpu() - expected).abs().max().item<float>() / largest;
+    };
+    EXPECT_LT(off(images.to(gpu)), 1e-4f);
+    EXPECT_LT(off(images.to(gpu).to(at::kFloat)), 1e-4f);
+    EXPECT_LT(off(images.to(gpu).to(at::kBFloat16)), 0.05f);
+  }
 }
 
 TEST(PolicyImages, GradientsReachEveryParameter) {
