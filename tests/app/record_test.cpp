@@ -142,7 +142,8 @@ class RecordedCrowd : public InBrowser {
   static void SetUpTestSuite() {
     here_ = std::make_unique<Workplace>();
     std::vector<std::string> arguments = {
-        "record", "pursuer", "--vs", "circle", "--scenario", "swarm_1000_vs_1000", "--episodes", "1", "--out", "crowd"};
+        "record",     "pursuer", "--vs",  "circle", "--scenario", "swarm_1000_vs_1000",
+        "--episodes", "1",       "--out", "crowd",  "--device",   "cpu"};
     if (!tests_run_in_full()) arguments.insert(arguments.end(), {"--set", "environment.max_episode_length=80"});
     const Outcome outcome = here_->run(arguments);
     EXPECT_TRUE(contains(outcome.out, {"crowd.replay: pursuer against circle, 1 episode, "})) << outcome.err;
@@ -156,7 +157,7 @@ std::unique_ptr<Workplace> RecordedCrowd::here_;
 
 TEST_F(RecordedCrowd, IsReadPlayedAgainAndDrawn) {
   EXPECT_LE(size_of_file(*here_, "crowd.replay"), kMostCrowd);
-  const Outcome again = here_->run({"record", "--verify", "crowd.replay"});
+  const Outcome again = here_->run({"record", "--verify", "crowd.replay", "--device", "cpu"});
   EXPECT_EQ(again.out, "crowd.replay: played again, all 1 episodes are the same bit for bit\n") << again.err;
   ASSERT_EQ(here_->run({"picture", "crowd.replay", "--out", "paths.svg", "--film", "f", "--every", "400"}).code, 0);
   EXPECT_LE(size_of_file(*here_, "paths.svg"), 4u << 20);
