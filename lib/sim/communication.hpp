@@ -44,7 +44,7 @@ GIGA_HD void listen(const Parameters auto& p, World auto& w, Draws& draws, int e
       uint32_t bits = 0, open = 0;
       for_team(p, team, [&](int b, int k) {
         const Hearing h = roughly_hears_at(p, planar_distance2(w, e, b), draw(b, k));
-        bits |= h.heard & (w.alive[b] != 0) ? 1u << k : 0u;
+        bits |= (h.heard & (w.alive[b] != 0)) ? 1u << k : 0u;
         open |= h.clear ? 0u : 1u << k;
       });
       for (; open; open &= open - 1) {  // hardly ever
