@@ -133,8 +133,8 @@ GIGA_HD void run_grid_thread(const GridLaunch& k, const ThreadIndex& at, Sync sy
   }
 }
 
-/// A simulator of worlds of many agents that runs its jobs by launches. Its back end launches, and lists the worlds that
-/// play.
+/// A simulator of worlds of many agents that runs its jobs by launches. Its back end launches, and lists the worlds
+/// that play.
 class GridLaunchingSimulator : public Simulator {
  public:
   void redraw(const Redraw&) override { throw Error("there are no images"); }

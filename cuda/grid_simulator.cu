@@ -10,8 +10,8 @@
 namespace giga {
 namespace {
 
-constexpr int kGridBlocks = 2;      // per multiprocessor at least, which bounds a thread's registers to 128
-constexpr int kMostClustered = 8;   // blocks of a cluster on every GPU that has clusters
+constexpr int kGridBlocks = 2;     // per multiprocessor at least, which bounds a thread's registers to 128
+constexpr int kMostClustered = 8;  // blocks of a cluster on every GPU that has clusters
 
 /// All blocks of a group. What any of them wrote before a barrier, all see behind it.
 struct GroupSync {
@@ -43,8 +43,8 @@ struct GroupSync {
 };
 
 template <Job job>
-__global__ void __launch_bounds__(kGridThreads, kGridBlocks) grid_kernel(const __grid_constant__ GridLaunch k,
-                                                                         bool clustered) {
+__global__ void __launch_bounds__(kGridThreads, kGridBlocks)
+    grid_kernel(const __grid_constant__ GridLaunch k, bool clustered) {
   const int block = static_cast<int>(blockIdx.x), group = block / k.blocks;
   const ThreadIndex at{block, static_cast<int>(gridDim.x), static_cast<int>(threadIdx.x), kGridThreads};
   run_grid_thread<job>(k, at, GroupSync{&k.words[group].arrivals, k.blocks, block % k.blocks == 0, clustered});

@@ -1,5 +1,5 @@
-// What the simulators of a GPU do with all their worlds, whatever steps them: listing those that play, statistics. Kernels
-// of each file that includes this.
+// What the simulators of a GPU do with all their worlds, whatever steps them: listing those that play, statistics.
+// Kernels of each file that includes this.
 #pragma once
 
 #include <vector>

@@ -15,9 +15,7 @@ GIGA_HD uint32_t ordered_key(float number) {
   const uint32_t bits = std::bit_cast<uint32_t>(number);
   return bits >> 31 ? ~bits : bits | 0x80000000u;
 }
-GIGA_HD float from_ordered_key(uint32_t key) {
-  return std::bit_cast<float>(key >> 31 ? key & 0x7FFFFFFFu : ~key);
-}
+GIGA_HD float from_ordered_key(uint32_t key) { return std::bit_cast<float>(key >> 31 ? key & 0x7FFFFFFFu : ~key); }
 
 /// Adds to a number, or takes the larger one, together with other workers: those of a warp as one.
 GIGA_HD void add_from_all(int32_t* sum, int32_t value) {
@@ -38,7 +36,8 @@ GIGA_HD void largest_from_all(uint32_t* largest, uint32_t value) {
   atomicMax(largest, value);
 #else
   uint32_t before = __atomic_load_n(largest, __ATOMIC_RELAXED);
-  while (before < value && !__atomic_compare_exchange_n(largest, &before, value, true, __ATOMIC_RELAXED, __ATOMIC_RELAXED)) {
+  while (before < value &&
+         !__atomic_compare_exchange_n(largest, &before, value, true, __ATOMIC_RELAXED, __ATOMIC_RELAXED)) {
   }
 #endif
 }

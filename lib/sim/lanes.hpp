@@ -18,7 +18,9 @@
 namespace giga {
 
 template <class Lanes>
-concept WideLanes = requires { requires Lanes::kWide; };
+concept WideLanes = requires {
+  requires Lanes::kWide;
+};
 
 struct SerialLanes {
   static constexpr bool kSerial = true;

@@ -214,7 +214,10 @@ struct VectorObservation {
     const int waypoint_at = neighbor_columns(p), boxes_at = waypoint_at + (p.waypoints ? kWaypointFeatures : 0);
     const float* boxes = features_of_boxes(p, w);
     lanes.each_cell(
-        n, waypoint_at + tail_columns(p), [&](int e) { return Row{rows(e), e}; },
+        n, waypoint_at + tail_columns(p),
+        [&](int e) {
+          return Row{rows(e), e};
+        },
         [&](const Row& row, int column) {
           float number = 0;
           if (column < waypoint_at)
