@@ -84,7 +84,7 @@ inline GridLaunchShape grid_launch_shape(int n_agents, int n_worlds, const GridD
 }
 
 /// What a group keeps from launch to launch, in lines of memory of its own. Zero before the first.
-struct alignas(128) GroupWords {
+struct alignas(64) GroupWords {
   uint32_t arrivals;  ///< of blocks at barriers (simulator of the GPU)
   SharedWork::Bounds bounds;
 };
