@@ -40,6 +40,10 @@ void* work_stream(int index);
 std::unique_ptr<Simulator> make_cuda_simulator(SimSpec spec, const SimOptions& options, int index,
                                                void* stream = nullptr);
 
+/// The same for worlds of many agents (rules 17), or with SimOptions::grid.
+std::unique_ptr<Simulator> make_cuda_grid_simulator(SimSpec spec, const SimOptions& options, int index,
+                                                    void* stream = nullptr);
+
 /// Parses `auto`, `cpu`, `cuda` or `cuda:1`; auto takes the first GPU where there is one. Throws InputError.
 Device parse_device(const std::string& text);
 

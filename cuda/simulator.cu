@@ -3,6 +3,7 @@
 #include "cuda/draw.hpp"
 #include "cuda/executor.hpp"
 #include "cuda/runtime.hpp"
+#include "cuda/worlds.cuh"
 #include "sim/usual_params.hpp"
 
 namespace giga {
@@ -16,9 +17,6 @@ constexpr int kTileBlocks = kBlockIsGroup<P> ? 4
                             : P::kTeam == 2  ? 6
                             : P::kTeam > 0   ? 5
                                              : 8;
-
-// After so many lists the host looks how many worlds one had: enough work that the device does not wait for it.
-constexpr int64_t kListsLater = 2;
 
 // Bulk copies of the tensor memory accelerator, compute capability 9.0 and later.
 struct BulkCopies {
@@ -83,70 +81,6 @@ __global__ void __launch_bounds__(kDrawThreads)
   run_redraw_thread(p, request, shape, this_thread(), strip, BlockSync{});
 }
 
-// Lists the worlds that play, in any order: worlds do not depend on each other. `count` starts at 0.
-__global__ void list_worlds(const Phase* phase, int n_worlds, int32_t* playing, int32_t* count) {
-  const int world = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
-  const bool plays = world < n_worlds && phase[world] == Phase::plays;
-  const unsigned mask = __ballot_sync(0xFFFFFFFFu, plays);
-  const int lane = static_cast<int>(threadIdx.x % kWarp);
-  int first = 0;
-  if (lane == 0 && mask) first = atomicAdd(count, __popc(mask));
-  first = __shfl_sync(0xFFFFFFFFu, first, 0);
-  if (plays) playing[first + __popc(mask & ((1u << lane) - 1u))] = world;
-}
-
-// Sums the statistics of a slice of worlds per block and clears them: threads [worlds y][rows x], blocks [slices x][32
-// rows y].
-constexpr int kStatBlocks = 64, kStatY = 1024 / kWarp, kStatRowBlocks = (kNStatRows + kWarp - 1) / kWarp;
-__global__ void sum_stats(float* stats, int n_worlds, double* partial) {  // partial [kStatBlocks, kNStatRows]
-  __shared__ double sums[kStatY][kWarp];
-  const int row = blockIdx.y * kWarp + threadIdx.x;
-  const int end = row < kNStatRows ? n_worlds : 0;  // a thread beyond the rows only keeps in step
-  double sum = 0;
-  for (int w = blockIdx.x * kStatY + threadIdx.y; w < end; w += kStatBlocks * kStatY) {
-    sum += static_cast<double>(stats[static_cast<int64_t>(w) * kNStatRows + row]);
-    stats[static_cast<int64_t>(w) * kNStatRows + row] = 0;
-  }
-  sums[threadIdx.y][threadIdx.x] = sum;
-  __syncthreads();
-  if (threadIdx.y == 0 && row < kNStatRows) {
-    for (int y = 1; y < kStatY; ++y) sum += sums[y][threadIdx.x];
-    partial[blockIdx.x * kNStatRows + row] = sum;
-  }
-}
-
-/// Numbers that the device counts, read by the host some counts later, when it need not wait for long.
-class RecentCounts {
- public:
-  RecentCounts() = default;
-  RecentCounts(const RecentCounts&) = delete;
-  RecentCounts& operator=(const RecentCounts&) = delete;
-  ~RecentCounts() {
-    for (cudaEvent_t event : done_)
-      if (event) cudaEventDestroy(event);
-    if (count_) cudaFreeHost(count_);
-  }
-  /// Queues the reading of count k.
-  void record(int64_t k, const int32_t* count, cudaStream_t stream) {
-    if (!count_) {
-      GIGA_CUDA(cudaMallocHost(&count_, kSlots * sizeof *count_));
-      for (cudaEvent_t& event : done_) GIGA_CUDA(cudaEventCreateWithFlags(&event, cudaEventDisableTiming));
-    }
-    GIGA_CUDA(cudaMemcpyAsync(count_ + k % kSlots, count, sizeof *count_, cudaMemcpyDeviceToHost, stream));
-    GIGA_CUDA(cudaEventRecord(done_[k % kSlots], stream));
-  }
-  /// Count k, one of the last kSlots; waits until it is read.
-  int32_t at(int64_t k) const {
-    GIGA_CUDA(cudaEventSynchronize(done_[k % kSlots]));
-    return count_[k % kSlots];
-  }
-
- private:
-  static constexpr int64_t kSlots = kListsLater + 1;
-  int32_t* count_ = nullptr;  // [kSlots] of the host
-  cudaEvent_t done_[kSlots] = {};
-};
-
 class CudaSimulator final : public LaunchingSimulator {
  public:
   CudaSimulator(SimSpec spec, const SimOptions& options, int index, void* stream)
@@ -159,16 +93,7 @@ class CudaSimulator final : public LaunchingSimulator {
 
   EpisodeStats take_stats() override {
     GIGA_CUDA(cudaSetDevice(index_));
-    sum_stats<<<dim3(kStatBlocks, kStatRowBlocks), dim3(kWarp, kStatY), 0, stream_>>>(state_.view().stats, n_worlds(),
-                                                                                      partial_.data());
-    GIGA_CUDA(cudaGetLastError());
-    GIGA_CUDA(cudaStreamSynchronize(stream_));
-    const std::vector<double> partial = partial_.to_host();
-    EpisodeStats stats;
-    for (int b = 0; b < kStatBlocks; ++b)
-      for (size_t row = 0; row < kNStatRows; ++row)
-        stats.rows[row] += partial[static_cast<size_t>(b) * kNStatRows + row];
-    return stats;
+    return take_device_stats(state_.view().stats, n_worlds(), partial_, stream_);
   }
 
   void redraw(const Redraw& request) override {
@@ -200,11 +125,7 @@ class CudaSimulator final : public LaunchingSimulator {
 
   void list_playing() override {
     GIGA_CUDA(cudaSetDevice(index_));
-    constexpr int kThreads = 256;
-    GIGA_CUDA(cudaMemsetAsync(n_playing(), 0, sizeof(int32_t), stream_));
-    list_worlds<<<(n_worlds() + kThreads - 1) / kThreads, kThreads, 0, stream_>>>(state_.view().phase, n_worlds(),
-                                                                                  playing(), n_playing());
-    GIGA_CUDA(cudaGetLastError());
+    list_playing_worlds(state_.view().phase, n_worlds(), playing(), n_playing(), stream_);
     counts_.record(n_lists(), n_playing(), stream_);
   }
 

@@ -19,6 +19,10 @@ constexpr int kKeptDetectors = 16;
 /// Agents whose numbers are added up by one worker: the order of additions does not depend on their number
 /// (rules 17.5).
 constexpr int kSumBlock = 1024;
+/// Where many workers share a world: cells that one of them counts, and such counts that one of them adds up.
+constexpr int kCellChunk = 64;
+/// Most of n_step_items (episode.hpp).
+constexpr int kMostStepItems = kNTeams + kNTeams * kNRewardTerms;
 
 /// An entry of the list of fire at an agent: number of the shooter, above it its counter. 0 = none.
 constexpr int kShooterBits = 24;
@@ -121,6 +125,27 @@ struct AgentNumber {
   GIGA_HD friend bool operator==(AgentNumber a, uint16_t) { return a.value == 0xFFFFFFFFu; }
 };
 
+/// The sums over a block of agents for an item of accumulate_episode: returns, masked returns; or a term's alone.
+struct BlockSum {
+  float sum, masked;
+};
+
+/// Where the workers of a world put together what one alone would keep to itself (sort_agents of WideLanes).
+struct SharedWork {
+  /// The living, since it was last read: the largest -x, -y, x and y as keys that order like the numbers, 0 = none, and
+  /// how many. Zero before the first step; each sort leaves it so.
+  struct Bounds {
+    uint32_t edge[4];
+    int32_t count;
+  };
+  Bounds* bounds;        // [1]
+  int32_t* arrival;      // [N] the agent came so late into its cell: depends on who was faster
+  int32_t* order;        // [N] agents by cell, within one in the order of arrival
+  int32_t* cell_sums;    // [cells / kCellChunk] agents in so many cells
+  int32_t* chunk_sums;   // [cells / kCellChunk^2]
+  BlockSum* block_sums;  // [n_step_items, blocks of agents]
+};
+
 /// What a step reads and writes of a world of many agents. Pairs have no tables here: the members of WorldView for them
 /// (tracked, detected, seen, hears) are null, and those for numbers of agents are hidden by wider ones.
 struct GridWorld : WorldView {
@@ -137,6 +162,7 @@ struct GridWorld : WorldView {
   int32_t* full_lists;          // [1] agents at which more opponents fired than are counted, since it was last read
   PlacedAgent* placed;          // [N] those that lived when the grid was made, by cell, then by number
   int32_t* cell_begin;          // [cells + 1] the first of each cell in `placed`
+  SharedWork work;              // of executors with WideLanes
   GridShape grid;
 
   GIGA_HD CellRange cells(int row, int first_column, int last_column) const {

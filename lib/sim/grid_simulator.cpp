@@ -4,6 +4,7 @@
 
 #include "core/error.hpp"
 #include "core/thread_pool.hpp"
+#include "sim/grid_memory.hpp"
 #include "sim/grid_stages.hpp"
 #include "sim/lanes.hpp"
 #include "sim/simulator.hpp"
@@ -44,74 +45,16 @@ class ThreadLanes {
   const ThreadPool& pool_;
 };
 
-/// What one step of a world needs besides its state.
-class Scratch {
- public:
-  explicit Scratch(const GridParams& p) {
-    const auto n = static_cast<size_t>(p.n_agents);
-    const auto take = [this](auto*& array, size_t size) {
-      arrays_.emplace_back(host_memory(), size * sizeof *array);
-      array = reinterpret_cast<std::remove_reference_t<decltype(array)>>(arrays_.back().data());
-    };
-    take(w_.dir_x, n);
-    take(w_.dir_y, n);
-    take(w_.taken, n);
-    take(w_.reward, n);
-    take(w_.next, 3 * n);
-    take(w_.was_alive, n);
-    take(w_.flags, n);
-    take(w_.neighbor_distance, n * static_cast<size_t>(p.n_neighbors));
-    take(w_.features, n);
-    take(w_.terms, n * kNRewardTerms);
-    take(w_.counts, kNCounts);
-    take(w_.nearest_agents, p.egocentric_view ? n * kNearestAgents : 0);
-    take(w_.detects, n);
-    take(w_.dealt, n);
-    take(w_.observers, n);
-    take(w_.detectors, n * kKeptDetectors);
-    take(w_.could_see, n);
-    take(w_.full_lists, 1);
-    take(w_.placed, n);
-    take(w_.cell_begin, n + 1);
-  }
-
-  /// World number `world` of a state, with this scratch.
-  GridWorld attach(const SimState& state, int64_t world) const {
-    GridWorld w = w_;
-    const StateShape& shape = state.shape();
-    for_each_field([&](auto field, auto member) {
-      const auto* all = state.view().*member;
-      if (all) w.*member = state.view().*member + world * field.count(shape.n_agents);
-    });
-    const int64_t first = world * shape.n_agents;
-    w.fire = state.lists().fire + first * shape.shooters;
-    w.neighbors = reinterpret_cast<AgentNumber*>(state.lists().neighbors + first * shape.rows);
-    return w;
-  }
-  int32_t take_full_lists() { return std::exchange(*w_.full_lists, 0); }
-
- private:
-  std::vector<Buffer<char>> arrays_;
-  GridWorld w_{};
-};
-
-GridParams grid_params(const SimSpec& spec, const SimTables& tables, int most_shooters) {
-  float widest[kNTeams] = {};
-  for (const AgentSpec& agent : spec.agents) widest[agent.team] = std::max(widest[agent.team], agent.range);
-  return {tables.params(), widest, most_shooters};
-}
-
 class GridSimulator final : public Simulator {
  public:
   GridSimulator(SimSpec spec, const SimOptions& options)
       : Simulator(std::move(spec), options, host_memory()),
         params_(grid_params(spec_, tables_, options_.most_shooters)),
         pool_(options_.n_threads),
-        scratch_(params_) {
-    GIGA_CHECK(state_.shape().lists(), "a world of ", params_.n_agents, " agents without the option grid");
-    GIGA_CHECK(params_.resolution == 0, "images of a world in which pairs are found by place");
-    GIGA_CHECK(options_.most_shooters > 0 && options_.most_shooters <= kMostShooters, options_.most_shooters,
-               " shooters");
+        scratch_(host_memory(), attach_scratch(params_, world_, nullptr, false)) {
+    check_grid(params_, state_.shape(), options_);
+    attach_scratch(params_, world_, scratch_.data(), false);
+    world_.full_lists = &full_lists_;
   }
 
   void redraw(const Redraw&) override { throw Error("there are no images"); }
@@ -128,16 +71,13 @@ class GridSimulator final : public Simulator {
     const ThreadLanes lanes(pool_);
     for (int64_t world = 0; world < n_worlds(); ++world) {
       if (worlds == Worlds::listed && state_.view().phase[world] == Phase::waits) continue;
-      GridWorld w = scratch_.attach(state_, world);
+      GridWorld w = world_;
+      attach_state(params_, w, state_.view(), state_.lists(), world);
       const uint32_t number = draw_world(options_.first_world, options_.draw_period, world);
       const auto draws_at = [&](uint32_t step) { return GridDraws(options_.seed, number, step); };
       run_jobs(lanes, jobs, params_, w, draws_at, io, ending(), world);
     }
-    if (const int full = scratch_.take_full_lists(); full > 0)
-      throw Error(
-          cat(full, full == 1 ? " agent was" : " agents were", " fired at by more than ", params_.most_shooters,
-              " opponents at once in scenario '", spec_.name, "': so many are counted in a world of ", params_.n_agents,
-              " agents (rules 17.2); with smaller damage.damage_cone_depth or damage_cone_angle", " fewer reach it"));
+    if (const int full = std::exchange(full_lists_, 0); full > 0) throw full_lists_error(full, params_, spec_.name);
   }
 
   // Those that wait are passed over as they come.
@@ -146,7 +86,9 @@ class GridSimulator final : public Simulator {
  private:
   GridParams params_;
   ThreadPool pool_;
-  Scratch scratch_;
+  GridWorld world_{};     // its scratch
+  Buffer<char> scratch_;  // of the world at hand
+  int32_t full_lists_ = 0;
 };
 
 }  // namespace

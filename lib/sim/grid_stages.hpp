@@ -113,6 +113,7 @@ GIGA_HD void detect_and_track(const GridParams& p, GridWorld& w, Draws& draws, i
   int32_t* kept = w.detectors + static_cast<int64_t>(a) * kKeptDetectors;
   const FireList before(list, p.most_shooters);
   uint32_t now[kMostShooters];
+  now[0] = 0;
   int n_now = 0, observers = 0, taken = 0;
   bool full = false;
   w.could_see[a] = w.alive[a];
@@ -271,24 +272,41 @@ GIGA_HD int sum_blocks(const GridParams& p, int team) {
   return p.team_after_team ? (p.n_team[team] + kSumBlock - 1) / kSumBlock : 1;
 }
 
-/// Rules 17.5: each block is summed as a world of few agents is.
-GIGA_HD void accumulate_episode(const GridParams& p, GridWorld& w, int item) {
-  const int k = item - kNTeams, team = item < kNTeams ? item : (k >= p.n_active_terms ? 1 : 0);
-  for (int block = 0; block < sum_blocks(p, team); ++block) {
-    float returns[kNTeams] = {}, masked[kNTeams] = {}, terms[kNTeams * kNRewardTerms] = {};
-    WorldView part = w;
-    part.returns = returns;
-    part.returns_masked = masked;
-    part.term_returns = terms;
-    accumulate_episode(GridBlock(p, team, block), part, item);
-    if (item < kNTeams) {
-      w.returns[item] += returns[item];
-      w.returns_masked[item] += masked[item];
-    } else {
-      const int t = team * kNRewardTerms + active_term(p, k - team * p.n_active_terms);
-      w.term_returns[t] += terms[t];
-    }
+/// What an item of accumulate_episode adds up: a team's returns, or one of its terms, by its place in term_returns.
+struct StepItem {
+  int team, term;
+
+  GIGA_HD StepItem(const GridParams& p, int item) {
+    const int k = item - kNTeams;
+    team = item < kNTeams ? item : (k >= p.n_active_terms ? 1 : 0);
+    term = item < kNTeams ? -1 : team * kNRewardTerms + active_term(p, k - team * p.n_active_terms);
   }
+};
+
+/// Rules 17.5: each block is summed as a world of few agents is.
+GIGA_HD BlockSum sum_block(const GridParams& p, const GridWorld& w, int item, int block) {
+  const StepItem what(p, item);
+  float returns[kNTeams] = {}, masked[kNTeams] = {}, terms[kNTeams * kNRewardTerms] = {};
+  WorldView part = w;
+  part.returns = returns;
+  part.returns_masked = masked;
+  part.term_returns = terms;
+  accumulate_episode(GridBlock(p, what.team, block), part, item);
+  if (what.term < 0) return {returns[item], masked[item]};
+  return {terms[what.term], 0};
+}
+GIGA_HD void add_block(const GridParams& p, GridWorld& w, int item, const BlockSum& sum) {
+  const StepItem what(p, item);
+  if (what.term < 0) {
+    w.returns[item] += sum.sum;
+    w.returns_masked[item] += sum.masked;
+  } else {
+    w.term_returns[what.term] += sum.sum;
+  }
+}
+GIGA_HD void accumulate_episode(const GridParams& p, GridWorld& w, int item) {
+  const int blocks = sum_blocks(p, StepItem(p, item).team);
+  for (int block = 0; block < blocks; ++block) add_block(p, w, item, sum_block(p, w, item, block));
 }
 
 /// How the agents of a team ended is counted in whole numbers: one by one, a float counts to 16,777,216 only.
@@ -328,7 +346,7 @@ GIGA_HD void fill_grid(const GridParams& p, GridWorld& w) {
   w.cell_begin[cells] = n;
 }
 
-/// The hook of step.hpp. One worker sorts; a GPU will sort by a library.
+/// The hook of step.hpp where one worker sorts; grid_sort.hpp has that of many.
 template <class Lanes>
 GIGA_HD void sort_agents(const Lanes& lanes, const GridParams& p, GridWorld& w, int n) {
   lanes.each_agent(n, [&](int i) {

@@ -8,11 +8,19 @@
 //   SerialLanes  one worker (CPU; worlds run in parallel over threads)
 //   TileLanes    part of a warp, several worlds a warp (small teams); cuda/lanes.hpp
 //   BlockLanes   one thread block (dozens to hundreds of agents); cuda/lanes.hpp
+//   GridLanes    several thread blocks, up to the whole GPU (a grid of many agents); cuda/grid_executor.hpp. WideLanes:
+//                they can also gather(n, start, f, merge): each worker calls f(sum, i) for its part of 0 ... n - 1 with
+//                a sum of its own that begins as `start`, then merge(sum) once.
 #pragma once
 
 #include "core/host_device.hpp"
 
 namespace giga {
+
+template <class Lanes>
+concept WideLanes = requires {
+  requires Lanes::kWide;
+};
 
 struct SerialLanes {
   static constexpr bool kSerial = true;

@@ -20,6 +20,21 @@ namespace giga {
 template <class Lanes>
 GIGA_HD void sort_agents(const Lanes&, const Parameters auto&, World auto&, int) {}
 
+/// Counts the living of both teams, before the step and after it. `teams`: 0 where the lanes only keep in step.
+template <class Lanes>
+GIGA_HD void count_teams(const Lanes& lanes, const Parameters auto& p, World auto& w, int teams) {
+  lanes.each(teams, [&](int team) {
+    count_team(p, w, w.was_alive, kWasAlive0, team);
+    count_team(p, w, w.alive, kAlive0, team);
+  });
+}
+
+/// Adds the step to the episode's sums. `items`: n_step_items, or 0.
+template <class Lanes>
+GIGA_HD void accumulate_step(const Lanes& lanes, const Parameters auto& p, World auto& w, int items) {
+  lanes.each(items, [&](int item) { accumulate_episode(p, w, item); });
+}
+
 /// Decides what every agent sees and writes it.
 template <class Lanes, class Draws>
 GIGA_HD void observe_world(const Lanes& lanes, const Parameters auto& p, World auto& w, Draws& draws, const StepIo& io,
@@ -76,10 +91,7 @@ GIGA_HD void play_step(const Lanes& lanes, const Parameters auto& p, World auto&
     update_health(p, w, i);
     note_death(w, i);
   });
-  lanes.each(teams, [&](int team) {
-    count_team(p, w, w.was_alive, kWasAlive0, team);
-    count_team(p, w, w.alive, kAlive0, team);
-  });
+  count_teams(lanes, p, w, teams);
   lanes.each(one, [&](int) { end_of_step(p, w); });
   lanes.each_agent(n, [&](int i) {
     compute_reward(p, w, i);
@@ -89,7 +101,7 @@ GIGA_HD void play_step(const Lanes& lanes, const Parameters auto& p, World auto&
       io.terms[(world * kNRewardTerms + t) * p.n_agents + i] =
           term_active(p, static_cast<RewardTerm>(t)) ? w.terms[t * p.n_agents + i] : 0.0f;
   });
-  lanes.each(active ? n_step_items(p) : 0, [&](int item) { accumulate_episode(p, w, item); });
+  accumulate_step(lanes, p, w, active ? n_step_items(p) : 0);
 
   lanes.each(1, [&](int) {
     const Done done = active ? static_cast<Done>(w.counts[kDone]) : Done::running;

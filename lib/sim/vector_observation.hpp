@@ -7,6 +7,7 @@
 #include "core/geometry.hpp"
 #include "core/lowest_keys.hpp"
 #include "sim/image_rows.hpp"
+#include "sim/lanes.hpp"
 #include "sim/observation_text.hpp"
 #include "sim/rows.hpp"
 #include "sim/waypoint.hpp"
@@ -184,6 +185,8 @@ struct VectorObservation {
       });
     } else if constexpr (P::kTeam > 0) {
       send_rows(lanes, p, w, n, to);
+    } else if constexpr (WideLanes<Lanes>) {
+      write_by_number(lanes, p, w, n, rows);
     } else {
       for (int first = 0; first < p.n_neighbors; first += kStageAgents) {
         const int left = p.n_neighbors - first, agents = left < kStageAgents ? left : kStageAgents;
@@ -195,7 +198,37 @@ struct VectorObservation {
         copy_rows<kStageColumns>(lanes, p, n > 0, w.stage, to, {first * kNeighborFeatures, agents * kNeighborFeatures});
       }
     }
-    if constexpr (P::kTeam == 0 || Lanes::kSerial) write_tail(lanes, p, w, n > 0, rows);
+    if constexpr ((P::kTeam == 0 && !WideLanes<Lanes>) || Lanes::kSerial) write_tail(lanes, p, w, n > 0, rows);
+  }
+
+  /// A worker per number, so that neighboring lanes write neighboring numbers with nothing staged; of those that it
+  /// works out about an agent each keeps one.
+  template <class Lanes, class Rows>
+  GIGA_HD static void write_by_number(const Lanes& lanes, const Parameters auto& p, const World auto& w, int n,
+                                      Rows&& rows) {
+    struct Row {
+      float* to;
+      int e;
+      GIGA_HD explicit operator bool() const { return to != nullptr; }
+    };
+    const int waypoint_at = neighbor_columns(p), boxes_at = waypoint_at + (p.waypoints ? kWaypointFeatures : 0);
+    const float* boxes = features_of_boxes(p, w);
+    lanes.each_cell(
+        n, waypoint_at + tail_columns(p),
+        [&](int e) {
+          return Row{rows(e), e};
+        },
+        [&](const Row& row, int column) {
+          float number = 0;
+          if (column < waypoint_at)
+            write_neighbor(p, w, row.e, w.features[row.e], column / kNeighborFeatures, [&](int feature, float value) {
+              number = feature == column % kNeighborFeatures ? value : number;
+            });
+          else
+            number = column < boxes_at ? waypoint_value(p, w, row.e, column - waypoint_at)
+                                       : table_value(boxes + (column - boxes_at));
+          row.to[column] = number;
+        });
   }
 
   /// So many rows at a time: some workers put together each of them in shared memory, then they are sent, all at once

@@ -5,6 +5,7 @@
 
 #include "core/error.hpp"
 #include "cuda/draw.hpp"
+#include "cuda/grid_executor.hpp"
 #include "sim/usual_params.hpp"
 
 namespace giga::test {
@@ -120,7 +121,57 @@ class EmulatedSimulator final : public LaunchingSimulator {
   Buffer<char> shared_;  // of the block that runs, then the guard
 };
 
+/// With blocks of a warp: any number of threads does the same work, and fibers are slow.
+class EmulatedGridSimulator final : public GridLaunchingSimulator {
+ public:
+  EmulatedGridSimulator(SimSpec spec, const SimOptions& options, ThreadOrder order, int blocks)
+      : GridLaunchingSimulator(std::move(spec), options, host_memory(), {kWarp, blocks, 1}),
+        order_(order),
+        threads_(shape().blocks * kWarp) {}
+
+  bool over() override { return n_lists() > 0 && *n_playing() == 0; }
+  EpisodeStats take_stats() override { return take_host_stats(state_.view(), n_worlds()); }
+  void synchronize() override { check_full_lists(); }
+
+ protected:
+  void run(const Jobs& jobs, const StepIo& io, Worlds worlds) override {
+    const GridLaunch k = launch_of(io, worlds);
+    for (const Job job : jobs)
+      with_job(job, [&](auto constant) {
+        constexpr Job kJob = decltype(constant)::value;
+        if constexpr (kJob != Job::draw && kJob != Job::draw_final) launch<kJob>(k);
+      });
+  }
+
+  void list_playing() override {
+    *n_playing() = 0;
+    for (int32_t world = n_worlds() - 1; world >= 0; --world)
+      if (state_.view().phase[world] == Phase::plays) playing()[(*n_playing())++] = world;
+  }
+
+ private:
+  template <Job job>
+  void launch(const GridLaunch& k) {
+    std::memset(k.scratch, kPoison, scratch().bytes());
+    const EmulatedSync sync{&threads_};
+    const int blocks = k.blocks;
+    for (int group = 0; group < k.groups; ++group)
+      threads_.run(blocks * kWarp, order_, [&](int thread) {
+        const ThreadIndex at{group * blocks + thread / kWarp, k.groups * blocks, thread % kWarp, kWarp};
+        run_grid_thread<job>(k, at, sync);
+      });
+  }
+
+  ThreadOrder order_;
+  LockstepThreads threads_;  // of a group
+};
+
 }  // namespace
+
+std::unique_ptr<Simulator> make_emulated_grid_simulator(SimSpec spec, const SimOptions& options, ThreadOrder order,
+                                                        int blocks) {
+  return std::make_unique<EmulatedGridSimulator>(std::move(spec), options, order, blocks);
+}
 
 std::unique_ptr<Simulator> make_emulated_simulator(SimSpec spec, const SimOptions& options, ThreadOrder order) {
   return std::make_unique<EmulatedSimulator>(std::move(spec), options, order);

@@ -12,4 +12,8 @@ namespace giga::test {
 /// lies in shared memory and in scratch is poisoned before it is used.
 std::unique_ptr<Simulator> make_emulated_simulator(SimSpec spec, const SimOptions& options, ThreadOrder order);
 
+/// The same of worlds of many agents (cuda/grid_executor.hpp), on a GPU of `blocks` blocks of a warp.
+std::unique_ptr<Simulator> make_emulated_grid_simulator(SimSpec spec, const SimOptions& options, ThreadOrder order,
+                                                        int blocks);
+
 }  // namespace giga::test

@@ -3,13 +3,17 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdlib>
 #include <random>
 #include <set>
 #include <string>
+#include <tuple>
 #include <vector>
 
 #include "core/error.hpp"
+#include "cuda/runtime.hpp"
+#include "parity/emulated_simulator.hpp"
 #include "sim/grid_stages.hpp"
 #include "support/sim_runner.hpp"
 #include "support/sim_specs.hpp"
@@ -248,6 +252,136 @@ TEST(Grid, PlaysMoreAgentsThanTablesDo) {
   }
   EXPECT_GT(detects, 100);
   EXPECT_EQ(one.sim().take_stats()[EpisodeStat::episodes], 2);
+}
+
+/// Who runs the threads of the GPU back end, held against the CPU's grid.
+enum class Executor { gpu, emulated };
+class GridExecutors : public ::testing::TestWithParam<std::tuple<Executor, Case>> {
+ protected:
+  void SetUp() override {
+    if (executor_ == Executor::gpu && cuda_device_count() == 0) GTEST_SKIP() << "skipped: no GPU";
+    // It has not been run on one: see docs/architecture.md.
+    if (executor_ == Executor::gpu && !std::getenv("GIGASTEP_GRID_GPU"))
+      GTEST_SKIP() << "skipped: GIGASTEP_GRID_GPU is not set";
+  }
+  std::unique_ptr<Simulator> other(const SimSpec& spec, SimOptions options, int variant) const {
+    options.grid = true;
+    if (executor_ == Executor::gpu) return make_cuda_grid_simulator(spec, options, 0);
+    // One block to a world, several worlds to a group, several blocks to a world, the last one without agents.
+    const int blocks[] = {1, 2, 9};
+    return make_emulated_grid_simulator(spec, options, static_cast<ThreadOrder>(variant % 3), blocks[variant / 3 % 3]);
+  }
+
+  const Executor executor_ = std::get<0>(GetParam());
+  const Case case_ = std::get<1>(GetParam());
+};
+
+TEST_P(GridExecutors, EveryStepIsThatOfTheCpu) {
+  int64_t shots = 0, dead = 0, ended = 0;
+  for (int variant = 0; variant < case_.n_variants; ++variant) {
+    const SimSpec spec = variant_of(case_, variant);
+    const SimOptions options = options_of(variant);
+    SimRunner a(grid(spec, options)), b(other(spec, options, variant));
+    a.start();
+    b.start();
+    ASSERT_EQ(difference(a.snapshot(), b.snapshot()), "") << "variant " << variant << ", start";
+    for (int k = 0; k < case_.n_steps; ++k) {
+      a.step(static_cast<uint64_t>(k));
+      b.step(static_cast<uint64_t>(k));
+      const Snapshot now = a.snapshot();
+      ASSERT_EQ(difference(now, b.snapshot()), "") << "variant " << variant << ", step " << k;
+      shots += std::ranges::count_if(now.field("tracked").bytes, [](uint8_t t) { return t > 0; });
+      dead += std::ranges::count(now.field("alive").bytes, 0);
+      ended += std::ranges::count_if(now.field("done").bytes, [](uint8_t d) { return d > 0; });
+      if (k % 6 != 5) continue;
+      a.observe();
+      b.observe();
+      ASSERT_EQ(difference(observations(a.snapshot()), observations(b.snapshot())), "")
+          << "variant " << variant << ", observe after step " << k;
+    }
+    const EpisodeStats stats = a.sim().take_stats(), same = b.sim().take_stats();
+    for (size_t row = 0; row < stats.rows.size(); ++row)
+      EXPECT_NEAR(stats.rows[row], same.rows[row], 1e-9 * (1 + std::abs(stats.rows[row]))) << "row " << row;
+  }
+  if (case_.n_team_0 < 7) return;
+  EXPECT_GT(shots, 0);
+  EXPECT_GT(dead, 0);
+  EXPECT_GT(ended, 0);
+}
+
+// Worlds that end one after the other, one or several episodes each, and lists of those that still play.
+TEST_P(GridExecutors, WorldsThatFreeze) {
+  for (const auto& [variant, episodes] : {std::pair{0, 1}, {4, 1}, {1, 3}, {5, 2}}) {
+    SimSpec spec = variant_of(case_, variant);
+    spec.params.max_episode_length = std::max(1, case_.n_steps / episodes);
+    SimOptions options = options_of(variant);
+    options.on_done = OnDone::freeze;
+    options.episodes = episodes;
+    SimRunner a(grid(spec, options), Outputs::observations), b(other(spec, options, variant), Outputs::observations);
+    a.start();
+    b.start();
+    const int most = case_.n_steps + 4 * kListPeriod;
+    for (int k = 0; k < most; ++k) {
+      a.step(static_cast<uint64_t>(k));
+      b.step(static_cast<uint64_t>(k));
+      if (k % 4 == 3) {
+        ASSERT_EQ(difference(a.snapshot(), b.snapshot()), "") << "variant " << variant << ", step " << k;
+      }
+    }
+    EXPECT_TRUE(b.sim().over());
+    EXPECT_EQ(a.sim().take_stats()[EpisodeStat::episodes], 3 * episodes);
+    EXPECT_EQ(b.sim().take_stats()[EpisodeStat::episodes], 3 * episodes);
+  }
+}
+
+const Case kExecutorCases[] = {{1, 1, 9, 12}, {2, 9, 12, 12}, {7, 3, 18, 20}, {60, 50, 9, 12}, {141, 66, 3, 8}};
+const auto kExecutorName = [](const auto& test) {
+  const Case& c = std::get<1>(test.param);
+  return cat(c.n_team_0, "v", c.n_team_1);
+};
+INSTANTIATE_TEST_SUITE_P(Gpu, GridExecutors,
+                         ::testing::Combine(::testing::Values(Executor::gpu), ::testing::ValuesIn(kExecutorCases)),
+                         kExecutorName);
+INSTANTIATE_TEST_SUITE_P(Emulated, GridExecutors,
+                         ::testing::Combine(::testing::Values(Executor::emulated), ::testing::ValuesIn(kExecutorCases)),
+                         kExecutorName);
+
+/// More agents than tables serve: sums of several blocks (rules 17.5), cells of more than one chunk and, beyond 4,096
+/// agents, of more than one group.
+SimSpec crowd(int n_team_0, int n_team_1, float limit, int episode) {
+  SimSpec spec = plain_spec(n_team_0, n_team_1);
+  spec.params.limit_x = spec.params.limit_y = limit;
+  spec.params.stochastic_detection = spec.params.stochastic_communication = true;
+  spec.params.max_episode_length = episode;
+  const float far = limit - 2;
+  spec.maps[0].start[0] = {2, 2, far, far, 0, 5, 0, 6};
+  spec.maps[0].start[1] = {2, 2, far, far, 0, 5, 0, 6};
+  spec.finish();
+  return spec;
+}
+
+TEST(GridCrowds, AreThoseOfTheCpu) {
+  struct Crowd {
+    int n_team_0, n_team_1;
+    float limit;
+    int worlds, blocks, steps;
+  };
+  for (const Crowd& c : {Crowd{1100, 903, 40, 2, 5, 5}, Crowd{2600, 2601, 300, 1, 4, 3}}) {
+    const SimSpec spec = crowd(c.n_team_0, c.n_team_1, c.limit, 3);
+    SimOptions options;
+    options.n_worlds = c.worlds;
+    SimRunner a(grid(spec, options), Outputs::observations);
+    SimRunner b(make_emulated_grid_simulator(spec, options, ThreadOrder::shuffled, c.blocks), Outputs::observations);
+    a.start();
+    b.start();
+    for (uint64_t k = 0; k < static_cast<uint64_t>(c.steps); ++k) {
+      a.step(k);
+      b.step(k);
+      // By the fields themselves: the tables of pairs that a snapshot makes of them would be too large.
+      ASSERT_EQ(a.sim().state().save(), b.sim().state().save()) << c.n_team_0 << " v " << c.n_team_1 << ", step " << k;
+    }
+    EXPECT_EQ(a.sim().take_stats().rows, b.sim().take_stats().rows);
+  }
 }
 
 }  // namespace

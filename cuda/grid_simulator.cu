@@ -1,0 +1,142 @@
+// The CUDA back end of worlds of many agents (rules 17): one kernel per job; the blocks of a world meet at the barriers
+// of a cluster or, where they are more, at one in memory.
+#include <algorithm>
+
+#include "cuda/check.cuh"
+#include "cuda/grid_executor.hpp"
+#include "cuda/runtime.hpp"
+#include "cuda/worlds.cuh"
+
+namespace giga {
+namespace {
+
+constexpr int kGridBlocks = 2;     // per multiprocessor at least, which bounds a thread's registers to 128
+constexpr int kMostClustered = 8;  // blocks of a cluster on every GPU that has clusters
+
+/// All blocks of a group. What any of them wrote before a barrier, all see behind it.
+struct GroupSync {
+  uint32_t* arrivals;
+  int blocks;
+  bool first, clustered;  // first: block of the group
+
+  __device__ void wait() const {
+    if (blocks == 1) return __syncthreads();
+#if __CUDA_ARCH__ >= 900
+    if (clustered) {
+      asm volatile("barrier.cluster.arrive.release;" ::: "memory");
+      asm volatile("barrier.cluster.wait.acquire;" ::: "memory");
+      return;
+    }
+#endif
+    // Every block adds 1, the first so much that the highest bit turns when all have; then the rest is 0 again.
+    constexpr uint32_t kTurn = 0x80000000u;
+    __syncthreads();
+    if (threadIdx.x == 0) {
+      __threadfence();
+      const uint32_t before = atomicAdd(arrivals, first ? kTurn - static_cast<uint32_t>(blocks - 1) : 1u);
+      while (((before ^ *static_cast<volatile uint32_t*>(arrivals)) & kTurn) == 0) {
+      }
+      __threadfence();
+    }
+    __syncthreads();
+  }
+};
+
+template <Job job>
+__global__ void __launch_bounds__(kGridThreads, kGridBlocks)
+    grid_kernel(const __grid_constant__ GridLaunch k, bool clustered) {
+  const int block = static_cast<int>(blockIdx.x), group = block / k.blocks;
+  const ThreadIndex at{block, static_cast<int>(gridDim.x), static_cast<int>(threadIdx.x), kGridThreads};
+  run_grid_thread<job>(k, at, GroupSync{&k.words[group].arrivals, k.blocks, block % k.blocks == 0, clustered});
+}
+
+/// What the kernels find room for on a GPU. One that holds the fewest blocks decides for all.
+GridDevice grid_device(int index) {
+  GIGA_CUDA(cudaSetDevice(index));
+  int processors = 0, major = 0, resident = 0;
+  GIGA_CUDA(cudaDeviceGetAttribute(&processors, cudaDevAttrMultiProcessorCount, index));
+  GIGA_CUDA(cudaDeviceGetAttribute(&major, cudaDevAttrComputeCapabilityMajor, index));
+  for (const auto kernel : {grid_kernel<Job::start>, grid_kernel<Job::step>, grid_kernel<Job::restart>,
+                            grid_kernel<Job::play_on>, grid_kernel<Job::observe>}) {
+    int blocks = 0;
+    GIGA_CUDA(cudaOccupancyMaxActiveBlocksPerMultiprocessor(&blocks, kernel, kGridThreads, 0));
+    resident = resident == 0 ? blocks : std::min(resident, blocks);
+  }
+  return {kGridThreads, resident * processors, major >= 9 ? kMostClustered : 1};
+}
+
+class CudaGridSimulator final : public GridLaunchingSimulator {
+ public:
+  CudaGridSimulator(SimSpec spec, const SimOptions& options, int index, void* stream)
+      : GridLaunchingSimulator(std::move(spec), options, cuda_memory(index), grid_device(index)),
+        index_(index),
+        stream_(static_cast<cudaStream_t>(stream)),
+        partial_(memory(), static_cast<size_t>(kStatBlocks) * kNStatRows) {}
+
+  bool over() override { return n_lists() > kListsLater && counts_.at(n_lists() - 1 - kListsLater) == 0; }
+
+  EpisodeStats take_stats() override {
+    GIGA_CUDA(cudaSetDevice(index_));
+    const EpisodeStats stats = take_device_stats(state_.view().stats, n_worlds(), partial_, stream_);
+    check_full_lists();
+    return stats;
+  }
+
+  void synchronize() override {
+    GIGA_CUDA(cudaSetDevice(index_));
+    GIGA_CUDA(cudaStreamSynchronize(stream_));
+    check_full_lists();
+  }
+
+ protected:
+  void run(const Jobs& jobs, const StepIo& io, Worlds worlds) override {
+    GIGA_CUDA(cudaSetDevice(index_));
+    const GridLaunch k = launch_of(io, worlds);
+    for (const Job job : jobs)
+      with_job(job, [&](auto constant) {
+        constexpr Job kJob = decltype(constant)::value;
+        if constexpr (kJob != Job::draw && kJob != Job::draw_final) launch<kJob>(k);
+      });
+  }
+
+  void list_playing() override {
+    GIGA_CUDA(cudaSetDevice(index_));
+    list_playing_worlds(state_.view().phase, n_worlds(), playing(), n_playing(), stream_);
+    counts_.record(n_lists(), n_playing(), stream_);
+  }
+
+ private:
+  template <Job job>
+  void launch(const GridLaunch& k) {
+    const GridLaunchShape& s = shape();
+    cudaLaunchAttribute attribute{};
+    if (s.clustered) {
+      attribute.id = cudaLaunchAttributeClusterDimension;
+      attribute.val.clusterDim = {static_cast<unsigned>(s.blocks), 1, 1};
+    } else {
+      attribute.id = cudaLaunchAttributeCooperative;  // all blocks at the same time, or an error
+      attribute.val.cooperative = 1;
+    }
+    cudaLaunchConfig_t config{};
+    config.gridDim = static_cast<unsigned>(s.groups * s.blocks);
+    config.blockDim = kGridThreads;
+    config.stream = stream_;
+    config.attrs = &attribute;
+    config.numAttrs = s.blocks > 1 ? 1 : 0;
+    GIGA_CUDA(cudaLaunchKernelEx(&config, grid_kernel<job>, k, s.clustered));
+  }
+
+  int index_;
+  cudaStream_t stream_;
+  Buffer<double> partial_;
+  RecentCounts counts_;  // of the worlds that play, at the last lists
+};
+
+}  // namespace
+
+std::unique_ptr<Simulator> make_cuda_grid_simulator(SimSpec spec, const SimOptions& options, int index, void* stream) {
+  GIGA_CHECK(index >= 0 && index < cuda_device_count(), "no GPU ", index);
+  return std::make_unique<CudaGridSimulator>(std::move(spec), options, index, stream);
+}
+
+}  // namespace giga

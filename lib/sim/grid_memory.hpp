@@ -1,0 +1,85 @@
+// What every executor of worlds of many agents sets up: the parameters of the grid, the view of one world, its scratch,
+// and the error of a list of fire that is too short.
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <string>
+
+#include "core/error.hpp"
+#include "sim/grid.hpp"
+#include "sim/simulator.hpp"
+
+namespace giga {
+
+inline GridParams grid_params(const SimSpec& spec, const SimTables& tables, int most_shooters) {
+  float widest[kNTeams] = {};
+  for (const AgentSpec& agent : spec.agents) widest[agent.team] = std::max(widest[agent.team], agent.range);
+  return {tables.params(), widest, most_shooters};
+}
+
+/// What such worlds do not have.
+inline void check_grid(const GridParams& p, const StateShape& shape, const SimOptions& options) {
+  GIGA_CHECK(shape.lists(), "a world of ", p.n_agents, " agents without the option grid");
+  GIGA_CHECK(p.resolution == 0, "images of a world in which pairs are found by place");
+  GIGA_CHECK(options.most_shooters > 0 && options.most_shooters <= kMostShooters, options.most_shooters, " shooters");
+}
+
+/// Points the state of `w` to world number `world`; the members for tables of pairs stay null.
+GIGA_HD void attach_state(const GridParams& p, GridWorld& w, const StateView& all, const PairLists& lists,
+                          int64_t world) {
+  for_each_field([&](auto field, auto member) {
+    if (all.*member) w.*member = all.*member + world * field.count(p.n_agents);
+  });
+  const int64_t first = world * p.n_agents;
+  w.fire = lists.fire + first * p.most_shooters;
+  w.neighbors = reinterpret_cast<AgentNumber*>(lists.neighbors + first * p.n_neighbors);
+}
+
+/// Carves what one step of a world needs besides its state out of a 16-byte aligned block, and returns its bytes; of a
+/// null block the bytes alone. `together`: with what many workers need to sort and to add up (SharedWork).
+GIGA_HD size_t attach_scratch(const GridParams& p, GridWorld& w, char* block, bool together) {
+  const size_t n = static_cast<size_t>(p.n_agents);
+  size_t at = 0;
+  const auto take = [&](auto*& array, size_t count) {
+    if (block) array = reinterpret_cast<std::remove_reference_t<decltype(array)>>(block + at);
+    at += (sizeof(*array) * count + 15) & ~size_t{15};
+  };
+  take(w.dir_x, n);
+  take(w.dir_y, n);
+  take(w.taken, n);
+  take(w.reward, n);
+  take(w.next, 3 * n);
+  take(w.was_alive, n);
+  take(w.flags, n);
+  take(w.neighbor_distance, n * static_cast<size_t>(p.n_neighbors));
+  take(w.features, n);
+  take(w.terms, n * kNRewardTerms);
+  take(w.counts, kNCounts);
+  take(w.nearest_agents, p.egocentric_view ? n * kNearestAgents : 0);
+  take(w.detects, n);
+  take(w.dealt, n);
+  take(w.observers, n);
+  take(w.detectors, n * kKeptDetectors);
+  take(w.could_see, n);
+  take(w.placed, n);
+  take(w.cell_begin, n + 1);
+  if (together) {
+    take(w.work.arrival, n);
+    take(w.work.order, n);
+    take(w.work.cell_sums, n / kCellChunk + 1);
+    take(w.work.chunk_sums, n / (kCellChunk * kCellChunk) + 1);
+    take(w.work.block_sums, static_cast<size_t>(kMostStepItems) * (n / kSumBlock + 1));
+  }
+  return at;
+}
+
+/// The error of `full` agents at which more opponents fired than are counted.
+inline Error full_lists_error(int full, const GridParams& p, const std::string& scenario) {
+  return Error(cat(full, full == 1 ? " agent was" : " agents were", " fired at by more than ", p.most_shooters,
+                   " opponents at once in scenario '", scenario, "': so many are counted in a world of ", p.n_agents,
+                   " agents (rules 17.2); with smaller damage.damage_cone_depth or damage_cone_angle",
+                   " fewer reach it"));
+}
+
+}  // namespace giga
