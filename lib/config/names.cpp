@@ -48,7 +48,8 @@ int name_distance(std::string_view name, std::string_view known) {
 std::vector<std::string> nearest_names(std::string_view name, const std::vector<std::string>& known, size_t limit) {
   name = name.substr(0, 100);  // nothing known is longer
   std::vector<std::pair<int, std::string>> ranked;
-  const int far = std::max<int>(2, static_cast<int>(name.size()) / 2);
+  const size_t dashes = std::min(name.find_first_not_of('-'), name.size());  // those of an option say nothing
+  const int far = std::max<int>(2, static_cast<int>(name.size() - dashes) / 2);
   for (const std::string& candidate : known) {
     const int distance = name_distance(name, candidate);
     if (distance <= far) ranked.emplace_back(distance, candidate);

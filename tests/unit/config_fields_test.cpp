@@ -329,6 +329,8 @@ TEST(ConfigNames, NearestByEditDistance) {
   EXPECT_EQ(nearest_names("n_wrlds", known), (std::vector<std::string>{"n_worlds"}));
   EXPECT_EQ(nearest_names("worlds", known, 1), (std::vector<std::string>{"n_worlds"}));
   EXPECT_TRUE(nearest_names("xyzzy", known).empty());
+  // Four edits away. An option's dashes do not count: half of six letters is less, half of eight is not.
+  EXPECT_TRUE(nearest_names("--epochs", {"--gpus"}).empty());
 }
 
 }  // namespace
