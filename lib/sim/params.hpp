@@ -202,19 +202,32 @@ GIGA_HD void for_team(const Parameters auto& p, int team, F&& f) {
 }
 
 /// Words of 32 bits for one bit per agent.
-GIGA_HD int words_for(int n_agents) { return (n_agents + 31) / 32; }
+GIGA_HD constexpr int words_for(int n_agents) { return (n_agents + 31) / 32; }
+
+/// The bits of all agents of two teams of kTeam agents in a register, and such a row read from memory.
+template <int kTeam>
+using AgentBits = std::conditional_t<2 * kTeam <= 32, uint32_t, uint64_t>;
+template <int kTeam>
+GIGA_HD AgentBits<kTeam> read_agent_bits(const uint32_t* row) {
+  if constexpr (2 * kTeam <= 32)
+    return row[0];
+  else
+    return row[0] | static_cast<uint64_t>(row[1]) << 32;
+}
 
 /// A row of bits, one for each agent: writes that of each agent of a team by test(agent, k), in their order, and 0 for
 /// all others.
 template <class Test>
 GIGA_HD void write_team_bits(const Parameters auto& p, int team, uint32_t* row, Test&& test) {
   if constexpr (constexpr int kTeam = std::remove_cvref_t<decltype(p)>::kTeam; kTeam > 0) {
-    static_assert(2 * kTeam <= 32);
+    static_assert(kTeam <= 32);
     uint32_t bits = 0;
     for_team(p, team, [&](int a, int k) {
-      if (test(a, k)) bits |= 1u << a;
+      if (test(a, k)) bits |= 1u << k;
     });
-    *row = bits;
+    const auto all = static_cast<AgentBits<kTeam>>(bits) << p.first_of(team);
+    row[0] = static_cast<uint32_t>(all);
+    if constexpr (2 * kTeam > 32) row[1] = static_cast<uint32_t>(all >> 32);
   } else {
     const int first = p.first_of(team), end = p.end_of(team), words = words_for(p.n_agents);
     int k = 0;
