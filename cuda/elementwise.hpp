@@ -18,6 +18,7 @@
   APPLY(SampleCategorical)         \
   APPLY(SampleGaussian)            \
   APPLY(ScriptedActions)           \
+  APPLY(BlindActions)              \
   APPLY(ForgetEpisodes)            \
   APPLY(Gae)                       \
   APPLY(CategoricalLoss)           \

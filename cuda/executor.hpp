@@ -95,35 +95,35 @@ struct ThreadIndex {
   int thread, n_threads;  // of the block
 };
 
-/// Points the working fields of the state to shared memory; copy_world moves them there or back. Words come first, so
-/// that each array is aligned, and of them those of the world.
+/// Points the working fields of the state to shared memory; copy_world moves them there or back. The agents' words come
+/// first and their bytes at a whole word, so that several of an array are read at once.
 GIGA_HD WorldView working_copy(const WorldView& home, char* block, int n) {
   WorldView w = home;
   size_t at = 0;
   const auto take = [&](auto field, auto member) {
     auto*& array = w.*member;
+    at = (at + sizeof(*array) - 1) / sizeof(*array) * sizeof(*array);
     array = reinterpret_cast<std::remove_reference_t<decltype(array)>>(block + at);
     at += sizeof(*array) * static_cast<size_t>(field.count(n));
   };
-  for_each_field([&](auto field, auto member) {
-    constexpr size_t kSize = sizeof(*(w.*member));
-    static_assert(!field.working || (field.columns == 1 && ((field.per == Per::agent && (kSize == 4 || kSize == 1)) ||
-                                                            (field.per == Per::agent_words && kSize == 4) ||
-                                                            (field.per == Per::world && (kSize == 4 || kSize == 1)) ||
-                                                            (field.per == Per::pair && kSize == 1))),
-                  "a working field has a word or a byte for the world, a word, words of bits or a byte for each agent, "
-                  "or a byte for each pair: working_copy and copy_world know no others");
-    if constexpr (field.working && field.per == Per::world && kSize == 4) take(field, member);
-  });
-  for_each_field([&](auto field, auto member) {
-    if constexpr (field.working && field.per != Per::world && sizeof(*(w.*member)) == 4) take(field, member);
-  });
-  for_each_field([&](auto field, auto member) {
-    if constexpr (field.working && field.per == Per::pair) take(field, member);
-  });
-  for_each_field([&](auto field, auto member) {
-    if constexpr (field.working && field.per != Per::pair && sizeof(*(w.*member)) == 1) take(field, member);
-  });
+  const auto take_all = [&](auto&& wanted) {
+    for_each_field([&](auto field, auto member) {
+      constexpr size_t kSize = sizeof(*(w.*member));
+      static_assert(!field.working || (field.columns == 1 && ((field.per == Per::agent && (kSize == 4 || kSize == 1)) ||
+                                                              (field.per == Per::agent_words && kSize == 4) ||
+                                                              (field.per == Per::world && (kSize == 4 || kSize == 1)) ||
+                                                              (field.per == Per::pair && kSize == 1))),
+                    "a working field has a word or a byte for the world, a word, words of bits or a byte for each "
+                    "agent, or a byte for each pair: working_copy and copy_world know no others");
+      if constexpr (field.working)
+        if (wanted(field.per, kSize)) take(field, member);
+    });
+  };
+  take_all([](Per per, size_t size) { return per != Per::world && size == 4; });
+  take_all([](Per per, size_t) { return per == Per::pair; });
+  take_all([](Per per, size_t size) { return per == Per::agent && size == 1; });
+  take_all([](Per per, size_t size) { return per == Per::world && size == 4; });
+  take_all([](Per per, size_t size) { return per == Per::world && size == 1; });
   return w;
 }
 
@@ -242,7 +242,7 @@ GIGA_HD void run_tile_thread(const LaunchOf<P>& k, const ThreadIndex& at, char* 
   const TileLanes<Sync> lanes{idle ? INT_MAX : first, width, sync};
   // An idle thread looks at some world of the launch, so that it can keep in step.
   run_world<job, true>(lanes, k, k.world(index < count ? index : count - 1),
-                       shared + static_cast<size_t>(slot) * k.world_bytes);
+                       shared + static_cast<size_t>(slot) * (k.world_bytes / 16 * 16));  // as the compiler learns so
 }
 
 /// What a thread does in a launch of BlockLanes.

@@ -19,7 +19,7 @@ GIGA_HD size_t working_copy_bytes(int n_agents) {
     const StateView fields{};
     if constexpr (field.working) bytes += sizeof(*(fields.*member)) * static_cast<size_t>(field.count(n_agents));
   });
-  return (bytes + 15) & ~size_t{15};
+  return (bytes + 3 + 15) & ~size_t{15};  // 3: the world's words begin at a whole one behind the agents' bytes
 }
 
 /// Bytes of shared memory that a world takes where its scratch lies there. Where a warp has several worlds, the same

@@ -58,7 +58,7 @@ __device__ ThreadIndex this_thread() {
 template <Job job, class P>
 __global__ void __launch_bounds__(kTileThreads<P>, kTileBlocks<P>)
     tile_kernel(const __grid_constant__ LaunchOf<P> k) {
-  extern __shared__ char shared[];
+  extern __shared__ __align__(16) char shared[];
   run_tile_thread<job>(k, this_thread(), shared, std::conditional_t<kBlockIsGroup<P>, BlockSync, WarpSync>{});
 }
 
