@@ -202,6 +202,21 @@ GIGA_HD void copy_world(const Lanes& lanes, const Parameters auto& p, const Worl
   }
 }
 
+/// Asks for what a step reads of memory besides the working copy, long before it is needed: the actions, and the sums
+/// of the episode.
+template <class Lanes>
+GIGA_HD void ask_ahead(const Lanes& lanes, const Parameters auto& p, const WorldView& home, const StepIo& io,
+                       int world) {
+  lanes.each_agent(p.n_agents, [&](int i) {
+    prefetch(static_cast<const int32_t*>(io.of(p.team_of(i)).action) + team_row(p, world, i));
+    const float* sums = i == 0   ? home.returns
+                        : i == 1 ? home.returns_masked
+                        : i == 2 ? home.term_returns
+                                 : home.term_returns + kNTeams * kNRewardTerms - 1;
+    if (i < 4) prefetch(sums);
+  });
+}
+
 /// Runs the job for one world. `shared` = this world's block of shared memory; a template parameter says whether it is
 /// used, so that the compiler knows which memory its pointers mean.
 template <Job job, bool in_shared, class Lanes, class P>
@@ -212,6 +227,7 @@ GIGA_HD void run_world(const Lanes& lanes, const LaunchOf<P>& k, int world, char
   if constexpr (in_shared) {
     w = working_copy(home, shared, k.params.n_agents);
     attach_scratch(w, k.scratch_layout(), shared + working_copy_bytes(k.params.n_agents));
+    if constexpr (job == Job::step && P::kTeam > 0) ask_ahead(lanes, k.params, home, k.io, world);
     copy_world(lanes, k.params, home, w);
   } else {
     attach_scratch(w, k.layout, k.scratch + static_cast<size_t>(world) * k.layout.size);

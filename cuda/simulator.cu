@@ -11,7 +11,7 @@ namespace {
 // Blocks of TileLanes per multiprocessor, which bounds a thread's registers. With the staged rows of teams of five the
 // shared memory holds five blocks. Measured on an H200, G agent-steps/s of 2 vs 2 at 5 and 8 blocks: 3.45, 3.04.
 template <class P>
-constexpr int kTileBlocks = kBlockIsGroup<P> ? 4 : P::kTeam > 0 ? 5 : 8;
+constexpr int kTileBlocks = kBlockIsGroup<P> ? 4 : P::kTeam == 2 ? 6 : P::kTeam > 0 ? 5 : 8;
 
 // After so many lists the host looks how many worlds one had: enough work that the device does not wait for it.
 constexpr int64_t kListsLater = 2;
