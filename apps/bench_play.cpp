@@ -171,8 +171,8 @@ double least_bytes(const SimSpec& spec) {
 
 BenchResult bench_sim(const BenchOptions& options, Device device, int worlds) {
   const LoadedRun run = bench_run(options, worlds);
-  BenchResult result =
-      play(options, device, run, script_controller(Scripted::random), script_controller(Scripted::random));
+  const std::shared_ptr<TeamController> random = script_controller(Scripted::random);  // of both teams: one launch
+  BenchResult result = play(options, device, run, random, random);
   result.bytes = least_bytes(run.spec);
   if (device.is_cuda()) result.copy_rate = cuda_copy_rate(device.index);
   result.arithmetic = FieldCodec<Precision>::print(Precision::fp32);

@@ -19,6 +19,7 @@
   APPLY(SampleCategorical)            \
   APPLY(SampleGaussian)               \
   APPLY(ScriptedActions)              \
+  APPLY(BlindActions)                 \
   APPLY(ForgetEpisodes)               \
   APPLY(Gae)                          \
   APPLY(CategoricalLoss)              \

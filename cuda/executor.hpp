@@ -15,27 +15,43 @@
 namespace giga {
 
 constexpr int kWarp = 32;
-constexpr int kTileWarps = 4;          // warps of a block of TileLanes
+constexpr int kTileWarps = 4;          // warps of a block of TileLanes, where each is a group
+constexpr int kGroupWarps = 5;         // or where they are a group together: 4 worlds of 40 agents, 8 of 20
 constexpr int kMaxBlockThreads = 512;  // threads of a block of BlockLanes
-constexpr int kWorldsAlone = 1024;     // playing worlds up to which each has a warp for itself
+constexpr int kWorldsAlone = 1024;     // playing worlds up to which each has a group for itself
+
+/// Threads of a block of TileLanes, and of a group of them that share their barriers: a warp or, for teams that fill
+/// a warp badly, the block.
+template <class P>
+constexpr bool kBlockIsGroup = 2 * P::kTeam > kWarp / 2;
+template <class P>
+constexpr int kTileThreads = (kBlockIsGroup<P> ? kGroupWarps : kTileWarps) * kWarp;
+template <class P>
+constexpr int kGroupThreads = kBlockIsGroup<P> ? kTileThreads<P> : kWarp;
 
 /// Blocks and threads of a launch over all worlds.
 struct LaunchShape {
   bool tiles;      ///< TileLanes, else BlockLanes
   bool in_shared;  ///< scratch and working copy in shared memory, else the scratch alone in global memory
   int blocks, threads;
+  int group;            ///< threads that share their barriers
   size_t shared_bytes;  ///< of a block
 };
 
 inline LaunchShape launch_shape(const SimParams& p, int n_worlds) {
   const int n = p.n_agents;
   const size_t per_world = shared_bytes(p);
-  const int tiled = n <= kWarp ? kTileWarps * (kWarp / n) : 0;  // worlds of a block
-  if (tiled > 0 && per_world * static_cast<size_t>(tiled) <= kSharedLimit)
-    return {true, true, (n_worlds + tiled - 1) / tiled, kTileWarps * kWarp, per_world * static_cast<size_t>(tiled)};
+  LaunchShape tiles{};
+  with_usual_params(p, [&]<class P>(const P&) {
+    const int worlds = kTileThreads<P> / kGroupThreads<P> * (kGroupThreads<P> / n);  // of a block
+    const size_t bytes = per_world * static_cast<size_t>(worlds);
+    if (worlds > 0 && bytes <= kSharedLimit)
+      tiles = {true, true, (n_worlds + worlds - 1) / worlds, kTileThreads<P>, kGroupThreads<P>, bytes};
+  });
+  if (tiles.tiles) return tiles;
   const bool in_shared = global_scratch_bytes(p, n_worlds) == 0;
   const int threads = std::min((n + kWarp - 1) / kWarp * kWarp, kMaxBlockThreads);
-  return {false, in_shared, n_worlds, threads, in_shared ? per_world : 0};
+  return {false, in_shared, n_worlds, threads, threads, in_shared ? per_world : 0};
 }
 
 /// Arguments of a kernel, by value. P: SimParams, or some of them as constants of the compiler.
@@ -79,35 +95,35 @@ struct ThreadIndex {
   int thread, n_threads;  // of the block
 };
 
-/// Points the working fields of the state to shared memory; copy_world moves them there or back. Words come first, so
-/// that each array is aligned, and of them those of the world.
+/// Points the working fields of the state to shared memory; copy_world moves them there or back. The agents' words come
+/// first and their bytes at a whole word, so that several of an array are read at once.
 GIGA_HD WorldView working_copy(const WorldView& home, char* block, int n) {
   WorldView w = home;
   size_t at = 0;
   const auto take = [&](auto field, auto member) {
     auto*& array = w.*member;
+    at = (at + sizeof(*array) - 1) / sizeof(*array) * sizeof(*array);
     array = reinterpret_cast<std::remove_reference_t<decltype(array)>>(block + at);
     at += sizeof(*array) * static_cast<size_t>(field.count(n));
   };
-  for_each_field([&](auto field, auto member) {
-    constexpr size_t kSize = sizeof(*(w.*member));
-    static_assert(!field.working || (field.columns == 1 && ((field.per == Per::agent && (kSize == 4 || kSize == 1)) ||
-                                                            (field.per == Per::agent_words && kSize == 4) ||
-                                                            (field.per == Per::world && (kSize == 4 || kSize == 1)) ||
-                                                            (field.per == Per::pair && kSize == 1))),
-                  "a working field has a word or a byte for the world, a word, words of bits or a byte for each agent, "
-                  "or a byte for each pair: working_copy and copy_world know no others");
-    if constexpr (field.working && field.per == Per::world && kSize == 4) take(field, member);
-  });
-  for_each_field([&](auto field, auto member) {
-    if constexpr (field.working && field.per != Per::world && sizeof(*(w.*member)) == 4) take(field, member);
-  });
-  for_each_field([&](auto field, auto member) {
-    if constexpr (field.working && field.per == Per::pair) take(field, member);
-  });
-  for_each_field([&](auto field, auto member) {
-    if constexpr (field.working && field.per != Per::pair && sizeof(*(w.*member)) == 1) take(field, member);
-  });
+  const auto take_all = [&](auto&& wanted) {
+    for_each_field([&](auto field, auto member) {
+      constexpr size_t kSize = sizeof(*(w.*member));
+      static_assert(!field.working || (field.columns == 1 && ((field.per == Per::agent && (kSize == 4 || kSize == 1)) ||
+                                                              (field.per == Per::agent_words && kSize == 4) ||
+                                                              (field.per == Per::world && (kSize == 4 || kSize == 1)) ||
+                                                              (field.per == Per::pair && kSize == 1))),
+                    "a working field has a word or a byte for the world, a word, words of bits or a byte for each "
+                    "agent, or a byte for each pair: working_copy and copy_world know no others");
+      if constexpr (field.working)
+        if (wanted(field.per, kSize)) take(field, member);
+    });
+  };
+  take_all([](Per per, size_t size) { return per != Per::world && size == 4; });
+  take_all([](Per per, size_t) { return per == Per::pair; });
+  take_all([](Per per, size_t size) { return per == Per::agent && size == 1; });
+  take_all([](Per per, size_t size) { return per == Per::world && size == 4; });
+  take_all([](Per per, size_t size) { return per == Per::world && size == 1; });
   return w;
 }
 
@@ -137,14 +153,18 @@ template <class Lanes>
 GIGA_HD void copy_world(const Lanes& lanes, const Parameters auto& p, const WorldView& from, const WorldView& to) {
   constexpr int kAgents = 2 * std::remove_cvref_t<decltype(p)>::kTeam, kWorldWords = count_world_words();
   const int n = p.n_agents, one_word = words_for(n) == 1;
+  const auto agent_word = [&](int k) {
+    for_each_field([&](auto field, auto member) {
+      if constexpr (field.working && field.per == Per::agent_words) (to.*member)[k] = (from.*member)[k];
+    });
+  };
   const auto agent = [&](int i) {
     for_each_field([&](auto field, auto member) {
       if constexpr (field.working && field.per == Per::agent) (to.*member)[i] = (from.*member)[i];
       if constexpr (field.working && field.per == Per::world && sizeof(*(to.*member)) == 1)
         if (i == n - 1) *(to.*member) = *(from.*member);
-      if constexpr (field.working && field.per == Per::agent_words)
-        if (one_word) (to.*member)[i] = (from.*member)[i];
     });
+    agent_word(i);
   };
   const auto pair_word = [&](int k) {
     for_each_field([&](auto field, auto member) {
@@ -154,7 +174,7 @@ GIGA_HD void copy_world(const Lanes& lanes, const Parameters auto& p, const Worl
   };
   const auto of_world = [&](int k) { *world_word(to, k) = *world_word(from, k); };
   if constexpr (kAgents > 0) {
-    constexpr int kPairWords = kAgents * kAgents / 4;
+    constexpr int kPairWords = kAgents * kAgents / 4, kWords = words_for(kAgents);
     static_assert(kAgents % 2 == 0, "whole words");
     lanes.each_agent(n, [&](int i) {
       GIGA_UNROLL
@@ -164,16 +184,13 @@ GIGA_HD void copy_world(const Lanes& lanes, const Parameters auto& p, const Worl
       GIGA_UNROLL
       for (int k = 0; k < kPairWords; k += kAgents)
         if (k + i < kPairWords) pair_word(k + i);
+      GIGA_UNROLL
+      for (int k = kAgents; k < kAgents * kWords; k += kAgents) agent_word(k + i);
     });
   } else {
     lanes.each(kWorldWords, of_world);
     lanes.each_agent(n, agent);
-    if (!one_word)
-      lanes.each(n * words_for(n), [&](int k) {
-        for_each_field([&](auto field, auto member) {
-          if constexpr (field.working && field.per == Per::agent_words) (to.*member)[k] = (from.*member)[k];
-        });
-      });
+    if (!one_word) lanes.each(n * words_for(n) - n, [&](int k) { agent_word(n + k); });
     if (n % 2 == 0)
       lanes.each(n * n / 4, pair_word);
     else
@@ -183,6 +200,21 @@ GIGA_HD void copy_world(const Lanes& lanes, const Parameters auto& p, const Worl
         });
       });
   }
+}
+
+/// Asks for what a step reads of memory besides the working copy, long before it is needed: the actions, and the sums
+/// of the episode.
+template <class Lanes>
+GIGA_HD void ask_ahead(const Lanes& lanes, const Parameters auto& p, const WorldView& home, const StepIo& io,
+                       int world) {
+  lanes.each_agent(p.n_agents, [&](int i) {
+    prefetch(static_cast<const int32_t*>(io.of(p.team_of(i)).action) + team_row(p, world, i));
+    const float* sums = i == 0   ? home.returns
+                        : i == 1 ? home.returns_masked
+                        : i == 2 ? home.term_returns
+                                 : home.term_returns + kNTeams * kNRewardTerms - 1;
+    if (i < 4) prefetch(sums);
+  });
 }
 
 /// Runs the job for one world. `shared` = this world's block of shared memory; a template parameter says whether it is
@@ -195,6 +227,7 @@ GIGA_HD void run_world(const Lanes& lanes, const LaunchOf<P>& k, int world, char
   if constexpr (in_shared) {
     w = working_copy(home, shared, k.params.n_agents);
     attach_scratch(w, k.scratch_layout(), shared + working_copy_bytes(k.params.n_agents));
+    if constexpr (job == Job::step && P::kTeam > 0) ask_ahead(lanes, k.params, home, k.io, world);
     copy_world(lanes, k.params, home, w);
   } else {
     attach_scratch(w, k.layout, k.scratch + static_cast<size_t>(world) * k.layout.size);
@@ -210,21 +243,22 @@ GIGA_HD void run_world(const Lanes& lanes, const LaunchOf<P>& k, int world, char
 /// What a thread does in a launch of TileLanes.
 template <Job job, class Sync, class P>
 GIGA_HD void run_tile_thread(const LaunchOf<P>& k, const ThreadIndex& at, char* shared, Sync sync) {
+  constexpr int kGroup = kGroupThreads<P>, kGroups = kTileThreads<P> / kGroup;
   const int n = k.params.n_agents, count = k.count();
-  // Few worlds take as long as one does: a warp for each is faster then.
-  const bool alone = k.playing && count <= kWorldsAlone && count <= at.n_blocks * kTileWarps;
-  const int lane = at.thread % kWarp, warp = at.thread / kWarp;
+  // Few worlds take as long as one does: a group for each is faster then.
+  const bool alone = k.playing && count <= kWorldsAlone && count <= at.n_blocks * kGroups;
+  const int lane = at.thread % kGroup, group = at.thread / kGroup;
   // Divided by n, which may be a constant, rather than by the width.
-  const int width = alone ? kWarp : n, per_warp = alone ? 1 : kWarp / n;
+  const int width = alone ? kGroup : n, per_group = alone ? 1 : kGroup / n;
   const int tile = alone ? 0 : lane / n, first = alone ? lane : lane % n;
-  const int slot = warp * per_warp + (tile < per_warp ? tile : 0);
-  const int index = at.block * (kTileWarps * per_warp) + slot;
-  if (at.block * (kTileWarps * per_warp) >= count) return;
-  const bool idle = tile >= per_warp || index >= count;
+  const int slot = group * per_group + (tile < per_group ? tile : 0);
+  const int index = at.block * (kGroups * per_group) + slot;
+  if (at.block * (kGroups * per_group) >= count) return;
+  const bool idle = tile >= per_group || index >= count;
   const TileLanes<Sync> lanes{idle ? INT_MAX : first, width, sync};
   // An idle thread looks at some world of the launch, so that it can keep in step.
   run_world<job, true>(lanes, k, k.world(index < count ? index : count - 1),
-                       shared + static_cast<size_t>(slot) * k.world_bytes);
+                       shared + static_cast<size_t>(slot) * (k.world_bytes / 16 * 16));  // as the compiler learns so
 }
 
 /// What a thread does in a launch of BlockLanes.

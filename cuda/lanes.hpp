@@ -2,7 +2,7 @@
 // step: wait() returns when all have called it, any(flag) likewise with whether any flag was set. On the GPU these are
 // its barriers (simulator.cu); where there is none, tests run the threads one after the other (tests/parity).
 //
-// Sync of a warp also copies numbers from shared memory on its own while the threads go on: each thread that has
+// Sync also copies numbers from shared memory on its own while the threads go on: each thread that has
 // written some calls before_sending, then all wait(), then one calls send(to, from, count); it may only write to `from`
 // again after its wait_sent, and read `to` after its wait_delivered. Both addresses are multiples of 16 bytes, count
 // of 4.
@@ -18,8 +18,9 @@
 
 namespace giga {
 
-/// Several worlds per warp, one thread per agent: 3 worlds of 10 agents use 30 of 32 threads. Threads beyond the last
-/// whole world, or beyond the last world, have `first` past every loop and only keep in step. Sync: of a warp.
+/// Several worlds per group of threads, one thread per agent: 3 worlds of 10 agents use 30 of the 32 threads of a warp,
+/// 4 worlds of 40 all of a block of 5 warps. Threads beyond the last whole world, or beyond the last world, have `first`
+/// past every loop and only keep in step. Sync: of the group.
 template <class Sync>
 struct TileLanes {
   static constexpr bool kSerial = false;

@@ -19,16 +19,16 @@ GIGA_HD size_t working_copy_bytes(int n_agents) {
     const StateView fields{};
     if constexpr (field.working) bytes += sizeof(*(fields.*member)) * static_cast<size_t>(field.count(n_agents));
   });
-  return (bytes + 15) & ~size_t{15};
+  return (bytes + 3 + 15) & ~size_t{15};  // 3: the world's words begin at a whole one behind the agents' bytes
 }
 
-/// Bytes of shared memory that a world takes where its scratch lies there. The same array of worlds side by side lies
-/// 12 or 20 words further in each: so lanes of three worlds of ten agents meet in a bank twice at most, and those of
-/// eight worlds of four never. (Shared memory has 32 banks of a word each.)
+/// Bytes of shared memory that a world takes where its scratch lies there. Where a warp has several worlds, the same
+/// array of those side by side lies 12 or 20 words further in each: so lanes of three worlds of ten agents meet in a
+/// bank twice at most, and those of eight worlds of four never. (Shared memory has 32 banks of a word each.)
 inline size_t shared_bytes(const SimParams& p) {
   size_t bytes = working_copy_bytes(p.n_agents);
   with_usual_params(p, [&](const auto& q) { bytes += ScratchLayout(q).size; });
-  while (bytes % 128 != 48 && bytes % 128 != 80) bytes += 16;
+  while (p.n_agents <= 32 && bytes % 128 != 48 && bytes % 128 != 80) bytes += 16;
   return bytes;
 }
 

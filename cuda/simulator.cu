@@ -11,16 +11,13 @@ namespace {
 // Blocks of TileLanes per multiprocessor, which bounds a thread's registers. With the staged rows of teams of five the
 // shared memory holds five blocks. Measured on an H200, G agent-steps/s of 2 vs 2 at 5 and 8 blocks: 3.45, 3.04.
 template <class P>
-constexpr int kTileBlocks = P::kTeam > 0 ? 5 : 8;
+constexpr int kTileBlocks = kBlockIsGroup<P> ? 4 : P::kTeam == 2 ? 6 : P::kTeam > 0 ? 5 : 8;
 
 // After so many lists the host looks how many worlds one had: enough work that the device does not wait for it.
 constexpr int64_t kListsLater = 2;
 
-struct WarpSync {
-  __device__ void wait() const { __syncwarp(); }
-  __device__ bool any(bool flag) const { return __any_sync(0xFFFFFFFFu, flag); }
-
-  // Bulk copies of the tensor memory accelerator, compute capability 9.0 and later.
+// Bulk copies of the tensor memory accelerator, compute capability 9.0 and later.
+struct BulkCopies {
 #if __CUDA_ARCH__ >= 900
   __device__ void before_sending() const { asm volatile("fence.proxy.async.shared::cta;" ::: "memory"); }
   __device__ void send(float* to, const float* from, int count) const {
@@ -44,7 +41,11 @@ struct WarpSync {
   __device__ void wait_delivered() const {}
 #endif
 };
-struct BlockSync {
+struct WarpSync : BulkCopies {
+  __device__ void wait() const { __syncwarp(); }
+  __device__ bool any(bool flag) const { return __any_sync(0xFFFFFFFFu, flag); }
+};
+struct BlockSync : BulkCopies {
   __device__ void wait() const { __syncthreads(); }
   __device__ bool any(bool flag) const { return __syncthreads_or(flag); }
 };
@@ -55,10 +56,10 @@ __device__ ThreadIndex this_thread() {
 }
 
 template <Job job, class P>
-__global__ void __launch_bounds__(kTileWarps* kWarp, kTileBlocks<P>)
+__global__ void __launch_bounds__(kTileThreads<P>, kTileBlocks<P>)
     tile_kernel(const __grid_constant__ LaunchOf<P> k) {
-  extern __shared__ char shared[];
-  run_tile_thread<job>(k, this_thread(), shared, WarpSync{});
+  extern __shared__ __align__(16) char shared[];
+  run_tile_thread<job>(k, this_thread(), shared, std::conditional_t<kBlockIsGroup<P>, BlockSync, WarpSync>{});
 }
 
 template <Job job, bool in_shared>

@@ -11,9 +11,11 @@
 #if defined(__CUDA_ARCH__)
 #define GIGA_UNROLL _Pragma("unroll")
 #define GIGA_ROLLED _Pragma("unroll 1")
+#define GIGA_UNROLL_BY_4 _Pragma("unroll 4")
 #else
 #define GIGA_UNROLL
 #define GIGA_ROLLED
+#define GIGA_UNROLL_BY_4
 #endif
 
 namespace giga {
@@ -26,6 +28,17 @@ GIGA_HD T table_value(const T* p) {
   return __ldg(p);
 #else
   return *p;
+#endif
+}
+
+/// On a GPU: has the memory at an address brought to its caches, without waiting for it.
+GIGA_HD void prefetch([[maybe_unused]] const void* p) {
+#if defined(__CUDA_ARCH__)
+#if !defined(GIGA_PF) || GIGA_PF == 1
+  asm volatile("prefetch.global.L1 [%0];" ::"l"(p));
+#elif GIGA_PF == 2
+  asm volatile("prefetch.global.L2 [%0];" ::"l"(p));
+#endif
 #endif
 }
 

@@ -12,7 +12,17 @@ class ScriptController final : public TeamController {
 
   ObservationSet reads() const override { return observations_of(script_); }
   void act(std::span<const TeamStep> parts) override {
-    for (const TeamStep& part : parts) part.parallel_for.run(scripted_actions(script_, part), part.n_rows());
+    for (size_t k = 0; k < parts.size(); ++k) {
+      const TeamStep& part = parts[k];
+      const ScriptedActions actions = scripted_actions(script_, part);
+      if (k + 1 < parts.size() && !uses_observation(script_)) {
+        const TeamStep& next = parts[++k];
+        part.parallel_for.run(BlindActions{actions, scripted_actions(script_, next), part.n_rows()},
+                              part.n_rows() + next.n_rows());
+      } else {
+        part.parallel_for.run(actions, part.n_rows());
+      }
+    }
   }
 
  private:

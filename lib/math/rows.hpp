@@ -18,7 +18,13 @@ struct RowDraws {
   int n, team;
   int64_t period = 0;  // as SimOptions::draw_period
 
-  GIGA_HD int64_t world(int64_t row) const { return row / n; }
+  GIGA_HD int64_t world(int64_t row) const {
+#if defined(__CUDA_ARCH__)
+    // Four times as fast as a division of 64 bits.
+    if (row >> 32 == 0) return static_cast<uint32_t>(row) / static_cast<uint32_t>(n);
+#endif
+    return row / n;
+  }
   GIGA_HD DrawKey key(int64_t row, uint32_t steps_back = 0) const {
     const int64_t w = world(row);
     return DrawKey(seed, draw_world(first_world, period, w), draw_step[w] - steps_back);

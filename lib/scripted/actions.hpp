@@ -30,6 +30,8 @@ struct ScriptedActions {
     else
       write_blind(script, row);
   }
+  /// Where `kind` does not look at observations: less code.
+  GIGA_HD void act_blind(int64_t row) const { write_blind(kind, row); }
 
  private:
   GIGA_HD Controls decide(Scripted script, int64_t row) const {
@@ -90,6 +92,20 @@ struct ScriptedActions {
       c = {control(0), control(1), control(2)};
     }
     write(row, c);
+  }
+};
+
+/// The actions of two teams, or of parts of them, whose scripts do not look at observations: one loop over the rows of
+/// both, because on a GPU the launches of such short work take longer than the work.
+struct BlindActions {
+  ScriptedActions first, second;
+  int64_t n_first;  // rows
+
+  GIGA_HD void operator()(int64_t row) const {
+    if (row < n_first)
+      first.act_blind(row);
+    else
+      second.act_blind(row - n_first);
   }
 };
 

@@ -90,12 +90,15 @@ GIGA_HD void check_agents(const Parameters auto& p, World auto& w, int i) {
 /// Strictly inside a box of the world's map, each grown by `margin` on every side.
 GIGA_HD bool inside_obstacle(const Parameters auto& p, const World auto& w, float x, float y, float z, float margin) {
   const Box* boxes = p.maps.boxes + static_cast<int64_t>(*w.map) * p.n_boxes;
-  for (int b = 0; b < p.n_boxes; ++b) {
+  bool inside = false;
+  GIGA_UNROLL_BY_4
+  for (int b = 0; b < p.n_boxes; ++b) {  // all of them, so that a GPU need not wait for one before it asks for the next
     const Box box = table_box(boxes + b);
-    const bool planar = box.x1 - margin < x && x < box.x2 + margin && box.y1 - margin < y && y < box.y2 + margin;
-    if (planar && (!p.obstacle_heights || (box.z1 - margin <= z && z <= box.z2 + margin))) return true;
+    const bool planar =
+        (box.x1 - margin < x) & (x < box.x2 + margin) & (box.y1 - margin < y) & (y < box.y2 + margin);
+    inside |= planar & (!p.obstacle_heights || (box.z1 - margin <= z && z <= box.z2 + margin));
   }
-  return false;
+  return inside;
 }
 
 /// Rules 4.3.2 applied, then 4.3.3: inside an obstacle.

@@ -2,6 +2,7 @@
 // scenario/compile.hpp makes a SimSpec from a Scenario; a simulator copies its tables to its device.
 #pragma once
 
+#include <bit>
 #include <concepts>
 #include <cstdint>
 #include <string>
@@ -201,20 +202,48 @@ GIGA_HD void for_team(const Parameters auto& p, int team, F&& f) {
   }
 }
 
+/// The lowest bit that is set, of which there is one.
+GIGA_HD int lowest_bit(uint32_t bits) {
+#if defined(__CUDA_ARCH__)
+  return __ffs(static_cast<int>(bits)) - 1;
+#else
+  return std::countr_zero(bits);
+#endif
+}
+
 /// Words of 32 bits for one bit per agent.
-GIGA_HD int words_for(int n_agents) { return (n_agents + 31) / 32; }
+GIGA_HD constexpr int words_for(int n_agents) { return (n_agents + 31) / 32; }
+
+/// The bits of all agents of two teams of kTeam agents in a register, and such a row read from memory.
+template <int kTeam>
+using AgentBits = std::conditional_t<2 * kTeam <= 32, uint32_t, uint64_t>;
+template <int kTeam>
+GIGA_HD AgentBits<kTeam> read_agent_bits(const uint32_t* row) {
+  if constexpr (2 * kTeam <= 32)
+    return row[0];
+  else
+    return row[0] | static_cast<uint64_t>(row[1]) << 32;
+}
+
+/// The same written: the bits of a team's agents, 0 for all others.
+template <class P>
+GIGA_HD void write_team_bits(const P& p, int team, uint32_t* row, uint32_t bits) {
+  static_assert(P::kTeam > 0 && P::kTeam <= 32);
+  const auto all = static_cast<AgentBits<P::kTeam>>(bits) << p.first_of(team);
+  row[0] = static_cast<uint32_t>(all);
+  if constexpr (2 * P::kTeam > 32) row[1] = static_cast<uint32_t>(all >> 32);
+}
 
 /// A row of bits, one for each agent: writes that of each agent of a team by test(agent, k), in their order, and 0 for
 /// all others.
 template <class Test>
 GIGA_HD void write_team_bits(const Parameters auto& p, int team, uint32_t* row, Test&& test) {
   if constexpr (constexpr int kTeam = std::remove_cvref_t<decltype(p)>::kTeam; kTeam > 0) {
-    static_assert(2 * kTeam <= 32);
     uint32_t bits = 0;
     for_team(p, team, [&](int a, int k) {
-      if (test(a, k)) bits |= 1u << a;
+      if (test(a, k)) bits |= 1u << k;
     });
-    *row = bits;
+    write_team_bits(p, team, row, bits);
   } else {
     const int first = p.first_of(team), end = p.end_of(team), words = words_for(p.n_agents);
     int k = 0;

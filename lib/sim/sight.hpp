@@ -27,6 +27,26 @@ struct Sighting {
   bool detected, in_weapon_range;
 };
 
+/// Target a as seen from observer b.
+struct Gap {
+  float dx, dy;
+  float d2;  ///< squared distance
+};
+GIGA_HD Gap gap_to(const Parameters auto& p, const World auto& w, int a, int b) {
+  const float dx = w.x[a] - w.x[b], dy = w.y[a] - w.y[b];
+  float d2 = dx * dx + dy * dy;
+  if (p.sight_3d) d2 += (w.z[a] - w.z[b]) * (w.z[a] - w.z[b]);
+  return {dx, dy, d2};
+}
+
+GIGA_HD bool within(float d2, float limit2) { return limit2 > 0 && d2 <= limit2; }
+/// The squared depth of b's cone of sight.
+GIGA_HD float sight_depth2(const Parameters auto& p, int b) { return p.cone_depth2 * table_value(p.agents.range + b); }
+/// Whether b may see at that distance. Most pairs are too far, whatever the direction.
+GIGA_HD bool in_sight_range(const Parameters auto& p, float d2, int b) {
+  return (d2 < p.very_close_depth2) | within(d2, sight_depth2(p, b));
+}
+
 /// Does observer b detect target a, and is a within b's weapon cone? Both alive and of different teams.
 ///
 /// The original compares an angle with the half angle of a cone; here the cosine is compared, since
@@ -37,24 +57,20 @@ struct Sighting {
 /// `draw()` is asked where chance decides.
 template <class Draw>
 GIGA_HD Sighting sight(const Parameters auto& p, const World auto& w, int a, int b, Draw&& draw) {
-  const float dx = w.x[a] - w.x[b], dy = w.y[a] - w.y[b];
-  float d2 = dx * dx + dy * dy;
-  if (p.sight_3d) d2 += (w.z[a] - w.z[b]) * (w.z[a] - w.z[b]);
+  const auto [dx, dy, d2] = gap_to(p, w, a, b);
+  if (!in_sight_range(p, d2, b)) return {false, false};
 
-  const auto within = [d2](float limit) { return limit > 0 && d2 <= limit; };
   const bool close = d2 < p.very_close_depth2;
-  const float depth2 = p.cone_depth2 * table_value(p.agents.range + b);
-  if (!close && !within(depth2)) return {false, false};  // most pairs: too far, whatever the direction
-
   const float d = square_root(d2);
   const float ahead = dx * w.dir_x[b] + dy * w.dir_y[b];
   const bool in_cone = p.cone_is_full || ahead > p.cone_cos * d;
   const bool in_damage_cone = p.damage_cone_is_full || ahead > p.damage_cone_cos * d;
   bool see = close || d2 <= 0 || (p.stochastic_detection ? in_damage_cone : in_cone);
   // Outside the cone no draw suffices, so none is needed.
-  if (!see && p.stochastic_detection && in_cone) see = divide(d2, depth2) < draw();
+  if (!see && p.stochastic_detection && in_cone) see = divide(d2, sight_depth2(p, b)) < draw();
   if (see && p.obstacles_block_sight && sight_blocked(p, w, a, b)) see = false;
-  return {see, within(p.damage_cone_depth2 * table_value(p.agents.damage_range + b)) && (in_damage_cone || d2 <= 0)};
+  const float weapon_depth2 = p.damage_cone_depth2 * table_value(p.agents.damage_range + b);
+  return {see, within(d2, weapon_depth2) && (in_damage_cone || d2 <= 0)};
 }
 
 /// Damage units of a tracking counter: 0 up to the minimum, then growing by 1 a step.
@@ -64,24 +80,46 @@ GIGA_HD int damage_units(const Parameters auto& p, int tracked) {
   return t - p.min_tracking_time;
 }
 
+/// Teams of a constant size from which on the opponents near an agent are listed before they are looked at. All others
+/// are looked at without a branch.
+constexpr int kListsNear = 10;
+
 /// Everything that is done to target a: who detects it, who fires at it and for how long, what it takes.
 template <class Draws>
 GIGA_HD void detect_and_track(const Parameters auto& p, World auto& w, Draws& draws, int a) {
   uint8_t* tracked = w.tracked + static_cast<int64_t>(a) * p.n_agents;  // of its own team the counters stay 0
   uint32_t* detected = w.detected + static_cast<int64_t>(a) * words_for(p.n_agents);
   const bool alive = w.alive[a] != 0;
+  const int team = 1 - p.team_of(a);
   int taken = 0;
-  with_detect_draws(p, draws, a, [&](auto&& draw) {
-    write_team_bits(p, 1 - p.team_of(a), detected, [&](int b, int k) {
-      Sighting s{false, false};
-      if (alive && w.alive[b]) s = sight(p, w, a, b, [&] { return draw(b, k); });
-      const int before = tracked[b];
-      const int now = s.detected && s.in_weapon_range ? (before < 255 ? before + 1 : 255) : 0;
-      tracked[b] = static_cast<uint8_t>(now);
-      taken += damage_units(p, now);
-      return s.detected;
+  const auto track = [&](int b, Sighting s) {
+    const int before = tracked[b];
+    const int now = s.detected && s.in_weapon_range ? (before < 255 ? before + 1 : 255) : 0;
+    tracked[b] = static_cast<uint8_t>(now);
+    taken += damage_units(p, now);
+    return s.detected;
+  };
+  if constexpr (std::remove_cvref_t<decltype(p)>::kTeam >= kListsNear) {
+    uint32_t near = 0, sighted = 0;
+    for_team(p, team, [&](int b, int k) {
+      const bool some = alive & (w.alive[b] != 0) & in_sight_range(p, gap_to(p, w, a, b).d2, b);
+      near |= some ? 1u << k : 0u;
+      if (!some) tracked[b] = 0;
     });
-  });
+    for (; near; near &= near - 1) {
+      const int k = lowest_bit(near), b = p.first_of(team) + k;
+      if (track(b, sight(p, w, a, b, [&] { return draws.detect(a, b); }))) sighted |= 1u << k;
+    }
+    write_team_bits(p, team, detected, sighted);
+  } else {
+    with_detect_draws(p, draws, a, [&](auto&& draw) {
+      write_team_bits(p, team, detected, [&](int b, int k) {
+        Sighting s{false, false};
+        if (alive && w.alive[b]) s = sight(p, w, a, b, [&] { return draw(b, k); });
+        return track(b, s);
+      });
+    });
+  }
   w.taken[a] = static_cast<float>(taken);
   if (taken > 0) w.flags[a] |= kTookDamage;
 }

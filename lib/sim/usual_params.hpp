@@ -11,8 +11,7 @@ struct UsualParams : SimParams {
   explicit UsualParams(const SimParams& p) : SimParams(p) {}
   static constexpr Rules rules = Rules::corrected;
   static constexpr ActionKind actions = ActionKind::discrete;
-  static constexpr int kTeam = kTeamSize, n_agents = 2 * kTeam, n_neighbors = n_agents;
-  static_assert(n_neighbors <= 15);
+  static constexpr int kTeam = kTeamSize, n_agents = 2 * kTeam, n_neighbors = n_agents < 15 ? n_agents : 15;
   static constexpr bool waypoints = false, has_idle_reward = false;
   static constexpr bool stochastic_communication = true, stochastic_detection = true;
   static constexpr bool obstacle_heights = false, obstacles_block_sight = false, sight_3d = false;
@@ -35,12 +34,22 @@ struct UsualParams : SimParams {
   }
 };
 
-/// Calls f with the parameters: with those of them as constants that a scenario has in common with most.
+/// Calls f with the parameters: with those of them as constants that a scenario has in common with most, where its
+/// teams have one of these sizes.
+template <int... kTeamSizes, class F>
+void with_usual_teams(const SimParams& p, F&& f) {
+  const auto serve = [&]<int kTeamSize>() {
+    if (!UsualParams<kTeamSize>::fits(p)) return false;
+    f(UsualParams<kTeamSize>(p));
+    return true;
+  };
+  if (!(serve.template operator()<kTeamSizes>() || ...)) f(p);
+}
+
+/// The same for all sizes that are served.
 template <class F>
 void with_usual_params(const SimParams& p, F&& f) {
-  if (UsualParams<5>::fits(p)) return f(UsualParams<5>(p));
-  if (UsualParams<2>::fits(p)) return f(UsualParams<2>(p));
-  f(p);
+  with_usual_teams<5, 2, 10, 20>(p, f);
 }
 
 }  // namespace giga

@@ -1,9 +1,11 @@
 // The vector observation, the original's: agents in order of distance, then waypoint and obstacles (rules 7).
 #pragma once
 
+#include <bit>
 #include <cmath>
 
 #include "core/geometry.hpp"
+#include "core/lowest_keys.hpp"
 #include "sim/image_rows.hpp"
 #include "sim/observation_text.hpp"
 #include "sim/rows.hpp"
@@ -26,6 +28,8 @@ GIGA_HD float order_distance(const Parameters auto& p, const World auto& w, int 
   const float dx = order_x(p, w, a) - order_x(p, w, e), dy = order_y(p, w, a) - order_y(p, w, e);
   return square_root(dx * dx + dy * dy);
 }
+
+constexpr uint32_t kUnseenKey = 0x80000000u;  ///< see rank_by_sorting
 
 /// The agents of e's rows: e itself, then those seen by ascending distance (equal ones by index), then nobody. By
 /// insertion, for any number of agents.
@@ -51,53 +55,44 @@ GIGA_HD void rank_by_insertion(const Parameters auto& p, World auto& w, int e) {
   for (; count < limit; ++count) rows[count] = kNobody;
 }
 
-/// The same by counting for each agent those that come before it: no branches and nothing but registers, for a constant
-/// number of agents that all have a row.
-GIGA_HD void rank_by_counting(const Parameters auto& p, World auto& w, int e) {
-  constexpr int kTeam = std::remove_cvref_t<decltype(p)>::kTeam;
-  const uint32_t seen = w.seen[e], others = seen & ~(1u << e);
-  const int team = p.team_of(e);
-  // Distances are not negative, so that their bits are in the same order. The key of whom e does not see is beyond all.
-  uint32_t mate[kTeam], opponent[kTeam];
-  const auto key = [&](int a) {
-    const float dx = w.x[a] - w.x[e], dy = w.y[a] - w.y[e];
-    return others >> a & 1u ? float_bits(square_root(dx * dx + dy * dy)) : 0xFFFFFF00u;
-  };
-  for_team(p, team, [&](int a, int k) { mate[k] = key(a); });
-  // Of equal distances the smaller index comes first: for team 0 that is the mate.
-  for_team(p, 1 - team, [&](int a, int k) { opponent[k] = key(a) + (team == 0 ? 1u : 0u); });
-
-  int mate_rank[kTeam], opponent_rank[kTeam];
+/// The same by a sorting network, for a constant number of agents: no branches and nothing but registers. A key is the
+/// squared distance, of which the lowest bits give way to the agent's index. Where that leaves open which of two agents
+/// comes first, as with equal distances, which are roots and so equal more often than their squares, it is done anew by
+/// insertion.
+GIGA_HD void rank_by_sorting(const Parameters auto& p, World auto& w, int e) {
+  constexpr int kTeam = std::remove_cvref_t<decltype(p)>::kTeam, kAgents = 2 * kTeam;
+  constexpr int kRows = std::remove_cvref_t<decltype(p)>::n_neighbors;
+  constexpr uint32_t kIndex = std::bit_ceil(static_cast<unsigned>(kAgents)) - 1;
+  using Bits = AgentBits<kTeam>;
+  const Bits seen = read_agent_bits<kTeam>(w.seen + e * words_for(kAgents)), ranked = seen | Bits{1} << e;
+  const float x = w.x[e], y = w.y[e];
+  uint32_t keys[kAgents];
   GIGA_UNROLL
-  for (int k = 0; k < kTeam; ++k) mate_rank[k] = opponent_rank[k] = 1;
-  GIGA_UNROLL
-  for (int k = 0; k < kTeam; ++k) {
-    GIGA_UNROLL
-    for (int j = 0; j < kTeam; ++j) {
-      if (k < j) {
-        const bool mates = mate[k] <= mate[j], opponents = opponent[k] <= opponent[j];
-        mate_rank[j] += mates, mate_rank[k] += !mates;
-        opponent_rank[j] += opponents, opponent_rank[k] += !opponents;
-      }
-      const bool mate_first = mate[k] < opponent[j];
-      opponent_rank[j] += mate_first, mate_rank[k] += !mate_first;
-    }
+  for (int a = 0; a < kAgents; ++a) {
+    const float dx = w.x[a] - x, dy = w.y[a] - y;
+    // Squares are not negative, so that their bits are in the same order; e itself has 0. The keys of whom e does not
+    // see are beyond all, and far from each other.
+    const uint32_t key = (float_bits(dx * dx + dy * dy) & ~kIndex) | static_cast<uint32_t>(a);
+    keys[a] = ranked >> a & 1u ? key : kUnseenKey | static_cast<uint32_t>(a) << 25;
   }
+  sort_lowest(keys);
 
-  uint16_t* rows = w.neighbors + e * 2 * kTeam;
+  // Squares whose roots are equal lie within four of the smallest steps.
+  static_assert(kIndex >= 3);
+  uint32_t apart = kUnseenKey;
   GIGA_UNROLL
-  for (int k = 0; k < 2 * kTeam; ++k) rows[k] = kNobody;
-  if (seen >> e & 1u) rows[0] = static_cast<uint16_t>(e);
-  const auto put = [&](int a, int rank) {
-    if (others >> a & 1u) rows[rank] = static_cast<uint16_t>(a);
-  };
-  for_team(p, team, [&](int a, int k) { put(a, mate_rank[k]); });
-  for_team(p, 1 - team, [&](int a, int k) { put(a, opponent_rank[k]); });
+  for (int k = 0; k < kRows && k + 1 < kAgents; ++k) apart = lower_key(apart, keys[k + 1] - keys[k]);
+  if (apart < 2 * (kIndex + 1)) return rank_by_insertion(p, w, e);
+
+  uint16_t* rows = w.neighbors + e * kRows;
+  GIGA_UNROLL
+  for (int k = 0; k < kRows; ++k) rows[k] = keys[k] < kUnseenKey ? static_cast<uint16_t>(keys[k] & kIndex) : kNobody;
+  if (!(seen >> e & 1u)) rows[0] = kNobody;
 }
 
 GIGA_HD void rank_neighbors(const Parameters auto& p, World auto& w, int e) {
   if constexpr (std::remove_cvref_t<decltype(p)>::kTeam > 0)
-    rank_by_counting(p, w, e);
+    rank_by_sorting(p, w, e);
   else
     rank_by_insertion(p, w, e);
 }
@@ -203,13 +198,15 @@ struct VectorObservation {
     if constexpr (P::kTeam == 0 || Lanes::kSerial) write_tail(lanes, p, w, n > 0, rows);
   }
 
-  /// The rows of a team at a time: two workers put together each of them in shared memory, then they are sent, all at
-  /// once where they lie one behind the other, while those of the other team are made.
+  /// So many rows at a time: some workers put together each of them in shared memory, then they are sent, all at once
+  /// where they lie one behind the other, while the next are made.
   template <class Lanes, Parameters P>
   GIGA_HD static void send_rows(const Lanes& lanes, const P& p, const World auto& w, int n,
                                 const TeamRows (&to)[kNTeams]) {
-    static_assert(!P::waypoints && P::n_neighbors == 2 * P::kTeam);
-    constexpr int kTeam = P::kTeam, kPitch = kStageRow<P>, kFront = P::n_neighbors * kNeighborFeatures;
+    static_assert(!P::waypoints && P::kTeam % kStageRows<P> == 0);
+    constexpr int kRows = kStageRows<P>, kPitch = kStageRow<P>, kFront = P::n_neighbors * kNeighborFeatures;
+    constexpr int kWorkers = P::n_agents / kRows;                         // of a row
+    constexpr int kShare = (P::n_neighbors + kWorkers - 1) / kWorkers;    // agents of a row that one of them writes
     const float* boxes = features_of_boxes(p, w);
     const int n_tail = p.n_boxes * box_features(p);
     const bool whole = kFront + n_tail <= kPitch;  // else there are too many boxes for the stage
@@ -217,43 +214,46 @@ struct VectorObservation {
     lanes.each_agent(n, [&](int i) {
       // The same in all rows; behind them zeros, as in the rows themselves.
       GIGA_UNROLL
-      for (int at = 0; at < kPitch - kFront; at += 2 * kTeam) {
+      for (int at = 0; at < kPitch - kFront; at += P::n_agents) {
         const int k = at + i;
         const float number = k < n_tail ? table_value(boxes + k) : 0.0f;
         GIGA_UNROLL
-        for (int slot = 0; slot < kTeam; ++slot)
+        for (int slot = 0; slot < kRows; ++slot)
           if (k < kPitch - kFront) w.stage[slot * kPitch + kFront + k] = number;
       }
     });
     GIGA_ROLLED
-    for (int team = 0; team < kNTeams; ++team) {
-      const TeamRows rows = team == 0 ? to[0] : to[1];
-      if (team > 0) lanes.each_agent(n, [&](int) { lanes.wait_sent(); });
+    for (int first = 0; first < P::n_agents; first += kRows) {
+      const int team = p.team_of(first);
+      TeamRows rows = team == 0 ? to[0] : to[1];
+      if (rows) rows.first = rows.row(first - p.first_of(team));
+      if (first > 0) lanes.each_agent(n, [&](int) { lanes.wait_sent(); });
       lanes.each_agent(n, [&](int i) {
-        const int slot = i % kTeam, half = i / kTeam, e = p.first_of(team) + slot;
+        const int slot = i % kRows, part = i / kRows, e = first + slot;
         const AgentFeatures own = w.features[e];
         float* row = w.stage + slot * kPitch;
         GIGA_UNROLL
-        for (int j = 0; j < kTeam; ++j) {
+        for (int j = 0; j < kShare; ++j) {
           // Each worker begins with another agent, so that they write to different banks.
-          const int turned = j + slot, k = half * kTeam + (turned < kTeam ? turned : turned - kTeam);
-          write_neighbor(p, w, e, own, k,
-                         [&](int feature, float number) { row[k * kNeighborFeatures + feature] = number; });
+          const int k = part * kShare + (j + slot) % kShare;
+          if (kWorkers * kShare == P::n_neighbors || k < P::n_neighbors)
+            write_neighbor(p, w, e, own, k,
+                           [&](int feature, float number) { row[k * kNeighborFeatures + feature] = number; });
         }
         lanes.before_sending();
       });
       if (rows.aligned(sizeof(FourNumbers))) {
         const bool together = whole && rows.stride == kPitch;
-        const int sent = together ? kTeam * kPitch : columns / 4 * 4;
+        const int sent = together ? kRows * kPitch : columns / 4 * 4;
         lanes.each_agent(n, [&](int i) {
-          if (rows && i < (together ? 1 : kTeam)) {
+          if (rows && i < (together ? 1 : kRows)) {
             lanes.send(rows.row(i), w.stage + i * kPitch, sent);
             for (int k = sent; k < columns; ++k) rows.row(i)[k] = w.stage[i * kPitch + k];
           }
         });
       } else {
         lanes.each(n > 0 && rows ? columns : 0, [&](int k) {
-          for (int slot = 0; slot < kTeam; ++slot) rows.row(slot)[k] = w.stage[slot * kPitch + k];
+          for (int slot = 0; slot < kRows; ++slot) rows.row(slot)[k] = w.stage[slot * kPitch + k];
         });
       }
     }

@@ -23,7 +23,7 @@ struct WorldView : StateView {
   uint16_t* neighbors;       // [N, n_neighbors] agents of the observation's rows; kNobody = row of zeros
   float* neighbor_distance;  // [N, n_neighbors] while they are ranked
   AgentFeatures* features;   // [N] see vector_observation.hpp
-  float* stage;              // [N, kStageColumns] or [kTeam, kStageRow] part of the rows, on its way to memory
+  float* stage;              // [N, kStageColumns] or [kStageRows, kStageRow] part of the rows, on its way to memory
   uint16_t* nearest_agents;  // [N, kNearestAgents] see egocentric_view.hpp
   float* terms;              // [kNRewardTerms, N] what each reward term added to the agent's reward
   int32_t* counts;           // [kNCounts] see Count
@@ -42,10 +42,12 @@ constexpr uint16_t kNobody = 0xFFFF;
 constexpr int kNeighborFeatures = 9;  ///< numbers per agent in an observation
 constexpr int kStageAgents = 4;       ///< so many agents of each row are staged at a time: 36 numbers, 9 times 16 bytes
 constexpr int kStageColumns = kStageAgents * kNeighborFeatures;
-/// With constant teams whole rows are staged, those of a team at a time: so many numbers each, with room for four
-/// boxes, as RowLayout has them.
+/// With constant teams whole rows are staged: so many numbers each, with room for four boxes, as RowLayout has them;
+/// those of a team at a time, of a large one half of them, so that enough worlds have room.
 template <class P>
-constexpr int kStageRow = (2 * P::kTeam * kNeighborFeatures + 16 + 7) / 8 * 8;
+constexpr int kStageRow = (P::n_neighbors * kNeighborFeatures + 16 + 7) / 8 * 8;
+template <class P>
+constexpr int kStageRows = P::kTeam < 10 ? P::kTeam : P::kTeam / 2;
 constexpr int kNearestAgents = 5;  ///< agents that an egocentric view tells of
 
 /// What happened to an agent in this step.
@@ -83,14 +85,16 @@ struct ScratchLayout {
     };
     features = take(sizeof(AgentFeatures) * n);
     // Rows are staged when nothing else of these is needed any more.
-    stage = terms = take(4 * n * kNRewardTerms);
-    neighbor_distance = take(p.kTeam > 0 ? 0 : 4 * n * static_cast<size_t>(p.n_neighbors));
+    // Of rewards and distances each is done with before the other.
+    const size_t rows = static_cast<size_t>(p.n_neighbors);
+    stage = terms = neighbor_distance = take(4 * n * (rows > kNRewardTerms ? rows : kNRewardTerms));
     taken = take(4 * n);
     reward = take(4 * n);
     next = take(4 * n * 3);
     hears = take(4 * n * static_cast<size_t>(words_for(p.n_agents)));
     using P = std::remove_cvref_t<decltype(p)>;
-    const size_t staged = P::kTeam > 0 ? static_cast<size_t>(P::kTeam * kStageRow<P>) : n * kStageColumns;
+    size_t staged = n * kStageColumns;
+    if constexpr (P::kTeam > 0) staged = static_cast<size_t>(kStageRows<P> * kStageRow<P>);
     if (at < stage + 4 * staged) at = stage + 4 * staged;
     dir_x = take(4 * n);
     dir_y = take(4 * n);

@@ -78,7 +78,7 @@ class EmulatedSimulator final : public LaunchingSimulator {
     if (k.scratch) std::memset(k.scratch, kPoison, global_scratch_bytes(params(), n_worlds()));
     for (int block = 0; block < s.blocks; ++block)
       with_shared(block, s.shared_bytes, [&](char* shared) {
-        threads_.run(s.tiles ? kWarp : s.threads, order_, [&](int thread) {
+        threads_.run(s.group, order_, [&](int thread) {
           const ThreadIndex at{block, s.blocks, thread, s.threads};
           if (s.tiles)
             with_usual_params(k.params, [&](const auto& p) { run_tile_thread<job>(k.with(p), at, shared, sync); });

@@ -34,7 +34,7 @@ bool small() {
 #endif
 }
 
-/// Sizes of a test. TileLanes serve up to 32 agents: 16, 8, 3, 3, 1 and 2 worlds a warp; BlockLanes the rest: the
+/// Sizes of a test. TileLanes serve up to 32 agents: 16, 8, 3, 3, 1, 2 and 1 worlds a warp; BlockLanes the rest: the
 /// scratch of 200 v 200 does not fit into shared memory.
 struct Case {
   int n_team_0, n_team_1;
@@ -47,12 +47,14 @@ void PrintTo(const Case& c, std::ostream* out) {
 }
 const Case kCases[] = {
     {1, 1, 65, 24, 60},  {2, 2, 65, 24, 60},   {5, 5, 65, 24, 60},  {7, 3, 65, 24, 60},   {16, 16, 65, 24, 60},
-    {1, 12, 65, 11, 60}, {20, 20, 65, 11, 60}, {40, 30, 65, 6, 60}, {200, 200, 5, 4, 12},
+    {1, 12, 65, 11, 60}, {10, 10, 65, 11, 60}, {20, 20, 65, 11, 60}, {40, 30, 65, 6, 60}, {200, 200, 5, 4, 12},
 };
-/// Those for which a GPU has kernels with constants (usual_params.hpp).
+/// Those for which a GPU has kernels with constants (usual_params.hpp): 8 and 3 worlds a warp, then 8 and 4 a block.
 const Case kUsualCases[] = {
     {.n_team_0 = 2, .n_team_1 = 2, .n_worlds = 65, .n_variants = 6, .n_steps = 60, .thin = true, .usual = true},
     {.n_team_0 = 5, .n_team_1 = 5, .n_worlds = 65, .n_variants = 6, .n_steps = 60, .thin = true, .usual = true},
+    {.n_team_0 = 10, .n_team_1 = 10, .n_worlds = 65, .n_variants = 6, .n_steps = 60, .thin = true, .usual = true},
+    {.n_team_0 = 20, .n_team_1 = 20, .n_worlds = 65, .n_variants = 6, .n_steps = 60, .thin = true, .usual = true},
 };
 
 /// As many worlds, variants and steps as the executor has time for.
@@ -64,7 +66,8 @@ Case cut(Case c, Executor executor) {
   c.n_variants = 4;
   c.n_steps = large ? 3 : 8;
   if (executor == Executor::gpu) return c;
-  if (c.n_team_0 < 20) c.n_worlds = 4 * (32 / (c.n_team_0 + c.n_team_1)) + 1;  // a block and one world of the next
+  const int n = c.n_team_0 + c.n_team_1;
+  if (n <= 32 || c.usual) c.n_worlds = (c.usual && n > 16 ? 160 / n : 4 * (32 / n)) + 1;  // a block, one of the next
   c.n_variants = large || small() ? 4 : 8;
   c.n_steps = large ? 6 : (small() ? 12 : 24);
   return c;
@@ -99,7 +102,8 @@ SimSpec variant_of(const Case& c, int variant) {
   spec.params.max_episode_length = variant % 5 == 4 ? 0 : 5 + variant % 9;
   if (c.usual) make_usual(spec);
   spec.finish();
-  const bool usual = UsualParams<2>::fits(spec.params) || UsualParams<5>::fits(spec.params);
+  bool usual = false;
+  with_usual_params(spec.params, [&]<class P>(const P&) { usual = P::kTeam > 0; });
   EXPECT_TRUE(usual || !c.usual);
   return spec;
 }
@@ -327,6 +331,9 @@ INSTANTIATE_TEST_SUITE_P(GpuUsual, SimulatorParity,
                          ::testing::Combine(::testing::Values(Executor::gpu), ::testing::ValuesIn(kUsualCases)), kName);
 INSTANTIATE_TEST_SUITE_P(Gpu, SimulatorParity,
                          ::testing::Combine(::testing::Values(Executor::gpu), ::testing::ValuesIn(kCases)), kName);
+INSTANTIATE_TEST_SUITE_P(EmulatedUsual, SimulatorParity,
+                         ::testing::Combine(::testing::Values(Executor::emulated), ::testing::ValuesIn(kUsualCases)),
+                         kName);
 INSTANTIATE_TEST_SUITE_P(Emulated, SimulatorParity,
                          ::testing::Combine(::testing::Values(Executor::emulated), ::testing::ValuesIn(kCases)), kName);
 

@@ -1,6 +1,7 @@
 // A step whose parameters are constants of the compiler is the same step, bit for bit.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <vector>
 
 #include "sim/draws.hpp"
@@ -13,8 +14,8 @@
 namespace giga::test {
 namespace {
 
-SimSpec three_vs_three() {
-  SimSpec spec = plain_spec(3, 3);
+SimSpec usual(int n) {
+  SimSpec spec = plain_spec(n, n);
   spec.params.actions = ActionKind::discrete;
   spec.params.stochastic_communication = spec.params.stochastic_detection = true;
   spec.params.max_episode_length = 40;
@@ -71,12 +72,13 @@ class OneWorld {
   StepIo io_;
 };
 
-TEST(SimStaticParams, AStepWithConstantsIsTheSame) {
-  const SimSpec spec = three_vs_three();
+template <int kTeam>
+void expect_the_same(const SimSpec& spec) {
   OneWorld<SimParams> plain(spec);
-  ASSERT_TRUE(UsualParams<3>::fits(spec.params));
-  OneWorld<UsualParams<3>> constants(spec);
-  std::vector<int32_t> actions[kNTeams] = {{13, 13, 13}, {13, 13, 13}};
+  ASSERT_TRUE(UsualParams<kTeam>::fits(spec.params));
+  OneWorld<UsualParams<kTeam>> constants(spec);
+  std::vector<int32_t> actions[kNTeams];
+  for (auto& team : actions) team.assign(kTeam, 13);
   plain.run(jobs_of_start({}), actions);
   constants.run(jobs_of_start({}), actions);
   ASSERT_EQ(plain.bytes(), constants.bytes());
@@ -89,6 +91,53 @@ TEST(SimStaticParams, AStepWithConstantsIsTheSame) {
     ASSERT_EQ(plain.bytes(), constants.bytes()) << "step " << step;
   }
   EXPECT_NE(plain.bytes(), first);
+}
+
+TEST(SimStaticParams, AStepWithConstantsIsTheSame) {
+  expect_the_same<2>(usual(2));
+  expect_the_same<3>(usual(3));
+  expect_the_same<10>(usual(10));
+  expect_the_same<20>(usual(20));
+}
+
+// Agents on a coarse lattice: most distances occur several times, and agents on top of each other.
+template <int kTeam>
+int rank_on_a_lattice(uint32_t seed) {
+  constexpr int kAgents = 2 * kTeam, kRows = UsualParams<kTeam>::n_neighbors;
+  const SimSpec spec = usual(kTeam);
+  const UsualParams<kTeam> p(spec.params);
+  std::vector<float> x(kAgents), y(kAgents), distance(kAgents * kRows);
+  std::vector<uint16_t> rows(kAgents * kRows), expected;
+  std::vector<uint32_t> seen(static_cast<size_t>(kAgents * words_for(kAgents)));
+  const auto draw = [&seed] { return seed = seed * 1664525u + 1013904223u, seed >> 16; };
+  for (int i = 0; i < kAgents; ++i) {
+    x[static_cast<size_t>(i)] = static_cast<float>(draw() % 5) * 0.7f;
+    y[static_cast<size_t>(i)] = static_cast<float>(draw() % 5) * 0.7f;
+    for (int a = 0; a < kAgents; ++a)
+      if (draw() % 4 > 0) seen[static_cast<size_t>(i * words_for(kAgents) + a / 32)] |= 1u << (a & 31);
+  }
+  WorldView w{};
+  w.x = x.data();
+  w.y = y.data();
+  w.seen = seen.data();
+  w.neighbors = rows.data();
+  w.neighbor_distance = distance.data();
+  const SimParams& plain = p;
+  for (int e = 0; e < kAgents; ++e) rank_neighbors(plain, w, e);
+  expected.assign(kAgents * kRows, 0);
+  expected.swap(rows);
+  w.neighbors = rows.data();
+  for (int e = 0; e < kAgents; ++e) rank_neighbors(p, w, e);
+  EXPECT_EQ(rows, expected);
+  return static_cast<int>(std::count(rows.begin(), rows.end(), kNobody));
+}
+
+TEST(SimStaticParams, EqualDistancesAreRankedByIndex) {
+  int nobody = 0;
+  for (uint32_t seed = 0; seed < 20; ++seed)
+    nobody += rank_on_a_lattice<2>(seed) + rank_on_a_lattice<5>(seed) + rank_on_a_lattice<10>(seed) +
+              rank_on_a_lattice<20>(seed);
+  EXPECT_GT(nobody, 0);
 }
 
 }  // namespace
