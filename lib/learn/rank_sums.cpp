@@ -42,10 +42,15 @@ void RankSums::add(const at::Tensor& x, void* stream) {
   GIGA_CHECK(x.is_cuda() && x.is_contiguous(), "a sum over GPUs of a tensor elsewhere, or with gaps");
   ++begun_;
   if (!stream) stream = current_stream(device_);
-  if (x.scalar_type() == at::kDouble)
-    gpus_->add(x.data_ptr<double>(), x.numel(), stream);
-  else
-    gpus_->add(x.data_ptr<float>(), x.numel(), stream);
+  try {
+    if (x.scalar_type() == at::kDouble)
+      gpus_->add(x.data_ptr<double>(), x.numel(), stream);
+    else
+      gpus_->add(x.data_ptr<float>(), x.numel(), stream);
+  } catch (const Error&) {
+    end();  // knows why, where a rank was missing
+    throw;
+  }
 }
 
 void RankSums::add_host(const at::Tensor& x) {
