@@ -147,8 +147,9 @@ std::string result_lines(const BenchResult& r, bool proof, const std::optional<E
             part_text(r, r.work.learning_seconds) + "\n";
   if (r.one_rank) {
     const Ratio scaling = weak_scaling(r);
-    std::snprintf(line, sizeof line, "%d ranks: %.1f %% of %d times one with %d worlds (%.1f to %.1f by the quartiles)\n",
-                  r.ranks, 100 * scaling.median, r.ranks, r.one_rank->worlds, 100 * scaling.low, 100 * scaling.high);
+    std::snprintf(line, sizeof line,
+                  "%d ranks: %.1f %% of %d times one with %d worlds (%.1f to %.1f by the quartiles)\n", r.ranks,
+                  100 * scaling.median, r.ranks, r.one_rank->worlds, 100 * scaling.low, 100 * scaling.high);
     text += indent + line;
   }
   if (r.bytes > 0) {
@@ -342,9 +343,11 @@ void add_bench_command(CLI::App& app, Dispatch& dispatch) {
   CLI::App* train =
       add_learner(*command, dispatch, "train", "mappo", "whole updates: rollout and learning", bench_train);
   train->footer(
-      "Scenario, worlds and seed are those of the config unless given. With --gpus or --ranks rank 0 is measured alone\n"
+      "Scenario, worlds and seed are those of the config unless given. With --gpus or --ranks rank 0 is measured "
+      "alone\n"
       "first and then all, each with so many worlds: 100 % is as many times the rate of one.\n"
-      "Examples:\n  gigastep bench train --config mappo --gpus 2\n  gigastep bench train --config mappo --set mappo.n_minibatches=4 --worlds "
+      "Examples:\n  gigastep bench train --config mappo --gpus 2\n  gigastep bench train --config mappo --set "
+      "mappo.n_minibatches=4 --worlds "
       "4096,16384 --device cuda");
 
   CLI::App* es = add_learner(*command, dispatch, "es", "openai_es",

@@ -65,7 +65,8 @@ Updates make_updates(Learner& learner, int64_t n) {
   return updates;
 }
 
-BenchResult with_one_rank_beside(const BenchOptions& options, const std::function<BenchResult(const BenchOptions&)>& one,
+BenchResult with_one_rank_beside(const BenchOptions& options,
+                                 const std::function<BenchResult(const BenchOptions&)>& one,
                                  const std::function<BenchResult(const BenchOptions&)>& all) {
   if (!options.joined) return one(options);
   BenchOptions by_itself = options;

@@ -26,9 +26,9 @@ struct BenchOptions {
   std::string config = "mappo";                   ///< train and es
   std::vector<std::string> overrides;             ///< train and es
   std::string json;
-  std::string compare;  ///< results of an earlier call, as its --json wrote them; empty: none
-  bool proof = false;   ///< print BenchResult::checks
-  RankOptions ranks;    ///< train and es
+  std::string compare;      ///< results of an earlier call, as its --json wrote them; empty: none
+  bool proof = false;       ///< print BenchResult::checks
+  RankOptions ranks;        ///< train and es
   Ranks* joined = nullptr;  ///< train and es: those that are measured together; null: this process alone
 };
 
@@ -79,7 +79,8 @@ std::string arithmetic_of(const LoadedRun& run, Device device);
 
 /// Measures one rank alone, on rank 0, while the others wait, and then all: `one` and `all` do so with a run for one
 /// rank and for all. Without others only the former.
-BenchResult with_one_rank_beside(const BenchOptions& options, const std::function<BenchResult(const BenchOptions&)>& one,
+BenchResult with_one_rank_beside(const BenchOptions& options,
+                                 const std::function<BenchResult(const BenchOptions&)>& one,
                                  const std::function<BenchResult(const BenchOptions&)>& all);
 
 /// What some updates of a learner did.

@@ -12,8 +12,8 @@ class GpuSum {
  public:
   virtual ~GpuSum() = default;
 
-  /// Adds n numbers up over all processes, in place; queued on `stream` (a cudaStream_t). All get the same bits, and the
-  /// same processes on the same GPUs the same ones each time. Throws Error where that fails at once.
+  /// Adds n numbers up over all processes, in place; queued on `stream` (a cudaStream_t). All get the same bits, and
+  /// the same processes on the same GPUs the same ones each time. Throws Error where that fails at once.
   virtual void add(float* x, int64_t n, void* stream) = 0;
   virtual void add(double* x, int64_t n, void* stream) = 0;
   /// The bytes of all processes, in their order: n of each, from `mine` to `all` [processes x n], both on the GPU.

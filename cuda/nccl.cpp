@@ -65,8 +65,8 @@ class NcclSum final : public GpuSum {
   void reduce(void* x, int64_t n, ncclDataType_t type, void* stream) {
     const std::lock_guard lock(mutex_);
     expect_not_aborted();
-    expect_nccl(
-        ncclAllReduce(x, x, static_cast<size_t>(n), type, ncclSum, comm_, static_cast<cudaStream_t>(stream)), comm_);
+    expect_nccl(ncclAllReduce(x, x, static_cast<size_t>(n), type, ncclSum, comm_, static_cast<cudaStream_t>(stream)),
+                comm_);
   }
 
   std::timed_mutex mutex_;

@@ -55,7 +55,8 @@ __device__ double sum_in_order(const double* from, const double* to, double* wor
   return work[0];
 }
 
-/// The sum of one column over the rows of a network's blocks, for the threads of row 0. All threads of the block call it.
+/// The sum of one column over the rows of a network's blocks, for the threads of row 0. All threads of the block call
+/// it.
 __device__ float column_sum(const FusedStep::Network& net, int64_t column, float (&work)[kSumRows][kSumColumns]) {
   const int64_t stride = net.size + kFusedSums;
   float sum = 0;

@@ -1,5 +1,5 @@
-// RankSums: how a learner adds up over ranks. On CPUs by what ranks tell each other; on GPUs by NCCL, where a rank that is
-// gone would make the others wait for ever, so that they are watched meanwhile.
+// RankSums: how a learner adds up over ranks. On CPUs by what ranks tell each other; on GPUs by NCCL, where a rank that
+// is gone would make the others wait for ever, so that they are watched meanwhile.
 #pragma once
 
 #include <atomic>

@@ -16,8 +16,8 @@ class Tensor;
 
 namespace giga {
 
-/// A wait for the other ranks that is none of the calls below, as sums of GPUs are, which a rank that is gone would make
-/// endless.
+/// A wait for the other ranks that is none of the calls below, as sums of GPUs are, which a rank that is gone would
+/// make endless.
 struct OutsideWait {
   /// How many parts of it this rank has begun, so that the others can tell who is behind. Throws Error where the wait
   /// itself has failed.
@@ -49,8 +49,8 @@ class Ranks {
   std::string broadcast(const std::string& text, int from = 0);
   void barrier() { gather(""); }
 
-  /// From here until end_outside() this rank waits for the others elsewhere: each second another thread looks after them,
-  /// and gives up where one has failed, is silent, or lets it wait for longer than `RankPatience::answer`. If the
+  /// From here until end_outside() this rank waits for the others elsewhere: each second another thread looks after
+  /// them, and gives up where one has failed, is silent, or lets it wait for longer than `RankPatience::answer`. If the
   /// process is then still here after `RankPatience::giving_up`, it is ended, with the message and exit code 1.
   virtual void begin_outside(OutsideWait wait) = 0;
   /// Throws Error where it gave up.
@@ -70,8 +70,8 @@ class Ranks {
 
 /// How long ranks are waited for.
 struct RankPatience {
-  std::chrono::milliseconds answer = std::chrono::minutes(10);   ///< in a call, of a rank that lives
-  std::chrono::milliseconds silence = std::chrono::seconds(20);  ///< no sign of life: the rank is taken for dead
+  std::chrono::milliseconds answer = std::chrono::minutes(10);     ///< in a call, of a rank that lives
+  std::chrono::milliseconds silence = std::chrono::seconds(20);    ///< no sign of life: the rank is taken for dead
   std::chrono::milliseconds giving_up = std::chrono::seconds(10);  ///< for a wait elsewhere to end
 };
 

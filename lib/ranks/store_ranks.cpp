@@ -173,9 +173,9 @@ class StoreRanks final : public Ranks {
       expect_no_failure(*store_);
       check_alive(*store_, heard_, r, now);
       if (now - begin < patience_.answer) continue;
-      fail(*store_, cat("rank ", r, " of ", size(),
-                        heard(r) ? " lives, but hangs: no answer within " : " did not come within ",
-                        seconds_of(patience_.answer)));
+      fail(*store_,
+           cat("rank ", r, " of ", size(), heard(r) ? " lives, but hangs: no answer within " : " did not come within ",
+               seconds_of(patience_.answer)));
     }
   }
   std::string message_of_failure(c10d::TCPStore& store) {
@@ -291,7 +291,7 @@ class StoreRanks final : public Ranks {
   int64_t calls_ = 0;
   std::pair<size_t, size_t> posted_pieces_{1, 1};  // of the call before, of the latest
   std::vector<Heard> heard_;                       // [size] signs of life
-  std::mutex mutex_;         // of what follows
+  std::mutex mutex_;                               // of what follows
   std::condition_variable wake_;
   bool over_ = false;
   std::optional<OutsideWait> outside_;  // none: this rank waits nowhere else

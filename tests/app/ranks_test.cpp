@@ -212,11 +212,13 @@ TEST_F(RankedRun, RefusesWhatCannotBeDivided) {
                        {"mappo.shards: 8: further opponents are met in worlds that are not divided alike"}));
   EXPECT_TRUE(contains(refused(train("c", 2), {{"RANK", "0"}, {"WORLD_SIZE", "2"}}), {"MASTER_PORT is not set"}));
   EXPECT_FALSE(here_.has("a"));
-  EXPECT_TRUE(contains(refused(train("g", 1, {"--gpus", "2"})), {"--gpus 2: the device is cpu; --ranks shares the cores"}));
+  EXPECT_TRUE(
+      contains(refused(train("g", 1, {"--gpus", "2"})), {"--gpus 2: the device is cpu; --ranks shares the cores"}));
   EXPECT_TRUE(contains(refused(train("g", 2, {"--gpus", "2"})), {"--ranks excludes --gpus"}));
   EXPECT_TRUE(contains(refused(train("g", 1, {"--gpus", "2", "--device", "cuda:0"})), {"cuda:0"}));
-  EXPECT_TRUE(contains(refused(train("g", 1, {"--gpus", "2"}), {{"RANK", "0"}, {"WORLD_SIZE", "2"}, {"MASTER_PORT", "1"}}),
-                       {"--gpus 2: this process is rank 0 of 2 already"}));
+  EXPECT_TRUE(
+      contains(refused(train("g", 1, {"--gpus", "2"}), {{"RANK", "0"}, {"WORLD_SIZE", "2"}, {"MASTER_PORT", "1"}}),
+               {"--gpus 2: this process is rank 0 of 2 already"}));
 
   // As torchrun starts them, with different configs; rank 0 serves the store.
   const auto rank = [](const char* number) {
@@ -275,8 +277,8 @@ double learned_difference(const NamedArrays& a, const NamedArrays& b) {
 }
 
 TEST_F(RankedRunGpu, OfMappoEqualsThatOfOneGpuToRounding) {
-  // By the fused kernels and by LibTorch. A step is at most 1e-3, and there are 24 of them: halves of a gradient that are
-  // not added up would show as 1e-2.
+  // By the fused kernels and by LibTorch. A step is at most 1e-3, and there are 24 of them: halves of a gradient that
+  // are not added up would show as 1e-2.
   constexpr double kTolerance = 1e-3;
   const std::vector<std::vector<std::string>> settings = {
       {}, {"--set", "mappo.fused=false", "--set", "mappo.obs_norm=true", "--set", "mappo.advantage_norm=batch"}};
@@ -321,9 +323,8 @@ TEST_F(RankedRunGpu, OfEvolutionEqualsThatOfOneGpuBitForBit) {
 TEST_F(RankedRunGpu, EndsWhereARankIsKilled) {
   for (size_t victim = 0; victim < 2; ++victim) {
     const std::string name = cat("killed_", victim);
-    const auto process = here_.start(
-        {"train", "gpu.yaml", "--run-dir", name, "--gpus", "2", "--set", "train.total_agent_steps=1e12", "--set",
-         "checkpoint.every_updates=0"});
+    const auto process = here_.start({"train", "gpu.yaml", "--run-dir", name, "--gpus", "2", "--set",
+                                      "train.total_agent_steps=1e12", "--set", "checkpoint.every_updates=0"});
     ASSERT_TRUE(wait_until([&] { return metrics_rows(here_, name) >= 2; }));
     const std::vector<int> pids = ranks_of(process->pid());
     ASSERT_EQ(pids.size(), 2u);
@@ -346,17 +347,16 @@ TEST_F(RankedRunGpu, EndsWhereAGradientIsNotFinite) {
 // As under torchrun, where nobody else tells of the one that is stopped.
 TEST_F(RankedRunGpu, EndsWhereARankIsStopped) {
   const auto rank = [](const char* number) {
-    return Environment{{"RANK", number},         {"LOCAL_RANK", number},  {"WORLD_SIZE", "2"},
-                       {"MASTER_ADDR", "127.0.0.1"}, {"MASTER_PORT", "29519"}};
+    return Environment{{"RANK", number},
+                       {"LOCAL_RANK", number},
+                       {"WORLD_SIZE", "2"},
+                       {"MASTER_ADDR", "127.0.0.1"},
+                       {"MASTER_PORT", "29519"}};
   };
-  const std::vector<std::string> words = {"train",
-                                          "gpu.yaml",
-                                          "--run-dir",
-                                          "stopped",
-                                          "--set",
-                                          "train.total_agent_steps=1e12",
-                                          "--set",
-                                          "checkpoint.every_updates=0"};
+  const std::vector<std::string> words = {"train",     "gpu.yaml",
+                                          "--run-dir", "stopped",
+                                          "--set",     "train.total_agent_steps=1e12",
+                                          "--set",     "checkpoint.every_updates=0"};
   const auto first = here_.start(words, kGigastep, rank("0")), second = here_.start(words, kGigastep, rank("1"));
   ASSERT_TRUE(wait_until([&] { return metrics_rows(here_, "stopped") >= 2; }));
   ::kill(second->pid(), SIGSTOP);

@@ -124,23 +124,22 @@ struct Elsewhere {
   OutsideWait wait(int64_t begun) {
     return {[begun] { return begun; }, [this] { given_up.set_value(); }};
   }
-  bool ends(std::chrono::seconds within) {
-    return given_up.get_future().wait_for(within) == std::future_status::ready;
-  }
+  bool ends(std::chrono::seconds within) { return given_up.get_future().wait_for(within) == std::future_status::ready; }
 };
 
 TEST(Ranks, GiveUpAWaitElsewhereForOneThatFailedOrIsGoneOrHangs) {
   // What rank 0 throws while it waits, and rank 1 does not come: `other` is what that one does instead.
   const auto thrown = [](const std::function<void(Ranks&)>& other, RankPatience patience) {
-    return as_ranks(2,
-                    [&](Ranks& ranks) {
-                      if (ranks.rank() == 1) return other(ranks);
-                      Elsewhere elsewhere;
-                      ranks.begin_outside(elsewhere.wait(12));
-                      EXPECT_TRUE(elsewhere.ends(std::chrono::seconds(20)));
-                      ranks.end_outside();
-                    },
-                    patience);
+    return as_ranks(
+        2,
+        [&](Ranks& ranks) {
+          if (ranks.rank() == 1) return other(ranks);
+          Elsewhere elsewhere;
+          ranks.begin_outside(elsewhere.wait(12));
+          EXPECT_TRUE(elsewhere.ends(std::chrono::seconds(20)));
+          ranks.end_outside();
+        },
+        patience);
   };
   EXPECT_EQ(thrown([](Ranks& ranks) { ranks.report_failure("out of memory"); }, {})[0],
             "rank 1 has failed: out of memory");

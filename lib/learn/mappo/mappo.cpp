@@ -91,7 +91,7 @@ class Mappo final : public Learner {
   const Device device_;
   const int64_t total_updates_;
   ParallelFor parallel_for_;
-  Ranks* ranks_ = nullptr;  // null: this process has all worlds
+  Ranks* ranks_ = nullptr;          // null: this process has all worlds
   std::unique_ptr<RankSums> sums_;  // null likewise
   std::unique_ptr<Simulator> sim_;
   std::unique_ptr<PpoTeam> team_[kNTeams];  // null = scripted

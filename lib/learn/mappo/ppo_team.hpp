@@ -158,11 +158,11 @@ class PpoTeam {
   at::Tensor figures_;                     // [kNFigures]
 };
 
-/// Mean and deviation of the entries with weight, by two sums, each of which is to be added up over the ranks before the
-/// next step. `inv_count`: 1 / their number, of all ranks.
+/// Mean and deviation of the entries with weight, by two sums, each of which is to be added up over the ranks before
+/// the next step. `inv_count`: 1 / their number, of all ranks.
 struct WeightedMoments {
   WeightedMoments(const at::Tensor& x, const at::Tensor& weight);
-  void square(const at::Tensor& inv_count);  // after total
+  void square(const at::Tensor& inv_count);               // after total
   at::Tensor inv_std(const at::Tensor& inv_count) const;  // after squares
 
   at::Tensor x, weight;
