@@ -11,7 +11,9 @@
 #include "apps/benchmark.hpp"
 #include "apps/command_line.hpp"
 #include "apps/commands.hpp"
+#include "apps/joined_ranks.hpp"
 #include "apps/program_info.hpp"
+#include "apps/start_ranks.hpp"
 #include "config/fields.hpp"
 #include "core/error.hpp"
 #include "cuda/runtime.hpp"
@@ -83,6 +85,12 @@ struct Ratio {
         high(now.quantile(0.75) / then.low) {}
 };
 
+/// The rate of several ranks in units of so many times that of one alone; and what it may be by the quartiles of both.
+Ratio weak_scaling(const BenchResult& r) {
+  const BenchResult& one = *r.one_rank;
+  return {r, {"", r.ranks * one.quantile(0.5), r.ranks * one.quantile(0.25), r.ranks * one.quantile(0.75)}};
+}
+
 Json result_json(const BenchResult& r, const std::optional<Earlier>& earlier) {
   Json checks = Json::object();
   for (const auto& [name, value] : r.checks) checks[name] = value;
@@ -101,6 +109,13 @@ Json result_json(const BenchResult& r, const std::optional<Earlier>& earlier) {
   if (r.work.learning_seconds > 0) {
     json["rollout"] = part_json(r, r.work.rollout_seconds);
     json["learning"] = part_json(r, r.work.learning_seconds);
+  }
+  if (r.one_rank) {
+    const Ratio scaling = weak_scaling(r);
+    json["ranks"] = r.ranks;
+    json["one_rank"] = result_json(*r.one_rank, std::nullopt);
+    json["weak_scaling"] = scaling.median;
+    json["weak_scaling_by_quartiles"] = {scaling.low, scaling.high};
   }
   if (!r.closed_loop_arithmetic.empty()) json["closed_loop_arithmetic"] = r.closed_loop_arithmetic;
   if (r.bytes > 0) json["bytes_per_agent_step"] = r.bytes;
@@ -130,6 +145,13 @@ std::string result_lines(const BenchResult& r, bool proof, const std::optional<E
   if (r.work.learning_seconds > 0)
     text += indent + "rollout " + part_text(r, r.work.rollout_seconds) + "; learning " +
             part_text(r, r.work.learning_seconds) + "\n";
+  if (r.one_rank) {
+    const Ratio scaling = weak_scaling(r);
+    std::snprintf(line, sizeof line,
+                  "%d ranks: %.1f %% of %d times one with %d worlds (%.1f to %.1f by the quartiles)\n", r.ranks,
+                  100 * scaling.median, r.ranks, r.one_rank->worlds, 100 * scaling.low, 100 * scaling.high);
+    text += indent + line;
+  }
   if (r.bytes > 0) {
     std::snprintf(line, sizeof line, "at least %.0f bytes an agent-step", r.bytes);
     text += indent + line;
@@ -156,13 +178,17 @@ std::string result_lines(const BenchResult& r, bool proof, const std::optional<E
   return figures.empty() ? text : text + indent + figures + "\n";
 }
 
-void bench(const std::string& kind, Measure measure_one, const BenchOptions& o) {
-  const Device device = parse_device(o.device);
+int bench(const std::string& kind, Measure measure_one, BenchOptions o, Dispatch& dispatch) {
+  const JoinedRanks joined = kind == "train" || kind == "es" ? join_others(o.ranks, dispatch) : JoinedRanks();
+  const Device device = device_of_rank(o.device, joined);
+  expect_devices(o.ranks, o.device, device);
+  if (o.ranks.to_start() > 1) return start_ranks(o.ranks.to_start());
+  o.joined = joined.ranks.get();
   const Comparison comparison(o.compare, kind);
   std::vector<int> sizes = o.worlds;
   if (sizes.empty()) sizes = {kind == "train" || kind == "es" ? 0 : device.is_cuda() ? kGpuWorlds : kCpuWorlds};
 
-  const bool for_people = o.json != "-";
+  const bool for_people = o.json != "-" && joined.leads();
   if (for_people)
     std::cout
         << kind << " on " << device.name() << ", agent-steps/s over " << o.repeats << " repeats\n"
@@ -173,13 +199,16 @@ void bench(const std::string& kind, Measure measure_one, const BenchOptions& o) 
   std::string scenario;
   for (const int worlds : sizes) {
     const BenchResult result = measure_one(o, device, worlds);
+    if (!joined.leads()) continue;
     const std::optional<Earlier> earlier = comparison.of(result);
     results.push_back(result_json(result, earlier));
     best = std::max(best, result.quantile(0.5));
     scenario = result.scenario;
-    if (for_people) std::cout << result_lines(result, o.proof, earlier) << std::flush;
+    if (!for_people) continue;
+    if (result.one_rank) std::cout << result_lines(*result.one_rank, o.proof, std::nullopt);
+    std::cout << result_lines(result, o.proof, earlier) << std::flush;
   }
-  if (o.json.empty()) return;
+  if (o.json.empty() || !joined.leads()) return finish(joined, 0);
   write_json({{"kind", kind},
               {"scenario", scenario},
               {"agent_steps_per_second", best},
@@ -188,6 +217,7 @@ void bench(const std::string& kind, Measure measure_one, const BenchOptions& o) 
               {"hardware", hardware_info(device)},
               {"command_line", command_line()}},
              o.json);
+  return finish(joined, 0);
 }
 
 /// One of the benchmarks, with the options that all have.
@@ -221,7 +251,9 @@ CLI::App* add_kind(CLI::App& parent, Dispatch& dispatch, const std::shared_ptr<B
                    "also print the ratio to the results in this file, which --json of an earlier call has written")
       ->type_name("FILE");
   command->callback([options, kind, measure_one, &dispatch] {
-    dispatch.run = [options, kind, measure_one] { bench(kind, measure_one, *options); };
+    dispatch.run = [options, kind, measure_one, &dispatch] {
+      dispatch.exit_code = bench(kind, measure_one, *options, dispatch);
+    };
   });
   return command;
 }
@@ -259,6 +291,7 @@ CLI::App* add_learner(CLI::App& parent, Dispatch& dispatch, const std::string& k
       ->capture_default_str()
       ->type_name("CONFIG");
   add_set_option(*command, options->overrides);
+  add_rank_options(*command, options->ranks);
   if (kind == "es") add_precision_option(*command, "--closed-loop-precision", options->precision);
   return command;
 }
@@ -310,8 +343,12 @@ void add_bench_command(CLI::App& app, Dispatch& dispatch) {
   CLI::App* train =
       add_learner(*command, dispatch, "train", "mappo", "whole updates: rollout and learning", bench_train);
   train->footer(
-      "Scenario, worlds and seed are those of the config unless given.\n"
-      "Example:\n  gigastep bench train --config mappo --set mappo.n_minibatches=4 --worlds 4096,16384 --device cuda");
+      "Scenario, worlds and seed are those of the config unless given. With --gpus or --ranks rank 0 is measured "
+      "alone\n"
+      "first and then all, each with so many worlds: 100 % is as many times the rate of one.\n"
+      "Examples:\n  gigastep bench train --config mappo --gpus 2\n  gigastep bench train --config mappo --set "
+      "mappo.n_minibatches=4 --worlds "
+      "4096,16384 --device cuda");
 
   CLI::App* es = add_learner(*command, dispatch, "es", "openai_es",
                              "whole generations of an evolution strategy, and the closed loop beside it", bench_es);

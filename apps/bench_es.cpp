@@ -9,16 +9,17 @@
 namespace giga {
 namespace {
 
-LoadedRun load(const BenchOptions& options, Device device, int worlds) {
+LoadedRun load_evolution(const BenchOptions& options, Device device, int worlds, int n_ranks) {
   std::vector<std::string> overrides = options.overrides;
   overrides.push_back("device=" + device.name());
   if (!options.scenario.empty()) overrides.push_back("scenario=" + options.scenario);
   LoadedRun run = load_run_config(find_config(options.config), overrides);
   if (!algorithm_of(run.config).has_populations) throw InputError("bench es: " + options.config + " does not evolve");
-  if (worlds == 0) return run;
+  if (worlds == 0 && n_ranks == 1) return run;
   // Two teams' populations share the worlds; members come in pairs.
   const int per_pair = 4 * run.config.population.n_worlds();
-  overrides.push_back(cat("population.population_size=", std::max(1, worlds / per_pair) * 2));
+  const int members = worlds > 0 ? std::max(1, worlds / per_pair) * 2 : run.config.population.population_size;
+  overrides.push_back(cat("population.population_size=", members * n_ranks));
   return load_run_config(find_config(options.config), overrides);
 }
 
@@ -36,19 +37,21 @@ BenchResult closed_loop(const BenchOptions& options, const LoadedRun& run, Devic
   return bench_closed_loop(measured, device, loop);
 }
 
-}  // namespace
-
-BenchResult bench_es(const BenchOptions& options, Device device, int worlds) {
-  const LoadedRun run = load(options, device, worlds);
+BenchResult measure_evolution(const BenchOptions& options, Device device, const LoadedRun& run, bool with_closed_loop) {
   BenchResult result;
   result.scenario = run.config.scenario;
   result.arithmetic = arithmetic_of(run, device);
   result.worlds = worlds_of(run.config);
-  const BenchResult loop = closed_loop(options, run, device);
-  result.closed_loop_arithmetic = loop.arithmetic;
+  double loop_rate = 0;
+  if (with_closed_loop) {
+    const BenchResult loop = closed_loop(options, run, device);
+    result.closed_loop_arithmetic = loop.arithmetic;
+    loop_rate = loop.quantile(0.5);
+  }
 
   const int64_t memory_before = device.is_cuda() ? memory_in_use(device) : 0;
   const auto learner = make_learner(run, device);
+  if (options.joined) learner->divide(*options.joined);
   double episodes = 0, steps = 0;
   measure(
       options,
@@ -66,12 +69,25 @@ BenchResult bench_es(const BenchOptions& options, Device device, int worlds) {
   result.checks = {{"generations", generations},
                    {"generations_per_second", result.quantile(0.5) / per_generation},
                    {"episodes_ended", episodes},
-                   {"mean_episode_length", steps / episodes / run.spec.params.n_agents},
-                   {"closed_loop_agent_steps_per_second", loop.quantile(0.5)},
-                   {"share_of_closed_loop", result.quantile(0.5) / loop.quantile(0.5)}};
+                   {"mean_episode_length", steps / episodes / run.spec.params.n_agents}};
+  if (with_closed_loop) {
+    result.checks.emplace_back("closed_loop_agent_steps_per_second", loop_rate);
+    result.checks.emplace_back("share_of_closed_loop", result.quantile(0.5) / loop_rate);
+  }
   if (!(episodes > 0) || episodes != generations * result.worlds * run.config.population.n_rounds())
     throw Error("the benchmark is void: not every world has played its episodes");
   return result;
+}
+
+}  // namespace
+
+BenchResult bench_es(const BenchOptions& options, Device device, int worlds) {
+  const auto with = [&](int n_ranks) {
+    return [&options, device, worlds, n_ranks](const BenchOptions& measured) {
+      return measure_evolution(measured, device, load_evolution(options, device, worlds, n_ranks), !options.joined);
+    };
+  };
+  return with_one_rank_beside(options, with(1), with(options.joined ? options.joined->size() : 1));
 }
 
 }  // namespace giga

@@ -8,21 +8,32 @@
 
 namespace giga {
 
-BenchResult bench_train(const BenchOptions& options, Device device, int worlds) {
+namespace {
+
+LoadedRun load_training(const BenchOptions& options, Device device, int worlds, int n_ranks) {
   std::vector<std::string> overrides = options.overrides;
   overrides.push_back("device=" + device.name());
   if (!options.scenario.empty()) overrides.push_back("scenario=" + options.scenario);
   if (worlds > 0) overrides.push_back(cat("train.n_worlds=", worlds));
-  const LoadedRun run = load_run_config(find_config(options.config), overrides);
+  LoadedRun run = load_run_config(find_config(options.config), overrides);
   if (algorithm_of(run.config).has_populations)
     throw InputError("bench train: " + options.config + " evolves; use bench es");
+  if (n_ranks == 1) return run;
+  if (worlds == 0) return load_training(options, device, run.config.train.n_worlds, n_ranks);
+  overrides.push_back(cat("train.n_worlds=", static_cast<int64_t>(worlds) * n_ranks));
+  if (const std::string more = setting_for_ranks(run.config, overrides, n_ranks); !more.empty())
+    overrides.push_back(more);
+  return load_run_config(find_config(options.config), overrides);
+}
 
+BenchResult measure_training(const BenchOptions& options, Device device, const LoadedRun& run) {
   BenchResult result;
   result.scenario = run.config.scenario;
   result.arithmetic = arithmetic_of(run, device);
   result.worlds = run.config.train.n_worlds;
   const int64_t memory_before = device.is_cuda() ? memory_in_use(device) : 0;
   const auto learner = make_learner(run, device);
+  if (options.joined) learner->divide(*options.joined);
   double episodes = 0;
   Metrics metrics;
   measure(
@@ -51,6 +62,17 @@ BenchResult bench_train(const BenchOptions& options, Device device, int worlds) 
   if (!std::isfinite(squares) || !(squares > 0))
     throw Error("the benchmark is void: parameters are not finite, or all zero");
   return result;
+}
+
+}  // namespace
+
+BenchResult bench_train(const BenchOptions& options, Device device, int worlds) {
+  const auto with = [&](int n_ranks) {
+    return [&options, device, worlds, n_ranks](const BenchOptions& measured) {
+      return measure_training(measured, device, load_training(options, device, worlds, n_ranks));
+    };
+  };
+  return with_one_rank_beside(options, with(1), with(options.joined ? options.joined->size() : 1));
 }
 
 }  // namespace giga

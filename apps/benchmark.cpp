@@ -65,20 +65,40 @@ Updates make_updates(Learner& learner, int64_t n) {
   return updates;
 }
 
+BenchResult with_one_rank_beside(const BenchOptions& options,
+                                 const std::function<BenchResult(const BenchOptions&)>& one,
+                                 const std::function<BenchResult(const BenchOptions&)>& all) {
+  if (!options.joined) return one(options);
+  BenchOptions by_itself = options;
+  by_itself.joined = nullptr;
+  std::shared_ptr<const BenchResult> alone;
+  if (options.joined->leads()) alone = std::make_shared<const BenchResult>(one(by_itself));
+  options.joined->barrier();
+  BenchResult result = all(options);
+  result.ranks = options.joined->size();
+  result.one_rank = alone;
+  return result;
+}
+
 void measure(const BenchOptions& options, const std::function<Work(int64_t)>& play, BenchResult& result) {
   // Warm-up: what is done at first use, and a state in which episodes end all the time.
   int64_t steps = std::max<int64_t>(options.steps, 1);
-  double seconds = timed(play, steps).seconds;
+  const auto seconds_of_steps = [&] {
+    const double seconds = timed(play, steps).seconds;
+    return options.joined ? std::stod(options.joined->broadcast(std::to_string(seconds))) : seconds;
+  };
+  double seconds = seconds_of_steps();
   if (options.steps == 0) {
-    seconds = timed(play, steps).seconds;  // without what is done once
+    seconds = seconds_of_steps();  // without what is done once
     while (seconds < kRepeatSeconds / 4) {
       steps *= 2;
-      seconds = timed(play, steps).seconds;
+      seconds = seconds_of_steps();
     }
     steps = std::max<int64_t>(1, std::llround(static_cast<double>(steps) * kRepeatSeconds / seconds));
   }
   result.steps = steps;
   for (int k = 0; k < options.repeats; ++k) {
+    if (options.joined) options.joined->barrier();
     const Timed repeat = timed(play, steps);
     result.rates.push_back(repeat.work.agent_steps / repeat.seconds);
     add(result.work, repeat.work);

@@ -3,10 +3,12 @@
 
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "apps/joined_ranks.hpp"
 #include "core/memory.hpp"
 #include "learn/learner.hpp"
 
@@ -24,8 +26,10 @@ struct BenchOptions {
   std::string config = "mappo";                   ///< train and es
   std::vector<std::string> overrides;             ///< train and es
   std::string json;
-  std::string compare;  ///< results of an earlier call, as its --json wrote them; empty: none
-  bool proof = false;   ///< print BenchResult::checks
+  std::string compare;      ///< results of an earlier call, as its --json wrote them; empty: none
+  bool proof = false;       ///< print BenchResult::checks
+  RankOptions ranks;        ///< train and es
+  Ranks* joined = nullptr;  ///< train and es: those that are measured together; null: this process alone
 };
 
 /// What a piece of work made. A learner says how long the device played and learned for it.
@@ -46,6 +50,8 @@ struct BenchResult {
   double copy_rate = 0;      ///< bytes per second, read and written, of a copy in the device's memory; 0 = not measured
   int64_t memory_bytes = 0;  ///< GPU: taken from its free memory; CPU: resident set of the process
   std::vector<std::pair<std::string, double>> checks;
+  int ranks = 1;
+  std::shared_ptr<const BenchResult> one_rank;  ///< of several: one of them alone, with as many worlds as each
 
   /// The rate below which a share of the repeats lies, interpolated between neighbours; 0.5 = median.
   double quantile(double share) const;
@@ -57,11 +63,12 @@ BenchResult bench_sim(const BenchOptions& options, Device device, int worlds);
 BenchResult bench_closed_loop(const BenchOptions& options, Device device, int worlds);
 /// The same for a run: its scenario with its changes, its networks, train.n_worlds worlds.
 BenchResult bench_closed_loop(const BenchOptions& options, Device device, const LoadedRun& run);
-/// Whole updates of a learner. `worlds` 0: as the config says.
+/// Whole updates of a learner. `worlds`: of each rank; 0: as the config says.
 BenchResult bench_train(const BenchOptions& options, Device device, int worlds);
 
 /// Whole generations of an evolution strategy; only steps inside episodes count. Beside it the closed loop of the same
-/// networks with as many worlds, and the share of its rate. `worlds` 0: as the config says.
+/// networks with as many worlds, and the share of its rate, but for several ranks. `worlds`: of each rank; 0: as the
+/// config says.
 BenchResult bench_es(const BenchOptions& options, Device device, int worlds);
 
 /// Memory in use, for differences: of a GPU by everybody, of the CPU by this process.
@@ -69,6 +76,12 @@ int64_t memory_in_use(Device device);
 
 /// The arithmetic of a run's networks on a device, by its name in the config.
 std::string arithmetic_of(const LoadedRun& run, Device device);
+
+/// Measures one rank alone, on rank 0, while the others wait, and then all: `one` and `all` do so with a run for one
+/// rank and for all. Without others only the former.
+BenchResult with_one_rank_beside(const BenchOptions& options,
+                                 const std::function<BenchResult(const BenchOptions&)>& one,
+                                 const std::function<BenchResult(const BenchOptions&)>& all);
 
 /// What some updates of a learner did.
 struct Updates {
@@ -79,7 +92,7 @@ struct Updates {
 Updates make_updates(Learner& learner, int64_t n);
 
 /// Runs `play(n)`, which does n steps and waits for them, first to warm up and to find the number of steps, then
-/// `repeats` times; fills steps, rates and work.
+/// `repeats` times; fills steps, rates and work. Several ranks do as many steps, by the clock of rank 0.
 void measure(const BenchOptions& options, const std::function<Work(int64_t)>& play, BenchResult& result);
 
 }  // namespace giga

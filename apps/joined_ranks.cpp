@@ -28,13 +28,20 @@ std::string first_difference(const std::string& a, const std::string& b) {
 
 }  // namespace
 
+std::string RankOptions::text() const { return gpus ? cat("--gpus ", *gpus) : cat("--ranks ", ranks.value_or(1)); }
+
 void add_rank_options(CLI::App& command, RankOptions& options) {
-  command
-      .add_option("--ranks", options.ranks,
-                  "train by so many processes on this machine: with GPUs each has its own, without they share the "
-                  "cores. openai_es, snes and des only (docs/scale.md; torchrun and srun need no option)")
+  CLI::Option* ranks =
+      command
+          .add_option("--ranks", options.ranks,
+                      "by so many processes on this machine: with GPUs each has its own, without they share the cores "
+                      "(docs/scale.md; torchrun and srun need no option)")
+          ->check(CLI::Range(1, 256))
+          ->type_name("N");
+  command.add_option("--gpus", options.gpus, "by so many GPUs of this machine: as --ranks, but refused without them")
       ->check(CLI::Range(1, 256))
-      ->type_name("N");
+      ->type_name("N")
+      ->excludes(ranks);
   command
       .add_option("--rank-timeout", options.timeout,
                   "of several ranks: seconds for which one that lives is waited for; more than an evaluation takes")
@@ -46,8 +53,8 @@ void add_rank_options(CLI::App& command, RankOptions& options) {
 JoinedRanks join_others(const RankOptions& options, Dispatch& dispatch) {
   const std::optional<RankPlace> place = rank_place([](const char* name) { return std::getenv(name); });
   if (!place) return {};
-  if (options.ranks)
-    throw InputError(cat("--ranks ", *options.ranks, ": this process is rank ", place->rank, " of ", place->size,
+  if (options.ranks || options.gpus)
+    throw InputError(cat(options.text(), ": this process is rank ", place->rank, " of ", place->size,
                          " already, as its variables say (torchrun, srun); leave the option out"));
   RankPatience patience;
   patience.answer = std::chrono::seconds(options.timeout);
@@ -63,6 +70,28 @@ Device device_of_rank(const std::string& device, const JoinedRanks& joined) {
   if (device.starts_with("cuda:"))
     throw InputError(cat("device ", device, ": several ranks have a GPU each, by their number; write cuda"));
   return parse_device(cat("cuda:", joined.local_rank));
+}
+
+void expect_devices(const RankOptions& options, const std::string& asked, Device device) {
+  if (!device.is_cuda()) {
+    if (!options.gpus) return;
+    if (asked == "cpu") throw InputError(cat(options.text(), ": the device is cpu; --ranks shares the cores"));
+    throw InputError(cat(options.text(), ": no GPU is found; --ranks ", *options.gpus, " shares the cores"));
+  }
+  if (asked.starts_with("cuda:") && options.to_start() > 1)
+    throw InputError(cat("device ", asked, ": several ranks have a GPU each, by their number; write cuda"));
+  if (const int found = cuda_device_count(); found < options.to_start())
+    throw InputError(cat(options.text(), ": ", found, found == 1 ? " GPU is" : " GPUs are",
+                         " found, and each rank needs ", "one; --ranks ", options.to_start(),
+                         " --device cpu shares the cores"));
+}
+
+std::string setting_for_ranks(const RunConfig& config, const std::vector<std::string>& overrides, int n_ranks) {
+  const auto setting = algorithm_of(config).setting_for_ranks;
+  const std::string assignment = setting && n_ranks > 1 ? setting(config, n_ranks) : "";
+  const std::string key = assignment.substr(0, assignment.find('='));
+  const auto sets_it = [&key](const std::string& o) { return o.substr(0, o.find('=')) == key; };
+  return std::any_of(overrides.begin(), overrides.end(), sets_it) ? "" : assignment;
 }
 
 void expect_same(Ranks* ranks, const std::string& what, const std::string& text) {

@@ -4,6 +4,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "apps/commands.hpp"
 #include "core/memory.hpp"
@@ -13,8 +14,13 @@
 namespace giga {
 
 struct RankOptions {
-  std::optional<int> ranks;  ///< processes to start on this machine
-  int timeout = 600;         ///< seconds
+  std::optional<int> ranks, gpus;  ///< processes to start on this machine: any, or with a GPU each; one of both at most
+  int timeout = 600;               ///< seconds
+
+  /// How many processes are to be started; 1: none.
+  int to_start() const { return gpus.value_or(ranks.value_or(1)); }
+  /// "--gpus 2"
+  std::string text() const;
 };
 void add_rank_options(CLI::App& command, RankOptions& options);
 
@@ -24,6 +30,7 @@ struct JoinedRanks {
   int local_rank = 0;
 
   bool leads() const { return !ranks || ranks->leads(); }
+  int size() const { return ranks ? ranks->size() : 1; }
 };
 
 /// Meets the ranks that torchrun, srun or `--ranks` have started; from then on they learn of a failure here.
@@ -31,6 +38,13 @@ JoinedRanks join_others(const RankOptions& options, Dispatch& dispatch);
 
 /// The device of this rank: each has the GPU of its number on its machine. Throws InputError where it is not there.
 Device device_of_rank(const std::string& device, const JoinedRanks& joined);
+
+/// Throws InputError where the ranks that are to be started would lack GPUs. `device`: of this process.
+void expect_devices(const RankOptions& options, const std::string& asked, Device device);
+
+/// The assignment of a setting without which so many ranks could not share the run, where nobody has set it; else
+/// empty.
+std::string setting_for_ranks(const RunConfig& config, const std::vector<std::string>& overrides, int n_ranks);
 
 /// Throws InputError where the ranks do not have the same text; `what` it is: "config".
 void expect_same(Ranks* ranks, const std::string& what, const std::string& text);

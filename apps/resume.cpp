@@ -79,7 +79,7 @@ void warn(const FoundCheckpoint& found) {
 
 int resume(const ResumeOptions& o, Dispatch& dispatch) {
   const JoinedRanks joined = join_others(o.ranks, dispatch);
-  const bool starts_ranks = o.ranks.ranks && *o.ranks.ranks > 1;
+  const bool starts_ranks = o.ranks.to_start() > 1;
   // Rank 0 holds the folder; others read the checkpoint only.
   const fs::path path = folder_of(o.run);
   std::unique_ptr<const RunFolder> folder;
@@ -100,10 +100,11 @@ int resume(const ResumeOptions& o, Dispatch& dispatch) {
                 << " agent-steps; to go on: --set train.total_agent_steps=N\n";
     return finish(joined, 0);
   }
+  expect_devices(o.ranks, resumed.run.config.device, setup.device);
   if (starts_ranks) {
-    algorithm_of(setup.run.config).expect_divides(setup.run.config, *o.ranks.ranks);
+    algorithm_of(setup.run.config).expect_divides(setup.run.config, o.ranks.to_start());
     folder.reset();
-    return start_ranks(*o.ranks.ranks);
+    return start_ranks(o.ranks.to_start());
   }
   dispatch.size_key = algorithm_of(setup.run.config).size(setup.run.config).key;
   expect_same(joined.ranks.get(), "program, config or checkpoint",

@@ -28,7 +28,7 @@ using Clock = std::chrono::steady_clock;
 constexpr std::chrono::seconds kGrace{30};
 constexpr int kFailed = 1, kEndedBySignal = 128;
 
-/// The words of this process's command line, without --ranks.
+/// The words of this process's command line, without --ranks or --gpus.
 std::vector<std::string> own_words() {
   const std::string line = read_file("/proc/self/cmdline");
   std::vector<std::string> words;
@@ -37,17 +37,13 @@ std::vector<std::string> own_words() {
     words.push_back(line.substr(at, end - at));
     at = end == std::string::npos ? line.size() : end + 1;
   }
-  for (size_t k = 1; k < words.size(); ++k) {
-    if (words[k] == "--ranks") {
+  for (size_t k = 1; k < words.size(); ++k)
+    for (const std::string option : {"--ranks", "--gpus"}) {
       const auto at = words.begin() + static_cast<std::ptrdiff_t>(k);
-      words.erase(at, at + 2);
-      break;
+      if (words[k] != option && !words[k].starts_with(option + "=")) continue;
+      words.erase(at, at + (words[k] == option ? 2 : 1));
+      return words;
     }
-    if (words[k].starts_with("--ranks=")) {
-      words.erase(words.begin() + static_cast<std::ptrdiff_t>(k));
-      break;
-    }
-  }
   return words;
 }
 

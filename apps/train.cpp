@@ -110,19 +110,26 @@ int train(const TrainOptions& o, Dispatch& dispatch) {
   const std::string run_dir = folder_of(o);
   const JoinedRanks joined = join_others(o.ranks, dispatch);
   TrainingSetup setup;
-  setup.run = load_run_config(find_config(o.config), all_overrides(o));
+  std::vector<std::string> overrides = all_overrides(o);
+  setup.run = load_run_config(find_config(o.config), overrides);
+  const int n_ranks = std::max(joined.size(), o.ranks.to_start());
+  if (const std::string more = setting_for_ranks(setup.run.config, overrides, n_ranks); !more.empty()) {
+    overrides.push_back(more);
+    setup.run = load_run_config(find_config(o.config), overrides);
+  }
   setup.device = device_of_rank(setup.run.config.device, joined);
   dispatch.size_key = algorithm_of(setup.run.config).size(setup.run.config).key;
   setup.quiet = o.quiet;
   setup.color = !o.no_color;
   if (o.plan) {
-    if (joined.ranks || o.ranks.ranks) throw InputError("--plan measures one process; leave the ranks out");
+    if (joined.ranks || o.ranks.to_start() > 1) throw InputError("--plan measures one process; leave the ranks out");
     print_plan(setup.run, setup.device);
     return 0;
   }
-  if (o.ranks.ranks && *o.ranks.ranks > 1) {
-    algorithm_of(setup.run.config).expect_divides(setup.run.config, *o.ranks.ranks);  // told once, not by every rank
-    return start_ranks(*o.ranks.ranks);
+  expect_devices(o.ranks, setup.run.config.device, setup.device);  // told once, not by every rank
+  if (o.ranks.to_start() > 1) {
+    algorithm_of(setup.run.config).expect_divides(setup.run.config, n_ranks);
+    return start_ranks(n_ranks);
   }
   expect_same(joined.ranks.get(), "program or config", described(setup.run));
   check_memory(setup.run, setup.device);

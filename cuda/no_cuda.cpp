@@ -35,6 +35,7 @@ int fused_step_blocks(int64_t, int64_t) { missing(); }
 void launch_moments(const FusedRows&, MinibatchPieces, const float*, double*, int, void*) { missing(); }
 void launch_actor_gradient(const FusedActor&, int, void*) { missing(); }
 void launch_critic_gradient(const FusedCritic&, int, void*) { missing(); }
+void launch_block_sums(const FusedStep&, float*, int, void*) { missing(); }
 void launch_gradient_sums(const FusedStep&, int, void*) { missing(); }
 void launch_adam(const FusedStep&, int, void*) { missing(); }
 void launch_fused_policy(const FusedPolicy&, int, void*) { missing(); }

@@ -134,6 +134,9 @@ void launch_moments(const FusedRows& rows, MinibatchPieces pieces, const float* 
                     void* stream);
 void launch_actor_gradient(const FusedActor& actor, int index, void* stream);
 void launch_critic_gradient(const FusedCritic& critic, int index, void* stream);
+/// The sums over all blocks of `step`'s networks: `to` [actor.size + kFusedSums + critic.size + kFusedSums]. As a
+/// partial of one row for each network, launch_gradient_sums() takes them in once they are those of all ranks.
+void launch_block_sums(const FusedStep& step, float* to, int index, void* stream);
 /// The sums over all blocks become the gradients; their norms, the notes and the gates follow.
 void launch_gradient_sums(const FusedStep& step, int index, void* stream);
 /// Both networks step; the gradients are cleared.

@@ -55,7 +55,35 @@ __device__ double sum_in_order(const double* from, const double* to, double* wor
   return work[0];
 }
 
-/// Blocks of the actor's columns, then of the critic's. The last one to finish takes the norms, notes and gates.
+/// The sum of one column over the rows of a network's blocks, for the threads of row 0. All threads of the block call
+/// it.
+__device__ float column_sum(const FusedStep::Network& net, int64_t column, float (&work)[kSumRows][kSumColumns]) {
+  const int64_t stride = net.size + kFusedSums;
+  float sum = 0;
+  if (column < stride)
+    for (int row = static_cast<int>(threadIdx.y); row < net.n_partial; row += kSumRows)
+      sum += net.partial[row * stride + column];
+  work[threadIdx.y][threadIdx.x] = sum;
+  __syncthreads();
+  if (threadIdx.y == 0 && column < stride)
+    for (int row = 1; row < kSumRows; ++row) sum += work[row][threadIdx.x];
+  return sum;
+}
+
+/// Blocks of the actor's columns, then of the critic's.
+__global__ void __launch_bounds__(kSumThreads)
+    block_sums_kernel(const __grid_constant__ FusedStep step, int actor_blocks, float* to) {
+  __shared__ float work[kSumRows][kSumColumns];
+  const bool of_actor = static_cast<int>(blockIdx.x) < actor_blocks;
+  const FusedStep::Network& net = of_actor ? step.actor : step.critic;
+  const int block = static_cast<int>(blockIdx.x) - (of_actor ? 0 : actor_blocks);
+  const int64_t column = static_cast<int64_t>(block) * kSumColumns + threadIdx.x;
+  const float sum = column_sum(net, column, work);
+  if (threadIdx.y == 0 && column < net.size + kFusedSums)
+    to[(of_actor ? 0 : step.actor.size + kFusedSums) + column] = sum;
+}
+
+/// The same blocks. The last one to finish takes the norms, notes and gates.
 __global__ void __launch_bounds__(kSumThreads)
     gradient_sums_kernel(const __grid_constant__ FusedStep step, int actor_blocks) {
   __shared__ float work[kSumRows][kSumColumns];
@@ -65,16 +93,10 @@ __global__ void __launch_bounds__(kSumThreads)
   const FusedStep::Network& net = of_actor ? step.actor : step.critic;
   const int block = static_cast<int>(blockIdx.x) - (of_actor ? 0 : actor_blocks);
   const int64_t column = static_cast<int64_t>(block) * kSumColumns + threadIdx.x, stride = net.size + kFusedSums;
-  float sum = 0;
-  if (column < stride)
-    for (int row = static_cast<int>(threadIdx.y); row < net.n_partial; row += kSumRows)
-      sum += net.partial[row * stride + column];
-  work[threadIdx.y][threadIdx.x] = sum;
-  __syncthreads();
+  const float sum = column_sum(net, column, work);
   if (threadIdx.y == 0) {
     double square = 0;
     if (column < stride) {
-      for (int row = 1; row < kSumRows; ++row) sum += work[row][threadIdx.x];
       (column < net.size ? net.adam.gradient[column] : net.sums[column - net.size]) = sum;
       if (column < net.size) square = static_cast<double>(sum) * static_cast<double>(sum);
     }
@@ -133,6 +155,14 @@ void launch_moments(const FusedRows& rows, MinibatchPieces pieces, const float* 
   GIGA_CUDA(cudaSetDevice(index));
   const dim3 blocks(kMomentParts, static_cast<unsigned>(pieces.n_pieces));
   moments_kernel<<<blocks, kMomentThreads, 0, static_cast<cudaStream_t>(stream)>>>(rows, pieces, advantage, moments);
+  GIGA_CUDA(cudaGetLastError());
+}
+
+void launch_block_sums(const FusedStep& step, float* to, int index, void* stream) {
+  GIGA_CUDA(cudaSetDevice(index));
+  const auto blocks = static_cast<unsigned>(fused_step_blocks(step.actor.size, step.critic.size));
+  block_sums_kernel<<<blocks, dim3(kSumColumns, kSumRows), 0, static_cast<cudaStream_t>(stream)>>>(
+      step, sum_blocks(step.actor.size), to);
   GIGA_CUDA(cudaGetLastError());
 }
 

@@ -60,6 +60,8 @@ struct Algorithm {
   void (*check)(ConfigCheck&);  ///< mistakes that show only in the combination of keys and with the scenario
   /// Throws InputError where a run cannot be shared by so many ranks (lib/ranks).
   void (*expect_divides)(const RunConfig&, int n_ranks);
+  /// "KEY=VALUE" of a setting that must not keep its default for that; empty where it has not; null: there is none.
+  std::string (*setting_for_ranks)(const RunConfig&, int n_ranks) = nullptr;
 
   // For the memory plan.
   RunSize (*size)(const RunConfig&);

@@ -93,7 +93,7 @@ at::Tensor mutual_information(const Actor& actor, const at::Tensor& head, const 
   const at::Tensor living = weight.sum();
   at::Tensor mean_policy = (p * weight.view({-1, 1, 1})).sum(0);  // [groups, choices]
   at::Tensor mean_entropy = (entropy(p) * weight.unsqueeze(-1)).sum(0);
-  for (const at::Tensor& x : {living, mean_policy, mean_entropy}) sum(x);
+  sum.together({living, mean_policy, mean_entropy});
   const at::Tensor count = living.clamp_min(1);
   mean_policy /= count;
   mean_entropy /= count;

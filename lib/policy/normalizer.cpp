@@ -21,14 +21,23 @@ void RunningNorm::update(const at::Tensor& x, const at::Tensor& weight, const Su
   at::NoGradGuard no_grad;
   const at::Tensor count = weight.sum();
   sum(count);
-  const at::Tensor present = (count > 0).to(at::kFloat);
+  const Moments m = moments(x, weight, count);
+  sum.together({m.mean, m.squares});
+  take(m, count);
+}
+
+RunningNorm::Moments RunningNorm::moments(const at::Tensor& x, const at::Tensor& weight, const at::Tensor& count) {
+  at::NoGradGuard no_grad;
   const at::Tensor share = (weight / count.clamp_min(1)).unsqueeze(0);  // [1, R]
-  const at::Tensor mean = at::mm(share, x).squeeze(0), squares = at::mm(share, x.square()).squeeze(0);
-  sum(mean);
-  sum(squares);
+  return {at::mm(share, x).squeeze(0), at::mm(share, x.square()).squeeze(0)};
+}
+
+void RunningNorm::take(const Moments& m, const at::Tensor& count) {
+  at::NoGradGuard no_grad;
+  const at::Tensor present = (count > 0).to(at::kFloat);
   const at::Tensor step = present * (1.0 - beta_);
-  sum_.add_(step * (mean - sum_));
-  sum_squares_.add_(step * (squares - sum_squares_));
+  sum_.add_(step * (m.mean - sum_));
+  sum_squares_.add_(step * (m.squares - sum_squares_));
   weight_.add_(step * (1.0 - weight_));
   const at::Tensor correction = weight_.clamp_min(1e-8);
   mean_.copy_(sum_ / correction);

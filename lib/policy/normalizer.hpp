@@ -21,6 +21,13 @@ class RunningNorm {
   /// Takes in the rows of x [R, size] whose weight [R] is 1, not those of weight 0, of all ranks. No effect if all are
   /// 0.
   void update(const at::Tensor& x, const at::Tensor& weight, const SumOverRanks& sum = {});
+  /// The same in two steps, between which the moments are added up over the ranks.
+  struct Moments {
+    at::Tensor mean, squares;  // [size] the share of these rows in those of all
+  };
+  /// `count` [] of the rows with weight 1, of all ranks.
+  static Moments moments(const at::Tensor& x, const at::Tensor& weight, const at::Tensor& count);
+  void take(const Moments& moments, const at::Tensor& count);
   /// (x - mean) / std, clamped to +- kNormalizedLimit.
   at::Tensor apply(const at::Tensor& x) const { return normalized(x, mean_, std_); }
   /// The same with given moments.

@@ -33,12 +33,23 @@ void Ranks::all_reduce_sum(const at::Tensor& tensor) {
   tensor.copy_(sum);
 }
 
-at::Tensor Ranks::gather_rows(const at::Tensor& mine) {
+std::vector<std::vector<at::Tensor>> Ranks::gather_tensors(const std::vector<at::Tensor>& mine) {
   at::NoGradGuard no_grad;
-  const std::vector<std::string> all = gather(bytes_of(mine));
-  std::vector<at::Tensor> rows;
-  for (int rank = 0; rank < size_; ++rank) rows.push_back(tensor_of(all[static_cast<size_t>(rank)], mine, rank));
-  return at::cat(rows).to(mine.device());
+  std::string bytes;
+  for (const at::Tensor& x : mine) bytes += bytes_of(x);
+  const std::vector<std::string> words = gather(bytes);
+  std::vector<std::vector<at::Tensor>> all;
+  for (int rank = 0; rank < size_; ++rank) {
+    const std::string& word = words[static_cast<size_t>(rank)];
+    GIGA_CHECK(word.size() == bytes.size(), "rank ", rank, " sent ", word.size(), " bytes, not ", bytes.size());
+    std::vector<at::Tensor>& tensors = all.emplace_back();
+    size_t from = 0;
+    for (const at::Tensor& x : mine) {
+      tensors.push_back(tensor_of(word.substr(from, x.nbytes()), x, rank));
+      from += x.nbytes();
+    }
+  }
+  return all;
 }
 
 void Ranks::broadcast(const at::Tensor& tensor, int from) {

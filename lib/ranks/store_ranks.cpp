@@ -5,8 +5,11 @@
 
 #include <algorithm>
 #include <condition_variable>
+#include <cstdlib>
 #include <cstring>
+#include <iostream>
 #include <mutex>
+#include <optional>
 #include <thread>
 
 #include "core/error.hpp"
@@ -47,7 +50,8 @@ class StoreRanks final : public Ranks {
         place_(place),
         patience_(patience),
         serves_(!place.served && place.rank == 0),
-        heard_(static_cast<size_t>(place.size)) {
+        heard_(static_cast<size_t>(place.size)),
+        heard_outside_(static_cast<size_t>(place.size)) {
     store_ =
         reach([&] { return std::make_unique<c10d::TCPStore>(place.host, options_of(place.port, serves_, wait())); });
     beats_ = reach([&] { return std::make_unique<c10d::TCPStore>(place.host, options_of(place.port, false, wait())); });
@@ -68,13 +72,27 @@ class StoreRanks final : public Ranks {
       std::vector<std::string> all;
       const Clock::time_point begin = Clock::now();
       for (int r = 0; r < size(); ++r) {
-        wait_for(call, r, begin);
+        if (r != rank()) wait_for(call, r, begin);
         all.push_back(r == rank() ? mine : read(key(call, r)));
       }
       // Whoever is in this call has read the words of the one before.
       if (call > 0) clear(key(call - 1, rank()));
       return all;
     });
+  }
+
+  void begin_outside(OutsideWait wait) override {
+    const std::lock_guard lock(mutex_);
+    missing_.clear();
+    waited_since_ = Clock::now();
+    begun_ = -1;
+    outside_ = std::move(wait);
+  }
+
+  void end_outside() override {
+    const std::lock_guard lock(mutex_);
+    outside_.reset();
+    if (!missing_.empty()) throw Error(missing_);
   }
 
   void report_failure(const std::string& message) noexcept override {
@@ -101,6 +119,7 @@ class StoreRanks final : public Ranks {
   std::string word(const std::string& name) const { return cat(name, "/", place_.attempt); }
   std::string key(int64_t call, int rank) const { return word(cat("gigastep/call/", call, "/", rank)); }
   std::string life(int rank) const { return word(cat("gigastep/alive/", rank)); }
+  std::string part(int rank) const { return word(cat("gigastep/begun/", rank)); }
 
   /// Calls of the store, whose errors say little.
   template <class F>
@@ -108,10 +127,13 @@ class StoreRanks final : public Ranks {
     try {
       return f();
     } catch (const c10::Error& e) {
-      const std::string who = place_.served ? "the process that started the ranks" : "rank 0";
-      throw Error(cat("rank ", rank(), " of ", size(), " cannot reach the store at ", place_.host, ":", place_.port,
-                      ", so ", who, " is missing: ", first_line(e.what_without_backtrace())));
+      throw Error(lost(e));
     }
+  }
+  std::string lost(const c10::Error& e) const {
+    const std::string who = place_.served ? "the process that started the ranks" : "rank 0";
+    return cat("rank ", rank(), " of ", size(), " cannot reach the store at ", place_.host, ":", place_.port, ", so ",
+               who, " is missing: ", first_line(e.what_without_backtrace()));
   }
 
   // The first piece comes last: once it is there, all are. It begins with the size of the whole.
@@ -139,50 +161,120 @@ class StoreRanks final : public Ranks {
   }
 
   void wait_for(int64_t call, int r, Clock::time_point begin) {
-    std::chrono::microseconds pause{20};
     Clock::time_point looked = Clock::now();
     while (!store_->check({key(call, r)})) {
-      std::this_thread::sleep_for(pause);
-      pause = std::min(pause * 2, std::chrono::microseconds(1000));
+      // A sixteenth of what it has waited so far.
+      const auto waited = std::chrono::duration_cast<std::chrono::microseconds>(Clock::now() - begin);
+      std::this_thread::sleep_for(
+          std::clamp(waited / 16, std::chrono::microseconds(20), std::chrono::microseconds(1000)));
       const Clock::time_point now = Clock::now();
       if (now - looked < kBeat / 4) continue;
       looked = now;
-      if (store_->check({word(kFailure)})) throw Error(message_of_failure());
-      check_alive(r, now);
+      expect_no_failure(*store_);
+      check_alive(*store_, heard_, r, now);
       if (now - begin < patience_.answer) continue;
-      fail(cat("rank ", r, " of ", size(), heard(r) ? " lives, but hangs: no answer within " : " did not come within ",
+      fail(*store_,
+           cat("rank ", r, " of ", size(), heard(r) ? " lives, but hangs: no answer within " : " did not come within ",
                seconds_of(patience_.answer)));
     }
   }
-  std::string message_of_failure() {
-    const std::vector<uint8_t> text = store_->get(word(kFailure));
+  std::string message_of_failure(c10d::TCPStore& store) {
+    const std::vector<uint8_t> text = store.get(word(kFailure));
     return {text.begin(), text.end()};
   }
-  /// The rank that is silent is told too, should it wake up again.
-  [[noreturn]] void fail(const std::string& message) {
-    store_->compareSet(word(kFailure), to_bytes(""), to_bytes(message));
-    throw Error(message_of_failure());
+  void expect_no_failure(c10d::TCPStore& store) {
+    if (store.check({word(kFailure)})) throw Error(message_of_failure(store));
   }
-  void check_alive(int r, Clock::time_point now) {
-    Heard& last = heard_[static_cast<size_t>(r)];
-    const int64_t beats = store_->add(life(r), 0);
+  /// The rank that is silent is told too, should it wake up again.
+  [[noreturn]] void fail(c10d::TCPStore& store, const std::string& message) {
+    store.compareSet(word(kFailure), to_bytes(""), to_bytes(message));
+    throw Error(message_of_failure(store));
+  }
+
+  struct Heard {
+    int64_t beats = 0;
+    Clock::time_point at, looked;  // when they were counted first, last
+  };
+  void check_alive(c10d::TCPStore& store, std::vector<Heard>& heard, int r, Clock::time_point now) {
+    Heard& last = heard[static_cast<size_t>(r)];
+    const int64_t beats = store.add(life(r), 0);
     // Nobody looks between two calls: the first look of a call starts the clock.
     if (last.beats != beats || now - last.looked > 4 * kBeat) last = {beats, now, now};
     last.looked = now;
     if (beats == 0 || now - last.at < patience_.silence) return;
-    fail(cat("rank ", r, " of ", size(), " has not been heard of for ", seconds_of(patience_.silence),
-             ": it is dead, stopped or cut off"));
+    fail(store, cat("rank ", r, " of ", size(), " has not been heard of for ", seconds_of(patience_.silence),
+                    ": it is dead, stopped or cut off"));
   }
   bool heard(int r) const { return heard_[static_cast<size_t>(r)].beats > 0; }
 
   void beat() {
     std::unique_lock lock(mutex_);
-    try {
-      do beats_->add(life(rank()), 1);
-      while (!wake_.wait_for(lock, kBeat, [this] { return over_; }));
-    } catch (const c10::Error&) {  // the store is gone: the next call tells
-    }
+    bool lost_store = false;
+    do {
+      try {
+        if (!lost_store) beats_->add(life(rank()), 1);
+        if (outside_ && missing_.empty()) look_outside();
+      } catch (const c10::Error& e) {  // a call of the main thread will tell, unless that waits outside
+        lost_store = true;
+        if (outside_ && missing_.empty()) give_up(lost(e));
+      } catch (const Error& e) {
+        give_up(e.what());
+      }
+      if (outside_ && !missing_.empty() && Clock::now() - gave_up_at_ > patience_.giving_up) end_process();
+    } while (!wake_.wait_for(lock, kBeat, [this] { return over_; }));
   }
+
+  // ---- The wait elsewhere, on the heart's thread -----------------------------------------------------------------
+
+  void look_outside() {
+    const Clock::time_point now = Clock::now();
+    expect_no_failure(*beats_);
+    for (int r = 0; r < size(); ++r)
+      if (r != rank()) check_alive(*beats_, heard_outside_, r, now);
+    int64_t begun = 0;
+    try {
+      begun = outside_->begun();
+    } catch (const Error& e) {
+      fail(*beats_, cat("rank ", rank(), " has failed: ", e.what()));
+    }
+    if (begun != begun_) {
+      begun_ = begun;
+      waited_since_ = now;
+      beats_->set(part(rank()), to_bytes(std::to_string(begun)));
+    }
+    if (now - waited_since_ >= patience_.answer) fail(*beats_, who_hangs());
+  }
+  /// The rank that has begun least.
+  std::string who_hangs() {
+    int behind = -1;
+    int64_t least = begun_;
+    for (int r = 0; r < size(); ++r) {
+      int64_t begun = 0;
+      if (beats_->check({part(r)})) {
+        const std::vector<uint8_t> text = beats_->get(part(r));
+        begun = std::stoll(std::string(text.begin(), text.end()));
+      }
+      if (begun < least) {
+        least = begun;
+        behind = r;
+      }
+    }
+    const std::string within = cat("no answer within ", seconds_of(patience_.answer));
+    if (behind < 0)
+      return cat("all ", size(), " ranks live, but rank ", rank(), " waits for a sum over them: ", within);
+    return cat("rank ", behind, " of ", size(), " lives, but hangs: it has begun ", least, " sums and rank ", rank(),
+               " ", begun_, ", ", within);
+  }
+  void give_up(const std::string& message) {
+    missing_ = message;
+    gave_up_at_ = Clock::now();
+    outside_->give_up();
+  }
+  [[noreturn]] void end_process() {
+    std::cerr << "gigastep: rank " << rank() << ": " << missing_ << std::endl;
+    std::_Exit(1);
+  }
+
   void still() {
     {
       const std::lock_guard lock(mutex_);
@@ -192,11 +284,6 @@ class StoreRanks final : public Ranks {
     if (heart_.joinable()) heart_.join();
   }
 
-  struct Heard {
-    int64_t beats = 0;
-    Clock::time_point at, looked;  // when they were counted first, last
-  };
-
   const RankPlace place_;
   const RankPatience patience_;
   const bool serves_;
@@ -204,9 +291,14 @@ class StoreRanks final : public Ranks {
   int64_t calls_ = 0;
   std::pair<size_t, size_t> posted_pieces_{1, 1};  // of the call before, of the latest
   std::vector<Heard> heard_;                       // [size] signs of life
-  std::mutex mutex_;
+  std::mutex mutex_;                               // of what follows
   std::condition_variable wake_;
   bool over_ = false;
+  std::optional<OutsideWait> outside_;  // none: this rank waits nowhere else
+  std::vector<Heard> heard_outside_;    // [size] signs of life, as the heart sees them
+  Clock::time_point waited_since_, gave_up_at_;
+  int64_t begun_ = -1;
+  std::string missing_;  // why it gave up; empty: it has not
   std::thread heart_;
 };
 

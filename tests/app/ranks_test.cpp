@@ -7,6 +7,7 @@
 #include <fstream>
 
 #include "core/error.hpp"
+#include "io/files.hpp"
 #include "io/run_folder.hpp"
 #include "runs.hpp"
 #include "support/thinning.hpp"
@@ -127,6 +128,17 @@ TEST_F(RankedRun, OfMappoEqualsTheRunOfOneProcessToRounding) {
   }
 }
 
+// Without mappo.shards each rank gets one, as the run's config says from then on.
+TEST_F(RankedRun, OfMappoNeedsNoSetting) {
+  std::string config = kMappo;
+  const std::string shards = "shards: 8, ";
+  config.erase(config.find(shards), shards.size());
+  here_.write("plain.yaml", config);
+  const Outcome outcome = here_.run({"train", "plain.yaml", "--run-dir", "run", "--ranks", "4"});
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_TRUE(contains(read_file(here_.path() / "run/config.yaml"), {"shards: 4"}));
+}
+
 TEST_F(RankedRun, OfMappoEndsWhereAGradientIsNotFinite) {
   // A first step of 1e38 makes the second minibatch's gradient infinite, in both ranks.
   const Outcome outcome = here_.run({"train", "mappo.yaml", "--run-dir", "run", "--ranks", "2", "--set",
@@ -200,6 +212,13 @@ TEST_F(RankedRun, RefusesWhatCannotBeDivided) {
                        {"mappo.shards: 8: further opponents are met in worlds that are not divided alike"}));
   EXPECT_TRUE(contains(refused(train("c", 2), {{"RANK", "0"}, {"WORLD_SIZE", "2"}}), {"MASTER_PORT is not set"}));
   EXPECT_FALSE(here_.has("a"));
+  EXPECT_TRUE(
+      contains(refused(train("g", 1, {"--gpus", "2"})), {"--gpus 2: the device is cpu; --ranks shares the cores"}));
+  EXPECT_TRUE(contains(refused(train("g", 2, {"--gpus", "2"})), {"--ranks excludes --gpus"}));
+  EXPECT_TRUE(contains(refused(train("g", 1, {"--gpus", "2", "--device", "cuda:0"})), {"cuda:0"}));
+  EXPECT_TRUE(
+      contains(refused(train("g", 1, {"--gpus", "2"}), {{"RANK", "0"}, {"WORLD_SIZE", "2"}, {"MASTER_PORT", "1"}}),
+               {"--gpus 2: this process is rank 0 of 2 already"}));
 
   // As torchrun starts them, with different configs; rank 0 serves the store.
   const auto rank = [](const char* number) {
@@ -211,6 +230,144 @@ TEST_F(RankedRun, RefusesWhatCannotBeDivided) {
   EXPECT_TRUE(contains(refused({"train", "es.yaml", "--run-dir", "d"}, rank("0")),
                        {"rank 1 has another program or config than rank 0", "'seed: 2' instead of 'seed: 1'"}));
   EXPECT_EQ(second->wait().code, 2);
+}
+
+// ---- A GPU for each rank: skipped where there are fewer than two ---------------------------------------------------
+
+// An update: 128 worlds x 8 steps x 4 agents.
+constexpr const char* kGpuMappo = R"(scenario: identical_2_vs_2_fobs_vec_void_disc
+device: cuda
+train: {algorithm: mappo, n_worlds: 128, total_agent_steps: 12288, desynchronize: true}
+mappo: {horizon: 8, n_minibatches: 4, n_epochs: 2, shards: 2, actor: {hidden: [32, 32]}, critic: {hidden: [32, 32]}}
+eval: {episodes: 8, every_updates: 0, record: 0}
+checkpoint: {every_updates: 1}
+)";
+
+class RankedRunGpu : public RankedRun {
+ protected:
+  void SetUp() override {
+    here_.write("gpu.yaml", kGpuMappo);
+    const Outcome probe = here_.run({"train", "es.yaml", "--device", "cuda", "--gpus", "256"});
+    ASSERT_EQ(probe.code, 2) << probe.err;
+    if (contains(probe.err, {"0 GPUs found"}) || contains(probe.err, {"1 GPU is found"})) GTEST_SKIP() << probe.err;
+    if (contains(probe.err, {"GPUs are found"})) return;
+    FAIL() << probe.err;
+  }
+  std::string run(const std::string& name, int gpus, const std::vector<std::string>& more = {}, int code = 0) {
+    std::vector<std::string> words = {"train", "gpu.yaml", "--run-dir", name};
+    if (gpus > 1) words.insert(words.end(), {"--gpus", std::to_string(gpus)});
+    words.insert(words.end(), more.begin(), more.end());
+    const Outcome outcome = here_.run(words);
+    EXPECT_EQ(outcome.code, code) << outcome.err;
+    err_ = outcome.err;
+    return name;
+  }
+  std::string err_;
+};
+
+/// The greatest difference of what the teams have learned, relative to 1 or the number.
+double learned_difference(const NamedArrays& a, const NamedArrays& b) {
+  const auto learned = [](const NamedArrays& all) {
+    NamedArrays teams;
+    for (const NamedArray& array : all)
+      if (array.name.starts_with("team_")) teams.push_back(array);
+    return teams;
+  };
+  return difference(learned(a), learned(b));
+}
+
+TEST_F(RankedRunGpu, OfMappoEqualsThatOfOneGpuToRounding) {
+  // By the fused kernels and by LibTorch. A step is at most 1e-3, and there are 24 of them: halves of a gradient that
+  // are not added up would show as 1e-2.
+  constexpr double kTolerance = 1e-3;
+  const std::vector<std::vector<std::string>> settings = {
+      {}, {"--set", "mappo.fused=false", "--set", "mappo.obs_norm=true", "--set", "mappo.advantage_norm=batch"}};
+  for (size_t k = 0; k < settings.size(); ++k) {
+    SCOPED_TRACE(k);
+    const std::vector<std::string>& set = settings[k];
+    const NamedArrays one = arrays_of(here_, run(cat("one", k), 1, set));
+    const std::string two = run(cat("two", k), 2, set);
+    EXPECT_TRUE(contains(err_, {"shared by 2 ranks", k == 0 ? "acts and learns by fused kernels" : "by LibTorch"}));
+    const double apart = learned_difference(one, arrays_of(here_, two));
+    std::cout << (k == 0 ? "fused" : "LibTorch") << ": two GPUs and one differ by " << apart << std::endl;
+    EXPECT_LT(apart, kTolerance);
+    // The same ranks give the same bits.
+    EXPECT_EQ(state_hash(here_, run(cat("again", k), 2, set)), state_hash(here_, two));
+    EXPECT_EQ(timeless_metrics(here_, cat("again", k)), timeless_metrics(here_, two));
+    if (k > 0) continue;
+    // Begun by two and ended by one, and the other way round.
+    for (const auto& [first, second] : {std::pair{2, 1}, std::pair{1, 2}}) {
+      std::vector<std::string> begin = set;
+      begin.insert(begin.end(), {"--set", "train.stop_at_agent_steps=4096"});
+      const std::string begun = run(cat("begun", k, "by", first), first, begin, 124);
+      std::vector<std::string> words = {"resume", begun, "--set", "train.stop_at_agent_steps=none"};
+      if (second > 1) words.insert(words.end(), {"--gpus", "2"});
+      const Outcome resumed = here_.run(words);
+      ASSERT_EQ(resumed.code, 0) << resumed.err;
+      EXPECT_EQ(metrics_rows(here_, begun), 3u);
+      EXPECT_LT(learned_difference(one, arrays_of(here_, begun)), kTolerance);
+    }
+  }
+}
+
+TEST_F(RankedRunGpu, OfEvolutionEqualsThatOfOneGpuBitForBit) {
+  for (const int gpus : {1, 2}) {
+    std::vector<std::string> words = train(cat("by_", gpus), 1, {"--device", "cuda", "--gpus", std::to_string(gpus)});
+    const Outcome outcome = here_.run(words);
+    ASSERT_EQ(outcome.code, 0) << outcome.err;
+  }
+  EXPECT_EQ(state_hash(here_, "by_2"), state_hash(here_, "by_1"));
+  EXPECT_EQ(timeless_metrics(here_, "by_2"), timeless_metrics(here_, "by_1"));
+}
+
+TEST_F(RankedRunGpu, EndsWhereARankIsKilled) {
+  for (size_t victim = 0; victim < 2; ++victim) {
+    const std::string name = cat("killed_", victim);
+    const auto process = here_.start({"train", "gpu.yaml", "--run-dir", name, "--gpus", "2", "--set",
+                                      "train.total_agent_steps=1e12", "--set", "checkpoint.every_updates=0"});
+    ASSERT_TRUE(wait_until([&] { return metrics_rows(here_, name) >= 2; }));
+    const std::vector<int> pids = ranks_of(process->pid());
+    ASSERT_EQ(pids.size(), 2u);
+    ::kill(pids[victim], SIGKILL);
+    const auto begin = std::chrono::steady_clock::now();
+    const Outcome outcome = process->wait();
+    const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+    std::cout << "rank " << victim << " killed: all ended after " << seconds << " s\n" << outcome.err << std::endl;
+    EXPECT_LT(seconds, 15);
+    EXPECT_EQ(outcome.code, 1);
+    EXPECT_TRUE(contains(outcome.err, {cat("rank ", 1 - victim, ": rank ", victim, " of 2 was ended by signal 9")}));
+  }
+}
+
+TEST_F(RankedRunGpu, EndsWhereAGradientIsNotFinite) {
+  run("run", 2, {"--set", "mappo.learning_rate=1e38", "--set", "mappo.max_grad_norm=0"}, 3);
+  EXPECT_TRUE(contains(err_, {"held a NaN or an infinity at update 1", "rank 0 keeps the batch"}));
+}
+
+// As under torchrun, where nobody else tells of the one that is stopped.
+TEST_F(RankedRunGpu, EndsWhereARankIsStopped) {
+  const auto rank = [](const char* number) {
+    return Environment{{"RANK", number},
+                       {"LOCAL_RANK", number},
+                       {"WORLD_SIZE", "2"},
+                       {"MASTER_ADDR", "127.0.0.1"},
+                       {"MASTER_PORT", "29519"}};
+  };
+  const std::vector<std::string> words = {"train",     "gpu.yaml",
+                                          "--run-dir", "stopped",
+                                          "--set",     "train.total_agent_steps=1e12",
+                                          "--set",     "checkpoint.every_updates=0"};
+  const auto first = here_.start(words, kGigastep, rank("0")), second = here_.start(words, kGigastep, rank("1"));
+  ASSERT_TRUE(wait_until([&] { return metrics_rows(here_, "stopped") >= 2; }));
+  ::kill(second->pid(), SIGSTOP);
+  const auto begin = std::chrono::steady_clock::now();
+  const Outcome outcome = first->wait();
+  const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  std::cout << "rank 1 stopped: rank 0 ended after " << seconds << " s\n" << outcome.err << std::endl;
+  ::kill(second->pid(), SIGKILL);
+  EXPECT_EQ(outcome.code, 1);
+  EXPECT_LT(seconds, 35);
+  EXPECT_TRUE(contains(outcome.err, {"rank 1 of 2 has not been heard of for 20 s: it is dead, stopped or cut off"}));
 }
 
 }  // namespace

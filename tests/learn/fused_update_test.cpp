@@ -3,6 +3,7 @@
 #include "learn/mappo/fused_update.hpp"
 
 #include <ATen/CPUGeneratorImpl.h>
+#include <c10/core/impl/VirtualGuardImpl.h>
 #include <gtest/gtest.h>
 #include <torch/torch.h>
 
@@ -418,6 +419,70 @@ TEST(LearnFusedUpdateThreads, ChangeNoBit) {
     found[k] = {s.actor.parameters().gradient(), s.critic.parameters().gradient(), values};
     for (size_t x = 0; x < found[k].size(); ++x) EXPECT_TRUE(at::equal(found[k][x], found[0][x])) << k + 1 << ", " << x;
   }
+}
+
+/// The sum over two ranks that have the same rows: twice what is here.
+void add_the_same(const at::Tensor& x, void* stream) {
+  if (!x.is_cuda() || !stream) {
+    x.mul_(2);
+    return;
+  }
+  const c10::impl::VirtualGuardImpl cuda(at::kCUDA);
+  const c10::Stream there(c10::Stream::UNSAFE, x.device(), reinterpret_cast<c10::StreamId>(stream));
+  const c10::Stream before = cuda.exchangeStream(there);
+  x.mul_(2);
+  cuda.exchangeStream(before);
+}
+
+/// Two ranks with the same rows have the gradients of one, and twice the sums of diagnostics.
+void expect_those_of_one_rank(Device device) {
+  const FusedCase& c = kFusedCases[0];
+  std::vector<at::Tensor> found[2];
+  std::vector<std::pair<int64_t, void*>> messages;
+  for (int k = 0; k < 2; ++k) {
+    Setting s(c, device);
+    SumOverRanks sum;
+    if (k == 1)
+      sum.add = [&](const at::Tensor& x, void* stream) {
+        messages.emplace_back(x.numel(), stream);
+        add_the_same(x, stream);
+      };
+    FusedUpdate fused(s.actor, s.critic, c.n, s.parallel_for, sum);
+    Steps steps(s);
+    at::NoGradGuard no_grad;
+    fused.begin_epoch(s.obs, s.alive, s.states, 1, s.advantage);
+    fused.compute_gradients(0,
+                            {.old_log_prob = s.log_prob.const_data_ptr<float>(),
+                             .advantage = s.advantage.const_data_ptr<float>(),
+                             .action = s.action.const_data_ptr<int32_t>(),
+                             .clip_coef = kClip,
+                             .entropy_coef = kEntropyCoef},
+                            {.old_value = s.old_value.const_data_ptr<float>(),
+                             .returns = s.returns.const_data_ptr<float>(),
+                             .value_mean = s.mean.const_data_ptr<float>(),
+                             .value_std = s.std.const_data_ptr<float>(),
+                             .value_coef = kValueCoef});
+    fused.add_up(steps.of(s, 0));
+    fused.end_epoch();
+    found[k] = {s.actor.parameters().gradient().cpu(), s.critic.parameters().gradient().cpu(), fused.sums().cpu()};
+  }
+  for (size_t x = 0; x < 2; ++x) {
+    const double most = found[0][x].abs().max().item<double>();
+    EXPECT_GT(most, 0);
+    EXPECT_LT((found[1][x] - found[0][x]).abs().max().item<double>(), 1e-5 * most) << x;
+  }
+  EXPECT_TRUE(at::allclose(found[1][2], 2 * found[0][2], 1e-5));
+  // One for the moments of the epoch, one for both gradients with their sums.
+  ASSERT_EQ(messages.size(), 2u);
+  EXPECT_EQ(messages[1].first, found[0][0].numel() + found[0][1].numel() + 2 * kFusedSums);
+  EXPECT_EQ(messages[1].second != nullptr, device.is_cuda());
+}
+
+TEST(LearnFusedUpdateRanks, HaveTheGradientsOfOne) { expect_those_of_one_rank(kCpu); }
+TEST(LearnFusedUpdateRanksGpu, HaveTheGradientsOfOne) {
+  if (cuda_device_count() == 0) GTEST_SKIP() << "no GPU";
+  if (!fused_gradients_run(0)) GTEST_SKIP() << "a GPU without room for the fused kernels";
+  expect_those_of_one_rank(kOneGpu);
 }
 
 // The fused policy takes the actions that its probabilities say, and the update finds the same probabilities.

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <functional>
+#include <future>
 #include <thread>
 
 #include "core/error.hpp"
@@ -46,8 +47,13 @@ TEST(Ranks, GatherAddAndBroadcastInOrder) {
     if (ranks.rank() == 7) x.fill_(-1e8);
     ranks.all_reduce_sum(x);
     EXPECT_TRUE(at::equal(x, at::zeros({2}))) << x;
-    const at::Tensor rows = ranks.gather_rows(at::full({2, 3}, ranks.rank(), at::kDouble));
-    EXPECT_TRUE(at::equal(rows, at::arange(8, at::kDouble).repeat_interleave(2).unsqueeze(1).expand({16, 3})));
+    const auto tensors =
+        ranks.gather_tensors({at::full({2, 3}, ranks.rank(), at::kDouble), at::full({}, -ranks.rank(), at::kInt)});
+    ASSERT_EQ(tensors.size(), 8u);
+    for (int r = 0; r < 8; ++r) {
+      EXPECT_TRUE(at::equal(tensors[static_cast<size_t>(r)].at(0), at::full({2, 3}, r, at::kDouble)));
+      EXPECT_TRUE(at::equal(tensors[static_cast<size_t>(r)].at(1), at::full({}, -r, at::kInt)));
+    }
     at::Tensor y = at::full({4}, ranks.rank(), at::kLong);
     ranks.broadcast(y, 5);
     EXPECT_TRUE(at::equal(y, at::full({4}, 5, at::kLong)));
@@ -110,6 +116,88 @@ TEST(Ranks, NameTheOneThatIsGoneAndTheOneThatHangs) {
                               },
                               {.answer = milliseconds(1500)});
   EXPECT_EQ(hangs[0], "rank 1 of 2 lives, but hangs: no answer within 1.5 s");
+}
+
+/// A wait for the others that only the store can end, as that for a sum of a GPU.
+struct Elsewhere {
+  std::promise<void> given_up;
+  OutsideWait wait(int64_t begun) {
+    return {[begun] { return begun; }, [this] { given_up.set_value(); }};
+  }
+  bool ends(std::chrono::seconds within) { return given_up.get_future().wait_for(within) == std::future_status::ready; }
+};
+
+TEST(Ranks, GiveUpAWaitElsewhereForOneThatFailedOrIsGoneOrHangs) {
+  // What rank 0 throws while it waits, and rank 1 does not come: `other` is what that one does instead.
+  const auto thrown = [](const std::function<void(Ranks&)>& other, RankPatience patience) {
+    return as_ranks(
+        2,
+        [&](Ranks& ranks) {
+          if (ranks.rank() == 1) return other(ranks);
+          Elsewhere elsewhere;
+          ranks.begin_outside(elsewhere.wait(12));
+          EXPECT_TRUE(elsewhere.ends(std::chrono::seconds(20)));
+          ranks.end_outside();
+        },
+        patience);
+  };
+  EXPECT_EQ(thrown([](Ranks& ranks) { ranks.report_failure("out of memory"); }, {})[0],
+            "rank 1 has failed: out of memory");
+  EXPECT_EQ(thrown([](Ranks&) {}, {.silence = milliseconds(2500)})[0],
+            "rank 1 of 2 has not been heard of for 2.5 s: it is dead, stopped or cut off");
+  // It waits elsewhere too, but has begun less.
+  const auto hangs = thrown(
+      [](Ranks& ranks) {
+        Elsewhere elsewhere;
+        ranks.begin_outside(elsewhere.wait(7));
+        EXPECT_TRUE(elsewhere.ends(std::chrono::seconds(20)));
+        ranks.end_outside();
+      },
+      {.answer = milliseconds(2500)});
+  // Whoever notices first says it to both.
+  EXPECT_EQ(hangs[0], hangs[1]);
+  EXPECT_TRUE(hangs[0] == "rank 1 of 2 lives, but hangs: it has begun 7 sums and rank 0 12, no answer within 2.5 s" ||
+              hangs[0] == "all 2 ranks live, but rank 1 waits for a sum over them: no answer within 2.5 s")
+      << hangs[0];
+}
+
+TEST(Ranks, WaitElsewhereAndGoOn) {
+  const auto errors = as_ranks(2, [](Ranks& ranks) {
+    for (int round = 0; round < 2; ++round) {
+      Elsewhere elsewhere;
+      ranks.begin_outside(elsewhere.wait(round));
+      EXPECT_FALSE(elsewhere.ends(std::chrono::seconds(round == 0 ? 2 : 0)));
+      ranks.end_outside();
+    }
+    ranks.leave();
+  });
+  for (const std::string& error : errors) EXPECT_EQ(error, "");
+}
+
+// A sum that has failed by itself, as by a cut cable, is told to all.
+TEST(Ranks, TellOfAWaitElsewhereThatFails) {
+  const auto errors = as_ranks(2, [](Ranks& ranks) {
+    Elsewhere elsewhere;
+    OutsideWait wait = elsewhere.wait(0);
+    if (ranks.rank() == 1) wait.begun = []() -> int64_t { throw Error("NCCL: remote error"); };
+    ranks.begin_outside(wait);
+    EXPECT_TRUE(elsewhere.ends(std::chrono::seconds(20)));
+    ranks.end_outside();
+  });
+  for (const std::string& error : errors) EXPECT_EQ(error, "rank 1 has failed: NCCL: remote error");
+}
+
+// The process is ended where giving up does not end the wait.
+TEST(RanksDeathTest, EndTheProcessWhereTheWaitDoesNotEnd) {
+  GTEST_FLAG_SET(death_test_style, "threadsafe");
+  EXPECT_EXIT(as_ranks(2,
+                       [](Ranks& ranks) {
+                         if (ranks.rank() == 1) return ranks.report_failure("out of memory");
+                         ranks.begin_outside({[] { return 0; }, [] {}});
+                         std::this_thread::sleep_for(std::chrono::seconds(60));
+                       },
+                       {.giving_up = milliseconds(500)}),
+              testing::ExitedWithCode(1), "gigastep: rank 0: rank 1 has failed: out of memory");
 }
 
 }  // namespace

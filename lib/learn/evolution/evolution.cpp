@@ -57,6 +57,12 @@ at::Tensor fitness_of(const at::Tensor& results, int64_t n_rounds, int team, Obj
   return {};
 }
 
+/// What a generation of a population came to, of all ranks.
+struct PopulationResults {
+  at::Tensor fitness;  // [M] on the device
+  at::Tensor stats;    // [E, kNStatRows] fp64 on the host: sums over the members
+};
+
 /// Figures of a population's generation, on the host.
 struct PopulationFigures {
   std::vector<double> stats;   // [kNStatRows] sums over its episodes
@@ -94,8 +100,9 @@ class Evolution final : public Learner {
   at::Tensor own_members(const at::Tensor& members) const;
   std::vector<int> teams_of_generation() const;
   Population population_of(int team) const;
-  Metrics metrics(const std::vector<Population>& populations);
-  PopulationFigures figures_of(const Population& population, size_t k);
+  std::vector<PopulationResults> results_of(const std::vector<int>& teams);
+  Metrics metrics(const std::vector<Population>& populations, const std::vector<PopulationResults>& results);
+  PopulationFigures figures_of(const Population& population, const at::Tensor& by_world);
   void team_metrics(int team, const PopulationFigures* figures, Metrics& out) const;
 
   const RunConfig config_;
@@ -166,19 +173,40 @@ Metrics Evolution::update() {
   games_->play(populations, static_cast<uint32_t>(generations_));
   clock_->mark(1);
 
-  for (size_t k = 0; k < teams.size(); ++k) {
-    const at::Tensor fitness =
-        fitness_of(games_->results(k), config_.population.n_rounds(), teams[k], config_.population.objective);
-    team_[teams[k]]->tell(ranks_ ? ranks_->gather_rows(fitness) : fitness);
-  }
+  const std::vector<PopulationResults> results = results_of(teams);
+  for (size_t k = 0; k < teams.size(); ++k) team_[teams[k]]->tell(results[k].fitness);
   ++generations_;
   clock_->mark(2);
-  Metrics figures = metrics(populations);
+  Metrics figures = metrics(populations, results);
   // After the results, which belong to the pool that was played against.
   if (generations_ % config_.opponents.pool_every_updates == 0)
     for (const auto& team : team_)
       if (team) team->pool().keep();
   return figures;
+}
+
+// One message of each rank: how well its members did, and in which episodes.
+std::vector<PopulationResults> Evolution::results_of(const std::vector<int>& teams) {
+  std::vector<PopulationResults> results;
+  for (size_t k = 0; k < teams.size(); ++k) {
+    const at::Tensor all = games_->results(k);
+    results.push_back({fitness_of(all, config_.population.n_rounds(), teams[k], config_.population.objective),
+                       all.sum(0, false, at::kDouble).cpu()});
+  }
+  if (!ranks_) return results;
+  std::vector<at::Tensor> mine;
+  for (const PopulationResults& r : results) mine.insert(mine.end(), {r.fitness, r.stats});
+  const std::vector<std::vector<at::Tensor>> all = ranks_->gather_tensors(mine);  // [ranks]
+  for (size_t k = 0; k < results.size(); ++k) {
+    std::vector<at::Tensor> fitness;
+    results[k].stats.zero_();
+    for (const std::vector<at::Tensor>& of_rank : all) {
+      fitness.push_back(of_rank[2 * k]);
+      results[k].stats.add_(of_rank[2 * k + 1]);
+    }
+    results[k].fitness = at::cat(fitness).to(results[k].fitness.device());
+  }
+  return results;
 }
 
 void Evolution::team_metrics(int team, const PopulationFigures* f, Metrics& out) const {
@@ -207,10 +235,8 @@ void Evolution::team_metrics(int team, const PopulationFigures* f, Metrics& out)
   (f ? f->record : LeagueRecord{}).add_metrics(team, out);
 }
 
-// Reads the figures of population k of those that played, and counts its games against the other team's pool.
-PopulationFigures Evolution::figures_of(const Population& population, size_t k) {
-  const at::Tensor by_world = games_->results(k).sum(0, false, at::kDouble).cpu();  // [E, kNStatRows]
-  if (ranks_) ranks_->all_reduce_sum(by_world);
+// Reads the figures of a population that played, and counts its games against the other team's pool.
+PopulationFigures Evolution::figures_of(const Population& population, const at::Tensor& by_world) {
   const at::Tensor sums = by_world.sum(0), learned = team_[population.team]->figures().cpu();
   PopulationFigures f;
   f.stats.assign(sums.const_data_ptr<double>(), sums.const_data_ptr<double>() + kNStatRows);
@@ -230,14 +256,14 @@ PopulationFigures Evolution::figures_of(const Population& population, size_t k) 
   return f;
 }
 
-// Besides the games (Game::play), the one place of a generation where the host waits for the device.
-Metrics Evolution::metrics(const std::vector<Population>& populations) {
+// Besides the games (Game::play) and their results, the one place of a generation where the host waits for the device.
+Metrics Evolution::metrics(const std::vector<Population>& populations, const std::vector<PopulationResults>& results) {
   std::unique_ptr<PopulationFigures> figures[kNTeams];
   double episodes = 0, steps = 0, ties = 0, truncated = 0;
   divergence_.reset();
   for (size_t k = 0; k < populations.size(); ++k) {
     const int team = populations[k].team;
-    auto f = std::make_unique<PopulationFigures>(figures_of(populations[k], k));
+    auto f = std::make_unique<PopulationFigures>(figures_of(populations[k], results[k].stats));
     const auto sum = [&f](EpisodeStat s) { return f->stats[static_cast<size_t>(s)]; };
     episodes += sum(EpisodeStat::episodes);
     steps += sum(EpisodeStat::length);

@@ -285,6 +285,10 @@ const Algorithm MappoAlgorithm::kAlgorithm = {
     .agent_steps_per_update = agent_steps_per_update,
     .check = check_mappo,
     .expect_divides = expect_shards_divide,
+    .setting_for_ranks =
+        [](const RunConfig& c, int n_ranks) {
+          return c.mappo.shards == MappoConfig{}.shards ? cat("mappo.shards=", n_ranks) : "";
+        },
     .size = mappo_size,
     .set_size = [](RunConfig& c, int64_t size) { c.train.n_worlds = static_cast<int>(size); },
     .shorten = [](RunConfig& c) { c.mappo.n_epochs = 1; },

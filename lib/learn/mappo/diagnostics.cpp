@@ -9,18 +9,10 @@
 
 namespace giga {
 
-void PpoTeam::note_rollout(const TeamRollout& r, const at::Tensor& weight, const at::Tensor& inv_count) {
+/// Clears the figures, and notes in them what is not finite. -> [kNFaults] of them, to be added up over all ranks so
+/// that these refuse the same steps.
+at::Tensor PpoTeam::find_faults(const TeamRollout& r) {
   figures_.zero_();
-  // Explained variance: 1 - Var(returns - values) / Var(returns), and returns - values are the advantages.
-  const auto [return_mean, return_inv_std] = weighted_moments(own(returns_), weight, inv_count, sum_);
-  figures_[kFigExplained].copy_(1.0 - (return_inv_std / batch_inv_std_).square());
-  const at::Tensor living = at::stack({weight.sum(), at::full({}, weight.numel(), weight.options())});
-  sum_(living);
-  figures_[kFigLiving].copy_(living[0] / living[1]);
-  note_faults(r);
-}
-
-void PpoTeam::note_faults(const TeamRollout& r) {
   const std::array<at::Tensor, kFaultActorGradient> tensors = {r.obs,  r.log_prob, r.reward,
                                                                value_, advantage_, returns_};
   std::array<at::Tensor, kFaultActorGradient> least, greatest;
@@ -36,7 +28,7 @@ void PpoTeam::note_faults(const TeamRollout& r) {
     check.greatest[k] = greatest[k].const_data_ptr<float>();
   }
   parallel_for_.run(check, static_cast<int64_t>(tensors.size()));
-  sum_(figures_.slice(0, kFirstFault, kNFigures));  // so that all ranks refuse the same steps
+  return figures_.slice(0, kFirstFault, kNFigures);
 }
 
 /// `sums`: those of the diagnostics over the living rows of the minibatch.

@@ -52,6 +52,7 @@ FusedUpdate::FusedUpdate(const Actor& actor, const Critic& critic, int n, const 
   const auto options = at::TensorOptions().dtype(at::kFloat).device(torch_device(device));
   actor_partial_ = at::empty({blocks_, actor_mlp_.size + kFusedSums}, options);
   critic_partial_ = at::empty({blocks_, critic_mlp_.size + kFusedSums}, options);
+  if (!sum_.alone()) over_ranks_ = at::empty({actor_mlp_.size + critic_mlp_.size + 2 * kFusedSums}, options);
   sums_ = at::zeros({2, kFusedSums}, options);
   squares_ = at::empty({step_blocks_on(device, actor_mlp_, critic_mlp_)}, options.dtype(at::kDouble));
   finished_ = at::zeros({1}, options.dtype(at::kInt));
@@ -113,6 +114,7 @@ void FusedUpdate::begin_epoch(const at::Tensor& obs, const at::Tensor& alive, co
     return;
   }
   launch_moments(rows_, pieces_, a, moments, index(), parallel_for_.stream());
+  sum_(moments_);
   side_->fork();
 }
 
@@ -166,21 +168,24 @@ void FusedUpdate::complete(FusedStep& step) const {
   step.finished = reinterpret_cast<uint32_t*>(finished_.data_ptr<int32_t>());
 }
 
-// The parts of all ranks in the place of this one's first.
-void FusedUpdate::add_ranks() {
-  const at::Tensor own = at::cat({actor_partial_.sum(0), critic_partial_.sum(0)});
-  sum_(own);
-  int64_t from = 0;
-  for (const at::Tensor& partial : {actor_partial_, critic_partial_}) {
-    partial.zero_();
-    partial[0].copy_(own.narrow(0, from, partial.size(1)));
-    from += partial.size(1);
+/// In the place of this rank's parts: one part for each network, of all ranks; one message.
+void FusedUpdate::add_ranks(FusedStep& step) {
+  if (sum_.alone()) return;
+  if (side_) {
+    launch_block_sums(step, over_ranks_.data_ptr<float>(), index(), side_->stream());
+    sum_(over_ranks_, side_->stream());
+  } else {
+    at::cat_out(over_ranks_, {actor_partial_.sum(0), critic_partial_.sum(0)});
+    sum_(over_ranks_);
   }
+  step.actor.n_partial = step.critic.n_partial = 1;
+  step.actor.partial = over_ranks_.const_data_ptr<float>();
+  step.critic.partial = step.actor.partial + actor_partial_.size(1);
 }
 
 void FusedUpdate::add_up(FusedStep step) {
-  if (!sum_.alone()) add_ranks();
   complete(step);
+  add_ranks(step);
   if (side_)
     launch_gradient_sums(step, index(), side_->stream());
   else

@@ -24,8 +24,8 @@ std::string fused_update_refusal(const Actor& actor, const Critic& critic, int n
 class FusedUpdate {
  public:
   /// Networks that they serve; all three must outlive this. `n`: agents of the team. On a GPU epochs are learned from
-  /// on a stream beside that of `parallel_for`, so that the teams fill each other's gaps. `sum`: over all
-  /// ranks; on a GPU there is but one.
+  /// on a stream beside that of `parallel_for`, so that the teams fill each other's gaps; `sum`, over all ranks, is
+  /// queued there too.
   FusedUpdate(const Actor& actor, const Critic& critic, int n, const ParallelFor& parallel_for,
               const SumOverRanks& sum = {});
 
@@ -51,7 +51,7 @@ class FusedUpdate {
   FusedRows rows_of(const InputColumns& inputs) const;
   void choose(const at::Tensor& obs, const at::Tensor& alive, const at::Tensor& states);
   void complete(FusedStep& step) const;
-  void add_ranks();
+  void add_ranks(FusedStep& step);
 
   const Actor& actor_;
   const Critic& critic_;
@@ -65,6 +65,7 @@ class FusedUpdate {
   at::Tensor states_;                          // keeps what rows_ points to
   at::Tensor moments_;                         // [pieces, kMomentParts, kMoments] fp64
   at::Tensor actor_partial_, critic_partial_;  // [blocks, parameters + kFusedSums]
+  at::Tensor over_ranks_;                      // [both networks' parameters + kFusedSums]; undefined with one rank
   at::Tensor sums_;                            // [2, kFusedSums]
   at::Tensor squares_;                         // [fused_step_blocks()] fp64
   at::Tensor finished_;                        // [1]

@@ -22,6 +22,7 @@
 #include "learn/mappo/step_back.hpp"
 #include "learn/opponents/league.hpp"
 #include "learn/players/player.hpp"
+#include "learn/rank_sums.hpp"
 #include "learn/team_policy.hpp"
 #include "ranks/divided_arrays.hpp"
 #include "rollout/collector.hpp"
@@ -90,7 +91,8 @@ class Mappo final : public Learner {
   const Device device_;
   const int64_t total_updates_;
   ParallelFor parallel_for_;
-  Ranks* ranks_ = nullptr;  // null: this process has all worlds
+  Ranks* ranks_ = nullptr;          // null: this process has all worlds
+  std::unique_ptr<RankSums> sums_;  // null likewise
   std::unique_ptr<Simulator> sim_;
   std::unique_ptr<PpoTeam> team_[kNTeams];  // null = scripted
   std::vector<PpoTeam*> learning_;          // those of them that are not
@@ -129,8 +131,7 @@ void Mappo::make_teams_and_worlds() {
   options.n_threads = config_.train.n_threads;
   sim_ = make_simulator(run.spec, options, device_, parallel_for_.stream());
 
-  SumOverRanks sum;
-  if (ranks_) sum.add = [this](const at::Tensor& x) { ranks_->all_reduce_sum(x); };
+  const SumOverRanks sum = sums_ ? sums_->over_all() : SumOverRanks{};
   const WorldShares shares = world_shares(config_.opponents, options.n_worlds);
   std::array<const Actor*, kNTeams> actors{};
   CollectorOptions collecting{.horizon = config_.mappo.horizon, .desynchronize = config_.train.desynchronize};
@@ -168,11 +169,13 @@ void Mappo::divide(Ranks& ranks) {
   for (auto& team : team_) team.reset();
   sim_.reset();
   ranks_ = &ranks;
+  sums_ = std::make_unique<RankSums>(ranks, device_);
   run_.config.train.n_worlds = config_.train.n_worlds / ranks.size();
   make_teams_and_worlds();
 }
 
 Metrics Mappo::update() {
+  if (sums_) sums_->begin();
   // A rollout: `horizon` steps of all worlds, played by the policies as they are.
   clock_->mark(0);
   minibatches_done_ = -1;
@@ -351,7 +354,8 @@ Metrics Mappo::metrics(double factor) {
   for (int team = 0; team < kNTeams; ++team)
     if (team_[team]) note_divergence(team, figures[team].const_data_ptr<float>());
   EpisodeStats stats = sim_->take_stats();
-  if (ranks_) ranks_->all_reduce_sum(at::from_blob(stats.rows.data(), {kNStatRows}, at::kDouble));
+  if (sums_) sums_->add_host(at::from_blob(stats.rows.data(), {kNStatRows}, at::kDouble));
+  if (sums_) sums_->end();
   std::array<LeagueRecord, kNTeams> record;
   if (league_) league_->read(stats, record);  // of the worlds in which both teams learn
   const double episodes = stats[EpisodeStat::episodes];
@@ -407,7 +411,7 @@ void Mappo::save_worlds(NamedArrays& out) const {
   for (int team = 0; team < kNTeams; ++team)
     if (team_[team]) team_[team]->save_memory(cat("team_", team, "/"), arrays);
   for (NamedArray& array : arrays) {
-    if (ranks_) gather_rows(*ranks_, array);
+    if (sums_) sums_->gather_rows(array);
     out.push_back(std::move(array));
   }
 }

@@ -42,7 +42,6 @@ PpoTeam::PpoTeam(const LoadedRun& run, int team, Device device, const ParallelFo
   stop_ = at::zeros({1}, options);
   figures_ = at::zeros({kNFigures}, options);
   plain_because_ = config_.fused ? fused_update_refusal(actor_, critic_, n_, device) : "mappo.fused is false";
-  if (plain_because_.empty() && device.is_cuda() && !sum_.alone()) plain_because_ = "on a GPU they know no other ranks";
   if (plain_because_.empty()) fused_ = std::make_unique<FusedUpdate>(actor_, critic_, n_, parallel_for, sum_);
   if (critic_.state_size() > 0) {
     critic_memory_ = at::zeros({n_worlds_, n_, critic_.state_size()}, options);
@@ -53,16 +52,25 @@ PpoTeam::PpoTeam(const LoadedRun& run, int team, Device device, const ParallelFo
 
 // ---- Advantages -----------------------------------------------------------------------------------------------------
 
+WeightedMoments::WeightedMoments(const at::Tensor& x_, const at::Tensor& weight_)
+    : x(x_), weight(weight_), total((x * weight).sum()) {}
+
+void WeightedMoments::square(const at::Tensor& inv_count) {
+  mean = total * inv_count;
+  squares = ((x - mean).square() * weight).sum();
+}
+
+at::Tensor WeightedMoments::inv_std(const at::Tensor& inv_count) const {
+  return ((squares * inv_count).sqrt() + 1e-8).reciprocal();
+}
+
 std::pair<at::Tensor, at::Tensor> weighted_moments(const at::Tensor& x, const at::Tensor& weight,
                                                    const at::Tensor& inv_count, const SumOverRanks& sum) {
-  const auto mean_of = [&](const at::Tensor& terms) {
-    const at::Tensor total = terms.sum();
-    sum(total);
-    return total * inv_count;
-  };
-  const at::Tensor mean = mean_of(x * weight);
-  const at::Tensor variance = mean_of((x - mean).square() * weight);
-  return {mean, (variance.sqrt() + 1e-8).reciprocal()};
+  WeightedMoments moments(x, weight);
+  sum(moments.total);
+  moments.square(inv_count);
+  sum(moments.squares);
+  return {moments.mean, moments.inv_std(inv_count)};
 }
 
 /// Of the rows with weight 1; 1 where there is none.
@@ -202,14 +210,34 @@ void PpoTeam::compute_advantages(const Rollout& rollout) {
                     w * n_);
   value_ = value.view({t + 1, w, n_}).slice(0, 0, t);
 
-  const at::Tensor weight = own(r.alive.slice(0, 0, t)).to(at::kFloat);
-  const at::Tensor inv_count = inverse_count(weight);
-  std::tie(batch_mean_, batch_inv_std_) = weighted_moments(own(advantage_), weight, inv_count, sum_);
   stop_.zero_();
   first_epoch_ = true;
-  note_rollout(r, weight, inv_count);
+  take_moments(r);
+}
+
+// Of the advantages and returns of all ranks, in two messages: what is added up, and what follows from the means.
+void PpoTeam::take_moments(const TeamRollout& r) {
+  const at::Tensor weight = own(r.alive.slice(0, 0, r.reward.size(0))).to(at::kFloat);
+  const at::Tensor living = weight.sum(), slots = at::full({}, weight.numel(), weight.options());
+  WeightedMoments advantages(own(advantage_), weight), returns(own(returns_), weight);
+  const at::Tensor faults = find_faults(r);
+  sum_.together({living, slots, advantages.total, returns.total, faults});
+
+  const at::Tensor inv_count = living.clamp_min(1).reciprocal();
+  advantages.square(inv_count);
+  returns.square(inv_count);
   // MAPPO: the critic predicts returns in units of their running mean and deviation.
-  if (config_.value_norm) value_norm_.update(own(returns_).reshape({-1, 1}), weight.view({-1}), sum_);
+  RunningNorm::Moments values;
+  if (config_.value_norm) values = RunningNorm::moments(own(returns_).reshape({-1, 1}), weight.view({-1}), living);
+  sum_.together({advantages.squares, returns.squares, values.mean, values.squares});
+
+  batch_mean_ = advantages.mean;
+  batch_inv_std_ = advantages.inv_std(inv_count);
+  living_ = living;
+  // Explained variance: 1 - Var(returns - values) / Var(returns), and returns - values are the advantages.
+  figures_[kFigExplained].copy_(1.0 - (returns.inv_std(inv_count) / batch_inv_std_).square());
+  figures_[kFigLiving].copy_(living / slots);
+  if (config_.value_norm) value_norm_.take(values, living);
 }
 
 // ---- Minibatches ----------------------------------------------------------------------------------------------------
@@ -435,8 +463,11 @@ void PpoTeam::update_normalizer(const Rollout& rollout) {
   if (!actor_.normalizes()) return;
   const TeamRollout& r = rollout.team[team_];
   const int64_t t = r.reward.size(0), d = r.obs.size(-1);
-  actor_.normalizer().update(own(r.obs.slice(0, 0, t)).reshape({-1, d}),
-                             own(r.alive.slice(0, 0, t)).to(at::kFloat).view({-1}), sum_);
+  const at::Tensor weight = own(r.alive.slice(0, 0, t)).to(at::kFloat).view({-1});
+  const RunningNorm::Moments moments =
+      RunningNorm::moments(own(r.obs.slice(0, 0, t)).reshape({-1, d}), weight, living_);
+  sum_.together({moments.mean, moments.squares});
+  actor_.normalizer().take(moments, living_);
 }
 
 // ---- Checkpoints ----------------------------------------------------------------------------------------------------

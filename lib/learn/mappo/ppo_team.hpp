@@ -119,8 +119,8 @@ class PpoTeam {
   at::Tensor policy_loss_gradient(const TeamRollout& rollout, const Minibatch& batch, const at::Tensor& head);
   void update_critic(const Rollout& rollout, const Minibatch& batch, float step_size);
   StepFlags step_flags(PpoFault fault, PpoFigure norm_sum, int minibatch) const;
-  void note_rollout(const TeamRollout& rollout, const at::Tensor& weight, const at::Tensor& inv_count);
-  void note_faults(const TeamRollout& rollout);
+  void take_moments(const TeamRollout& rollout);
+  at::Tensor find_faults(const TeamRollout& rollout);
   PolicyNote policy_note(const float* sums, int minibatch) const;
   void note_information(const at::Tensor& head, const at::Tensor& alive);
   bool everywhere() const { return worlds_.count == n_worlds_; }
@@ -152,9 +152,23 @@ class PpoTeam {
   at::Tensor value_;                       // [T, W, n] the critic's output before the update, normalised
   at::Tensor advantage_, returns_;         // [T, W, n] in reward units
   at::Tensor batch_mean_, batch_inv_std_;  // [1] of the advantages
+  at::Tensor living_;                      // [] agents of its worlds that live, over all steps and ranks
   at::Tensor zero_, one_;                  // [1]
   at::Tensor stop_;                        // [1] 1 once approx_kl has passed target_kl
   at::Tensor figures_;                     // [kNFigures]
+};
+
+/// Mean and deviation of the entries with weight, by two sums, each of which is to be added up over the ranks before
+/// the next step. `inv_count`: 1 / their number, of all ranks.
+struct WeightedMoments {
+  WeightedMoments(const at::Tensor& x, const at::Tensor& weight);
+  void square(const at::Tensor& inv_count);               // after total
+  at::Tensor inv_std(const at::Tensor& inv_count) const;  // after squares
+
+  at::Tensor x, weight;
+  at::Tensor total;    // [] sum of x
+  at::Tensor mean;     // []
+  at::Tensor squares;  // [] sum of the squared distances from the mean
 };
 
 /// Mean and 1 / deviation over the entries with weight, of which all ranks have 1 / inv_count.
