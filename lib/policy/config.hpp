@@ -120,7 +120,8 @@ void visit_fields(V& v, CriticConfig& c) {
     "state: the true state of the world; independent: local observations only (IPPO)");
   visit_network_fields(v, c);
   v("shared_encoder", c.shared_encoder,
-    "read the features behind the actor's encoder, which then learns from both losses; the critic's own layers (hidden) "
+    "read the features behind the actor's encoder, which then learns from both losses; the critic's own layers "
+    "(hidden) "
     "and memory follow. false: an encoder of its own");
   v("output_gain", c.output_gain, "gain of the initialisation of the output layer", at_least(0));
 }

@@ -103,9 +103,9 @@ TEST(LearnPixels, RedrawnImagesAreThoseThatWereActedOn) {
   EXPECT_GT(truncated, 0);
 }
 
-/// The reward of an action says whether its index is below 13, where the agent is in the left half of the map, or above,
-/// where it is in the right half. Only the image says where the agent is. Expects that an actor learns it; by chance
-/// half of the actions are right.
+/// The reward of an action says whether its index is below 13, where the agent is in the left half of the map, or
+/// above, where it is in the right half. Only the image says where the agent is. Expects that an actor learns it; by
+/// chance half of the actions are right.
 void expect_learns_sides(const std::string& critic) {
   SmallRun small = pixel_run("observation: {type: rgb, resolution: 12}\n");
   small.critic = critic;

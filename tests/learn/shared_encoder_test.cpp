@@ -59,8 +59,8 @@ Gradients gradients_by_hand(LearningTeam& game, const at::Tensor& critic_memory)
   NamedArrays arrays;
   game.team.save_critic("", arrays);
   game.team.save_batch(rollout, at::arange(t * w), arrays);
-  Critic critic(c.critic, critic_shape(c.critic, actor, game.run.spec, 0), Precision::fp32, game.parallel_for,
-                at::kCPU, 0);
+  Critic critic(c.critic, critic_shape(c.critic, actor, game.run.spec, 0), Precision::fp32, game.parallel_for, at::kCPU,
+                0);
   critic.parameters().load("critic/", arrays);
 
   const at::Tensor alive = r.alive.slice(0, 0, t).to(at::kFloat).view({t * w, 2}), weight = alive.flatten();
@@ -82,7 +82,8 @@ Gradients gradients_by_hand(LearningTeam& game, const at::Tensor& critic_memory)
   Gradients g;
   const at::Tensor head = actor.forward_sequence(seen.flatten(0, 1), sequence(r.state));
   const at::Tensor log_p = at::log_softmax(head.slice(1, 0, kNDiscreteActions), 1);
-  const at::Tensor ratio = (log_p.gather(1, r.action.view({rows, 1}).to(at::kLong)).squeeze(1) - r.log_prob.flatten()).exp();
+  const at::Tensor ratio =
+      (log_p.gather(1, r.action.view({rows, 1}).to(at::kLong)).squeeze(1) - r.log_prob.flatten()).exp();
   EXPECT_LT((ratio - 1).abs().max().item<double>(), 1e-5);
   const at::Tensor advantage = saved_as(arrays, "batch/advantage", {t * w, 2}).flatten();
   mean(-ratio * advantage + c.entropy_coef * (log_p.exp() * log_p).sum(1)).backward();
@@ -110,7 +111,8 @@ TEST(LearnSharedEncoder, ItsGradientIsThatOfBothLosses) {
       {"composed", "hidden: [16]", "hidden: [12]", "", ""},
       {"no loss of values", "hidden: [16]", "hidden: [12]", ", value_coef: 0", ""},
       {"independent, normalised", "hidden: [16, 8]", "kind: independent, hidden: [12]", ", obs_norm: true", ""},
-      {"both remember", "hidden: [16], memory: gru, memory_size: 6", "hidden: [8], memory: lstm, memory_size: 5", "", ""},
+      {"both remember", "hidden: [16], memory: gru, memory_size: 6", "hidden: [8], memory: lstm, memory_size: 5", "",
+       ""},
       {"the actor remembers", "hidden: [16], memory: lstm, memory_size: 6", "hidden: [8]", ", obs_norm: true", ""},
       {"the critic remembers", "hidden: [16]", "kind: independent, hidden: [8], memory: gru, memory_size: 5", "", ""},
       {"images", kSees, "hidden: [12]", "", kImages},
@@ -154,7 +156,8 @@ TEST(LearnSharedEncoder, ItsGradientIsThatOfBothLosses) {
     game.team.update_minibatch(rollout, 0, 1, {0, 0});
     game.team.save("", learned);
     const auto gradient = [&](const char* name, int64_t size) { return saved_as(learned, name, {size}) / 0.1; };
-    EXPECT_LT(distance(gradient("actor_adam/moment1", expected.policy.numel()), expected.policy + expected.value), 1e-4);
+    EXPECT_LT(distance(gradient("actor_adam/moment1", expected.policy.numel()), expected.policy + expected.value),
+              1e-4);
     const at::Tensor of_critic = gradient("critic_adam/moment1", expected.critic.numel());
     EXPECT_LT((of_critic - expected.critic).norm().item<double>(), 1e-4 * expected.critic.norm().item<double>() + 1e-9);
   }
@@ -180,8 +183,8 @@ TEST(LearnSharedEncoder, WithoutItsLossTheActorLearnsAsAlone) {
       if (!a.name.starts_with(critic)) continue;
       const char layer = a.name[critic.size()];
       const std::string part = a.name.substr(critic.size() + 1);
-      const std::string source = layer == '0' ? cat("team_0/actor/mlp/0", part)
-                                              : cat(critic, static_cast<char>(layer - 1), part);
+      const std::string source =
+          layer == '0' ? cat("team_0/actor/mlp/0", part) : cat(critic, static_cast<char>(layer - 1), part);
       ASSERT_EQ(find_array(from, source).shape, a.shape) << a.name;
       a.bytes = find_array(from, source).bytes;
       ++copied;
@@ -226,7 +229,8 @@ TEST(LearnSharedEncoder, ValuesForThoseWhoLookAreThoseOfTheRollout) {
   const TeamRollout& r = rollout.team[0];
   NetworkState none;
   const at::Tensor seen = values->forward(r.obs[3], r.alive[3], {}, none);  // in units of the rewards so far
-  const at::Tensor mean = saved_as(arrays, "team_0/value_norm/mean", {1}), std = saved_as(arrays, "team_0/value_norm/std", {1});
+  const at::Tensor mean = saved_as(arrays, "team_0/value_norm/mean", {1}),
+                   std = saved_as(arrays, "team_0/value_norm/std", {1});
   game.team.compute_advantages(rollout);
   game.team.save_batch(rollout, at::arange(3 * 24, 4 * 24), batch);
   EXPECT_LT((saved_as(batch, "batch/value", {24, 2}) * std + mean - seen).abs().max().item<double>(), 1e-5);

@@ -79,9 +79,10 @@ void encoder_is_shared(ConfigCheck& check) {
                    "actor's; allowed with it: mlp, which are layers on the features"));
   } else if (c.critic.inputs != c.actor.inputs && check.known({"mappo.actor.inputs", "mappo.critic.inputs"})) {
     const std::string read = FieldCodec<NetworkInputs>::print(c.actor.inputs);
-    check.fail("mappo.critic.inputs",
-               cat("'", FieldCodec<NetworkInputs>::print(c.critic.inputs), "' is not what mappo.actor.inputs says, '",
-                   read, "', and mappo.critic.shared_encoder: true gives it the actor's encoder; allowed with it: ", read));
+    check.fail(
+        "mappo.critic.inputs",
+        cat("'", FieldCodec<NetworkInputs>::print(c.critic.inputs), "' is not what mappo.actor.inputs says, '", read,
+            "', and mappo.critic.shared_encoder: true gives it the actor's encoder; allowed with it: ", read));
   }
 }
 

@@ -32,7 +32,8 @@ at::Tensor ValueFunction::forward(const at::Tensor& obs, const at::Tensor& alive
                                   NetworkState& memory) const {
   at::NoGradGuard no_grad;
   at::Tensor after;
-  const at::Tensor value = critic_.forward(critic_.input_of(actor_, obs), alive.to(at::kFloat), state, {.start = memory.rows, .states = &after});
+  const at::Tensor value = critic_.forward(critic_.input_of(actor_, obs), alive.to(at::kFloat), state,
+                                           {.start = memory.rows, .states = &after});
   if (critic_.state_size() > 0) memory.rows = after[0];
   return value * norm_.std() + norm_.mean();
 }
