@@ -38,7 +38,15 @@ at::Tensor Actor::forward(const at::Tensor& obs, NetworkState& state) const {
 }
 
 at::Tensor Actor::forward_sequence(const at::Tensor& obs, const Sequence& sequence) const {
-  return network_.forward(parameters_, input_of(obs), sequence, rounding()).to(at::kFloat);
+  return head(features(obs), sequence);
+}
+
+at::Tensor Actor::features(const at::Tensor& obs) const {
+  return network_.encoder().forward(parameters_, input_of(obs), rounding());
+}
+
+at::Tensor Actor::head(const at::Tensor& features, const Sequence& sequence) const {
+  return network_.behind_encoder(parameters_, features, sequence, rounding()).to(at::kFloat);
 }
 
 at::Tensor Actor::forward_members(const at::Tensor& members, const at::Tensor& obs, NetworkState& state) const {

@@ -30,6 +30,10 @@ class Actor final : public Policy {
   at::Tensor forward(const at::Tensor& obs, NetworkState& state) const override;
   /// Steps in a row: obs [L R, D] -> [L R, head size].
   at::Tensor forward_sequence(const at::Tensor& obs, const Sequence& sequence) const;
+  /// Its two parts, for a critic that shares the encoder: obs [..., D] -> features [..., F], before any memory, and
+  /// features [L R, F] -> [L R, head size].
+  at::Tensor features(const at::Tensor& obs) const;
+  at::Tensor head(const at::Tensor& features, const Sequence& sequence) const;
   /// Each member of a population [M, P] of parameters: obs [M, R, D] -> [M, R, head size]. All share the normaliser.
   at::Tensor forward_members(const at::Tensor& members, const at::Tensor& obs, NetworkState& state) const;
   /// The same without memory.

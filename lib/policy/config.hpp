@@ -110,6 +110,7 @@ constexpr std::array<const char*, 3> enum_names(CriticKind) { return {"composed"
 /// The value function of a team, used in training only.
 struct CriticConfig : NetworkConfig {
   CriticKind kind = CriticKind::composed;
+  bool shared_encoder = false;
   float output_gain = 1.0f;
 };
 template <class V>
@@ -118,6 +119,10 @@ void visit_fields(V& v, CriticConfig& c) {
     "composed: local observations and, in each layer, the mean features of the team's living agents; "
     "state: the true state of the world; independent: local observations only (IPPO)");
   visit_network_fields(v, c);
+  v("shared_encoder", c.shared_encoder,
+    "read the features behind the actor's encoder, which then learns from both losses; the critic's own layers "
+    "(hidden) "
+    "and memory follow. false: an encoder of its own");
   v("output_gain", c.output_gain, "gain of the initialisation of the output layer", at_least(0));
 }
 

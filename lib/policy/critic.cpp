@@ -3,14 +3,22 @@
 #include <ATen/ATen.h>
 
 #include "core/error.hpp"
+#include "policy/actor.hpp"
 #include "sim/state_observation.hpp"
 
 namespace giga {
 
-CriticShape critic_shape(const CriticConfig& config, const SimSpec& spec, int team) {
+CriticShape critic_shape(const CriticConfig& config, const Actor& actor, const SimSpec& spec, int team) {
   const SimParams& p = spec.params;
-  const InputColumns inputs = config.kind == CriticKind::state ? InputColumns() : inputs_of(config, spec);
-  return {team, {p.n_team[0], p.n_team[1]}, inputs, world_feature_count(p)};
+  CriticShape shape{
+      .team = team, .n_team = {p.n_team[0], p.n_team[1]}, .inputs = {}, .world_features = world_feature_count(p)};
+  if (config.shared_encoder) {
+    shape.inputs = actor.inputs();
+    shape.features = actor.network().encoder().features();
+  } else if (config.kind != CriticKind::state) {
+    shape.inputs = inputs_of(config, spec);
+  }
+  return shape;
 }
 
 std::pair<NetworkConfig, NetworkConfig> split_state_critic(const CriticConfig& config) {
@@ -25,8 +33,12 @@ std::pair<NetworkConfig, NetworkConfig> split_state_critic(const CriticConfig& c
 Critic::Critic(const CriticConfig& config, const CriticShape& shape, Precision precision,
                const ParallelFor& parallel_for, at::Device device, uint64_t seed)
     : kind_(config.kind), shape_(shape), precision_(precision), parallel_for_(&parallel_for) {
+  GIGA_CHECK(!shares_encoder() || (config.kind != CriticKind::state && !config.reads_image()),
+             "layers on features, which are numbers of each agent");
   const std::string name = enum_names(config.encoder)[static_cast<size_t>(config.encoder)];
-  const NetworkShape on_observations{shape.inputs.shape(), 1, config.output_gain};
+  const ObservationShape read =
+      shares_encoder() ? ObservationShape(static_cast<int>(shape.features)) : shape.inputs.shape();
+  const NetworkShape on_observations{read, 1, config.output_gain};
   switch (config.kind) {
     case CriticKind::composed:
       network_ = Network(parameters_, "team_" + name, config, on_observations);
@@ -46,11 +58,12 @@ Critic::Critic(const CriticConfig& config, const CriticShape& shape, Precision p
   parameters_.allocate(device, seed);
 }
 
-/// Each layer but the one that reads observations also reads the mean features of the team.
+/// Each layer but the one that reads observations also reads the mean features of the team; behind a shared encoder
+/// that is each.
 void Critic::add_team_weights(const std::string& name) {
   const std::vector<DenseLayer> layers = network_.layers();
   for (size_t k = 0; k < layers.size(); ++k) {
-    const bool reads_observations = k == 0 && layers.size() > 1;
+    const bool reads_observations = k == 0 && layers.size() > 1 && !shares_encoder();
     const int64_t features = parameters_.shape(layers[k].weight)[1];
     team_weights_.push_back(
         reads_observations ? -1
@@ -59,7 +72,7 @@ void Critic::add_team_weights(const std::string& name) {
 }
 
 std::optional<FusedMlp> Critic::fused_mlp() const {
-  if (kind_ == CriticKind::state) return std::nullopt;
+  if (kind_ == CriticKind::state || shares_encoder()) return std::nullopt;
   const std::optional<SmallMlp> small = network_.small(parameters_);
   if (!small) return std::nullopt;
   FusedMlp mlp(*small, parameters_.size());
@@ -69,11 +82,19 @@ std::optional<FusedMlp> Critic::fused_mlp() const {
   return mlp;
 }
 
+at::Tensor Critic::input_of(const Actor& actor, const at::Tensor& obs) const {
+  if (shares_encoder()) return actor.features(obs.flatten(0, 1)).view({obs.size(0), obs.size(1), -1});
+  return actor.normalizes() && !reads_image() && obs.defined() ? actor.normalizer().apply(obs) : obs;
+}
+
 at::Tensor Critic::forward(const at::Tensor& obs, const at::Tensor& alive, const at::Tensor& state,
                            const Sequence& sequence) const {
   if (kind_ == CriticKind::state) return forward_state(state, sequence);
-  at::Tensor x = columns_of(shape_.inputs, obs);
-  if (precision_ == Precision::bf16) x = x.to(at::kBFloat16);
+  at::Tensor x = shares_encoder() ? obs : columns_of(shape_.inputs, obs);
+  if (precision_ == Precision::bf16)
+    x = x.to(at::kBFloat16);
+  else if (shares_encoder())
+    x = x.to(at::kFloat);  // of an actor in another precision, where games are only looked at
   const at::Tensor value =
       kind_ == CriticKind::composed ? forward_composed(x, alive, sequence) : network_.forward(parameters_, x, sequence);
   return value.view({x.size(0), x.size(1)}).to(at::kFloat);

@@ -18,15 +18,18 @@
 
 namespace giga {
 
+class Actor;
+
 /// Sizes of a critic's inputs.
 struct CriticShape {
   int team = 0;
   int n_team[2] = {0, 0};      ///< agents of each team; the state lists team 0 first
-  InputColumns inputs;         ///< of observations
+  InputColumns inputs;         ///< of observations; the actor's where it shares that one's encoder
   int64_t world_features = 0;  ///< numbers of the state that follow those of the agents (state_observation.hpp)
+  int64_t features = 0;        ///< of that encoder; 0: it has one of its own
 };
 
-CriticShape critic_shape(const CriticConfig& config, const SimSpec& spec, int team);
+CriticShape critic_shape(const CriticConfig& config, const Actor& actor, const SimSpec& spec, int team);
 
 /// Kind state: the first hidden layer encodes one agent, the others are the value network (or, if there is only one,
 /// another one of that size, and the memory).
@@ -38,8 +41,11 @@ class Critic {
   Critic(const CriticConfig& config, const CriticShape& shape, Precision precision, const ParallelFor& parallel_for,
          at::Device device, uint64_t seed);
 
-  /// obs [B, n, D] (normalised if the actor normalises; images where it reads them), alive [B, n] float, state [B, G]
-  /// (kind state; else undefined)
+  /// What `forward` takes of observations [B, n, D]: numbers, normalised where the actor normalises them; images; or
+  /// the features [B, n, F] of the encoder that the two share.
+  at::Tensor input_of(const Actor& actor, const at::Tensor& obs) const;
+
+  /// obs [B, n, D or F] (see input_of), alive [B, n] float, state [B, G] (kind state; else undefined)
   /// -> values [B, n], fp32, in the value normaliser's units. `sequence`: of a critic with memory, which remembers
   /// something of each agent; B = L worlds, and its rows are worlds x n.
   at::Tensor forward(const at::Tensor& obs, const at::Tensor& alive, const at::Tensor& state,
@@ -52,8 +58,9 @@ class Critic {
   const InputColumns& inputs() const { return shape_.inputs; }
 
   bool needs_state() const { return kind_ == CriticKind::state; }
+  bool shares_encoder() const { return shape_.features > 0; }
   bool reads_image() const { return reads().has(Observation::image); }
-  /// What it reads of the agents' observations.
+  /// What it reads of the agents' observations, by its own encoder or the actor's.
   ObservationSet reads() const { return needs_state() ? ObservationSet() : shape_.inputs.set; }
   ParameterSet& parameters() { return parameters_; }
   const ParameterSet& parameters() const { return parameters_; }

@@ -29,7 +29,12 @@ class Network {
   /// x [..., input] -> [..., output]; with a memory x [L R, input], and `sequence` says what is remembered.
   at::Tensor forward(const ParameterSet& p, const at::Tensor& x, const Sequence& sequence,
                      Rounding rounding = Rounding::none) const {
-    return dense(p, output_, remember(p, encoder_->forward(p, x, rounding), sequence), rounding);
+    return behind_encoder(p, encoder_->forward(p, x, rounding), sequence, rounding);
+  }
+  /// The rest of the way: features [..., F] -> [..., output].
+  at::Tensor behind_encoder(const ParameterSet& p, const at::Tensor& features, const Sequence& sequence,
+                            Rounding rounding = Rounding::none) const {
+    return dense(p, output_, remember(p, features, sequence), rounding);
   }
   /// One step of each member of a population [M, P] on rows of its own: x [M, R, input] -> [M, R, output].
   at::Tensor forward_members(const ParameterSet& p, const at::Tensor& members, const at::Tensor& x, NetworkState& state,

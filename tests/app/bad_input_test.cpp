@@ -214,6 +214,14 @@ std::vector<BadInput> meanings() {
           "mappo: {actor: {encoder: impala}, critic: {kind: state, encoder: impala}}",
           {"run.yaml:3:66: mappo.critic.encoder: 'impala' reads images, and mappo.critic.kind state the true state "
            "of the world, which is numbers; allowed with it: mlp"}),
+      in_config("true state behind the actor's encoder", "mappo: {critic: {kind: state, shared_encoder: true}}",
+                {"run.yaml:2:47: mappo.critic.shared_encoder: the actor's encoder reads what an agent is given, and "
+                 "mappo.critic.kind state the true state of the world; allowed with it: false"}),
+      in_config("two encoders for a critic",
+                "environment: {observation: {type: rgb}}\n"
+                "mappo: {actor: {encoder: compact}, critic: {shared_encoder: true, encoder: compact}}",
+                {"run.yaml:3:76: mappo.critic.encoder: 'compact' would be an encoder of the critic's own, and "
+                 "mappo.critic.shared_encoder: true gives it the actor's; allowed with it: mlp"}),
       in_config("normalised images",
                 "environment: {observation: {type: rgb_vector}}\n"
                 "mappo: {obs_norm: true, actor: {encoder: impala}}",

@@ -76,6 +76,14 @@ const Variant kVariants[] = {
     {"ImagesForBoth", alone({"opponent: circle, learning_team: 1", "", kEye, kImages, 3, kEye})},
     {"OnlyTheCriticSeesAndRemembers",
      alone({"", "obs_norm: true", cat(kEye, ", kind: independent, memory: lstm, memory_size: 5"), kBoth})},
+    {"SharedEncoderObsNormTargetKl",
+     {"", "obs_norm: true, target_kl: 1.0e-3", "shared_encoder: true, hidden: [12, 8]", "action: continuous\n"}},
+    {"SharedEncoderBothRememberPoolAndScripts",
+     with_opponents(
+         {"", "", "shared_encoder: true, kind: independent, hidden: [8], memory: lstm, memory_size: 5", "", 3, kGru},
+         "pool_size: 2, pool_every_updates: 1, pool_share: 0.5, scripted: [circle], scripted_share: 0.25")},
+    {"SharedEncoderOfImages", alone({"opponent: circle, learning_team: 1", "", "shared_encoder: true, hidden: [8]",
+                                     kImages, 3, cat(kEye, ", memory: gru, memory_size: 6")})},
     {"NatureStateCritic", alone({"opponent: circle", "", "kind: state, hidden: [8]",
                                  "observation: {type: rgb, resolution: 36}\n", 3, "encoder: nature, hidden: [8]"})},
 };

@@ -103,11 +103,12 @@ TEST(LearnPixels, RedrawnImagesAreThoseThatWereActedOn) {
   EXPECT_GT(truncated, 0);
 }
 
-// The reward of an action says whether its index is below 13, where the agent is in the left half of the map, or above,
-// where it is in the right half. Only the image says where the agent is: the critic sees the true state, the actor does
-// not. By chance half of the actions are right.
-TEST(LearnPixels, TheActorLearnsWhatOnlyTheImageTells) {
+/// The reward of an action says whether its index is below 13, where the agent is in the left half of the map, or
+/// above, where it is in the right half. Only the image says where the agent is. Expects that an actor learns it; by
+/// chance half of the actions are right.
+void expect_learns_sides(const std::string& critic) {
   SmallRun small = pixel_run("observation: {type: rgb, resolution: 12}\n");
+  small.critic = critic;
   small.mappo = "gamma: 0, gae_lambda: 0, schedule: constant, learning_rate: 5.0e-3, entropy_coef: 0";
   const LoadedRun run = small.load();
   set_up_libtorch(run.config.train, Device{});  // one thread: the seed always learns the same
@@ -115,7 +116,12 @@ TEST(LearnPixels, TheActorLearnsWhatOnlyTheImageTells) {
   const auto sim = make_cpu_simulator(run.spec, {run.config.train.n_worlds, 5, 0, OnDone::reset, 1});
   PpoTeam team(run, 0, Device{}, parallel_for, {0, sim->n_worlds()});
   Collector collector(
-      *sim, parallel_for, {.horizon = 8, .with_state = true, .desynchronize = true, .keep = team.reads()},
+      *sim, parallel_for,
+      {.horizon = 8,
+       .with_state = true,
+       .desynchronize = true,
+       .keep = team.reads(),
+       .with_final_images = team.critic_reads_image()},
       {everywhere(policy_controller(team.actor()), *sim), everywhere(script_controller(Scripted::random), *sim)});
   collector.start();
   const auto share_right = [&](bool learns, int rollouts) {
@@ -146,11 +152,14 @@ TEST(LearnPixels, TheActorLearnsWhatOnlyTheImageTells) {
   const double before = share_right(false, 3);
   share_right(true, 12);
   const double after = share_right(false, 3);
-  RecordProperty("before", std::to_string(before));
-  RecordProperty("after", std::to_string(after));
+  testing::Test::RecordProperty("before", std::to_string(before));
+  testing::Test::RecordProperty("after", std::to_string(after));
   EXPECT_NEAR(before, 0.5, 0.1);
   EXPECT_GT(after, 0.75);
 }
+
+TEST(LearnPixels, TheActorLearnsWhatOnlyTheImageTells) { expect_learns_sides("kind: state, hidden: [16, 16]"); }
+TEST(LearnPixels, ItLearnsBySharedFeaturesToo) { expect_learns_sides("shared_encoder: true, hidden: [16]"); }
 
 // A rollout keeps no image and no numbers that nobody reads, and the plan says what that saves. A world of 4 agents:
 // 4 x (6 + 1) + 1 + 4 + 1 = 34 words = 136 bytes, its images 4 x 16 x 16 x 3 = 3,072; 24 worlds of 8 steps.
@@ -160,6 +169,10 @@ TEST(LearnPixels, ThePlanSaysWhatRedrawingSaves) {
   EXPECT_EQ(algorithm.redrawn(run).images, 24 * 8 * 3072);
   EXPECT_EQ(algorithm.redrawn(run).kept, 24 * 8 * 136);
   EXPECT_EQ(algorithm.least_bytes(run), static_cast<int64_t>(state_bytes(run.spec, 24)) + 24 * 8 * 136);
+  SmallRun shared = pixel_run();
+  shared.critic = "shared_encoder: true, hidden: [16]";  // no numbers either
+  EXPECT_EQ(algorithm.redrawn(shared.load()).images, algorithm.redrawn(run).images);
+  EXPECT_EQ(algorithm.least_bytes(shared.load()), algorithm.least_bytes(run));
   EXPECT_EQ(algorithm.redrawn(SmallRun{}.load()).images, 0);
   const MemoryPlan plan{algorithm.size(run.config), {{12, 1 << 20}, {24, 2 << 20}}, 0};
   EXPECT_NE(plan_text(run, kCpu, {1 << 30, 1 << 30}, plan)

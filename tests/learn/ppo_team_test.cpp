@@ -267,8 +267,8 @@ TEST(LearnPpoTeam, ACriticWithMemoryValuesSequences) {
     PpoTeam& team = game.team[0];
     NamedArrays arrays;
     team.save_critic("", arrays);
-    Critic critic(run.config.mappo.critic, critic_shape(run.config.mappo.critic, run.spec, 0), Precision::fp32,
-                  parallel_for, at::kCPU, 0);
+    Critic critic(run.config.mappo.critic, critic_shape(run.config.mappo.critic, team.actor(), run.spec, 0),
+                  Precision::fp32, parallel_for, at::kCPU, 0);
     critic.parameters().load("critic/", arrays);
     at::NoGradGuard no_grad;
     NetworkState state;

@@ -166,6 +166,40 @@ TEST_F(LearnRunConfig, AnEncoderOfImagesIsRefusedWhereItCannotBe) {
       "run.yaml:2:26: mappo.actor.encoder: 'nautre' is not one of: mlp, nature, impala, compact; nearest: 'nature'");
 }
 
+TEST_F(LearnRunConfig, ASharedEncoderIsRefusedWhereItCannotBe) {
+  const auto message = [&](const std::string& scenario, const std::string& lines) {
+    return error_of(cat("scenario: ", scenario, "\n", lines));
+  };
+  const std::string numbers = "identical_2_vs_2", images = "identical_2_vs_2_rgb";
+  const std::string shared = "mappo: {critic: {shared_encoder: true";
+  EXPECT_EQ(message(numbers, shared + "}}\n"), "no error");
+  EXPECT_EQ(message(numbers, shared + ", kind: independent, memory: gru}, obs_norm: true}\n"), "no error");
+  EXPECT_EQ(message(images, shared + "}, actor: {encoder: impala}}\n"), "no error");
+  EXPECT_EQ(message(images, shared + "}}\n"),
+            "run.yaml:1:11: scenario: agents of 'identical_2_vs_2_rgb' are given images alone (observation.type: rgb), "
+            "and mappo.actor.encoder mlp reads numbers; nature, impala and compact read images, and "
+            "environment.observation.type: rgb_vector gives both");
+  EXPECT_EQ(message(numbers, shared + ", kind: state}}\n"),
+            "run.yaml:2:34: mappo.critic.shared_encoder: the actor's encoder reads what an agent is given, and "
+            "mappo.critic.kind state the true state of the world; allowed with it: false");
+  EXPECT_EQ(message(images, shared + ", encoder: impala}, actor: {encoder: impala}}\n"),
+            "run.yaml:2:49: mappo.critic.encoder: 'impala' would be an encoder of the critic's own, and "
+            "mappo.critic.shared_encoder: true gives it the actor's; allowed with it: mlp, which are layers on the "
+            "features");
+  const std::string view = "environment: {observation: {egocentric_view: true}}\n";
+  EXPECT_EQ(message(numbers, cat(view, shared, "}, actor: {inputs: egocentric}}\n")),
+            "default of mappo.critic.inputs: 'all' is not what mappo.actor.inputs says, 'egocentric', and "
+            "mappo.critic.shared_encoder: true gives it the actor's encoder; allowed with it: egocentric");
+  EXPECT_EQ(message(numbers, cat(view, shared, ", inputs: egocentric}}\n")),
+            "run.yaml:3:48: mappo.critic.inputs: 'egocentric' is not what mappo.actor.inputs says, 'all', and "
+            "mappo.critic.shared_encoder: true gives it the actor's encoder; allowed with it: all");
+  EXPECT_EQ(message(numbers, cat(view, shared, ", inputs: egocentric}, actor: {inputs: egocentric}}\n")), "no error");
+  // The policies of populations have no critic.
+  EXPECT_NE(message(numbers, "train: {algorithm: snes}\npopulation: {actor: {shared_encoder: true}}\n")
+                .find("run.yaml:3:22: population.actor.shared_encoder: "),
+            std::string::npos);
+}
+
 // A value that could not be read is reported once, and nothing is said about what was taken in its place.
 TEST_F(LearnRunConfig, NoErrorsThatFollowFromOthers) {
   const std::pair<const char*, const char*> cases[] = {

@@ -51,6 +51,34 @@ TEST(PolicyCritic, ComposedGradientReachesEveryLivingAgentOfItsStateAndNobodyEls
     }
 }
 
+// Behind a shared encoder the mean features of the team go into each layer, the first one too.
+TEST(PolicyCritic, OnSharedFeaturesTheTeamIsReadInEachLayer) {
+  CriticConfig config = config_of(CriticKind::composed);
+  config.shared_encoder = true;
+  CriticShape shape = shape_of(0);
+  shape.features = 9;
+  const Critic critic(config, shape, Precision::fp32, cpu_loop(), at::kCPU, 1);
+  EXPECT_TRUE(critic.shares_encoder());
+  EXPECT_FALSE(critic.fused_mlp().has_value());
+  NamedArrays arrays;
+  critic.parameters().save("", arrays);
+  int n_team_weights = 0;
+  for (const NamedArray& a : arrays) n_team_weights += a.name.ends_with("team_weight");
+  EXPECT_EQ(n_team_weights, 3);
+  EXPECT_EQ(find_array(arrays, "team_mlp/0/team_weight").shape, (std::vector<int64_t>{16, 9}));
+  // Agent 1 of state 1 is dead: nobody's value but its own follows from its features.
+  const at::Tensor alive = some_alive(3), features = random({3, 3, 9}, 5);
+  const at::Tensor before = critic.forward(features, alive, at::Tensor());
+  at::Tensor changed = features.clone();
+  changed[1][1].add_(1);
+  changed[0][1].add_(1);
+  const at::Tensor after = critic.forward(changed, alive, at::Tensor());
+  EXPECT_GT((after[0] - before[0]).abs().min().item<double>(), 1e-4);
+  for (const int64_t i : {0, 2}) EXPECT_TRUE(same(after[1][i], before[1][i])) << "agent " << i;
+  EXPECT_FALSE(same(after[1][1], before[1][1]));
+  EXPECT_TRUE(same(after[2], before[2]));
+}
+
 TEST(PolicyCritic, TheDeadDoNotInfluenceTheOthers) {
   const Critic critic = make(CriticKind::composed);
   const at::Tensor alive = some_alive(3), obs = random({3, 3, kCriticObs}, 5);

@@ -56,17 +56,50 @@ bool remembers(const MappoConfig& c) { return c.actor.remembers() || c.critic.re
 /// Steps that stay together in a minibatch.
 int steps_together(const MappoConfig& c) { return remembers(c) ? c.horizon : 1; }
 
+/// The network whose encoder gives the critic its features.
+const NetworkConfig& sees_for_critic(const MappoConfig& c) {
+  if (c.critic.shared_encoder) return c.actor;
+  return c.critic;
+}
+
+/// A critic on the features of the actor's encoder has none of its own, and nothing of its own to read.
+void encoder_is_shared(ConfigCheck& check) {
+  const MappoConfig& c = check.config.mappo;
+  const char* key = "mappo.critic.shared_encoder";
+  if (!c.critic.shared_encoder || !check.known({key})) return;
+  if (c.critic.kind == CriticKind::state) {
+    if (check.known({"mappo.critic.kind"}))
+      check.fail(key,
+                 "the actor's encoder reads what an agent is given, and mappo.critic.kind state the true state of the "
+                 "world; allowed with it: false");
+  } else if (c.critic.reads_image() && check.known({"mappo.critic.encoder"})) {
+    check.fail("mappo.critic.encoder",
+               cat("'", FieldCodec<EncoderKind>::print(c.critic.encoder),
+                   "' would be an encoder of the critic's own, and mappo.critic.shared_encoder: true gives it the "
+                   "actor's; allowed with it: mlp, which are layers on the features"));
+  } else if (c.critic.inputs != c.actor.inputs && check.known({"mappo.actor.inputs", "mappo.critic.inputs"})) {
+    const std::string read = FieldCodec<NetworkInputs>::print(c.actor.inputs);
+    check.fail(
+        "mappo.critic.inputs",
+        cat("'", FieldCodec<NetworkInputs>::print(c.critic.inputs), "' is not what mappo.actor.inputs says, '", read,
+            "', and mappo.critic.shared_encoder: true gives it the actor's encoder; allowed with it: ", read));
+  }
+}
+
 /// What the networks read is given to the agents; a critic of the true state reads that, and nothing of theirs.
 void networks_see(ConfigCheck& check) {
   const MappoConfig& c = check.config.mappo;
   check.inputs_are_there("mappo.actor", c.actor);
-  if (c.critic.kind != CriticKind::state)
+  if (c.critic.shared_encoder) {
+    encoder_is_shared(check);
+  } else if (c.critic.kind != CriticKind::state) {
     check.inputs_are_there("mappo.critic", c.critic);
-  else if (c.critic.reads_image() && check.known({"mappo.critic.encoder", "mappo.critic.kind"}))
+  } else if (c.critic.reads_image() && check.known({"mappo.critic.encoder", "mappo.critic.kind"})) {
     check.fail("mappo.critic.encoder",
                cat("'", FieldCodec<EncoderKind>::print(c.critic.encoder),
                    "' reads images, and mappo.critic.kind state the true state of the world, which is numbers; allowed "
                    "with it: mlp"));
+  }
   if (c.obs_norm && c.actor.reads_image() && check.known({"mappo.obs_norm", "mappo.actor.encoder"}))
     check.fail("mappo.obs_norm",
                cat("this normalises the numbers that actors read, and mappo.actor.encoder ",
@@ -237,12 +270,13 @@ RolloutBytes rollout_bytes(const LoadedRun& run) {
   const MappoConfig& m = run.config.mappo;
   const int64_t agents = c.opponent.is_self_play() ? p.n_agents : p.n_team[c.learning_team];
   const int64_t states = static_cast<int64_t>(c.n_worlds) * m.horizon;
+  const NetworkConfig& for_critic = sees_for_critic(m);
   const bool critic_sees = m.critic.kind != CriticKind::state;
   const auto reads_numbers = [](const NetworkConfig& network) { return !network.reads_image(); };
   RolloutBytes bytes;
-  if (reads_numbers(m.actor) || (critic_sees && reads_numbers(m.critic)))
+  if (reads_numbers(m.actor) || (critic_sees && reads_numbers(for_critic)))
     bytes.numbers = states * agents * static_cast<int64_t>(sizeof(float)) * observation_rows(run.spec).stride();
-  if (m.actor.reads_image() || (critic_sees && m.critic.reads_image())) {
+  if (m.actor.reads_image() || (critic_sees && for_critic.reads_image())) {
     bytes.image_states = states * static_cast<int64_t>(sizeof(int32_t)) * image_state_size(p);
     bytes.images = states * agents * image_bytes(p.resolution);
   }

@@ -25,6 +25,7 @@ std::string fused_update_refusal(const Actor& actor, const Critic& critic, int n
     return "they compute with the 10 bits of mantissa of TF32 (train.precision)";
   if (actor.reads_image() || critic.reads_image())
     return cat("they read no images (mappo.", actor.reads_image() ? "actor" : "critic", ".encoder)");
+  if (critic.shares_encoder()) return "they know no encoder of two networks (mappo.critic.shared_encoder)";
   if (critic.needs_state()) return "they know no true state (mappo.critic.kind)";
   if (actor.state_size() > 0 || critic.state_size() > 0)
     return cat("they know no memory (mappo.", actor.state_size() > 0 ? "actor" : "critic", ".memory)");

@@ -8,6 +8,8 @@
 // networks.
 #include "learn/mappo/ppo_team.hpp"
 
+#include <torch/csrc/autograd/autograd.h>
+
 #include <algorithm>
 #include <tuple>
 
@@ -30,8 +32,8 @@ PpoTeam::PpoTeam(const LoadedRun& run, int team, Device device, const ParallelFo
       parallel_for_(parallel_for),
       sum_(sum),
       actor_(make_actor(run, team, device)),
-      critic_(config_.critic, critic_shape(config_.critic, run.spec, team), precision_on(run, device), parallel_for,
-              torch_device(device), network_seed(run, team, 1)),
+      critic_(config_.critic, critic_shape(config_.critic, actor_, run.spec, team), precision_on(run, device),
+              parallel_for, torch_device(device), network_seed(run, team, 1)),
       actor_adam_(actor_.parameters(), config_.adam_epsilon),
       critic_adam_(critic_.parameters(), config_.adam_epsilon),
       value_norm_(1, config_.value_norm_beta, torch_device(device)),
@@ -96,12 +98,8 @@ PpoTeam::CriticInput PpoTeam::critic_input(const Rollout& rollout, bool final) c
 
 /// Values [S, n] of these rows, for which images are drawn.
 at::Tensor PpoTeam::critic_values(const KeptImages& images, const CriticInput& input, const Sequence& sequence) const {
-  at::Tensor x = input.obs;
-  if (critic_.reads_image())
-    x = images.draw(team_, input.image_state);
-  else if (actor_.normalizes() && x.defined())
-    x = actor_.normalizer().apply(x);
-  return critic_.forward(x, input.alive.to(at::kFloat), input.state, sequence);
+  const at::Tensor seen = critic_.reads_image() ? images.draw(team_, input.image_state) : input.obs;
+  return critic_.forward(critic_.input_of(actor_, seen), input.alive.to(at::kFloat), input.state, sequence);
 }
 
 /// Values [S, n] of these states, 0 for the others; of all if `states` is undefined.
@@ -292,6 +290,7 @@ void PpoTeam::update_minibatch(const Rollout& rollout, int k, int minibatch, Ste
       .images = sees ? rollout.images.draw(team_, rollout.images.states.flatten(0, 1), flat) : at::Tensor(),
       .alive = alive,
       .inv_count = inverse_count(alive)};
+  if (critic_.shares_encoder()) return update_sharing(rollout, batch, step_sizes);
   update_actor(rollout, batch, step_sizes.actor);
   update_critic(rollout, batch, step_sizes.critic);
 }
@@ -314,10 +313,13 @@ Sequence PpoTeam::sequence_of(const Minibatch& batch, const at::Tensor& start) c
 void PpoTeam::update_actor(const Rollout& rollout, const Minibatch& batch, float step_size) {
   const TeamRollout& r = rollout.team[team_];
   const at::Tensor& seen = actor_.reads_image() ? batch.images : batch.obs;
-  const at::Tensor head =
-      actor_.forward_sequence(seen.flatten(0, 1), sequence_of(batch, actor_.state_size() > 0 ? r.state : at::Tensor()));
+  const at::Tensor head = actor_.forward_sequence(seen.flatten(0, 1), actor_sequence(r, batch));
   head.backward(policy_loss_gradient(r, batch, head));
   step_actor(batch.number, step_size);
+}
+
+Sequence PpoTeam::actor_sequence(const TeamRollout& r, const Minibatch& batch) const {
+  return sequence_of(batch, actor_.state_size() > 0 ? r.state : at::Tensor());
 }
 
 void PpoTeam::step_actor(int minibatch, float step_size) {
@@ -379,19 +381,26 @@ at::Tensor PpoTeam::policy_loss_gradient(const TeamRollout& r, const Minibatch& 
 // PPO, equation 9; MAPPO's L(phi): the mean over all living agents of the error of V(s) against the return, squared,
 // clipped around the old value, or Huber.
 void PpoTeam::update_critic(const Rollout& rollout, const Minibatch& batch, float step_size) {
-  at::Tensor seen = critic_.reads_image() ? batch.images : batch.obs, state;
-  if (actor_.normalizes() && !critic_.reads_image()) seen = actor_.normalizer().apply(seen);
+  const at::Tensor& seen = critic_.reads_image() ? batch.images : batch.obs;
+  at::Tensor state;
   if (critic_.needs_state()) {
     const int64_t t = rollout.done.size(0);
     state = rollout.true_state.slice(0, 0, t).flatten(0, 1).index_select(0, batch.states);
   }
-  const at::Tensor value = critic_.forward(seen, batch.alive, state, sequence_of(batch, critic_start_));
+  const at::Tensor value =
+      critic_.forward(critic_.input_of(actor_, seen), batch.alive, state, sequence_of(batch, critic_start_));
+  value.backward(value_loss_gradient(rollout.team[team_], batch, value));
+  step_critic(batch.number, step_size);
+}
+
+at::Tensor PpoTeam::value_loss_gradient(const TeamRollout& r, const Minibatch& batch, const at::Tensor& value) {
+  at::NoGradGuard no_grad;
   const at::Tensor gradient = at::empty_like(value), loss = at::empty_like(value);
   parallel_for_.run(ValueLoss{.rows = {batch.states.const_data_ptr<int64_t>(), n_},
                               .value = value.const_data_ptr<float>(),
                               .old_value = value_.const_data_ptr<float>(),
                               .returns = returns_.const_data_ptr<float>(),
-                              .alive = rollout.team[team_].alive.const_data_ptr<uint8_t>(),
+                              .alive = r.alive.const_data_ptr<uint8_t>(),
                               .value_mean = value_norm_.mean().const_data_ptr<float>(),
                               .value_std = value_norm_.std().const_data_ptr<float>(),
                               .inv_count = batch.inv_count.const_data_ptr<float>(),
@@ -400,11 +409,10 @@ void PpoTeam::update_critic(const Rollout& rollout, const Minibatch& batch, floa
                               .d_value = gradient.data_ptr<float>(),
                               .loss = loss.data_ptr<float>()},
                     value.numel());
-  value.backward(gradient);
-  step_critic(batch.number, step_size);
   const at::Tensor sum_of_losses = loss.sum();
   sum_(sum_of_losses);
   figures_[kFigValueLoss].add_(sum_of_losses);
+  return gradient;
 }
 
 ValueError PpoTeam::value_error() const {
@@ -416,6 +424,21 @@ void PpoTeam::step_critic(int minibatch, float step_size) {
   sum_(critic_.parameters().gradient());
   critic_adam_.step(critic_.parameters(), parallel_for_, step_size, config_.max_grad_norm,
                     step_flags(kFaultCriticGradient, kFigCriticNorm, minibatch));
+}
+
+// ---- One encoder for both -------------------------------------------------------------------------------------------
+
+// The critic reads the features behind the actor's encoder. Their gradient is the sum of those of the two losses, so
+// the encoder goes each way once; it steps with the actor, as far and as often.
+void PpoTeam::update_sharing(const Rollout& rollout, const Minibatch& batch, StepSizes step_sizes) {
+  const TeamRollout& r = rollout.team[team_];
+  const at::Tensor features = critic_.input_of(actor_, actor_.reads_image() ? batch.images : batch.obs);  // [S, n, F]
+  const at::Tensor head = actor_.head(features.flatten(0, 1), actor_sequence(r, batch));
+  const at::Tensor value = critic_.forward(features, batch.alive, {}, sequence_of(batch, critic_start_));
+  torch::autograd::backward({head, value},
+                            {policy_loss_gradient(r, batch, head), value_loss_gradient(r, batch, value)});
+  step_actor(batch.number, step_sizes.actor);
+  step_critic(batch.number, step_sizes.critic);
 }
 
 // ---- Both networks fused --------------------------------------------------------------------------------------------

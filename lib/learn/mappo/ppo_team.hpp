@@ -115,9 +115,12 @@ class PpoTeam {
   at::Tensor values_of(const KeptImages& images, const CriticInput& input, const at::Tensor& states) const;
   std::pair<at::Tensor, at::Tensor> remembering_values(const Rollout& rollout);
   Sequence sequence_of(const Minibatch& batch, const at::Tensor& start) const;
+  Sequence actor_sequence(const TeamRollout& rollout, const Minibatch& batch) const;
   void update_actor(const Rollout& rollout, const Minibatch& batch, float step_size);
   at::Tensor policy_loss_gradient(const TeamRollout& rollout, const Minibatch& batch, const at::Tensor& head);
   void update_critic(const Rollout& rollout, const Minibatch& batch, float step_size);
+  at::Tensor value_loss_gradient(const TeamRollout& rollout, const Minibatch& batch, const at::Tensor& value);
+  void update_sharing(const Rollout& rollout, const Minibatch& batch, StepSizes step_sizes);
   StepFlags step_flags(PpoFault fault, PpoFigure norm_sum, int minibatch) const;
   void take_moments(const TeamRollout& rollout);
   at::Tensor find_faults(const TeamRollout& rollout);

@@ -13,7 +13,7 @@ namespace giga {
 ValueFunction::ValueFunction(const LoadedRun& run, int team, const Actor& actor, Device device)
     : actor_(actor),
       parallel_for_(device, 1, current_stream(device)),  // a few rows at a time
-      critic_(run.config.mappo.critic, critic_shape(run.config.mappo.critic, run.spec, team), Precision::fp32,
+      critic_(run.config.mappo.critic, critic_shape(run.config.mappo.critic, actor, run.spec, team), Precision::fp32,
               parallel_for_, torch_device(device), network_seed(run, team, 1)),
       norm_(1, run.config.mappo.value_norm_beta, torch_device(device)) {}
 
@@ -31,9 +31,9 @@ std::unique_ptr<ValueFunction> ValueFunction::load(const LoadedRun& run, int tea
 at::Tensor ValueFunction::forward(const at::Tensor& obs, const at::Tensor& alive, const at::Tensor& state,
                                   NetworkState& memory) const {
   at::NoGradGuard no_grad;
-  const at::Tensor x = actor_.normalizes() && !critic_.reads_image() ? actor_.normalizer().apply(obs) : obs;
   at::Tensor after;
-  const at::Tensor value = critic_.forward(x, alive.to(at::kFloat), state, {.start = memory.rows, .states = &after});
+  const at::Tensor value = critic_.forward(critic_.input_of(actor_, obs), alive.to(at::kFloat), state,
+                                           {.start = memory.rows, .states = &after});
   if (critic_.state_size() > 0) memory.rows = after[0];
   return value * norm_.std() + norm_.mean();
 }

@@ -17,8 +17,8 @@ class Actor;
 
 class ValueFunction {
  public:
-  /// The critic of a team among the arrays of a checkpoint; null where there is none. `actor`, whose normaliser the
-  /// observations pass, must outlive it.
+  /// The critic of a team among the arrays of a checkpoint; null where there is none. `actor`, whose normaliser or
+  /// encoder the observations pass, must outlive it.
   static std::unique_ptr<ValueFunction> load(const LoadedRun& run, int team, const NamedArrays& arrays,
                                              const Actor& actor, Device device);
 
