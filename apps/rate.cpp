@@ -9,6 +9,7 @@
 
 #include "apps/command_line.hpp"
 #include "apps/commands.hpp"
+#include "apps/option_value.hpp"
 #include "apps/players.hpp"
 #include "apps/program_info.hpp"
 #include "core/error.hpp"
@@ -183,11 +184,11 @@ void add_options(CLI::App& command, RateOptions& o) {
       .add_option("--checkpoints", o.checkpoints,
                   "at most so many of each run, at equal distances, the newest among them, and the best beside them; "
                   "0 = all")
-      ->check(CLI::Range(0, 1'000'000))
+      ->transform(value_of<int>(range(0, 1'000'000)))
       ->capture_default_str()
       ->type_name("N");
   command.add_option("--episodes", o.episodes, "episodes of each pair on each side")
-      ->check(CLI::Range(1, 10'000'000))
+      ->transform(value_of<int>(range(1, 10'000'000)))
       ->capture_default_str()
       ->type_name("N");
   command.add_flag("--group", o.group,
@@ -200,7 +201,7 @@ void add_options(CLI::App& command, RateOptions& o) {
           "--sides", o.sides,
           "alike: one rating per player; apart: one for each team; auto: apart where the teams differ, or one of "
           "them wins at the time limit")
-      ->check(CLI::IsMember({"auto", "alike", "apart"}))
+      ->transform(value_of<std::string>(one_of({"auto", "alike", "apart"})))
       ->capture_default_str()
       ->type_name("auto|alike|apart");
   command
@@ -210,7 +211,7 @@ void add_options(CLI::App& command, RateOptions& o) {
   add_json_option(command, o.json);
   add_device_option(command, o.device)->capture_default_str();
   command.add_option("--seed", o.seed, "seed of the episodes: same seed, same result")
-      ->check(refuse_negative)
+      ->transform(value_of<uint64_t>(anything()))
       ->capture_default_str()
       ->type_name("S");
   command.add_flag("--greedy", o.greedy, "policies take the most likely action instead of drawing one");
