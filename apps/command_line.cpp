@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <string_view>
 #include <system_error>
 
 #include "apps/program_info.hpp"
@@ -183,6 +184,10 @@ std::string explain(const CLI::App& app, const CLI::Error& error) {
   // "--vs: 1 required B missing"
   if (dynamic_cast<const CLI::ArgumentMismatch*>(&error) && message.ends_with(" missing"))
     message = message.substr(0, message.find(": ")) + ": a value is missing";
+  // "--name excludes --run-dir"
+  constexpr std::string_view kExcludes = " excludes ";
+  if (const size_t at = message.find(kExcludes); dynamic_cast<const CLI::ExcludesError*>(&error) && at != message.npos)
+    message.replace(at, kExcludes.size(), " cannot be given together with ");
   std::string name = command.get_name();
   for (const CLI::App* parent = command.get_parent(); parent; parent = parent->get_parent())
     name = parent->get_name() + " " + name;

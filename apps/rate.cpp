@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <iostream>
 #include <nlohmann/json.hpp>
+#include <set>
 
 #include "apps/command_line.hpp"
 #include "apps/commands.hpp"
@@ -88,7 +89,7 @@ void announce(RoundRobin& all, const MatchOptions& match) {
     return std::count_if(all.players.begin(), all.players.end(), [side](const Player& p) { return p.can_play(side); });
   };
   const auto pairs = can(0) * can(1);
-  std::cerr << pairs << " pairs of " << match.episodes << " episodes";
+  std::cerr << pairs << (pairs == 1 ? " pair of " : " pairs of ") << match.episodes << " episodes";
   Player &first = all.players.front(), &last = all.players.back();
   constexpr int kShare = 4, kFewPairs = 8;
   if (pairs >= kFewPairs && first.can_play(0) && last.can_play(1)) {
@@ -133,6 +134,14 @@ void renew_report(const RateOptions& o, const fs::path& folder) {
   write_report({run}, report, list_fields<RunConfig>());
 }
 
+/// One alone has nobody to be rated against, but its teams where they are rated apart.
+void expect_opponents(const RoundRobin& all, Sides sides) {
+  const std::set<std::string> pools(all.pools.begin(), all.pools.end());
+  if (sides == Sides::alike && pools.size() == 1)
+    throw InputError(
+        cat(*pools.begin(), " alone has nobody to play against: name another run, --checkpoints 0, or --scripted all"));
+}
+
 RatingSheet play_and_rate(const RateOptions& o, RoundRobin& all, Device device) {
   RatingSheet sheet;
   sheet.scenario = all.scenario.name;
@@ -140,6 +149,7 @@ RatingSheet play_and_rate(const RateOptions& o, RoundRobin& all, Device device) 
   RatingOptions rating;
   rating.anchor = choose_anchor(all);
   rating.sides = sides_of(o, all.scenario);
+  expect_opponents(all, rating.sides);
   const MatchOptions match{o.episodes, o.seed, device, all.n_threads};
   announce(all, match);
   const auto start = std::chrono::steady_clock::now();

@@ -133,6 +133,8 @@ TEST(CommandLine, MistakesNameTheNearest) {
       {{"report", "runs/x"}, {"there is no run folder runs/x"}},
       {{"bench", "es", "--config", "quickstart"}, {"bench es: quickstart does not evolve; use bench train"}},
       {{"bench", "train", "--config", "snes"}, {"bench train: snes evolves; use bench es"}},
+      {{"train", "quickstart", "--name", "a", "--run-dir", "b"},
+       {"--run-dir cannot be given together with --name", "train --help"}},
       {{"bench"}, {"no command given; commands: sim, closed-loop, train, es"}},
       {{"sweep", "quickstart"},
        {"quickstart: no such file; a sweep is a YAML file that names a config (docs/sweep.md)"}},
