@@ -12,6 +12,7 @@
 #include "apps/command_line.hpp"
 #include "apps/commands.hpp"
 #include "apps/joined_ranks.hpp"
+#include "apps/option_value.hpp"
 #include "apps/program_info.hpp"
 #include "apps/start_ranks.hpp"
 #include "config/fields.hpp"
@@ -189,11 +190,6 @@ int bench(const std::string& kind, Measure measure_one, BenchOptions o, Dispatch
   if (sizes.empty()) sizes = {kind == "train" || kind == "es" ? 0 : device.is_cuda() ? kGpuWorlds : kCpuWorlds};
 
   const bool for_people = o.json != "-" && joined.leads();
-  if (for_people)
-    std::cout
-        << kind << " on " << device.name() << ", agent-steps/s over " << o.repeats << " repeats\n"
-        << "    worlds      steps arithmetic             commit       median         min - max            quartiles  "
-           "         bytes\n";
   Json results = Json::array();
   double best = 0;
   std::string scenario;
@@ -205,6 +201,12 @@ int bench(const std::string& kind, Measure measure_one, BenchOptions o, Dispatch
     best = std::max(best, result.quantile(0.5));
     scenario = result.scenario;
     if (!for_people) continue;
+    // Only here, so that a refused input prints no head of a table.
+    if (results.size() == 1)
+      std::cout
+          << kind << " on " << device.name() << ", agent-steps/s over " << o.repeats << " repeats\n"
+          << "    worlds      steps arithmetic             commit       median         min - max            quartiles  "
+             "         bytes\n";
     if (result.one_rank) std::cout << result_lines(*result.one_rank, o.proof, std::nullopt);
     std::cout << result_lines(result, o.proof, earlier) << std::flush;
   }
@@ -230,17 +232,17 @@ CLI::App* add_kind(CLI::App& parent, Dispatch& dispatch, const std::shared_ptr<B
   command->add_option("--worlds", options->worlds, "numbers of worlds, each measured by itself, as 1024,4096")
       ->delimiter(',')
       ->allow_extra_args(false)
-      ->check(CLI::Range(1, kMostWorlds))
+      ->transform(value_of<int>(range(1, kMostWorlds)))
       ->type_name("N,...");
   add_device_option(*command, options->device)->capture_default_str();
   command
       ->add_option("--steps", options->steps,
                    "steps (train: updates, es: generations) per repeat; 0: about half a second")
-      ->check(CLI::Range(int64_t{0}, int64_t{1'000'000'000}))
+      ->transform(value_of<int64_t>(range(0, 1e9)))
       ->capture_default_str()
       ->type_name("N");
   command->add_option("--repeats", options->repeats, "measurements after the warm-up")
-      ->check(CLI::Range(1, 10'000))
+      ->transform(value_of<int>(range(1, 10'000)))
       ->capture_default_str()
       ->type_name("R");
   command->add_flag("--proof", options->proof,
@@ -260,7 +262,7 @@ CLI::App* add_kind(CLI::App& parent, Dispatch& dispatch, const std::shared_ptr<B
 
 void add_seed_option(CLI::App& command, uint64_t& seed) {
   command.add_option("--seed", seed, "seed of everything random")
-      ->check(refuse_negative)
+      ->transform(value_of<uint64_t>(anything()))
       ->capture_default_str()
       ->type_name("N");
 }
@@ -275,9 +277,9 @@ void add_precision_option(CLI::App& command, const std::string& name, Precision&
             precision = static_cast<Precision>(std::find(names.begin(), names.end(), value) - names.begin());
           },
           "arithmetic of the closed loop's networks on a GPU")
-      ->check(CLI::IsMember(names))
+      ->transform(value_of<std::string>(one_of(names)))
       ->default_str(FieldCodec<Precision>::print(precision))
-      ->type_name("P");
+      ->type_name(join(names, "|"));
 }
 
 /// A benchmark of a learner, which takes a config.
@@ -335,7 +337,7 @@ void add_bench_command(CLI::App& app, Dispatch& dispatch) {
   closed->add_option("--hidden", loop->hidden, "sizes of the hidden layers of the policies")
       ->delimiter(',')
       ->allow_extra_args(false)
-      ->check(CLI::Range(1, 16384))
+      ->transform(value_of<int>(range(1, 16384)))
       ->capture_default_str()
       ->type_name("N,...");
   add_precision_option(*closed, "--precision", loop->precision);

@@ -14,7 +14,8 @@ LoadedRun load_evolution(const BenchOptions& options, Device device, int worlds,
   overrides.push_back("device=" + device.name());
   if (!options.scenario.empty()) overrides.push_back("scenario=" + options.scenario);
   LoadedRun run = load_run_config(find_config(options.config), overrides);
-  if (!algorithm_of(run.config).has_populations) throw InputError("bench es: " + options.config + " does not evolve");
+  if (!algorithm_of(run.config).has_populations)
+    throw InputError("bench es: " + options.config + " does not evolve; use bench train");
   if (worlds == 0 && n_ranks == 1) return run;
   // Two teams' populations share the worlds; members come in pairs.
   const int per_pair = 4 * run.config.population.n_worlds();

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <string_view>
 #include <system_error>
 
 #include "apps/program_info.hpp"
@@ -158,16 +159,35 @@ CLI::Option* add_json_option(CLI::App& command, std::string& destination) {
       ->type_name("FILE|-");
 }
 
-std::string refuse_negative(const std::string& text) {
-  return text.starts_with('-') ? cat("'", text, "' is not an integer >= 0") : "";
+std::vector<std::string> help_in_words(const CLI::App& app, std::vector<std::string> arguments) {
+  if (arguments.empty() || arguments.front() != "help") return arguments;
+  arguments.erase(arguments.begin());
+  const CLI::App* command = &app;
+  for (const std::string& word : arguments) {
+    if (word.starts_with("-")) break;
+    const std::vector<std::string> names = command_names(*command);
+    if (std::find(names.begin(), names.end(), word) == names.end())
+      throw InputError(cat("there is no help for '", word, "'", nearest_hint(word, names),
+                           "; commands: ", join(command_names(names.empty() ? app : *command))));
+    command = command->get_subcommand(word);
+  }
+  arguments.emplace_back("--help");
+  return arguments;
 }
 
 std::string explain(const CLI::App& app, const CLI::Error& error) {
   const CLI::App& command = deepest_command(app);
   std::string message = explain_leftover(command);
-  if (message.empty() && &command == &app && app.remaining().empty() && app.get_subcommands().empty())
-    message = "no command given; commands: " + join(command_names(app));
+  if (message.empty() && command.get_require_subcommand_min() > 0 && command.get_subcommands().empty())
+    message = "no command given; commands: " + join(command_names(command));
   if (message.empty()) message = error.what();
+  // "--vs: 1 required B missing"
+  if (dynamic_cast<const CLI::ArgumentMismatch*>(&error) && message.ends_with(" missing"))
+    message = message.substr(0, message.find(": ")) + ": a value is missing";
+  // "--name excludes --run-dir"
+  constexpr std::string_view kExcludes = " excludes ";
+  if (const size_t at = message.find(kExcludes); dynamic_cast<const CLI::ExcludesError*>(&error) && at != message.npos)
+    message.replace(at, kExcludes.size(), " cannot be given together with ");
   std::string name = command.get_name();
   for (const CLI::App* parent = command.get_parent(); parent; parent = parent->get_parent())
     name = parent->get_name() + " " + name;
@@ -177,8 +197,12 @@ std::string explain(const CLI::App& app, const CLI::Error& error) {
 std::string find_config(const std::string& path_or_name) {
   std::error_code code;
   if (fs::is_regular_file(path_or_name, code)) return path_or_name;
-  const DataDirs dirs = data_dirs();
   const fs::path asked = path_or_name;
+  if (fs::is_directory(asked, code) && fs::is_regular_file(asked / "config.yaml", code))
+    throw InputError(cat(path_or_name,
+                         ": this is the folder of a run, not a config; to go on with it: gigastep resume ",
+                         path_or_name, "; to train the same again: gigastep train ", (asked / "config.yaml").string()));
+  const DataDirs dirs = data_dirs();
   const bool bare = !asked.has_parent_path() && asked.extension() != ".yaml";
   const fs::path relative = bare ? fs::path("configs") / (path_or_name + ".yaml") : asked;
   if (asked.is_relative())

@@ -23,8 +23,8 @@ CLI::Option* add_game_changes(CLI::App& command, std::vector<std::string>& chang
 void add_display_options(CLI::App& command, bool& quiet, bool& no_color);
 CLI::Option* add_json_option(CLI::App& command, std::string& destination);
 
-/// A check of an option: CLI11 itself takes -1 for the largest unsigned number.
-std::string refuse_negative(const std::string& text);
+/// `help COMMAND` is `COMMAND --help`; other lines stay as they are. Throws InputError where there is no such command.
+std::vector<std::string> help_in_words(const CLI::App& app, std::vector<std::string> arguments);
 
 /// The message for a line that was not understood: what is wrong, the nearest name, where help is.
 std::string explain(const CLI::App& app, const CLI::Error& error);

@@ -5,6 +5,7 @@
 
 #include "apps/command_line.hpp"
 #include "apps/commands.hpp"
+#include "apps/option_value.hpp"
 #include "io/schema.hpp"
 #include "learn/reference.hpp"
 #include "learn/run_config.hpp"
@@ -52,7 +53,7 @@ void add_config_command(CLI::App& app, Dispatch& dispatch) {
                        "agent_types")
           ->expected(0, 1)
           ->default_str("run")
-          ->check(CLI::IsMember(kind_names()))
+          ->transform(value_of<std::string>(one_of(kind_names())))
           ->type_name("[KIND]")
           ->excludes(config)
           ->excludes(set);

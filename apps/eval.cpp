@@ -7,6 +7,7 @@
 #include "apps/command_line.hpp"
 #include "apps/commands.hpp"
 #include "apps/match_report.hpp"
+#include "apps/option_value.hpp"
 #include "apps/program_info.hpp"
 #include "core/error.hpp"
 #include "core/seeds.hpp"
@@ -138,14 +139,14 @@ void add_eval_command(CLI::App& app, Dispatch& dispatch) {
       ->type_name("");
   command->add_option("--vs", options->b, "the opponent, likewise")->required()->type_name("B");
   command->add_option("--episodes", options->episodes, "episodes per side")
-      ->check(CLI::Range(1, 10'000'000))
+      ->transform(value_of<int>(range(1, 10'000'000)))
       ->capture_default_str()
       ->type_name("N");
   command->add_flag("--both-sides", options->both_sides, "also play A on side 1 against B on side 0");
   command->add_option("--scenario", options->scenario, "scenario to play: name or file")->type_name("S");
   add_game_changes(*command, options->changes);
   command->add_option("--seed", options->seed, "seed of the episodes: same seed, same result")
-      ->check(refuse_negative)
+      ->transform(value_of<uint64_t>(anything()))
       ->capture_default_str()
       ->type_name("S");
   add_device_option(*command, options->device)->capture_default_str();

@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "apps/commands.hpp"
+#include "apps/option_value.hpp"
 #include "apps/program_info.hpp"
 #include "config/names.hpp"
 #include "core/error.hpp"
@@ -94,7 +95,7 @@ void add_export_command(CLI::App& app, Dispatch& dispatch) {
       ->type_name("");
   command->add_option("--team", options->team, "whose policy: 0 or 1")
       ->required()
-      ->check(CLI::Range(0, 1))
+      ->transform(value_of<int>(range(0, 1)))
       ->type_name("T");
   command
       ->add_option("--format", options->format,

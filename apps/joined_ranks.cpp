@@ -5,6 +5,7 @@
 #include <cstdlib>
 #include <sstream>
 
+#include "apps/option_value.hpp"
 #include "apps/program_info.hpp"
 #include "core/error.hpp"
 #include "cuda/runtime.hpp"
@@ -36,16 +37,16 @@ void add_rank_options(CLI::App& command, RankOptions& options) {
           .add_option("--ranks", options.ranks,
                       "by so many processes on this machine: with GPUs each has its own, without they share the cores "
                       "(docs/scale.md; torchrun and srun need no option)")
-          ->check(CLI::Range(1, 256))
+          ->transform(value_of<int>(range(1, 256)))
           ->type_name("N");
   command.add_option("--gpus", options.gpus, "by so many GPUs of this machine: as --ranks, but refused without them")
-      ->check(CLI::Range(1, 256))
+      ->transform(value_of<int>(range(1, 256)))
       ->type_name("N")
       ->excludes(ranks);
   command
       .add_option("--rank-timeout", options.timeout,
                   "of several ranks: seconds for which one that lives is waited for; more than an evaluation takes")
-      ->check(CLI::Range(1, 1'000'000))
+      ->transform(value_of<int>(range(1, 1'000'000)))
       ->capture_default_str()
       ->type_name("SECONDS");
 }

@@ -5,6 +5,9 @@
 #include <cstdlib>
 #include <iostream>
 #include <new>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include "apps/command_line.hpp"
 #include "apps/commands.hpp"
@@ -65,8 +68,10 @@ int run(int argc, char** argv, giga::Dispatch& dispatch) {
   giga::add_record_command(app, dispatch);
   giga::add_play_command(app, dispatch);
   giga::add_picture_command(app, dispatch);
+  std::vector<std::string> arguments = giga::help_in_words(app, {argv + 1, argv + argc});
+  std::reverse(arguments.begin(), arguments.end());  // as CLI11 wants them
   try {
-    app.parse(argc, argv);
+    app.parse(std::move(arguments));
   } catch (const CLI::ParseError& e) {
     if (e.get_exit_code() == 0) return app.exit(e);  // --help, --version
     return fail(giga::explain(app, e), kBadInput);

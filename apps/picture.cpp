@@ -5,6 +5,7 @@
 #include <iostream>
 
 #include "apps/commands.hpp"
+#include "apps/option_value.hpp"
 #include "core/error.hpp"
 #include "io/files.hpp"
 #include "watch/film.hpp"
@@ -68,15 +69,15 @@ void add_picture_command(CLI::App& app, Dispatch& dispatch) {
   command->add_option("--out", options->out, "the paths of all episodes, as .svg or .png")->type_name("FILE");
   command->add_option("--film", options->film, "one episode as .gif, or a folder of PNG files")->type_name("FILE|DIR");
   command->add_option("--episode", options->how.episode, "of the film, counted from 0")
-      ->check(CLI::NonNegativeNumber)
+      ->transform(value_of<int>(at_least(0)))
       ->capture_default_str()
       ->type_name("K");
   command->add_option("--size", options->how.side, "of the film: pixels of the longer side of the world")
-      ->check(CLI::Range(50, 4000))
+      ->transform(value_of<int>(range(50, 4000)))
       ->capture_default_str()
       ->type_name("N");
   command->add_option("--every", options->how.every, "of the film: steps from one picture to the next")
-      ->check(CLI::Range(1, 1000))
+      ->transform(value_of<int>(range(1, 1000)))
       ->capture_default_str()
       ->type_name("N");
   command->footer(

@@ -9,6 +9,7 @@
 
 #include "apps/command_line.hpp"
 #include "apps/commands.hpp"
+#include "apps/option_value.hpp"
 #include "apps/players.hpp"
 #include "apps/program_info.hpp"
 #include "core/error.hpp"
@@ -242,7 +243,7 @@ void add_play_command(CLI::App& app, Dispatch& dispatch) {
       ->allow_extra_args(false);
   add_game_changes(*command, options->changes);
   command->add_option("--levels", options->levels, "of a run folder: checkpoints to choose from, the best included")
-      ->check(CLI::Range(1, 20))
+      ->transform(value_of<int>(range(1, 20)))
       ->capture_default_str()
       ->type_name("N");
   command->add_flag("--greedy", options->greedy, "policies take their most likely action instead of drawing one");

@@ -241,6 +241,12 @@ std::vector<size_t> spread(size_t n, size_t count) {
 RoundRobin find_players(const PlayerRequest& request, const PlayerOptions& options) {
   const std::vector<std::string> scripts =
       script_names(request.scripted);  // wrong names are told before files are read
+  const std::vector<std::string> known = FieldCodec<Scripted>::names();
+  for (const std::string& run : request.runs) {
+    std::error_code code;
+    if (std::find(known.begin(), known.end(), run) != known.end() && !fs::exists(run, code))
+      throw InputError(cat("'", run, "' is a scripted team: it plays with --scripted ", run));
+  }
   std::vector<Candidate> candidates = find_candidates(request, options);
   RoundRobin result;
   choose_game(request, candidates, result);

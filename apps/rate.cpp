@@ -6,9 +6,11 @@
 #include <filesystem>
 #include <iostream>
 #include <nlohmann/json.hpp>
+#include <set>
 
 #include "apps/command_line.hpp"
 #include "apps/commands.hpp"
+#include "apps/option_value.hpp"
 #include "apps/players.hpp"
 #include "apps/program_info.hpp"
 #include "core/error.hpp"
@@ -87,7 +89,7 @@ void announce(RoundRobin& all, const MatchOptions& match) {
     return std::count_if(all.players.begin(), all.players.end(), [side](const Player& p) { return p.can_play(side); });
   };
   const auto pairs = can(0) * can(1);
-  std::cerr << pairs << " pairs of " << match.episodes << " episodes";
+  std::cerr << pairs << (pairs == 1 ? " pair of " : " pairs of ") << match.episodes << " episodes";
   Player &first = all.players.front(), &last = all.players.back();
   constexpr int kShare = 4, kFewPairs = 8;
   if (pairs >= kFewPairs && first.can_play(0) && last.can_play(1)) {
@@ -132,6 +134,14 @@ void renew_report(const RateOptions& o, const fs::path& folder) {
   write_report({run}, report, list_fields<RunConfig>());
 }
 
+/// One alone has nobody to be rated against, but its teams where they are rated apart.
+void expect_opponents(const RoundRobin& all, Sides sides) {
+  const std::set<std::string> pools(all.pools.begin(), all.pools.end());
+  if (sides == Sides::alike && pools.size() == 1)
+    throw InputError(
+        cat(*pools.begin(), " alone has nobody to play against: name another run, --checkpoints 0, or --scripted all"));
+}
+
 RatingSheet play_and_rate(const RateOptions& o, RoundRobin& all, Device device) {
   RatingSheet sheet;
   sheet.scenario = all.scenario.name;
@@ -139,6 +149,7 @@ RatingSheet play_and_rate(const RateOptions& o, RoundRobin& all, Device device) 
   RatingOptions rating;
   rating.anchor = choose_anchor(all);
   rating.sides = sides_of(o, all.scenario);
+  expect_opponents(all, rating.sides);
   const MatchOptions match{o.episodes, o.seed, device, all.n_threads};
   announce(all, match);
   const auto start = std::chrono::steady_clock::now();
@@ -183,11 +194,11 @@ void add_options(CLI::App& command, RateOptions& o) {
       .add_option("--checkpoints", o.checkpoints,
                   "at most so many of each run, at equal distances, the newest among them, and the best beside them; "
                   "0 = all")
-      ->check(CLI::Range(0, 1'000'000))
+      ->transform(value_of<int>(range(0, 1'000'000)))
       ->capture_default_str()
       ->type_name("N");
   command.add_option("--episodes", o.episodes, "episodes of each pair on each side")
-      ->check(CLI::Range(1, 10'000'000))
+      ->transform(value_of<int>(range(1, 10'000'000)))
       ->capture_default_str()
       ->type_name("N");
   command.add_flag("--group", o.group,
@@ -200,7 +211,7 @@ void add_options(CLI::App& command, RateOptions& o) {
           "--sides", o.sides,
           "alike: one rating per player; apart: one for each team; auto: apart where the teams differ, or one of "
           "them wins at the time limit")
-      ->check(CLI::IsMember({"auto", "alike", "apart"}))
+      ->transform(value_of<std::string>(one_of({"auto", "alike", "apart"})))
       ->capture_default_str()
       ->type_name("auto|alike|apart");
   command
@@ -210,7 +221,7 @@ void add_options(CLI::App& command, RateOptions& o) {
   add_json_option(command, o.json);
   add_device_option(command, o.device)->capture_default_str();
   command.add_option("--seed", o.seed, "seed of the episodes: same seed, same result")
-      ->check(refuse_negative)
+      ->transform(value_of<uint64_t>(anything()))
       ->capture_default_str()
       ->type_name("S");
   command.add_flag("--greedy", o.greedy, "policies take the most likely action instead of drawing one");

@@ -5,6 +5,7 @@
 
 #include "apps/command_line.hpp"
 #include "apps/commands.hpp"
+#include "apps/option_value.hpp"
 #include "apps/program_info.hpp"
 #include "core/error.hpp"
 #include "core/seeds.hpp"
@@ -92,7 +93,9 @@ int verify(const RecordOptions& o) {
   const Replay replay = decode_replay(read_file(o.verify), o.verify);
   const std::string difference = verify_replay(replay, parse_device(o.device));
   if (difference.empty()) {
-    std::cout << o.verify << ": played again, all " << replay.episodes.size() << " episodes are the same bit for bit\n";
+    const size_t n = replay.episodes.size();
+    std::cout << o.verify << ": played again, " << (n == 1 ? "its one episode is" : cat("all ", n, " episodes are"))
+              << " the same bit for bit\n";
     return 0;
   }
   std::cout << o.verify << ": " << difference << "; it was written by gigastep " << replay.gigastep_version
@@ -129,12 +132,13 @@ void add_record_command(CLI::App& app, Dispatch& dispatch) {
   command->add_option("--vs", options->b, "who plays side 1; default: A")->type_name("B");
   command->add_option("--beside", options->beside, "another who plays side 0 from the same starts")->type_name("C");
   command->add_option("--episodes", options->episodes, "games")
-      ->check(CLI::Range(1, 1000))
+      ->transform(value_of<int>(range(1, 1000)))
       ->capture_default_str()
       ->type_name("N");
   command->add_option("--scenario", options->scenario, "scenario to play: name or file")->type_name("S");
   add_game_changes(*command, options->changes);
   command->add_option("--seed", options->seed, "seed of the episodes: same seed, same games")
+      ->transform(value_of<uint64_t>(anything()))
       ->capture_default_str()
       ->type_name("S");
   add_device_option(*command, options->device)->capture_default_str();

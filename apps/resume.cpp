@@ -135,7 +135,7 @@ void add_resume_command(CLI::App& app, Dispatch& dispatch) {
       "was not: gigastep inspect shows the same SHA-256. Rows of metrics.csv and TensorBoard events that were written\n"
       "after the checkpoint are cut off. Of a run folder the newest whole checkpoint is taken; damaged ones are named\n"
       "and set aside. A checkpoint file that is named is taken as it is, or refused.\n"
-      "Settings that may change (--set):\n" +
+      "Settings that may change (--set; a name that ends in a point stands for all keys of its group):\n" +
       resumable_settings() +
       "Examples:\n"
       "  gigastep resume runs/first\n"

@@ -59,9 +59,11 @@ std::vector<std::string> metric_columns(LoadedRun run) {
 
 SweepFolder::SweepFolder(const fs::path& file, const fs::path& folder) : path_(folder) {
   KeyPositions given;
+  std::error_code code;
+  if (!fs::exists(file, code))
+    throw InputError(cat(file.string(), ": no such file; a sweep is a YAML file that names a config (docs/sweep.md)"));
   spec_ = read_sweep(file, given);
   trials_ = draw_trials(spec_, sobol_points);
-  std::error_code code;
   if (!fs::exists(path_ / kSweepFile, code)) create(file, given);
 
   KeyPositions before;

@@ -11,6 +11,7 @@
 #include "apps/commands.hpp"
 #include "apps/follow.hpp"
 #include "apps/joined_ranks.hpp"
+#include "apps/option_value.hpp"
 #include "apps/plan.hpp"
 #include "apps/start_ranks.hpp"
 #include "apps/training.hpp"
@@ -54,15 +55,25 @@ std::string part_of_name(const std::string& assignment) {
   return name + (plain.empty() || std::isdigit(static_cast<unsigned char>(plain[0])) ? "" : "_") + plain;
 }
 
-/// The scenario, the algorithm, what --set changes, the seed: "duel-mappo-lr3e-4-seed2". What has a place of its own,
-/// or no part in what is learned, is left out, and what is more than a name can hold.
+/// What the config's file tells beside scenario and algorithm: "mappo-quickstart", "mappo_league", "mappo". A file of
+/// the name of either tells nothing more, nor does config.yaml, which every run folder has.
+std::string algorithm_and_config(const std::string& config, const std::string& scenario, const std::string& algorithm) {
+  const std::string name = folder_name_of(config);
+  if (name == scenario || name == "config") return algorithm;
+  return name.starts_with(algorithm) ? name : cat(algorithm, "-", name);
+}
+
+/// The scenario, the algorithm, the config, what --set changes, the seed:
+/// "duel-mappo-quickstart-lr3e-4-seed2". What has a place of its own, or no part in what is learned, is left out, and
+/// what is more than a name can hold.
 std::string run_name(const TrainOptions& o, const RunConfig& c) {
   static const std::set<std::string> kLeftOut = {
       "scenario",        "train.algorithm",         "seed",
       "device",          "train.n_threads",         "train.max_wall_time",
       "train.precision", "train.total_agent_steps", "train.stop_at_agent_steps"};
   constexpr size_t kLongest = 100;
-  std::string name = cat(folder_name_of(c.scenario), "-", c.train.algorithm);
+  const std::string scenario = folder_name_of(c.scenario);
+  std::string name = cat(scenario, "-", algorithm_and_config(o.config, scenario, c.train.algorithm));
   for (const std::string& assignment : o.overrides) {
     const std::string key = assignment.substr(0, assignment.find('='));
     if (kLeftOut.contains(key) || key.starts_with("checkpoint.") || key.starts_with("eval.")) continue;
@@ -157,15 +168,15 @@ void add_train_command(CLI::App& app, Dispatch& dispatch) {
   CLI::Option* run_dir =
       command
           ->add_option("--run-dir", options->run_dir,
-                       "folder of this run, new or empty; default: runs/SCENARIO-ALGORITHM-CHANGES-seedN, as "
-                       "runs/duel-mappo-lr3e-4-seed2, and a number behind it where that is taken")
+                       "folder of this run, new or empty; default: runs/SCENARIO-ALGORITHM-CONFIG-CHANGES-seedN, as "
+                       "runs/duel-mappo-quickstart-lr3e-4-seed2, and a number behind it where that is taken")
           ->type_name("DIR");
   command->add_option("--name", options->name, "name of this run: its folder is runs/NAME, which must be new or empty")
       ->type_name("NAME")
       ->excludes(run_dir);
   add_device_option(*command, options->device);
   command->add_option("--seed", options->seed, "seed of everything random, as --set seed=N")
-      ->check(refuse_negative)
+      ->transform(value_of<uint64_t>(anything()))
       ->type_name("N");
   add_display_options(*command, options->quiet, options->no_color);
   add_rank_options(*command, options->ranks);

@@ -35,6 +35,24 @@ TEST(CommandLine, EveryCommandHasHelpWithExamples) {
   EXPECT_TRUE(contains(here.run({"--help"}).out, {"train", "eval", "scenarios", "config", "bench", "Exit codes"}));
 }
 
+TEST(CommandLine, HelpIsACommandToo) {
+  const Workplace here;
+  for (const std::vector<std::string>& words : std::vector<std::vector<std::string>>{{}, {"train"}, {"bench", "sim"}}) {
+    std::vector<std::string> asked = {"help"}, option = words;
+    asked.insert(asked.end(), words.begin(), words.end());
+    option.emplace_back("--help");
+    const Outcome help = here.run(asked);
+    EXPECT_EQ(help.code, 0) << help.err;
+    EXPECT_EQ(help.err, "");
+    EXPECT_EQ(help.out, here.run(option).out);
+  }
+  EXPECT_EQ(here.run({"help", "--help"}).out, here.run({"--help"}).out);
+  const Outcome unknown = here.run({"help", "tarin"});
+  EXPECT_EQ(unknown.code, 2);
+  EXPECT_EQ(unknown.out, "");
+  EXPECT_TRUE(contains(unknown.err, {"there is no help for 'tarin'; nearest: 'train'", "commands: train, resume"}));
+}
+
 TEST(CommandLine, Version) {
   const Workplace here;
   const Outcome version = here.run({"--version"});
@@ -56,9 +74,26 @@ TEST(CommandLine, MistakesNameTheNearest) {
       {{"train"}, {"CONFIG is required"}},
       {{"train", "a.yaml", "b.yaml"}, {"unexpected argument 'b.yaml'"}},
       {{"train", "quikstart"}, {"there is no config quikstart", "nearest: 'quickstart'"}},
-      {{"train", "quickstart", "--seed", "x"}, {"--seed", "x"}},
-      {{"train", "quickstart", "--seed", "-1"}, {"--seed: '-1' is not an integer >= 0"}},
-      {{"eval", "circle", "--vs", "pursuer", "--seed", "-1"}, {"--seed: '-1' is not an integer >= 0"}},
+      {{"train", "quickstart", "--seed", "x"}, {"--seed: 'x' is not an integer >= 0"}},
+      {{"train", "quickstart", "--seed"}, {"--seed: a value is missing"}},
+      {{"train", "quickstart", "--seed", "99999999999999999999"},
+       {"--seed: '99999999999999999999' is not an integer in [0, 18446744073709551615]"}},
+      {{"train", "quickstart", "--ranks", "2k"}, {"--ranks: '2k' is not an integer in [1, 256] (numbers have no"}},
+      {{"record", "circle", "--seed", "1.5"}, {"--seed: '1.5' is not an integer >= 0"}},
+      {{"record", "circle", "--episodes", "none"}, {"--episodes: 'none' is not an integer in [1, 1000]"}},
+      {{"exploit", "circle", "--seed", "-1"}, {"--seed: '-1' is not an integer in [0, 18446744073709551615]"}},
+      {{"exploit", "circle", "--agent-steps", "much"}, {"--agent-steps: 'much' is not a number in [1, 9e+15]"}},
+      {{"picture", "a.replay", "--episode", "-1"}, {"--episode: '-1' is not an integer >= 0"}},
+      {{"rate", "runs/x", "--sides", "alkie"},
+       {"--sides: 'alkie' is not one of: auto, alike, apart; nearest: 'alike'"}},
+      {{"config", "--schema", "scenaro"}, {"--schema: 'scenaro' is not one of: run, scenario", "nearest: 'scenario'"}},
+      {{"export", "runs/x", "--team", "2"}, {"--team: '2' is not an integer in [0, 1]"}},
+      {{"bench", "closed-loop", "--hidden", "64,x"}, {"--hidden: 'x' is not an integer in [1, 16384]"}},
+      {{"bench", "closed-loop", "--precision", "tf23"},
+       {"--precision: 'tf23' is not one of: fp32, tf32, bf16; nearest"}},
+      {{"train", "quickstart", "--seed", "-1"}, {"--seed: '-1' is not an integer in [0, 18446744073709551615]"}},
+      {{"eval", "circle", "--vs", "pursuer", "--seed", "-1"},
+       {"--seed: '-1' is not an integer in [0, 18446744073709551615]"}},
       {{"train", "quickstart", "--epochs", "3"}, {"unknown option '--epochs'; keys are set by --set KEY=VALUE"}},
       {{"train", "quickstart", "--name", "a/b"}, {"--name a/b is a path", "--run-dir"}},
       {{"train", "quickstart", "--set", "mappo.gamma", "0.9"},
@@ -87,7 +122,7 @@ TEST(CommandLine, MistakesNameTheNearest) {
       {{"eval", "circle", "--vs", "pursuer"},
        {"no checkpoint or manifest says which scenario circle and pursuer play", "--scenario"}},
       {{"eval", "circle", "--vs", "pursuer", "--scenario", "identical_2_v_2"}, {"nearest: 'identical_2_vs_2'"}},
-      {{"eval", "runs/x", "--vs", "circle", "--episodes", "0"}, {"--episodes"}},
+      {{"eval", "runs/x", "--vs", "circle", "--episodes", "0"}, {"--episodes: '0' is not an integer in [1, 10000000]"}},
       {{"scenarios", "shwo", "x"}, {"unknown command 'shwo'", "nearest: 'show'", "gigastep scenarios --help"}},
       {{"scenarios", "identical_5_vs_5"}, {"write scenarios show identical_5_vs_5"}},
       {{"train", "quickstart", "--set", "mappo.gamma", "=", "0.9"}, {"write --set mappo.gamma=0.9"}},
@@ -96,8 +131,16 @@ TEST(CommandLine, MistakesNameTheNearest) {
       {{"scenarios", "show", "no_such_game"}, {"no_such_game"}},
       {{"report"}, {"RUN is required"}},
       {{"report", "runs/x"}, {"there is no run folder runs/x"}},
+      {{"bench", "es", "--config", "quickstart"}, {"bench es: quickstart does not evolve; use bench train"}},
+      {{"bench", "train", "--config", "snes"}, {"bench train: snes evolves; use bench es"}},
+      {{"train", "quickstart", "--name", "a", "--run-dir", "b"},
+       {"--run-dir cannot be given together with --name", "train --help"}},
+      {{"bench"}, {"no command given; commands: sim, closed-loop, train, es"}},
+      {{"sweep", "quickstart"},
+       {"quickstart: no such file; a sweep is a YAML file that names a config (docs/sweep.md)"}},
       {{"bench", "smi"}, {"unknown command 'smi'", "nearest: 'sim'"}},
-      {{"bench", "sim", "--worlds", "0"}, {"--worlds"}},
+      {{"bench", "sim", "--worlds", "0"}, {"--worlds: '0' is not an integer in [1, 16777216]"}},
+      {{"bench", "sim", "--worlds", "64,x"}, {"--worlds: 'x' is not an integer in [1, 16777216]"}},
   };
   const auto stride = static_cast<size_t>(thinned(5));
   for (size_t k = stride / 2; k < cases.size(); k += stride) {

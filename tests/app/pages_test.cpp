@@ -213,6 +213,24 @@ std::set<std::string> anchors_of(const fs::path& page) {
   return anchors;
 }
 
+// Which configs the page of the game names as those without the egocentric view, or with rewards of their own.
+TEST(Pages, WhatShippedConfigsReadAndPay) {
+  const std::string page = read_file(source_path("docs/game.md"));
+  std::string other_inputs, no_damage;
+  std::vector<fs::path> files;
+  for (const fs::directory_entry& entry : fs::directory_iterator(source_path("configs"))) files.push_back(entry.path());
+  std::sort(files.begin(), files.end());
+  for (const fs::path& file : files) {
+    const std::string text = read_file(file), name = " `" + file.stem().string() + "`";
+    if (text.find("inputs: egocentric") == std::string::npos) other_inputs += name;
+    if (text.find("damage: 50") == std::string::npos) no_damage += name;
+  }
+  EXPECT_EQ(other_inputs, " `pixels` `published` `published_corrected`");
+  EXPECT_EQ(no_damage, " `memory` `published` `published_corrected`");
+  EXPECT_TRUE(contains(page, {"but `pixels`, `published` and `published_corrected`",
+                              "`published` and\n`published_corrected` keep the original's rewards, `memory` those"}));
+}
+
 TEST(Pages, LinksLeadSomewhere) {
   const std::regex link(R"(\]\(([^)#:]*)(#[^)]*)?\))");
   int n = 0;

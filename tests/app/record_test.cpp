@@ -158,7 +158,7 @@ std::unique_ptr<Workplace> RecordedCrowd::here_;
 TEST_F(RecordedCrowd, IsReadPlayedAgainAndDrawn) {
   EXPECT_LE(size_of_file(*here_, "crowd.replay"), kMostCrowd);
   const Outcome again = here_->run({"record", "--verify", "crowd.replay", "--device", "cpu"});
-  EXPECT_EQ(again.out, "crowd.replay: played again, all 1 episodes are the same bit for bit\n") << again.err;
+  EXPECT_EQ(again.out, "crowd.replay: played again, its one episode is the same bit for bit\n") << again.err;
   ASSERT_EQ(here_->run({"picture", "crowd.replay", "--out", "paths.svg", "--film", "f", "--every", "400"}).code, 0);
   EXPECT_LE(size_of_file(*here_, "paths.svg"), 4u << 20);
   EXPECT_TRUE(here_->has("f/00001.png"));

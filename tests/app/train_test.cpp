@@ -138,7 +138,7 @@ TEST(Train, AScriptedOpponentLearnsNothingAndIsLeftOut) {
                                      "train.learning_team=1", "--set", "train.total_agent_steps=4_096", "--quiet"});
   ASSERT_EQ(training.code, 0) << training.err;
   EXPECT_EQ(training.err, "");
-  const std::string run = "runs/identical_2_vs_2_void-mappo-opponent_circle-learning_team1-seed1";
+  const std::string run = "runs/identical_2_vs_2_void-mappo-tiny-opponent_circle-learning_team1-seed1";
   ASSERT_TRUE(here.has(run));
   const CsvTable table = parse_csv(here.read(run + "/metrics.csv"));
   EXPECT_EQ(table.cell(0, "win_rate_0_vs_random"), "");
@@ -192,7 +192,7 @@ TEST(Train, RunsAreNamedByWhatWasChanged) {
                                               "train.total_agent_steps=1",
                                               "--set",
                                               "eval.episodes=8"};
-  const std::string name = "runs/identical_2_vs_2_void-mappo-lr3e-4-damage5-seed2";
+  const std::string name = "runs/identical_2_vs_2_void-mappo-tiny-lr3e-4-damage5-seed2";
   ASSERT_EQ(here.run(arguments).code, 0);
   ASSERT_EQ(here.run(arguments).code, 0);
   EXPECT_TRUE(here.has(name + "/config.yaml"));
@@ -200,6 +200,29 @@ TEST(Train, RunsAreNamedByWhatWasChanged) {
   const Document info = parse_yaml_text(here.read(name + "/run.json"), "run.json");
   EXPECT_EQ(at(info, {"versions", "commit"}).text.ends_with("-dirty"),
             at(info, {"versions", "clean_tree"}).text == "false");
+}
+
+// What only the config changes is told by its name, once.
+TEST(Train, RunsAreNamedByTheirConfig) {
+  const Workplace here;
+  here.write("duel.yaml", "base: identical_1_vs_1_void\n");
+  const std::string settings =
+      "scenario: ./duel.yaml\ntrain: {n_worlds: 16, total_agent_steps: 1}\n"
+      "mappo: {horizon: 8, n_minibatches: 2, n_epochs: 1}\neval: {episodes: 8}\n";
+  std::filesystem::create_directories(here.path() / "configs");
+  struct Case {
+    const char *config, *run;
+  };
+  for (const Case& c :
+       {Case{"patient.yaml", "duel-mappo-patient-seed1"}, Case{"mappo.yaml", "duel-mappo-seed1"},
+        Case{"mappo_big.yaml", "duel-mappo_big-seed1"}, Case{"configs/duel.yaml", "duel-mappo-seed1-002"},
+        Case{"config.yaml", "duel-mappo-seed1-003"}, Case{"my own.yaml", "duel-mappo-my_own-seed1"}}) {
+    const bool below = std::string(c.config).starts_with("configs/");
+    here.write(c.config, below ? "scenario: ../duel.yaml\n" + settings.substr(settings.find('\n') + 1) : settings);
+    const Outcome outcome = here.run({"train", c.config, "--quiet", "--device", "cpu"});
+    ASSERT_EQ(outcome.code, 0) << outcome.err;
+    EXPECT_TRUE(here.has(std::string("runs/") + c.run + "/config.yaml")) << c.config << outcome.out;
+  }
 }
 
 TEST(Train, TheEndNamesThePathsAndWhatIsNext) {
