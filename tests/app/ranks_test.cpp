@@ -215,7 +215,7 @@ TEST_F(RankedRun, RefusesWhatCannotBeDivided) {
   EXPECT_FALSE(here_.has("a"));
   EXPECT_TRUE(
       contains(refused(train("g", 1, {"--gpus", "2"})), {"--gpus 2: the device is cpu; --ranks shares the cores"}));
-  EXPECT_TRUE(contains(refused(train("g", 2, {"--gpus", "2"})), {"--ranks excludes --gpus"}));
+  EXPECT_TRUE(contains(refused(train("g", 2, {"--gpus", "2"})), {"--ranks cannot be given together with --gpus"}));
   EXPECT_TRUE(contains(refused(train("g", 1, {"--gpus", "2", "--device", "cuda:0"})), {"cuda:0"}));
   EXPECT_TRUE(
       contains(refused(train("g", 1, {"--gpus", "2"}), {{"RANK", "0"}, {"WORLD_SIZE", "2"}, {"MASTER_PORT", "1"}}),
