@@ -347,12 +347,11 @@ void add_bench_command(CLI::App& app, Dispatch& dispatch) {
   CLI::App* train =
       add_learner(*command, dispatch, "train", "mappo", "whole updates: rollout and learning", bench_train);
   train->footer(
-      "Scenario, worlds and seed are those of the config unless given. With --gpus or --ranks rank 0 is measured "
-      "alone\n"
-      "first and then all, each with so many worlds: 100 % is as many times the rate of one.\n"
-      "Examples:\n  gigastep bench train --config mappo --gpus 2\n  gigastep bench train --config mappo --set "
-      "mappo.n_minibatches=4 --worlds "
-      "4096,16384 --device cuda");
+      "Scenario, worlds and seed are those of the config unless given. With --gpus or --ranks rank 0 is measured\n"
+      "alone first and then all, each with so many worlds: 100 % is as many times the rate of one.\n"
+      "Examples:\n"
+      "  gigastep bench train --config mappo --gpus 2\n"
+      "  gigastep bench train --config mappo --set mappo.n_minibatches=4 --worlds 4096,16384 --device cuda");
 
   CLI::App* es = add_learner(*command, dispatch, "es", "openai_es",
                              "whole generations of an evolution strategy, and the closed loop beside it", bench_es);
