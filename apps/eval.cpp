@@ -125,7 +125,7 @@ const char* const kHelp =
     "  gigastep eval runs/first --vs pursuer\n"
     "  gigastep eval runs/first --vs runs/second --both-sides --episodes 4096 --csv result.csv\n"
     "  gigastep eval runs/first/checkpoints/update_00000100.h5 --vs exported/second --seed 7 --json -\n"
-    "  gigastep eval runs/first --vs circle --scenario identical_5_vs_5_void --set environment.sight.cone_depth=5\n"
+    "  gigastep eval runs/first --vs circle --scenario identical_5_vs_5_fobs\n"
     "  gigastep eval evader --vs pursuer --scenario hide_and_seek_5_vs_5";
 
 }  // namespace

@@ -225,7 +225,8 @@ const char* const kHelp =
     "(`gigastep record --verify`).\n"
     "Examples:\n"
     "  gigastep play runs/first\n"
-    "  gigastep play runs/first --vs pursuer --scenario identical_5_vs_5 --scenario waypoint_5_vs_5 --out game.html\n"
+    "  gigastep play runs/first --vs pursuer --scenario identical_5_vs_5 --scenario identical_5_vs_5_fobs --out "
+    "game.html\n"
     "  gigastep play circle --vs evader --scenario hide_and_seek_5_vs_5 --folder site";
 
 }  // namespace

@@ -219,7 +219,11 @@ void Training::print_end() const {
   if (std::filesystem::exists(folder_.best_file(), code))
     std::cout << ", " << folder_.best_file().string() << " (the best, after " << cursor_.best_updates << " "
               << algorithm_of(config_).updates << ")";
+  if (std::filesystem::exists(folder_.replays_page(), code))
+    std::cout << "\ngames:       " << folder_.replays_page().string();
   std::cout << "\nnext:        " << program << " rate " << run << "      Elo of its checkpoints and the scripts"
+            << "\n             " << program << " record " << run
+            << " --vs circle --out game      games to watch: game.html"
             << "\n             " << program << " report " << run << " OTHER_RUN --out compare.html"
             << "\n             " << program << " export " << run << " --team 0 --format onnx --out policy" << std::endl;
 }

@@ -231,9 +231,10 @@ TEST(Train, TheEndNamesThePathsAndWhatIsNext) {
   const Outcome outcome =
       here.run({"train", "tiny.yaml", "--quiet", "--run-dir", "run", "--set", "train.total_agent_steps=1"});
   ASSERT_EQ(outcome.code, 0) << outcome.err;
-  EXPECT_TRUE(
-      contains(outcome.out, {"report:      run/report.html", "run/checkpoints/update_00000001.h5 (the last)",
-                             "run/checkpoints/best.h5 (the best", " rate run", " report run ", " export run "}));
+  EXPECT_TRUE(contains(
+      outcome.out, {"report:      run/report.html", "run/checkpoints/update_00000001.h5 (the last)",
+                    "run/checkpoints/best.h5 (the best", " rate run", " record run ", " report run ", " export run "}));
+  EXPECT_TRUE(contains(outcome.out, {"games:       run/replays.html"}));
   EXPECT_EQ(outcome.out.find(" eval run"), std::string::npos) << "its answer stands above";
 }
 
