@@ -165,12 +165,28 @@ function unfold(data, n, states, order, unit) {
   return values;
 }
 
+// A replay that this page cannot show; the message says why.
+class BadReplay extends Error {}
+const NEWEST_FORMAT = 2;
+
+// What the first line of a replay announces, unpacked.
+async function unpackReplay(bytes) {
+  const end = bytes.indexOf(10);
+  const format = /^gigastep replay ([1-9]\d*)$/.exec(new TextDecoder().decode(bytes.subarray(0, Math.max(end, 0))));
+  if (!format) throw new BadReplay("a replay is damaged: its first line makes no sense");
+  if (format[1] > NEWEST_FORMAT)
+    throw new BadReplay(`a replay has format ${format[1]}, newer than ${NEWEST_FORMAT}, which this page reads`);
+  if (typeof DecompressionStream === "undefined") throw new BadReplay("a browser of 2023 or later is needed");
+  const stream = new Blob([bytes.subarray(end + 1)]).stream().pipeThrough(new DecompressionStream("deflate"));
+  return new Uint8Array(await new Response(stream).arrayBuffer().catch(() => {
+    throw new BadReplay("a replay is damaged: it ends too early, or its bytes were changed");
+  }));
+}
+
 async function readReplay(base64) {
   const text = atob(base64), bytes = new Uint8Array(text.length);
   for (let k = 0; k < text.length; ++k) bytes[k] = text.charCodeAt(k);
-  const packed = bytes.subarray(bytes.indexOf(10) + 1);
-  const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate"));
-  const raw = new Uint8Array(await new Response(stream).arrayBuffer());
+  const raw = await unpackReplay(bytes);
   let at = 4 + new DataView(raw.buffer).getUint32(0, true);
   const replay = JSON.parse(new TextDecoder().decode(raw.subarray(4, at)));
   replay.agents = replay.agents.flatMap(({count = 1, ...agent}) => Array(count).fill(agent));  // of a crowd, alike ones

@@ -501,6 +501,6 @@ async function start() {
   addEventListener("hashchange", () => watch.follow(location.hash));
 }
 start().catch(error => {
-  $("about").textContent = `The games cannot be shown: ${error.message}. A browser of 2023 or later is needed.`;
-  console.error(error);
+  $("about").textContent = `The games cannot be shown: ${error.message}.`;
+  if (!(error instanceof BadReplay)) console.error(error);
 });

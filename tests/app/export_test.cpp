@@ -1,4 +1,4 @@
-// gigastep export: files for other programs from a run, and what is said to mistakes.
+// gigastep export: files for other programs from a run, and the messages for mistakes.
 #include <gtest/gtest.h>
 
 #include <cerrno>

@@ -1,4 +1,4 @@
-// gigastep rate: two tiny runs rated end to end, the files, the report, and what is said to mistakes.
+// gigastep rate: two tiny runs rated end to end, the files, the report, and the messages for mistakes.
 #include <gtest/gtest.h>
 
 #include <algorithm>

@@ -36,6 +36,7 @@ async function comparePictures(seen) {
 
 async function usePage() {
   for (let k = 0; k < 200 && !window.watch; ++k) await new Promise(done => setTimeout(done, 20));
+  if (!window.watch) return {about: document.getElementById("about").textContent};
   const seen = {};
   await frame();
   seen.games = document.getElementById("game").options.length;

@@ -70,6 +70,24 @@ TEST_F(WatchInBrowser, ShowsTheStepThatIsAskedFor) {
   expect_pictures(seen, "watch", {"top", "solid"});
 }
 
+// A page made of a damaged replay, or by a newer gigastep, says so, and not that the browser is too old.
+TEST_F(WatchInBrowser, SaysWhyAReplayCannotBeShown) {
+  const std::string whole = encode_replay(sample_replay());
+  const struct {
+    std::string replay, why;
+  } cases[] = {
+      {whole.substr(0, whole.size() / 2), "a replay is damaged: it ends too early, or its bytes were changed"},
+      {"<html>" + whole, "a replay is damaged: its first line makes no sense"},
+      {"gigastep replay 9" + whole.substr(whole.find('\n')),
+       "a replay has format 9, newer than 2, which this page reads"},
+  };
+  for (const auto& c : cases) {
+    const Document seen = use_replays({c.replay}, "const REFERENCES = null;\n", "--window-size=500,900");
+    EXPECT_EQ(texts(seen, "problems"), Texts());
+    EXPECT_EQ(text(seen, "about"), "The games cannot be shown: " + c.why + ".");
+  }
+}
+
 TEST_F(WatchInBrowser, TwoReplaysSideBySideOnAPhone) {
   const Document seen =
       use_replays({encode_replay(sample_replay(ReplayActions::continuous)), encode_replay(sample_replay())},
