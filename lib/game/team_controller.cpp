@@ -1,6 +1,9 @@
 #include "game/team_controller.hpp"
 
+#include <algorithm>
+
 #include "core/error.hpp"
+#include "cuda/play_out.hpp"
 #include "sim/image_rows.hpp"
 
 namespace giga {
@@ -24,6 +27,11 @@ class ScriptController final : public TeamController {
         part.parallel_for.run(actions, part.n_rows());
       }
     }
+  }
+  bool join(std::span<const TeamStep> parts, PlayOut& plan) override {
+    return std::ranges::all_of(joined(parts), [&](const TeamStep& part) {
+      return plan.add({.team = part.team, .worlds = part.worlds, .id = network_of_script(script_)});
+    });
   }
 
  private:

@@ -2,7 +2,10 @@
 
 #include <torch/types.h>
 
+#include <algorithm>
+
 #include "core/error.hpp"
+#include "cuda/play_out.hpp"
 #include "math/distributions.hpp"
 #include "math/population_actions.hpp"
 #include "policy/actor.hpp"
@@ -67,6 +70,26 @@ class PolicyController final : public TeamController {
     for (const TeamStep& part : joins ? std::span(wide) : parts)
       fused ? act_fused(*fused, actor_->inputs(), part, greedy_) : act(part);
   }
+  /// Only where the fused kernel acts, which rounds factors to half precision too. Here biases are rounded as well, and
+  /// tanh is the hardware's: the arithmetic of populations (cuda/population_policy.hpp).
+  bool join(std::span<const TeamStep> parts, PlayOut& plan) override {
+    at::NoGradGuard no_grad;
+    const std::optional<SmallMlp> mlp = actor_ ? actor_->small_mlp() : std::nullopt;
+    if (!mlp || !fused_policy(*actor_) || actor_->normalizes()) return false;
+    const PackedMlp layout(*mlp);
+    if (!plan.take(layout, static_cast<int>(actor_->inputs().first))) return false;
+    const at::Tensor& values = actor_->parameters().values();
+    packed_ = at::empty({layout.size}, values.options().dtype(at::kHalf).requires_grad(false));
+    pack_population(layout, values.const_data_ptr<float>(), 1, values.size(0),
+                    static_cast<uint16_t*>(packed_.data_ptr()), parts[0].parallel_for.device().index,
+                    parts[0].parallel_for.stream());
+    return std::ranges::all_of(joined(parts), [&](const TeamStep& part) {
+      return plan.add({.team = part.team,
+                       .worlds = part.worlds,
+                       .networks = static_cast<const uint16_t*>(packed_.const_data_ptr()),
+                       .greedy = greedy_});
+    });
+  }
 
  private:
   void act(const TeamStep& s) const {
@@ -87,6 +110,7 @@ class PolicyController final : public TeamController {
   const Policy& policy_;
   const Actor* const actor_;  // the policy, if it is one that kernels may know
   const bool greedy_;
+  at::Tensor packed_;  // [PackedMlp::size] its network, for a game that is played out
 };
 
 class GroupController final : public TeamController {
