@@ -70,12 +70,13 @@ class PolicyController final : public TeamController {
     for (const TeamStep& part : joins ? std::span(wide) : parts)
       fused ? act_fused(*fused, actor_->inputs(), part, greedy_) : act(part);
   }
-  /// Only where the fused kernel acts, which rounds factors to half precision too. Here biases are rounded as well, and
-  /// tanh is the hardware's: the arithmetic of populations (cuda/population_policy.hpp).
+  /// In the arithmetic of populations (cuda/population_policy.hpp): that of a policy in fp16, and near to that of the
+  /// fused kernel, which does not round biases.
   bool join(std::span<const TeamStep> parts, PlayOut& plan) override {
     at::NoGradGuard no_grad;
     const std::optional<SmallMlp> mlp = actor_ ? actor_->small_mlp() : std::nullopt;
-    if (!mlp || !fused_policy(*actor_) || actor_->normalizes()) return false;
+    if (!mlp || actor_->normalizes()) return false;
+    if (actor_->precision() != Precision::fp16 && !fused_policy(*actor_)) return false;
     const PackedMlp layout(*mlp);
     if (!plan.take(layout, static_cast<int>(actor_->inputs().first))) return false;
     const at::Tensor& values = actor_->parameters().values();

@@ -334,6 +334,7 @@ TEST(LearnPopulationGamesGpu, AMatchPlayedOutIsStepByStep) {
   EXPECT_EQ(stepped.mean_return[1], out.mean_return[1]);
 
   Networks n(run, 1, gpu, Precision::tf32);
+  n.actor.take_fused_kernels(true);
   const auto policies = [&](bool watched) {
     return play(policy_controller(n.actor), script_controller(Scripted::circle), watched);
   };
