@@ -1,7 +1,5 @@
 #include "game/team_controller.hpp"
 
-#include <algorithm>
-
 #include "core/error.hpp"
 #include "cuda/play_out.hpp"
 #include "sim/image_rows.hpp"
@@ -29,9 +27,9 @@ class ScriptController final : public TeamController {
     }
   }
   bool join(std::span<const TeamStep> parts, PlayOut& plan) override {
-    return std::ranges::all_of(joined(parts), [&](const TeamStep& part) {
-      return plan.add({.team = part.team, .worlds = part.worlds, .id = network_of_script(script_)});
-    });
+    for (const TeamStep& part : joined(parts))
+      if (!plan.add({.team = part.team, .worlds = part.worlds, .id = network_of_script(script_)})) return false;
+    return true;
   }
 
  private:

@@ -2,8 +2,6 @@
 
 #include <torch/types.h>
 
-#include <algorithm>
-
 #include "core/error.hpp"
 #include "cuda/play_out.hpp"
 #include "math/distributions.hpp"
@@ -84,12 +82,10 @@ class PolicyController final : public TeamController {
     pack_population(layout, values.const_data_ptr<float>(), 1, values.size(0),
                     static_cast<uint16_t*>(packed_.data_ptr()), parts[0].parallel_for.device().index,
                     parts[0].parallel_for.stream());
-    return std::ranges::all_of(joined(parts), [&](const TeamStep& part) {
-      return plan.add({.team = part.team,
-                       .worlds = part.worlds,
-                       .networks = static_cast<const uint16_t*>(packed_.const_data_ptr()),
-                       .greedy = greedy_});
-    });
+    const auto* network = static_cast<const uint16_t*>(packed_.const_data_ptr());
+    for (const TeamStep& part : joined(parts))
+      if (!plan.add({.team = part.team, .worlds = part.worlds, .networks = network, .greedy = greedy_})) return false;
+    return true;
   }
 
  private:
