@@ -262,9 +262,6 @@ class GridExecutors : public ::testing::TestWithParam<std::tuple<Executor, Case>
  protected:
   void SetUp() override {
     if (executor_ == Executor::gpu && cuda_device_count() == 0) GTEST_SKIP() << "skipped: no GPU";
-    // It has not been run on one: see docs/architecture.md.
-    if (executor_ == Executor::gpu && !std::getenv("GIGASTEP_GRID_GPU"))
-      GTEST_SKIP() << "skipped: GIGASTEP_GRID_GPU is not set";
   }
   std::unique_ptr<Simulator> other(const SimSpec& spec, SimOptions options, int variant) const {
     options.grid = true;
