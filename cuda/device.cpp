@@ -24,10 +24,7 @@ Device parse_device(const std::string& text) {
 
 std::unique_ptr<Simulator> make_simulator(SimSpec spec, const SimOptions& options, Device device, void* stream) {
   if (spec.params.n_agents > kMaxAgents || options.grid) {
-    if (device.is_cuda())
-      throw InputError(cat("scenario '", spec.name, "' has ", spec.params.n_agents,
-                           " agents in a world; on a GPU up to ", kMaxAgents,
-                           " are allowed, larger worlds play with --device cpu"));
+    if (device.is_cuda()) return make_cuda_grid_simulator(std::move(spec), options, device.index, stream);
     return make_grid_simulator(std::move(spec), options);
   }
   if (device.is_cuda()) return make_cuda_simulator(std::move(spec), options, device.index, stream);

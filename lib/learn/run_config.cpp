@@ -72,15 +72,6 @@ void find_opponent(RunConfig& config, const KeyPositions& given, Errors& errors)
   opponent.name = path.string();
 }
 
-/// What worlds of more agents than tables of pairs serve do not have.
-void check_many(ConfigCheck& check) {
-  const int n = check.spec->params.n_agents;
-  if (n <= kMaxAgents) return;
-  if (check.config.device.starts_with("cuda") && check.known({"device", "scenario"}))
-    check.fail("device", cat(check.config.device, ": scenario '", check.config.scenario, "' has ", n,
-                             " agents in a world; a GPU plays up to ", kMaxAgents, "; allowed: cpu"));
-}
-
 /// Puts together what was read, as far as it was; throws with all mistakes.
 LoadedRun finish(RunConfig config, std::optional<Scenario> scenario, const KeyPositions& given, Errors& errors) {
   LoadedRun run;
@@ -95,7 +86,6 @@ LoadedRun finish(RunConfig config, std::optional<Scenario> scenario, const KeyPo
     run.spec = compile(run.scenario, errors);
     check.scenario = &run.scenario;
     check.spec = &run.spec;
-    check_many(check);
   }
   algorithm_of(run.config).check(check);
   errors.throw_if_any();

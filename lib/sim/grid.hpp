@@ -122,8 +122,12 @@ struct AgentNumber {
     return *this;
   }
   GIGA_HD operator int() const { return static_cast<int>(value); }
-  GIGA_HD friend bool operator==(AgentNumber a, uint16_t) { return a.value == 0xFFFFFFFFu; }
+  GIGA_HD friend constexpr bool operator==(AgentNumber a, uint16_t) { return a.value == 0xFFFFFFFFu; }
+  // Not left to the compiler to make of the other: nvcc 13.0 compares the integers instead, in kernels only.
+  GIGA_HD friend constexpr bool operator!=(AgentNumber a, uint16_t) { return a.value != 0xFFFFFFFFu; }
 };
+static_assert(AgentNumber{0xFFFFFFFFu} == kNobody && !(AgentNumber{0xFFFFFFFFu} != kNobody));
+static_assert(AgentNumber{kNobody} != kNobody && !(AgentNumber{kNobody} == kNobody), "65,535 is an agent");
 
 /// The sums over a block of agents for an item of accumulate_episode: returns, masked returns; or a term's alone.
 struct BlockSum {
