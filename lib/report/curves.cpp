@@ -132,32 +132,69 @@ std::vector<std::string> differing_keys(const std::vector<Settings>& all) {
   return keys;
 }
 
-/// The settings of each group in which any two differ: of the configs, and where these are all the same, of the
-/// scenarios.
+/// What is compared of each group: its config and, where two groups have the same, what differs in their scenarios.
 std::vector<Settings> distinguishing_settings(const std::vector<RunGroup>& groups) {
-  std::vector<Settings> configs, scenarios;
+  std::vector<Settings> all, scenarios;
   for (const RunGroup& group : groups) {
-    configs.push_back(learning_settings(group.runs.front()->config, plain_text));
+    all.push_back(learning_settings(group.runs.front()->config, plain_text));
     scenarios.push_back(flatten(group.runs.front()->scenario, plain_text));
   }
-  const bool same_configs = differing_keys(configs).empty();
-  return same_configs ? scenarios : configs;
+  std::vector<std::string> keys;
+  for (size_t g = 0; g < groups.size(); ++g)
+    for (size_t h = 0; h < g; ++h) {
+      if (all[g] != all[h]) continue;
+      for (const SettingChange& change : compare_settings(scenarios[h], scenarios[g]))
+        if (std::find(keys.begin(), keys.end(), change.path) == keys.end()) keys.push_back(change.path);
+    }
+  for (size_t g = 0; g < groups.size(); ++g)
+    for (const std::string& key : keys) all[g].emplace_back("scenario." + key, setting(scenarios[g], key));
+  return all;
 }
 
 std::string last_part(const std::string& path) { return path.substr(path.rfind('.') + 1); }
 
-/// "gamma=0.99, horizon=32 and 4 more".
-std::string label_of(const Settings& settings, std::vector<std::string> keys) {
-  std::erase_if(keys, [&](const std::string& key) { return !reads(settings, key); });
-  std::string label;
-  for (size_t k = 0; k < std::min(keys.size(), kSettingsInLabel); ++k) {
-    const std::string name = last_part(keys[k]);
-    const auto same_name =
-        std::count_if(keys.begin(), keys.end(), [&](const auto& key) { return last_part(key) == name; });
-    const std::string value = setting(settings, keys[k]);
-    label += cat(k ? ", " : "", same_name > 1 ? keys[k] : name, "=", value.empty() ? "-" : value);
+/// Of the keys that this group reads, as few as tell it apart from all others of its algorithm: again and again the one
+/// that does so for most of those that are left.
+std::set<std::string> telling_keys(const std::vector<Settings>& all, size_t group,
+                                   const std::vector<std::string>& keys) {
+  std::vector<const Settings*> left;
+  for (size_t k = 0; k < all.size(); ++k)
+    if (k != group && setting(all[k], kAlgorithm) == setting(all[group], kAlgorithm)) left.push_back(&all[k]);
+  std::set<std::string> chosen;
+  while (!left.empty()) {
+    const auto differs_in = [&](const std::string& key) {
+      const std::string own = setting(all[group], key);
+      return [&key, own](const Settings* other) { return setting(*other, key) != own; };
+    };
+    const std::string* best = nullptr;
+    int64_t most = 0;
+    for (const std::string& key : keys) {
+      const auto count = std::count_if(left.begin(), left.end(), differs_in(key));
+      if (count > most) best = &key, most = count;
+    }
+    if (!best) break;  // groups that nothing tells apart are one group
+    chosen.insert(*best);
+    std::erase_if(left, differs_in(*best));
   }
-  if (keys.size() > kSettingsInLabel) label += cat(" and ", keys.size() - kSettingsInLabel, " more");
+  return chosen;
+}
+
+/// "gamma=0.99, horizon=32 and 4 more": no label is that of another group.
+std::string label_of(const std::vector<Settings>& all, size_t group, std::vector<std::string> keys) {
+  std::erase_if(keys, [&](const std::string& key) { return !reads(all[group], key); });
+  std::set<std::string> shown = telling_keys(all, group, keys);
+  if (!keys.empty() && keys.front() == kAlgorithm) shown.insert(kAlgorithm);
+  for (size_t k = 0; k < keys.size() && shown.size() < kSettingsInLabel; ++k) shown.insert(keys[k]);
+
+  std::string label;
+  for (const std::string& key : keys) {
+    if (!shown.contains(key)) continue;
+    const std::string name = last_part(key), value = setting(all[group], key);
+    const auto same_name =
+        std::count_if(keys.begin(), keys.end(), [&](const auto& other) { return last_part(other) == name; });
+    label += cat(label.empty() ? "" : ", ", same_name > 1 ? key : name, "=", value.empty() ? "-" : value);
+  }
+  if (keys.size() > shown.size()) label += cat(" and ", keys.size() - shown.size(), " more");
   return label;
 }
 
@@ -202,7 +239,7 @@ void label_groups(std::vector<RunGroup>& groups) {
   const std::vector<std::string> keys = differing_keys(settings);
   for (size_t k = 0; k < groups.size(); ++k) {
     groups[k].letter = k < 26 ? std::string(1, static_cast<char>('A' + k)) : std::to_string(k + 1);
-    groups[k].label = label_of(settings[k], keys);
+    groups[k].label = label_of(settings, k, keys);
   }
 }
 
@@ -241,8 +278,14 @@ size_t points_for(const std::vector<RunData>& runs) {
   return std::clamp(kNumbersOnPage / numbers, kFewestPoints, kMostPoints);
 }
 
-std::vector<std::string> differing_settings(const std::vector<RunGroup>& groups) {
-  return differing_keys(distinguishing_settings(groups));
+std::vector<DifferingSetting> differing_settings(const std::vector<RunGroup>& groups) {
+  const std::vector<Settings> all = distinguishing_settings(groups);
+  std::vector<DifferingSetting> differing;
+  for (const std::string& path : differing_keys(all)) {
+    differing.push_back({path, {}});
+    for (const Settings& settings : all) differing.back().values.push_back(setting(settings, path));
+  }
+  return differing;
 }
 
 }  // namespace giga

@@ -20,7 +20,7 @@ struct Curve {
 struct RunGroup {
   std::vector<const RunData*> runs;
   std::string letter;         ///< "A", "B", ...; "" if there is but one group
-  std::string label;          ///< what differs from the other groups: "gamma=0.99"; the scenario, if there is but one
+  std::string label;          ///< what tells it from the other groups: "gamma=0.99"; the scenario, if there is but one
   size_t rows_per_point = 1;  ///< updates that a point stands for
   // Where the points are: the last update of each, and there the mean over the runs.
   std::vector<double> agent_steps, seconds;
@@ -40,7 +40,12 @@ std::vector<RunGroup> group_runs(const std::vector<RunData>& runs, size_t max_po
 /// The points per curve that keep a page of these runs at a few megabytes: 2000, or fewer for many runs and columns.
 size_t points_for(const std::vector<RunData>& runs);
 
-/// Paths of the settings in which the groups' configs differ, in the order of the config.
-std::vector<std::string> differing_settings(const std::vector<RunGroup>& groups);
+/// A setting in which groups differ whose algorithms read it; "scenario.KEY" of a key of scenario.yaml.
+struct DifferingSetting {
+  std::string path;
+  std::vector<std::string> values;  ///< by group; "" where its algorithm does not read it
+};
+/// In the order of the config, the algorithm first.
+std::vector<DifferingSetting> differing_settings(const std::vector<RunGroup>& groups);
 
 }  // namespace giga

@@ -167,12 +167,9 @@ void write_config(Markup& page, const std::vector<RunGroup>& groups, const std::
     TableRow labels = {"key"};
     for (const RunGroup& group : groups) labels.push_back(group.letter);
     std::vector<TableRow> differing;
-    for (const std::string& path : differing_settings(groups)) {
+    for (const auto& [path, values] : differing_settings(groups)) {
       TableRow row = {path};
-      for (const RunGroup& group : groups) {
-        const std::string value = values_of(group, path);
-        row.push_back(value.empty() ? setting(flatten(group.runs.front()->scenario, plain_text), path) : value);
-      }
+      for (const std::string& value : values) row.push_back(value.empty() ? "-" : value);
       differing.push_back(std::move(row));
     }
     write_table(page, "What differs", labels, differing);

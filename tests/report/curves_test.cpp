@@ -3,7 +3,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <set>
 
 #include "core/error.hpp"
 #include "io/temporary_folder.hpp"
@@ -62,7 +64,11 @@ TEST(Curves, ConfigsAreLabelledByWhatDiffers) {
   EXPECT_EQ(groups[0].label, "gamma=0.9, hidden=[16]") << "the smaller number first";
   EXPECT_EQ(groups[1].label, "gamma=0.99, hidden=[8]");
   EXPECT_EQ(groups[1].runs.size(), 2u);
-  EXPECT_EQ(differing_settings(groups), (std::vector<std::string>{"mappo.gamma", "mappo.critic.hidden"}));
+  const std::vector<DifferingSetting> differing = differing_settings(groups);
+  ASSERT_EQ(differing.size(), 2u);
+  EXPECT_EQ(differing[0].path, "mappo.gamma");
+  EXPECT_EQ(differing[0].values, (std::vector<std::string>{"0.9", "0.99"}));
+  EXPECT_EQ(differing[1].path, "mappo.critic.hidden");
 }
 
 TEST(Curves, ConfigsAreSortedAsNumbers) {
@@ -93,15 +99,54 @@ TEST(Curves, LabelsNameWhatTheAlgorithmReads) {
                                               "algorithm=mappo, learning_rate=1e-3", "algorithm=openai_es"}));
 }
 
+// Beside a run of another algorithm, whose settings differ in much, two that differ in one key are told apart by it.
+TEST(Curves, LabelsTellApartTheRunsOfAnAlgorithm) {
+  const auto evolution = [](const char* sigma) {
+    return cat(
+        "train: {algorithm: openai_es, total_agent_steps: 1e6, precision: fp16}\neval: {episodes: 64}\n"
+        "population: {population_size: 64, sigma_init: ",
+        sigma, "}\n");
+  };
+  const std::vector<RunData> runs = {
+      run_of("a", evolution("0.02"), kTwoRows), run_of("b", evolution("0.05"), kTwoRows),
+      run_of("c", "train: {algorithm: mappo, total_agent_steps: 2e6, precision: tf32}\neval: {episodes: 512}\n",
+             kTwoRows)};
+  std::vector<std::string> labels;
+  for (const RunGroup& group : group_runs(runs, 100)) labels.push_back(group.label);
+  // Five keys differ, sigma_init between runs of evolution alone; mappo does not read it.
+  EXPECT_EQ(labels,
+            (std::vector<std::string>{"algorithm=mappo, total_agent_steps=2e6, precision=tf32 and 1 more",
+                                      "algorithm=openai_es, total_agent_steps=1e6, sigma_init=0.02 and 2 more",
+                                      "algorithm=openai_es, total_agent_steps=1e6, sigma_init=0.05 and 2 more"}));
+  const std::vector<DifferingSetting> differing = differing_settings(group_runs(runs, 100));
+  const auto sigma = std::find_if(differing.begin(), differing.end(),
+                                  [](const DifferingSetting& d) { return d.path == "population.sigma_init"; });
+  ASSERT_NE(sigma, differing.end());
+  EXPECT_EQ(sigma->values, (std::vector<std::string>{"", "0.02", "0.05"})) << "mappo has none";
+}
+
 TEST(Curves, LabelsOfManyDifferencesAreShort) {
   const std::vector<RunData> runs = {run_of("a", "k1: 1\nk2: 1\nk3: 1\nk4: 1\n", kTwoRows),
                                      run_of("b", "k1: 1\nk2: 1\nk3: 1\nk4: 2\n", kTwoRows),
                                      run_of("c", "k1: 2\nk2: 2\nk3: 2\nk4: 2\n", kTwoRows)};
   const std::vector<RunGroup> groups = group_runs(runs, 100);
-  EXPECT_EQ(groups[0].label, "k1=1, k2=1, k3=1 and 1 more");
-  EXPECT_EQ(groups[1].label, "k1=1, k2=1, k3=1 and 1 more");  // as the first, but for the letter
+  EXPECT_EQ(groups[0].label, "k1=1, k2=1, k4=1 and 1 more") << "k4 tells it from the second";
+  EXPECT_EQ(groups[1].label, "k1=1, k2=1, k4=2 and 1 more");
   EXPECT_EQ(groups[2].label, "k1=2, k2=2, k3=2 and 1 more");
   EXPECT_EQ(groups[0].letter + groups[1].letter + groups[2].letter, "ABC");
+}
+
+// A sweep that changes one key at a time: the run with none of the changes needs all keys to be told from the others.
+TEST(Curves, ALabelIsAsLongAsItTakes) {
+  std::vector<RunData> runs;
+  for (const char* config : {"1, k2: 1, k3: 1, k4: 1", "2, k2: 1, k3: 1, k4: 1", "1, k2: 2, k3: 1, k4: 1",
+                             "1, k2: 1, k3: 2, k4: 1", "1, k2: 1, k3: 1, k4: 2"})
+    runs.push_back(run_of(config, cat("a: {k1: ", config, "}\n"), kTwoRows));
+  std::set<std::string> labels;
+  for (const RunGroup& group : group_runs(runs, 100)) labels.insert(group.label);
+  EXPECT_EQ(labels, (std::set<std::string>{"k1=1, k2=1, k3=1, k4=1", "k1=2, k2=1, k3=1 and 1 more",
+                                           "k1=1, k2=2, k3=1 and 1 more", "k1=1, k2=1, k3=2 and 1 more",
+                                           "k1=1, k2=1, k4=2 and 1 more"}));
 }
 
 TEST(Curves, AnEditedScenarioIsAnotherGroup) {
@@ -110,6 +155,16 @@ TEST(Curves, AnEditedScenarioIsAnotherGroup) {
   const std::vector<RunGroup> groups = group_runs(runs, 100);
   ASSERT_EQ(groups.size(), 2u);
   EXPECT_EQ(groups[1].label, "max_health=2");
+  EXPECT_EQ(differing_settings(groups).at(0).path, "scenario.max_health");
+
+  // Beside others, whose configs differ, those two are still told apart.
+  const std::string more = "mappo: {gamma: 0.99}\n", less = "mappo: {gamma: 0.9}\n";
+  runs = {run_of("a", more, kTwoRows), run_of("b", more, kTwoRows), run_of("c", less, kTwoRows)};
+  runs[1].scenario = parse_yaml_text("max_health: 2\n", "scenario.yaml").root;
+  std::vector<std::string> labels;
+  for (const RunGroup& group : group_runs(runs, 100)) labels.push_back(group.label);
+  EXPECT_EQ(labels, (std::vector<std::string>{"gamma=0.9, max_health=1", "gamma=0.99, max_health=1",
+                                              "gamma=0.99, max_health=2"}));
 }
 
 TEST(Curves, ThinningKeepsMeanLeastAndGreatest) {
