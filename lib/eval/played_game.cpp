@@ -7,6 +7,7 @@
 #include "core/error.hpp"
 #include "scenario/compile.hpp"
 #include "scenario/loader.hpp"
+#include "scenario/policy_shape.hpp"
 
 namespace giga {
 namespace {
@@ -20,10 +21,6 @@ void visit_fields(V& v, GameChanges& c) {
   v.tree("environment", c.environment, "changes to the scenario: any of its keys", fields_of_default<Scenario>);
 }
 
-Settings settings_of(const Scenario& scenario) {
-  return flatten(parse_yaml_text(print_scenario(scenario), "scenario").root, plain_text);
-}
-
 bool is_of(const std::string& key, std::initializer_list<std::string_view> groups) {
   return std::any_of(groups.begin(), groups.end(), [&key](std::string_view group) {
     return key == group || (key.starts_with(group) && key[group.size()] == '.');
@@ -34,18 +31,14 @@ bool is_of(const std::string& key, std::initializer_list<std::string_view> group
 bool makes_another_game(const std::string& key) {
   return !is_of(key, {"rewards", "observation", "action", "description"});
 }
-/// What the layout of observations and actions follows from.
-bool shapes_a_policy(const std::string& key) {
-  return is_of(key, {"observation", "action", "team_0", "team_1", "maps"}) || key == "collision.obstacle_heights";
-}
 
-/// "sight.cone_depth: 3 there, 5 here", one for each key that counts. Maps and kinds of agents that only one of them
-/// has are told by `maps` and the teams.
-std::vector<std::string> differences(const Scenario& there, const Scenario& here, bool (*counts)(const std::string&),
-                                     const std::string& name_there, const std::string& name_here) {
+/// "sight.cone_depth: 3 there, 5 here", one for each key that makes another game. Maps and kinds of agents that only
+/// one of them has are told by `maps` and the teams.
+std::vector<std::string> differences(const Scenario& there, const Scenario& here, const std::string& name_there,
+                                     const std::string& name_here) {
   std::vector<std::string> all;
   for (const auto& [key, before, now] : compare_settings(settings_of(there), settings_of(here)))
-    if (counts(key) && !((before.empty() || now.empty()) && is_of(key, {"map_definitions", "agent_types"})))
+    if (makes_another_game(key) && !((before.empty() || now.empty()) && is_of(key, {"map_definitions", "agent_types"})))
       all.push_back(cat(key, ": ", before.empty() ? "-" : before, " ", name_there, ", ", now.empty() ? "-" : now, " ",
                         name_here));
   return all;
@@ -55,7 +48,7 @@ void expect_one_game(const std::vector<const Player*>& players, const Player& fi
   for (const Player* player : players) {
     if (!player->origin()) continue;
     const std::vector<std::string> all = differences(first.origin()->run.scenario, player->origin()->run.scenario,
-                                                     makes_another_game, "in " + first.name(), "in " + player->name());
+                                                     "in " + first.name(), "in " + player->name());
     if (!all.empty())
       throw InputError(
           cat(first.name(), " and ", player->name(),
@@ -120,9 +113,8 @@ PlayedGame choose_game(const GameRequest& request, const std::vector<const Playe
   for (const Player* player : players) {
     if (!player->origin()) continue;
     const Scenario& trained = player->origin()->run.scenario;
-    const std::vector<std::string> all = differences(trained, game.scenario, makes_another_game, "in training", "here");
-    const std::vector<std::string> shapes = differences(trained, game.scenario, shapes_a_policy, "there", "here");
-    player->check_plays(game.spec, shapes.empty() ? "" : "; what differs: " + join(shapes, "; "));
+    const std::vector<std::string> all = differences(trained, game.scenario, "in training", "here");
+    player->check_plays(game.spec, &game.scenario);
     if (!all.empty() && request.scenario.empty() && request.changes.empty())
       game.notes.push_back(cat(player->name(), " was trained in another game: ", join(all, "; ")));
   }

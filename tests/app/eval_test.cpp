@@ -110,6 +110,9 @@ TEST_F(Eval, AScenarioWithOtherObservationsIsRefused) {
   EXPECT_TRUE(contains(outcome.err, {"first was trained in 'identical_2_vs_2_void'", "neighbors 3 x 9",
                                      "'identical_5_vs_5'", "neighbors 9 x 9", "what differs: team_0: ", "maps: "}));
   EXPECT_EQ(eval("first", "pursuer", {"--scenario", "identical_2_vs_2_fobs_void"}).code, 0);
+  const Outcome waypoints = eval("first", "pursuer", {"--set", "environment.waypoints.enable_waypoints=true"});
+  EXPECT_EQ(waypoints.code, 2);
+  EXPECT_TRUE(contains(waypoints.err, {"; what differs: waypoints.enable_waypoints: false there, true here\n"}));
 }
 
 /// What came out of the matches of an `eval --json -`, without names.

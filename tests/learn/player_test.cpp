@@ -146,6 +146,12 @@ TEST_F(LearnPlayer, TheScenarioMustShowWhatThePolicyReads) {
   spec = other.load().spec;
   EXPECT_TRUE(
       contains(input_error_of([&] { c.controller(0, spec); }), {"policy.h5", "discrete actions", "continuous"}));
+  // As an opponent in training, with the keys.
+  SmallRun learner;
+  learner.train = cat("opponent: '", path("policy.h5"), "'");
+  learner.scenario = "waypoints: {enable_waypoints: true}\n";
+  EXPECT_TRUE(contains(input_error_of([&] { learner.learner(); }),
+                       {"policy.h5", "; what differs: waypoints.enable_waypoints: false there, true here"}));
 }
 
 /// Saves a module whose forward has the given body; `obs` is its argument.

@@ -150,6 +150,7 @@ void Mappo::make_teams_and_worlds() {
   }
   if (config_.train.opponent.is_path()) {
     frozen_ = Player::load(config_.train.opponent.name, {.device = device_});
+    frozen_->check_plays(run.spec, &run.scenario);
     if (frozen_->origin()) frozen_crc_ = crc32c(read_file(frozen_->origin()->file));
   }
   if (config_.mappo.step_back)

@@ -10,6 +10,7 @@
 #include "learn/players/policies.hpp"
 #include "learn/players/value_function.hpp"
 #include "policy/actor.hpp"
+#include "scenario/policy_shape.hpp"
 
 namespace giga {
 namespace fs = std::filesystem;
@@ -144,11 +145,20 @@ bool Player::reads_image() const {
   return origin_ && algorithm_of(origin_->run.config).policy(origin_->run.config).actor.reads_image();
 }
 
-void Player::check_plays(const SimSpec& spec, const std::string& reasons) const {
+void Player::check_plays(const SimSpec& spec, const Scenario* scenario) const {
   if (!origin_) return;
   const PolicyInterface policy =
       exported_ ? interface_of(*exported_->found().manifest) : interface_of(origin_->run.spec, reads_image());
-  check_fits(policy, seen_by(spec), name_, reasons);
+  const SimSpec seen = seen_by(spec);
+  std::string reasons;
+  if (scenario) {
+    SimSpec trained = origin_->run.spec;
+    if (computes_view()) trained.params.egocentric_view = false;
+    for (const auto& [key, there, here] :
+         shape_changes({origin_->run.scenario, trained}, {*scenario, seen}, reads_image()))
+      reasons += cat(reasons.empty() ? "; what differs: " : "; ", key, ": ", there, " there, ", here, " here");
+  }
+  check_fits(policy, seen, name_, reasons);
 }
 
 std::unique_ptr<TeamController> Player::controller(int side, const SimSpec& spec) {

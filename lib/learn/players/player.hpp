@@ -55,8 +55,9 @@ class Player {
 
   /// Whether it can play team `side`: a checkpoint has a policy for each team that learned, all others play both.
   bool can_play(int side) const;
-  /// Throws InputError where its policy cannot play a scenario, as check_fits of export/observation_layout.hpp does.
-  void check_plays(const SimSpec& spec, const std::string& reasons = "") const;
+  /// Throws InputError where its policy cannot play a scenario, as check_fits of export/observation_layout.hpp does,
+  /// and names the keys in which `scenario`, that of `spec`, differs.
+  void check_plays(const SimSpec& spec, const Scenario* scenario = nullptr) const;
   /// What moves team `side` in a game of a scenario; valid while this lives, and until the next call with a scenario of
   /// other observations or actions. Throws InputError where can_play is false, or the scenario's observations or
   /// actions are not those of the policy.
