@@ -70,10 +70,13 @@ std::optional<std::string_view> reason_against(std::string_view key) {
   return reason ? reason->text : "what has been learned so far rests on it";
 }
 
+/// "snes.*" of all keys of that group.
+std::string for_people(std::string_view rule_key) { return cat(rule_key, rule_key.ends_with('.') ? "*" : ""); }
+
 std::string keys_that_may_change() {
   std::string text;
   for (const ResumeRules& rules : all_rules())
-    for (const ResumeRule& rule : rules.may_change) text += (text.empty() ? "" : ", ") + std::string(rule.key);
+    for (const ResumeRule& rule : rules.may_change) text += (text.empty() ? "" : ", ") + for_people(rule.key);
   return text;
 }
 
@@ -119,9 +122,9 @@ std::string resumable_settings() {
   std::string text;
   for (const ResumeRules& rules : all_rules())
     for (const ResumeRule& rule : rules.may_change) {
-      text += "  " + std::string(rule.key);
-      if (!rule.text.empty())
-        text += std::string(34 - std::min<size_t>(rule.key.size(), 33), ' ') + std::string(rule.text);
+      const std::string key = for_people(rule.key);
+      text += "  " + key;
+      if (!rule.text.empty()) text += std::string(34 - std::min<size_t>(key.size(), 33), ' ') + std::string(rule.text);
       text += '\n';
     }
   return text;

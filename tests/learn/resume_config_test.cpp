@@ -3,6 +3,9 @@
 
 #include <gtest/gtest.h>
 
+#include <set>
+#include <utility>
+
 #include "runs.hpp"
 
 namespace giga::test {
@@ -60,12 +63,30 @@ TEST(LearnResumeConfig, TheLongestRuleDecides) {
   EXPECT_NE(refusal({"openai_es.optimizer=momentum"}).find("the moments of this optimizer"), std::string::npos);
 }
 
-// Every key is either allowed or refused, and the help names those that are allowed.
+/// The words of a text that end where a space, a comma or a line does.
+std::set<std::string> words(const std::string& text) {
+  std::set<std::string> found;
+  std::string word;
+  for (const char c : text + " ") {
+    if (c != ' ' && c != ',' && c != '\n') {
+      word += c;
+    } else if (!word.empty()) {
+      found.insert(std::exchange(word, {}));
+    }
+  }
+  return found;
+}
+
+// Every key is either allowed or refused, and the help names those that are allowed, as does the message.
 TEST(LearnResumeConfig, TheHelpListsWhatMayChange) {
-  const std::string help = resumable_settings();
-  for (const char* key : {"train.total_agent_steps", "train.max_wall_time", "mappo.learning_rate", "checkpoint.keep"})
-    EXPECT_NE(help.find(key), std::string::npos) << key;
-  for (const char* key : {"train.n_worlds", "seed"}) EXPECT_EQ(help.find(key), std::string::npos) << key;
+  for (const std::string& text : {resumable_settings(), refusal({"seed=4"})}) {
+    const std::set<std::string> listed = words(text.substr(text.find("what may change") + 1));
+    for (const char* key : {"train.total_agent_steps", "train.max_wall_time", "mappo.learning_rate", "checkpoint.keep",
+                            "snes.*", "openai_es.*", "des.*", "population.shaping.*"})
+      EXPECT_TRUE(listed.contains(key)) << key << " is not in " << text;
+    for (const char* key : {"train.n_worlds", "seed"}) EXPECT_FALSE(listed.contains(key)) << key;
+    for (const std::string& word : listed) EXPECT_FALSE(word.ends_with('.')) << word;
+  }
 }
 
 }  // namespace
