@@ -8,6 +8,7 @@
 #include <string_view>
 #include <system_error>
 
+#include "apps/output.hpp"
 #include "apps/program_info.hpp"
 #include "config/names.hpp"
 #include "core/error.hpp"
@@ -156,6 +157,7 @@ void add_display_options(CLI::App& command, bool& quiet, bool& no_color) {
 
 CLI::Option* add_json_option(CLI::App& command, std::string& destination) {
   return command.add_option("--json", destination, "write the result as JSON to a file; - prints it, and nothing else")
+      ->check(output(Output::file))
       ->type_name("FILE|-");
 }
 

@@ -8,6 +8,7 @@
 #include "apps/commands.hpp"
 #include "apps/match_report.hpp"
 #include "apps/option_value.hpp"
+#include "apps/output.hpp"
 #include "apps/program_info.hpp"
 #include "core/error.hpp"
 #include "core/seeds.hpp"
@@ -88,7 +89,7 @@ void play(const EvalOptions& o) {
         {side, o.b, play_match(spec, side0.controller(0, spec), side1.controller(1, spec), options)});
   }
 
-  if (!o.csv.empty()) write_file(o.csv, report_csv(report));
+  if (!o.csv.empty()) write_output(o.csv, report_csv(report));
   if (!o.json.empty()) write_json(to_json(o, report, a, b), o.json);
   if (o.json == "-") return;
   std::cout << "scenario " << report.scenario << '\n' << report.win << '\n';
@@ -154,7 +155,9 @@ void add_eval_command(CLI::App& app, Dispatch& dispatch) {
                     "policies take their most likely action instead of drawing one; those that evolved with "
                     "population.greedy always do");
   command->add_flag("--trust", options->trust, "open TorchScript modules, which can run any code");
-  command->add_option("--csv", options->csv, "write the result as CSV to a file, a row per side")->type_name("FILE");
+  command->add_option("--csv", options->csv, "write the result as CSV to a file, a row per side")
+      ->check(output(Output::file))
+      ->type_name("FILE");
   add_json_option(*command, options->json);
   command->footer(kHelp);
   command->callback([options, &dispatch] { dispatch.run = [options] { play(*options); }; });

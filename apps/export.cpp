@@ -5,6 +5,7 @@
 
 #include "apps/commands.hpp"
 #include "apps/option_value.hpp"
+#include "apps/output.hpp"
 #include "apps/program_info.hpp"
 #include "config/names.hpp"
 #include "core/error.hpp"
@@ -110,6 +111,7 @@ void add_export_command(CLI::App& app, Dispatch& dispatch) {
       ->type_name("PLACE");
   command->add_option("--out", options->out, "folder to be made; it must not exist or be empty")
       ->required()
+      ->check(output(Output::folder))
       ->type_name("DIR");
   command->footer(
       "DIR gets the policy (policy.safetensors, policy.onnx or policy.pt; the normalisation of observations is part "

@@ -6,6 +6,7 @@
 
 #include "apps/commands.hpp"
 #include "apps/option_value.hpp"
+#include "apps/output.hpp"
 #include "core/error.hpp"
 #include "io/files.hpp"
 #include "watch/film.hpp"
@@ -21,8 +22,8 @@ struct PictureOptions {
 };
 
 void write_picture(const Replay& replay, const fs::path& out) {
-  if (out.extension() == ".svg") return write_file(out, trajectories_svg(replay));
-  if (out.extension() == ".png") return write_file(out, encode_png(trajectories_pixels(replay)));
+  if (out.extension() == ".svg") return write_output(out, trajectories_svg(replay));
+  if (out.extension() == ".png") return write_output(out, encode_png(trajectories_pixels(replay)));
   throw InputError(cat("--out ", out.string(), ": the ending says what is written: .svg or .png"));
 }
 
@@ -34,15 +35,14 @@ void write_film(const Replay& replay, const PictureOptions& o) {
     const Canvas first = film_picture(replay, o.how, 0);
     Gif gif(first.width(), first.height(), 10 * o.how.every);
     for (int k = 0; k < length; ++k) gif.add(film_picture(replay, o.how, k));
-    return write_file(out, gif.finish());
+    return write_output(out, gif.finish());
   }
   if (!out.extension().empty())
     throw InputError(cat("--film ", o.film, ": a name that ends in .gif, or of a folder for a sequence of PNG files"));
-  fs::create_directories(out);
   for (int k = 0; k < length; ++k) {
     char name[32];
     std::snprintf(name, sizeof name, "%05d.png", k);
-    write_file(out / name, encode_png(film_picture(replay, o.how, k)));
+    write_output(out / name, encode_png(film_picture(replay, o.how, k)));
   }
 }
 
@@ -66,8 +66,12 @@ void add_picture_command(CLI::App& app, Dispatch& dispatch) {
   CLI::App* command = app.add_subcommand("picture", "draw the games of a replay: their paths, or a film");
   auto options = std::make_shared<PictureOptions>();
   command->add_option("REPLAY", options->replay, "file that `gigastep record` wrote")->required()->type_name("");
-  command->add_option("--out", options->out, "the paths of all episodes, as .svg or .png")->type_name("FILE");
-  command->add_option("--film", options->film, "one episode as .gif, or a folder of PNG files")->type_name("FILE|DIR");
+  command->add_option("--out", options->out, "the paths of all episodes, as .svg or .png")
+      ->check(output(Output::file))
+      ->type_name("FILE");
+  command->add_option("--film", options->film, "one episode as .gif, or a folder of PNG files")
+      ->check(output(Output::stem))
+      ->type_name("FILE|DIR");
   command->add_option("--episode", options->how.episode, "of the film, counted from 0")
       ->transform(value_of<int>(at_least(0)))
       ->capture_default_str()

@@ -10,6 +10,7 @@
 #include "apps/command_line.hpp"
 #include "apps/commands.hpp"
 #include "apps/option_value.hpp"
+#include "apps/output.hpp"
 #include "apps/players.hpp"
 #include "apps/program_info.hpp"
 #include "core/error.hpp"
@@ -210,7 +211,7 @@ void write(const PlayOptions& o) {
   if (out.filename().empty()) throw InputError(cat("--out ", o.out, " names no file"));
   if (out.extension() != ".html") out += ".html";
   const std::string text = play_page(page);
-  write_file(out, text);
+  write_output(out, text);
   std::cout << out.string() << ": " << (text.size() + 512) / 1024 << " KB; open it in a browser" << std::endl;
 }
 
@@ -248,9 +249,12 @@ void add_play_command(CLI::App& app, Dispatch& dispatch) {
       ->capture_default_str()
       ->type_name("N");
   command->add_flag("--greedy", options->greedy, "policies take their most likely action instead of drawing one");
-  CLI::Option* out =
-      command->add_option("--out", options->out, "file to write")->capture_default_str()->type_name("FILE");
+  CLI::Option* out = command->add_option("--out", options->out, "file to write")
+                         ->check(output(Output::stem))
+                         ->capture_default_str()
+                         ->type_name("FILE");
   command->add_option("--folder", options->folder, "write a folder for a web server instead")
+      ->check(output(Output::folder))
       ->type_name("DIR")
       ->excludes(out);
   command->footer(kHelp);

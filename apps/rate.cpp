@@ -11,6 +11,7 @@
 #include "apps/command_line.hpp"
 #include "apps/commands.hpp"
 #include "apps/option_value.hpp"
+#include "apps/output.hpp"
 #include "apps/players.hpp"
 #include "apps/program_info.hpp"
 #include "core/error.hpp"
@@ -217,6 +218,7 @@ void add_options(CLI::App& command, RateOptions& o) {
   command
       .add_option("--out", o.out,
                   "folder of the results; default: `ratings` in the run folder, of several beside the first")
+      ->check(output(Output::folder))
       ->type_name("DIR");
   add_json_option(command, o.json);
   add_device_option(command, o.device)->capture_default_str();

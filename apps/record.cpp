@@ -6,6 +6,7 @@
 #include "apps/command_line.hpp"
 #include "apps/commands.hpp"
 #include "apps/option_value.hpp"
+#include "apps/output.hpp"
 #include "apps/program_info.hpp"
 #include "core/error.hpp"
 #include "core/seeds.hpp"
@@ -74,7 +75,7 @@ void record(const RecordOptions& o) {
     fs::path file = stem;
     file += cat(k == 0 ? "" : "_beside", kReplayEnding);
     const std::string bytes = encode_replay(match.replay);
-    write_file(file, bytes);
+    write_output(file, bytes);
     const MatchResult& r = match.result;
     std::cout << file.string() << ": " << players[k].name() << " against " << players[1].name() << ", " << r.episodes
               << (r.episodes == 1 ? " episode, " : " episodes, ") << (bytes.size() + 512) / 1024 << " KB; team 0 wins "
@@ -84,8 +85,8 @@ void record(const RecordOptions& o) {
   fs::path page = stem;
   page += ".html";
   const std::string beside = o.beside.empty() ? "" : cat(" and ", players[2].name());
-  write_file(page,
-             watch_page(replays, cat(players[0].name(), beside, " against ", players[1].name()), program_version()));
+  write_output(page,
+               watch_page(replays, cat(players[0].name(), beside, " against ", players[1].name()), program_version()));
   std::cout << page.string() << ": open it in a browser" << std::endl;
 }
 
@@ -145,6 +146,7 @@ void add_record_command(CLI::App& app, Dispatch& dispatch) {
   command->add_flag("--greedy", options->greedy, "policies take their most likely action instead of drawing one");
   command->add_flag("--trust", options->trust, "open TorchScript modules, which can run any code");
   command->add_option("--out", options->out, "files to write, without ending")
+      ->check(output(Output::stem))
       ->capture_default_str()
       ->type_name("FILE");
   command->add_option("--verify", options->verify, "only check this replay")->type_name("FILE")->excludes(a);

@@ -4,7 +4,9 @@
 #include <iostream>
 
 #include "apps/commands.hpp"
+#include "apps/output.hpp"
 #include "core/error.hpp"
+#include "io/files.hpp"
 #include "learn/run_config.hpp"
 #include "report/report.hpp"
 
@@ -19,6 +21,7 @@ void add_report_command(CLI::App& app, Dispatch& dispatch) {
   auto options = std::make_shared<Options>();
   command->add_option("RUN", options->runs, "run folders")->required()->type_name("");
   command->add_option("--out", options->out, "the page; default: report.html in the run folder, of several runs here")
+      ->check(output(Output::file))
       ->type_name("FILE.html");
   command->footer(
       "The page opens in any browser and needs no network. Runs that differ only in their seed become one curve, the\n"
@@ -35,6 +38,7 @@ void add_report_command(CLI::App& app, Dispatch& dispatch) {
       const std::vector<fs::path> runs(options->runs.begin(), options->runs.end());
       const fs::path usual = runs.size() == 1 ? runs[0] / "report.html" : fs::path("report.html");
       const fs::path out = options->out.empty() ? usual : fs::path(options->out);
+      make_folder_of(out);
       for (const std::string& line : write_report(runs, out, list_fields<RunConfig>()))
         std::cerr << "warning: " << line << "; it is left out\n";
       std::cout << out.string() << std::endl;

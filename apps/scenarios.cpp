@@ -5,6 +5,7 @@
 #include <iostream>
 
 #include "apps/commands.hpp"
+#include "apps/output.hpp"
 #include "apps/scenario_images.hpp"
 #include "apps/scenario_picture.hpp"
 #include "core/error.hpp"
@@ -54,7 +55,7 @@ void print_or_draw(const ShowOptions& o) {
   if (ending != ".svg" && ending != ".png")
     throw InputError(cat("--picture ", o.picture, ": pictures of maps are SVG, of what agents see PNG: call it ",
                          "FILE.svg or FILE.png"));
-  write_file(o.picture, ending == ".svg" ? scenario_picture(spec) : scenario_images(spec));
+  write_output(o.picture, ending == ".svg" ? scenario_picture(spec) : scenario_images(spec));
   std::cout << o.picture << std::endl;
 }
 
@@ -83,6 +84,7 @@ void add_scenarios_command(CLI::App& app, Dispatch& dispatch) {
           "--picture", options->picture,
           "draw its maps instead, with where the teams start, and how far agents see and shoot; or, as PNG, the\n"
           "images that agents are given (_rgb) some seconds into a game")
+      ->check(output(Output::file))
       ->type_name("FILE.svg|png");
   show->footer(
       "Examples:\n"

@@ -9,6 +9,7 @@
 
 #include "apps/command_line.hpp"
 #include "apps/commands.hpp"
+#include "apps/output.hpp"
 #include "apps/program_info.hpp"
 #include "apps/run_process.hpp"
 #include "apps/stop_request.hpp"
@@ -245,6 +246,7 @@ void add_sweep_command(CLI::App& app, Dispatch& dispatch) {
   command
       ->add_option("--out", options->out,
                    "folder of the sweep; default: sweeps/NAME of the file. A sweep that is there goes on")
+      ->check(output(Output::folder))
       ->type_name("DIR");
   add_json_option(*command, options->json);
   CLI::Option* ask_option = command->add_flag("--ask", options->ask,

@@ -73,6 +73,13 @@ void write_file(const fs::path& path, std::string_view bytes) {
   if (directory.is_open()) directory.flush_to_disk();
 }
 
+void make_folder_of(const fs::path& file) {
+  if (!file.has_parent_path()) return;
+  std::error_code code;
+  fs::create_directories(file.parent_path(), code);
+  if (code) throw InputError(cat("cannot create the folder ", file.parent_path().string(), ": ", code.message()));
+}
+
 int remove_temporaries(const fs::path& folder) {
   int removed = 0;
   std::error_code code;

@@ -14,6 +14,9 @@ std::string read_file(const std::filesystem::path& path);
 /// that must survive a crash goes through here. What is not a regular file (/dev/stdout, a pipe) is written in place.
 void write_file(const std::filesystem::path& path, std::string_view bytes);
 
+/// Makes the folders in which a file is to lie; throws InputError where that fails.
+void make_folder_of(const std::filesystem::path& file);
+
 /// Removes what interrupted calls of write_file left in a folder (*.tmp); returns how many.
 int remove_temporaries(const std::filesystem::path& folder);
 

@@ -74,7 +74,10 @@ Json json_of(const Node& node) {
 
 void write_json(const Json& json, const std::string& destination) {
   const std::string text = json_text(json) + "\n";
-  if (destination != "-") return write_file(destination, text);
+  if (destination != "-") {
+    make_folder_of(destination);
+    return write_file(destination, text);
+  }
   std::cout << text << std::flush;
   if (!std::cout) throw Error("cannot write to the standard output");
 }

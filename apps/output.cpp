@@ -1,0 +1,47 @@
+#include "apps/output.hpp"
+
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+
+#include "core/error.hpp"
+#include "io/files.hpp"
+
+namespace giga {
+namespace fs = std::filesystem;
+namespace {
+
+fs::path folder_of(const fs::path& file) { return file.has_parent_path() ? file.parent_path() : fs::path("."); }
+
+/// Why nothing can be written there; empty where it can.
+std::string obstacle(const fs::path& path, Output kind) {
+  std::error_code code;
+  if (path.empty()) return "a name is missing";
+  if (kind != Output::folder && path.filename().empty()) return cat(path.string(), " names no file");
+  if (kind == Output::file && fs::is_directory(path, code)) return cat(path.string(), " is a folder, not a file");
+  if (kind == Output::folder && fs::exists(path, code) && !fs::is_directory(path, code))
+    return cat(path.string(), " is a file, not a folder");
+  if (kind == Output::file && fs::exists(path, code) && !fs::is_regular_file(path, code)) return "";  // /dev/stdout
+  // The nearest folder that is there: those below it will be made.
+  fs::path folder = kind == Output::folder ? path : folder_of(path);
+  while (!fs::exists(folder, code) && folder.has_relative_path() && folder != folder_of(folder))
+    folder = folder_of(folder);
+  if (!fs::is_directory(folder, code)) return cat(folder.string(), " is a file, not a folder");
+  if (::access(folder.c_str(), W_OK | X_OK) != 0)
+    return cat("nothing can be written in ", folder.string(), ": ", std::strerror(errno));
+  return "";
+}
+
+}  // namespace
+
+CLI::Validator output(Output kind) {
+  return {[kind](std::string& text) { return text == "-" ? std::string() : obstacle(text, kind); }, ""};
+}
+
+void write_output(const fs::path& file, std::string_view bytes) {
+  make_folder_of(file);
+  write_file(file, bytes);
+}
+
+}  // namespace giga

@@ -1,0 +1,20 @@
+// Files and folders that a command writes at its end: told at once where they cannot be, and made with their folders.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <filesystem>
+#include <string_view>
+
+namespace giga {
+
+/// What the value of an option stands for: a file, what the names of files begin with, or a folder.
+enum class Output : uint8_t { file, stem, folder };
+
+/// For CLI::Option::check: refuses what cannot be written, before any work starts. `-` is the standard output to
+/// options that take it, and passes.
+CLI::Validator output(Output kind);
+
+/// Writes a file, and makes the folders in which it lies.
+void write_output(const std::filesystem::path& file, std::string_view bytes);
+
+}  // namespace giga
