@@ -4,6 +4,7 @@
 #include <chrono>
 #include <cmath>
 #include <filesystem>
+#include <functional>
 #include <iostream>
 #include <nlohmann/json.hpp>
 #include <set>
@@ -52,20 +53,51 @@ std::string choose_anchor(const RoundRobin& all) {
   throw InputError("no player plays both sides, so that none can be at rating 0: add --scripted random");
 }
 
-/// A line at the first pair, then one every few seconds.
+std::string seconds_text(double seconds) {
+  return seconds < 60 ? cat(std::ceil(seconds), " s") : print_duration(seconds);
+}
+
+/// "169 pairs of 64 episodes, about 8 s", as soon as the time is known by some of them; then a line every few seconds.
 class ProgressLines {
  public:
+  explicit ProgressLines(int episodes) : episodes_(episodes) {}
+
+  /// Before each pair.
   void operator()(int done, int all, const Player& side_0, const Player& side_1) {
-    const auto now = std::chrono::steady_clock::now();
-    if (done > 0 && now - last_ < kPause) return;
-    last_ = now;
-    std::cerr << "pair " << done + 1 << " of " << all << ": " << side_0.name() << " against " << side_1.name()
-              << std::endl;
+    if (done == 0)
+      std::cerr << all << (all == 1 ? " pair of " : " pairs of ") << episodes_
+                << (episodes_ == 1 ? " episode" : " episodes") << std::flush;
+    const double elapsed = seconds_since(start_);
+    if (done == 1) first_ = elapsed;
+    if (!announced_) {
+      const bool slow = elapsed > kPause && done >= std::min(4, all - 1);
+      if (done == 0 || (done < pairs_for_estimate(all) && !slow)) return;
+      std::cerr << ", about " << seconds_text(expected_seconds(first_, elapsed, done, all)) << std::endl;
+      announced_ = true;
+      told_ = elapsed;
+    } else if (elapsed - told_ > kPause) {
+      told_ = elapsed;
+      std::cerr << "pair " << done + 1 << " of " << all << ": " << side_0.name() << " against " << side_1.name()
+                << "; about " << seconds_text(expected_seconds(first_, elapsed, done, all) - elapsed) << " left"
+                << std::endl;
+    }
+  }
+  void finish() const {
+    std::cerr << (announced_ ? "" : "\n") << "played in " << seconds_text(seconds_since(start_)) << std::endl;
   }
 
  private:
-  static constexpr std::chrono::seconds kPause{5};
-  std::chrono::steady_clock::time_point last_;
+  using Clock = std::chrono::steady_clock;
+  static constexpr double kPause = 5;  // seconds
+
+  static double seconds_since(Clock::time_point then) {
+    return std::chrono::duration<double>(Clock::now() - then).count();
+  }
+
+  const int episodes_;
+  const Clock::time_point start_ = Clock::now();
+  double first_ = 0, told_ = 0;
+  bool announced_ = false;
 };
 
 /// In the folder of a run that is rated alone; else beside the first of them.
@@ -78,31 +110,6 @@ fs::path default_folder(const RateOptions& o) {
   const fs::path folder = first.parent_path();
   const bool in_run = folder.filename() == "checkpoints" && !fs::is_directory(first, code);  // of a checkpoint file
   return (in_run ? folder.parent_path().parent_path() : folder) / RatingFiles::kFolder;
-}
-
-std::string seconds_text(double seconds) {
-  return seconds < 60 ? cat(std::ceil(seconds), " s") : print_duration(seconds);
-}
-
-/// What is to come: pairs, and the time that they take by a quarter of one, which is played for this.
-void announce(RoundRobin& all, const MatchOptions& match) {
-  const auto can = [&](int side) {
-    return std::count_if(all.players.begin(), all.players.end(), [side](const Player& p) { return p.can_play(side); });
-  };
-  const auto pairs = can(0) * can(1);
-  std::cerr << pairs << (pairs == 1 ? " pair of " : " pairs of ") << match.episodes << " episodes";
-  Player &first = all.players.front(), &last = all.players.back();
-  constexpr int kShare = 4, kFewPairs = 8;
-  if (pairs >= kFewPairs && first.can_play(0) && last.can_play(1)) {
-    MatchOptions probe = match;
-    probe.episodes = std::max(1, match.episodes / kShare);
-    const auto start = std::chrono::steady_clock::now();
-    play_match(all.spec, first.controller(0, all.spec), last.controller(1, all.spec), probe);
-    const std::chrono::duration<double> took = std::chrono::steady_clock::now() - start;
-    const double seconds = took.count() * match.episodes / probe.episodes * static_cast<double>(pairs);
-    std::cerr << ", about " << seconds_text(seconds);
-  }
-  std::cerr << std::endl;
 }
 
 /// Players of one pool as one: games and what is known of them.
@@ -152,11 +159,9 @@ RatingSheet play_and_rate(const RateOptions& o, RoundRobin& all, Device device) 
   rating.sides = sides_of(o, all.scenario);
   expect_opponents(all, rating.sides);
   const MatchOptions match{o.episodes, o.seed, device, all.n_threads};
-  announce(all, match);
-  const auto start = std::chrono::steady_clock::now();
-  sheet.table = play_table(all.players, all.spec, match, ProgressLines());
-  const std::chrono::duration<double> took = std::chrono::steady_clock::now() - start;
-  std::cerr << "played in " << seconds_text(took.count()) << std::endl;
+  ProgressLines progress(o.episodes);
+  sheet.table = play_table(all.players, all.spec, match, std::ref(progress));
+  progress.finish();
   pool(all.pools, sheet);
   sheet.ratings = rate(sheet.table, rating);
   return sheet;

@@ -5,8 +5,10 @@
 #include <gtest/gtest.h>
 #include <torch/csrc/jit/api/module.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <set>
 
 #include "config/fields.hpp"
 #include "eval/match.hpp"
@@ -342,6 +344,44 @@ TEST_F(LearnPlayer, RoundRobinPlaysEveryOrderedPair) {
   EXPECT_TRUE(same(other.games[0], table.games[8]));
   EXPECT_FALSE(same(table_of({"random"}, 2).games[0], table.games[0])) << "another seed";
   EXPECT_EQ(input_error_of([&] { table_of({"random", "random"}, 1); }), "'random' takes part twice");
+}
+
+TEST(RoundRobinTime, TheOrderIsOneOfAllAndSpread) {
+  for (const size_t n : {0, 1, 2, 3, 4, 9, 10, 144, 169, 400, 1000}) {
+    const std::vector<size_t> order = spread_order(n);
+    EXPECT_EQ(std::set<size_t>(order.begin(), order.end()).size(), n);
+    // Of the first ten no two are neighbours, nor are large stretches left out.
+    if (n < 100) continue;
+    std::vector<size_t> few(order.begin(), order.begin() + 10);
+    std::sort(few.begin(), few.end());
+    for (size_t k = 1; k < few.size(); ++k) {
+      EXPECT_GT(few[k] - few[k - 1], n / 40) << n;
+      EXPECT_LT(few[k] - few[k - 1], n / 5) << n;
+    }
+  }
+}
+
+// Tables as those of scripts and checkpoints: some rows and columns take ten times as long as others.
+TEST(RoundRobinTime, TheFirstPairsTellTheTimeOfAll) {
+  EXPECT_EQ(expected_seconds(2, 2, 1, 5), 10);
+  EXPECT_EQ(expected_seconds(2, 5, 4, 5), 6) << "2 + (5 - 2) / 3 x 4";
+  for (const size_t n : {12, 13, 14, 16, 20, 30}) {
+    for (const size_t short_ones : {2, 5}) {
+      double all = 0;
+      const auto seconds = [&](size_t pair) {
+        const bool is_short = pair / n < short_ones || pair % n < short_ones;
+        return (is_short ? 0.005 : 0.05) + (pair == 0 ? 0.3 : 0);
+      };
+      for (size_t k = 0; k < n * n; ++k) all += seconds(k);
+      const std::vector<size_t> order = spread_order(n * n);
+      const int done = pairs_for_estimate(static_cast<int>(n * n));
+      double elapsed = 0;
+      for (int k = 0; k < done; ++k) elapsed += seconds(order[static_cast<size_t>(k)]);
+      const double ratio = expected_seconds(seconds(order[0]), elapsed, done, static_cast<int>(n * n)) / all;
+      EXPECT_GT(ratio, 1 / 1.35) << n << ", " << short_ones;
+      EXPECT_LT(ratio, 1.35) << n << ", " << short_ones;
+    }
+  }
 }
 
 }  // namespace
