@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <cctype>
+#include <cstdio>
+#include <cstdlib>
 #include <filesystem>
 #include <regex>
 #include <set>
@@ -19,15 +21,20 @@ namespace giga::test {
 namespace {
 namespace fs = std::filesystem;
 
-/// The blocks of a page that are commands.
-std::vector<std::string> shell_blocks(const std::string& page) {
-  const std::string start = "```sh\n", end = "```";
-  std::vector<std::string> blocks;
-  for (size_t at = 0; (at = page.find(start, at)) != std::string::npos;) {
-    at += start.size();
-    const size_t stop = page.find(end, at);
-    blocks.push_back(page.substr(at, stop - at));
-    at = stop + end.size();
+/// A block of a page that is commands, and the heading above it.
+struct ShellBlock {
+  std::string heading, commands;
+};
+std::vector<ShellBlock> shell_blocks(const std::string& page) {
+  std::vector<ShellBlock> blocks;
+  std::string heading;
+  bool inside = false;
+  std::istringstream lines(page);
+  for (std::string line; std::getline(lines, line);) {
+    if (inside && line != "```") blocks.back().commands += line + "\n";
+    if (!inside && line.starts_with("#")) heading = line.substr(line.find(' ') + 1);
+    if (!inside && line == "```sh") blocks.push_back({heading, ""});
+    inside = line == "```sh" || (inside && line != "```");
   }
   return blocks;
 }
@@ -37,28 +44,150 @@ std::string with(const std::string& text, const char* pattern, const char* repla
   return std::regex_replace(text, std::regex(pattern), replacement);
 }
 
-/// A folder that looks like the project's to the commands of a page: scripts/run, examples/. Each call of scripts/run
-/// leaves a line in the file `times`: its seconds and its arguments.
+/// A command of a page as it ran.
+struct Call {
+  std::string command, seconds, code, out, err;
+};
+
+/// A folder that looks like the project's to the commands of a page: scripts/run, examples/. What is called by
+/// scripts/run, and by ./python3 where there is one, is noted.
 class Project {
  public:
   Project() {
-    here_.write("scripts/run", "#!/bin/sh\nbegan=$(date +%s%N)\n'" + kGigastep +
-                                   "' \"$@\"\ncode=$?\nmilliseconds=$((($(date +%s%N) - began) / 1000000))\n"
-                                   "printf '%d.%d s  scripts/run %s\\n' $((milliseconds / 1000)) "
-                                   "$((milliseconds / 100 % 10)) \"$*\" >>'" +
-                                   (here_.path() / "times").string() + "'\nexit $code\n");
-    fs::permissions(here_.path() / "scripts/run", fs::perms::owner_all);
+    fs::create_directories(calls_path());
+    write_noting("scripts/run", kGigastep);
     fs::create_directory_symlink(source_path("examples"), here_.path() / "examples");
     fs::create_directories(here_.path() / "data");
     fs::create_directory_symlink(source_path("scenarios"), here_.path() / "data/scenarios");
   }
+  void add_python(const std::string& python) const { write_noting("python3", python); }
   const Workplace& here() const { return here_; }
   Outcome shell(const std::string& commands, const Environment& environment = {}) const {
     return here_.run({"-e", "-c", commands}, "/bin/sh", environment);
   }
+  /// Takes the calls since the last time.
+  std::vector<Call> take_calls() const {
+    std::vector<Call> calls;
+    for (;; ++n_taken_) {
+      const std::string stem = (calls_path() / std::to_string(n_taken_)).string();
+      if (!fs::exists(stem + ".code")) return calls;
+      const auto part = [&](const char* ending) { return read_file(stem + ending); };
+      calls.push_back({part(".command"), part(".seconds"), part(".code"), part(".out"), part(".err")});
+    }
+  }
 
  private:
+  fs::path calls_path() const { return here_.path() / "calls"; }
+  void write_noting(const std::string& name, const std::string& program) const {
+    here_.write(name, "#!/bin/sh\ncalls='" + calls_path().string() +
+                          "'\nstem=$calls/$(ls $calls | grep -c code)\nbegan=$(date +%s%N)\n'" + program +
+                          "' \"$@\" >$stem.out 2>$stem.err\ncode=$?\ntenths=$((($(date +%s%N) - began) / 100000000))\n"
+                          "printf '" +
+                          name +
+                          "' >$stem.command\nfor word; do case $word in\n"
+                          "*[!A-Za-z0-9_./=,:+-]*) printf \" '%s'\" \"$word\" ;; *) printf ' %s' \"$word\" ;;\n"
+                          "esac >>$stem.command; done\n"
+                          "printf '%d.%d' $((tenths / 10)) $((tenths % 10)) >$stem.seconds\n"
+                          "printf '%d' $code >$stem.code\ncat $stem.out\ncat $stem.err >&2\nexit $code\n");
+    fs::permissions(here_.path() / name, fs::perms::owner_all);
+  }
+
   Workplace here_;
+  mutable int n_taken_ = 0;
+};
+
+void replace_all(std::string& text, const std::string& from, const std::string& to) {
+  for (size_t at = 0; (at = text.find(from, at)) != std::string::npos; at += to.size())
+    text.replace(at, from.size(), to);
+}
+
+/// The first lines and the last of what a call printed, as a user in the project's folder sees it.
+std::string shortened(const Call& call, const Project& project) {
+  constexpr size_t kFirst = 3, kLast = 7;
+  std::string text = call.err + call.out;
+  replace_all(text, kGigastep, "./build/release/bin/gigastep");
+  replace_all(text, project.here().path().string() + "/", "");
+  std::vector<std::string> lines;
+  std::istringstream all(text);
+  for (std::string line; std::getline(all, line);) lines.push_back(line.substr(0, line.find_last_not_of(' ') + 1));
+  std::string result;
+  for (size_t k = 0; k < lines.size(); ++k) {
+    if (k == kFirst && lines.size() > kFirst + kLast + 1) {
+      result += "[... " + std::to_string(lines.size() - kFirst - kLast) + " lines]\n";
+      k = lines.size() - kLast;
+    }
+    result += lines[k] + "\n";
+  }
+  return result;
+}
+
+std::string load_average() { return read_file("/proc/loadavg").substr(0, read_file("/proc/loadavg").find(' ')); }
+
+/// "scripts/run train".
+std::string first_words(const std::string& command) {
+  return command.substr(0, command.find(' ', command.find(' ') + 1));
+}
+
+/// docs/first_hour_transcript.md.
+class Transcript {
+ public:
+  /// The calls of a block. Of those that a loop makes the first one's output stands for all.
+  void add(const std::string& heading, const std::vector<Call>& calls, const Project& project) {
+    for (size_t k = 0; k < calls.size(); ++k) {
+      const Call& call = calls[k];
+      const bool again = k > 0 && first_words(call.command) == first_words(calls[k - 1].command);
+      commands_.push_back(call.command);
+      seconds_ += std::stod(call.seconds);
+      if (heading != heading_) body_ += "\n## " + heading + "\n";
+      heading_ = heading;
+      body_ += "\n" + call.seconds + " s" + (call.code == "0" ? "" : ", exit code " + call.code) + "\n\n```text\n$ " +
+               call.command + "\n" + (again ? "[the like]\n" : shortened(call, project)) + "```\n";
+    }
+  }
+  /// `run`: the run.json of one of its runs.
+  std::string page(const std::string& run) const {
+    const Document info = parse_yaml_text(run, "run.json");
+    const bool clean = at(info, {"versions", "clean_tree"}).text == "true";
+    char total[32];
+    std::snprintf(total, sizeof total, "%.0f", seconds_);
+    return "# The first hour: a transcript\n\n"
+           "What the commands of [the first hour](first_hour.md) print, and how long each takes. A test ran\n"
+           "them one after the other, the program being built, and wrote this page:\n\n"
+           "```sh\nGIGASTEP_WRITE_DOCS=1 GIGASTEP_TEST_FULL=1 build/release/bin/test_app \\\n"
+           "  --gtest_filter='FirstHour.*'\n```\n\n"
+           "All together took **" +
+           std::string(total) +
+           " s**.\n\n"
+           "| | |\n|---|---|\n"
+           "| commit | " +
+           at(info, {"versions", "commit"}).text + (clean ? "" : ", with changes") + " |\n" + "| processor | " +
+           at(info, {"hardware", "cpu"}).text + ", " + at(info, {"hardware", "cores"}).text +
+           " cores; no GPU is used |\n" + "| load of the machine | " + load_before_ + " before, " + load_average() +
+           " after (mean of a minute, processes) |\n\n"
+           "Of long outputs the first and the last lines are shown, and of a loop the output of its first run;\n"
+           "progress comes before results. [At the end](#what-the-pages-look-like): pictures of the pages.\n" +
+           body_ +
+           "\n## What the pages look like\n\n"
+           "As `scripts/pictures` draws them: [the README](pictures/readme.png) and [the page of the\n"
+           "game](pictures/game_page.png) as a viewer of Markdown shows them, [a report](pictures/report.png), [a\n"
+           "replay](pictures/replay.png), [the page of play](pictures/play.png), and [the panel of a\n"
+           "run](pictures/panel.svg) in a terminal.\n";
+  }
+  /// The commands, and those of a page that was written before.
+  const std::vector<std::string>& commands() const { return commands_; }
+  static std::vector<std::string> commands_of(const std::string& page) {
+    std::vector<std::string> commands;
+    std::istringstream lines(page);
+    for (std::string line; std::getline(lines, line);)
+      if (line.starts_with("$ ")) commands.push_back(line.substr(2));
+    return commands;
+  }
+
+ private:
+  std::string heading_, body_;
+  const std::string load_before_ = load_average();
+  std::vector<std::string> commands_;
+  double seconds_ = 0;
 };
 
 TEST(FirstHour, EveryCommandRuns) {
@@ -66,7 +195,8 @@ TEST(FirstHour, EveryCommandRuns) {
   const Workplace& here = project.here();
   std::string page = read_file(source_path("docs/first_hour.md"));
   Environment environment;
-  if (thinned(100) > 1) {
+  const bool in_full = thinned(100) == 1;
+  if (!in_full) {
     // The same commands with tiny runs, of one seed where there are three: 32 worlds x 32 steps x 10 agents are 10,240
     // agent-steps in an update.
     page = with(page, "train.total_agent_steps=[0-9e]+", "train.total_agent_steps=12000");
@@ -77,17 +207,20 @@ TEST(FirstHour, EveryCommandRuns) {
     environment.emplace_back("GIGASTEP_DATA_DIR", (here.path() / "data").string());
   }
   const std::string python = python_with("numpy, safetensors");
+  if (!python.empty()) project.add_python(python);
+  Transcript transcript;
   int n_commands = 0;
-  for (std::string block : shell_blocks(page)) {
-    if (block.find("python3") != std::string::npos) {
+  for (auto [heading, commands] : shell_blocks(page)) {
+    if (commands.find("python3") != std::string::npos) {
       if (python.empty()) {
-        std::cout << "no Python with numpy and safetensors: left out\n" << block;
+        std::cout << "no Python with numpy and safetensors: left out\n" << commands;
         continue;
       }
-      block = with(block, "python3", ("'" + python + "'").c_str());
+      commands = with(commands, "python3", "./python3");
     }
-    const Outcome outcome = project.shell(block, environment);
-    ASSERT_EQ(outcome.code, 0) << block << outcome.out << outcome.err;
+    const Outcome outcome = project.shell(commands, environment);
+    ASSERT_EQ(outcome.code, 0) << commands << outcome.out << outcome.err;
+    transcript.add(heading, project.take_calls(), project);
     ++n_commands;
   }
   EXPECT_GE(n_commands, 7);
@@ -96,7 +229,11 @@ TEST(FirstHour, EveryCommandRuns) {
     EXPECT_TRUE(here.has(made)) << made;
   // What was stopped went on to its end, as the run of the same length did that was not.
   EXPECT_EQ(metrics_rows(here, "runs/stopped"), metrics_rows(here, "runs/first"));
-  if (tests_run_in_full()) std::cout << here.read("times");  // for docs/measurements.md
+  if (!in_full || python.empty()) return;
+  const std::string file = source_path("docs/first_hour_transcript.md");
+  if (std::getenv("GIGASTEP_WRITE_DOCS")) write_file(file, transcript.page(here.read("runs/first/run.json")));
+  EXPECT_EQ(Transcript::commands_of(read_file(file)), transcript.commands())
+      << "the page is of other commands: GIGASTEP_WRITE_DOCS=1 writes it anew";
 }
 
 TEST(Examples, EveryConfigIsGood) {
