@@ -179,22 +179,25 @@ std::set<std::string> telling_keys(const std::vector<Settings>& all, size_t grou
   return chosen;
 }
 
-/// "gamma=0.99, horizon=32 and 4 more": no label is that of another group.
+/// "gamma=0.99, horizon=32, clip_coef=0.2 and 4 more", "openai_es, sigma_init=0.02": no label is that of another group.
 std::string label_of(const std::vector<Settings>& all, size_t group, std::vector<std::string> keys) {
   std::erase_if(keys, [&](const std::string& key) { return !reads(all[group], key); });
-  std::set<std::string> shown = telling_keys(all, group, keys);
-  if (!keys.empty() && keys.front() == kAlgorithm) shown.insert(kAlgorithm);
-  for (size_t k = 0; k < keys.size() && shown.size() < kSettingsInLabel; ++k) shown.insert(keys[k]);
-
+  const std::set<std::string> telling = telling_keys(all, group, keys);
+  // Where not all are shown, what tells it apart stands first.
+  const auto is_needed = [&](const std::string& key) { return key == kAlgorithm || telling.contains(key); };
+  const auto needed = static_cast<size_t>(std::count_if(keys.begin(), keys.end(), is_needed));
+  const size_t shown = std::min(keys.size(), std::max(kSettingsInLabel, needed));
+  if (shown < keys.size()) std::stable_partition(keys.begin(), keys.end(), is_needed);
   std::string label;
-  for (const std::string& key : keys) {
-    if (!shown.contains(key)) continue;
-    const std::string name = last_part(key), value = setting(all[group], key);
+  for (size_t k = 0; k < shown; ++k) {
+    const std::string name = last_part(keys[k]), value = setting(all[group], keys[k]);
     const auto same_name =
         std::count_if(keys.begin(), keys.end(), [&](const auto& other) { return last_part(other) == name; });
-    label += cat(label.empty() ? "" : ", ", same_name > 1 ? key : name, "=", value.empty() ? "-" : value);
+    label += label.empty() ? "" : ", ";
+    if (keys[k] != kAlgorithm) label += cat(same_name > 1 ? keys[k] : name, "=");
+    label += value.empty() ? "-" : value;
   }
-  if (keys.size() > shown.size()) label += cat(" and ", keys.size() - shown.size(), " more");
+  if (keys.size() > shown) label += cat(" and ", keys.size() - shown, " more");
   return label;
 }
 

@@ -71,7 +71,9 @@ std::vector<std::string> write_report(const std::vector<fs::path>& runs, const f
     }
   }
   if (all.empty()) throw InputError("none of these can be reported:\n" + join(left_out, "\n"));
-  write_file(out, report_page(all, keys, first_section));
+  const std::string page = report_page(all, keys, first_section);
+  make_folder_of(out);
+  write_file(out, page);
   return left_out;
 }
 

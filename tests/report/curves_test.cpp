@@ -95,8 +95,7 @@ TEST(Curves, LabelsNameWhatTheAlgorithmReads) {
                                      run_of("c", config("mappo", "1e-4", "0.3"), kTwoRows)};
   std::vector<std::string> labels;
   for (const RunGroup& group : group_runs(runs, 100)) labels.push_back(group.label);
-  EXPECT_EQ(labels, (std::vector<std::string>{"algorithm=mappo, learning_rate=1e-4",
-                                              "algorithm=mappo, learning_rate=1e-3", "algorithm=openai_es"}));
+  EXPECT_EQ(labels, (std::vector<std::string>{"mappo, learning_rate=1e-4", "mappo, learning_rate=1e-3", "openai_es"}));
 }
 
 // Beside a run of another algorithm, whose settings differ in much, two that differ in one key are told apart by it.
@@ -114,10 +113,9 @@ TEST(Curves, LabelsTellApartTheRunsOfAnAlgorithm) {
   std::vector<std::string> labels;
   for (const RunGroup& group : group_runs(runs, 100)) labels.push_back(group.label);
   // Five keys differ, sigma_init between runs of evolution alone; mappo does not read it.
-  EXPECT_EQ(labels,
-            (std::vector<std::string>{"algorithm=mappo, total_agent_steps=2e6, precision=tf32 and 1 more",
-                                      "algorithm=openai_es, total_agent_steps=1e6, sigma_init=0.02 and 2 more",
-                                      "algorithm=openai_es, total_agent_steps=1e6, sigma_init=0.05 and 2 more"}));
+  EXPECT_EQ(labels, (std::vector<std::string>{"mappo, total_agent_steps=2e6, precision=tf32 and 1 more",
+                                              "openai_es, sigma_init=0.02, total_agent_steps=1e6 and 2 more",
+                                              "openai_es, sigma_init=0.05, total_agent_steps=1e6 and 2 more"}));
   const std::vector<DifferingSetting> differing = differing_settings(group_runs(runs, 100));
   const auto sigma = std::find_if(differing.begin(), differing.end(),
                                   [](const DifferingSetting& d) { return d.path == "population.sigma_init"; });
@@ -130,8 +128,8 @@ TEST(Curves, LabelsOfManyDifferencesAreShort) {
                                      run_of("b", "k1: 1\nk2: 1\nk3: 1\nk4: 2\n", kTwoRows),
                                      run_of("c", "k1: 2\nk2: 2\nk3: 2\nk4: 2\n", kTwoRows)};
   const std::vector<RunGroup> groups = group_runs(runs, 100);
-  EXPECT_EQ(groups[0].label, "k1=1, k2=1, k4=1 and 1 more") << "k4 tells it from the second";
-  EXPECT_EQ(groups[1].label, "k1=1, k2=1, k4=2 and 1 more");
+  EXPECT_EQ(groups[0].label, "k4=1, k1=1, k2=1 and 1 more") << "k4 tells it from the second";
+  EXPECT_EQ(groups[1].label, "k1=1, k4=2, k2=1 and 1 more");
   EXPECT_EQ(groups[2].label, "k1=2, k2=2, k3=2 and 1 more");
   EXPECT_EQ(groups[0].letter + groups[1].letter + groups[2].letter, "ABC");
 }
@@ -145,8 +143,8 @@ TEST(Curves, ALabelIsAsLongAsItTakes) {
   std::set<std::string> labels;
   for (const RunGroup& group : group_runs(runs, 100)) labels.insert(group.label);
   EXPECT_EQ(labels, (std::set<std::string>{"k1=1, k2=1, k3=1, k4=1", "k1=2, k2=1, k3=1 and 1 more",
-                                           "k1=1, k2=2, k3=1 and 1 more", "k1=1, k2=1, k3=2 and 1 more",
-                                           "k1=1, k2=1, k4=2 and 1 more"}));
+                                           "k2=2, k1=1, k3=1 and 1 more", "k3=2, k1=1, k2=1 and 1 more",
+                                           "k4=2, k1=1, k2=1 and 1 more"}));
 }
 
 TEST(Curves, AnEditedScenarioIsAnotherGroup) {
