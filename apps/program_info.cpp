@@ -88,7 +88,8 @@ std::string program_command() {
   const std::vector<std::string> words = arguments();
   if (words.empty() || words.front().find('/') == std::string::npos) return "gigastep";
   std::error_code code;
-  const fs::path relative = fs::path(words.front()).lexically_proximate(fs::current_path(code));
+  const fs::path relative =
+      fs::absolute(words.front(), code).lexically_normal().lexically_proximate(fs::current_path(code));
   const bool below = !relative.empty() && *relative.begin() != "..";
   return shell_word(below && relative.is_relative() ? "./" + relative.string() : words.front());
 }

@@ -6,7 +6,6 @@
 #include "apps/commands.hpp"
 #include "apps/output.hpp"
 #include "core/error.hpp"
-#include "io/files.hpp"
 #include "learn/run_config.hpp"
 #include "report/report.hpp"
 
@@ -38,7 +37,6 @@ void add_report_command(CLI::App& app, Dispatch& dispatch) {
       const std::vector<fs::path> runs(options->runs.begin(), options->runs.end());
       const fs::path usual = runs.size() == 1 ? runs[0] / "report.html" : fs::path("report.html");
       const fs::path out = options->out.empty() ? usual : fs::path(options->out);
-      make_folder_of(out);
       for (const std::string& line : write_report(runs, out, list_fields<RunConfig>()))
         std::cerr << "warning: " << line << "; it is left out\n";
       std::cout << out.string() << std::endl;

@@ -4,6 +4,7 @@
 #include <filesystem>
 
 #include "program.hpp"
+#include "runs.hpp"
 #include "support/source.hpp"
 #include "support/thinning.hpp"
 
@@ -231,6 +232,16 @@ TEST(CommandLine, AnInstalledTreeFindsItsOwnData) {
 TEST(CommandLine, AProgramWithoutASlashIsLookedForInPath) {
   EXPECT_EQ(Workplace().run({"-c", "exit 7"}, "sh").code, 7);
   EXPECT_EQ(Workplace().run({}, "no_such_program_of_gigastep").code, 127);
+}
+
+// Commands that are told to be typed next begin as this one did.
+TEST(CommandLine, TheProgramIsNamedAsItWasCalled) {
+  const Workplace here;
+  here.write("short.yaml", kShortConfig);
+  std::filesystem::create_symlink(kGigastep, here.path() / "gigastep");
+  const Outcome outcome = here.run({"train", "short.yaml", "--quiet", "--run-dir", "run"}, "./gigastep");
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_TRUE(contains(outcome.out, {"\nnext:        ./gigastep rate run "}));
 }
 
 }  // namespace

@@ -110,6 +110,8 @@ TEST(Output, AFolderIsNoFile) {
   std::filesystem::create_directory(here.path() / "folder");
   EXPECT_TRUE(contains(here.run({"report", "run", "--out", "folder"}).err, {"--out: folder is a folder, not a file"}));
   EXPECT_TRUE(contains(here.run({"report", "run", "--out", "new/"}).err, {"--out: new/ names no file"}));
+  EXPECT_EQ(here.run({"report", "run", "--out", "new/x.html"}).code, 2);
+  EXPECT_FALSE(here.has("new")) << "for a report of no run";
   EXPECT_TRUE(contains(here.run({"rate", "run", "--out", "/dev/null"}).err, {"--out: /dev/null is a file"}));
   // What files begin with may be the name of a folder; where a file is a device it is written.
   EXPECT_EQ(here.run({"record", "circle", "--scenario", "identical_2_vs_2_void", "--out", "folder"}).code, 0);
