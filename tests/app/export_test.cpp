@@ -108,7 +108,7 @@ TEST_F(ExportedRun, MistakesEndWithCodeTwoAndLeaveNothing) {
   refused(run_export("short.yaml", "0", "onnx", "new"), {"short.yaml"});
   refused(run_export("run", "0", "onnx", "full"), {"the folder full is not empty"});
   refused(run_export("run", "0", "onnx", "short.yaml"), {"short.yaml is a file"});
-  refused(run_export("run", "0", "onnx", "short.yaml/new"), {"cannot create the folder short.yaml/new"});
+  refused(run_export("run", "0", "onnx", "short.yaml/new"), {"--out: short.yaml is a file, not a folder"});
   refused(run_export("run", "0", "onnx", "/proc/new"), {"cannot create the folder /proc/new"});
   refused(here_->run({"export", "run", "--team", "0", "--format", "onnx"}), {"--out"});
   EXPECT_EQ(here_->entries(), before);
