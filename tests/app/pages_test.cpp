@@ -169,8 +169,8 @@ class Transcript {
            body_ +
            "\n## What the pages look like\n\n"
            "As `scripts/pictures` draws them: [the README](pictures/readme.png) and [the page of the\n"
-           "game](pictures/game_page.png) as a viewer of Markdown shows them, [a report](pictures/report.png), [a\n"
-           "replay](pictures/replay.png), [the page of play](pictures/play.png), and [the panel of a\n"
+           "game](pictures/game_page.png) as a viewer of Markdown shows them, [a report](pictures/report.png),\n"
+           "[a replay](pictures/replay.png), [the page of play](pictures/play.png), and [the panel of a\n"
            "run](pictures/panel.svg) in a terminal.\n";
   }
   /// The commands, and those of a page that was written before.
