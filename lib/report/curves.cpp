@@ -250,7 +250,9 @@ void label_groups(std::vector<RunGroup>& groups) {
 
 std::string RunGroup::short_label() const {
   constexpr size_t kMost = 32;
-  return letter.empty() || label.size() <= kMost ? label : letter + ": " + label.substr(0, kMost) + "...";
+  if (letter.empty() || label.size() <= kMost) return label;
+  const size_t comma = label.rfind(", ", kMost - 2);  // whole settings, where one fits
+  return cat(letter, ": ", label.substr(0, comma == std::string::npos ? kMost : comma + 2), "...");
 }
 
 const Curve* RunGroup::find(const std::string& name) const {

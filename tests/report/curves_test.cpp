@@ -116,6 +116,7 @@ TEST(Curves, LabelsTellApartTheRunsOfAnAlgorithm) {
   EXPECT_EQ(labels, (std::vector<std::string>{"mappo, total_agent_steps=2e6, precision=tf32 and 1 more",
                                               "openai_es, sigma_init=0.02, total_agent_steps=1e6 and 2 more",
                                               "openai_es, sigma_init=0.05, total_agent_steps=1e6 and 2 more"}));
+  EXPECT_EQ(group_runs(runs, 100).at(1).short_label(), "B: openai_es, sigma_init=0.02, ...");
   const std::vector<DifferingSetting> differing = differing_settings(group_runs(runs, 100));
   const auto sigma = std::find_if(differing.begin(), differing.end(),
                                   [](const DifferingSetting& d) { return d.path == "population.sigma_init"; });
