@@ -183,6 +183,8 @@ std::string configuration_of(const Player::Origin& origin) {
   config.seed = 0;
   config.device.clear();
   config.train.n_threads = 0;
+  config.train.max_wall_time.reset();
+  config.train.stop_at_agent_steps.reset();
   config.checkpoint = {};
   return print_yaml(config, false) + print_scenario(origin.run.scenario);
 }

@@ -21,7 +21,8 @@ constexpr size_t kSettingsInLabel = 3;
 
 /// Whether a setting has no part in what is learned.
 bool is_run_time_setting(const std::string& path) {
-  return path == "seed" || path == "device" || path == "train.n_threads" || path.starts_with("checkpoint.");
+  return path == "seed" || path == "device" || path == "train.n_threads" || path == "train.max_wall_time" ||
+         path == "train.stop_at_agent_steps" || path.starts_with("checkpoint.");
 }
 
 constexpr const char* kAlgorithm = "train.algorithm";

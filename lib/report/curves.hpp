@@ -16,7 +16,8 @@ struct Curve {
   std::vector<double> mean, low, high;
 };
 
-/// Runs of one config. What differs is the seed and what has no part in what is learned (device, threads, checkpoints).
+/// Runs of one config. What differs is the seed and what has no part in what is learned (device, threads, where it
+/// pauses, checkpoints).
 struct RunGroup {
   std::vector<const RunData*> runs;
   std::string letter;         ///< "A", "B", ...; "" if there is but one group

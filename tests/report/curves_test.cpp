@@ -49,8 +49,10 @@ TEST(Curves, SeedsMakeAMeanAndABand) {
 TEST(Curves, WhatIsNotLearnedDoesNotDivideAGroup) {
   const std::string rest = "mappo: {gamma: 0.99}\n";
   const std::vector<RunData> runs = {
-      run_of("a", "seed: 1\ndevice: cpu\ntrain: {n_threads: 2}\ncheckpoint: {keep: 1}\n" + rest, kTwoRows),
-      run_of("b", "seed: 2\ndevice: cuda:1\ntrain: {n_threads: 0}\ncheckpoint: {keep: 9}\n" + rest, kTwoRows)};
+      run_of("a", "seed: 1\ndevice: cpu\ntrain: {n_threads: 2, max_wall_time: 4s}\ncheckpoint: {keep: 1}\n" + rest,
+             kTwoRows),
+      run_of("b", "seed: 2\ndevice: cuda:1\ntrain: {n_threads: 0, max_wall_time: none}\ncheckpoint: {keep: 9}\n" + rest,
+             kTwoRows)};
   EXPECT_EQ(group_runs(runs, 100).size(), 1u);
 }
 
