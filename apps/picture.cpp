@@ -22,9 +22,17 @@ struct PictureOptions {
 };
 
 void write_picture(const Replay& replay, const fs::path& out) {
-  if (out.extension() == ".svg") return write_output(out, trajectories_svg(replay));
-  if (out.extension() == ".png") return write_output(out, encode_png(trajectories_pixels(replay)));
-  throw InputError(cat("--out ", out.string(), ": the ending says what is written: .svg or .png"));
+  write_output(out, out.extension() == ".svg" ? trajectories_svg(replay) : encode_png(trajectories_pixels(replay)));
+}
+
+/// Before anything is read or drawn.
+void expect_known_endings(const PictureOptions& o) {
+  if (o.out.empty() && o.film.empty()) throw InputError("--out or --film says what to write");
+  const fs::path picture = fs::path(o.out).extension(), film = fs::path(o.film).extension();
+  if (!o.out.empty() && picture != ".svg" && picture != ".png")
+    throw InputError(cat("--out ", o.out, ": the ending says what is written: .svg or .png"));
+  if (!film.empty() && film != ".gif")
+    throw InputError(cat("--film ", o.film, ": a name that ends in .gif, or of a folder for a sequence of PNG files"));
 }
 
 /// Ten steps are a second.
@@ -37,8 +45,6 @@ void write_film(const Replay& replay, const PictureOptions& o) {
     for (int k = 0; k < length; ++k) gif.add(film_picture(replay, o.how, k));
     return write_output(out, gif.finish());
   }
-  if (!out.extension().empty())
-    throw InputError(cat("--film ", o.film, ": a name that ends in .gif, or of a folder for a sequence of PNG files"));
   for (int k = 0; k < length; ++k) {
     char name[32];
     std::snprintf(name, sizeof name, "%05d.png", k);
@@ -47,7 +53,7 @@ void write_film(const Replay& replay, const PictureOptions& o) {
 }
 
 void make(const PictureOptions& o) {
-  if (o.out.empty() && o.film.empty()) throw InputError("--out or --film says what to write");
+  expect_known_endings(o);
   const Replay replay = decode_replay(read_file(o.replay), o.replay);
   if (replay.episodes.empty()) throw InputError(o.replay + " has no episodes");
   if (!o.out.empty()) {

@@ -113,6 +113,8 @@ TEST(Output, AFolderIsNoFile) {
   EXPECT_EQ(here.run({"report", "run", "--out", "new/x.html"}).code, 2);
   EXPECT_FALSE(here.has("new")) << "for a report of no run";
   EXPECT_TRUE(contains(here.run({"rate", "run", "--out", "/dev/null"}).err, {"--out: /dev/null is a file"}));
+  EXPECT_TRUE(contains(here.run({"picture", "none.replay", "--out", "x.jpg"}).err, {"--out x.jpg: the ending says"}));
+  EXPECT_TRUE(contains(here.run({"picture", "none.replay", "--film", "x.mp4"}).err, {"a name that ends in .gif"}));
   // What files begin with may be the name of a folder; where a file is a device it is written.
   EXPECT_EQ(here.run({"record", "circle", "--scenario", "identical_2_vs_2_void", "--out", "folder"}).code, 0);
   EXPECT_TRUE(here.has("folder.html"));
