@@ -85,8 +85,8 @@ struct PlayOut {
 };
 
 /// Queues at most `n_steps` steps of every world (OnDone::freeze, one episode each), from the observations that k.io
-/// and the plan point to; a world whose episode ends waits from then on. Writes the buffers that steps write. Needs
-/// population_policy_runs, and worlds that tiles hold (LaunchShape).
-void launch_play_out(const LaunchOf<SimParams>& k, const PlayOut& plan, int64_t n_steps, void* stream);
+/// and the plan point to; a world whose episode ends waits from then on. Writes the buffers that steps write, and
+/// `n_taken`, a word of its own. Needs population_policy_runs, and worlds that tiles hold (LaunchShape).
+void launch_play_out(const LaunchOf<SimParams>& k, const PlayOut& plan, int64_t n_steps, int32_t* n_taken, void* stream);
 
 }  // namespace giga

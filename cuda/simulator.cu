@@ -50,7 +50,8 @@ class CudaSimulator final : public LaunchingSimulator {
       : LaunchingSimulator(std::move(spec), options, cuda_memory(index)),
         index_(index),
         stream_(static_cast<cudaStream_t>(stream)),
-        partial_(memory(), static_cast<size_t>(kStatBlocks) * kNStatRows) {}
+        partial_(memory(), static_cast<size_t>(kStatBlocks) * kNStatRows),
+        n_taken_(memory(), 1) {}
 
   bool over() override { return n_lists() > kListsLater && counts_.at(n_lists() - 1 - kListsLater) == 0; }
 
@@ -66,7 +67,7 @@ class CudaSimulator final : public LaunchingSimulator {
 
   void play_out(const PlayOut& plan, const StepIo& io, int64_t n_steps) override {
     GIGA_CUDA(cudaSetDevice(index_));
-    launch_play_out(launch_of(io, Worlds::all), plan, n_steps, stream_);
+    launch_play_out(launch_of(io, Worlds::all), plan, n_steps, n_taken_.data(), stream_);
   }
 
   void redraw(const Redraw& request) override {
@@ -127,6 +128,7 @@ class CudaSimulator final : public LaunchingSimulator {
   int index_;
   cudaStream_t stream_;
   Buffer<double> partial_;
+  Buffer<int32_t> n_taken_;  // [1] worlds that play_out has begun, beside those that it began with
   RecentCounts counts_;  // of the worlds that play, at the last lists
 };
 

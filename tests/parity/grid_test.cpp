@@ -398,7 +398,6 @@ TEST(GridCrowds, AreThoseOfTheCpu) {
 // once, and groups of a block that go from world to world.
 TEST(GpuGridCrowds, AreThoseOfTheCpu) {
   if (cuda_device_count() == 0) GTEST_SKIP() << "skipped: no GPU";
-  if (!std::getenv("GIGASTEP_GRID_GPU")) GTEST_SKIP() << "skipped: GIGASTEP_GRID_GPU is not set";
   for (const Crowd& c : {Crowd{150, 150, 20, 3, 0, 5}, Crowd{1100, 903, 40, 2, 0, 5}, Crowd{1100, 903, 40, 50, 0, 4},
                          Crowd{2600, 2601, 300, 1, 0, 4}, Crowd{2600, 2601, 80, 5, 0, 4}, Crowd{10, 10, 12, 600, 0, 5}})
     play_crowd(
