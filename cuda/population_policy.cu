@@ -1,18 +1,23 @@
 // The fused policies of a population. A warp has one network and some worlds, and takes their rows through all layers
-// by tensor cores (population_tiles.cuh); a network is used for few rows. Warps do not wait for each other. Worlds that
-// wait are left out before rows are made.
+// by tensor cores (mma.sync m16n8k16, half precision in, fp32 out). A network is used for few rows, so its weights go
+// from global memory straight into the registers that multiply them; features never leave the registers. Warps do not
+// wait for each other. Worlds that wait are left out before rows are made.
+#include <cuda_fp16.h>
+
 #include <algorithm>
 
 #include "cuda/check.cuh"
 #include "cuda/population_policy.hpp"
-#include "cuda/population_tiles.cuh"
 
 namespace giga {
 namespace {
 
 constexpr int kWarp = 32;
-constexpr int kWarps = 4;                // of a block
-constexpr int kMaxRows = 2 * kTileRows;  // that a warp takes at a time
+constexpr int kWarps = 4;                                                   // of a block
+constexpr int kTileRows = 16;                                               // of one mma
+constexpr int kMaxRows = 2 * kTileRows;                                     // that a warp takes at a time
+constexpr int kNarrow = 8, kWide = SmallMlp::kMaxWidth / PackedMlp::kTile;  // tiles of the widest layer
+constexpr int kTilesAtOnce = 8;                                             // whose weights are read together
 
 /// What a warp has in shared memory.
 struct WarpMemory {
@@ -20,12 +25,173 @@ struct WarpMemory {
   int64_t world[kWarp];  // that play, of its piece
 };
 
+__device__ uint32_t pair_of(float2 x) {
+  const __half2 h = __float22half2_rn(x);
+  return reinterpret_cast<const uint32_t&>(h);
+}
+
+__device__ void multiply_add(float (&c)[4], const uint32_t (&a)[4], uint32_t b0, uint32_t b1) {
+  asm("mma.sync.aligned.m16n8k16.row.col.f32.f16.f16.f32 {%0, %1, %2, %3}, {%4, %5, %6, %7}, {%8, %9}, {%0, %1, %2, "
+      "%3};"
+      : "+f"(c[0]), "+f"(c[1]), "+f"(c[2]), "+f"(c[3])
+      : "r"(a[0]), "r"(a[1]), "r"(a[2]), "r"(a[3]), "r"(b0), "r"(b1));
+}
+
+/// The lane's numbers of a tile of 16 rows x 16 columns: rows `group` and group + 8, columns `pair`, pair + 1 and these
+/// + 8.
+struct Lane {
+  int number, group, pair;
+  __device__ Lane() : number(static_cast<int>(threadIdx.x) % kWarp), group(number / 4), pair(number % 4 * 2) {}
+};
+
+/// tanh by the hardware: off by up to 2^-11 of its value (PTX), as much as the rounding to half precision that follows.
+__device__ float tanh_fast(float x) {
+  asm("tanh.approx.f32 %0, %0;" : "+f"(x));
+  return x;
+}
+/// Not inlined: else the code would be repeated for each number that a lane holds.
+__device__ __noinline__ float activate_other(Activation activation, float x) { return activate(activation, x); }
+
+/// What a lane holds of the sums of 16 kM rows x 8 kTiles columns.
+template <int kM, int kTiles>
+struct Sums {
+  float c[kM][kTiles][4];
+
+  __device__ void start(const __half* bias, int tiles) {
+    const Lane lane;
+#pragma unroll
+    for (int j = 0; j < kTiles; ++j) {
+      const float2 b =
+          j < tiles ? __half22float2(*reinterpret_cast<const __half2*>(bias + j * 8 + lane.pair)) : float2{0, 0};
+#pragma unroll
+      for (int m = 0; m < kM; ++m) {
+        c[m][j][0] = c[m][j][2] = b.x;
+        c[m][j][1] = c[m][j][3] = b.y;
+      }
+    }
+  }
+
+  /// Adds the products of inputs 32 s and after, tiles of 16 columns, with their slab of the weights.
+  template <int kTilesIn>
+  __device__ void add(const uint32_t (&a)[kM][kTilesIn][4], int s, const __half* slab, int tiles) {
+    const uint4* fragments = reinterpret_cast<const uint4*>(slab) + Lane().number;
+#pragma unroll
+    for (int first = 0; first < kTiles; first += kTilesAtOnce) {
+      uint4 b[kTilesAtOnce];
+#pragma unroll
+      for (int j = 0; j < kTilesAtOnce; ++j)
+        b[j] = first + j < tiles ? __ldg(fragments + (first + j) * kWarp) : uint4{0, 0, 0, 0};
+#pragma unroll
+      for (int j = 0; j < kTilesAtOnce; ++j) {
+        if (first + j >= tiles) break;
+#pragma unroll
+        for (int m = 0; m < kM; ++m) {
+          multiply_add(c[m][first + j], a[m][2 * s], b[j].x, b[j].y);
+          multiply_add(c[m][first + j], a[m][2 * s + 1], b[j].z, b[j].w);
+        }
+      }
+    }
+  }
+
+  template <class F>
+  __device__ void each(const F& f) {
+#pragma unroll
+    for (int m = 0; m < kM; ++m)
+#pragma unroll
+      for (int j = 0; j < kTiles; ++j)
+#pragma unroll
+        for (int k = 0; k < 4; ++k) c[m][j][k] = f(c[m][j][k]);
+  }
+  __device__ void activate(Activation activation) {
+    if (activation == Activation::tanh)
+      each(tanh_fast);
+    else
+      each([activation](float x) { return activate_other(activation, x); });
+  }
+
+  /// As inputs of the next layer: two tiles of 8 columns lie in a lane as one tile of 16 does there.
+  __device__ void inputs(uint32_t (&a)[kM][kTiles / 2][4]) const {
+#pragma unroll
+    for (int m = 0; m < kM; ++m)
+#pragma unroll
+      for (int t = 0; t < kTiles / 2; ++t)
+#pragma unroll
+        for (int k = 0; k < 4; ++k) {
+          const float* tile = c[m][2 * t + k / 2];
+          a[m][t][k] = pair_of({tile[k % 2 * 2], tile[k % 2 * 2 + 1]});
+        }
+  }
+
+  /// Writes the head, as far as it fits into kLogitStride numbers.
+  __device__ void store(float* head, int tiles) const {
+    const Lane lane;
+#pragma unroll
+    for (int m = 0; m < kM; ++m)
+#pragma unroll
+      for (int j = 0; j < (kLogitStride + 7) / 8; ++j) {
+        if (j >= tiles) break;
+#pragma unroll
+        for (int k = 0; k < 4; ++k) {
+          const int row = m * kTileRows + lane.group + k / 2 * 8, column = j * 8 + lane.pair + k % 2;
+          if (column < kLogitStride) head[row * kLogitStride + column] = c[m][j][k];
+        }
+      }
+  }
+};
+
+/// Inputs in global memory: observations. A null row is one of zeros.
+__device__ uint32_t observed(const float* row, int column, int columns) {
+  return pair_of(row && column < columns ? *reinterpret_cast<const float2*>(row + column) : float2{0, 0});
+}
+
 /// The rows of the worlds in `memory`: one for each agent of the team, world after world.
 struct Rows {
   const WarpMemory& memory;
   int n, count;  // agents of a world; rows
   __device__ int64_t number(int r) const { return memory.world[r / n] * n + r % n; }
 };
+
+/// The heads of 16 kM rows, from observations to shared memory.
+template <int kM, int kTiles>
+__device__ void make_heads(const PopulationPolicy& policy, const NetworkGroups& part, const __half* network,
+                           const Rows& rows, int first, float* head) {
+  const Lane lane;
+  const PackedMlp& packed = policy.packed;
+  const float* row[kM][2];
+#pragma unroll
+  for (int m = 0; m < kM; ++m)
+#pragma unroll
+    for (int k = 0; k < 2; ++k) {
+      const int r = first + m * kTileRows + k * 8 + lane.group;
+      row[m][k] = r < rows.count ? part.obs + rows.number(r) * policy.obs_stride : nullptr;
+    }
+  const int columns = packed.mlp.width[0];
+  Sums<kM, kTiles> sums;
+  sums.start(network + packed.bias[0], packed.tiles(0));
+  for (int s = 0; s < packed.slabs(0); ++s) {
+    uint32_t a[kM][2][4];
+#pragma unroll
+    for (int m = 0; m < kM; ++m)
+#pragma unroll
+      for (int half = 0; half < 2; ++half)
+#pragma unroll
+        for (int k = 0; k < 4; ++k)
+          a[m][half][k] = observed(row[m][k % 2], s * 32 + half * 16 + k / 2 * 8 + lane.pair, columns);
+    sums.add(a, 0, network + packed.weight[0] + s * packed.tiles(0) * PackedMlp::kFragment, packed.tiles(0));
+  }
+  for (int l = 1; l < packed.mlp.n_layers; ++l) {
+    sums.activate(packed.mlp.activation);
+    uint32_t features[kM][kTiles / 2][4];
+    sums.inputs(features);
+    sums.start(network + packed.bias[l], packed.tiles(l));
+#pragma unroll
+    for (int s = 0; s < kTiles / 4; ++s) {
+      if (s >= packed.slabs(l)) break;
+      sums.add(features, s, network + packed.weight[l] + s * packed.tiles(l) * PackedMlp::kFragment, packed.tiles(l));
+    }
+  }
+  sums.store(head, packed.tiles(packed.mlp.n_layers - 1));
+}
 
 /// Pieces of a part: so many per group, each with so many worlds.
 struct PartShape {
@@ -64,9 +230,22 @@ struct Piece {
   }
 };
 
+/// Asks for the whole network of a piece to be brought to the L2 cache. A warp reads its network slab by slab, each
+/// when the products of the one before are done; without this it would wait for the memory of the GPU each time, with
+/// it once. It changes no number.
+__device__ void fetch_network(const PopulationPolicy& policy, const Piece& piece) {
+  if (piece.network < 0 || threadIdx.x % kWarp != 0) return;
+#if __CUDA_ARCH__ >= 900
+  const uint16_t* network = piece.part.networks + static_cast<int64_t>(piece.network) * policy.packed.size;
+  asm volatile("cp.async.bulk.prefetch.L2.global [%0], %1;" ::"l"(__cvta_generic_to_global(network)),
+               "r"(policy.packed.size * static_cast<int>(sizeof *network)));
+#endif
+}
+
 template <int kTiles>
 __device__ void move_piece(const PopulationPolicy& policy, int number, WarpMemory& memory) {
   const Piece piece = Piece::number(policy, number);
+  fetch_network(policy, piece);
   int64_t world;
   const unsigned mask = piece.playing(policy.phase, world);
   if (mask == 0) return;
@@ -82,17 +261,13 @@ __device__ void move_piece(const PopulationPolicy& policy, int number, WarpMemor
   if (piece.part.act.actions == ActionKind::continuous)
     for (int k = 0; k < kActionSize; ++k) log_std[k] = __half2float(network[packed.log_std + k]);
   for (int first = 0; first < rows.count; first += kMaxRows) {
-    const auto row_of = [&](int r) {
-      r += first;
-      return r < rows.count ? piece.part.obs + rows.number(r) * policy.obs_stride : nullptr;
-    };
     if (kTiles == kNarrow && rows.count - first > kTileRows) {
-      make_heads<2, kNarrow>(packed, network, row_of, memory.head);
+      make_heads<2, kNarrow>(policy, piece.part, network, rows, first, memory.head);
     } else {
-      make_heads<1, kTiles>(packed, network, row_of, memory.head);
+      make_heads<1, kTiles>(policy, piece.part, network, rows, first, memory.head);
       if (kTiles != kNarrow && rows.count - first > kTileRows)
-        make_heads<1, kTiles>(
-            packed, network, [&](int r) { return row_of(r + kTileRows); }, memory.head + kTileRows * kLogitStride);
+        make_heads<1, kTiles>(policy, piece.part, network, rows, first + kTileRows,
+                              memory.head + kTileRows * kLogitStride);
     }
     __syncwarp();
     if (first + lane < rows.count)
@@ -143,6 +318,10 @@ __global__ void pack_networks(const __grid_constant__ PackedMlp packed, const fl
   out[k] = __float2half(packed_number(packed, networks + k / packed.size * stride, static_cast<int>(k % packed.size)));
 }
 
+bool is_narrow(const SmallMlp& mlp) {
+  return *std::max_element(mlp.width + 1, mlp.width + 1 + mlp.n_layers) <= kNarrow * PackedMlp::kTile;
+}
+
 }  // namespace
 
 bool population_policy_runs(int index) {
@@ -184,7 +363,7 @@ void launch_population_policy(const PopulationPolicy& policy, int index, void* s
   GIGA_CUDA(cudaSetDevice(index));
   const int pieces = population_work(policy);
   if (pieces == 0) return;
-  const auto kernel = policy.packed.mlp.widest() <= kNarrow * PackedMlp::kTile ? population_kernel<kNarrow> : population_kernel<kWide>;
+  const auto kernel = is_narrow(policy.packed.mlp) ? population_kernel<kNarrow> : population_kernel<kWide>;
   int resident = 0, multiprocessors = 0;
   GIGA_CUDA(cudaOccupancyMaxActiveBlocksPerMultiprocessor(&resident, kernel, kWarps * kWarp, 0));
   GIGA_CUDA(cudaDeviceGetAttribute(&multiprocessors, cudaDevAttrMultiProcessorCount, index));

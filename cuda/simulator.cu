@@ -2,9 +2,7 @@
 #include "cuda/check.cuh"
 #include "cuda/draw.hpp"
 #include "cuda/executor.hpp"
-#include "cuda/play_out.hpp"
 #include "cuda/runtime.hpp"
-#include "cuda/sync.cuh"
 #include "cuda/worlds.cuh"
 #include "sim/usual_params.hpp"
 
@@ -19,6 +17,45 @@ constexpr int kTileBlocks = kBlockIsGroup<P> ? 4
                             : P::kTeam == 2  ? 6
                             : P::kTeam > 0   ? 5
                                              : 8;
+
+// Bulk copies of the tensor memory accelerator, compute capability 9.0 and later.
+struct BulkCopies {
+#if __CUDA_ARCH__ >= 900
+  __device__ void before_sending() const { asm volatile("fence.proxy.async.shared::cta;" ::: "memory"); }
+  __device__ void send(float* to, const float* from, int count) const {
+    asm volatile("cp.async.bulk.global.shared::cta.bulk_group [%0], [%1], %2;" ::"l"(__cvta_generic_to_global(to)),
+                 "r"(static_cast<uint32_t>(__cvta_generic_to_shared(from))),
+                 "r"(count * static_cast<int>(sizeof(float)))
+                 : "memory");
+    asm volatile("cp.async.bulk.commit_group;" ::: "memory");
+  }
+  __device__ void wait_sent() const { asm volatile("cp.async.bulk.wait_group.read 0;" ::: "memory"); }
+  __device__ void wait_delivered() const {
+    asm volatile("cp.async.bulk.wait_group 0;" ::: "memory");
+    asm volatile("fence.proxy.async.global;" ::: "memory");
+  }
+#else
+  __device__ void before_sending() const {}
+  __device__ void send(float* to, const float* from, int count) const {
+    for (int k = 0; k < count; k += 4) *reinterpret_cast<float4*>(to + k) = *reinterpret_cast<const float4*>(from + k);
+  }
+  __device__ void wait_sent() const {}
+  __device__ void wait_delivered() const {}
+#endif
+};
+struct WarpSync : BulkCopies {
+  __device__ void wait() const { __syncwarp(); }
+  __device__ bool any(bool flag) const { return __any_sync(0xFFFFFFFFu, flag); }
+};
+struct BlockSync : BulkCopies {
+  __device__ void wait() const { __syncthreads(); }
+  __device__ bool any(bool flag) const { return __syncthreads_or(flag); }
+};
+
+__device__ ThreadIndex this_thread() {
+  return {static_cast<int>(blockIdx.x), static_cast<int>(gridDim.x), static_cast<int>(threadIdx.x),
+          static_cast<int>(blockDim.x)};
+}
 
 template <Job job, class P>
 __global__ void __launch_bounds__(kTileThreads<P>, kTileBlocks<P>) tile_kernel(const __grid_constant__ LaunchOf<P> k) {
@@ -50,24 +87,13 @@ class CudaSimulator final : public LaunchingSimulator {
       : LaunchingSimulator(std::move(spec), options, cuda_memory(index)),
         index_(index),
         stream_(static_cast<cudaStream_t>(stream)),
-        partial_(memory(), static_cast<size_t>(kStatBlocks) * kNStatRows),
-        n_taken_(memory(), 1) {}
+        partial_(memory(), static_cast<size_t>(kStatBlocks) * kNStatRows) {}
 
   bool over() override { return n_lists() > kListsLater && counts_.at(n_lists() - 1 - kListsLater) == 0; }
 
   EpisodeStats take_stats() override {
     GIGA_CUDA(cudaSetDevice(index_));
     return take_device_stats(state_.view().stats, n_worlds(), partial_, stream_);
-  }
-
-  bool plays_out() const override {
-    return shape().tiles && options().on_done == OnDone::freeze && options().episodes == 1 &&
-           population_policy_runs(index_);
-  }
-
-  void play_out(const PlayOut& plan, const StepIo& io, int64_t n_steps) override {
-    GIGA_CUDA(cudaSetDevice(index_));
-    launch_play_out(launch_of(io, Worlds::all), plan, n_steps, n_taken_.data(), stream_);
   }
 
   void redraw(const Redraw& request) override {
@@ -128,7 +154,6 @@ class CudaSimulator final : public LaunchingSimulator {
   int index_;
   cudaStream_t stream_;
   Buffer<double> partial_;
-  Buffer<int32_t> n_taken_;  // [1] worlds that play_out has begun, beside those that it began with
   RecentCounts counts_;  // of the worlds that play, at the last lists
 };
 

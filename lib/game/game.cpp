@@ -4,7 +4,6 @@
 
 #include "core/error.hpp"
 #include "core/philox.hpp"
-#include "cuda/play_out.hpp"
 #include "math/forget_episodes.hpp"
 #include "sim/image_rows.hpp"
 #include "sim/schedule.hpp"
@@ -105,7 +104,6 @@ void Game::desynchronize() {
 void Game::play(int64_t n_steps) {
   GIGA_CHECK(started_, "the game has not started");
   for (GameObserver* observer : observers_) observer->before_play(n_steps);
-  if (play_out(n_steps)) return;
   const bool may_end = sim_.options().on_done == OnDone::freeze;
   for (int64_t t = 0; t < n_steps; ++t) {
     if (may_end && steps_ % kListPeriod == 0 && sim_.over()) return;
@@ -165,41 +163,15 @@ void Game::forget(const GameStep& step) {
   }
 }
 
-/// The parts of a seat, in parts_.
-void Game::take_parts(const Seat& seat, const GameStep& step) {
-  parts_.clear();
-  for (const Part& part : seat.parts) {
-    const TeamStep all{sim_, parallel_for_, part.team, steps_, {0, sim_.n_worlds()}, step.team[part.team], layout_};
-    parts_.push_back(all.part(part.worlds));
-  }
-}
-
 void Game::act(const GameStep& step) {
   for (const Seat& seat : seats_) {
-    take_parts(seat, step);
+    parts_.clear();
+    for (const Part& part : seat.parts) {
+      const TeamStep all{sim_, parallel_for_, part.team, steps_, {0, sim_.n_worlds()}, step.team[part.team], layout_};
+      parts_.push_back(all.part(part.worlds));
+    }
     seat.controller->act(parts_);
   }
-}
-
-/// False where step by step is called for.
-bool Game::play_out(int64_t n_steps) {
-  if (!sim_.plays_out() || !observers_.empty() || memory_size_[0] > 0 || memory_size_[1] > 0) return false;
-  const GameStep step = step_at(0);
-  PlayOut plan;
-  for (int team = 0; team < kNTeams; ++team) {
-    const TeamStep all{sim_, parallel_for_, team, steps_, {0, sim_.n_worlds()}, step.team[team], layout_};
-    plan.team[team] = {.obs = all.buffers.obs,
-                       .obs_stride = all.obs_stride(),
-                       .act = {sim_.params().actions, false, all.draws(), all.buffers.action},
-                       .script = scripted_actions(Scripted::noop, all)};
-  }
-  for (const Seat& seat : seats_) {
-    take_parts(seat, step);
-    if (!seat.controller->join(parts_, plan)) return false;
-  }
-  sim_.play_out(plan, step.io, n_steps);
-  steps_ += n_steps;
-  return true;
 }
 
 }  // namespace giga

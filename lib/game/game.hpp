@@ -81,7 +81,6 @@ class Game {
 
   /// Queues `n_steps` steps, or fewer where all worlds wait before. The host waits for none of them, except with
   /// OnDone::freeze: there it waits for steps of some time ago, to learn whether a world still plays (Simulator::over).
-  /// A GPU plays by itself (Simulator::play_out) where nobody watches and all controllers can say who moves.
   void play(int64_t n_steps);
 
  private:
@@ -99,9 +98,7 @@ class Game {
   GameStep step_at(int64_t t) const;
   GameStep begin(void (Simulator::*write)(const StepIo&));
   void finish(int64_t t, const GameStep& step);
-  void take_parts(const Seat& seat, const GameStep& step);
   void act(const GameStep& step);
-  bool play_out(int64_t n_steps);
   void forget(const GameStep& step);
 
   Simulator& sim_;

@@ -1,7 +1,6 @@
 #include "game/team_controller.hpp"
 
 #include "core/error.hpp"
-#include "cuda/play_out.hpp"
 #include "sim/image_rows.hpp"
 
 namespace giga {
@@ -25,11 +24,6 @@ class ScriptController final : public TeamController {
         part.parallel_for.run(actions, part.n_rows());
       }
     }
-  }
-  bool join(std::span<const TeamStep> parts, PlayOut& plan) override {
-    for (const TeamStep& part : joined(parts))
-      if (!plan.add({.team = part.team, .worlds = part.worlds, .id = network_of_script(script_)})) return false;
-    return true;
   }
 
  private:

@@ -59,9 +59,6 @@ class TeamController {
   virtual int64_t memory_size() const { return 0; }
   /// Queues the actions of a step in all parts of the game that it moves, team by team in the order of their worlds.
   virtual void act(std::span<const TeamStep> parts) = 0;
-  /// Says in `plan` who moves these parts, for a game that a GPU plays out by itself: with the actions of `act`, up to
-  /// rounding that the controller documents. False: it cannot be said, and `act` is called for each step.
-  virtual bool join(std::span<const TeamStep> /*parts*/, PlayOut& /*plan*/) { return false; }
 };
 
 /// A scripted team.

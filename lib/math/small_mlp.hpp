@@ -1,7 +1,6 @@
 // SmallMlp: where the numbers of a small network are; what the fused kernel of populations has room for.
 #pragma once
 
-#include <algorithm>
 #include <vector>
 
 #include "math/activation.hpp"
@@ -18,10 +17,6 @@ struct SmallMlp {
   int weight[kMaxLayers] = {}, bias[kMaxLayers] = {};  ///< first number of each in a row of parameters
   int log_std = 0;                                     ///< first of the three; continuous actions only
   Activation activation = Activation::tanh;
-
-  bool operator==(const SmallMlp&) const = default;
-  /// Numbers of the widest layer but the input.
-  int widest() const { return *std::max_element(width + 1, width + 1 + n_layers); }
 
   /// Whether a network with these hidden layers fits in.
   static bool has_room_for(const std::vector<int>& hidden) {

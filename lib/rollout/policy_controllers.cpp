@@ -3,7 +3,6 @@
 #include <torch/types.h>
 
 #include "core/error.hpp"
-#include "cuda/play_out.hpp"
 #include "math/distributions.hpp"
 #include "math/population_actions.hpp"
 #include "policy/actor.hpp"
@@ -68,25 +67,6 @@ class PolicyController final : public TeamController {
     for (const TeamStep& part : joins ? std::span(wide) : parts)
       fused ? act_fused(*fused, actor_->inputs(), part, greedy_) : act(part);
   }
-  /// In the arithmetic of populations (cuda/population_policy.hpp): that of a policy in fp16, and near to that of the
-  /// fused kernel, which does not round biases.
-  bool join(std::span<const TeamStep> parts, PlayOut& plan) override {
-    at::NoGradGuard no_grad;
-    const std::optional<SmallMlp> mlp = actor_ ? actor_->small_mlp() : std::nullopt;
-    if (!mlp || actor_->normalizes()) return false;
-    if (actor_->precision() != Precision::fp16 && !fused_policy(*actor_)) return false;
-    const PackedMlp layout(*mlp);
-    if (!plan.take(layout, static_cast<int>(actor_->inputs().first))) return false;
-    const at::Tensor& values = actor_->parameters().values();
-    packed_ = at::empty({layout.size}, values.options().dtype(at::kHalf).requires_grad(false));
-    pack_population(layout, values.const_data_ptr<float>(), 1, values.size(0),
-                    static_cast<uint16_t*>(packed_.data_ptr()), parts[0].parallel_for.device().index,
-                    parts[0].parallel_for.stream());
-    const auto* network = static_cast<const uint16_t*>(packed_.const_data_ptr());
-    for (const TeamStep& part : joined(parts))
-      if (!plan.add({.team = part.team, .worlds = part.worlds, .networks = network, .greedy = greedy_})) return false;
-    return true;
-  }
 
  private:
   void act(const TeamStep& s) const {
@@ -107,7 +87,6 @@ class PolicyController final : public TeamController {
   const Policy& policy_;
   const Actor* const actor_;  // the policy, if it is one that kernels may know
   const bool greedy_;
-  at::Tensor packed_;  // [PackedMlp::size] its network, for a game that is played out
 };
 
 class GroupController final : public TeamController {

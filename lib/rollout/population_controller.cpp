@@ -4,7 +4,6 @@
 #include <map>
 
 #include "core/error.hpp"
-#include "cuda/play_out.hpp"
 #include "cuda/population_policy.hpp"
 #include "rollout/tensors.hpp"
 #include "scripted/population_scripts.hpp"
@@ -96,27 +95,6 @@ class FusedPopulations final : public PopulationController {
   FusedPopulations(const PopulationShape& shape, const Actor& network, bool greedy, const SmallMlp& mlp)
       : PopulationController(shape, network, greedy), layout_(mlp) {}
 
-  bool join(std::span<const TeamStep> teams, PlayOut& plan) override {
-    at::NoGradGuard no_grad;
-    if (!plan.take(layout_, static_cast<int>(network_.inputs().first))) return false;
-    if (!packed_[0].defined()) pack(teams[0].parallel_for.device().index, teams[0].parallel_for.stream());
-    for (size_t k = 0; k < populations_.size(); ++k) {
-      const auto part = [&](int team, size_t networks, MoverPart::By by) {
-        return plan.add({.team = team,
-                         .worlds = shape_.worlds(k),
-                         .by = by,
-                         .divisor = shape_.n_worlds,
-                         .ids = by == MoverPart::By::remainder ? opponents_of(k) : nullptr,
-                         .networks = static_cast<const uint16_t*>(packed_[networks].const_data_ptr()),
-                         .greedy = greedy_});
-      };
-      const int own = populations_[k].team;
-      if (!part(own, 2 * k, MoverPart::By::quotient) || !part(1 - own, 2 * k + 1, MoverPart::By::remainder))
-        return false;
-    }
-    return true;
-  }
-
  private:
   void take() override { packed_.resize(2 * populations_.size()); }
   void drop() override {
@@ -128,7 +106,7 @@ class FusedPopulations final : public PopulationController {
     const TeamStep& any = teams[0];
     const int device = any.parallel_for.device().index;
     void* const stream = any.parallel_for.stream();
-    if (!packed_[0].defined()) pack(device, stream);
+    if (!work_.defined()) pack(device, stream);
     PopulationPolicy policy = policy_of(teams);
     if (!work_.defined()) work_ = at::empty({population_work(policy) + 1}, opponent_.options());
     if (any.number % kListPeriod == 0) list_population_work(policy, work_.data_ptr<int32_t>(), device, stream);

@@ -155,10 +155,6 @@ void Simulator::step(const StepIo& io) {
   run(jobs_of_step(ending(), io), io, worlds_of_step(ending(), io));
 }
 
-void Simulator::play_out(const PlayOut&, const StepIo&, int64_t) {
-  GIGA_CHECK(false, "this simulator plays step by step");
-}
-
 void Simulator::observe(const StepIo& io) { run(jobs_of_observe(io), io, Worlds::all); }
 
 EpisodeStats take_host_stats(const StateView& state, int64_t n_worlds) {

@@ -15,8 +15,7 @@
 
 namespace giga {
 
-struct PlayOut;  // cuda/play_out.hpp
-struct Redraw;   // sim/image_state.hpp
+struct Redraw;  // sim/image_state.hpp
 
 struct SimOptions {
   int n_worlds = 1;
@@ -155,11 +154,6 @@ class Simulator {
   /// Draws ego images again from rows of Observation::image_state, all in the memory of the device; the same bytes as
   /// those that were drawn beside these rows.
   virtual void redraw(const Redraw& request) = 0;
-  /// Whether play_out is offered: OnDone::freeze with one episode, on a GPU.
-  virtual bool plays_out() const { return false; }
-  /// At most `n_steps` steps of every world, with the actions of `plan` in the buffers of `io`: what step by step comes
-  /// to, bit for bit, without the host. over() does not know of it.
-  virtual void play_out(const PlayOut& plan, const StepIo& io, int64_t n_steps);
   /// Sums of finished episodes since the last call; waits for queued steps.
   virtual EpisodeStats take_stats() = 0;
   /// OnDone::freeze: whether all worlds wait, as far as is known without waiting for the steps queued last: on a GPU it

@@ -230,7 +230,6 @@ struct FusedCase {
   const char* name;
   const char* scenario;
   const char* actor;
-  double near_fp32 = 0.97;  ///< share of agents: the more play, the more one that acts otherwise leads astray
 };
 void PrintTo(const FusedCase& c, std::ostream* out) { *out << c.name; }
 const FusedCase kFusedCases[] = {
@@ -243,10 +242,6 @@ const FusedCase kFusedCases[] = {
     {"TwentyAgainstOne",
      "limit_x: 20\nlimit_y: 20\nteam_0: [{type: default, count: 20}]\nteam_1: [{type: default, count: 1}]\n",
      "hidden: [40, 24]"},
-    {"FiveAgainstFive", "team_0: [{type: default, count: 5}]\nteam_1: [{type: default, count: 5}]\n", "hidden: [64, 64]",
-     0.96},
-    {"TenAgainstTen", "team_0: [{type: default, count: 10}]\nteam_1: [{type: default, count: 10}]\n",
-     "hidden: [64, 64]", 0.94},
     {"EgocentricViewAlone",
      "team_0: [{type: default, count: 3}]\nteam_1: [{type: default, count: 2}]\nmaps: two_rooms1\nobservation: "
      "{egocentric_view: true}\n",
@@ -281,69 +276,12 @@ TEST_P(LearnPopulationGamesGpu, TheFusedKernelPlaysAsTheCpu) {
     std::cout << GetParam().name << ", greedy " << greedy << ": fused " << share_near(fused, expected) << ", fp32 "
               << share_near(fused, libtorch) << std::endl;
     EXPECT_GT(share_near(fused, expected), 0.98);
-    EXPECT_GT(share_near(fused, libtorch), GetParam().near_fp32);
+    EXPECT_GT(share_near(fused, libtorch), 0.97);
     EXPECT_EQ(b.results(1).select(2, 0).sum().item<double>(), 630);
   }
 }
 INSTANTIATE_TEST_SUITE_P(All, LearnPopulationGamesGpu, testing::ValuesIn(kFusedCases),
                          [](const auto& c) { return std::string(c.param.name); });
-
-/// Watches and wants nothing: a game that is watched is played step by step.
-class Onlooker final : public GameObserver {};
-
-// A GPU that plays games out by itself comes to what steps one by one come to: episodes, statistics and all agents.
-TEST_P(LearnPopulationGamesGpu, PlayedOutIsStepByStep) {
-  if (cuda_device_count() == 0) GTEST_SKIP() << "no GPU";
-  const Device gpu{Device::Kind::cuda, 0};
-  const LoadedRun run = run_of(GetParam().scenario, GetParam().actor);
-  const Networks n(run, 70, gpu, Precision::fp16);
-  const ParallelFor parallel_for(gpu);
-  const int32_t blind = network_of_script(Scripted::circle_random), looks = network_of_script(Scripted::pursuer);
-  for (const bool greedy : {true, false}) {
-    Onlooker onlooker;
-    const PopulationGamesOptions options{70, 9, 2, true, greedy, 9, 2};
-    PopulationGames stepped(run.spec, options, n.actor, parallel_for), out(run.spec, options, n.actor, parallel_for);
-    stepped.watch(onlooker);
-    EXPECT_TRUE(out.simulator().plays_out());
-    for (const uint32_t generation : {0, 1}) {
-      for (PopulationGames* games : {&stepped, &out})
-        games->play({{0, n.members, n.opponents, {0, blind, 2, 1, 1, 0, looks, 2, 2}},
-                     {1, n.members, n.opponents, {2, 1, 0, looks, 0, 0, 0, 0, blind}}},
-                    generation);
-      for (const size_t k : {0, 1}) EXPECT_TRUE(at::equal(stepped.results(k), out.results(k))) << "population " << k;
-      EXPECT_TRUE(at::equal(positions(stepped), positions(out)));
-      EXPECT_EQ(stat(out.results(1), EpisodeStat::episodes), 630);
-    }
-  }
-}
-
-// The same for matches: scripts on both sides to the last bit, a policy of MAPPO to within its rounding.
-TEST(LearnPopulationGamesGpu, AMatchPlayedOutIsStepByStep) {
-  if (cuda_device_count() == 0) GTEST_SKIP() << "no GPU";
-  const Device gpu{Device::Kind::cuda, 0};
-  const LoadedRun run = run_of("", "hidden: [64, 64]");
-  Onlooker onlooker;
-  const auto play = [&](std::shared_ptr<TeamController> a, std::shared_ptr<TeamController> b, bool watched) {
-    return play_match(run.spec, std::move(a), std::move(b), {4096, 3, gpu, 1},
-                      watched ? std::vector<GameObserver*>{&onlooker} : std::vector<GameObserver*>());
-  };
-  const auto scripts = [&](bool watched) {
-    return play(script_controller(Scripted::pursuer), script_controller(Scripted::random), watched);
-  };
-  const MatchResult stepped = scripts(true), out = scripts(false);
-  EXPECT_EQ(stepped.wins[0], out.wins[0]);
-  EXPECT_EQ(stepped.mean_length, out.mean_length);
-  EXPECT_EQ(stepped.mean_return[1], out.mean_return[1]);
-
-  Networks n(run, 1, gpu, Precision::tf32);
-  n.actor.take_fused_kernels(true);
-  const auto policies = [&](bool watched) {
-    return play(policy_controller(n.actor), script_controller(Scripted::circle), watched);
-  };
-  const MatchResult a = policies(true), b = policies(false);
-  EXPECT_NEAR(a.mean_length, b.mean_length, 0.03 * a.mean_length);
-  EXPECT_NEAR(a.wins[0], b.wins[0], 0.03 * 4096);
-}
 
 // Whole episodes, in which worlds end one after the other and are left out from then on.
 TEST(LearnPopulationGamesGpu, WholeEpisodesAgreeInTheirShares) {
