@@ -230,22 +230,9 @@ struct Piece {
   }
 };
 
-/// Asks for the whole network of a piece to be brought to the L2 cache. A warp reads its network slab by slab, each
-/// when the products of the one before are done; without this it would wait for the memory of the GPU each time, with
-/// it once. It changes no number.
-__device__ void fetch_network(const PopulationPolicy& policy, const Piece& piece) {
-  if (piece.network < 0 || threadIdx.x % kWarp != 0) return;
-#if __CUDA_ARCH__ >= 900
-  const uint16_t* network = piece.part.networks + static_cast<int64_t>(piece.network) * policy.packed.size;
-  asm volatile("cp.async.bulk.prefetch.L2.global [%0], %1;" ::"l"(__cvta_generic_to_global(network)),
-               "r"(policy.packed.size * static_cast<int>(sizeof *network)));
-#endif
-}
-
 template <int kTiles>
 __device__ void move_piece(const PopulationPolicy& policy, int number, WarpMemory& memory) {
   const Piece piece = Piece::number(policy, number);
-  fetch_network(policy, piece);
   int64_t world;
   const unsigned mask = piece.playing(policy.phase, world);
   if (mask == 0) return;

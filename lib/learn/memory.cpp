@@ -20,7 +20,6 @@ namespace giga {
 namespace {
 
 constexpr int64_t kFirstTrial = 32;  // worlds or members, where the run has more
-constexpr double kTrialSeconds = 5;  // a longer trial is not made
 
 /// Of a GPU, what all its processes hold; of the CPU, the largest resident memory of this process so far.
 int64_t memory_taken(Device device) {
@@ -87,7 +86,7 @@ int64_t MemoryPlan::largest(int64_t available_bytes) const {
 }
 
 MemoryPlan measure_memory(const LoadedRun& run, Device device, int64_t free_bytes,
-                          const std::function<void(Learner&)>& evaluate) {
+                          const std::function<void(Learner&)>& evaluate, double trial_seconds) {
   const Algorithm& algorithm = algorithm_of(run.config);
   MemoryPlan plan{algorithm.size(run.config), {}, 0};
   plan.least_per_unit = static_cast<double>(algorithm.least_bytes(run)) / static_cast<double>(plan.size.value);
@@ -109,7 +108,7 @@ MemoryPlan measure_memory(const LoadedRun& run, Device device, int64_t free_byte
     const int64_t last = size;
     size = last < plan.size.value ? std::min(2 * last, plan.size.value) : 2 * last;
     if (plan.trials.size() < 2) continue;
-    if (size > plan.size.most || 2 * seconds > kTrialSeconds || plan.bytes(size) > free_bytes / 2) return plan;
+    if (size > plan.size.most || 2 * seconds > trial_seconds || plan.bytes(size) > free_bytes / 2) return plan;
   }
 }
 

@@ -27,11 +27,12 @@ struct MemoryPlan {
 };
 
 /// Makes learners of growing size, one after the other, and has each do two short updates, be used as `evaluate` says
-/// and be saved; goes on while that takes seconds and half of `free_bytes`. Bytes are, on a GPU, what its free memory
-/// loses (the run's host memory is not counted); on the CPU, how far the peak of the resident memory rises. Best called
-/// at the start of a process: what has been loaded before is not counted.
+/// and be saved; after the second trial only while the next would take at most `trial_seconds` and half of
+/// `free_bytes`. Bytes are, on a GPU, what its free memory loses (the run's host memory is not counted); on the CPU,
+/// how far the peak of the resident memory rises. Best called at the start of a process: what has been loaded before is
+/// not counted.
 MemoryPlan measure_memory(const LoadedRun& run, Device device, int64_t free_bytes,
-                          const std::function<void(Learner&)>& evaluate = {});
+                          const std::function<void(Learner&)>& evaluate = {}, double trial_seconds = 5);
 
 /// The plan for people: what was measured, whether the run fits, and the largest size that does.
 std::string plan_text(const LoadedRun& run, Device device, const MemorySpace& space, const MemoryPlan& plan);

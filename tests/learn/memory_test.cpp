@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <iostream>
+#include <limits>
 
 #include "core/error.hpp"
 #include "cuda/runtime.hpp"
@@ -174,8 +175,9 @@ class LearnMemory : public testing::TestWithParam<MemorySettings> {};
 
 TEST_P(LearnMemory, TheLineLeadsToTheNextTrial) {
   const LoadedRun run = load_sized(GetParam(), 64);
-  const MemoryPlan plan =
-      measure_memory(run, kCpu, 400 * kMiB, [&](Learner& learner) { play_a_match(run, kCpu, learner); });
+  const double however_slow = std::numeric_limits<double>::infinity();
+  const MemoryPlan plan = measure_memory(
+      run, kCpu, 400 * kMiB, [&](Learner& learner) { play_a_match(run, kCpu, learner); }, however_slow);
   EXPECT_TRUE(plan.measured(64));
   int64_t before = 0;
   for (const auto& [size, bytes] : plan.trials) {

@@ -150,7 +150,7 @@ void expect_learns_sides(const std::string& critic) {
     return right / rows;
   };
   const double before = share_right(false, 3);
-  share_right(true, 12);
+  share_right(true, 18);  // 12 come to 0.75 to 0.83, by the CPU
   const double after = share_right(false, 3);
   testing::Test::RecordProperty("before", std::to_string(before));
   testing::Test::RecordProperty("after", std::to_string(after));
