@@ -12,9 +12,14 @@ import math
 import sys
 import zlib
 
-FORMATS = (1, 2)  # worlds of up to 1,024 agents; crowds
+FORMATS = (3, 4)  # worlds of up to 1,024 agents; crowds
 MINDS = 64  # agents of each team of a crowd of which it is kept what their networks said
-STATES = (("x", 2), ("y", 2), ("z", 1), ("heading", 1), ("speed", 1), ("health", 1))  # name, order of differences
+FLIGHT = ("x", "y", "z", "heading", "speed")
+
+
+def f32(number):
+    """The 32-bit float that gigastep has for a number of the header."""
+    return array.array("f", [number])[0]
 
 
 class Bits:
@@ -33,13 +38,7 @@ class Episode:
     def __init__(self, replay, head, take):
         n, steps = len(replay["agents"]), head["steps"]
         self.teams = [sum(a["team"] == team for a in replay["agents"]) for team in (0, 1)]
-        self.head, self.states, self.crowd = head, steps + 1, replay["format"] == 2
-        longer = max(replay["rules"]["limit_x"], replay["rules"]["limit_y"])
-        place = max(longer / 30000, 0.01) if self.crowd else longer / 5000
-        unit = {"x": place, "y": place, "z": 0.02, "heading": 2 * math.pi / 65536, "speed": 0.05, "health": 0.01}
-        for name, order in STATES:
-            rows = self.columns(take(2 * n * self.states), n, order)
-            setattr(self, name, [[unit[name] * number for number in row] for row in rows])
+        self.head, self.states, self.crowd = head, steps + 1, replay["format"] == 4
         if self.crowd:
             self.read_deaths(take, n)
         discrete = replay["actions"] == "discrete"
@@ -49,6 +48,7 @@ class Episode:
         numbers = actions if discrete else array.array("f", actions)
         width = len(numbers) // n
         self.action = [numbers[i * width:(i + 1) * width] for i in range(n)]  # continuous: three numbers a step
+        self.read_flight(replay, take, n)
         opponents = 0 if self.crowd else 2 * self.teams[0] * self.teams[1] * ((self.states + 7) // 8)
         mates = sum(m * (m - 1) for m in self.teams) * ((self.states + 7) // 8) if n <= 64 else 0
         sees = n * ((self.states + 7) // 8) if self.crowd else opponents  # crowd: is the agent seen by an opponent?
@@ -57,12 +57,16 @@ class Episode:
         for team, m in enumerate(self.teams):
             mind = head[f"mind_{team}"]
             low, high, rows = mind["low"], mind["high"], (min(m, MINDS) if self.crowd else m) * self.states
-            scale = (high - low) / 63
-            values = self.cut([low + scale * v for v in take(rows if low < high else 0)])
-            self.value.append(values)  # [n][states], or nothing
-            self.likely.append(self.cut(take(rows * (mind["top"] if discrete else 3 * mind["top"]))))
-            self.probability.append(self.cut([v / 31 for v in take(rows * mind["top"] if discrete else 0)]))
+            values = self.cut(take(rows if low < high else 0))
+            self.value.append([[low + (high - low) * (v % 256) / 31 for v in itertools.accumulate(row)] for row in values])
+            ranks = mind["top"] if discrete else 3 * mind["top"]
+            likely, probability = take(rows * ranks), take(rows * ranks if discrete else 0)
+            self.likely.append([row for rank in range(ranks) for row in self.cut(likely[rank::ranks])])
+            shares = [row for rank in range(ranks) for row in self.cut(probability[rank::ranks])]
+            self.probability.append([[v / 15 for v in row] for row in shares])
         self.fire = self.read_fire(take) if self.crowd else None
+        if not self.crowd:
+            self.add_hits(replay["rules"]["min_tracking_time"])
 
     def read_deaths(self, take, n):
         """Of a crowd: when the agents died (-1: they lived), of what, and by whose fire."""
@@ -85,15 +89,56 @@ class Episode:
     def cut(self, numbers):
         return [numbers[k:k + self.states] for k in range(0, len(numbers), self.states)]
 
-    def columns(self, data, n, order):
-        """Low bytes, then high bytes, of differences folded to 0, -1, 1, -2, 2, ..."""
-        half = len(data) // 2
-        folded = [low | high << 8 for low, high in zip(data[:half], data[half:])]
-        apart = [-(f + 1) // 2 if f & 1 else f // 2 for f in folded]
-        for row in self.cut(apart):
-            if order == 2:
-                row = row[:1] + list(itertools.accumulate(row[1:]))
-            yield [(v + 32768) % 65536 - 32768 for v in itertools.accumulate(row)]
+    def read_flight(self, replay, take, n):
+        """States: what they differ by from where the actions lead (docs/replays.md)."""
+        rules, flight = replay["rules"], {name: f32(number) for name, number in replay["flight"].items()}
+        longer, dt = max(rules["limit_x"], rules["limit_y"]), f32(rules["seconds_per_step"])
+        place = max(f32(f32(longer) / 30000), f32(0.01)) if self.crowd else f32(f32(longer) / 5000)
+        unit = (place, place, f32(0.02), 2 * math.pi / 65536, f32(0.05))
+        start = array.array("f", take(4 * len(FLIGHT) * n))
+        apart = [self.cut(unfolded(take(2 * n * self.states))) for _ in FLIGHT]
+        for name in FLIGHT:
+            setattr(self, name, [])
+        for i, agent in enumerate(replay["agents"]):
+            x, y, z, heading, speed = start[i::n]
+            thrust, died, rows = flight["thrust"] * f32(agent["thrust"]), self.head["died"][i], [[] for _ in FLIGHT]
+            for s in range(self.states):
+                if s > 0 and (died < 0 or s <= died):
+                    turn, dive, throttle = controls(self.action[i], s - 1, replay["actions"])
+                    heading += dt * flight["turn_rate"] * turn
+                    pushed = speed + dt * thrust * throttle
+                    pushed -= flight["drag"] * pushed * pushed
+                    x += dt * pushed * math.cos(heading)
+                    y += dt * pushed * math.sin(heading)
+                    above = min(max(z + dt * flight["climb_rate"] * dive, 0.0), rules["limit_z"])
+                    speed = math.sqrt(max(pushed * pushed + flight["half_gravity"] * (z - above), flight["min_speed"] ** 2))
+                    z = above
+                now = [x, y, z, heading, speed]
+                for c, row in enumerate(rows):
+                    step = 64 if c == 3 else 1  # of headings every 64th is used
+                    expected = rounded(now[c] / (unit[c] * step)) * step
+                    difference = apart[c][i][s]
+                    number = (expected + difference + 32768) % 65536 - 32768
+                    if abs(difference) > step:  # more than a rounding
+                        now[c] = number * unit[c]
+                    row.append(number * unit[c])
+                x, y, z, heading, speed = now
+            for name, row in zip(FLIGHT, rows):
+                getattr(self, name).append(row)
+        self.health = [[0.01 * v for v in itertools.accumulate(row)] for row in self.cut(unfolded(take(2 * n * self.states)))]
+
+    def add_hits(self, min_tracking_time):
+        """Fire does damage from the step after `min_tracking_time` on."""
+        n0, n1 = self.teams
+        hits = []
+        for target in range(n0 + n1):
+            for shooter in range(n0, n0 + n1) if target < n0 else range(n0):
+                pair, unbroken = self.sees_pair(target, shooter), 0
+                for step in range(self.states):
+                    unbroken = unbroken + 1 if self.fires.at(pair, step) else 0
+                    if unbroken == min_tracking_time + 1:
+                        hits.append({"step": step, "what": "hit", "agent": shooter, "other": target})
+        self.head["events"] = sorted(self.head["events"] + hits, key=lambda event: event["step"])
 
     def sees_pair(self, target, opponent):
         """Number of a pair in `sees` and `fires`: is the target detected by, or under fire of, the opponent?"""
@@ -106,6 +151,24 @@ class Episode:
         first, n = team * self.teams[0], self.teams[team]
         row = (listener - first) * (n - 1) + mate - first - (mate > listener)
         return row + (self.teams[0] * (self.teams[0] - 1) if team else 0)
+
+
+def rounded(number):
+    return int(math.copysign(math.floor(abs(number) + 0.5), number))
+
+
+def controls(actions, step, kind):
+    """Heading, dive and throttle, from -1 to 1."""
+    if kind == "continuous":
+        return [min(max(c, -1.0), 1.0) for c in actions[3 * step:3 * step + 3]]
+    return actions[step] // 3 % 3 - 1, actions[step] % 3 - 1, actions[step] // 9 - 1
+
+
+def unfolded(data):
+    """16-bit numbers, folded to 0, -1, 1, -2, 2, ...: all low bytes, then all high ones."""
+    half = len(data) // 2
+    folded = (low | high << 8 for low, high in zip(data[:half], data[half:]))
+    return [-(f + 1) // 2 if f & 1 else f // 2 for f in folded]
 
 
 def numbers(data):

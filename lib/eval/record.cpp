@@ -15,6 +15,7 @@
 #include "rollout/stream.hpp"
 #include "scenario/compile.hpp"
 #include "scenario/loader.hpp"
+#include "sim/physics.hpp"
 
 namespace giga {
 namespace {
@@ -116,6 +117,7 @@ std::string other_difference(const ReplayEpisode& a, const ReplayEpisode& b) {
     return x.from == y.from && x.to == y.to && x.x1 == y.x1 && x.y1 == y.y1 && x.x2 == y.x2 && x.y2 == y.y2;
   };
   if (a.map != b.map) return "in its map";
+  if (a.start != b.start) return "in how it starts";
   if (a.winner != b.winner || a.at_time_limit != b.at_time_limit) return "in who wins";
   if (a.score != b.score || a.returns != b.returns) return "in its scores or returns";
   if (a.died != b.died || a.cause != b.cause) return "in who dies";
@@ -150,6 +152,8 @@ Replay replay_frame(const Scenario& scenario, const SimSpec& spec, const std::st
   replay.scenario = print_yaml(scenario, false);
   replay.actions = static_cast<ReplayActions>(spec.params.actions);
   replay.rules = rules_of(scenario, spec.params);
+  replay.flight = {Physics::turn_rate, Physics::climb_rate,   Physics::thrust,
+                   Physics::drag,      Physics::half_gravity, Physics::min_speed};
   replay.agents = agents_of(scenario, spec);
   replay.maps = maps_of(spec);
   return replay;

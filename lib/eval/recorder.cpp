@@ -152,6 +152,7 @@ struct Recorder::World {
   bool over = false;
   int states = 0, map = 0;
   uint32_t check = 0;
+  std::vector<float> start;  // [5, N]
   std::vector<int16_t> x, y, z, heading, speed, health;
   std::vector<uint8_t> action;  // [T, N, bytes of one]
   std::vector<int> died;
@@ -179,6 +180,8 @@ void Recorder::World::note(const SimSpec& spec, const WorldView& w, const Lists&
   for (const float* field : {w.x, w.y, w.z, w.v, w.heading, w.health}) add_check(field);
   add_check(w.alive);
   map = *w.map;
+  if (states == 0)
+    for (const float* field : {w.x, w.y, w.z, w.heading, w.v}) start.insert(start.end(), field, field + n);
   for (int i = 0; i < n; ++i) {
     x.push_back(whole_multiple(w.x[i], place_unit));
     y.push_back(whole_multiple(w.y[i], place_unit));
@@ -226,7 +229,6 @@ void Recorder::World::note_pairs(const SimParams& p, const WorldView& w) {
       }
       const int tracked = w.tracked[int64_t{a} * n + b];
       if (tracked > 0) fires.set(pairs.opponents(a, b), states);
-      if (tracked == p.min_tracking_time + 1) event(ReplayEventKind::hit, b, a);
       if (tracked > p.min_tracking_time) shooter = b;
       if (!bit(w.detected + int64_t{a} * words, b)) continue;
       sees.set(pairs.opponents(a, b), states);
@@ -566,6 +568,7 @@ std::vector<ReplayEpisode> Recorder::episodes(const std::string& seed) const {
     e.events = w.events;
     e.waypoints = w.waypoints;
     e.state_check = w.check;
+    e.start = w.start;
     e.x = transposed(w.x, states, n);
     e.y = transposed(w.y, states, n);
     e.z = transposed(w.z, states, n);
@@ -628,6 +631,8 @@ std::vector<ReplayEpisode> Recorder::episodes(const std::string& seed) const {
       by_rank(mind.likely);
       by_rank(mind.probability);
     }
+    if (!is_crowd(spec_.params))
+      GIGA_CHECK(add_hits(w.pairs, spec_.params.min_tracking_time, e), "an episode of millions of hits");
     forget_the_dead(spec_.params, e);
     const std::string_view actions(reinterpret_cast<const char*>(e.action.data()), e.action.size());
     e.action_check = crc32_of(actions, crc32_of(seed));

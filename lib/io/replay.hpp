@@ -14,7 +14,7 @@
 namespace giga {
 
 /// Of worlds in which pairs are kept, and of crowds: those of more agents.
-constexpr int kReplayFormat = 1, kCrowdFormat = 2;
+constexpr int kReplayFormat = 3, kCrowdFormat = 4;
 /// The most agents of a world of which it is kept of each pair who detects and who shoots at whom; the most of all.
 constexpr int kMostPaired = 1024, kMostReplayAgents = 20'000;
 /// Agents of each team of a crowd, the first ones, of which it is kept what their networks said.
@@ -31,7 +31,7 @@ constexpr float kReplayPlaces = 5000, kCrowdPlaces = 30000, kCrowdPlace = 0.01f,
                 kReplayTurn = 65536, kReplaySpeed = 0.05f, kReplayHealth = 0.01f;
 
 /// Steps in which values and probabilities are kept.
-constexpr int kReplayValues = 63, kReplayShares = 31;
+constexpr int kReplayValues = 31, kReplayShares = 15;
 
 enum class ReplayActions : uint8_t { discrete, continuous };
 constexpr std::array<const char*, 2> enum_names(ReplayActions) { return {"discrete", "continuous"}; }
@@ -82,6 +82,12 @@ struct ReplayRules {
   bool obstacle_heights = false;
 };
 
+/// The numbers of flight by which a reader expects the next state (replay_flight.hpp). Angles in radians, times in
+/// seconds; see Physics.
+struct ReplayFlight {
+  float turn_rate = 0, climb_rate = 0, thrust = 0, drag = 0, half_gravity = 0, min_speed = 0;
+};
+
 struct ReplayEvent {
   int step = 0;
   ReplayEventKind what = ReplayEventKind::contact;
@@ -118,12 +124,14 @@ struct ReplayEpisode {
   std::array<float, 2> returns{}, score{};  ///< by team
   std::vector<int> died;                    ///< by agent: the first state in which it is dead; -1: it lived
   std::vector<ReplayDeath> cause;           ///< by agent
-  /// Of a crowd without hits, and with the deaths behind all others of their step, by agent.
+  /// In each step the hits last, by target and shooter (add_hits). Of a crowd without hits, and with the deaths last,
+  /// by agent.
   std::vector<ReplayEvent> events;
   std::vector<ReplayWaypoint> waypoints;
   std::array<ReplayMind, 2> mind;
   int64_t action_check = 0, state_check = 0;  ///< action_checksum; crc32_of all states, bit for bit (docs/replays.md)
 
+  std::vector<float> start;                              ///< [5, N] x, y, z, heading and speed of state 0, exactly
   std::vector<int16_t> x, y, z, heading, speed, health;  ///< [N, states] see kReplayPlaces
   std::vector<uint8_t> action;  ///< [N, T] indices, or [N, T, 3] floats of 4 bytes; the dead do nothing
   /// Bits [pairs, states], those of a pair filled up to whole bytes. Pairs by target and opponent, by target and
@@ -141,6 +149,7 @@ struct Replay {
   ReplayActions actions = ReplayActions::discrete;
   std::array<std::string, 2> players, origins;  ///< by side: as the user names them; which file that was
   ReplayRules rules;
+  ReplayFlight flight;
   std::vector<ReplayAgent> agents;  ///< team 0 first
   std::vector<ReplayMap> maps;
   std::vector<ReplayEpisode> episodes;
@@ -158,6 +167,7 @@ class ReplayPairs {
  public:
   explicit ReplayPairs(const Replay& replay) : n_{replay.n_team(0), replay.n_team(1)} {}
   ReplayPairs(int n_0, int n_1) : n_{n_0, n_1} {}
+  int n_team(int team) const { return n_[team]; }
   int64_t n_opponents() const { return int64_t{2} * n_[0] * n_[1]; }
   int64_t n_mates() const { return int64_t{n_[0]} * (n_[0] - 1) + int64_t{n_[1]} * (n_[1] - 1); }
   int64_t opponents(int target, int opponent) const {
@@ -180,6 +190,10 @@ float place_unit(float longer_side, int n_agents);
 int64_t action_checksum(const Replay& replay, const ReplayEpisode& episode);
 /// zlib's CRC-32 of bytes, going on from that of bytes before.
 uint32_t crc32_of(std::string_view bytes, uint32_t before = 0);
+
+/// Adds the hits to the events, as `fires` tells them: fire does damage from the step after `min_tracking_time` on.
+/// False where they are more than a reader can be asked to hold.
+bool add_hits(const ReplayPairs& pairs, int min_tracking_time, ReplayEpisode& e);
 
 /// Why games of this kind, `frame`, may have no room in one replay; empty: they have. To be asked before they are
 /// played.
@@ -223,6 +237,15 @@ void visit_fields(V& v, ReplayRules& c) {
   v("max_tracking_time", c.max_tracking_time, "", at_least(0));
   v("waypoints", c.waypoints, "");
   v("obstacle_heights", c.obstacle_heights, "");
+}
+template <class V>
+void visit_fields(V& v, ReplayFlight& c) {
+  v("turn_rate", c.turn_rate, "radians a second at full heading control");
+  v("climb_rate", c.climb_rate, "altitude a second at full dive control");
+  v("thrust", c.thrust, "speed a second at full throttle, times that of the agent");
+  v("drag", c.drag, "speed lost in a step, times speed^2");
+  v("half_gravity", c.half_gravity, "of altitude lost, what is gained in speed^2");
+  v("min_speed", c.min_speed, "");
 }
 template <class V>
 void visit_fields(V& v, ReplayEvent& c) {
@@ -274,6 +297,7 @@ void visit_header(V& v, Replay& c, Agents& agents) {
   v("players", c.players, "by side");
   v("origins", c.origins, "by side: file");
   v.group("rules", c.rules, "");
+  v.group("flight", c.flight, "");
   v.list("agents", agents, "team 0 first");
   v.list("maps", c.maps, "");
   v.list("episodes", c.episodes, "");

@@ -112,30 +112,38 @@ class LiveEpisode extends EpisodeBase {
     this.event("waypoint");
   }
 
+  // The first state, what states differ by from where the actions lead, and health.
+  stateColumns(action) {
+    const {n} = this, states = this.steps + 1, at = (i, s) => i * this.states + s, f = Math.fround;
+    const start = new Float32Array(5 * n);
+    FLIGHT.forEach((name, c) => { for (let i = 0; i < n; ++i) start[c * n + i] = this[name][at(i, 0)]; });
+    const columns = Array.from({length: 6}, () => new Uint8Array(2 * n * states));
+    const put = (column, k, number) => {
+      const apart = number << 16 >> 16, folded = apart < 0 ? -2 * apart - 1 : 2 * apart;
+      columns[column][k] = folded;
+      columns[column][n * states + k] = folded >> 8;
+    };
+    for (let i = 0; i < n; ++i) {
+      const flight = new ExpectedFlight(this.replay, i, FLIGHT.map((_, c) => start[c * n + i])), {units} = flight;
+      for (let s = 0, health = 0; s < states; ++s) {
+        if (s > 0 && (this.head.died[i] < 0 || s <= this.head.died[i])) flight.step(this.controls(i, s - 1, action));
+        const expected = flight.numbers(), actual = FLIGHT.map((name, c) => {
+          const value = this[name][at(i, s)];
+          return c === 3 ? nearest(value * (1024 / PI2)) * 64 << 16 >> 16 : int16(f(value / units[c]));
+        });
+        flight.correct(expected, actual);
+        for (let c = 0; c < 5; ++c) put(c, i * states + s, actual[c] - expected[c]);
+        const now = int16(f(this.health[at(i, s)] / f(0.01)));
+        put(5, i * states + s, now - health);
+        health = now;
+      }
+    }
+    return [new Uint8Array(start.buffer), ...columns];
+  }
+
   // The game as a file, once it is over.
   async file(seed, players) {
-    const {n, head} = this, {rules} = this.replay, steps = this.steps, states = steps + 1, parts = [];
-    const place = Math.fround(Math.fround(Math.max(rules.limit_x, rules.limit_y)) / 5000);
-    const whole = unit => value => {
-      const count = Math.fround(value / unit);
-      return Math.max(-32768, Math.min(32767, Math.sign(count) * Math.floor(Math.abs(count) + 0.5)));
-    };
-    const turn = value => { const at = value * (1024 / PI2); return Math.sign(at) * Math.floor(Math.abs(at) + 0.5) * 64; };
-    const columns = [["x", 2, whole(place)], ["y", 2, whole(place)], ["z", 1, whole(Math.fround(0.02))], ["heading", 1, turn],
-                     ["speed", 1, whole(Math.fround(0.05))], ["health", 1, whole(Math.fround(0.01))]];
-    for (const [name, order, number] of columns) {
-      const bytes = new Uint8Array(2 * n * states);
-      for (let i = 0; i < n; ++i) {
-        let before = 0, earlier = 0;
-        for (let k = 0; k < states; ++k) {
-          const value = number(this[name][i * this.states + k]), expected = order === 1 || k < 2 ? before : 2 * before - earlier;
-          const apart = (value - expected) << 16 >> 16, folded = apart < 0 ? -2 * apart - 1 : 2 * apart;
-          bytes[i * states + k] = folded; bytes[n * states + i * states + k] = folded >> 8;
-          earlier = before; before = value;
-        }
-      }
-      parts.push(bytes);
-    }
+    const {n, head} = this, steps = this.steps, states = steps + 1, parts = [];
     // The dead do nothing.
     const size = this.discrete ? 1 : 3, action = new (this.discrete ? Uint8Array : Float32Array)(n * steps * size);
     for (let i = 0; i < n; ++i)
@@ -143,7 +151,7 @@ class LiveEpisode extends EpisodeBase {
         for (let k = 0; k < size; ++k)
           action[(i * steps + t) * size + k] = this.alive(i, t) ? this.done[t][i * size + k] : this.discrete ? 13 : 0;
     const actions = new Uint8Array(action.buffer), row = (states + 7) >> 3;
-    parts.push(actions);
+    parts.push(actions, ...this.stateColumns(action));
     for (const bits of [this.sees, this.fires, this.hears]) {
       if (!bits) continue;
       const pairs = bits.data.length / bits.row, cut = new Uint8Array(pairs * row);
@@ -151,12 +159,13 @@ class LiveEpisode extends EpisodeBase {
       parts.push(cut);
     }
     const nothing = {low: 0, high: 0, top: 0}, text = new TextEncoder();
-    const episode = {...head, mind_0: nothing, mind_1: nothing, action_check: crc32(actions, crc32(text.encode(seed))),
+    const events = head.events.filter(event => event.what !== "hit");  // as `fires` tells them
+    const episode = {...head, events, mind_0: nothing, mind_1: nothing, action_check: crc32(actions, crc32(text.encode(seed))),
                      state_check: this.check};
     const header = text.encode(JSON.stringify({...this.replay, seed, players, origins: ["", ""], episodes: [episode]}));
     const length = new Uint8Array(4);
     new DataView(length.buffer).setUint32(0, header.length, true);
     const packed = new Blob([length, header, ...parts]).stream().pipeThrough(new CompressionStream("deflate"));
-    return new Uint8Array(await new Response(new Blob(["gigastep replay 1\n", await new Response(packed).arrayBuffer()])).arrayBuffer());
+    return new Uint8Array(await new Response(new Blob(["gigastep replay 3\n", await new Response(packed).arrayBuffer()])).arrayBuffer());
   }
 }

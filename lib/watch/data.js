@@ -75,21 +75,27 @@ class EpisodeBase {
   value(i, state) {
     const mind = this.minds[this.team(i)], row = i - this.team(i) * this.teams[0];
     if (!mind.value.length || row >= this.minded(this.team(i))) return null;
-    return mind.low + (mind.high - mind.low) * mind.value[row * this.states + state] / 63;
+    return mind.low + (mind.high - mind.low) * mind.value[row * this.states + state] / 31;
   }
   // The likeliest actions of agent i in a state: [action, probability]; continuous: three means.
   likely(i, state) {
     const team = this.team(i), mind = this.minds[team], rows = this.minded(team), row = i - team * this.teams[0];
     if (!mind.likely.length || row >= rows) return null;
-    const at = rank => (rank * rows + row) * this.states + state;
-    if (this.replay.actions !== "discrete") return [0, 1, 2].map(k => (mind.likely[at(k)] - 128) / 127);
-    return [...Array(mind.top).keys()].map(rank => [mind.likely[at(rank)], mind.probability[at(rank)] / 31]);
+    const ranks = this.replay.actions === "discrete" ? mind.top : 3, at = (row * this.states + state) * ranks;
+    if (this.replay.actions !== "discrete") return [0, 1, 2].map(k => (mind.likely[at + k] - 128) / 127);
+    return [...Array(ranks).keys()].map(rank => [mind.likely[at + rank], mind.probability[at + rank] / 15]);
   }
   // What agent i does in step `state`: its number, or three controls.
   actionAt(i, state) {
     if (state >= this.steps || !this.alive(i, state)) return null;
     const at = i * this.steps + state;
     return this.replay.actions === "discrete" ? this.action[at] : [...this.action.slice(3 * at, 3 * at + 3)];
+  }
+  // The controls of that: heading, dive, throttle, from -1 to 1.
+  controls(i, state, action = this.action) {
+    const at = i * this.steps + state;
+    if (this.replay.actions === "discrete") return controlsOf(action[at]);
+    return [0, 1, 2].map(k => Math.min(Math.max(action[3 * at + k], -1), 1));
   }
   boxes() { return this.replay.maps[this.head.map].boxes; }
 }
@@ -100,18 +106,10 @@ class Episode extends EpisodeBase {
     super(replay, head);
     const {n} = this, steps = head.steps, states = steps + 1;
     this.steps = steps; this.states = states;
-    const {limit_x, limit_y} = replay.rules, longer = Math.max(limit_x, limit_y);
-    const place = this.crowd ? Math.max(longer / 30000, 0.01) : longer / 5000;
-    const column = (unit, order) => unfold(take(2 * n * states), n, states, order, unit);
-    this.x = column(place, 2);
-    this.y = column(place, 2);
-    this.z = column(0.02, 1);
-    this.heading = column(PI2 / 65536, 1);
-    this.speed = column(0.05, 1);
-    this.health = column(0.01, 1);
     if (this.crowd) this.readDeaths(take);
     const discrete = replay.actions === "discrete", actions = take(n * steps * (discrete ? 1 : 12));
     this.action = discrete ? actions : new Float32Array(actions.slice().buffer);
+    this.readStates(take);
     const bytes = (states + 7) >> 3, opponents = 2 * this.teams[0] * this.teams[1] * bytes;
     const mates = n > 64 ? 0 : this.teams.reduce((sum, m) => sum + m * (m - 1), 0) * bytes;
     this.sees = new Bits(take(this.crowd ? n * bytes : opponents), states);
@@ -119,11 +117,49 @@ class Episode extends EpisodeBase {
     this.hears = mates || n <= 64 ? new Bits(take(mates), states) : null;
     this.minds = [0, 1].map(team => {
       const mind = head[`mind_${team}`], rows = this.minded(team) * states;
-      return {...mind, value: take(mind.low < mind.high ? rows : 0),
+      const value = take(mind.low < mind.high ? rows : 0);
+      for (let k = 0; k < value.length; ++k) if (k % states) value[k] += value[k - 1];
+      return {...mind, value,
               likely: take(discrete ? mind.top * rows : mind.top ? 3 * rows : 0),
               probability: take(discrete ? mind.top * rows : 0)};
     });
-    if (this.crowd) this.readFire(take);
+    if (this.crowd) this.readFire(take); else this.addHits();
+  }
+  // What states differ by from where the actions lead.
+  readStates(take) {
+    const {n, states, head} = this, start = new Float32Array(take(20 * n).slice().buffer);
+    const apart = FLIGHT.map(() => unfolded(take(2 * n * states), n * states));
+    for (const name of FLIGHT) this[name] = new Float32Array(n * states);
+    for (let i = 0; i < n; ++i) {
+      const flight = new ExpectedFlight(this.replay, i, FLIGHT.map((_, c) => start[c * n + i])), {units} = flight;
+      for (let s = 0, at = i * states; s < states; ++s, ++at) {
+        if (s > 0 && (head.died[i] < 0 || s <= head.died[i])) flight.step(this.controls(i, s - 1));
+        const expected = flight.numbers(), actual = expected.map((number, c) => (number + apart[c][at]) << 16 >> 16);
+        flight.correct(expected, actual);
+        FLIGHT.forEach((name, c) => { this[name][at] = actual[c] * units[c]; });
+      }
+    }
+    const health = unfolded(take(2 * n * states), n * states);
+    this.health = new Float32Array(n * states);
+    for (let at = 0, value = 0; at < n * states; ++at) {
+      value = (at % states ? value : 0) + health[at];
+      this.health[at] = 0.01 * value;
+    }
+  }
+  // Fire does damage from the step after `min_tracking_time` on.
+  addHits() {
+    const hits = [], most = this.replay.rules.min_tracking_time + 1;
+    for (let target = 0; target < this.n; ++target) {
+      const [from, to] = this.opponents(target);
+      for (let shooter = from; shooter < to; ++shooter) {
+        const pair = this.pair(target, shooter);
+        for (let step = 0, unbroken = 0; step < this.states; ++step) {
+          unbroken = this.fires.at(pair, step) ? unbroken + 1 : 0;
+          if (unbroken === most) hits.push({step, what: "hit", agent: shooter, other: target});
+        }
+      }
+    }
+    this.head.events = [...this.head.events, ...hits].sort((a, b) => a.step - b.step);
   }
   // Of a crowd, these are columns: who died when, of what, and shot by whom.
   readDeaths(take) {
@@ -149,25 +185,57 @@ function numbers(data, count) {
   return values;
 }
 
-// Low bytes, then high ones, of differences that are folded to 0, -1, 1, -2, 2, ...
-function unfold(data, n, states, order, unit) {
-  const count = n * states, values = new Float32Array(count);
-  for (let row = 0; row < n; ++row) {
-    let value = 0, slope = 0;
-    for (let k = 0; k < states; ++k) {
-      const at = row * states + k, folded = data[at] | data[count + at] << 8;
-      const apart = folded & 1 ? -(folded + 1) / 2 : folded / 2;
-      slope = order === 2 && k > 1 ? slope + apart : apart;
-      value = k === 0 ? apart : value + slope;
-      values[at] = unit * ((value + 32768 & 65535) - 32768);
-    }
+// Low bytes, then high ones, of numbers that are folded to 0, -1, 1, -2, 2, ...
+function unfolded(data, count) {
+  const numbers = new Int32Array(count);
+  for (let k = 0; k < count; ++k) {
+    const folded = data[k] | data[count + k] << 8;
+    numbers[k] = folded & 1 ? -(folded + 1) / 2 : folded / 2;
   }
-  return values;
+  return numbers;
+}
+
+const FLIGHT = ["x", "y", "z", "heading", "speed"];
+const nearest = number => Math.sign(number) * Math.floor(Math.abs(number) + 0.5);
+const int16 = number => Math.max(-32768, Math.min(32767, nearest(number)));
+
+// Where an agent is expected next (docs/replays.md), in the order of FLIGHT. Numbers of the header are 32-bit floats.
+class ExpectedFlight {
+  constructor(replay, i, start) {
+    const f = Math.fround, {rules, flight} = replay, longer = f(Math.max(rules.limit_x, rules.limit_y));
+    const place = replay.agents.length > PAIRED ? Math.max(f(longer / 30000), f(0.01)) : f(longer / 5000);
+    this.units = [place, place, f(0.02), PI2 / 65536, f(0.05)];
+    this.now = [...start];
+    this.dt = f(rules.seconds_per_step); this.top = f(rules.limit_z); this.turn = f(flight.turn_rate);
+    this.climb = f(flight.climb_rate); this.thrust = f(flight.thrust) * f(replay.agents[i].thrust); this.drag = f(flight.drag);
+    this.gravity = f(flight.half_gravity); this.least = f(flight.min_speed) * f(flight.min_speed);
+  }
+  numbers() {
+    const [x, y, z, heading, speed] = this.now, [place, , height, , fast] = this.units;
+    return [int16(x / place), int16(y / place), int16(z / height), nearest(heading / PI2 * 1024) * 64 << 16 >> 16,
+            int16(speed / fast)];
+  }
+  step([turn, dive, throttle]) {
+    let [x, y, z, heading, speed] = this.now;
+    const {dt} = this;
+    heading += dt * this.turn * turn;
+    const pushed = speed + dt * this.thrust * throttle, flown = pushed - this.drag * pushed * pushed;
+    x += dt * flown * Math.cos(heading);
+    y += dt * flown * Math.sin(heading);
+    const above = Math.min(Math.max(z + dt * this.climb * dive, 0), this.top);
+    speed = Math.sqrt(Math.max(flown * flown + this.gravity * (z - above), this.least));
+    this.now = [x, y, above, heading, speed];
+  }
+  // What differs by more than a rounding becomes what is so.
+  correct(expected, actual) {
+    for (let c = 0; c < FLIGHT.length; ++c)
+      if (Math.abs((actual[c] - expected[c]) << 16 >> 16) > (c === 3 ? 64 : 1)) this.now[c] = actual[c] * this.units[c];
+  }
 }
 
 // A replay that this page cannot show; the message says why.
 class BadReplay extends Error {}
-const NEWEST_FORMAT = 2;
+const OLDEST_FORMAT = 3, NEWEST_FORMAT = 4;
 
 // What the first line of a replay announces, unpacked.
 async function unpackReplay(bytes) {
@@ -176,6 +244,8 @@ async function unpackReplay(bytes) {
   if (!format) throw new BadReplay("a replay is damaged: its first line makes no sense");
   if (format[1] > NEWEST_FORMAT)
     throw new BadReplay(`a replay has format ${format[1]}, newer than ${NEWEST_FORMAT}, which this page reads`);
+  if (format[1] < OLDEST_FORMAT)
+    throw new BadReplay(`a replay has format ${format[1]}, older than ${OLDEST_FORMAT}, which this page reads`);
   if (typeof DecompressionStream === "undefined") throw new BadReplay("a browser of 2023 or later is needed");
   const stream = new Blob([bytes.subarray(end + 1)]).stream().pipeThrough(new DecompressionStream("deflate"));
   return new Uint8Array(await new Response(stream).arrayBuffer().catch(() => {

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <iostream>
 #include <memory>
 
 #include "io/browser.hpp"
@@ -31,6 +32,36 @@ TEST(Record, GamesOfAHalfMinuteFitTheirSizes) {
   EXPECT_LE(size_of_file(here, "g1.replay"), 15u << 10);
   EXPECT_LE(size_of_file(here, "g2.html"), size_of_file(here, "g1.html") + (25u << 10));
   EXPECT_LE(size_of_file(here, "g1.html"), (400u + 25u) << 10);
+}
+
+// Networks that draw their actions at random cost the most: 5 agents a side that no shot and no collision can kill.
+TEST(Record, TrainedTeamsThatLiveForAHalfMinuteFitTheirSizes) {
+  const Workplace here;
+  const Outcome trained = here.run({"train", source_path("configs/quickstart.yaml"), "--run-dir", "run", "--quiet",
+                                    "--set", "train.total_agent_steps=2_000_000", "--set", "eval.every_updates=0"});
+  ASSERT_EQ(trained.code, 0) << trained.err;
+  for (const char* episodes : {"1", "2"}) {
+    const Outcome outcome =
+        here.run({"record", "run", "--episodes", episodes, "--set", "environment.collision.collision_range=0", "--set",
+                  "environment.damage.damage_per_second=0", "--out", std::string("g") + episodes});
+    ASSERT_EQ(outcome.code, 0) << outcome.err;
+  }
+  const Replay replay = decode_replay(here.read("g2.replay"), "g2.replay");
+  int lived = 0;  // steps of the agents of the second game; some fly out of the map
+  for (const ReplayEpisode& e : replay.episodes) {
+    EXPECT_EQ(e.steps, 500);
+    EXPECT_EQ(e.mind[0].top, 3);
+    EXPECT_GT(e.mind[1].value.size(), 0u);
+    lived = 0;
+    for (const int died : e.died) lived += died < 0 ? e.steps : died;
+  }
+  EXPECT_GE(lived, 3000);
+  const size_t one = size_of_file(here, "g1.html"), two = size_of_file(here, "g2.html");
+  std::cout << "a page with one game: " << one << " bytes; with two: " << two << "; " << lived
+            << " steps of agents in the last\n";
+  EXPECT_LE(one, (64u + 25u) << 10) << "the page alone has 64 KB";
+  // 25 KB for ten agents and 500 steps.
+  EXPECT_LE(two - one, static_cast<size_t>(lived) * (25u << 10) / 5000);
 }
 
 TEST(Record, PlaysAgainBitForBit) {

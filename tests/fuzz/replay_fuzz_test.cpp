@@ -11,10 +11,10 @@
 namespace giga::test {
 namespace {
 
-constexpr size_t kFirstLine = sizeof "gigastep replay 1\n" - 1;
+constexpr size_t kFirstLine = sizeof "gigastep replay 3\n" - 1;
 
 std::string unpacked(const std::string& bytes) {
-  std::string raw(1 << 16, '\0');
+  std::string raw(1 << 17, '\0');
   uLongf size = raw.size();
   EXPECT_EQ(uncompress(reinterpret_cast<Bytef*>(raw.data()), &size,
                        reinterpret_cast<const Bytef*>(bytes.data() + kFirstLine), bytes.size() - kFirstLine),

@@ -17,11 +17,11 @@ std::string refusal(const std::string& bytes) {
   return input_error_of([&] { decode_replay(bytes, "x.replay"); });
 }
 
-constexpr size_t kFirstLine = sizeof "gigastep replay 1\n" - 1;
+constexpr size_t kFirstLine = sizeof "gigastep replay 3\n" - 1;
 
 /// The same stream with other bytes inside.
 std::string repacked(const std::string& bytes, const std::function<void(std::string&)>& change) {
-  std::string raw(1 << 16, '\0');
+  std::string raw(1 << 17, '\0');
   uLongf size = raw.size();
   const auto* from = reinterpret_cast<const Bytef*>(bytes.data() + kFirstLine);
   EXPECT_EQ(uncompress(reinterpret_cast<Bytef*>(raw.data()), &size, from, bytes.size() - kFirstLine), Z_OK);
@@ -43,9 +43,12 @@ TEST(Replay, ReadsBackToTheSame) {
     EXPECT_EQ(after.players[1], "<b>circle</b>");
     EXPECT_EQ(after.scenario, before.scenario);
     const ReplayEpisode &a = before.episodes[0], &b = after.episodes.at(0);
+    EXPECT_EQ(b.start, a.start);
     EXPECT_EQ(b.x, a.x);
     EXPECT_EQ(b.y, a.y);
+    EXPECT_EQ(b.z, a.z);
     EXPECT_EQ(b.heading, a.heading);
+    EXPECT_EQ(b.speed, a.speed);
     EXPECT_EQ(b.health, a.health);
     EXPECT_EQ(b.action, a.action);
     EXPECT_EQ(b.sees, a.sees);
@@ -62,7 +65,7 @@ TEST(Replay, ReadsBackToTheSame) {
 TEST(Replay, ACrowdReadsBackToTheSame) {
   const Replay before = sample_crowd();
   const std::string bytes = encode_replay(before);
-  EXPECT_EQ(bytes.substr(0, kFirstLine), "gigastep replay 2\n");
+  EXPECT_EQ(bytes.substr(0, kFirstLine), "gigastep replay 4\n");
   const Replay after = decode_replay(bytes, "x");
   EXPECT_EQ(encode_replay(after), bytes);
   ASSERT_EQ(after.n_agents(), 1150);
@@ -107,12 +110,12 @@ TEST(Replay, WhatIsBrokenInACrowd) {
     }));
   };
   EXPECT_EQ(with("\"count\": 1000", "\"count\":  800"),
-            "x.replay has 950 agents; in format 2 it would have 1025 to 20000");
+            "x.replay has 950 agents; in format 4 it would have 1025 to 20000");
   EXPECT_TRUE(contains(with("\"count\": 1000", "\"count\": 1e99"), {"count"}));
   EXPECT_TRUE(contains(with("\"contact\"", "\"hit\"    "), {"has deaths or hits among its events"}));
   std::string other = good;
-  other[kFirstLine - 2] = '1';
-  EXPECT_TRUE(contains(refusal(other), {"count"})) << "format 1 has no groups of agents";
+  other[kFirstLine - 2] = '3';
+  EXPECT_TRUE(contains(refusal(other), {"count"})) << "format 3 has no groups of agents";
   // Four bytes that ask for 4,294,967,295 lines of fire: 64 GiB.
   EXPECT_EQ(refusal(repacked(good,
                              [](std::string& raw) {
@@ -143,7 +146,9 @@ TEST(Replay, WhatIsNone) {
   EXPECT_EQ(refusal(""), "x.replay is empty");
   EXPECT_EQ(refusal("seed: 3\n"), "x.replay is no replay: it does not begin as one (gigastep record writes them)");
   EXPECT_EQ(refusal("gigastep replay x\n"), "x.replay is damaged: its first line makes no sense");
-  EXPECT_EQ(refusal("gigastep replay 3\n"), "x.replay has format version 3, newer than 2, which this gigastep reads");
+  EXPECT_EQ(refusal("gigastep replay 5\n"), "x.replay has format version 5, newer than 4, which this gigastep reads");
+  EXPECT_EQ(refusal("gigastep replay 2\n"),
+            "x.replay has format version 2, of gigastep before its first release; this one reads 3 and 4");
 }
 
 TEST(Replay, WhatIsBroken) {
@@ -181,7 +186,8 @@ TEST(Replay, GamesThatAreTooLargeAreToldBeforeTheyArePlayed) {
   frame.agents.assign(1024, {});
   for (size_t k = 512; k < 1024; ++k) frame.agents[k].team = 1;
   // Of 2 x 512 x 512 pairs who sees whom and who shoots at whom, 63 bytes each for 501 states: 66,060,288. 12 bytes of
-  // each state and agent, 1 of each action: 6,156,288 + 512,000. 1 GiB, 1,073,741,824, has room for 14.8 of that.
+  // each state and agent, 1 of each action, 20 of each start: 6,156,288 + 512,000 + 20,480. 1 GiB, 1,073,741,824, has
+  // room for 14.8 of that.
   EXPECT_EQ(too_large_to_keep(frame, 14, 500), "");
   EXPECT_EQ(too_large_to_keep(frame, 15, 500), "a replay has room for 14 of these games, not for 15");
 }
@@ -190,8 +196,8 @@ TEST(Replay, TheLargestCrowd) {
   Replay frame = sample_crowd();
   frame.agents.assign(20'000, frame.agents[0]);
   frame.agents[19'999].team = 1;
-  // For each agent 9 bytes of its death, 63 of who sees it; for each of 501 states 12, for each of 500 steps 1 of the
-  // action and 4 for lines of fire: 20,000 x 8,584 = 171,680,000. 1 GiB has room for 6.25 of that.
+  // For each agent 9 bytes of its death, 20 of its start, 63 of who sees it; for each of 501 states 12, for each of 500
+  // steps 1 of the action and 4 for lines of fire: 20,000 x 8,604 = 172,080,000. 1 GiB has room for 6.24 of that.
   EXPECT_EQ(too_large_to_keep(frame, 6, 500), "");
   EXPECT_EQ(too_large_to_keep(frame, 7, 500), "a replay has room for 6 of these games, not for 7");
   frame.agents.push_back(frame.agents.back());

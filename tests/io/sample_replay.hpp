@@ -23,6 +23,7 @@ inline Replay sample_replay(ReplayActions actions = ReplayActions::discrete) {
   r.rules.max_tracking_time = 4;
   r.rules.waypoints = true;
   r.rules.max_episode_length = 4;
+  r.flight = {4, 5, 1.5f, 0.04f, 4.905f, 1.3f};
   r.agents = {{0, "default", 1, 1, 1, 1, 1}, {0, "scout", 2, 0.5f, 2, 0, 1.5f}, {1, "default", 1, 1, 1, 1, 1}};
   r.maps = {{"block", {{4, 4, 6, 6, 0, 10}}}};
 
@@ -40,6 +41,8 @@ inline Replay sample_replay(ReplayActions actions = ReplayActions::discrete) {
               {2, ReplayEventKind::hit, 2, 1},
               {3, ReplayEventKind::death, 1, 2}};
   e.waypoints = {{1, 2, 1, 1, 1.5f, 1.5f}};
+  // x, y, z, heading, speed of the first states; where agent 1 is said to be has nothing to do with its columns.
+  e.start = {1, 77, 8, 1, -3, 10, 2, 0, 10, 0, 100, 0, 1, 1.3f, 1.8f};
   // [3 agents, 5 states] in units of 0.002: agent 0 flies from 1 to 1.4 by 0.1.
   e.x = {500, 550, 600, 650, 700, 1000, 1010, 1020, 1020, 1020, 4000, 3990, 3980, 3970, 3960};
   e.y = {500, 500, 500, 500, 500, -1, 0, 1, 1, 1, 5000, 4000, 3000, 2000, 1000};
@@ -59,12 +62,12 @@ inline Replay sample_replay(ReplayActions actions = ReplayActions::discrete) {
   e.hears = {0b00101, 0b00111};  // 0 hears 1, 1 hears 0
   const bool discrete = actions == ReplayActions::discrete;
   e.mind[0].low = -1;
-  e.mind[0].high = 62;  // a value is its number less 1
-  e.mind[0].value = {0, 1, 2, 3, 63, 10, 20, 30, 40, 50};
+  e.mind[0].high = 30;  // a value is its number less 1
+  e.mind[0].value = {0, 1, 2, 3, 31, 10, 20, 30, 4, 5};
   e.mind[0].top = discrete ? 2 : 1;
   e.mind[0].likely = discrete ? std::vector<uint8_t>{22, 13, 25, 19, 0, 10, 13, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10}
                               : std::vector<uint8_t>(3 * 2 * 5, 255);
-  if (discrete) e.mind[0].probability = {31, 20, 25, 16, 17, 30, 30, 31, 31, 31, 0, 10, 5, 3, 3, 1, 1, 1, 0, 0};
+  if (discrete) e.mind[0].probability = {15, 10, 12, 8, 8, 15, 14, 15, 15, 15, 0, 5, 2, 1, 1, 1, 1, 1, 0, 0};
   e.action_check = action_checksum(r, e);
   e.state_check = 12345;
   r.episodes = {e};
@@ -97,6 +100,7 @@ inline Replay sample_crowd() {
               {1, ReplayEventKind::death, 7, 1149},
               {1, ReplayEventKind::death, 1049, -1}};
   e.waypoints = {{1, 2, 1, 1, 1.5f, 1.5f}};
+  e.start.assign(5 * kAgents, 1);
   for (std::vector<int16_t>* column : {&e.x, &e.y, &e.z, &e.heading, &e.speed, &e.health})
     for (size_t k = 0; k < kAgents * kStates; ++k) column->push_back(static_cast<int16_t>(10 * k));
   e.action.assign(kAgents * kSteps, 13);
@@ -104,12 +108,12 @@ inline Replay sample_crowd() {
   e.sees[7] = 0b011;
   e.fire = {{0, 1, 7, 1149}, {1, 2, 1149, 3}, {1, 2, 1149, 999}};
   e.mind[1].low = -1;
-  e.mind[1].high = 62;
+  e.mind[1].high = 30;
   e.mind[1].top = 1;
   const size_t told = static_cast<size_t>(kMostMinds) * kStates;  // of 100 agents the first 64
   e.mind[1].value.assign(told, 20);
   e.mind[1].likely.assign(told, 26);
-  e.mind[1].probability.assign(told, 31);
+  e.mind[1].probability.assign(told, 15);
   e.action_check = action_checksum(r, e);
   r.episodes = {e};
   return r;

@@ -138,9 +138,9 @@ void expect_actions_and_minds_of_their_states(const SmallRun& small, int least) 
       EXPECT_EQ(e.action[static_cast<size_t>(i * e.steps + k)], witness.actions[s][static_cast<size_t>(i)]);
       const float most = chance[i][mind.likely[at]].item<float>();
       EXPECT_FLOAT_EQ(most, chance[i].max().item<float>());
-      EXPECT_NEAR(mind.probability[at] / 31.0f, most, 0.51f / 31);
-      EXPECT_NEAR(mind.low + (mind.high - mind.low) * mind.value[at] / 63, value[0][i].item<float>(),
-                  0.51f * (mind.high - mind.low) / 63 + 1e-5f);
+      EXPECT_NEAR(static_cast<float>(mind.probability[at]) / kReplayShares, most, 0.51f / kReplayShares);
+      EXPECT_NEAR(mind.low + (mind.high - mind.low) * mind.value[at] / kReplayValues, value[0][i].item<float>(),
+                  0.51f * (mind.high - mind.low) / kReplayValues + 1e-5f);
       likeliest = std::max(likeliest, most);
     }
   }

@@ -53,12 +53,12 @@ TEST_F(WatchInBrowser, ShowsTheStepThatIsAskedFor) {
   EXPECT_EQ(text(seen, "side"), "0");
   EXPECT_EQ(text(seen, "known_by_0"), "110") << "in step 1 nobody of team 0 detects agent 2";
   EXPECT_EQ(text(seen, "chosen"), "0");
-  // In step 1: action 13 is straight on; value -1 + 63 x 1 / 63 = 0; 20 of 31 = 65 %; hears agent 1 in steps 0 and 2
+  // In step 1: action 13 is straight on; value -1 + 31 x 1 / 31 = 0; 10 of 15 = 67 %; hears agent 1 in steps 0 and 2
   // only; the waypoint's centre is (0.15, 0.25) away, at 59 degrees.
   EXPECT_TRUE(contains(text(seen, "agent"),
                        {"Agent 0, team 0, default", "Health 1.00 of 1; at (1.1, 1.0)", "Hears nobody",
                         "Knows of 0 of 1 living opponents", "Does: straight on", "Expects a return of 0.00",
-                        "straight on 65 %", "The waypoint is 0.3 away, 59° to the left"}));
+                        "straight on 67 %", "The waypoint is 0.3 away, 59° to the left"}));
   EXPECT_EQ(text(seen, "curve_shown"), "true");
   EXPECT_EQ(text(seen, "dead"), "Dead since step 3: agent 1 is shot down by agent 2.");
   EXPECT_EQ(text(seen, "played_to"), "4");
@@ -79,7 +79,9 @@ TEST_F(WatchInBrowser, SaysWhyAReplayCannotBeShown) {
       {whole.substr(0, whole.size() / 2), "a replay is damaged: it ends too early, or its bytes were changed"},
       {"<html>" + whole, "a replay is damaged: its first line makes no sense"},
       {"gigastep replay 9" + whole.substr(whole.find('\n')),
-       "a replay has format 9, newer than 2, which this page reads"},
+       "a replay has format 9, newer than 4, which this page reads"},
+      {"gigastep replay 1" + whole.substr(whole.find('\n')),
+       "a replay has format 1, older than 3, which this page reads"},
   };
   for (const auto& c : cases) {
     const Document seen = use_replays({c.replay}, "const REFERENCES = null;\n", "--window-size=500,900");
