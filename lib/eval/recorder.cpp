@@ -3,60 +3,23 @@
 #include <torch/types.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstring>
-#include <numbers>
-#include <tuple>
 #include <utility>
 
 #include "core/error.hpp"
+#include "eval/recorded_world.hpp"
 #include "learn/players/value_function.hpp"
 #include "math/distributions.hpp"
 #include "policy/policy.hpp"
 #include "rollout/tensors.hpp"
-#include "sim/grid.hpp"
 #include "sim/image_rows.hpp"
 #include "sim/row_layout.hpp"
 #include "sim/state_observation.hpp"
 
 namespace giga {
 namespace {
-
-int16_t whole_multiple(float value, float unit) {
-  const float count = std::round(value / unit);
-  return static_cast<int16_t>(std::clamp(count, -32768.0f, 32767.0f));  // a NaN cannot come from a simulator
-}
-
-/// Every 64th of 65,536 headings of a turn, going round.
-int16_t heading_number(float heading) {
-  constexpr double kPerRadian = 1024 / (2 * std::numbers::pi);
-  const auto at = static_cast<int64_t>(std::lround(static_cast<double>(heading) * kPerRadian));
-  return static_cast<int16_t>(static_cast<uint16_t>(at * 64));
-}
-
-/// [rows, columns] of [columns, rows].
-template <class T>
-std::vector<T> transposed(const std::vector<T>& from, size_t columns, size_t rows) {
-  std::vector<T> to(from.size());
-  for (size_t c = 0; c < columns; ++c)
-    for (size_t r = 0; r < rows; ++r) to[r * columns + c] = from[c * rows + r];
-  return to;
-}
-
-constexpr uint32_t kNoAgent = 0xFFFFFFFF;  // of the rows of an observation
-
-/// Also of worlds of any number of agents: those of team 0 come first.
-int team_of(const SimParams& p, int agent) { return agent < p.n_team[0] ? 0 : 1; }
-bool is_crowd(const SimParams& p) { return p.n_agents > kMostPaired; }
-/// Agents of a team of which it is kept what their networks say.
-int n_minds(const SimParams& p, int team) {
-  return is_crowd(p) ? std::min(p.n_team[team], kMostMinds) : p.n_team[team];
-}
-
-bool bit(const uint32_t* words, int k) { return words[k / 32] >> (k & 31) & 1u; }
-
-ReplayDeath death_of(Death death) { return static_cast<ReplayDeath>(death); }
-static_assert(static_cast<int>(ReplayDeath::out_of_bounds) == static_cast<int>(Death::out_of_bounds));
 
 /// The likeliest actions of rows of logits, and their probabilities in units of 1 / kReplayShares.
 void note_likely(const float* logits, std::vector<uint8_t>& likely, std::vector<uint8_t>& probability) {
@@ -74,239 +37,7 @@ void note_likely(const float* logits, std::vector<uint8_t>& likely, std::vector<
   }
 }
 
-/// What the dead do and their networks say has no effect, and costs as much room as what the living do.
-void forget_the_dead(const SimParams& p, ReplayEpisode& e) {
-  const auto states = static_cast<size_t>(e.steps) + 1;
-  for (size_t i = 0; i < e.died.size(); ++i) {
-    if (e.died[i] < 0) continue;
-    const size_t died = static_cast<size_t>(e.died[i]), steps = states - 1;
-    const size_t size = p.actions == ActionKind::discrete ? 1 : kActionSize * sizeof(float);
-    const uint8_t nothing = p.actions == ActionKind::discrete ? 13 : 0;
-    const auto action = e.action.begin() + static_cast<std::ptrdiff_t>(i * steps * size);
-    std::fill(action + static_cast<std::ptrdiff_t>(died * size), action + static_cast<std::ptrdiff_t>(steps * size),
-              nothing);
-    const int team = team_of(p, static_cast<int>(i));
-    const auto rows = static_cast<size_t>(n_minds(p, team)), row = i - (team ? static_cast<size_t>(p.n_team[0]) : 0);
-    if (row >= rows) continue;
-    ReplayMind& mind = e.mind[static_cast<size_t>(team)];
-    for (std::vector<uint8_t>* column : {&mind.value, &mind.likely, &mind.probability})
-      for (size_t first = row * states; first < column->size(); first += rows * states)
-        std::fill(column->begin() + static_cast<std::ptrdiff_t>(first + died),
-                  column->begin() + static_cast<std::ptrdiff_t>(first + states), uint8_t{0});
-  }
-}
-
 }  // namespace
-
-/// Bits of pairs, or of agents, over states, of which `most` may come.
-class Recorder::PairBits {
- public:
-  PairBits() = default;
-  PairBits(int64_t pairs, int64_t most) : row_((most + 7) / 8), bytes_(static_cast<size_t>(pairs * row_)) {}
-
-  void set(int64_t pair, int64_t state) {
-    bytes_[static_cast<size_t>(pair * row_ + state / 8)] |= static_cast<uint8_t>(1u << (state & 7));
-  }
-  /// [pairs, states] with rows of whole bytes.
-  std::vector<uint8_t> cut(int64_t states) const {
-    const int64_t row = (states + 7) / 8;
-    std::vector<uint8_t> out;
-    for (size_t at = 0; at < bytes_.size(); at += static_cast<size_t>(row_))
-      out.insert(out.end(), bytes_.begin() + static_cast<std::ptrdiff_t>(at),
-                 bytes_.begin() + static_cast<std::ptrdiff_t>(at) + row);
-    return out;
-  }
-
- private:
-  int64_t row_ = 0;
-  std::vector<uint8_t> bytes_;
-};
-
-/// What a crowd keeps of pairs, of one world: PairLists and the length of a list of fire.
-struct Recorder::Lists {
-  const uint32_t *fire, *neighbors;
-  int shooters;
-};
-
-/// What is known of one world so far. Histories are [states, agents] until the end.
-struct Recorder::World {
-  World(const SimParams& p, int64_t most_states)
-      : pairs(p.n_team[0], p.n_team[1]),
-        died(static_cast<size_t>(p.n_agents), -1),
-        cause(died.size()),
-        sees(is_crowd(p) ? p.n_agents : pairs.n_opponents(), most_states),
-        fires(is_crowd(p) ? 0 : pairs.n_opponents(), most_states),
-        hears(p.n_agents <= kMostListeners ? pairs.n_mates() : 0, most_states),
-        burning(is_crowd(p) ? died.size() : 0) {}
-
-  void note(const SimSpec& spec, const WorldView& w, const Lists& lists, float place_unit);
-  void note_pairs(const SimParams& p, const WorldView& w);
-  void note_lists(const SimParams& p, const WorldView& w, const Lists& lists);
-  void note_fire(int target, const uint32_t* entries, int most);
-  void note_death(const WorldView& w, int agent, int shooter);
-  void note_scores(const SimParams& p, const WorldView& w);
-  void note_waypoints(const SimParams& p, const WorldView& w);
-  void event(ReplayEventKind what, int agent = -1, int other = -1) { events.push_back({states, what, agent, other}); }
-
-  ReplayPairs pairs;
-  bool over = false;
-  int states = 0, map = 0;
-  uint32_t check = 0;
-  std::vector<float> start;  // [5, N]
-  std::vector<int16_t> x, y, z, heading, speed, health;
-  std::vector<uint8_t> action;  // [T, N, bytes of one]
-  std::vector<int> died;
-  std::vector<ReplayDeath> cause;
-  std::vector<ReplayEvent> events;
-  std::vector<ReplayWaypoint> waypoints;
-  PairBits sees, fires, hears;
-  std::vector<std::vector<ReplayFire>> burning;  // of a crowd, by target: fire that goes on, by shooter
-  std::vector<ReplayFire> fire;                  // and that which has ended
-  bool contact[kNTeams] = {};
-  float score[kNTeams] = {}, returns[kNTeams] = {};
-  bool at_time_limit = false;
-  ReplayEnd winner = ReplayEnd::tie;
-  std::vector<float> values[kNTeams];                          // [states, n]
-  std::vector<uint8_t> likely[kNTeams], probability[kNTeams];  // [states, n, K]
-};
-
-/// One more state.
-void Recorder::World::note(const SimSpec& spec, const WorldView& w, const Lists& lists, float place_unit) {
-  const SimParams& p = spec.params;
-  const int n = p.n_agents;
-  const auto add_check = [&](const auto* field) {
-    check = crc32_of({reinterpret_cast<const char*>(field), static_cast<size_t>(n) * sizeof *field}, check);
-  };
-  for (const float* field : {w.x, w.y, w.z, w.v, w.heading, w.health}) add_check(field);
-  add_check(w.alive);
-  map = *w.map;
-  if (states == 0)
-    for (const float* field : {w.x, w.y, w.z, w.heading, w.v}) start.insert(start.end(), field, field + n);
-  for (int i = 0; i < n; ++i) {
-    x.push_back(whole_multiple(w.x[i], place_unit));
-    y.push_back(whole_multiple(w.y[i], place_unit));
-    z.push_back(whole_multiple(w.z[i], kReplayAltitude));
-    heading.push_back(heading_number(w.heading[i]));
-    speed.push_back(whole_multiple(w.v[i], kReplaySpeed));
-    health.push_back(whole_multiple(w.health[i], kReplayHealth));
-  }
-  over = *w.phase == Phase::waits;
-  const auto stat = [&](EpisodeStat s) { return w.stats[static_cast<int>(s)]; };
-  if (is_crowd(p)) {
-    note_lists(p, w, lists);
-  } else {
-    note_pairs(p, w);
-    note_scores(p, w);
-    note_waypoints(p, w);
-  }
-  if (over) {
-    at_time_limit = stat(EpisodeStat::truncated) > 0;
-    winner = stat(EpisodeStat::wins_0) > 0   ? ReplayEnd::team_0
-             : stat(EpisodeStat::wins_1) > 0 ? ReplayEnd::team_1
-                                             : ReplayEnd::tie;
-  }
-  ++states;
-}
-
-void Recorder::World::note_death(const WorldView& w, int agent, int shooter) {
-  const auto k = static_cast<size_t>(agent);
-  if (w.alive[agent] || died[k] >= 0) return;
-  died[k] = states;
-  cause[k] = death_of(w.death[agent]);
-  event(ReplayEventKind::death, agent, w.death[agent] == Death::damage ? shooter : -1);
-}
-
-void Recorder::World::note_pairs(const SimParams& p, const WorldView& w) {
-  const int n = p.n_agents, words = words_for(n);
-  for (int a = 0; a < n; ++a) {
-    int shooter = -1;
-    for (int b = 0; b < n; ++b) {
-      if (team_of(p, a) == team_of(p, b)) {
-        // What an agent sees of its own team is whom it hears (rules 6). The dead say nothing of interest.
-        if (a != b && n <= kMostListeners && w.alive[a] && bit(w.seen + int64_t{a} * words, b))
-          hears.set(pairs.mates(a, b), states);
-        continue;
-      }
-      const int tracked = w.tracked[int64_t{a} * n + b];
-      if (tracked > 0) fires.set(pairs.opponents(a, b), states);
-      if (tracked > p.min_tracking_time) shooter = b;
-      if (!bit(w.detected + int64_t{a} * words, b)) continue;
-      sees.set(pairs.opponents(a, b), states);
-      if (!std::exchange(contact[team_of(p, b)], true)) event(ReplayEventKind::contact, b, a);
-    }
-    note_death(w, a, shooter);
-  }
-}
-
-/// Whom an agent of a crowd sees are the agents of its rows (rules 17.3); the dead listen on, which does not count.
-void Recorder::World::note_lists(const SimParams& p, const WorldView& w, const Lists& lists) {
-  for (int b = 0; b < p.n_agents; ++b) {
-    const uint32_t* rows = lists.neighbors + int64_t{b} * p.n_neighbors;
-    for (int k = 0; w.alive[b] && k < p.n_neighbors; ++k) {
-      const auto a = static_cast<int>(rows[k]);
-      if (rows[k] == kNoAgent || team_of(p, a) == team_of(p, b) || !w.alive[a]) continue;
-      sees.set(a, states);
-      if (!std::exchange(contact[team_of(p, b)], true)) event(ReplayEventKind::contact, b, a);
-    }
-  }
-  note_scores(p, w);
-  note_waypoints(p, w);
-  for (int a = 0; a < p.n_agents; ++a) {
-    const uint32_t* entries = lists.fire + int64_t{a} * lists.shooters;
-    int shooter = -1;
-    for (int k = 0; k < lists.shooters && entries[k] != 0; ++k)
-      if (count_of(entries[k]) > p.min_tracking_time) shooter = shooter_of(entries[k]);
-    note_fire(a, entries, lists.shooters);
-    note_death(w, a, shooter);
-  }
-}
-
-/// Both lists are ordered by shooter.
-void Recorder::World::note_fire(int target, const uint32_t* entries, int most) {
-  std::vector<ReplayFire>& before = burning[static_cast<size_t>(target)];
-  std::vector<ReplayFire> now;
-  auto old = before.begin();
-  const auto end_below = [&](int shooter) {
-    for (; old != before.end() && old->shooter < shooter; ++old) fire.push_back(*old);
-  };
-  for (int k = 0; k < most && entries[k] != 0; ++k) {
-    const int shooter = shooter_of(entries[k]);
-    end_below(shooter);
-    const bool goes_on = old != before.end() && old->shooter == shooter;
-    now.push_back(goes_on ? *old++ : ReplayFire{states, states, target, shooter});
-    now.back().to = states;
-  }
-  fire.insert(fire.end(), old, before.end());
-  before = std::move(now);
-}
-
-void Recorder::World::note_scores(const SimParams& p, const WorldView& w) {
-  const auto stat = [&](EpisodeStat s) { return w.stats[static_cast<int>(s)]; };
-  for (int team = 0; team < kNTeams; ++team) {
-    const float now = over ? stat(of_team(EpisodeStat::score_0, team)) : w.score[team];
-    returns[team] = stat(of_team(EpisodeStat::return_0, team));
-    for (int i = 0; now > score[team] && !waypoints.empty() && i < p.n_agents; ++i) {
-      const ReplayWaypoint& last = waypoints.back();
-      if (team_of(p, i) != team || w.x[i] < last.x1 || w.x[i] > last.x2 || w.y[i] < last.y1 || w.y[i] > last.y2)
-        continue;
-      event(ReplayEventKind::collected, i);
-      break;
-    }
-    score[team] = now;
-  }
-}
-
-void Recorder::World::note_waypoints(const SimParams& p, const WorldView& w) {
-  if (!p.waypoints || !(*w.waypoint_time > 0)) return;
-  const float* at = w.waypoint;
-  const bool same = !waypoints.empty() && waypoints.back().to == states - 1 && waypoints.back().x1 == at[0] &&
-                    waypoints.back().y1 == at[1];
-  if (!same) {
-    waypoints.push_back({states, states, at[0], at[1], at[2], at[3]});
-    event(ReplayEventKind::waypoint);
-  }
-  waypoints.back().to = states;
-}
 
 /// What the networks know of the games so far: [W n, S] by team.
 struct Recorder::Remembered {
@@ -355,12 +86,12 @@ void Recorder::before_step(int64_t, GameStep& step) {
 void Recorder::after_step(int64_t t, const GameStep& step) {
   const Simulator& sim = *step.sim;
   const auto over = [this] {
-    return std::all_of(worlds_.begin(), worlds_.end(), [](const World& w) { return w.over; });
+    return std::all_of(worlds_.begin(), worlds_.end(), [](const RecordedWorld& w) { return w.over; });
   };
   if (t < 0) {
     GIGA_CHECK(sim.options().on_done == OnDone::freeze && sim.options().episodes == 1, "this is no match");
     const int64_t most = spec_.params.max_episode_length + 1;
-    worlds_.assign(static_cast<size_t>(sim.n_worlds()), World(spec_.params, most));
+    worlds_.assign(static_cast<size_t>(sim.n_worlds()), RecordedWorld(spec_.params, most));
     make_room(step);
   } else if (over()) {
     return;
@@ -400,7 +131,7 @@ WorldView Recorder::view_of(size_t world) const {
   return w;
 }
 
-Recorder::Lists Recorder::lists_of(const Simulator& sim, size_t world) const {
+RecordedLists Recorder::lists_of(const Simulator& sim, size_t world) const {
   const StateShape& shape = sim.state().shape();
   if (!shape.lists()) return {nullptr, nullptr, 0};
   const int64_t first = static_cast<int64_t>(world) * shape.n_agents;
@@ -488,7 +219,7 @@ void Recorder::put_off(const GameStep& step) {
   }
   keep(to.alive, step.sim->state().view().alive);
   keep(to.truth, static_cast<const float*>(step.io.world[Observation::state].rows));
-  for (const World& world : worlds_) to.states.push_back(world.states);
+  for (const RecordedWorld& world : worlds_) to.states.push_back(world.states);
   ++to.count;
 }
 
@@ -525,7 +256,7 @@ void Recorder::ask_minds() {
     }
     const int64_t kept = n_minds(spec_.params, team);
     for (int64_t at = 0; at < count * w; ++at) {
-      World& world = worlds_[static_cast<size_t>(at % w)];
+      RecordedWorld& world = worlds_[static_cast<size_t>(at % w)];
       // One row for each state, that of the end included.
       const auto rows_so_far = static_cast<size_t>(from.states[static_cast<size_t>(at)] * kept);
       if (head.defined() && world.likely[team].size() < rows_so_far * kLikelyActions) {
@@ -551,92 +282,7 @@ void Recorder::ask_minds() {
 
 std::vector<ReplayEpisode> Recorder::episodes(const std::string& seed) const {
   std::vector<ReplayEpisode> all;
-  const auto n = static_cast<size_t>(spec_.params.n_agents);
-  const bool discrete = spec_.params.actions == ActionKind::discrete;
-  for (const World& w : worlds_) {
-    GIGA_CHECK(w.over && w.states > 1, "an episode that has not ended");
-    const auto states = static_cast<size_t>(w.states);
-    ReplayEpisode& e = all.emplace_back();
-    e.map = w.map;
-    e.steps = w.states - 1;
-    e.winner = w.winner;
-    e.at_time_limit = w.at_time_limit;
-    e.returns = {w.returns[0], w.returns[1]};
-    e.score = {w.score[0], w.score[1]};
-    e.died = w.died;
-    e.cause = w.cause;
-    e.events = w.events;
-    e.waypoints = w.waypoints;
-    e.state_check = w.check;
-    e.start = w.start;
-    e.x = transposed(w.x, states, n);
-    e.y = transposed(w.y, states, n);
-    e.z = transposed(w.z, states, n);
-    e.heading = transposed(w.heading, states, n);
-    e.speed = transposed(w.speed, states, n);
-    e.health = transposed(w.health, states, n);
-    if (discrete) {
-      e.action = transposed(w.action, states - 1, n);
-    } else {
-      constexpr size_t kSize = kActionSize * sizeof(float);
-      e.action.resize(w.action.size());
-      for (size_t t = 0; t + 1 < states; ++t)
-        for (size_t i = 0; i < n; ++i)
-          std::memcpy(e.action.data() + (i * (states - 1) + t) * kSize, w.action.data() + (t * n + i) * kSize, kSize);
-    }
-    e.sees = w.sees.cut(w.states);
-    e.fires = w.fires.cut(w.states);
-    e.hears = w.hears.cut(w.states);
-    e.fire = w.fire;
-    for (const std::vector<ReplayFire>& on : w.burning) e.fire.insert(e.fire.end(), on.begin(), on.end());
-    std::sort(e.fire.begin(), e.fire.end(), [](const ReplayFire& a, const ReplayFire& b) {
-      return std::tie(a.from, a.target, a.shooter) < std::tie(b.from, b.target, b.shooter);
-    });
-    for (int team = 0; team < kNTeams; ++team) {
-      ReplayMind& mind = e.mind[static_cast<size_t>(team)];
-      const auto rows = static_cast<size_t>(n_minds(spec_.params, team));
-      if (!w.values[team].empty()) {
-        const std::vector<float> values = transposed(w.values[team], states, rows);
-        mind.low = mind.high = values[0];
-        const auto living = [&](size_t at) {
-          const int died = w.died[at / states + (team ? static_cast<size_t>(spec_.params.n_team[0]) : 0)];
-          return died < 0 || static_cast<int>(at % states) < died;
-        };
-        for (size_t at = 0; at < values.size(); ++at) {
-          if (!living(at)) continue;
-          mind.low = std::min(mind.low, values[at]);
-          mind.high = std::max(mind.high, values[at]);
-        }
-        if (!(mind.low < mind.high)) mind.high = mind.low + 1;
-        for (size_t at = 0; at < values.size(); ++at)
-          mind.value.push_back(living(at) ? static_cast<uint8_t>(std::lround((values[at] - mind.low) /
-                                                                             (mind.high - mind.low) * kReplayValues))
-                                          : uint8_t{0});
-      }
-      if (w.likely[team].empty()) continue;
-      mind.top = discrete ? kLikelyActions : 1;
-      // [states, n, K] -> [K, n, states]
-      const size_t per_row = discrete ? kLikelyActions : kActionSize;
-      mind.likely = transposed(w.likely[team], states, rows * per_row);
-      mind.probability = transposed(w.probability[team], discrete ? states : 0, rows * per_row);
-      const auto by_rank = [&](std::vector<uint8_t>& column) {
-        std::vector<uint8_t> to;
-        for (size_t rank = 0; rank < per_row && !column.empty(); ++rank)
-          for (size_t i = 0; i < rows; ++i) {
-            const auto from = column.begin() + static_cast<std::ptrdiff_t>((i * per_row + rank) * states);
-            to.insert(to.end(), from, from + static_cast<std::ptrdiff_t>(states));
-          }
-        column = std::move(to);
-      };
-      by_rank(mind.likely);
-      by_rank(mind.probability);
-    }
-    if (!is_crowd(spec_.params))
-      GIGA_CHECK(add_hits(w.pairs, spec_.params.min_tracking_time, e), "an episode of millions of hits");
-    forget_the_dead(spec_.params, e);
-    const std::string_view actions(reinterpret_cast<const char*>(e.action.data()), e.action.size());
-    e.action_check = crc32_of(actions, crc32_of(seed));
-  }
+  for (const RecordedWorld& w : worlds_) all.push_back(episode_of(w, spec_.params, seed));
   return all;
 }
 

@@ -7,15 +7,13 @@
 #include <vector>
 
 #include "core/memory.hpp"
+#include "eval/recorded_world.hpp"
 #include "game/game.hpp"
 #include "io/replay.hpp"
 #include "learn/players/mind.hpp"
 #include "sim/params.hpp"
 
 namespace giga {
-
-/// Likeliest actions that are kept of each agent and state.
-constexpr int kLikelyActions = 3;
 
 /// Keeps the episode of each world of a match (OnDone::freeze, one episode). The networks are asked again: who plays
 /// need not tell what it thought.
@@ -32,15 +30,12 @@ class Recorder final : public GameObserver {
   std::vector<ReplayEpisode> episodes(const std::string& seed) const;
 
  private:
-  class PairBits;
-  struct Lists;
-  struct World;
   struct Remembered;
   struct Waiting;
 
   void read_state(const Simulator& sim);
   WorldView view_of(size_t world) const;
-  Lists lists_of(const Simulator& sim, size_t world) const;
+  RecordedLists lists_of(const Simulator& sim, size_t world) const;
   void note_actions(const GameStep& step);
   void make_room(const GameStep& step);
   void put_off(const GameStep& step);
@@ -48,7 +43,7 @@ class Recorder final : public GameObserver {
 
   const SimSpec spec_;
   const Minds minds_;
-  std::vector<World> worlds_;
+  std::vector<RecordedWorld> worlds_;
   std::vector<uint8_t> bytes_;  // the state of all worlds, on the host
   StateView state_{};           // its fields; those of pairs are null in a crowd
   PairLists lists_;             // of a crowd
