@@ -93,8 +93,8 @@ class Episode:
         """States: what they differ by from where the actions lead (docs/replays.md)."""
         rules, flight = replay["rules"], {name: f32(number) for name, number in replay["flight"].items()}
         longer, dt = max(rules["limit_x"], rules["limit_y"]), f32(rules["seconds_per_step"])
-        place = max(f32(f32(longer) / 30000), f32(0.01)) if self.crowd else f32(f32(longer) / 5000)
-        unit = (place, place, f32(0.02), 2 * math.pi / 65536, f32(0.05))
+        self.place = max(f32(f32(longer) / 30000), f32(0.01)) if self.crowd else f32(f32(longer) / 5000)
+        unit = (self.place, self.place, f32(0.02), 2 * math.pi / 65536, f32(0.05))
         start = array.array("f", take(4 * len(FLIGHT) * n))
         apart = [self.cut(unfolded(take(2 * n * self.states))) for _ in FLIGHT]
         for name in FLIGHT:

@@ -81,9 +81,9 @@ class EpisodeBase {
   likely(i, state) {
     const team = this.team(i), mind = this.minds[team], rows = this.minded(team), row = i - team * this.teams[0];
     if (!mind.likely.length || row >= rows) return null;
-    const ranks = this.replay.actions === "discrete" ? mind.top : 3, at = (row * this.states + state) * ranks;
-    if (this.replay.actions !== "discrete") return [0, 1, 2].map(k => (mind.likely[at + k] - 128) / 127);
-    return [...Array(ranks).keys()].map(rank => [mind.likely[at + rank], mind.probability[at + rank] / 15]);
+    const at = rank => (rank * rows + row) * this.states + state;
+    if (this.replay.actions !== "discrete") return [0, 1, 2].map(k => (mind.likely[at(k)] - 128) / 127);
+    return [...Array(mind.top).keys()].map(rank => [mind.likely[at(rank)], mind.probability[at(rank)] / 15]);
   }
   // What agent i does in step `state`: its number, or three controls.
   actionAt(i, state) {
@@ -120,14 +120,16 @@ class Episode extends EpisodeBase {
       const value = take(mind.low < mind.high ? rows : 0);
       for (let k = 0; k < value.length; ++k) if (k % states) value[k] += value[k - 1];
       return {...mind, value,
-              likely: take(discrete ? mind.top * rows : mind.top ? 3 * rows : 0),
-              probability: take(discrete ? mind.top * rows : 0)};
+              likely: byRank(take(discrete ? mind.top * rows : mind.top ? 3 * rows : 0), rows),
+              probability: byRank(take(discrete ? mind.top * rows : 0), rows)};
     });
     if (this.crowd) this.readFire(take); else this.addHits();
   }
   // What states differ by from where the actions lead.
   readStates(take) {
     const {n, states, head} = this, start = new Float32Array(take(20 * n).slice().buffer);
+    const {limit_x, limit_y} = this.replay.rules;
+    this.place = placeUnit(Math.max(limit_x, limit_y), this.crowd);
     const apart = FLIGHT.map(() => unfolded(take(2 * n * states), n * states));
     for (const name of FLIGHT) this[name] = new Float32Array(n * states);
     for (let i = 0; i < n; ++i) {
@@ -195,15 +197,22 @@ function unfolded(data, count) {
   return numbers;
 }
 
+// [ranks, rows] of [rows, ranks].
+const byRank = (data, rows) => data.map((_, k) => data[k % rows * (data.length / rows) + Math.floor(k / rows)]);
+
 const FLIGHT = ["x", "y", "z", "heading", "speed"];
 const nearest = number => Math.sign(number) * Math.floor(Math.abs(number) + 0.5);
 const int16 = number => Math.max(-32768, Math.min(32767, nearest(number)));
 
+// Of x and y.
+const placeUnit = (longer, crowd) =>
+  crowd ? Math.max(Math.fround(Math.fround(longer) / 30000), Math.fround(0.01)) : Math.fround(Math.fround(longer) / 5000);
+
 // Where an agent is expected next (docs/replays.md), in the order of FLIGHT. Numbers of the header are 32-bit floats.
 class ExpectedFlight {
   constructor(replay, i, start) {
-    const f = Math.fround, {rules, flight} = replay, longer = f(Math.max(rules.limit_x, rules.limit_y));
-    const place = replay.agents.length > PAIRED ? Math.max(f(longer / 30000), f(0.01)) : f(longer / 5000);
+    const f = Math.fround, {rules, flight} = replay;
+    const place = placeUnit(Math.max(rules.limit_x, rules.limit_y), replay.agents.length > PAIRED);
     this.units = [place, place, f(0.02), PI2 / 65536, f(0.05)];
     this.now = [...start];
     this.dt = f(rules.seconds_per_step); this.top = f(rules.limit_z); this.turn = f(flight.turn_rate);

@@ -14,6 +14,14 @@ async function hashes(seen) {
   }
 }
 
+async function crowds(seen) {
+  seen.hashes = [];
+  for (const {name, steps, spec} of CROWDS) {
+    play.game.scenario(await unpack(spec));
+    seen.hashes.push(`${name} ${steps} ${play.game.hash(steps)}`);
+  }
+}
+
 // A finger on the stick and on the buttons. The browser has no finger of its own here, so it is the mouse's pointer.
 async function touch(seen, steps) {
   play.start("5");
@@ -153,7 +161,7 @@ async function watchNetworks(seen) {
 async function usePage() {
   for (let k = 0; k < 400 && !window.play; ++k) await new Promise(done => setTimeout(done, 20));
   const seen = {};
-  await {hash: hashes, play: fly, watch: watchNetworks}[PART](seen);
+  await {hash: hashes, crowds, play: fly, watch: watchNetworks}[PART](seen);
   seen.requests = performance.getEntriesByType("resource").map(entry => entry.name);
   return seen;
 }

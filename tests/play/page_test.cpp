@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "eval/record.hpp"
+#include "io/deflate.hpp"
 #include "io/browser.hpp"
 #include "io/temporary_folder.hpp"
 #include "play/plain_actor.hpp"
@@ -15,6 +16,7 @@
 #include "scenario/compile.hpp"
 #include "scenario/loader.hpp"
 #include "support/thinning.hpp"
+#include "watch/page.hpp"
 #include "watch/reference_pictures.hpp"
 
 namespace giga::test {
@@ -153,6 +155,40 @@ TEST_F(PlayInBrowser, ComputesTheSameNumbersAsHere) {
                   static_cast<unsigned long long>(states_hash(page.scenarios[k].spec, hash_steps())));
     EXPECT_EQ(hashes[k], page.scenarios[k].name + " " + expected);
   }
+}
+
+/// Steps of which the hash of a crowd is compared: about as many agent-steps in each.
+int crowd_steps(int n_agents) {
+  if (n_agents > 100'000) return 2;
+  return (tests_run_in_full() ? 1'000'000 : 100'000) / n_agents;
+}
+
+// Scenarios that no page plays, as their agents are too many; the module computes them alike. With those above these are
+// all base scenarios.
+TEST_F(PlayInBrowser, ComputesTheSameNumbersOfCrowds) {
+  PlayPage page = page_of_scripts("identical_1_vs_1");
+  const size_t small = page.scenarios.size();
+  page.scenarios.resize(1);
+  std::string crowds;
+  Texts expected;
+  for (const ScenarioInfo& info : list_scenarios(data_dirs())) {
+    const Scenario scenario = load_scenario(info.name, data_dirs());
+    const int n = agents_of(scenario);
+    if (n <= kMostAgents) continue;
+    const SimSpec spec = compile(scenario);
+    const int steps = crowd_steps(n);
+    crowds += cat("{name: '", info.name, "', steps: ", steps, ", spec: '", base64(deflated(spec_bytes(spec))), "'},\n");
+    char digits[17];
+    std::snprintf(digits, sizeof digits, "%016llx", static_cast<unsigned long long>(states_hash(spec, steps)));
+    expected.push_back(cat(info.name, ' ', steps, ' ', digits));
+    std::cout << info.name << ": " << steps << " steps\n";
+  }
+  EXPECT_EQ(small + expected.size(), list_scenarios(data_dirs()).size()) << "some base scenario is left out";
+  const Document seen = use(play_page(page), "play",
+                            reference_pictures("play") + "const PART = \"crowds\", CROWDS = [" + crowds + "];\n",
+                            "--window-size=1280,900");
+  EXPECT_EQ(texts(seen, "problems"), Texts());
+  EXPECT_EQ(texts(seen, "hashes"), expected);
 }
 
 TEST_F(PlayInBrowser, KeysFlyAndASavedGameIsVerified) {
