@@ -106,7 +106,7 @@ TEST_F(PlayPageTest, IsSmallAndAsksForNothing) {
   RecordProperty("bytes", static_cast<int>(html.size()));
   std::cout << "a page with the scenarios of up to " << kMostAgents
             << " agents and two networks: " << html.size() / 1024 << " KB\n";
-  EXPECT_LE(html.size(), size_t{600} << 10);
+  EXPECT_LE(html.size(), size_t{640} << 10);
   page.scenarios.resize(1);
   page.networks.clear();
   EXPECT_LE(play_page(page).size(), size_t{400} << 10) << "one scenario, scripts alone";
