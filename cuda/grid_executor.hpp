@@ -13,7 +13,9 @@
 
 namespace giga {
 
-constexpr int kGridThreads = 256;  // threads of a block
+constexpr int kGridThreads = 512;   // threads of a block
+constexpr int kThreadsOfAgent = 2;  // of a world, where there is room: most stages look at pairs or write rows
+constexpr int kNumbersAtOnce = 5;   // of a row, that a thread works out before it writes any
 
 /// The threads of the blocks that share a world. Sync: of all of them. A stage of nothing needs no barrier: that it is
 /// one is the same for all of them, and the stage before has ended with its own.
@@ -40,6 +42,28 @@ struct GridLanes {
       const auto common = of_row(row);
       if (!common) continue;
       for (int column = first % kWarp; column < columns; column += kWarp) f(common, column);
+    }
+    sync.wait();
+  }
+  /// A warp per row. What is asked for early is there when it is needed: a write might change what is read behind it,
+  /// so that the compiler does not do this by itself.
+  template <class Rows, class F>
+  GIGA_HD void write_rows(int rows, int columns, Rows&& row_of, F&& number) const {
+    if (rows <= 0 || columns <= 0) return;
+    for (int row = first / kWarp; row < rows; row += stride / kWarp) {
+      float* to = row_of(row);
+      if (!to) continue;
+      for (int begin = first % kWarp; begin < columns; begin += kNumbersAtOnce * kWarp) {
+        float numbers[kNumbersAtOnce];
+        GIGA_UNROLL
+        for (int k = 0; k < kNumbersAtOnce; ++k) {
+          const int column = begin + k * kWarp;
+          numbers[k] = number(row, column < columns ? column : columns - 1);
+        }
+        GIGA_UNROLL
+        for (int k = 0; k < kNumbersAtOnce; ++k)
+          if (begin + k * kWarp < columns) to[begin + k * kWarp] = numbers[k];
+      }
     }
     sync.wait();
   }
@@ -74,9 +98,9 @@ struct GridDevice {
   int most_clustered;  ///< blocks of a cluster, a power of two; 1 = there are no clusters
 };
 
-/// As many blocks for a world as have agents, and for as many worlds as there is room for.
+/// As many blocks for a world as have work, and for as many worlds as there is room for.
 inline GridLaunchShape grid_launch_shape(int n_agents, int n_worlds, const GridDevice& device) {
-  const int useful = (n_agents + device.threads - 1) / device.threads;
+  const int useful = (kThreadsOfAgent * n_agents + device.threads - 1) / device.threads;
   int blocks = std::max(1, std::min(useful, device.resident / std::min(n_worlds, device.resident)));
   const bool clustered = blocks > 1 && blocks <= device.most_clustered;
   while (clustered && (blocks & (blocks - 1)) != 0) --blocks;  // to a power of two

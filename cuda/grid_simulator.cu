@@ -10,7 +10,7 @@
 namespace giga {
 namespace {
 
-constexpr int kGridBlocks = 2;     // per multiprocessor at least, which bounds a thread's registers to 128
+constexpr int kGridBlocks = 1;     // per multiprocessor at least, which bounds a thread's registers to 128
 constexpr int kMostClustered = 8;  // blocks of a cluster on every GPU that has clusters
 
 /// All blocks of a group. What any of them wrote before a barrier, all see behind it.

@@ -6,29 +6,53 @@
 
 namespace giga {
 
+/// Agents of a team whose numbers are added up one after the other; then these sums are, so many at a time
+/// (rules 17.5).
+constexpr int kSumBlock = 64;
+
+/// A sum over the agents of a team, of those whose worlds have tables of pairs: at most kSumBlock blocks.
+class TeamSum {
+ public:
+  /// `slot`: the how manieth it is.
+  GIGA_HD void add(float number, int slot) {
+    block_ += number;
+    if (slot % kSumBlock != kSumBlock - 1) return;
+    blocks_ += block_;
+    block_ = 0;
+  }
+  GIGA_HD float sum() const { return blocks_ + block_; }
+
+ private:
+  float blocks_ = 0, block_ = 0;
+};
+
+/// What agent i adds to an item of accumulate_episode.
+GIGA_HD float masked_reward(const World auto& w, int i) { return w.alive[i] && !w.counts[kDone] ? w.reward[i] : 0.0f; }
+GIGA_HD float term_of_step(const Parameters auto& p, const World auto& w, int t, int i) {
+  return w.was_alive[i] ? w.terms[t * p.n_agents + i] : 0.0f;
+}
+
 /// Adds the step to the episode's sums: item 0 to 1 = a team's returns, then one item per team and active term.
 GIGA_HD int n_step_items(const Parameters auto& p) { return kNTeams + kNTeams * p.n_active_terms; }
 GIGA_HD void accumulate_episode(const Parameters auto& p, World auto& w, int item) {
   if (item < kNTeams) {
     const float returns = w.returns[item], returns_masked = w.returns_masked[item];  // asked for early, needed late
-    float sum = 0, masked = 0;
-    for_team(p, item, [&](int i, int) {
-      sum += w.reward[i];
-      if (w.alive[i] && !w.counts[kDone]) masked += w.reward[i];
+    TeamSum sum, masked;
+    for_team(p, item, [&](int i, int slot) {
+      sum.add(w.reward[i], slot);
+      masked.add(masked_reward(w, i), slot);
     });
-    w.returns[item] = returns + sum;
-    w.returns_masked[item] = returns_masked + masked;
+    w.returns[item] = returns + sum.sum();
+    w.returns_masked[item] = returns_masked + masked.sum();
     return;
   }
   const int k = item - kNTeams, team = k >= p.n_active_terms ? 1 : 0, t = active_term(p, k - team * p.n_active_terms);
   const RewardTerm term = static_cast<RewardTerm>(t);
   float& total = w.term_returns[team * kNRewardTerms + t];
   const float before = total;
-  float sum = 0;
-  for_team(p, team, [&](int i, int) {
-    if (w.was_alive[i]) sum += w.terms[t * p.n_agents + i];
-  });
-  total = before + scale_term(p, w, term, sum);
+  TeamSum sum;
+  for_team(p, team, [&](int i, int slot) { sum.add(term_of_step(p, w, t, i), slot); });
+  total = before + scale_term(p, w, term, sum.sum());
 }
 
 /// Counts a team's living agents into w.counts[first + team].

@@ -16,13 +16,12 @@ namespace giga {
 
 /// Of those that detect an agent so many are kept for who looks for it; where there are more, all are found again.
 constexpr int kKeptDetectors = 16;
-/// Agents whose numbers are added up by one worker: the order of additions does not depend on their number
-/// (rules 17.5).
-constexpr int kSumBlock = 1024;
 /// Where many workers share a world: cells that one of them counts, and such counts that one of them adds up.
 constexpr int kCellChunk = 64;
 /// Most of n_step_items (episode.hpp).
 constexpr int kMostStepItems = kNTeams + kNTeams * kNRewardTerms;
+/// See SharedWork::arrival.
+constexpr int32_t kNotPlaced = -1;
 
 /// An entry of the list of fire at an agent: number of the shooter, above it its counter. 0 = none.
 constexpr int kShooterBits = 24;
@@ -60,11 +59,13 @@ struct GridParams : SimParams {
   GIGA_HD int slot_of(int i) const { return team_after_team ? i - first_of(team_of(i)) : SimParams::slot_of(i); }
 };
 
-/// An agent where it was when the grid was made.
-struct PlacedAgent {
+/// An agent where it was when the grid was made, and what whoever looks for it asks first (mark_agents).
+struct alignas(16) PlacedAgent {
   float x, y;
   int32_t agent;
+  uint32_t marks;
 };
+enum PlacedMark : uint32_t { kLives = 1, kObserved = 2 };
 
 /// A range of the agents sorted by cell.
 struct CellRange {
@@ -112,26 +113,34 @@ GIGA_HD GridShape grid_shape(int n, float x0, float y0, float x1, float y1) {
   return g;
 }
 
+/// What AgentNumber has for kNobody.
+constexpr uint32_t kNoAgent = 0xFFFFFFFFu;
+
 /// The number of an agent, of 32 bits, where worlds of few agents have uint16_t: compared with kNobody and set to it
 /// alike.
 struct AgentNumber {
   uint32_t value;
 
   GIGA_HD AgentNumber& operator=(uint16_t) {  // kNobody, nothing else
-    value = 0xFFFFFFFFu;
+    value = kNoAgent;
     return *this;
   }
   GIGA_HD operator int() const { return static_cast<int>(value); }
-  GIGA_HD friend constexpr bool operator==(AgentNumber a, uint16_t) { return a.value == 0xFFFFFFFFu; }
+  GIGA_HD friend constexpr bool operator==(AgentNumber a, uint16_t) { return a.value == kNoAgent; }
   // Not left to the compiler to make of the other: nvcc 13.0 compares the integers instead, in kernels only.
-  GIGA_HD friend constexpr bool operator!=(AgentNumber a, uint16_t) { return a.value != 0xFFFFFFFFu; }
+  GIGA_HD friend constexpr bool operator!=(AgentNumber a, uint16_t) { return a.value != kNoAgent; }
 };
-static_assert(AgentNumber{0xFFFFFFFFu} == kNobody && !(AgentNumber{0xFFFFFFFFu} != kNobody));
+static_assert(AgentNumber{kNoAgent} == kNobody && !(AgentNumber{kNoAgent} != kNobody));
 static_assert(AgentNumber{kNobody} != kNobody && !(AgentNumber{kNobody} == kNobody), "65,535 is an agent");
 
-/// The sums over a block of agents for an item of accumulate_episode: returns, masked returns; or a term's alone.
-struct BlockSum {
-  float sum, masked;
+/// What some agents add to an item of accumulate_episode: returns, masked returns; or a term's alone.
+struct StepSum {
+  float sum = 0, masked = 0;
+  GIGA_HD StepSum& operator+=(const StepSum& more) {
+    sum += more.sum;
+    masked += more.masked;
+    return *this;
+  }
 };
 
 /// Where the workers of a world put together what one alone would keep to itself (sort_agents of WideLanes).
@@ -142,12 +151,12 @@ struct SharedWork {
     uint32_t edge[4];
     int32_t count;
   };
-  Bounds* bounds;        // [1]
-  int32_t* arrival;      // [N] the agent came so late into its cell: depends on who was faster
-  int32_t* order;        // [N] agents by cell, within one in the order of arrival
-  int32_t* cell_sums;    // [cells / kCellChunk] agents in so many cells
-  int32_t* chunk_sums;   // [cells / kCellChunk^2]
-  BlockSum* block_sums;  // [n_step_items, blocks of agents]
+  Bounds* bounds;       // [1]
+  int32_t* arrival;     // [N] the agent came so late into its cell: depends on who was faster; kNotPlaced: it is dead
+  int32_t* order;       // [N] agents by cell, within one in the order of arrival
+  int32_t* cell_sums;   // [cells / kCellChunk] agents in so many cells
+  int32_t* chunk_sums;  // [cells / kCellChunk^2]
+  StepSum* sums;        // [n_step_items, sums_of_team] of blocks of agents, of blocks of these, ... (accumulate_step)
 };
 
 /// What a step reads and writes of a world of many agents. Pairs have no tables here: the members of WorldView for them
@@ -191,34 +200,41 @@ GIGA_HD void for_near(const GridParams& p, const GridWorld& w, float x, float y,
   }
 }
 
-/// Calls f(agent) ring of cells by ring around a place, until `enough(distance)`, asked before each ring, says that
-/// agents that lie at least so far off do not matter.
+/// Calls f(placed agent) for the cells up to ring `first` around that of a place, then ring by ring, until
+/// `enough(distance)`, asked before each ring, says that agents that lie at least so far off do not matter.
 template <class Enough, class F>
-GIGA_HD void for_rings(const GridParams& p, const GridWorld& w, float x, float y, Enough&& enough, F&& f) {
+GIGA_HD void for_rings(const GridParams& p, const GridWorld& w, float x, float y, int first, Enough&& enough, F&& f) {
   const GridShape& g = w.grid;
   const int column = g.column(x), row = g.row(y);
-  const auto visit = [&](int at, int first, int last) {
-    const CellRange range = w.cells(at, first, last);
-    for (int32_t k = range.begin; k < range.end; ++k) f(static_cast<int>(w.placed[k].agent));
-  };
-  visit(row, column, column);
-  for (int ring = 1;; ++ring) {
+  GIGA_ROLLED
+  for (int ring = first;; ++ring) {
     const int left = column - ring, right = column + ring, low = row - ring, high = row + ring;
-    // The nearest that a cell of this ring, or one beyond, can lie: behind an open side of the square of those before.
-    float distance = INFINITY;
-    if (left >= 0) distance = min_of(distance, x - (g.x0 + static_cast<float>(left + 1) * g.size_x));
-    if (right < g.columns) distance = min_of(distance, g.x0 + static_cast<float>(right) * g.size_x - x);
-    if (low >= 0) distance = min_of(distance, y - (g.y0 + static_cast<float>(low + 1) * g.size_y));
-    if (high < g.rows) distance = min_of(distance, g.y0 + static_cast<float>(high) * g.size_y - y);
-    if (distance == INFINITY || enough(distance - p.margin)) return;
     const int from = left < 0 ? 0 : left, to = right < g.columns ? right : g.columns - 1;
     const int bottom = low < 0 ? 0 : low, top = high < g.rows ? high : g.rows - 1;
-    if (low >= 0) visit(low, from, to);
-    for (int at = low < 0 ? bottom : low + 1; at <= (high < g.rows ? high - 1 : top); ++at) {
-      if (left >= 0) visit(at, left, left);
-      if (right < g.columns) visit(at, right, right);
+    GIGA_ROLLED
+    for (int at = bottom; at <= top; ++at) {
+      const bool whole = ring == first || at == low || at == high;  // else its two ends
+      GIGA_ROLLED
+      for (int side = 0; side < (whole ? 1 : 2); ++side) {
+        if (!whole && (side == 0 ? left < 0 : right >= g.columns)) continue;
+        const CellRange range = w.cells(at, whole || side == 0 ? from : to, whole || side == 1 ? to : from);
+        if (range.begin == range.end) continue;
+        PlacedAgent next = w.placed[range.begin];
+        GIGA_ROLLED
+        for (int32_t k = range.begin; k < range.end; ++k) {
+          const PlacedAgent a = next;
+          next = w.placed[k + 1 < range.end ? k + 1 : k];  // asked for early
+          f(a);
+        }
+      }
     }
-    if (high < g.rows) visit(high, from, to);
+    // The nearest that a cell of the next ring, or one beyond, can lie: behind an open side of the square so far.
+    float distance = INFINITY;
+    if (left > 0) distance = min_of(distance, x - (g.x0 + static_cast<float>(left) * g.size_x));
+    if (right + 1 < g.columns) distance = min_of(distance, g.x0 + static_cast<float>(right + 1) * g.size_x - x);
+    if (low > 0) distance = min_of(distance, y - (g.y0 + static_cast<float>(low) * g.size_y));
+    if (high + 1 < g.rows) distance = min_of(distance, g.y0 + static_cast<float>(high + 1) * g.size_y - y);
+    if (distance == INFINITY || enough(distance - p.margin)) return;
   }
 }
 

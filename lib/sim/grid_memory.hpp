@@ -7,7 +7,7 @@
 #include <string>
 
 #include "core/error.hpp"
-#include "sim/grid.hpp"
+#include "sim/grid_stages.hpp"
 #include "sim/simulator.hpp"
 
 namespace giga {
@@ -52,7 +52,6 @@ GIGA_HD size_t attach_scratch(const GridParams& p, GridWorld& w, char* block, bo
   take(w.next, 3 * n);
   take(w.was_alive, n);
   take(w.flags, n);
-  take(w.neighbor_distance, n * static_cast<size_t>(p.n_neighbors));
   take(w.features, n);
   take(w.terms, n * kNRewardTerms);
   take(w.counts, kNCounts);
@@ -69,7 +68,8 @@ GIGA_HD size_t attach_scratch(const GridParams& p, GridWorld& w, char* block, bo
     take(w.work.order, n);
     take(w.work.cell_sums, n / kCellChunk + 1);
     take(w.work.chunk_sums, n / (kCellChunk * kCellChunk) + 1);
-    take(w.work.block_sums, static_cast<size_t>(kMostStepItems) * (n / kSumBlock + 1));
+    take(w.work.sums, static_cast<size_t>(kMostStepItems) *
+                          static_cast<size_t>(sums_of_team(p.n_team[0] > p.n_team[1] ? p.n_team[0] : p.n_team[1])));
   }
   return at;
 }

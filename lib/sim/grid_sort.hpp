@@ -1,6 +1,6 @@
-// Stages of a world of many agents for many workers at once (WideLanes): sorting the agents into the grid, counting the
-// teams, adding up returns. What comes out does not depend on who is faster, and is what one worker makes
-// (grid_stages.hpp).
+// Stages of a world of many agents for many workers at once (WideLanes): sorting the agents into the grid, going
+// through them by place, counting the teams, adding up returns. What comes out does not depend on who is faster, and is
+// what one worker makes (grid_stages.hpp).
 #pragma once
 
 #include <bit>
@@ -97,7 +97,10 @@ GIGA_HD void sort_agents(const Lanes& lanes, const GridParams&, GridWorld& w, in
           w.cell_begin[0] = 0;
           for (int k = kAlive0; k <= kWasAlive1; ++k) w.counts[k] = 0;  // for count_teams
         }
-        if (!w.alive[i]) return;
+        if (!w.alive[i]) {
+          work.arrival[i] = kNotPlaced;
+          return;
+        }
         ++bounds.count;
         const float x = w.x[i], y = w.y[i];
         const uint32_t edge[4] = {ordered_key(-x), ordered_key(-y), ordered_key(x), ordered_key(y)};
@@ -124,7 +127,7 @@ GIGA_HD void sort_agents(const Lanes& lanes, const GridParams&, GridWorld& w, in
     const int32_t first = w.cell_begin[cell], end = w.cell_begin[cell + 1];
     int32_t place = first;
     for (int32_t k = first; k < end; ++k) place += work.order[k] < i ? 1 : 0;
-    w.placed[place] = {w.x[i], w.y[i], i};
+    w.placed[place] = {w.x[i], w.y[i], i, 0};
   });
 }
 
@@ -148,26 +151,49 @@ GIGA_HD void count_teams(const Lanes& lanes, const GridParams& p, GridWorld& w, 
       });
 }
 
-/// Rules 17.5: blocks side by side, then their sums in order.
+/// Rules 17.5: blocks side by side, then blocks of their sums.
 template <WideLanes Lanes>
 GIGA_HD void accumulate_step(const Lanes& lanes, const GridParams& p, GridWorld& w, int items) {
-  struct Block {
-    int item, block, row;
-    bool some;
-    GIGA_HD explicit operator bool() const { return some; }
+  if (!p.team_after_team) return lanes.each(items, [&](int item) { accumulate_episode(p, w, item); });
+  const int most = p.n_team[0] > p.n_team[1] ? p.n_team[0] : p.n_team[1], pitch = sums_of_team(most);
+  const auto block_of = [](int block, int n, auto&& number) {
+    const int end = (block + 1) * kSumBlock < n ? (block + 1) * kSumBlock : n;
+    StepSum sum;
+    for (int k = block * kSumBlock; k < end; ++k) sum += number(k);
+    return sum;
   };
-  const int first = sum_blocks(p, 0), second = sum_blocks(p, 1), most = first > second ? first : second;
-  // A warp for each: their loops differ.
-  lanes.each_cell(
-      items * most, 1,
-      [&](int row) {
-        const int item = row / most, block = row - item * most;
-        return Block{item, block, row, block < sum_blocks(p, StepItem(p, item).team)};
-      },
-      [&](const Block& b, int) { w.work.block_sums[b.row] = sum_block(p, w, b.item, b.block); });
+  int count = sum_blocks(most);
+  StepSum* sums = w.work.sums;
+  lanes.each(items * count, [&](int k) {
+    const int item = k / count, block = k - item * count;
+    const StepItem what(p, item);
+    sums[item * pitch + block] =
+        block_of(block, p.n_team[what.team], [&](int slot) { return what.of(p, w, p.first_of(what.team) + slot); });
+  });
+  GIGA_ROLLED
+  while (count > kSumBlock) {
+    const int blocks = sum_blocks(count);
+    lanes.each(items * blocks, [&](int k) {
+      const int item = k / blocks, block = k - item * blocks;
+      const StepSum* from = sums + item * pitch;
+      sums[item * pitch + count + block] = block_of(block, count, [&](int at) { return from[at]; });
+    });
+    sums += count;
+    count = blocks;
+  }
   lanes.each(items, [&](int item) {
-    const int blocks = sum_blocks(p, StepItem(p, item).team);
-    for (int block = 0; block < blocks; ++block) add_block(p, w, item, w.work.block_sums[item * most + block]);
+    const StepSum* from = sums + item * pitch;
+    StepItem(p, item).add_to_episode(p, w, block_of(0, count, [&](int at) { return from[at]; }));
+  });
+}
+
+/// The hook of step.hpp: neighboring workers see to agents that are near each other, and so look at the same others.
+template <WideLanes Lanes, class F>
+GIGA_HD void each_by_place(const Lanes& lanes, const GridParams&, const GridWorld& w, int n, F&& f) {
+  const int placed = n > 0 ? w.cell_begin[w.grid.cells()] : 0;
+  lanes.each(placed + n, [&](int k) {
+    const int i = k < placed ? w.placed[k].agent : k - placed;
+    if (k < placed || w.work.arrival[i] == kNotPlaced) f(i);
   });
 }
 

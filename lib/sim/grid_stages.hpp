@@ -155,37 +155,95 @@ GIGA_HD void detect_only(const GridParams& p, GridWorld& w, Draws& draws, int a)
   w.observers[a] = observers;
 }
 
-/// The agents of e's rows (rules 7.1), nearest first, equally near ones by number: of those for which seen(agent)
-/// holds, which are asked only if they would have a row, and of which none lies beyond `reach`. Looks no farther than
-/// the last row.
+/// Notes with the placed agents what they are asked first. Before `listen` and `look`.
+template <class Lanes>
+GIGA_HD void mark_agents(const Lanes& lanes, const GridParams&, GridWorld& w, int n) {
+  lanes.each(n > 0 ? w.cell_begin[w.grid.cells()] : 0, [&](int k) {
+    const int i = w.placed[k].agent;
+    w.placed[k].marks = (w.alive[i] ? kLives : 0u) | (w.observers[i] > 0 ? kObserved : 0u);
+  });
+}
+
+/// The nearest of the agents that are shown to it, in order, equally near ones by number: selections and nothing but
+/// registers, so that the lanes of a warp, each with an agent of its own, keep in step.
+class NearestAgents {
+ public:
+  static constexpr int kMost = 14;  ///< all others of a row of the usual length
+
+  /// Of those behind the last of `before`.
+  GIGA_HD NearestAgents(float distance, uint32_t agent) : after_distance_(distance), after_agent_(agent) {
+    GIGA_UNROLL
+    for (int k = 0; k < kMost; ++k) {
+      distance_[k] = INFINITY;
+      agent_[k] = kNoAgent;
+    }
+  }
+  GIGA_HD bool wants(float distance, uint32_t agent) const {
+    return sooner(after_distance_, after_agent_, distance, agent) &&
+           sooner(distance, agent, distance_[kMost - 1], agent_[kMost - 1]);
+  }
+  GIGA_HD void take(float distance, uint32_t agent) {
+    GIGA_UNROLL
+    for (int k = 0; k < kMost; ++k) {
+      const float d = distance_[k];
+      const uint32_t a = agent_[k];
+      const bool first = sooner(distance, agent, d, a);
+      distance_[k] = first ? distance : d;
+      agent_[k] = first ? agent : a;
+      distance = first ? d : distance;
+      agent = first ? a : agent;
+    }
+  }
+  GIGA_HD uint32_t agent(int k) const { return agent_[k]; }
+  /// Of the last, infinite where there is room.
+  GIGA_HD float farthest() const { return distance_[kMost - 1]; }
+  GIGA_HD uint32_t last() const { return agent_[kMost - 1]; }
+
+ private:
+  GIGA_HD static bool sooner(float d1, uint32_t a1, float d2, uint32_t a2) { return d1 < d2 || (d1 == d2 && a1 < a2); }
+
+  float distance_[kMost], after_distance_;
+  uint32_t agent_[kMost], after_agent_;
+};
+
+/// The agents of e's rows (rules 7.1), nearest first, equally near ones by number: of those for which seen(placed
+/// agent) holds, which are asked only if they would have a row, and of which none lies beyond `reach`. Looks no farther
+/// than the last row. Longer rows than the usual are put together of several searches.
 template <class Seen>
 GIGA_HD void rank_seen(const GridParams& p, GridWorld& w, int e, float reach, bool sees_itself, Seen&& seen) {
   const int limit = p.n_neighbors;
   AgentNumber* rows = w.neighbors + static_cast<int64_t>(e) * limit;
-  float* distance = w.neighbor_distance + static_cast<int64_t>(e) * limit;
   rows[0] = AgentNumber{static_cast<uint32_t>(e)};
   if (!sees_itself) rows[0] = kNobody;
-  int count = 1;
-  const auto before = [](float d1, int a1, float d2, int a2) { return d1 < d2 || (d1 == d2 && a1 < a2); };
-  const auto no_row = [&](float away, int a) {
-    return count == limit && !before(away, a, distance[limit - 1], rows[limit - 1]);
-  };
-  if (limit > 1)
-    for_rings(
-        p, w, w.x[e], w.y[e],
-        [&](float far) { return far > reach || (count == limit && far * 0.9999f > distance[limit - 1]); },
-        [&](int a) {
-          const float away = order_distance(p, w, e, a);
-          if (a == e || no_row(away, a) || !seen(a)) return;
-          int at = count < limit ? count++ : limit - 1;
-          for (; at > 1 && before(away, a, distance[at - 1], rows[at - 1]); --at) {
-            distance[at] = distance[at - 1];
-            rows[at] = rows[at - 1];
-          }
-          distance[at] = away;
-          rows[at] = AgentNumber{static_cast<uint32_t>(a)};
-        });
-  for (; count < limit; ++count) rows[count] = kNobody;
+  const float x = w.x[e], y = w.y[e];
+  const int column = w.grid.column(x), row = w.grid.row(y);
+  // Where agents are crowded the next cells hold enough of them.
+  int crowd = 0;
+  const int left = column > 0 ? column - 1 : 0, right = column + 1 < w.grid.columns ? column + 1 : column;
+  for (int at = row > 0 ? row - 1 : 0; at <= row + 1 && at < w.grid.rows; ++at) {
+    const CellRange range = w.cells(at, left, right);
+    crowd += range.end - range.begin;
+  }
+  const int first = crowd < 2 * NearestAgents::kMost ? 2 : 1;
+  float distance = -1;
+  uint32_t last = 0;
+  GIGA_ROLLED
+  for (int done = 1; done < limit; done += NearestAgents::kMost) {
+    NearestAgents nearest(distance, last);
+    if (distance < INFINITY)
+      for_rings(
+          p, w, x, y, first, [&](float far) { return far > reach || far * 0.9999f > nearest.farthest(); },
+          [&](const PlacedAgent& a) {
+            const float away = order_distance(a.x - x, a.y - y);
+            const uint32_t agent = static_cast<uint32_t>(a.agent);
+            if (a.agent != e && nearest.wants(away, agent) && seen(a)) nearest.take(away, agent);
+          });
+    GIGA_UNROLL
+    for (int k = 0; k < NearestAgents::kMost; ++k)
+      if (done + k < limit) rows[done + k] = AgentNumber{nearest.agent(k)};
+    distance = nearest.farthest();
+    last = nearest.last();
+  }
 }
 
 /// Whether agent e hears agent b of its team; `draw()` is asked where chance decides (rules 6).
@@ -203,8 +261,9 @@ template <class Draws>
 GIGA_HD void listen(const GridParams& p, GridWorld& w, Draws& draws, int e, bool after_reset) {
   const int team = p.team_of(e);
   const auto hears = [&](int b) { return hears_mate(p, w, e, b, [&] { return draws.comm(e, b, after_reset); }); };
-  const auto told_of = [&](int a) {
-    const int observers = w.observers[a];
+  const auto told_of = [&](const PlacedAgent& placed) {
+    if (!(placed.marks & kObserved)) return false;
+    const int a = placed.agent, observers = w.observers[a];
     bool told = false;
     if (observers <= kKeptDetectors) {
       const int32_t* kept = w.detectors + static_cast<int64_t>(a) * kKeptDetectors;
@@ -218,14 +277,16 @@ GIGA_HD void listen(const GridParams& p, GridWorld& w, Draws& draws, int e, bool
     return told;
   };
   rank_seen(p, w, e, p.hearing_reach + p.sight_reach[team] + p.margin, hears(e),
-            [&](int a) { return p.team_of(a) == team ? hears(a) : told_of(a); });
+            [&](const PlacedAgent& a) { return p.team_of(a.agent) == team ? hears(a.agent) : told_of(a); });
 }
 
 /// The same without it: all living mates, and whomever anybody detects.
 GIGA_HD void look(const GridParams& p, GridWorld& w, int e) {
   if (p.stochastic_communication) return;  // `listen` has seen to it
-  const auto seen = [&](int a) { return (p.team_of(a) == p.team_of(e) && w.alive[a]) || w.observers[a] > 0; };
-  rank_seen(p, w, e, INFINITY, seen(e), seen);
+  const int team = p.team_of(e);
+  rank_seen(p, w, e, INFINITY, w.alive[e] || w.observers[e] > 0, [&](const PlacedAgent& a) {
+    return (p.team_of(a.agent) == team && (a.marks & kLives)) || (a.marks & kObserved);
+  });
 }
 
 /// The rows are ranked when it is decided whom an agent sees, and kept as state.
@@ -241,8 +302,9 @@ GIGA_HD float way_gained(const GridParams& p, const GridWorld& w, int i) {
   float nearest = -1;
   int target = -1;
   for_rings(
-      p, w, w.x[i], w.y[i], [&](float far) { return target >= 0 && far * 0.9999f > nearest; },
-      [&](int a) {
+      p, w, w.x[i], w.y[i], 0, [&](float far) { return target >= 0 && far * 0.9999f > nearest; },
+      [&](const PlacedAgent& placed) {
+        const int a = placed.agent;
         if (p.team_of(a) != team || !w.alive[a]) return;
         const float way = way_to(p, w, w.x[i], w.y[i], a);
         if (target >= 0 && (way > nearest || (way == nearest && a > target))) return;
@@ -252,24 +314,15 @@ GIGA_HD float way_gained(const GridParams& p, const GridWorld& w, int i) {
   return target >= 0 ? way_to(p, w, w.next[i], w.next[p.n_agents + i], target) - nearest : 0.0f;
 }
 
-/// Some of the agents of a team: what is summed over a team is summed over these.
-struct GridBlock : GridParams {
-  int first, end;
-
-  GIGA_HD GridBlock(const GridParams& p, int team, int block) : GridParams(p), first(p.first_of(team)) {
-    const int last = p.end_of(team);
-    if (team_after_team) first += block * kSumBlock;
-    end = team_after_team && first + kSumBlock < last ? first + kSumBlock : last;
+/// Blocks of kSumBlock agents of a team, or of so many such sums.
+GIGA_HD int sum_blocks(int n) { return (n + kSumBlock - 1) / kSumBlock; }
+/// All sums of an item over a team of n agents (SharedWork::sums).
+GIGA_HD int sums_of_team(int n) {
+  int sums = 0;
+  for (int count = sum_blocks(n);; count = sum_blocks(count)) {
+    sums += count;
+    if (count <= kSumBlock) return sums;
   }
-};
-template <class F>
-GIGA_HD void for_team(const GridBlock& p, int team, F&& f) {
-  int k = 0;
-  for (int a = p.first; a < p.end; ++a)
-    if (p.team_of(a) == team) f(a, k++);
-}
-GIGA_HD int sum_blocks(const GridParams& p, int team) {
-  return p.team_after_team ? (p.n_team[team] + kSumBlock - 1) / kSumBlock : 1;
 }
 
 /// What an item of accumulate_episode adds up: a team's returns, or one of its terms, by its place in term_returns.
@@ -279,34 +332,39 @@ struct StepItem {
   GIGA_HD StepItem(const GridParams& p, int item) {
     const int k = item - kNTeams;
     team = item < kNTeams ? item : (k >= p.n_active_terms ? 1 : 0);
-    term = item < kNTeams ? -1 : team * kNRewardTerms + active_term(p, k - team * p.n_active_terms);
+    term = item < kNTeams ? -1 : active_term(p, k - team * p.n_active_terms);
+  }
+  /// Of agent i.
+  GIGA_HD StepSum of(const GridParams& p, const GridWorld& w, int i) const {
+    if (term < 0) return {w.reward[i], masked_reward(w, i)};
+    return {term_of_step(p, w, term, i), 0};
+  }
+  GIGA_HD void add_to_episode(const GridParams& p, GridWorld& w, const StepSum& step) const {
+    if (term < 0) {
+      w.returns[team] += step.sum;
+      w.returns_masked[team] += step.masked;
+    } else {
+      w.term_returns[team * kNRewardTerms + term] += scale_term(p, w, static_cast<RewardTerm>(term), step.sum);
+    }
   }
 };
 
-/// Rules 17.5: each block is summed as a world of few agents is.
-GIGA_HD BlockSum sum_block(const GridParams& p, const GridWorld& w, int item, int block) {
-  const StepItem what(p, item);
-  float returns[kNTeams] = {}, masked[kNTeams] = {}, terms[kNTeams * kNRewardTerms] = {};
-  WorldView part = w;
-  part.returns = returns;
-  part.returns_masked = masked;
-  part.term_returns = terms;
-  accumulate_episode(GridBlock(p, what.team, block), part, item);
-  if (what.term < 0) return {returns[item], masked[item]};
-  return {terms[what.term], 0};
-}
-GIGA_HD void add_block(const GridParams& p, GridWorld& w, int item, const BlockSum& sum) {
-  const StepItem what(p, item);
-  if (what.term < 0) {
-    w.returns[item] += sum.sum;
-    w.returns_masked[item] += sum.masked;
-  } else {
-    w.term_returns[what.term] += sum.sum;
-  }
-}
+/// Rules 17.5, by one worker.
 GIGA_HD void accumulate_episode(const GridParams& p, GridWorld& w, int item) {
-  const int blocks = sum_blocks(p, StepItem(p, item).team);
-  for (int block = 0; block < blocks; ++block) add_block(p, w, item, sum_block(p, w, item, block));
+  constexpr int kLevels = 4;
+  static_assert(kMaxGridAgents <= int64_t{kSumBlock} * kSumBlock * kSumBlock * kSumBlock);
+  const StepItem what(p, item);
+  StepSum level[kLevels] = {};
+  const auto close = [&](int at) {
+    level[at + 1] += level[at];
+    level[at] = {};
+  };
+  for_team(p, what.team, [&](int i, int slot) {
+    level[0] += what.of(p, w, i);
+    for (int at = 0, n = slot + 1; at + 1 < kLevels && n % kSumBlock == 0; ++at, n /= kSumBlock) close(at);
+  });
+  for (int at = 0; at + 1 < kLevels; ++at) close(at);
+  what.add_to_episode(p, w, level[kLevels - 1]);
 }
 
 /// How the agents of a team ended is counted in whole numbers: one by one, a float counts to 16,777,216 only.
@@ -341,7 +399,7 @@ GIGA_HD void fill_grid(const GridParams& p, GridWorld& w) {
     if (w.alive[i]) ++w.cell_begin[w.grid.cell_of(w.x[i], w.y[i]) + 1];
   for (int k = 0; k < cells; ++k) w.cell_begin[k + 1] += w.cell_begin[k];
   for (int i = p.n_agents - 1; i >= 0; --i)
-    if (w.alive[i]) w.placed[--w.cell_begin[w.grid.cell_of(w.x[i], w.y[i]) + 1]] = {w.x[i], w.y[i], i};
+    if (w.alive[i]) w.placed[--w.cell_begin[w.grid.cell_of(w.x[i], w.y[i]) + 1]] = {w.x[i], w.y[i], i, 0};
   for (int k = 0; k < cells; ++k) w.cell_begin[k] = w.cell_begin[k + 1];
   w.cell_begin[cells] = n;
 }

@@ -20,6 +20,16 @@ namespace giga {
 template <class Lanes>
 GIGA_HD void sort_agents(const Lanes&, const Parameters auto&, World auto&, int) {}
 
+/// Called before whom agents see is decided.
+template <class Lanes>
+GIGA_HD void mark_agents(const Lanes&, const Parameters auto&, World auto&, int) {}
+
+/// lanes.each_agent where each looks for others: in whatever order suits that.
+template <class Lanes, class F>
+GIGA_HD void each_by_place(const Lanes& lanes, const Parameters auto&, const World auto&, int n, F&& f) {
+  lanes.each_agent(n, f);
+}
+
 /// Counts the living of both teams, before the step and after it. `teams`: 0 where the lanes only keep in step.
 template <class Lanes>
 GIGA_HD void count_teams(const Lanes& lanes, const Parameters auto& p, World auto& w, int teams) {
@@ -40,7 +50,8 @@ template <class Lanes, class Draws>
 GIGA_HD void observe_world(const Lanes& lanes, const Parameters auto& p, World auto& w, Draws& draws, const StepIo& io,
                            int64_t world, bool after_reset, bool active = true) {
   const int n = active ? p.n_agents : 0;
-  lanes.each_agent(n, [&](int e) {
+  mark_agents(lanes, p, w, n);
+  each_by_place(lanes, p, w, n, [&](int e) {
     if (p.stochastic_communication) listen(p, w, draws, e, after_reset);
     look(p, w, e);
   });
@@ -62,7 +73,7 @@ GIGA_HD void reset_world(const Lanes& lanes, const Parameters auto& p, World aut
   sort_agents(lanes, p, w, n);
   // The original's first observation shows no opponent even where everything is observable (Q18).
   if (!p.original() && !p.stochastic_detection && !p.stochastic_communication)
-    lanes.each_agent(n, [&](int a) { detect_only(p, w, draws, a); });
+    each_by_place(lanes, p, w, n, [&](int a) { detect_only(p, w, draws, a); });
 }
 
 /// The stages of one step of one world, up to its observation. Between two stages all lanes see all results of the
@@ -83,10 +94,10 @@ GIGA_HD void play_step(const Lanes& lanes, const Parameters auto& p, World auto&
     check_bounds(p, w, i);
   });
   sort_agents(lanes, p, w, n);
-  lanes.each_agent(n, [&](int i) { check_agents(p, w, i); });
+  each_by_place(lanes, p, w, n, [&](int i) { check_agents(p, w, i); });
   lanes.each_agent(n, [&](int i) { check_obstacles(p, w, i); });
   if (p.waypoints) lanes.each(one, [&](int) { update_waypoint(p, w, draws); });
-  lanes.each_agent(n, [&](int a) { detect_and_track(p, w, draws, a); });
+  each_by_place(lanes, p, w, n, [&](int a) { detect_and_track(p, w, draws, a); });
   lanes.each_agent(n, [&](int i) {
     update_health(p, w, i);
     note_death(w, i);

@@ -24,10 +24,10 @@ GIGA_HD float order_y(const Parameters auto& p, const World auto& w, int a) {
   return orders_by_pixel(p) ? static_cast<float>(pixel_of(p, w.y[a], p.limit_y)) : w.y[a];
 }
 
-/// How far agent a is from e where rows are ordered.
+/// How far an agent is from another where rows are ordered.
+GIGA_HD float order_distance(float dx, float dy) { return square_root(dx * dx + dy * dy); }
 GIGA_HD float order_distance(const Parameters auto& p, const World auto& w, int e, int a) {
-  const float dx = order_x(p, w, a) - order_x(p, w, e), dy = order_y(p, w, a) - order_y(p, w, e);
-  return square_root(dx * dx + dy * dy);
+  return order_distance(order_x(p, w, a) - order_x(p, w, e), order_y(p, w, a) - order_y(p, w, e));
 }
 
 constexpr uint32_t kUnseenKey = 0x80000000u;  ///< see rank_by_sorting
@@ -114,27 +114,48 @@ GIGA_HD void describe_agent(const Parameters auto& p, World auto& w, int a) {
   f.sprite = static_cast<float>(table_value(p.agents.sprite + a));
 }
 
+/// A number about agent k of a row, `some`: if there is one, from `value` of the agent and `own` of the ego, to which
+/// others are told relative. Selections rather than branches: on the GPU the lanes of a warp keep in step.
+GIGA_HD float neighbor_number(const Parameters auto& p, int feature, bool some, int k, float value, float own) {
+  const bool relative = feature >= kFirstRelative && feature <= kLastRelative;
+  const float apart = value - (k == 0 || !relative ? 0.0f : own);
+  const float turn = p.original() ? wrap_original(apart) : wrap_angle(apart);
+  return some ? (feature == kHeading && k > 0 ? turn : apart) : 0.0f;
+}
+
 /// Agent k of e's row, after rank_neighbors and describe_agent of all: put(feature, number), in their order. `own`: e
-/// itself; the row tells of the others relative to it. Selections rather than branches: on the GPU the lanes of a warp
-/// keep in step.
+/// itself.
 template <class Put>
 GIGA_HD void write_neighbor(const Parameters auto& p, const World auto& w, int e, const AgentFeatures& own, int k,
                             Put&& put) {
   const auto a = w.neighbors[static_cast<int64_t>(e) * p.n_neighbors + k];
   const bool some = a != kNobody;
   const AgentFeatures f = w.features[some ? a : e];
-  const auto apart = [&](float value, float from) { return some ? value - (k == 0 ? 0.0f : from) : 0.0f; };
-  const float turn = f.heading - own.heading;
-  const float heading = k == 0 ? f.heading : p.original() ? wrap_original(turn) : wrap_angle(turn);
-  put(kSeen, some ? 1.0f : 0.0f);
-  put(kSameTeam, some && p.team_of(a) == p.team_of(e) ? 1.0f : 0.0f);
-  put(kX, apart(f.x, own.x));
-  put(kY, apart(f.y, own.y));
-  put(kZ, apart(f.z, own.z));
-  put(kHeading, some ? heading : 0.0f);
-  put(kSpeed, apart(f.speed, own.speed));
-  put(kHealth, some ? f.health : 0.0f);
-  put(kSprite, some ? f.sprite : 0.0f);
+  const auto tell = [&](int feature, float value, float from) {
+    put(feature, neighbor_number(p, feature, some, k, value, from));
+  };
+  tell(kSeen, 1, 0);
+  tell(kSameTeam, some && p.team_of(a) == p.team_of(e) ? 1.0f : 0.0f, 0);
+  tell(kX, f.x, own.x);
+  tell(kY, f.y, own.y);
+  tell(kZ, f.z, own.z);
+  tell(kHeading, f.heading, own.heading);
+  tell(kSpeed, f.speed, own.speed);
+  tell(kHealth, f.health, 0);
+  tell(kSprite, f.sprite, 0);
+}
+/// The same one by one.
+GIGA_HD float neighbor_number(const Parameters auto& p, const World auto& w, int e, int k, int feature) {
+  const auto a = w.neighbors[static_cast<int64_t>(e) * p.n_neighbors + k];
+  const bool some = a != kNobody;
+  const auto feature_of = [&](int agent) {
+    return (&w.features[agent].x)[feature < kX ? 0 : feature - kX];  // members in that order
+  };
+  const float value = feature_of(some ? a : e), own = feature_of(e);
+  const float told = feature == kSeen       ? 1.0f
+                     : feature == kSameTeam ? (some && p.team_of(a) == p.team_of(e) ? 1.0f : 0.0f)
+                                            : value;
+  return neighbor_number(p, feature, some, k, told, own);
 }
 
 /// Numbers of a box: x1 y1 x2 y2 as shares of the world's size, with obstacle_heights z1 z2 too.
@@ -201,34 +222,22 @@ struct VectorObservation {
     if constexpr ((P::kTeam == 0 && !WideLanes<Lanes>) || Lanes::kSerial) write_tail(lanes, p, w, n > 0, rows);
   }
 
-  /// A worker per number, so that neighboring lanes write neighboring numbers with nothing staged; of those that it
-  /// works out about an agent each keeps one.
+  /// A worker per number about agents, so that neighboring lanes write neighboring numbers with nothing staged; one per
+  /// agent for the few that follow.
   template <class Lanes, class Rows>
   GIGA_HD static void write_by_number(const Lanes& lanes, const Parameters auto& p, const World auto& w, int n,
                                       Rows&& rows) {
-    struct Row {
-      float* to;
-      int e;
-      GIGA_HD explicit operator bool() const { return to != nullptr; }
-    };
     const int waypoint_at = neighbor_columns(p), boxes_at = waypoint_at + (p.waypoints ? kWaypointFeatures : 0);
+    const int n_boxes = p.n_boxes * box_features(p);
     const float* boxes = features_of_boxes(p, w);
-    lanes.each_cell(
-        n, waypoint_at + tail_columns(p),
-        [&](int e) {
-          return Row{rows(e), e};
-        },
-        [&](const Row& row, int column) {
-          float number = 0;
-          if (column < waypoint_at)
-            write_neighbor(p, w, row.e, w.features[row.e], column / kNeighborFeatures, [&](int feature, float value) {
-              number = feature == column % kNeighborFeatures ? value : number;
-            });
-          else
-            number = column < boxes_at ? waypoint_value(p, w, row.e, column - waypoint_at)
-                                       : table_value(boxes + (column - boxes_at));
-          row.to[column] = number;
-        });
+    lanes.each_agent(n, [&](int e) {
+      float* row = rows(e);
+      for (int k = waypoint_at; row && k < boxes_at; ++k) row[k] = waypoint_value(p, w, e, k - waypoint_at);
+      for (int k = 0; row && k < n_boxes; ++k) row[boxes_at + k] = table_value(boxes + k);
+    });
+    lanes.write_rows(n, waypoint_at, rows, [&](int e, int column) {
+      return neighbor_number(p, w, e, column / kNeighborFeatures, column % kNeighborFeatures);
+    });
   }
 
   /// So many rows at a time: some workers put together each of them in shared memory, then they are sent, all at once

@@ -6,9 +6,9 @@
 
 namespace giga {
 
-/// What others are told of an agent, in the units of the vector observation.
+/// What others are told of an agent, in the units and the order of the vector observation (Feature).
 struct alignas(16) AgentFeatures {
-  float x, y, z, speed, heading, health, sprite;
+  float x, y, z, heading, speed, health, sprite;
 };
 
 /// Pointers to one world's arrays, N agents: its state (state.hpp), some of it perhaps in a working copy, and scratch.

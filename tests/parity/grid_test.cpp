@@ -208,13 +208,13 @@ TEST(Grid, FindsAllThatAreNearOnSmallAndLargeMaps) {
         for_near(places.p, places.w, x, y, reach, [&](int a) { near.insert(a); });
         float asked = 0;
         for_rings(
-            places.p, places.w, x, y,
+            places.p, places.w, x, y, e % 3,
             [&](float far) {
               EXPECT_GE(far + 3 * places.p.margin, asked) << "farther and farther";
               asked = far;
               return far > reach;
             },
-            [&](int a) { rings.insert(a); });
+            [&](const PlacedAgent& a) { rings.insert(a.agent); });
         for (int a = 0; a < n; ++a) {
           const bool expected = places.alive[static_cast<size_t>(a)] && places.distance(a, x, y) <= reach;
           if (expected) {
