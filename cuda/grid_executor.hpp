@@ -45,24 +45,27 @@ struct GridLanes {
     }
     sync.wait();
   }
-  /// A warp per row. What is asked for early is there when it is needed: a write might change what is read behind it,
-  /// so that the compiler does not do this by itself.
-  template <class Rows, class F>
-  GIGA_HD void write_rows(int rows, int columns, Rows&& row_of, F&& number) const {
+  /// A warp per row: row_of(row)[column] = tell(ask(row, column), row, column), or nothing where that row is null. A
+  /// thread asks for several numbers before it tells any: the compiler would not, because a write might change what is
+  /// read behind it.
+  template <class Rows, class Ask, class Tell>
+  GIGA_HD void write_rows(int rows, int columns, Rows&& row_of, Ask&& ask, Tell&& tell) const {
     if (rows <= 0 || columns <= 0) return;
     for (int row = first / kWarp; row < rows; row += stride / kWarp) {
       float* to = row_of(row);
       if (!to) continue;
       for (int begin = first % kWarp; begin < columns; begin += kNumbersAtOnce * kWarp) {
-        float numbers[kNumbersAtOnce];
+        decltype(ask(0, 0)) asked[kNumbersAtOnce];
         GIGA_UNROLL
         for (int k = 0; k < kNumbersAtOnce; ++k) {
           const int column = begin + k * kWarp;
-          numbers[k] = number(row, column < columns ? column : columns - 1);
+          asked[k] = ask(row, column < columns ? column : columns - 1);
         }
         GIGA_UNROLL
-        for (int k = 0; k < kNumbersAtOnce; ++k)
-          if (begin + k * kWarp < columns) to[begin + k * kWarp] = numbers[k];
+        for (int k = 0; k < kNumbersAtOnce; ++k) {
+          const int column = begin + k * kWarp;
+          if (column < columns) to[column] = tell(asked[k], row, column);
+        }
       }
     }
     sync.wait();
@@ -139,7 +142,9 @@ struct GridLaunch {
 template <Job job, class Sync>
 GIGA_HD void run_grid_thread(const GridLaunch& k, const ThreadIndex& at, Sync sync) {
   const int group = at.block / k.blocks;
-  const GridLanes<Sync> lanes{at.block % k.blocks * at.n_threads + at.thread, k.blocks * at.n_threads, sync};
+  // Warps take turns among the blocks, so that all have work where there are fewer agents than threads.
+  const int warp = at.thread / kWarp * k.blocks + at.block % k.blocks;
+  const GridLanes<Sync> lanes{warp * kWarp + at.thread % kWarp, k.blocks * at.n_threads, sync};
   GridWorld scratch{};
   attach_scratch(k.params, scratch, k.scratch + static_cast<size_t>(group) * k.scratch_bytes, true);
   scratch.work.bounds = &k.words[group].bounds;

@@ -202,39 +202,43 @@ GIGA_HD void for_near(const GridParams& p, const GridWorld& w, float x, float y,
 
 /// Calls f(placed agent) for the cells up to ring `first` around that of a place, then ring by ring, until
 /// `enough(distance)`, asked before each ring, says that agents that lie at least so far off do not matter.
+/// One loop over all that is found: workers that look from different places do so in step, however many lie in each
+/// cell.
 template <class Enough, class F>
 GIGA_HD void for_rings(const GridParams& p, const GridWorld& w, float x, float y, int first, Enough&& enough, F&& f) {
   const GridShape& g = w.grid;
   const int column = g.column(x), row = g.row(y);
+  int ring = first, at = row - ring > 0 ? row - ring : 0;  // of the range that comes next
+  bool right_side = false;
+  int32_t k = 0, end = 0;
   GIGA_ROLLED
-  for (int ring = first;; ++ring) {
-    const int left = column - ring, right = column + ring, low = row - ring, high = row + ring;
-    const int from = left < 0 ? 0 : left, to = right < g.columns ? right : g.columns - 1;
-    const int bottom = low < 0 ? 0 : low, top = high < g.rows ? high : g.rows - 1;
+  for (;;) {
     GIGA_ROLLED
-    for (int at = bottom; at <= top; ++at) {
-      const bool whole = ring == first || at == low || at == high;  // else its two ends
-      GIGA_ROLLED
-      for (int side = 0; side < (whole ? 1 : 2); ++side) {
-        if (!whole && (side == 0 ? left < 0 : right >= g.columns)) continue;
-        const CellRange range = w.cells(at, whole || side == 0 ? from : to, whole || side == 1 ? to : from);
-        if (range.begin == range.end) continue;
-        PlacedAgent next = w.placed[range.begin];
-        GIGA_ROLLED
-        for (int32_t k = range.begin; k < range.end; ++k) {
-          const PlacedAgent a = next;
-          next = w.placed[k + 1 < range.end ? k + 1 : k];  // asked for early
-          f(a);
-        }
+    while (k == end) {
+      const int left = column - ring, right = column + ring, low = row - ring, high = row + ring;
+      if (at > high || at >= g.rows) {
+        // The nearest that a cell of the next ring, or one beyond, can lie: behind an open side of the square so far.
+        float distance = INFINITY;
+        if (left > 0) distance = min_of(distance, x - (g.x0 + static_cast<float>(left) * g.size_x));
+        if (right + 1 < g.columns) distance = min_of(distance, g.x0 + static_cast<float>(right + 1) * g.size_x - x);
+        if (low > 0) distance = min_of(distance, y - (g.y0 + static_cast<float>(low) * g.size_y));
+        if (high + 1 < g.rows) distance = min_of(distance, g.y0 + static_cast<float>(high + 1) * g.size_y - y);
+        if (distance == INFINITY || enough(distance - p.margin)) return;
+        ++ring;
+        at = low > 0 ? low - 1 : 0;
+        continue;
       }
+      // A row of the square, or of the ring; between its first and its last row, one of its two ends.
+      const bool whole = ring == first || at == low || at == high;
+      const int from = whole ? (left < 0 ? 0 : left) : right_side ? right : left;
+      const int to = whole ? (right < g.columns ? right : g.columns - 1) : from;
+      const CellRange range = from >= 0 && to < g.columns ? w.cells(at, from, to) : CellRange{0, 0};
+      k = range.begin;
+      end = range.end;
+      right_side = !whole && !right_side;
+      if (!right_side) ++at;
     }
-    // The nearest that a cell of the next ring, or one beyond, can lie: behind an open side of the square so far.
-    float distance = INFINITY;
-    if (left > 0) distance = min_of(distance, x - (g.x0 + static_cast<float>(left) * g.size_x));
-    if (right + 1 < g.columns) distance = min_of(distance, g.x0 + static_cast<float>(right + 1) * g.size_x - x);
-    if (low > 0) distance = min_of(distance, y - (g.y0 + static_cast<float>(low) * g.size_y));
-    if (high + 1 < g.rows) distance = min_of(distance, g.y0 + static_cast<float>(high + 1) * g.size_y - y);
-    if (distance == INFINITY || enough(distance - p.margin)) return;
+    f(w.placed[k++]);
   }
 }
 

@@ -182,17 +182,18 @@ class NearestAgents {
     return sooner(after_distance_, after_agent_, distance, agent) &&
            sooner(distance, agent, distance_[kMost - 1], agent_[kMost - 1]);
   }
+  /// No step waits for another: those behind the new one move by one, by old values alone.
   GIGA_HD void take(float distance, uint32_t agent) {
+    bool first[kMost];
     GIGA_UNROLL
-    for (int k = 0; k < kMost; ++k) {
-      const float d = distance_[k];
-      const uint32_t a = agent_[k];
-      const bool first = sooner(distance, agent, d, a);
-      distance_[k] = first ? distance : d;
-      agent_[k] = first ? agent : a;
-      distance = first ? d : distance;
-      agent = first ? a : agent;
+    for (int k = 0; k < kMost; ++k) first[k] = sooner(distance, agent, distance_[k], agent_[k]);
+    GIGA_UNROLL
+    for (int k = kMost - 1; k > 0; --k) {
+      distance_[k] = first[k - 1] ? distance_[k - 1] : first[k] ? distance : distance_[k];
+      agent_[k] = first[k - 1] ? agent_[k - 1] : first[k] ? agent : agent_[k];
     }
+    distance_[0] = first[0] ? distance : distance_[0];
+    agent_[0] = first[0] ? agent : agent_[0];
   }
   GIGA_HD uint32_t agent(int k) const { return agent_[k]; }
   /// Of the last, infinite where there is room.
@@ -207,8 +208,8 @@ class NearestAgents {
 };
 
 /// The agents of e's rows (rules 7.1), nearest first, equally near ones by number: of those for which seen(placed
-/// agent) holds, which are asked only if they would have a row, and of which none lies beyond `reach`. Looks no farther
-/// than the last row. Longer rows than the usual are put together of several searches.
+/// agent, distance) holds, which are asked only if they would have a row, and of which none lies beyond `reach`. Looks
+/// no farther than the last row. Longer rows than the usual are put together of several searches.
 template <class Seen>
 GIGA_HD void rank_seen(const GridParams& p, GridWorld& w, int e, float reach, bool sees_itself, Seen&& seen) {
   const int limit = p.n_neighbors;
@@ -236,7 +237,7 @@ GIGA_HD void rank_seen(const GridParams& p, GridWorld& w, int e, float reach, bo
           [&](const PlacedAgent& a) {
             const float away = order_distance(a.x - x, a.y - y);
             const uint32_t agent = static_cast<uint32_t>(a.agent);
-            if (a.agent != e && nearest.wants(away, agent) && seen(a)) nearest.take(away, agent);
+            if (a.agent != e && nearest.wants(away, agent) && seen(a, away)) nearest.take(away, agent);
           });
     GIGA_UNROLL
     for (int k = 0; k < NearestAgents::kMost; ++k)
@@ -246,13 +247,12 @@ GIGA_HD void rank_seen(const GridParams& p, GridWorld& w, int e, float reach, bo
   }
 }
 
-/// Whether agent e hears agent b of its team; `draw()` is asked where chance decides (rules 6).
+/// Whether an agent hears another of its team that lives, at some distance; `draw()`, below 1, is asked where chance
+/// decides (rules 6).
 template <class Draw>
-GIGA_HD bool hears_mate(const GridParams& p, const GridWorld& w, int e, int b, Draw&& draw) {
-  if (!w.alive[b]) return false;
-  if (b == e) return true;
-  const float loss = divide(square_root(planar_distance2(w, e, b)), p.communication_range);
-  return clamp(loss, 0.0f, 1.0f) <= draw();
+GIGA_HD bool hears_mate(const GridParams& p, float distance, Draw&& draw) {
+  const float loss = clamp(divide(distance, p.communication_range), 0.0f, 1.0f);
+  return loss < 1 && loss <= draw();
 }
 
 /// Rules 6 and 7.1 with stochastic communication: whom e sees decides who hears whom, asked for those agents alone that
@@ -260,7 +260,12 @@ GIGA_HD bool hears_mate(const GridParams& p, const GridWorld& w, int e, int b, D
 template <class Draws>
 GIGA_HD void listen(const GridParams& p, GridWorld& w, Draws& draws, int e, bool after_reset) {
   const int team = p.team_of(e);
-  const auto hears = [&](int b) { return hears_mate(p, w, e, b, [&] { return draws.comm(e, b, after_reset); }); };
+  const auto hears_at = [&](int b, float distance) {
+    return hears_mate(p, distance, [&] { return draws.comm(e, b, after_reset); });
+  };
+  const auto hears = [&](int b) {
+    return w.alive[b] && (b == e || hears_at(b, square_root(planar_distance2(w, e, b))));
+  };
   const auto told_of = [&](const PlacedAgent& placed) {
     if (!(placed.marks & kObserved)) return false;
     const int a = placed.agent, observers = w.observers[a];
@@ -277,14 +282,17 @@ GIGA_HD void listen(const GridParams& p, GridWorld& w, Draws& draws, int e, bool
     return told;
   };
   rank_seen(p, w, e, p.hearing_reach + p.sight_reach[team] + p.margin, hears(e),
-            [&](const PlacedAgent& a) { return p.team_of(a.agent) == team ? hears(a.agent) : told_of(a); });
+            [&](const PlacedAgent& a, float distance) {
+              if (p.team_of(a.agent) != team) return told_of(a);
+              return (a.marks & kLives) && hears_at(a.agent, distance);
+            });
 }
 
 /// The same without it: all living mates, and whomever anybody detects.
 GIGA_HD void look(const GridParams& p, GridWorld& w, int e) {
   if (p.stochastic_communication) return;  // `listen` has seen to it
   const int team = p.team_of(e);
-  rank_seen(p, w, e, INFINITY, w.alive[e] || w.observers[e] > 0, [&](const PlacedAgent& a) {
+  rank_seen(p, w, e, INFINITY, w.alive[e] || w.observers[e] > 0, [&](const PlacedAgent& a, float) {
     return (p.team_of(a.agent) == team && (a.marks & kLives)) || (a.marks & kObserved);
   });
 }

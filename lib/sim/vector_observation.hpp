@@ -144,18 +144,24 @@ GIGA_HD void write_neighbor(const Parameters auto& p, const World auto& w, int e
   tell(kHealth, f.health, 0);
   tell(kSprite, f.sprite, 0);
 }
-/// The same one by one.
-GIGA_HD float neighbor_number(const Parameters auto& p, const World auto& w, int e, int k, int feature) {
+
+/// The same one by one, in two parts: what is in memory, asked for without a branch, so that a worker can ask for
+/// several numbers at once; and what is made of it.
+struct AskedNumber {
+  int agent;  ///< the ego where there is nobody
+  bool some;
+  float value, own;
+};
+GIGA_HD AskedNumber ask_neighbor(const Parameters auto& p, const World auto& w, int e, int k, int feature) {
   const auto a = w.neighbors[static_cast<int64_t>(e) * p.n_neighbors + k];
   const bool some = a != kNobody;
-  const auto feature_of = [&](int agent) {
-    return (&w.features[agent].x)[feature < kX ? 0 : feature - kX];  // members in that order
-  };
-  const float value = feature_of(some ? a : e), own = feature_of(e);
-  const float told = feature == kSeen       ? 1.0f
-                     : feature == kSameTeam ? (some && p.team_of(a) == p.team_of(e) ? 1.0f : 0.0f)
-                                            : value;
-  return neighbor_number(p, feature, some, k, told, own);
+  const int agent = some ? static_cast<int>(a) : e, member = feature < kX ? 0 : feature - kX;  // in that order
+  return {agent, some, (&w.features[agent].x)[member], (&w.features[e].x)[member]};
+}
+GIGA_HD float told_number(const Parameters auto& p, const AskedNumber& asked, int e, int k, int feature) {
+  const float same_team = p.team_of(asked.agent) == p.team_of(e) ? 1.0f : 0.0f;
+  const float value = feature == kSeen ? 1.0f : feature == kSameTeam ? same_team : asked.value;
+  return neighbor_number(p, feature, asked.some, k, value, asked.own);
 }
 
 /// Numbers of a box: x1 y1 x2 y2 as shares of the world's size, with obstacle_heights z1 z2 too.
@@ -235,9 +241,14 @@ struct VectorObservation {
       for (int k = waypoint_at; row && k < boxes_at; ++k) row[k] = waypoint_value(p, w, e, k - waypoint_at);
       for (int k = 0; row && k < n_boxes; ++k) row[boxes_at + k] = table_value(boxes + k);
     });
-    lanes.write_rows(n, waypoint_at, rows, [&](int e, int column) {
-      return neighbor_number(p, w, e, column / kNeighborFeatures, column % kNeighborFeatures);
-    });
+    lanes.write_rows(
+        n, waypoint_at, rows,
+        [&](int e, int column) {
+          return ask_neighbor(p, w, e, column / kNeighborFeatures, column % kNeighborFeatures);
+        },
+        [&](const AskedNumber& asked, int e, int column) {
+          return told_number(p, asked, e, column / kNeighborFeatures, column % kNeighborFeatures);
+        });
   }
 
   /// So many rows at a time: some workers put together each of them in shared memory, then they are sent, all at once

@@ -5,8 +5,8 @@
 #include <gtest/gtest.h>
 
 #include "eval/record.hpp"
-#include "io/deflate.hpp"
 #include "io/browser.hpp"
+#include "io/deflate.hpp"
 #include "io/temporary_folder.hpp"
 #include "play/plain_actor.hpp"
 #include "play/session.hpp"
@@ -163,8 +163,8 @@ int crowd_steps(int n_agents) {
   return (tests_run_in_full() ? 1'000'000 : 100'000) / n_agents;
 }
 
-// Scenarios that no page plays, as their agents are too many; the module computes them alike. With those above these are
-// all base scenarios.
+// Scenarios that no page plays, as their agents are too many; the module computes them alike. With those above these
+// are all base scenarios.
 TEST_F(PlayInBrowser, ComputesTheSameNumbersOfCrowds) {
   PlayPage page = page_of_scripts("identical_1_vs_1");
   const size_t small = page.scenarios.size();
@@ -184,9 +184,9 @@ TEST_F(PlayInBrowser, ComputesTheSameNumbersOfCrowds) {
     std::cout << info.name << ": " << steps << " steps\n";
   }
   EXPECT_EQ(small + expected.size(), list_scenarios(data_dirs()).size()) << "some base scenario is left out";
-  const Document seen = use(play_page(page), "play",
-                            reference_pictures("play") + "const PART = \"crowds\", CROWDS = [" + crowds + "];\n",
-                            "--window-size=1280,900");
+  const Document seen =
+      use(play_page(page), "play", reference_pictures("play") + "const PART = \"crowds\", CROWDS = [" + crowds + "];\n",
+          "--window-size=1280,900");
   EXPECT_EQ(texts(seen, "problems"), Texts());
   EXPECT_EQ(texts(seen, "hashes"), expected);
 }
