@@ -137,6 +137,7 @@ class Play {
     options.hide = !all;
     options.side = all ? -1 : this.side;
     options.eyes = !all && lives ? person : -1;
+    options.pilot = lives ? person : -1;
   }
 
   // Takes steps of the game, with the controls of now or those that are given.
@@ -146,8 +147,13 @@ class Play {
       this.episode.noteActions(this.game);
       this.episode.noteState(this.game, over);
     }
+    const {person, episode} = this, lived = this.options.pilot >= 0;
     this.look();
-    if (this.episode.over) this.finish();
+    if (episode.over) this.finish();
+    else if (lived && !episode.alive(person, episode.steps)) {
+      const death = episode.head.events.find(event => event.what === "death" && event.agent === person);
+      this.say(`You are dead: ${eventText(episode, death)}. Enter: a new game, F: to the end`);
+    }
   }
   finish() {
     if (this.counted) return;
@@ -160,12 +166,14 @@ class Play {
     this.say(`${["You win", "You lose", "A tie"][result]}${this.episode.head.at_time_limit ? " at the time limit" : ""}. Enter: a new game`);
   }
   say(text) {
+    $("message").classList.toggle("aside", this.running);
     $("pause").textContent = this.running ? "Pause" : "Start";
     $("message").textContent = $("spoken").textContent = text;
     $("message").hidden = text === "";
   }
   run(on) {
     if (on && this.episode.over) return this.start();
+    if (on && !this.folded) { this.folded = true; $("choices").open = false; }  // once, for a larger field
     this.running = on; this.last = undefined;
     this.say(on ? "" : "Paused");
     this.redraw();

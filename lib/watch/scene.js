@@ -111,6 +111,7 @@ class Scene {
       this.drawLines(facts.fire.filter(([, , hits]) => hits), () => this.color("fire"), 2.6, [], 0.95);
     }
     if (chosen >= 0) this.drawChosen(chosen, state);
+    if (options.pilot >= 0) this.drawCourse(options.pilot, places, state);
     this.drawAgents(places, state, facts, chosen);
   }
 
@@ -245,6 +246,15 @@ class Scene {
     this.drawLines(e.known(chosen, state).map(a => [chosen, a]), () => this.teamColor[e.team(chosen)], 1.2, [], 0.8);
   }
 
+  // Where an agent is in a second if it flies straight on.
+  drawCourse(i, places, state) {
+    const {camera, episode: e} = this, {x, y, z, heading} = places[i], way = e.speed[i * e.states + state];
+    this.pen.lineWidth = 1.6; this.pen.strokeStyle = this.color("ink"); this.pen.globalAlpha = 0.6;
+    this.path([this.places[i], camera.at(x + way * Math.cos(heading), y + way * Math.sin(heading), z)], false);
+    this.pen.stroke();
+    this.pen.globalAlpha = 1;
+  }
+
   // Each kind has a shape of its own: points [ahead, left] of a size of 1.
   shape(kind) {
     const shapes = [
@@ -302,6 +312,12 @@ class Scene {
       if (i === chosen) {
         pen.lineWidth = 2; pen.strokeStyle = this.color("ink");
         pen.beginPath(); pen.arc(px, py, size + 7.5, 0, PI2); pen.stroke();
+      }
+      // How much higher or lower than the pilot: who is on a level may collide with it.
+      if (options.pilot >= 0 && i !== options.pilot && e.n <= MANY) {
+        const apart = z - places[options.pilot].z, level = Math.abs(apart) < 0.5;
+        pen.fillStyle = this.color(level ? "ink" : "quiet"); pen.font = "11px system-ui, sans-serif"; pen.textAlign = "left";
+        pen.fillText(level ? "=" : `${apart > 0 ? "↑" : "↓"}${Math.abs(apart).toFixed(0)}`, px + size + 4, py + 4);
       }
       if (options.names && e.n <= MANY) {
         pen.fillStyle = this.color("ink"); pen.font = "11px system-ui, sans-serif"; pen.textAlign = "left";

@@ -5,6 +5,7 @@
 #include <zlib.h>
 
 #include <functional>
+#include <limits>
 
 #include "core/error.hpp"
 #include "sample_replay.hpp"
@@ -149,6 +150,61 @@ TEST(Replay, WhatIsNone) {
   EXPECT_EQ(refusal("gigastep replay 5\n"), "x.replay has format version 5, newer than 4, which this gigastep reads");
   EXPECT_EQ(refusal("gigastep replay 2\n"),
             "x.replay has format version 2, of gigastep before its first release; this one reads 3 and 4");
+}
+
+/// A generator for the test below: the same numbers everywhere.
+struct Digits {
+  uint32_t state = 1;
+  int below(int limit) {
+    state = state * 1664525 + 1013904223;
+    return static_cast<int>((state >> 8) % static_cast<uint32_t>(limit));
+  }
+};
+
+// Whatever the columns hold, they come back: also states that no movement leads to, and numbers at the ends of their
+// ranges.
+TEST(Replay, AnyColumnsComeBack) {
+  for (const ReplayActions actions : {ReplayActions::discrete, ReplayActions::continuous}) {
+    Digits digits;
+    Replay before = sample_replay(actions);
+    before.agents[1].thrust = 1e30f;
+    ReplayEpisode& e = before.episodes[0];
+    e.steps = 300;
+    e.events.clear();
+    const auto fill = [&](auto& column, size_t size, int limit) {
+      column.resize(size);
+      for (auto& value : column) value = static_cast<std::decay_t<decltype(value)>>(digits.below(limit));
+    };
+    for (const auto column : {&ReplayEpisode::x, &ReplayEpisode::y, &ReplayEpisode::z, &ReplayEpisode::heading,
+                              &ReplayEpisode::speed, &ReplayEpisode::health})
+      fill(e.*column, 3 * 301, 65536);
+    e.start = {1e30f, -1e30f, 5, std::numeric_limits<float>::quiet_NaN(), 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10};
+    const bool discrete = actions == ReplayActions::discrete;
+    fill(e.action, discrete ? 900 : 900 * 12, discrete ? 27 : 256);  // floats of any bits, some of them NaN
+    for (auto* bits : {&e.sees, &e.fires}) fill(*bits, 4 * 38, 256);
+    fill(e.hears, 2 * 38, 256);
+    for (auto* bits : {&e.sees, &e.fires, &e.hears})
+      for (size_t k = 37; k < bits->size(); k += 38) (*bits)[k] &= 31;  // bits behind the last state are none
+    ReplayMind& mind = e.mind[0];
+    fill(mind.value, 2 * 301, 256);
+    fill(mind.likely, (discrete ? 2u : 3u) * 2 * 301, discrete ? 27 : 256);
+    if (discrete) fill(mind.probability, 2 * 2 * 301, 16);
+    e.action_check = action_checksum(before, e);
+    const ReplayEpisode after = decode_replay(encode_replay(before), "x").episodes.at(0);
+    EXPECT_EQ(after.x, e.x);
+    EXPECT_EQ(after.y, e.y);
+    EXPECT_EQ(after.z, e.z);
+    EXPECT_EQ(after.heading, e.heading);
+    EXPECT_EQ(after.speed, e.speed);
+    EXPECT_EQ(after.health, e.health);
+    EXPECT_EQ(after.action, e.action);
+    EXPECT_EQ(after.sees, e.sees);
+    EXPECT_EQ(after.fires, e.fires);
+    EXPECT_EQ(after.hears, e.hears);
+    EXPECT_EQ(after.mind[0].value, mind.value);
+    EXPECT_EQ(after.mind[0].likely, mind.likely);
+    EXPECT_EQ(after.mind[0].probability, mind.probability);
+  }
 }
 
 TEST(Replay, WhatIsBroken) {
