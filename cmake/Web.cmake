@@ -23,10 +23,12 @@ function(giga_web_module output)
   if(GIGASTEP_CCACHE_PROGRAM)
     set(launcher ${CMAKE_CXX_COMPILER_LAUNCHER})
   endif()
+  get_filename_component(module ${output} NAME_WE)
+  set(folder ${CMAKE_CURRENT_BINARY_DIR}/web/${module})
   set(objects "")
   foreach(source IN LISTS ARGN)
     string(MAKE_C_IDENTIFIER "${source}" name)
-    set(object ${CMAKE_CURRENT_BINARY_DIR}/web/${name}.o)
+    set(object ${folder}/${name}.o)
     add_custom_command(
       OUTPUT ${object}
       COMMAND ${launcher} ${GIGASTEP_WEB_COMPILER} ${flags} -MD -MF ${object}.d -c ${PROJECT_SOURCE_DIR}/${source} -o ${object}
@@ -36,7 +38,7 @@ function(giga_web_module output)
       VERBATIM)
     list(APPEND objects ${object})
   endforeach()
-  file(MAKE_DIRECTORY ${CMAKE_CURRENT_BINARY_DIR}/web)
+  file(MAKE_DIRECTORY ${folder})
   add_custom_command(
     OUTPUT ${output}
     COMMAND ${GIGASTEP_WEB_COMPILER} --target=wasm32-wasi -mexec-model=reactor -Wl,--strip-all,--gc-sections ${objects}

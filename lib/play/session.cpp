@@ -127,9 +127,8 @@ void PlaySession::step(const Controls& controls) {
 
 uint64_t states_hash(const SimSpec& spec, int steps) {
   constexpr uint64_t kBasis = 0xcbf29ce484222325, kPrime = 0x100000001b3;  // FNV-1a
-  const SimOptions options = options_of(1, OnDone::reset);
-  const auto sim =
-      spec.params.n_agents > kMaxAgents ? make_grid_simulator(spec, options) : make_cpu_simulator(spec, options);
+  const auto make = spec.params.n_agents > kMaxAgents ? make_grid_simulator : make_cpu_simulator;
+  const auto sim = make(spec, options_of(1, OnDone::reset));
   const ParallelFor parallel_for(Device{}, 1);
   const std::shared_ptr<TeamController> team = script_controller(Scripted::random);
   Game game(*sim, parallel_for, {everywhere(team, *sim), everywhere(team, *sim)});

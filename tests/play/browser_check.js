@@ -14,11 +14,13 @@ async function hashes(seen) {
   }
 }
 
-async function crowds(seen) {
+// By a module that has the simulator of crowds too.
+async function crowdHashes(seen) {
+  const game = await GameModule.load(await unpack(MODULE));
   seen.hashes = [];
-  for (const {name, steps, spec} of CROWDS) {
-    play.game.scenario(await unpack(spec));
-    seen.hashes.push(`${name} ${steps} ${play.game.hash(steps)}`);
+  for (const [name, steps, spec] of CROWDS) {
+    game.scenario(await unpack(spec));
+    seen.hashes.push(`${name} ${steps} ${game.hash(steps)}`);
   }
 }
 
@@ -161,7 +163,7 @@ async function watchNetworks(seen) {
 async function usePage() {
   for (let k = 0; k < 400 && !window.play; ++k) await new Promise(done => setTimeout(done, 20));
   const seen = {};
-  await {hash: hashes, crowds, play: fly, watch: watchNetworks}[PART](seen);
+  await {hash: hashes, crowds: crowdHashes, play: fly, watch: watchNetworks}[PART](seen);
   seen.requests = performance.getEntriesByType("resource").map(entry => entry.name);
   return seen;
 }

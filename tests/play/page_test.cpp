@@ -6,9 +6,9 @@
 
 #include "eval/record.hpp"
 #include "io/browser.hpp"
-#include "io/deflate.hpp"
 #include "io/temporary_folder.hpp"
 #include "play/plain_actor.hpp"
+#include "play/scenarios.hpp"
 #include "play/session.hpp"
 #include "play/spec_bytes.hpp"
 #include "policy/actor.hpp"
@@ -16,7 +16,6 @@
 #include "scenario/compile.hpp"
 #include "scenario/loader.hpp"
 #include "support/thinning.hpp"
-#include "watch/page.hpp"
 #include "watch/reference_pictures.hpp"
 
 namespace giga::test {
@@ -24,7 +23,6 @@ namespace {
 
 /// A screen that is touched.
 constexpr const char* kFinger = "--window-size=1280,900 --blink-settings=primaryPointerType=2,availablePointerTypes=2";
-constexpr int kMostAgents = 200;  // as `gigastep play` has it
 
 PageScenario page_scenario(const std::string& name, const Scenario& scenario, int n_players) {
   PageScenario page{name, compile(scenario), {}, {}};
@@ -38,14 +36,7 @@ PageScenario page_scenario(const std::string& name, int n_players) {
   return page_scenario(name, load_scenario(name, data_dirs()), n_players);
 }
 
-int agents_of(const Scenario& scenario) {
-  int count = 0;
-  for (const auto* team : {&scenario.team_0, &scenario.team_1})
-    for (const TeamEntry& entry : *team) count += entry.count;
-  return count;
-}
-
-/// All base scenarios, first the one that is named, with all scripts.
+/// All base scenarios of as many agents as a page plays, first the one that is named, with all scripts.
 PlayPage page_of_scripts(const std::string& first) {
   PlayPage page;
   page.title = "</script><b id=evil>x";
@@ -106,7 +97,7 @@ TEST_F(PlayPageTest, IsSmallAndAsksForNothing) {
   RecordProperty("bytes", static_cast<int>(html.size()));
   std::cout << "a page with the scenarios of up to " << kMostAgents
             << " agents and two networks: " << html.size() / 1024 << " KB\n";
-  EXPECT_LE(html.size(), size_t{640} << 10);
+  EXPECT_LE(html.size(), size_t{600} << 10);
   page.scenarios.resize(1);
   page.networks.clear();
   EXPECT_LE(play_page(page).size(), size_t{400} << 10) << "one scenario, scripts alone";
@@ -155,40 +146,6 @@ TEST_F(PlayInBrowser, ComputesTheSameNumbersAsHere) {
                   static_cast<unsigned long long>(states_hash(page.scenarios[k].spec, hash_steps())));
     EXPECT_EQ(hashes[k], page.scenarios[k].name + " " + expected);
   }
-}
-
-/// Steps of which the hash of a crowd is compared: about as many agent-steps in each.
-int crowd_steps(int n_agents) {
-  if (n_agents > 100'000) return 2;
-  return (tests_run_in_full() ? 1'000'000 : 100'000) / n_agents;
-}
-
-// Scenarios that no page plays, as their agents are too many; the module computes them alike. With those above these
-// are all base scenarios.
-TEST_F(PlayInBrowser, ComputesTheSameNumbersOfCrowds) {
-  PlayPage page = page_of_scripts("identical_1_vs_1");
-  const size_t small = page.scenarios.size();
-  page.scenarios.resize(1);
-  std::string crowds;
-  Texts expected;
-  for (const ScenarioInfo& info : list_scenarios(data_dirs())) {
-    const Scenario scenario = load_scenario(info.name, data_dirs());
-    const int n = agents_of(scenario);
-    if (n <= kMostAgents) continue;
-    const SimSpec spec = compile(scenario);
-    const int steps = crowd_steps(n);
-    crowds += cat("{name: '", info.name, "', steps: ", steps, ", spec: '", base64(deflated(spec_bytes(spec))), "'},\n");
-    char digits[17];
-    std::snprintf(digits, sizeof digits, "%016llx", static_cast<unsigned long long>(states_hash(spec, steps)));
-    expected.push_back(cat(info.name, ' ', steps, ' ', digits));
-    std::cout << info.name << ": " << steps << " steps\n";
-  }
-  EXPECT_EQ(small + expected.size(), list_scenarios(data_dirs()).size()) << "some base scenario is left out";
-  const Document seen =
-      use(play_page(page), "play", reference_pictures("play") + "const PART = \"crowds\", CROWDS = [" + crowds + "];\n",
-          "--window-size=1280,900");
-  EXPECT_EQ(texts(seen, "problems"), Texts());
-  EXPECT_EQ(texts(seen, "hashes"), expected);
 }
 
 TEST_F(PlayInBrowser, KeysFlyAndASavedGameIsVerified) {
