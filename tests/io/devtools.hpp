@@ -29,13 +29,13 @@ class LiveBrowser {
               const std::string& size) {
     int to[2], from[2];
     GIGA_CHECK(pipe(to) == 0 && pipe(from) == 0, "no pipe");
-    write_ = to[1];
-    read_ = from[0];
+    write_.file = to[1];
+    read_.file = from[0];
     const std::string profile = "--user-data-dir=" + (folder / "live_profile").string(),
                       window = "--window-size=" + size, log = (folder / "live.log").string();
-    pid_ = fork();
-    GIGA_CHECK(pid_ >= 0, "no process");
-    if (pid_ == 0) {
+    child_.pid = fork();
+    GIGA_CHECK(child_.pid >= 0, "no process");
+    if (child_.pid == 0) {
       setpgid(0, 0);
       // It reads commands from file 3 and writes to file 4.
       const int in = fcntl(to[0], F_DUPFD, 10), out = fcntl(from[1], F_DUPFD, 10);
@@ -45,7 +45,7 @@ class LiveBrowser {
              "--remote-debugging-pipe", window.c_str(), profile.c_str(), "about:blank", nullptr);
       _exit(127);
     }
-    setpgid(pid_, pid_);
+    setpgid(child_.pid, child_.pid);
     close(to[0]);
     close(from[1]);
     const auto last = Clock::now() + kPatience;
@@ -61,12 +61,6 @@ class LiveBrowser {
     call("Page.enable");
     call("Runtime.enable");
     call("Page.navigate", {{"url", "file://" + page.string()}});
-  }
-  ~LiveBrowser() {
-    close(write_);
-    close(read_);
-    kill(-pid_, SIGKILL);
-    waitpid(pid_, nullptr, 0);
   }
   LiveBrowser(const LiveBrowser&) = delete;
   LiveBrowser& operator=(const LiveBrowser&) = delete;
@@ -109,7 +103,7 @@ class LiveBrowser {
     if (!session.empty()) message["sessionId"] = session;
     const std::string text = message.dump() + '\0';
     for (size_t at = 0; at < text.size();) {
-      const ssize_t n = write(write_, text.data() + at, text.size() - at);
+      const ssize_t n = write(write_.file, text.data() + at, text.size() - at);
       GIGA_CHECK(n > 0, "the browser has ended");
       at += static_cast<size_t>(n);
     }
@@ -127,11 +121,11 @@ class LiveBrowser {
   Json next(Clock::time_point last) {
     size_t end = 0;
     while ((end = buffer_.find('\0')) == std::string::npos) {
-      pollfd ready{read_, POLLIN, 0};
+      pollfd ready{read_.file, POLLIN, 0};
       const auto left = std::chrono::duration_cast<std::chrono::milliseconds>(last - Clock::now()).count();
       GIGA_CHECK(left > 0 && poll(&ready, 1, static_cast<int>(left)) == 1, "the browser does not answer");
       char part[1 << 16];
-      const ssize_t n = read(read_, part, sizeof part);
+      const ssize_t n = read(read_.file, part, sizeof part);
       GIGA_CHECK(n > 0, "the browser has ended");
       buffer_.append(part, static_cast<size_t>(n));
     }
@@ -140,7 +134,25 @@ class LiveBrowser {
     return message;
   }
 
-  int pid_ = -1, write_ = -1, read_ = -1, last_id_ = 0;
+  // Members of their own, so that the browser ends with the test where the constructor throws too.
+  struct Pipe {
+    int file = -1;
+    ~Pipe() {
+      if (file >= 0) close(file);
+    }
+  };
+  struct Child {
+    int pid = -1;
+    ~Child() {
+      if (pid <= 0) return;
+      kill(-pid, SIGKILL);
+      waitpid(pid, nullptr, 0);
+    }
+  };
+
+  Pipe write_, read_;
+  Child child_;
+  int last_id_ = 0;
   std::string session_, buffer_, problems_;
 };
 
