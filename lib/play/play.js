@@ -138,6 +138,7 @@ class Play {
     options.side = all ? -1 : this.side;
     options.eyes = !all && lives ? person : -1;
     options.pilot = lives ? person : -1;
+    options.own = person;
   }
 
   // Takes steps of the game, with the controls of now or those that are given.
@@ -173,7 +174,6 @@ class Play {
   }
   run(on) {
     if (on && this.episode.over) return this.start();
-    if (on && !this.folded) { this.folded = true; $("choices").open = false; }  // once, for a larger field
     this.running = on; this.last = undefined;
     this.say(on ? "" : "Paused");
     this.redraw();
@@ -239,13 +239,13 @@ class Play {
     const own = [], add = (tag, text) => { const part = document.createElement(tag); part.textContent = text; own.push(part); return part; };
     if (person < 0) add("p", "You watch; what your team sees is shown.");
     else if (!episode.alive(person, state))
-      add("p", `Agent ${person} is dead: ${eventText(episode, episode.head.events.find(v => v.what === "death" && v.agent === person))}. What your team sees is shown.`);
+      add("p", `You are dead: ${eventText(episode, episode.head.events.find(v => v.what === "death" && v.agent === person))}. What your team sees is shown.`);
     else {
       const at = person * episode.states + state, full = episode.replay.agents[person].max_health, share = Math.max(0, episode.health[at] / full);
       add("div", `health ${(100 * share).toFixed(0)} %`);
       const bar = add("div", ""), fill = bar.appendChild(document.createElement("i"));
       bar.className = "bar"; fill.style.width = `${100 * share}%`;
-      if (share < 0.35) fill.style.background = "var(--fire)";
+      fill.style.background = share < 0.35 ? "var(--fire)" : `var(--team-${this.side})`;
       add("div", `speed ${episode.speed[at].toFixed(1)}, altitude ${episode.z[at].toFixed(1)} of ${rules.limit_z}`);
       const known = episode.known(person, state);
       add("div", known.length ? `knows of ${known.length} ${known.length === 1 ? "opponent" : "opponents"}` : "sees no opponent");

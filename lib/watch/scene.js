@@ -304,6 +304,10 @@ class Scene {
         pen.beginPath(); pen.arc(px, py, size + 4, -Math.PI / 2, -Math.PI / 2 + PI2 * health); pen.stroke();
       }
       pen.globalAlpha = 1;
+      if (i === options.own) {
+        pen.fillStyle = this.color("own"); pen.strokeStyle = this.color("ink"); pen.lineWidth = 1;
+        pen.beginPath(); pen.arc(px, py, Math.max(3.8, 0.42 * size), 0, PI2); pen.fill(); pen.stroke();
+      }
       // Opponents that the chosen side has in sight.
       if (options.side >= 0 && e.team(i) !== options.side && facts.known[i]) {
         pen.lineWidth = 1.4; pen.strokeStyle = this.color("ink"); pen.setLineDash([3, 3]);

@@ -1,30 +1,6 @@
 // Uses the page of a recorded crowd: looks at some steps, plays, asks an agent.
 const press = key => document.body.dispatchEvent(new KeyboardEvent("keydown", {key, bubbles: true, cancelable: true}));
 
-// Draws so many pictures, each of a time of its own, and reads a row of its pixels, so that it is truly drawn.
-async function drawPictures(seen) {
-  const {scene} = watch.panes[0], {canvas} = scene, strip = document.createElement("canvas");
-  const pen = strip.getContext("2d", {willReadFrequently: true});
-  strip.width = 903; strip.height = 1;
-  pin(canvas, 903, 555);
-  seen.agents = scene.episode.n;
-  watch.setOption("view", VIEW);
-  for (const name of ["trails", "weapon"]) watch.setOption(name, true);
-  seen.drawn = 0;
-  const rows = new Set();
-  for (let k = 0; k < PICTURES; ++k) {
-    watch.time = watch.steps * (k + 0.5) / PICTURES;
-    watch.frame(0);
-    pen.drawImage(canvas, 0, -Math.round(canvas.height / 2));
-    rows.add(pen.getImageData(0, 0, 903, 1).data.reduce((sum, value) => Math.imul(sum, 31) + value | 0, 0));
-    ++seen.drawn;
-    if (k % 50 === 0) await frame();
-  }
-  seen.size = `${canvas.width} x ${canvas.height}`;
-  seen.rows = rows.size;
-  return seen;
-}
-
 // A checksum of every column, in whole units, that a test computes too.
 function columns(seen) {
   const add = (sum, value) => Math.imul(sum, 31) + value | 0;
@@ -41,7 +17,6 @@ function columns(seen) {
 async function usePage() {
   for (let k = 0; k < 1000 && !window.watch; ++k) await new Promise(done => setTimeout(done, 20));
   const seen = {};
-  if (PART === "pictures") return drawPictures(seen);
   if (PART === "columns") return columns(seen);
   await frame();
   const {scene} = watch.panes[0], {episode} = scene;

@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <chrono>
 #include <memory>
 
 #include "io/browser.hpp"
@@ -142,54 +141,6 @@ TEST_F(RecordedPolicies, AreReadAlikeInABrowser) {
     expected.push_back(line);
   }
   EXPECT_EQ(texts(seen, "columns"), expected);
-}
-
-/// What a picture of a replay takes in a browser that draws by software, in milliseconds.
-class Pictures : public InBrowser {
- protected:
-  /// From above, or in 3-D, with trails and weapons. Two runs of different lengths: what the browser needs besides is
-  /// in both.
-  double milliseconds(const std::string& html, const std::string& view, int agents, int few, int many) const {
-    const auto seconds = [&](int pictures) {
-      const auto before = std::chrono::steady_clock::now();
-      const Document seen =
-          use(html, "app", cat("const PART = 'pictures', VIEW = '", view, "', PICTURES = ", pictures, ";\n"),
-              "--window-size=1280,900");
-      EXPECT_EQ(texts(seen, "problems"), Texts());
-      EXPECT_EQ(text(seen, "drawn"), cat(pictures));
-      EXPECT_EQ(text(seen, "agents"), cat(agents));
-      EXPECT_EQ(text(seen, "size"), "903 x 555");
-      EXPECT_GT(std::stoi(text(seen, "rows")), pictures / 2) << "the pictures do not differ";
-      return std::chrono::duration<double>(std::chrono::steady_clock::now() - before).count();
-    };
-    // The least of some tries: other programs may be at work.
-    double first = 1e9, all = 1e9;
-    for (int k = 0; k < 3; ++k) {
-      first = std::min(first, seconds(few));
-      all = std::min(all, seconds(many));
-    }
-    const double each = (all - first) / (many - few) * 1000;
-    std::cout << agents << " agents, " << view << ": " << each << " ms a picture\n";
-    return each;
-  }
-};
-
-// Sixty pictures a second leave 16.7 ms for each.
-TEST_F(Pictures, OfTwentyAgainstTwentyComeSixtyTimesASecond) {
-  const Workplace here;
-  ASSERT_EQ(
-      here.run({"record", "circle", "--vs", "pursuer", "--scenario", "identical_20_vs_20", "--episodes", "1"}).code, 0);
-  for (const char* view : {"top", "3d"}) EXPECT_LT(milliseconds(here.read("game.html"), view, 40, 20, 420), 10) << view;
-}
-
-TEST_F(Pictures, OfAThousandAgainstAThousandPlay) {
-  const Workplace here;
-  ASSERT_EQ(here.run({"record", "circle", "--scenario", "identical_1000_vs_1000", "--episodes", "1", "--device", "cpu",
-                      "--set", "environment.max_episode_length=60"})
-                .code,
-            0);
-  for (const char* view : {"top", "3d"})
-    EXPECT_LT(milliseconds(here.read("game.html"), view, 2000, 5, 45), 100) << view;
 }
 
 TEST(Record, PlaysAgainBitForBit) {

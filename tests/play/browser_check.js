@@ -132,6 +132,11 @@ async function fly(seen) {
   seen.shown = drawn().every(shown => shown === 1);
   document.getElementById("all").click(); await frame();
 
+  // Straight on, until it is dead.
+  play.start("5");
+  while (!play.episode.over && play.episode.alive(0, play.episode.steps)) play.advance(1, [0, 0, 1]);
+  seen.dead = text("message");
+
   seen.map = play.episode.head.map < play.episode.replay.maps.length;
   play.start("5");
   play.advance(20, [1, 0, 1]);

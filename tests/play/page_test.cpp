@@ -4,8 +4,11 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "eval/record.hpp"
 #include "io/browser.hpp"
+#include "io/devtools.hpp"
 #include "io/temporary_folder.hpp"
 #include "play/plain_actor.hpp"
 #include "play/scenarios.hpp"
@@ -178,6 +181,7 @@ TEST_F(PlayInBrowser, KeysFlyAndASavedGameIsVerified) {
   EXPECT_EQ(text(seen, "shown"), "true") << "with everybody shown it is";
   EXPECT_EQ(text(seen, "map"), "true");
   EXPECT_EQ(text(seen, "over"), "true");
+  EXPECT_TRUE(contains(text(seen, "dead"), {"You are dead: agent 0 ", ". Enter: a new game, F: to the end"}));
   EXPECT_EQ(text(seen, "unnamed"), "0") << "controls without a name";
   expect_pictures(seen, "play", {"top", "solid"});
   for (const char* name : {"discrete", "continuous"}) {
@@ -193,6 +197,28 @@ TEST_F(PlayInBrowser, KeysFlyAndASavedGameIsVerified) {
     changed.episodes[0].sees[0] ^= 1;
     EXPECT_EQ(verify_replay(changed, {}), "episode 0 has the same states, but differs in who detects whom");
   }
+}
+
+// Keys as a keyboard sends them, to a page that is drawn as on a screen.
+TEST_F(PlayInBrowser, AKeyboardFliesInRealTime) {
+  PlayPage page = page_of_scripts("identical_5_vs_5");
+  page.scenarios.resize(1);
+  write_file(folder_ / "game.html", play_page(page));
+  LiveBrowser browser(browser_, folder_ / "game.html", folder_.path(), "1280,900");
+  browser.wait_until("window.play && play.scene");
+  browser.value("play.start('5')");
+  const double before = browser.value("play.episode.heading[0]");
+  browser.key(true, "KeyA", "a");
+  browser.wait_until("play.episode.steps >= 4");
+  browser.key(false, "KeyA", "a");
+  browser.key(true, "KeyP", "p");
+  browser.key(false, "KeyP", "p");
+  browser.wait_until("!play.running");
+  // 4 rad/s for some steps of 0.1 s each, to the left.
+  const double after = browser.value("play.episode.heading[4]");
+  EXPECT_GT(std::sin(after - before), 0.1);
+  EXPECT_EQ(browser.value("[...play.episode.done[2]].at(0)"), 16) << "left: 9 x 1 + 3 x 2 + 1";
+  EXPECT_EQ(browser.problems(), "");
 }
 
 TEST_F(PlayInBrowser, NetworksPlayThereAsLibTorchPlaysThemHere) {
