@@ -13,6 +13,7 @@ import sys
 import zlib
 
 FORMATS = (3, 4)  # worlds of up to 1,024 agents; crowds
+MOST = 4_194_304  # agents of a world
 MINDS = 64  # agents of each team of a crowd of which it is kept what their networks said
 FLIGHT = ("x", "y", "z", "heading", "speed")
 
@@ -154,7 +155,7 @@ class Episode:
 
 
 def rounded(number):
-    return int(math.copysign(math.floor(abs(number) + 0.5), number))
+    return int(math.copysign(math.floor(abs(number) + 0.5), number)) if math.isfinite(number) else 0
 
 
 def controls(actions, step, kind):
@@ -178,22 +179,31 @@ def numbers(data):
 
 
 def read_replay(path):
+    """Raises ValueError, whose message names the file, where it is no whole replay."""
     with open(path, "rb") as file:
         line, rest = file.readline(), file.read()
     formats = [number for number in FORMATS if line == b"gigastep replay %d\n" % number]
     if not formats:
         raise ValueError(f"{path} is no replay of the formats {FORMATS}")
-    raw = memoryview(zlib.decompress(rest))
+    try:
+        return read_columns(formats[0], memoryview(zlib.decompress(rest)))
+    except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError, zlib.error) as error:
+        raise ValueError(f"{path} is damaged: {error}") from error
+
+
+def read_columns(number, raw):
     at = 4 + int.from_bytes(raw[:4], "little")
     replay = json.loads(bytes(raw[4:at]))
-    replay["format"] = formats[0]
+    replay["format"] = number
+    if sum(agent.get("count", 1) for agent in replay["agents"]) > MOST:
+        raise ValueError("it has too many agents")
     replay["agents"] = [agent for agent in replay["agents"] for _ in range(agent.get("count", 1))]
 
     def take(size):
         nonlocal at
         at += size
-        if at > len(raw):
-            raise ValueError(f"{path} holds less than it says")
+        if not 0 <= size <= at <= len(raw):
+            raise ValueError("a column ends behind the last byte")
         return bytes(raw[at - size:at])
 
     replay["episodes"] = [Episode(replay, head, take) for head in replay["episodes"]]
@@ -216,4 +226,9 @@ def main(path):
 
 
 if __name__ == "__main__":
-    main(sys.argv[1])
+    if len(sys.argv) != 2:
+        sys.exit("usage: read_replay.py FILE.replay")
+    try:
+        main(sys.argv[1])
+    except (OSError, ValueError) as error:
+        sys.exit(str(error))

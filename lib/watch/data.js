@@ -8,7 +8,8 @@ class Bits {
   at(pair, state) { return this.data[pair * this.row + (state >> 3)] >> (state & 7) & 1; }
 }
 
-const PAIRED = 1024, MINDS = 64;  // the most agents of which pairs are kept; those of a larger team whose minds are
+// The most agents of which pairs are kept; those of a larger team whose minds are; the most of a world.
+const PAIRED = 1024, MINDS = 64, MOST = 4194304;
 
 // What can be asked of an episode: states by agent and step, and who detected, shot and heard whom. `states` is the length
 // of a row, `steps` the last state. Of a crowd, which has more agents than PAIRED, it is kept who is seen, not by whom.
@@ -262,14 +263,27 @@ async function unpackReplay(bytes) {
   }));
 }
 
+// All that is wrong with what was unpacked is told alike: programs of ours do not write it.
 async function readReplay(base64) {
   const text = atob(base64), bytes = new Uint8Array(text.length);
   for (let k = 0; k < text.length; ++k) bytes[k] = text.charCodeAt(k);
   const raw = await unpackReplay(bytes);
+  try {
+    return readColumns(raw);
+  } catch {
+    throw new BadReplay("a replay is damaged: its parts do not fit together");
+  }
+}
+function readColumns(raw) {
   let at = 4 + new DataView(raw.buffer).getUint32(0, true);
   const replay = JSON.parse(new TextDecoder().decode(raw.subarray(4, at)));
+  if (!(replay.agents.reduce((sum, {count = 1}) => sum + count, 0) <= MOST)) throw new RangeError("too many agents");
   replay.agents = replay.agents.flatMap(({count = 1, ...agent}) => Array(count).fill(agent));  // of a crowd, alike ones
-  const take = size => { at += size; return raw.subarray(at - size, at); };
+  const take = size => {
+    at += size;
+    if (!(size >= 0 && at <= raw.length)) throw new RangeError("a column ends behind the last byte");
+    return raw.subarray(at - size, at);
+  };
   replay.episodes = replay.episodes.map(head => new Episode(replay, head, take));
   return replay;
 }

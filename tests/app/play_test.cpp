@@ -1,6 +1,7 @@
 // gigastep play as a user runs it. What its page does is in tests/play.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <nlohmann/json.hpp>
 
 #include "program.hpp"
@@ -42,6 +43,50 @@ TEST(Play, WritesAPageAndAFolder) {
   size_t named = 0;
   for (size_t at = 0; (at = html.find("\"name\":\"run after ", at)) != std::string::npos; ++at) ++named;
   EXPECT_EQ(named, 2u);
+}
+
+// Levels of a run: first what was named, its best policy; then the others from the strongest to the weakest, whenever
+// they were saved.
+TEST(Play, LevelsStandByTheirRatings) {
+  const Workplace here;
+  if (!has_module(here)) GTEST_SKIP() << "no compiler for WebAssembly: " << kWithoutModule;
+  here.write("tiny.yaml", kTinyConfig);
+  const Outcome training = here.run({"train", "tiny.yaml", "--run-dir", "run", "--quiet", "--set",
+                                     "train.total_agent_steps=20000", "--set", "checkpoint.keep=5"});
+  ASSERT_EQ(training.code, 0) << training.err;
+  const Outcome rated = here.run({"rate", "run", "--checkpoints", "0", "--scripted", "random", "--episodes", "4"});
+  ASSERT_EQ(rated.code, 0) << rated.err;
+
+  const auto names = [&] {
+    const Outcome page = here.run({"play", "run", "--levels", "9", "--folder", "site"});
+    EXPECT_EQ(page.code, 0) << page.err;
+    std::vector<std::string> all;
+    const nlohmann::json game = nlohmann::json::parse(here.read("site/game.json"));
+    for (const nlohmann::json& player : game.at("players"))
+      if (const std::string name = player.at("name"); name.rfind("run after ", 0) == 0) all.push_back(name);
+    return all;
+  };
+  // The n-th that was saved gets rating `first` + n `more`.
+  nlohmann::json sheet = nlohmann::json::parse(here.read("run/ratings/ratings.json"));
+  const auto rate = [&](int first, int more) {
+    for (const nlohmann::json& player : sheet.at("players"))
+      for (nlohmann::json& rating : sheet.at("ratings"))
+        if (player.contains("updates") && player.at("updates").is_number() && rating.at("player") == player.at("name"))
+          rating["rating"] = first + more * player.at("updates").get<int>();
+    here.write("run/ratings/ratings.json", sheet.dump());
+  };
+  for (const int more : {-100, 100}) {
+    rate(1000, more);
+    const std::vector<std::string> shown = names();
+    ASSERT_GE(shown.size(), 4u);
+    std::vector<int> ratings;
+    for (const std::string& name : shown) {
+      const int updates = std::stoi(name.substr(std::string("run after ").size()));
+      ratings.push_back(1000 + more * updates);
+      EXPECT_TRUE(contains(name, {", rated " + std::to_string(ratings.back())}));
+    }
+    EXPECT_TRUE(std::is_sorted(ratings.begin() + 1, ratings.end(), std::greater<>())) << shown[1] << ", " << shown[2];
+  }
 }
 
 // An exported policy computes the egocentric view where nobody offers it. On a page of a game that does, it must read

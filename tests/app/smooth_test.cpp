@@ -32,7 +32,8 @@ class SmoothReplay : public InBrowser {
       const Outcome outcome = here_.run(arguments);
       GIGA_CHECK(outcome.code == 0, outcome.err);
     }
-    LiveBrowser browser(browser_, here_.path() / (scenario + ".html"), folder_.path(), "1280,900");
+    LiveBrowser browser(browser_, "file://" + (here_.path() / (scenario + ".html")).string(), folder_.path(),
+                        "1280,900");
     browser.wait_until("window.watch");
     browser.value("document.fonts.ready.then(() => 0)");
     browser.value(

@@ -4,17 +4,16 @@
 
 #include <fcntl.h>
 #include <poll.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include <array>
 #include <chrono>
-#include <csignal>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <thread>
 
+#include "child.hpp"
 #include "core/error.hpp"
 #include "io/files.hpp"
 
@@ -24,8 +23,8 @@ class LiveBrowser {
  public:
   using Json = nlohmann::json;
 
-  /// Opens a page from disk. Files of the browser go into `folder`.
-  LiveBrowser(const std::string& browser, const std::filesystem::path& page, const std::filesystem::path& folder,
+  /// Opens an address. Files of the browser go into `folder`.
+  LiveBrowser(const std::string& browser, const std::string& address, const std::filesystem::path& folder,
               const std::string& size) {
     int to[2], from[2];
     GIGA_CHECK(pipe(to) == 0 && pipe(from) == 0, "no pipe");
@@ -60,7 +59,7 @@ class LiveBrowser {
     }
     call("Page.enable");
     call("Runtime.enable");
-    call("Page.navigate", {{"url", "file://" + page.string()}});
+    call("Page.navigate", {{"url", address}});
   }
   LiveBrowser(const LiveBrowser&) = delete;
   LiveBrowser& operator=(const LiveBrowser&) = delete;
@@ -135,21 +134,6 @@ class LiveBrowser {
   }
 
   // Members of their own, so that the browser ends with the test where the constructor throws too.
-  struct Pipe {
-    int file = -1;
-    ~Pipe() {
-      if (file >= 0) close(file);
-    }
-  };
-  struct Child {
-    int pid = -1;
-    ~Child() {
-      if (pid <= 0) return;
-      kill(-pid, SIGKILL);
-      waitpid(pid, nullptr, 0);
-    }
-  };
-
   Pipe write_, read_;
   Child child_;
   int last_id_ = 0;

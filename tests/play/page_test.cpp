@@ -10,6 +10,7 @@
 #include "io/browser.hpp"
 #include "io/devtools.hpp"
 #include "io/temporary_folder.hpp"
+#include "io/web_server.hpp"
 #include "play/plain_actor.hpp"
 #include "play/scenarios.hpp"
 #include "play/session.hpp"
@@ -204,7 +205,7 @@ TEST_F(PlayInBrowser, AKeyboardFliesInRealTime) {
   PlayPage page = page_of_scripts("identical_5_vs_5");
   page.scenarios.resize(1);
   write_file(folder_ / "game.html", play_page(page));
-  LiveBrowser browser(browser_, folder_ / "game.html", folder_.path(), "1280,900");
+  LiveBrowser browser(browser_, "file://" + (folder_ / "game.html").string(), folder_.path(), "1280,900");
   browser.wait_until("window.play && play.scene");
   browser.value("play.start('5')");
   const double before = browser.value("play.episode.heading[0]");
@@ -219,6 +220,28 @@ TEST_F(PlayInBrowser, AKeyboardFliesInRealTime) {
   EXPECT_GT(std::sin(after - before), 0.1);
   EXPECT_EQ(browser.value("[...play.episode.done[2]].at(0)"), 16) << "left: 9 x 1 + 3 x 2 + 1";
   EXPECT_EQ(browser.problems(), "");
+}
+
+// The folder from a web server: the same start, the same moves.
+TEST_F(PlayInBrowser, AFolderPlaysFromAWebServer) {
+  const std::string python = python_with("http.server");
+  if (python.empty()) GTEST_SKIP() << "no Python";
+  PlayPage page = page_of_scripts("identical_5_vs_5");
+  page.scenarios.resize(1);
+  write_play_folder(folder_ / "site", page);
+  write_file(folder_ / "game.html", play_page(page));
+  const WebServer server(python, folder_ / "site");
+  const auto played = [&](const std::string& address) {
+    LiveBrowser browser(browser_, address, folder_.path(), "1280,900");
+    browser.wait_until("window.play && play.scene");
+    browser.value("play.start('5'); play.advance(20, [0, 0, 0])");
+    EXPECT_EQ(browser.value("play.episode.steps"), 20);
+    EXPECT_EQ(browser.problems(), "");
+    return browser.value("String(play.episode.check)").get<std::string>();
+  };
+  const std::string from_server = played(server.address());
+  EXPECT_NE(from_server, "0");
+  EXPECT_EQ(from_server, played("file://" + (folder_ / "game.html").string()));
 }
 
 TEST_F(PlayInBrowser, NetworksPlayThereAsLibTorchPlaysThemHere) {
