@@ -66,7 +66,8 @@ Json to_json(const EvalOptions& o, const MatchReport& report, const Player& a, c
 
 void print_origin(const Player& c) {
   if (const Player::Origin* origin = c.origin())
-    std::cout << c.name() << ": " << origin->file << ", after " << origin->updates << " updates\n";
+    std::cout << c.name() << ": " << origin->file << ", after "
+              << counted(origin->updates, algorithm_of(origin->run.config).updates) << '\n';
 }
 
 void play(const EvalOptions& o) {

@@ -78,7 +78,8 @@ void export_policy(const ExportRequest& o) {
                          1 - o.team, " has one"));
   const Json ratings = rating_of(found.file, checkpoint.updates, o.team);
   write_export(o.out, format, *actor, loaded.run.spec, origin_of(checkpoint, loaded.run, o.team), {view, &ratings});
-  std::cout << o.out << ": the policy of team " << o.team << " after " << checkpoint.updates << " updates in "
+  std::cout << o.out << ": the policy of team " << o.team << " after "
+            << counted(checkpoint.updates, algorithm_of(loaded.run.config).updates) << " in "
             << checkpoint.scenario_name << "\ntry it: python3 "
             << (std::filesystem::path(o.out) / kExampleName).string()
             << " (its first lines say which packages it needs)" << std::endl;

@@ -82,7 +82,7 @@ void expect_devices(const RankOptions& options, const std::string& asked, Device
   if (asked.starts_with("cuda:") && options.to_start() > 1)
     throw InputError(cat("device ", asked, ": several ranks have a GPU each, by their number; write cuda"));
   if (const int found = cuda_device_count(); found < options.to_start())
-    throw InputError(cat(options.text(), ": ", found, found == 1 ? " GPU is" : " GPUs are",
+    throw InputError(cat(options.text(), ": ", counted(found, "GPUs"), found == 1 ? " is" : " are",
                          " found, and each rank needs one; --ranks ", options.to_start(),
                          " --device cpu shares the cores"));
 }

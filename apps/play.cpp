@@ -70,7 +70,8 @@ std::vector<Level> levels_of(const std::string& text, int most, const PlayerOpti
   const auto label = [&](Level& level) {
     const Player::Origin& origin = *level.player.origin();
     level.rating = rating_of(text, origin.updates);
-    std::string name = cat(name_of_run(text), " after ", origin.updates, ' ', algorithm_of(origin.run.config).updates);
+    std::string name =
+        cat(name_of_run(text), " after ", counted(origin.updates, algorithm_of(origin.run.config).updates));
     if (!std::isnan(level.rating)) name += cat(", rated ", std::lround(level.rating));
     level.player.rename(name);
   };

@@ -64,9 +64,7 @@ class ProgressLines {
 
   /// Before each pair.
   void operator()(int done, int all, const Player& side_0, const Player& side_1) {
-    if (done == 0)
-      std::cerr << all << (all == 1 ? " pair of " : " pairs of ") << episodes_
-                << (episodes_ == 1 ? " episode" : " episodes") << std::flush;
+    if (done == 0) std::cerr << counted(all, "pairs") << " of " << counted(episodes_, "episodes") << std::flush;
     const double elapsed = seconds_since(start_);
     if (done == 1) first_ = elapsed;
     if (!announced_) {

@@ -34,7 +34,7 @@ RecordedTeam team_of(Player& player, int side, const SimSpec& spec) {
   team.mind = player.mind(side, spec);
   team.name = player.name();
   if (const Player::Origin* origin = player.origin())
-    team.origin = cat(origin->file, ", after ", origin->updates, " updates");
+    team.origin = cat(origin->file, ", after ", counted(origin->updates, algorithm_of(origin->run.config).updates));
   return team;
 }
 
@@ -77,8 +77,8 @@ void record(const RecordOptions& o) {
     const std::string bytes = encode_replay(match.replay);
     write_output(file, bytes);
     const MatchResult& r = match.result;
-    std::cout << file.string() << ": " << players[k].name() << " against " << players[1].name() << ", " << r.episodes
-              << (r.episodes == 1 ? " episode, " : " episodes, ") << (bytes.size() + 512) / 1024 << " KB; team 0 wins "
+    std::cout << file.string() << ": " << players[k].name() << " against " << players[1].name() << ", "
+              << counted(r.episodes, "episodes") << ", " << (bytes.size() + 512) / 1024 << " KB; team 0 wins "
               << r.wins[0] << ", team 1 " << r.wins[1] << ", ties " << r.ties << '\n';
     replays.push_back(bytes);
   }

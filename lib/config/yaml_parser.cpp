@@ -172,7 +172,7 @@ std::string line_text(std::string_view text, int line) {
 
 size_t indent_of(std::string_view line) { return std::min(line.find_first_not_of(' '), line.size()); }
 
-std::string spaces(size_t n) { return cat(n, n == 1 ? " space" : " spaces"); }
+std::string spaces(size_t n) { return counted(static_cast<int64_t>(n), "spaces"); }
 
 bool says_nothing(std::string_view line) {
   const size_t first = line.find_first_not_of(" \t");

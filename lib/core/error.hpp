@@ -1,6 +1,7 @@
 // Error: the one exception type of gigastep, and GIGA_CHECK, which throws it with the values in the message.
 #pragma once
 
+#include <cstdint>
 #include <sstream>
 #include <stdexcept>
 #include <string>
@@ -36,6 +37,11 @@ std::string cat(const Args&... args) {
   std::ostringstream out;
   (out << ... << args);
   return out.str();
+}
+
+/// "1 update", "2 updates": `things` is a plural with an s.
+inline std::string counted(int64_t n, const std::string& things) {
+  return cat(n, ' ', n == 1 ? things.substr(0, things.size() - 1) : things);
 }
 
 }  // namespace giga

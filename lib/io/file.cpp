@@ -17,8 +17,8 @@ void fail_with_errno(const char* what, const std::filesystem::path& path) {
   throw Error(cat("cannot ", what, " ", path.string(), ": ", std::strerror(errno)));
 }
 
-File::File(const std::filesystem::path& path, int flags)
-    : path_(path), fd_(::open(path.c_str(), flags | O_CLOEXEC, 0644)) {}
+File::File(const std::filesystem::path& path, int flags, const std::filesystem::path& told_as)
+    : path_(told_as.empty() ? path : told_as), fd_(::open(path.c_str(), flags | O_CLOEXEC, 0644)) {}
 
 File::~File() {
   if (fd_ >= 0) ::close(fd_);

@@ -10,14 +10,15 @@ namespace giga {
 
 class File {
  public:
-  /// `flags` as of open(2). Does not throw: see is_open.
-  File(const std::filesystem::path& path, int flags);
+  /// `flags` as of open(2). Does not throw: see is_open. `told_as`: the path in errors; empty: `path`.
+  File(const std::filesystem::path& path, int flags, const std::filesystem::path& told_as = {});
   ~File();
   File(File&& other) noexcept;
   File& operator=(File&&) = delete;
 
   bool is_open() const { return fd_ >= 0; }
   int descriptor() const { return fd_; }
+  /// As errors tell it.
   const std::filesystem::path& path() const { return path_; }
 
   /// As read(2).

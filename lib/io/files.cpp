@@ -26,7 +26,7 @@ void write_in_place(const fs::path& path, std::string_view bytes) {
 }
 
 void write_temporary(const fs::path& path, std::string_view bytes, const fs::path& in_place_of) {
-  File file(path, O_WRONLY | O_CREAT | O_TRUNC);
+  File file(path, O_WRONLY | O_CREAT | O_TRUNC, in_place_of);  // errors name what the user knows
   if (!file.is_open()) fail_with_errno("create", in_place_of);
   file.write_all(bytes);
   file.flush_to_disk();

@@ -60,7 +60,7 @@ LoadedRun resized(const LoadedRun& run, int64_t size) {
   return trial;
 }
 
-std::string number_of(const RunSize& size, int64_t n) { return cat(n, ' ', size.unit, n == 1 ? "" : "s"); }
+std::string number_of(const RunSize& size, int64_t n) { return counted(n, cat(size.unit, 's')); }
 
 }  // namespace
 

@@ -76,7 +76,7 @@ GIGA_HD size_t attach_scratch(const GridParams& p, GridWorld& w, char* block, bo
 
 /// The error of `full` agents at which more opponents fired than are counted.
 inline Error full_lists_error(int full, const GridParams& p, const std::string& scenario) {
-  return Error(cat(full, full == 1 ? " agent was" : " agents were", " fired at by more than ", p.most_shooters,
+  return Error(cat(counted(full, "agents"), full == 1 ? " was" : " were", " fired at by more than ", p.most_shooters,
                    " opponents at once in scenario '", scenario, "': so many are counted in a world of ", p.n_agents,
                    " agents (rules 17.2); with smaller damage.damage_cone_depth or damage_cone_angle",
                    " fewer reach it"));

@@ -72,8 +72,8 @@ void write_outcome(Markup& page, const SweepOutcome& outcome) {
   page.element("h2", "Sweep");
   const size_t seeds = outcome.spec.seeds.size();
   page.element("p",
-               cat("Compared by ", metric_text(outcome.spec), ", mean over ", seeds, seeds == 1 ? " seed" : " seeds",
-                   ". The charts below are those of the best trials."),
+               cat("Compared by ", metric_text(outcome.spec), ", mean over ",
+                   counted(static_cast<int64_t>(seeds), "seeds"), ". The charts below are those of the best trials."),
                {{"class", "note"}});
   std::vector<TableRow> rows;
   for (const SweepOutcome::Trial* trial : best_trials(outcome)) rows.push_back(row_of(outcome.spec, *trial));

@@ -6,7 +6,7 @@
 
 namespace giga {
 
-/// page.html, page.css, data.js, scene.js, page.js; nothing for other names.
+/// page.html, page.css, data.js, scene.js, agent.js, pane.js, page.js; nothing for other names.
 std::optional<std::string_view> watch_asset(std::string_view name);
 
 }  // namespace giga

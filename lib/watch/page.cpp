@@ -31,7 +31,8 @@ std::string watch_page(const std::vector<std::string>& replays, const std::strin
                                             {"title", escaped(title)},
                                             {"version", escaped(version)},
                                             {"data", data + "]"},
-                                            {"script", asset("data.js") + asset("scene.js") + asset("page.js")}});
+                                            {"script", asset("data.js") + asset("scene.js") + asset("agent.js") +
+                                                           asset("pane.js") + asset("page.js")}});
 }
 
 }  // namespace giga

@@ -74,7 +74,7 @@ TEST_F(Eval, WritesATableAndCsv) {
   const Outcome outcome = eval("first", "second", {"--both-sides", "--csv", "result.csv", "--seed", "4"});
   ASSERT_EQ(outcome.code, 0) << outcome.err;
   EXPECT_TRUE(contains(outcome.out,
-                       {"scenario identical_2_vs_2_void", "first: first/checkpoints/best.h5, after 1 updates",
+                       {"scenario identical_2_vs_2_void", "first: first/checkpoints/best.h5, after 1 update",
                         "first on side 0 against second, 64 episodes", "first on side 1 against second, 64 episodes",
                         "won ", "lost ", "tied ", "steps an episode", "survivors", "out of bounds"}));
   const CsvTable table = parse_csv(here_->read("result.csv"));
@@ -112,7 +112,8 @@ TEST_F(Eval, AScenarioWithOtherObservationsIsRefused) {
   EXPECT_EQ(eval("first", "pursuer", {"--scenario", "identical_2_vs_2_fobs_void"}).code, 0);
   const Outcome waypoints = eval("first", "pursuer", {"--set", "environment.waypoints.enable_waypoints=true"});
   EXPECT_EQ(waypoints.code, 2);
-  EXPECT_TRUE(contains(waypoints.err, {"; what differs: waypoints.enable_waypoints: false there, true here\n"}));
+  EXPECT_TRUE(contains(waypoints.err,
+                       {"; what differs: waypoints.enable_waypoints: false there, true here; an agent observes "}));
 }
 
 /// What came out of the matches of an `eval --json -`, without names.

@@ -75,12 +75,14 @@ TEST(Pixels, ARunGoesThroughTheCommands) {
   const Outcome other_size =
       here.run({"eval", "whole", "--vs", "random", "--set", "environment.observation.resolution=20"});
   EXPECT_EQ(other_size.code, 2);
-  EXPECT_TRUE(
-      contains(other_size.err, {"where an agent observes images of 12 x 12 pixels", "images of 20 x 20 pixels"}));
+  EXPECT_TRUE(contains(other_size.err,
+                       {"; what differs: observation.resolution: 12 there, 20 here; an agent observes images of "
+                        "12 x 12 pixels",
+                        " there, images of 20 x 20 pixels"}));
   const Outcome without = here.run({"eval", "whole", "--vs", "random", "--set", "environment.observation.type=vector",
                                     "--set", "environment.observation.resolution=84"});
   EXPECT_EQ(without.code, 2);
-  EXPECT_TRUE(contains(without.err, {"it observes no images"}));
+  EXPECT_TRUE(contains(without.err, {" there, no images here"}));
 }
 
 }  // namespace

@@ -174,7 +174,8 @@ TEST_F(RatedRuns, PlayInAnotherScenarioThatFits) {
   EXPECT_TRUE(contains(outcome.out, {"identical_1_vs_1_pobs_vec_void_disc, 4 episodes"}));
   const Outcome misfit = rate({"run-seed1", "--scenario", "identical_2_vs_2", "--out", "misfit"});
   EXPECT_EQ(misfit.code, 2);
-  EXPECT_TRUE(contains(misfit.err, {"run-seed1@", "was trained in", "in 'identical_2_vs_2' it observes"}));
+  EXPECT_TRUE(contains(misfit.err,
+                       {"run-seed1@", "was trained in", ", not in 'identical_2_vs_2'; what differs: ", " there, "}));
   EXPECT_FALSE(here_->has("misfit"));
 }
 

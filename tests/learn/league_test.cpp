@@ -126,8 +126,9 @@ TEST(LearnLeague, EachGroupRemembersByItsOwnPolicy) {
   groups.set(at::stack({GroupPolicy::row_of(a), GroupPolicy::row_of(b)}));
   NetworkState state, state_a, state_b;
   state.rows = at::zeros({6, 5});
+  at::Generator generator = at::detail::createCPUGenerator(3);
   for (int t = 0; t < 3; ++t) {
-    const at::Tensor obs = at::randn({6, 6});
+    const at::Tensor obs = at::randn({6, 6}, generator);
     const at::Tensor head = groups.forward(obs, state);
     const at::Tensor expected =
         at::cat({a.forward(obs.narrow(0, 0, 3), state_a), b.forward(obs.narrow(0, 3, 3), state_b)});

@@ -238,7 +238,7 @@ TEST(LearnPpoTeam, AnActorWithMemoryLearnsFromSequences) {
     PpoTeam& team = game.team[k];
     ASSERT_EQ(team.sequence_length(), 8);
     ASSERT_EQ(team.n_sequences(), 24);
-    const at::Tensor order = at::randperm(24, at::kLong);
+    const at::Tensor order = at::randperm(24, at::detail::createCPUGenerator(3), at::kLong);
     ASSERT_EQ(team.minibatches(order).at(0).sizes(), at::IntArrayRef({8, 24}));
     const auto ratio_error = [&](const Rollout& r) {
       team.compute_advantages(r);
@@ -267,7 +267,7 @@ TEST(LearnPpoTeam, AMinibatchMayBeOneSequence) {
   const Rollout& rollout = game.collector.rollout();
   PpoTeam& team = game.team[0];
   team.compute_advantages(rollout);
-  team.begin_epoch(rollout, at::randperm(24, at::kLong));
+  team.begin_epoch(rollout, at::randperm(24, at::detail::createCPUGenerator(3), at::kLong));
   for (int k = 0; k < 24; ++k) {
     team.update_minibatch(rollout, k, 1, {0, 0});
     EXPECT_LT(team.figures()[kFigFirstRatioError].item<double>(), 1e-6) << "minibatch " << k;
