@@ -88,6 +88,9 @@ std::vector<Level> levels_of(const std::string& text, int most, const PlayerOpti
   const auto strength = [](const Level& level) {
     return std::pair(std::isnan(level.rating) ? -INFINITY : level.rating, level.player.origin()->updates);
   };
+  if (static_cast<int>(levels.size()) < most)
+    std::cerr << "note: " << text << " has " << counted(static_cast<int64_t>(levels.size()), "levels") << ", not "
+              << most << ": it kept no more checkpoints (checkpoint.keep)\n";
   // What was named comes first; the others by rating, or where there is none by how long they learned.
   std::stable_sort(levels.begin() + 1, levels.end(),
                    [&](const Level& x, const Level& y) { return strength(x) > strength(y); });
@@ -205,7 +208,7 @@ void write(const PlayOptions& o) {
 
   if (!o.folder.empty()) {
     write_play_folder(o.folder, page);
-    std::cout << o.folder << ": for a web server" << std::endl;
+    std::cout << o.folder << ": for a web server, as python3 -m http.server --directory " << o.folder << std::endl;
     return;
   }
   fs::path out = o.out;

@@ -66,8 +66,9 @@ add_compile_options("$<$<COMPILE_LANGUAGE:CXX>:${giga_host_flags}>" "$<$<COMPILE
                     "$<$<COMPILE_LANGUAGE:CXX>:-Wpedantic;-Wshadow;-Wnon-virtual-dtor>")
 
 # The compiler cache. The sloppiness is what ccache asks for to cache files that use a precompiled header; paths count from
-# the checkout, so that another checkout finds what this one compiled.
-if(GIGASTEP_CCACHE)
+# the checkout, so that another checkout finds what this one compiled. Not where the path has a blank: there ccache leaves
+# the paths of dependencies whole, and other checkouts would wait for files of this one.
+if(GIGASTEP_CCACHE AND NOT PROJECT_SOURCE_DIR MATCHES " ")
   find_program(GIGASTEP_CCACHE_PROGRAM ccache)
   mark_as_advanced(GIGASTEP_CCACHE_PROGRAM)
   if(GIGASTEP_CCACHE_PROGRAM)

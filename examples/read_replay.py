@@ -186,7 +186,11 @@ def read_replay(path):
     if not formats:
         raise ValueError(f"{path} is no replay of the formats {FORMATS}")
     try:
-        return read_columns(formats[0], memoryview(zlib.decompress(rest)))
+        stream = zlib.decompressobj()
+        raw = stream.decompress(rest)
+        if not stream.eof or stream.unused_data:
+            raise ValueError("it ends too early, or something follows its end")
+        return read_columns(formats[0], memoryview(raw))
     except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError, zlib.error) as error:
         raise ValueError(f"{path} is damaged: {error}") from error
 
@@ -207,6 +211,8 @@ def read_columns(number, raw):
         return bytes(raw[at - size:at])
 
     replay["episodes"] = [Episode(replay, head, take) for head in replay["episodes"]]
+    if at != len(raw):
+        raise ValueError("something follows the columns")
     return replay
 
 

@@ -232,7 +232,7 @@ class Play {
     $("score").replaceChildren(...[0, 1].map(team => {
       const line = document.createElement("span"), name = document.createElement("b");
       name.textContent = `team ${team}${team === this.side ? " (yours)" : ""}`;
-      name.style.color = `var(--team-${team})`;
+      name.style.color = `var(--team-${team}-text)`;
       line.append(name, ` ${episode.living(team, state)} of ${episode.teams[team]} alive${points(team)}`);
       return line;
     }), `${(state * rules.seconds_per_step).toFixed(1)} s${rules.max_episode_length ? ` of ${(rules.max_episode_length * rules.seconds_per_step).toFixed(0)}` : ""}`);
@@ -306,6 +306,7 @@ class Play {
     addEventListener("gamepadconnected", () => this.redraw());
     addEventListener("resize", () => this.redraw());
     addEventListener("keydown", event => this.key(event, true));
+    leaveKeysTo(() => $("field"));
     addEventListener("keyup", event => this.key(event, false));
   }
   key(event, down) {
@@ -339,6 +340,10 @@ async function openPage() {
   await play.follow(location.hash);
 }
 openPage().catch(error => {
-  $("about").textContent = `The game cannot be played: ${error.message}. A browser of 2023 or later is needed.`;
+  const inFolder = !$("game").textContent.trim() && location.protocol === "file:";
+  const why = inFolder ? "this folder is for a web server, as python3 -m http.server --directory FOLDER"
+    : typeof DecompressionStream === "undefined" || typeof WebAssembly === "undefined" ? "a browser of 2023 or later is needed"
+    : `the page is damaged, cut off or changed (${error.message})`;
+  $("about").textContent = `The game cannot be played: ${why}.`;
   console.error(error);
 });

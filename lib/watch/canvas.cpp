@@ -158,13 +158,46 @@ void Canvas::fill(Point low, Point high, Colour colour, double opacity, const Di
   }
 }
 
+/// From p to the line from a to b.
+static double way_to_line(Point p, Point a, Point b) {
+  const double dx = b.x - a.x, dy = b.y - a.y, length2 = dx * dx + dy * dy;
+  const double along = length2 > 0 ? std::clamp(((p.x - a.x) * dx + (p.y - a.y) * dy) / length2, 0.0, 1.0) : 0.0;
+  return std::hypot(p.x - a.x - along * dx, p.y - a.y - along * dy);
+}
+
 void Canvas::line(Point a, Point b, double width, Colour colour, double opacity) {
-  const double dx = b.x - a.x, dy = b.y - a.y, length2 = dx * dx + dy * dy, r = width / 2;
+  const double r = width / 2;
   fill({std::min(a.x, b.x) - r, std::min(a.y, b.y) - r}, {std::max(a.x, b.x) + r, std::max(a.y, b.y) + r}, colour,
-       opacity, [&](Point p) {
-         const double along = length2 > 0 ? std::clamp(((p.x - a.x) * dx + (p.y - a.y) * dy) / length2, 0.0, 1.0) : 0.0;
-         return std::hypot(p.x - a.x - along * dx, p.y - a.y - along * dy) - r;
-       });
+       opacity, [&](Point p) { return way_to_line(p, a, b) - r; });
+}
+
+void Canvas::path(const std::vector<Point>& points, double width, Colour colour, double opacity) {
+  GIGA_CHECK(!points.empty(), "a path without points");
+  Point low = points[0], high = points[0];
+  for (const Point& p : points) {
+    low = {std::min(low.x, p.x), std::min(low.y, p.y)};
+    high = {std::max(high.x, p.x), std::max(high.y, p.y)};
+  }
+  // The way from each pixel to the nearest of the lines, as far as it matters.
+  const double r = width / 2, reach = r + 2;
+  const int left = static_cast<int>(std::floor(low.x - reach)), top = static_cast<int>(std::floor(low.y - reach));
+  const int columns = static_cast<int>(std::ceil(high.x + reach)) - left + 1;
+  const int rows = static_cast<int>(std::ceil(high.y + reach)) - top + 1;
+  std::vector<float> way(static_cast<size_t>(columns) * static_cast<size_t>(rows), static_cast<float>(reach));
+  const auto at = [&](int x, int y) -> float& {
+    return way[static_cast<size_t>(y - top) * static_cast<size_t>(columns) + static_cast<size_t>(x - left)];
+  };
+  for (size_t k = 0; k < points.size(); ++k) {
+    const Point a = points[k], b = points[std::min(k + 1, points.size() - 1)];
+    const auto from = [&](double u, double v) { return static_cast<int>(std::floor(std::min(u, v) - r - 1)); };
+    const auto to = [&](double u, double v) { return static_cast<int>(std::ceil(std::max(u, v) + r + 1)); };
+    for (int y = from(a.y, b.y); y < to(a.y, b.y); ++y)
+      for (int x = from(a.x, b.x); x < to(a.x, b.x); ++x)
+        at(x, y) = std::min(at(x, y), static_cast<float>(way_to_line({x + 0.5, y + 0.5}, a, b)));
+  }
+  fill({low.x - r, low.y - r}, {high.x + r, high.y + r}, colour, opacity, [&](Point p) {
+    return static_cast<double>(at(static_cast<int>(std::floor(p.x)), static_cast<int>(std::floor(p.y)))) - r;
+  });
 }
 
 void Canvas::disc(Point centre, double radius, Colour colour, double opacity) {

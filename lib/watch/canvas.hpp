@@ -31,6 +31,8 @@ class Canvas {
   void set(int x, int y, Colour colour);
   /// A line with round ends.
   void line(Point a, Point b, double width, Colour colour, double opacity = 1);
+  /// A line through all points, of one shade where it bends and crosses itself.
+  void path(const std::vector<Point>& points, double width, Colour colour, double opacity = 1);
   void disc(Point centre, double radius, Colour colour, double opacity = 1);
   void ring(Point centre, double radius, double width, Colour colour, double opacity = 1);
   /// A convex polygon.

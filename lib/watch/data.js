@@ -243,6 +243,13 @@ class ExpectedFlight {
   }
 }
 
+// What was clicked does not keep the keyboard: Space and Enter are keys of the game. Whoever goes from control to control
+// by the keyboard has no pointer in the click (detail 0), and the control keeps it.
+const leaveKeysTo = field => addEventListener("click", event => {
+  const control = event.target.closest("button, summary, input[type=checkbox], label");
+  if (event.detail > 0 && control && !control.querySelector("select")) field().focus({preventScroll: true});
+});
+
 // A replay that this page cannot show; the message says why.
 class BadReplay extends Error {}
 const OLDEST_FORMAT = 3, NEWEST_FORMAT = 4;
@@ -277,14 +284,22 @@ async function readReplay(base64) {
 function readColumns(raw) {
   let at = 4 + new DataView(raw.buffer).getUint32(0, true);
   const replay = JSON.parse(new TextDecoder().decode(raw.subarray(4, at)));
+  const numbers = [...["limit_x", "limit_y", "limit_z", "seconds_per_step"].map(key => replay.rules[key]), replay.agents.length];
+  if (!numbers.every(number => number > 0 && number < 1e6)) throw new RangeError("rules without sense");
   if (!(replay.agents.reduce((sum, {count = 1}) => sum + count, 0) <= MOST)) throw new RangeError("too many agents");
+  if (!replay.agents.every(({team}) => team === 0 || team === 1)) throw new RangeError("a third team");
   replay.agents = replay.agents.flatMap(({count = 1, ...agent}) => Array(count).fill(agent));  // of a crowd, alike ones
   const take = size => {
     at += size;
     if (!(size >= 0 && at <= raw.length)) throw new RangeError("a column ends behind the last byte");
     return raw.subarray(at - size, at);
   };
-  replay.episodes = replay.episodes.map(head => new Episode(replay, head, take));
+  replay.episodes = replay.episodes.map(head => {
+    if (!(Number.isInteger(head.steps) && head.steps > 0)) throw new RangeError("no steps");
+    if (!Array.isArray(replay.maps[head.map].boxes)) throw new RangeError("no map");
+    return new Episode(replay, head, take);
+  });
+  if (at !== raw.length) throw new RangeError("something follows the columns");
   return replay;
 }
 

@@ -13,12 +13,16 @@ constexpr int kTrail = 25;    // steps
 constexpr double kEdge = 10;  // pixels around the world
 
 const ReplayEpisode& chosen(const Replay& replay, const FilmOptions& options) {
-  if (options.episode < 0 || options.episode >= static_cast<int>(replay.episodes.size()))
-    throw InputError(cat("episode ", options.episode, ": the replay has ", replay.episodes.size(), ", counted from 0"));
-  return replay.episodes[static_cast<size_t>(options.episode)];
+  return episode_of(replay, options.episode);
 }
 
 }  // namespace
+
+const ReplayEpisode& episode_of(const Replay& replay, int episode) {
+  if (episode < 0 || episode >= static_cast<int>(replay.episodes.size()))
+    throw InputError(cat("episode ", episode, ": the replay has ", replay.episodes.size(), ", counted from 0"));
+  return replay.episodes[static_cast<size_t>(episode)];
+}
 
 int film_length(const Replay& replay, const FilmOptions& options) {
   return (chosen(replay, options).steps + options.every - 1) / options.every + 1;

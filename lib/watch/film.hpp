@@ -12,6 +12,9 @@ struct FilmOptions {
   int every = 2;   ///< steps from one picture to the next
 };
 
+/// Of that number, counted from 0; an InputError where there is none.
+const ReplayEpisode& episode_of(const Replay& replay, int episode);
+
 /// Pictures that the film has: those of state 0, `every`, 2 `every`, ... and the last.
 int film_length(const Replay& replay, const FilmOptions& options);
 /// Picture number k of it.

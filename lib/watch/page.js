@@ -30,7 +30,7 @@ class Watch {
 
   fillLists() {
     const several = new Set(this.games.map(game => game.file)).size > 1;
-    const name = game => `${several ? game.name + ", " : ""}${game.number + 1}: ${endText(game.episode)}, ${game.episode.steps} steps`;
+    const name = game => `${several ? game.name + ", " : ""}${game.number}: ${endText(game.episode)}, ${game.episode.steps} steps`;
     $("game").replaceChildren(...this.games.map((game, k) => new Option(name(game), k)));
     $("beside").replaceChildren(new Option("nothing", -1), ...this.games.map((game, k) => new Option(name(game), k)));
   }
@@ -112,7 +112,7 @@ class Watch {
     $("scrub").setAttribute("aria-valuetext", `step ${this.step} of ${this.steps}`);
     $("now").textContent = `step ${this.step} of ${this.steps}, ${this.clock(this.step)}`;
     const before = this.events.filter(event => event.step <= this.step).at(-1);
-    $("last-event").textContent = before ? `${before.prefix}${eventText(before.episode, before)}` : "";
+    $("last-event").textContent = before ? `${this.clock(before.step)}: ${before.prefix}${eventText(before.episode, before)}` : "";
     if (this.shown !== `${this.step} ${this.chosen} ${this.pane.game.name} ${this.pane.game.number}`) this.describe();
     this.drawHand();
     if (this.playing) this.redraw();
@@ -244,6 +244,7 @@ class Watch {
     this.setTheme(dark.matches);
     addEventListener("resize", () => this.redraw());
     addEventListener("keydown", event => this.key(event));
+    leaveKeysTo(() => this.pane.canvas);
   }
   key(event) {
     if (event.ctrlKey || event.metaKey || event.altKey) return;

@@ -28,7 +28,7 @@ class Pane {
     this.score.replaceChildren(...[0, 1].map(team => {
       const line = document.createElement("span"), name = document.createElement("b");
       name.textContent = `team ${team}`;
-      name.style.color = `var(--team-${team})`;
+      name.style.color = `var(--team-${team}-text)`;
       const points = episode.replay.rules.waypoints
         ? `, ${episode.head.events.filter(v => v.what === "collected" && v.step <= state && episode.team(v.agent) === team).length} waypoints` : "";
       line.append(name, ` ${episode.living(team, state)} of ${episode.teams[team]} alive${points}`);

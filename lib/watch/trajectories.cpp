@@ -67,7 +67,7 @@ std::string ending(const ReplayEpisode& e) {
   return cat(winner, " after ", e.steps, " steps");
 }
 
-void draw_episode(Markup& svg, const GameView& game, const Layout& layout, size_t k) {
+void draw_episode(Markup& svg, const GameView& game, const Layout& layout, size_t k, int number) {
   const ReplayRules& rules = game.replay().rules;
   const auto box = [&](double x1, double y1, double x2, double y2, const char* fill, double opacity) {
     const Point low = layout.at(k, x1, y2), high = layout.at(k, x2, y1);
@@ -78,7 +78,7 @@ void draw_episode(Markup& svg, const GameView& game, const Layout& layout, size_
                      {"fill", fill},
                      {"fill-opacity", svg_number(opacity)}});
   };
-  svg.text(cat("episode ", k, ": ", ending(game.episode())),
+  svg.text(cat("episode ", number, ": ", ending(game.episode())),
            {{"x", layout.left_of(k)}, {"y", layout.top_of(k) - 7}, {"font-size", kTextSize}, {"fill", kQuiet}});
   box(0, 0, static_cast<double>(rules.limit_x), static_cast<double>(rules.limit_y), kGround, 1);
   for (const auto& b : game.boxes())
@@ -128,19 +128,23 @@ void draw_episode(Markup& svg, const GameView& game, const Layout& layout, size_
 
 }  // namespace
 
-std::string trajectories_svg(const Replay& replay) {
+std::string trajectories_svg(const Replay& replay, int first) {
   GIGA_CHECK(!replay.episodes.empty(), "a replay without episodes");
-  const Layout layout(replay, kHeadingHeight);
+  constexpr double kLine = 18;
+  const Layout layout(replay, kHeadingHeight + kLine);
   Markup svg;
   {
     const auto picture = open_picture(svg, std::max(layout.picture_width(), 420.0), layout.picture_height(),
                                       cat("Paths of ", replay.players[0], " against ", replay.players[1]));
     svg.text(cat(replay.players[0], " against ", replay.players[1]),
              {{"x", kMargin}, {"y", kMargin + 12}, {"font-size", kTitleSize}, {"fill", kInk}});
-    svg.text(cat(replay.scenario_name, "; rings: starts, crosses: deaths, dots: ends"),
+    svg.text(cat(replay.scenario_name, ", ", replay.rules.limit_x, " x ", replay.rules.limit_y,
+                 " units; blue: team 0, orange: team 1"),
              {{"x", kMargin}, {"y", kMargin + 33}, {"font-size", kTextSize}, {"fill", kQuiet}});
+    svg.text(cat("rings: starts, crosses: deaths, dots: ends", replay.rules.waypoints ? ", green: waypoints" : ""),
+             {{"x", kMargin}, {"y", kMargin + 33 + kLine}, {"font-size", kTextSize}, {"fill", kQuiet}});
     for (size_t k = 0; k < replay.episodes.size(); ++k)
-      draw_episode(svg, GameView(replay, replay.episodes[k]), layout, k);
+      draw_episode(svg, GameView(replay, replay.episodes[k]), layout, k, first + static_cast<int>(k));
   }
   return svg.str();
 }
@@ -165,12 +169,12 @@ Canvas trajectories_pixels(const Replay& replay) {
     for (const ReplayWaypoint& w : game.episode().waypoints) box(w.x1, w.y1, w.x2, w.y2, kWaypoint, 0.25);
     for (int i = 0; i < replay.n_agents(); ++i) {
       const Colour colour = colour_of(kTeamColours[game.team(i)]);
-      const std::vector<Point> path = path_of(game, layout, k, i);
-      for (size_t p = 1; p < path.size(); ++p)
-        canvas.line(scaled(path[p - 1]), scaled(path[p]), kSharp * looks.line, colour, 0.75);
-      canvas.disc(scaled(path[0]), kSharp * looks.ring, colour_of("#ffffff"));
-      canvas.ring(scaled(path[0]), kSharp * looks.ring, kSharp * looks.ring_line, colour);
-      const Point end = scaled(path.back());
+      std::vector<Point> path = path_of(game, layout, k, i);
+      for (Point& p : path) p = scaled(p);
+      canvas.path(path, kSharp * looks.line, colour, 0.75);
+      canvas.disc(path[0], kSharp * looks.ring, colour_of("#ffffff"));
+      canvas.ring(path[0], kSharp * looks.ring, kSharp * looks.ring_line, colour);
+      const Point end = path.back();
       if (game.alive(i, game.episode().steps)) {
         canvas.disc(end, kSharp * looks.end, colour);
         continue;

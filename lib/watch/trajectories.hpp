@@ -9,8 +9,8 @@
 namespace giga {
 
 /// The paths of all episodes side by side, at most four in a row: where each agent began, went, shot somebody down and
-/// died.
-std::string trajectories_svg(const Replay& replay);
+/// died. `first`: the number of the first episode, as the picture tells it.
+std::string trajectories_svg(const Replay& replay, int first = 0);
 /// The same as pixels, without text.
 Canvas trajectories_pixels(const Replay& replay);
 

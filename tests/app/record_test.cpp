@@ -217,6 +217,23 @@ TEST(Picture, PathsAndFilms) {
   EXPECT_EQ(here.read("t.png").substr(1, 3), "PNG");
   EXPECT_EQ(here.read("f.gif").substr(0, 6), "GIF89a");
   EXPECT_TRUE(here.has("frames/00000.png") && here.has("frames/00001.png"));
+
+  // One episode alone, told by its number.
+  ASSERT_EQ(here.run({"picture", "game.replay", "--out", "one.svg", "--episode", "1"}).code, 0);
+  const std::string one = here.read("one.svg");
+  EXPECT_TRUE(contains(one, {"episode 1: ", "10 x 10 units; blue: team 0, orange: team 1"}));
+  EXPECT_EQ(one.find("episode 0: "), std::string::npos);
+  const auto refused = [&](const std::vector<std::string>& arguments, const std::string& message) {
+    const Outcome outcome = here.run(arguments);
+    EXPECT_EQ(outcome.code, 2) << outcome.out;
+    EXPECT_TRUE(contains(outcome.err, {message}));
+  };
+  refused({"picture", "game.replay", "--out", "two.svg", "--episode", "2"},
+          "episode 2: the replay has 2, counted from 0");
+  refused({"picture", "game.replay", "--out", "two.svg", "--size", "100"}, "--size is of a film: --film is missing");
+  // The frames of a longer film would be the end of a shorter one.
+  refused({"picture", "game.replay", "--film", "frames", "--every", "400", "--size", "100"},
+          ".png is of a longer film; name another folder, or empty it");
 }
 
 TEST(Record, TrainingKeepsGames) {

@@ -82,6 +82,15 @@ class LiveBrowser {
   void key(bool down, const std::string& code, const std::string& text) {
     call("Input.dispatchKeyEvent", {{"type", down ? "rawKeyDown" : "keyUp"}, {"code", code}, {"key", text}});
   }
+  /// The mouse presses the middle of an element: a selector of CSS.
+  void click(const std::string& selector) {
+    const Json at = value("(() => { const e = document.querySelector('" + selector +
+                          "'); e.scrollIntoView({block: 'center'}); const b = e.getBoundingClientRect();"
+                          " return [b.x + b.width / 2, b.y + b.height / 2]; })()");
+    for (const char* type : {"mousePressed", "mouseReleased"})
+      call("Input.dispatchMouseEvent",
+           {{"type", type}, {"x", at[0]}, {"y", at[1]}, {"button", "left"}, {"clickCount", 1}});
+  }
   /// CPU time of all processes of the browser until now, in seconds.
   double cpu_seconds() {
     double sum = 0;

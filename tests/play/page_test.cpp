@@ -222,6 +222,35 @@ TEST_F(PlayInBrowser, AKeyboardFliesInRealTime) {
   EXPECT_EQ(browser.problems(), "");
 }
 
+// Space climbs and Enter begins a new game whatever the mouse has pressed before.
+TEST_F(PlayInBrowser, AClickLeavesTheKeysToTheGame) {
+  PlayPage page = page_of_scripts("identical_5_vs_5");
+  page.scenarios.resize(1);
+  write_file(folder_ / "game.html", play_page(page));
+  LiveBrowser browser(browser_, "file://" + (folder_ / "game.html").string(), folder_.path(), "1280,900");
+  browser.wait_until("window.play && play.scene");
+  const auto press = [&](const std::string& code, const std::string& key) {
+    browser.key(true, code, key);
+    browser.key(false, code, key);
+  };
+  for (const char* control : {"#pause", "#restart", "#all"}) {
+    browser.value("play.start('5')");
+    browser.click(control);
+    browser.wait_until("document.activeElement.id === 'field'");
+    browser.key(true, "Space", " ");
+    browser.wait_until("play.episode.steps >= 3 && play.episode.z[play.person * play.episode.states + 3] > 0");
+    browser.key(false, "Space", " ");
+    EXPECT_EQ(browser.value("play.running"), true) << control;
+  }
+  press("Enter", "Enter");
+  browser.wait_until("play.episode.steps < 3");
+  // By the keyboard alone a button is a button.
+  browser.value("$('pause').focus(); play.run(false)");
+  press("Space", " ");
+  EXPECT_EQ(browser.value("document.activeElement.id"), "pause");
+  EXPECT_EQ(browser.problems(), "");
+}
+
 // The folder from a web server: the same start, the same moves.
 TEST_F(PlayInBrowser, AFolderPlaysFromAWebServer) {
   const std::string python = python_with("http.server");

@@ -103,6 +103,20 @@ TEST(Canvas, GifUnpacksToItsPixels) {
   for (size_t k = 0; k < numbers.size(); ++k) ASSERT_EQ(numbers[k], 43 * shades[k]) << "36 + 6 + 1 a shade";
 }
 
+// A line with a point on it is no darker there, and one that crosses itself is no darker where it does.
+TEST(Canvas, APathHasOneShade) {
+  Canvas canvas(40, 20, {255, 255, 255});
+  canvas.path({{5, 10}, {15, 10}, {25, 10}, {20, 5}, {20, 15}}, 3, {0, 0, 0}, 0.5);
+  const std::string shade = pixel(canvas, 10, 10);
+  EXPECT_EQ(shade, "128 128 128") << "255 - 0.5 x 255 = 127.5";
+  EXPECT_EQ(pixel(canvas, 15, 10), shade) << "a joint";
+  EXPECT_EQ(pixel(canvas, 20, 10), shade) << "a crossing";
+  EXPECT_EQ(pixel(canvas, 10, 13), "255 255 255");
+  canvas.path({{-5, -5}, {45, 25}}, 2, {0, 0, 0}, 1);  // beyond all sides
+  canvas.path({{30, 15}}, 4, {0, 0, 0}, 1);
+  EXPECT_EQ(pixel(canvas, 30, 15), "0 0 0") << "a point is a dot";
+}
+
 TEST(Film, AsManyPicturesAsItSays) {
   const Replay replay = sample_replay();  // four steps
   EXPECT_EQ(film_length(replay, {0, 100, 2}), 3);
