@@ -219,8 +219,8 @@ TEST(Scripts, ReproduceWritesItsTable) {
   EXPECT_TRUE(contains(reproduce({"left"}).out, {"left: des: identical_1_vs_1, seed 1"}));
   ASSERT_EQ(reproduce({"docs"}).code, 0);
   EXPECT_TRUE(contains(copy.read("build/reproduce_tiny/reproduce.md"),
-                       {"| identical_5_vs_5 | mappo | 2 |", "| waypoint_3_vs_3 | snes | 2 |", "wins against evader",
-                        "best response to team 0 wins", "gigastep exploit"}));
+                       {"| identical_5_vs_5 | mappo | 1, 2 |", "| waypoint_3_vs_3 | snes | 1, 2 |",
+                        "wins against evader", "best response to team 0 wins", "gigastep exploit"}));
 }
 
 }  // namespace
