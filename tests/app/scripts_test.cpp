@@ -176,6 +176,14 @@ TEST(Scripts, MeasureWritesRowsAndTables) {
              "rollout ", "learning ", "`gigastep train configs/quickstart.yaml --seed S",
              "<!-- measure:mappo -->\nan older table\n<!-- /measure -->"}));
 
+  // Runs whose checkpoints play each other.
+  const Outcome duels = measure({"gpu-learn", "recurrent"});
+  ASSERT_EQ(duels.code, 0) << duels.out << duels.err;
+  ASSERT_EQ(measure({"docs"}).code, 0);
+  EXPECT_TRUE(contains(copy.read("build/measure_tiny/measurements.md"),
+                       {"| identical_5_vs_5, GRU, 60 M | ", "wins as team 0 / as team 1",
+                        "| hide_and_seek_5_vs_5, GRU, 60 M against no memory, 600 M | 1, 2 | "}));
+
   // Rows of another machine come in once, and of two commits the newer one is shown.
   copy.write("other.jsonl", R"({"key": "bench-cpu: x", "piece": "bench-cpu", "commit": "feedc0de", "device": "a GPU",
     "date": "2999-01-01T00:00:00+00:00", "command": "gigastep bench x", "kind": "sim", "scenario": "s", "results": [
@@ -217,10 +225,21 @@ TEST(Scripts, ReproduceWritesItsTable) {
   EXPECT_EQ(reproduce(part).code, 0);
   EXPECT_EQ(copy.read("build/reproduce_tiny/exploit.jsonl"), rows);
   EXPECT_TRUE(contains(reproduce({"left"}).out, {"left: des: identical_1_vs_1, seed 1"}));
+  EXPECT_EQ(reproduce({"scripts", "--scenario", "identical_5_vs_1"}).code, 0);
+  // A line of which no row is here stays as it was; one of a measured scenario does not.
+  const std::string old_page = copy.read("docs/reproduce.md"), old_line = "| a_game | mappo | 7 | long ago |\n";
+  const std::string head = "<!-- reproduce:learned -->\n";
+  copy.write("docs/reproduce.md", old_page.substr(0, old_page.find(head) + head.size()) +
+                                      "| scenario | algorithm | seeds | device |\n|---|---|---|---|\n" + old_line +
+                                      "| identical_5_vs_5 | mappo | 7 | long ago |\n" +
+                                      old_page.substr(old_page.find("<!-- /reproduce -->")));
   ASSERT_EQ(reproduce({"docs"}).code, 0);
-  EXPECT_TRUE(contains(copy.read("build/reproduce_tiny/reproduce.md"),
-                       {"| identical_5_vs_5 | mappo | 1, 2 |", "| waypoint_3_vs_3 | snes | 1, 2 |",
-                        "wins against evader", "best response to team 0 wins", "gigastep exploit"}));
+  const std::string page = copy.read("build/reproduce_tiny/reproduce.md");
+  EXPECT_TRUE(
+      contains(page, {"| identical_5_vs_5 | mappo | 1, 2 |", "| waypoint_3_vs_3 | snes | 1, 2 |", "wins against evader",
+                      "best response to team 0 wins", "gigastep exploit", "| identical_5_vs_1 | best script | - |",
+                      "1.000 pursuer", "| a_game | mappo | 7 | - |"}));
+  EXPECT_EQ(page.find("| identical_5_vs_5 | mappo | 7 |"), std::string::npos);
 }
 
 }  // namespace
