@@ -28,8 +28,8 @@ std::unique_ptr<Simulator> make_cuda_grid_simulator(SimSpec, const SimOptions&, 
 std::unique_ptr<DeviceClock> make_cuda_clock(int, void*) { missing(); }
 bool population_policy_runs(int) { missing(); }
 void pack_population(const PackedMlp&, const float*, int64_t, int64_t, uint16_t*, int, void*) { missing(); }
-int population_work(const PopulationPolicy&) { missing(); }
-void list_population_work(const PopulationPolicy&, int32_t*, int, void*) { missing(); }
+int64_t population_work(const PopulationPolicy&) { missing(); }
+void list_population_work(const PopulationPolicy&, int, void*) { missing(); }
 void launch_population_policy(const PopulationPolicy&, int, void*) { missing(); }
 bool fused_gradients_run(int) { missing(); }
 int fused_blocks(int) { missing(); }

@@ -193,94 +193,111 @@ __device__ void make_heads(const PopulationPolicy& policy, const NetworkGroups& 
   sums.store(head, packed.tiles(packed.mlp.n_layers - 1));
 }
 
-/// Pieces of a part: so many per group, each with so many worlds.
+/// How the worlds of a part are listed: a group's in stretches, each by one warp. At the end of a stretch a piece may
+/// be short, so one has many pieces.
 struct PartShape {
-  int pieces_per_group, worlds_per_piece;
+  static constexpr int kStretch = 192;  // worlds, a multiple of a warp
+  int worlds_per_piece, stretches_per_group, pieces_per_stretch;
   __host__ __device__ explicit PartShape(const NetworkGroups& part) {
-    const int fit = kMaxRows / part.act.draws.n, most = fit > 1 ? fit : 1;
-    pieces_per_group = (part.worlds_per_group + most - 1) / most;
-    worlds_per_piece = (part.worlds_per_group + pieces_per_group - 1) / pieces_per_group;
+    const int fit = kMaxRows / part.act.draws.n,
+              longest = part.worlds_per_group < kStretch ? part.worlds_per_group : kStretch;
+    worlds_per_piece = fit > 1 ? fit : 1;
+    stretches_per_group = (part.worlds_per_group + kStretch - 1) / kStretch;
+    pieces_per_stretch = (longest + worlds_per_piece - 1) / worlds_per_piece;
   }
-  __host__ __device__ int pieces(const NetworkGroups& part) const { return part.groups * pieces_per_group; }
+  __host__ __device__ int stretches(const NetworkGroups& part) const { return part.groups * stretches_per_group; }
+  __host__ __device__ int pieces(const NetworkGroups& part) const { return stretches(part) * pieces_per_stretch; }
 };
 
-/// A piece of work: some worlds of a group, at most a warp's lanes of them.
-struct Piece {
-  const NetworkGroups& part;
-  int group, begin, end;  // worlds of the group
-  int network;            // below 0: nothing to do
-
-  __device__ static Piece number(const PopulationPolicy& policy, int piece) {
-    int k = 0;
-    PartShape shape(policy.part[0]);
-    while (piece >= shape.pieces(policy.part[k])) {
-      piece -= shape.pieces(policy.part[k]);
-      shape = PartShape(policy.part[++k]);
-    }
-    const NetworkGroups& part = policy.part[k];
-    const int group = piece / shape.pieces_per_group, begin = piece % shape.pieces_per_group * shape.worlds_per_piece;
-    return {part, group, begin, min(begin + shape.worlds_per_piece, part.worlds_per_group),
-            part.network ? part.network[group] : group};
-  }
-  /// The lanes whose world plays; `world` is this lane's.
-  __device__ unsigned playing(const Phase* phase, int64_t& world) const {
-    const int at = begin + static_cast<int>(threadIdx.x) % kWarp;
-    world = part.first_world + group * part.group_step + at * part.world_step;
-    return __ballot_sync(0xFFFFFFFFu, network >= 0 && at < end && phase[world] == Phase::plays);
-  }
+/// Where the list of a policy lies: its pieces, their number, its worlds.
+struct WorkList {
+  PopulationPiece* pieces;  // [most pieces]
+  int32_t* count;           // [1]
+  int32_t* worlds;          // [worlds of all parts], each stretch in a place of its own
+  __host__ __device__ WorkList(int32_t* work, int most_pieces)
+      : pieces(reinterpret_cast<PopulationPiece*>(work)), count(work + most_pieces * kPieceWords), worlds(count + 1) {}
+  static constexpr int kPieceWords = sizeof(PopulationPiece) / sizeof(int32_t);
 };
 
 template <int kTiles>
-__device__ void move_piece(const PopulationPolicy& policy, int number, WarpMemory& memory) {
-  const Piece piece = Piece::number(policy, number);
-  int64_t world;
-  const unsigned mask = piece.playing(policy.phase, world);
+__device__ void move_piece(const PopulationPolicy& policy, const PopulationPiece& piece, const int32_t* worlds,
+                           WarpMemory& memory) {
+  const NetworkGroups& part = policy.part[piece.part];
+  const int lane = static_cast<int>(threadIdx.x) % kWarp, n = part.act.draws.n;
+  const int64_t world = lane < piece.count ? worlds[piece.first + lane] : 0;
+  const unsigned mask = __ballot_sync(0xFFFFFFFFu, lane < piece.count && policy.phase[world] == Phase::plays);
   if (mask == 0) return;
-  const int lane = static_cast<int>(threadIdx.x) % kWarp, n = piece.part.act.draws.n;
   if (mask & (1u << lane)) memory.world[__popc(mask & ((1u << lane) - 1u))] = world;
   __syncwarp();
 
   const Rows rows{memory, n, __popc(mask) * n};
   const PackedMlp& packed = policy.packed;
   const __half* network =
-      reinterpret_cast<const __half*>(piece.part.networks) + static_cast<int64_t>(piece.network) * packed.size;
+      reinterpret_cast<const __half*>(part.networks) + static_cast<int64_t>(piece.network) * packed.size;
   float log_std[kActionSize] = {};
-  if (piece.part.act.actions == ActionKind::continuous)
+  if (part.act.actions == ActionKind::continuous)
     for (int k = 0; k < kActionSize; ++k) log_std[k] = __half2float(network[packed.log_std + k]);
   for (int first = 0; first < rows.count; first += kMaxRows) {
     if (kTiles == kNarrow && rows.count - first > kTileRows) {
-      make_heads<2, kNarrow>(policy, piece.part, network, rows, first, memory.head);
+      make_heads<2, kNarrow>(policy, part, network, rows, first, memory.head);
     } else {
-      make_heads<1, kTiles>(policy, piece.part, network, rows, first, memory.head);
+      make_heads<1, kTiles>(policy, part, network, rows, first, memory.head);
       if (kTiles != kNarrow && rows.count - first > kTileRows)
-        make_heads<1, kTiles>(policy, piece.part, network, rows, first + kTileRows,
-                              memory.head + kTileRows * kLogitStride);
+        make_heads<1, kTiles>(policy, part, network, rows, first + kTileRows, memory.head + kTileRows * kLogitStride);
     }
     __syncwarp();
-    if (first + lane < rows.count)
-      piece.part.act(rows.number(first + lane), memory.head + lane * kLogitStride, log_std);
+    if (first + lane < rows.count) part.act(rows.number(first + lane), memory.head + lane * kLogitStride, log_std);
     __syncwarp();  // the next rows take the same memory
   }
 }
 
 template <int kTiles>
 __global__ void __launch_bounds__(kWarps* kWarp, kTiles == kNarrow ? 3 : 2)
-    population_kernel(const __grid_constant__ PopulationPolicy policy, int pieces) {
+    population_kernel(const __grid_constant__ PopulationPolicy policy, int most_pieces) {
   __shared__ WarpMemory memory[kWarps];
   const int warp = static_cast<int>(threadIdx.x) / kWarp;
-  const int count = policy.work ? policy.work[pieces] : pieces;
+  const WorkList list(policy.work, most_pieces);
+  const int count = *list.count;
   // Neighbouring pieces often have the same network: warps of a block find it in their cache.
   for (int k = static_cast<int>(blockIdx.x) * kWarps + warp; k < count; k += static_cast<int>(gridDim.x) * kWarps)
-    move_piece<kTiles>(policy, policy.work ? policy.work[k] : k, memory[warp]);
+    move_piece<kTiles>(policy, list.pieces[k], list.worlds, memory[warp]);
 }
 
-/// A warp per piece. `count` starts at 0.
-__global__ void list_work(const __grid_constant__ PopulationPolicy policy, int pieces, int32_t* work, int32_t* count) {
-  const int thread = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x), number = thread / kWarp;
-  if (number >= pieces) return;
-  int64_t world;
-  const unsigned mask = Piece::number(policy, number).playing(policy.phase, world);
-  if (mask != 0 && thread % kWarp == 0) work[atomicAdd(count, 1)] = number;
+/// A warp per stretch: its worlds that play, close together, and their pieces, as even as they can be. `count` starts
+/// at 0.
+__global__ void list_work(const __grid_constant__ PopulationPolicy policy, int most_pieces) {
+  int stretch = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x) / kWarp, k = 0, place = 0;
+  PartShape shape(policy.part[0]);
+  for (; stretch >= shape.stretches(policy.part[k]); shape = PartShape(policy.part[k])) {
+    stretch -= shape.stretches(policy.part[k]);
+    place += policy.part[k].groups * policy.part[k].worlds_per_group;
+    if (++k == policy.n_parts) return;
+  }
+  const NetworkGroups& part = policy.part[k];
+  const int group = stretch / shape.stretches_per_group, network = part.network ? part.network[group] : group;
+  if (network < 0) return;
+  const int begin = stretch % shape.stretches_per_group * PartShape::kStretch;
+  const int end = min(begin + PartShape::kStretch, part.worlds_per_group);
+  place += group * part.worlds_per_group + begin;
+
+  const WorkList list(policy.work, most_pieces);
+  const int lane = static_cast<int>(threadIdx.x) % kWarp;
+  int listed = 0;
+  for (int at = begin + lane; at - lane < end; at += kWarp) {
+    const int64_t world = part.first_world + group * part.group_step + at * part.world_step;
+    const bool plays = at < end && policy.phase[world] == Phase::plays;
+    const unsigned mask = __ballot_sync(0xFFFFFFFFu, plays);
+    if (plays) list.worlds[place + listed + __popc(mask & ((1u << lane) - 1u))] = static_cast<int32_t>(world);
+    listed += __popc(mask);
+  }
+  const int pieces = (listed + shape.worlds_per_piece - 1) / shape.worlds_per_piece;
+  if (pieces == 0) return;
+  int first = lane == 0 ? atomicAdd(list.count, pieces) : 0;
+  first = __shfl_sync(0xFFFFFFFFu, first, 0);
+  for (int piece = lane; piece < pieces; piece += kWarp) {
+    const int from = piece * listed / pieces, to = (piece + 1) * listed / pieces;
+    list.pieces[first + piece] = {k, network, place + from, to - from};
+  }
 }
 
 /// Number i of a network, from its parameters.
@@ -329,26 +346,35 @@ void pack_population(const PackedMlp& layout, const float* networks, int64_t n, 
   GIGA_CUDA(cudaGetLastError());
 }
 
-int population_work(const PopulationPolicy& policy) {
+int population_pieces(const PopulationPolicy& policy) {
   int pieces = 0;
   for (int k = 0; k < policy.n_parts; ++k) pieces += PartShape(policy.part[k]).pieces(policy.part[k]);
   return pieces;
 }
 
-void list_population_work(const PopulationPolicy& policy, int32_t* work, int index, void* stream) {
+int64_t population_work(const PopulationPolicy& policy) {
+  int64_t words = int64_t{population_pieces(policy)} * WorkList::kPieceWords + 1;
+  for (int k = 0; k < policy.n_parts; ++k) words += int64_t{policy.part[k].groups} * policy.part[k].worlds_per_group;
+  return words;
+}
+
+void list_population_work(const PopulationPolicy& policy, int index, void* stream) {
   GIGA_CUDA(cudaSetDevice(index));
-  const int pieces = population_work(policy);
-  if (pieces == 0) return;
+  int warps = 0;
+  for (int k = 0; k < policy.n_parts; ++k) warps += PartShape(policy.part[k]).stretches(policy.part[k]);
+  if (warps == 0) return;
   constexpr int kThreads = 256;
-  GIGA_CUDA(cudaMemsetAsync(work + pieces, 0, sizeof *work, static_cast<cudaStream_t>(stream)));
-  list_work<<<(pieces + kThreads / kWarp - 1) / (kThreads / kWarp), kThreads, 0, static_cast<cudaStream_t>(stream)>>>(
-      policy, pieces, work, work + pieces);
+  const int pieces = population_pieces(policy);
+  GIGA_CUDA(
+      cudaMemsetAsync(WorkList(policy.work, pieces).count, 0, sizeof(int32_t), static_cast<cudaStream_t>(stream)));
+  list_work<<<(warps + kThreads / kWarp - 1) / (kThreads / kWarp), kThreads, 0, static_cast<cudaStream_t>(stream)>>>(
+      policy, pieces);
   GIGA_CUDA(cudaGetLastError());
 }
 
 void launch_population_policy(const PopulationPolicy& policy, int index, void* stream) {
   GIGA_CUDA(cudaSetDevice(index));
-  const int pieces = population_work(policy);
+  const int pieces = population_pieces(policy);
   if (pieces == 0) return;
   const auto kernel = is_narrow(policy.packed.mlp) ? population_kernel<kNarrow> : population_kernel<kWide>;
   int resident = 0, multiprocessors = 0;

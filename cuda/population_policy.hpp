@@ -50,6 +50,12 @@ struct NetworkGroups {
   PopulationAct act{};                                      // of all worlds: draws.n agents a world
 };
 
+/// A piece of work, for one warp: worlds in which one network of a part moves its team.
+struct PopulationPiece {
+  int32_t part, network;
+  int32_t first, count;  ///< its worlds in the list of those that play
+};
+
 struct PopulationPolicy {
   static constexpr int kMaxParts = 4;
   PackedMlp packed;
@@ -57,21 +63,20 @@ struct PopulationPolicy {
   const Phase* phase = nullptr;  // [W] worlds that wait are left out
   NetworkGroups part[kMaxParts];
   int n_parts = 0;
-  /// [population_work(policy) + 1] the pieces of work in which a world plays, then their number, as
-  /// list_population_work leaves them; null: each launch looks at all.
-  const int32_t* work = nullptr;
+  int32_t* work = nullptr;  // [population_work(policy)] as list_population_work leaves it, aligned to 16 bytes
 };
 
-/// Pieces into which the work of all parts is cut, each for one warp: some worlds of one network.
-int population_work(const PopulationPolicy& policy);
-/// Queues the listing of the pieces in which a world plays now. The list holds until another world begins to play.
-void list_population_work(const PopulationPolicy& policy, int32_t* work, int index, void* stream);
+/// Words of the list of work.
+int64_t population_work(const PopulationPolicy& policy);
+/// Queues the listing of the worlds that play now, in pieces of one network each: where few of a network's worlds still
+/// play, a warp takes them together. The list holds until another world begins to play.
+void list_population_work(const PopulationPolicy& policy, int index, void* stream);
 
-/// Queues the actions of all parts in the arithmetic of Precision::fp16 (policy/config.hpp): weights, biases, log_std,
-/// observations and features are rounded to half precision (11 significant bits; beyond 65,504 infinite); sums, logits
-/// and means of actions are fp32. Two things differ from LibTorch: the order of sums, and tanh, which the hardware
-/// computes within 2^-11 of its value (PTX, tanh.approx.f32). tests/policy/half_precision_test.cpp measures the
-/// difference.
+/// Queues the actions of the work that is listed in the arithmetic of Precision::fp16 (policy/config.hpp): weights,
+/// biases, log_std, observations and features are rounded to half precision (11 significant bits; beyond 65,504
+/// infinite); sums, logits and means of actions are fp32. Two things differ from LibTorch: the order of sums, and tanh,
+/// which the hardware computes within 2^-11 of its value (PTX, tanh.approx.f32). tests/policy/half_precision_test.cpp
+/// measures the difference.
 void launch_population_policy(const PopulationPolicy& policy, int index, void* stream);
 
 /// Whether the GPU can run it: tensor cores of compute capability 8.0 or more.

@@ -108,9 +108,9 @@ class FusedPopulations final : public PopulationController {
     void* const stream = any.parallel_for.stream();
     if (!work_.defined()) pack(device, stream);
     PopulationPolicy policy = policy_of(teams);
-    if (!work_.defined()) work_ = at::empty({population_work(policy) + 1}, opponent_.options());
-    if (any.number % kListPeriod == 0) list_population_work(policy, work_.data_ptr<int32_t>(), device, stream);
-    policy.work = work_.const_data_ptr<int32_t>();
+    if (!work_.defined()) work_ = at::empty({population_work(policy)}, opponent_.options());
+    policy.work = work_.data_ptr<int32_t>();
+    if (any.number % kListPeriod == 0) list_population_work(policy, device, stream);
     launch_population_policy(policy, device, stream);
   }
 
@@ -157,7 +157,7 @@ class FusedPopulations final : public PopulationController {
 
   const PackedMlp layout_;
   std::vector<at::Tensor> packed_;  // [networks, PackedMlp::size] members and opponents in turn
-  at::Tensor work_;                 // [pieces + 1] int32: see PopulationPolicy
+  at::Tensor work_;                 // int32: see PopulationPolicy
 };
 
 }  // namespace

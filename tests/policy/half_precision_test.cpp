@@ -233,6 +233,9 @@ at::Tensor actions_by_the_kernel(const Actor& actor, const at::Tensor& obs) {
   part.obs = obs.const_data_ptr<float>();
   part.act = {
       actor.actions(), true, {static_cast<const uint32_t*>(steps.const_data_ptr()), 9, 0, 1, 0}, actions.data_ptr()};
+  const at::Tensor work = at::empty({population_work(policy)}, steps.options());
+  policy.work = work.data_ptr<int32_t>();
+  list_population_work(policy, 0, nullptr);
   launch_population_policy(policy, 0, nullptr);
   return actions.cpu();
 }
