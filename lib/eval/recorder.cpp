@@ -44,17 +44,29 @@ struct Recorder::Remembered {
   std::array<NetworkState, kNTeams> policies, critics;
 };
 
-/// States of which the networks are not asked yet: a GPU takes as long for one state as for many. Those that remember
-/// are asked of each state at once.
+/// States that are not noted yet, on the device: the host waits once for many, and a GPU takes as long to ask its
+/// networks for one as for many. Those that remember are asked of each state at once.
 struct Recorder::Waiting {
   static constexpr int64_t kMost = 64, kMostBytes = int64_t{1} << 26;
-  int64_t most = 1, count = 0;  // states
+  int64_t most = 1, count = 0, noted = 0;  // states
   Device device;
+  StateView fields{};  // of the simulator, for where they lie in its bytes; those of pairs are null in a crowd
+  PairLists lists;
+  StateShape shape = 0;
+  at::Tensor bytes;             // [most, B] state of all worlds
+  at::Tensor actions[kNTeams];  // [most, W n B] bytes of the actions that led there; of the first state nothing
   at::Tensor numbers[kNTeams];  // [most, W n, D] that agents see, where a network reads them
   at::Tensor images[kNTeams];   // [most, W n, R R 3] likewise
-  at::Tensor alive;             // [most, W, N] bytes
+  at::Tensor alive;             // [most, W, N] bytes, where a network is asked
   at::Tensor truth;             // [most, W, G] where a critic reads it
   std::vector<int> states;      // [count, W] that a world had by then, this one included
+
+  template <class T>
+  T* field(T* there, const uint8_t* state) const {
+    const auto* first = reinterpret_cast<const uint8_t*>(fields.x);  // the first of the field list
+    const uint8_t* at = state + (reinterpret_cast<const uint8_t*>(there) - first);
+    return there ? reinterpret_cast<T*>(const_cast<uint8_t*>(at)) : nullptr;
+  }
 };
 
 Recorder::Recorder(const SimSpec& spec, const Minds& minds)
@@ -83,11 +95,12 @@ void Recorder::before_step(int64_t, GameStep& step) {
   if (!rows) rows = true_state_.data();
 }
 
+bool Recorder::over() const {
+  return std::all_of(worlds_.begin(), worlds_.end(), [](const RecordedWorld& w) { return w.over; });
+}
+
 void Recorder::after_step(int64_t t, const GameStep& step) {
   const Simulator& sim = *step.sim;
-  const auto over = [this] {
-    return std::all_of(worlds_.begin(), worlds_.end(), [](const RecordedWorld& w) { return w.over; });
-  };
   if (t < 0) {
     GIGA_CHECK(sim.options().on_done == OnDone::freeze && sim.options().episodes == 1, "this is no match");
     const int64_t most = spec_.params.max_episode_length + 1;
@@ -95,59 +108,57 @@ void Recorder::after_step(int64_t t, const GameStep& step) {
     make_room(step);
   } else if (over()) {
     return;
-  } else {
-    note_actions(step);
   }
-  read_state(sim);
-  const float unit = place_unit(std::max(spec_.params.limit_x, spec_.params.limit_y), spec_.params.n_agents);
-  for (size_t w = 0; w < worlds_.size(); ++w)
-    if (!worlds_[w].over) worlds_[w].note(spec_, view_of(w), lists_of(sim, w), unit);
   put_off(step);
-  if (over() || waiting_->count == waiting_->most) ask_minds();
+  if (waiting_->count == waiting_->most) note();
 }
 
-/// One copy of all fields.
-void Recorder::read_state(const Simulator& sim) {
-  bytes_ = sim.state().save();
-  const StateView& there = sim.state().view();
-  const auto* first = reinterpret_cast<const uint8_t*>(there.x);  // the first of the field list
-  const auto copied = [&](const auto* field) {
-    const auto* at = bytes_.data() + (reinterpret_cast<const uint8_t*>(field) - first);
-    return reinterpret_cast<decltype(field)>(at);
-  };
-  for_each_field([&](auto, auto member) {
-    auto*& field = state_.*member;
-    field = there.*member ? const_cast<std::remove_reference_t<decltype(field)>>(copied(there.*member)) : nullptr;
-  });
-  const PairLists& lists = sim.state().lists();
-  if (lists.fire) lists_ = {const_cast<uint32_t*>(copied(lists.fire)), const_cast<uint32_t*>(copied(lists.neighbors))};
+/// Notes the states that wait.
+void Recorder::note() {
+  Waiting& from = *waiting_;
+  if (from.count == 0) return;
+  const auto on_host = [&](const at::Tensor& rows) { return rows.narrow(0, 0, from.count).to(at::kCPU).contiguous(); };
+  const at::Tensor bytes = on_host(from.bytes), actions[kNTeams] = {on_host(from.actions[0]), on_host(from.actions[1])};
+  const auto row = [](const at::Tensor& rows, int64_t k) { return rows.const_data_ptr<uint8_t>() + k * rows.size(1); };
+  for (int64_t k = 0; k < from.count && !over(); ++k) {
+    if (from.noted++ > 0) note_actions({row(actions[0], k), row(actions[1], k)});
+    note_state(row(bytes, k));
+  }
+  ask_minds();
+  from.count = 0;
+  from.states.clear();
 }
 
-WorldView Recorder::view_of(size_t world) const {
-  WorldView w{};
-  for_each_field([&](auto field, auto member) {
-    if (state_.*member) w.*member = state_.*member + static_cast<int64_t>(world) * field.count(spec_.params.n_agents);
-  });
-  return w;
+void Recorder::note_state(const uint8_t* bytes) {
+  const Waiting& from = *waiting_;
+  const auto n_agents = static_cast<int64_t>(from.shape.n_agents);
+  const float unit = place_unit(std::max(spec_.params.limit_x, spec_.params.limit_y), spec_.params.n_agents);
+  for (size_t world = 0; world < worlds_.size(); ++world) {
+    const auto w = static_cast<int64_t>(world);
+    if (!worlds_[world].over) {
+      WorldView view{};
+      for_each_field([&](auto field, auto member) {
+        auto* const first = from.field(from.fields.*member, bytes);
+        view.*member = first ? first + w * field.count(spec_.params.n_agents) : nullptr;
+      });
+      RecordedLists lists{nullptr, nullptr, 0};
+      if (from.shape.lists())
+        lists = {from.field(from.lists.fire, bytes) + w * n_agents * from.shape.shooters,
+                 from.field(from.lists.neighbors, bytes) + w * n_agents * from.shape.rows, from.shape.shooters};
+      worlds_[world].note(spec_, view, lists, unit);
+    }
+    waiting_->states.push_back(worlds_[world].states);
+  }
 }
 
-RecordedLists Recorder::lists_of(const Simulator& sim, size_t world) const {
-  const StateShape& shape = sim.state().shape();
-  if (!shape.lists()) return {nullptr, nullptr, 0};
-  const int64_t first = static_cast<int64_t>(world) * shape.n_agents;
-  return {lists_.fire + first * shape.shooters, lists_.neighbors + first * shape.rows, shape.shooters};
-}
-
-void Recorder::note_actions(const GameStep& step) {
+void Recorder::note_actions(const uint8_t* const (&actions)[kNTeams]) {
   const bool discrete = spec_.params.actions == ActionKind::discrete;
   const size_t size = discrete ? sizeof(int32_t) : kActionSize * sizeof(float);
   for (int team = 0; team < kNTeams; ++team) {
     const size_t row = static_cast<size_t>(spec_.params.n_team[team]) * size;
-    std::vector<uint8_t> bytes(worlds_.size() * row);
-    step.sim->memory().to_host(bytes.data(), step.team[team].action, bytes.size());
     for (size_t w = 0; w < worlds_.size(); ++w) {
       if (worlds_[w].over) continue;
-      const uint8_t* from = bytes.data() + w * row;
+      const uint8_t* from = actions[team] + w * row;
       std::vector<uint8_t>& action = worlds_[w].action;
       for (size_t at = 0; at < row; at += size) {
         if (!discrete) {
@@ -162,18 +173,20 @@ void Recorder::note_actions(const GameStep& step) {
   }
 }
 
-/// For what the networks read of as many states as may wait.
+/// For what is kept, and what the networks read, of as many states as may wait.
 void Recorder::make_room(const GameStep& step) {
   const Simulator& sim = *step.sim;
   Waiting& to = *waiting_;
   to.device = sim.device();
+  to.shape = sim.state().shape();
+  to.fields = sim.state().view();
+  to.lists = sim.state().lists();
   const auto w = static_cast<int64_t>(worlds_.size());
   const auto asks = [](const Mind& mind) { return mind.policy || mind.values; };
   const auto remembers = [](const Mind& mind) {
     return (mind.policy && mind.policy->state_size() > 0) || (mind.values && mind.values->state_size() > 0);
   };
   const bool at_once = std::any_of(minds_.begin(), minds_.end(), remembers);
-  if (std::none_of(minds_.begin(), minds_.end(), asks)) return;
 
   int64_t bytes = 0;  // of a state
   std::vector<std::pair<at::Tensor*, at::Tensor>> rooms;
@@ -182,10 +195,13 @@ void Recorder::make_room(const GameStep& step) {
     bytes += static_cast<int64_t>(one.nbytes());
     rooms.emplace_back(&tensor, one);
   };
+  room(to.bytes, {static_cast<int64_t>(state_bytes(to.shape, w))}, at::kByte);
+  const int64_t action = spec_.params.actions == ActionKind::discrete ? sizeof(int32_t) : kActionSize * sizeof(float);
   for (int team = 0; team < kNTeams; ++team) {
     const Mind& mind = minds_[static_cast<size_t>(team)];
-    if (!asks(mind)) continue;
     const int64_t rows = w * spec_.params.n_team[team];
+    room(to.actions[team], {rows * action}, at::kByte);
+    if (!asks(mind)) continue;
     const auto reads = [&](bool image) {
       return (mind.policy && mind.policy->reads_image() == image) ||
              (mind.values && mind.values->reads_image() == image);
@@ -194,7 +210,7 @@ void Recorder::make_room(const GameStep& step) {
       room(to.numbers[team], {rows, observation_rows(spec_).stride()}, at::kFloat);
     if (reads(true)) room(to.images[team], {rows, image_bytes(spec_.params.resolution)}, at::kByte);
   }
-  room(to.alive, {w, spec_.params.n_agents}, at::kByte);
+  if (std::any_of(minds_.begin(), minds_.end(), asks)) room(to.alive, {w, spec_.params.n_agents}, at::kByte);
   if (step.io.world[Observation::state].rows) room(to.truth, {w, spec_.state_size()}, at::kFloat);
   to.most = at_once ? 1 : std::clamp<int64_t>(Waiting::kMostBytes / bytes, 1, Waiting::kMost);
   for (auto& [tensor, one] : rooms) {
@@ -204,31 +220,31 @@ void Recorder::make_room(const GameStep& step) {
   }
 }
 
-/// Keeps what the networks read of the states that were noted last.
+/// Keeps a state, the actions that led there, and what the networks read of it.
 void Recorder::put_off(const GameStep& step) {
   Waiting& to = *waiting_;
-  if (!to.alive.defined()) return;  // nobody asks
   const auto keep = [&](const at::Tensor& room, const auto* from) {
     if (!room.defined()) return;
     const at::Tensor slot = room[to.count];
     slot.copy_(wrap(from, slot.sizes(), to.device));
   };
+  keep(to.bytes, reinterpret_cast<const uint8_t*>(to.fields.x));
   for (int team = 0; team < kNTeams; ++team) {
+    if (to.noted + to.count > 0) keep(to.actions[team], static_cast<const uint8_t*>(step.team[team].action));
     keep(to.numbers[team], step.rows[team].obs);
     keep(to.images[team], static_cast<const uint8_t*>(step.io.team[team].obs[Observation::image].rows));
   }
   keep(to.alive, step.sim->state().view().alive);
   keep(to.truth, static_cast<const float*>(step.io.world[Observation::state].rows));
-  for (const RecordedWorld& world : worlds_) to.states.push_back(world.states);
   ++to.count;
 }
 
-/// What the networks make of the states that wait.
+/// What the networks make of the states that wait and were noted.
 void Recorder::ask_minds() {
   at::NoGradGuard no_grad;
-  Waiting& from = *waiting_;
-  if (from.count == 0) return;
-  const auto w = static_cast<int64_t>(worlds_.size()), count = from.count;
+  const Waiting& from = *waiting_;
+  const auto w = static_cast<int64_t>(worlds_.size()), count = static_cast<int64_t>(from.states.size()) / w;
+  if (count == 0) return;
   // Rows of all states: [count, R, ...] -> [count R, ...]; undefined where there are none.
   const auto all = [&](const at::Tensor& room) {
     return room.defined() ? room.narrow(0, 0, count).flatten(0, 1) : at::Tensor();
@@ -276,11 +292,10 @@ void Recorder::ask_minds() {
       }
     }
   }
-  from.count = 0;
-  from.states.clear();
 }
 
-std::vector<ReplayEpisode> Recorder::episodes(const std::string& seed) const {
+std::vector<ReplayEpisode> Recorder::episodes(const std::string& seed) {
+  note();
   std::vector<ReplayEpisode> all;
   for (const RecordedWorld& w : worlds_) all.push_back(episode_of(w, spec_.params, seed));
   return all;

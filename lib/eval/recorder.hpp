@@ -15,8 +15,9 @@
 
 namespace giga {
 
-/// Keeps the episode of each world of a match (OnDone::freeze, one episode). The networks are asked again: who plays
-/// need not tell what it thought.
+/// Keeps the episode of each world of a match (OnDone::freeze, one episode). What it keeps of a step stays on the
+/// device until there are many: the match does not wait for the host at each step. The networks are asked again: who
+/// plays need not tell what it thought.
 class Recorder final : public GameObserver {
  public:
   /// The networks must outlive it.
@@ -27,27 +28,24 @@ class Recorder final : public GameObserver {
   void after_step(int64_t t, const GameStep& step) override;
 
   /// After the match: the episodes of worlds 0, 1, ... `seed`: of the simulator, as in Replay.
-  std::vector<ReplayEpisode> episodes(const std::string& seed) const;
+  std::vector<ReplayEpisode> episodes(const std::string& seed);
 
  private:
   struct Remembered;
   struct Waiting;
 
-  void read_state(const Simulator& sim);
-  WorldView view_of(size_t world) const;
-  RecordedLists lists_of(const Simulator& sim, size_t world) const;
-  void note_actions(const GameStep& step);
+  bool over() const;
   void make_room(const GameStep& step);
   void put_off(const GameStep& step);
+  void note();
+  void note_actions(const uint8_t* const (&actions)[kNTeams]);
+  void note_state(const uint8_t* bytes);
   void ask_minds();
 
   const SimSpec spec_;
   const Minds minds_;
   std::vector<RecordedWorld> worlds_;
-  std::vector<uint8_t> bytes_;  // the state of all worlds, on the host
-  StateView state_{};           // its fields; those of pairs are null in a crowd
-  PairLists lists_;             // of a crowd
-  Buffer<float> true_state_;    // [W, G] where a critic reads it
+  Buffer<float> true_state_;  // [W, G] where a critic reads it
   std::unique_ptr<Remembered> remembered_;
   std::unique_ptr<Waiting> waiting_;
 };
