@@ -92,7 +92,7 @@ struct WorldRows {
     const ObservationIo& to = io.of(team).obs[Kind::id];
     const int stride = to.stride > 0 ? to.stride : Kind::shape(p).size();
     float* rows = static_cast<float*>(to.rows);
-    return {rows ? rows + world * p.size_of(team) * stride : nullptr, stride};
+    return {rows ? rows + world * p.size_of(team) * stride : nullptr, stride, to.room};
   }
 };
 

@@ -42,7 +42,8 @@ void RowLayout::attach(TeamIo& team, ObservationSet wanted, float* rows, float* 
   for (int k = 0; k < kNObservations; ++k) {
     const auto kind = static_cast<Observation>(k);
     if (!(set_ & wanted).has(kind)) continue;
-    team.obs[kind] = {rows ? rows + first_[k] : nullptr, final_rows ? final_rows + first_[k] : nullptr, stride_};
+    team.obs[kind] = {rows ? rows + first_[k] : nullptr, final_rows ? final_rows + first_[k] : nullptr, stride_,
+                      end_[k] - first_[k]};
   }
 }
 

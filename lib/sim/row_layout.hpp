@@ -6,8 +6,9 @@
 namespace giga {
 
 /// Each observation begins at a multiple of 8 numbers (32 bytes), so that it can be read alone and fast; rows end at
-/// one too. What lies between is not written: whoever makes the rows fills them with zeros. All are floats: an
-/// observation of another type, such as an image of bytes, needs a buffer of its own (ObservationIo has one for each).
+/// one too. What lies between is zero: whoever makes the rows fills them so, and a step writes nothing else there. All
+/// are floats: an observation of another type, such as an image of bytes, needs a buffer of its own (ObservationIo has
+/// one for each).
 class RowLayout {
  public:
   RowLayout() = default;

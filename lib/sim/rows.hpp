@@ -12,6 +12,7 @@ namespace giga {
 struct TeamRows {
   float* first = nullptr;  // of the team's agent 0
   int stride = 0;          // numbers from one row to the next
+  int room = 0;            // numbers that may be written, those behind the observation as zeros
 
   GIGA_HD explicit operator bool() const { return first != nullptr; }
   GIGA_HD float* row(int slot) const { return first + static_cast<int64_t>(slot) * stride; }

@@ -139,6 +139,7 @@ struct ObservationIo {
   void* rows = nullptr;
   void* final_rows = nullptr;
   int stride = 0;  // numbers from one row to the next, of both; 0 = the observation's size. The rest is not touched
+  int room = 0;    // but for zeros, which may be written once more: so many numbers from the row's first on
 };
 struct ObservationIos {
   ObservationIo kinds[kNObservations];

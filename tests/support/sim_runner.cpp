@@ -1,6 +1,7 @@
 // Buffers, poison and comparison of SimRunner.
 #include "support/sim_runner.hpp"
 
+#include <algorithm>
 #include <cstdio>
 #include <cstring>
 #include <type_traits>
@@ -147,9 +148,13 @@ ObservationIo SimRunner::add_observation(const std::string& name, ElementType ty
   const auto columns = static_cast<size_t>(stride);
   const auto element = static_cast<size_t>(size_of(type));
   const bool is_float = type == ElementType::f32;
-  return {add(name, rows * columns, columns, element, is_float, true),
-          final ? add("final " + name, rows * columns, columns, element, is_float) : nullptr,
-          row_step > 0 ? stride : 0};
+  const auto add_rows = [&](const std::string& rows_name, bool observed) {
+    void* first = add(rows_name, rows * columns, columns, element, is_float, observed);
+    if (row_step == kZerosBehind) outputs_.back().zeros_behind = (columns - static_cast<size_t>(size)) * element;
+    return first;
+  };
+  return {add_rows(name, true), final ? add_rows("final " + name, false) : nullptr, row_step > 0 ? stride : 0,
+          row_step == kZerosBehind ? stride : 0};
 }
 
 void* SimRunner::add(const std::string& name, size_t per_world, size_t per_agent, size_t element, bool is_float,
@@ -167,7 +172,13 @@ void* SimRunner::add(const std::string& name, size_t per_world, size_t per_agent
 }
 
 void SimRunner::poison() {
-  for (Output& output : outputs_) output.buffer.from_host(std::vector<uint8_t>(output.buffer.size(), 0xFF));
+  for (Output& output : outputs_) {
+    std::vector<uint8_t> bytes(output.buffer.size(), 0xFF);
+    const size_t row = output.shape.per_agent * output.shape.element, zeros = output.zeros_behind;
+    for (size_t end = row; zeros > 0 && end <= bytes.size(); end += row)
+      std::fill_n(bytes.begin() + static_cast<std::ptrdiff_t>(end - zeros), zeros, uint8_t{0});
+    output.buffer.from_host(bytes);
+  }
 }
 
 void SimRunner::start() {

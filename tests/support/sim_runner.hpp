@@ -49,6 +49,8 @@ enum class Outputs { all, observations, egocentric, none };
 class SimRunner {
  public:
   /// `row_step`: from one row of observations to the next it is the next larger multiple of this; 0 = rows are dense.
+  /// What lies between is poisoned and nobody may touch it, or with kZerosBehind zero, as RowLayout has it.
+  static constexpr int kZerosBehind = 8;
   explicit SimRunner(std::unique_ptr<Simulator> sim, Outputs outputs = Outputs::all, int row_step = 0);
 
   Simulator& sim() { return *sim_; }
@@ -64,6 +66,7 @@ class SimRunner {
   struct Output {
     SnapshotField shape;  // without bytes
     Buffer<uint8_t> buffer;
+    size_t zeros_behind = 0;  // bytes at the end of each row
   };
   ObservationIo add_observation(const std::string& name, ElementType type, size_t rows, int size, int row_step,
                                 bool final);
