@@ -3,6 +3,7 @@
 #pragma once
 
 #include <algorithm>
+#include <bit>
 #include <cstdint>
 
 #include "cuda/executor.hpp"
@@ -147,6 +148,14 @@ struct GridDevice {
   int resident;             ///< blocks that run at the same time
   int most_clustered;       ///< blocks of a cluster, a power of two; 1 = there are no clusters
   size_t shared_bytes = 0;  ///< at most, of a block that sorts; besides its stage
+  /// Clusters of 2^k blocks that run at the same time; 0 = as many as there are blocks for. An H200 has room for fewer
+  /// of 8 blocks than it has eights of multiprocessors: those of a cluster are neighbors.
+  int clusters[4] = {};
+
+  int clusters_of(int blocks) const {
+    const int known = clusters[std::bit_width(static_cast<unsigned>(blocks)) - 1];
+    return known > 0 ? known : resident / blocks;
+  }
 };
 
 /// Shared memory of a block: the stage of each warp, then the sorted agents if there is room.
@@ -157,13 +166,16 @@ inline size_t grid_sorted_bytes(int n_agents, const GridDevice& device) {
   return bytes <= device.shared_bytes ? bytes : 0;
 }
 
-/// As many blocks for a world as have work, and for as many worlds as there is room for.
+/// As many blocks for a world as have work, and for as many worlds as there is room for. Where all worlds find room at
+/// the same time in smaller clusters, but not in larger ones, in these: else some would wait for the others.
 inline GridLaunchShape grid_launch_shape(int n_agents, int n_worlds, const GridDevice& device) {
   const int useful = (kThreadsOfAgent * n_agents + device.threads - 1) / device.threads;
   int blocks = std::max(1, std::min(useful, device.resident / std::min(n_worlds, device.resident)));
-  const bool clustered = blocks > 1 && blocks <= device.most_clustered;
-  while (clustered && (blocks & (blocks - 1)) != 0) --blocks;  // to a power of two
-  return {std::min(n_worlds, device.resident / blocks), blocks, clustered};
+  if (blocks == 1 || blocks > device.most_clustered)
+    return {std::min(n_worlds, device.resident / blocks), blocks, false};
+  blocks = static_cast<int>(std::bit_floor(static_cast<unsigned>(blocks)));
+  while (blocks > 1 && device.clusters_of(blocks) < std::min(n_worlds, device.clusters_of(blocks / 2))) blocks /= 2;
+  return {std::min(n_worlds, device.clusters_of(blocks)), blocks, blocks > 1};
 }
 
 /// What a group keeps from launch to launch, in lines of memory of its own. Zero before the first.

@@ -76,6 +76,18 @@ GridDevice grid_device(int index, int n_agents) {
     resident = resident == 0 ? blocks : std::min(resident, blocks);
   }
   device.resident = resident * processors;
+  for (int k = 1; (1 << k) <= device.most_clustered; ++k) {
+    cudaLaunchAttribute attribute{};
+    attribute.id = cudaLaunchAttributeClusterDimension;
+    attribute.val.clusterDim = {1u << k, 1, 1};
+    cudaLaunchConfig_t config{};
+    config.gridDim = 1u << k;
+    config.blockDim = kGridThreads;
+    config.dynamicSmemBytes = shared;
+    config.attrs = &attribute;
+    config.numAttrs = 1;
+    GIGA_CUDA(cudaOccupancyMaxActiveClusters(&device.clusters[k], grid_kernel<Job::step>, &config));
+  }
   return device;
 }
 
