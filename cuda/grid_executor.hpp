@@ -209,7 +209,7 @@ struct GridLaunch {
 
 /// What a thread does. `sync`: of its group; `shared`: memory of its block.
 template <Job job, class Sync>
-GIGA_HD void run_grid_thread(const GridLaunch& k, const ThreadIndex& at, Sync sync, char* shared) {
+[[gnu::always_inline]] GIGA_HD void run_grid_thread(const GridLaunch& k, const ThreadIndex& at, Sync sync, char* shared) {
   const int group = at.block / k.blocks;
   // Warps take turns among the blocks, so that all have work where there are fewer agents than threads.
   const int warp = at.thread / kWarp * k.blocks + at.block % k.blocks;
