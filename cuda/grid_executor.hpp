@@ -3,6 +3,7 @@
 #pragma once
 
 #include <algorithm>
+#include <bit>
 #include <cstdint>
 
 #include "cuda/executor.hpp"
@@ -15,7 +16,8 @@ namespace giga {
 
 constexpr int kGridThreads = 512;   // threads of a block
 constexpr int kThreadsOfAgent = 2;  // of a world, where there is room: most stages look at pairs or write rows
-constexpr int kNumbersAtOnce = 5;   // of a row, that a thread works out before it writes any
+constexpr int kStageNumbers = kWarp * kNeighborFeatures;  // of a warp, that it puts together before it writes them
+constexpr int kPiecesAtOnce = 2;                          // of rows, that a thread works out before it writes any
 
 /// The threads of the blocks that share a world. Sync: of all of them. A stage of nothing needs no barrier: that it is
 /// one is the same for all of them, and the stage before has ended with its own.
@@ -23,16 +25,44 @@ template <class Sync>
 struct GridLanes {
   static constexpr bool kSerial = false, kWide = true;
   int first, stride;
+  int block, n_blocks, thread, n_threads;  // n_threads: of a block
   Sync sync;
+  float* stage;         // [kStageNumbers] of the warp, in shared memory
+  bool sorts_by_block;  // the sorted agents are in shared memory, once for each block
+  bool waits = true;
+
+  GIGA_HD void wait() const {
+    if (waits) sync.wait();
+  }
+  GIGA_HD GridLanes without_barrier(bool leave_out = true) const {
+    GridLanes lanes = *this;
+    lanes.waits = !leave_out;
+    return lanes;
+  }
+  /// Those of this block alone, at barriers of their own.
+  GIGA_HD GridLanes of_block() const {
+    return {thread, n_threads, 0, 1, thread, n_threads, sync.of_block(), stage, sorts_by_block, true};
+  }
+  /// Those who share the sorted agents.
+  GIGA_HD GridLanes sorters() const { return sorts_by_block ? of_block() : *this; }
+  /// Shared memory of the block, between stages that write rows: the stages of all its warps.
+  GIGA_HD int32_t* words() const { return reinterpret_cast<int32_t*>(stage - thread / kWarp * kStageNumbers); }
+  /// One item goes to the last worker, which has the least to do otherwise.
   template <class F>
   GIGA_HD void each(int n, F&& f) const {
     if (n <= 0) return;
-    for (int i = first; i < n; i += stride) f(i);
-    sync.wait();
+    if (n == 1) {
+      if (first == stride - 1) f(0);
+    } else {
+      for (int i = first; i < n; i += stride) f(i);
+    }
+    wait();
   }
   template <class F>
   GIGA_HD void each_agent(int n, F&& f) const {
-    each(n, f);
+    if (n <= 0) return;
+    for (int i = first; i < n; i += stride) f(i);
+    wait();
   }
   /// A warp per row.
   template <class OfRow, class F>
@@ -43,45 +73,63 @@ struct GridLanes {
       if (!common) continue;
       for (int column = first % kWarp; column < columns; column += kWarp) f(common, column);
     }
-    sync.wait();
+    wait();
   }
-  /// A warp per row: row_of(row)[column] = tell(ask(row, column), row, column), or nothing where that row is null. A
-  /// thread asks for several numbers before it tells any: the compiler would not, because a write might change what is
-  /// read behind it.
-  template <class Rows, class Ask, class Tell>
-  GIGA_HD void write_rows(int rows, int columns, Rows&& row_of, Ask&& ask, Tell&& tell) const {
-    if (rows <= 0 || columns <= 0) return;
-    for (int row = first / kWarp; row < rows; row += stride / kWarp) {
-      float* to = row_of(row);
-      if (!to) continue;
-      for (int begin = first % kWarp; begin < columns; begin += kNumbersAtOnce * kWarp) {
-        decltype(ask(0, 0)) asked[kNumbersAtOnce];
+  /// Writes rows that begin with pieces of some numbers each, Piece::number: row_of(row)[...] = piece(row,
+  /// k).number[...] for all k, or nothing where that row is null. A thread works out a piece, some before it hands on
+  /// the first; its warp puts them together and writes them, neighboring lanes neighboring numbers.
+  template <class Rows, class MakePiece>
+  GIGA_HD void write_pieces(int rows, int pieces, Rows&& row_of, MakePiece&& piece) const {
+    using Piece = decltype(piece(0, 0));
+    constexpr int kNumbers = sizeof(Piece) / sizeof(float);
+    if (rows <= 0 || pieces <= 0) return;
+    const int lane = first % kWarp, together = pieces < kWarp ? kWarp / pieces : 1;  // rows of a warp at a time
+    const int slot = lane / pieces, taken = slot < together ? slot : 0;
+    const int step = stride / kWarp * together;
+    // As often for each warp: they may share a barrier in the place of their own.
+    GIGA_ROLLED
+    for (int begin = 0; begin < rows; begin += kPiecesAtOnce * step) {
+      const int base = begin + first / kWarp * together;
+      GIGA_ROLLED
+      for (int front = 0; front < pieces; front += kWarp) {
+        const int k = front + lane - slot * pieces;
+        const bool some = slot < together && k < pieces;
+        Piece made[kPiecesAtOnce];
         GIGA_UNROLL
-        for (int k = 0; k < kNumbersAtOnce; ++k) {
-          const int column = begin + k * kWarp;
-          asked[k] = ask(row, column < columns ? column : columns - 1);
+        for (int turn = 0; turn < kPiecesAtOnce; ++turn) {
+          const int row = base + turn * step + taken;
+          made[turn] = piece(row < rows ? row : rows - 1, some ? k : 0);
         }
         GIGA_UNROLL
-        for (int k = 0; k < kNumbersAtOnce; ++k) {
-          const int column = begin + k * kWarp;
-          if (column < columns) to[column] = tell(asked[k], row, column);
+        for (int turn = 0; turn < kPiecesAtOnce; ++turn) {
+          GIGA_UNROLL
+          for (int c = 0; c < kNumbers; ++c) stage[lane * kNumbers + c] = made[turn].number[c];
+          sync.wait_for_warp();
+          for (int s = 0; s < together; ++s) {
+            const int row = base + turn * step + s, left = pieces - front;
+            float* to = row < rows ? row_of(row) : nullptr;
+            const int count = to ? (left < kWarp ? left : kWarp) * kNumbers : 0;
+            for (int c = lane; c < count; c += kWarp) to[front * kNumbers + c] = stage[s * pieces * kNumbers + c];
+          }
+          sync.wait_for_warp();
         }
       }
     }
-    sync.wait();
+    wait();
   }
-  template <class Sum, class F, class Merge>
+  template <int kUnrolled = 1, class Sum, class F, class Merge>
   GIGA_HD void gather(int n, Sum sum, F&& f, Merge&& merge) const {
     if (n <= 0) return;
+    GIGA_UNROLL_BY(kUnrolled)
     for (int i = first; i < n; i += stride) f(sum, i);
     merge(sum);
-    sync.wait();
+    wait();
   }
   GIGA_HD void wait_sent() const {}
   GIGA_HD void wait_delivered() const {}
   /// They share one world, so all hand in the same; nobody goes on to change it before all have read it.
   GIGA_HD bool any(bool flag) const {
-    sync.wait();
+    if (flag) sync.wait();
     return flag;
   }
 };
@@ -96,24 +144,44 @@ struct GridLaunchShape {
 
 /// What there is to spread them over.
 struct GridDevice {
-  int threads;         ///< of a block
-  int resident;        ///< blocks that run at the same time
-  int most_clustered;  ///< blocks of a cluster, a power of two; 1 = there are no clusters
+  int threads;              ///< of a block
+  int resident;             ///< blocks that run at the same time
+  int most_clustered;       ///< blocks of a cluster, a power of two; 1 = there are no clusters
+  size_t shared_bytes = 0;  ///< at most, of a block that sorts; besides its stage
+  /// Clusters of 2^k blocks that run at the same time; 0 = as many as there are blocks for. An H200 has room for fewer
+  /// of 8 blocks than it has eights of multiprocessors: those of a cluster are neighbors.
+  int clusters[4] = {};
+
+  int clusters_of(int blocks) const {
+    const int known = clusters[std::bit_width(static_cast<unsigned>(blocks)) - 1];
+    return known > 0 ? known : resident / blocks;
+  }
 };
 
-/// As many blocks for a world as have work, and for as many worlds as there is room for.
+/// Shared memory of a block: the stage of each warp, then the sorted agents if there is room.
+inline size_t grid_stage_bytes(int threads) { return sizeof(float) * kNeighborFeatures * static_cast<size_t>(threads); }
+inline size_t grid_sorted_bytes(int n_agents, const GridDevice& device) {
+  GridWorld w{};
+  const size_t bytes = attach_sorted(n_agents, w, nullptr);
+  return bytes <= device.shared_bytes ? bytes : 0;
+}
+
+/// As many blocks for a world as have work, and for as many worlds as there is room for. Where all worlds find room at
+/// the same time in smaller clusters, but not in larger ones, in these: else some would wait for the others.
 inline GridLaunchShape grid_launch_shape(int n_agents, int n_worlds, const GridDevice& device) {
   const int useful = (kThreadsOfAgent * n_agents + device.threads - 1) / device.threads;
   int blocks = std::max(1, std::min(useful, device.resident / std::min(n_worlds, device.resident)));
-  const bool clustered = blocks > 1 && blocks <= device.most_clustered;
-  while (clustered && (blocks & (blocks - 1)) != 0) --blocks;  // to a power of two
-  return {std::min(n_worlds, device.resident / blocks), blocks, clustered};
+  if (blocks == 1 || blocks > device.most_clustered)
+    return {std::min(n_worlds, device.resident / blocks), blocks, false};
+  blocks = static_cast<int>(std::bit_floor(static_cast<unsigned>(blocks)));
+  while (blocks > 1 && device.clusters_of(blocks) < std::min(n_worlds, device.clusters_of(blocks / 2))) blocks /= 2;
+  return {std::min(n_worlds, device.clusters_of(blocks)), blocks, blocks > 1};
 }
 
 /// What a group keeps from launch to launch, in lines of memory of its own. Zero before the first.
 struct alignas(64) GroupWords {
-  uint32_t arrivals;  ///< of blocks at barriers (simulator of the GPU)
-  SharedWork::Bounds bounds;
+  uint32_t arrivals;          ///< of blocks at barriers (simulator of the GPU)
+  SharedWork::Bounds bounds;  ///< where all blocks sort together
 };
 
 /// Arguments of a kernel, by value.
@@ -133,21 +201,36 @@ struct GridLaunch {
   const int32_t* playing;    // [n_playing] the worlds to work on; null = all
   const int32_t* n_playing;  // [1]
   int groups, blocks;
+  bool sorts_by_block;
 
   GIGA_HD int count() const { return playing ? *n_playing : n_worlds; }
   GIGA_HD int world(int k) const { return playing ? playing[k] : k; }
 };
 
-/// What a thread does. `sync`: of its group.
+/// What a thread does. `sync`: of its group; `shared`: memory of its block.
 template <Job job, class Sync>
-GIGA_HD void run_grid_thread(const GridLaunch& k, const ThreadIndex& at, Sync sync) {
+[[gnu::always_inline]] GIGA_HD void run_grid_thread(const GridLaunch& k, const ThreadIndex& at, Sync sync, char* shared) {
   const int group = at.block / k.blocks;
   // Warps take turns among the blocks, so that all have work where there are fewer agents than threads.
   const int warp = at.thread / kWarp * k.blocks + at.block % k.blocks;
-  const GridLanes<Sync> lanes{warp * kWarp + at.thread % kWarp, k.blocks * at.n_threads, sync};
+  float* const stage = reinterpret_cast<float*>(shared);
+  const GridLanes<Sync> lanes{warp * kWarp + at.thread % kWarp,
+                              k.blocks * at.n_threads,
+                              at.block % k.blocks,
+                              k.blocks,
+                              at.thread,
+                              at.n_threads,
+                              sync,
+                              stage + at.thread / kWarp * kStageNumbers,
+                              k.sorts_by_block};
   GridWorld scratch{};
-  attach_scratch(k.params, scratch, k.scratch + static_cast<size_t>(group) * k.scratch_bytes, true);
-  scratch.work.bounds = &k.words[group].bounds;
+  attach_scratch(k.params, scratch, k.scratch + static_cast<size_t>(group) * k.scratch_bytes, true, !k.sorts_by_block);
+  if (k.sorts_by_block) {
+    attach_sorted(k.params.n_agents, scratch, shared + sizeof(float) * kNeighborFeatures * at.n_threads);
+    if (at.thread == 0) *scratch.work.bounds = {};  // a barrier follows before anybody sorts
+  } else {
+    scratch.work.bounds = &k.words[group].bounds;
+  }
   scratch.full_lists = k.full_lists;
   const int count = k.count();
   GIGA_ROLLED
@@ -173,6 +256,8 @@ class GridLaunchingSimulator : public Simulator {
       : Simulator(std::move(spec), options, memory),
         params_(grid_params(spec_, tables_, options_.most_shooters)),
         shape_(grid_launch_shape(params_.n_agents, n_worlds(), device)),
+        sorted_bytes_(grid_sorted_bytes(params_.n_agents, device)),
+        shared_bytes_(grid_stage_bytes(device.threads) + sorted_bytes_),
         scratch_bytes_(group_bytes()),
         scratch_(memory, scratch_bytes_ * static_cast<size_t>(shape_.groups)),
         words_(memory, static_cast<size_t>(shape_.groups)),
@@ -199,7 +284,8 @@ class GridLaunchingSimulator : public Simulator {
             .playing = listed ? playing_.data() : nullptr,
             .n_playing = listed ? n_playing() : nullptr,
             .groups = shape_.groups,
-            .blocks = shape_.blocks};
+            .blocks = shape_.blocks,
+            .sorts_by_block = sorted_bytes_ > 0};
   }
   /// Throws if a list of fire was too short since this was last asked; waits for what was queued before.
   void check_full_lists() {
@@ -209,6 +295,7 @@ class GridLaunchingSimulator : public Simulator {
     throw full_lists_error(full, params_, spec_.name);
   }
   const GridLaunchShape& shape() const { return shape_; }
+  size_t shared_bytes() const { return shared_bytes_; }  // of a block
   const Buffer<char>& scratch() const { return scratch_; }
   int32_t* playing() { return playing_.data(); }
   int32_t* n_playing() { return playing_.data() + n_worlds(); }
@@ -216,11 +303,12 @@ class GridLaunchingSimulator : public Simulator {
  private:
   size_t group_bytes() const {
     GridWorld w{};
-    return (attach_scratch(params_, w, nullptr, true) + 127) & ~size_t{127};
+    return (attach_scratch(params_, w, nullptr, true, sorted_bytes_ == 0) + 127) & ~size_t{127};
   }
 
   GridParams params_;
   GridLaunchShape shape_;
+  size_t sorted_bytes_, shared_bytes_;
   size_t scratch_bytes_;
   Buffer<char> scratch_;
   Buffer<GroupWords> words_;

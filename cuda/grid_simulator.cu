@@ -13,12 +13,16 @@ namespace {
 constexpr int kGridBlocks = 1;     // per multiprocessor at least, which bounds a thread's registers to 128
 constexpr int kMostClustered = 8;  // blocks of a cluster on every GPU that has clusters
 
+constexpr size_t kMostSorted = 192 << 10;  // bytes that a block sorts for itself
+
 /// All blocks of a group. What any of them wrote before a barrier, all see behind it.
 struct GroupSync {
   uint32_t* arrivals;
   int blocks;
   bool first, clustered;  // first: block of the group
 
+  __device__ GroupSync of_block() const { return {arrivals, 1, true, false}; }
+  __device__ void wait_for_warp() const { __syncwarp(); }
   __device__ void wait() const {
     if (blocks == 1) return __syncthreads();
 #if __CUDA_ARCH__ >= 900
@@ -47,28 +51,50 @@ __global__ void __launch_bounds__(kGridThreads, kGridBlocks)
     grid_kernel(const __grid_constant__ GridLaunch k, bool clustered) {
   const int block = static_cast<int>(blockIdx.x), group = block / k.blocks;
   const ThreadIndex at{block, static_cast<int>(gridDim.x), static_cast<int>(threadIdx.x), kGridThreads};
-  run_grid_thread<job>(k, at, GroupSync{&k.words[group].arrivals, k.blocks, block % k.blocks == 0, clustered});
+  extern __shared__ __align__(16) char shared[];
+  run_grid_thread<job>(k, at, GroupSync{&k.words[group].arrivals, k.blocks, block % k.blocks == 0, clustered}, shared);
 }
 
-/// What the kernels find room for on a GPU. One that holds the fewest blocks decides for all.
-GridDevice grid_device(int index) {
+/// What the kernels find room for on a GPU, in worlds of so many agents. One that holds the fewest blocks decides for
+/// all.
+GridDevice grid_device(int index, int n_agents) {
   GIGA_CUDA(cudaSetDevice(index));
-  int processors = 0, major = 0, resident = 0;
+  int processors = 0, major = 0, room = 0, resident = 0;
   GIGA_CUDA(cudaDeviceGetAttribute(&processors, cudaDevAttrMultiProcessorCount, index));
   GIGA_CUDA(cudaDeviceGetAttribute(&major, cudaDevAttrComputeCapabilityMajor, index));
+  GIGA_CUDA(cudaDeviceGetAttribute(&room, cudaDevAttrMaxSharedMemoryPerBlockOptin, index));
+  GridDevice device{kGridThreads, 0, major >= 9 ? kMostClustered : 1};
+  const size_t stage = grid_stage_bytes(kGridThreads), most = static_cast<size_t>(room);
+  device.shared_bytes = most > stage ? std::min(most - stage, kMostSorted) : 0;
+  const size_t shared = stage + grid_sorted_bytes(n_agents, device);
   for (const auto kernel : {grid_kernel<Job::start>, grid_kernel<Job::step>, grid_kernel<Job::restart>,
                             grid_kernel<Job::play_on>, grid_kernel<Job::observe>}) {
     int blocks = 0;
-    GIGA_CUDA(cudaOccupancyMaxActiveBlocksPerMultiprocessor(&blocks, kernel, kGridThreads, 0));
+    GIGA_CUDA(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize,
+                                   static_cast<int>(stage + device.shared_bytes)));
+    GIGA_CUDA(cudaOccupancyMaxActiveBlocksPerMultiprocessor(&blocks, kernel, kGridThreads, shared));
     resident = resident == 0 ? blocks : std::min(resident, blocks);
   }
-  return {kGridThreads, resident * processors, major >= 9 ? kMostClustered : 1};
+  device.resident = resident * processors;
+  for (int k = 1; (1 << k) <= device.most_clustered; ++k) {
+    cudaLaunchAttribute attribute{};
+    attribute.id = cudaLaunchAttributeClusterDimension;
+    attribute.val.clusterDim = {1u << k, 1, 1};
+    cudaLaunchConfig_t config{};
+    config.gridDim = 1u << k;
+    config.blockDim = kGridThreads;
+    config.dynamicSmemBytes = shared;
+    config.attrs = &attribute;
+    config.numAttrs = 1;
+    GIGA_CUDA(cudaOccupancyMaxActiveClusters(&device.clusters[k], grid_kernel<Job::step>, &config));
+  }
+  return device;
 }
 
 class CudaGridSimulator final : public GridLaunchingSimulator {
  public:
-  CudaGridSimulator(SimSpec spec, const SimOptions& options, int index, void* stream)
-      : GridLaunchingSimulator(std::move(spec), options, cuda_memory(index), grid_device(index)),
+  CudaGridSimulator(SimSpec spec, const SimOptions& options, int index, const GridDevice& device, void* stream)
+      : GridLaunchingSimulator(std::move(spec), options, cuda_memory(index), device),
         index_(index),
         stream_(static_cast<cudaStream_t>(stream)),
         partial_(memory(), static_cast<size_t>(kStatBlocks) * kNStatRows) {}
@@ -120,6 +146,7 @@ class CudaGridSimulator final : public GridLaunchingSimulator {
     cudaLaunchConfig_t config{};
     config.gridDim = static_cast<unsigned>(s.groups * s.blocks);
     config.blockDim = kGridThreads;
+    config.dynamicSmemBytes = shared_bytes();
     config.stream = stream_;
     config.attrs = &attribute;
     config.numAttrs = s.blocks > 1 ? 1 : 0;
@@ -136,7 +163,8 @@ class CudaGridSimulator final : public GridLaunchingSimulator {
 
 std::unique_ptr<Simulator> make_cuda_grid_simulator(SimSpec spec, const SimOptions& options, int index, void* stream) {
   GIGA_CHECK(index >= 0 && index < cuda_device_count(), "no GPU ", index);
-  return std::make_unique<CudaGridSimulator>(std::move(spec), options, index, stream);
+  const GridDevice device = grid_device(index, spec.params.n_agents);
+  return std::make_unique<CudaGridSimulator>(std::move(spec), options, index, device, stream);
 }
 
 }  // namespace giga

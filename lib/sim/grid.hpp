@@ -16,8 +16,6 @@ namespace giga {
 
 /// Of those that detect an agent so many are kept for who looks for it; where there are more, all are found again.
 constexpr int kKeptDetectors = 16;
-/// Where many workers share a world: cells that one of them counts, and such counts that one of them adds up.
-constexpr int kCellChunk = 64;
 /// Most of n_step_items (episode.hpp).
 constexpr int kMostStepItems = kNTeams + kNTeams * kNRewardTerms;
 /// See SharedWork::arrival.
@@ -143,7 +141,8 @@ struct StepSum {
   }
 };
 
-/// Where the workers of a world put together what one alone would keep to itself (sort_agents of WideLanes).
+/// Where the workers of a world put together what one alone would keep to itself (sort_agents of WideLanes). Where each
+/// block sorts for itself, `bounds`, `arrival`, `order` and the sorted agents are the block's own.
 struct SharedWork {
   /// The living, since it was last read: the largest -x, -y, x and y as keys that order like the numbers, 0 = none, and
   /// how many. Zero before the first step; each sort leaves it so.
@@ -154,8 +153,7 @@ struct SharedWork {
   Bounds* bounds;       // [1]
   int32_t* arrival;     // [N] the agent came so late into its cell: depends on who was faster; kNotPlaced: it is dead
   int32_t* order;       // [N] agents by cell, within one in the order of arrival
-  int32_t* cell_sums;   // [cells / kCellChunk] agents in so many cells
-  int32_t* chunk_sums;  // [cells / kCellChunk^2]
+  int32_t* block_sums;  // [blocks] agents in the cells that a block adds up
   StepSum* sums;        // [n_step_items, sums_of_team] of blocks of agents, of blocks of these, ... (accumulate_step)
 };
 
@@ -171,7 +169,7 @@ struct GridWorld : WorldView {
   int32_t* dealt;               // [N] damage units that the agent deals
   int32_t* observers;           // [N] opponents that detect the agent
   int32_t* detectors;           // [N, kKeptDetectors] the first of them, in any order
-  uint8_t* could_see;           // [N] lived when sight was decided
+  uint8_t* could_see;           // [N] lives after the collisions, when sight is decided
   int32_t* full_lists;          // [1] agents at which more opponents fired than are counted, since it was last read
   PlacedAgent* placed;          // [N] those that lived when the grid was made, by cell, then by number
   int32_t* cell_begin;          // [cells + 1] the first of each cell in `placed`
@@ -184,8 +182,8 @@ struct GridWorld : WorldView {
   }
 };
 
-/// Calls f(agent) for all that lie within `reach` of a place, and for some that lie a little farther off; in the order
-/// of the cells.
+/// Calls f(agent, squared distance) for all that lie within `reach` of a place, and for some that lie a little farther
+/// off; in the order of the cells.
 template <class F>
 GIGA_HD void for_near(const GridParams& p, const GridWorld& w, float x, float y, float reach, F&& f) {
   const float far = reach + p.margin, far2 = far * far;
@@ -194,8 +192,8 @@ GIGA_HD void for_near(const GridParams& p, const GridWorld& w, float x, float y,
     const CellRange range = w.cells(row, first, last);
     for (int32_t k = range.begin; k < range.end; ++k) {
       const PlacedAgent a = w.placed[k];
-      const float dx = a.x - x, dy = a.y - y;
-      if (dx * dx + dy * dy <= far2) f(static_cast<int>(a.agent));
+      const float dx = a.x - x, dy = a.y - y, d2 = dx * dx + dy * dy;
+      if (d2 <= far2) f(static_cast<int>(a.agent), d2);
     }
   }
 }

@@ -36,15 +36,34 @@ GIGA_HD void attach_state(const GridParams& p, GridWorld& w, const StateView& al
   w.neighbors = reinterpret_cast<AgentNumber*>(lists.neighbors + first * p.n_neighbors);
 }
 
-/// Carves what one step of a world needs besides its state out of a 16-byte aligned block, and returns its bytes; of a
-/// null block the bytes alone. `together`: with what many workers need to sort and to add up (SharedWork).
-GIGA_HD size_t attach_scratch(const GridParams& p, GridWorld& w, char* block, bool together) {
-  const size_t n = static_cast<size_t>(p.n_agents);
+/// Carves arrays out of a 16-byte aligned block; of a null block it counts the bytes alone.
+struct Carver {
+  char* block;
   size_t at = 0;
-  const auto take = [&](auto*& array, size_t count) {
-    if (block) array = reinterpret_cast<std::remove_reference_t<decltype(array)>>(block + at);
-    at += (sizeof(*array) * count + 15) & ~size_t{15};
-  };
+  template <class T>
+  GIGA_HD void operator()(T*& array, size_t count) {
+    if (block) array = reinterpret_cast<T*>(block + at);
+    at += (sizeof(T) * count + 15) & ~size_t{15};
+  }
+};
+
+/// Carves what a block needs to sort the agents of a world for itself, and returns its bytes.
+GIGA_HD size_t attach_sorted(int n_agents, GridWorld& w, char* block) {
+  const size_t n = static_cast<size_t>(n_agents);
+  Carver take{block};
+  take(w.placed, n);
+  take(w.cell_begin, n + 1);
+  take(w.work.arrival, n);
+  take(w.work.order, n);
+  take(w.work.bounds, 1);
+  return take.at;
+}
+
+/// Carves what one step of a world needs besides its state, and returns its bytes. `together`: with what many workers
+/// need to add up and, if `sorts`, to sort (SharedWork).
+GIGA_HD size_t attach_scratch(const GridParams& p, GridWorld& w, char* block, bool together, bool sorts = true) {
+  const size_t n = static_cast<size_t>(p.n_agents);
+  Carver take{block};
   take(w.dir_x, n);
   take(w.dir_y, n);
   take(w.taken, n);
@@ -61,17 +80,20 @@ GIGA_HD size_t attach_scratch(const GridParams& p, GridWorld& w, char* block, bo
   take(w.observers, n);
   take(w.detectors, n * kKeptDetectors);
   take(w.could_see, n);
-  take(w.placed, n);
-  take(w.cell_begin, n + 1);
+  if (sorts) {
+    take(w.placed, n);
+    take(w.cell_begin, n + 1);
+  }
   if (together) {
-    take(w.work.arrival, n);
-    take(w.work.order, n);
-    take(w.work.cell_sums, n / kCellChunk + 1);
-    take(w.work.chunk_sums, n / (kCellChunk * kCellChunk) + 1);
+    if (sorts) {
+      take(w.work.arrival, n);
+      take(w.work.order, n);
+      take(w.work.block_sums, n / 16 + 1);  // of blocks of a warp or more, two threads an agent
+    }
     take(w.work.sums, static_cast<size_t>(kMostStepItems) *
                           static_cast<size_t>(sums_of_team(p.n_team[0] > p.n_team[1] ? p.n_team[0] : p.n_team[1])));
   }
-  return at;
+  return take.at;
 }
 
 /// The error of `full` agents at which more opponents fired than are counted.

@@ -57,54 +57,72 @@ GIGA_HD GridShape bounded_shape(const SharedWork::Bounds& bounds) {
   return grid_shape(bounds.count, -edge(0), -edge(1), edge(2), edge(3));
 }
 
-/// Turns numbers of agents, each one cell further than it belongs (cell_begin), into where cells begin.
+/// Turns numbers of agents, each one cell further than it belongs (cell_begin), into where cells begin. Each worker
+/// adds up its share of the cells; each block the sums of its workers, in shared memory; each block those of the blocks
+/// before it.
 template <WideLanes Lanes>
-GIGA_HD void sum_cells(const Lanes& lanes, const GridWorld& w) {
-  const SharedWork& work = w.work;
-  const int cells = w.grid.cells(), chunks = (cells + kCellChunk - 1) / kCellChunk;
-  const int groups = (chunks + kCellChunk - 1) / kCellChunk;
-  const auto sum = [](const int32_t* from, int first, int end) {
+GIGA_HD void sum_cells(const Lanes& sorters, const GridWorld& w) {
+  const Lanes block = sorters.of_block();
+  const int cells = w.grid.cells(), share = (cells + sorters.stride - 1) / sorters.stride, n_threads = block.stride;
+  const auto begin_of = [&](int thread) { return (sorters.block * n_threads + thread) * share; };
+  const auto end_of = [&](int thread) { return begin_of(thread + 1) < cells ? begin_of(thread + 1) : cells; };
+  int32_t *sums = block.words(), *more = sums + n_threads, *before = more + n_threads;
+  block.each(n_threads, [&](int thread) {
     int32_t total = 0;
-    for (int k = first; k < end; ++k) total += from[k];
-    return total;
-  };
-  const auto end_of = [](int chunk, int count) {
-    return (chunk + 1) * kCellChunk < count ? (chunk + 1) * kCellChunk : count;
-  };
-  lanes.each(chunks, [&](int k) { work.cell_sums[k] = sum(w.cell_begin + 1, k * kCellChunk, end_of(k, cells)); });
-  if (groups > 1)
-    lanes.each(groups, [&](int k) { work.chunk_sums[k] = sum(work.cell_sums, k * kCellChunk, end_of(k, chunks)); });
-  lanes.each(chunks, [&](int k) {
-    const int group = k / kCellChunk;
-    int32_t total = sum(work.chunk_sums, 0, group) + sum(work.cell_sums, group * kCellChunk, k);
-    for (int cell = k * kCellChunk; cell < end_of(k, cells); ++cell)
+    for (int cell = begin_of(thread); cell < end_of(thread); ++cell) total += w.cell_begin[cell + 1];
+    sums[thread] = total;
+    if (thread == 0) *before = 0;
+  });
+  GIGA_ROLLED
+  for (int apart = 1; apart < n_threads; apart *= 2) {  // Hillis and Steele 1986
+    block.each(n_threads,
+               [&](int thread) { more[thread] = sums[thread] + (thread >= apart ? sums[thread - apart] : 0); });
+    int32_t* const other = sums;
+    sums = more;
+    more = other;
+  }
+  if (sorters.n_blocks > 1) {
+    if (block.first == 0) w.work.block_sums[sorters.block] = sums[n_threads - 1];
+    sorters.wait();
+    block.gather(
+        sorters.n_blocks, int32_t{0},
+        [&](int32_t& sum, int other) { sum += other < sorters.block ? w.work.block_sums[other] : 0; },
+        [&](int32_t sum) { add_from_all(before, sum); });
+  }
+  block.without_barrier().each(n_threads, [&](int thread) {
+    int32_t total = *before + (thread > 0 ? sums[thread - 1] : 0);
+    for (int cell = begin_of(thread); cell < end_of(thread); ++cell)
       w.cell_begin[cell + 1] = total += w.cell_begin[cell + 1];
   });
+  sorters.wait();
 }
 
-/// The hook of step.hpp: every worker keeps the shape of the grid, in its own GridWorld.
+/// The hook of step.hpp: every worker keeps the shape of the grid, in its own GridWorld. Small worlds are sorted by
+/// each of their blocks for itself, which crosses no barrier of all blocks but one.
 template <WideLanes Lanes>
 GIGA_HD void sort_agents(const Lanes& lanes, const GridParams&, GridWorld& w, int n) {
   if (n == 0) return;  // for all workers: they share the world
   const SharedWork work = w.work;
-  lanes.gather(
+  const Lanes sorters = lanes.sorters();
+  without_barrier(lanes).each_agent(n, [&](int i) {
+    w.detects[i] = 0;
+    w.dealt[i] = 0;
+    if (i > 0) return;
+    for (int k = kAlive0; k <= kWasAlive1; ++k) w.counts[k] = 0;  // for `fight`
+  });
+  without_barrier(sorters).each_agent(n, [&](int i) {
+    w.cell_begin[i + 1] = 0;
+    if (i == 0) w.cell_begin[0] = 0;
+  });
+  if (lanes.sorts_by_block) lanes.wait();  // all agents have moved
+  sorters.template gather<4>(
       n, SharedWork::Bounds{},
       [&](SharedWork::Bounds& bounds, int i) {
-        w.detects[i] = 0;
-        w.dealt[i] = 0;
-        w.cell_begin[i + 1] = 0;
-        if (i == 0) {
-          w.cell_begin[0] = 0;
-          for (int k = kAlive0; k <= kWasAlive1; ++k) w.counts[k] = 0;  // for count_teams
-        }
-        if (!w.alive[i]) {
-          work.arrival[i] = kNotPlaced;
-          return;
-        }
-        ++bounds.count;
         const float x = w.x[i], y = w.y[i];
+        const bool lives = w.alive[i] != 0;
         const uint32_t edge[4] = {ordered_key(-x), ordered_key(-y), ordered_key(x), ordered_key(y)};
-        for (int k = 0; k < 4; ++k) bounds.edge[k] = edge[k] > bounds.edge[k] ? edge[k] : bounds.edge[k];
+        for (int k = 0; k < 4; ++k) bounds.edge[k] = lives && edge[k] > bounds.edge[k] ? edge[k] : bounds.edge[k];
+        bounds.count += lives ? 1 : 0;
       },
       [&](const SharedWork::Bounds& bounds) {
         for (int k = 0; k < 4; ++k) largest_from_all(work.bounds->edge + k, bounds.edge[k]);
@@ -112,39 +130,66 @@ GIGA_HD void sort_agents(const Lanes& lanes, const GridParams&, GridWorld& w, in
       });
   w.grid = bounded_shape(*work.bounds);
   const auto cell_of = [&](int i) { return w.grid.cell_of(w.x[i], w.y[i]); };
-  lanes.each_agent(n, [&](int i) {
-    if (w.alive[i]) work.arrival[i] = take_number(w.cell_begin + cell_of(i) + 1);
-  });
-  sum_cells(lanes, w);
-  lanes.each_agent(n, [&](int i) {
+  sorters.each_agent(
+      n, [&](int i) { work.arrival[i] = w.alive[i] ? take_number(w.cell_begin + cell_of(i) + 1) : kNotPlaced; });
+  sum_cells(sorters, w);
+  sorters.each_agent(n, [&](int i) {
     if (i == 0) *work.bounds = {};  // all have read it
-    if (w.alive[i]) work.order[w.cell_begin[cell_of(i)] + work.arrival[i]] = i;
+    const int32_t arrival = work.arrival[i];
+    if (arrival != kNotPlaced) work.order[w.cell_begin[cell_of(i)] + arrival] = i;
   });
   // Those of a cell by number, whoever came first.
-  lanes.each_agent(n, [&](int i) {
-    if (!w.alive[i]) return;
-    const int cell = cell_of(i);
+  sorters.each_agent(n, [&](int i) {
+    if (work.arrival[i] == kNotPlaced) return;
+    const float x = w.x[i], y = w.y[i];
+    const int cell = w.grid.cell_of(x, y);
     const int32_t first = w.cell_begin[cell], end = w.cell_begin[cell + 1];
     int32_t place = first;
     for (int32_t k = first; k < end; ++k) place += work.order[k] < i ? 1 : 0;
-    w.placed[place] = {w.x[i], w.y[i], i, 0};
+    w.placed[place] = {x, y, i, 0};
   });
 }
 
-/// Counters that sort_agents has set to zero.
+/// The hook of step.hpp.
 template <WideLanes Lanes>
-GIGA_HD void count_teams(const Lanes& lanes, const GridParams& p, GridWorld& w, int teams) {
+GIGA_HD void mark_agents(const Lanes& lanes, const GridParams&, GridWorld& w, int n) {
+  mark_placed(lanes.sorters(), w, n);
+}
+
+/// Agents in the order in which each_by_place goes through them: those that were sorted, then the dead.
+GIGA_HD int places(const GridWorld& w, int n) { return n > 0 ? w.cell_begin[w.grid.cells()] + n : 0; }
+template <class F>
+GIGA_HD void at_place(const GridWorld& w, int k, int n, F&& f) {
+  const int placed = places(w, n) - n, i = k < placed ? w.placed[k].agent : k - placed;
+  if (k < placed || w.work.arrival[i] == kNotPlaced) f(i);
+}
+
+/// The hook of step.hpp: neighboring workers see to agents that are near each other, and so look at the same others.
+template <WideLanes Lanes, class F>
+GIGA_HD void each_by_place(const Lanes& lanes, const GridParams&, const GridWorld& w, int n, F&& f) {
+  lanes.each(places(w, n), [&](int k) { at_place(w, k, n, f); });
+}
+
+/// The hook of step.hpp, in one go: what becomes of an agent depends on nothing that this writes of another. Into
+/// counters that sort_agents has set to zero.
+template <WideLanes Lanes, class Draws>
+GIGA_HD void fight(const Lanes& lanes, const GridParams& p, GridWorld& w, Draws& draws, int n, int) {
   struct Living {
     int32_t count[kNCounts];
   };
   lanes.gather(
-      teams > 0 ? p.n_agents : 0, Living{},
-      [&](Living& living, int i) {
-        const int team = p.team_of(i);
-        for (int k = 0; k < kNTeams; ++k) {
-          living.count[kAlive0 + k] += team == k && w.alive[i] ? 1 : 0;
-          living.count[kWasAlive0 + k] += team == k && w.was_alive[i] ? 1 : 0;
-        }
+      places(w, n), Living{},
+      [&](Living& living, int k) {
+        at_place(w, k, n, [&](int i) {
+          detect_and_track(p, w, draws, i);
+          update_health(p, w, i);
+          note_death(w, i);
+          const int team = p.team_of(i);
+          for (int t = 0; t < kNTeams; ++t) {
+            living.count[kAlive0 + t] += team == t && w.alive[i] ? 1 : 0;
+            living.count[kWasAlive0 + t] += team == t && w.was_alive[i] ? 1 : 0;
+          }
+        });
       },
       [&](const Living& living) {
         for (int k = kAlive0; k <= kWasAlive1; ++k) add_from_all(w.counts + k, living.count[k]);
@@ -159,6 +204,7 @@ GIGA_HD void accumulate_step(const Lanes& lanes, const GridParams& p, GridWorld&
   const auto block_of = [](int block, int n, auto&& number) {
     const int end = (block + 1) * kSumBlock < n ? (block + 1) * kSumBlock : n;
     StepSum sum;
+    GIGA_UNROLL_BY(8)  // so that it does not wait for each number
     for (int k = block * kSumBlock; k < end; ++k) sum += number(k);
     return sum;
   };
@@ -181,19 +227,9 @@ GIGA_HD void accumulate_step(const Lanes& lanes, const GridParams& p, GridWorld&
     sums += count;
     count = blocks;
   }
-  lanes.each(items, [&](int item) {
+  without_barrier(lanes).each(items, [&](int item) {  // nothing else of the step asks for them
     const StepSum* from = sums + item * pitch;
     StepItem(p, item).add_to_episode(p, w, block_of(0, count, [&](int at) { return from[at]; }));
-  });
-}
-
-/// The hook of step.hpp: neighboring workers see to agents that are near each other, and so look at the same others.
-template <WideLanes Lanes, class F>
-GIGA_HD void each_by_place(const Lanes& lanes, const GridParams&, const GridWorld& w, int n, F&& f) {
-  const int placed = n > 0 ? w.cell_begin[w.grid.cells()] : 0;
-  lanes.each(placed + n, [&](int k) {
-    const int i = k < placed ? w.placed[k].agent : k - placed;
-    if (k < placed || w.work.arrival[i] == kNotPlaced) f(i);
   });
 }
 

@@ -1,8 +1,7 @@
 // What the stages that look at pairs do in a world of many agents (GridWorld): overloads of the functions of the same
 // names, which step.hpp calls. Formulas are those that all executors share; only whom they are asked about differs.
-// Four short ones stand here once more, because they lie around the loops over tables, and kernels that no GPU could
-// check were to stay as they are: place_agent, propose_place, track and hears_mate. tests/parity/grid_test.cpp holds
-// both to the same bits.
+// Some short ones stand here once more, because they lie around the loops over tables: place_agent, propose_place,
+// collisions, track and hears_mate. tests/parity/grid_test.cpp holds both to the same bits.
 #pragma once
 
 #include "sim/communication.hpp"
@@ -24,20 +23,38 @@ GIGA_HD void add_together(int32_t* sum, int32_t value) {
 #endif
 }
 
-/// The agents near agent i, in the place of all agents of both teams.
-struct NearAgents : GridParams {
-  const GridWorld& world;
-  int i;
-  float reach;
-};
-template <class F>
-GIGA_HD void for_team(const NearAgents& p, int team, F&& f) {
-  if (team == 0) for_near(p, p.world, p.world.x[p.i], p.world.y[p.i], p.reach, [&](int j) { f(j, 0); });
+/// Rules 4.3.2 and 4.3.3. All that are found lived when they were sorted, which is what the formulas ask; who lives on
+/// is written elsewhere, so that no agent waits for the others.
+GIGA_HD void check_collisions(const GridParams& p, GridWorld& w, int i) {
+  const float x = w.x[i], y = w.y[i], z = w.z[i];
+  bool lives = w.alive[i] != 0;
+  if (lives) {
+    bool hit = false;
+    for_near(p, w, x, y, p.touch_reach, [&](int j, float d2) {
+      if (!(d2 < p.collision_range2) || j == i) return;
+      const float dz = z - w.z[j];
+      hit |= (dz < 0 ? -dz : dz) < p.collision_altitude;
+    });
+    if (hit) {
+      w.flags[i] |= kHitAgent;
+      lives = false;
+    }
+  }
+  if (p.n_boxes > 0 && inside_obstacle(p, w, x, y, z, 0.0f)) {
+    w.flags[i] |= kHitObstacle;
+    lives = false;
+  }
+  w.could_see[i] = lives ? 1 : 0;
+}
+template <class Lanes>
+GIGA_HD void check_collisions(const Lanes& lanes, const GridParams& p, GridWorld& w, int n) {
+  each_by_place(lanes, p, w, n, [&](int i) { check_collisions(p, w, i); });
 }
 
-/// Rules 4.3.2.
-GIGA_HD void check_agents(const GridParams& p, GridWorld& w, int i) {
-  if (w.alive[i]) check_agents(NearAgents{p, w, i, p.touch_reach}, static_cast<WorldView&>(w), i);
+/// Rules 4.5, of who has not collided.
+GIGA_HD void update_health(const GridParams& p, GridWorld& w, int i) {
+  w.alive[i] = w.could_see[i];
+  update_health(p, static_cast<WorldView&>(w), i);
 }
 
 /// Rules 9.1.
@@ -62,10 +79,10 @@ GIGA_HD void place_agent(const GridParams& p, GridWorld& w, Draws& draws, int i)
 template <class Draws>
 GIGA_HD void propose_place(const GridParams& p, GridWorld& w, Draws& draws, int round, int i) {
   bool crowded = inside_obstacle(p, w, w.x[i], w.y[i], w.z[i], kStartMargin);
-  for_near(p, w, w.x[i], w.y[i], p.start_reach, [&](int j) {
+  for_near(p, w, w.x[i], w.y[i], p.start_reach, [&](int j, float d2) {
+    if (!(d2 < p.collision_range2 + kStartMargin) || j == i) return;
     const float dz = w.z[i] - w.z[j];
-    crowded |= j != i && planar_distance2(w, i, j) < p.collision_range2 + kStartMargin &&
-               (dz < 0 ? -dz : dz) < p.collision_altitude + kStartMargin;
+    crowded |= (dz < 0 ? -dz : dz) < p.collision_altitude + kStartMargin;
   });
   w.flags[i] = static_cast<uint8_t>(crowded ? w.flags[i] | kNeedsResample : w.flags[i] & ~kNeedsResample);
   if (crowded) draw_place(p, w, draws, round, i);
@@ -76,7 +93,7 @@ template <class Draws, class F>
 GIGA_HD void for_detectors(const GridParams& p, const GridWorld& w, Draws& draws, int a, const uint8_t* could_see,
                            F&& f) {
   const int team = 1 - p.team_of(a);
-  for_near(p, w, w.x[a], w.y[a], p.sight_reach[team], [&](int b) {
+  for_near(p, w, w.x[a], w.y[a], p.sight_reach[team], [&](int b, float) {
     if (p.team_of(b) != team || !could_see[b]) return;
     const Sighting s = sight(p, w, a, b, [&] { return draws.detect(a, b); });
     if (s.detected) f(b, s);
@@ -116,9 +133,8 @@ GIGA_HD void detect_and_track(const GridParams& p, GridWorld& w, Draws& draws, i
   now[0] = 0;
   int n_now = 0, observers = 0, taken = 0;
   bool full = false;
-  w.could_see[a] = w.alive[a];
-  if (w.alive[a])
-    for_detectors(p, w, draws, a, w.alive, [&](int b, const Sighting& s) {
+  if (w.could_see[a])
+    for_detectors(p, w, draws, a, w.could_see, [&](int b, const Sighting& s) {
       if (observers < kKeptDetectors) kept[observers] = b;
       ++observers;
       add_together(w.detects + b, 1);
@@ -157,11 +173,16 @@ GIGA_HD void detect_only(const GridParams& p, GridWorld& w, Draws& draws, int a)
 
 /// Notes with the placed agents what they are asked first. Before `listen` and `look`.
 template <class Lanes>
-GIGA_HD void mark_agents(const Lanes& lanes, const GridParams&, GridWorld& w, int n) {
+GIGA_HD void mark_placed(const Lanes& lanes, GridWorld& w, int n) {
   lanes.each(n > 0 ? w.cell_begin[w.grid.cells()] : 0, [&](int k) {
     const int i = w.placed[k].agent;
     w.placed[k].marks = (w.alive[i] ? kLives : 0u) | (w.observers[i] > 0 ? kObserved : 0u);
   });
+}
+
+template <class Lanes>
+GIGA_HD void mark_agents(const Lanes& lanes, const GridParams&, GridWorld& w, int n) {
+  mark_placed(lanes, w, n);
 }
 
 /// The nearest of the agents that are shown to it, in order, equally near ones by number: selections and nothing but
@@ -218,14 +239,15 @@ GIGA_HD void rank_seen(const GridParams& p, GridWorld& w, int e, float reach, bo
   if (!sees_itself) rows[0] = kNobody;
   const float x = w.x[e], y = w.y[e];
   const int column = w.grid.column(x), row = w.grid.row(y);
-  // Where agents are crowded the next cells hold enough of them.
+  // Where agents are crowded the next cells hold enough of them, and where they are far apart nobody beyond matters.
   int crowd = 0;
   const int left = column > 0 ? column - 1 : 0, right = column + 1 < w.grid.columns ? column + 1 : column;
   for (int at = row > 0 ? row - 1 : 0; at <= row + 1 && at < w.grid.rows; ++at) {
     const CellRange range = w.cells(at, left, right);
     crowd += range.end - range.begin;
   }
-  const int first = crowd < 2 * NearestAgents::kMost ? 2 : 1;
+  const bool all = min_of(w.grid.size_x, w.grid.size_y) - p.margin > reach;
+  const int first = !all && crowd < 2 * NearestAgents::kMost ? 2 : 1;
   float distance = -1;
   uint32_t last = 0;
   GIGA_ROLLED
@@ -275,7 +297,7 @@ GIGA_HD void listen(const GridParams& p, GridWorld& w, Draws& draws, int e, bool
       for (int k = 0; k < observers && !told; ++k) told = hears(kept[k]);
       return told;
     }
-    for_near(p, w, w.x[a], w.y[a], p.sight_reach[team], [&](int b) {
+    for_near(p, w, w.x[a], w.y[a], p.sight_reach[team], [&](int b, float) {
       if (told || p.team_of(b) != team || !w.could_see[b] || !hears(b)) return;
       told = sight(p, w, a, b, [&] { return draws.detect(a, b); }).detected;
     });

@@ -11,6 +11,8 @@
 //   GridLanes    several thread blocks, up to the whole GPU (a grid of many agents); cuda/grid_executor.hpp. WideLanes:
 //                they can also gather(n, start, f, merge): each worker calls f(sum, i) for its part of 0 ... n - 1 with
 //                a sum of its own that begins as `start`, then merge(sum) once.
+// without_barrier(lanes): for a stage whose results no worker but the one that made them needs before the next barrier.
+// each(n, f) of the same n, and each_agent, give an item to the same worker every time.
 #pragma once
 
 #include "core/host_device.hpp"
@@ -21,6 +23,16 @@ template <class Lanes>
 concept WideLanes = requires {
   requires Lanes::kWide;
 };
+
+/// Lanes for which a barrier is dear leave it out; for all others it is part of how they are written. `leave_out`: else
+/// nothing is left out.
+template <class Lanes>
+GIGA_HD decltype(auto) without_barrier(const Lanes& lanes, bool leave_out = true) {
+  if constexpr (WideLanes<Lanes>)
+    return lanes.without_barrier(leave_out);
+  else
+    return (lanes);
+}
 
 struct SerialLanes {
   static constexpr bool kSerial = true;

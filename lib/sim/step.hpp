@@ -15,8 +15,8 @@
 
 namespace giga {
 
-/// Called where pairs are looked for anew: agents have moved. What keeps pairs in tables has nothing to prepare; a
-/// world that finds its pairs by place sorts its agents (grid.hpp).
+/// Called where pairs are looked for anew: agents have moved, perhaps without a barrier since each_agent. What keeps
+/// pairs in tables has nothing to prepare; a world that finds its pairs by place sorts its agents (grid.hpp).
 template <class Lanes>
 GIGA_HD void sort_agents(const Lanes&, const Parameters auto&, World auto&, int) {}
 
@@ -30,6 +30,13 @@ GIGA_HD void each_by_place(const Lanes& lanes, const Parameters auto&, const Wor
   lanes.each_agent(n, f);
 }
 
+/// Collisions, by agents that have moved.
+template <class Lanes>
+GIGA_HD void check_collisions(const Lanes& lanes, const Parameters auto& p, World auto& w, int n) {
+  lanes.each_agent(n, [&](int i) { check_agents(p, w, i); });
+  lanes.each_agent(n, [&](int i) { check_obstacles(p, w, i); });
+}
+
 /// Counts the living of both teams, before the step and after it. `teams`: 0 where the lanes only keep in step.
 template <class Lanes>
 GIGA_HD void count_teams(const Lanes& lanes, const Parameters auto& p, World auto& w, int teams) {
@@ -37,6 +44,17 @@ GIGA_HD void count_teams(const Lanes& lanes, const Parameters auto& p, World aut
     count_team(p, w, w.was_alive, kWasAlive0, team);
     count_team(p, w, w.alive, kAlive0, team);
   });
+}
+
+/// Who sees and hits whom, what becomes of them, and how many live then. `teams` as for count_teams.
+template <class Lanes, class Draws>
+GIGA_HD void fight(const Lanes& lanes, const Parameters auto& p, World auto& w, Draws& draws, int n, int teams) {
+  each_by_place(lanes, p, w, n, [&](int a) { detect_and_track(p, w, draws, a); });
+  lanes.each_agent(n, [&](int i) {
+    update_health(p, w, i);
+    note_death(w, i);
+  });
+  count_teams(lanes, p, w, teams);
 }
 
 /// Adds the step to the episode's sums. `items`: n_step_items, or 0.
@@ -51,7 +69,8 @@ GIGA_HD void observe_world(const Lanes& lanes, const Parameters auto& p, World a
                            int64_t world, bool after_reset, bool active = true) {
   const int n = active ? p.n_agents : 0;
   mark_agents(lanes, p, w, n);
-  each_by_place(lanes, p, w, n, [&](int e) {
+  // Only the egocentric view asks for the rows before all have them.
+  each_by_place(without_barrier(lanes, !p.egocentric_view), p, w, n, [&](int e) {
     if (p.stochastic_communication) listen(p, w, draws, e, after_reset);
     look(p, w, e);
   });
@@ -83,7 +102,7 @@ GIGA_HD void play_step(const Lanes& lanes, const Parameters auto& p, World auto&
                        OnDone on_done, int64_t world, bool active) {
   const int n = active ? p.n_agents : 0, one = active ? 1 : 0, teams = active ? kNTeams : 0;
 
-  lanes.each_agent(n, [&](int i) {
+  without_barrier(lanes).each_agent(n, [&](int i) {  // sorting begins with the same agents
     w.was_alive[i] = w.alive[i];
     w.flags[i] = 0;
     w.next[i] = w.x[i];
@@ -94,16 +113,10 @@ GIGA_HD void play_step(const Lanes& lanes, const Parameters auto& p, World auto&
     check_bounds(p, w, i);
   });
   sort_agents(lanes, p, w, n);
-  each_by_place(lanes, p, w, n, [&](int i) { check_agents(p, w, i); });
-  lanes.each_agent(n, [&](int i) { check_obstacles(p, w, i); });
+  check_collisions(lanes, p, w, n);
   if (p.waypoints) lanes.each(one, [&](int) { update_waypoint(p, w, draws); });
-  each_by_place(lanes, p, w, n, [&](int a) { detect_and_track(p, w, draws, a); });
-  lanes.each_agent(n, [&](int i) {
-    update_health(p, w, i);
-    note_death(w, i);
-  });
-  count_teams(lanes, p, w, teams);
-  lanes.each(one, [&](int) { end_of_step(p, w); });
+  fight(lanes, p, w, draws, n, teams);
+  without_barrier(lanes).each(one, [&](int) { end_of_step(p, w); });  // no reward asks for what it writes
   lanes.each_agent(n, [&](int i) {
     compute_reward(p, w, i);
     float* reward = io.of(p.team_of(i)).reward;
@@ -114,7 +127,7 @@ GIGA_HD void play_step(const Lanes& lanes, const Parameters auto& p, World auto&
   });
   accumulate_step(lanes, p, w, active ? n_step_items(p) : 0);
 
-  lanes.each(1, [&](int) {
+  without_barrier(lanes).each(1, [&](int) {  // it is observed next, which asks for nothing of this
     const Done done = active ? static_cast<Done>(w.counts[kDone]) : Done::running;
     if (io.done) io.done[world] = static_cast<uint8_t>(done);
     if (done != Done::running && on_done != OnDone::keep)

@@ -145,24 +145,10 @@ GIGA_HD void write_neighbor(const Parameters auto& p, const World auto& w, int e
   tell(kSprite, f.sprite, 0);
 }
 
-/// The same one by one, in two parts: what is in memory, asked for without a branch, so that a worker can ask for
-/// several numbers at once; and what is made of it.
-struct AskedNumber {
-  int agent;  ///< the ego where there is nobody
-  bool some;
-  float value, own;
+/// The same as one piece.
+struct NeighborNumbers {
+  float number[kNeighborFeatures];
 };
-GIGA_HD AskedNumber ask_neighbor(const Parameters auto& p, const World auto& w, int e, int k, int feature) {
-  const auto a = w.neighbors[static_cast<int64_t>(e) * p.n_neighbors + k];
-  const bool some = a != kNobody;
-  const int agent = some ? static_cast<int>(a) : e, member = feature < kX ? 0 : feature - kX;  // in that order
-  return {agent, some, (&w.features[agent].x)[member], (&w.features[e].x)[member]};
-}
-GIGA_HD float told_number(const Parameters auto& p, const AskedNumber& asked, int e, int k, int feature) {
-  const float same_team = p.team_of(asked.agent) == p.team_of(e) ? 1.0f : 0.0f;
-  const float value = feature == kSeen ? 1.0f : feature == kSameTeam ? same_team : asked.value;
-  return neighbor_number(p, feature, asked.some, k, value, asked.own);
-}
 
 /// Numbers of a box: x1 y1 x2 y2 as shares of the world's size, with obstacle_heights z1 z2 too.
 GIGA_HD int box_features(const Parameters auto& p) { return p.obstacle_heights ? 6 : 4; }
@@ -213,7 +199,7 @@ struct VectorObservation {
     } else if constexpr (P::kTeam > 0) {
       send_rows(lanes, p, w, n, to);
     } else if constexpr (WideLanes<Lanes>) {
-      write_by_number(lanes, p, w, n, rows);
+      write_by_piece(lanes, p, w, n, rows);
     } else {
       for (int first = 0; first < p.n_neighbors; first += kStageAgents) {
         const int left = p.n_neighbors - first, agents = left < kStageAgents ? left : kStageAgents;
@@ -228,27 +214,23 @@ struct VectorObservation {
     if constexpr ((P::kTeam == 0 && !WideLanes<Lanes>) || Lanes::kSerial) write_tail(lanes, p, w, n > 0, rows);
   }
 
-  /// A worker per number about agents, so that neighboring lanes write neighboring numbers with nothing staged; one per
-  /// agent for the few that follow.
+  /// A worker for each agent of each row; one per row for the few numbers that follow.
   template <class Lanes, class Rows>
-  GIGA_HD static void write_by_number(const Lanes& lanes, const Parameters auto& p, const World auto& w, int n,
-                                      Rows&& rows) {
+  GIGA_HD static void write_by_piece(const Lanes& lanes, const Parameters auto& p, const World auto& w, int n,
+                                     Rows&& rows) {
     const int waypoint_at = neighbor_columns(p), boxes_at = waypoint_at + (p.waypoints ? kWaypointFeatures : 0);
     const int n_boxes = p.n_boxes * box_features(p);
     const float* boxes = features_of_boxes(p, w);
-    lanes.each_agent(n, [&](int e) {
+    without_barrier(lanes).each_agent(waypoint_at < boxes_at + n_boxes ? n : 0, [&](int e) {
       float* row = rows(e);
       for (int k = waypoint_at; row && k < boxes_at; ++k) row[k] = waypoint_value(p, w, e, k - waypoint_at);
       for (int k = 0; row && k < n_boxes; ++k) row[boxes_at + k] = table_value(boxes + k);
     });
-    lanes.write_rows(
-        n, waypoint_at, rows,
-        [&](int e, int column) {
-          return ask_neighbor(p, w, e, column / kNeighborFeatures, column % kNeighborFeatures);
-        },
-        [&](const AskedNumber& asked, int e, int column) {
-          return told_number(p, asked, e, column / kNeighborFeatures, column % kNeighborFeatures);
-        });
+    lanes.write_pieces(n, p.n_neighbors, rows, [&](int e, int k) {
+      NeighborNumbers piece;
+      write_neighbor(p, w, e, w.features[e], k, [&](int feature, float number) { piece.number[feature] = number; });
+      return piece;
+    });
   }
 
   /// So many rows at a time: some workers put together each of them in shared memory, then they are sent, all at once

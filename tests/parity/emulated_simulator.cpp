@@ -17,6 +17,9 @@ constexpr size_t kSharedGuardBytes = 64;  // behind the shared memory of a block
 struct EmulatedSync {
   LockstepThreads* threads;
   void wait() const { threads->wait(); }
+  // All threads of the group come to those of their block and of their warp too.
+  EmulatedSync of_block() const { return *this; }
+  void wait_for_warp() const { threads->wait(); }
   bool any(bool flag) const { return threads->any(flag); }
   void before_sending() const {}
   void send(float* to, const float* from, int count) const {
@@ -125,9 +128,10 @@ class EmulatedSimulator final : public LaunchingSimulator {
 class EmulatedGridSimulator final : public GridLaunchingSimulator {
  public:
   EmulatedGridSimulator(SimSpec spec, const SimOptions& options, ThreadOrder order, int blocks)
-      : GridLaunchingSimulator(std::move(spec), options, host_memory(), {kWarp, blocks, 1}),
+      : GridLaunchingSimulator(std::move(spec), options, host_memory(), {kWarp, blocks, 1, sorted_bytes(blocks)}),
         order_(order),
-        threads_(shape().blocks * kWarp) {}
+        threads_(shape().blocks * kWarp),
+        shared_(host_memory(), pitch() * static_cast<size_t>(shape().blocks)) {}
 
   bool over() override { return n_lists() > 0 && *n_playing() == 0; }
   EpisodeStats take_stats() override { return take_host_stats(state_.view(), n_worlds()); }
@@ -154,16 +158,21 @@ class EmulatedGridSimulator final : public GridLaunchingSimulator {
   void launch(const GridLaunch& k) {
     std::memset(k.scratch, kPoison, scratch().bytes());
     const EmulatedSync sync{&threads_};
+    std::memset(shared_.data(), kPoison, shared_.bytes());
     const int blocks = k.blocks;
     for (int group = 0; group < k.groups; ++group)
       threads_.run(blocks * kWarp, order_, [&](int thread) {
         const ThreadIndex at{group * blocks + thread / kWarp, k.groups * blocks, thread % kWarp, kWarp};
-        run_grid_thread<job>(k, at, sync);
+        run_grid_thread<job>(k, at, sync, shared_.data() + pitch() * static_cast<size_t>(thread / kWarp));
       });
   }
+  /// Room for sorted agents: blocks of two to a world sort together, all others for themselves where there is room.
+  static size_t sorted_bytes(int blocks) { return blocks == 2 ? 0 : size_t{1} << 16; }
+  size_t pitch() const { return (shared_bytes() + 63) & ~size_t{63}; }
 
   ThreadOrder order_;
   LockstepThreads threads_;  // of a group
+  Buffer<char> shared_;      // of its blocks
 };
 
 }  // namespace
