@@ -73,7 +73,10 @@ class Actor final : public Policy {
   void load(const std::string& prefix, const NamedArrays& in);
 
  private:
-  Rounding rounding() const { return precision_ == Precision::fp16 ? Rounding::to_half : Rounding::none; }
+  Rounding rounding() const {
+    if (precision_ == Precision::bf16) return Rounding::to_bfloat16;
+    return precision_ == Precision::fp16 ? Rounding::to_half : Rounding::none;
+  }
   at::Tensor input_of(const at::Tensor& obs) const;
 
   NetworkConfig config_;

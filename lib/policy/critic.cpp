@@ -91,12 +91,12 @@ at::Tensor Critic::forward(const at::Tensor& obs, const at::Tensor& alive, const
                            const Sequence& sequence) const {
   if (kind_ == CriticKind::state) return forward_state(state, sequence);
   at::Tensor x = shares_encoder() ? obs : columns_of(shape_.inputs, obs);
-  if (precision_ == Precision::bf16)
-    x = x.to(at::kBFloat16);
+  if (precision_ == Precision::bf16 && (shares_encoder() || !reads_image()))
+    x = x.to(at::kBFloat16);  // of images the encoder makes numbers
   else if (shares_encoder())
     x = x.to(at::kFloat);  // of an actor in another precision, where games are only looked at
-  const at::Tensor value =
-      kind_ == CriticKind::composed ? forward_composed(x, alive, sequence) : network_.forward(parameters_, x, sequence);
+  const at::Tensor value = kind_ == CriticKind::composed ? forward_composed(x, alive, sequence)
+                                                         : network_.forward(parameters_, x, sequence, rounding());
   return value.view({x.size(0), x.size(1)}).to(at::kFloat);
 }
 
@@ -107,7 +107,7 @@ at::Tensor Critic::forward_composed(at::Tensor x, const at::Tensor& alive, const
   const int64_t b = x.size(0), n = x.size(1);
   const std::vector<DenseLayer> layers = network_.layers();
   if (layers.size() == 1)
-    x = network_.encoder().forward(parameters_, x.reshape({b * n, -1}), Rounding::none).view({b, n, -1});
+    x = network_.encoder().forward(parameters_, x.reshape({b * n, -1}), rounding()).view({b, n, -1});
   for (size_t k = 0; k < layers.size(); ++k) {
     const bool is_output = k + 1 == layers.size();
     if (is_output && state_size() > 0)

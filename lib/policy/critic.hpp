@@ -67,6 +67,7 @@ class Critic {
 
  private:
   void add_team_weights(const std::string& name);
+  Rounding rounding() const { return precision_ == Precision::bf16 ? Rounding::to_bfloat16 : Rounding::none; }
   at::Tensor forward_composed(at::Tensor x, const at::Tensor& alive, const Sequence& sequence) const;
   at::Tensor forward_state(const at::Tensor& state, const Sequence& sequence) const;
 
