@@ -4,6 +4,7 @@
 #include "cuda/device_clock.hpp"
 #include "cuda/elementwise.hpp"
 #include "cuda/fused_policy.hpp"
+#include "cuda/halving_layer.hpp"
 #include "cuda/image_layer.hpp"
 #include "cuda/population_policy.hpp"
 #include "cuda/ppo_gradients.hpp"
@@ -48,6 +49,8 @@ int image_layer_parts(int) { missing(); }
 void launch_image_layer_gradient(const ImageLayer&, const BFloat16*, const BFloat16*, float*, int, void*) { missing(); }
 bool image_layer_runs(int) { missing(); }
 int relu_gradient_parts(int) { missing(); }
+int halving_layer_parts(int) { missing(); }
+void launch_halving_layer_gradient(const HalvingLayer&, int, void*) { missing(); }
 void launch_relu_gradient(const ReluGradient&, int, void*) { missing(); }
 SideStream::SideStream(int index, void* main) : index_(index), main_(main) { missing(); }
 SideStream::~SideStream() = default;
