@@ -392,9 +392,10 @@ void launch_image_layer_gradient(const ImageLayer& layer, const BFloat16* output
 }
 
 bool image_layer_runs(int index) {
-  int major = 0;
+  int major = 0, shared = 0;
   GIGA_CUDA(cudaDeviceGetAttribute(&major, cudaDevAttrComputeCapabilityMajor, index));
-  return major >= 8;
+  GIGA_CUDA(cudaDeviceGetAttribute(&shared, cudaDevAttrMaxSharedMemoryPerBlockOptin, index));
+  return major >= 8 && shared >= 160 << 10;
 }
 
 }  // namespace giga

@@ -41,7 +41,8 @@ int image_layer_parts(int index);
 void launch_image_layer_gradient(const ImageLayer& layer, const BFloat16* output, const BFloat16* d_output,
                                  float* parts, int index, void* stream);
 
-/// Whether the GPU can run them: asynchronous copies and products of bfloat16, compute capability 8.0 or more.
+/// Whether the GPU can run them and those of halving_layer.hpp: compute capability 8.0 or more, and 160 KB of shared
+/// memory for a block (A100, H100, H200).
 bool image_layer_runs(int index);
 
 }  // namespace giga

@@ -24,6 +24,8 @@ class Weights {
   explicit Weights(const ParameterSet& set, at::Tensor member = {}) : set_(set), member_(std::move(member)) {}
 
   at::Tensor operator[](int k) const { return member_.defined() ? set_.of_members(member_, k)[0] : set_[k]; }
+  /// The same where the others are rounded.
+  at::Tensor exact(int k) const { return member_.defined() ? (*this)[k] : set_.exact(k); }
   at::Tensor dense_layer(const DenseLayer& layer, const at::Tensor& x) const {
     return member_.defined() ? dense_members(set_, member_, layer, x.unsqueeze(0), Rounding::none)[0]
                              : dense(set_, layer, x, Rounding::none);
@@ -52,21 +54,20 @@ Convolution add_convolution(ParameterSet& parameters, const std::string& name, i
 int64_t side_behind(const Convolution& c, int64_t side) { return (side + 2 * c.padding - c.size) / c.stride + 1; }
 
 /// As LibTorch has it: [output, input, size, size].
-at::Tensor weight_of(const Weights& p, const Convolution& c) {
-  return p[c.weight].view({c.output, c.size, c.size, c.input}).permute({0, 3, 1, 2});
+at::Tensor weight_of(const Convolution& c, const at::Tensor& matrix) {
+  return matrix.view({c.output, c.size, c.size, c.input}).permute({0, 3, 1, 2});
 }
 
 /// x [R, input, H, W] -> [R, output, H', W'], in the type of x. `scale`: of the pixels; it is cheaper on the weights.
 at::Tensor convolved(const Weights& p, const Convolution& c, const at::Tensor& x, double scale = 1) {
-  at::Tensor weight = weight_of(p, c);
-  if (scale != 1) weight = weight * scale;
+  const at::Tensor weight = scale == 1 ? weight_of(c, p[c.weight]) : weight_of(c, p.exact(c.weight)) * scale;
   return at::conv2d(x, weight.to(x.scalar_type()), p[c.bias].to(x.scalar_type()), at::IntArrayRef{c.stride, c.stride},
                     at::IntArrayRef{c.padding, c.padding});
 }
 /// The same and ReLU.
 at::Tensor rectified(const Weights& p, const Convolution& c, const at::Tensor& x) {
-  return rectified_convolution(x, weight_of(p, c).to(x.scalar_type()), p[c.bias].to(x.scalar_type()), c.stride,
-                               c.padding);
+  return rectified_convolution(x, weight_of(c, p[c.weight]).to(x.scalar_type()), p[c.bias].to(x.scalar_type()),
+                               c.stride, c.padding);
 }
 
 template <class T>
@@ -89,9 +90,9 @@ at::Tensor patches_of(const at::Tensor& images, int64_t across, bool centred) {
   return patches;
 }
 
-/// Bytes as bfloat16, where they become that; else the first layer makes fp32 of them. Numbers stay what they are.
+/// Pixels as bfloat16, where they become that. Else the first layer makes fp32 of bytes.
 at::Tensor in_numbers(const at::Tensor& images, Rounding rounding) {
-  return images.scalar_type() == at::kByte && rounding == Rounding::to_bfloat16 ? images.to(at::kBFloat16) : images;
+  return rounding == Rounding::to_bfloat16 ? images.to(at::kBFloat16) : images;
 }
 
 /// The first layer: a convolution by a stride of kPatch, of a size that is a multiple of it, without padding, and ReLU.
@@ -100,14 +101,14 @@ at::Tensor in_numbers(const at::Tensor& images, Rounding rounding) {
 at::Tensor first_layer(const Weights& p, const Convolution& c, const at::Tensor& pixels, bool centred,
                        Rounding rounding) {
   if (rounding == Rounding::to_bfloat16 && image_layer_serves(pixels, p[c.weight], c.size))
-    return image_layer(pixels, p[c.weight], p[c.bias], c.size, centred).permute({0, 3, 1, 2});
+    return image_layer(pixels, p.exact(c.weight), p.exact(c.bias), c.size, centred).permute({0, 3, 1, 2});
   const at::Tensor images = in_numbers(pixels, rounding);
   const int64_t across = c.size / kPatch, channels = kPatch * kPatch * c.input;  // of a window, of a patch
   const int64_t patches = side_behind(c, images.size(1)) - 1 + across;
   const at::Tensor x = images.scalar_type() == at::kByte       ? patches_of<uint8_t>(images, patches, centred)
                        : images.scalar_type() == at::kBFloat16 ? patches_of<BFloat16>(images, patches, centred)
                                                                : patches_of<float>(images, patches, centred);
-  const at::Tensor weight = p[c.weight]
+  const at::Tensor weight = p.exact(c.weight)
                                 .view({c.output, across, kPatch, across, kPatch * c.input})
                                 .transpose(2, 3)
                                 .reshape({c.output, across, across, channels}) *

@@ -75,7 +75,7 @@ struct RectifiedConvolutionFunction : torch::autograd::Function<RectifiedConvolu
                      d_output = gradients[0].contiguous(at::MemoryFormat::ChannelsLast);
     const int64_t stride = context->saved_data["stride"].toInt(), padding = context->saved_data["padding"].toInt();
     if (HalvingLayer::serves(x.size(2), x.size(1), output.size(1), weight.size(2), stride, padding) &&
-        x.size(2) == x.size(3))
+        x.size(2) == x.size(3) && image_layer_runs(gpu_of(x)))
       return gradients_of_halving(x, weight, output, d_output);
     const int64_t columns = output.size(1);
     const at::Tensor d_sums = at::empty_like(output);
@@ -135,7 +135,7 @@ at::Tensor image_layer(const at::Tensor& images, const at::Tensor& weight, const
 
 at::Tensor rectified_convolution(const at::Tensor& x, const at::Tensor& weight, const at::Tensor& bias, int64_t stride,
                                  int64_t padding) {
-  if (x.is_cuda() && x.scalar_type() == at::kBFloat16 && ReluGradient::serves(weight.size(0)))
+  if (x.is_cuda() && x.scalar_type() == at::kBFloat16 && x.size(0) > 0 && ReluGradient::serves(weight.size(0)))
     return RectifiedConvolutionFunction::apply(x, weight, bias, stride, padding);
   return at::relu(at::conv2d(x, weight, bias, at::IntArrayRef{stride, stride}, at::IntArrayRef{padding, padding}));
 }

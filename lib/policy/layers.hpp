@@ -13,7 +13,7 @@
 
 namespace giga {
 
-/// y = x W^T + b, in bf16 where x is.
+/// y = x W^T + b, in the type of x.
 at::Tensor linear(const at::Tensor& x, const at::Tensor& weight, const at::Tensor& bias);
 
 at::Tensor activate(const at::Tensor& x, Activation activation);
