@@ -4,8 +4,11 @@
 #include "cuda/device_clock.hpp"
 #include "cuda/elementwise.hpp"
 #include "cuda/fused_policy.hpp"
+#include "cuda/halving_layer.hpp"
+#include "cuda/image_layer.hpp"
 #include "cuda/population_policy.hpp"
 #include "cuda/ppo_gradients.hpp"
+#include "cuda/relu_gradient.hpp"
 #include "cuda/runtime.hpp"
 #include "cuda/sensors.hpp"
 #include "cuda/side_stream.hpp"
@@ -41,6 +44,14 @@ void launch_block_sums(const FusedStep&, float*, int, void*) { missing(); }
 void launch_gradient_sums(const FusedStep&, int, void*) { missing(); }
 void launch_adam(const FusedStep&, int, void*) { missing(); }
 void launch_fused_policy(const FusedPolicy&, int, void*) { missing(); }
+void launch_image_layer(const ImageLayer&, BFloat16*, int, void*) { missing(); }
+int image_layer_parts(int) { missing(); }
+void launch_image_layer_gradient(const ImageLayer&, const BFloat16*, const BFloat16*, float*, int, void*) { missing(); }
+bool image_layer_runs(int) { missing(); }
+int relu_gradient_parts(int) { missing(); }
+int halving_layer_parts(int) { missing(); }
+void launch_halving_layer_gradient(const HalvingLayer&, int, void*) { missing(); }
+void launch_relu_gradient(const ReluGradient&, int, void*) { missing(); }
 SideStream::SideStream(int index, void* main) : index_(index), main_(main) { missing(); }
 SideStream::~SideStream() = default;
 void SideStream::fork() { missing(); }

@@ -13,8 +13,20 @@ namespace giga {
 /// Pixels along a patch.
 constexpr int kPatch = 4;
 
-/// Row r * side + x: the last pixel in column x of image r that only the agent's own sprite has: (255 - pz, 255,
-/// 255 - pz), not white and not green (rules 8.3). `T`: uint8_t, float or BFloat16.
+/// A pixel that only the agent's own sprite has: (255 - pz, 255, 255 - pz), not white and not green (rules 8.3).
+template <class T>
+GIGA_HD bool is_own_pixel(T red, T green, T blue) {
+  return green == T(255) && red == blue && red > T(0) && red < T(255);
+}
+
+/// How far an image is moved: pixel (x, y) of the result is pixel (x + shift.x, y + shift.y) of the image. `place`: of
+/// the agent, x * side + y + 1; it comes to lie at (side / 2, side / 2).
+struct ImageShift {
+  int x, y;
+  GIGA_HD ImageShift(int place, int side) : x((place - 1) / side - side / 2), y((place - 1) % side - side / 2) {}
+};
+
+/// Row r * side + x: the last pixel in column x of image r that is the agent's own. `T`: uint8_t, float or BFloat16.
 template <class T>
 struct OwnPixels {
   const T* images;  // [R, side, side, 3]
@@ -26,8 +38,7 @@ struct OwnPixels {
     const int x = static_cast<int>(row % side);
     int found = 0;
     for (int y = 0; y < side; ++y, pixel += kChannels) {
-      const float red = static_cast<float>(pixel[0]);
-      if (static_cast<float>(pixel[1]) == 255 && red == static_cast<float>(pixel[2]) && red > 0 && red < 255)
+      if (is_own_pixel(static_cast<float>(pixel[0]), static_cast<float>(pixel[1]), static_cast<float>(pixel[2])))
         found = x * side + y + 1;
     }
     place[row] = found;
@@ -51,8 +62,9 @@ struct ImagePatches {
     int x = static_cast<int>(line - image * across) * kPatch + static_cast<int>(row - patch * kPatch);
     int y = static_cast<int>(patch - line * across) * kPatch;
     if (const int place = own ? own[image] : 0; place > 0) {
-      x += (place - 1) / side - side / 2;
-      y += (place - 1) % side - side / 2;
+      const ImageShift shift(place, side);
+      x += shift.x;
+      y += shift.y;
     }
     const T* from = images + (image * side + x) * side * kChannels;
     alignas(8) Out numbers[kNumbers];

@@ -26,7 +26,8 @@ at::Tensor Actor::input_of(const at::Tensor& obs) const {
   at::Tensor x = columns_of(inputs_, obs);
   if (normalize_)
     x = RunningNorm::normalized(x, columns_of(inputs_, normalizer_.mean()), columns_of(inputs_, normalizer_.std()));
-  return precision_ == Precision::bf16 ? x.to(at::kBFloat16) : x;
+  // Of an image the encoder makes numbers: its first layer reads bytes faster.
+  return precision_ == Precision::bf16 && !inputs_.is_image() ? x.to(at::kBFloat16) : x;
 }
 
 at::Tensor Actor::forward(const at::Tensor& obs, NetworkState& state) const {
@@ -38,15 +39,22 @@ at::Tensor Actor::forward(const at::Tensor& obs, NetworkState& state) const {
 }
 
 at::Tensor Actor::forward_sequence(const at::Tensor& obs, const Sequence& sequence) const {
-  return head(features(obs), sequence);
+  const ReadParameters p = read_parameters();
+  return head(*p, features(*p, obs), sequence);
 }
 
-at::Tensor Actor::features(const at::Tensor& obs) const {
-  return network_.encoder().forward(parameters_, input_of(obs), rounding());
-}
+at::Tensor Actor::features(const at::Tensor& obs) const { return features(*read_parameters(), obs); }
 
 at::Tensor Actor::head(const at::Tensor& features, const Sequence& sequence) const {
-  return network_.behind_encoder(parameters_, features, sequence, rounding()).to(at::kFloat);
+  return head(*read_parameters(), features, sequence);
+}
+
+at::Tensor Actor::features(const ParameterSet& p, const at::Tensor& obs) const {
+  return network_.encoder().forward(p, input_of(obs), rounding());
+}
+
+at::Tensor Actor::head(const ParameterSet& p, const at::Tensor& features, const Sequence& sequence) const {
+  return network_.behind_encoder(p, features, sequence, rounding()).to(at::kFloat);
 }
 
 at::Tensor Actor::forward_members(const at::Tensor& members, const at::Tensor& obs, NetworkState& state) const {

@@ -73,8 +73,14 @@ class Actor final : public Policy {
   void load(const std::string& prefix, const NamedArrays& in);
 
  private:
-  Rounding rounding() const { return precision_ == Precision::fp16 ? Rounding::to_half : Rounding::none; }
+  Rounding rounding() const {
+    if (precision_ == Precision::bf16) return Rounding::to_bfloat16;
+    return precision_ == Precision::fp16 ? Rounding::to_half : Rounding::none;
+  }
   at::Tensor input_of(const at::Tensor& obs) const;
+  ReadParameters read_parameters() const { return {parameters_, precision_ == Precision::bf16}; }
+  at::Tensor features(const ParameterSet& p, const at::Tensor& obs) const;
+  at::Tensor head(const ParameterSet& p, const at::Tensor& features, const Sequence& sequence) const;
 
   NetworkConfig config_;
   ActionKind actions_ = ActionKind::discrete;

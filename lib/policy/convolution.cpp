@@ -8,6 +8,7 @@
 
 #include "core/error.hpp"
 #include "math/image_patches.hpp"
+#include "policy/image_layer.hpp"
 #include "policy/run_elementwise.hpp"
 
 namespace giga {
@@ -23,6 +24,8 @@ class Weights {
   explicit Weights(const ParameterSet& set, at::Tensor member = {}) : set_(set), member_(std::move(member)) {}
 
   at::Tensor operator[](int k) const { return member_.defined() ? set_.of_members(member_, k)[0] : set_[k]; }
+  /// The same where the others are rounded.
+  at::Tensor exact(int k) const { return member_.defined() ? (*this)[k] : set_.exact(k); }
   at::Tensor dense_layer(const DenseLayer& layer, const at::Tensor& x) const {
     return member_.defined() ? dense_members(set_, member_, layer, x.unsqueeze(0), Rounding::none)[0]
                              : dense(set_, layer, x, Rounding::none);
@@ -50,12 +53,21 @@ Convolution add_convolution(ParameterSet& parameters, const std::string& name, i
 
 int64_t side_behind(const Convolution& c, int64_t side) { return (side + 2 * c.padding - c.size) / c.stride + 1; }
 
+/// As LibTorch has it: [output, input, size, size].
+at::Tensor weight_of(const Convolution& c, const at::Tensor& matrix) {
+  return matrix.view({c.output, c.size, c.size, c.input}).permute({0, 3, 1, 2});
+}
+
 /// x [R, input, H, W] -> [R, output, H', W'], in the type of x. `scale`: of the pixels; it is cheaper on the weights.
 at::Tensor convolved(const Weights& p, const Convolution& c, const at::Tensor& x, double scale = 1) {
-  at::Tensor weight = p[c.weight].view({c.output, c.size, c.size, c.input}).permute({0, 3, 1, 2});
-  if (scale != 1) weight = weight * scale;
+  const at::Tensor weight = scale == 1 ? weight_of(c, p[c.weight]) : weight_of(c, p.exact(c.weight)) * scale;
   return at::conv2d(x, weight.to(x.scalar_type()), p[c.bias].to(x.scalar_type()), at::IntArrayRef{c.stride, c.stride},
                     at::IntArrayRef{c.padding, c.padding});
+}
+/// The same and ReLU.
+at::Tensor rectified(const Weights& p, const Convolution& c, const at::Tensor& x) {
+  return rectified_convolution(x, weight_of(c, p[c.weight]).to(x.scalar_type()), p[c.bias].to(x.scalar_type()),
+                               c.stride, c.padding);
 }
 
 template <class T>
@@ -78,21 +90,31 @@ at::Tensor patches_of(const at::Tensor& images, int64_t across, bool centred) {
   return patches;
 }
 
-/// The first layer: a convolution by a stride of kPatch, of a size that is a multiple of it, without padding. Patches
-/// are its pixels, because three channels alone fill no tensor core. images [R, side, side, 3] in bytes or numbers.
-at::Tensor convolved_patches(const Weights& p, const Convolution& c, const at::Tensor& images, bool centred) {
+/// Pixels as bfloat16, where they become that. Else the first layer makes fp32 of bytes.
+at::Tensor in_numbers(const at::Tensor& images, Rounding rounding) {
+  return rounding == Rounding::to_bfloat16 ? images.to(at::kBFloat16) : images;
+}
+
+/// The first layer: a convolution by a stride of kPatch, of a size that is a multiple of it, without padding, and ReLU.
+/// Patches are its pixels, because three channels alone fill no tensor core. images [R, side, side, 3] in bytes or
+/// numbers. A kernel of its own goes from bytes to bfloat16 in one step, where it serves.
+at::Tensor first_layer(const Weights& p, const Convolution& c, const at::Tensor& pixels, bool centred,
+                       Rounding rounding) {
+  if (rounding == Rounding::to_bfloat16 && image_layer_serves(pixels, p[c.weight], c.size))
+    return image_layer(pixels, p.exact(c.weight), p.exact(c.bias), c.size, centred).permute({0, 3, 1, 2});
+  const at::Tensor images = in_numbers(pixels, rounding);
   const int64_t across = c.size / kPatch, channels = kPatch * kPatch * c.input;  // of a window, of a patch
   const int64_t patches = side_behind(c, images.size(1)) - 1 + across;
   const at::Tensor x = images.scalar_type() == at::kByte       ? patches_of<uint8_t>(images, patches, centred)
                        : images.scalar_type() == at::kBFloat16 ? patches_of<BFloat16>(images, patches, centred)
                                                                : patches_of<float>(images, patches, centred);
-  const at::Tensor weight = p[c.weight]
+  const at::Tensor weight = p.exact(c.weight)
                                 .view({c.output, across, kPatch, across, kPatch * c.input})
                                 .transpose(2, 3)
                                 .reshape({c.output, across, across, channels}) *
                             kByteScale;
-  return at::conv2d(x.permute({0, 3, 1, 2}), weight.permute({0, 3, 1, 2}).to(x.scalar_type()),
-                    p[c.bias].to(x.scalar_type()));
+  return at::relu(at::conv2d(x.permute({0, 3, 1, 2}), weight.permute({0, 3, 1, 2}).to(x.scalar_type()),
+                             p[c.bias].to(x.scalar_type())));
 }
 
 /// What all encoders are: pixels, convolutions, dense layers.
@@ -104,21 +126,22 @@ class ImageEncoder : public Encoder {
     channels_ = input.sides[2];
   }
 
-  at::Tensor forward(const ParameterSet& p, at::Tensor x, Rounding) const override {
-    return features_of(Weights(p), x);
+  at::Tensor forward(const ParameterSet& p, at::Tensor x, Rounding rounding) const override {
+    return features_of(Weights(p), x, rounding);
   }
   /// One member after the other: a convolution has too much work for a kernel of many small networks.
-  at::Tensor forward_members(const ParameterSet& p, const at::Tensor& members, at::Tensor x, Rounding) const override {
+  at::Tensor forward_members(const ParameterSet& p, const at::Tensor& members, at::Tensor x,
+                             Rounding rounding) const override {
     std::vector<at::Tensor> features;
     for (int64_t m = 0; m < members.size(0); ++m)
-      features.push_back(features_of(Weights(p, members.narrow(0, m, 1)), x[m]));
+      features.push_back(features_of(Weights(p, members.narrow(0, m, 1)), x[m], rounding));
     return at::stack(features);
   }
   int64_t features() const override { return features_; }
 
  protected:
   /// images [R, side, side, C] of pixels in [0, 255], bytes or numbers -> [R, output, H, W].
-  virtual at::Tensor convolutions(const Weights& p, const at::Tensor& images) const = 0;
+  virtual at::Tensor convolutions(const Weights& p, const at::Tensor& images, Rounding rounding) const = 0;
 
   void add_dense_layers(ParameterSet& parameters, const std::string& name, int64_t input, const MlpConfig& config) {
     for (const int size : config.hidden) {
@@ -131,18 +154,19 @@ class ImageEncoder : public Encoder {
   int64_t side_, channels_ = 0;
 
  private:
-  at::Tensor features_of(const Weights& p, const at::Tensor& x) const {
+  at::Tensor features_of(const Weights& p, const at::Tensor& x, Rounding rounding) const {
     std::vector<int64_t> shape = x.sizes().vec();
     shape.back() = features();
     const at::Tensor images = x.reshape({-1, side_, side_, channels_}).contiguous();
-    if (at::GradMode::is_enabled() || images.size(0) <= kAtOnce) return features_of_images(p, images).view(shape);
+    if (at::GradMode::is_enabled() || images.size(0) <= kAtOnce)
+      return features_of_images(p, images, rounding).view(shape);
     std::vector<at::Tensor> parts;
-    for (const at::Tensor& part : images.split(kAtOnce)) parts.push_back(features_of_images(p, part));
+    for (const at::Tensor& part : images.split(kAtOnce)) parts.push_back(features_of_images(p, part, rounding));
     return at::cat(parts).view(shape);
   }
   /// Bytes become numbers here and nowhere before; the channels stay last in memory.
-  at::Tensor features_of_images(const Weights& p, const at::Tensor& images) const {
-    at::Tensor x = convolutions(p, images).permute({0, 2, 3, 1}).flatten(1);
+  at::Tensor features_of_images(const Weights& p, const at::Tensor& images, Rounding rounding) const {
+    at::Tensor x = convolutions(p, images, rounding).permute({0, 2, 3, 1}).flatten(1);
     for (const DenseLayer& layer : dense_) x = p.dense_layer(layer, x);
     return x;
   }
@@ -173,9 +197,9 @@ class Chain final : public ImageEncoder {
   }
 
  private:
-  at::Tensor convolutions(const Weights& p, const at::Tensor& images) const override {
-    at::Tensor x = at::relu(convolved_patches(p, layers_[0], images, centred_));
-    for (size_t k = 1; k < layers_.size(); ++k) x = at::relu(convolved(p, layers_[k], x));
+  at::Tensor convolutions(const Weights& p, const at::Tensor& images, Rounding rounding) const override {
+    at::Tensor x = first_layer(p, layers_[0], images, centred_, rounding);
+    for (size_t k = 1; k < layers_.size(); ++k) x = rectified(p, layers_[k], x);
     return x;
   }
 
@@ -211,13 +235,13 @@ class Impala final : public ImageEncoder {
     std::array<Block, 2> blocks;
   };
 
-  at::Tensor convolutions(const Weights& p, const at::Tensor& images) const override {
-    at::Tensor x = images.permute({0, 3, 1, 2});
+  at::Tensor convolutions(const Weights& p, const at::Tensor& images, Rounding rounding) const override {
+    at::Tensor x = in_numbers(images, rounding).permute({0, 3, 1, 2});
     if (x.scalar_type() == at::kByte) x = x.to(at::kFloat);
     for (const Section& section : sections_) {
       x = pool_of_three(convolved(p, section.enter, x, &section == sections_.data() ? kByteScale : 1));
       for (const Block& block : section.blocks)
-        x = x + convolved(p, block.second, at::relu(convolved(p, block.first, at::relu(x))));
+        x = x + convolved(p, block.second, rectified(p, block.first, at::relu(x)));
     }
     return at::relu(x);
   }

@@ -89,37 +89,38 @@ at::Tensor Critic::input_of(const Actor& actor, const at::Tensor& obs) const {
 
 at::Tensor Critic::forward(const at::Tensor& obs, const at::Tensor& alive, const at::Tensor& state,
                            const Sequence& sequence) const {
-  if (kind_ == CriticKind::state) return forward_state(state, sequence);
+  const ReadParameters read(parameters_, precision_ == Precision::bf16);
+  const ParameterSet& p = *read;
+  if (kind_ == CriticKind::state) return forward_state(p, state, sequence);
   at::Tensor x = shares_encoder() ? obs : columns_of(shape_.inputs, obs);
-  if (precision_ == Precision::bf16)
-    x = x.to(at::kBFloat16);
+  if (precision_ == Precision::bf16 && (shares_encoder() || !reads_image()))
+    x = x.to(at::kBFloat16);  // of images the encoder makes numbers
   else if (shares_encoder())
     x = x.to(at::kFloat);  // of an actor in another precision, where games are only looked at
-  const at::Tensor value =
-      kind_ == CriticKind::composed ? forward_composed(x, alive, sequence) : network_.forward(parameters_, x, sequence);
+  const at::Tensor value = kind_ == CriticKind::composed ? forward_composed(p, x, alive, sequence)
+                                                         : network_.forward(p, x, sequence, rounding());
   return value.view({x.size(0), x.size(1)}).to(at::kFloat);
 }
 
 // The value V_i(s_i) of each agent becomes part of a composed V(S) = f(V_1(s_1), ..., V_n(s_n)): the layers exchange
 // the mean features of the team's living agents, so the order of the agents does not matter. An encoder that is no
 // chain of dense layers exchanges at the output layer only; what is remembered of each agent is exchanged there too.
-at::Tensor Critic::forward_composed(at::Tensor x, const at::Tensor& alive, const Sequence& sequence) const {
+at::Tensor Critic::forward_composed(const ParameterSet& p, at::Tensor x, const at::Tensor& alive,
+                                    const Sequence& sequence) const {
   const int64_t b = x.size(0), n = x.size(1);
   const std::vector<DenseLayer> layers = network_.layers();
-  if (layers.size() == 1)
-    x = network_.encoder().forward(parameters_, x.reshape({b * n, -1}), Rounding::none).view({b, n, -1});
+  if (layers.size() == 1) x = network_.encoder().forward(p, x.reshape({b * n, -1}), rounding()).view({b, n, -1});
   for (size_t k = 0; k < layers.size(); ++k) {
     const bool is_output = k + 1 == layers.size();
     if (is_output && state_size() > 0)
-      x = network_.remember(parameters_, x.reshape({b * n, x.size(-1)}), sequence).view({b, n, -1});
+      x = network_.remember(p, x.reshape({b * n, x.size(-1)}), sequence).view({b, n, -1});
     const DenseLayer& layer = layers[k];
-    at::Tensor sums =
-        linear(x.reshape({b * n, x.size(-1)}), parameters_[layer.weight], parameters_[layer.bias]).view({b, n, -1});
+    at::Tensor sums = linear(x.reshape({b * n, x.size(-1)}), p[layer.weight], p[layer.bias]).view({b, n, -1});
     if (team_weights_[k] >= 0) {
-      const at::Tensor weight = parameters_[team_weights_[k]].to(x.scalar_type());
+      const at::Tensor weight = p[team_weights_[k]].to(x.scalar_type());
       sums = sums + at::mm(living_mean(*parallel_for_, x, alive), weight.t()).unsqueeze(1);
     }
-    x = finish_dense(parameters_, layer, sums);
+    x = finish_dense(p, layer, sums);
   }
   return x;
 }
@@ -127,27 +128,28 @@ at::Tensor Critic::forward_composed(at::Tensor x, const at::Tensor& alive, const
 // Deep Sets (Zaheer et al. 2017): one encoder for all agents. The value of an agent of the own team follows from its
 // code, the mean codes of the living agents of both teams, and the world. The order of agents in a team does not
 // matter.
-at::Tensor Critic::forward_state(const at::Tensor& state, const Sequence& sequence) const {
+at::Tensor Critic::forward_state(const ParameterSet& p, const at::Tensor& state, const Sequence& sequence) const {
   const int n_agents = shape_.n_team[0] + shape_.n_team[1], own = shape_.n_team[shape_.team];
-  const int own_first = shape_.team == 0 ? 0 : shape_.n_team[0], other_first = shape_.team == 0 ? shape_.n_team[0] : 0;
   const int64_t b = state.size(0), entity_columns = n_agents * kEntityFeatures;
   at::Tensor entities = state.slice(1, 0, entity_columns).reshape({b, n_agents, kEntityFeatures});
-  at::Tensor alive = entities.slice(2, 0, 1);
+  const at::Tensor alive = entities.select(2, 0);
   at::Tensor world = state.slice(1, entity_columns);
   if (precision_ == Precision::bf16) {
     entities = entities.to(at::kBFloat16);
     world = world.to(at::kBFloat16);
   }
-  const at::Tensor code = entity_->forward(parameters_, entities, Rounding::none);
-  const auto team_mean = [&](int first, int n) {
-    const at::Tensor living = alive.slice(1, first, first + n).squeeze(-1).contiguous();
-    return living_mean(*parallel_for_, code.slice(1, first, first + n).contiguous(), living).unsqueeze(1);
+  const at::Tensor code = entity_->forward(p, entities, Rounding::none);
+  // The gradient of parts goes back in one copy, that of slices in one of the whole for each.
+  const std::vector<int64_t> sizes = {shape_.n_team[0], shape_.n_team[1]};
+  const std::vector<at::Tensor> codes = code.split_with_sizes(sizes, 1), living = alive.split_with_sizes(sizes, 1);
+  const auto team_mean = [&](int team) {
+    const auto k = static_cast<size_t>(team);
+    return living_mean(*parallel_for_, codes[k].contiguous(), living[k].contiguous()).unsqueeze(1);
   };
-  const at::Tensor own_mean = team_mean(own_first, own);
-  const at::Tensor other_mean = team_mean(other_first, n_agents - own);
+  const at::Tensor own_mean = team_mean(shape_.team), other_mean = team_mean(1 - shape_.team);
   const at::Tensor context = at::cat({own_mean, other_mean, world.unsqueeze(1)}, -1).expand({b, own, -1});
-  const at::Tensor input = at::cat({code.slice(1, own_first, own_first + own), context}, -1);
-  return network_.forward(parameters_, input, sequence).view({b, own}).to(at::kFloat);
+  const at::Tensor input = at::cat({codes[static_cast<size_t>(shape_.team)], context}, -1);
+  return network_.forward(p, input, sequence).view({b, own}).to(at::kFloat);
 }
 
 }  // namespace giga

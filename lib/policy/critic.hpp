@@ -67,8 +67,10 @@ class Critic {
 
  private:
   void add_team_weights(const std::string& name);
-  at::Tensor forward_composed(at::Tensor x, const at::Tensor& alive, const Sequence& sequence) const;
-  at::Tensor forward_state(const at::Tensor& state, const Sequence& sequence) const;
+  Rounding rounding() const { return precision_ == Precision::bf16 ? Rounding::to_bfloat16 : Rounding::none; }
+  at::Tensor forward_composed(const ParameterSet& p, at::Tensor x, const at::Tensor& alive,
+                              const Sequence& sequence) const;
+  at::Tensor forward_state(const ParameterSet& p, const at::Tensor& state, const Sequence& sequence) const;
 
   CriticKind kind_ = CriticKind::composed;
   CriticShape shape_;

@@ -8,8 +8,7 @@
 namespace giga {
 
 at::Tensor linear(const at::Tensor& x, const at::Tensor& weight, const at::Tensor& bias) {
-  if (x.scalar_type() == at::kBFloat16) return at::linear(x, weight.to(at::kBFloat16), bias.to(at::kBFloat16));
-  return at::linear(x, weight, bias);
+  return at::linear(x, weight.to(x.scalar_type()), bias.to(x.scalar_type()));
 }
 
 at::Tensor activate(const at::Tensor& x, Activation activation) {

@@ -13,15 +13,16 @@
 
 namespace giga {
 
-/// y = x W^T + b, in bf16 where x is.
+/// y = x W^T + b, in the type of x.
 at::Tensor linear(const at::Tensor& x, const at::Tensor& weight, const at::Tensor& bias);
 
 at::Tensor activate(const at::Tensor& x, Activation activation);
 
 /// The nearest numbers of half precision, as fp32. Beyond 65,504 they are infinite, below 2^-25 zero.
 at::Tensor rounded_to_half(const at::Tensor& x);
-/// Whether a layer rounds its inputs, weights and biases to half precision.
-enum class Rounding : bool { none, to_half };
+/// How inputs, weights and biases are rounded: in each layer to half precision, or bytes to bfloat16 where they become
+/// numbers. Layers behind compute in the type of what they read.
+enum class Rounding : uint8_t { none, to_half, to_bfloat16 };
 
 /// The columns of x [..., row] that a network reads, as a view.
 at::Tensor columns_of(const InputColumns& columns, const at::Tensor& x);

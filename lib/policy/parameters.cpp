@@ -83,6 +83,8 @@ void ParameterSet::allocate(at::Device device, uint64_t seed) {
   const std::vector<at::Tensor> start = starts(seed);
   values_ = at::zeros({size_}, at::TensorOptions().dtype(at::kFloat).device(device));
   gradient_ = at::zeros_like(values_);
+  leaf_ = values_.detach().set_requires_grad(true);
+  leaf_.mutable_grad() = gradient_;
   for (size_t k = 0; k < specs_.size(); ++k) {
     const Spec& spec = specs_[k];
     at::Tensor view = values_.narrow(0, spec.offset, start[k].numel()).view(spec.shape).detach();
@@ -91,6 +93,19 @@ void ParameterSet::allocate(at::Device device, uint64_t seed) {
     view.mutable_grad() = gradient_.narrow(0, spec.offset, start[k].numel()).view(spec.shape);
     views_.push_back(view);
   }
+}
+
+ParameterSet ParameterSet::in_bfloat16() const {
+  constexpr int64_t kAligned = 8;  // numbers of 16 bytes
+  for (const Spec& spec : specs_)
+    if (spec.shape.size() == 2 && spec.offset % kAligned != 0) return *this;
+  std::vector<int64_t> sizes;
+  for (const at::Tensor& view : views_) sizes.push_back(view.numel());
+  ParameterSet rounded = *this;
+  rounded.exact_ = views_;
+  const std::vector<at::Tensor> parts = leaf_.to(at::kBFloat16).split_with_sizes(sizes);
+  for (size_t k = 0; k < parts.size(); ++k) rounded.views_[k] = parts[k].view(specs_[k].shape);
+  return rounded;
 }
 
 at::Tensor ParameterSet::of_members(const at::Tensor& members, int k) const {

@@ -5,6 +5,7 @@
 #include <ATen/core/Tensor.h>
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -42,6 +43,12 @@ class ParameterSet {
   /// Parameter `k`: a leaf view into the flat buffer, whose gradient is a view into the flat gradient.
   const at::Tensor& operator[](int k) const { return views_[static_cast<size_t>(k)]; }
 
+  /// The same parameters, all rounded to bfloat16 at once: one kernel, and three on the way back, in the place of three
+  /// for each parameter. This set itself where a matrix would begin where tensor cores read slowly.
+  ParameterSet in_bfloat16() const;
+  /// Parameter `k` as it is, also of a set that is rounded.
+  const at::Tensor& exact(int k) const { return (exact_.empty() ? views_ : exact_)[static_cast<size_t>(k)]; }
+
   const at::Tensor& values() const { return values_; }      // [P]
   const at::Tensor& gradient() const { return gradient_; }  // [P]
   int64_t size() const { return size_; }
@@ -67,9 +74,23 @@ class ParameterSet {
   };
   std::vector<at::Tensor> starts(uint64_t seed) const;
   std::vector<Spec> specs_;
-  std::vector<at::Tensor> views_;
+  std::vector<at::Tensor> views_, exact_;  // exact_: of a rounded set
   at::Tensor values_, gradient_;
+  at::Tensor leaf_;  // the values, with the gradient of all
   int64_t size_ = 0;
+};
+
+/// Parameters as layers read them: rounded to bfloat16 at once, or as they are.
+class ReadParameters {
+ public:
+  ReadParameters(const ParameterSet& set, bool in_bfloat16) : set_(set) {
+    if (in_bfloat16) rounded_ = set.in_bfloat16();
+  }
+  const ParameterSet& operator*() const { return rounded_ ? *rounded_ : set_; }
+
+ private:
+  const ParameterSet& set_;
+  std::optional<ParameterSet> rounded_;
 };
 
 /// Copies between tensors and checkpoint arrays; shapes must match.

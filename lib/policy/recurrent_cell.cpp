@@ -190,7 +190,7 @@ at::Tensor RecurrentCell::forward(const ParameterSet& p, const at::Tensor& x, co
   const int64_t l = sequence.length, g = gates_of(kind_) * size_;
   const at::Tensor input = linear(x, p[input_weight_], p[input_bias_]).to(at::kFloat).reshape({l, -1, g});
   const at::Tensor begins = sequence.begins.defined() ? sequence.begins.contiguous() : at::Tensor();
-  const at::Tensor &weight = p[hidden_weight_], &bias = p[hidden_bias_];
+  const at::Tensor &weight = p.exact(hidden_weight_), &bias = p.exact(hidden_bias_);
   at::Tensor features, states;
   if (at::GradMode::is_enabled()) {
     const auto given = [](const at::Tensor& t) { return t.defined() ? std::optional(t) : std::nullopt; };

@@ -25,7 +25,9 @@ struct MadeEncoder {
     encoder = make(parameters, "eye", ObservationShape(side, side, 3), config);
     parameters.allocate(device, 1);
   }
-  at::Tensor operator()(const at::Tensor& x) const { return encoder->forward(parameters, x, Rounding::none); }
+  at::Tensor operator()(const at::Tensor& x, Rounding rounding = Rounding::none) const {
+    return encoder->forward(parameters, x, rounding);
+  }
 };
 
 at::Tensor byte_images(at::IntArrayRef rows, int side) {
@@ -168,6 +170,7 @@ TEST(PolicyImages, BytesAreTheNumbersThatTheyStandFor) {
     EXPECT_TRUE(at::equal(made(bytes.to(at::kFloat)), expected));
     EXPECT_GT(expected.abs().max().item<float>(), 1e-3);
     const at::Tensor coarse = made(bytes.to(at::kBFloat16));
+    EXPECT_TRUE(at::equal(made(bytes, Rounding::to_bfloat16), coarse));
     ASSERT_EQ(coarse.scalar_type(), at::kBFloat16);
     // 8 bits of mantissa through a dozen layers.
     EXPECT_LT((coarse.to(at::kFloat) - expected).abs().max().item<float>(), 0.05f * expected.abs().max().item<float>());
@@ -214,12 +217,13 @@ TEST(PolicyImagesGpu, AsOnTheCpu) {
     images = images.view({6, -1});
     const at::Tensor expected = made(images);
     const float largest = expected.abs().max().item<float>();
-    const auto off = [&](const at::Tensor& x) {
-      return (there(x).to(at::kFloat).cpu() - expected).abs().max().item<float>() / largest;
+    const auto off = [&](const at::Tensor& x, Rounding rounding = Rounding::none) {
+      return (there(x, rounding).to(at::kFloat).cpu() - expected).abs().max().item<float>() / largest;
     };
     EXPECT_LT(off(images.to(gpu)), 1e-4f);
     EXPECT_LT(off(images.to(gpu).to(at::kFloat)), 1e-4f);
     EXPECT_LT(off(images.to(gpu).to(at::kBFloat16)), 0.05f);
+    EXPECT_LT(off(images.to(gpu), Rounding::to_bfloat16), 0.05f);  // where there are kernels, by these
   }
 }
 
