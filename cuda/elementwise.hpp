@@ -1,6 +1,7 @@
 // The list of all elementwise operations: what elementwise.cu makes for a GPU, and a build without CUDA leaves out.
 #pragma once
 
+#include "math/copy_pieces.hpp"
 #include "math/distributions.hpp"
 #include "math/es_noise.hpp"
 #include "math/forget_episodes.hpp"
@@ -21,6 +22,7 @@
   APPLY(ScriptedActions)              \
   APPLY(BlindActions)                 \
   APPLY(ForgetEpisodes)               \
+  APPLY(CopyPieces)                   \
   APPLY(Gae)                          \
   APPLY(CategoricalLoss)              \
   APPLY(GaussianLoss)                 \

@@ -9,10 +9,13 @@
 #include <utility>
 
 #include "core/error.hpp"
+#include "core/parallel_for.hpp"
 #include "eval/recorded_world.hpp"
 #include "learn/players/value_function.hpp"
+#include "math/copy_pieces.hpp"
 #include "math/distributions.hpp"
 #include "policy/policy.hpp"
+#include "rollout/stream.hpp"
 #include "rollout/tensors.hpp"
 #include "sim/image_rows.hpp"
 #include "sim/row_layout.hpp"
@@ -49,7 +52,7 @@ struct Recorder::Remembered {
 struct Recorder::Waiting {
   static constexpr int64_t kMost = 64, kMostBytes = int64_t{1} << 26;
   int64_t most = 1, count = 0, noted = 0;  // states
-  Device device;
+  std::unique_ptr<ParallelFor> parallel_for;
   StateView fields{};  // of the simulator, for where they lie in its bytes; those of pairs are null in a crowd
   PairLists lists;
   StateShape shape = 0;
@@ -177,7 +180,7 @@ void Recorder::note_actions(const uint8_t* const (&actions)[kNTeams]) {
 void Recorder::make_room(const GameStep& step) {
   const Simulator& sim = *step.sim;
   Waiting& to = *waiting_;
-  to.device = sim.device();
+  to.parallel_for = std::make_unique<ParallelFor>(sim.device(), 1, current_stream(sim.device()));
   to.shape = sim.state().shape();
   to.fields = sim.state().view();
   to.lists = sim.state().lists();
@@ -191,7 +194,7 @@ void Recorder::make_room(const GameStep& step) {
   int64_t bytes = 0;  // of a state
   std::vector<std::pair<at::Tensor*, at::Tensor>> rooms;
   const auto room = [&](at::Tensor& tensor, at::IntArrayRef sizes, at::ScalarType type) {
-    const at::Tensor one = at::empty(sizes, at::TensorOptions().dtype(type).device(torch_device(to.device)));
+    const at::Tensor one = at::empty(sizes, at::TensorOptions().dtype(type).device(torch_device(sim.device())));
     bytes += static_cast<int64_t>(one.nbytes());
     rooms.emplace_back(&tensor, one);
   };
@@ -223,19 +226,21 @@ void Recorder::make_room(const GameStep& step) {
 /// Keeps a state, the actions that led there, and what the networks read of it.
 void Recorder::put_off(const GameStep& step) {
   Waiting& to = *waiting_;
-  const auto keep = [&](const at::Tensor& room, const auto* from) {
+  CopyPieces copy;
+  const auto keep = [&](const at::Tensor& room, const void* from) {
     if (!room.defined()) return;
-    const at::Tensor slot = room[to.count];
-    slot.copy_(wrap(from, slot.sizes(), to.device));
+    const auto bytes = static_cast<int64_t>(room.nbytes()) / to.most;  // of a state
+    copy.add(from, static_cast<uint8_t*>(room.data_ptr()) + to.count * bytes, bytes);
   };
-  keep(to.bytes, reinterpret_cast<const uint8_t*>(to.fields.x));
+  keep(to.bytes, to.fields.x);
   for (int team = 0; team < kNTeams; ++team) {
-    if (to.noted + to.count > 0) keep(to.actions[team], static_cast<const uint8_t*>(step.team[team].action));
+    if (to.noted + to.count > 0) keep(to.actions[team], step.team[team].action);
     keep(to.numbers[team], step.rows[team].obs);
-    keep(to.images[team], static_cast<const uint8_t*>(step.io.team[team].obs[Observation::image].rows));
+    keep(to.images[team], step.io.team[team].obs[Observation::image].rows);
   }
   keep(to.alive, step.sim->state().view().alive);
-  keep(to.truth, static_cast<const float*>(step.io.world[Observation::state].rows));
+  keep(to.truth, step.io.world[Observation::state].rows);
+  to.parallel_for->run(copy, copy.n_rows());
   ++to.count;
 }
 

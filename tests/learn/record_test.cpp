@@ -6,6 +6,7 @@
 
 #include <algorithm>
 
+#include "cuda/runtime.hpp"
 #include "game/game.hpp"
 #include "learn/players/value_function.hpp"
 #include "learn/team_policy.hpp"
@@ -57,13 +58,14 @@ SmallRun small_run() {
 }
 
 struct Recorded {
-  explicit Recorded(const SmallRun& small = small_run()) : run(small.load()), learner(small.learner()) {
+  explicit Recorded(const SmallRun& small = small_run(), Device device = {})
+      : run(small.load()), learner(small.learner(device)) {
     learner->save_critics(critics);
-    values = ValueFunction::load(run, 0, critics, *learner->actor(0), {});
+    values = ValueFunction::load(run, 0, critics, *learner->actor(0), device);
     const std::array<RecordedTeam, 2> teams = {
         RecordedTeam{policy_controller(*learner->actor(0)), {learner->actor(0), values.get()}, "a"},
         RecordedTeam{policy_controller(*learner->actor(1)), {}, "b"}};
-    replay = record_match(run.scenario, run.spec, teams, {3, 5, {}, 2}, "0.1.0").replay;
+    replay = record_match(run.scenario, run.spec, teams, {3, 5, device, 2}, "0.1.0").replay;
   }
 
   LoadedRun run;
@@ -176,6 +178,22 @@ TEST(LearnRecord, PlaysAgainAndNoticesWhatDiffers) {
   other = recorded.replay;
   other.seed = "6";
   EXPECT_NE(verify_replay(other, {}), "");
+}
+
+// Games of more states than wait on the device at a time, with what the networks say of each.
+TEST(LearnRecordGpu, TheCpuPlaysTheSameGamesAgain) {
+  if (cuda_device_count() == 0) GTEST_SKIP() << "skipped: no GPU";
+  SmallRun small = small_run();
+  small.scenario = "max_episode_length: 90\nlimit_x: 60\nlimit_y: 60\ndamage: {damage_cone_depth: 0}\n";
+  const Recorded recorded(small, {Device::Kind::cuda, 0});
+  EXPECT_EQ(verify_replay(recorded.replay, {}), "");
+  EXPECT_EQ(verify_replay(recorded.replay, {Device::Kind::cuda, 0}), "");
+  for (const ReplayEpisode& e : recorded.replay.episodes) {
+    const auto agents = static_cast<size_t>(recorded.run.spec.params.n_team[0]);
+    EXPECT_GT(e.steps, 70);
+    EXPECT_EQ(e.mind[0].value.size(), agents * (static_cast<size_t>(e.steps) + 1));
+    EXPECT_EQ(e.mind[0].likely.size(), 3 * e.mind[0].value.size());  // kLikelyActions
+  }
 }
 
 /// What a recorder of a crowd should have seen of world 1: by state, whom living opponents see, and who fires at whom.
