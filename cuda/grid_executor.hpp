@@ -127,7 +127,8 @@ struct GridLanes {
   }
   GIGA_HD void wait_sent() const {}
   GIGA_HD void wait_delivered() const {}
-  /// They share one world, so all hand in the same; nobody goes on to change it before all have read it.
+  /// They share one world, so all hand in the same. Where it is true, what it was read from may change next: nobody
+  /// goes on before all have read it.
   GIGA_HD bool any(bool flag) const {
     if (flag) sync.wait();
     return flag;
@@ -207,9 +208,11 @@ struct GridLaunch {
   GIGA_HD int world(int k) const { return playing ? playing[k] : k; }
 };
 
-/// What a thread does. `sync`: of its group; `shared`: memory of its block.
+/// What a thread does. `sync`: of its group; `shared`: memory of its block. Always inlined: as a function of its own it
+/// reached the kernel's parameters through a pointer, with 5 kB of spills (ptxas).
 template <Job job, class Sync>
-[[gnu::always_inline]] GIGA_HD void run_grid_thread(const GridLaunch& k, const ThreadIndex& at, Sync sync, char* shared) {
+[[gnu::always_inline]] GIGA_HD void run_grid_thread(const GridLaunch& k, const ThreadIndex& at, Sync sync,
+                                                    char* shared) {
   const int group = at.block / k.blocks;
   // Warps take turns among the blocks, so that all have work where there are fewer agents than threads.
   const int warp = at.thread / kWarp * k.blocks + at.block % k.blocks;

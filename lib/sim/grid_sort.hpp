@@ -1,6 +1,6 @@
 // Stages of a world of many agents for many workers at once (WideLanes): sorting the agents into the grid, going
-// through them by place, counting the teams, adding up returns. What comes out does not depend on who is faster, and is
-// what one worker makes (grid_stages.hpp).
+// through them by place, who hits whom and who lives then, adding up returns. What comes out does not depend on who is
+// faster, and is what one worker makes (grid_stages.hpp).
 #pragma once
 
 #include <bit>

@@ -96,7 +96,8 @@ GIGA_HD void reset_world(const Lanes& lanes, const Parameters auto& p, World aut
 }
 
 /// The stages of one step of one world, up to its observation. Between two stages all lanes see all results of the
-/// first. Where the episode ends, its world is left in Phase::terminated or truncated. `active`: it plays.
+/// first, but where the first is one without_barrier. Where the episode ends, its world is left in Phase::terminated or
+/// truncated. `active`: it plays.
 template <class Lanes, class Draws>
 GIGA_HD void play_step(const Lanes& lanes, const Parameters auto& p, World auto& w, Draws& draws, const StepIo& io,
                        OnDone on_done, int64_t world, bool active) {
