@@ -31,6 +31,9 @@ __device__ __forceinline__ uint32_t pair_of(float low, float high) {
   return pair;
 }
 
+/// The channel that is column c of a tile of 8: so a lane holds eight neighbours of its four tiles.
+__device__ constexpr int channel_of(int tile, int column) { return column / 2 * 8 + tile * 2 + column % 2; }
+
 /// As multiply_add of half_tiles.cuh.
 __device__ __forceinline__ void multiply_add_bfloat16(float (&c)[4], const uint32_t (&a)[4], uint32_t b0, uint32_t b1) {
   asm("mma.sync.aligned.m16n8k16.row.col.f32.bf16.bf16.f32 {%0, %1, %2, %3}, {%4, %5, %6, %7}, {%8, %9}, {%0, %1, %2, "

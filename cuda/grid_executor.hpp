@@ -82,6 +82,7 @@ struct GridLanes {
   GIGA_HD void write_pieces(int rows, int pieces, Rows&& row_of, MakePiece&& piece) const {
     using Piece = decltype(piece(0, 0));
     constexpr int kNumbers = sizeof(Piece) / sizeof(float);
+    static_assert(kNumbers <= kNeighborFeatures, "the stage of a warp has room for pieces of an agent");
     if (rows <= 0 || pieces <= 0) return;
     const int lane = first % kWarp, together = pieces < kWarp ? kWarp / pieces : 1;  // rows of a warp at a time
     const int slot = lane / pieces, taken = slot < together ? slot : 0;
@@ -151,11 +152,11 @@ struct GridDevice {
   size_t shared_bytes = 0;  ///< at most, of a block that sorts; besides its stage
   /// Clusters of 2^k blocks that run at the same time; 0 = as many as there are blocks for. An H200 has room for fewer
   /// of 8 blocks than it has eights of multiprocessors: those of a cluster are neighbors.
-  int clusters[4] = {};
+  int clusters[4] = {-1, -1, -1, -1};
 
   int clusters_of(int blocks) const {
     const int known = clusters[std::bit_width(static_cast<unsigned>(blocks)) - 1];
-    return known > 0 ? known : resident / blocks;
+    return known >= 0 ? known : resident / blocks;
   }
 };
 

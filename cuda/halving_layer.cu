@@ -4,8 +4,6 @@
 // a row of zeros.
 #include "cuda/halving_layer.hpp"
 
-#include <algorithm>
-
 #include "cuda/bfloat16_tiles.cuh"
 #include "cuda/check.cuh"
 #include "cuda/half_tiles.cuh"
@@ -43,9 +41,6 @@ struct Divisor {
   __device__ explicit Divisor(int b) : inverse(65536 / static_cast<uint32_t>(b) + 1) {}
   __device__ int operator()(int a) const { return static_cast<int>(static_cast<uint32_t>(a) * inverse >> 16); }
 };
-
-/// Column c of a tile of 8 is this output or input, so that a lane holds eight neighbours of its four tiles.
-__device__ constexpr int channel_of(int tile, int column) { return column / 2 * 8 + tile * 2 + column % 2; }
 
 class Block {
  public:

@@ -4,7 +4,7 @@
 //
 // Within 16 columns of the products a lane holds four neighbours (one word of an image), not twice two as the tensor
 // core's own order has it: column c of 16 is number own_column(c) of them. Outputs are in another order likewise, so
-// that a lane holds eight neighbours, which it reads and writes at once: output_of(tile, column).
+// that a lane holds eight neighbours, which it reads and writes at once: channel_of(tile, column).
 #include "cuda/image_layer.hpp"
 
 #include <cuda_bf16.h>
@@ -33,8 +33,6 @@ struct Window {
   static constexpr int kRowsOfPart = kPart / kRowBytes;
   static_assert(kRowsOfPart * kRowBytes == kPart && kWarps % kParts == 0);
 };
-
-__device__ constexpr int output_of(int tile, int column) { return column / 2 * 8 + tile * 2 + column % 2; }
 
 /// Lane 4 i + j holds the numbers 2 j, 2 j + 1 of row i of 8 x 8; then those of column i.
 __device__ __forceinline__ uint32_t transposed(uint32_t pair) {
@@ -172,7 +170,7 @@ __device__ void load_weights(const ImageLayer& layer, uint4* to) {
     uint32_t words[4];
 #pragma unroll
     for (int j = 0; j < 4; ++j) {
-      const float* row = layer.weight + output_of(2 * half + j / 2, lane / 4) * W::kColumns;
+      const float* row = layer.weight + channel_of(2 * half + j / 2, lane / 4) * W::kColumns;
       const int column = 16 * step + 4 * (lane % 4) + j % 2 * 2;
       const __half2 pair = __floats2half2_rn(row[column], row[column + 1]);
       words[j] = reinterpret_cast<const uint32_t&>(pair);
@@ -328,7 +326,7 @@ __global__ void __launch_bounds__(kThreads, kGradientBlocks)
         for (int k = 0; k < 4; ++k) {
           // Row lane.group of 16 is column 2 i, 2 i + 1 of a lane's first two; the rows behind 8 are its last two.
           const int column = kPart * h + 16 * s + lane.group / 2 * 4 + k / 2 * 2 + lane.group % 2;
-          total[output_of(j, lane.pair + k % 2) * W::kColumns + column] += sums[s][j][k];
+          total[channel_of(j, lane.pair + k % 2) * W::kColumns + column] += sums[s][j][k];
         }
     if (h == 0 && lane.group == 0)
 #pragma unroll

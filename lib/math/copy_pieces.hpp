@@ -3,6 +3,7 @@
 
 #include <cstdint>
 
+#include "core/error.hpp"
 #include "core/host_device.hpp"
 
 namespace giga {
@@ -21,6 +22,7 @@ struct CopyPieces {
 
   int64_t n_rows() const { return count > 0 ? piece[count - 1].end : 0; }
   void add(const void* from, void* to, int64_t bytes) {
+    GIGA_CHECK(from && to && count < kMost, "piece ", count, " of at most ", kMost);
     piece[count] = {static_cast<const uint8_t*>(from), static_cast<uint8_t*>(to), bytes, n_rows() + (bytes + 3) / 4};
     ++count;
   }

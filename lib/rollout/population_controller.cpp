@@ -108,9 +108,10 @@ class FusedPopulations final : public PopulationController {
     void* const stream = any.parallel_for.stream();
     if (!work_.defined()) pack(device, stream);
     PopulationPolicy policy = policy_of(teams);
+    const bool lists = !work_.defined() || any.number % kListPeriod == 0;
     if (!work_.defined()) work_ = at::empty({population_work(policy)}, opponent_.options());
     policy.work = work_.data_ptr<int32_t>();
-    if (any.number % kListPeriod == 0) list_population_work(policy, device, stream);
+    if (lists) list_population_work(policy, device, stream);
     launch_population_policy(policy, device, stream);
   }
 

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "core/error.hpp"
+#include "cuda/runtime.hpp"
 #include "learn/libtorch_settings.hpp"
 #include "learn/mappo/ppo_team.hpp"
 #include "learn/memory.hpp"
@@ -161,6 +162,26 @@ void expect_learns_sides(const std::string& critic) {
 
 TEST(LearnPixels, TheActorLearnsWhatOnlyTheImageTells) { expect_learns_sides("kind: state, hidden: [16, 16]"); }
 TEST(LearnPixels, ItLearnsBySharedFeaturesToo) { expect_learns_sides("shared_encoder: true, hidden: [16]"); }
+
+// In half precision, by the kernels of the first layers and by cuDNN: a run that is loaded goes on as the one that
+// saved.
+TEST(LearnPixelsGpu, GoingOnIsBitForBit) {
+  if (cuda_device_count() == 0) GTEST_SKIP() << "no GPU";
+  const Device gpu{Device::Kind::cuda, 0};
+  for (const char* encoder : {"nature", "compact", "impala, impala_width: 8"}) {
+    SCOPED_TRACE(encoder);
+    SmallRun run = pixel_run("observation: {type: rgb}\n");
+    run.actor = cat("encoder: ", encoder, ", hidden: [32], activation: relu");
+    run.precision = "bf16";
+    const auto learner = run.learner(gpu), loaded = run.learner(gpu);
+    for (int u = 0; u < 2; ++u) learner->update();
+    const NamedArrays checkpoint = saved(*learner);
+    expect_finite(checkpoint);
+    loaded->load(checkpoint);
+    for (int u = 0; u < 2; ++u) EXPECT_EQ(difference(learner->update(), loaded->update()), "");
+    EXPECT_EQ(difference(saved(*learner), saved(*loaded)), "");
+  }
+}
 
 // A rollout keeps no image and no numbers that nobody reads, and the plan says what that saves. A world of 4 agents:
 // 4 x (6 + 1) + 1 + 4 + 1 = 34 words = 136 bytes, its images 4 x 16 x 16 x 3 = 3,072; 24 worlds of 8 steps.

@@ -110,7 +110,7 @@ TEST(PolicyRectifiedConvolutionGpu, AsConvolutionsInFp32) {
     int64_t n, input, output, side, size, stride, padding;
   };
   for (const Shape& s :
-       {Shape{5120, 32, 64, 20, 4, 2, 0}, Shape{5120, 64, 64, 9, 3, 1, 0}, Shape{5120, 32, 32, 21, 3, 2, 1},
+       {Shape{5120, 32, 64, 20, 4, 2, 0}, Shape{10240, 64, 64, 9, 3, 1, 0}, Shape{10240, 32, 32, 21, 3, 2, 1},
         Shape{5120, 32, 32, 11, 3, 2, 1}, Shape{7, 32, 32, 24, 3, 2, 1}, Shape{3, 32, 32, 5, 3, 2, 1},
         Shape{7, 32, 32, 25, 3, 2, 1}, Shape{7, 16, 16, 5, 3, 1, 1}}) {
     SCOPED_TRACE(testing::Message() << s.n << " of " << s.input << " channels, " << s.side << " pixels");
@@ -147,6 +147,16 @@ TEST(PolicyRectifiedConvolutionGpu, AsConvolutionsInFp32) {
     EXPECT_LT(off(own_x.grad(), x.grad()), 0.01f);
     EXPECT_LT(off(own_w.grad(), w.grad()), 0.01f);
     EXPECT_LT(off(own_b.grad(), b.grad()), 0.01f);
+
+    // A run repeats: no kernel adds up in any order, cuDNN's neither.
+    const at::Tensor d_x = own_x.grad().clone(), d_w = own_w.grad().clone(), d_b = own_b.grad().clone();
+    for (int again = 0; again < 3; ++again) {
+      for (const at::Tensor& leaf_again : {own_x, own_w, own_b}) leaf_again.mutable_grad() = at::Tensor();
+      const at::Tensor once_more = rectified_convolution(own_x, own_w, own_b, s.stride, s.padding);
+      EXPECT_TRUE(at::equal(once_more, output));
+      once_more.backward(d_output);
+      EXPECT_TRUE(at::equal(own_x.grad(), d_x) && at::equal(own_w.grad(), d_w) && at::equal(own_b.grad(), d_b));
+    }
   }
   at::globalContext().setAllowTF32CuDNN(tf32);
 }
