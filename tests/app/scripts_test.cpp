@@ -184,9 +184,15 @@ TEST(Scripts, MeasureWritesRowsAndTables) {
                        {"| identical_5_vs_5, GRU, 60 M | ", "wins as team 0 / as team 1",
                         "| hide_and_seek_5_vs_5, GRU, 60 M against no memory, 600 M | 1, 2 | "}));
 
-  // Rows of another machine come in once, and of two commits the newer one is shown.
+  // Rows of another machine come in once. Of two rows of a command the newer one is shown; those of others stay, also
+  // where their rows are not here any more.
+  const std::string train =
+      "gigastep bench train --config quickstart --worlds 64 --steps 1 --repeats 2 --set mappo.horizon=8 "
+      "--set mappo.n_minibatches=1 --device cpu";
+  ASSERT_TRUE(contains(page, {"`" + train + "` |"}));
   copy.write("other.jsonl", R"({"key": "bench-cpu: x", "piece": "bench-cpu", "commit": "feedc0de", "device": "a GPU",
-    "date": "2999-01-01T00:00:00+00:00", "command": "gigastep bench x", "kind": "sim", "scenario": "s", "results": [
+    "date": "2999-01-01T00:00:00+00:00", "command": ")" +
+                                train + R"(", "kind": "train", "scenario": "s", "results": [
     {"worlds": 8, "arithmetic": "bf16", "agent_steps_per_second": 2e9, "interquartile": [1e9, 3e9], "checksum": {}}]})");
   std::string line = copy.read("other.jsonl");
   line.erase(std::remove(line.begin(), line.end(), '\n'), line.end());
@@ -194,10 +200,20 @@ TEST(Scripts, MeasureWritesRowsAndTables) {
   const std::string other = (tree / "other.jsonl").string();
   EXPECT_TRUE(contains(measure({"add", other}).out, {"1 new rows"}));
   EXPECT_TRUE(contains(measure({"add", other}).out, {"0 new rows"}));
-  ASSERT_EQ(measure({"docs"}).code, 0);
-  const std::string newer = copy.read("build/measure_tiny/measurements.md");
-  EXPECT_TRUE(contains(newer, {"| sim, s, 8 worlds | bf16 | **2 G** (1 G to 3 G) |  | a GPU | `feedc0de` |"}));
-  EXPECT_EQ(newer.find("64 worlds"), std::string::npos);
+  for (const bool forgotten : {false, true}) {
+    if (forgotten) {
+      copy.write("docs/measurements.md", copy.read("build/measure_tiny/measurements.md"));
+      copy.write("build/measure_tiny/bench-cpu.jsonl", line + "\n");
+    }
+    ASSERT_EQ(measure({"docs"}).code, 0);
+    const std::string newer = copy.read("build/measure_tiny/measurements.md");
+    EXPECT_TRUE(
+        contains(newer, {"n_minibatches=1), s, 8 worlds | bf16 | **2 G** (1 G to 3 G) |  | a GPU | `feedc0de` |",
+                         "| sim, identical_5_vs_5, 64 worlds | fp32 |", "| closed-loop, identical_5_vs_5, 64"}));
+    EXPECT_EQ(newer.find("n_minibatches=1), identical_5_vs_5"), std::string::npos);
+  }
+  EXPECT_TRUE(contains(measure({"left", "--only", "closed-loop"}).out, {"left: gpu-bench: closed-loop"}));
+  EXPECT_EQ(measure({"left", "--only", "closed-loop"}).out.find("left: gpu-bench: sim"), std::string::npos);
 }
 
 // scripts/reproduce, with tiny sizes on the CPU: rows of runs and of best responses, nothing twice, the table.
