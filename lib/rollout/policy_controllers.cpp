@@ -57,6 +57,7 @@ class PolicyController final : public TeamController {
   ObservationSet reads() const override { return policy_.reads(); }
   bool fills_log_prob() const override { return true; }
   int64_t memory_size() const override { return policy_.state_size(); }
+  bool repeats() const override { return actor_ && fused_policy(*actor_); }
   void act(std::span<const TeamStep> parts) override {
     at::NoGradGuard no_grad;
     const std::optional<FusedPolicy> fused = actor_ ? fused_policy(*actor_) : std::nullopt;
@@ -95,6 +96,7 @@ class GroupController final : public TeamController {
 
   ObservationSet reads() const override { return policy_.reads(); }
   int64_t memory_size() const override { return policy_.state_size(); }
+  bool repeats() const override { return policy_.fused().has_value(); }
   void act(std::span<const TeamStep> parts) override {
     const std::optional<FusedPolicy> fused = policy_.fused();
     for (const TeamStep& part : parts) {
