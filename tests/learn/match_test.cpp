@@ -170,7 +170,7 @@ TEST(LearnMatchGpu, RecordedStepsAreTheSame) {
                "}]\nmaps: two_rooms1\nlimit_x: 10\nlimit_y: 10\nmax_episode_length: 100\n");
   };
   // Those of five and of two are kernels of their own.
-  for (const std::string& scenario : {teams(5), teams(2), teams(7), teams(5) + "action: continuous\n",
+  for (const std::string& scenario : {teams(5), teams(2), teams(4), teams(5) + "action: continuous\n",
                                       teams(3) + "observation: {egocentric_view: true}\n"}) {
     SmallRun small;
     small.scenario = scenario;
