@@ -2,6 +2,7 @@
 #include "cuda/check.cuh"
 #include "cuda/draw.hpp"
 #include "cuda/executor.hpp"
+#include "cuda/recorded_work.hpp"
 #include "cuda/runtime.hpp"
 #include "cuda/worlds.cuh"
 #include "sim/usual_params.hpp"
@@ -107,6 +108,11 @@ class CudaSimulator final : public LaunchingSimulator {
   void synchronize() override {
     GIGA_CUDA(cudaSetDevice(index_));
     GIGA_CUDA(cudaStreamSynchronize(stream_));
+  }
+
+  std::unique_ptr<RecordedWork> record(size_t most_beside, const std::function<void(Recording&)>& work) override {
+    // The default stream cannot be captured.
+    return stream_ ? record_work(index_, stream_, most_beside, work) : nullptr;
   }
 
  protected:

@@ -19,6 +19,8 @@ Game::Game(Simulator& sim, const ParallelFor& parallel_for, const BothSides& sid
   }
 }
 
+Game::~Game() = default;
+
 int64_t memory_size(const Side& side) {
   int64_t size = 0;
   for (const SidePart& part : side) {
@@ -105,15 +107,55 @@ void Game::play(int64_t n_steps) {
   GIGA_CHECK(started_, "the game has not started");
   for (GameObserver* observer : observers_) observer->before_play(n_steps);
   const bool may_end = sim_.options().on_done == OnDone::freeze;
-  for (int64_t t = 0; t < n_steps; ++t) {
-    if (may_end && steps_ % kListPeriod == 0 && sim_.over()) return;
+  bool records = may_end && repeats();
+  period_.reset();  // what it was made of may be another now
+  for (int64_t t = 0; t < n_steps;) {
+    const bool lists = steps_ % kListPeriod == 0;
+    if (may_end && lists && sim_.over()) return;
+    // The first steps are played one by one, so that all kernels are loaded and all memory is there.
+    if (records && lists && t >= kListPeriod && n_steps - t >= kListPeriod) {
+      records = queue_period(t);
+      if (records) {
+        t += kListPeriod;
+        continue;
+      }
+    }
     const GameStep step = step_at(t);
     act(step);
     sim_.step(step.io);
     forget(step);
     finish(t, step);
     ++steps_;
+    ++t;
   }
+}
+
+/// Whether one step is like the other.
+bool Game::repeats() const {
+  const auto remembers = [this](int team) { return memory_size_[team] > 0; };
+  return observers_.empty() && !remembers(0) && !remembers(1) &&
+         std::all_of(seats_.begin(), seats_.end(), [](const Seat& seat) { return seat.controller->repeats(); });
+}
+
+/// Queues the steps up to the next list in one call; false where the back end records nothing. Controllers act side by
+/// side, because each leaves most of a GPU to others.
+bool Game::queue_period(int64_t t) {
+  if (!period_) {
+    const GameStep step = step_at(t);
+    period_ = sim_.record(seats_.size(), [&](Recording& recording) {
+      for (int k = 0; k < kListPeriod; ++k) {
+        recording.side_by_side(seats_.size(), [&](size_t seat, void* stream) {
+          act(seats_[seat], step, steps_ + k, ParallelFor(sim_.device(), 0, stream));
+        });
+        sim_.queue_step(step.io);
+      }
+    });
+    if (!period_) return false;
+  }
+  sim_.begin_steps(kListPeriod);
+  period_->queue();
+  steps_ += kListPeriod;
+  return true;
 }
 
 /// What observers want of a step.
@@ -164,14 +206,16 @@ void Game::forget(const GameStep& step) {
 }
 
 void Game::act(const GameStep& step) {
-  for (const Seat& seat : seats_) {
-    parts_.clear();
-    for (const Part& part : seat.parts) {
-      const TeamStep all{sim_, parallel_for_, part.team, steps_, {0, sim_.n_worlds()}, step.team[part.team], layout_};
-      parts_.push_back(all.part(part.worlds));
-    }
-    seat.controller->act(parts_);
+  for (const Seat& seat : seats_) act(seat, step, steps_, parallel_for_);
+}
+
+void Game::act(const Seat& seat, const GameStep& step, int64_t number, const ParallelFor& parallel_for) {
+  parts_.clear();
+  for (const Part& part : seat.parts) {
+    const TeamStep all{sim_, parallel_for, part.team, number, {0, sim_.n_worlds()}, step.team[part.team], layout_};
+    parts_.push_back(all.part(part.worlds));
   }
+  seat.controller->act(parts_);
 }
 
 }  // namespace giga

@@ -68,6 +68,7 @@ class Game {
   /// asked once a step for all of them.
   Game(Simulator& sim, const ParallelFor& parallel_for, const BothSides& sides,
        std::vector<GameObserver*> observers = {});
+  ~Game();
 
   /// Starts the first episode of each world.
   void start();
@@ -81,6 +82,8 @@ class Game {
 
   /// Queues `n_steps` steps, or fewer where all worlds wait before. The host waits for none of them, except with
   /// OnDone::freeze: there it waits for steps of some time ago, to learn whether a world still plays (Simulator::over).
+  /// Where in such a game nobody observes and all controllers repeat themselves, kListPeriod steps are recorded once,
+  /// as far as the back end can (Simulator::record), and then queued in one call: the same steps.
   void play(int64_t n_steps);
 
  private:
@@ -99,6 +102,9 @@ class Game {
   GameStep begin(void (Simulator::*write)(const StepIo&));
   void finish(int64_t t, const GameStep& step);
   void act(const GameStep& step);
+  void act(const Seat& seat, const GameStep& step, int64_t number, const ParallelFor& parallel_for);
+  bool repeats() const;
+  bool queue_period(int64_t t);
   void forget(const GameStep& step);
 
   Simulator& sim_;
@@ -115,7 +121,8 @@ class Game {
   const uint8_t* seen_image_[kNTeams] = {};       // and the images
   int64_t steps_ = 0;                             // since the start
   bool started_ = false;
-  std::vector<TeamStep> parts_;  // of the controller that acts
+  std::vector<TeamStep> parts_;           // of the controller that acts
+  std::unique_ptr<RecordedWork> period_;  // the steps of a period of this play
 };
 
 }  // namespace giga

@@ -11,6 +11,7 @@ class ScriptController final : public TeamController {
   explicit ScriptController(Scripted script) : script_(script) {}
 
   ObservationSet reads() const override { return observations_of(script_); }
+  bool repeats() const override { return true; }
   void act(std::span<const TeamStep> parts) override {
     const std::vector<TeamStep> steps = joined(parts);
     for (size_t k = 0; k < steps.size(); ++k) {

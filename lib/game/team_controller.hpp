@@ -57,6 +57,10 @@ class TeamController {
   virtual bool fills_log_prob() const { return false; }
   /// Numbers that an agent remembers from step to step; 0 = none. Controllers of one side that have any agree on it.
   virtual int64_t memory_size() const { return 0; }
+  /// Whether `act` queues nothing but kernels on the stream of its parts' `parallel_for`, and the same at each step of
+  /// a game, as far as its buffers and `number` modulo kListPeriod are the same: then steps of a GPU are recorded, and
+  /// the host is not asked at each. What its first kListPeriod steps allocated it has then.
+  virtual bool repeats() const { return false; }
   /// Queues the actions of a step in all parts of the game that it moves, team by team in the order of their worlds.
   virtual void act(std::span<const TeamStep> parts) = 0;
 };

@@ -3,11 +3,13 @@
 #include <torch/types.h>
 
 #include "core/error.hpp"
+#include "cuda/population_policy.hpp"
 #include "math/distributions.hpp"
 #include "math/population_actions.hpp"
 #include "policy/actor.hpp"
 #include "policy/fused_actor.hpp"
 #include "rollout/group_policy.hpp"
+#include "rollout/population_controller.hpp"
 #include "rollout/tensors.hpp"
 #include "sim/image_rows.hpp"
 
@@ -28,6 +30,58 @@ void act_fused(FusedPolicy policy, const InputColumns& inputs, const TeamStep& s
         greedy};
   act_fused(policy, s.parallel_for);
 }
+
+/// A network of fp16 in all worlds of a step, by the kernel that plays populations of it. It is packed, and the worlds
+/// that play are listed, at each step, so that nobody need tell that the network has changed, or that another game is
+/// played.
+class HalfPrecisionPolicy {
+ public:
+  /// None where the kernel does not serve the network.
+  static std::optional<SmallMlp> served(const Actor& actor) {
+    if (!takes_fused_kernel(actor) || !population_policy_runs(actor.parameters().values().get_device()))
+      return std::nullopt;
+    return actor.small_mlp();
+  }
+
+  /// `part`: which of the step's parts this is; each has room of its own.
+  void act(const Actor& actor, const SmallMlp& mlp, const TeamStep& s, size_t part, bool greedy) {
+    const at::Tensor& values = actor.parameters().values();
+    const int device = s.parallel_for.device().index, worlds = static_cast<int>(s.worlds.count);
+    void* const stream = s.parallel_for.stream();
+    PopulationPolicy policy;
+    policy.packed = PackedMlp(mlp);
+    policy.obs_stride = s.obs_stride();
+    policy.phase = s.sim.state().view().phase + s.worlds.first;
+    policy.n_parts = 1;
+    NetworkGroups& all = policy.part[0];
+    all.groups = all.world_step = 1;
+    all.worlds_per_group = worlds;
+    all.group_step = worlds;
+    all.obs = s.buffers.obs + actor.inputs().first;
+    all.act = {s.sim.params().actions, greedy, s.draws(), s.buffers.action};
+
+    if (rooms_.size() <= part) rooms_.resize(part + 1);
+    Room& room = rooms_[part];
+    const auto grow = [&](at::Tensor& tensor, int64_t size, at::ScalarType type) {
+      if (!tensor.defined() || tensor.size(0) < size) tensor = at::empty({size}, values.options().dtype(type));
+    };
+    grow(room.packed, policy.packed.size, at::kHalf);
+    grow(room.work, population_work(policy), at::kInt);
+    auto* const packed = static_cast<uint16_t*>(room.packed.data_ptr());
+    all.networks = packed;
+    policy.work = room.work.data_ptr<int32_t>();
+    pack_population(policy.packed, values.const_data_ptr<float>(), 1, values.size(0), packed, device, stream);
+    list_population_work(policy, device, stream);
+    launch_population_policy(policy, device, stream);
+  }
+
+ private:
+  struct Room {
+    at::Tensor packed;  // [PackedMlp::size] fp16
+    at::Tensor work;    // int32: see PopulationPolicy
+  };
+  std::vector<Room> rooms_;
+};
 
 /// What a policy reads of a step: the images of its agents, or their rows of numbers.
 template <class AnyPolicy>
@@ -57,6 +111,7 @@ class PolicyController final : public TeamController {
   ObservationSet reads() const override { return policy_.reads(); }
   bool fills_log_prob() const override { return true; }
   int64_t memory_size() const override { return policy_.state_size(); }
+  bool repeats() const override { return actor_ && (fused_policy(*actor_) || HalfPrecisionPolicy::served(*actor_)); }
   void act(std::span<const TeamStep> parts) override {
     at::NoGradGuard no_grad;
     const std::optional<FusedPolicy> fused = actor_ ? fused_policy(*actor_) : std::nullopt;
@@ -64,8 +119,18 @@ class PolicyController final : public TeamController {
     // take much memory.
     const bool joins = parts[0].sim.device().is_cuda() && !policy_.reads_image();
     const std::vector<TeamStep> wide = joins ? joined(parts) : std::vector<TeamStep>();
-    for (const TeamStep& part : joins ? std::span(wide) : parts)
-      fused ? act_fused(*fused, actor_->inputs(), part, greedy_) : act(part);
+    const std::optional<SmallMlp> half = actor_ && !fused ? HalfPrecisionPolicy::served(*actor_) : std::nullopt;
+    size_t number = 0;
+    for (const TeamStep& part : joins ? std::span(wide) : parts) {
+      const bool learns = part.buffers.log_prob || part.buffers.pre_tanh_action;  // which that kernel does not fill in
+      if (fused)
+        act_fused(*fused, actor_->inputs(), part, greedy_);
+      else if (half && !learns)
+        half_.act(*actor_, *half, part, number, greedy_);
+      else
+        act(part);
+      ++number;
+    }
   }
 
  private:
@@ -86,6 +151,7 @@ class PolicyController final : public TeamController {
 
   const Policy& policy_;
   const Actor* const actor_;  // the policy, if it is one that kernels may know
+  HalfPrecisionPolicy half_;
   const bool greedy_;
 };
 
@@ -95,6 +161,7 @@ class GroupController final : public TeamController {
 
   ObservationSet reads() const override { return policy_.reads(); }
   int64_t memory_size() const override { return policy_.state_size(); }
+  bool repeats() const override { return policy_.fused().has_value(); }
   void act(std::span<const TeamStep> parts) override {
     const std::optional<FusedPolicy> fused = policy_.fused();
     for (const TeamStep& part : parts) {

@@ -95,6 +95,8 @@ class FusedPopulations final : public PopulationController {
   FusedPopulations(const PopulationShape& shape, const Actor& network, bool greedy, const SmallMlp& mlp)
       : PopulationController(shape, network, greedy), layout_(mlp) {}
 
+  bool repeats() const override { return true; }
+
  private:
   void take() override { packed_.resize(2 * populations_.size()); }
   void drop() override {

@@ -142,18 +142,24 @@ void Simulator::start(const StepIo& io) {
 }
 
 void Simulator::step(const StepIo& io) {
-  // Also where no step goes by the list: it tells over() how many worlds play.
-  if (options_.on_done == OnDone::freeze) {
-    if (steps_to_list_ == 0 || n_lists() == 0) {
-      list_playing();
-      n_lists_ = n_lists() + 1;
-      listed_loads_ = state_.n_loads();
-      steps_to_list_ = kListPeriod;
-    }
-    --steps_to_list_;
-  }
-  run(jobs_of_step(ending(), io), io, worlds_of_step(ending(), io));
+  begin_steps(1);
+  queue_step(io);
 }
+
+void Simulator::begin_steps(int count) {
+  // Also where no step goes by the list: it tells over() how many worlds play.
+  if (options_.on_done != OnDone::freeze) return;
+  if (steps_to_list_ == 0 || n_lists() == 0) {
+    list_playing();
+    n_lists_ = n_lists() + 1;
+    listed_loads_ = state_.n_loads();
+    steps_to_list_ = kListPeriod;
+  }
+  GIGA_CHECK(count <= steps_to_list_, count, " steps, ", steps_to_list_, " until the next list");
+  steps_to_list_ -= count;
+}
+
+void Simulator::queue_step(const StepIo& io) { run(jobs_of_step(ending(), io), io, worlds_of_step(ending(), io)); }
 
 void Simulator::observe(const StepIo& io) { run(jobs_of_observe(io), io, Worlds::all); }
 

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -10,6 +11,7 @@
 #include "core/memory.hpp"
 #include "core/named_array.hpp"
 #include "sim/params.hpp"
+#include "sim/recorded_work.hpp"
 #include "sim/schedule.hpp"
 #include "sim/world.hpp"
 
@@ -148,6 +150,18 @@ class Simulator {
   /// reward and done are written: its observations are those that its last step wrote. Its images may be drawn again,
   /// which makes the same.
   void step(const StepIo& io);
+  /// The two halves of a step, for work of several steps that is recorded: `begin_steps` counts steps that follow, no
+  /// more than there are until the playing worlds are listed again (kListPeriod), after it has listed them where that
+  /// is due; `queue_step` does one.
+  void begin_steps(int count);
+  void queue_step(const StepIo& io);
+  /// Records what `work` queues on the stream of this simulator, and on up to `most_beside` streams side by side:
+  /// kernels that have run before, nothing that waits. Null where the back end records nothing; then `work` is not
+  /// called.
+  virtual std::unique_ptr<RecordedWork> record(size_t /*most_beside*/,
+                                               const std::function<void(Recording&)>& /*work*/) {
+    return nullptr;
+  }
   /// Writes the observations and alive flags of `io` once more, for buffers that do not hold them (after loading a
   /// state): for every world, including waiting ones, exactly as its last start or step wrote them.
   void observe(const StepIo& io);

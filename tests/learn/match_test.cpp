@@ -3,6 +3,9 @@
 
 #include <gtest/gtest.h>
 
+#include <map>
+
+#include "cuda/runtime.hpp"
 #include "game/game.hpp"
 #include "rollout/policy_controllers.hpp"
 #include "runs.hpp"
@@ -144,6 +147,62 @@ TEST(LearnMatch, LearnedPolicyPlaysBothSides) {
   EXPECT_EQ(a.wins[0] + a.wins[1] + a.ties, 33);
   EXPECT_TRUE(same_result(a, play(false)));
   EXPECT_FALSE(same_result(a, play(true)));
+}
+
+/// The same controller, which does not say that it repeats itself: its games are played step by step.
+class NotRecorded final : public TeamController {
+ public:
+  explicit NotRecorded(std::shared_ptr<TeamController> one) : one_(std::move(one)) {}
+
+  ObservationSet reads() const override { return one_->reads(); }
+  void act(std::span<const TeamStep> parts) override { one_->act(parts); }
+
+ private:
+  std::shared_ptr<TeamController> one_;
+};
+
+// Where nothing is recorded each step is queued by itself, so the figures must be the same to the last bit.
+TEST(LearnMatchGpu, RecordedStepsAreTheSame) {
+  if (cuda_device_count() == 0) GTEST_SKIP() << "no GPU";
+  const Device gpu{Device::Kind::cuda, 0};
+  const auto teams = [](int n) {
+    return cat("team_0: [{type: default, count: ", n, "}]\nteam_1: [{type: default, count: ", n,
+               "}]\nmaps: two_rooms1\nlimit_x: 10\nlimit_y: 10\nmax_episode_length: 100\n");
+  };
+  // Those of five and of two are kernels of their own.
+  for (const std::string& scenario : {teams(5), teams(2), teams(4), teams(5) + "action: continuous\n",
+                                      teams(3) + "observation: {egocentric_view: true}\n"}) {
+    SmallRun small;
+    small.scenario = scenario;
+    small.precision = "tf32";
+    const auto learner = small.learner(gpu);
+    const SimSpec spec = small.load().spec;
+    const std::shared_ptr<TeamController> learned[] = {policy_controller(*learner->actor(0)),
+                                                       policy_controller(*learner->actor(1), true)};
+    ASSERT_TRUE(learned[0]->repeats() && learned[1]->repeats()) << "no fused kernel: nothing is tested";
+    const std::shared_ptr<TeamController> random = script(Scripted::random), pursuer = script(Scripted::pursuer),
+                                          circle = script(Scripted::circle_random);
+    const std::vector<Pairing> pairs = {{{learned[0], random}}, {{learned[0], circle}}, {{learned[0], pursuer}},
+                                        {{random, learned[1]}}, {{circle, learned[1]}}, {{pursuer, learned[1]}}};
+    std::vector<Pairing> plain = pairs;
+    std::map<TeamController*, std::shared_ptr<TeamController>> wrapped;
+    for (Pairing& pair : plain)
+      for (auto& controller : pair.side) {
+        auto& one = wrapped[controller.get()];
+        if (!one) one = std::make_shared<NotRecorded>(controller);
+        controller = one;
+      }
+    for (const int episodes : {1, 129}) {
+      const MatchOptions options{episodes, 5, gpu, 2};
+      const std::vector<MatchResult> expected = play_matches(spec, plain, options);
+      for (int again = 0; again < 2; ++again) {
+        const std::vector<MatchResult> recorded = play_matches(spec, pairs, options);
+        for (size_t k = 0; k < pairs.size(); ++k)
+          EXPECT_TRUE(same_result(recorded[k], expected[k])) << "pair " << k << ", " << episodes << " episodes";
+      }
+      EXPECT_FALSE(same_result(expected[0], expected[1]));
+    }
+  }
 }
 
 }  // namespace

@@ -9,6 +9,7 @@
 #include "cuda/runtime.hpp"
 #include "eval/match.hpp"
 #include "rollout/policy_controllers.hpp"
+#include "rollout/stream.hpp"
 #include "rollout/tensors.hpp"
 #include "runs.hpp"
 #include "scripted/script.hpp"
@@ -50,31 +51,45 @@ double stat(const at::Tensor& results, EpisodeStat s) {
 }
 
 // The same network as every member, without common random numbers: world w of the games is world w of a match.
-TEST(LearnPopulationGames, APopulationOfOneNetworkPlaysTheMatchOfThatNetwork) {
-  for (const char* action : {"discrete", "continuous"}) {
-    for (const bool greedy : {false, true}) {
-      for (const int team : {0, 1}) {
-        const LoadedRun run = run_of(cat("action: ", action, "\n"));
-        Networks n(run, 1, {});
-        Networks other(run, 1, {});
-        other.take(n.opponents[1]);
-        n.take(n.members[0]);
-        const ParallelFor parallel_for(Device{}, 1);
-        PopulationGames games(run.spec, {6, 4, 1, false, greedy, 9, 1}, n.actor, parallel_for);
-        games.play({{team, n.members.expand({6, -1}).contiguous(), n.opponents, {1, 1, 1, 1}}}, 0);
+void expect_the_match_of_that_network(Device device, Precision precision, const std::string& scenario, int n_worlds) {
+  constexpr int kMembers = 6;
+  for (const bool greedy : {false, true}) {
+    for (const int team : {0, 1}) {
+      const LoadedRun run = run_of(scenario);
+      Networks n(run, 1, device, precision);
+      Networks other(run, 1, device, precision);
+      other.take(n.opponents[1]);
+      n.take(n.members[0]);
+      const ParallelFor parallel_for(device, 1, current_stream(device));
+      PopulationGames games(run.spec, {kMembers, n_worlds, 1, false, greedy, 9, 1}, n.actor, parallel_for);
+      games.play({{team, n.members.expand({kMembers, -1}).contiguous(), n.opponents,
+                   std::vector<int32_t>(static_cast<size_t>(n_worlds), 1)}},
+                 0);
 
-        auto own = policy_controller(n.actor, greedy), opponent = policy_controller(other.actor, greedy);
-        if (team == 1) std::swap(own, opponent);
-        const MatchResult match = play_match(run.spec, std::move(own), std::move(opponent), {24, 9, Device{}, 1});
-        const at::Tensor results = games.results(0);
-        EXPECT_EQ(stat(results, EpisodeStat::episodes), 24);
-        EXPECT_EQ(stat(results, EpisodeStat::wins_0), match.wins[0]);
-        EXPECT_EQ(stat(results, EpisodeStat::wins_1), match.wins[1]);
-        EXPECT_EQ(stat(results, EpisodeStat::length) / 24, match.mean_length);
-        EXPECT_NEAR(stat(results, EpisodeStat::return_0) / 24, match.mean_return[0], 1e-5);
-      }
+      auto own = policy_controller(n.actor, greedy), opponent = policy_controller(other.actor, greedy);
+      if (team == 1) std::swap(own, opponent);
+      const int episodes = kMembers * n_worlds;
+      const MatchResult match = play_match(run.spec, std::move(own), std::move(opponent), {episodes, 9, device, 1});
+      const at::Tensor results = games.results(0);
+      EXPECT_EQ(stat(results, EpisodeStat::episodes), episodes);
+      EXPECT_EQ(stat(results, EpisodeStat::wins_0), match.wins[0]);
+      EXPECT_EQ(stat(results, EpisodeStat::wins_1), match.wins[1]);
+      EXPECT_EQ(stat(results, EpisodeStat::length) / episodes, match.mean_length);
+      EXPECT_NEAR(stat(results, EpisodeStat::return_0) / episodes, match.mean_return[0], 1e-5);
     }
   }
+}
+
+TEST(LearnPopulationGames, APopulationOfOneNetworkPlaysTheMatchOfThatNetwork) {
+  for (const char* action : {"discrete", "continuous"})
+    expect_the_match_of_that_network({}, Precision::fp32, cat("action: ", action, "\n"), 4);
+}
+
+// A match of fp16 is played by the kernel that plays populations.
+TEST(LearnPopulationGamesGpu, APopulationOfOneNetworkPlaysTheMatchOfThatNetwork) {
+  if (cuda_device_count() == 0) GTEST_SKIP() << "no GPU";
+  for (const char* action : {"discrete", "continuous"})
+    expect_the_match_of_that_network({Device::Kind::cuda, 0}, Precision::fp16, cat("action: ", action, "\n"), 67);
 }
 
 TEST(LearnPopulationGames, ScriptsArePlayedAsInAMatch) {

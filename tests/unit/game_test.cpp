@@ -5,12 +5,16 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
 
 #include "core/error.hpp"
+#include "sim/draws.hpp"
+#include "sim/lanes.hpp"
 #include "sim/observations.hpp"
+#include "sim/step.hpp"
 #include "support/sim_specs.hpp"
 
 namespace giga::test {
@@ -239,6 +243,159 @@ TEST(Game, WritesTheObservationsThatControllersRead) {
     EXPECT_EQ(sum_of(opponent->obs[1], Observation::vector) > 0, other.has(Observation::vector));
     EXPECT_GT(sum_of(opponent->obs[1], Observation::egocentric), 0);
   }
+}
+
+/// What a device would have queued, where it is recorded; else it is done at once.
+struct Tape {
+  using Work = std::vector<std::function<void()>>;
+  Work* records_to = nullptr;
+  void queue(std::function<void()> f) const {
+    if (!records_to) return f();
+    records_to->push_back(std::move(f));
+  }
+};
+
+/// Records as a GPU does, and hears as late as one that all worlds wait.
+class RecordingSimulator final : public Simulator {
+ public:
+  RecordingSimulator(const SimSpec& spec, const SimOptions& options, Tape& tape)
+      : Simulator(spec, options, host_memory()),
+        tape_(tape),
+        layout_(params()),
+        scratch_(host_memory(), layout_.size) {}
+
+  void redraw(const Redraw&) override {}
+  EpisodeStats take_stats() override { return take_host_stats(state_.view(), n_worlds()); }
+  bool over() override { return n_lists() > 2 && counts_[static_cast<size_t>(n_lists()) - 3] == 0; }
+  std::unique_ptr<RecordedWork> record(size_t most_beside, const std::function<void(Recording&)>& work) override {
+    struct Recorded final : RecordedWork {
+      void queue() override {
+        for (const auto& f : work) f();
+        ++*queued;
+      }
+      Tape::Work work;
+      int* queued = nullptr;
+    };
+    struct Backwards final : Recording {
+      void side_by_side(size_t n, const std::function<void(size_t, void*)>& queue) override {
+        EXPECT_LE(n, most);
+        for (size_t k = n; k-- > 0;) queue(k, nullptr);  // in any order
+      }
+      size_t most = 0;
+    } recording;
+    recording.most = most_beside;
+    auto recorded = std::make_unique<Recorded>();
+    recorded->queued = &n_queued;
+    tape_.records_to = &recorded->work;
+    work(recording);
+    tape_.records_to = nullptr;
+    ++n_recorded;
+    return recorded;
+  }
+  int n_recorded = 0, n_queued = 0, n_steps = 0;
+
+ protected:
+  void run(const Jobs& jobs, const StepIo& io, Worlds worlds) override {
+    tape_.queue([this, jobs, io, worlds] {
+      n_steps += jobs.list[0] == Job::step ? 1 : 0;
+      for (int world = 0; world < n_worlds(); ++world) {
+        if (worlds == Worlds::listed && !listed_[static_cast<size_t>(world)]) continue;
+        WorldView w = world_view(state_.view(), params().n_agents, world);
+        attach_scratch(w, layout_, scratch_.data());
+        const auto draws_at = [&](uint32_t step) {
+          return PhiloxDraws(options_.seed, static_cast<uint32_t>(world), step);
+        };
+        run_jobs(SerialLanes{}, jobs, params(), w, draws_at, io, ending(), world);
+      }
+    });
+  }
+  void list_playing() override {
+    EXPECT_EQ(tape_.records_to, nullptr) << "lists are told to the host, so they are never recorded";
+    listed_.assign(static_cast<size_t>(n_worlds()), false);
+    for (size_t world = 0; world < listed_.size(); ++world) listed_[world] = state_.view().phase[world] == Phase::plays;
+    counts_.resize(static_cast<size_t>(n_lists()));
+    counts_.push_back(std::count(listed_.begin(), listed_.end(), true));
+  }
+
+ private:
+  Tape& tape_;
+  const ScratchLayout layout_;
+  Buffer<char> scratch_;
+  std::vector<bool> listed_;
+  std::vector<int64_t> counts_;
+};
+
+/// Draws its actions, by work that may be recorded; each kListPeriod steps it draws others.
+class Taped final : public TeamController {
+ public:
+  Taped(Tape& tape, bool repeats) : tape_(tape), repeats_(repeats) {}
+
+  ObservationSet reads() const override { return {}; }
+  bool repeats() const override { return repeats_; }
+  void act(std::span<const TeamStep> parts) override {
+    ++asked;
+    for (const TeamStep& part : parts) {
+      const auto which = static_cast<uint32_t>(part.number % kListPeriod == 0);
+      tape_.queue([draws = part.draws(), action = static_cast<int32_t*>(part.buffers.action), n = part.n_rows(),
+                   which] {
+        for (int64_t row = 0; row < n; ++row)
+          action[row] =
+              static_cast<int32_t>(draws.key(row).uniform(Draw::opponent, draws.agent(row), which) * kNDiscreteActions);
+      });
+    }
+  }
+  int asked = 0;
+
+ private:
+  Tape& tape_;
+  const bool repeats_;
+};
+
+TEST(Game, RecordedStepsAreTheSame) {
+  constexpr int kEpisodes = 3, kMost = 30 * kEpisodes;
+  struct Played {
+    std::vector<uint8_t> state;
+    int steps, asked, recorded, queued;
+  };
+  SimSpec spec = game_spec();
+  const auto play = [&](bool repeats, const std::vector<int64_t>& pieces, GameObserver* observer = nullptr) {
+    Tape tape;
+    SimOptions options;
+    options.n_worlds = kWorlds;
+    options.seed = 5;
+    options.on_done = OnDone::freeze;
+    options.episodes = kEpisodes;
+    RecordingSimulator sim(spec, options, tape);
+    const auto a = std::make_shared<Taped>(tape, true), b = std::make_shared<Taped>(tape, repeats);
+    Game game(sim, parallel_for(), {Side{{a, {0, 3}}, {b, {3, 4}}}, Side{{b, {0, 2}}, {a, {2, 5}}}});
+    if (observer) game.watch(*observer);
+    game.start();
+    for (const int64_t n : pieces) game.play(n);
+    return Played{sim.state().save(), sim.n_steps, a->asked, sim.n_recorded, sim.n_queued};
+  };
+  const Played plain = play(false, {1000});
+  EXPECT_EQ(plain.recorded, 0);
+  EXPECT_EQ(plain.asked, plain.steps);
+  EXPECT_GT(plain.steps, 20);
+  EXPECT_LE(plain.steps, kMost + 4 * kListPeriod) << "lists of two periods ago";
+  const Played recorded = play(true, {1000});
+  EXPECT_EQ(recorded.state, plain.state);
+  EXPECT_EQ(recorded.steps, plain.steps) << "it learns at the same step that all wait";
+  EXPECT_EQ(recorded.recorded, 1);
+  EXPECT_EQ(recorded.queued, plain.steps / kListPeriod - 1) << "but the first period";
+  EXPECT_EQ(recorded.asked, 2 * kListPeriod) << "in the first period and while the second was recorded";
+
+  // A time limit, pieces that end within a period, and observers, for whom nothing is recorded.
+  for (const std::vector<int64_t>& pieces : {std::vector<int64_t>{21}, {5, 30, 3, 24}, {8, 8, 8, 8}, {16, 7, 17}}) {
+    const Played once = play(false, pieces), again = play(true, pieces);
+    EXPECT_EQ(again.state, once.state);
+    EXPECT_EQ(again.steps, once.steps);
+  }
+  EXPECT_EQ(play(true, {8, 8, 8, 8}).recorded, 0) << "each play begins with a period that is not recorded";
+  Witness witness;
+  const Played watched = play(true, {1000}, &witness);
+  EXPECT_EQ(watched.recorded, 0);
+  EXPECT_EQ(watched.state, plain.state);
 }
 
 TEST(Game, SomebodyMovesEveryWorldOnce) {
