@@ -174,6 +174,7 @@ struct Places {
     }
     placed.resize(x.size());
     begin.resize(x.size() + 1);
+    place_of.resize(x.size());
     p.n_agents = n;
     p.margin = 1e-6f * limit;
     w.x = x.data();
@@ -181,6 +182,7 @@ struct Places {
     w.alive = alive.data();
     w.placed = placed.data();
     w.cell_begin = begin.data();
+    w.place = place_of.data();
     fill_grid(p, w);
   }
   float distance(int i, float px, float py) const {
@@ -191,7 +193,7 @@ struct Places {
   std::vector<float> x, y;
   std::vector<uint8_t> alive;
   std::vector<PlacedAgent> placed;
-  std::vector<int32_t> begin;
+  std::vector<int32_t> begin, place_of;
   GridParams p;
   GridWorld w{};
 };
@@ -205,7 +207,7 @@ TEST(Grid, FindsAllThatAreNearOnSmallAndLargeMaps) {
         const float x = places.x[static_cast<size_t>(e)] - (e % 7 == 0 ? 0.1f * limit : 0.0f);
         const float y = places.y[static_cast<size_t>(e)], reach = limit * static_cast<float>(e % 5) / 8;
         std::multiset<int> near, rings;
-        for_near(places.p, places.w, x, y, reach, [&](int a, float) { near.insert(a); });
+        for_near(places.p, places.w, x, y, reach, [&](int, int a, float) { near.insert(a); });
         float asked = 0;
         for_rings(
             places.p, places.w, x, y, e % 3,
@@ -214,7 +216,7 @@ TEST(Grid, FindsAllThatAreNearOnSmallAndLargeMaps) {
               asked = far;
               return far > reach;
             },
-            [&](const PlacedAgent& a) { rings.insert(a.agent); });
+            [&](int k) { rings.insert(places.w.placed[k].agent); });
         for (int a = 0; a < n; ++a) {
           const bool expected = places.alive[static_cast<size_t>(a)] && places.distance(a, x, y) <= reach;
           if (expected) {
