@@ -16,7 +16,8 @@ constexpr int kMostClustered = 8;  // blocks of a cluster on every GPU that has 
 constexpr size_t kMostSorted = 192 << 10;  // bytes that a block sorts for itself
 
 /// Waits for all blocks of a group. A function of its own: there are some seventy barriers in a step, of fifty
-/// instructions each where they are part of the kernel, and those that a step takes must fit into the instruction cache.
+/// instructions each where they are part of the kernel, and those that a step takes must fit into the instruction
+/// cache.
 __device__ __noinline__ void wait_for_group(uint32_t* arrivals, int blocks, bool first, bool clustered) {
   if (blocks == 1) return __syncthreads();
 #if __CUDA_ARCH__ >= 900

@@ -184,8 +184,8 @@ struct GridWorld : WorldView {
   }
 };
 
-/// Calls f(place in `placed`, agent, squared distance) for all that lie within `reach` of a place, and for some that lie
-/// a little farther off; in the order of the cells.
+/// Calls f(place in `placed`, agent, squared distance) for all that lie within `reach` of a place, and for some that
+/// lie a little farther off; in the order of the cells.
 template <class F>
 GIGA_HD void for_near(const GridParams& p, const GridWorld& w, float x, float y, float reach, F&& f) {
   const float far = reach + p.margin, far2 = far * far;

@@ -131,8 +131,8 @@ GIGA_HD void sort_agents(const Lanes& lanes, const GridParams&, GridWorld& w, in
   w.grid = bounded_shape(*work.bounds);
   const auto cell_of = [&](int i) { return w.grid.cell_of(w.x[i], w.y[i]); };
   // Until it has its place, an agent keeps there how late it came into its cell: that depends on who was faster.
-  sorters.each_agent(
-      n, [&](int i) { w.place[i] = w.alive[i] ? take_number(w.cell_begin + cell_of(i) + 1) : kNotPlaced; });
+  sorters.each_agent(n,
+                     [&](int i) { w.place[i] = w.alive[i] ? take_number(w.cell_begin + cell_of(i) + 1) : kNotPlaced; });
   sum_cells(sorters, w);
   sorters.each_agent(n, [&](int i) {
     if (i == 0) *work.bounds = {};  // all have read it
