@@ -274,6 +274,7 @@ const Knot kKnots[] = {
     {40, 30, 2e-5f, 20, 15, true},                              // whoever has the last row too
     {40, 30, 2e-5f, 20, 40, false}, {40, 30, 0, 20, 33, true},  // longer rows
     {3, 400, 1, 1000, 15, true},                                // hundreds in a cell
+    {60, 50, 8, 30, 15, true},                                  // told by somebody who is not kept
 };
 SimSpec knot_spec(const Knot& c) {
   SimSpec spec = plain_spec(c.n_team_0, c.n_team_1);
