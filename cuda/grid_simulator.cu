@@ -15,34 +15,43 @@ constexpr int kMostClustered = 8;  // blocks of a cluster on every GPU that has 
 
 constexpr size_t kMostSorted = 192 << 10;  // bytes that a block sorts for itself
 
+/// Waits for all blocks of a group. A function of its own: there are some seventy barriers in a step, of fifty
+/// instructions each where they are part of the kernel, and those that a step takes must fit into the instruction
+/// cache.
+__device__ __noinline__ void wait_for_group(uint32_t* arrivals, int blocks, bool first, bool clustered) {
+  if (blocks == 1) return __syncthreads();
+#if __CUDA_ARCH__ >= 900
+  if (clustered) {
+    asm volatile("barrier.cluster.arrive.release;" ::: "memory");
+    asm volatile("barrier.cluster.wait.acquire;" ::: "memory");
+    return;
+  }
+#endif
+  // Every block adds 1, the first so much that the highest bit turns when all have; then the rest is 0 again.
+  constexpr uint32_t kTurn = 0x80000000u;
+  __syncthreads();
+  if (threadIdx.x == 0) {
+    __threadfence();
+    const uint32_t before = atomicAdd(arrivals, first ? kTurn - static_cast<uint32_t>(blocks - 1) : 1u);
+    while (((before ^ *static_cast<volatile uint32_t*>(arrivals)) & kTurn) == 0) {
+    }
+    __threadfence();
+  }
+  __syncthreads();
+}
+
 /// All blocks of a group. What any of them wrote before a barrier, all see behind it.
 struct GroupSync {
   uint32_t* arrivals;
   int blocks;
   bool first, clustered;  // first: block of the group
+  bool alone = false;     // only those of this block
 
-  __device__ GroupSync of_block() const { return {arrivals, 1, true, false}; }
+  __device__ GroupSync of_block() const { return {nullptr, 1, true, false, true}; }
   __device__ void wait_for_warp() const { __syncwarp(); }
   __device__ void wait() const {
-    if (blocks == 1) return __syncthreads();
-#if __CUDA_ARCH__ >= 900
-    if (clustered) {
-      asm volatile("barrier.cluster.arrive.release;" ::: "memory");
-      asm volatile("barrier.cluster.wait.acquire;" ::: "memory");
-      return;
-    }
-#endif
-    // Every block adds 1, the first so much that the highest bit turns when all have; then the rest is 0 again.
-    constexpr uint32_t kTurn = 0x80000000u;
-    __syncthreads();
-    if (threadIdx.x == 0) {
-      __threadfence();
-      const uint32_t before = atomicAdd(arrivals, first ? kTurn - static_cast<uint32_t>(blocks - 1) : 1u);
-      while (((before ^ *static_cast<volatile uint32_t*>(arrivals)) & kTurn) == 0) {
-      }
-      __threadfence();
-    }
-    __syncthreads();
+    if (alone) return __syncthreads();
+    wait_for_group(arrivals, blocks, first, clustered);
   }
 };
 

@@ -14,11 +14,12 @@
 
 namespace giga {
 
-/// Of those that detect an agent so many are kept for who looks for it; where there are more, all are found again.
+/// Of those that detect an agent so many are kept for who looks for it; where there are more, all are found again if
+/// none of these is heard.
 constexpr int kKeptDetectors = 16;
 /// Most of n_step_items (episode.hpp).
 constexpr int kMostStepItems = kNTeams + kNTeams * kNRewardTerms;
-/// See SharedWork::arrival.
+/// See GridWorld::place.
 constexpr int32_t kNotPlaced = -1;
 
 /// An entry of the list of fire at an agent: number of the shooter, above it its counter. 0 = none.
@@ -63,7 +64,8 @@ struct alignas(16) PlacedAgent {
   int32_t agent;
   uint32_t marks;
 };
-enum PlacedMark : uint32_t { kLives = 1, kObserved = 2 };
+enum PlacedMark : uint32_t { kLives = 1, kObserved = 2, kOfTeam1 = 4 };
+constexpr int kObserversShift = 8;  ///< above the marks, how many observe it: kKeptDetectors + 1 = more than are kept
 
 /// A range of the agents sorted by cell.
 struct CellRange {
@@ -142,7 +144,7 @@ struct StepSum {
 };
 
 /// Where the workers of a world put together what one alone would keep to itself (sort_agents of WideLanes). Where each
-/// block sorts for itself, `bounds`, `arrival`, `order` and the sorted agents are the block's own.
+/// block sorts for itself, `bounds`, `order` and the sorted agents are the block's own.
 struct SharedWork {
   /// The living, since it was last read: the largest -x, -y, x and y as keys that order like the numbers, 0 = none, and
   /// how many. Zero before the first step; each sort leaves it so.
@@ -151,7 +153,6 @@ struct SharedWork {
     int32_t count;
   };
   Bounds* bounds;       // [1]
-  int32_t* arrival;     // [N] the agent came so late into its cell: depends on who was faster; kNotPlaced: it is dead
   int32_t* order;       // [N] agents by cell, within one in the order of arrival
   int32_t* block_sums;  // [blocks] agents in the cells that a block adds up
   StepSum* sums;        // [n_step_items, sums_of_team] of blocks of agents, of blocks of these, ... (accumulate_step)
@@ -168,11 +169,12 @@ struct GridWorld : WorldView {
   int32_t* detects;             // [N] opponents that the agent detects
   int32_t* dealt;               // [N] damage units that the agent deals
   int32_t* observers;           // [N] opponents that detect the agent
-  int32_t* detectors;           // [N, kKeptDetectors] the first of them, in any order
+  int32_t* detectors;           // [N, kKeptDetectors] the first of them, in any order: places, of the agent at a place
   uint8_t* could_see;           // [N] lives after the collisions, when sight is decided
   int32_t* full_lists;          // [1] agents at which more opponents fired than are counted, since it was last read
   PlacedAgent* placed;          // [N] those that lived when the grid was made, by cell, then by number
   int32_t* cell_begin;          // [cells + 1] the first of each cell in `placed`
+  int32_t* place;               // [N] of an agent in `placed`; kNotPlaced: it was dead
   SharedWork work;              // of executors with WideLanes
   GridShape grid;
 
@@ -182,8 +184,8 @@ struct GridWorld : WorldView {
   }
 };
 
-/// Calls f(agent, squared distance) for all that lie within `reach` of a place, and for some that lie a little farther
-/// off; in the order of the cells.
+/// Calls f(place in `placed`, agent, squared distance) for all that lie within `reach` of a place, and for some that
+/// lie a little farther off; in the order of the cells.
 template <class F>
 GIGA_HD void for_near(const GridParams& p, const GridWorld& w, float x, float y, float reach, F&& f) {
   const float far = reach + p.margin, far2 = far * far;
@@ -193,50 +195,86 @@ GIGA_HD void for_near(const GridParams& p, const GridWorld& w, float x, float y,
     for (int32_t k = range.begin; k < range.end; ++k) {
       const PlacedAgent a = w.placed[k];
       const float dx = a.x - x, dy = a.y - y, d2 = dx * dx + dy * dy;
-      if (d2 <= far2) f(static_cast<int>(a.agent), d2);
+      if (d2 <= far2) f(k, static_cast<int>(a.agent), d2);
     }
   }
 }
 
-/// Calls f(placed agent) for the cells up to ring `first` around that of a place, then ring by ring, until
+/// The placed agents around a place: those of the cells up to ring `first`, then ring by ring. Whoever looks asks for
+/// one after the other in one loop over all that is found: workers that look from different places do so in step,
+/// however many lie in each cell.
+class Rings {
+ public:
+  GIGA_HD Rings(const GridParams& p, const GridWorld& w, float x, float y, int first)
+      : grid_(w.grid),
+        cell_begin_(w.cell_begin),
+        margin_(p.margin),
+        x_(x),
+        y_(y),
+        column_(w.grid.column(x)),
+        row_(w.grid.row(y)),
+        first_(first),
+        ring_(first),
+        at_(row_ - first > 0 ? row_ - first : 0) {}
+
+  /// The next place in `placed`; -1 where the ring ends.
+  GIGA_HD int next() {
+    GIGA_ROLLED
+    while (k_ == end_) {
+      const int left = column_ - ring_, right = column_ + ring_, low = row_ - ring_, high = row_ + ring_;
+      if (at_ > high || at_ >= grid_.rows) return -1;
+      // A row of the square, or of the ring; between its first and its last row, one of its two ends.
+      const bool whole = ring_ == first_ || at_ == low || at_ == high;
+      const int from = whole ? (left < 0 ? 0 : left) : right_side_ ? right : left;
+      const int to = whole ? (right < grid_.columns ? right : grid_.columns - 1) : from;
+      if (from >= 0 && to < grid_.columns) {
+        const int32_t* begin = cell_begin_ + at_ * grid_.columns;
+        k_ = begin[from];
+        end_ = begin[to + 1];
+      }
+      right_side_ = !whole && !right_side_;
+      if (!right_side_) ++at_;
+    }
+    return k_++;
+  }
+  /// Goes on to the next ring, after the end of one, and returns the nearest that an agent of it, or beyond, can lie:
+  /// behind an open side of the square so far. Infinite where there is no cell.
+  GIGA_HD float widen() {
+    const int left = column_ - ring_, right = column_ + ring_, low = row_ - ring_, high = row_ + ring_;
+    const GridShape& g = grid_;
+    float distance = INFINITY;
+    if (left > 0) distance = min_of(distance, x_ - (g.x0 + static_cast<float>(left) * g.size_x));
+    if (right + 1 < g.columns) distance = min_of(distance, g.x0 + static_cast<float>(right + 1) * g.size_x - x_);
+    if (low > 0) distance = min_of(distance, y_ - (g.y0 + static_cast<float>(low) * g.size_y));
+    if (high + 1 < g.rows) distance = min_of(distance, g.y0 + static_cast<float>(high + 1) * g.size_y - y_);
+    ++ring_;
+    at_ = low > 0 ? low - 1 : 0;
+    return distance == INFINITY ? distance : distance - margin_;
+  }
+
+ private:
+  const GridShape& grid_;
+  const int32_t* cell_begin_;
+  float margin_, x_, y_;
+  int column_, row_, first_, ring_, at_;  // at: row of the range that comes next
+  bool right_side_ = false;
+  int32_t k_ = 0, end_ = 0;
+};
+
+/// Calls f(place in `placed`) for the cells up to ring `first` around that of a place, then ring by ring, until
 /// `enough(distance)`, asked before each ring, says that agents that lie at least so far off do not matter.
-/// One loop over all that is found: workers that look from different places do so in step, however many lie in each
-/// cell.
 template <class Enough, class F>
 GIGA_HD void for_rings(const GridParams& p, const GridWorld& w, float x, float y, int first, Enough&& enough, F&& f) {
-  const GridShape& g = w.grid;
-  const int column = g.column(x), row = g.row(y);
-  int ring = first, at = row - ring > 0 ? row - ring : 0;  // of the range that comes next
-  bool right_side = false;
-  int32_t k = 0, end = 0;
+  Rings rings(p, w, x, y, first);
   GIGA_ROLLED
   for (;;) {
-    GIGA_ROLLED
-    while (k == end) {
-      const int left = column - ring, right = column + ring, low = row - ring, high = row + ring;
-      if (at > high || at >= g.rows) {
-        // The nearest that a cell of the next ring, or one beyond, can lie: behind an open side of the square so far.
-        float distance = INFINITY;
-        if (left > 0) distance = min_of(distance, x - (g.x0 + static_cast<float>(left) * g.size_x));
-        if (right + 1 < g.columns) distance = min_of(distance, g.x0 + static_cast<float>(right + 1) * g.size_x - x);
-        if (low > 0) distance = min_of(distance, y - (g.y0 + static_cast<float>(low) * g.size_y));
-        if (high + 1 < g.rows) distance = min_of(distance, g.y0 + static_cast<float>(high + 1) * g.size_y - y);
-        if (distance == INFINITY || enough(distance - p.margin)) return;
-        ++ring;
-        at = low > 0 ? low - 1 : 0;
-        continue;
-      }
-      // A row of the square, or of the ring; between its first and its last row, one of its two ends.
-      const bool whole = ring == first || at == low || at == high;
-      const int from = whole ? (left < 0 ? 0 : left) : right_side ? right : left;
-      const int to = whole ? (right < g.columns ? right : g.columns - 1) : from;
-      const CellRange range = from >= 0 && to < g.columns ? w.cells(at, from, to) : CellRange{0, 0};
-      k = range.begin;
-      end = range.end;
-      right_side = !whole && !right_side;
-      if (!right_side) ++at;
+    int k = rings.next();
+    if (k < 0) {
+      const float far = rings.widen();
+      if (far == INFINITY || enough(far)) return;
+    } else {
+      f(k);
     }
-    f(w.placed[k++]);
   }
 }
 

@@ -53,7 +53,7 @@ GIGA_HD size_t attach_sorted(int n_agents, GridWorld& w, char* block) {
   Carver take{block};
   take(w.placed, n);
   take(w.cell_begin, n + 1);
-  take(w.work.arrival, n);
+  take(w.place, n);
   take(w.work.order, n);
   take(w.work.bounds, 1);
   return take.at;
@@ -83,10 +83,10 @@ GIGA_HD size_t attach_scratch(const GridParams& p, GridWorld& w, char* block, bo
   if (sorts) {
     take(w.placed, n);
     take(w.cell_begin, n + 1);
+    take(w.place, n);
   }
   if (together) {
     if (sorts) {
-      take(w.work.arrival, n);
       take(w.work.order, n);
       take(w.work.block_sums, n / 16 + 1);  // of blocks of a warp or more, two threads an agent
     }

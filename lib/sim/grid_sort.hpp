@@ -130,30 +130,32 @@ GIGA_HD void sort_agents(const Lanes& lanes, const GridParams&, GridWorld& w, in
       });
   w.grid = bounded_shape(*work.bounds);
   const auto cell_of = [&](int i) { return w.grid.cell_of(w.x[i], w.y[i]); };
-  sorters.each_agent(
-      n, [&](int i) { work.arrival[i] = w.alive[i] ? take_number(w.cell_begin + cell_of(i) + 1) : kNotPlaced; });
+  // Until it has its place, an agent keeps there how late it came into its cell: that depends on who was faster.
+  sorters.each_agent(n,
+                     [&](int i) { w.place[i] = w.alive[i] ? take_number(w.cell_begin + cell_of(i) + 1) : kNotPlaced; });
   sum_cells(sorters, w);
   sorters.each_agent(n, [&](int i) {
     if (i == 0) *work.bounds = {};  // all have read it
-    const int32_t arrival = work.arrival[i];
+    const int32_t arrival = w.place[i];
     if (arrival != kNotPlaced) work.order[w.cell_begin[cell_of(i)] + arrival] = i;
   });
   // Those of a cell by number, whoever came first.
   sorters.each_agent(n, [&](int i) {
-    if (work.arrival[i] == kNotPlaced) return;
+    if (w.place[i] == kNotPlaced) return;
     const float x = w.x[i], y = w.y[i];
     const int cell = w.grid.cell_of(x, y);
     const int32_t first = w.cell_begin[cell], end = w.cell_begin[cell + 1];
     int32_t place = first;
     for (int32_t k = first; k < end; ++k) place += work.order[k] < i ? 1 : 0;
     w.placed[place] = {x, y, i, 0};
+    w.place[i] = place;
   });
 }
 
 /// The hook of step.hpp.
 template <WideLanes Lanes>
-GIGA_HD void mark_agents(const Lanes& lanes, const GridParams&, GridWorld& w, int n) {
-  mark_placed(lanes.sorters(), w, n);
+GIGA_HD void mark_agents(const Lanes& lanes, const GridParams& p, GridWorld& w, int n) {
+  mark_placed(lanes.sorters(), p, w, n);
 }
 
 /// Agents in the order in which each_by_place goes through them: those that were sorted, then the dead.
@@ -161,7 +163,7 @@ GIGA_HD int places(const GridWorld& w, int n) { return n > 0 ? w.cell_begin[w.gr
 template <class F>
 GIGA_HD void at_place(const GridWorld& w, int k, int n, F&& f) {
   const int placed = places(w, n) - n, i = k < placed ? w.placed[k].agent : k - placed;
-  if (k < placed || w.work.arrival[i] == kNotPlaced) f(i);
+  if (k < placed || w.place[i] == kNotPlaced) f(i);
 }
 
 /// The hook of step.hpp: neighboring workers see to agents that are near each other, and so look at the same others.

@@ -17,6 +17,7 @@
 #include "sim/usual_params.hpp"
 #include "support/sim_runner.hpp"
 #include "support/sim_specs.hpp"
+#include "support/thinning.hpp"
 
 namespace giga::test {
 namespace {
@@ -24,15 +25,6 @@ namespace {
 /// Who runs the threads of the GPU back end.
 enum class Executor { gpu, emulated };
 void PrintTo(Executor executor, std::ostream* out) { *out << (executor == Executor::gpu ? "GPU" : "emulated"); }
-
-bool small() {
-#if defined(__SANITIZE_ADDRESS__)
-  return true;
-#else
-  const char* text = std::getenv("GIGASTEP_PARITY_SMALL");
-  return text && std::string(text) == "1";
-#endif
-}
 
 /// Sizes of a test. TileLanes serve up to 32 agents: 16, 8, 3, 3, 1, 2 and 1 worlds a warp; BlockLanes the rest: the
 /// scratch of 200 v 200 does not fit into shared memory.
@@ -59,7 +51,7 @@ const Case kUsualCases[] = {
 
 /// As many worlds, variants and steps as the executor has time for.
 Case cut(Case c, Executor executor) {
-  if (executor == Executor::gpu && !small()) return c;
+  if (executor == Executor::gpu && !parity_is_small()) return c;
   const bool large = c.n_team_0 >= 100;
   c.thin = true;
   c.n_worlds = large ? 2 : (c.n_team_0 >= 20 ? 3 : 13);
@@ -68,8 +60,8 @@ Case cut(Case c, Executor executor) {
   if (executor == Executor::gpu) return c;
   const int n = c.n_team_0 + c.n_team_1;
   if (n <= 32 || c.usual) c.n_worlds = (c.usual && n > 16 ? 160 / n : 4 * (32 / n)) + 1;  // a block, one of the next
-  c.n_variants = large || small() ? 4 : 8;
-  c.n_steps = large ? 6 : (small() ? 12 : 24);
+  c.n_variants = large || parity_is_small() ? 4 : 8;
+  c.n_steps = large ? 6 : (parity_is_small() ? 12 : 24);
   return c;
 }
 
@@ -171,7 +163,8 @@ class SimulatorParity : public ::testing::TestWithParam<std::tuple<Executor, Cas
   /// Steps that are looked at one by one: 5 suffice, for the more variants.
   int n_single_steps() const { return case_.thin ? 5 : std::max(5, case_.n_steps / 3); }
   int n_single_variants() const {
-    return executor_ == Executor::emulated && !small() ? std::get<1>(GetParam()).n_variants : case_.n_variants;
+    return executor_ == Executor::emulated && !parity_is_small() ? std::get<1>(GetParam()).n_variants
+                                                                 : case_.n_variants;
   }
 
   const Executor executor_ = std::get<0>(GetParam());

@@ -3,6 +3,7 @@
 
 #include <cstdlib>
 #include <iostream>
+#include <string>
 
 namespace giga::test {
 
@@ -17,6 +18,16 @@ inline int thinned(int stride) {
   if (tests_run_in_full()) return 1;
   std::cout << "thinned: one case of " << stride << "; all with GIGASTEP_TEST_FULL=1\n";
   return stride;
+}
+
+/// Whether tests of parity are cut, for sanitizers: GIGASTEP_PARITY_SMALL=1, or a build with the address sanitizer.
+inline bool parity_is_small() {
+#if defined(__SANITIZE_ADDRESS__)
+  return true;
+#else
+  const char* text = std::getenv("GIGASTEP_PARITY_SMALL");
+  return text && std::string(text) == "1";
+#endif
 }
 
 }  // namespace giga::test
