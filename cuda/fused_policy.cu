@@ -10,11 +10,13 @@ namespace {
 
 constexpr int kWarps = 8, kThreads = kWarps * 32;
 
-/// Shared memory of a block. A warp takes 32 rows at a time, 16 after 16 through the network and all to their actions.
-template <int kIn>
+/// Shared memory of a block, for inputs and hidden layers padded to so many. A warp takes 32 rows at a time, 16 after
+/// 16 through the network and all to their actions.
+template <int kIn, int kHidden>
 struct PolicyMemory {
-  static constexpr int kInStride = kIn + 8;
-  static constexpr int kBlocks = kIn <= MediumTiles::kIn ? 2 : 1;  // on a multiprocessor
+  static constexpr int kInStride = kIn + 8, kHiddenStride = kHidden + 8;
+  static constexpr int kBlocks =
+      kHidden <= FusedMlp::kNarrowHidden && kIn <= MediumTiles::kIn ? 2 : 1;  // on a multiprocessor
   alignas(16) float head[kWarps][32 * kLogitStride];
   __half x[kWarps][16 * kInStride];
   __half weight1[kHidden * kInStride];
@@ -24,10 +26,11 @@ struct PolicyMemory {
 };
 
 /// Blocks [.., groups].
-template <int kIn>
-__global__ void __launch_bounds__(kThreads, PolicyMemory<kIn>::kBlocks)
+template <int kIn, int kHidden>
+__global__ void __launch_bounds__(kThreads, PolicyMemory<kIn, kHidden>::kBlocks)
     policy_kernel(const __grid_constant__ FusedPolicy k) {
-  using Memory = PolicyMemory<kIn>;
+  using Memory = PolicyMemory<kIn, kHidden>;
+  constexpr int kHiddenStride = Memory::kHiddenStride;
   extern __shared__ __align__(16) char shared[];
   Memory& m = *reinterpret_cast<Memory*>(shared);
   const int lane_number = static_cast<int>(threadIdx.x) % 32, warp = static_cast<int>(threadIdx.x) / 32;
@@ -62,13 +65,13 @@ __global__ void __launch_bounds__(kThreads, PolicyMemory<kIn>::kBlocks)
       });
       inputs.template store<Memory::kInStride>(rows, input, m.x[warp]);
       __syncwarp();
-      TileSums<kHiddenTiles> y;
+      TileSums<kHidden / 8> y;
       y.start(m.bias1);
       y.template add_by_rows<kIn / 16>(Halves<Memory::kInStride>(m.x[warp], 0, 0),
                                        Halves<Memory::kInStride>(m.weight1, 0, 0));
-      Slopes slopes;
+      SlopesOf<kHidden / 8> slopes;
       activate(net.activation, y, slopes);
-      Factor<kHiddenDepth> features = y.factor();
+      Factor<kHidden / 16> features = y.factor();
       y.start(m.bias2);
       y.add_by_rows(features, Halves<kHiddenStride>(m.weight2, 0, 0));
       activate(net.activation, y, slopes);
@@ -92,18 +95,27 @@ __global__ void __launch_bounds__(kThreads, PolicyMemory<kIn>::kBlocks)
   }
 }
 
-template <int kIn>
+template <int kIn, int kHidden>
 void launch(const FusedPolicy& policy, int index, void* stream) {
-  static_assert(sizeof(PolicyMemory<kIn>) <= kMostShared / PolicyMemory<kIn>::kBlocks);
-  GIGA_CUDA(
-      cudaFuncSetAttribute(policy_kernel<kIn>, cudaFuncAttributeMaxDynamicSharedMemorySize, sizeof(PolicyMemory<kIn>)));
+  static_assert(sizeof(PolicyMemory<kIn, kHidden>) <= kMostShared / PolicyMemory<kIn, kHidden>::kBlocks);
+  GIGA_CUDA(cudaFuncSetAttribute(policy_kernel<kIn, kHidden>, cudaFuncAttributeMaxDynamicSharedMemorySize,
+                                 sizeof(PolicyMemory<kIn, kHidden>)));
   int multiprocessors = 0;
   GIGA_CUDA(cudaDeviceGetAttribute(&multiprocessors, cudaDevAttrMultiProcessorCount, index));
   const int64_t wanted = (policy.rows_per_group + kThreads - 1) / kThreads;
-  const int64_t share = std::max(1, multiprocessors * PolicyMemory<kIn>::kBlocks / policy.groups);
+  const int64_t share = std::max(1, multiprocessors * PolicyMemory<kIn, kHidden>::kBlocks / policy.groups);
   const dim3 blocks(static_cast<unsigned>(std::min(wanted, share)), static_cast<unsigned>(policy.groups));
-  policy_kernel<kIn><<<blocks, kThreads, sizeof(PolicyMemory<kIn>), static_cast<cudaStream_t>(stream)>>>(policy);
+  policy_kernel<kIn, kHidden>
+      <<<blocks, kThreads, sizeof(PolicyMemory<kIn, kHidden>), static_cast<cudaStream_t>(stream)>>>(policy);
   GIGA_CUDA(cudaGetLastError());
+}
+template <int kHidden>
+void launch(const FusedPolicy& policy, int index, void* stream) {
+  const int input = policy.net.width[0];
+  if (input <= NarrowTiles::kIn) return launch<NarrowTiles::kIn, kHidden>(policy, index, stream);
+  if (input <= MediumTiles::kIn) return launch<MediumTiles::kIn, kHidden>(policy, index, stream);
+  GIGA_CHECK(input <= WideTiles::kIn, "inputs of ", input, " numbers");
+  launch<WideTiles::kIn, kHidden>(policy, index, stream);
 }
 
 }  // namespace
@@ -111,11 +123,8 @@ void launch(const FusedPolicy& policy, int index, void* stream) {
 void launch_fused_policy(const FusedPolicy& policy, int index, void* stream) {
   if (policy.rows_per_group == 0) return;
   GIGA_CUDA(cudaSetDevice(index));
-  const int input = policy.net.width[0];
-  if (input <= NarrowTiles::kIn) return launch<NarrowTiles::kIn>(policy, index, stream);
-  if (input <= MediumTiles::kIn) return launch<MediumTiles::kIn>(policy, index, stream);
-  GIGA_CHECK(input <= WideTiles::kIn, "inputs of ", input, " numbers");
-  launch<WideTiles::kIn>(policy, index, stream);
+  policy.net.is_narrow() ? launch<FusedMlp::kNarrowHidden>(policy, index, stream)
+                         : launch<FusedMlp::kHidden>(policy, index, stream);
 }
 
 }  // namespace giga

@@ -82,6 +82,12 @@ __device__ __forceinline__ void load_transposed(uint32_t (&to)[4], uint32_t addr
                : "=r"(to[0]), "=r"(to[1]), "=r"(to[2]), "=r"(to[3])
                : "r"(address));
 }
+/// Two matrices, one below the other: of the addresses of the first 16 lanes.
+__device__ __forceinline__ void load_transposed(uint32_t (&to)[2], uint32_t address) {
+  asm volatile("ldmatrix.sync.aligned.m8n8.x2.trans.shared.b16 {%0, %1}, [%2];"
+               : "=r"(to[0]), "=r"(to[1])
+               : "r"(address));
+}
 
 /// A warp's 16 rows x 8 kTiles columns of a result.
 template <int kTiles>

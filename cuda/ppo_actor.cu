@@ -1,12 +1,11 @@
 // The gradient of the policy's loss in one kernel (ppo_gradients.hpp).
 #include "cuda/check.cuh"
+#include "cuda/ppo_block.hpp"
+#include "cuda/ppo_policy_loss.cuh"
 #include "cuda/ppo_tiles.cuh"
 
 namespace giga {
 namespace {
-
-constexpr int kSums = kNPolicyDiagnostics + kActionSize;  // diagnostics, and the gradient by log_std
-constexpr int kLaneSums = (kSums + 3) / 4;                // of which each of four lanes adds up every fourth
 
 /// Shared memory of a block.
 template <class S>
@@ -26,79 +25,6 @@ struct ActorMemory {
   int64_t source[2][S::kRows];                              // of this tile and the next
 };
 
-/// A row of logits as a product leaves it: four lanes that lie side by side have two columns of each tile.
-struct QuadLogits {
-  static constexpr int kNumbers = kHead / 4;
-  float x[kNumbers];
-  int pair;
-
-  __device__ int column(int k) const { return k / 2 * 8 + pair + k % 2; }
-  __device__ bool is_action(int k) const { return column(k) < kNDiscreteActions; }
-  __device__ float total(float sum) const {
-    sum += __shfl_xor_sync(0xFFFFFFFFu, sum, 1);
-    return sum + __shfl_xor_sync(0xFFFFFFFFu, sum, 2);
-  }
-  __device__ float greatest(float top) const {
-    top = fmaxf(top, __shfl_xor_sync(0xFFFFFFFFu, top, 1));
-    return fmaxf(top, __shfl_xor_sync(0xFFFFFFFFu, top, 2));
-  }
-};
-
-/// What the loss takes of a row besides the network's output.
-struct LossRow {
-  int64_t source;
-  float old_log_prob = 0, advantage = 0;
-  int action = 0;
-  bool alive = false;
-
-  __device__ LossRow(const FusedActor& k, int64_t source_) : source(source_) {
-    if (source < 0) return;
-    alive = k.rows.alive[source];
-    old_log_prob = __ldg(k.loss.old_log_prob + source);
-    advantage = __ldg(k.loss.advantage + source);
-    if (k.loss.action) action = __ldg(k.loss.action + source);
-  }
-};
-
-/// The loss of a row: its gradient takes the place of the logits or means, and its sums are added to those of the lane.
-template <class S>
-__device__ void policy_gradient(const FusedActor& k, const ActorMemory<S>& m, const LossRow& row, QuadLogits& l,
-                                float (&sums)[kLaneSums]) {
-  const PolicySample of{row.old_log_prob, (row.advantage - m.advantage_mean) * m.advantage_inv_std, m.scale,
-                        k.loss.clip_coef, k.loss.entropy_coef};
-  float all[4 * kLaneSums] = {};
-  if (k.loss.action) {
-    categorical_gradient(l, row.action, of, all);
-  } else {
-    // The means are with the first lane of the four and the one beside it.
-    const int first = static_cast<int>(threadIdx.x) % 32 / 4 * 4;
-    const float mean[kActionSize] = {__shfl_sync(0xFFFFFFFFu, l.x[0], first), __shfl_sync(0xFFFFFFFFu, l.x[1], first),
-                                     __shfl_sync(0xFFFFFFFFu, l.x[0], first + 1)};
-    float u[kActionSize] = {}, d_mean[kActionSize], *d_std = all + kNPolicyDiagnostics;
-    if (row.source >= 0)
-      for (int i = 0; i < kActionSize; ++i) u[i] = __ldg(k.loss.pre_tanh_action + row.source * kActionSize + i);
-    gaussian_gradient(mean, m.log_std, u, of, d_mean, d_std, all);
-#pragma unroll
-    for (int i = 0; i < QuadLogits::kNumbers; ++i) l.x[i] = 0;
-    if (l.pair == 0) {
-      l.x[0] = d_mean[0];
-      l.x[1] = d_mean[1];
-    } else if (l.pair == 2) {
-      l.x[0] = d_mean[2];
-    }
-  }
-#pragma unroll
-  for (int i = 0; i < QuadLogits::kNumbers; ++i) l.x[i] = row.alive ? l.x[i] : 0.0f;
-#pragma unroll
-  for (int i = 0; i < kLaneSums; ++i) {
-    const float mine = l.pair == 0   ? all[4 * i]
-                       : l.pair == 2 ? all[4 * i + 1]
-                       : l.pair == 4 ? all[4 * i + 2]
-                                     : all[4 * i + 3];
-    sums[i] += row.alive ? mine : 0.0f;
-  }
-}
-
 template <class S>
 __device__ void load_network(const FusedActor& k, ActorMemory<S>& m) {
   const FusedMlp& net = k.net;
@@ -110,14 +36,7 @@ __device__ void load_network(const FusedActor& k, ActorMemory<S>& m) {
   load_vector(k.parameters + net.bias[1], hidden2, m.bias2, kHidden);
   load_vector(k.parameters + net.bias[2], output, m.bias3, kHead);
   load_vector(k.loss.action ? nullptr : k.parameters + net.log_std, kActionSize, m.log_std, 4);
-  if (threadIdx.x >= 32) return;
-  const BatchMoments moments(k.moments);
-  if (threadIdx.x > 0) return;
-  m.advantage_mean = k.loss.advantage_mean ? *k.loss.advantage_mean : moments.mean;
-  m.advantage_inv_std = k.loss.advantage_inv_std ? *k.loss.advantage_inv_std : 1.0f / (sqrtf(moments.variance) + 1e-8f);
-  const float off = moments.mean - m.advantage_mean;
-  m.scale = gradient_scale(sqrtf(moments.variance + off * off) * m.advantage_inv_std);
-  m.unscale = moments.inv_count / m.scale;
+  if (threadIdx.x < 32) take_moments(k, m);
 }
 
 template <class S>
@@ -268,6 +187,7 @@ void launch(const FusedActor& actor, void* stream) {
 
 void launch_actor_gradient(const FusedActor& actor, int index, void* stream) {
   GIGA_CUDA(cudaSetDevice(index));
+  if (!actor.net.is_narrow()) return launch_block_actor_gradient(actor, stream);
   const int input = actor.net.width[0];
   if (input <= NarrowTiles::kIn) return launch<NarrowTiles>(actor, stream);
   if (input <= MediumTiles::kIn) return launch<MediumTiles>(actor, stream);

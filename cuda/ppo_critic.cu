@@ -5,6 +5,7 @@
 // where two rows are of the same state. What a team weight T gets of the rows h of a layer is mean(h) T^T; the way back
 // takes sums over the team first: G = sum(d), whence d_h = G T / living and d_T = G^T h / living.
 #include "cuda/check.cuh"
+#include "cuda/ppo_block.hpp"
 #include "cuda/ppo_tiles.cuh"
 
 namespace giga {
@@ -365,6 +366,7 @@ void launch(const FusedCritic& critic, void* stream) {
 
 void launch_critic_gradient(const FusedCritic& critic, int index, void* stream) {
   GIGA_CUDA(cudaSetDevice(index));
+  if (!critic.net.is_narrow()) return launch_block_critic_gradient(critic, stream);
   critic.values ? launch<false>(critic, stream) : launch<true>(critic, stream);
 }
 

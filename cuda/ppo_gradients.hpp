@@ -17,7 +17,8 @@ namespace giga {
 /// living agents of the team feed into the layer (composed critics).
 struct FusedMlp : SmallMlp {
   static constexpr int kLayers = 3;
-  static constexpr int kHidden = 64;        ///< most numbers of a hidden layer
+  static constexpr int kHidden = 128;       ///< most numbers of a hidden layer
+  static constexpr int kNarrowHidden = 64;  ///< up to which a warp takes rows through all layers in its registers
   static constexpr int kMaxInput = 192;     ///< most numbers of an input
   int team_weight[kLayers] = {-1, -1, -1};  ///< -1 = none; the first layer never has one
   int64_t size = 0;                         ///< of the flat parameters
@@ -27,6 +28,7 @@ struct FusedMlp : SmallMlp {
   bool fits() const {
     return n_layers == kLayers && width[0] <= kMaxInput && width[1] <= kHidden && width[2] <= kHidden;
   }
+  GIGA_HD bool is_narrow() const { return width[1] <= kNarrowHidden && width[2] <= kNarrowHidden; }
 };
 
 /// The rows of a minibatch: of each state those of n agents.
@@ -83,6 +85,26 @@ struct FusedCritic {
   int n_partial = 0;
   float* partial = nullptr;  // as above; or
   float* values = nullptr;   // [states, n] out: only the values are computed
+  uint32_t* kept = nullptr;  // [KeptStates::words(..)] for gradients where that is not 0: work memory
+};
+/// What a block of a composed critic with a hidden layer of more than 64 keeps of each state until its last tile: the
+/// mean features of the first layer, and the sum of the gradients by the sums of the second. The gradient of the team
+/// weight, which is made of them, takes the registers of the other gradients then.
+struct KeptStates {
+  static constexpr int kTileRows = 64, kMost = 32;              // of a tile: rows, states
+  static constexpr int kHalves = FusedMlp::kHidden, kRows = 2;  // of a state: rows of so many numbers
+  static constexpr int kWords = kHalves / 2;                    // of a row
+  int per_tile;
+  int64_t per_block;
+
+  GIGA_HD KeptStates(int n, int64_t n_states, int n_partial) : per_tile((n == 1 ? kMost : kTileRows / n)) {
+    const int64_t tiles = (n_states + per_tile - 1) / per_tile;
+    per_block = (tiles + n_partial - 1) / n_partial * per_tile;
+  }
+  static int64_t words(const FusedMlp& net, int n, int64_t n_states, int n_partial) {
+    if (net.is_narrow() || net.team_weight[1] < 0) return 0;
+    return KeptStates(n, n_states, n_partial).per_block * n_partial * kRows * kWords;
+  }
 };
 /// Behind the gradient: the actor's sums of diagnostics (PolicyDiagnostic), the critic's sum of losses.
 constexpr int kFusedSums = 8;

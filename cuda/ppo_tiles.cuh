@@ -8,7 +8,7 @@
 
 namespace giga {
 
-constexpr int kHidden = FusedMlp::kHidden, kHiddenTiles = kHidden / 8, kHiddenDepth = kHidden / 16;
+constexpr int kHidden = FusedMlp::kNarrowHidden, kHiddenTiles = kHidden / 8, kHiddenDepth = kHidden / 16;
 constexpr int kHiddenStride = kHidden + 8;
 constexpr size_t kMostShared = 226 * 1024;          // bytes, of all blocks on a multiprocessor of capability 9.0
 constexpr int kHead = 32, kHeadStride = kHead + 8;  // outputs of the actor, in whole tiles
@@ -39,18 +39,20 @@ __device__ __forceinline__ float fast_tanh(float x) {
 }
 
 /// Derivatives of features, in half precision: products round them as much.
-struct Slopes {
-  Factor<kHiddenDepth> by;
+template <int kTiles>
+struct SlopesOf {
+  Factor<kTiles / 2> by;
   /// The gradient by what the features were made of.
-  __device__ Factor<kHiddenDepth> scaled(const TileSums<kHiddenTiles>& gradient) const {
-    Factor<kHiddenDepth> out = gradient.factor();
+  __device__ Factor<kTiles / 2> scaled(const TileSums<kTiles>& gradient) const {
+    Factor<kTiles / 2> out = gradient.factor();
 #pragma unroll
-    for (int t = 0; t < kHiddenDepth; ++t)
+    for (int t = 0; t < kTiles / 2; ++t)
 #pragma unroll
       for (int k = 0; k < 4; ++k) out.k[t][k] = multiply_pairs(out.k[t][k], by.k[t][k]);
     return out;
   }
 };
+using Slopes = SlopesOf<kHiddenTiles>;
 
 /// The slopes of a lane, kept in shared memory if there is room.
 template <class S>
@@ -77,10 +79,10 @@ struct KeptSlopes {
 };
 
 /// The numbers become features, and `slopes` their derivatives: f(number).
-template <class F>
-__device__ __forceinline__ void activate_by(TileSums<kHiddenTiles>& sums, Slopes& slopes, F&& f) {
+template <int kTiles, class F>
+__device__ __forceinline__ void activate_by(TileSums<kTiles>& sums, SlopesOf<kTiles>& slopes, F&& f) {
 #pragma unroll
-  for (int j = 0; j < kHiddenTiles; ++j)
+  for (int j = 0; j < kTiles; ++j)
 #pragma unroll
     for (int k = 0; k < 2; ++k) {
       const Activated a = f(sums.c[j][2 * k]), b = f(sums.c[j][2 * k + 1]);
@@ -89,7 +91,8 @@ __device__ __forceinline__ void activate_by(TileSums<kHiddenTiles>& sums, Slopes
       slopes.by.k[j / 2][j % 2 * 2 + k] = half_pair(a.slope, b.slope);
     }
 }
-__device__ __forceinline__ void activate(Activation activation, TileSums<kHiddenTiles>& sums, Slopes& slopes) {
+template <int kTiles>
+__device__ __forceinline__ void activate(Activation activation, TileSums<kTiles>& sums, SlopesOf<kTiles>& slopes) {
   switch (activation) {
     case Activation::tanh:
       return activate_by(sums, slopes, [](float x) {
@@ -166,11 +169,11 @@ struct TileRows {
   }
 };
 
-/// The inputs of a warp's 16 rows, on their way from global memory: two columns for each lane, and those 64 further.
-template <int kIn>
+/// The inputs of a warp's rows, on their way from global memory: two columns for each lane, and those 64 further.
+template <int kIn, int kRows = 16>
 struct FetchedInputs {
   static constexpr int kPairs = kIn / 64;
-  float2 x[16][kPairs];
+  float2 x[kRows][kPairs];
 
   __device__ static int column(int j) { return j * 64 + static_cast<int>(threadIdx.x) % 32 * 2; }
 
@@ -180,7 +183,7 @@ struct FetchedInputs {
     // Pairs of columns are read together where they are aligned.
     const bool aligned = (reinterpret_cast<uintptr_t>(rows.obs) % 8 | static_cast<uintptr_t>(rows.obs_stride % 2)) == 0;
 #pragma unroll
-    for (int i = 0; i < 16; ++i) {
+    for (int i = 0; i < kRows; ++i) {
       const int64_t from = source(i);
       const float* at = rows.obs + (from >= 0 ? from : 0) * rows.obs_stride;
 #pragma unroll
@@ -210,7 +213,7 @@ struct FetchedInputs {
         std = {first ? __ldg(rows.obs_std + c) : 1.0f, second ? __ldg(rows.obs_std + c + 1) : 1.0f};
       }
 #pragma unroll
-      for (int i = 0; i < 16; ++i) {
+      for (int i = 0; i < kRows; ++i) {
         float2 two = x[i][j];
         if (rows.obs_mean) {
           two.x = held((two.x - mean.x) / std.x, rows.obs_limit);

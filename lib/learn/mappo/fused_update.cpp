@@ -107,6 +107,10 @@ void FusedUpdate::begin_epoch(const at::Tensor& obs, const at::Tensor& alive, co
   pieces_ = {rows_.n_states, n_minibatches};
   if (!moments_.defined() || moments_.size(0) != n_minibatches)
     moments_ = at::empty({n_minibatches, kMomentParts, kMoments}, squares_.options());
+  // The first piece is a largest one.
+  const int64_t kept = side_ ? KeptStates::words(critic_mlp_, rows_.n, pieces_.begin(1), blocks_) : 0;
+  if (kept > 0 && (!kept_states_.defined() || kept_states_.numel() < kept))
+    kept_states_ = at::empty({kept}, finished_.options());
   const auto* a = advantage.const_data_ptr<float>();
   auto* moments = moments_.data_ptr<double>();
   if (!side_) {
@@ -138,13 +142,14 @@ void FusedUpdate::compute_gradients(int k, const FusedPolicyLoss& policy, const 
                          .moments = moments,
                          .n_partial = blocks_,
                          .partial = actor_partial_.data_ptr<float>()};
-  const FusedCritic critic{.net = critic_mlp_,
-                           .parameters = critic_.parameters().values().const_data_ptr<float>(),
-                           .rows = rows(critic_.inputs()),
-                           .loss = value,
-                           .moments = moments,
-                           .n_partial = blocks_,
-                           .partial = critic_partial_.data_ptr<float>()};
+  FusedCritic critic{.net = critic_mlp_,
+                     .parameters = critic_.parameters().values().const_data_ptr<float>(),
+                     .rows = rows(critic_.inputs()),
+                     .loss = value,
+                     .moments = moments,
+                     .n_partial = blocks_,
+                     .partial = critic_partial_.data_ptr<float>()};
+  if (kept_states_.defined()) critic.kept = reinterpret_cast<uint32_t*>(kept_states_.data_ptr<int32_t>());
   if (side_) {
     launch_actor_gradient(actor, index(), side_->stream());
     launch_critic_gradient(critic, index(), side_->stream());

@@ -65,6 +65,7 @@ class FusedUpdate {
   at::Tensor states_;                          // keeps what rows_ points to
   at::Tensor moments_;                         // [pieces, kMomentParts, kMoments] fp64
   at::Tensor actor_partial_, critic_partial_;  // [blocks, parameters + kFusedSums]
+  at::Tensor kept_states_;                     // of the critic (KeptStates); undefined where it needs none
   at::Tensor over_ranks_;                      // [both networks' parameters + kFusedSums]; undefined with one rank
   at::Tensor sums_;                            // [2, kFusedSums]
   at::Tensor squares_;                         // [fused_step_blocks()] fp64
