@@ -69,8 +69,9 @@ void check_fits(const PolicyInterface& policy, const SimSpec& spec, const std::s
   const std::string there_text = layout_text(policy);
   const std::string here_text = reads_image && here.image_side == 0 ? "no images" : layout_text(here);
   if (!reasons.empty())  // first, for they are what can be changed
-    throw InputError(cat(source, " was trained in '", policy.scenario, "', not in '", here.scenario, "'", reasons,
-                         "; an agent observes ", there_text, " there, ", here_text, " here"));
+    throw InputError(cat(source, " was trained in '", policy.scenario, "', ",
+                         policy.scenario == here.scenario ? "with other settings" : cat("not in '", here.scenario, "'"),
+                         reasons, "; an agent observes ", there_text, " there, ", here_text, " here"));
   throw InputError(cat(source, " was trained in '", policy.scenario, "', where an agent observes ", there_text,
                        "; in '", here.scenario, "' it observes ", here_text));
 }

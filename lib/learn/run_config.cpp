@@ -89,6 +89,7 @@ LoadedRun finish(RunConfig config, std::optional<Scenario> scenario, const KeyPo
   }
   algorithm_of(run.config).check(check);
   errors.throw_if_any();
+  if (const auto found = given.find("train.opponent"); found != given.end()) run.opponent_at = found->second;
   return run;
 }
 
@@ -187,7 +188,7 @@ void ConfigCheck::image_is_there(const std::string& group, const NetworkConfig& 
                     "images: mlp"));
   if (network.encoder == EncoderKind::nature && side < kNatureSide)
     fail(key, cat("'nature' needs images of at least ", kNatureSide, " x ", kNatureSide,
-                  " pixels, and environment.observation.resolution is ", side, "; allowed with it: impala"));
+                  " pixels, and environment.observation.resolution is ", side, "; allowed with it: impala, compact"));
   if (network.inputs != NetworkInputs::all)
     fail(group + ".inputs", cat("these are numbers, and the encoder ", name, " reads the image; allowed with it: all"));
 }

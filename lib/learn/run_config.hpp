@@ -190,8 +190,9 @@ std::optional<int64_t> total_updates(const RunConfig& c, int n_agents);
 /// combination of keys (a horizon longer than the episode, minibatches that do not divide).
 struct LoadedRun {
   RunConfig config;
-  Scenario scenario;  ///< resolved, with `rules` applied
-  SimSpec spec;       ///< compiled
+  Scenario scenario;                    ///< resolved, with `rules` applied
+  SimSpec spec;                         ///< compiled
+  std::optional<Position> opponent_at;  ///< where train.opponent was given, for messages
 };
 LoadedRun load_run_config(const std::string& path, const std::vector<std::string>& overrides);
 /// A run's config as its folder keeps it, from which it trains the same again wherever the folder is: where the

@@ -2,10 +2,13 @@
 // same table makes docs/bad_input.md.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cstdlib>
+#include <filesystem>
 #include <fstream>
 #include <map>
 
+#include "core/error.hpp"
 #include "io/files.hpp"
 #include "program.hpp"
 #include "support/source.hpp"
@@ -19,13 +22,21 @@ struct BadInput {
   std::string shown;  ///< the input in the table, lines in code
   std::vector<std::string> arguments;
   std::map<std::string, std::string> files;
-  std::vector<std::string> parts;  ///< of the message
+  std::vector<std::string> parts;       ///< of the message
+  std::vector<std::string> first = {};  ///< arguments of a command before, which makes the folder `other`
 };
 
 // Were an input taken for a good one, training would end after one update.
 const std::vector<std::string> kTrain = {"train", "run.yaml", "--set", "train.total_agent_steps=1"};
 const std::vector<std::string> kTrainAsItIs = {"train", "run.yaml"};
 constexpr const char* kGame = "scenario: identical_2_vs_2\n";
+
+/// The shortest run in that game, for a folder `other`.
+constexpr const char* kShortest =
+    "device: cpu\n"
+    "train: {n_threads: 1, n_worlds: 2, total_agent_steps: 1}\n"
+    "eval: {episodes: 1, every_updates: 0, record: 0}\n";
+const std::vector<std::string> kTrainOther = {"train", "other.yaml", "--run-dir", "other", "--quiet"};
 
 /// A line or more of a run config.
 BadInput in_config(const std::string& kind, const std::string& lines, const std::vector<std::string>& parts) {
@@ -214,7 +225,7 @@ std::vector<BadInput> meanings() {
       in_config("image too small for the encoder",
                 "environment: {observation: {type: rgb_vector, resolution: 16}}\nmappo: {actor: {encoder: nature}}",
                 {"run.yaml:3:26: mappo.actor.encoder: 'nature' needs images of at least 36 x 36 pixels, and "
-                 "environment.observation.resolution is 16; allowed with it: impala"}),
+                 "environment.observation.resolution is 16; allowed with it: impala, compact"}),
       in_config(
           "images alone for an encoder of numbers",
           "environment: {observation: {type: rgb}}\nmappo: {critic: {kind: state}}",
@@ -254,6 +265,25 @@ std::vector<BadInput> meanings() {
                    "train: {algorithm: snes, precision: fp16}\npopulation: {actor: {memory: gru}}",
                    {"run.yaml:2:37: train.precision: fp16 is computed by one kernel, which knows no memory, and "
                     "population.actor.memory is gru; allowed there: fp32, tf32, bf16"}),
+      {"checkpoint of another observation",
+       "train: {opponent: ./other}",
+       kTrain,
+       {{"run.yaml", cat(kGame, "train: {opponent: ./other}\n")},
+        {"other.yaml", cat(kGame, kShortest,
+                           "environment: {observation: {type: rgb, resolution: 12}}\n"
+                           "mappo: {horizon: 2, n_minibatches: 1, actor: {encoder: compact, hidden: [4]}, "
+                           "critic: {kind: state, hidden: [4]}}\n")}},
+       {"run.yaml:2:19: train.opponent: other was trained in 'identical_2_vs_2', with other settings; what differs: "
+        "observation.type: rgb there, vector here",
+        "an agent observes images of 12 x 12 pixels there, no images here"},
+       kTrainOther},
+      {"checkpoint of numbers where there are images",
+       "gigastep eval other --vs circle --set environment.observation.type=rgb",
+       {"eval", "other", "--vs", "circle", "--set", "environment.observation.type=rgb"},
+       {{"other.yaml", cat(kGame, kShortest, "mappo: {horizon: 2, n_minibatches: 1}\n")}},
+       {"other reads numbers, and agents of 'identical_2_vs_2' are given images alone (observation.type: rgb); what "
+        "differs: observation.type: vector there, rgb here"},
+       kTrainOther},
       in_config("number with a suffix", "train: {n_worlds: 4k}",
                 {"run.yaml:2:19: train.n_worlds: '4k' is not an integer in [1, ", " (numbers have no suffix: 4000)"}),
       in_config("horizon longer than an episode", "environment: {max_episode_length: 20}\nmappo: {horizon: 32}",
@@ -338,13 +368,23 @@ std::string message_of(const BadInput& input) {
     here.write(name, text);
     given.push_back(name.substr(0, name.find('/')));
   }
+  if (!input.first.empty()) {
+    const Outcome made = here.run(input.first);
+    EXPECT_EQ(made.code, 0) << made.err;
+    given.emplace_back("other");
+    std::sort(given.begin(), given.end());
+  }
   const Outcome outcome = here.run(input.arguments);
   EXPECT_EQ(outcome.code, 2) << input.kind << ": " << outcome.err;
   EXPECT_EQ(outcome.out, "") << input.kind;
   EXPECT_EQ(here.entries(), given) << input.kind << ": something was created";
   const std::string name = "gigastep: ";
   EXPECT_TRUE(outcome.err.starts_with(name)) << outcome.err;
-  return outcome.err.substr(name.size());
+  // Where the folder of the test is says nothing.
+  std::string message = outcome.err.substr(name.size());
+  const std::string folder = std::filesystem::canonical(here.path()).string() + "/";
+  for (size_t at; (at = message.find(folder)) != std::string::npos;) message.erase(at, folder.size());
+  return message;
 }
 
 /// Lines as code in a cell of a table.

@@ -1,59 +1,17 @@
 // Exports as Python sees them: act.py of each loads its policy with the library of its format, and gives the same
 // numbers as the actor that was exported.
 #include <gtest/gtest.h>
-#include <sys/wait.h>
-
-#include <cstdio>
-#include <cstdlib>
-#include <filesystem>
 
 #include "config/fields.hpp"
 #include "export/export.hpp"
-#include "io/files.hpp"
-#include "io/shell_word.hpp"
 #include "io/temporary_folder.hpp"
 #include "policies.hpp"
-#include "support/source.hpp"
+#include "python.hpp"
 
 namespace giga::test {
 namespace {
-namespace fs = std::filesystem;
 
 constexpr int kRows = 33;
-constexpr int kNotInstalled = 77, kNoPython = 127;  // the script's word, and the shell's
-
-struct Outcome {
-  int code = -1;
-  std::string out;  // and what it said of errors
-};
-
-Outcome run_python(const std::string& arguments) {
-  const std::string command = shell_word(python_with("sys")) + " -B " + arguments + " 2>&1";
-  FILE* pipe = ::popen(command.c_str(), "r");
-  GIGA_CHECK(pipe, command);
-  Outcome outcome;
-  char block[4096];
-  for (size_t n = 0; (n = std::fread(block, 1, sizeof block, pipe)) > 0;) outcome.out.append(block, n);
-  const int status = ::pclose(pipe);
-  outcome.code = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-  return outcome;
-}
-
-void write_tensor(const fs::path& file, const at::Tensor& tensor) {
-  const at::Tensor values = tensor.detach().contiguous();
-  write_file(file, {static_cast<const char*>(values.data_ptr()), values.nbytes()});
-}
-
-/// Lets Python compare the exports of a folder with the numbers beside them.
-void expect_agreement(const TemporaryFolder& folder, size_t n) {
-  const Outcome outcome = run_python(shell_word(source_path("tests/export/compare.py")) + " " +
-                                     shell_word(folder.path().string()) + " 1e-5");
-  if (outcome.code == kNotInstalled || outcome.code == kNoPython)
-    GTEST_SKIP() << "not all that reads the format is installed (scripts/bootstrap --dev): " << outcome.out;
-  EXPECT_EQ(outcome.code, 0) << outcome.out;
-  EXPECT_NE(outcome.out.find(cat(n, " policies agree")), std::string::npos) << outcome.out;
-}
-
 /// Exports an actor of every kind, with the numbers that it gives beside it.
 void compare_with_python(ExportFormat format) {
   const TemporaryFolder folder;

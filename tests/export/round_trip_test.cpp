@@ -114,6 +114,23 @@ TEST(ExportRoundTripGpu, PoliciesPlayOnTheGpu) {
   }
 }
 
+TEST(ExportRoundTripGpu, PoliciesOfImagesPlayOnTheGpu) {
+  if (cuda_device_count() == 0) GTEST_SKIP() << "no GPU";
+  const TemporaryFolder folder;
+  for (const ActorKind& kind : image_kinds()) {
+    const at::Tensor images = varied_images(5, kind.image_side());
+    const at::Tensor expected = without_unused_logit(third_head(make_random_actor(kind), images));
+    for (const ExportFormat format : {ExportFormat::safetensors, ExportFormat::torchscript}) {
+      const std::string name = kind.name() + "_" + FieldCodec<ExportFormat>::print(format);
+      const SimSpec spec = small_spec_with_images(kind);
+      write_export(folder / name, format, make_random_actor(kind), spec, sample_origin());
+      const auto policy = read(folder / name, spec, true, {Device::Kind::cuda, 0}).policy;
+      const at::Tensor head = third_head(*policy, images.to(at::kCUDA));
+      EXPECT_LT(worst(without_unused_logit(head).cpu(), expected), 1e-2) << name;  // products may be TF32
+    }
+  }
+}
+
 TEST(ExportRoundTrip, FilesAndFoldersAreRecognised) {
   const TemporaryFolder folder;
   write(folder / "tensors", ExportFormat::safetensors);

@@ -6,7 +6,14 @@
 #include <torch/csrc/jit/runtime/graph_executor.h>
 #include <torch/script.h>
 
+#include <algorithm>
+#include <functional>
+
+#include "config/fields.hpp"
+#include "export/export.hpp"
+#include "io/temporary_folder.hpp"
 #include "policies.hpp"
+#include "python.hpp"
 #include "scenario/compile.hpp"
 #include "scenario/data_dirs.hpp"
 #include "scenario/loader.hpp"
@@ -70,9 +77,52 @@ void expect_same_view(const SimSpec& spec, int64_t n_rows) {
   EXPECT_LT((limit > 1.01e-5).sum().item<double>() / numbers, 1e-2) << "numbers that a last bit decides are rare";
 }
 
-TEST(ExportRowView, EqualsTheSimulatorsInEveryScenario) {
-  const int stride = thinned(6);
-  const int64_t n_rows = stride == 1 ? 10'000 : 1'000;
+/// A policy whose logits are numbers of the view, from `first` on: x = relu(x) - relu(-x), to the last bit.
+Actor actor_that_shows(const SimSpec& spec, int first, int count) {
+  ActorConfig config;
+  config.hidden = {2 * kNDiscreteActions};
+  config.activation = Activation::relu;
+  config.inputs = NetworkInputs::egocentric;
+  Actor actor(config, input_columns(config.inputs, spec), ActionKind::discrete, false, Precision::fp32, at::kCPU, 1);
+  at::NoGradGuard no_grad;
+  actor.parameters().values().zero_();
+  const at::Tensor &in = actor.parameters()[0], &out = actor.parameters()[2];
+  for (int k = 0; k < count; ++k)
+    for (int sign = 0; sign < 2; ++sign) {
+      in[2 * k + sign][first + k] = 1 - 2 * sign;
+      out[k][2 * k + sign] = 1 - 2 * sign;
+    }
+  return actor;
+}
+
+/// What ONNX Runtime makes of the graph and Python of act.py: all numbers of the view, 27 of them in each policy.
+void expect_same_view_in_python(const SimSpec& spec, int64_t n_rows) {
+  SCOPED_TRACE(spec.name);
+  const TemporaryFolder folder;
+  const RowView view = row_view(spec).value();
+  ComputedView computed(view);
+  const at::Tensor rows = played_rows(spec, n_rows), row = rows.slice(1, 0, view.row_size()).contiguous();
+  const at::Tensor limits = tolerance(view, computed, row);
+  write_tensor(folder / "obs.f32", row);
+  size_t n = 0;
+  for (int first = 0; first < view.view_size(); first += kNDiscreteActions) {
+    const int count = std::min(kNDiscreteActions, view.view_size() - first);
+    const auto logits = [&](const at::Tensor& all, double others) {
+      return at::constant_pad_nd(all.narrow(1, view.view_at() + first, count), {0, kNDiscreteActions - count}, others);
+    };
+    for (const ExportFormat format : {ExportFormat::onnx, ExportFormat::safetensors}) {
+      const std::string name = cat(FieldCodec<ExportFormat>::print(format), first);
+      write_export(folder / name, format, actor_that_shows(spec, first, count), spec, sample_origin());
+      write_tensor(folder / (name + ".f32"), logits(rows, 0));
+      write_tensor(folder / (name + ".limit.f32"), logits(limits, 1e-5));
+      ++n;
+    }
+  }
+  expect_agreement(folder, n);
+}
+
+/// Calls `check` with scenarios that offer the view, every `stride`-th of those that come with gigastep.
+void for_scenarios(int stride, const std::function<void(const SimSpec&)>& check) {
   int n_scenarios = 0;
   for (const ScenarioInfo& info : list_scenarios(data_dirs())) {
     Scenario scenario = load_scenario(info.name, data_dirs());
@@ -81,9 +131,19 @@ TEST(ExportRowView, EqualsTheSimulatorsInEveryScenario) {
     for (const auto* team : {&scenario.team_0, &scenario.team_1})
       for (const auto& group : *team) n_agents += group.count;
     if (n_agents > 200) continue;  // as those of 100 against 100, with other counts
-    if (n_scenarios++ % stride == 0) expect_same_view(compile(scenario), n_rows);
+    if (n_scenarios++ % stride == 0) check(compile(scenario));
   }
   EXPECT_GT(n_scenarios, 20);
+}
+
+TEST(ExportRowView, EqualsTheSimulatorsInEveryScenario) {
+  const int stride = thinned(6);
+  for_scenarios(stride, [&](const SimSpec& spec) { expect_same_view(spec, stride == 1 ? 10'000 : 1'000); });
+}
+
+TEST(ExportRowView, GraphsAndActPyGiveTheSimulatorsInEveryScenario) {
+  const int stride = thinned(12);
+  for_scenarios(stride, [&](const SimSpec& spec) { expect_same_view_in_python(spec, stride == 1 ? 10'000 : 1'000); });
 }
 
 // All switches that change rows: waypoints, boxes with and without heights, mixed teams, few neighbors, original rules.

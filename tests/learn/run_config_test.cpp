@@ -140,7 +140,7 @@ TEST_F(LearnRunConfig, AnEncoderOfImagesIsRefusedWhereItCannotBe) {
   const std::string small = "environment: {observation: {resolution: 35}}\n";
   EXPECT_EQ(message("identical_2_vs_2_rgb", small + state + "nature}}\n"),
             "run.yaml:3:49: mappo.actor.encoder: 'nature' needs images of at least 36 x 36 pixels, and "
-            "environment.observation.resolution is 35; allowed with it: impala");
+            "environment.observation.resolution is 35; allowed with it: impala, compact");
   EXPECT_EQ(message("identical_2_vs_2_rgb", small + state + "impala}}\n"), "no error");
   EXPECT_EQ(message("identical_2_vs_2_rgb", "mappo: {actor: {encoder: nature}, critic: {hidden: [8]}}\n"),
             "run.yaml:1:11: scenario: agents of 'identical_2_vs_2_rgb' are given images alone (observation.type: rgb), "

@@ -35,6 +35,18 @@ namespace {
 
 constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 
+/// The policy that train.opponent names; where it cannot play the run's game, the message says where it was named.
+Player load_opponent(const LoadedRun& run, Device device) {
+  try {
+    Player player = Player::load(run.config.train.opponent.name, {.device = device});
+    player.check_plays(run.spec, &run.scenario);
+    return player;
+  } catch (const InputError& e) {
+    if (!run.opponent_at) throw;
+    throw InputError(cat(run.opponent_at->text(), ": train.opponent: ", e.what()));
+  }
+}
+
 class Mappo final : public Learner {
  public:
   Mappo(const LoadedRun& run, Device device, Ranks* ranks);
@@ -149,8 +161,7 @@ void Mappo::make_teams_and_worlds() {
     collecting.with_final_images = collecting.with_final_images || team_[team]->critic_reads_image();
   }
   if (config_.train.opponent.is_path()) {
-    frozen_ = Player::load(config_.train.opponent.name, {.device = device_});
-    frozen_->check_plays(run.spec, &run.scenario);
+    frozen_ = load_opponent(run, device_);
     if (frozen_->origin()) frozen_crc_ = crc32c(read_file(frozen_->origin()->file));
   }
   if (config_.mappo.step_back)
