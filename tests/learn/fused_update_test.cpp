@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 #include <torch/torch.h>
 
+#include "core/error.hpp"
 #include "cuda/runtime.hpp"
 #include "learn/mappo/config.hpp"
 #include "math/ppo_loss.hpp"
@@ -42,6 +43,7 @@ struct FusedCase {
   bool normalize;
   AdvantageNorm norm;
   float clip = kNoClip;
+  int64_t n_states = 600;  // of the rollout, of which every third is learned from
 };
 
 struct Normal {
@@ -52,17 +54,18 @@ struct Normal {
   }
 };
 
-/// Networks of a case, whose parameters are those of the initialisation plus normal numbers, and a rollout of 600
-/// states, of which every third is learned from.
+/// Networks of a case, whose parameters are those of the initialisation plus normal numbers, and a rollout.
 struct Setting {
-  static constexpr int64_t kStates = 600, kRow = 200;
+  static constexpr int64_t kRow = 200;
+  const int64_t n_states;
   ParallelFor parallel_for;
   Actor actor;
   Critic critic;
   at::Tensor obs, alive, states, action, u, log_prob, advantage, old_value, returns, mean, std;
 
   Setting(const FusedCase& c, Device device, int n_threads = 2)
-      : parallel_for(device, n_threads, current_stream(device)),
+      : n_states(c.n_states),
+        parallel_for(device, n_threads, current_stream(device)),
         actor(actor_config(c), inputs(c), c.actions, c.normalize, precision(device), torch_device(device), 1),
         critic(critic_config(c), {0, {c.n, 2}, inputs(c), 7}, precision(device), parallel_for, torch_device(device),
                2) {
@@ -70,29 +73,29 @@ struct Setting {
     at::NoGradGuard no_grad;
     actor.parameters().values().add_(0.1 * normal({actor.parameters().size()}, 3));
     critic.parameters().values().add_(0.1 * normal({critic.parameters().size()}, 4));
-    obs = normal({kStates, c.n, kRow}, 5);
-    alive = (normal({kStates, c.n}, 6) > -0.7).to(at::kByte);
+    obs = normal({n_states, c.n, kRow}, 5);
+    alive = (normal({n_states, c.n}, 6) > -0.7).to(at::kByte);
     alive[0].zero_();  // a state in which nobody lives
     if (c.normalize) actor.normalizer().update(obs.view({-1, kRow}) * 3 + 1, alive.to(at::kFloat).view({-1}));
-    states = at::arange(kStates - kStates % 3 - 3, -1, -3, obs.options().dtype(at::kLong));
-    action = (normal({kStates, c.n}, 7).abs() * 10).to(at::kInt).remainder(kNDiscreteActions);
+    states = at::arange(n_states - n_states % 3 - 3, -1, -3, obs.options().dtype(at::kLong));
+    action = (normal({n_states, c.n}, 7).abs() * 10).to(at::kInt).remainder(kNDiscreteActions);
     // Actions that the policy draws, and probabilities near its own: where they are far apart, the ratio makes rounding
     // larger, and single rows count more than all others.
-    const at::Tensor head = actor.forward(obs.flatten(0, 1)).view({kStates, c.n, -1});
+    const at::Tensor head = actor.forward(obs.flatten(0, 1)).view({n_states, c.n, -1});
     if (c.actions == ActionKind::discrete) {
       log_prob = at::log_softmax(head.slice(-1, 0, kNDiscreteActions), -1)
                      .gather(-1, action.to(at::kLong).unsqueeze(-1))
                      .squeeze(-1);
     } else {
-      const at::Tensor e = normal({kStates, c.n, 3}, 8);
+      const at::Tensor e = normal({n_states, c.n, 3}, 8);
       u = head + actor.log_std().exp() * e;
       const at::Tensor log_slope = 2 * (std::log(2.0) - u - at::softplus(-2 * u));
       log_prob = (-0.5 * e.square() - actor.log_std() - kHalfLogTwoPi - log_slope).sum(-1);
     }
-    log_prob = log_prob + 0.3 * normal({kStates, c.n}, 9);
-    advantage = 2 * normal({kStates, c.n}, 10) + 1;
-    old_value = 0.3 * normal({kStates, c.n}, 11);
-    returns = 4 + 2 * normal({kStates, c.n}, 12);
+    log_prob = log_prob + 0.3 * normal({n_states, c.n}, 9);
+    advantage = 2 * normal({n_states, c.n}, 10) + 1;
+    old_value = 0.3 * normal({n_states, c.n}, 11);
+    returns = 4 + 2 * normal({n_states, c.n}, 12);
     mean = at::full({1}, 4.0f, obs.options());
     std = at::full({1}, 2.0f, obs.options());
   }
@@ -288,6 +291,91 @@ const FusedCase kFusedCases[] = {
      false,
      AdvantageNorm::minibatch,
      kClip},
+    // Hidden layers of up to 128.
+    {"Broad",
+     ActionKind::discrete,
+     CriticKind::composed,
+     Activation::tanh,
+     {128, 128},
+     5,
+     59,
+     101,
+     false,
+     AdvantageNorm::minibatch},
+    {"BroadContinuous",
+     ActionKind::continuous,
+     CriticKind::composed,
+     Activation::silu,
+     {100, 72},
+     7,
+     40,
+     8,
+     true,
+     AdvantageNorm::minibatch},
+    {"BroadIndependent",
+     ActionKind::discrete,
+     CriticKind::independent,
+     Activation::gelu,
+     {128, 128},
+     3,
+     106,
+     3,
+     true,
+     AdvantageNorm::none},
+    {"BroadReluClipped",
+     ActionKind::discrete,
+     CriticKind::composed,
+     Activation::relu,
+     {72, 128},
+     20,
+     176,
+     0,
+     false,
+     AdvantageNorm::minibatch,
+     kClip},
+    {"BroadAlone",
+     ActionKind::discrete,
+     CriticKind::composed,
+     Activation::tanh,
+     {16, 127},
+     1,
+     192,
+     0,
+     false,
+     AdvantageNorm::minibatch},
+    {"BroadContinuousIndependent",
+     ActionKind::continuous,
+     CriticKind::independent,
+     Activation::tanh,
+     {128, 100},
+     2,
+     176,
+     0,
+     false,
+     AdvantageNorm::none},
+    {"BroadCrowd",
+     ActionKind::discrete,
+     CriticKind::composed,
+     Activation::gelu,
+     {128, 128},
+     64,
+     106,
+     2,
+     false,
+     AdvantageNorm::minibatch},
+    // Each block of a GPU takes several tiles: 20,000 rows, in tiles of 60.
+    {"BroadManyRows",
+     ActionKind::discrete,
+     CriticKind::composed,
+     Activation::silu,
+     {128, 128},
+     5,
+     64,
+     0,
+     false,
+     AdvantageNorm::minibatch,
+     kNoClip,
+     12'000},
 };
 
 void expect_what_libtorch_says(const FusedCase& c, Device device) {
@@ -393,6 +481,49 @@ TEST_P(LearnFusedUpdateGpu, AreThoseOfLibTorch) {
   expect_what_libtorch_says(GetParam(), kOneGpu);
 }
 
+// What the kernels serve, and what is said of others.
+TEST(LearnFusedUpdateRefusal, SaysWhatIsTooWide) {
+  const auto refusal = [](std::vector<int> actor, std::vector<int> critic, int columns) {
+    FusedCase c = kFusedCases[0];
+    c.hidden = std::move(actor);
+    c.columns = columns;
+    c.first = 0;
+    const Setting on_actor(c, kCpu);
+    c.hidden = std::move(critic);
+    const Setting on_critic(c, kCpu);
+    return fused_update_refusal(on_actor.actor, on_critic.critic, c.n, kCpu);
+  };
+  EXPECT_EQ(refusal({128, 128}, {128, 128}, 192), "");
+  EXPECT_EQ(refusal({64, 64}, {128, 100}, 59), "");
+  EXPECT_EQ(refusal({65, 1}, {64, 64}, 59), "");
+  const auto told = [](const char* network) {
+    return cat(
+        "they serve dense networks with two hidden layers of at most 128, without layer normalisation, on at "
+        "most 192 numbers (mappo.",
+        network, ")");
+  };
+  EXPECT_EQ(refusal({129, 64}, {64, 64}, 59), told("actor"));
+  EXPECT_EQ(refusal({64, 64}, {64, 129}, 59), told("critic"));
+  EXPECT_EQ(refusal({64}, {64, 64}, 59), told("actor"));
+  EXPECT_EQ(refusal({64, 64}, {64, 64, 64}, 59), told("critic"));
+  EXPECT_EQ(refusal({64, 64}, {64, 64}, 193), told("actor"));
+}
+
+// What is kept of states: that of a tile's whole states, in as many tiles as the busiest block has.
+TEST(LearnFusedUpdateKeptStates, HaveRoom) {
+  FusedMlp net;
+  net.width[1] = net.width[2] = 128;
+  EXPECT_EQ(KeptStates::words(net, 5, 1000, 10), 0) << "no team weight";
+  net.team_weight[1] = 0;
+  // 1,000 states in 84 tiles of 12, up to 9 tiles for each of 10 blocks, 2 rows of 64 words for each state.
+  EXPECT_EQ(KeptStates::words(net, 5, 1000, 10), 10 * 9 * 12 * 2 * 64);
+  EXPECT_EQ(KeptStates(1, 1000, 10).per_tile, 32);
+  EXPECT_EQ(KeptStates(2, 1000, 10).per_tile, 32);
+  EXPECT_EQ(KeptStates(64, 1000, 10).per_tile, 1);
+  net.width[1] = net.width[2] = 64;
+  EXPECT_EQ(KeptStates::words(net, 5, 1000, 10), 0) << "the kernels of 64 need none";
+}
+
 // One thread, two, and three, which share the 16 parts of a minibatch unevenly.
 TEST(LearnFusedUpdateThreads, ChangeNoBit) {
   const FusedCase& c = kFusedCases[0];
@@ -414,7 +545,7 @@ TEST(LearnFusedUpdateThreads, ChangeNoBit) {
                              .value_std = s.std.const_data_ptr<float>(),
                              .value_coef = kValueCoef});
     fused.add_up(steps.of(s, 0));
-    const at::Tensor values = at::empty({Setting::kStates, c.n}, s.obs.options());
+    const at::Tensor values = at::empty({s.n_states, c.n}, s.obs.options());
     fused.write_values(s.obs, s.alive, {}, values);
     found[k] = {s.actor.parameters().gradient(), s.critic.parameters().gradient(), values};
     for (size_t x = 0; x < found[k].size(); ++x) EXPECT_TRUE(at::equal(found[k][x], found[0][x])) << k + 1 << ", " << x;
@@ -492,12 +623,12 @@ TEST_P(LearnFusedUpdateGpu, ThePolicyAndTheUpdateAgree) {
   const FusedCase& c = GetParam();
   at::NoGradGuard no_grad;
   Setting s(c, kOneGpu);
-  const int64_t n_rows = Setting::kStates * c.n;
+  const int64_t n_rows = s.n_states * c.n;
   const bool discrete = c.actions == ActionKind::discrete;
-  const at::Tensor action = at::full({Setting::kStates, c.n}, -1, s.action.options());
-  const at::Tensor u = at::full({Setting::kStates, c.n, kActionSize}, NAN, s.obs.options()), squashed = u.clone();
-  const at::Tensor log_prob = at::full({Setting::kStates, c.n}, NAN, s.obs.options());
-  const at::Tensor draw_step = at::zeros({Setting::kStates}, s.action.options());
+  const at::Tensor action = at::full({s.n_states, c.n}, -1, s.action.options());
+  const at::Tensor u = at::full({s.n_states, c.n, kActionSize}, NAN, s.obs.options()), squashed = u.clone();
+  const at::Tensor log_prob = at::full({s.n_states, c.n}, NAN, s.obs.options());
+  const at::Tensor draw_step = at::zeros({s.n_states}, s.action.options());
   const RowDraws draws{reinterpret_cast<const uint32_t*>(draw_step.const_data_ptr<int32_t>()), 5, 0, c.n, 0};
   FusedPolicy policy = fused_policy(s.actor).value();
   policy.rows_per_group = n_rows;
@@ -511,7 +642,7 @@ TEST_P(LearnFusedUpdateGpu, ThePolicyAndTheUpdateAgree) {
   launch_fused_policy(policy, 0, s.parallel_for.stream());
 
   // Against LibTorch in fp32.
-  const at::Tensor head = s.actor.forward(s.obs.flatten(0, 1)).view({Setting::kStates, c.n, -1});
+  const at::Tensor head = s.actor.forward(s.obs.flatten(0, 1)).view({s.n_states, c.n, -1});
   at::Tensor expected;
   if (discrete) {
     ASSERT_GE(action.min().item<int>(), 0);
@@ -529,7 +660,7 @@ TEST_P(LearnFusedUpdateGpu, ThePolicyAndTheUpdateAgree) {
 
   // Against the update.
   FusedUpdate fused(s.actor, s.critic, c.n, s.parallel_for);
-  const at::Tensor states = at::arange(Setting::kStates, s.states.options());
+  const at::Tensor states = at::arange(s.n_states, s.states.options());
   Steps steps(s);
   fused.begin_epoch(s.obs, s.alive, states, 1, s.advantage);
   fused.compute_gradients(0,
