@@ -133,7 +133,8 @@ at::Tensor played_rows(SimSpec spec, int64_t n_rows) {
   SimOptions options;
   options.n_worlds = static_cast<int>(std::clamp<int64_t>(n_rows / spec.params.n_agents / 40, 1, 32));
   options.seed = 3;
-  const auto sim = make_cpu_simulator(spec, options);
+  const bool crowd = spec.params.n_agents > kMaxAgents;
+  const auto sim = crowd ? make_grid_simulator(spec, options) : make_cpu_simulator(spec, options);
   const RowLayout layout = observation_rows(spec);
   at::Tensor action[kNTeams], rows[kNTeams];
   StepIo io;
