@@ -8,7 +8,6 @@
 #include <csignal>
 #include <filesystem>
 #include <functional>
-#include <future>
 #include <iostream>
 #include <limits>
 #include <mutex>
@@ -104,7 +103,6 @@ class Training {
   void print_end() const;
   MetricsRow row(double seconds, double evaluation_seconds, const Metrics& metrics, bool evaluated) const;
   void record();
-  void finish_replay();
   void write_row(const MetricsRow& row, bool evaluated);
   void save(bool is_best);
   void show(const Metrics& metrics);
@@ -149,7 +147,6 @@ class Training {
   int64_t working_on_ = 0;                      // number of the update
   bool evaluates_ = false, answered_ = false;   // now; the request to stop
   double sensors_read_at_ = -1;
-  std::future<void> replay_;  // games on their way to a file, while training goes on
 };
 
 Training::Training(const RunFolder& folder, TrainingSetup setup)
@@ -332,16 +329,7 @@ void Training::update() {
 void Training::record() {
   if (const std::string wrong = why_games_have_no_room(run_); !wrong.empty())
     return log_.note(cat("no games are kept (eval.record: ", config_.eval.record, "): ", wrong));
-  finish_replay();
-  replay_ = std::async(std::launch::async,
-                       [this, updates = learner_->updates_done(), replay = record_games(run_, device_, *learner_)] {
-                         folder_.save_replay(updates, encode_replay(replay));
-                       });
-}
-
-/// Waits until the games of the last evaluation are in their file; throws what went wrong there.
-void Training::finish_replay() {
-  if (replay_.valid()) replay_.get();
+  folder_.save_replay(learner_->updates_done(), encode_replay(record_games(run_, device_, *learner_)));
 }
 
 MetricsRow Training::row(double seconds, double evaluation_seconds, const Metrics& metrics, bool evaluated) const {
@@ -392,7 +380,6 @@ void Training::save(bool is_best) {
   metrics_files_->flush_to_disk();
   const Checkpoint now = checkpoint();
   expect_same_state(ranks_.get(), now.arrays);
-  finish_replay();  // a run that goes on from here has the games up to here
   folder_.save(now, config_.checkpoint.keep, is_best);
   saved_update_ = learner_->updates_done();
 }
@@ -464,7 +451,6 @@ int Training::stop_early(int code) {
 
 void Training::write_final_report() {
   if (learner_->updates_done() == 0) return;  // no figures yet
-  finish_replay();
   write_replays_page(folder_, learner_->updates_done());
   write_report({folder_.path()}, folder_.report_file(), list_fields<RunConfig>());
 }
