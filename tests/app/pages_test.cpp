@@ -362,9 +362,9 @@ TEST(Pages, WhatShippedConfigsReadAndPay) {
     if (text.find("inputs: egocentric") == std::string::npos) other_inputs += name;
     if (text.find("damage: 50") == std::string::npos) no_damage += name;
   }
-  EXPECT_EQ(other_inputs, " `pixels` `published` `published_corrected`");
+  EXPECT_EQ(other_inputs, " `published` `published_corrected`");
   EXPECT_EQ(no_damage, " `memory` `published` `published_corrected`");
-  EXPECT_TRUE(contains(page, {"but `pixels`, `published` and `published_corrected`",
+  EXPECT_TRUE(contains(page, {"but `published` and `published_corrected`",
                               "`published` and\n`published_corrected` keep the original's rewards, `memory` those"}));
 }
 
