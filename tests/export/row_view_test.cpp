@@ -145,7 +145,10 @@ TEST(ExportRowView, EqualsTheSimulatorsInEveryScenario) {
 
 TEST(ExportRowView, GraphsAndActPyGiveTheSimulatorsInEveryScenario) {
   const int stride = thinned(12);
-  for_scenarios(stride, [&](const SimSpec& spec) { expect_same_view_in_python(spec, stride == 1 ? 10'000 : 1'000); });
+  // In full where the original's base scenarios are, of up to 40 agents; numpy takes its time.
+  for_scenarios(stride, [&](const SimSpec& spec) {
+    expect_same_view_in_python(spec, stride == 1 && spec.params.n_agents <= 40 ? 10'000 : 1'000);
+  });
 }
 
 // All switches that change rows: waypoints, boxes with and without heights, mixed teams, few neighbors, original rules.
