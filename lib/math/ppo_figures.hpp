@@ -19,8 +19,10 @@ enum PpoFigure : int {
   kFigRatioError,
   kFigRows,
   kFigValueLoss,  // sum over living rows
+  kFigViewLoss,   // sum over living rows; 0 without mappo.view_coef
   kFigActorNorm,  // sums over minibatches
   kFigCriticNorm,
+  kFigViewNorm,
   kFigSkipped,
   kFigFirstRatioError,    // mean of the first minibatch: 0 where rollout and update agree
   kFigExplained,          // explained variance of the values before the update
@@ -41,11 +43,12 @@ enum PpoFault : int {
   kFaultReturns,
   kFaultActorGradient,
   kFaultCriticGradient,
+  kFaultViewGradient,
   kNFaults
 };
 constexpr std::array<const char*, kNFaults> kPpoFaultNames = {
     "observations",          "log-probabilities of actions", "rewards", "values", "advantages", "returns",
-    "gradient of the actor", "gradient of the critic"};
+    "gradient of the actor", "gradient of the critic", "gradient of the view"};
 /// The faults follow the figures.
 constexpr int kFirstFault = kNPpoFigures, kNFigures = kFirstFault + kNFaults;
 

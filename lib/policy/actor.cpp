@@ -38,9 +38,11 @@ at::Tensor Actor::forward(const at::Tensor& obs, NetworkState& state) const {
   return head;
 }
 
-at::Tensor Actor::forward_sequence(const at::Tensor& obs, const Sequence& sequence) const {
+at::Tensor Actor::forward_sequence(const at::Tensor& obs, const Sequence& sequence, at::Tensor* kept) const {
   const ReadParameters p = read_parameters();
-  return head(*p, features(*p, obs), sequence);
+  const at::Tensor x = features(*p, obs);
+  if (kept) *kept = x;
+  return head(*p, x, sequence);
 }
 
 at::Tensor Actor::features(const at::Tensor& obs) const { return features(*read_parameters(), obs); }

@@ -28,8 +28,8 @@ class Actor final : public Policy {
 
   using Policy::forward;
   at::Tensor forward(const at::Tensor& obs, NetworkState& state) const override;
-  /// Steps in a row: obs [L R, D] -> [L R, head size].
-  at::Tensor forward_sequence(const at::Tensor& obs, const Sequence& sequence) const;
+  /// Steps in a row: obs [L R, D] -> [L R, head size], and its features [L R, F] in `kept`.
+  at::Tensor forward_sequence(const at::Tensor& obs, const Sequence& sequence, at::Tensor* kept = nullptr) const;
   /// Its two parts, for a critic that shares the encoder: obs [..., D] -> features [..., F], before any memory, and
   /// features [L R, F] -> [L R, head size].
   at::Tensor features(const at::Tensor& obs) const;

@@ -250,6 +250,9 @@ std::vector<BadInput> meanings() {
                 "mappo: {obs_norm: true, actor: {encoder: impala}}",
                 {"run.yaml:3:19: mappo.obs_norm: this normalises the numbers that actors read, and mappo.actor.encoder "
                  "impala reads images; allowed with it: false"}),
+      in_config("a view taught to an encoder of numbers", "mappo: {view_coef: 5}",
+                {"run.yaml:2:20: mappo.view_coef: 5: this teaches an encoder of images, and mappo.actor.encoder mlp "
+                 "reads numbers; allowed with it: 0"}),
       in_evolution("encoder of images in an evolution strategy",
                    "train: {algorithm: snes}\npopulation: {actor: {encoder: impala}}",
                    {"run.yaml:3:31: population.actor.encoder: 'impala' is not offered to populations, whose networks "

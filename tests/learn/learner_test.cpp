@@ -32,7 +32,8 @@ SmallRun alone(SmallRun run) {
 constexpr const char* kGru = "hidden: [16], memory: gru, memory_size: 8";
 constexpr const char* kEye = "encoder: impala, impala_width: 2, hidden: [8], activation: relu";
 constexpr const char *kImages = "observation: {type: rgb, resolution: 12}\n",
-                     *kBoth = "observation: {type: rgb_vector, resolution: 9}\n";
+                     *kBoth = "observation: {type: rgb_vector, resolution: 9}\n",
+                     *kTaught = "observation: {type: rgb_vector, resolution: 9, egocentric_view: true}\n";
 const Variant kVariants[] = {
     {"Plain", {}},
     {"ContinuousObsNormStateCritic", {"", "obs_norm: true", "kind: state, hidden: [16, 12]", "action: continuous\n"}},
@@ -84,6 +85,12 @@ const Variant kVariants[] = {
          "pool_size: 2, pool_every_updates: 1, pool_share: 0.5, scripted: [circle], scripted_share: 0.25")},
     {"SharedEncoderOfImages", alone({"opponent: circle, learning_team: 1", "", "shared_encoder: true, hidden: [8]",
                                      kImages, 3, cat(kEye, ", memory: gru, memory_size: 6")})},
+    {"ImagesTaughtTheViewPool", alone(with_opponents({"", "view_coef: 2", "hidden: [8], inputs: egocentric", kTaught, 3,
+                                                      cat(kEye, ", memory: gru, memory_size: 6")},
+                                                     "pool_size: 2, pool_every_updates: 1, pool_share: 0.5"))},
+    {"ImagesTaughtTheViewSharedEncoder",
+     alone({"opponent: circle, learning_team: 1", "view_coef: 2", "shared_encoder: true, hidden: [8]", kTaught, 3,
+            kEye})},
     {"NatureStateCritic", alone({"opponent: circle", "", "kind: state, hidden: [8]",
                                  "observation: {type: rgb, resolution: 36}\n", 3, "encoder: nature, hidden: [8]"})},
 };

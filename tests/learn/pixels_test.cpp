@@ -2,6 +2,8 @@
 #include <gtest/gtest.h>
 
 #include <cstring>
+#include <string>
+#include <tuple>
 #include <vector>
 
 #include "core/error.hpp"
@@ -168,9 +170,14 @@ TEST(LearnPixels, ItLearnsBySharedFeaturesToo) { expect_learns_sides("shared_enc
 TEST(LearnPixelsGpu, GoingOnIsBitForBit) {
   if (cuda_device_count() == 0) GTEST_SKIP() << "no GPU";
   const Device gpu{Device::Kind::cuda, 0};
-  for (const char* encoder : {"nature", "compact", "impala, impala_width: 8"}) {
-    SCOPED_TRACE(encoder);
-    SmallRun run = pixel_run("observation: {type: rgb}\n");
+  const std::string images = "observation: {type: rgb}\n",
+                    both = "observation: {type: rgb_vector, egocentric_view: true}\n";
+  for (const auto& [encoder, scenario, mappo] :
+       {std::tuple{"nature", images, ""}, {"compact", images, ""}, {"impala, impala_width: 8", images, ""},
+        {"compact", both, "view_coef: 5"}}) {
+    SCOPED_TRACE(cat(encoder, " ", mappo));
+    SmallRun run = pixel_run(scenario);
+    run.mappo = mappo;
     run.actor = cat("encoder: ", encoder, ", hidden: [32], activation: relu");
     run.precision = "bf16";
     const auto learner = run.learner(gpu), loaded = run.learner(gpu);

@@ -202,6 +202,26 @@ TEST_F(LearnRunConfig, ASharedEncoderIsRefusedWhereItCannotBe) {
             std::string::npos);
 }
 
+TEST_F(LearnRunConfig, WhatIsTaughtOfTheViewIsRefusedWhereItCannotBe) {
+  const auto message = [&](const std::string& observation, const std::string& mappo) {
+    return error_of(
+        cat("scenario: identical_2_vs_2\nenvironment: {observation: {", observation, "}}\nmappo: {", mappo, "}\n"));
+  };
+  const std::string both = "type: rgb_vector, egocentric_view: true", sees = ", actor: {encoder: compact}";
+  EXPECT_EQ(message(both, "view_coef: 1" + sees), "no error");
+  EXPECT_EQ(message(both, "view_coef: 0"), "no error");
+  EXPECT_EQ(message(both, "view_coef: 1"),
+            "run.yaml:3:20: mappo.view_coef: 1: this teaches an encoder of images, and mappo.actor.encoder mlp reads "
+            "numbers; allowed with it: 0");
+  EXPECT_EQ(message("type: rgb", "view_coef: 1, critic: {kind: state}" + sees),
+            "run.yaml:3:20: mappo.view_coef: 1: agents of 'identical_2_vs_2' are given images alone (observation.type: "
+            "rgb), and this teaches what numbers tell; rgb_vector gives both; allowed with rgb: 0");
+  EXPECT_EQ(message("type: rgb_vector", "view_coef: 1" + sees),
+            "run.yaml:3:20: mappo.view_coef: 1: this teaches the egocentric view, and "
+            "environment.observation.egocentric_view is false; allowed with it: 0");
+  EXPECT_EQ(message(both, "view_coef: -1" + sees), "run.yaml:3:20: mappo.view_coef: '-1' is not a number >= 0");
+}
+
 // A value that could not be read is reported once, and nothing is said about what was taken in its place.
 TEST_F(LearnRunConfig, NoErrorsThatFollowFromOthers) {
   const std::pair<const char*, const char*> cases[] = {

@@ -10,7 +10,7 @@ namespace {
 
 /// Settings under which a learner saves all that it can.
 std::vector<SmallRun> runs() {
-  SmallRun plain, continuous, pool, memory;
+  SmallRun plain, continuous, pool, memory, taught;
   plain.scenario = "waypoints: {enable_waypoints: true}\nmaps: all\n";
   continuous.mappo = "obs_norm: true";
   continuous.critic = "kind: state, hidden: [16, 12]";
@@ -19,7 +19,12 @@ std::vector<SmallRun> runs() {
   pool.more = "opponents: {pool_size: 3, pool_every_updates: 2, pool_share: 0.5, pool_draw: pfsp}\n";
   memory.actor = "hidden: [8], memory: lstm, memory_size: 6";
   memory.critic = "hidden: [8], memory: gru, memory_size: 6";
-  return {plain, continuous, pool, memory};
+  taught.actor = "encoder: impala, impala_width: 2, hidden: [8], activation: relu";
+  taught.critic = "hidden: [8], inputs: egocentric";
+  taught.mappo = "view_coef: 2";
+  taught.scenario = "observation: {type: rgb_vector, resolution: 9, egocentric_view: true}\n";
+  taught.n_threads = 1;
+  return {plain, continuous, pool, memory, taught};
 }
 
 TEST(LearnSavedFields, EachIsLoadedAndChangesTheRun) {

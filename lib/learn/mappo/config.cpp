@@ -35,6 +35,7 @@ constexpr ResumeRule kMappoMayNot[] = {
     {"mappo.shaping_final_factor", "metrics.csv has a column for it"},
     {"mappo.freeze_lead", "metrics.csv has columns for it"},
     {"mappo.step_back", "metrics.csv has columns for it"},
+    {"mappo.view_coef", "what it teaches is saved with it, and metrics.csv has columns for it"},
     {"mappo.horizon", "the count of agent-steps done rests on it"},
     {"mappo.actor.", "the saved parameters fit their networks only"},
     {"mappo.critic.", "the saved parameters fit their networks only"},
@@ -49,6 +50,7 @@ constexpr ChartRow kMappoCharts[] = {
     {"clip_fraction", "Clip fraction", "share of probability ratios beyond the clip range"},
     {"policy_loss", "Policy loss", "the clipped surrogate; its size says little, its jumps do"},
     {"value_loss", "Value loss", "of the critic, in normalised units"},
+    {"view_loss", "View loss", "mean squared error of the egocentric view as an actor's features of images tell it"},
 };
 constexpr std::string_view kMappoUnread[] = {"population.", "openai_es.", "snes.", "des."};
 
@@ -107,6 +109,25 @@ void networks_see(ConfigCheck& check) {
     check.fail("mappo.obs_norm",
                cat("this normalises the numbers that actors read, and mappo.actor.encoder ",
                    FieldCodec<EncoderKind>::print(c.actor.encoder), " reads images; allowed with it: false"));
+}
+
+/// The egocentric view is given to the agents, and the actor has an encoder that does not read it.
+void view_is_taught(ConfigCheck& check) {
+  const MappoConfig& c = check.config.mappo;
+  if (c.view_coef == 0 || !check.known({"mappo.view_coef", "mappo.actor.encoder"})) return;
+  if (!c.actor.reads_image())
+    return check.fail("mappo.view_coef", cat(c.view_coef, ": this teaches an encoder of images, and mappo.actor.encoder ",
+                                             FieldCodec<EncoderKind>::print(c.actor.encoder),
+                                             " reads numbers; allowed with it: 0"));
+  if (check.spec && check.scenario_knows("observation.type") && check.spec->params.images_only)
+    return check.fail("mappo.view_coef",
+                      cat(c.view_coef, ": agents of '", check.config.scenario,
+                          "' are given images alone (observation.type: rgb), and this teaches what numbers tell; "
+                          "rgb_vector gives both; allowed with rgb: 0"));
+  if (check.spec && check.scenario_knows("observation.egocentric_view") && !check.spec->params.egocentric_view)
+    check.fail("mappo.view_coef", cat(c.view_coef,
+                                      ": this teaches the egocentric view, and environment.observation.egocentric_view "
+                                      "is false; allowed with it: 0"));
 }
 
 /// A rollout of one step has nothing that a memory could learn from.
@@ -237,6 +258,7 @@ void state_is_read(ConfigCheck& check) {
 void check_mappo(ConfigCheck& check) {
   state_is_read(check);
   networks_see(check);
+  view_is_taught(check);
   memory_has_steps(check);
   worlds_suffice(check);
   minibatches_divide(check);
@@ -277,7 +299,7 @@ RolloutBytes rollout_bytes(const LoadedRun& run) {
   const bool critic_sees = m.critic.kind != CriticKind::state;
   const auto reads_numbers = [](const NetworkConfig& network) { return !network.reads_image(); };
   RolloutBytes bytes;
-  if (reads_numbers(m.actor) || (critic_sees && reads_numbers(for_critic)))
+  if (reads_numbers(m.actor) || (critic_sees && reads_numbers(for_critic)) || m.view_coef > 0)
     bytes.numbers = states * agents * static_cast<int64_t>(sizeof(float)) * observation_rows(run.spec).stride();
   if (m.actor.reads_image() || (critic_sees && for_critic.reads_image())) {
     bytes.image_states = states * static_cast<int64_t>(sizeof(int32_t)) * image_state_size(p);

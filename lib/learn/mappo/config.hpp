@@ -40,6 +40,7 @@ struct MappoConfig {
   ValueLossKind value_loss = ValueLossKind::squared;
   float value_clip_coef = 0.2f;
   float huber_delta = 10.0f;
+  float view_coef = 0.0f;
   float max_grad_norm = 0.5f;
   AdvantageNorm advantage_norm = AdvantageNorm::minibatch;
   std::optional<float> target_kl = std::nullopt;
@@ -89,6 +90,11 @@ void visit_fields(V& v, MappoConfig& c) {
     greater_than(0));
   v("huber_delta", c.huber_delta, "value_loss huber: where the loss becomes linear, in normalised units",
     greater_than(0));
+  v("view_coef", c.view_coef,
+    "weight of an auxiliary loss, by which an actor's encoder of images learns to tell the egocentric view "
+    "(observation.egocentric_view): the mean squared error of its numbers, as a linear layer reads them from the "
+    "features (after Lample and Chaplot 2017). Training alone looks at them: what plays sees the image",
+    at_least(0));
   v("max_grad_norm", c.max_grad_norm, "gradients are scaled down to this norm, per network; 0 = never", at_least(0));
   v("advantage_norm", c.advantage_norm,
     "over what advantages are brought to mean 0 and deviation 1; none = they are not");

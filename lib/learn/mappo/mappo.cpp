@@ -312,6 +312,7 @@ void Mappo::team_metrics(int team, const float* figures, Metrics& out) const {
   const double rows = f(kFigRows), steps = config_.mappo.n_epochs * config_.mappo.n_minibatches;
   add("policy_loss", f(kFigPolicyLoss) / rows);
   add("value_loss", f(kFigValueLoss) / rows);
+  if (config_.mappo.view_coef > 0) add("view_loss", f(kFigViewLoss) / rows);
   add("entropy", f(kFigEntropy) / rows);
   add("approx_kl", f(kFigLastKl));
   add("clip_fraction", f(kFigClipped) / rows);

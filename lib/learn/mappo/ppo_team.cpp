@@ -45,6 +45,7 @@ PpoTeam::PpoTeam(const LoadedRun& run, int team, Device device, const ParallelFo
   figures_ = at::zeros({kNFigures}, options);
   plain_because_ = config_.fused ? fused_update_refusal(actor_, critic_, n_, device) : "mappo.fused is false";
   if (plain_because_.empty()) fused_ = std::make_unique<FusedUpdate>(actor_, critic_, n_, parallel_for, sum_);
+  if (config_.view_coef > 0) teacher_ = std::make_unique<ViewTeacher>(run, team, actor_, torch_device(device));
   if (critic_.state_size() > 0) {
     critic_memory_ = at::zeros({n_worlds_, n_, critic_.state_size()}, options);
     critic_start_ = at::zeros_like(critic_memory_);
@@ -313,8 +314,9 @@ Sequence PpoTeam::sequence_of(const Minibatch& batch, const at::Tensor& start) c
 void PpoTeam::update_actor(const Rollout& rollout, const Minibatch& batch, float step_size) {
   const TeamRollout& r = rollout.team[team_];
   const at::Tensor& seen = actor_.reads_image() ? batch.images : batch.obs;
-  const at::Tensor head = actor_.forward_sequence(seen.flatten(0, 1), actor_sequence(r, batch));
-  head.backward(policy_loss_gradient(r, batch, head));
+  at::Tensor features;
+  const at::Tensor head = actor_.forward_sequence(seen.flatten(0, 1), actor_sequence(r, batch), &features);
+  learn(batch, features, {head}, {policy_loss_gradient(r, batch, head)}, step_size);
   step_actor(batch.number, step_size);
 }
 
@@ -435,10 +437,27 @@ void PpoTeam::update_sharing(const Rollout& rollout, const Minibatch& batch, Ste
   const at::Tensor features = critic_.input_of(actor_, actor_.reads_image() ? batch.images : batch.obs);  // [S, n, F]
   const at::Tensor head = actor_.head(features.flatten(0, 1), actor_sequence(r, batch));
   const at::Tensor value = critic_.forward(features, batch.alive, {}, sequence_of(batch, critic_start_));
-  torch::autograd::backward({head, value},
-                            {policy_loss_gradient(r, batch, head), value_loss_gradient(r, batch, value)});
+  learn(batch, features.flatten(0, 1), {head, value},
+        {policy_loss_gradient(r, batch, head), value_loss_gradient(r, batch, value)}, step_sizes.actor);
   step_actor(batch.number, step_sizes.actor);
   step_critic(batch.number, step_sizes.critic);
+}
+
+// ---- What images show, taught ---------------------------------------------------------------------------------------
+
+void PpoTeam::learn(const Minibatch& batch, const at::Tensor& features, std::vector<at::Tensor> outputs,
+                    std::vector<at::Tensor> gradients, float step_size) {
+  if (!teacher_) return torch::autograd::backward(outputs, gradients);
+  const at::Tensor told = teacher_->told(features);
+  const ViewTeacher::Loss loss = teacher_->loss(told, batch.obs.flatten(0, 1), batch.alive.flatten(), batch.inv_count);
+  outputs.push_back(told);
+  gradients.push_back(loss.gradient);
+  torch::autograd::backward(outputs, gradients);
+  sum_(loss.sum);
+  figures_[kFigViewLoss].add_(loss.sum);
+  sum_(teacher_->parameters().gradient());
+  teacher_->adam().step(teacher_->parameters(), parallel_for_, step_size, config_.max_grad_norm,
+                        step_flags(kFaultViewGradient, kFigViewNorm, batch.number));
 }
 
 // ---- Both networks fused --------------------------------------------------------------------------------------------
@@ -514,6 +533,7 @@ void PpoTeam::save(const std::string& prefix, NamedArrays& out) const {
   actor_adam_.save(prefix + "actor_adam/", out);
   critic_adam_.save(prefix + "critic_adam/", out);
   value_norm_.save(prefix + "value_norm/", out);
+  if (teacher_) teacher_->save(prefix, out);
 }
 
 void PpoTeam::load(const std::string& prefix, const NamedArrays& in) {
@@ -522,6 +542,7 @@ void PpoTeam::load(const std::string& prefix, const NamedArrays& in) {
   actor_adam_.load(prefix + "actor_adam/", in);
   critic_adam_.load(prefix + "critic_adam/", in);
   value_norm_.load(prefix + "value_norm/", in);
+  if (teacher_) teacher_->load(prefix, in);
 }
 
 }  // namespace giga

@@ -12,6 +12,7 @@
 #include "core/parallel_for.hpp"
 #include "learn/learner.hpp"
 #include "learn/mappo/fused_update.hpp"
+#include "learn/mappo/view_teacher.hpp"
 #include "math/ppo_figures.hpp"
 #include "policy/actor.hpp"
 #include "policy/critic.hpp"
@@ -40,7 +41,10 @@ class PpoTeam {
   bool needs_state() const { return critic_.needs_state(); }
   bool critic_reads_image() const { return critic_.reads_image(); }
   /// What its networks read of the observations.
-  ObservationSet reads() const { return actor_.reads() | critic_.reads(); }
+  ObservationSet reads() const {
+    const ObservationSet networks = actor_.reads() | critic_.reads();
+    return teacher_ ? networks | teacher_->reads() : networks;
+  }
   /// Why LibTorch computes the update, and not the fused kernels; empty where these do.
   const std::string& plain_because() const { return plain_because_; }
 
@@ -110,6 +114,10 @@ class PpoTeam {
   at::Tensor inverse_count(const at::Tensor& weight) const;
   void step_actor(int minibatch, float step_size);
   void step_critic(int minibatch, float step_size);
+  /// Backpropagates the gradients of the losses by these outputs; with a teacher, also of what it is told by the
+  /// actor's features, and steps it. The actor steps afterwards.
+  void learn(const Minibatch& batch, const at::Tensor& features, std::vector<at::Tensor> outputs,
+             std::vector<at::Tensor> gradients, float step_size);
   CriticInput critic_input(const Rollout& rollout, bool final) const;
   at::Tensor critic_values(const KeptImages& images, const CriticInput& input, const Sequence& sequence = {}) const;
   at::Tensor values_of(const KeptImages& images, const CriticInput& input, const at::Tensor& states) const;
@@ -141,7 +149,8 @@ class PpoTeam {
   Adam actor_adam_, critic_adam_;
   std::string plain_because_;
   std::unique_ptr<FusedUpdate> fused_;  // null: LibTorch
-  RunningNorm value_norm_;              // size 1; stays 0 and 1 where it is off
+  std::unique_ptr<ViewTeacher> teacher_;  // null: mappo.view_coef is 0
+  RunningNorm value_norm_;                // size 1; stays 0 and 1 where it is off
   float entropy_coef_;
 
   std::vector<at::Tensor> minibatches_;  // of the epoch: states [L, B] each
