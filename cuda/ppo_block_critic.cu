@@ -336,6 +336,7 @@ __global__ void __launch_bounds__(S::kThreads, 1) block_critic_kernel(const __gr
         }
       }
     __syncthreads();
+    float2 by{0, 0};  // the gradients by the own part of the row's value, and by the team's
     if (has_row) {
       const auto dot = [&m](int d, int r) {
         const float4 x = *reinterpret_cast<const float4*>(m.dots[d][r]);
@@ -351,27 +352,29 @@ __global__ void __launch_bounds__(S::kThreads, 1) block_critic_kernel(const __gr
         }
       }
       if constexpr (kGradient) {
-        float2 by{0, 0};
         if (row.alive) {
           const ValueError::Error e = k.loss.error.of(value, row.old_value, (row.returns - value_mean) / value_std);
           by.x = k.loss.value_coef * e.slope * m.scale;
           loss += e.loss;
         }
         d_bias3 += by.x;
-        if constexpr (kTeam) {  // the team's part of the value, which all of its agents share
-          m.d_value[thread] = by.x;
-          asm volatile("bar.sync 1, %0;" ::"n"(S::kRows) : "memory");  // of the threads that have rows
-          if (row.alive) {
-            for (int r = begin; r < end; ++r) by.y += m.d_value[r];
-            by.y *= m.team.inv_living[state];
-          }
-        }
-        m.by_value[thread] = by;
-        *reinterpret_cast<uint32_t*>(m.value + thread * kValueStride) = half_pair(by.x, by.y);
+        if constexpr (kTeam) m.d_value[thread] = by.x;
       } else {
         const int64_t source = m.source[turn][thread];
         if (source >= 0) k.values[source] = value;
       }
+    }
+    if constexpr (kTeam && kGradient) {  // the team's part of the value, which all of its agents share
+      __syncthreads();
+      if (has_row && row.alive) {
+        const int state = m.state[thread], begin = state * tiles.n;
+        for (int r = begin; r < begin + tiles.n; ++r) by.y += m.d_value[r];
+        by.y *= m.team.inv_living[state];
+      }
+    }
+    if (kGradient && has_row) {
+      m.by_value[thread] = by;
+      *reinterpret_cast<uint32_t*>(m.value + thread * kValueStride) = half_pair(by.x, by.y);
     }
     if constexpr (!kGradient && S::kOwnGradients) fetch(turn ^ 1);
     __syncthreads();
