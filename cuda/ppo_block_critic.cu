@@ -7,11 +7,11 @@
 #include "cuda/check.cuh"
 #include "cuda/ppo_block.hpp"
 #include "cuda/ppo_block_tiles.cuh"
+#include "cuda/ppo_value_loss.cuh"
 
 namespace giga {
 namespace {
 
-constexpr int kValueStride = 8;                     // two gradients by the value of a row, in front of zeros
 constexpr int kTeamStride = FusedMlp::kHidden + 4;  // floats: states that are read together lie on different banks
 constexpr int kColumnParts = 4;                     // of a layer: warps that have the same rows
 constexpr int kMostStates = KeptStates::kMost, kPairs = KeptStates::kWords;
@@ -77,19 +77,6 @@ struct Memory {
   __device__ __half* gradient1() { return S::kOwnGradients ? first : of.hidden1; }
 };
 
-/// What the loss takes of a row besides the network's output, on its way from global memory.
-struct FetchedLossRow {
-  float old_value = 0, returns = 0;
-  bool alive = false;
-
-  __device__ void fetch(const FusedCritic& k, int64_t source) {
-    const bool some = source >= 0, loss = some && !k.values;
-    alive = some && k.rows.alive[source];
-    old_value = loss ? __ldg(k.loss.old_value + source) : 0.0f;
-    returns = loss ? __ldg(k.loss.returns + source) : 0.0f;
-  }
-};
-
 template <class S, bool kTeam>
 __device__ void load_network(const FusedCritic& k, Memory<S, kTeam>& m, int n, int states) {
   const FusedMlp& net = k.net;
@@ -108,11 +95,9 @@ __device__ void load_network(const FusedCritic& k, Memory<S, kTeam>& m, int n, i
   if (thread < S::kRows) m.state[thread] = thread < states * n ? thread / n : -1;
   for (int i = thread; i < S::kRows * kValueStride; i += S::kThreads) m.value[i] = __half(0);
   if (thread >= 32 || k.values) return;
-  // Advantages are the errors of the values before the update.
   const BatchMoments moments(k.moments);
   if (thread > 0) return;
-  m.scale = gradient_scale(sqrtf(moments.variance + moments.mean * moments.mean) / *k.loss.value_std);
-  m.unscale = moments.inv_count / m.scale;
+  take_scale(k, moments, m);
 }
 
 /// Sums over the agents of each state of matrix [rows, 128] become rows of m.of.states: of all agents; or of the living
@@ -450,23 +435,7 @@ __global__ void __launch_bounds__(S::kThreads, 1) block_critic_kernel(const __gr
       __syncthreads();
       write_team_gradient(m, kept_means, kept_sums, n_kept, unscale, hidden2, hidden1, out + net.team_weight[1]);
     }
-#pragma unroll
-    for (int apart = 1; apart < 32; apart *= 2) {
-      d_bias3 += __shfl_xor_sync(0xFFFFFFFFu, d_bias3, apart);
-      loss += __shfl_xor_sync(0xFFFFFFFFu, loss, apart);
-    }
-    if (thread % 32 == 0) {
-      m.sums[0][warp] = loss;
-      m.sums[1][warp] = d_bias3;
-    }
-    __syncthreads();
-    if (thread < kFusedSums) {
-      float all = 0;
-      if (thread < 2)
-        for (int w = 0; w < S::kWarps; ++w) all += m.sums[thread][w];
-      if (thread == 1) out[net.bias[2]] = all * unscale;
-      out[net.size + thread] = thread == 0 ? all : 0.0f;
-    }
+    write_value_sums<S>(net, m, d_bias3, loss, unscale, out);
   }
 }
 
