@@ -95,11 +95,7 @@ __global__ void __launch_bounds__(S::kThreads, 1) block_actor_kernel(const __gri
     // Forward.
     BlockSlopes<S> slope1, slope2;
     LayerSums<S> y;
-    y.start(m.bias1 + part.column);
-    y.template add_by_rows<S::kInDepth>(Halves<S::kInStride>(m.x, part.row, 0),
-                                        Halves<S::kInStride>(m.weight1, part.column, 0));
-    slope1.activate(net.activation, y, part.at(m.of.hidden1));
-    m.slopes1.keep(slope1);
+    first_layer(m, part, net.activation, y, slope1);
     __syncthreads();
     y.start(m.bias2 + part.column);
     y.template add_by_rows<S::kDepth>(part.rows(m.of.hidden1), Halves<S::kStride>(m.weight2, part.column, 0));

@@ -274,11 +274,7 @@ __global__ void __launch_bounds__(S::kThreads, 1) block_critic_kernel(const __gr
     // Forward.
     BlockSlopes<S> slope1, slope2;
     LayerSums<S> y;
-    y.start(m.bias1 + part.column);
-    y.template add_by_rows<S::kInDepth>(Halves<S::kInStride>(m.x, part.row, 0),
-                                        Halves<S::kInStride>(m.weight1, part.column, 0));
-    slope1.activate(net.activation, y, part.at(m.of.hidden1));
-    m.slopes1.keep(slope1);
+    first_layer(m, part, net.activation, y, slope1);
     if constexpr (!S::kOwnGradients) begin_fetch<S>(k.rows, input, source_of(turn ^ 1));
     __syncthreads();
     if constexpr (kTeam) {

@@ -187,6 +187,17 @@ struct BlockKeptSlopes {
   }
 };
 
+/// The first layer of a tile: its features to m.of.hidden1 and in `y`, its slopes in `slope` and where m keeps them.
+template <class S, class Memory>
+__device__ __forceinline__ void first_layer(Memory& m, const BlockPart<S>& part, Activation activation, LayerSums<S>& y,
+                                            BlockSlopes<S>& slope) {
+  y.start(m.bias1 + part.column);
+  y.template add_by_rows<S::kInDepth>(Halves<S::kInStride>(m.x, part.row, 0),
+                                      Halves<S::kInStride>(m.weight1, part.column, 0));
+  slope.activate(activation, y, part.at(m.of.hidden1));
+  m.slopes1.keep(slope);
+}
+
 /// Brings the inputs of the next tile into the second cache, where no registers are free to hold them: source(i) as
 /// for FetchedInputs.
 template <class S, class Source>
