@@ -220,6 +220,7 @@ __device__ void write_team_gradient(Memory<S, true>& m, const uint32_t* means, c
 template <class S, bool kTeam, bool kGradient>
 __global__ void __launch_bounds__(S::kThreads, 1) block_critic_kernel(const __grid_constant__ FusedCritic k) {
   static_assert(S::kOwnGradients || kTeam, "else two barriers are missing");
+  static_assert(S::kRows == KeptStates::kTileRows, "what is kept has room for the states of each tile");
   extern __shared__ __align__(16) char shared[];
   Memory<S, kTeam>& m = *reinterpret_cast<Memory<S, kTeam>*>(shared);
   const int thread = static_cast<int>(threadIdx.x), warp = thread / 32;
