@@ -93,6 +93,7 @@ __device__ __forceinline__ void load_transposed(uint32_t (&to)[2], uint32_t addr
 template <int kTiles>
 struct TileSums {
   static_assert(kTiles % 2 == 0);
+  static constexpr int kRows = 16, kColumns = 8 * kTiles;
   float c[kTiles][4];
 
   __device__ void clear() {

@@ -157,22 +157,7 @@ __global__ void __launch_bounds__(S::kThreads, 1) actor_kernel(const __grid_cons
   if (has_bias1) d_bias.write(unscale, d_weight1.row, hidden1_width, out + net.bias[0]);
   if (has_bias2) d_bias.write(unscale, d_weight2.row, hidden2_width, out + net.bias[1]);
   if (has_bias3) d_bias3.write(unscale, d_weight3.row, output, out + net.bias[2]);
-#pragma unroll
-  for (int i = 0; i < kLaneSums; ++i) {
-    const float all = sum_of_groups(sums[i]);
-    if (lane.group == 0) m.sums[warp][4 * i + lane.pair / 2] = all;
-  }
-  __syncthreads();
-  if (thread < kSums) {
-    float all = 0;
-    for (int w = 0; w < S::kWarps; ++w) all += m.sums[w][thread];
-    if (thread < kNPolicyDiagnostics)
-      out[net.size + thread] = all;
-    else if (!k.loss.action)
-      out[net.log_std + thread - kNPolicyDiagnostics] = all * unscale;
-  } else if (thread - kSums < kFusedSums - kNPolicyDiagnostics) {
-    out[net.size + kNPolicyDiagnostics + thread - kSums] = 0;
-  }
+  write_policy_sums<S>(k, m, sums, unscale, out);
 }
 
 template <class S>

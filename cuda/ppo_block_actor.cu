@@ -95,11 +95,7 @@ __global__ void __launch_bounds__(S::kThreads, 1) block_actor_kernel(const __gri
     // Forward.
     BlockSlopes<S> slope1, slope2;
     LayerSums<S> y;
-    y.start(m.bias1 + part.column);
-    y.template add_by_rows<S::kInDepth>(Halves<S::kInStride>(m.x, part.row, 0),
-                                        Halves<S::kInStride>(m.weight1, part.column, 0));
-    slope1.activate(net.activation, y, part.at(m.of.hidden1));
-    m.slopes1.keep(slope1);
+    first_layer(m, part, net.activation, y, slope1);
     __syncthreads();
     y.start(m.bias2 + part.column);
     y.template add_by_rows<S::kDepth>(part.rows(m.of.hidden1), Halves<S::kStride>(m.weight2, part.column, 0));
@@ -167,22 +163,7 @@ __global__ void __launch_bounds__(S::kThreads, 1) block_actor_kernel(const __gri
   d_bias.write(0, unscale, part.bias, hidden1, out + net.bias[0]);
   d_bias.write(1, unscale, part.bias, hidden2, out + net.bias[1]);
   if (warp < kHead / 16) d_bias.write(2, unscale, warp * 16, output, out + net.bias[2]);
-#pragma unroll
-  for (int i = 0; i < kLaneSums; ++i) {
-    const float all = sum_of_groups(sums[i]);
-    if (lane.group == 0) m.sums[warp][4 * i + lane.pair / 2] = all;
-  }
-  __syncthreads();
-  if (thread < kSums) {
-    float all = 0;
-    for (int w = 0; w < S::kWarps; ++w) all += m.sums[w][thread];
-    if (thread < kNPolicyDiagnostics)
-      out[net.size + thread] = all;
-    else if (!k.loss.action)
-      out[net.log_std + thread - kNPolicyDiagnostics] = all * unscale;
-  } else if (thread - kSums < kFusedSums - kNPolicyDiagnostics) {
-    out[net.size + kNPolicyDiagnostics + thread - kSums] = 0;
-  }
+  write_policy_sums<S>(k, m, sums, unscale, out);
 }
 
 template <class S>

@@ -34,6 +34,7 @@ struct BlockShape {
 /// A warp's 16 kM rows x 8 kN columns of a result.
 template <int kM, int kN>
 struct BlockSums {
+  static constexpr int kRows = 16 * kM, kColumns = 8 * kN;
   TileSums<kN> part[kM];
 
   __device__ void clear() {
@@ -186,6 +187,17 @@ struct BlockKeptSlopes {
   }
 };
 
+/// The first layer of a tile: its features to m.of.hidden1 and in `y`, its slopes in `slope` and where m keeps them.
+template <class S, class Memory>
+__device__ __forceinline__ void first_layer(Memory& m, const BlockPart<S>& part, Activation activation, LayerSums<S>& y,
+                                            BlockSlopes<S>& slope) {
+  y.start(m.bias1 + part.column);
+  y.template add_by_rows<S::kInDepth>(Halves<S::kInStride>(m.x, part.row, 0),
+                                      Halves<S::kInStride>(m.weight1, part.column, 0));
+  slope.activate(activation, y, part.at(m.of.hidden1));
+  m.slopes1.keep(slope);
+}
+
 /// Brings the inputs of the next tile into the second cache, where no registers are free to hold them: source(i) as
 /// for FetchedInputs.
 template <class S, class Source>
@@ -256,32 +268,9 @@ struct StagedInputs {
   }
 };
 
-/// A warp's part of the gradient of a weight [128, ..]: 32 rows, of so many columns; or of one [32, ..].
+/// A warp's part of the gradient of a weight [128, ..]: 32 rows, of so many tiles of columns; or of one [32, ..].
 template <int kN>
-struct BlockWeightGradient : BlockSums<2, kN> {
-  int row, column;  // its first
-
-  /// Of a gradient with so many pieces of 32 rows.
-  __device__ explicit BlockWeightGradient(int row_pieces) {
-    const int warp = static_cast<int>(threadIdx.x) / 32;
-    row = warp % row_pieces * 32;
-    column = warp / row_pieces * kN * 8;
-    this->clear();
-  }
-  /// += outer^T features, over the rows of a tile. f(m, tile) as for add_over_rows.
-  template <int kDepth, int kStrideA, int kStride, class F>
-  __device__ void add(const __half* outer, const __half* features, F&& f) {
-    this->template add_over_rows<kDepth>(Halves<kStrideA>(outer, 0, row), Halves<kStride>(features, 0, column), f);
-  }
-  /// To the matrix [out, in].
-  __device__ void write(float factor, int out, int in, float* to) {
-    this->each([&](float value, int r, int c) {
-      r += row;
-      c += column;
-      if (r < out && c < in) to[r * in + c] = value * factor;
-    });
-  }
-};
+using BlockWeightGradient = WeightGradientOf<BlockSums<2, kN>>;
 
 /// A warp's part of the gradients of up to 8 biases, 16 numbers of each: sums of rows by tensor cores, as the columns
 /// of one product.

@@ -7,11 +7,10 @@
 #include "cuda/check.cuh"
 #include "cuda/ppo_block.hpp"
 #include "cuda/ppo_tiles.cuh"
+#include "cuda/ppo_value_loss.cuh"
 
 namespace giga {
 namespace {
-
-constexpr int kValueStride = 8;  // two gradients by the value of a row, in front of zeros
 
 /// Shared memory of a block.
 template <class S>
@@ -72,19 +71,6 @@ struct StateRows {
   }
 };
 
-/// What the loss takes of a row besides the network's output, on its way from global memory.
-struct FetchedLossRow {
-  float old_value = 0, returns = 0;
-  bool alive = false;
-
-  __device__ void fetch(const FusedCritic& k, int64_t source) {
-    const bool some = source >= 0, loss = some && !k.values;
-    alive = some && k.rows.alive[source];
-    old_value = loss ? __ldg(k.loss.old_value + source) : 0.0f;
-    returns = loss ? __ldg(k.loss.returns + source) : 0.0f;
-  }
-};
-
 /// += value^T features of the second layer: 16 rows, of which two are not zero. The other half of a tile is nothing.
 template <class S>
 __device__ void add_by_value(const CriticMemory<S>& m, WeightGradient<2>& gradient) {
@@ -117,11 +103,9 @@ __device__ void load_network(const FusedCritic& k, CriticMemory<S>& m) {
   load_vector(team_weight(2), hidden2, m.team_weight3, kHidden);
   for (int i = static_cast<int>(threadIdx.x); i < S::kRows * kValueStride; i += S::kThreads) m.value[i] = __half(0);
   if (threadIdx.x >= 32 || k.values) return;
-  // Advantages are the errors of the values before the update.
   const BatchMoments moments(k.moments);
   if (threadIdx.x > 0) return;
-  m.scale = gradient_scale(sqrtf(moments.variance + moments.mean * moments.mean) / *k.loss.value_std);
-  m.unscale = moments.inv_count / m.scale;
+  take_scale(k, moments, m);
 }
 
 template <class S, bool kGradient>
@@ -325,23 +309,7 @@ __global__ void __launch_bounds__(S::kThreads, 1) critic_kernel(const __grid_con
       });
     if (has_bias1) d_bias.write(unscale, d_weight1.row, hidden1, out + net.bias[0]);
     if (has_bias2) d_bias.write(unscale, d_weight2.row, hidden2, out + net.bias[1]);
-#pragma unroll
-    for (int apart = 1; apart < 32; apart *= 2) {
-      d_bias3 += __shfl_xor_sync(0xFFFFFFFFu, d_bias3, apart);
-      loss += __shfl_xor_sync(0xFFFFFFFFu, loss, apart);
-    }
-    if (thread % 32 == 0) {
-      m.sums[0][warp] = loss;
-      m.sums[1][warp] = d_bias3;
-    }
-    __syncthreads();
-    if (thread < kFusedSums) {
-      float all = 0;
-      if (thread < 2)
-        for (int w = 0; w < S::kWarps; ++w) all += m.sums[thread][w];
-      if (thread == 1) out[net.bias[2]] = all * unscale;
-      out[net.size + thread] = thread == 0 ? all : 0.0f;
-    }
+    write_value_sums<S>(net, m, d_bias3, loss, unscale, out);
   }
 }
 

@@ -1,4 +1,5 @@
-// The policy's loss of rows whose logits or means lie in the registers of a warp, as products leave them.
+// The policy's loss of rows whose logits or means lie in the registers of a warp, as products leave them; and the sums
+// of a block.
 #pragma once
 
 #include "cuda/ppo_tiles.cuh"
@@ -93,6 +94,32 @@ __device__ void take_moments(const FusedActor& k, Memory& m) {
   const float off = moments.mean - m.advantage_mean;
   m.scale = gradient_scale(sqrtf(moments.variance + off * off) * m.advantage_inv_std);
   m.unscale = moments.inv_count / m.scale;
+}
+
+/// The sums of all lanes become those of the block: in `out`, the block's row of k.partial, of diagnostics behind the
+/// gradient, and of the gradient by log_std in it. All threads call it.
+template <class S, class Memory>
+__device__ __forceinline__ void write_policy_sums(const FusedActor& k, Memory& m, const float (&sums)[kLaneSums],
+                                                  float unscale, float* out) {
+  const int thread = static_cast<int>(threadIdx.x), warp = thread / 32;
+  const TileLane lane;
+  const FusedMlp& net = k.net;
+#pragma unroll
+  for (int i = 0; i < kLaneSums; ++i) {
+    const float all = sum_of_groups(sums[i]);
+    if (lane.group == 0) m.sums[warp][4 * i + lane.pair / 2] = all;
+  }
+  __syncthreads();
+  if (thread < kSums) {
+    float all = 0;
+    for (int w = 0; w < S::kWarps; ++w) all += m.sums[w][thread];
+    if (thread < kNPolicyDiagnostics)
+      out[net.size + thread] = all;
+    else if (!k.loss.action)
+      out[net.log_std + thread - kNPolicyDiagnostics] = all * unscale;
+  } else if (thread - kSums < kFusedSums - kNPolicyDiagnostics) {
+    out[net.size + kNPolicyDiagnostics + thread - kSums] = 0;
+  }
 }
 
 }  // namespace giga

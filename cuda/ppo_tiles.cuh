@@ -229,19 +229,19 @@ struct FetchedInputs {
   __device__ static float held(float x, float limit) { return x > limit ? limit : x < -limit ? -limit : x; }
 };
 
-/// A warp's part of the gradient of a weight [64, ..] or [32, ..].
-template <int kTiles>
-struct WeightGradient : TileSums<kTiles> {
+/// A warp's part of the gradient of a weight, as sums of so many rows and columns.
+template <class Sums>
+struct WeightGradientOf : Sums {
   int row, column;  // its first
 
-  /// Of a gradient with so many tiles of 16 rows.
-  __device__ explicit WeightGradient(int row_tiles) {
+  /// Of a gradient with so many parts one below the other.
+  __device__ explicit WeightGradientOf(int row_parts) {
     const int warp = static_cast<int>(threadIdx.x) / 32;
-    row = warp % row_tiles * 16;
-    column = warp / row_tiles * kTiles * 8;
+    row = warp % row_parts * Sums::kRows;
+    column = warp / row_parts * Sums::kColumns;
     this->clear();
   }
-  /// += outer^T features, over the rows of a tile. f(tile) as for add_over_rows.
+  /// += outer^T features, over the rows of a tile. f as for add_over_rows.
   template <int kDepth, int kStrideA, int kStride, class F>
   __device__ void add(const __half* outer, const __half* features, F&& f) {
     this->template add_over_rows<kDepth>(Halves<kStrideA>(outer, 0, row), Halves<kStride>(features, 0, column), f);
@@ -255,6 +255,9 @@ struct WeightGradient : TileSums<kTiles> {
     });
   }
 };
+/// Of a weight [64, ..] or [32, ..].
+template <int kTiles>
+using WeightGradient = WeightGradientOf<TileSums<kTiles>>;
 
 /// The gradient of a bias: sums of rows, by tensor cores too. A warp has 16 numbers of one layer's.
 struct BiasGradient {

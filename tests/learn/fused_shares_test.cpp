@@ -1,0 +1,88 @@
+// The work of the fused update divided: among threads it changes no bit, among ranks the gradients are those of one.
+#include <c10/core/impl/VirtualGuardImpl.h>
+#include <gtest/gtest.h>
+#include <torch/torch.h>
+
+#include <utility>
+#include <vector>
+
+#include "fused_cases.hpp"
+#include "learn/mappo/fused_update.hpp"
+
+namespace giga::test {
+namespace {
+
+// One thread, two, and three, which share the 16 parts of a minibatch unevenly.
+TEST(LearnFusedUpdateThreads, ChangeNoBit) {
+  const FusedCase& c = fused_cases()[0];
+  std::vector<at::Tensor> found[3];
+  for (int k = 0; k < 3; ++k) {
+    FusedSetting s(c, kCpu, k + 1);
+    FusedUpdate fused(s.actor, s.critic, c.n, s.parallel_for);
+    FusedSteps steps(s);
+    at::NoGradGuard no_grad;
+    fused.begin_epoch(s.obs, s.alive, s.states, 1, s.advantage);
+    fused.compute_gradients(0, s.policy_loss(kClip), s.value_loss());
+    fused.add_up(steps.of(s, 0));
+    const at::Tensor values = at::empty({s.n_states, c.n}, s.obs.options());
+    fused.write_values(s.obs, s.alive, {}, values);
+    found[k] = {s.actor.parameters().gradient(), s.critic.parameters().gradient(), values};
+    for (size_t x = 0; x < found[k].size(); ++x) EXPECT_TRUE(at::equal(found[k][x], found[0][x])) << k + 1 << ", " << x;
+  }
+}
+
+/// The sum over two ranks that have the same rows: twice what is here.
+void add_the_same(const at::Tensor& x, void* stream) {
+  if (!x.is_cuda() || !stream) {
+    x.mul_(2);
+    return;
+  }
+  const c10::impl::VirtualGuardImpl cuda(at::kCUDA);
+  const c10::Stream there(c10::Stream::UNSAFE, x.device(), reinterpret_cast<c10::StreamId>(stream));
+  const c10::Stream before = cuda.exchangeStream(there);
+  x.mul_(2);
+  cuda.exchangeStream(before);
+}
+
+/// Two ranks with the same rows have the gradients of one, and twice the sums of diagnostics.
+void expect_those_of_one_rank(Device device) {
+  const FusedCase& c = fused_cases()[0];
+  std::vector<at::Tensor> found[2];
+  std::vector<std::pair<int64_t, void*>> messages;
+  for (int k = 0; k < 2; ++k) {
+    FusedSetting s(c, device);
+    SumOverRanks sum;
+    if (k == 1)
+      sum.add = [&](const at::Tensor& x, void* stream) {
+        messages.emplace_back(x.numel(), stream);
+        add_the_same(x, stream);
+      };
+    FusedUpdate fused(s.actor, s.critic, c.n, s.parallel_for, sum);
+    FusedSteps steps(s);
+    at::NoGradGuard no_grad;
+    fused.begin_epoch(s.obs, s.alive, s.states, 1, s.advantage);
+    fused.compute_gradients(0, s.policy_loss(kClip, kEntropyCoef), s.value_loss());
+    fused.add_up(steps.of(s, 0));
+    fused.end_epoch();
+    found[k] = {s.actor.parameters().gradient().cpu(), s.critic.parameters().gradient().cpu(), fused.sums().cpu()};
+  }
+  for (size_t x = 0; x < 2; ++x) {
+    const double most = found[0][x].abs().max().item<double>();
+    EXPECT_GT(most, 0);
+    EXPECT_LT((found[1][x] - found[0][x]).abs().max().item<double>(), 1e-5 * most) << x;
+  }
+  EXPECT_TRUE(at::allclose(found[1][2], 2 * found[0][2], 1e-5));
+  // One for the moments of the epoch, one for both gradients with their sums.
+  ASSERT_EQ(messages.size(), 2u);
+  EXPECT_EQ(messages[1].first, found[0][0].numel() + found[0][1].numel() + 2 * kFusedSums);
+  EXPECT_EQ(messages[1].second != nullptr, device.is_cuda());
+}
+
+TEST(LearnFusedUpdateRanks, HaveTheGradientsOfOne) { expect_those_of_one_rank(kCpu); }
+TEST(LearnFusedUpdateRanksGpu, HaveTheGradientsOfOne) {
+  if (const std::string why = no_fused_kernels(); !why.empty()) GTEST_SKIP() << why;
+  expect_those_of_one_rank(kOneGpu);
+}
+
+}  // namespace
+}  // namespace giga::test
