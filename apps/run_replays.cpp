@@ -6,7 +6,6 @@
 #include <vector>
 
 #include "apps/program_info.hpp"
-#include "core/seeds.hpp"
 #include "eval/record.hpp"
 #include "io/files.hpp"
 #include "watch/page.hpp"
@@ -16,15 +15,6 @@ namespace giga {
 std::string why_games_have_no_room(const LoadedRun& run) {
   return too_large_to_keep(replay_frame(run.scenario, run.spec, program_version()), run.config.eval.record,
                            run.spec.with_time_limit().params.max_episode_length);
-}
-
-Replay record_games(const LoadedRun& run, Device device, Learner& learner) {
-  const auto updates = static_cast<uint64_t>(learner.updates_done());
-  // Games are few; the agents of a crowd are not.
-  const int n_threads = run.spec.params.n_agents > kMaxAgents ? run.config.train.n_threads : 1;
-  const MatchOptions options{run.config.eval.record, seed_of(run.config.seed, Purpose::evaluation, updates), device,
-                             n_threads};
-  return record_teams(run, learner, options, program_version()).replay;
 }
 
 void write_replays_page(const RunFolder& folder, int64_t updates) {

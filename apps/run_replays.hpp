@@ -3,7 +3,6 @@
 
 #include <cstdint>
 
-#include "io/replay.hpp"
 #include "io/run_folder.hpp"
 #include "learn/learner.hpp"
 
@@ -11,9 +10,6 @@ namespace giga {
 
 /// Why `eval.record` games of a run are too large for a replay; empty: they are not.
 std::string why_games_have_no_room(const LoadedRun& run);
-/// `eval.record` games of the teams of a run against each other, from the starts of the evaluation.
-Replay record_games(const LoadedRun& run, Device device, Learner& learner);
-
 /// The page of the replays up to an update: those of the last evaluation first, then earlier ones at even distances.
 /// None where there are no replays.
 void write_replays_page(const RunFolder& folder, int64_t updates);
