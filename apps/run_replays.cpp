@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <filesystem>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "apps/program_info.hpp"
@@ -15,6 +16,19 @@ namespace giga {
 std::string why_games_have_no_room(const LoadedRun& run) {
   return too_large_to_keep(replay_frame(run.scenario, run.spec, program_version()), run.config.eval.record,
                            run.spec.with_time_limit().params.max_episode_length);
+}
+
+void ReplayWriter::write(int64_t updates, std::unique_ptr<TeamRecording> games) {
+  wait();
+  games_ = std::move(games);
+  written_ = std::async(std::launch::async, [this, updates] {
+    folder_.save_replay(updates, encode_replay(games_->replay(program_version())));
+  });
+}
+
+void ReplayWriter::wait() {
+  if (written_.valid()) written_.get();
+  games_.reset();
 }
 
 void write_replays_page(const RunFolder& folder, int64_t updates) {

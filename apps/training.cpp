@@ -141,6 +141,7 @@ class Training {
   int64_t saved_update_ = -1;        // of the newest checkpoint
   std::vector<TeamResult> results_;  // of the latest evaluation
   std::string matches_note_;         // the latest that was told of how they are played
+  ReplayWriter replays_{folder_};
   double update_seconds_ = 0, checkpoint_seconds_ = 0;
   double speed_ = 0;  // agent-steps per second of the latest update
   // While the main thread works on an update or an evaluation, the watcher may write messages.
@@ -340,7 +341,7 @@ void Training::evaluate() {
   results_ = giga::evaluate(run_, options, *learner_, games ? &games->games() : nullptr);
   if (!games) return;
   games->finish();
-  folder_.save_replay(learner_->updates_done(), encode_replay(games->replay(program_version())));
+  replays_.write(learner_->updates_done(), std::move(games));
 }
 
 MetricsRow Training::row(double seconds, double evaluation_seconds, const Metrics& metrics, bool evaluated) const {
@@ -461,6 +462,7 @@ int Training::stop_early(int code) {
 }
 
 void Training::write_final_report() {
+  replays_.wait();
   if (learner_->updates_done() == 0) return;  // no figures yet
   write_replays_page(folder_, learner_->updates_done());
   write_report({folder_.path()}, folder_.report_file(), list_fields<RunConfig>());
