@@ -135,12 +135,13 @@ class Training {
   std::optional<GpuSensors> sensors_;  // of a GPU
   std::optional<MetricsFiles> metrics_files_;
 
-  RunCursor cursor_;                 // seconds: of earlier processes
-  int64_t first_update_ = 0;         // that this process does, less one
-  int64_t first_agent_steps_ = 0;    // done before it
-  int64_t saved_update_ = -1;        // of the newest checkpoint
-  std::vector<TeamResult> results_;  // of the latest evaluation
-  std::string matches_note_;         // the latest that was told of how they are played
+  RunCursor cursor_;                              // seconds: of earlier processes
+  int64_t first_update_ = 0;                      // that this process does, less one
+  int64_t first_agent_steps_ = 0;                 // done before it
+  int64_t saved_update_ = -1;                     // of the newest checkpoint
+  std::vector<TeamResult> results_;               // of the latest evaluation
+  std::optional<std::string> no_room_for_games_;  // why; none: not looked yet
+  std::string matches_note_;                      // the latest that was told of how they are played
   ReplayWriter replays_{folder_};
   double update_seconds_ = 0, checkpoint_seconds_ = 0;
   double speed_ = 0;  // agent-steps per second of the latest update
@@ -332,11 +333,11 @@ void Training::evaluate() {
   };
   std::unique_ptr<TeamRecording> games;
   if (config_.eval.record > 0) {
-    const std::string wrong = why_games_have_no_room(run_);
-    if (wrong.empty())
+    if (!no_room_for_games_) no_room_for_games_ = why_games_have_no_room(run_);
+    if (no_room_for_games_->empty())
       games = std::make_unique<TeamRecording>(run_, *learner_, config_.eval.record, options);
     else
-      log_.note(cat("no games are kept (eval.record: ", config_.eval.record, "): ", wrong));
+      log_.note(cat("no games are kept (eval.record: ", config_.eval.record, "): ", *no_room_for_games_));
   }
   results_ = giga::evaluate(run_, options, *learner_, games ? &games->games() : nullptr);
   if (!games) return;

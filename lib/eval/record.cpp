@@ -200,7 +200,8 @@ TeamRecording::TeamRecording(const LoadedRun& run, Learner& learner, int episode
     const Mind& mind = minds[side];
     if ((mind.policy && mind.policy->reads_image()) || (mind.values && mind.values->reads_image())) games_.alone = true;
   }
-  if (run.spec.params.n_agents > kMaxAgents) games_.alone = true;
+  // A CPU takes as long for them beside others as alone, and there one thread is enough.
+  if (run.spec.params.n_agents > kMaxAgents || !options.device.is_cuda()) games_.alone = true;
   recorder_ = std::make_unique<Recorder>(run.spec, minds, RecorderOptions{.worlds = episodes});
   games_.observer = recorder_.get();
 }
