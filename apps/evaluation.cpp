@@ -14,11 +14,15 @@
 
 namespace giga {
 
-std::vector<TeamResult> evaluate(const LoadedRun& run, Device device, Learner& learner) {
-  const EvalConfig& config = run.config.eval;
+MatchOptions evaluation_options(const LoadedRun& run, Device device, const Learner& learner) {
   const auto updates = static_cast<uint64_t>(learner.updates_done());
-  const MatchOptions options{config.episodes, seed_of(run.config.seed, Purpose::evaluation, updates), device,
-                             run.config.train.n_threads};
+  return {run.config.eval.episodes, seed_of(run.config.seed, Purpose::evaluation, updates), device,
+          run.config.train.n_threads};
+}
+
+std::vector<TeamResult> evaluate(const LoadedRun& run, const MatchOptions& options, Learner& learner,
+                                 const WatchedPair* recorded) {
+  const EvalConfig& config = run.config.eval;
   std::vector<std::shared_ptr<TeamController>> scripts;
   for (const Scripted opponent : config.opponents) scripts.push_back(script_controller(opponent));
   // Team after team, so that the worlds of a policy lie side by side.
@@ -36,7 +40,7 @@ std::vector<TeamResult> evaluate(const LoadedRun& run, Device device, Learner& l
       pair.side[1 - side] = script;
     }
   }
-  const std::vector<MatchResult> matches = play_matches(run.spec, pairs, options);
+  const std::vector<MatchResult> matches = play_matches(run.spec, pairs, options, recorded);
 
   std::vector<TeamResult> results;
   for (size_t k = 0; k < scripts.size(); ++k)

@@ -21,9 +21,13 @@ struct TeamResult {
   double share(int count) const { return static_cast<double>(count) / match.episodes; }
 };
 
-/// All learning teams of a run against all of its `eval.opponents`. The episodes depend on the seed of the run and on
-/// how many updates are done, so that each evaluation plays new ones.
-std::vector<TeamResult> evaluate(const LoadedRun& run, Device device, Learner& learner);
+/// Of an evaluation. The episodes depend on the seed of the run and on how many updates are done, so that each plays
+/// new ones.
+MatchOptions evaluation_options(const LoadedRun& run, Device device, const Learner& learner);
+
+/// All learning teams of a run against all of its `eval.opponents`; beside them the games that are recorded, if any.
+std::vector<TeamResult> evaluate(const LoadedRun& run, const MatchOptions& options, Learner& learner,
+                                 const WatchedPair* recorded = nullptr);
 
 /// The weaker team's mean win rate over the opponents; -1 where nobody was evaluated.
 double evaluation_score(const std::vector<TeamResult>& results);

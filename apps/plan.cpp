@@ -23,8 +23,9 @@ void print_plan(const LoadedRun& run, Device device) {
   const MemorySpace space = memory_space(device);
   LoadedRun brief = run;  // the memory of a match does not depend on its length
   brief.spec = run.spec.cut_off_after(2);
-  const MemoryPlan plan =
-      measure_memory(run, device, space.free, [&](Learner& learner) { evaluate(brief, device, learner); });
+  const MemoryPlan plan = measure_memory(run, device, space.free, [&](Learner& learner) {
+    evaluate(brief, evaluation_options(brief, device, learner), learner);
+  });
   std::cout << plan_text(run, device, space, plan);
 }
 

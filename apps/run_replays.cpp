@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <filesystem>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "apps/program_info.hpp"
-#include "core/seeds.hpp"
 #include "eval/record.hpp"
 #include "io/files.hpp"
 #include "watch/page.hpp"
@@ -18,13 +18,17 @@ std::string why_games_have_no_room(const LoadedRun& run) {
                            run.spec.with_time_limit().params.max_episode_length);
 }
 
-Replay record_games(const LoadedRun& run, Device device, Learner& learner) {
-  const auto updates = static_cast<uint64_t>(learner.updates_done());
-  // Games are few; the agents of a crowd are not.
-  const int n_threads = run.spec.params.n_agents > kMaxAgents ? run.config.train.n_threads : 1;
-  const MatchOptions options{run.config.eval.record, seed_of(run.config.seed, Purpose::evaluation, updates), device,
-                             n_threads};
-  return record_teams(run, learner, options, program_version()).replay;
+void ReplayWriter::write(int64_t updates, std::unique_ptr<TeamRecording> games) {
+  wait();
+  games_ = std::move(games);
+  written_ = std::async(std::launch::async, [this, updates] {
+    folder_.save_replay(updates, encode_replay(games_->replay(program_version())));
+  });
+}
+
+void ReplayWriter::wait() {
+  if (written_.valid()) written_.get();
+  games_.reset();
 }
 
 void write_replays_page(const RunFolder& folder, int64_t updates) {

@@ -12,6 +12,7 @@
 #include <limits>
 #include <mutex>
 #include <nlohmann/json.hpp>
+#include <utility>
 
 #include "apps/evaluation.hpp"
 #include "apps/follow.hpp"
@@ -24,6 +25,7 @@
 #include "core/error.hpp"
 #include "cuda/runtime.hpp"
 #include "cuda/sensors.hpp"
+#include "eval/record.hpp"
 #include "io/host_info.hpp"
 #include "io/number.hpp"
 #include "io/progress.hpp"
@@ -102,7 +104,7 @@ class Training {
   std::string of_updates() const { return n_updates_ ? cat(" of ", *n_updates_) : ""; }
   void print_end() const;
   MetricsRow row(double seconds, double evaluation_seconds, const Metrics& metrics, bool evaluated) const;
-  void record();
+  void evaluate();
   void write_row(const MetricsRow& row, bool evaluated);
   void save(bool is_best);
   void show(const Metrics& metrics);
@@ -133,11 +135,14 @@ class Training {
   std::optional<GpuSensors> sensors_;  // of a GPU
   std::optional<MetricsFiles> metrics_files_;
 
-  RunCursor cursor_;                 // seconds: of earlier processes
-  int64_t first_update_ = 0;         // that this process does, less one
-  int64_t first_agent_steps_ = 0;    // done before it
-  int64_t saved_update_ = -1;        // of the newest checkpoint
-  std::vector<TeamResult> results_;  // of the latest evaluation
+  RunCursor cursor_;                              // seconds: of earlier processes
+  int64_t first_update_ = 0;                      // that this process does, less one
+  int64_t first_agent_steps_ = 0;                 // done before it
+  int64_t saved_update_ = -1;                     // of the newest checkpoint
+  std::vector<TeamResult> results_;               // of the latest evaluation
+  std::optional<std::string> no_room_for_games_;  // why; none: not looked yet
+  std::string matches_note_;                      // the latest that was told of how they are played
+  ReplayWriter replays_{folder_};
   double update_seconds_ = 0, checkpoint_seconds_ = 0;
   double speed_ = 0;  // agent-steps per second of the latest update
   // While the main thread works on an update or an evaluation, the watcher may write messages.
@@ -296,12 +301,7 @@ void Training::update() {
   double evaluation_seconds = 0;
   if (evaluates) {
     evaluates_ = true;
-    evaluation_seconds = timed([&] {
-      work([&] {
-        results_ = evaluate(run_, device_, *learner_);
-        if (config_.eval.record > 0) record();
-      });
-    });
+    evaluation_seconds = timed([&] { work([&] { evaluate(); }); });
     evaluates_ = false;
   }
   write_row(row(total_seconds(), evaluation_seconds, metrics, evaluates), evaluates);
@@ -325,11 +325,24 @@ void Training::update() {
   show(metrics);
 }
 
-/// Keeps games of the teams as they play now.
-void Training::record() {
-  if (const std::string wrong = why_games_have_no_room(run_); !wrong.empty())
-    return log_.note(cat("no games are kept (eval.record: ", config_.eval.record, "): ", wrong));
-  folder_.save_replay(learner_->updates_done(), encode_replay(record_games(run_, device_, *learner_)));
+/// The matches of the teams as they play now, and beside them the games that are kept.
+void Training::evaluate() {
+  MatchOptions options = evaluation_options(run_, device_, *learner_);
+  options.note = [this](const std::string& text) {
+    if (std::exchange(matches_note_, text) != text) log_.note(text);
+  };
+  std::unique_ptr<TeamRecording> games;
+  if (config_.eval.record > 0) {
+    if (!no_room_for_games_) no_room_for_games_ = why_games_have_no_room(run_);
+    if (no_room_for_games_->empty())
+      games = std::make_unique<TeamRecording>(run_, *learner_, config_.eval.record, options);
+    else
+      log_.note(cat("no games are kept (eval.record: ", config_.eval.record, "): ", *no_room_for_games_));
+  }
+  results_ = giga::evaluate(run_, options, *learner_, games ? &games->games() : nullptr);
+  if (!games) return;
+  games->finish();
+  replays_.write(learner_->updates_done(), std::move(games));
 }
 
 MetricsRow Training::row(double seconds, double evaluation_seconds, const Metrics& metrics, bool evaluated) const {
@@ -450,6 +463,7 @@ int Training::stop_early(int code) {
 }
 
 void Training::write_final_report() {
+  replays_.wait();
   if (learner_->updates_done() == 0) return;  // no figures yet
   write_replays_page(folder_, learner_->updates_done());
   write_report({folder_.path()}, folder_.report_file(), list_fields<RunConfig>());

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "math/copy_pieces.hpp"
+#include "math/dense_rows.hpp"
 #include "math/distributions.hpp"
 #include "math/es_noise.hpp"
 #include "math/forget_episodes.hpp"
@@ -23,6 +24,7 @@
   APPLY(BlindActions)                 \
   APPLY(ForgetEpisodes)               \
   APPLY(CopyPieces)                   \
+  APPLY(DenseRows)                    \
   APPLY(Gae)                          \
   APPLY(CategoricalLoss)              \
   APPLY(GaussianLoss)                 \

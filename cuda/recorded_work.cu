@@ -1,6 +1,8 @@
 #include "cuda/recorded_work.hpp"
 
 #include <deque>
+#include <memory>
+#include <utility>
 
 #include "cuda/check.cuh"
 #include "cuda/side_stream.hpp"
@@ -12,8 +14,10 @@ namespace {
 class Graph final : public RecordedWork {
  public:
   Graph(cudaStream_t stream, cudaGraph_t graph) : stream_(stream) {
-    GIGA_CUDA(cudaGraphInstantiate(&graph_, graph, 0));
     GIGA_CUDA(cudaEventCreateWithFlags(&done_, cudaEventDisableTiming));
+    const cudaError_t status = cudaGraphInstantiate(&graph_, graph, 0);
+    if (status != cudaSuccess) cudaEventDestroy(done_);
+    GIGA_CUDA(status);
   }
   Graph(const Graph&) = delete;
   Graph& operator=(const Graph&) = delete;
@@ -63,17 +67,23 @@ std::unique_ptr<RecordedWork> record_work(int index, void* stream, size_t most_b
   const auto main = static_cast<cudaStream_t>(stream);
   GIGA_CUDA(cudaStreamBeginCapture(main, cudaStreamCaptureModeThreadLocal));
   cudaGraph_t captured = nullptr;
+  const auto end = [&] {
+    const cudaError_t status = cudaStreamEndCapture(main, &captured);
+    return std::pair(status, std::unique_ptr<std::remove_pointer_t<cudaGraph_t>, DestroyGraph>(captured));
+  };
   try {
     work(capture);
+    const auto [status, graph] = end();
+    GIGA_CUDA(status);
+    return std::make_unique<Graph>(main, graph.get());
   } catch (...) {
-    cudaStreamEndCapture(main, &captured);
-    if (captured) cudaGraphDestroy(captured);
+    // Whoever goes on without it finds the stream, and the runtime's last error, as if nothing had been tried.
+    cudaStreamCaptureStatus still = cudaStreamCaptureStatusNone;
+    cudaStreamIsCapturing(main, &still);
+    if (still != cudaStreamCaptureStatusNone) end();
     cudaGetLastError();
     throw;
   }
-  GIGA_CUDA(cudaStreamEndCapture(main, &captured));
-  const std::unique_ptr<std::remove_pointer_t<cudaGraph_t>, DestroyGraph> graph(captured);
-  return std::make_unique<Graph>(main, graph.get());
 }
 
 }  // namespace giga

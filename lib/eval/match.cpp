@@ -37,15 +37,16 @@ MatchResult match_result(const EpisodeStats& stats) {
   return result;
 }
 
-/// Plays the games of all pairs, in worlds one after the other: as many for each as there are episodes.
+/// Plays the games of all pairs, in worlds one after the other: as many for each as there are episodes, and last those
+/// of the pair that is watched.
 std::unique_ptr<Simulator> play(const SimSpec& spec, std::span<const Pairing> pairs, const MatchOptions& options,
-                                std::vector<GameObserver*> observers) {
+                                std::vector<GameObserver*> observers, const WatchedPair* watched = nullptr) {
   GIGA_CHECK(options.episodes > 0, "episodes: ", options.episodes);
   const SimSpec limited = spec.with_time_limit();  // every episode ends, so that each is counted
   SimOptions sim_options;
-  sim_options.n_worlds = static_cast<int>(pairs.size()) * options.episodes;
+  sim_options.n_worlds = static_cast<int>(pairs.size()) * options.episodes + (watched ? watched->episodes : 0);
   sim_options.seed = options.seed;
-  sim_options.draw_period = pairs.size() > 1 ? options.episodes : 0;  // each pair has the draws of a match by itself
+  sim_options.draw_period = pairs.size() > 1 || watched ? options.episodes : 0;  // as in a match by itself
   sim_options.on_done = OnDone::freeze;
   sim_options.n_threads = options.n_threads;
   void* const stream = current_stream(options.device);
@@ -56,10 +57,18 @@ std::unique_ptr<Simulator> play(const SimSpec& spec, std::span<const Pairing> pa
   for (size_t k = 0; k < pairs.size(); ++k)
     for (size_t side = 0; side < kNTeams; ++side)
       sides[side].push_back({pairs[k].side[side], {static_cast<int64_t>(k) * options.episodes, options.episodes}});
+  if (watched) {
+    const auto first = static_cast<int64_t>(pairs.size()) * options.episodes;
+    for (size_t side = 0; side < kNTeams; ++side)
+      sides[side].push_back({watched->pair.side[side], {first, watched->episodes}});
+    observers.push_back(watched->observer);
+  }
   Game game(*sim, parallel_for, sides, std::move(observers));
   game.start();
   game.play(limited.params.max_episode_length);
   sim->synchronize();  // before the game's buffers go
+  if (!game.refusal().empty() && options.note)
+    options.note("the GPU takes no recorded steps, so matches queue them one by one: " + game.refusal());
   return sim;
 }
 
@@ -69,11 +78,14 @@ MatchResult checked(const EpisodeStats& stats, int episodes) {
   return result;
 }
 
+bool reads_images(const Pairing& pair) {
+  return std::any_of(pair.side.begin(), pair.side.end(),
+                     [](const auto& controller) { return controller->reads().has(Observation::image); });
+}
+
 /// How many matches are played at once.
 size_t beside_each_other(const SimSpec& spec, const std::vector<Pairing>& pairs, const MatchOptions& options) {
-  for (const Pairing& pair : pairs)
-    for (const auto& controller : pair.side)
-      if (controller->reads().has(Observation::image)) return 1;
+  if (std::any_of(pairs.begin(), pairs.end(), reads_images)) return 1;
   const int64_t agents = int64_t{options.episodes} * spec.params.n_agents;
   return static_cast<size_t>(std::max<int64_t>(1, kAgentsAtOnce / agents));
 }
@@ -88,13 +100,16 @@ MatchResult play_match(const SimSpec& spec, std::shared_ptr<TeamController> side
 }
 
 std::vector<MatchResult> play_matches(const SimSpec& spec, const std::vector<Pairing>& pairs,
-                                      const MatchOptions& options) {
+                                      const MatchOptions& options, const WatchedPair* watched) {
   GIGA_CHECK(options.episodes > 0, "episodes: ", options.episodes);
   const size_t at_once = beside_each_other(spec, pairs, options), episodes = static_cast<size_t>(options.episodes);
+  const bool joins = watched && !watched->alone && !pairs.empty() && watched->episodes <= options.episodes &&
+                     !reads_images(watched->pair) && std::none_of(pairs.begin(), pairs.end(), reads_images);
   std::vector<MatchResult> results;
   for (size_t first = 0; first < pairs.size(); first += at_once) {
     const std::span<const Pairing> some = std::span(pairs).subspan(first, std::min(at_once, pairs.size() - first));
-    const auto sim = play(spec, some, options, {});
+    const bool last = first + some.size() == pairs.size();
+    const auto sim = play(spec, some, options, {}, joins && last ? watched : nullptr);
     StateView state = sim->state().view();
     std::vector<float> stats(some.size() * episodes * kNStatRows);
     sim->memory().to_host(stats.data(), state.stats, stats.size() * sizeof(float));
@@ -102,6 +117,12 @@ std::vector<MatchResult> play_matches(const SimSpec& spec, const std::vector<Pai
       state.stats = stats.data() + k * episodes * kNStatRows;
       results.push_back(checked(take_host_stats(state, options.episodes), options.episodes));
     }
+  }
+  if (watched && !joins) {
+    MatchOptions few = options;
+    few.episodes = watched->episodes;
+    if (spec.params.n_agents <= kMaxAgents) few.n_threads = 1;  // games are few; the agents of a crowd are not
+    play(spec, {&watched->pair, 1}, few, {watched->observer});
   }
   return results;
 }

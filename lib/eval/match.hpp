@@ -3,7 +3,9 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "core/memory.hpp"
@@ -19,6 +21,7 @@ struct MatchOptions {
   uint64_t seed = 0;  ///< of the stretch of draws (core/seeds.hpp)
   Device device;
   int n_threads = 0;
+  std::function<void(const std::string&)> note = {};  ///< told what a user should know of how they are played
 };
 
 /// Sums over the episodes of a match, by side.
@@ -46,10 +49,20 @@ struct Pairing {
   std::array<std::shared_ptr<TeamController>, kNTeams> side;
 };
 
+/// One more pair, whose games somebody watches: the first `episodes` of a match with the same options. The observer
+/// finds them in the last worlds of its simulator.
+struct WatchedPair {
+  Pairing pair;
+  int episodes = 0;
+  GameObserver* observer = nullptr;
+  bool alone = false;  ///< no other matches beside it
+};
+
 /// The matches of several pairs, of the same episodes: what play_match makes of each. Where many agents are at work a
 /// GPU takes hardly longer for several matches than for one, so they are played side by side, as far as memory allows:
-/// a controller that several pairs share is asked for all of them at once, neighbours in the list best.
+/// a controller that several pairs share is asked for all of them at once, neighbours in the list best. `watched` is
+/// played beside the last ones where that can be.
 std::vector<MatchResult> play_matches(const SimSpec& spec, const std::vector<Pairing>& pairs,
-                                      const MatchOptions& options);
+                                      const MatchOptions& options, const WatchedPair* watched = nullptr);
 
 }  // namespace giga

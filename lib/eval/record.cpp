@@ -177,28 +177,45 @@ RecordedMatch record_match(const Scenario& scenario, const SimSpec& spec,
   return recorded;
 }
 
-RecordedMatch record_teams(const LoadedRun& run, Learner& learner, const MatchOptions& options,
-                           const std::string& version) {
+TeamRecording::TeamRecording(const LoadedRun& run, Learner& learner, int episodes, const MatchOptions& options)
+    : run_(run), seed_(options.seed) {
   NamedArrays critics;
   learner.save_critics(critics);
-  std::array<RecordedTeam, kNTeams> teams;
-  std::unique_ptr<ValueFunction> values[kNTeams];
-  std::optional<Player> opponent;  // who does not learn
+  Minds minds;
+  games_.episodes = episodes;
   for (int team = 0; team < kNTeams; ++team) {
-    RecordedTeam& t = teams[static_cast<size_t>(team)];
+    const auto side = static_cast<size_t>(team);
     if (const Actor* actor = learner.actor(team)) {
-      values[team] = ValueFunction::load(run, team, critics, *actor, options.device);
-      t.name = cat("team ", team, " after ", learner.updates_done(), " ", algorithm_of(run.config).updates);
-      t.controller = policy_controller(*actor, acts_greedily(run.config));
-      t.mind = {actor, values[team].get()};
+      values_[team] = ValueFunction::load(run, team, critics, *actor, options.device);
+      names_[side] = cat("team ", team, " after ", learner.updates_done(), " ", algorithm_of(run.config).updates);
+      games_.pair.side[side] = policy_controller(*actor, acts_greedily(run.config));
+      minds[side] = {actor, values_[team].get()};
     } else {
-      opponent = Player::load(run.config.train.opponent.name, {.device = options.device});
-      t.name = opponent->name();
-      t.controller = opponent->controller(team, run.spec);
-      t.mind = opponent->mind(team, run.spec);
+      opponent_ = std::make_unique<Player>(Player::load(run.config.train.opponent.name, {.device = options.device}));
+      names_[side] = opponent_->name();
+      games_.pair.side[side] = opponent_->controller(team, run.spec);
+      minds[side] = opponent_->mind(team, run.spec);
     }
+    // Images of all worlds would be drawn for these few, and worlds of a crowd are stepped one after the other.
+    const Mind& mind = minds[side];
+    if ((mind.policy && mind.policy->reads_image()) || (mind.values && mind.values->reads_image())) games_.alone = true;
   }
-  return record_match(run.scenario, run.spec, teams, options, version);
+  // A CPU takes as long for them beside others as alone, and there one thread is enough.
+  if (run.spec.params.n_agents > kMaxAgents || !options.device.is_cuda()) games_.alone = true;
+  recorder_ = std::make_unique<Recorder>(run.spec, minds, RecorderOptions{.worlds = episodes});
+  games_.observer = recorder_.get();
+}
+
+TeamRecording::~TeamRecording() = default;
+
+void TeamRecording::finish() { recorder_->finish(); }
+
+Replay TeamRecording::replay(const std::string& version) {
+  Replay replay = replay_frame(run_.scenario, run_.spec, version);
+  replay.seed = cat(seed_);
+  replay.players = names_;
+  replay.episodes = recorder_->episodes(replay.seed);
+  return replay;
 }
 
 std::string verify_replay(const Replay& replay, Device device) {

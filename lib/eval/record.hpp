@@ -14,6 +14,9 @@
 
 namespace giga {
 
+class Player;
+class ValueFunction;
+
 /// A team of a match that is recorded.
 struct RecordedTeam {
   std::shared_ptr<TeamController> controller;
@@ -35,9 +38,29 @@ RecordedMatch record_match(const Scenario& scenario, const SimSpec& spec,
                            const std::array<RecordedTeam, kNTeams>& teams, const MatchOptions& options,
                            const std::string& version);
 
-/// The same for the teams of a run as they play now, one against the other, or against its script.
-RecordedMatch record_teams(const LoadedRun& run, Learner& learner, const MatchOptions& options,
-                           const std::string& version);
+/// Games of the teams of a run as they play now, one against the other, or against whom they learn to beat.
+class TeamRecording {
+ public:
+  /// `options`: of the matches that are played beside them. The learner must outlive the games.
+  TeamRecording(const LoadedRun& run, Learner& learner, int episodes, const MatchOptions& options);
+  ~TeamRecording();
+
+  /// What play_matches is to play.
+  const WatchedPair& games() const { return games_; }
+  /// When they were played: asks the networks, and leaves nothing on the device to be fetched.
+  void finish();
+  /// Then. No more than the host's work, which may go on beside what else it does.
+  Replay replay(const std::string& version);
+
+ private:
+  const LoadedRun& run_;
+  const uint64_t seed_;
+  std::unique_ptr<ValueFunction> values_[kNTeams];
+  std::unique_ptr<Player> opponent_;  // who does not learn
+  std::array<std::string, kNTeams> names_;
+  std::unique_ptr<Recorder> recorder_;
+  WatchedPair games_;
+};
 
 /// Plays the recorded actions again from the recorded seed, and compares all states bit for bit, and what else the
 /// replay says of the games. Returns what differs first; empty: nothing does. Throws InputError where the scenario

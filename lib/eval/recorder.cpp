@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <cstring>
+#include <optional>
 #include <utility>
 
 #include "core/error.hpp"
@@ -14,6 +15,7 @@
 #include "learn/players/value_function.hpp"
 #include "math/copy_pieces.hpp"
 #include "math/distributions.hpp"
+#include "policy/actor.hpp"
 #include "policy/policy.hpp"
 #include "rollout/stream.hpp"
 #include "rollout/tensors.hpp"
@@ -24,19 +26,25 @@
 namespace giga {
 namespace {
 
-/// The likeliest actions of rows of logits, and their probabilities in units of 1 / kReplayShares.
+/// The likeliest actions of a row of logits, and their probabilities in units of 1 / kReplayShares.
 void note_likely(const float* logits, std::vector<uint8_t>& likely, std::vector<uint8_t>& probability) {
-  std::array<std::pair<float, uint8_t>, kNDiscreteActions> order;
+  struct Best {
+    float share = -1;
+    int action = 0;
+  } best[kLikelyActions];  // the first of equal ones before the others
   float sum = 0;
   const float top = *std::max_element(logits, logits + kNDiscreteActions);
-  for (uint8_t k = 0; k < kNDiscreteActions; ++k) {
-    order[k] = {-std::exp(logits[k] - top), k};
-    sum -= order[k].first;
+  for (int k = 0; k < kNDiscreteActions; ++k) {
+    const float share = std::exp(logits[k] - top);
+    sum += share;
+    int place = kLikelyActions;
+    for (; place > 0 && share > best[place - 1].share; --place)
+      if (place < kLikelyActions) best[place] = best[place - 1];
+    if (place < kLikelyActions) best[place] = {share, k};
   }
-  std::partial_sort(order.begin(), order.begin() + kLikelyActions, order.end());
-  for (size_t k = 0; k < kLikelyActions; ++k) {
-    likely.push_back(order[k].second);
-    probability.push_back(static_cast<uint8_t>(std::lround(-order[k].first / sum * kReplayShares)));
+  for (const Best& one : best) {
+    likely.push_back(static_cast<uint8_t>(one.action));
+    probability.push_back(static_cast<uint8_t>(std::lround(one.share / sum * kReplayShares)));
   }
 }
 
@@ -47,36 +55,55 @@ struct Recorder::Remembered {
   std::array<NetworkState, kNTeams> policies, critics;
 };
 
-/// States that are not noted yet, on the device: the host waits once for many, and a GPU takes as long to ask its
-/// networks for one as for many. Those that remember are asked of each state at once.
-struct Recorder::Waiting {
-  static constexpr int64_t kMost = 64, kMostBytes = int64_t{1} << 26;
-  int64_t most = 1, count = 0, noted = 0;  // states
-  std::unique_ptr<ParallelFor> parallel_for;
-  StateView fields{};  // of the simulator, for where they lie in its bytes; those of pairs are null in a crowd
-  PairLists lists;
-  StateShape shape = 0;
-  at::Tensor bytes;             // [most, B] state of all worlds
+/// States on the device.
+struct Recorder::Kept {
+  int64_t most = 0, count = 0;
+  at::Tensor bytes;             // [most, B] the state of the worlds, laid out as `fields` and `lists` say
   at::Tensor actions[kNTeams];  // [most, W n B] bytes of the actions that led there; of the first state nothing
   at::Tensor numbers[kNTeams];  // [most, W n, D] that agents see, where a network reads them
   at::Tensor images[kNTeams];   // [most, W n, R R 3] likewise
   at::Tensor alive;             // [most, W, N] bytes, where a network is asked
   at::Tensor truth;             // [most, W, G] where a critic reads it
-  std::vector<int> states;      // [count, W] that a world had by then, this one included
 
+  StateShape shape = 0;
+  StateView fields{};  // of the first state; those of pairs are null in a crowd
+  PairLists lists;
+  std::unique_ptr<ParallelFor> parallel_for;
+
+  std::array<at::Tensor*, 9> rooms() {
+    return {&bytes, &actions[0], &actions[1], &numbers[0], &numbers[1], &images[0], &images[1], &alive, &truth};
+  }
+  /// Bytes of a state.
+  static int64_t row(const at::Tensor& room) { return static_cast<int64_t>(room.nbytes()) / room.size(0); }
+  /// Where something of the first state lies in another.
   template <class T>
   T* field(T* there, const uint8_t* state) const {
-    const auto* first = reinterpret_cast<const uint8_t*>(fields.x);  // the first of the field list
-    const uint8_t* at = state + (reinterpret_cast<const uint8_t*>(there) - first);
+    const uint8_t* at = state + (reinterpret_cast<const uint8_t*>(there) - bytes.const_data_ptr<uint8_t>());
     return there ? reinterpret_cast<T*>(const_cast<uint8_t*>(at)) : nullptr;
+  }
+  void run(const CopyPieces& copy) const {
+    if (parallel_for->device().is_cuda()) return parallel_for->run(copy, copy.n_rows());
+    for (int k = 0; k < copy.count; ++k)
+      std::memcpy(copy.piece[k].to, copy.piece[k].from, static_cast<size_t>(copy.piece[k].bytes));
   }
 };
 
-Recorder::Recorder(const SimSpec& spec, const Minds& minds)
+/// States that were fetched, and what the networks make of them; on the host.
+struct Recorder::Fetched {
+  int64_t count = 0;
+  at::Tensor bytes, actions[kNTeams];  // [count, ..] as in Kept
+  at::Tensor head[kNTeams];            // [count W n, ..] of the policies
+  at::Tensor value[kNTeams];           // [count W, n]
+};
+
+Recorder::Recorder(const SimSpec& spec, const Minds& minds, const RecorderOptions& options)
     : spec_(spec.with_time_limit()),
       minds_(minds),
+      options_(options),
       remembered_(std::make_unique<Remembered>()),
-      waiting_(std::make_unique<Waiting>()) {
+      waiting_(std::make_unique<Kept>()),
+      recorded_(std::make_unique<Kept>()),
+      fetched_(std::make_unique<Fetched>()) {
   GIGA_CHECK(spec_.params.team_after_team, "agents of team 1 before those of team 0");
 }
 
@@ -102,38 +129,81 @@ bool Recorder::over() const {
   return std::all_of(worlds_.begin(), worlds_.end(), [](const RecordedWorld& w) { return w.over; });
 }
 
+int64_t Recorder::first_world(const Simulator& sim) const { return sim.n_worlds() - static_cast<int>(worlds_.size()); }
+
 void Recorder::after_step(int64_t t, const GameStep& step) {
   const Simulator& sim = *step.sim;
   if (t < 0) {
     GIGA_CHECK(sim.options().on_done == OnDone::freeze && sim.options().episodes == 1, "this is no match");
+    GIGA_CHECK(options_.worlds <= sim.n_worlds(), options_.worlds, " worlds of ", sim.n_worlds());
     const int64_t most = spec_.params.max_episode_length + 1;
-    worlds_.assign(static_cast<size_t>(sim.n_worlds()), RecordedWorld(spec_.params, most));
-    make_room(step);
+    worlds_.assign(static_cast<size_t>(options_.worlds > 0 ? options_.worlds : sim.n_worlds()),
+                   RecordedWorld(spec_.params, most));
+    make_rooms(step);
   } else if (over()) {
     return;
   }
-  put_off(step);
-  if (waiting_->count == waiting_->most) note();
+  make_room(1);
+  keep(step, *waiting_, waiting_->count++);
 }
 
-/// Notes the states that wait.
-void Recorder::note() {
-  Waiting& from = *waiting_;
+bool Recorder::repeats() const { return recorded_->most > 0; }
+
+void Recorder::record_step(int k, const GameStep& step) { keep(step, *recorded_, k); }
+
+void Recorder::after_recorded(const GameStep&) {
+  if (over()) return;
+  make_room(kListPeriod);
+  CopyPieces copy;
+  const auto from = recorded_->rooms(), to = waiting_->rooms();
+  for (size_t k = 0; k < from.size(); ++k) {
+    if (!from[k]->defined()) continue;
+    const int64_t row = Kept::row(*from[k]);
+    copy.add(from[k]->data_ptr(), static_cast<uint8_t*>(to[k]->data_ptr()) + waiting_->count * row, kListPeriod * row);
+  }
+  waiting_->run(copy);
+  waiting_->count += kListPeriod;
+}
+
+/// For so many more states.
+void Recorder::make_room(int64_t states) {
+  if (waiting_->count + states <= waiting_->most) return;
+  finish();
+  note();  // by which it is known whether the games are over
+}
+
+void Recorder::finish() {
+  Kept& from = *waiting_;
   if (from.count == 0) return;
+  Fetched& to = *fetched_;
+  ask(to);  // first, so that the device has it all before the host waits
   const auto on_host = [&](const at::Tensor& rows) { return rows.narrow(0, 0, from.count).to(at::kCPU).contiguous(); };
-  const at::Tensor bytes = on_host(from.bytes), actions[kNTeams] = {on_host(from.actions[0]), on_host(from.actions[1])};
+  to.count = from.count;
+  to.bytes = on_host(from.bytes);
+  for (size_t team = 0; team < kNTeams; ++team) {
+    to.actions[team] = on_host(from.actions[team]);
+    for (at::Tensor* answer : {&to.head[team], &to.value[team]})
+      if (answer->defined()) *answer = answer->to(at::kCPU).contiguous();
+  }
+  from.count = 0;
+}
+
+/// Notes what was fetched.
+void Recorder::note() {
+  Fetched& from = *fetched_;
+  std::vector<int> states;  // [count, W] that a world had by then, this one included
   const auto row = [](const at::Tensor& rows, int64_t k) { return rows.const_data_ptr<uint8_t>() + k * rows.size(1); };
   for (int64_t k = 0; k < from.count && !over(); ++k) {
-    if (from.noted++ > 0) note_actions({row(actions[0], k), row(actions[1], k)});
-    note_state(row(bytes, k));
+    if (noted_++ > 0) note_actions({row(from.actions[0], k), row(from.actions[1], k)});
+    note_state(row(from.bytes, k));
+    for (const RecordedWorld& world : worlds_) states.push_back(world.states);
   }
-  ask_minds();
-  from.count = 0;
-  from.states.clear();
+  note_minds(states);
+  from = {};
 }
 
 void Recorder::note_state(const uint8_t* bytes) {
-  const Waiting& from = *waiting_;
+  const Kept& from = *waiting_;
   const auto n_agents = static_cast<int64_t>(from.shape.n_agents);
   const float unit = place_unit(std::max(spec_.params.limit_x, spec_.params.limit_y), spec_.params.n_agents);
   for (size_t world = 0; world < worlds_.size(); ++world) {
@@ -150,7 +220,6 @@ void Recorder::note_state(const uint8_t* bytes) {
                  from.field(from.lists.neighbors, bytes) + w * n_agents * from.shape.rows, from.shape.shooters};
       worlds_[world].note(spec_, view, lists, unit);
     }
-    waiting_->states.push_back(worlds_[world].states);
   }
 }
 
@@ -176,14 +245,11 @@ void Recorder::note_actions(const uint8_t* const (&actions)[kNTeams]) {
   }
 }
 
-/// For what is kept, and what the networks read, of as many states as may wait.
-void Recorder::make_room(const GameStep& step) {
+/// For what is kept, and what the networks read, of as many states as may wait; and for those of steps that are
+/// recorded.
+void Recorder::make_rooms(const GameStep& step) {
   const Simulator& sim = *step.sim;
-  Waiting& to = *waiting_;
-  to.parallel_for = std::make_unique<ParallelFor>(sim.device(), 1, current_stream(sim.device()));
-  to.shape = sim.state().shape();
-  to.fields = sim.state().view();
-  to.lists = sim.state().lists();
+  const StateShape& shape = sim.state().shape();
   const auto w = static_cast<int64_t>(worlds_.size());
   const auto asks = [](const Mind& mind) { return mind.policy || mind.values; };
   const auto remembers = [](const Mind& mind) {
@@ -191,97 +257,121 @@ void Recorder::make_room(const GameStep& step) {
   };
   const bool at_once = std::any_of(minds_.begin(), minds_.end(), remembers);
 
-  int64_t bytes = 0;  // of a state
-  std::vector<std::pair<at::Tensor*, at::Tensor>> rooms;
-  const auto room = [&](at::Tensor& tensor, at::IntArrayRef sizes, at::ScalarType type) {
-    const at::Tensor one = at::empty(sizes, at::TensorOptions().dtype(type).device(torch_device(sim.device())));
-    bytes += static_cast<int64_t>(one.nbytes());
-    rooms.emplace_back(&tensor, one);
-  };
-  room(to.bytes, {static_cast<int64_t>(state_bytes(to.shape, w))}, at::kByte);
-  const int64_t action = spec_.params.actions == ActionKind::discrete ? sizeof(int32_t) : kActionSize * sizeof(float);
-  for (int team = 0; team < kNTeams; ++team) {
-    const Mind& mind = minds_[static_cast<size_t>(team)];
-    const int64_t rows = w * spec_.params.n_team[team];
-    room(to.actions[team], {rows * action}, at::kByte);
-    if (!asks(mind)) continue;
-    const auto reads = [&](bool image) {
-      return (mind.policy && mind.policy->reads_image() == image) ||
-             (mind.values && mind.values->reads_image() == image);
+  const auto make = [&](int64_t most, Kept& to) {
+    to.most = most;
+    to.shape = shape;
+    to.parallel_for = std::make_unique<ParallelFor>(sim.device(), 1, current_stream(sim.device()));
+    int64_t bytes = 0;  // of a state
+    const auto room = [&](at::Tensor& tensor, std::vector<int64_t> sizes, at::ScalarType type) {
+      sizes.insert(sizes.begin(), most);
+      tensor = at::empty(sizes, at::TensorOptions().dtype(type).device(torch_device(sim.device())));
+      bytes += Kept::row(tensor);
     };
-    if (reads(false) && step.rows[team].obs)
-      room(to.numbers[team], {rows, observation_rows(spec_).stride()}, at::kFloat);
-    if (reads(true)) room(to.images[team], {rows, image_bytes(spec_.params.resolution)}, at::kByte);
-  }
-  if (std::any_of(minds_.begin(), minds_.end(), asks)) room(to.alive, {w, spec_.params.n_agents}, at::kByte);
-  if (step.io.world[Observation::state].rows) room(to.truth, {w, spec_.state_size()}, at::kFloat);
-  to.most = at_once ? 1 : std::clamp<int64_t>(Waiting::kMostBytes / bytes, 1, Waiting::kMost);
-  for (auto& [tensor, one] : rooms) {
-    std::vector<int64_t> sizes = one.sizes().vec();
-    sizes.insert(sizes.begin(), to.most);
-    *tensor = at::empty(sizes, one.options());
-  }
+    room(to.bytes, {static_cast<int64_t>(state_bytes(shape, w))}, at::kByte);
+    lay_out_state(shape, w, to.bytes.data_ptr<uint8_t>(), to.fields, to.lists);
+    const int64_t action = spec_.params.actions == ActionKind::discrete ? sizeof(int32_t) : kActionSize * sizeof(float);
+    for (int team = 0; team < kNTeams; ++team) {
+      const Mind& mind = minds_[static_cast<size_t>(team)];
+      const int64_t rows = w * spec_.params.n_team[team];
+      room(to.actions[team], {rows * action}, at::kByte);
+      if (!asks(mind)) continue;
+      const auto reads = [&](bool image) {
+        return (mind.policy && mind.policy->reads_image() == image) ||
+               (mind.values && mind.values->reads_image() == image);
+      };
+      if (reads(false) && step.rows[team].obs)
+        room(to.numbers[team], {rows, observation_rows(spec_).stride()}, at::kFloat);
+      if (reads(true)) room(to.images[team], {rows, image_bytes(spec_.params.resolution)}, at::kByte);
+    }
+    if (std::any_of(minds_.begin(), minds_.end(), asks)) room(to.alive, {w, spec_.params.n_agents}, at::kByte);
+    if (step.io.world[Observation::state].rows) room(to.truth, {w, spec_.state_size()}, at::kFloat);
+    return bytes;
+  };
+  const int64_t bytes = make(at_once ? 1 : kListPeriod, *recorded_);
+  const int64_t states = spec_.params.max_episode_length + kListPeriod;  // so that the last list fits in
+  const int64_t most = std::min(options_.most_bytes / bytes, states);
+  make(at_once ? 1 : std::max<int64_t>(most, kListPeriod), *waiting_);
+  if (at_once) *recorded_ = {};
 }
 
 /// Keeps a state, the actions that led there, and what the networks read of it.
-void Recorder::put_off(const GameStep& step) {
-  Waiting& to = *waiting_;
+void Recorder::keep(const GameStep& step, Kept& to, int64_t at) const {
+  const Simulator& sim = *step.sim;
+  const int64_t first = first_world(sim), w = static_cast<int64_t>(worlds_.size());
   CopyPieces copy;
+  const auto place = [at](const at::Tensor& room) {
+    return static_cast<uint8_t*>(room.data_ptr()) + at * Kept::row(room);
+  };
+  // Of arrays of all worlds, those of the last ones.
   const auto keep = [&](const at::Tensor& room, const void* from) {
     if (!room.defined()) return;
-    const auto bytes = static_cast<int64_t>(room.nbytes()) / to.most;  // of a state
-    copy.add(from, static_cast<uint8_t*>(room.data_ptr()) + to.count * bytes, bytes);
+    const int64_t bytes = Kept::row(room);
+    copy.add(static_cast<const uint8_t*>(from) + bytes / w * first, place(room), bytes);
   };
-  keep(to.bytes, to.fields.x);
+  StateView from = sim.state().view();
+  PairLists lists = sim.state().lists();
+  std::vector<std::pair<const void*, int64_t>> arrays;
+  for_each_array(to.shape, from, lists, [&](const char*, const auto* array, int64_t per_world) {
+    const auto bytes = per_world * static_cast<int64_t>(sizeof *array);
+    arrays.emplace_back(reinterpret_cast<const uint8_t*>(array) + first * bytes, bytes * w);
+  });
+  size_t k = 0;
+  for_each_array(to.shape, to.fields, to.lists, [&](const char*, auto* array, int64_t) {
+    copy.add(arrays[k].first, to.field(array, place(to.bytes)), arrays[k].second);
+    ++k;
+  });
   for (int team = 0; team < kNTeams; ++team) {
-    if (to.noted + to.count > 0) keep(to.actions[team], step.team[team].action);
+    keep(to.actions[team], step.team[team].action);
     keep(to.numbers[team], step.rows[team].obs);
     keep(to.images[team], step.io.team[team].obs[Observation::image].rows);
   }
-  keep(to.alive, step.sim->state().view().alive);
+  keep(to.alive, sim.state().view().alive);
   keep(to.truth, step.io.world[Observation::state].rows);
-  to.parallel_for->run(copy, copy.n_rows());
-  ++to.count;
+  to.run(copy);
 }
 
-/// What the networks make of the states that wait and were noted.
-void Recorder::ask_minds() {
+/// What the networks make of the states that wait; on the device.
+void Recorder::ask(Fetched& to) {
   at::NoGradGuard no_grad;
-  const Waiting& from = *waiting_;
-  const auto w = static_cast<int64_t>(worlds_.size()), count = static_cast<int64_t>(from.states.size()) / w;
-  if (count == 0) return;
+  const Kept& from = *waiting_;
+  const auto w = static_cast<int64_t>(worlds_.size()), count = from.count;
   // Rows of all states: [count, R, ...] -> [count R, ...]; undefined where there are none.
   const auto all = [&](const at::Tensor& room) {
     return room.defined() ? room.narrow(0, 0, count).flatten(0, 1) : at::Tensor();
   };
   for (int team = 0; team < kNTeams; ++team) {
-    const Mind& mind = minds_[static_cast<size_t>(team)];
-    if (!mind.policy && !mind.values) continue;
-    const int64_t n = spec_.params.n_team[team];
-    at::Tensor head, value;
+    const auto side = static_cast<size_t>(team);
+    const Mind& mind = minds_[side];
     const auto seen = [&](bool image) { return all(image ? from.images[team] : from.numbers[team]); };
     if (mind.policy) {
-      head = mind.policy->forward(seen(mind.policy->reads_image()), remembered_->policies[static_cast<size_t>(team)]);
-      if (spec_.params.actions == ActionKind::continuous) head = head.tanh();
-      head = head.to(at::kCPU).contiguous();
+      const at::Tensor obs = seen(mind.policy->reads_image());
+      const auto* const actor = dynamic_cast<const Actor*>(mind.policy);
+      std::optional<at::Tensor> head;
+      if (actor && obs.is_cuda()) head = actor->small_head(obs, *from.parallel_for);
+      to.head[side] = head ? *head : mind.policy->forward(obs, remembered_->policies[side]);
+      if (spec_.params.actions == ActionKind::continuous) to.head[side] = to.head[side].tanh();
     }
-    if (mind.values) {
-      const int64_t first = team == 0 ? 0 : spec_.params.n_team[0];
-      const at::Tensor alive = all(from.alive).narrow(1, first, n);
-      const at::Tensor state = mind.values->needs_state() ? all(from.truth) : at::Tensor();
-      at::Tensor obs = seen(mind.values->reads_image());
-      if (obs.defined()) obs = obs.view({count * w, n, -1});
-      value = mind.values->forward(obs, alive, state, remembered_->critics[static_cast<size_t>(team)])
-                  .to(at::kCPU)
-                  .contiguous();
-    }
-    const int64_t kept = n_minds(spec_.params, team);
-    for (int64_t at = 0; at < count * w; ++at) {
-      RecordedWorld& world = worlds_[static_cast<size_t>(at % w)];
-      // One row for each state, that of the end included.
-      const auto rows_so_far = static_cast<size_t>(from.states[static_cast<size_t>(at)] * kept);
+    if (!mind.values) continue;
+    const int64_t n = spec_.params.n_team[team], first = team == 0 ? 0 : spec_.params.n_team[0];
+    const at::Tensor alive = all(from.alive).narrow(1, first, n);
+    const at::Tensor state = mind.values->needs_state() ? all(from.truth) : at::Tensor();
+    at::Tensor obs = seen(mind.values->reads_image());
+    if (obs.defined()) obs = obs.view({count * w, n, -1});
+    to.value[side] = mind.values->forward(obs, alive, state, remembered_->critics[side]);
+  }
+}
+
+/// One row for each state, that of the end included.
+void Recorder::note_minds(const std::vector<int>& states) {
+  for (size_t team = 0; team < kNTeams; ++team) {
+    const at::Tensor &head = fetched_->head[team], &value = fetched_->value[team];
+    const int64_t n = spec_.params.n_team[team], kept = n_minds(spec_.params, static_cast<int>(team));
+    for (size_t at = 0; at < states.size(); ++at) {
+      RecordedWorld& world = worlds_[at % worlds_.size()];
+      const auto rows_so_far = static_cast<size_t>(states[at] * kept);
+      const auto first = static_cast<int64_t>(at) * n;
       if (head.defined() && world.likely[team].size() < rows_so_far * kLikelyActions) {
-        const float* row = head.const_data_ptr<float>() + at * n * head.size(1);
+        const float* row = head.const_data_ptr<float>() + first * head.size(1);
         for (int64_t i = 0; i < kept; ++i, row += head.size(1)) {
           if (spec_.params.actions == ActionKind::discrete) {
             note_likely(row, world.likely[team], world.probability[team]);
@@ -292,7 +382,7 @@ void Recorder::ask_minds() {
         }
       }
       if (value.defined() && world.values[team].size() < rows_so_far) {
-        const float* row = value.const_data_ptr<float>() + at * n;
+        const float* row = value.const_data_ptr<float>() + first;
         world.values[team].insert(world.values[team].end(), row, row + kept);
       }
     }
@@ -300,6 +390,7 @@ void Recorder::ask_minds() {
 }
 
 std::vector<ReplayEpisode> Recorder::episodes(const std::string& seed) {
+  finish();
   note();
   std::vector<ReplayEpisode> all;
   for (const RecordedWorld& w : worlds_) all.push_back(episode_of(w, spec_.params, seed));

@@ -15,39 +15,58 @@
 
 namespace giga {
 
-/// Keeps the episode of each world of a match (OnDone::freeze, one episode). What it keeps of a step stays on the
-/// device until there are many: the match does not wait for the host at each step. The networks are asked again: who
-/// plays need not tell what it thought.
+struct RecorderOptions {
+  int worlds = 0;                           ///< the last ones of the simulator; 0 = all
+  int64_t most_bytes = int64_t{128} << 20;  ///< that stay on the device
+};
+
+/// Keeps the episodes of worlds of a match (OnDone::freeze, one episode). What it keeps of a step stays on the device
+/// until the match is over or there is no more room, so that neither waits for the other. The networks are asked again:
+/// who plays need not tell what it thought.
 class Recorder final : public GameObserver {
  public:
   /// The networks must outlive it.
-  explicit Recorder(const SimSpec& spec, const Minds& minds = {});
+  explicit Recorder(const SimSpec& spec, const Minds& minds = {}, const RecorderOptions& options = {});
   ~Recorder() override;
 
   void before_step(int64_t t, GameStep& step) override;
   void after_step(int64_t t, const GameStep& step) override;
+  /// Unless the networks remember: those are asked of each state at once.
+  bool repeats() const override;
+  void record_step(int k, const GameStep& step) override;
+  void after_recorded(const GameStep& step) override;
 
-  /// After the match: the episodes of worlds 0, 1, ... `seed`: of the simulator, as in Replay.
+  /// After the match: asks the networks of what is left, and fetches it from the device. What follows is the host's
+  /// work alone, which needs neither the networks nor LibTorch, so any thread may do it.
+  void finish();
+  /// The episodes of the worlds, in their order. `seed`: of the simulator, as in Replay.
   std::vector<ReplayEpisode> episodes(const std::string& seed);
 
  private:
   struct Remembered;
-  struct Waiting;
+  struct Kept;
+  struct Fetched;
 
   bool over() const;
-  void make_room(const GameStep& step);
-  void put_off(const GameStep& step);
+  int64_t first_world(const Simulator& sim) const;
+  void make_rooms(const GameStep& step);
+  void keep(const GameStep& step, Kept& to, int64_t at) const;
+  void make_room(int64_t states);
+  void ask(Fetched& to);
   void note();
   void note_actions(const uint8_t* const (&actions)[kNTeams]);
   void note_state(const uint8_t* bytes);
-  void ask_minds();
+  void note_minds(const std::vector<int>& states);
 
   const SimSpec spec_;
   const Minds minds_;
+  const RecorderOptions options_;
   std::vector<RecordedWorld> worlds_;
-  Buffer<float> true_state_;  // [W, G] where a critic reads it
+  Buffer<float> true_state_;  // [all worlds, G] where a critic reads it
   std::unique_ptr<Remembered> remembered_;
-  std::unique_ptr<Waiting> waiting_;
+  std::unique_ptr<Kept> waiting_, recorded_;  // states that are not fetched yet; those of steps that are recorded
+  std::unique_ptr<Fetched> fetched_;          // not noted yet
+  int64_t noted_ = 0;                         // states that were
 };
 
 }  // namespace giga

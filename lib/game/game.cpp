@@ -107,10 +107,10 @@ void Game::play(int64_t n_steps) {
   GIGA_CHECK(started_, "the game has not started");
   for (GameObserver* observer : observers_) observer->before_play(n_steps);
   const bool may_end = sim_.options().on_done == OnDone::freeze;
-  bool records = may_end && repeats();
+  bool records = may_end && refusal_.empty() && repeats();
   period_.reset();  // what it was made of may be another now
   for (int64_t t = 0; t < n_steps;) {
-    const bool lists = steps_ % kListPeriod == 0;
+    const bool lists = sim_.steps_to_list() == 0;
     if (may_end && lists && sim_.over()) return;
     // The first steps are played one by one, so that all kernels are loaded and all memory is there.
     if (records && lists && t >= kListPeriod && n_steps - t >= kListPeriod) {
@@ -133,29 +133,39 @@ void Game::play(int64_t n_steps) {
 /// Whether one step is like the other.
 bool Game::repeats() const {
   const auto remembers = [this](int team) { return memory_size_[team] > 0; };
-  return observers_.empty() && !remembers(0) && !remembers(1) &&
+  return !remembers(0) && !remembers(1) &&
+         std::all_of(observers_.begin(), observers_.end(), [](const GameObserver* o) { return o->repeats(); }) &&
          std::all_of(seats_.begin(), seats_.end(), [](const Seat& seat) { return seat.controller->repeats(); });
 }
 
-/// Queues the steps up to the next list in one call; false where the back end records nothing. Controllers act side by
-/// side, because each leaves most of a GPU to others.
+/// Queues the steps up to the next list in one call; false where the back end records nothing.
 bool Game::queue_period(int64_t t) {
-  if (!period_) {
-    const GameStep step = step_at(t);
+  if (!period_) record_period(t);
+  if (!period_) return false;
+  sim_.begin_steps(kListPeriod);
+  period_->queue();
+  steps_ += kListPeriod;
+  for (GameObserver* observer : observers_) observer->after_recorded(period_step_);
+  return true;
+}
+
+/// Controllers act side by side, because each leaves most of a GPU to others.
+void Game::record_period(int64_t t) {
+  period_step_ = step_at(t);
+  const GameStep& step = period_step_;
+  try {
     period_ = sim_.record(seats_.size(), [&](Recording& recording) {
       for (int k = 0; k < kListPeriod; ++k) {
         recording.side_by_side(seats_.size(), [&](size_t seat, void* stream) {
           act(seats_[seat], step, steps_ + k, ParallelFor(sim_.device(), 0, stream));
         });
         sim_.queue_step(step.io);
+        for (GameObserver* observer : observers_) observer->record_step(k, step);
       }
     });
-    if (!period_) return false;
+  } catch (const std::exception& e) {  // of whatever library: what fails one by one too will say so there
+    refusal_ = e.what();
   }
-  sim_.begin_steps(kListPeriod);
-  period_->queue();
-  steps_ += kListPeriod;
-  return true;
 }
 
 /// What observers want of a step.

@@ -5,6 +5,7 @@
 #include <array>
 #include <cstdint>
 #include <memory>
+#include <string>
 #include <type_traits>
 #include <utility>
 #include <vector>
@@ -60,6 +61,15 @@ class GameObserver {
   virtual void before_step(int64_t /*t*/, GameStep& /*step*/) {}
   /// When the step is queued. The buffers that it wanted, its own or others', are those of `step`.
   virtual void after_step(int64_t /*t*/, const GameStep& /*step*/) {}
+
+  /// Whether steps may be recorded although it observes them (TeamController::repeats). Then `before_step` asks the
+  /// same at each, and steps that are recorded are told by the two below in the place of after_step.
+  virtual bool repeats() const { return false; }
+  /// While kListPeriod steps are recorded: queues nothing but kernels on the simulator's stream, which run whenever
+  /// step `k` of them has.
+  virtual void record_step(int /*k*/, const GameStep& /*step*/) {}
+  /// When the kListPeriod steps that were recorded are queued once more.
+  virtual void after_recorded(const GameStep& /*step*/) {}
 };
 
 class Game {
@@ -72,7 +82,7 @@ class Game {
 
   /// Starts the first episode of each world.
   void start();
-  /// Goes on from the simulator's state, after one was loaded.
+  /// Goes on from the simulator's state, after one was loaded, or after any step of another game.
   void resume();
   /// After `start`: lets first episodes begin at a random age, so that worlds do not reset in step.
   void desynchronize();
@@ -82,9 +92,11 @@ class Game {
 
   /// Queues `n_steps` steps, or fewer where all worlds wait before. The host waits for none of them, except with
   /// OnDone::freeze: there it waits for steps of some time ago, to learn whether a world still plays (Simulator::over).
-  /// Where in such a game nobody observes and all controllers repeat themselves, kListPeriod steps are recorded once,
-  /// as far as the back end can (Simulator::record), and then queued in one call: the same steps.
+  /// Where in such a game all controllers and observers repeat themselves, kListPeriod steps are recorded once, as far
+  /// as the back end can (Simulator::record), and then queued in one call: the same steps.
   void play(int64_t n_steps);
+  /// Why the back end refused to record steps, which were queued one by one then; empty: it did not.
+  const std::string& refusal() const { return refusal_; }
 
  private:
   struct Part {
@@ -105,6 +117,7 @@ class Game {
   void act(const Seat& seat, const GameStep& step, int64_t number, const ParallelFor& parallel_for);
   bool repeats() const;
   bool queue_period(int64_t t);
+  void record_period(int64_t t);
   void forget(const GameStep& step);
 
   Simulator& sim_;
@@ -123,6 +136,8 @@ class Game {
   bool started_ = false;
   std::vector<TeamStep> parts_;           // of the controller that acts
   std::unique_ptr<RecordedWork> period_;  // the steps of a period of this play
+  GameStep period_step_;                  // each of them
+  std::string refusal_;
 };
 
 }  // namespace giga

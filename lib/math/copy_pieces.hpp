@@ -10,7 +10,7 @@ namespace giga {
 
 /// Row = four bytes of a piece, or what is left of it; all pieces have n_rows() together.
 struct CopyPieces {
-  static constexpr int kMost = 9;
+  static constexpr int kMost = 32;
   struct Piece {
     const uint8_t* from;
     uint8_t* to;
@@ -28,8 +28,14 @@ struct CopyPieces {
   }
 
   GIGA_HD void operator()(int64_t row) const {
-    int k = 0;
-    while (row >= piece[k].end) ++k;
+    int k = 0;  // of the first whose end lies behind the row
+    for (int end = count - 1; k < end;) {
+      const int middle = (k + end) / 2;
+      if (row >= piece[middle].end)
+        k = middle + 1;
+      else
+        end = middle;
+    }
     const Piece& p = piece[k];
     const int64_t at = (row - (k > 0 ? piece[k - 1].end : 0)) * 4, end = at + 4 < p.bytes ? at + 4 : p.bytes;
     const uint8_t* from = p.from + at;

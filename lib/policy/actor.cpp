@@ -5,6 +5,8 @@
 
 #include <cmath>
 
+#include "math/dense_rows.hpp"
+
 namespace giga {
 
 constexpr double kObsNormBeta = 0.99;  // share kept per rollout
@@ -62,6 +64,33 @@ at::Tensor Actor::head(const ParameterSet& p, const at::Tensor& features, const 
 at::Tensor Actor::forward_members(const at::Tensor& members, const at::Tensor& obs, NetworkState& state) const {
   at::NoGradGuard no_grad;
   return network_.forward_members(parameters_, members, input_of(obs), state, rounding()).to(at::kFloat);
+}
+
+std::optional<at::Tensor> Actor::small_head(const at::Tensor& obs, const ParallelFor& parallel_for) const {
+  const std::optional<SmallMlp> mlp = inputs_.is_image() ? std::nullopt : network_.small(parameters_);
+  if (!mlp) return std::nullopt;
+  const float* const numbers = parameters_.values().const_data_ptr<float>();
+  at::Tensor x = obs.contiguous();
+  for (int l = 0; l < mlp->n_layers; ++l) {
+    const bool first = l == 0, last = l + 1 == mlp->n_layers, normalizes = first && normalize_;
+    const at::Tensor y = at::empty({x.size(0), mlp->width[l + 1]}, x.options());
+    const auto column = [&](const at::Tensor& of_row) { return of_row.const_data_ptr<float>() + inputs_.first; };
+    const DenseRows layer{.x = x.const_data_ptr<float>() + (first ? inputs_.first : 0),
+                          .stride = x.size(1),
+                          .mean = normalizes ? column(normalizer_.mean()) : nullptr,
+                          .std = normalizes ? column(normalizer_.std()) : nullptr,
+                          .limit = kNormalizedLimit,
+                          .weight = numbers + mlp->weight[l],
+                          .bias = numbers + mlp->bias[l],
+                          .inputs = mlp->width[l],
+                          .outputs = mlp->width[l + 1],
+                          .activated = !last,
+                          .activation = mlp->activation,
+                          .y = y.data_ptr<float>()};
+    parallel_for.run(layer, y.numel());
+    x = y;
+  }
+  return x;
 }
 
 at::Tensor Actor::log_std() const {

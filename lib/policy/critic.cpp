@@ -31,7 +31,7 @@ std::pair<NetworkConfig, NetworkConfig> split_state_critic(const CriticConfig& c
 }
 
 Critic::Critic(const CriticConfig& config, const CriticShape& shape, Precision precision,
-               const ParallelFor& parallel_for, at::Device device, uint64_t seed)
+               const ParallelFor& parallel_for, at::Device device, std::optional<uint64_t> seed)
     : kind_(config.kind), shape_(shape), precision_(precision), parallel_for_(&parallel_for) {
   GIGA_CHECK(!shares_encoder() || (config.kind != CriticKind::state && !config.reads_image()),
              "layers on features, which are numbers of each agent");

@@ -37,9 +37,9 @@ std::pair<NetworkConfig, NetworkConfig> split_state_critic(const CriticConfig& c
 
 class Critic {
  public:
-  /// `parallel_for` must outlive the critic.
+  /// `parallel_for` must outlive the critic. `seed`: of its parameters; none: zeros, of one that is loaded.
   Critic(const CriticConfig& config, const CriticShape& shape, Precision precision, const ParallelFor& parallel_for,
-         at::Device device, uint64_t seed);
+         at::Device device, std::optional<uint64_t> seed);
 
   /// What `forward` takes of observations [B, n, D]: numbers, normalised where the actor normalises them; images; or
   /// the features [B, n, F] of the encoder that the two share.

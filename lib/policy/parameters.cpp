@@ -78,19 +78,19 @@ std::vector<at::Tensor> ParameterSet::starts(uint64_t seed) const {
   return start;
 }
 
-void ParameterSet::allocate(at::Device device, uint64_t seed) {
+void ParameterSet::allocate(at::Device device, std::optional<uint64_t> seed) {
   at::NoGradGuard no_grad;
-  const std::vector<at::Tensor> start = starts(seed);
+  const std::vector<at::Tensor> start = seed ? starts(*seed) : std::vector<at::Tensor>();
   values_ = at::zeros({size_}, at::TensorOptions().dtype(at::kFloat).device(device));
   gradient_ = at::zeros_like(values_);
   leaf_ = values_.detach().set_requires_grad(true);
   leaf_.mutable_grad() = gradient_;
   for (size_t k = 0; k < specs_.size(); ++k) {
     const Spec& spec = specs_[k];
-    at::Tensor view = values_.narrow(0, spec.offset, start[k].numel()).view(spec.shape).detach();
-    view.copy_(start[k]);
+    at::Tensor view = of(values_, spec).detach();
+    if (seed) view.copy_(start[k]);
     view.set_requires_grad(true);
-    view.mutable_grad() = gradient_.narrow(0, spec.offset, start[k].numel()).view(spec.shape);
+    view.mutable_grad() = of(gradient_, spec);
     views_.push_back(view);
   }
 }
@@ -123,11 +123,21 @@ std::vector<MatrixPlace> ParameterSet::matrices() const {
 }
 
 void ParameterSet::save(const std::string& prefix, NamedArrays& out) const {
-  for (size_t k = 0; k < specs_.size(); ++k) out.push_back(to_array(prefix + specs_[k].name, views_[k]));
+  const at::Tensor host = values_.detach().cpu();  // in one copy
+  for (const Spec& spec : specs_) out.push_back(to_array(prefix + spec.name, of(host, spec)));
 }
 
 void ParameterSet::load(const std::string& prefix, const NamedArrays& in) {
-  for (size_t k = 0; k < specs_.size(); ++k) from_array(find_array(in, prefix + specs_[k].name), views_[k]);
+  at::NoGradGuard no_grad;
+  const at::Tensor host = at::empty(values_.sizes(), values_.options().device(at::kCPU).requires_grad(false));
+  for (const Spec& spec : specs_) from_array(find_array(in, prefix + spec.name), of(host, spec));
+  values_.detach().copy_(host);
+}
+
+at::Tensor ParameterSet::of(const at::Tensor& all, const Spec& spec) {
+  int64_t count = 1;
+  for (const int64_t side : spec.shape) count *= side;
+  return all.narrow(0, spec.offset, count).view(spec.shape);
 }
 
 NamedArray to_array(const std::string& name, const at::Tensor& tensor) {

@@ -38,7 +38,8 @@ class ParameterSet {
   int add_beside(int k, const std::string& name, int64_t columns);
 
   /// Allocates and initialises everything. The same seed gives the same values on every device.
-  void allocate(at::Device device, uint64_t seed);
+  /// Without one all are zeros, to be loaded.
+  void allocate(at::Device device, std::optional<uint64_t> seed);
 
   /// Parameter `k`: a leaf view into the flat buffer, whose gradient is a view into the flat gradient.
   const at::Tensor& operator[](int k) const { return views_[static_cast<size_t>(k)]; }
@@ -73,6 +74,7 @@ class ParameterSet {
     int beside = -1;  // the parameter whose columns follow in the matrix that both start as; none
   };
   std::vector<at::Tensor> starts(uint64_t seed) const;
+  static at::Tensor of(const at::Tensor& all, const Spec& spec);  // its part of a flat buffer
   std::vector<Spec> specs_;
   std::vector<at::Tensor> views_, exact_;  // exact_: of a rounded set
   at::Tensor values_, gradient_;

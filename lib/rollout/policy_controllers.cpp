@@ -122,7 +122,9 @@ class PolicyController final : public TeamController {
     const std::optional<SmallMlp> half = actor_ && !fused ? HalfPrecisionPolicy::served(*actor_) : std::nullopt;
     size_t number = 0;
     for (const TeamStep& part : joins ? std::span(wide) : parts) {
-      const bool learns = part.buffers.log_prob || part.buffers.pre_tanh_action;  // which that kernel does not fill in
+      // Which that kernel does not fill in. A collector keeps them, of opponents too: there LibTorch plays a network of
+      // fp16, in matches the kernel, and their logits differ by the order of sums and by tanh, which is within 2^-11.
+      const bool learns = part.buffers.log_prob || part.buffers.pre_tanh_action;
       if (fused)
         act_fused(*fused, actor_->inputs(), part, greedy_);
       else if (half && !learns)

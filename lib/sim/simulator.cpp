@@ -84,13 +84,16 @@ size_t state_bytes(const StateShape& shape, int64_t n_worlds) {
   return total;
 }
 
+void lay_out_state(const StateShape& shape, int64_t n_worlds, uint8_t* bytes, StateView& view, PairLists& lists) {
+  for_each_array(shape, view, lists, [&](const char*, auto*& array, int64_t per_world) {
+    array = reinterpret_cast<std::remove_reference_t<decltype(array)>>(bytes);
+    bytes += padded(static_cast<size_t>(per_world * n_worlds) * sizeof(*array));
+  });
+}
+
 SimState::SimState(const StateShape& shape, int n_worlds, Memory& memory)
     : shape_(shape), n_worlds_(n_worlds), bytes_(memory, state_bytes(shape, static_cast<int64_t>(n_worlds))) {
-  uint8_t* at = bytes_.data();
-  for_each_array(shape_, view_, lists_, [&](const char*, auto*& array, int64_t per_world) {
-    array = reinterpret_cast<std::remove_reference_t<decltype(array)>>(at);
-    at += padded(static_cast<size_t>(per_world * n_worlds) * sizeof(*array));
-  });
+  lay_out_state(shape_, n_worlds, bytes_.data(), view_, lists_);
 }
 
 void SimState::load(const std::vector<uint8_t>& bytes) {
@@ -149,7 +152,7 @@ void Simulator::step(const StepIo& io) {
 void Simulator::begin_steps(int count) {
   // Also where no step goes by the list: it tells over() how many worlds play.
   if (options_.on_done != OnDone::freeze) return;
-  if (steps_to_list_ == 0 || n_lists() == 0) {
+  if (steps_to_list() == 0) {
     list_playing();
     n_lists_ = n_lists() + 1;
     listed_loads_ = state_.n_loads();

@@ -96,6 +96,8 @@ void for_each_array(const StateShape& shape, View& view, Lists& lists, F&& f) {
 
 /// Bytes of the state of `n_worlds` worlds.
 size_t state_bytes(const StateShape& shape, int64_t n_worlds);
+/// Where its arrays lie in them.
+void lay_out_state(const StateShape& shape, int64_t n_worlds, uint8_t* bytes, StateView& view, PairLists& lists);
 
 /// The state of all worlds in the memory of a device.
 class SimState {
@@ -154,10 +156,12 @@ class Simulator {
   /// more than there are until the playing worlds are listed again (kListPeriod), after it has listed them where that
   /// is due; `queue_step` does one.
   void begin_steps(int count);
+  /// Steps until the playing worlds are listed again; 0: before the next one.
+  int steps_to_list() const { return n_lists() == 0 ? 0 : steps_to_list_; }
   void queue_step(const StepIo& io);
   /// Records what `work` queues on the stream of this simulator, and on up to `most_beside` streams side by side:
   /// kernels that have run before, nothing that waits. Null where the back end records nothing; then `work` is not
-  /// called.
+  /// called. Throws Error where it refuses; then nothing is recorded, and the same work can be queued as ever.
   virtual std::unique_ptr<RecordedWork> record(size_t /*most_beside*/,
                                                const std::function<void(Recording&)>& /*work*/) {
     return nullptr;

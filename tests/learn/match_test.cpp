@@ -161,6 +161,13 @@ class NotRecorded final : public TeamController {
   std::shared_ptr<TeamController> one_;
 };
 
+/// Whether steps were recorded.
+struct Periods final : GameObserver {
+  bool repeats() const override { return true; }
+  void after_recorded(const GameStep&) override { ++count; }
+  int count = 0;
+};
+
 // Where nothing is recorded each step is queued by itself, so the figures must be the same to the last bit.
 TEST(LearnMatchGpu, RecordedStepsAreTheSame) {
   if (cuda_device_count() == 0) GTEST_SKIP() << "no GPU";
@@ -194,6 +201,12 @@ TEST(LearnMatchGpu, RecordedStepsAreTheSame) {
       }
     for (const int episodes : {1, 129}) {
       const MatchOptions options{episodes, 5, gpu, 2};
+      Periods queued, one_by_one;
+      const MatchResult a = play_match(spec, learned[0], circle, options, {&queued});
+      const auto wrapped_policy = std::make_shared<NotRecorded>(learned[0]);
+      EXPECT_TRUE(same_result(a, play_match(spec, wrapped_policy, circle, options, {&one_by_one})));
+      EXPECT_GT(queued.count, 0) << "no graph was queued";
+      EXPECT_EQ(one_by_one.count, 0);
       const std::vector<MatchResult> expected = play_matches(spec, plain, options);
       for (int again = 0; again < 2; ++again) {
         const std::vector<MatchResult> recorded = play_matches(spec, pairs, options);

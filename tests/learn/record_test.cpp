@@ -12,6 +12,7 @@
 #include "learn/team_policy.hpp"
 #include "policy/actor.hpp"
 #include "rollout/policy_controllers.hpp"
+#include "rollout/stream.hpp"
 #include "rollout/tensors.hpp"
 #include "runs.hpp"
 #include "sim/row_layout.hpp"
@@ -151,7 +152,6 @@ void expect_actions_and_minds_of_their_states(const SmallRun& small, int least) 
 
 TEST(LearnRecord, ActionsAndMindsBelongToTheirState) { expect_actions_and_minds_of_their_states(small_run(), 2); }
 
-// Networks are asked of many states at once: here of some more than that.
 TEST(LearnRecord, MindsOfALongGame) {
   SmallRun small = small_run();
   small.scenario = "limit_x: 60\nlimit_y: 60\nmax_episode_length: 150\ndamage: {damage_cone_depth: 0}\n";
@@ -178,6 +178,177 @@ TEST(LearnRecord, PlaysAgainAndNoticesWhatDiffers) {
   other = recorded.replay;
   other.seed = "6";
   EXPECT_NE(verify_replay(other, {}), "");
+}
+
+/// Of games with some room on the device.
+std::vector<ReplayEpisode> episodes_with(const Recorded& recorded, int64_t most_bytes) {
+  Recorder recorder(recorded.run.spec, {Mind{recorded.learner->actor(0), recorded.values.get()}, Mind{}},
+                    {.most_bytes = most_bytes});
+  play_match(recorded.run.spec, policy_controller(*recorded.learner->actor(0)),
+             policy_controller(*recorded.learner->actor(1)), {3, 5, {}, 2}, {&recorder});
+  return recorder.episodes("5");
+}
+
+TEST(LearnRecord, RoomForAFewStatesIsEnough) {
+  SmallRun small = small_run();
+  small.scenario = "limit_x: 60\nlimit_y: 60\nmax_episode_length: 50\ndamage: {damage_cone_depth: 0}\n";
+  const Recorded recorded(small);
+  Replay all = recorded.replay, few = all;
+  all.episodes = episodes_with(recorded, int64_t{128} << 20);
+  few.episodes = episodes_with(recorded, 1);  // kListPeriod states
+  EXPECT_EQ(encode_replay(all), encode_replay(recorded.replay));
+  for (size_t k = 0; k < all.episodes.size(); ++k) {
+    const ReplayEpisode &a = all.episodes[k], &b = few.episodes[k];
+    ASSERT_GT(a.steps, 2 * kListPeriod);
+    EXPECT_EQ(a.state_check, b.state_check);
+    EXPECT_EQ(a.action_check, b.action_check);
+    EXPECT_EQ(a.x, b.x);
+    ASSERT_EQ(a.mind[0].value.size(), b.mind[0].value.size());  // products may round by the number of rows
+    EXPECT_NEAR(a.mind[0].low, b.mind[0].low, 1e-4);
+    EXPECT_EQ(a.mind[0].likely.size(), b.mind[0].likely.size());
+  }
+}
+
+/// Tells a recorder of the steps of a game as if whole periods were recorded, the first one aside.
+struct AsRecorded final : GameObserver {
+  explicit AsRecorded(Recorder& of) : recorder(of) {}
+  void before_step(int64_t t, GameStep& step) override { recorder.before_step(t, step); }
+  void after_step(int64_t t, const GameStep& step) override {
+    if (t < kListPeriod || t >= 48) return recorder.after_step(t, step);
+    recorder.record_step(static_cast<int>(t % kListPeriod), step);
+    if (t % kListPeriod == kListPeriod - 1) recorder.after_recorded(step);
+  }
+  Recorder& recorder;
+};
+
+TEST(LearnRecord, PeriodsAreKeptAsTheirSteps) {
+  SmallRun small = small_run();
+  small.scenario = "limit_x: 60\nlimit_y: 60\nmax_episode_length: 50\ndamage: {damage_cone_depth: 0}\n";
+  const Recorded recorded(small);
+  for (const int64_t most_bytes : {int64_t{1}, int64_t{128} << 20}) {
+    Recorder recorder(recorded.run.spec, {Mind{recorded.learner->actor(0), recorded.values.get()}, Mind{}},
+                      {.most_bytes = most_bytes});
+    AsRecorded periods(recorder);
+    play_match(recorded.run.spec, policy_controller(*recorded.learner->actor(0)),
+               policy_controller(*recorded.learner->actor(1)), {3, 5, {}, 2}, {&periods});
+    Replay replay = recorded.replay;
+    replay.episodes = recorder.episodes("5");
+    EXPECT_EQ(replay.episodes.at(0).steps, 50);
+    if (most_bytes > 1) {
+      EXPECT_EQ(encode_replay(replay), encode_replay(recorded.replay));
+    }
+    EXPECT_EQ(verify_replay(replay, {}), "");
+    EXPECT_EQ(replay.episodes[2].mind[0].likely, recorded.replay.episodes[2].mind[0].likely);
+  }
+}
+
+// Beside other matches, in the last worlds of their simulator, the games are those of a match by itself.
+TEST(LearnRecord, BesideOtherMatches) {
+  for (const char* memory : {"", ", memory: gru, memory_size: 8"}) {
+    SmallRun small = small_run();
+    small.actor += memory;
+    if (*memory) small.critic = "kind: independent, hidden: [8], memory: gru";
+    const LoadedRun run = small.load();
+    const auto learner = small.learner();
+    const std::shared_ptr<TeamController> learned = policy_controller(*learner->actor(0)),
+                                          circle = script_controller(Scripted::circle);
+    const std::vector<Pairing> pairs = {{{learned, circle}}, {{circle, learned}}};
+    const MatchOptions options{5, 7, {}, 2};
+    const auto play = [&](int episodes, bool alone) {
+      TeamRecording games(run, *learner, episodes, options);
+      WatchedPair watched = games.games();
+      watched.alone = alone;
+      const std::vector<MatchResult> results = play_matches(run.spec, pairs, options, &watched);
+      EXPECT_EQ(results.size(), 2u);
+      EXPECT_EQ(results[0].episodes, 5);
+      games.finish();
+      const Replay replay = games.replay("0.1.0");
+      EXPECT_EQ(replay.episodes.size(), static_cast<size_t>(episodes));
+      EXPECT_EQ(verify_replay(replay, {}), "");
+      return std::pair(encode_replay(replay), results[1].mean_return[1]);
+    };
+    EXPECT_EQ(play(3, false), play(3, true));
+    EXPECT_EQ(play(6, false).second, play(3, true).second) << "more than the others have episodes: by itself";
+  }
+}
+
+/// Whether steps were recorded; recorders see the same.
+struct Periods final : GameObserver {
+  bool repeats() const override { return true; }
+  void after_recorded(const GameStep&) override { ++count; }
+  int count = 0;
+};
+
+/// One that does not repeat itself: its games are queued step by step.
+struct StepByStep final : GameObserver {};
+
+TEST(LearnRecordGpu, RecordedStepsAreTheSame) {
+  if (cuda_device_count() == 0) GTEST_SKIP() << "skipped: no GPU";
+  const Device gpu{Device::Kind::cuda, 0};
+  for (const char* action : {"", "action: continuous\n"}) {
+    SmallRun small = small_run();
+    small.precision = "tf32";
+    small.scenario = cat("max_episode_length: 90\nlimit_x: 60\nlimit_y: 60\ndamage: {damage_cone_depth: 0}\n", action);
+    const LoadedRun run = small.load();
+    const auto learner = small.learner(gpu);
+    NamedArrays critics;
+    learner->save_critics(critics);
+    const auto values = ValueFunction::load(run, 0, critics, *learner->actor(0), gpu);
+    const auto play = [&](bool step_by_step, int64_t most_bytes) {
+      Recorder recorder(run.spec, {Mind{learner->actor(0), values.get()}, Mind{learner->actor(1), nullptr}},
+                        {.most_bytes = most_bytes});
+      Periods periods;
+      StepByStep one_by_one;
+      std::vector<GameObserver*> observers = {&recorder, &periods};
+      if (step_by_step) observers.push_back(&one_by_one);
+      play_match(run.spec, policy_controller(*learner->actor(0)), policy_controller(*learner->actor(1)), {3, 5, gpu, 2},
+                 observers);
+      EXPECT_EQ(periods.count > 0, !step_by_step) << "a graph was queued";
+      Replay replay = replay_frame(run.scenario, run.spec, "0.1.0");
+      replay.seed = "5";
+      replay.players = {"a", "b"};
+      replay.episodes = recorder.episodes(replay.seed);
+      EXPECT_EQ(verify_replay(replay, {}), "");
+      return encode_replay(replay);
+    };
+    const std::string expected = play(true, int64_t{128} << 20);
+    EXPECT_EQ(play(false, int64_t{128} << 20), expected);
+    EXPECT_EQ(play(false, int64_t{128} << 20), expected);
+    EXPECT_EQ(play(false, 1), expected) << "room for kListPeriod states";
+  }
+}
+
+// On a GPU small networks are asked by kernels of this program: what LibTorch makes of them, but for their rounding.
+TEST(LearnRecordGpu, SmallNetworksSayWhatLibTorchMakesOfThem) {
+  if (cuda_device_count() == 0) GTEST_SKIP() << "skipped: no GPU";
+  const Device gpu{Device::Kind::cuda, 0};
+  for (const char* kind : {"composed", "independent"}) {
+    SmallRun small = small_run();
+    small.precision = "tf32";
+    small.critic = cat("kind: ", kind, ", hidden: [16, 16]");
+    small.mappo = "obs_norm: true";
+    const LoadedRun run = small.load();
+    const auto there = small.learner(gpu), here = small.learner();
+    there->update();
+    NamedArrays all, critics;
+    there->save(all);
+    here->load(all);
+    there->save_critics(critics);
+    const auto values = ValueFunction::load(run, 1, critics, *there->actor(1), gpu),
+               expected = ValueFunction::load(run, 1, critics, *here->actor(1), {});
+    const int n = run.spec.params.n_team[1], stride = observation_rows(run.spec).stride();
+    const at::Tensor obs = at::randn({65, n, stride}), alive = (at::rand({65, n}) > 0.3).to(at::kByte);
+    NetworkState memory;
+    const at::Tensor value = values->forward(obs.to(at::kCUDA), alive.to(at::kCUDA), {}, memory).cpu(),
+                     plain = expected->forward(obs, alive, {}, memory);
+    const at::Tensor living = alive.to(at::kFloat);
+    EXPECT_LT(((value - plain) * living).abs().max().item<float>(), 0.02f * (1 + plain.abs().max().item<float>()));
+    const ParallelFor loop(gpu, 0, current_stream(gpu));
+    const at::Tensor rows = obs.view({-1, stride});
+    const auto head = there->actor(1)->small_head(rows.to(at::kCUDA), loop);
+    ASSERT_TRUE(head);
+    EXPECT_LT((head->cpu() - here->actor(1)->forward(rows)).abs().max().item<float>(), 1e-3f);
+  }
 }
 
 // Games of more states than wait on the device at a time, with what the networks say of each.

@@ -93,6 +93,31 @@ TEST(PolicyActor, NormaliserIsAppliedAndSaved) {
   EXPECT_TRUE(same(loaded.forward(obs), actor.forward(obs)));
 }
 
+TEST(PolicyActor, SmallHeadsAreComputedWithoutLibTorch) {
+  const ParallelFor loop(Device{}, 2);
+  for (const Activation activation : {Activation::tanh, Activation::relu, Activation::silu, Activation::gelu})
+    for (const bool normalize : {false, true}) {
+      ActorConfig config;
+      config.hidden = {16, 7};
+      config.activation = activation;
+      config.output_gain = 1;
+      const bool discrete = normalize;
+      Actor actor(config, {kObs, 4, 6}, discrete ? ActionKind::discrete : ActionKind::continuous, normalize,
+                  Precision::fp32, at::kCPU, 1);
+      if (normalize) actor.normalizer().update(random({65, kObs}, 3) * 4, at::ones({65}));
+      at::Tensor obs = random({9, kObs}, 2);
+      obs[3][5] = 1000;  // beyond the limit of the normaliser
+      const std::optional<at::Tensor> head = actor.small_head(obs, loop);
+      ASSERT_TRUE(head);
+      EXPECT_LT((*head - actor.forward(obs)).abs().max().item<float>(), normalize ? 1e-5f : 1e-2f);
+    }
+  ActorConfig config;
+  config.hidden = {16};
+  config.layer_norm = true;
+  EXPECT_FALSE(Actor(config, kObs, ActionKind::discrete, false, Precision::fp32, at::kCPU, 1)
+                   .small_head(random({9, kObs}, 2), loop));
+}
+
 TEST(PolicyMutualInformation, CategoricalByHand) {
   const Actor actor = make(ActionKind::discrete);
   const auto nats = [&](const at::Tensor& logits, const std::vector<float>& weight) {

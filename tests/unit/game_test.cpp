@@ -268,6 +268,7 @@ class RecordingSimulator final : public Simulator {
   EpisodeStats take_stats() override { return take_host_stats(state_.view(), n_worlds()); }
   bool over() override { return n_lists() > 2 && counts_[static_cast<size_t>(n_lists()) - 3] == 0; }
   std::unique_ptr<RecordedWork> record(size_t most_beside, const std::function<void(Recording&)>& work) override {
+    ++n_recorded;
     struct Recorded final : RecordedWork {
       void queue() override {
         for (const auto& f : work) f();
@@ -289,9 +290,10 @@ class RecordingSimulator final : public Simulator {
     tape_.records_to = &recorded->work;
     work(recording);
     tape_.records_to = nullptr;
-    ++n_recorded;
+    if (refuses) throw Error("it does not want to");
     return recorded;
   }
+  bool refuses = false;
   int n_recorded = 0, n_queued = 0, n_steps = 0;
 
  protected:
@@ -351,6 +353,96 @@ class Taped final : public TeamController {
   const bool repeats_;
 };
 
+/// Notes the age of world 0 after each step; its work may be recorded.
+class Ages final : public GameObserver {
+ public:
+  explicit Ages(Tape& tape) : tape_(tape) {}
+
+  bool repeats() const override { return true; }
+  void after_step(int64_t, const GameStep& step) override { note(step); }
+  void record_step(int k, const GameStep& step) override {
+    EXPECT_EQ(k, recorded++);
+    note(step);
+  }
+  void after_recorded(const GameStep&) override { ++periods; }
+
+  std::vector<int32_t> ages;
+  int recorded = 0, periods = 0;
+
+ private:
+  void note(const GameStep& step) {
+    tape_.queue([this, age = step.sim->state().view().episode_length] { ages.push_back(*age); });
+  }
+  Tape& tape_;
+};
+
+SimOptions recorded_options(int episodes) {
+  SimOptions options;
+  options.n_worlds = kWorlds;
+  options.seed = 5;
+  options.on_done = OnDone::freeze;
+  options.episodes = episodes;
+  return options;
+}
+
+TEST(Game, ObserversThatRepeatThemselvesAreRecordedToo) {
+  const SimSpec spec = game_spec();
+  const auto play = [&](bool repeats) {
+    Tape tape;
+    RecordingSimulator sim(spec, recorded_options(3), tape);
+    const auto team = std::make_shared<Taped>(tape, repeats);
+    Ages ages(tape);
+    Game game(sim, parallel_for(), {everywhere(team, sim), everywhere(team, sim)}, {&ages});
+    game.start();
+    game.play(1000);
+    EXPECT_EQ(ages.recorded, repeats ? kListPeriod : 0);
+    EXPECT_EQ(ages.periods, sim.n_queued);
+    EXPECT_EQ(sim.n_queued > 0, repeats);
+    return ages.ages;
+  };
+  const std::vector<int32_t> plain = play(false);
+  EXPECT_GT(plain.size(), 20u);
+  EXPECT_EQ(play(true), plain);
+}
+
+TEST(Game, WhatCannotBeRecordedIsQueuedOneByOne) {
+  const SimSpec spec = game_spec();
+  const auto play = [&](bool refuses) {
+    Tape tape;
+    RecordingSimulator sim(spec, recorded_options(3), tape);
+    sim.refuses = refuses;
+    const auto team = std::make_shared<Taped>(tape, true);
+    Game game(sim, parallel_for(), {everywhere(team, sim), everywhere(team, sim)});
+    game.start();
+    for (int k = 0; k < 3; ++k) game.play(24);
+    EXPECT_EQ(game.refusal(), refuses ? "it does not want to" : "");
+    EXPECT_EQ(sim.n_recorded, refuses ? 1 : 3) << "it is asked once";
+    return sim.state().save();
+  };
+  EXPECT_EQ(play(true), play(false));
+}
+
+// Lists are made every kListPeriod steps of a simulator, whatever game takes them.
+TEST(Game, GoesOnBetweenTwoLists) {
+  const SimSpec spec = game_spec();
+  const auto play = [&](bool repeats) {
+    Tape tape;
+    RecordingSimulator sim(spec, recorded_options(3), tape);
+    const auto team = std::make_shared<Taped>(tape, repeats);
+    const BothSides sides = {everywhere(team, sim), everywhere(team, sim)};
+    Game first(sim, parallel_for(), sides);
+    first.start();
+    first.play(5);
+    Game second(sim, parallel_for(), sides);
+    second.resume();
+    second.play(1000);
+    EXPECT_EQ(sim.n_queued > 0, repeats);
+    EXPECT_EQ(second.refusal(), "");
+    return sim.state().save();
+  };
+  EXPECT_EQ(play(true), play(false));
+}
+
 TEST(Game, RecordedStepsAreTheSame) {
   constexpr int kEpisodes = 3, kMost = 30 * kEpisodes;
   struct Played {
@@ -360,12 +452,7 @@ TEST(Game, RecordedStepsAreTheSame) {
   SimSpec spec = game_spec();
   const auto play = [&](bool repeats, const std::vector<int64_t>& pieces, GameObserver* observer = nullptr) {
     Tape tape;
-    SimOptions options;
-    options.n_worlds = kWorlds;
-    options.seed = 5;
-    options.on_done = OnDone::freeze;
-    options.episodes = kEpisodes;
-    RecordingSimulator sim(spec, options, tape);
+    RecordingSimulator sim(spec, recorded_options(kEpisodes), tape);
     const auto a = std::make_shared<Taped>(tape, true), b = std::make_shared<Taped>(tape, repeats);
     Game game(sim, parallel_for(), {Side{{a, {0, 3}}, {b, {3, 4}}}, Side{{b, {0, 2}}, {a, {2, 5}}}});
     if (observer) game.watch(*observer);

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "learn/mappo/fused_update.hpp"
 #include "learn/team_policy.hpp"
 #include "rollout/stream.hpp"
 #include "rollout/tensors.hpp"
@@ -14,8 +15,12 @@ ValueFunction::ValueFunction(const LoadedRun& run, int team, const Actor& actor,
     : actor_(actor),
       parallel_for_(device, 1, current_stream(device)),  // a few rows at a time
       critic_(run.config.mappo.critic, critic_shape(run.config.mappo.critic, actor, run.spec, team), Precision::fp32,
-              parallel_for_, torch_device(device), network_seed(run, team, 1)),
-      norm_(1, run.config.mappo.value_norm_beta, torch_device(device)) {}
+              parallel_for_, torch_device(device), std::nullopt),
+      norm_(1, run.config.mappo.value_norm_beta, torch_device(device)) {
+  if (device.is_cuda() && run.config.mappo.fused &&
+      fused_update_refusal(actor, critic_, run.spec.params.n_team[team], device).empty())
+    fused_ = critic_.fused_mlp();
+}
 
 std::unique_ptr<ValueFunction> ValueFunction::load(const LoadedRun& run, int team, const NamedArrays& arrays,
                                                    const Actor& actor, Device device) {
@@ -31,6 +36,26 @@ std::unique_ptr<ValueFunction> ValueFunction::load(const LoadedRun& run, int tea
 at::Tensor ValueFunction::forward(const at::Tensor& obs, const at::Tensor& alive, const at::Tensor& state,
                                   NetworkState& memory) const {
   at::NoGradGuard no_grad;
+  if (fused_) {
+    const at::Tensor seen = obs.contiguous(), living = alive.contiguous();
+    const at::Tensor value = at::empty(alive.sizes(), obs.options());
+    FusedCritic critic{.net = *fused_,
+                       .parameters = critic_.parameters().values().const_data_ptr<float>(),
+                       .n_partial = fused_blocks(parallel_for_.device().index),
+                       .values = value.data_ptr<float>()};
+    critic.rows.n_states = alive.size(0);
+    critic.rows.n = static_cast<int>(alive.size(1));
+    critic.rows.obs = seen.const_data_ptr<float>() + critic_.inputs().first;
+    critic.rows.obs_stride = seen.size(-1);
+    critic.rows.alive = living.const_data_ptr<uint8_t>();
+    if (actor_.normalizes()) {
+      critic.rows.obs_mean = actor_.normalizer().mean().const_data_ptr<float>() + critic_.inputs().first;
+      critic.rows.obs_std = actor_.normalizer().std().const_data_ptr<float>() + critic_.inputs().first;
+      critic.rows.obs_limit = kNormalizedLimit;
+    }
+    launch_critic_gradient(critic, parallel_for_.device().index, parallel_for_.stream());
+    return value * norm_.std() + norm_.mean();
+  }
   at::Tensor after;
   const at::Tensor value = critic_.forward(critic_.input_of(actor_, obs), alive.to(at::kFloat), state,
                                            {.start = memory.rows, .states = &after});

@@ -4,6 +4,7 @@
 #include <ATen/core/Tensor.h>
 
 #include <memory>
+#include <optional>
 
 #include "core/named_array.hpp"
 #include "core/parallel_for.hpp"
@@ -39,6 +40,7 @@ class ValueFunction {
   const Actor& actor_;
   const ParallelFor parallel_for_;
   Critic critic_;
+  std::optional<FusedMlp> fused_;  // where the kernel of training serves: LibTorch would load its own for a few rows
   RunningNorm norm_;
 };
 
