@@ -389,9 +389,10 @@ Checkpoint Training::checkpoint() const {
 }
 
 void Training::save(bool is_best) {
-  // First what the checkpoint counts on: the rows up to here.
+  // First what the checkpoint counts on: the rows and the games up to here.
   metrics_files_->flush_to_disk();
   const Checkpoint now = checkpoint();
+  replays_.wait();
   expect_same_state(ranks_.get(), now.arrays);
   folder_.save(now, config_.checkpoint.keep, is_best);
   saved_update_ = learner_->updates_done();
