@@ -113,6 +113,10 @@ GIGA_HD GridShape grid_shape(int n, float x0, float y0, float x1, float y1) {
   return g;
 }
 
+/// Cells in which the dead of a world are sorted, where many workers do it: one for some of its agents.
+constexpr int kDeadOfCell = 4;
+GIGA_HD int cells_of_dead(int n_agents) { return (n_agents + kDeadOfCell - 1) / kDeadOfCell; }
+
 /// What AgentNumber has for kNobody.
 constexpr uint32_t kNoAgent = 0xFFFFFFFFu;
 
@@ -172,7 +176,7 @@ struct GridWorld : WorldView {
   int32_t* detectors;           // [N, kKeptDetectors] the first of them, in any order: places, of the agent at a place
   uint8_t* could_see;           // [N] lives after the collisions, when sight is decided
   int32_t* full_lists;          // [1] agents at which more opponents fired than are counted, since it was last read
-  PlacedAgent* placed;          // [N] those that lived when the grid was made, by cell, then by number
+  PlacedAgent* placed;          // [N] those that lived when the grid was made, by cell, then by number; see sort_agents
   int32_t* cell_begin;          // [cells + 1] the first of each cell in `placed`
   int32_t* place;               // [N] of an agent in `placed`; kNotPlaced: it was dead
   SharedWork work;              // of executors with WideLanes
