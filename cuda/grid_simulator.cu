@@ -64,6 +64,32 @@ __global__ void __launch_bounds__(kGridThreads, kGridBlocks)
   run_grid_thread<job>(k, at, GroupSync{&k.words[group].arrivals, k.blocks, block % k.blocks == 0, clustered}, shared);
 }
 
+/// Parts of a step for which no thread waits for another of its group: as many threads at a time as registers allow.
+constexpr int kFreeThreads = 256;
+constexpr int kLookBlocks = 3, kWriteBlocks = 4;  // per multiprocessor at least: 80 and 64 registers
+
+/// From so many agents on a step is four launches: those of fewer end sooner than launches do.
+constexpr int kInParts = 1 << 16;
+
+template <StepPart part>
+__global__ void __launch_bounds__(kGridThreads, kGridBlocks)
+    part_kernel(const __grid_constant__ GridLaunch k, bool clustered) {
+  const int block = static_cast<int>(blockIdx.x), group = block / k.blocks;
+  const ThreadIndex at{block, static_cast<int>(gridDim.x), static_cast<int>(threadIdx.x), kGridThreads};
+  extern __shared__ __align__(16) char shared[];
+  run_grid_part<part>(k, at, GroupSync{&k.words[group].arrivals, k.blocks, block % k.blocks == 0, clustered}, shared);
+}
+
+/// The same without barriers of a group.
+template <StepPart part>
+__global__ void __launch_bounds__(kFreeThreads, part == StepPart::look ? kLookBlocks : kWriteBlocks)
+    free_part_kernel(const __grid_constant__ GridLaunch k) {
+  const ThreadIndex at{static_cast<int>(blockIdx.x), static_cast<int>(gridDim.x), static_cast<int>(threadIdx.x),
+                       kFreeThreads};
+  extern __shared__ __align__(16) char shared[];
+  run_grid_part<part>(k, at, GroupSync{nullptr, 1, true, false, true}, shared);
+}
+
 /// What the kernels find room for on a GPU, in worlds of so many agents. One that holds the fewest blocks decides for
 /// all.
 GridDevice grid_device(int index, int n_agents) {
@@ -75,9 +101,11 @@ GridDevice grid_device(int index, int n_agents) {
   GridDevice device{kGridThreads, 0, major >= 9 ? kMostClustered : 1};
   const size_t stage = grid_stage_bytes(kGridThreads), most = static_cast<size_t>(room);
   device.shared_bytes = most > stage ? std::min(most - stage, kMostSorted) : 0;
+  device.in_parts = kInParts;
   const size_t shared = stage + grid_sorted_bytes(n_agents, device);
-  for (const auto kernel : {grid_kernel<Job::start>, grid_kernel<Job::step>, grid_kernel<Job::restart>,
-                            grid_kernel<Job::play_on>, grid_kernel<Job::observe>}) {
+  for (const auto kernel :
+       {grid_kernel<Job::start>, grid_kernel<Job::step>, grid_kernel<Job::restart>, grid_kernel<Job::play_on>,
+        grid_kernel<Job::observe>, part_kernel<StepPart::play>, part_kernel<StepPart::settle>}) {
     int blocks = 0;
     GIGA_CUDA(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize,
                                    static_cast<int>(stage + device.shared_bytes)));
@@ -130,7 +158,9 @@ class CudaGridSimulator final : public GridLaunchingSimulator {
     for (const Job job : jobs)
       with_job(job, [&](auto constant) {
         constexpr Job kJob = decltype(constant)::value;
-        if constexpr (kJob != Job::draw && kJob != Job::draw_final) launch<kJob>(k);
+        if constexpr (kJob == Job::step)
+          if (in_parts()) return step_in_parts(k);
+        if constexpr (kJob != Job::draw && kJob != Job::draw_final) launch(grid_kernel<kJob>, k);
       });
   }
 
@@ -141,8 +171,21 @@ class CudaGridSimulator final : public GridLaunchingSimulator {
   }
 
  private:
-  template <Job job>
-  void launch(const GridLaunch& k) {
+  void step_in_parts(const GridLaunch& k) {
+    for_each_part(k.ending, k.io, [&](auto constant) {
+      constexpr StepPart kPart = decltype(constant)::value;
+      if constexpr (kPart == StepPart::look || kPart == StepPart::write) {
+        const GridLaunch all = without_barriers(k, kFreeThreads);
+        const size_t shared = kPart == StepPart::write ? grid_stage_bytes(kFreeThreads) : 0;
+        free_part_kernel<kPart><<<static_cast<unsigned>(all.groups * all.blocks), kFreeThreads, shared, stream_>>>(all);
+        GIGA_CUDA(cudaGetLastError());
+      } else {
+        launch(part_kernel<kPart>, k);
+      }
+    });
+  }
+
+  void launch(void (*kernel)(GridLaunch, bool), const GridLaunch& k) {
     const GridLaunchShape& s = shape();
     cudaLaunchAttribute attribute{};
     if (s.clustered) {
@@ -159,7 +202,7 @@ class CudaGridSimulator final : public GridLaunchingSimulator {
     config.stream = stream_;
     config.attrs = &attribute;
     config.numAttrs = s.blocks > 1 ? 1 : 0;
-    GIGA_CUDA(cudaLaunchKernelEx(&config, grid_kernel<job>, k, s.clustered));
+    GIGA_CUDA(cudaLaunchKernelEx(&config, kernel, k, s.clustered));
   }
 
   int index_;

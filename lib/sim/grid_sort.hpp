@@ -144,6 +144,7 @@ GIGA_HD void sort_agents(const Lanes& lanes, const GridParams& p, GridWorld& w, 
   sum_cells(sorters, w, some_dead ? cells + of_dead.cells() : cells);
   sorters.each_agent(n, [&](int i) {
     if (i == 0) *work.bounds = {};  // all have read it
+    if (i == 0 && work.shape) *work.shape = w.grid;
     work.order[w.cell_begin[cell_of(i)] + w.place[i]] = i;
   });
   // Those of a cell by number, whoever came first.

@@ -323,9 +323,9 @@ class GridExecutors : public ::testing::TestWithParam<std::tuple<Executor, Case>
   std::unique_ptr<Simulator> other(const SimSpec& spec, SimOptions options, int variant) const {
     options.grid = true;
     if (executor_ == Executor::gpu) return make_cuda_grid_simulator(spec, options, 0);
-    // One block to a world, several worlds to a group, several blocks to a world, the last one without agents.
-    const int blocks[] = {1, 2, 9};
-    return make_emulated_grid_simulator(spec, options, static_cast<ThreadOrder>(variant % 3), blocks[variant / 3 % 3]);
+    // One block to a world, several worlds to a group, several blocks to a world, the last one without agents; parts.
+    const int blocks[] = {1, 2, 9, kBlocksInParts};
+    return make_emulated_grid_simulator(spec, options, static_cast<ThreadOrder>(variant % 3), blocks[variant % 4]);
   }
 
   /// Under a sanitizer as few steps as show each stage a few times, over resets.
@@ -454,14 +454,15 @@ void play_crowd(const Crowd& c, const std::function<std::unique_ptr<Simulator>(c
 }
 
 TEST(GridCrowds, AreThoseOfTheCpu) {
-  for (const Crowd& c : {Crowd{1100, 903, 40, 2, 5, 5}, Crowd{2600, 2601, 300, 1, 4, 3}})
+  for (const Crowd& c :
+       {Crowd{1100, 903, 40, 2, 5, 5}, Crowd{2600, 2601, 300, 1, 4, 3}, Crowd{1100, 903, 40, 2, kBlocksInParts, 5}})
     play_crowd(c, [&](const SimSpec& spec, const SimOptions& options) {
       return make_emulated_grid_simulator(spec, options, ThreadOrder::shuffled, c.blocks);
     });
 }
 
 TEST(GridCrowds, KnotsAreThoseOfTheCpu) {
-  for (const int blocks : {1, 2, 9})
+  for (const int blocks : {1, 2, 9, kBlocksInParts})
     play_knots(grid, [&](const SimSpec& spec, SimOptions options) {
       options.grid = true;
       return make_emulated_grid_simulator(spec, options, ThreadOrder::shuffled, blocks);
