@@ -199,7 +199,7 @@ struct GridLaunch {
   size_t scratch_bytes;
   GroupWords* words;    // [groups]
   int32_t* full_lists;  // [1]
-  uint64_t seed;
+  PhiloxKeys keys;
   int64_t first_world, draw_period;
   int n_worlds;
   Ending ending;
@@ -213,10 +213,11 @@ struct GridLaunch {
   GIGA_HD int world(int k) const { return playing ? playing[k] : k; }
 };
 
-/// Calls run(lanes, view of a world, draws_at, its number) for the worlds of a thread. `sync`: of its group; `shared`:
+/// Calls run(lanes, view of a world, draws_at, its number) for the worlds of a thread. Where it is known that no block
+/// sorts for itself, it is known too that all that is sorted lies in global memory. `sync`: of its group; `shared`:
 /// memory of its block. Always inlined: as a function of its own it reached the kernel's parameters through a pointer,
 /// with 5 kB of spills (ptxas).
-template <class Sync, class Run>
+template <bool kMaySortByBlock, class Sync, class Run>
 [[gnu::always_inline]] GIGA_HD void run_grid_worlds(const GridLaunch& k, const ThreadIndex& at, Sync sync, char* shared,
                                                     Run&& run) {
   const int group = at.block / k.blocks, block = at.block % k.blocks, n_warps = at.n_threads / kWarp;
@@ -224,6 +225,7 @@ template <class Sync, class Run>
   // a thread for each, those of a block look at the same others.
   const int warp = k.by_block ? block * n_warps + at.thread / kWarp : at.thread / kWarp * k.blocks + block;
   float* const stage = reinterpret_cast<float*>(shared);
+  const bool sorts_by_block = kMaySortByBlock && k.sorts_by_block;
   const GridLanes<Sync> lanes{warp * kWarp + at.thread % kWarp,
                               k.blocks * at.n_threads,
                               block,
@@ -232,10 +234,10 @@ template <class Sync, class Run>
                               at.n_threads,
                               sync,
                               stage + at.thread / kWarp * kStageNumbers,
-                              k.sorts_by_block};
+                              sorts_by_block};
   GridWorld scratch{};
-  attach_scratch(k.params, scratch, k.scratch + static_cast<size_t>(group) * k.scratch_bytes, true, !k.sorts_by_block);
-  if (k.sorts_by_block) {
+  attach_scratch(k.params, scratch, k.scratch + static_cast<size_t>(group) * k.scratch_bytes, true, !sorts_by_block);
+  if (sorts_by_block) {
     attach_sorted(k.params.n_agents, scratch, shared + sizeof(float) * kNeighborFeatures * at.n_threads);
     if (at.thread == 0) *scratch.work.bounds = {};  // a barrier follows before anybody sorts
   } else {
@@ -251,7 +253,7 @@ template <class Sync, class Run>
     attach_state(k.params, w, k.state, k.lists, world);
     const uint32_t number = draw_world(k.first_world, k.draw_period, world);
     run(
-        lanes, w, [&](uint32_t step) { return GridDraws(k.seed, number, step); }, world);
+        lanes, w, [&](uint32_t step) { return GridDraws(k.keys, number, step); }, world);
   }
 }
 
@@ -259,7 +261,7 @@ template <class Sync, class Run>
 template <Job job, class Sync>
 [[gnu::always_inline]] GIGA_HD void run_grid_thread(const GridLaunch& k, const ThreadIndex& at, Sync sync,
                                                     char* shared) {
-  run_grid_worlds(k, at, sync, shared, [&](const auto& lanes, GridWorld& w, auto&& draws_at, int world) {
+  run_grid_worlds<true>(k, at, sync, shared, [&](const auto& lanes, GridWorld& w, auto&& draws_at, int world) {
     if (has_work<job>(lanes, w)) run_job<job>(lanes, k.params, w, draws_at, k.io, k.ending, world);
   });
 }
@@ -268,7 +270,7 @@ template <Job job, class Sync>
 /// left them.
 template <StepPart part, class Sync>
 [[gnu::always_inline]] GIGA_HD void run_grid_part(const GridLaunch& k, const ThreadIndex& at, Sync sync, char* shared) {
-  run_grid_worlds(k, at, sync, shared, [&](const auto& lanes, GridWorld& w, auto&& draws_at, int world) {
+  run_grid_worlds<false>(k, at, sync, shared, [&](const auto& lanes, GridWorld& w, auto&& draws_at, int world) {
     if constexpr (part == StepPart::look) w.grid = *w.work.shape;
     run_part<part>(lanes, k.params, w, draws_at, k.io, k.ending, world);
   });
@@ -307,7 +309,7 @@ class GridLaunchingSimulator : public Simulator {
             .scratch_bytes = scratch_bytes_,
             .words = words_.data(),
             .full_lists = full_lists_.data(),
-            .seed = options_.seed,
+            .keys = PhiloxKeys(options_.seed),
             .first_world = options_.first_world,
             .draw_period = options_.draw_period,
             .n_worlds = n_worlds(),

@@ -285,25 +285,14 @@ GIGA_HD void for_rings(const GridParams& p, const GridWorld& w, float x, float y
 
 /// PhiloxDraws for many workers at once and any number of agents: keeps no block of draws, and gives the agents from
 /// 65,536 on rows of their own (rules 17.4).
-class GridDraws {
+class GridDraws : public KeyedDraws<ScheduledKey> {
  public:
-  GIGA_HD GridDraws(uint64_t seed, uint32_t world, uint32_t step) : seed_(seed), world_(world), step_(step) {}
+  GIGA_HD GridDraws(const PhiloxKeys& keys, uint32_t world, uint32_t step)
+      : KeyedDraws(ScheduledKey(keys, world, step)) {}
 
-  GIGA_HD float waypoint_appears() const { return draws().waypoint_appears(); }
-  GIGA_HD float waypoint_location(int axis) const { return draws().waypoint_location(axis); }
-  GIGA_HD float waypoint_time() const { return draws().waypoint_time(); }
-  GIGA_HD float detect(int target, int observer) const { return draws().detect(target, observer); }
-  GIGA_HD float comm(int ego, int sender, bool after_reset) const {
-    return draws().comm(static_cast<int>(draw_slot(static_cast<uint32_t>(ego))), sender, after_reset);
+  GIGA_HD float comm(int ego, int sender, bool after_reset) {
+    return KeyedDraws::comm(static_cast<int>(draw_slot(static_cast<uint32_t>(ego))), sender, after_reset);
   }
-  GIGA_HD int map(int n_maps) const { return draws().map(n_maps); }
-  GIGA_HD float start(int agent, int round, StartDraw what) const { return draws().start(agent, round, what); }
-
- private:
-  GIGA_HD PhiloxDraws draws() const { return {seed_, world_, step_}; }
-
-  uint64_t seed_;
-  uint32_t world_, step_;
 };
 
 }  // namespace giga

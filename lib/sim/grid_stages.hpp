@@ -202,18 +202,22 @@ GIGA_HD int team_of(const PlacedAgent& a) { return (a.marks & kOfTeam1) ? 1 : 0;
 class NearestAgents {
  public:
   static constexpr int kMost = 14;  ///< all others of a row of the usual length
+  /// Of all keys, and one that is free. An array apart from the keys: where one is addressed by numbers that are not
+  /// constants, it lies in memory as a whole.
+  static constexpr int kSlots = 16;
+  using Slots = int[kSlots];
 
   GIGA_HD NearestAgents() {
     // Keys of nobody lie behind all others, and far from each other.
     GIGA_UNROLL
-    for (int k = 0; k <= kMost; ++k) key_[k] = kNobodyKey + static_cast<uint32_t>(k) * 2 * kUnclear;
+    for (uint32_t k = 0; k <= kMost; ++k) key_[k] = kNobodyKey + k * 2 * kUnclear + k;
   }
   /// Whether an agent at that squared distance may be one of them.
   GIGA_HD bool wants(float d2) const { return float_bits(d2) < key_[kMost - 1] + kUnclear; }
-  GIGA_HD void take(float d2, int place) {
-    if (n_slots_ == kSlots) renumber();
-    slot_[n_slots_] = place;
-    const uint32_t key = (float_bits(d2) & ~(kSlots - 1)) | n_slots_++;
+  GIGA_HD void take(float d2, int place, Slots& slots) {
+    slots[free_] = place;
+    const uint32_t key = (float_bits(d2) & ~kSlotBits) | free_;
+    free_ = max_of(key_[kMost], key) & kSlotBits;  // of the one that is left out
     // No step waits for another: by old values alone.
     GIGA_UNROLL
     for (int k = kMost; k > 0; --k) key_[k] = max_of(key_[k - 1], min_of(key_[k], key));
@@ -222,10 +226,10 @@ class NearestAgents {
   /// Whether agents that lie that far off, or farther, are not among them.
   GIGA_HD bool all_nearer_than(float distance) const {
     const float d = distance * 0.9999f;
-    return distance > 0 && key_[kMost - 1] < kNobodyKey && float_bits(d * d) > (key_[kMost - 1] | (kSlots - 1));
+    return distance > 0 && key_[kMost - 1] < kNobodyKey && float_bits(d * d) > (key_[kMost - 1] | kSlotBits);
   }
   /// The place of number k; -1 = there is none.
-  GIGA_HD int place(int k) const { return key_[k] < kNobodyKey ? slot_[key_[k] & (kSlots - 1)] : -1; }
+  GIGA_HD int place(int k, const Slots& slots) const { return key_[k] < kNobodyKey ? slots[key_[k] & kSlotBits] : -1; }
   /// Bit k: whether number k + 1 might come before number k. One that is left out might, in the place of the last.
   GIGA_HD uint32_t unclear() const {
     uint32_t bits = 0;
@@ -233,28 +237,15 @@ class NearestAgents {
     for (int k = 0; k < kMost; ++k) bits |= key_[k + 1] - key_[k] < kUnclear ? 1u << k : 0u;
     return bits;
   }
-  static constexpr uint32_t kLastUnclear = 1u << (kMost - 1);
 
  private:
-  static constexpr uint32_t kSlots = 64, kUnclear = 2 * kSlots, kNobodyKey = 0x80000000u;
+  static constexpr uint32_t kSlotBits = kSlots - 1, kUnclear = 2 * kSlots, kNobodyKey = 0x80000000u;
+  static_assert(kSlots >= kMost + 2);
   GIGA_HD static uint32_t min_of(uint32_t a, uint32_t b) { return b < a ? b : a; }
   GIGA_HD static uint32_t max_of(uint32_t a, uint32_t b) { return b > a ? b : a; }
-  /// Leaves only the slots that are needed, in the order of the keys.
-  GIGA_HD void renumber() {
-    int kept[kMost + 1];
-    GIGA_UNROLL
-    for (int k = 0; k <= kMost; ++k) kept[k] = slot_[key_[k] & (kSlots - 1)];
-    GIGA_UNROLL
-    for (int k = 0; k <= kMost; ++k) {
-      slot_[k] = kept[k];
-      key_[k] = (key_[k] & ~(kSlots - 1)) | static_cast<uint32_t>(k);
-    }
-    n_slots_ = kMost + 1;
-  }
 
   uint32_t key_[kMost + 1];  // the last only to be compared with the one before
-  uint32_t n_slots_ = 0;
-  int slot_[kSlots];
+  uint32_t free_ = kMost + 1;
 };
 
 /// How rows are ordered: by distance from a place, equally near ones by number.
@@ -342,6 +333,7 @@ GIGA_HD void rank_seen(const GridParams& p, GridWorld& w, int e, float reach, bo
   for (int done = 1; done < limit; done += kMost) {
     const int most = limit - done < kMost ? limit - done : kMost;
     NearestAgents nearest;
+    NearestAgents::Slots slots;
     Rings rings(p, w, order.x, order.y, first);
     int list[kListed];
     bool more = true;
@@ -372,7 +364,7 @@ GIGA_HD void rank_seen(const GridParams& p, GridWorld& w, int e, float reach, bo
         const PlacedAgent a = w.placed[k];
         const Answer answer = seen.ask(a, k, turn);
         const float dx = a.x - order.x, dy = a.y - order.y;
-        if (answer == Answer::yes) nearest.take(dx * dx + dy * dy, k);
+        if (answer == Answer::yes) nearest.take(dx * dx + dy * dy, k, slots);
         turn = answer == Answer::ask_again ? turn + 1 : 0;
         at += answer == Answer::ask_again ? 0 : 1;
       }
@@ -380,7 +372,7 @@ GIGA_HD void rank_seen(const GridParams& p, GridWorld& w, int e, float reach, bo
     AgentNumber* to = rows + done;
     GIGA_UNROLL
     for (int k = 0; k < kMost; ++k) {
-      const int place = nearest.place(k);
+      const int place = nearest.place(k, slots);
       if (k < most) to[k] = AgentNumber{place < 0 ? kNoAgent : static_cast<uint32_t>(w.placed[place].agent)};
     }
     uint32_t unclear = nearest.unclear();
@@ -405,7 +397,7 @@ template <class Draws>
 struct Listener {
   const GridParams& p;
   const GridWorld& w;
-  const Draws& draws;
+  Draws& draws;
   int e, team;
   float x, y;  // of e
   bool after_reset;

@@ -157,7 +157,8 @@ TEST(Grid, NoTwoAgentsShareDraws) {
   for (const uint32_t agent : {0u, 1u, 65535u, 65536u, 65537u, 131071u, 131072u, 4194303u})
     for (const uint32_t reset : {0u, 65536u}) rows.insert(draw_slot(agent) + reset);
   EXPECT_EQ(rows.size(), 16u);
-  GridDraws draws(1, 2, 3);
+  const PhiloxKeys keys(1);
+  GridDraws draws(keys, 2, 3);
   PhiloxDraws few(1, 2, 3);
   EXPECT_EQ(draws.comm(65535, 7, true), few.comm(65535, 7, true));
   EXPECT_NE(draws.comm(65536, 7, false), few.comm(0, 7, true));
