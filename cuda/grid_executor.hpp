@@ -190,8 +190,9 @@ struct alignas(64) GroupWords {
 };
 
 /// Arguments of a kernel, by value.
-struct GridLaunch {
-  GridParams params;
+template <GridParameters P>
+struct GridLaunchOf {
+  P params;
   StateView state;
   PairLists lists;
   StepIo io;
@@ -211,15 +212,33 @@ struct GridLaunch {
 
   GIGA_HD int count() const { return playing ? *n_playing : n_worlds; }
   GIGA_HD int world(int k) const { return playing ? playing[k] : k; }
+
+  /// The same with other parameters of the same values.
+  template <class Q>
+  GridLaunchOf<Q> with(const Q& q) const {
+    return {q,      state,          lists,       io,       scratch, scratch_bytes, words,     full_lists,
+            keys,   first_world,    draw_period, n_worlds, ending,  playing,       n_playing, groups,
+            blocks, sorts_by_block, by_block};
+  }
 };
+using GridLaunch = GridLaunchOf<GridParams>;
+
+/// Calls f with the launch: of constants, if the scenario is a plain crowd.
+template <class F>
+void with_plain_crowd(const GridLaunch& k, F&& f) {
+  if (PlainCrowd::fits(k.params))
+    f(k.with(PlainCrowd(k.params)));
+  else
+    f(k);
+}
 
 /// Calls run(lanes, view of a world, draws_at, its number) for the worlds of a thread. Where it is known that no block
 /// sorts for itself, it is known too that all that is sorted lies in global memory. `sync`: of its group; `shared`:
 /// memory of its block. Always inlined: as a function of its own it reached the kernel's parameters through a pointer,
 /// with 5 kB of spills (ptxas).
-template <bool kMaySortByBlock, class Sync, class Run>
-[[gnu::always_inline]] GIGA_HD void run_grid_worlds(const GridLaunch& k, const ThreadIndex& at, Sync sync, char* shared,
-                                                    Run&& run) {
+template <bool kMaySortByBlock, class P, class Sync, class Run>
+[[gnu::always_inline]] GIGA_HD void run_grid_worlds(const GridLaunchOf<P>& k, const ThreadIndex& at, Sync sync,
+                                                    char* shared, Run&& run) {
   const int group = at.block / k.blocks, block = at.block % k.blocks, n_warps = at.n_threads / kWarp;
   // Warps take turns among the blocks, so that all have work where there are fewer agents than threads. Where there is
   // a thread for each, those of a block look at the same others.
@@ -258,8 +277,8 @@ template <bool kMaySortByBlock, class Sync, class Run>
 }
 
 /// What a thread does of a job.
-template <Job job, class Sync>
-[[gnu::always_inline]] GIGA_HD void run_grid_thread(const GridLaunch& k, const ThreadIndex& at, Sync sync,
+template <Job job, class P, class Sync>
+[[gnu::always_inline]] GIGA_HD void run_grid_thread(const GridLaunchOf<P>& k, const ThreadIndex& at, Sync sync,
                                                     char* shared) {
   run_grid_worlds<true>(k, at, sync, shared, [&](const auto& lanes, GridWorld& w, auto&& draws_at, int world) {
     if (has_work<job>(lanes, w)) run_job<job>(lanes, k.params, w, draws_at, k.io, k.ending, world);
@@ -268,8 +287,9 @@ template <Job job, class Sync>
 
 /// The same of a part of a step. All groups have a world at most, so that scratch and shape stay as the part before has
 /// left them.
-template <StepPart part, class Sync>
-[[gnu::always_inline]] GIGA_HD void run_grid_part(const GridLaunch& k, const ThreadIndex& at, Sync sync, char* shared) {
+template <StepPart part, class P, class Sync>
+[[gnu::always_inline]] GIGA_HD void run_grid_part(const GridLaunchOf<P>& k, const ThreadIndex& at, Sync sync,
+                                                  char* shared) {
   run_grid_worlds<false>(k, at, sync, shared, [&](const auto& lanes, GridWorld& w, auto&& draws_at, int world) {
     if constexpr (part == StepPart::look) w.grid = *w.work.shape;
     run_part<part>(lanes, k.params, w, draws_at, k.io, k.ending, world);
@@ -321,7 +341,8 @@ class GridLaunchingSimulator : public Simulator {
             .sorts_by_block = sorted_bytes_ > 0};
   }
   /// The same for a part that needs no barrier, in blocks of so many threads: one for each agent.
-  static GridLaunch without_barriers(GridLaunch k, int threads) {
+  template <class P>
+  static GridLaunchOf<P> without_barriers(GridLaunchOf<P> k, int threads) {
     k.blocks = (k.params.n_agents + threads - 1) / threads;
     k.by_block = true;
     return k;

@@ -55,9 +55,9 @@ struct GroupSync {
   }
 };
 
-template <Job job>
+template <Job job, class P>
 __global__ void __launch_bounds__(kGridThreads, kGridBlocks)
-    grid_kernel(const __grid_constant__ GridLaunch k, bool clustered) {
+    grid_kernel(const __grid_constant__ GridLaunchOf<P> k, bool clustered) {
   const int block = static_cast<int>(blockIdx.x), group = block / k.blocks;
   const ThreadIndex at{block, static_cast<int>(gridDim.x), static_cast<int>(threadIdx.x), kGridThreads};
   extern __shared__ __align__(16) char shared[];
@@ -71,9 +71,9 @@ constexpr int kLookBlocks = 3, kWriteBlocks = 4;  // per multiprocessor at least
 /// From so many agents on a step is four launches: those of fewer end sooner than launches do.
 constexpr int kInParts = 1 << 16;
 
-template <StepPart part>
+template <StepPart part, class P>
 __global__ void __launch_bounds__(kGridThreads, kGridBlocks)
-    part_kernel(const __grid_constant__ GridLaunch k, bool clustered) {
+    part_kernel(const __grid_constant__ GridLaunchOf<P> k, bool clustered) {
   const int block = static_cast<int>(blockIdx.x), group = block / k.blocks;
   const ThreadIndex at{block, static_cast<int>(gridDim.x), static_cast<int>(threadIdx.x), kGridThreads};
   extern __shared__ __align__(16) char shared[];
@@ -81,9 +81,9 @@ __global__ void __launch_bounds__(kGridThreads, kGridBlocks)
 }
 
 /// The same without barriers of a group.
-template <StepPart part>
+template <StepPart part, class P>
 __global__ void __launch_bounds__(kFreeThreads, part == StepPart::look ? kLookBlocks : kWriteBlocks)
-    free_part_kernel(const __grid_constant__ GridLaunch k) {
+    free_part_kernel(const __grid_constant__ GridLaunchOf<P> k) {
   const ThreadIndex at{static_cast<int>(blockIdx.x), static_cast<int>(gridDim.x), static_cast<int>(threadIdx.x),
                        kFreeThreads};
   extern __shared__ __align__(16) char shared[];
@@ -103,15 +103,22 @@ GridDevice grid_device(int index, int n_agents) {
   device.shared_bytes = most > stage ? std::min(most - stage, kMostSorted) : 0;
   device.in_parts = kInParts;
   const size_t shared = stage + grid_sorted_bytes(n_agents, device);
-  for (const auto kernel :
-       {grid_kernel<Job::start>, grid_kernel<Job::step>, grid_kernel<Job::restart>, grid_kernel<Job::play_on>,
-        grid_kernel<Job::observe>, part_kernel<StepPart::play>, part_kernel<StepPart::settle>}) {
+  const auto look_at = [&]<class P>(void (*kernel)(GridLaunchOf<P>, bool)) {
     int blocks = 0;
     GIGA_CUDA(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize,
                                    static_cast<int>(stage + device.shared_bytes)));
     GIGA_CUDA(cudaOccupancyMaxActiveBlocksPerMultiprocessor(&blocks, kernel, kGridThreads, shared));
     resident = resident == 0 ? blocks : std::min(resident, blocks);
-  }
+  };
+  look_at(grid_kernel<Job::start, GridParams>);
+  look_at(grid_kernel<Job::step, GridParams>);
+  look_at(grid_kernel<Job::step, PlainCrowd>);
+  look_at(grid_kernel<Job::restart, GridParams>);
+  look_at(grid_kernel<Job::play_on, GridParams>);
+  look_at(grid_kernel<Job::observe, GridParams>);
+  look_at(part_kernel<StepPart::play, GridParams>);
+  look_at(part_kernel<StepPart::play, PlainCrowd>);
+  look_at(part_kernel<StepPart::settle, GridParams>);
   device.resident = resident * processors;
   for (int k = 1; (1 << k) <= device.most_clustered; ++k) {
     cudaLaunchAttribute attribute{};
@@ -123,7 +130,7 @@ GridDevice grid_device(int index, int n_agents) {
     config.dynamicSmemBytes = shared;
     config.attrs = &attribute;
     config.numAttrs = 1;
-    GIGA_CUDA(cudaOccupancyMaxActiveClusters(&device.clusters[k], grid_kernel<Job::step>, &config));
+    GIGA_CUDA(cudaOccupancyMaxActiveClusters(&device.clusters[k], grid_kernel<Job::step, GridParams>, &config));
   }
   return device;
 }
@@ -159,8 +166,14 @@ class CudaGridSimulator final : public GridLaunchingSimulator {
       with_job(job, [&](auto constant) {
         constexpr Job kJob = decltype(constant)::value;
         if constexpr (kJob == Job::step)
-          if (in_parts()) return step_in_parts(k);
-        if constexpr (kJob != Job::draw && kJob != Job::draw_final) launch(grid_kernel<kJob>, k);
+          with_plain_crowd(k, [&]<class P>(const GridLaunchOf<P>& plain) {
+            if (in_parts())
+              step_in_parts(plain, k);
+            else
+              launch(grid_kernel<kJob, P>, plain);
+          });
+        else if constexpr (kJob != Job::draw && kJob != Job::draw_final)
+          launch(grid_kernel<kJob, GridParams>, k);
       });
   }
 
@@ -171,21 +184,27 @@ class CudaGridSimulator final : public GridLaunchingSimulator {
   }
 
  private:
-  void step_in_parts(const GridLaunch& k) {
+  /// `k`: of the parameters as they are, for what is rare.
+  template <class P>
+  void step_in_parts(const GridLaunchOf<P>& plain, const GridLaunch& k) {
     for_each_part(k.ending, k.io, [&](auto constant) {
       constexpr StepPart kPart = decltype(constant)::value;
       if constexpr (kPart == StepPart::look || kPart == StepPart::write) {
-        const GridLaunch all = without_barriers(k, kFreeThreads);
+        const GridLaunchOf<P> all = without_barriers(plain, kFreeThreads);
         const size_t shared = kPart == StepPart::write ? grid_stage_bytes(kFreeThreads) : 0;
-        free_part_kernel<kPart><<<static_cast<unsigned>(all.groups * all.blocks), kFreeThreads, shared, stream_>>>(all);
+        free_part_kernel<kPart, P>
+            <<<static_cast<unsigned>(all.groups * all.blocks), kFreeThreads, shared, stream_>>>(all);
         GIGA_CUDA(cudaGetLastError());
+      } else if constexpr (kPart == StepPart::play) {
+        launch(part_kernel<kPart, P>, plain);
       } else {
-        launch(part_kernel<kPart>, k);
+        launch(part_kernel<kPart, GridParams>, k);
       }
     });
   }
 
-  void launch(void (*kernel)(GridLaunch, bool), const GridLaunch& k) {
+  template <class P>
+  void launch(void (*kernel)(GridLaunchOf<P>, bool), const GridLaunchOf<P>& k) {
     const GridLaunchShape& s = shape();
     cudaLaunchAttribute attribute{};
     if (s.clustered) {

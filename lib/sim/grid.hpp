@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cmath>
+#include <concepts>
 
 #include "core/geometry.hpp"
 #include "sim/draws.hpp"
@@ -56,6 +57,38 @@ struct GridParams : SimParams {
   /// Bits tell the teams of few agents only.
   GIGA_HD int team_of(int i) const { return team_after_team ? (i >= n_team[0] ? 1 : 0) : SimParams::team_of(i); }
   GIGA_HD int slot_of(int i) const { return team_after_team ? i - first_of(team_of(i)) : SimParams::slot_of(i); }
+};
+
+/// GridParams, or the same with constants.
+template <class P>
+concept GridParameters = Parameters<P> && std::derived_from<P, GridParams>;
+
+/// GridParams of which what most crowds have in common are constants of the compiler: a step of few agents takes as
+/// long as its instructions take to come, and these are half as many.
+struct PlainCrowd : GridParams {
+  explicit PlainCrowd(const GridParams& p) : GridParams(p) {}
+  static constexpr Rules rules = Rules::corrected;
+  static constexpr ActionKind actions = ActionKind::discrete;
+  static constexpr int n_neighbors = 15, n_boxes = 0;
+  static constexpr bool team_after_team = true, waypoints = false, has_idle_reward = false;
+  static constexpr bool stochastic_communication = true, stochastic_detection = true;
+  static constexpr bool obstacle_heights = false, obstacles_block_sight = false, sight_3d = false;
+  static constexpr bool cone_is_full = false, damage_cone_is_full = false, egocentric_view = false;
+  GIGA_HD static constexpr bool original() { return false; }
+  GIGA_HD int team_of(int i) const { return i >= n_team[0] ? 1 : 0; }
+  GIGA_HD int first_of(int team) const { return team == 1 ? n_team[0] : 0; }
+  GIGA_HD int end_of(int team) const { return team == 0 ? n_team[0] : n_agents; }
+  GIGA_HD int slot_of(int i) const { return i - first_of(team_of(i)); }
+
+  /// Whether a scenario is so.
+  static bool fits(const GridParams& p) {
+    return p.rules == rules && p.actions == actions && p.n_neighbors == n_neighbors && p.n_boxes == n_boxes &&
+           p.team_after_team == team_after_team && p.waypoints == waypoints && p.has_idle_reward == has_idle_reward &&
+           p.stochastic_communication == stochastic_communication && p.stochastic_detection == stochastic_detection &&
+           p.obstacle_heights == obstacle_heights && p.obstacles_block_sight == obstacles_block_sight &&
+           p.sight_3d == sight_3d && p.cone_is_full == cone_is_full && p.damage_cone_is_full == damage_cone_is_full &&
+           p.egocentric_view == egocentric_view;
+  }
 };
 
 /// An agent where it was when the grid was made, and what whoever looks for it asks first (mark_agents).
@@ -192,7 +225,7 @@ struct GridWorld : WorldView {
 /// Calls f(place in `placed`, agent, squared distance) for all that lie within `reach` of a place, and for some that
 /// lie a little farther off; in the order of the cells.
 template <class F>
-GIGA_HD void for_near(const GridParams& p, const GridWorld& w, float x, float y, float reach, F&& f) {
+GIGA_HD void for_near(const GridParameters auto& p, const GridWorld& w, float x, float y, float reach, F&& f) {
   const float far = reach + p.margin, far2 = far * far;
   const int first = w.grid.column(x - far), last = w.grid.column(x + far), end = w.grid.row(y + far);
   for (int row = w.grid.row(y - far); row <= end; ++row) {
@@ -269,7 +302,8 @@ class Rings {
 /// Calls f(place in `placed`) for the cells up to ring `first` around that of a place, then ring by ring, until
 /// `enough(distance)`, asked before each ring, says that agents that lie at least so far off do not matter.
 template <class Enough, class F>
-GIGA_HD void for_rings(const GridParams& p, const GridWorld& w, float x, float y, int first, Enough&& enough, F&& f) {
+GIGA_HD void for_rings(const GridParameters auto& p, const GridWorld& w, float x, float y, int first, Enough&& enough,
+                       F&& f) {
   Rings rings(p, w, x, y, first);
   GIGA_ROLLED
   for (;;) {

@@ -102,7 +102,7 @@ GIGA_HD void sum_cells(const Lanes& sorters, const GridWorld& w, int cells) {
 /// cells of their own: nobody looks for them, but they look for others, and soon are most of a crowd (86 % of
 /// swarm_million after 50 steps).
 template <WideLanes Lanes>
-GIGA_HD void sort_agents(const Lanes& lanes, const GridParams& p, GridWorld& w, int n) {
+GIGA_HD void sort_agents(const Lanes& lanes, const GridParameters auto& p, GridWorld& w, int n) {
   if (n == 0) return;  // for all workers: they share the world
   const SharedWork work = w.work;
   const Lanes sorters = lanes.sorters();
@@ -160,20 +160,20 @@ GIGA_HD void sort_agents(const Lanes& lanes, const GridParams& p, GridWorld& w, 
 
 /// The hook of step.hpp.
 template <WideLanes Lanes>
-GIGA_HD void mark_agents(const Lanes& lanes, const GridParams& p, GridWorld& w, int n) {
+GIGA_HD void mark_agents(const Lanes& lanes, const GridParameters auto& p, GridWorld& w, int n) {
   mark_placed(lanes.sorters(), p, w, n);
 }
 
 /// The hook of step.hpp: neighboring workers see to agents that are near each other, and so look at the same others.
 template <WideLanes Lanes, class F>
-GIGA_HD void each_by_place(const Lanes& lanes, const GridParams&, const GridWorld& w, int n, F&& f) {
+GIGA_HD void each_by_place(const Lanes& lanes, const GridParameters auto&, const GridWorld& w, int n, F&& f) {
   lanes.each_agent(n, [&](int k) { f(w.placed[k].agent); });
 }
 
 /// The hook of step.hpp, in one go: what becomes of an agent depends on nothing that this writes of another. Into
 /// counters that sort_agents has set to zero.
 template <WideLanes Lanes, class Draws>
-GIGA_HD void fight(const Lanes& lanes, const GridParams& p, GridWorld& w, Draws& draws, int n, int) {
+GIGA_HD void fight(const Lanes& lanes, const GridParameters auto& p, GridWorld& w, Draws& draws, int n, int) {
   struct Living {
     int32_t count[kNCounts];
   };
@@ -197,7 +197,7 @@ GIGA_HD void fight(const Lanes& lanes, const GridParams& p, GridWorld& w, Draws&
 
 /// Rules 17.5: blocks side by side, then blocks of their sums.
 template <WideLanes Lanes>
-GIGA_HD void accumulate_step(const Lanes& lanes, const GridParams& p, GridWorld& w, int items) {
+GIGA_HD void accumulate_step(const Lanes& lanes, const GridParameters auto& p, GridWorld& w, int items) {
   if (!p.team_after_team) return lanes.each(items, [&](int item) { accumulate_episode(p, w, item); });
   const int most = p.n_team[0] > p.n_team[1] ? p.n_team[0] : p.n_team[1], pitch = sums_of_team(most);
   const auto block_of = [](int block, int n, auto&& number) {

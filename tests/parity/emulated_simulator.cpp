@@ -159,18 +159,27 @@ class EmulatedGridSimulator final : public GridLaunchingSimulator {
   template <Job job>
   void launch(const GridLaunch& k) {
     std::memset(k.scratch, kPoison, scratch().bytes());
-    if (job == Job::step && in_parts())
-      for_each_part(k.ending, k.io, [&](auto constant) {
-        constexpr StepPart kPart = decltype(constant)::value;
-        const bool free = kPart == StepPart::look || kPart == StepPart::write;
-        run_blocks(free ? without_barriers(k, kWarp) : k,
-                   [&](const GridLaunch& part, const auto&... thread) { run_grid_part<kPart>(part, thread...); });
+    if constexpr (job == Job::step)
+      with_plain_crowd(k, [&](const auto& plain) {
+        if (in_parts())
+          step_in_parts(plain);
+        else
+          run_blocks(plain, [](const auto& all, const auto&... thread) { run_grid_thread<job>(all, thread...); });
       });
     else
       run_blocks(k, [](const GridLaunch& all, const auto&... thread) { run_grid_thread<job>(all, thread...); });
   }
-  template <class F>
-  void run_blocks(const GridLaunch& k, F&& f) {
+  template <class P>
+  void step_in_parts(const GridLaunchOf<P>& k) {
+    for_each_part(k.ending, k.io, [&](auto constant) {
+      constexpr StepPart kPart = decltype(constant)::value;
+      const bool free = kPart == StepPart::look || kPart == StepPart::write;
+      run_blocks(free ? without_barriers(k, kWarp) : k,
+                 [&](const auto& part, const auto&... thread) { run_grid_part<kPart>(part, thread...); });
+    });
+  }
+  template <class P, class F>
+  void run_blocks(const GridLaunchOf<P>& k, F&& f) {
     const int blocks = k.blocks;
     auto& threads = threads_[blocks];
     if (!threads) threads = std::make_unique<LockstepThreads>(blocks * kWarp);
