@@ -200,11 +200,12 @@ template <WideLanes Lanes>
 GIGA_HD void accumulate_step(const Lanes& lanes, const GridParameters auto& p, GridWorld& w, int items) {
   if (!p.team_after_team) return lanes.each(items, [&](int item) { accumulate_episode(p, w, item); });
   const int most = p.n_team[0] > p.n_team[1] ? p.n_team[0] : p.n_team[1], pitch = sums_of_team(most);
-  const auto block_of = [](int block, int n, auto&& number) {
-    const int end = (block + 1) * kSumBlock < n ? (block + 1) * kSumBlock : n;
+  const auto end_of = [](int block, int n) { return (block + 1) * kSumBlock < n ? (block + 1) * kSumBlock : n; };
+  const auto block_of = [&](int block, int n, const StepSum* from) {
+    const int end = end_of(block, n);
     StepSum sum;
     GIGA_UNROLL_BY(8)  // so that it does not wait for each number
-    for (int k = block * kSumBlock; k < end; ++k) sum += number(k);
+    for (int k = block * kSumBlock; k < end; ++k) sum += from[k];
     return sum;
   };
   int count = sum_blocks(most);
@@ -212,23 +213,21 @@ GIGA_HD void accumulate_step(const Lanes& lanes, const GridParameters auto& p, G
   lanes.each(items * count, [&](int k) {
     const int item = k / count, block = k - item * count;
     const StepItem what(p, item);
-    sums[item * pitch + block] =
-        block_of(block, p.n_team[what.team], [&](int slot) { return what.of(p, w, p.first_of(what.team) + slot); });
+    const int first = p.first_of(what.team);
+    sums[item * pitch + block] = what.sum(p, w, first + block * kSumBlock, first + end_of(block, p.n_team[what.team]));
   });
   GIGA_ROLLED
   while (count > kSumBlock) {
     const int blocks = sum_blocks(count);
     lanes.each(items * blocks, [&](int k) {
       const int item = k / blocks, block = k - item * blocks;
-      const StepSum* from = sums + item * pitch;
-      sums[item * pitch + count + block] = block_of(block, count, [&](int at) { return from[at]; });
+      sums[item * pitch + count + block] = block_of(block, count, sums + item * pitch);
     });
     sums += count;
     count = blocks;
   }
   without_barrier(lanes).each(items, [&](int item) {  // nothing else of the step asks for them
-    const StepSum* from = sums + item * pitch;
-    StepItem(p, item).add_to_episode(p, w, block_of(0, count, [&](int at) { return from[at]; }));
+    StepItem(p, item).add_to_episode(p, w, block_of(0, count, sums + item * pitch));
   });
 }
 
