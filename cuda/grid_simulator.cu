@@ -68,9 +68,6 @@ __global__ void __launch_bounds__(kGridThreads, kGridBlocks)
 constexpr int kFreeThreads = 256;
 constexpr int kLookBlocks = 3, kWriteBlocks = 4;  // per multiprocessor at least: 80 and 64 registers
 
-/// From so many agents on a step is four launches: those of fewer end sooner than launches do.
-constexpr int kInParts = 1 << 16;
-
 template <StepPart part, class P>
 __global__ void __launch_bounds__(kGridThreads, kGridBlocks)
     part_kernel(const __grid_constant__ GridLaunchOf<P> k, bool clustered) {
@@ -92,7 +89,7 @@ __global__ void __launch_bounds__(kFreeThreads, part == StepPart::look ? kLookBl
 
 /// What the kernels find room for on a GPU, in worlds of so many agents. One that holds the fewest blocks decides for
 /// all.
-GridDevice grid_device(int index, int n_agents) {
+GridDevice grid_device(int index, int n_agents, int in_parts) {
   GIGA_CUDA(cudaSetDevice(index));
   int processors = 0, major = 0, room = 0, resident = 0;
   GIGA_CUDA(cudaDeviceGetAttribute(&processors, cudaDevAttrMultiProcessorCount, index));
@@ -101,7 +98,8 @@ GridDevice grid_device(int index, int n_agents) {
   GridDevice device{kGridThreads, 0, major >= 9 ? kMostClustered : 1};
   const size_t stage = grid_stage_bytes(kGridThreads), most = static_cast<size_t>(room);
   device.shared_bytes = most > stage ? std::min(most - stage, kMostSorted) : 0;
-  device.in_parts = kInParts;
+  device.in_parts = in_parts;
+  if (n_agents >= in_parts) device.shared_bytes = 0;  // what is sorted outlives a launch
   const size_t shared = stage + grid_sorted_bytes(n_agents, device);
   const auto look_at = [&]<class P>(void (*kernel)(GridLaunchOf<P>, bool)) {
     int blocks = 0;
@@ -232,9 +230,10 @@ class CudaGridSimulator final : public GridLaunchingSimulator {
 
 }  // namespace
 
-std::unique_ptr<Simulator> make_cuda_grid_simulator(SimSpec spec, const SimOptions& options, int index, void* stream) {
+std::unique_ptr<Simulator> make_cuda_grid_simulator(SimSpec spec, const SimOptions& options, int index, void* stream,
+                                                    int in_parts) {
   GIGA_CHECK(index >= 0 && index < cuda_device_count(), "no GPU ", index);
-  const GridDevice device = grid_device(index, spec.params.n_agents);
+  const GridDevice device = grid_device(index, spec.params.n_agents, in_parts);
   return std::make_unique<CudaGridSimulator>(std::move(spec), options, index, device, stream);
 }
 

@@ -203,5 +203,19 @@ TEST(GpuGridCrowds, AreThoseOfTheCpu) {
     play(c);
 }
 
+// A step in four launches, as large worlds have it: in one cluster, and in more blocks than fit into one.
+TEST(GpuGridCrowds, InPartsAreThoseOfTheCpu) {
+  if (cuda_device_count() == 0) GTEST_SKIP() << "skipped: no GPU";
+  const auto in_parts = [](const SimSpec& spec, SimOptions options) {
+    options.grid = true;
+    return make_cuda_grid_simulator(spec, options, 0, nullptr, 1);
+  };
+  play_knots(grid, in_parts);
+  for (const Crowd& c : {Crowd{1100, 903, 40, 2, 0, 5}, Crowd{2600, 2601, 300, 1, 0, 4}}) {
+    if (parity_is_small() && c.n_team_0 > 2000) continue;
+    play_crowd(c, in_parts);
+  }
+}
+
 }  // namespace
 }  // namespace giga::test
