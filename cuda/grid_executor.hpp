@@ -11,6 +11,7 @@
 #include "sim/grid_sort.hpp"
 #include "sim/simulator.hpp"
 #include "sim/step.hpp"
+#include "sim/step_parts.hpp"
 
 namespace giga {
 
@@ -150,6 +151,7 @@ struct GridDevice {
   int resident;             ///< blocks that run at the same time
   int most_clustered;       ///< blocks of a cluster, a power of two; 1 = there are no clusters
   size_t shared_bytes = 0;  ///< at most, of a block that sorts; besides its stage
+  int in_parts = 0;         ///< from so many agents on a step is a launch for each of its parts; 0 = never
   /// Clusters of 2^k blocks that run at the same time; 0 = as many as there are blocks for. An H200 has room for fewer
   /// of 8 blocks than it has eights of multiprocessors: those of a cluster are neighbors.
   int clusters[4] = {-1, -1, -1, -1};
@@ -184,11 +186,13 @@ inline GridLaunchShape grid_launch_shape(int n_agents, int n_worlds, const GridD
 struct alignas(64) GroupWords {
   uint32_t arrivals;          ///< of blocks at barriers (simulator of the GPU)
   SharedWork::Bounds bounds;  ///< where all blocks sort together
+  GridShape shape;            ///< of their grid, where a step is several launches
 };
 
 /// Arguments of a kernel, by value.
-struct GridLaunch {
-  GridParams params;
+template <GridParameters P>
+struct GridLaunchOf {
+  P params;
   StateView state;
   PairLists lists;
   StepIo io;
@@ -196,7 +200,7 @@ struct GridLaunch {
   size_t scratch_bytes;
   GroupWords* words;    // [groups]
   int32_t* full_lists;  // [1]
-  uint64_t seed;
+  PhiloxKeys keys;
   int64_t first_world, draw_period;
   int n_worlds;
   Ending ending;
@@ -204,36 +208,60 @@ struct GridLaunch {
   const int32_t* n_playing;  // [1]
   int groups, blocks;
   bool sorts_by_block;
+  bool by_block = false;  ///< neighboring warps are of a block
 
   GIGA_HD int count() const { return playing ? *n_playing : n_worlds; }
   GIGA_HD int world(int k) const { return playing ? playing[k] : k; }
-};
 
-/// What a thread does. `sync`: of its group; `shared`: memory of its block. Always inlined: as a function of its own it
-/// reached the kernel's parameters through a pointer, with 5 kB of spills (ptxas).
-template <Job job, class Sync>
-[[gnu::always_inline]] GIGA_HD void run_grid_thread(const GridLaunch& k, const ThreadIndex& at, Sync sync,
-                                                    char* shared) {
-  const int group = at.block / k.blocks;
-  // Warps take turns among the blocks, so that all have work where there are fewer agents than threads.
-  const int warp = at.thread / kWarp * k.blocks + at.block % k.blocks;
+  /// The same with other parameters of the same values.
+  template <class Q>
+  GridLaunchOf<Q> with(const Q& q) const {
+    return {q,      state,          lists,       io,       scratch, scratch_bytes, words,     full_lists,
+            keys,   first_world,    draw_period, n_worlds, ending,  playing,       n_playing, groups,
+            blocks, sorts_by_block, by_block};
+  }
+};
+using GridLaunch = GridLaunchOf<GridParams>;
+
+/// Calls f with the launch: of constants, if the scenario is a plain crowd.
+template <class F>
+void with_plain_crowd(const GridLaunch& k, F&& f) {
+  if (PlainCrowd::fits(k.params))
+    f(k.with(PlainCrowd(k.params)));
+  else
+    f(k);
+}
+
+/// Calls run(lanes, view of a world, draws_at, its number) for the worlds of a thread. Where it is known that no block
+/// sorts for itself, it is known too that all that is sorted lies in global memory. `sync`: of its group; `shared`:
+/// memory of its block. Always inlined: as a function of its own it reached the kernel's parameters through a pointer,
+/// with 5 kB of spills (ptxas).
+template <bool kMaySortByBlock, class P, class Sync, class Run>
+[[gnu::always_inline]] GIGA_HD void run_grid_worlds(const GridLaunchOf<P>& k, const ThreadIndex& at, Sync sync,
+                                                    char* shared, Run&& run) {
+  const int group = at.block / k.blocks, block = at.block % k.blocks, n_warps = at.n_threads / kWarp;
+  // Warps take turns among the blocks, so that all have work where there are fewer agents than threads. Where there is
+  // a thread for each, those of a block look at the same others.
+  const int warp = k.by_block ? block * n_warps + at.thread / kWarp : at.thread / kWarp * k.blocks + block;
   float* const stage = reinterpret_cast<float*>(shared);
+  const bool sorts_by_block = kMaySortByBlock && k.sorts_by_block;
   const GridLanes<Sync> lanes{warp * kWarp + at.thread % kWarp,
                               k.blocks * at.n_threads,
-                              at.block % k.blocks,
+                              block,
                               k.blocks,
                               at.thread,
                               at.n_threads,
                               sync,
                               stage + at.thread / kWarp * kStageNumbers,
-                              k.sorts_by_block};
+                              sorts_by_block};
   GridWorld scratch{};
-  attach_scratch(k.params, scratch, k.scratch + static_cast<size_t>(group) * k.scratch_bytes, true, !k.sorts_by_block);
-  if (k.sorts_by_block) {
+  attach_scratch(k.params, scratch, k.scratch + static_cast<size_t>(group) * k.scratch_bytes, true, !sorts_by_block);
+  if (sorts_by_block) {
     attach_sorted(k.params.n_agents, scratch, shared + sizeof(float) * kNeighborFeatures * at.n_threads);
     if (at.thread == 0) *scratch.work.bounds = {};  // a barrier follows before anybody sorts
   } else {
     scratch.work.bounds = &k.words[group].bounds;
+    scratch.work.shape = &k.words[group].shape;
   }
   scratch.full_lists = k.full_lists;
   const int count = k.count();
@@ -242,11 +270,30 @@ template <Job job, class Sync>
     const int world = k.world(index);
     GridWorld w = scratch;
     attach_state(k.params, w, k.state, k.lists, world);
-    if (!has_work<job>(lanes, w)) continue;
     const uint32_t number = draw_world(k.first_world, k.draw_period, world);
-    const auto draws_at = [&](uint32_t step) { return GridDraws(k.seed, number, step); };
-    run_job<job>(lanes, k.params, w, draws_at, k.io, k.ending, world);
+    run(
+        lanes, w, [&](uint32_t step) { return GridDraws(k.keys, number, step); }, world);
   }
+}
+
+/// What a thread does of a job.
+template <Job job, class P, class Sync>
+[[gnu::always_inline]] GIGA_HD void run_grid_thread(const GridLaunchOf<P>& k, const ThreadIndex& at, Sync sync,
+                                                    char* shared) {
+  run_grid_worlds<true>(k, at, sync, shared, [&](const auto& lanes, GridWorld& w, auto&& draws_at, int world) {
+    if (has_work<job>(lanes, w)) run_job<job>(lanes, k.params, w, draws_at, k.io, k.ending, world);
+  });
+}
+
+/// The same of a part of a step. All groups have a world at most, so that scratch and shape stay as the part before has
+/// left them.
+template <StepPart part, class P, class Sync>
+[[gnu::always_inline]] GIGA_HD void run_grid_part(const GridLaunchOf<P>& k, const ThreadIndex& at, Sync sync,
+                                                  char* shared) {
+  run_grid_worlds<false>(k, at, sync, shared, [&](const auto& lanes, GridWorld& w, auto&& draws_at, int world) {
+    if constexpr (part == StepPart::look) w.grid = *w.work.shape;
+    run_part<part>(lanes, k.params, w, draws_at, k.io, k.ending, world);
+  });
 }
 
 /// A simulator of worlds of many agents that runs its jobs by launches. Its back end launches, and lists the worlds
@@ -265,7 +312,9 @@ class GridLaunchingSimulator : public Simulator {
         scratch_bytes_(group_bytes()),
         scratch_(memory, scratch_bytes_ * static_cast<size_t>(shape_.groups)),
         words_(memory, static_cast<size_t>(shape_.groups)),
-        full_lists_(memory, 1) {
+        full_lists_(memory, 1),
+        in_parts_(device.in_parts > 0 && params_.n_agents >= device.in_parts && sorted_bytes_ == 0 &&
+                  shape_.groups >= n_worlds()) {
     check_grid(params_, state_.shape(), options_);
     if (options.on_done == OnDone::freeze) playing_ = Buffer<int32_t>(memory, static_cast<size_t>(n_worlds()) + 1);
   }
@@ -280,7 +329,7 @@ class GridLaunchingSimulator : public Simulator {
             .scratch_bytes = scratch_bytes_,
             .words = words_.data(),
             .full_lists = full_lists_.data(),
-            .seed = options_.seed,
+            .keys = PhiloxKeys(options_.seed),
             .first_world = options_.first_world,
             .draw_period = options_.draw_period,
             .n_worlds = n_worlds(),
@@ -291,6 +340,15 @@ class GridLaunchingSimulator : public Simulator {
             .blocks = shape_.blocks,
             .sorts_by_block = sorted_bytes_ > 0};
   }
+  /// The same for a part that needs no barrier, in blocks of so many threads: one for each agent.
+  template <class P>
+  static GridLaunchOf<P> without_barriers(GridLaunchOf<P> k, int threads) {
+    k.blocks = (k.params.n_agents + threads - 1) / threads;
+    k.by_block = true;
+    return k;
+  }
+  /// Whether a step is a launch for each of its parts.
+  bool in_parts() const { return in_parts_; }
   /// Throws if a list of fire was too short since this was last asked; waits for what was queued before.
   void check_full_lists() {
     const int full = full_lists_.to_host()[0];
@@ -317,6 +375,7 @@ class GridLaunchingSimulator : public Simulator {
   Buffer<char> scratch_;
   Buffer<GroupWords> words_;
   Buffer<int32_t> full_lists_;
+  bool in_parts_;
   Buffer<int32_t> playing_;  // [W + 1] OnDone::freeze: worlds that play, in any order, then their number
 };
 

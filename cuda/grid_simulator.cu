@@ -55,18 +55,41 @@ struct GroupSync {
   }
 };
 
-template <Job job>
+template <Job job, class P>
 __global__ void __launch_bounds__(kGridThreads, kGridBlocks)
-    grid_kernel(const __grid_constant__ GridLaunch k, bool clustered) {
+    grid_kernel(const __grid_constant__ GridLaunchOf<P> k, bool clustered) {
   const int block = static_cast<int>(blockIdx.x), group = block / k.blocks;
   const ThreadIndex at{block, static_cast<int>(gridDim.x), static_cast<int>(threadIdx.x), kGridThreads};
   extern __shared__ __align__(16) char shared[];
   run_grid_thread<job>(k, at, GroupSync{&k.words[group].arrivals, k.blocks, block % k.blocks == 0, clustered}, shared);
 }
 
+/// Parts of a step for which no thread waits for another of its group: as many threads at a time as registers allow.
+constexpr int kFreeThreads = 256;
+constexpr int kLookBlocks = 3, kWriteBlocks = 4;  // per multiprocessor at least: 80 and 64 registers
+
+template <StepPart part, class P>
+__global__ void __launch_bounds__(kGridThreads, kGridBlocks)
+    part_kernel(const __grid_constant__ GridLaunchOf<P> k, bool clustered) {
+  const int block = static_cast<int>(blockIdx.x), group = block / k.blocks;
+  const ThreadIndex at{block, static_cast<int>(gridDim.x), static_cast<int>(threadIdx.x), kGridThreads};
+  extern __shared__ __align__(16) char shared[];
+  run_grid_part<part>(k, at, GroupSync{&k.words[group].arrivals, k.blocks, block % k.blocks == 0, clustered}, shared);
+}
+
+/// The same without barriers of a group.
+template <StepPart part, class P>
+__global__ void __launch_bounds__(kFreeThreads, part == StepPart::look ? kLookBlocks : kWriteBlocks)
+    free_part_kernel(const __grid_constant__ GridLaunchOf<P> k) {
+  const ThreadIndex at{static_cast<int>(blockIdx.x), static_cast<int>(gridDim.x), static_cast<int>(threadIdx.x),
+                       kFreeThreads};
+  extern __shared__ __align__(16) char shared[];
+  run_grid_part<part>(k, at, GroupSync{nullptr, 1, true, false, true}, shared);
+}
+
 /// What the kernels find room for on a GPU, in worlds of so many agents. One that holds the fewest blocks decides for
 /// all.
-GridDevice grid_device(int index, int n_agents) {
+GridDevice grid_device(int index, int n_agents, int in_parts) {
   GIGA_CUDA(cudaSetDevice(index));
   int processors = 0, major = 0, room = 0, resident = 0;
   GIGA_CUDA(cudaDeviceGetAttribute(&processors, cudaDevAttrMultiProcessorCount, index));
@@ -75,15 +98,25 @@ GridDevice grid_device(int index, int n_agents) {
   GridDevice device{kGridThreads, 0, major >= 9 ? kMostClustered : 1};
   const size_t stage = grid_stage_bytes(kGridThreads), most = static_cast<size_t>(room);
   device.shared_bytes = most > stage ? std::min(most - stage, kMostSorted) : 0;
+  device.in_parts = in_parts;
+  if (n_agents >= in_parts) device.shared_bytes = 0;  // what is sorted outlives a launch
   const size_t shared = stage + grid_sorted_bytes(n_agents, device);
-  for (const auto kernel : {grid_kernel<Job::start>, grid_kernel<Job::step>, grid_kernel<Job::restart>,
-                            grid_kernel<Job::play_on>, grid_kernel<Job::observe>}) {
+  const auto look_at = [&]<class P>(void (*kernel)(GridLaunchOf<P>, bool)) {
     int blocks = 0;
     GIGA_CUDA(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize,
                                    static_cast<int>(stage + device.shared_bytes)));
     GIGA_CUDA(cudaOccupancyMaxActiveBlocksPerMultiprocessor(&blocks, kernel, kGridThreads, shared));
     resident = resident == 0 ? blocks : std::min(resident, blocks);
-  }
+  };
+  look_at(grid_kernel<Job::start, GridParams>);
+  look_at(grid_kernel<Job::step, GridParams>);
+  look_at(grid_kernel<Job::step, PlainCrowd>);
+  look_at(grid_kernel<Job::restart, GridParams>);
+  look_at(grid_kernel<Job::play_on, GridParams>);
+  look_at(grid_kernel<Job::observe, GridParams>);
+  look_at(part_kernel<StepPart::play, GridParams>);
+  look_at(part_kernel<StepPart::play, PlainCrowd>);
+  look_at(part_kernel<StepPart::settle, GridParams>);
   device.resident = resident * processors;
   for (int k = 1; (1 << k) <= device.most_clustered; ++k) {
     cudaLaunchAttribute attribute{};
@@ -95,7 +128,7 @@ GridDevice grid_device(int index, int n_agents) {
     config.dynamicSmemBytes = shared;
     config.attrs = &attribute;
     config.numAttrs = 1;
-    GIGA_CUDA(cudaOccupancyMaxActiveClusters(&device.clusters[k], grid_kernel<Job::step>, &config));
+    GIGA_CUDA(cudaOccupancyMaxActiveClusters(&device.clusters[k], grid_kernel<Job::step, GridParams>, &config));
   }
   return device;
 }
@@ -130,7 +163,15 @@ class CudaGridSimulator final : public GridLaunchingSimulator {
     for (const Job job : jobs)
       with_job(job, [&](auto constant) {
         constexpr Job kJob = decltype(constant)::value;
-        if constexpr (kJob != Job::draw && kJob != Job::draw_final) launch<kJob>(k);
+        if constexpr (kJob == Job::step)
+          with_plain_crowd(k, [&]<class P>(const GridLaunchOf<P>& plain) {
+            if (in_parts())
+              step_in_parts(plain, k);
+            else
+              launch(grid_kernel<kJob, P>, plain);
+          });
+        else if constexpr (kJob != Job::draw && kJob != Job::draw_final)
+          launch(grid_kernel<kJob, GridParams>, k);
       });
   }
 
@@ -141,8 +182,27 @@ class CudaGridSimulator final : public GridLaunchingSimulator {
   }
 
  private:
-  template <Job job>
-  void launch(const GridLaunch& k) {
+  /// `k`: of the parameters as they are, for what is rare.
+  template <class P>
+  void step_in_parts(const GridLaunchOf<P>& plain, const GridLaunch& k) {
+    for_each_part(k.ending, k.io, [&](auto constant) {
+      constexpr StepPart kPart = decltype(constant)::value;
+      if constexpr (kPart == StepPart::look || kPart == StepPart::write) {
+        const GridLaunchOf<P> all = without_barriers(plain, kFreeThreads);
+        const size_t shared = kPart == StepPart::write ? grid_stage_bytes(kFreeThreads) : 0;
+        free_part_kernel<kPart, P>
+            <<<static_cast<unsigned>(all.groups * all.blocks), kFreeThreads, shared, stream_>>>(all);
+        GIGA_CUDA(cudaGetLastError());
+      } else if constexpr (kPart == StepPart::play) {
+        launch(part_kernel<kPart, P>, plain);
+      } else {
+        launch(part_kernel<kPart, GridParams>, k);
+      }
+    });
+  }
+
+  template <class P>
+  void launch(void (*kernel)(GridLaunchOf<P>, bool), const GridLaunchOf<P>& k) {
     const GridLaunchShape& s = shape();
     cudaLaunchAttribute attribute{};
     if (s.clustered) {
@@ -159,7 +219,7 @@ class CudaGridSimulator final : public GridLaunchingSimulator {
     config.stream = stream_;
     config.attrs = &attribute;
     config.numAttrs = s.blocks > 1 ? 1 : 0;
-    GIGA_CUDA(cudaLaunchKernelEx(&config, grid_kernel<job>, k, s.clustered));
+    GIGA_CUDA(cudaLaunchKernelEx(&config, kernel, k, s.clustered));
   }
 
   int index_;
@@ -170,9 +230,10 @@ class CudaGridSimulator final : public GridLaunchingSimulator {
 
 }  // namespace
 
-std::unique_ptr<Simulator> make_cuda_grid_simulator(SimSpec spec, const SimOptions& options, int index, void* stream) {
+std::unique_ptr<Simulator> make_cuda_grid_simulator(SimSpec spec, const SimOptions& options, int index, void* stream,
+                                                    int in_parts) {
   GIGA_CHECK(index >= 0 && index < cuda_device_count(), "no GPU ", index);
-  const GridDevice device = grid_device(index, spec.params.n_agents);
+  const GridDevice device = grid_device(index, spec.params.n_agents, in_parts);
   return std::make_unique<CudaGridSimulator>(std::move(spec), options, index, device, stream);
 }
 

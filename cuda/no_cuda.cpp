@@ -27,7 +27,7 @@ void* work_stream(int) { missing(); }
 // NOLINTNEXTLINE(performance-unnecessary-value-param): the signature of the real one
 std::unique_ptr<Simulator> make_cuda_simulator(SimSpec, const SimOptions&, int, void*) { missing(); }
 // NOLINTNEXTLINE(performance-unnecessary-value-param): likewise
-std::unique_ptr<Simulator> make_cuda_grid_simulator(SimSpec, const SimOptions&, int, void*) { missing(); }
+std::unique_ptr<Simulator> make_cuda_grid_simulator(SimSpec, const SimOptions&, int, void*, int) { missing(); }
 std::unique_ptr<DeviceClock> make_cuda_clock(int, void*) { missing(); }
 bool population_policy_runs(int) { missing(); }
 void pack_population(const PackedMlp&, const float*, int64_t, int64_t, uint16_t*, int, void*) { missing(); }

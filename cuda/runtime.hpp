@@ -40,9 +40,13 @@ void* work_stream(int index);
 std::unique_ptr<Simulator> make_cuda_simulator(SimSpec spec, const SimOptions& options, int index,
                                                void* stream = nullptr);
 
+/// From so many agents on a step of a world is a launch for each of its parts (sim/step_parts.hpp): those of fewer end
+/// sooner than launches do. Tests ask for fewer.
+constexpr int kInParts = 1 << 16;
+
 /// The same for worlds of many agents (rules 17), or with SimOptions::grid.
 std::unique_ptr<Simulator> make_cuda_grid_simulator(SimSpec spec, const SimOptions& options, int index,
-                                                    void* stream = nullptr);
+                                                    void* stream = nullptr, int in_parts = kInParts);
 
 /// Parses `auto`, `cpu`, `cuda` or `cuda:1`; auto takes the first GPU where there is one. Throws InputError.
 Device parse_device(const std::string& text);

@@ -22,10 +22,12 @@ GIGA_HD uint32_t mul_hi(uint32_t a, uint32_t b) {
 #endif
 }
 
-/// Ten rounds of Philox4x32 over a 128-bit counter with a 64-bit key.
+constexpr int kPhiloxRounds = 10;
+
+/// Rounds of Philox4x32 over a 128-bit counter with a 64-bit key.
 GIGA_HD Philox4 philox4x32(uint32_t c0, uint32_t c1, uint32_t c2, uint32_t c3, uint64_t key) {
   uint32_t k0 = static_cast<uint32_t>(key), k1 = static_cast<uint32_t>(key >> 32);
-  for (int round = 0; round < 10; ++round) {
+  for (int round = 0; round < kPhiloxRounds; ++round) {
     const uint32_t hi0 = mul_hi(0xD2511F53u, c0), lo0 = 0xD2511F53u * c0;
     const uint32_t hi1 = mul_hi(0xCD9E8D57u, c2), lo1 = 0xCD9E8D57u * c2;
     c0 = hi1 ^ c1 ^ k0;
@@ -38,8 +40,45 @@ GIGA_HD Philox4 philox4x32(uint32_t c0, uint32_t c1, uint32_t c2, uint32_t c3, u
   return {{c0, c1, c2, c3}};
 }
 
+/// The keys of all rounds. A kernel that gets them as arguments reads them where it uses them; made anew from one key,
+/// they stay in 20 registers of each thread.
+struct PhiloxKeys {
+  uint32_t k0[kPhiloxRounds], k1[kPhiloxRounds];
+
+  PhiloxKeys() = default;
+  explicit PhiloxKeys(uint64_t key) {
+    for (uint32_t round = 0; round < kPhiloxRounds; ++round) {
+      k0[round] = static_cast<uint32_t>(key) + round * 0x9E3779B9u;
+      k1[round] = static_cast<uint32_t>(key >> 32) + round * 0xBB67AE85u;
+    }
+  }
+};
+/// The same as of the key they were made of.
+GIGA_HD Philox4 philox4x32(uint32_t c0, uint32_t c1, uint32_t c2, uint32_t c3, const PhiloxKeys& keys) {
+  GIGA_UNROLL
+  for (int round = 0; round < kPhiloxRounds; ++round) {
+    const uint32_t hi0 = mul_hi(0xD2511F53u, c0), lo0 = 0xD2511F53u * c0;
+    const uint32_t hi1 = mul_hi(0xCD9E8D57u, c2), lo1 = 0xCD9E8D57u * c2;
+    c0 = hi1 ^ c1 ^ keys.k0[round];
+    c1 = lo1;
+    c2 = hi0 ^ c3 ^ keys.k1[round];
+    c3 = lo0;
+  }
+  return {{c0, c1, c2, c3}};
+}
+
 /// The upper 24 bits as a float in [0, 1): exact, so the same on every back end.
 GIGA_HD float to_unit_float(uint32_t bits) { return static_cast<float>(bits >> 8) * (1.0f / 16777216.0f); }
+
+/// That of number `index`, whose block this is. Selected without indexing, so that the block stays in registers.
+GIGA_HD float unit_float_of(const Philox4& block, uint32_t index) {
+  const uint32_t slot = index & 3u;
+  const uint32_t bits = slot == 0   ? block.word[0]
+                        : slot == 1 ? block.word[1]
+                        : slot == 2 ? block.word[2]
+                                    : block.word[3];
+  return to_unit_float(bits);
+}
 
 /// The number under which world `world` draws: `first` is that of world 0; worlds a whole `period` apart draw the same
 /// numbers (0 = all draw apart).
@@ -73,12 +112,7 @@ class DrawKey {
       cached_purpose_ = purpose;
       cached_row_ = row;
     }
-    const uint32_t slot = index & 3u;  // selected without indexing, so that the block stays in registers
-    const uint32_t bits = slot == 0   ? cached_.word[0]
-                          : slot == 1 ? cached_.word[1]
-                          : slot == 2 ? cached_.word[2]
-                                      : cached_.word[3];
-    return to_unit_float(bits);
+    return unit_float_of(cached_, index);
   }
 
  private:
@@ -86,6 +120,22 @@ class DrawKey {
   uint32_t world_, step_;
   uint32_t cached_purpose_ = 0xFFFFFFFFu, cached_row_ = 0xFFFFFFFFu;
   Philox4 cached_{};
+};
+
+/// The same with the keys of all rounds, which it refers to, and without memory.
+class ScheduledKey {
+ public:
+  GIGA_HD ScheduledKey(const PhiloxKeys& keys, uint32_t world, uint32_t step)
+      : keys_(keys), world_(world), step_(step) {}
+
+  GIGA_HD float uniform(Draw draw, uint32_t row, uint32_t index) const {
+    return unit_float_of(philox4x32(world_, step_, (static_cast<uint32_t>(draw) << 24) | (index >> 2), row, keys_),
+                         index);
+  }
+
+ private:
+  const PhiloxKeys& keys_;
+  uint32_t world_, step_;
 };
 
 /// The draws of a row whose indices are the agents of a team, all made at once: on the GPU the threads of a warp keep

@@ -10,10 +10,11 @@ namespace giga {
 /// Coordinates that a reset draws for an agent.
 enum class StartDraw : int { x, y, z, heading };
 
-/// The draws of one world at one step. All uniform on [0, 1) but `map`.
-class PhiloxDraws {
+/// The draws of one world at one step, by a DrawKey or what has the same draws. All uniform on [0, 1) but `map`.
+template <class Key>
+class KeyedDraws {
  public:
-  GIGA_HD PhiloxDraws(uint64_t seed, uint32_t world, uint32_t step) : key_(seed, world, step) {}
+  GIGA_HD explicit KeyedDraws(const Key& key) : key_(key) {}
 
   GIGA_HD float waypoint_appears() { return key_.uniform(Draw::waypoint, 0, 0); }
   GIGA_HD float waypoint_location(int axis) { return key_.uniform(Draw::waypoint, 0, 1 + static_cast<uint32_t>(axis)); }
@@ -26,15 +27,6 @@ class PhiloxDraws {
   GIGA_HD float comm(int ego, int sender, bool after_reset) {
     return key_.uniform(Draw::comm, comm_row(ego, after_reset), static_cast<uint32_t>(sender));
   }
-  /// The same for all observers, or senders, of a team of kTeam agents.
-  template <int kTeam>
-  GIGA_HD TeamUniforms<kTeam> detect_by(int target, int team) const {
-    return {key_, Draw::detect, static_cast<uint32_t>(target), team};
-  }
-  template <int kTeam>
-  GIGA_HD TeamUniforms<kTeam> comm_from(int ego, int team, bool after_reset) const {
-    return {key_, Draw::comm, comm_row(ego, after_reset), team};
-  }
   /// Index of the map of the next episode, uniform over n_maps.
   GIGA_HD int map(int n_maps) {
     const int index = static_cast<int>(key_.uniform(Draw::map, 0, 0) * static_cast<float>(n_maps));
@@ -46,12 +38,27 @@ class PhiloxDraws {
     return key_.uniform(Draw::start, static_cast<uint32_t>(agent), index);
   }
 
- private:
+ protected:
   GIGA_HD static uint32_t comm_row(int ego, bool after_reset) {
     return static_cast<uint32_t>(ego) + (after_reset ? 0x10000u : 0u);
   }
 
-  DrawKey key_;
+  Key key_;
+};
+
+class PhiloxDraws : public KeyedDraws<DrawKey> {
+ public:
+  GIGA_HD PhiloxDraws(uint64_t seed, uint32_t world, uint32_t step) : KeyedDraws(DrawKey(seed, world, step)) {}
+
+  /// The same for all observers, or senders, of a team of kTeam agents.
+  template <int kTeam>
+  GIGA_HD TeamUniforms<kTeam> detect_by(int target, int team) const {
+    return {key_, Draw::detect, static_cast<uint32_t>(target), team};
+  }
+  template <int kTeam>
+  GIGA_HD TeamUniforms<kTeam> comm_from(int ego, int team, bool after_reset) const {
+    return {key_, Draw::comm, comm_row(ego, after_reset), team};
+  }
 };
 
 /// Whether a source of draws makes those of a whole team at once, for these parameters.

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cmath>
+#include <concepts>
 
 #include "core/geometry.hpp"
 #include "sim/draws.hpp"
@@ -56,6 +57,38 @@ struct GridParams : SimParams {
   /// Bits tell the teams of few agents only.
   GIGA_HD int team_of(int i) const { return team_after_team ? (i >= n_team[0] ? 1 : 0) : SimParams::team_of(i); }
   GIGA_HD int slot_of(int i) const { return team_after_team ? i - first_of(team_of(i)) : SimParams::slot_of(i); }
+};
+
+/// GridParams, or the same with constants.
+template <class P>
+concept GridParameters = Parameters<P> && std::derived_from<P, GridParams>;
+
+/// GridParams of which what most crowds have in common are constants of the compiler: a step of few agents takes as
+/// long as its instructions take to come, and these are half as many.
+struct PlainCrowd : GridParams {
+  explicit PlainCrowd(const GridParams& p) : GridParams(p) {}
+  static constexpr Rules rules = Rules::corrected;
+  static constexpr ActionKind actions = ActionKind::discrete;
+  static constexpr int n_neighbors = 15, n_boxes = 0;
+  static constexpr bool team_after_team = true, waypoints = false, has_idle_reward = false;
+  static constexpr bool stochastic_communication = true, stochastic_detection = true;
+  static constexpr bool obstacle_heights = false, obstacles_block_sight = false, sight_3d = false;
+  static constexpr bool cone_is_full = false, damage_cone_is_full = false, egocentric_view = false;
+  GIGA_HD static constexpr bool original() { return false; }
+  GIGA_HD int team_of(int i) const { return i >= n_team[0] ? 1 : 0; }
+  GIGA_HD int first_of(int team) const { return team == 1 ? n_team[0] : 0; }
+  GIGA_HD int end_of(int team) const { return team == 0 ? n_team[0] : n_agents; }
+  GIGA_HD int slot_of(int i) const { return i - first_of(team_of(i)); }
+
+  /// Whether a scenario is so.
+  static bool fits(const GridParams& p) {
+    return p.rules == rules && p.actions == actions && p.n_neighbors == n_neighbors && p.n_boxes == n_boxes &&
+           p.team_after_team == team_after_team && p.waypoints == waypoints && p.has_idle_reward == has_idle_reward &&
+           p.stochastic_communication == stochastic_communication && p.stochastic_detection == stochastic_detection &&
+           p.obstacle_heights == obstacle_heights && p.obstacles_block_sight == obstacles_block_sight &&
+           p.sight_3d == sight_3d && p.cone_is_full == cone_is_full && p.damage_cone_is_full == damage_cone_is_full &&
+           p.egocentric_view == egocentric_view;
+  }
 };
 
 /// An agent where it was when the grid was made, and what whoever looks for it asks first (mark_agents).
@@ -113,6 +146,10 @@ GIGA_HD GridShape grid_shape(int n, float x0, float y0, float x1, float y1) {
   return g;
 }
 
+/// Cells in which the dead of a world are sorted, where many workers do it: one for some of its agents.
+constexpr int kDeadOfCell = 4;
+GIGA_HD int cells_of_dead(int n_agents) { return (n_agents + kDeadOfCell - 1) / kDeadOfCell; }
+
 /// What AgentNumber has for kNobody.
 constexpr uint32_t kNoAgent = 0xFFFFFFFFu;
 
@@ -153,6 +190,7 @@ struct SharedWork {
     int32_t count;
   };
   Bounds* bounds;       // [1]
+  GridShape* shape;     // [1] of the grid, for launches that follow; null = for none
   int32_t* order;       // [N] agents by cell, within one in the order of arrival
   int32_t* block_sums;  // [blocks] agents in the cells that a block adds up
   StepSum* sums;        // [n_step_items, sums_of_team] of blocks of agents, of blocks of these, ... (accumulate_step)
@@ -172,7 +210,7 @@ struct GridWorld : WorldView {
   int32_t* detectors;           // [N, kKeptDetectors] the first of them, in any order: places, of the agent at a place
   uint8_t* could_see;           // [N] lives after the collisions, when sight is decided
   int32_t* full_lists;          // [1] agents at which more opponents fired than are counted, since it was last read
-  PlacedAgent* placed;          // [N] those that lived when the grid was made, by cell, then by number
+  PlacedAgent* placed;          // [N] those that lived when the grid was made, by cell, then by number; see sort_agents
   int32_t* cell_begin;          // [cells + 1] the first of each cell in `placed`
   int32_t* place;               // [N] of an agent in `placed`; kNotPlaced: it was dead
   SharedWork work;              // of executors with WideLanes
@@ -187,7 +225,7 @@ struct GridWorld : WorldView {
 /// Calls f(place in `placed`, agent, squared distance) for all that lie within `reach` of a place, and for some that
 /// lie a little farther off; in the order of the cells.
 template <class F>
-GIGA_HD void for_near(const GridParams& p, const GridWorld& w, float x, float y, float reach, F&& f) {
+GIGA_HD void for_near(const GridParameters auto& p, const GridWorld& w, float x, float y, float reach, F&& f) {
   const float far = reach + p.margin, far2 = far * far;
   const int first = w.grid.column(x - far), last = w.grid.column(x + far), end = w.grid.row(y + far);
   for (int row = w.grid.row(y - far); row <= end; ++row) {
@@ -264,7 +302,8 @@ class Rings {
 /// Calls f(place in `placed`) for the cells up to ring `first` around that of a place, then ring by ring, until
 /// `enough(distance)`, asked before each ring, says that agents that lie at least so far off do not matter.
 template <class Enough, class F>
-GIGA_HD void for_rings(const GridParams& p, const GridWorld& w, float x, float y, int first, Enough&& enough, F&& f) {
+GIGA_HD void for_rings(const GridParameters auto& p, const GridWorld& w, float x, float y, int first, Enough&& enough,
+                       F&& f) {
   Rings rings(p, w, x, y, first);
   GIGA_ROLLED
   for (;;) {
@@ -280,25 +319,14 @@ GIGA_HD void for_rings(const GridParams& p, const GridWorld& w, float x, float y
 
 /// PhiloxDraws for many workers at once and any number of agents: keeps no block of draws, and gives the agents from
 /// 65,536 on rows of their own (rules 17.4).
-class GridDraws {
+class GridDraws : public KeyedDraws<ScheduledKey> {
  public:
-  GIGA_HD GridDraws(uint64_t seed, uint32_t world, uint32_t step) : seed_(seed), world_(world), step_(step) {}
+  GIGA_HD GridDraws(const PhiloxKeys& keys, uint32_t world, uint32_t step)
+      : KeyedDraws(ScheduledKey(keys, world, step)) {}
 
-  GIGA_HD float waypoint_appears() const { return draws().waypoint_appears(); }
-  GIGA_HD float waypoint_location(int axis) const { return draws().waypoint_location(axis); }
-  GIGA_HD float waypoint_time() const { return draws().waypoint_time(); }
-  GIGA_HD float detect(int target, int observer) const { return draws().detect(target, observer); }
-  GIGA_HD float comm(int ego, int sender, bool after_reset) const {
-    return draws().comm(static_cast<int>(draw_slot(static_cast<uint32_t>(ego))), sender, after_reset);
+  GIGA_HD float comm(int ego, int sender, bool after_reset) {
+    return KeyedDraws::comm(static_cast<int>(draw_slot(static_cast<uint32_t>(ego))), sender, after_reset);
   }
-  GIGA_HD int map(int n_maps) const { return draws().map(n_maps); }
-  GIGA_HD float start(int agent, int round, StartDraw what) const { return draws().start(agent, round, what); }
-
- private:
-  GIGA_HD PhiloxDraws draws() const { return {seed_, world_, step_}; }
-
-  uint64_t seed_;
-  uint32_t world_, step_;
 };
 
 }  // namespace giga

@@ -52,7 +52,7 @@ GIGA_HD size_t attach_sorted(int n_agents, GridWorld& w, char* block) {
   const size_t n = static_cast<size_t>(n_agents);
   Carver take{block};
   take(w.placed, n);
-  take(w.cell_begin, n + 1);
+  take(w.cell_begin, n + static_cast<size_t>(cells_of_dead(n_agents)) + 1);
   take(w.place, n);
   take(w.work.order, n);
   take(w.work.bounds, 1);
@@ -82,7 +82,7 @@ GIGA_HD size_t attach_scratch(const GridParams& p, GridWorld& w, char* block, bo
   take(w.could_see, n);
   if (sorts) {
     take(w.placed, n);
-    take(w.cell_begin, n + 1);
+    take(w.cell_begin, n + static_cast<size_t>(cells_of_dead(p.n_agents)) + 1);
     take(w.place, n);
   }
   if (together) {

@@ -50,6 +50,7 @@ class GridSimulator final : public Simulator {
   GridSimulator(SimSpec spec, const SimOptions& options)
       : Simulator(std::move(spec), options, host_memory()),
         params_(grid_params(spec_, tables_, options_.most_shooters)),
+        keys_(options_.seed),
         pool_(options_.n_threads),
         scratch_(host_memory(), attach_scratch(params_, world_, nullptr, false)) {
     check_grid(params_, state_.shape(), options_);
@@ -74,7 +75,7 @@ class GridSimulator final : public Simulator {
       GridWorld w = world_;
       attach_state(params_, w, state_.view(), state_.lists(), world);
       const uint32_t number = draw_world(options_.first_world, options_.draw_period, world);
-      const auto draws_at = [&](uint32_t step) { return GridDraws(options_.seed, number, step); };
+      const auto draws_at = [&](uint32_t step) { return GridDraws(keys_, number, step); };
       run_jobs(lanes, jobs, params_, w, draws_at, io, ending(), world);
     }
     if (const int full = std::exchange(full_lists_, 0); full > 0) throw full_lists_error(full, params_, spec_.name);
@@ -85,6 +86,7 @@ class GridSimulator final : public Simulator {
 
  private:
   GridParams params_;
+  PhiloxKeys keys_;
   ThreadPool pool_;
   GridWorld world_{};     // its scratch
   Buffer<char> scratch_;  // of the world at hand

@@ -96,33 +96,50 @@ struct WorldRows {
   }
 };
 
-/// Writes what every agent sees, by w.seen, and the worlds' observations. `active` false keeps the lanes in lockstep
-/// without work.
-template <class Lanes>
-GIGA_HD void write_observations(const Lanes& lanes, const Parameters auto& p, World auto& w, const StepIo& io,
-                                int64_t world, bool active = true) {
-  const int n = active ? p.n_agents : 0;
+/// Whether anybody wants rows of agents, images apart.
+GIGA_HD bool wants_rows(const StepIo& io) {
   bool wanted = false;
   for_each_observation([&](auto kind) {
     if (decltype(kind)::of == ObservationOf::agent && !is_drawn(kind.id) && WantedRows<decltype(kind)>::any(io))
       wanted = true;
   });
-  lanes.each_agent(n, [&](int e) {
-    if (wanted) rank_neighbors(p, w, e);
-    for_each_observation([&](auto kind) {
-      using Kind = decltype(kind);
-      if constexpr (Kind::of == ObservationOf::agent && !is_drawn(Kind::id))
-        if (WantedRows<Kind>::any(io)) Kind::prepare(p, w, e);
-    });
-    uint8_t* alive = io.of(p.team_of(e)).alive;
-    if (alive) alive[team_row(p, world, e)] = w.alive[e];
+  return wanted;
+}
+
+/// What has to be known of agent e before any row is written; and says whether it lives.
+GIGA_HD void prepare_rows(const Parameters auto& p, World auto& w, const StepIo& io, int64_t world, bool wanted,
+                          int e) {
+  if (wanted) rank_neighbors(p, w, e);
+  for_each_observation([&](auto kind) {
+    using Kind = decltype(kind);
+    if constexpr (Kind::of == ObservationOf::agent && !is_drawn(Kind::id))
+      if (WantedRows<Kind>::any(io)) Kind::prepare(p, w, e);
   });
+  uint8_t* alive = io.of(p.team_of(e)).alive;
+  if (alive) alive[team_row(p, world, e)] = w.alive[e];
+}
+
+/// The rows of n agents, which have been prepared, or of none; and those of the worlds.
+template <class Lanes>
+GIGA_HD void write_rows(const Lanes& lanes, const Parameters auto& p, World auto& w, const StepIo& io, int64_t world,
+                        int n) {
   for_each_observation([&](auto kind) {
     using Kind = decltype(kind);
     using Rows = WantedRows<Kind>;
     if constexpr (!is_drawn(Kind::id))
       if (Rows::any(io)) Kind::write(lanes, p, w, n, WorldRows<Kind, std::remove_cvref_t<decltype(p)>>{p, io, world});
   });
+}
+
+/// Writes what every agent sees, by w.seen, and the worlds' observations. `active` false keeps the lanes in lockstep
+/// without work.
+template <class Lanes>
+GIGA_HD void write_observations(const Lanes& lanes, const Parameters auto& p, World auto& w, const StepIo& io,
+                                int64_t world, bool active = true) {
+  const int n = active ? p.n_agents : 0;
+  const bool wanted = wants_rows(io);
+  lanes.each_agent(n, [&](int e) { prepare_rows(p, w, io, world, wanted, e); });
+  write_rows(lanes, p, w, io, world, n);
 }
 
 /// Copies the observations that have just been written to where those before a reset are kept.

@@ -2,6 +2,9 @@
 
 #include <algorithm>
 #include <cstring>
+#include <map>
+#include <memory>
+#include <vector>
 
 #include "core/error.hpp"
 #include "cuda/draw.hpp"
@@ -128,10 +131,9 @@ class EmulatedSimulator final : public LaunchingSimulator {
 class EmulatedGridSimulator final : public GridLaunchingSimulator {
  public:
   EmulatedGridSimulator(SimSpec spec, const SimOptions& options, ThreadOrder order, int blocks)
-      : GridLaunchingSimulator(std::move(spec), options, host_memory(), {kWarp, blocks, 1, sorted_bytes(blocks)}),
-        order_(order),
-        threads_(shape().blocks * kWarp),
-        shared_(host_memory(), pitch() * static_cast<size_t>(shape().blocks)) {}
+      : GridLaunchingSimulator(std::move(spec), options, host_memory(),
+                               {kWarp, blocks, 1, sorted_bytes(blocks), blocks == kBlocksInParts ? 1 : 0}),
+        order_(order) {}
 
   bool over() override { return n_lists() > 0 && *n_playing() == 0; }
   EpisodeStats take_stats() override { return take_host_stats(state_.view(), n_worlds()); }
@@ -157,22 +159,45 @@ class EmulatedGridSimulator final : public GridLaunchingSimulator {
   template <Job job>
   void launch(const GridLaunch& k) {
     std::memset(k.scratch, kPoison, scratch().bytes());
-    const EmulatedSync sync{&threads_};
-    std::memset(shared_.data(), kPoison, shared_.bytes());
+    if constexpr (job == Job::step)
+      with_plain_crowd(k, [&](const auto& plain) {
+        if (in_parts())
+          step_in_parts(plain);
+        else
+          run_blocks(plain, [](const auto& all, const auto&... thread) { run_grid_thread<job>(all, thread...); });
+      });
+    else
+      run_blocks(k, [](const GridLaunch& all, const auto&... thread) { run_grid_thread<job>(all, thread...); });
+  }
+  template <class P>
+  void step_in_parts(const GridLaunchOf<P>& k) {
+    for_each_part(k.ending, k.io, [&](auto constant) {
+      constexpr StepPart kPart = decltype(constant)::value;
+      const bool free = kPart == StepPart::look || kPart == StepPart::write;
+      run_blocks(free ? without_barriers(k, kWarp) : k,
+                 [&](const auto& part, const auto&... thread) { run_grid_part<kPart>(part, thread...); });
+    });
+  }
+  template <class P, class F>
+  void run_blocks(const GridLaunchOf<P>& k, F&& f) {
     const int blocks = k.blocks;
+    auto& threads = threads_[blocks];
+    if (!threads) threads = std::make_unique<LockstepThreads>(blocks * kWarp);
+    const EmulatedSync sync{threads.get()};
+    std::vector<char> shared(pitch() * static_cast<size_t>(blocks), static_cast<char>(kPoison));
     for (int group = 0; group < k.groups; ++group)
-      threads_.run(blocks * kWarp, order_, [&](int thread) {
+      threads->run(blocks * kWarp, order_, [&](int thread) {
         const ThreadIndex at{group * blocks + thread / kWarp, k.groups * blocks, thread % kWarp, kWarp};
-        run_grid_thread<job>(k, at, sync, shared_.data() + pitch() * static_cast<size_t>(thread / kWarp));
+        f(k, at, sync, shared.data() + pitch() * static_cast<size_t>(thread / kWarp));
       });
   }
-  /// Room for sorted agents: blocks of two to a world sort together, all others for themselves where there is room.
-  static size_t sorted_bytes(int blocks) { return blocks == 2 ? 0 : size_t{1} << 16; }
+  /// Room for sorted agents: those of a GPU of two blocks or of kBlocksInParts sort together, all others for themselves
+  /// where there is room.
+  static size_t sorted_bytes(int blocks) { return blocks == 2 || blocks == kBlocksInParts ? 0 : size_t{1} << 16; }
   size_t pitch() const { return (shared_bytes() + 63) & ~size_t{63}; }
 
   ThreadOrder order_;
-  LockstepThreads threads_;  // of a group
-  Buffer<char> shared_;      // of its blocks
+  std::map<int, std::unique_ptr<LockstepThreads>> threads_;  // of groups of so many blocks
 };
 
 }  // namespace

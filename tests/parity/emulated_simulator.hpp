@@ -12,6 +12,10 @@ namespace giga::test {
 /// lies in shared memory and in scratch is poisoned before it is used.
 std::unique_ptr<Simulator> make_emulated_simulator(SimSpec spec, const SimOptions& options, ThreadOrder order);
 
+/// On a GPU of so many blocks a step of worlds of many agents is a launch for each of its parts, where there is a group
+/// for each world.
+constexpr int kBlocksInParts = 8;
+
 /// The same of worlds of many agents (cuda/grid_executor.hpp), on a GPU of `blocks` blocks of a warp.
 std::unique_ptr<Simulator> make_emulated_grid_simulator(SimSpec spec, const SimOptions& options, ThreadOrder order,
                                                         int blocks);

@@ -1,0 +1,210 @@
+// The agents of a row in a world of many agents (rules 17.3): the nearest of those that are shown to an agent, found by
+// place. Who is shown is said by what is handed in (grid_look.hpp).
+#pragma once
+
+#include "core/geometry.hpp"
+#include "sim/grid.hpp"
+#include "sim/observations.hpp"
+
+namespace giga {
+
+/// The nearest of the agents that are shown to it, for the rows of an observation. An agent is a key: its squared
+/// distance, whose lowest bits give way to the number of the slot in which its place is kept. Keys in registers and no
+/// branches, so that the lanes of a warp, each with an agent of its own, keep in step; a new one takes two instructions
+/// a row. Where keys lie so near each other that they leave open who comes first, whoever reads them looks closer:
+/// squares whose roots are equal lie within four of the smallest steps.
+class NearestAgents {
+ public:
+  static constexpr int kMost = 14;  ///< all others of a row of the usual length
+  /// Of all keys, and one that is free. An array apart from the keys: where one is addressed by numbers that are not
+  /// constants, it lies in memory as a whole.
+  static constexpr int kSlots = 16;
+  using Slots = int[kSlots];
+
+  GIGA_HD NearestAgents() {
+    // Keys of nobody lie behind all others, and far from each other.
+    GIGA_UNROLL
+    for (uint32_t k = 0; k <= kMost; ++k) key_[k] = kNobodyKey + k * 2 * kUnclear + k;
+  }
+  /// Whether an agent at that squared distance may be one of them.
+  GIGA_HD bool wants(float d2) const { return float_bits(d2) < key_[kMost - 1] + kUnclear; }
+  GIGA_HD void take(float d2, int place, Slots& slots) {
+    slots[free_] = place;
+    const uint32_t key = (float_bits(d2) & ~kSlotBits) | free_;
+    free_ = max_of(key_[kMost], key) & kSlotBits;  // of the one that is left out
+    // No step waits for another: by old values alone.
+    GIGA_UNROLL
+    for (int k = kMost; k > 0; --k) key_[k] = max_of(key_[k - 1], min_of(key_[k], key));
+    key_[0] = min_of(key_[0], key);
+  }
+  /// Whether agents that lie that far off, or farther, are not among them.
+  GIGA_HD bool all_nearer_than(float distance) const {
+    const float d = distance * 0.9999f;
+    return distance > 0 && key_[kMost - 1] < kNobodyKey && float_bits(d * d) > (key_[kMost - 1] | kSlotBits);
+  }
+  /// The place of number k; -1 = there is none.
+  GIGA_HD int place(int k, const Slots& slots) const { return key_[k] < kNobodyKey ? slots[key_[k] & kSlotBits] : -1; }
+  /// Bit k: whether number k + 1 might come before number k. One that is left out might, in the place of the last.
+  GIGA_HD uint32_t unclear() const {
+    uint32_t bits = 0;
+    GIGA_UNROLL
+    for (int k = 0; k < kMost; ++k) bits |= key_[k + 1] - key_[k] < kUnclear ? 1u << k : 0u;
+    return bits;
+  }
+
+ private:
+  static constexpr uint32_t kSlotBits = kSlots - 1, kUnclear = 2 * kSlots, kNobodyKey = 0x80000000u;
+  static_assert(kSlots >= kMost + 2);
+  GIGA_HD static uint32_t min_of(uint32_t a, uint32_t b) { return b < a ? b : a; }
+  GIGA_HD static uint32_t max_of(uint32_t a, uint32_t b) { return b > a ? b : a; }
+
+  uint32_t key_[kMost + 1];  // the last only to be compared with the one before
+  uint32_t free_ = kMost + 1;
+};
+
+/// How rows are ordered: by distance from a place, equally near ones by number.
+struct RowOrder {
+  float x, y;
+  struct Rank {
+    float distance;
+    uint32_t agent;
+    GIGA_HD bool before(const Rank& other) const {
+      return distance < other.distance || (distance == other.distance && agent < other.agent);
+    }
+  };
+  GIGA_HD Rank rank(const PlacedAgent& a) const {
+    return {order_distance(a.x - x, a.y - y), static_cast<uint32_t>(a.agent)};
+  }
+  GIGA_HD Rank rank(const GridWorld& w, AgentNumber a) const {
+    return {order_distance(w.x[a] - x, w.y[a] - y), a.value};
+  }
+  /// Moves the agent of row k forward to where it belongs among those before it.
+  GIGA_HD void sink(const GridWorld& w, AgentNumber* rows, int k) const {
+    GIGA_ROLLED
+    for (; k > 0 && rank(w, rows[k]).before(rank(w, rows[k - 1])); --k) {
+      const AgentNumber other = rows[k - 1];
+      rows[k - 1] = rows[k];
+      rows[k] = other;
+    }
+  }
+};
+
+/// What is said about an agent that may have a row.
+enum class Answer { no, yes, ask_again };
+
+/// The same as rank_seen does, one by one and with nothing but distances and numbers: where keys leave open who has the
+/// last row. `rows`: [most], of agents behind `after`.
+template <class Seen>
+GIGA_HD void rank_exactly(const GridParameters auto& p, const GridWorld& w, int e, float reach, const RowOrder& order,
+                          RowOrder::Rank after, const Seen& seen, AgentNumber* rows, int most) {
+  int n = 0;
+  const auto last = [&] { return order.rank(w, rows[n - 1]); };
+  for_rings(
+      p, w, order.x, order.y, 1,
+      [&](float far) { return far > reach || (n == most && far * 0.9999f > last().distance); },
+      [&](int k) {
+        const PlacedAgent a = w.placed[k];
+        const RowOrder::Rank rank = order.rank(a);
+        if (a.agent == e || !after.before(rank) || (n == most && !rank.before(last()))) return;
+        if (!seen.worth_asking(a, planar_distance2(w, e, a.agent))) return;
+        Answer answer = Answer::ask_again;
+        GIGA_ROLLED
+        for (int turn = 0; answer == Answer::ask_again; ++turn) answer = seen.ask(a, k, turn);
+        if (answer == Answer::no) return;
+        if (n < most) ++n;
+        rows[n - 1] = AgentNumber{rank.agent};
+        order.sink(w, rows, n - 1);
+      });
+  for (; n < most; ++n) rows[n] = kNobody;
+}
+
+/// The agents of e's rows (rules 7.1), nearest first, equally near ones by number: of those that `seen` says yes to,
+/// which are asked only if they would have a row, and of which none lies beyond `reach`. Looks no farther than the last
+/// row. Longer rows than the usual are put together of several searches. By turns agents are listed and those listed
+/// are asked: each is a short loop, so that workers with agents of their own are in the same one.
+///   seen.worth_asking(placed agent, squared distance)   what can be told at once
+///   seen.ask(placed agent, its place, turn)             turn 0, 1, ... while it says ask_again
+template <class Seen>
+GIGA_HD void rank_seen(const GridParameters auto& p, GridWorld& w, int e, float reach, bool sees_itself,
+                       const Seen& seen) {
+  constexpr int kListed = 32, kMost = NearestAgents::kMost;
+  const int limit = p.n_neighbors;
+  AgentNumber* rows = w.neighbors + static_cast<int64_t>(e) * limit;
+  rows[0] = AgentNumber{static_cast<uint32_t>(e)};
+  if (!sees_itself) rows[0] = kNobody;
+  const RowOrder order{w.x[e], w.y[e]};
+  const int column = w.grid.column(order.x), row = w.grid.row(order.y);
+  // Where agents are crowded the next cells hold enough of them, and where they are far apart nobody beyond matters.
+  int crowd = 0;
+  const int left = column > 0 ? column - 1 : 0, right = column + 1 < w.grid.columns ? column + 1 : column;
+  for (int at = row > 0 ? row - 1 : 0; at <= row + 1 && at < w.grid.rows; ++at) {
+    const CellRange range = w.cells(at, left, right);
+    crowd += range.end - range.begin;
+  }
+  const bool all = min_of(w.grid.size_x, w.grid.size_y) - p.margin > reach;
+  const int first = !all && crowd < 2 * kMost ? 2 : 1;
+  RowOrder::Rank after{-1, 0};
+  GIGA_ROLLED
+  for (int done = 1; done < limit; done += kMost) {
+    const int most = limit - done < kMost ? limit - done : kMost;
+    NearestAgents nearest;
+    NearestAgents::Slots slots;
+    Rings rings(p, w, order.x, order.y, first);
+    int list[kListed];
+    bool more = true;
+    GIGA_ROLLED
+    while (more) {
+      int n = 0;
+      GIGA_ROLLED
+      while (n < kListed) {
+        const int k = rings.next();
+        if (k < 0) {
+          if (n > 0) break;  // who has been listed decides whether any beyond matter
+          const float far = rings.widen();
+          more = far < INFINITY && far <= reach && !nearest.all_nearer_than(far);
+          if (!more) break;
+        } else {
+          const PlacedAgent a = w.placed[k];
+          const float dx = a.x - order.x, dy = a.y - order.y, d2 = dx * dx + dy * dy;
+          list[n] = k;
+          bool wanted = nearest.wants(d2) && a.agent != e && seen.worth_asking(a, d2);
+          if (done > 1) wanted = wanted && after.before(order.rank(a));
+          n += wanted ? 1 : 0;
+        }
+      }
+      int at = 0, turn = 0;
+      GIGA_ROLLED
+      while (at < n) {
+        const int k = list[at];
+        const PlacedAgent a = w.placed[k];
+        const Answer answer = seen.ask(a, k, turn);
+        const float dx = a.x - order.x, dy = a.y - order.y;
+        if (answer == Answer::yes) nearest.take(dx * dx + dy * dy, k, slots);
+        turn = answer == Answer::ask_again ? turn + 1 : 0;
+        at += answer == Answer::ask_again ? 0 : 1;
+      }
+    }
+    AgentNumber* to = rows + done;
+    GIGA_UNROLL
+    for (int k = 0; k < kMost; ++k) {
+      const int place = nearest.place(k, slots);
+      if (k < most) to[k] = AgentNumber{place < 0 ? kNoAgent : static_cast<uint32_t>(w.placed[place].agent)};
+    }
+    uint32_t unclear = nearest.unclear();
+    if (unclear != 0) {  // hardly ever
+      unclear &= (1u << most) - 1u;
+      if (unclear >> (most - 1) != 0)
+        rank_exactly(p, w, e, reach, order, after, seen, to, most);
+      else
+        for (; unclear != 0; unclear &= unclear - 1) order.sink(w, to, lowest_bit(unclear) + 1);
+    }
+    if (done + kMost >= limit) return;
+    if (to[kMost - 1] == kNobody) {
+      for (int k = done + kMost; k < limit; ++k) rows[k] = kNobody;
+      return;
+    }
+    after = order.rank(w, to[kMost - 1]);
+  }
+}
+
+}  // namespace giga

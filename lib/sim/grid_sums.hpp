@@ -1,0 +1,91 @@
+// Sums over the agents of a team, in a world of many agents (rules 17.5), and how they ended.
+#pragma once
+
+#include "sim/episode.hpp"
+#include "sim/grid.hpp"
+#include "sim/rewards.hpp"
+
+namespace giga {
+
+/// Blocks of kSumBlock agents of a team, or of so many such sums.
+GIGA_HD int sum_blocks(int n) { return (n + kSumBlock - 1) / kSumBlock; }
+/// All sums of an item over a team of n agents (SharedWork::sums).
+GIGA_HD int sums_of_team(int n) {
+  int sums = 0;
+  for (int count = sum_blocks(n);; count = sum_blocks(count)) {
+    sums += count;
+    if (count <= kSumBlock) return sums;
+  }
+}
+
+/// What an item of accumulate_episode adds up: a team's returns, or one of its terms, by its place in term_returns.
+struct StepItem {
+  int team, term;
+
+  GIGA_HD StepItem(const GridParams& p, int item) {
+    const int k = item - kNTeams;
+    team = item < kNTeams ? item : (k >= p.n_active_terms ? 1 : 0);
+    term = item < kNTeams ? -1 : active_term(p, k - team * p.n_active_terms);
+  }
+  /// Of agent i.
+  GIGA_HD StepSum of(const GridParams& p, const GridWorld& w, int i) const {
+    if (term < 0) return {w.reward[i], masked_reward(w, i)};
+    return {term_of_step(p, w, term, i), 0};
+  }
+  /// The same of agents first ... end - 1, added up in their order, without a branch for each.
+  GIGA_HD StepSum sum(const GridParams& p, const GridWorld& w, int first, int end) const {
+    const float* number = term < 0 ? w.reward : w.terms + static_cast<int64_t>(term) * p.n_agents;
+    const uint8_t* counts = term < 0 ? w.alive : w.was_alive;
+    float all = 0, some = 0;
+    GIGA_UNROLL_BY(8)  // so that it does not wait for each number
+    for (int i = first; i < end; ++i) {
+      const float value = number[i];
+      all += value;
+      some += counts[i] ? value : 0.0f;
+    }
+    if (term >= 0) return {some, 0};
+    return {all, w.counts[kDone] ? 0.0f : some};
+  }
+  GIGA_HD void add_to_episode(const GridParams& p, GridWorld& w, const StepSum& step) const {
+    if (term < 0) {
+      w.returns[team] += step.sum;
+      w.returns_masked[team] += step.masked;
+    } else {
+      w.term_returns[team * kNRewardTerms + term] += scale_term(p, w, static_cast<RewardTerm>(term), step.sum);
+    }
+  }
+};
+
+/// Rules 17.5, by one worker.
+GIGA_HD void accumulate_episode(const GridParameters auto& p, GridWorld& w, int item) {
+  constexpr int kLevels = 4;
+  static_assert(kMaxGridAgents <= int64_t{kSumBlock} * kSumBlock * kSumBlock * kSumBlock);
+  const StepItem what(p, item);
+  StepSum level[kLevels] = {};
+  const auto close = [&](int at) {
+    level[at + 1] += level[at];
+    level[at] = {};
+  };
+  for_team(p, what.team, [&](int i, int slot) {
+    level[0] += what.of(p, w, i);
+    for (int at = 0, n = slot + 1; at + 1 < kLevels && n % kSumBlock == 0; ++at, n /= kSumBlock) close(at);
+  });
+  for (int at = 0; at + 1 < kLevels; ++at) close(at);
+  what.add_to_episode(p, w, level[kLevels - 1]);
+}
+
+/// How the agents of a team ended is counted in whole numbers: one by one, a float counts to 16,777,216 only.
+GIGA_HD void finish_episode(const GridParameters auto& p, GridWorld& w, int item) {
+  GridParams nobody = p;
+  nobody.team_after_team = true;
+  nobody.n_team[0] = nobody.n_team[1] = nobody.n_agents = 0;
+  finish_episode(nobody, static_cast<WorldView&>(w), item);
+  if (item >= kNTeams) return;
+  int ends[kNDeaths + 1] = {};
+  for (int i = p.first_of(item); i < p.end_of(item); ++i)
+    if (p.team_of(i) == item) ++ends[static_cast<int>(w.death[i])];
+  for (int death = 0; death <= kNDeaths; ++death)
+    w.stats[static_cast<int>(end_of_agent(static_cast<Death>(death))) + item] += static_cast<float>(ends[death]);
+}
+
+}  // namespace giga

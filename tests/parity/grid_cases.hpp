@@ -1,0 +1,110 @@
+// Scenarios and helpers of the tests of grids: variants with every switch alone, knots of agents that lie together.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <memory>
+#include <ostream>
+#include <string>
+
+#include "core/error.hpp"
+#include "sim/simulator.hpp"
+#include "support/sim_runner.hpp"
+#include "support/sim_specs.hpp"
+
+namespace giga::test {
+
+struct Case {
+  int n_team_0, n_team_1;
+  int n_variants, n_steps;
+};
+inline void PrintTo(const Case& c, std::ostream* out) { *out << c.n_team_0 << " v " << c.n_team_1; }
+/// Variant 0 has every switch on, 1 none, then each one alone and each one missing; the rest of the scenario is random.
+inline SimSpec variant_of(const Case& c, int variant) {
+  SimSpec spec =
+      random_spec(static_cast<uint64_t>(7000 * variant + 31 * c.n_team_0 + c.n_team_1), c.n_team_0, c.n_team_1);
+  const unsigned all = kNSwitchMasks - 1;
+  unsigned mask = variant == 0 ? all : 0;
+  if (variant >= 2) mask = 1u << (static_cast<unsigned>(variant - 2) / 2 % kNSwitches);
+  if (variant >= 2 && variant % 2) mask = all ^ mask;
+  set_switches(spec, mask);
+  spec.params.max_episode_length = variant % 5 == 4 ? 0 : 5 + variant % 9;
+  spec.finish();
+  return spec;
+}
+
+inline SimOptions options_of(int variant) {
+  SimOptions options;
+  options.n_worlds = 3;
+  options.n_threads = 1 + variant % 2;
+  options.seed = 0xABCDEFull + static_cast<uint64_t>(variant);
+  options.first_world = variant % 3 == 2 ? 100000 : 0;
+  options.on_done = variant % 4 == 3 ? (variant % 8 == 3 ? OnDone::freeze : OnDone::keep) : OnDone::reset;
+  return options;
+}
+
+inline std::unique_ptr<Simulator> grid(const SimSpec& spec, SimOptions options) {
+  options.grid = true;
+  return make_grid_simulator(spec, options);
+}
+
+/// Without the tables of which a grid keeps nothing. What they led to, the observations, is compared.
+inline Snapshot without_tables(Snapshot shot) {
+  std::erase_if(shot.fields, [](const SnapshotField& f) { return f.name == "detected" || f.name == "seen"; });
+  return shot;
+}
+
+/// Agents that start at two points, or so near one that keys of distances cannot tell them apart: who has which row is
+/// decided by number, or by looking closer.
+struct Knot {
+  int n_team_0, n_team_1;
+  float spread, limit;
+  int n_neighbors;
+  bool stochastic;
+};
+inline const Knot kKnots[] = {
+    {6, 7, 0, 20, 15, false},                                   // fewer than rows
+    {6, 7, 2e-5f, 20, 15, true},                                // in the wrong order
+    {40, 30, 0, 20, 15, true},                                  // more detect one than are kept
+    {40, 30, 2e-5f, 20, 15, true},                              // whoever has the last row too
+    {40, 30, 2e-5f, 20, 40, false}, {40, 30, 0, 20, 33, true},  // longer rows
+    {3, 400, 1, 1000, 15, true},                                // hundreds in a cell
+    {60, 50, 8, 30, 15, true},                                  // told by somebody who is not kept
+};
+inline SimSpec knot_spec(const Knot& c) {
+  SimSpec spec = plain_spec(c.n_team_0, c.n_team_1);
+  spec.params.limit_x = spec.params.limit_y = c.limit;
+  spec.params.stochastic_detection = spec.params.stochastic_communication = c.stochastic;
+  spec.params.collision_range2 = 0;
+  spec.params.max_episode_length = 4;
+  set_cone(spec.params, 8, kTwoPi);
+  set_damage_cone(spec.params, c.n_team_1 > kMostShooters ? 1.0f : 6.0f, 0.2f);
+  spec.maps[0].start[0] = {5, 5, 5 + c.spread, 5 + c.spread, 2, 2, 0, 1};
+  spec.maps[0].start[1] = {9, 8, 9 + c.spread, 8 + c.spread, 2, 2, 3, 4};
+  spec.neighbor_limit = c.n_neighbors;
+  spec.finish();
+  return spec;
+}
+/// Plays them by `expected` and `actual`, and compares what holds for both.
+inline void play_knots(const std::function<std::unique_ptr<Simulator>(const SimSpec&, const SimOptions&)>& expected,
+                       const std::function<std::unique_ptr<Simulator>(const SimSpec&, const SimOptions&)>& actual) {
+  for (const Knot& c : kKnots) {
+    const SimSpec spec = knot_spec(c);
+    SimOptions options;
+    options.n_worlds = 2;
+    SimRunner a(expected(spec, options)), b(actual(spec, options));
+    a.start();
+    b.start();
+    for (uint64_t k = 0; k < 6; ++k) {
+      const Snapshot now = a.snapshot();
+      ASSERT_EQ(difference(without_tables(now), without_tables(b.snapshot())), "")
+          << c.n_team_0 << " v " << c.n_team_1 << " within " << c.spread << ", " << c.n_neighbors << " rows, step "
+          << k;
+      a.step(k);
+      b.step(k);
+    }
+  }
+}
+
+}  // namespace giga::test

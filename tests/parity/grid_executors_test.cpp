@@ -1,0 +1,221 @@
+// What the GPU back end does with worlds of many agents, on a GPU and by emulation, against the CPU's grid, bit for
+// bit.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <memory>
+#include <tuple>
+#include <utility>
+
+#include "cuda/runtime.hpp"
+#include "parity/emulated_simulator.hpp"
+#include "parity/grid_cases.hpp"
+#include "sim/grid_memory.hpp"
+#include "support/thinning.hpp"
+
+namespace giga::test {
+namespace {
+
+/// Who runs the threads of the GPU back end, held against the CPU's grid.
+enum class Executor { gpu, emulated };
+class GridExecutors : public ::testing::TestWithParam<std::tuple<Executor, Case>> {
+ protected:
+  void SetUp() override {
+    if (executor_ == Executor::gpu && cuda_device_count() == 0) GTEST_SKIP() << "skipped: no GPU";
+  }
+  std::unique_ptr<Simulator> other(const SimSpec& spec, SimOptions options, int variant) const {
+    options.grid = true;
+    if (executor_ == Executor::gpu) return make_cuda_grid_simulator(spec, options, 0);
+    // One block to a world, several worlds to a group, several blocks to a world, the last one without agents; parts.
+    const int blocks[] = {1, 2, 9, kBlocksInParts};
+    return make_emulated_grid_simulator(spec, options, static_cast<ThreadOrder>(variant % 3), blocks[variant % 4]);
+  }
+
+  /// Under a sanitizer as few steps as show each stage a few times, over resets.
+  static Case cut(Case c, Executor executor) {
+    if (executor == Executor::gpu && parity_is_small()) {
+      c.n_variants = std::min(c.n_variants, 4);
+      c.n_steps = std::min(c.n_steps, 8);
+    }
+    return c;
+  }
+
+  const Executor executor_ = std::get<0>(GetParam());
+  const Case case_ = cut(std::get<1>(GetParam()), executor_);
+};
+
+TEST_P(GridExecutors, EveryStepIsThatOfTheCpu) {
+  int64_t shots = 0, dead = 0, ended = 0;
+  for (int variant = 0; variant < case_.n_variants; ++variant) {
+    const SimSpec spec = variant_of(case_, variant);
+    const SimOptions options = options_of(variant);
+    SimRunner a(grid(spec, options)), b(other(spec, options, variant));
+    a.start();
+    b.start();
+    ASSERT_EQ(difference(a.snapshot(), b.snapshot()), "") << "variant " << variant << ", start";
+    for (int k = 0; k < case_.n_steps; ++k) {
+      a.step(static_cast<uint64_t>(k));
+      b.step(static_cast<uint64_t>(k));
+      const Snapshot now = a.snapshot();
+      ASSERT_EQ(difference(now, b.snapshot()), "") << "variant " << variant << ", step " << k;
+      shots += std::ranges::count_if(now.field("tracked").bytes, [](uint8_t t) { return t > 0; });
+      dead += std::ranges::count(now.field("alive").bytes, 0);
+      ended += std::ranges::count_if(now.field("done").bytes, [](uint8_t d) { return d > 0; });
+      if (k % 6 != 5) continue;
+      a.observe();
+      b.observe();
+      ASSERT_EQ(difference(observations(a.snapshot()), observations(b.snapshot())), "")
+          << "variant " << variant << ", observe after step " << k;
+    }
+    const EpisodeStats stats = a.sim().take_stats(), same = b.sim().take_stats();
+    for (size_t row = 0; row < stats.rows.size(); ++row)
+      EXPECT_NEAR(stats.rows[row], same.rows[row], 1e-9 * (1 + std::abs(stats.rows[row]))) << "row " << row;
+  }
+  if (case_.n_team_0 < 7 || (executor_ == Executor::gpu && parity_is_small())) return;
+  EXPECT_GT(shots, 0);
+  EXPECT_GT(dead, 0);
+  EXPECT_GT(ended, 0);
+}
+
+// Worlds that end one after the other, one or several episodes each, and lists of those that still play.
+TEST_P(GridExecutors, WorldsThatFreeze) {
+  for (const auto& [variant, episodes] : {std::pair{0, 1}, {4, 1}, {1, 3}, {5, 2}}) {
+    SimSpec spec = variant_of(case_, variant);
+    spec.params.max_episode_length = std::max(1, case_.n_steps / episodes);
+    SimOptions options = options_of(variant);
+    options.on_done = OnDone::freeze;
+    options.episodes = episodes;
+    SimRunner a(grid(spec, options), Outputs::observations), b(other(spec, options, variant), Outputs::observations);
+    a.start();
+    b.start();
+    const int most = case_.n_steps + 4 * kListPeriod;
+    for (int k = 0; k < most; ++k) {
+      a.step(static_cast<uint64_t>(k));
+      b.step(static_cast<uint64_t>(k));
+      if (k % 4 == 3) {
+        ASSERT_EQ(difference(a.snapshot(), b.snapshot()), "") << "variant " << variant << ", step " << k;
+      }
+    }
+    EXPECT_TRUE(b.sim().over());
+    EXPECT_EQ(a.sim().take_stats()[EpisodeStat::episodes], 3 * episodes);
+    EXPECT_EQ(b.sim().take_stats()[EpisodeStat::episodes], 3 * episodes);
+  }
+}
+
+const Case kExecutorCases[] = {{1, 1, 9, 12}, {2, 9, 12, 12}, {7, 3, 18, 20}, {60, 50, 9, 12}, {141, 66, 3, 8}};
+const auto kExecutorName = [](const auto& test) {
+  const Case& c = std::get<1>(test.param);
+  return cat(c.n_team_0, "v", c.n_team_1);
+};
+INSTANTIATE_TEST_SUITE_P(Gpu, GridExecutors,
+                         ::testing::Combine(::testing::Values(Executor::gpu), ::testing::ValuesIn(kExecutorCases)),
+                         kExecutorName);
+INSTANTIATE_TEST_SUITE_P(Emulated, GridExecutors,
+                         ::testing::Combine(::testing::Values(Executor::emulated), ::testing::ValuesIn(kExecutorCases)),
+                         kExecutorName);
+
+/// More agents than tables serve: sums of several blocks (rules 17.5), cells of more than one chunk and, beyond 4,096
+/// agents, of more than one group.
+SimSpec crowd(int n_team_0, int n_team_1, float limit, int episode) {
+  SimSpec spec = plain_spec(n_team_0, n_team_1);
+  spec.params.limit_x = spec.params.limit_y = limit;
+  spec.params.actions = ActionKind::discrete;
+  spec.params.stochastic_detection = spec.params.stochastic_communication = true;
+  spec.params.max_episode_length = episode;
+  const float far = limit - 2;
+  spec.maps[0].start[0] = {2, 2, far, far, 0, 5, 0, 6};
+  spec.maps[0].start[1] = {2, 2, far, far, 0, 5, 0, 6};
+  spec.finish();
+  return spec;
+}
+
+struct Crowd {
+  int n_team_0, n_team_1;
+  float limit;
+  int worlds, blocks, steps;
+};
+void play_crowd(const Crowd& c, const std::function<std::unique_ptr<Simulator>(const SimSpec&, SimOptions)>& other) {
+  constexpr int64_t kMostPairs = 1 << 25;
+  const SimSpec spec = crowd(c.n_team_0, c.n_team_1, c.limit, 3);
+  const float reach[kNTeams] = {1, 1};
+  EXPECT_TRUE(PlainCrowd::fits(GridParams(spec.params, reach, 1)));
+  SimOptions options;
+  options.n_worlds = c.worlds;
+  options.grid = true;
+  SimRunner a(grid(spec, options), Outputs::observations), b(other(spec, options), Outputs::observations);
+  a.start();
+  b.start();
+  for (uint64_t k = 0; k < static_cast<uint64_t>(c.steps); ++k) {
+    a.step(k);
+    b.step(k);
+    ASSERT_TRUE(a.sim().state().save() == b.sim().state().save())
+        << c.n_team_0 << " v " << c.n_team_1 << " in " << c.worlds << " worlds, step " << k;
+    // What was written too, where the tables of pairs that a snapshot makes are not too large.
+    if (int64_t{spec.params.n_agents} * spec.params.n_agents * c.worlds > kMostPairs) continue;
+    ASSERT_EQ(difference(a.snapshot(), b.snapshot()), "") << "step " << k;
+  }
+  const EpisodeStats stats = a.sim().take_stats(), same = b.sim().take_stats();
+  for (size_t row = 0; row < stats.rows.size(); ++row)
+    EXPECT_NEAR(stats.rows[row], same.rows[row], 1e-9 * (1 + std::abs(stats.rows[row]))) << "row " << row;
+}
+
+TEST(GridCrowds, AreThoseOfTheCpu) {
+  for (const Crowd& c :
+       {Crowd{1100, 903, 40, 2, 5, 5}, Crowd{2600, 2601, 300, 1, 4, 3}, Crowd{1100, 903, 40, 2, kBlocksInParts, 5}})
+    play_crowd(c, [&](const SimSpec& spec, const SimOptions& options) {
+      return make_emulated_grid_simulator(spec, options, ThreadOrder::shuffled, c.blocks);
+    });
+}
+
+TEST(GridCrowds, KnotsAreThoseOfTheCpu) {
+  for (const int blocks : {1, 2, 9, kBlocksInParts})
+    play_knots(grid, [&](const SimSpec& spec, SimOptions options) {
+      options.grid = true;
+      return make_emulated_grid_simulator(spec, options, ThreadOrder::shuffled, blocks);
+    });
+}
+TEST(GpuGridCrowds, KnotsAreThoseOfTheCpu) {
+  if (cuda_device_count() == 0) GTEST_SKIP() << "skipped: no GPU";
+  play_knots(grid, [](const SimSpec& spec, SimOptions options) {
+    options.grid = true;
+    return make_cuda_grid_simulator(spec, options, 0);
+  });
+}
+
+// On an H200, which holds 264 blocks: clusters of 2, 8 and 4 blocks, groups too large for a cluster, one and several at
+// once, and groups of a block that go from world to world. Under a sanitizer fewer worlds, and so larger groups.
+TEST(GpuGridCrowds, AreThoseOfTheCpu) {
+  if (cuda_device_count() == 0) GTEST_SKIP() << "skipped: no GPU";
+  const auto play = [](const Crowd& c) {
+    play_crowd(
+        c, [](const SimSpec& spec, const SimOptions& options) { return make_cuda_grid_simulator(spec, options, 0); });
+  };
+  if (parity_is_small()) {
+    for (const Crowd& c : {Crowd{150, 150, 20, 3, 0, 4}, Crowd{1100, 903, 40, 1, 0, 2}, Crowd{2600, 2601, 300, 1, 0, 1},
+                           Crowd{10, 10, 12, 300, 0, 2}})
+      play(c);
+    return;
+  }
+  for (const Crowd& c : {Crowd{150, 150, 20, 3, 0, 5}, Crowd{1100, 903, 40, 2, 0, 5}, Crowd{1100, 903, 40, 50, 0, 4},
+                         Crowd{2600, 2601, 300, 1, 0, 4}, Crowd{2600, 2601, 80, 5, 0, 4}, Crowd{10, 10, 12, 600, 0, 5}})
+    play(c);
+}
+
+// A step in four launches, as large worlds have it: in one cluster, and in more blocks than fit into one.
+TEST(GpuGridCrowds, InPartsAreThoseOfTheCpu) {
+  if (cuda_device_count() == 0) GTEST_SKIP() << "skipped: no GPU";
+  const auto in_parts = [](const SimSpec& spec, SimOptions options) {
+    options.grid = true;
+    return make_cuda_grid_simulator(spec, options, 0, nullptr, 1);
+  };
+  play_knots(grid, in_parts);
+  for (const Crowd& c : {Crowd{1100, 903, 40, 2, 0, 5}, Crowd{2600, 2601, 300, 1, 0, 4}}) {
+    if (parity_is_small() && c.n_team_0 > 2000) continue;
+    play_crowd(c, in_parts);
+  }
+}
+
+}  // namespace
+}  // namespace giga::test
