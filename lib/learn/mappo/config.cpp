@@ -331,8 +331,8 @@ const Algorithm MappoAlgorithm::kAlgorithm = {
     .name = "mappo",
     .about = "PPO in self-play, with a centralized critic per team",
     .figures =
-        "policy_loss, value_loss, entropy and mutual_information (nats), approx_kl, clip_fraction,\n"
-        "explained_variance, actor_grad_norm, critic_grad_norm",
+        "policy_loss, value_loss, view_loss, entropy and mutual_information (nats), approx_kl,\n"
+        "clip_fraction, explained_variance, actor_grad_norm, critic_grad_norm",
     .updates = "updates",
     .has_populations = false,
     .unread = kMappoUnread,
