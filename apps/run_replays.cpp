@@ -27,8 +27,19 @@ void ReplayWriter::write(int64_t updates, std::unique_ptr<TeamRecording> games) 
 }
 
 void ReplayWriter::wait() {
-  if (written_.valid()) written_.get();
+  if (const std::exception_ptr failure = ended()) std::rethrow_exception(failure);
+}
+
+std::exception_ptr ReplayWriter::ended() {
+  if (!written_.valid()) return nullptr;
+  std::exception_ptr failure;
+  try {
+    written_.get();
+  } catch (...) {
+    failure = std::current_exception();
+  }
   games_.reset();
+  return failure;
 }
 
 void write_replays_page(const RunFolder& folder, int64_t updates) {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <exception>
 #include <future>
 #include <memory>
 
@@ -22,6 +23,8 @@ class ReplayWriter {
   void write(int64_t updates, std::unique_ptr<TeamRecording> games);
   /// Waits, and throws what went wrong.
   void wait();
+  /// Waits; null, or what went wrong, for who has to save something first.
+  std::exception_ptr ended();
 
  private:
   const RunFolder& folder_;

@@ -6,6 +6,7 @@
 #include <chrono>
 #include <cmath>
 #include <csignal>
+#include <exception>
 #include <filesystem>
 #include <functional>
 #include <iostream>
@@ -392,10 +393,11 @@ void Training::save(bool is_best) {
   // First what the checkpoint counts on: the rows and the games up to here.
   metrics_files_->flush_to_disk();
   const Checkpoint now = checkpoint();
-  replays_.wait();
+  const std::exception_ptr lost = replays_.ended();
   expect_same_state(ranks_.get(), now.arrays);
   folder_.save(now, config_.checkpoint.keep, is_best);
   saved_update_ = learner_->updates_done();
+  if (lost) std::rethrow_exception(lost);
 }
 
 void Training::show(const Metrics& metrics) {

@@ -99,7 +99,7 @@ GridDevice grid_device(int index, int n_agents, int in_parts) {
   const size_t stage = grid_stage_bytes(kGridThreads), most = static_cast<size_t>(room);
   device.shared_bytes = most > stage ? std::min(most - stage, kMostSorted) : 0;
   device.in_parts = in_parts;
-  if (n_agents >= in_parts) device.shared_bytes = 0;  // what is sorted outlives a launch
+  if (in_parts > 0 && n_agents >= in_parts) device.shared_bytes = 0;  // what is sorted outlives a launch
   const size_t shared = stage + grid_sorted_bytes(n_agents, device);
   const auto look_at = [&]<class P>(void (*kernel)(GridLaunchOf<P>, bool)) {
     int blocks = 0;

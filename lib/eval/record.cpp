@@ -208,7 +208,10 @@ TeamRecording::TeamRecording(const LoadedRun& run, Learner& learner, int episode
 
 TeamRecording::~TeamRecording() = default;
 
-void TeamRecording::finish() { recorder_->finish(); }
+void TeamRecording::finish() {
+  recorder_->finish();
+  for (std::unique_ptr<ValueFunction>& values : values_) values.reset();
+}
 
 Replay TeamRecording::replay(const std::string& version) {
   Replay replay = replay_frame(run_.scenario, run_.spec, version);

@@ -41,13 +41,13 @@ RecordedMatch record_match(const Scenario& scenario, const SimSpec& spec,
 /// Games of the teams of a run as they play now, one against the other, or against whom they learn to beat.
 class TeamRecording {
  public:
-  /// `options`: of the matches that are played beside them. The learner must outlive the games.
+  /// `options`: of the matches that are played beside them. The run must outlive it, and the learner the games.
   TeamRecording(const LoadedRun& run, Learner& learner, int episodes, const MatchOptions& options);
   ~TeamRecording();
 
   /// What play_matches is to play.
   const WatchedPair& games() const { return games_; }
-  /// When they were played: asks the networks, and leaves nothing on the device to be fetched.
+  /// When they were played: asks the networks, and keeps nothing of theirs on the device.
   void finish();
   /// Then. No more than the host's work, which may go on beside what else it does.
   Replay replay(const std::string& version);

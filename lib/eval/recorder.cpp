@@ -66,7 +66,8 @@ struct Recorder::Kept {
   at::Tensor truth;             // [most, W, G] where a critic reads it
 
   StateShape shape = 0;
-  StateView fields{};  // of the first state; those of pairs are null in a crowd
+  const uint8_t* first = nullptr;  // the first state, while it is kept
+  StateView fields{};              // of that; those of pairs are null in a crowd
   PairLists lists;
   std::unique_ptr<ParallelFor> parallel_for;
 
@@ -78,7 +79,7 @@ struct Recorder::Kept {
   /// Where something of the first state lies in another.
   template <class T>
   T* field(T* there, const uint8_t* state) const {
-    const uint8_t* at = state + (reinterpret_cast<const uint8_t*>(there) - bytes.const_data_ptr<uint8_t>());
+    const uint8_t* at = state + (reinterpret_cast<const uint8_t*>(there) - first);
     return there ? reinterpret_cast<T*>(const_cast<uint8_t*>(at)) : nullptr;
   }
   void run(const CopyPieces& copy) const {
@@ -168,11 +169,19 @@ void Recorder::after_recorded(const GameStep&) {
 /// For so many more states.
 void Recorder::make_room(int64_t states) {
   if (waiting_->count + states <= waiting_->most) return;
-  finish();
+  fetch();
   note();  // by which it is known whether the games are over
 }
 
 void Recorder::finish() {
+  fetch();
+  for (Kept* kept : {waiting_.get(), recorded_.get()})
+    for (at::Tensor* room : kept->rooms()) *room = at::Tensor();
+  true_state_ = Buffer<float>();
+}
+
+/// Asks the networks of what waits, and brings it to the host.
+void Recorder::fetch() {
   Kept& from = *waiting_;
   if (from.count == 0) return;
   Fetched& to = *fetched_;
@@ -268,6 +277,7 @@ void Recorder::make_rooms(const GameStep& step) {
       bytes += Kept::row(tensor);
     };
     room(to.bytes, {static_cast<int64_t>(state_bytes(shape, w))}, at::kByte);
+    to.first = to.bytes.const_data_ptr<uint8_t>();
     lay_out_state(shape, w, to.bytes.data_ptr<uint8_t>(), to.fields, to.lists);
     const int64_t action = spec_.params.actions == ActionKind::discrete ? sizeof(int32_t) : kActionSize * sizeof(float);
     for (int team = 0; team < kNTeams; ++team) {
@@ -289,7 +299,10 @@ void Recorder::make_rooms(const GameStep& step) {
   };
   const int64_t bytes = make(at_once ? 1 : kListPeriod, *recorded_);
   const int64_t states = spec_.params.max_episode_length + kListPeriod;  // so that the last list fits in
-  const int64_t most = std::min(options_.most_bytes / bytes, states);
+  // Of many images at once what lies between the layers of an encoder would take gigabytes.
+  constexpr int64_t kMostOfImages = 64;
+  const bool images = recorded_->images[0].defined() || recorded_->images[1].defined();
+  const int64_t most = std::min(options_.most_bytes / bytes, images ? std::min(states, kMostOfImages) : states);
   make(at_once ? 1 : std::max<int64_t>(most, kListPeriod), *waiting_);
   if (at_once) *recorded_ = {};
 }

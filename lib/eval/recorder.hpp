@@ -17,7 +17,7 @@ namespace giga {
 
 struct RecorderOptions {
   int worlds = 0;                           ///< the last ones of the simulator; 0 = all
-  int64_t most_bytes = int64_t{128} << 20;  ///< that stay on the device
+  int64_t most_bytes = int64_t{128} << 20;  ///< that wait on the device; at least kListPeriod states do
 };
 
 /// Keeps the episodes of worlds of a match (OnDone::freeze, one episode). What it keeps of a step stays on the device
@@ -36,8 +36,8 @@ class Recorder final : public GameObserver {
   void record_step(int k, const GameStep& step) override;
   void after_recorded(const GameStep& step) override;
 
-  /// After the match: asks the networks of what is left, and fetches it from the device. What follows is the host's
-  /// work alone, which needs neither the networks nor LibTorch, so any thread may do it.
+  /// After the match: asks the networks of what is left, fetches it, and keeps nothing on the device. What follows is
+  /// the host's work alone: it asks no network and runs no kernel, so any thread may do it.
   void finish();
   /// The episodes of the worlds, in their order. `seed`: of the simulator, as in Replay.
   std::vector<ReplayEpisode> episodes(const std::string& seed);
@@ -52,6 +52,7 @@ class Recorder final : public GameObserver {
   void make_rooms(const GameStep& step);
   void keep(const GameStep& step, Kept& to, int64_t at) const;
   void make_room(int64_t states);
+  void fetch();
   void ask(Fetched& to);
   void note();
   void note_actions(const uint8_t* const (&actions)[kNTeams]);

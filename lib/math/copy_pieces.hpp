@@ -10,7 +10,7 @@ namespace giga {
 
 /// Row = four bytes of a piece, or what is left of it; all pieces have n_rows() together.
 struct CopyPieces {
-  static constexpr int kMost = 32;
+  static constexpr int kMost = 40;
   struct Piece {
     const uint8_t* from;
     uint8_t* to;

@@ -46,9 +46,15 @@ enum PpoFault : int {
   kFaultViewGradient,
   kNFaults
 };
-constexpr std::array<const char*, kNFaults> kPpoFaultNames = {
-    "observations",          "log-probabilities of actions", "rewards", "values", "advantages", "returns",
-    "gradient of the actor", "gradient of the critic", "gradient of the view"};
+constexpr std::array<const char*, kNFaults> kPpoFaultNames = {"observations",
+                                                              "log-probabilities of actions",
+                                                              "rewards",
+                                                              "values",
+                                                              "advantages",
+                                                              "returns",
+                                                              "gradient of the actor",
+                                                              "gradient of the critic",
+                                                              "gradient of the view"};
 /// The faults follow the figures.
 constexpr int kFirstFault = kNPpoFigures, kNFigures = kFirstFault + kNFaults;
 

@@ -88,9 +88,8 @@ const Variant kVariants[] = {
     {"ImagesTaughtTheViewPool", alone(with_opponents({"", "view_coef: 2", "hidden: [8], inputs: egocentric", kTaught, 3,
                                                       cat(kEye, ", memory: gru, memory_size: 6")},
                                                      "pool_size: 2, pool_every_updates: 1, pool_share: 0.5"))},
-    {"ImagesTaughtTheViewSharedEncoder",
-     alone({"opponent: circle, learning_team: 1", "view_coef: 2", "shared_encoder: true, hidden: [8]", kTaught, 3,
-            kEye})},
+    {"ImagesTaughtTheViewSharedEncoder", alone({"opponent: circle, learning_team: 1", "view_coef: 2",
+                                                "shared_encoder: true, hidden: [8]", kTaught, 3, kEye})},
     {"NatureStateCritic", alone({"opponent: circle", "", "kind: state, hidden: [8]",
                                  "observation: {type: rgb, resolution: 36}\n", 3, "encoder: nature, hidden: [8]"})},
 };

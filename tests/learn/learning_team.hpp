@@ -39,8 +39,6 @@ inline at::Tensor saved_as(const NamedArrays& arrays, const char* name, at::IntA
   return x;
 }
 
-inline double distance(const at::Tensor& a, const at::Tensor& b) {
-  return ((a - b).norm() / b.norm()).item<double>();
-}
+inline double distance(const at::Tensor& a, const at::Tensor& b) { return ((a - b).norm() / b.norm()).item<double>(); }
 
 }  // namespace giga::test

@@ -172,9 +172,10 @@ TEST(LearnPixelsGpu, GoingOnIsBitForBit) {
   const Device gpu{Device::Kind::cuda, 0};
   const std::string images = "observation: {type: rgb}\n",
                     both = "observation: {type: rgb_vector, egocentric_view: true}\n";
-  for (const auto& [encoder, scenario, mappo] :
-       {std::tuple{"nature", images, ""}, {"compact", images, ""}, {"impala, impala_width: 8", images, ""},
-        {"compact", both, "view_coef: 5"}}) {
+  for (const auto& [encoder, scenario, mappo] : {std::tuple{"nature", images, ""},
+                                                 {"compact", images, ""},
+                                                 {"impala, impala_width: 8", images, ""},
+                                                 {"compact", both, "view_coef: 5"}}) {
     SCOPED_TRACE(cat(encoder, " ", mappo));
     SmallRun run = pixel_run(scenario);
     run.mappo = mappo;

@@ -50,7 +50,6 @@ constexpr ChartRow kMappoCharts[] = {
     {"clip_fraction", "Clip fraction", "share of probability ratios beyond the clip range"},
     {"policy_loss", "Policy loss", "the clipped surrogate; its size says little, its jumps do"},
     {"value_loss", "Value loss", "of the critic, in normalised units"},
-    {"view_loss", "View loss", "mean squared error of the egocentric view as an actor's features of images tell it"},
 };
 constexpr std::string_view kMappoUnread[] = {"population.", "openai_es.", "snes.", "des."};
 
@@ -116,9 +115,9 @@ void view_is_taught(ConfigCheck& check) {
   const MappoConfig& c = check.config.mappo;
   if (c.view_coef == 0 || !check.known({"mappo.view_coef", "mappo.actor.encoder"})) return;
   if (!c.actor.reads_image())
-    return check.fail("mappo.view_coef", cat(c.view_coef, ": this teaches an encoder of images, and mappo.actor.encoder ",
-                                             FieldCodec<EncoderKind>::print(c.actor.encoder),
-                                             " reads numbers; allowed with it: 0"));
+    return check.fail("mappo.view_coef",
+                      cat(c.view_coef, ": this teaches an encoder of images, and mappo.actor.encoder ",
+                          FieldCodec<EncoderKind>::print(c.actor.encoder), " reads numbers; allowed with it: 0"));
   if (check.spec && check.scenario_knows("observation.type") && check.spec->params.images_only)
     return check.fail("mappo.view_coef",
                       cat(c.view_coef, ": agents of '", check.config.scenario,
@@ -331,8 +330,8 @@ const Algorithm MappoAlgorithm::kAlgorithm = {
     .name = "mappo",
     .about = "PPO in self-play, with a centralized critic per team",
     .figures =
-        "policy_loss, value_loss, view_loss, entropy and mutual_information (nats), approx_kl,\n"
-        "clip_fraction, explained_variance, actor_grad_norm, critic_grad_norm",
+        "policy_loss, value_loss, entropy and mutual_information (nats), approx_kl, clip_fraction,\n"
+        "explained_variance, actor_grad_norm, critic_grad_norm",
     .updates = "updates",
     .has_populations = false,
     .unread = kMappoUnread,

@@ -319,6 +319,7 @@ void Mappo::team_metrics(int team, const float* figures, Metrics& out) const {
   add("explained_variance", f(kFigExplained));
   add("actor_grad_norm", f(kFigActorNorm) / steps);
   add("critic_grad_norm", f(kFigCriticNorm) / steps);
+  if (config_.mappo.view_coef > 0) add("view_grad_norm", f(kFigViewNorm) / steps);
   add("first_ratio_error", f(kFigFirstRatioError));
   add("mutual_information", f(kFigMutualInformation));
   add("living_share", f(kFigLiving));

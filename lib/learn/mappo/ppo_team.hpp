@@ -148,7 +148,7 @@ class PpoTeam {
   Critic critic_;
   Adam actor_adam_, critic_adam_;
   std::string plain_because_;
-  std::unique_ptr<FusedUpdate> fused_;  // null: LibTorch
+  std::unique_ptr<FusedUpdate> fused_;    // null: LibTorch
   std::unique_ptr<ViewTeacher> teacher_;  // null: mappo.view_coef is 0
   RunningNorm value_norm_;                // size 1; stays 0 and 1 where it is off
   float entropy_coef_;

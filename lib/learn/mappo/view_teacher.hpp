@@ -22,8 +22,9 @@ class ViewTeacher {
 
   /// What the actor's features [R, F] tell of the view: [R, V] fp32, by one linear layer.
   at::Tensor told(const at::Tensor& features) const;
-  /// The gradient of the loss by `told`, and the loss: mappo.view_coef times the mean over living rows and the V numbers
-  /// of the squared error. obs [R, D] rows of all numbers; alive [R] 0 or 1; inv_count [1] 1 / living rows of all ranks.
+  /// The gradient of the loss by `told`, and the loss: mappo.view_coef times the mean over living rows and the V
+  /// numbers of the squared error. obs [R, D] rows of all numbers; alive [R] 0 or 1; inv_count [1] 1 / living rows of
+  /// all ranks.
   struct Loss {
     at::Tensor gradient;  // [R, V]
     at::Tensor sum;       // [] over living rows, before mappo.view_coef
