@@ -6,6 +6,8 @@
 #include <filesystem>
 #include <iostream>
 #include <memory>
+#include <set>
+#include <string>
 
 #include "io/run_folder.hpp"
 #include "runs.hpp"
@@ -27,10 +29,20 @@ class KilledRun : public ::testing::Test {
     ASSERT_EQ(whole.code, 0) << whole.err;
     hash_ = state_hash(*here_, "whole");
     metrics_ = timeless_metrics(*here_, "whole");
+    replays_ = replays("whole");
+    ASSERT_FALSE(replays_.empty());
     n_operations_ = static_cast<int>(here_->read("count_whole").size());
   }
   static void TearDownTestSuite() { here_.reset(); }
   void SetUp() override { ASSERT_GT(n_operations_, 0); }
+
+  /// The names of a run's replays, which a thread writes beside the updates, in order.
+  static std::set<std::string> replays(const std::string& name) {
+    std::set<std::string> names;
+    for (const auto& entry : fs::directory_iterator(here_->path() / name / "replays"))
+      names.insert(entry.path().filename().string());
+    return names;
+  }
 
   /// Trains in the folder `name`; the fault strikes at the file operation `at` below it.
   static Outcome run(const std::string& name, int at, int error) {
@@ -58,6 +70,7 @@ class KilledRun : public ::testing::Test {
     EXPECT_EQ(resumed.code, 0) << resumed.err;
     EXPECT_EQ(state_hash(*here_, name), hash_);
     EXPECT_EQ(metrics_difference(timeless_metrics(*here_, name), metrics_), "");
+    EXPECT_EQ(replays(name), replays_) << "a checkpoint has not waited for the games of its evaluation";
     for (const auto& entry : fs::recursive_directory_iterator(here_->path() / name))
       EXPECT_NE(entry.path().extension(), ".tmp") << entry.path() << " was left";
     return true;
@@ -65,10 +78,12 @@ class KilledRun : public ::testing::Test {
 
   static std::unique_ptr<Workplace> here_;
   static std::string hash_, metrics_;
+  static std::set<std::string> replays_;
   static int n_operations_;
 };
 std::unique_ptr<Workplace> KilledRun::here_;
 std::string KilledRun::hash_, KilledRun::metrics_;
+std::set<std::string> KilledRun::replays_;
 int KilledRun::n_operations_ = 0;
 
 TEST_F(KilledRun, BySigkillAtEveryFileOperation) {
