@@ -60,18 +60,18 @@ constexpr int kFirstFault = kNPpoFigures, kNFigures = kFirstFault + kNFaults;
 
 /// What a minibatch of a policy adds to the figures, and whether the others of the update are skipped (n = 1).
 struct PolicyNote {
-  const float* sums;  // [kNPolicyDiagnostics] over its living rows
-  float* figures;     // [kNFigures]
-  float* stop;        // [1] becomes 1 once the policy has moved further than target_kl
-  float target_kl;    // below 0: as far as it will
-  bool first;         // of the update
+  const float* sums;       // [kNPolicyDiagnostics] over its living rows
+  float* figures;          // [kNFigures]
+  float* stop;             // [1] becomes 1 once the policy has moved further than target_kl
+  float target_kl;         // below 0: as far as it will
+  const float* minibatch;  // [1] its number within the update, from 1
 
   GIGA_HD void operator()(int64_t) const {
     static_assert(kFigRows + 1 == kNPolicyDiagnostics);
     for (int k = 0; k < kNPolicyDiagnostics; ++k) figures[k] += sums[k];
     const float rows = sums[kLossCount] > 1 ? sums[kLossCount] : 1;
     figures[kFigLastKl] = sums[kLossKl] / rows;
-    if (first) figures[kFigFirstRatioError] = sums[kLossRatioError] / rows;
+    if (*minibatch == 1) figures[kFigFirstRatioError] = sums[kLossRatioError] / rows;
     if (target_kl >= 0 && figures[kFigLastKl] > target_kl) *stop = 1;
     figures[kFigSkipped] += *stop;
   }

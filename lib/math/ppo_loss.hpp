@@ -37,11 +37,12 @@ struct PolicyLossInput {
   const float* advantage_mean;     // scalar
   const float* advantage_inv_std;  // scalar
   const float* inv_count;          // scalar: 1 / living rows of the minibatch
-  float clip_coef, entropy_coef;
+  const float* entropy_coef;       // scalar
+  float clip_coef;
 
   GIGA_HD PolicySample sample(int64_t source) const {
     return {old_log_prob[source], (advantage[source] - *advantage_mean) * *advantage_inv_std, *inv_count, clip_coef,
-            entropy_coef};
+            *entropy_coef};
   }
 };
 

@@ -40,19 +40,19 @@ struct StepDecision {
 /// Before a step of one network (n = 1). A gradient that is not finite is a fault, and where there is any, nothing is
 /// learned any more: the parameters stay as they were before the batch that caused it.
 struct StepGate {
-  const float* norm;    // [1] of the gradient
-  float max_norm;       // the gradient is scaled down to this; 0 = never
-  const float* stop;    // [1] 1 = take no step
-  float minibatch;      // number within the update, from 1
-  float* fault;         // [1] the first minibatch whose gradient of this network was not finite; 0 = none
-  const float* faults;  // [n_faults] of the whole team, `fault` among them
+  const float* norm;       // [1] of the gradient
+  float max_norm;          // the gradient is scaled down to this; 0 = never
+  const float* stop;       // [1] 1 = take no step
+  const float* minibatch;  // [1] its number within the update, from 1
+  float* fault;            // [1] the first minibatch whose gradient of this network was not finite; 0 = none
+  const float* faults;     // [n_faults] of the whole team, `fault` among them
   int n_faults;
   StepDecision* decision;  // [1] out
   float* steps;            // [1] steps taken so far
   float* norm_sum;         // [1] norms are added up here
 
   GIGA_HD void operator()(int64_t) const {
-    if (!(*norm < INFINITY) && *fault == 0) *fault = minibatch;
+    if (!(*norm < INFINITY) && *fault == 0) *fault = *minibatch;
     bool skips = *stop > 0;
     for (int k = 0; k < n_faults; ++k) skips = skips || faults[k] > 0;
     *steps += skips ? 0.0f : 1.0f;
@@ -69,7 +69,8 @@ struct AdamStep {
   float* gradient;  // [P]
   float *moment1, *moment2;
   const StepDecision* decision;  // [1]
-  float step_size, epsilon;
+  const float* step_size;        // [1]
+  float epsilon;
 
   GIGA_HD void operator()(int64_t i) const {
     const StepDecision d = *decision;
@@ -80,7 +81,7 @@ struct AdamStep {
     const float v = AdamRule::kBeta2 * moment2[i] + (1 - AdamRule::kBeta2) * g * g;
     moment1[i] = m;
     moment2[i] = v;
-    values[i] -= step_size * (m / d.correction1) / (std::sqrt(v / d.correction2) + epsilon);
+    values[i] -= *step_size * (m / d.correction1) / (std::sqrt(v / d.correction2) + epsilon);
   }
 };
 

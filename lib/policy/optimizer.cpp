@@ -20,7 +20,7 @@ StepGate Adam::gate(float max_norm, const StepFlags& flags) const {
   return {.norm = norm_.const_data_ptr<float>(),
           .max_norm = max_norm,
           .stop = flags.stop,
-          .minibatch = static_cast<float>(flags.minibatch),
+          .minibatch = flags.minibatch,
           .fault = flags.fault,
           .faults = flags.faults,
           .n_faults = flags.n_faults,
@@ -29,7 +29,7 @@ StepGate Adam::gate(float max_norm, const StepFlags& flags) const {
           .norm_sum = flags.norm_sum};
 }
 
-AdamStep Adam::adam(const ParameterSet& parameters, float step_size) const {
+AdamStep Adam::adam(const ParameterSet& parameters, const float* step_size) const {
   return {.values = parameters.values().data_ptr<float>(),
           .gradient = parameters.gradient().data_ptr<float>(),
           .moment1 = moment1_.data_ptr<float>(),
@@ -39,7 +39,7 @@ AdamStep Adam::adam(const ParameterSet& parameters, float step_size) const {
           .epsilon = epsilon_};
 }
 
-void Adam::step(const ParameterSet& parameters, const ParallelFor& parallel_for, float step_size, float max_norm,
+void Adam::step(const ParameterSet& parameters, const ParallelFor& parallel_for, const float* step_size, float max_norm,
                 const StepFlags& flags) {
   at::NoGradGuard no_grad;
   norm_.copy_(parameters.gradient().norm());

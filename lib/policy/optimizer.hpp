@@ -18,8 +18,8 @@ struct StepFlags {
   float* fault;         // [1] becomes `minibatch` if this gradient is the first that is not finite
   const float* faults;  // [n_faults] if any is not 0, no step is taken
   int n_faults;
-  int minibatch;    // from 1
-  float* norm_sum;  // [1] the norm before clipping is added to it
+  const float* minibatch;  // [1] from 1
+  float* norm_sum;         // [1] the norm before clipping is added to it
 };
 
 class Adam {
@@ -28,12 +28,13 @@ class Adam {
   Adam(const ParameterSet& parameters, float epsilon);
 
   /// Clips the gradient to `max_norm` (0 = not), takes one step unless a flag forbids it, and clears the gradient. The
-  /// host does not wait for the flags.
-  void step(const ParameterSet& parameters, const ParallelFor& parallel_for, float step_size, float max_norm,
+  /// host does not wait for the flags. `step_size`: [1] in the device's memory, so that a recorded step can be taken
+  /// with another one.
+  void step(const ParameterSet& parameters, const ParallelFor& parallel_for, const float* step_size, float max_norm,
             const StepFlags& flags);
   /// The two operations of a step, for kernels that do them: the gate wants the norm of the gradient first.
   StepGate gate(float max_norm, const StepFlags& flags) const;
-  AdamStep adam(const ParameterSet& parameters, float step_size) const;
+  AdamStep adam(const ParameterSet& parameters, const float* step_size) const;
   const at::Tensor& norm() const { return norm_; }
 
   void save(const std::string& prefix, NamedArrays& out) const;

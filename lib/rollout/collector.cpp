@@ -66,6 +66,11 @@ Rollout make_rollout(Simulator& sim, const CollectorOptions& options, const Both
 
 }  // namespace
 
+at::Tensor Rollout::beginnings() const {
+  const at::Tensor ended = done != 0;  // the next step begins an episode
+  return at::cat({at::zeros_like(ended.slice(0, 0, 1)), ended});
+}
+
 Collector::Collector(Simulator& sim, const ParallelFor& parallel_for, const CollectorOptions& options,
                      const BothSides& sides)
     : options_(options), rollout_(make_rollout(sim, options, sides)), game_(sim, parallel_for, sides, {this}) {

@@ -35,6 +35,10 @@ struct Rollout {
   at::Tensor true_state;        // [T + 1, W, G] true state; only with `with_state`
   at::Tensor final_true_state;  // [W, G]
   KeptImages images;            // where a learning team's networks read them
+
+  /// [T + 1, W] bool, at each slot: an episode begins there. What was remembered before the rollout has been forgotten
+  /// by then where its first step begins one.
+  at::Tensor beginnings() const;
 };
 
 struct CollectorOptions {

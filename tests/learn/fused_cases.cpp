@@ -96,20 +96,24 @@ FusedValueLoss FusedSetting::value_loss() const {
 
 StepFlags FusedSteps::flags(int network) const {
   float* f = figures.data_ptr<float>();
-  return {stop.const_data_ptr<float>(), f + kFirstFault + kFaultActorGradient + network, f + kFirstFault, kNFaults, 1,
+  return {stop.const_data_ptr<float>(),
+          f + kFirstFault + kFaultActorGradient + network,
+          f + kFirstFault,
+          kNFaults,
+          number.const_data_ptr<float>(),
           f + kFigActorNorm + network};
 }
 
-FusedStep FusedSteps::of(const FusedSetting& s, float step_size) const {
+FusedStep FusedSteps::of(const FusedSetting& s) const {
   const ParameterSet* parameters[2] = {&s.actor.parameters(), &s.critic.parameters()};
   FusedStep::Network network[2];
   for (int k = 0; k < 2; ++k)
     network[k] = {.gate = adam[k].gate(kMaxNorm, flags(k)),
-                  .adam = adam[k].adam(*parameters[k], step_size),
+                  .adam = adam[k].adam(*parameters[k], step_size.const_data_ptr<float>()),
                   .norm = adam[k].norm().data_ptr<float>()};
   return {.actor = network[0],
           .critic = network[1],
-          .note = {nullptr, figures.data_ptr<float>(), stop.data_ptr<float>(), -1, true},
+          .note = {nullptr, figures.data_ptr<float>(), stop.data_ptr<float>(), -1, number.const_data_ptr<float>()},
           .value_loss = figures.data_ptr<float>() + kFigValueLoss};
 }
 

@@ -56,14 +56,16 @@ struct FusedSetting {
 /// What a step needs besides the gradients: optimizers, flags and figures of its own.
 struct FusedSteps {
   Adam adam[2];
-  at::Tensor figures, stop;
+  at::Tensor figures, stop, number, step_size;
 
-  explicit FusedSteps(const FusedSetting& s)
+  explicit FusedSteps(const FusedSetting& s, float rate = 0)
       : adam{{s.actor.parameters(), 1e-5f}, {s.critic.parameters(), 1e-5f}},
         figures(at::zeros({kNFigures}, s.obs.options())),
-        stop(at::zeros({1}, s.obs.options())) {}
+        stop(at::zeros({1}, s.obs.options())),
+        number(at::ones({1}, s.obs.options())),
+        step_size(at::full({1}, rate, s.obs.options())) {}
   StepFlags flags(int network) const;
-  FusedStep of(const FusedSetting& s, float step_size) const;
+  FusedStep of(const FusedSetting& s) const;
 };
 
 /// The tests with each case on a CPU, and on a GPU.

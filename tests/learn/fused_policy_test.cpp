@@ -67,7 +67,7 @@ TEST_P(LearnFusedUpdateGpu, ThePolicyAndTheUpdateAgree) {
                            .returns = s.returns.const_data_ptr<float>(),
                            .value_mean = s.mean.const_data_ptr<float>(),
                            .value_std = s.std.const_data_ptr<float>()});
-  fused.add_up(steps.of(s, 0));
+  fused.add_up(steps.of(s));
   fused.end_epoch();
   const at::Tensor sums = fused.sums()[0].cpu();
   EXPECT_LT(sums[kLossRatioError].item<double>() / sums[kLossCount].item<double>(), 1e-5);

@@ -23,7 +23,7 @@ TEST(LearnFusedUpdateThreads, ChangeNoBit) {
     at::NoGradGuard no_grad;
     fused.begin_epoch(s.obs, s.alive, s.states, 1, s.advantage);
     fused.compute_gradients(0, s.policy_loss(kClip), s.value_loss());
-    fused.add_up(steps.of(s, 0));
+    fused.add_up(steps.of(s));
     const at::Tensor values = at::empty({s.n_states, c.n}, s.obs.options());
     fused.write_values(s.obs, s.alive, {}, values);
     found[k] = {s.actor.parameters().gradient(), s.critic.parameters().gradient(), values};
@@ -62,7 +62,7 @@ void expect_those_of_one_rank(Device device) {
     at::NoGradGuard no_grad;
     fused.begin_epoch(s.obs, s.alive, s.states, 1, s.advantage);
     fused.compute_gradients(0, s.policy_loss(kClip, kEntropyCoef), s.value_loss());
-    fused.add_up(steps.of(s, 0));
+    fused.add_up(steps.of(s));
     fused.end_epoch();
     found[k] = {s.actor.parameters().gradient().cpu(), s.critic.parameters().gradient().cpu(), fused.sums().cpu()};
   }

@@ -41,6 +41,7 @@ struct Expected {
     const at::Tensor head = s.actor.forward(s.pick(s.obs).flatten(0, 1));
     const at::Tensor gradient = at::empty_like(head), d_log_std = at::zeros_like(head);
     const at::Tensor diagnostics = at::empty({head.size(0), kNPolicyDiagnostics}, head.options());
+    const at::Tensor entropy_coef = at::full({1}, kEntropyCoef, head.options());
     const PolicyLossInput in{.rows = {s.states.const_data_ptr<int64_t>(), c.n},
                              .old_log_prob = s.log_prob.const_data_ptr<float>(),
                              .advantage = s.advantage.const_data_ptr<float>(),
@@ -48,8 +49,8 @@ struct Expected {
                              .advantage_mean = mean.const_data_ptr<float>(),
                              .advantage_inv_std = inv_std.const_data_ptr<float>(),
                              .inv_count = inv_count.const_data_ptr<float>(),
-                             .clip_coef = c.clip,
-                             .entropy_coef = kEntropyCoef};
+                             .entropy_coef = entropy_coef.const_data_ptr<float>(),
+                             .clip_coef = c.clip};
     if (c.actions == ActionKind::discrete)
       s.parallel_for.run(CategoricalLoss{in, head.const_data_ptr<float>(), s.action.const_data_ptr<int32_t>(),
                                          gradient.data_ptr<float>(), diagnostics.data_ptr<float>()},
@@ -133,7 +134,7 @@ void expect_what_libtorch_says(const FusedCase& c, Device device) {
   FusedSteps steps(s);
   fused.begin_epoch(s.obs, s.alive, epoch, 3, s.advantage);
   fused.compute_gradients(2, policy, value);
-  fused.add_up(steps.of(s, 0));
+  fused.add_up(steps.of(s));
   fused.end_epoch();
   const at::Tensor actor = s.actor.parameters().gradient().clone(), critic = s.critic.parameters().gradient().clone();
   expect_near("actor", s.actor.parameters(), actor, expected.actor, tolerance);
@@ -150,25 +151,25 @@ void expect_what_libtorch_says(const FusedCase& c, Device device) {
   EXPECT_NEAR(steps.adam[1].norm().item<double>(), critic.norm().item<double>(), 1e-5 * critic.norm().item<double>());
 
   // Bit for bit the same once more; the step is that of the optimizer, which LibTorch's path takes.
-  FusedSteps plain(s);
+  FusedSteps plain(s, 1e-3f);
   const at::Tensor before[2] = {s.actor.parameters().values().clone(), s.critic.parameters().values().clone()};
   const ParameterSet* parameters[2] = {&s.actor.parameters(), &s.critic.parameters()};
   at::Tensor after[2];
   for (int k = 0; k < 2; ++k) {
-    plain.adam[k].step(*parameters[k], s.parallel_for, 1e-3f, kMaxNorm, plain.flags(k));
+    plain.adam[k].step(*parameters[k], s.parallel_for, plain.step_size.const_data_ptr<float>(), kMaxNorm, plain.flags(k));
     after[k] = parameters[k]->values().clone();
     parameters[k]->values().copy_(before[k]);
   }
   fused.begin_epoch(s.obs, s.alive, epoch, 3, s.advantage);
   fused.compute_gradients(2, policy, value);
-  fused.add_up(steps.of(s, 0));
+  fused.add_up(steps.of(s));
   fused.end_epoch();
   EXPECT_TRUE(at::equal(s.actor.parameters().gradient(), actor));
   EXPECT_TRUE(at::equal(s.critic.parameters().gradient(), critic));
-  FusedSteps again(s);
+  FusedSteps again(s, 1e-3f);
   fused.begin_epoch(s.obs, s.alive, epoch, 3, s.advantage);
   fused.compute_gradients(2, policy, value);
-  fused.step(again.of(s, 1e-3f));
+  fused.step(again.of(s));
   fused.end_epoch();
   for (int k = 0; k < 2; ++k) {
     EXPECT_LT((parameters[k]->values() - after[k]).abs().max().item<double>(), 1e-7) << "network " << k;

@@ -181,9 +181,9 @@ TEST(LearnLeague, FrozenRowsTakeNoPartInLearning) {
         Rollout rollout = copy_of(clean.collector.rollout());
         const auto learn = [&](PpoTeam& of) {
           of.compute_advantages(rollout);
+          of.set({1e-3f, 1e-3f, clean.run.config.mappo.entropy_coef});
           of.begin_epoch(rollout, at::arange(own, at::kLong));
-          for (int k = 0; k < clean.run.config.mappo.n_minibatches; ++k)
-            of.update_minibatch(rollout, k, k + 1, {1e-3f, 1e-3f});
+          for (int k = 0; k < clean.run.config.mappo.n_minibatches; ++k) of.update_minibatch(rollout, k, k + 1);
           of.update_normalizer(rollout);
           NamedArrays arrays;
           of.save("", arrays);

@@ -251,6 +251,25 @@ TEST(LearnLearnerGpu, ThreeUpdatesAndGoingOn) {
   }
 }
 
+// A minibatch that is queued as a graph does what its kernels do one by one: also with other step sizes and another
+// weight of the entropy, and where minibatches have two sizes, as in those worlds that a pool leaves.
+TEST(LearnLearnerGpu, RecordedMinibatchesEqualKernelsOneByOne) {
+  if (cuda_device_count() == 0) GTEST_SKIP() << "no GPU";
+  for (const Variant& variant : kVariants) {
+    SCOPED_TRACE(variant.name);
+    const auto learner = [&](const char* graphs) {
+      SmallRun run = variant.run;
+      run.mappo += cat(run.mappo.empty() ? "" : ", ", "fused: false, entropy_target: 3, ", graphs);
+      return run.learner({Device::Kind::cuda, 0});
+    };
+    const auto recorded = learner("graphs: true"), plain = learner("graphs: false");
+    for (int u = 0; u < 4; ++u) {
+      EXPECT_EQ(difference(plain->update(), recorded->update()), "") << "update " << u;
+      ASSERT_EQ(difference(saved(*plain), saved(*recorded)), "") << "update " << u;
+    }
+  }
+}
+
 TEST(LearnLearner, AnObserverOfItsGamesChangesNothing) {
   /// Wants what learners keep for themselves too.
   struct Watcher final : GameObserver {

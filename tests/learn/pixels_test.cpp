@@ -127,6 +127,7 @@ void expect_learns_sides(const std::string& critic) {
        .with_final_images = team.critic_reads_image()},
       {everywhere(policy_controller(team.actor()), *sim), everywhere(script_controller(Scripted::random), *sim)});
   collector.start();
+  team.set({.actor_step_size = 5e-3f, .critic_step_size = 5e-3f});
   at::Generator order = at::detail::createCPUGenerator(5);  // the default one is seeded by the clock
   const auto share_right = [&](bool learns, int rollouts) {
     double right = 0, rows = 0;
@@ -147,7 +148,7 @@ void expect_learns_sides(const std::string& critic) {
       int minibatch = 0;
       for (int epoch = 0; epoch < 2; ++epoch) {
         team.begin_epoch(rollout, at::randperm(team.n_sequences(), order, at::kLong));
-        for (int m = 0; m < 4; ++m) team.update_minibatch(rollout, m, ++minibatch, {5e-3f, 5e-3f});
+        for (int m = 0; m < 4; ++m) team.update_minibatch(rollout, m, ++minibatch);
         team.end_epoch();
       }
     }

@@ -102,7 +102,7 @@ class Team {
     int minibatch = 0;
     for (int epoch = 0; epoch < 2; ++epoch) {
       team_.begin_epoch(rollout_, at::tensor({3, 0, 2, 1}, at::kLong));
-      for (int k = 0; k < 2; ++k) team_.update_minibatch(rollout_, k, ++minibatch, {0, 0});
+      for (int k = 0; k < 2; ++k) team_.update_minibatch(rollout_, k, ++minibatch);
     }
   }
   double figure(PpoFigure k) const { return team_.figures()[k].item<double>(); }
@@ -243,7 +243,7 @@ TEST(LearnPpoTeam, AnActorWithMemoryLearnsFromSequences) {
     const auto ratio_error = [&](const Rollout& r) {
       team.compute_advantages(r);
       team.begin_epoch(r, order);
-      team.update_minibatch(r, 0, 1, {0, 0});
+      team.update_minibatch(r, 0, 1);
       return team.figures()[kFigFirstRatioError].item<double>();
     };
     EXPECT_LT(ratio_error(rollout), 1e-6);
@@ -269,7 +269,7 @@ TEST(LearnPpoTeam, AMinibatchMayBeOneSequence) {
   team.compute_advantages(rollout);
   team.begin_epoch(rollout, at::randperm(24, at::detail::createCPUGenerator(3), at::kLong));
   for (int k = 0; k < 24; ++k) {
-    team.update_minibatch(rollout, k, 1, {0, 0});
+    team.update_minibatch(rollout, k, 1);
     EXPECT_LT(team.figures()[kFigFirstRatioError].item<double>(), 1e-6) << "minibatch " << k;
   }
 }

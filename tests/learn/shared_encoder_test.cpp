@@ -121,7 +121,7 @@ TEST(LearnSharedEncoder, ItsGradientIsThatOfBothLosses) {
 
     // The first step of Adam leaves (1 - beta 1) x gradient in its moment, whatever the step size.
     game.team.begin_epoch(rollout, at::arange(game.team.n_sequences()));
-    game.team.update_minibatch(rollout, 0, 1, {0, 0});
+    game.team.update_minibatch(rollout, 0, 1);
     game.team.save("", learned);
     const auto gradient = [&](const char* name, int64_t size) { return saved_as(learned, name, {size}) / 0.1; };
     EXPECT_LT(distance(gradient("actor_adam/moment1", expected.policy.numel()), expected.policy + expected.value),

@@ -45,8 +45,9 @@ struct GatedAdam {
   /// Returns the norm before clipping.
   float step(const ParameterSet& p, double rate, double max_norm, int minibatch = 1) {
     norm_sum = 0;
-    adam.step(p, parallel_for, static_cast<float>(rate), static_cast<float>(max_norm),
-              {&stop, &faults[1], faults, 2, minibatch, &norm_sum});
+    const auto step_size = static_cast<float>(rate), number = static_cast<float>(minibatch);
+    adam.step(p, parallel_for, &step_size, static_cast<float>(max_norm),
+              {&stop, &faults[1], faults, 2, &number, &norm_sum});
     return norm_sum;
   }
   ParallelFor parallel_for{Device{}, 1};

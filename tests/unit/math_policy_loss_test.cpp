@@ -57,8 +57,8 @@ struct Minibatch {
             .advantage_mean = &advantage_mean,
             .advantage_inv_std = &advantage_inv_std,
             .inv_count = &inv_count,
-            .clip_coef = kClip,
-            .entropy_coef = kEntropyCoef};
+            .entropy_coef = &kEntropyCoef,
+            .clip_coef = kClip};
   }
   static constexpr size_t kRows = 4;
   static constexpr size_t kSource[kRows] = {4, 5, 0, 1};

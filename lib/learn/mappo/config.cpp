@@ -29,6 +29,7 @@ constexpr ResumeRule kMappoMayChange[] = {
     {"mappo.shaping_fade_start", ""},
     {"mappo.shaping_fade_end", ""},
     {"mappo.team_learning_rate_factors", ""},
+    {"mappo.graphs", ""},
 };
 constexpr ResumeRule kMappoMayNot[] = {
     {"mappo.entropy_target", "metrics.csv has columns for it"},

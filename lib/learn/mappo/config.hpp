@@ -56,6 +56,7 @@ struct MappoConfig {
   std::optional<float> freeze_lead = std::nullopt;
   std::optional<float> step_back = std::nullopt;
   bool fused = true;
+  bool graphs = true;
   ActorConfig actor;
   CriticConfig critic;
 };
@@ -126,6 +127,9 @@ void visit_fields(V& v, MappoConfig& c) {
     "learn by fused kernels where these serve the networks (docs/architecture.md says which), on a GPU act by them "
     "too; "
     "false: always by LibTorch");
+  v("graphs", c.graphs,
+    "where LibTorch learns on one GPU: queue a minibatch as one CUDA graph, recorded in the second update, and not "
+    "kernel by kernel. The result is the same");
   v.group("actor", c.actor, "the policy networks");
   v.group("critic", c.critic, "the value networks");
 }

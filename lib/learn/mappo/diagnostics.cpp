@@ -32,19 +32,19 @@ at::Tensor PpoTeam::find_faults(const TeamRollout& r) {
 }
 
 /// `sums`: those of the diagnostics over the living rows of the minibatch.
-PolicyNote PpoTeam::policy_note(const float* sums, int minibatch) const {
+PolicyNote PpoTeam::policy_note(const float* sums, const float* minibatch) const {
   return {.sums = sums,
           .figures = figures_.data_ptr<float>(),
           .stop = stop_.data_ptr<float>(),
           .target_kl = config_.target_kl.value_or(-1.0f),
-          .first = minibatch == 1};
+          .minibatch = minibatch};
 }
 
 void PpoTeam::note_information(const at::Tensor& head, const at::Tensor& alive) {
   figures_[kFigMutualInformation].copy_(mutual_information(actor_, head, alive.view({-1}), sum_).squeeze(0));
 }
 
-StepFlags PpoTeam::step_flags(PpoFault fault, PpoFigure norm_sum, int minibatch) const {
+StepFlags PpoTeam::step_flags(PpoFault fault, PpoFigure norm_sum, const float* minibatch) const {
   float* figures = figures_.data_ptr<float>();
   return {.stop = stop_.const_data_ptr<float>(),
           .fault = figures + kFirstFault + fault,

@@ -67,7 +67,9 @@ class Mappo final : public Learner {
   void save_batch(NamedArrays& out) const override;
   std::string ways() const override {
     const std::string& why = learning_.front()->plain_because();
-    if (!why.empty()) return "learns by LibTorch, not by fused kernels: " + why;
+    if (!why.empty())
+      return cat("learns by LibTorch", recorder_ ? ", minibatches as CUDA graphs" : "",
+                 ", not by fused kernels: ", why);
     return device_.is_cuda() ? "acts and learns by fused kernels" : "learns by fused kernels";
   }
   std::vector<HeadlineFigure> headline() const override {
@@ -105,11 +107,12 @@ class Mappo final : public Learner {
   Ranks* const ranks_;              // null: this process has all worlds
   std::unique_ptr<RankSums> sums_;  // null likewise
   std::unique_ptr<Simulator> sim_;
-  std::unique_ptr<PpoTeam> team_[kNTeams];  // null = scripted
-  std::vector<PpoTeam*> learning_;          // those of them that are not
-  std::unique_ptr<League> league_;          // null = no opponents but each other or train.opponent
-  std::optional<Player> frozen_;            // the policy that train.opponent names; none = a script or nobody
-  int64_t frozen_crc_ = 0;                  // of its file
+  std::shared_ptr<TorchRecorder> recorder_;  // null: kernel by kernel
+  std::unique_ptr<PpoTeam> team_[kNTeams];   // null = scripted
+  std::vector<PpoTeam*> learning_;           // those of them that are not
+  std::unique_ptr<League> league_;           // null = no opponents but each other or train.opponent
+  std::optional<Player> frozen_;             // the policy that train.opponent names; none = a script or nobody
+  int64_t frozen_crc_ = 0;                   // of its file
   Balance balance_;
   std::optional<StepBack> step_back_;
   std::unique_ptr<Collector> collector_;
@@ -147,6 +150,7 @@ void Mappo::make_teams_and_worlds() {
   options.n_threads = config_.train.n_threads;
   sim_ = make_simulator(run.spec, options, device_, parallel_for_.stream());
 
+  if (config_.mappo.graphs && !ranks_) recorder_ = make_torch_recorder(device_);
   const SumOverRanks sum = sums_ ? sums_->over_all() : SumOverRanks{};
   const WorldShares shares = world_shares(config_.opponents, options.n_worlds);
   std::array<const Actor*, kNTeams> actors{};
@@ -154,6 +158,7 @@ void Mappo::make_teams_and_worlds() {
   for (int team = 0; team < kNTeams; ++team) {
     if (!learns(config_.train, team)) continue;
     team_[team] = std::make_unique<PpoTeam>(run, team, device_, parallel_for_, shares.learning(team), sum);
+    team_[team]->record_minibatches(recorder_);
     learning_.push_back(team_[team].get());
     actors[static_cast<size_t>(team)] = &team_[team]->actor();
     collecting.with_state = collecting.with_state || team_[team]->needs_state();
@@ -197,20 +202,18 @@ Metrics Mappo::update() {
   const MappoConfig& c = config_.mappo;
   const double factor = schedule_factor();
   const auto scale = static_cast<float>(factor);
-  std::vector<StepSizes> step_sizes;  // [team]
   for (int team = 0; team < kNTeams; ++team) {
     if (!team_[team]) continue;
-    step_sizes.push_back({scale * balance_.actor_factor(team) * c.learning_rate,
-                          scale * balance_.critic_factor(team) * c.critic_learning_rate});
-    team_[team]->set_entropy_coef(balance_.entropy_coef(team));
+    team_[team]->set({.actor_step_size = scale * balance_.actor_factor(team) * c.learning_rate,
+                      .critic_step_size = scale * balance_.critic_factor(team) * c.critic_learning_rate,
+                      .entropy_coef = balance_.entropy_coef(team)});
   }
   minibatches_done_ = 0;
   for (int epoch = 0; epoch < c.n_epochs; ++epoch) {
     const at::Tensor order = permutation(updates_, epoch);
     for (PpoTeam* team : learning_) team->begin_epoch(rollout, order);
     for (int k = 0; k < c.n_minibatches; ++k, ++minibatches_done_)
-      for (size_t team = 0; team < learning_.size(); ++team)
-        learning_[team]->update_minibatch(rollout, k, epoch * c.n_minibatches + k + 1, step_sizes[team]);
+      for (PpoTeam* team : learning_) team->update_minibatch(rollout, k, epoch * c.n_minibatches + k + 1);
     for (PpoTeam* team : learning_) team->end_epoch();
   }
 

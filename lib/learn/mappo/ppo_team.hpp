@@ -1,5 +1,5 @@
-// PpoTeam: the networks of one team, and how they learn from a rollout. ppo_team.cpp has the algorithm from top to
-// bottom, diagnostics.cpp what it reports.
+// PpoTeam: the networks of one team, and how they learn from a rollout: advantages.cpp has what they learn from,
+// ppo_team.cpp how, diagnostics.cpp what is reported.
 #pragma once
 
 #include <torch/types.h>
@@ -12,6 +12,7 @@
 #include "core/parallel_for.hpp"
 #include "learn/learner.hpp"
 #include "learn/mappo/fused_update.hpp"
+#include "learn/mappo/recorded_minibatches.hpp"
 #include "learn/mappo/view_teacher.hpp"
 #include "math/ppo_figures.hpp"
 #include "policy/actor.hpp"
@@ -24,8 +25,10 @@ namespace giga {
 /// States per call of the critic outside of learning: bounds the memory.
 constexpr int64_t kValueChunk = 1 << 18;
 
-struct StepSizes {
-  float actor, critic;
+/// What may change from update to update.
+struct StepSettings {
+  float actor_step_size = 0, critic_step_size = 0;
+  float entropy_coef = 0;  ///< weight of the entropy bonus
 };
 
 /// A state is one world at one step, with the n agents of the team; the T x W states of a rollout are numbered step by
@@ -48,8 +51,11 @@ class PpoTeam {
   /// Why LibTorch computes the update, and not the fused kernels; empty where these do.
   const std::string& plain_because() const { return plain_because_; }
 
-  /// The weight of the entropy bonus from here on.
-  void set_entropy_coef(float coef) { entropy_coef_ = coef; }
+  /// For the steps from here on. Before the first call, step sizes are 0 and the entropy bonus has the config's weight.
+  void set(const StepSettings& settings);
+  /// Has LibTorch's work for minibatches recorded, once it has run for a whole update. For a team that learns by the
+  /// fused kernels, or with other ranks, nothing changes.
+  void record_minibatches(std::shared_ptr<TorchRecorder> recorder);
   /// Values, advantages and returns of a rollout; clears the figures. A critic with memory goes on from the rollout
   /// before, and remembers what it knows before the next one.
   void compute_advantages(const Rollout& rollout);
@@ -65,7 +71,7 @@ class PpoTeam {
   /// After its last minibatch.
   void end_epoch();
   /// One gradient step of actor and critic on minibatch k of the epoch. `minibatch`: its number in the update, from 1.
-  void update_minibatch(const Rollout& rollout, int k, int minibatch, StepSizes step_sizes);
+  void update_minibatch(const Rollout& rollout, int k, int minibatch);
 
   /// Takes the rollout's observations into the normaliser.
   void update_normalizer(const Rollout& rollout);
@@ -100,7 +106,7 @@ class PpoTeam {
   };
   /// What actor and critic learn from in a step: S = L B states.
   struct Minibatch {
-    int number;            // in the update, from 1
+    const float* number;   // [1] in the update, from 1
     int64_t length;        // L
     at::Tensor states;     // [S] of the rollout, step by step
     at::Tensor begins;     // [L, B] bool: the first steps of episodes; undefined where nobody remembers
@@ -110,29 +116,32 @@ class PpoTeam {
     at::Tensor inv_count;  // [1] 1 / living rows, of all ranks
   };
   ValueError value_error() const;
-  void update_fused(const Rollout& rollout, int k, int minibatch, StepSizes step_sizes);
+  void update_fused(const Rollout& rollout, int k, const float* number);
+  Minibatch minibatch_of(const Rollout& rollout, const at::Tensor& states, const float* number) const;
+  void learn_from(const Rollout& rollout, const Minibatch& batch);
   at::Tensor inverse_count(const at::Tensor& weight) const;
-  void step_actor(int minibatch, float step_size);
-  void step_critic(int minibatch, float step_size);
+  void step_actor(const float* minibatch);
+  void step_critic(const float* minibatch);
   /// Backpropagates the gradients of the losses by these outputs; with a teacher, also of what it is told by the
   /// actor's features, and steps it. The actor steps afterwards.
   void learn(const Minibatch& batch, const at::Tensor& features, std::vector<at::Tensor> outputs,
-             std::vector<at::Tensor> gradients, float step_size);
+             std::vector<at::Tensor> gradients);
   CriticInput critic_input(const Rollout& rollout, bool final) const;
   at::Tensor critic_values(const KeptImages& images, const CriticInput& input, const Sequence& sequence = {}) const;
   at::Tensor values_of(const KeptImages& images, const CriticInput& input, const at::Tensor& states) const;
   std::pair<at::Tensor, at::Tensor> remembering_values(const Rollout& rollout);
   Sequence sequence_of(const Minibatch& batch, const at::Tensor& start) const;
   Sequence actor_sequence(const TeamRollout& rollout, const Minibatch& batch) const;
-  void update_actor(const Rollout& rollout, const Minibatch& batch, float step_size);
+  at::Tensor head_of(const Rollout& rollout, const Minibatch& batch, at::Tensor* features = nullptr) const;
+  void update_actor(const Rollout& rollout, const Minibatch& batch);
   at::Tensor policy_loss_gradient(const TeamRollout& rollout, const Minibatch& batch, const at::Tensor& head);
-  void update_critic(const Rollout& rollout, const Minibatch& batch, float step_size);
+  void update_critic(const Rollout& rollout, const Minibatch& batch);
   at::Tensor value_loss_gradient(const TeamRollout& rollout, const Minibatch& batch, const at::Tensor& value);
-  void update_sharing(const Rollout& rollout, const Minibatch& batch, StepSizes step_sizes);
-  StepFlags step_flags(PpoFault fault, PpoFigure norm_sum, int minibatch) const;
+  void update_sharing(const Rollout& rollout, const Minibatch& batch);
+  StepFlags step_flags(PpoFault fault, PpoFigure norm_sum, const float* minibatch) const;
   void take_moments(const TeamRollout& rollout);
   at::Tensor find_faults(const TeamRollout& rollout);
-  PolicyNote policy_note(const float* sums, int minibatch) const;
+  PolicyNote policy_note(const float* sums, const float* minibatch) const;
   void note_information(const at::Tensor& head, const at::Tensor& alive);
   bool everywhere() const { return worlds_.count == n_worlds_; }
   /// The part of x [T, W, ...] in the team's worlds.
@@ -148,22 +157,30 @@ class PpoTeam {
   Critic critic_;
   Adam actor_adam_, critic_adam_;
   std::string plain_because_;
-  std::unique_ptr<FusedUpdate> fused_;    // null: LibTorch
-  std::unique_ptr<ViewTeacher> teacher_;  // null: mappo.view_coef is 0
-  RunningNorm value_norm_;                // size 1; stays 0 and 1 where it is off
-  float entropy_coef_;
+  std::unique_ptr<FusedUpdate> fused_;             // null: LibTorch
+  std::unique_ptr<ViewTeacher> teacher_;           // null: mappo.view_coef is 0
+  std::unique_ptr<RecordedMinibatches> recorded_;  // null: LibTorch's work is queued kernel by kernel
+  RunningNorm value_norm_;                         // size 1; stays 0 and 1 where it is off
+  StepSettings settings_;
+
+  // The same on the device, where recorded minibatches find it.
+  at::Tensor step_sizes_;    // [2] actor, critic
+  at::Tensor entropy_coef_;  // [1]
+  at::Tensor numbers_;       // [n_epochs n_minibatches] 1, 2, ...: of the minibatches of an update
 
   std::vector<at::Tensor> minibatches_;  // of the epoch: states [L, B] each
   bool first_epoch_ = true;              // of the update is yet to come
+  int64_t n_rollouts_ = 0;               // that were learned from, with the one at hand
 
   // What the critic remembers: of each agent, before the latest rollout and after it; undefined without memory.
   at::Tensor critic_start_, critic_memory_;  // [W, n, S]
   at::Tensor slots_;  // [(T + 1) x own worlds] all states of the team's worlds; undefined where those are all worlds
 
-  // Of the latest rollout; T x W states, n agents. Without meaning in worlds in which the team does not learn.
+  // Of the latest rollout; T x W states, n agents. Without meaning in worlds in which the team does not learn. Each
+  // keeps its place, where recorded minibatches read it.
   at::Tensor value_;                       // [T, W, n] the critic's output before the update, normalised
   at::Tensor advantage_, returns_;         // [T, W, n] in reward units
-  at::Tensor batch_mean_, batch_inv_std_;  // [1] of the advantages
+  at::Tensor batch_mean_, batch_inv_std_;  // [] of the advantages
   at::Tensor living_;                      // [] agents of its worlds that live, over all steps and ranks
   at::Tensor zero_, one_;                  // [1]
   at::Tensor stop_;                        // [1] 1 once approx_kl has passed target_kl
