@@ -26,7 +26,10 @@ class NcclSum final : public GpuSum {
     GIGA_CHECK(id.size() == sizeof unique, "an id of ", id.size(), " bytes");
     std::memcpy(&unique, id.data(), sizeof unique);
     GIGA_CUDA(cudaSetDevice(index));
-    expect_nccl(ncclCommInitRank(&comm_, size, unique, rank), nullptr);
+    // One block: messages are small, and the kernels of gradients leave it one multiprocessor.
+    ncclConfig_t config = NCCL_CONFIG_INITIALIZER;
+    config.minCTAs = config.maxCTAs = 1;
+    expect_nccl(ncclCommInitRankConfig(&comm_, size, unique, rank, &config), nullptr);
   }
   // Not ncclCommDestroy, which waits for others that may be gone. Nothing is queued any more where a run is done.
   ~NcclSum() override { abort(); }

@@ -11,7 +11,13 @@ namespace {
 
 constexpr int kMostAgents = 64;  // of a team: a tile has whole states
 
-int blocks_on(Device device) { return device.is_cuda() ? fused_blocks(device.index) : kCpuParts; }
+/// A block of the gradients fills a multiprocessor, and the kernel of one team follows that of the other: with ranks one
+/// multiprocessor is left to what goes between them, which else would wait at each of its steps until a kernel of some
+/// hundred microseconds ends.
+int blocks_on(Device device, bool alone) {
+  if (!device.is_cuda()) return kCpuParts;
+  return fused_blocks(device.index) - (alone ? 0 : 1);
+}
 int step_blocks_on(Device device, const FusedMlp& actor, const FusedMlp& critic) {
   return device.is_cuda() ? fused_step_blocks(actor.size, critic.size) : 0;
 }
@@ -47,7 +53,7 @@ FusedUpdate::FusedUpdate(const Actor& actor, const Critic& critic, int n, const 
       critic_mlp_(critic.fused_mlp().value()),
       parallel_for_(parallel_for),
       sum_(sum),
-      blocks_(blocks_on(parallel_for.device())) {
+      blocks_(blocks_on(parallel_for.device(), sum.alone())) {
   const Device device = parallel_for.device();
   if (device.is_cuda()) side_.emplace(device.index, parallel_for.stream());
   const auto options = at::TensorOptions().dtype(at::kFloat).device(torch_device(device));
