@@ -6,6 +6,7 @@
 
 #include "apps/command_line.hpp"
 #include "apps/commands.hpp"
+#include "apps/match_note.hpp"
 #include "apps/match_report.hpp"
 #include "apps/option_value.hpp"
 #include "apps/output.hpp"
@@ -82,7 +83,7 @@ void play(const EvalOptions& o) {
   const PlayedGame game = choose_game({o.scenario, o.changes}, {&a, &b}, OtherGames::allowed);
   for (const std::string& note : game.notes) std::cerr << "note: " << note << '\n';
   const SimSpec& spec = game.spec;
-  const MatchOptions options{o.episodes, seed_of(o.seed, Purpose::eval), device, 0};
+  const MatchOptions options{o.episodes, seed_of(o.seed, Purpose::eval), device, 0, note_once()};
   MatchReport report{o.a, spec.name, describe_win(spec.params.win, spec.params.max_episode_length), {}};
   for (const int side : sides_of(o, a, b)) {
     Player &side0 = side == 0 ? a : b, &side1 = side == 0 ? b : a;

@@ -1,10 +1,12 @@
 #include "apps/plan.hpp"
 
 #include <iostream>
-#include <nlohmann/json.hpp>
+#include <memory>
 
 #include "apps/evaluation.hpp"
+#include "apps/run_replays.hpp"
 #include "cuda/runtime.hpp"
+#include "eval/record.hpp"
 #include "learn/memory.hpp"
 
 namespace giga {
@@ -16,16 +18,28 @@ MemorySpace memory_space(Device device) {
   return {static_cast<int64_t>(gpu.memory_total), static_cast<int64_t>(gpu.memory_free)};
 }
 
+/// An evaluation with the games that it keeps. The memory of a match does not depend on its length; that of what is
+/// kept of a game does.
+void evaluate_briefly(const LoadedRun& run, Device device, Learner& learner) {
+  LoadedRun brief = run;
+  brief.spec = run.spec.cut_off_after(2);
+  const MatchOptions options = evaluation_options(run, device, learner);
+  std::unique_ptr<TeamRecording> games;
+  if (run.config.eval.record > 0 && why_games_have_no_room(run).empty())
+    games = std::make_unique<TeamRecording>(run, learner, run.config.eval.record, options);
+  evaluate(brief, options, learner, games ? &games->games() : nullptr);
+  if (!games) return;
+  games->fill();
+  games->finish();
+}
+
 }  // namespace
 
 void print_plan(const LoadedRun& run, Device device) {
   if (!device.is_cuda() && cuda_device_count() == 0) std::cout << "there is no GPU here: planned for the CPU\n";
   const MemorySpace space = memory_space(device);
-  LoadedRun brief = run;  // the memory of a match does not depend on its length
-  brief.spec = run.spec.cut_off_after(2);
-  const MemoryPlan plan = measure_memory(run, device, space.free, [&](Learner& learner) {
-    evaluate(brief, evaluation_options(brief, device, learner), learner);
-  });
+  const MemoryPlan plan =
+      measure_memory(run, device, space.free, [&](Learner& learner) { evaluate_briefly(run, device, learner); });
   std::cout << plan_text(run, device, space, plan);
 }
 

@@ -156,10 +156,13 @@ RatingSheet play_and_rate(const RateOptions& o, RoundRobin& all, Device device) 
   rating.anchor = choose_anchor(all);
   rating.sides = sides_of(o, all.scenario);
   expect_opponents(all, rating.sides);
-  const MatchOptions match{o.episodes, o.seed, device, all.n_threads};
+  std::string note;  // told behind the lines of progress, which it would break
+  const auto keep_note = [&note](const std::string& text) { note = text; };
+  const MatchOptions match{o.episodes, o.seed, device, all.n_threads, keep_note};
   ProgressLines progress(o.episodes);
   sheet.table = play_table(all.players, all.spec, match, std::ref(progress));
   progress.finish();
+  if (!note.empty()) std::cerr << "note: " << note << '\n';
   pool(all.pools, sheet);
   sheet.ratings = rate(sheet.table, rating);
   return sheet;

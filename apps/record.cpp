@@ -5,6 +5,7 @@
 
 #include "apps/command_line.hpp"
 #include "apps/commands.hpp"
+#include "apps/match_note.hpp"
 #include "apps/option_value.hpp"
 #include "apps/output.hpp"
 #include "apps/program_info.hpp"
@@ -64,7 +65,7 @@ void record(const RecordOptions& o) {
   const PlayedGame game = choose_game({o.scenario, o.changes}, all, OtherGames::allowed);
   for (const std::string& note : game.notes) std::cerr << "note: " << note << '\n';
   const int n_threads = game.spec.params.n_agents > kMaxAgents ? 0 : 1;  // games are few; the agents of a crowd are not
-  const MatchOptions options{o.episodes, seed_of(o.seed, Purpose::eval), device, n_threads};
+  const MatchOptions options{o.episodes, seed_of(o.seed, Purpose::eval), device, n_threads, note_once()};
 
   std::vector<std::string> replays;
   for (size_t k = 0; k < players.size(); ++k) {

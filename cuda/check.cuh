@@ -1,13 +1,14 @@
-// GIGA_CUDA: throws giga::Error with the call and CUDA's message unless a runtime call succeeds.
+// GIGA_CUDA: throws giga::DeviceError with the call and CUDA's message unless a runtime call succeeds.
 #pragma once
 
 #include <cuda_runtime.h>
 
 #include "core/error.hpp"
 
-#define GIGA_CUDA(call)                                                                                            \
-  do {                                                                                                             \
-    const cudaError_t giga_status = (call);                                                                        \
-    if (giga_status != cudaSuccess)                                                                                \
-      throw ::giga::Error(::giga::cat(__FILE__, ":", __LINE__, ": " #call ": ", cudaGetErrorString(giga_status))); \
+#define GIGA_CUDA(call)                                                                            \
+  do {                                                                                             \
+    const cudaError_t giga_status = (call);                                                        \
+    if (giga_status != cudaSuccess)                                                                \
+      throw ::giga::DeviceError(                                                                   \
+          ::giga::cat(__FILE__, ":", __LINE__, ": " #call ": ", cudaGetErrorString(giga_status))); \
   } while (false)

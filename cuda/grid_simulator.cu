@@ -55,13 +55,24 @@ struct GroupSync {
   }
 };
 
+/// A thread of a kernel whose blocks are groups, and the barriers of its group.
+struct GroupThread {
+  ThreadIndex at;
+  GroupSync sync;
+};
+template <class P>
+__device__ __forceinline__ GroupThread group_thread(const GridLaunchOf<P>& k, bool clustered) {
+  const int block = static_cast<int>(blockIdx.x), group = block / k.blocks;
+  return {{block, static_cast<int>(gridDim.x), static_cast<int>(threadIdx.x), kGridThreads},
+          {&k.words[group].arrivals, k.blocks, block % k.blocks == 0, clustered}};
+}
+
 template <Job job, class P>
 __global__ void __launch_bounds__(kGridThreads, kGridBlocks)
     grid_kernel(const __grid_constant__ GridLaunchOf<P> k, bool clustered) {
-  const int block = static_cast<int>(blockIdx.x), group = block / k.blocks;
-  const ThreadIndex at{block, static_cast<int>(gridDim.x), static_cast<int>(threadIdx.x), kGridThreads};
+  const GroupThread thread = group_thread(k, clustered);
   extern __shared__ __align__(16) char shared[];
-  run_grid_thread<job>(k, at, GroupSync{&k.words[group].arrivals, k.blocks, block % k.blocks == 0, clustered}, shared);
+  run_grid_thread<job>(k, thread.at, thread.sync, shared);
 }
 
 /// Parts of a step for which no thread waits for another of its group: as many threads at a time as registers allow.
@@ -71,10 +82,9 @@ constexpr int kLookBlocks = 3, kWriteBlocks = 4;  // per multiprocessor at least
 template <StepPart part, class P>
 __global__ void __launch_bounds__(kGridThreads, kGridBlocks)
     part_kernel(const __grid_constant__ GridLaunchOf<P> k, bool clustered) {
-  const int block = static_cast<int>(blockIdx.x), group = block / k.blocks;
-  const ThreadIndex at{block, static_cast<int>(gridDim.x), static_cast<int>(threadIdx.x), kGridThreads};
+  const GroupThread thread = group_thread(k, clustered);
   extern __shared__ __align__(16) char shared[];
-  run_grid_part<part>(k, at, GroupSync{&k.words[group].arrivals, k.blocks, block % k.blocks == 0, clustered}, shared);
+  run_grid_part<part>(k, thread.at, thread.sync, shared);
 }
 
 /// The same without barriers of a group.

@@ -1,6 +1,7 @@
 #include "cuda/recorded_work.hpp"
 
 #include <deque>
+#include <exception>
 #include <memory>
 #include <utility>
 
@@ -76,12 +77,14 @@ std::unique_ptr<RecordedWork> record_work(int index, void* stream, size_t most_b
     const auto [status, graph] = end();
     GIGA_CUDA(status);
     return std::make_unique<Graph>(main, graph.get());
-  } catch (...) {
+  } catch (const std::exception& e) {
     // Whoever goes on without it finds the stream, and the runtime's last error, as if nothing had been tried.
     cudaStreamCaptureStatus still = cudaStreamCaptureStatusNone;
     cudaStreamIsCapturing(main, &still);
     if (still != cudaStreamCaptureStatusNone) end();
     cudaGetLastError();
+    // CUDA ends a capture itself where it refuses a call, of LibTorch too, which has exceptions of its own.
+    if (still == cudaStreamCaptureStatusInvalidated) throw DeviceError(e.what());
     throw;
   }
 }

@@ -1,4 +1,5 @@
-// Error: the one exception type of gigastep, and GIGA_CHECK, which throws it with the values in the message.
+// Error: the exception type of gigastep, what is derived from it, and GIGA_CHECK, which throws it with the values in
+// the message.
 #pragma once
 
 #include <cstdint>
@@ -29,6 +30,12 @@ class Error : public std::runtime_error {
 class InputError : public Error {
  public:
   explicit InputError(const std::string& message) : Error(message, ErrorKind::input) {}
+};
+
+/// A device refused a call, or work that was queued before failed on it.
+class DeviceError : public Error {
+ public:
+  explicit DeviceError(const std::string& message) : Error(message) {}
 };
 
 /// Streams all arguments into one string: cat("n = ", 3) == "n = 3".

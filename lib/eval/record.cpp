@@ -213,6 +213,8 @@ void TeamRecording::finish() {
   for (std::unique_ptr<ValueFunction>& values : values_) values.reset();
 }
 
+void TeamRecording::fill() { recorder_->fill(); }
+
 Replay TeamRecording::replay(const std::string& version) {
   Replay replay = replay_frame(run_.scenario, run_.spec, version);
   replay.seed = cat(seed_);

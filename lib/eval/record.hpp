@@ -49,6 +49,8 @@ class TeamRecording {
   const WatchedPair& games() const { return games_; }
   /// When they were played: asks the networks, and keeps nothing of theirs on the device.
   void finish();
+  /// Before that, for who measures memory: as if the games had been as long as they can be. There is no replay then.
+  void fill();
   /// Then. No more than the host's work, which may go on beside what else it does.
   Replay replay(const std::string& version);
 

@@ -180,6 +180,14 @@ void Recorder::finish() {
   true_state_ = Buffer<float>();
 }
 
+// Rooms that nobody has written to take no memory of a CPU yet.
+void Recorder::fill() {
+  for (Kept* kept : {waiting_.get(), recorded_.get()})
+    for (at::Tensor* room : kept->rooms())
+      if (room->defined()) room->zero_();
+  waiting_->count = waiting_->most;
+}
+
 /// Asks the networks of what waits, and brings it to the host.
 void Recorder::fetch() {
   Kept& from = *waiting_;

@@ -39,6 +39,8 @@ class Recorder final : public GameObserver {
   /// After the match: asks the networks of what is left, fetches it, and keeps nothing on the device. What follows is
   /// the host's work alone: it asks no network and runs no kernel, so any thread may do it.
   void finish();
+  /// For who measures memory: as if as many states waited as there is room for. Then `finish`, and nothing else.
+  void fill();
   /// The episodes of the worlds, in their order. `seed`: of the simulator, as in Replay.
   std::vector<ReplayEpisode> episodes(const std::string& seed);
 

@@ -163,7 +163,7 @@ void Game::record_period(int64_t t) {
         for (GameObserver* observer : observers_) observer->record_step(k, step);
       }
     });
-  } catch (const std::exception& e) {  // of whatever library: what fails one by one too will say so there
+  } catch (const DeviceError& e) {  // what fails one by one too will say so there
     refusal_ = e.what();
   }
 }

@@ -95,7 +95,7 @@ class Game {
   /// Where in such a game all controllers and observers repeat themselves, kListPeriod steps are recorded once, as far
   /// as the back end can (Simulator::record), and then queued in one call: the same steps.
   void play(int64_t n_steps);
-  /// Why the back end refused to record steps, which were queued one by one then; empty: it did not.
+  /// Why the device refused to record steps, which were queued one by one then; empty: it did not.
   const std::string& refusal() const { return refusal_; }
 
  private:

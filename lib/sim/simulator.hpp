@@ -161,7 +161,8 @@ class Simulator {
   void queue_step(const StepIo& io);
   /// Records what `work` queues on the stream of this simulator, and on up to `most_beside` streams side by side:
   /// kernels that have run before, nothing that waits. Null where the back end records nothing; then `work` is not
-  /// called. Throws Error where it refuses; then nothing is recorded, and the same work can be queued as ever.
+  /// called. Throws DeviceError where the device refuses; then nothing is recorded, and the same work can be queued as
+  /// ever.
   virtual std::unique_ptr<RecordedWork> record(size_t /*most_beside*/,
                                                const std::function<void(Recording&)>& /*work*/) {
     return nullptr;

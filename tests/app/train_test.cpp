@@ -3,10 +3,13 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <sstream>
+#include <string>
 #include <tuple>
 
 #include "io/checkpoint.hpp"
 #include "program.hpp"
+#include "runs.hpp"
 
 namespace giga::test {
 namespace {
@@ -308,6 +311,25 @@ TEST(Train, WhereMemoryRunsOutItSaysWhatHelps) {
                                       "; a smaller train.n_worlds takes less"}));
   EXPECT_EQ(training.err.find("frame #"), std::string::npos) << training.err;
   EXPECT_EQ(here.entries(), std::vector<std::string>{"tiny.yaml"}) << "nothing was created yet";
+}
+
+// Of 50 games of 10,000 steps as many states wait at once as there is room for, 128 MiB. All else takes 23 MiB.
+TEST(Train, ThePlanCountsTheGamesThatEvaluationsKeep) {
+  const Workplace here;
+  here.write("short.yaml", kShortConfig);
+  const Outcome plan = here.run(
+      {"train", "short.yaml", "--plan", "--set", "eval.record=50", "--set", "environment.max_episode_length=10000"});
+  ASSERT_EQ(plan.code, 0) << plan.err;
+  const std::string before = "train.n_worlds 16 takes ";
+  const size_t at = plan.out.find(before);
+  ASSERT_NE(at, std::string::npos) << plan.out;
+  std::istringstream figure(plan.out.substr(at + before.size()));
+  double size = 0;
+  std::string unit;
+  figure >> size >> unit;
+  EXPECT_EQ(unit, "MiB") << plan.out;
+  EXPECT_GT(size, 128) << plan.out;
+  EXPECT_LT(size, 400) << plan.out;
 }
 
 TEST(Train, DivergenceHasItsOwnExitCode) {

@@ -8,13 +8,10 @@
 
 #include "cuda/runtime.hpp"
 #include "game/game.hpp"
-#include "learn/players/value_function.hpp"
 #include "learn/team_policy.hpp"
-#include "policy/actor.hpp"
-#include "rollout/policy_controllers.hpp"
+#include "recorded.hpp"
 #include "rollout/stream.hpp"
 #include "rollout/tensors.hpp"
-#include "runs.hpp"
 #include "sim/row_layout.hpp"
 
 namespace giga::test {
@@ -52,35 +49,10 @@ struct Witness final : GameObserver {
   std::vector<std::vector<int32_t>> actions;
 };
 
-SmallRun small_run() {
-  SmallRun small;
-  small.actor = "hidden: [16, 16], output_gain: 3";
-  return small;
-}
-
-struct Recorded {
-  explicit Recorded(const SmallRun& small = small_run(), Device device = {})
-      : run(small.load()), learner(small.learner(device)) {
-    learner->save_critics(critics);
-    values = ValueFunction::load(run, 0, critics, *learner->actor(0), device);
-    const std::array<RecordedTeam, 2> teams = {
-        RecordedTeam{policy_controller(*learner->actor(0)), {learner->actor(0), values.get()}, "a"},
-        RecordedTeam{policy_controller(*learner->actor(1)), {}, "b"}};
-    replay = record_match(run.scenario, run.spec, teams, {3, 5, device, 2}, "0.1.0").replay;
-  }
-
-  LoadedRun run;
-  std::unique_ptr<Learner> learner;
-  NamedArrays critics;
-  std::unique_ptr<ValueFunction> values;
-  Replay replay;
-};
-
 TEST(LearnRecord, KeepsWhatTheSimulatorSays) {
   const Recorded recorded;
   Witness witness(recorded.run);
-  play_match(recorded.run.spec, policy_controller(*recorded.learner->actor(0)),
-             policy_controller(*recorded.learner->actor(1)), {3, 5, {}, 2}, {&witness});
+  recorded.play_again(witness);
   const ReplayEpisode& e = recorded.replay.episodes.at(1);
   const int n = recorded.replay.n_agents(), states = e.steps + 1;
   ASSERT_EQ(static_cast<int>(witness.x.size()), states);
@@ -112,8 +84,7 @@ TEST(LearnRecord, KeepsWhatTheSimulatorSays) {
 void expect_actions_and_minds_of_their_states(const SmallRun& small, int least) {
   const Recorded recorded(small);
   Witness witness(recorded.run);
-  play_match(recorded.run.spec, policy_controller(*recorded.learner->actor(0)),
-             policy_controller(*recorded.learner->actor(1)), {3, 5, {}, 2}, {&witness});
+  recorded.play_again(witness);
   const ReplayEpisode& e = recorded.replay.episodes.at(1);
   const ReplayMind& mind = e.mind[0];
   const int n = recorded.run.spec.params.n_team[0], states = e.steps + 1;
@@ -150,19 +121,19 @@ void expect_actions_and_minds_of_their_states(const SmallRun& small, int least) 
   EXPECT_GT(likeliest, 0.2f) << "a policy that knows what it wants, so that the test sees mistakes";
 }
 
-TEST(LearnRecord, ActionsAndMindsBelongToTheirState) { expect_actions_and_minds_of_their_states(small_run(), 2); }
+TEST(LearnRecord, ActionsAndMindsBelongToTheirState) { expect_actions_and_minds_of_their_states(recorded_run(), 2); }
 
 TEST(LearnRecord, MindsOfALongGame) {
-  SmallRun small = small_run();
-  small.scenario = "limit_x: 60\nlimit_y: 60\nmax_episode_length: 150\ndamage: {damage_cone_depth: 0}\n";
+  SmallRun small = recorded_run();
+  small.scenario = long_games(150);
   expect_actions_and_minds_of_their_states(small, 100);
 }
 
 TEST(LearnRecord, MindsThatRemember) {
-  SmallRun small = small_run();
+  SmallRun small = recorded_run();
   small.actor = "hidden: [16], memory: gru, memory_size: 8, output_gain: 8";
   small.critic = "kind: independent, hidden: [8], memory: gru";
-  small.scenario = "max_episode_length: 90\nlimit_x: 60\nlimit_y: 60\ndamage: {damage_cone_depth: 0}\n";
+  small.scenario = long_games(90);
   expect_actions_and_minds_of_their_states(small, 80);
 }
 
@@ -180,162 +151,22 @@ TEST(LearnRecord, PlaysAgainAndNoticesWhatDiffers) {
   EXPECT_NE(verify_replay(other, {}), "");
 }
 
-/// Of games with some room on the device.
-std::vector<ReplayEpisode> episodes_with(const Recorded& recorded, int64_t most_bytes) {
-  Recorder recorder(recorded.run.spec, {Mind{recorded.learner->actor(0), recorded.values.get()}, Mind{}},
-                    {.most_bytes = most_bytes});
-  play_match(recorded.run.spec, policy_controller(*recorded.learner->actor(0)),
-             policy_controller(*recorded.learner->actor(1)), {3, 5, {}, 2}, {&recorder});
-  return recorder.episodes("5");
-}
-
-TEST(LearnRecord, RoomForAFewStatesIsEnough) {
-  SmallRun small = small_run();
-  small.scenario = "limit_x: 60\nlimit_y: 60\nmax_episode_length: 50\ndamage: {damage_cone_depth: 0}\n";
-  const Recorded recorded(small);
-  Replay all = recorded.replay, few = all;
-  all.episodes = episodes_with(recorded, int64_t{128} << 20);
-  few.episodes = episodes_with(recorded, 1);  // kListPeriod states
-  EXPECT_EQ(encode_replay(all), encode_replay(recorded.replay));
-  for (size_t k = 0; k < all.episodes.size(); ++k) {
-    const ReplayEpisode &a = all.episodes[k], &b = few.episodes[k];
-    ASSERT_GT(a.steps, 2 * kListPeriod);
-    EXPECT_EQ(a.state_check, b.state_check);
-    EXPECT_EQ(a.action_check, b.action_check);
-    EXPECT_EQ(a.x, b.x);
-    ASSERT_EQ(a.mind[0].value.size(), b.mind[0].value.size());  // products may round by the number of rows
-    EXPECT_NEAR(a.mind[0].low, b.mind[0].low, 1e-4);
-    EXPECT_EQ(a.mind[0].likely.size(), b.mind[0].likely.size());
-  }
-}
-
-/// Tells a recorder of the steps of a game as if whole periods were recorded, the first one aside.
-struct AsRecorded final : GameObserver {
-  explicit AsRecorded(Recorder& of) : recorder(of) {}
-  void before_step(int64_t t, GameStep& step) override { recorder.before_step(t, step); }
-  void after_step(int64_t t, const GameStep& step) override {
-    if (t < kListPeriod || t >= 48) return recorder.after_step(t, step);
-    recorder.record_step(static_cast<int>(t % kListPeriod), step);
-    if (t % kListPeriod == kListPeriod - 1) recorder.after_recorded(step);
-  }
-  Recorder& recorder;
-};
-
-TEST(LearnRecord, PeriodsAreKeptAsTheirSteps) {
-  SmallRun small = small_run();
-  small.scenario = "limit_x: 60\nlimit_y: 60\nmax_episode_length: 50\ndamage: {damage_cone_depth: 0}\n";
-  const Recorded recorded(small);
-  for (const int64_t most_bytes : {int64_t{1}, int64_t{128} << 20}) {
-    Recorder recorder(recorded.run.spec, {Mind{recorded.learner->actor(0), recorded.values.get()}, Mind{}},
-                      {.most_bytes = most_bytes});
-    AsRecorded periods(recorder);
-    play_match(recorded.run.spec, policy_controller(*recorded.learner->actor(0)),
-               policy_controller(*recorded.learner->actor(1)), {3, 5, {}, 2}, {&periods});
-    Replay replay = recorded.replay;
-    replay.episodes = recorder.episodes("5");
-    EXPECT_EQ(replay.episodes.at(0).steps, 50);
-    if (most_bytes > 1) {
-      EXPECT_EQ(encode_replay(replay), encode_replay(recorded.replay));
-    }
-    EXPECT_EQ(verify_replay(replay, {}), "");
-    EXPECT_EQ(replay.episodes[2].mind[0].likely, recorded.replay.episodes[2].mind[0].likely);
-  }
-}
-
-// Beside other matches, in the last worlds of their simulator, the games are those of a match by itself.
-TEST(LearnRecord, BesideOtherMatches) {
-  for (const char* memory : {"", ", memory: gru, memory_size: 8"}) {
-    SmallRun small = small_run();
-    small.actor += memory;
-    if (*memory) small.critic = "kind: independent, hidden: [8], memory: gru";
-    const LoadedRun run = small.load();
-    const auto learner = small.learner();
-    const std::shared_ptr<TeamController> learned = policy_controller(*learner->actor(0)),
-                                          circle = script_controller(Scripted::circle);
-    const std::vector<Pairing> pairs = {{{learned, circle}}, {{circle, learned}}};
-    const MatchOptions options{5, 7, {}, 2};
-    const auto play = [&](int episodes, bool alone) {
-      TeamRecording games(run, *learner, episodes, options);
-      WatchedPair watched = games.games();
-      watched.alone = alone;
-      const std::vector<MatchResult> results = play_matches(run.spec, pairs, options, &watched);
-      EXPECT_EQ(results.size(), 2u);
-      EXPECT_EQ(results[0].episodes, 5);
-      games.finish();
-      const Replay replay = games.replay("0.1.0");
-      EXPECT_EQ(replay.episodes.size(), static_cast<size_t>(episodes));
-      EXPECT_EQ(verify_replay(replay, {}), "");
-      return std::pair(encode_replay(replay), results[1].mean_return[1]);
-    };
-    EXPECT_EQ(play(3, false), play(3, true));
-    EXPECT_EQ(play(6, false).second, play(3, true).second) << "more than the others have episodes: by itself";
-  }
-}
-
-/// Whether steps were recorded; recorders see the same.
-struct Periods final : GameObserver {
-  bool repeats() const override { return true; }
-  void after_recorded(const GameStep&) override { ++count; }
-  int count = 0;
-};
-
-/// One that does not repeat itself: its games are queued step by step.
-struct StepByStep final : GameObserver {};
-
-TEST(LearnRecordGpu, RecordedStepsAreTheSame) {
-  if (cuda_device_count() == 0) GTEST_SKIP() << "skipped: no GPU";
-  const Device gpu{Device::Kind::cuda, 0};
-  for (const char* action : {"", "action: continuous\n"}) {
-    SmallRun small = small_run();
-    small.precision = "tf32";
-    small.scenario = cat("max_episode_length: 90\nlimit_x: 60\nlimit_y: 60\ndamage: {damage_cone_depth: 0}\n", action);
-    const LoadedRun run = small.load();
-    const auto learner = small.learner(gpu);
-    NamedArrays critics;
-    learner->save_critics(critics);
-    const auto values = ValueFunction::load(run, 0, critics, *learner->actor(0), gpu);
-    const auto play = [&](bool step_by_step, int64_t most_bytes) {
-      Recorder recorder(run.spec, {Mind{learner->actor(0), values.get()}, Mind{learner->actor(1), nullptr}},
-                        {.most_bytes = most_bytes});
-      Periods periods;
-      StepByStep one_by_one;
-      std::vector<GameObserver*> observers = {&recorder, &periods};
-      if (step_by_step) observers.push_back(&one_by_one);
-      play_match(run.spec, policy_controller(*learner->actor(0)), policy_controller(*learner->actor(1)), {3, 5, gpu, 2},
-                 observers);
-      EXPECT_EQ(periods.count > 0, !step_by_step) << "a graph was queued";
-      Replay replay = replay_frame(run.scenario, run.spec, "0.1.0");
-      replay.seed = "5";
-      replay.players = {"a", "b"};
-      replay.episodes = recorder.episodes(replay.seed);
-      EXPECT_EQ(verify_replay(replay, {}), "");
-      return encode_replay(replay);
-    };
-    const std::string expected = play(true, int64_t{128} << 20);
-    EXPECT_EQ(play(false, int64_t{128} << 20), expected);
-    EXPECT_EQ(play(false, int64_t{128} << 20), expected);
-    EXPECT_EQ(play(false, 1), expected) << "room for kListPeriod states";
-  }
-}
-
 // On a GPU small networks are asked by kernels of this program: what LibTorch makes of them, but for their rounding.
 TEST(LearnRecordGpu, SmallNetworksSayWhatLibTorchMakesOfThem) {
   if (cuda_device_count() == 0) GTEST_SKIP() << "skipped: no GPU";
   const Device gpu{Device::Kind::cuda, 0};
   for (const char* kind : {"composed", "independent"}) {
-    SmallRun small = small_run();
+    SmallRun small = recorded_run();
     small.precision = "tf32";
     small.critic = cat("kind: ", kind, ", hidden: [16, 16]");
     small.mappo = "obs_norm: true";
     const LoadedRun run = small.load();
     const auto there = small.learner(gpu), here = small.learner();
     there->update();
-    NamedArrays all, critics;
+    NamedArrays all;
     there->save(all);
     here->load(all);
-    there->save_critics(critics);
-    const auto values = ValueFunction::load(run, 1, critics, *there->actor(1), gpu),
-               expected = ValueFunction::load(run, 1, critics, *here->actor(1), {});
+    const auto values = values_of(run, *there, 1, gpu), expected = values_of(run, *here, 1, {});
     const int n = run.spec.params.n_team[1], stride = observation_rows(run.spec).stride();
     const at::Tensor obs = at::randn({65, n, stride}), alive = (at::rand({65, n}) > 0.3).to(at::kByte);
     NetworkState memory;
@@ -354,8 +185,8 @@ TEST(LearnRecordGpu, SmallNetworksSayWhatLibTorchMakesOfThem) {
 // Games of more states than wait on the device at a time, with what the networks say of each.
 TEST(LearnRecordGpu, TheCpuPlaysTheSameGamesAgain) {
   if (cuda_device_count() == 0) GTEST_SKIP() << "skipped: no GPU";
-  SmallRun small = small_run();
-  small.scenario = "max_episode_length: 90\nlimit_x: 60\nlimit_y: 60\ndamage: {damage_cone_depth: 0}\n";
+  SmallRun small = recorded_run();
+  small.scenario = long_games(90);
   const Recorded recorded(small, {Device::Kind::cuda, 0});
   EXPECT_EQ(verify_replay(recorded.replay, {}), "");
   EXPECT_EQ(verify_replay(recorded.replay, {Device::Kind::cuda, 0}), "");
@@ -398,7 +229,7 @@ struct CrowdWitness final : GameObserver {
 TEST(LearnRecord, ACrowdKeepsWhatTheSimulatorSays) {
   // 520 against 520 on 8 x 60. Teams start 0.2 x 8 = 1.6 apart, less than weapons reach, at 520 / (0.3 x 8 x 0.8 x 60),
   // 4.5 on each unit of ground: they see, shoot and hit each other at once.
-  SmallRun small = small_run();
+  SmallRun small = recorded_run();
   small.scenario =
       "team_0: [{type: default, count: 520}]\nteam_1: [{type: default, count: 520}]\nlimit_x: 8\nlimit_y: 60\n"
       "max_episode_length: 10\ncollision: {collision_range: 0.1}\n";

@@ -1,4 +1,4 @@
-// Scenarios and helpers of the tests of grids: variants with every switch alone, knots of agents that lie together.
+// Scenarios and helpers of the tests of grids: how a step is compared, knots of agents that lie together.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -9,6 +9,7 @@
 #include <string>
 
 #include "core/error.hpp"
+#include "parity/cases.hpp"
 #include "sim/simulator.hpp"
 #include "support/sim_runner.hpp"
 #include "support/sim_specs.hpp"
@@ -20,27 +21,15 @@ struct Case {
   int n_variants, n_steps;
 };
 inline void PrintTo(const Case& c, std::ostream* out) { *out << c.n_team_0 << " v " << c.n_team_1; }
-/// Variant 0 has every switch on, 1 none, then each one alone and each one missing; the rest of the scenario is random.
 inline SimSpec variant_of(const Case& c, int variant) {
-  SimSpec spec =
-      random_spec(static_cast<uint64_t>(7000 * variant + 31 * c.n_team_0 + c.n_team_1), c.n_team_0, c.n_team_1);
-  const unsigned all = kNSwitchMasks - 1;
-  unsigned mask = variant == 0 ? all : 0;
-  if (variant >= 2) mask = 1u << (static_cast<unsigned>(variant - 2) / 2 % kNSwitches);
-  if (variant >= 2 && variant % 2) mask = all ^ mask;
-  set_switches(spec, mask);
-  spec.params.max_episode_length = variant % 5 == 4 ? 0 : 5 + variant % 9;
+  SimSpec spec = variant_spec(7000, c.n_team_0, c.n_team_1, variant);
   spec.finish();
   return spec;
 }
 
 inline SimOptions options_of(int variant) {
-  SimOptions options;
-  options.n_worlds = 3;
+  SimOptions options = variant_options(0xABCDEF, 3, variant);
   options.n_threads = 1 + variant % 2;
-  options.seed = 0xABCDEFull + static_cast<uint64_t>(variant);
-  options.first_world = variant % 3 == 2 ? 100000 : 0;
-  options.on_done = variant % 4 == 3 ? (variant % 8 == 3 ? OnDone::freeze : OnDone::keep) : OnDone::reset;
   return options;
 }
 
@@ -53,6 +42,27 @@ inline std::unique_ptr<Simulator> grid(const SimSpec& spec, SimOptions options) 
 inline Snapshot without_tables(Snapshot shot) {
   std::erase_if(shot.fields, [](const SnapshotField& f) { return f.name == "detected" || f.name == "seen"; });
   return shot;
+}
+
+/// Starts and steps both: each state and output of `b`, a grid, is that of `a`, and so are the observations where they
+/// are written once more. `look` gets what is there after each step.
+inline void expect_same_steps(SimRunner& a, SimRunner& b, int n_steps, int variant,
+                              const std::function<void(const Snapshot&)>& look) {
+  a.start();
+  b.start();
+  ASSERT_EQ(difference(without_tables(a.snapshot()), b.snapshot()), "") << "variant " << variant << ", start";
+  for (int k = 0; k < n_steps; ++k) {
+    a.step(static_cast<uint64_t>(k));
+    b.step(static_cast<uint64_t>(k));
+    const Snapshot now = a.snapshot();
+    ASSERT_EQ(difference(without_tables(now), b.snapshot()), "") << "variant " << variant << ", step " << k;
+    look(now);
+    if (k % 6 != 5) continue;
+    a.observe();
+    b.observe();
+    ASSERT_EQ(difference(observations(a.snapshot()), observations(b.snapshot())), "")
+        << "variant " << variant << ", observe after step " << k;
+  }
 }
 
 /// Agents that start at two points, or so near one that keys of distances cannot tell them apart: who has which row is

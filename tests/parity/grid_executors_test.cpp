@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <cmath>
 #include <functional>
 #include <memory>
 #include <tuple>
@@ -54,26 +53,13 @@ TEST_P(GridExecutors, EveryStepIsThatOfTheCpu) {
     const SimSpec spec = variant_of(case_, variant);
     const SimOptions options = options_of(variant);
     SimRunner a(grid(spec, options)), b(other(spec, options, variant));
-    a.start();
-    b.start();
-    ASSERT_EQ(difference(a.snapshot(), b.snapshot()), "") << "variant " << variant << ", start";
-    for (int k = 0; k < case_.n_steps; ++k) {
-      a.step(static_cast<uint64_t>(k));
-      b.step(static_cast<uint64_t>(k));
-      const Snapshot now = a.snapshot();
-      ASSERT_EQ(difference(now, b.snapshot()), "") << "variant " << variant << ", step " << k;
+    const auto note = [&](const Snapshot& now) {
       shots += std::ranges::count_if(now.field("tracked").bytes, [](uint8_t t) { return t > 0; });
       dead += std::ranges::count(now.field("alive").bytes, 0);
       ended += std::ranges::count_if(now.field("done").bytes, [](uint8_t d) { return d > 0; });
-      if (k % 6 != 5) continue;
-      a.observe();
-      b.observe();
-      ASSERT_EQ(difference(observations(a.snapshot()), observations(b.snapshot())), "")
-          << "variant " << variant << ", observe after step " << k;
-    }
-    const EpisodeStats stats = a.sim().take_stats(), same = b.sim().take_stats();
-    for (size_t row = 0; row < stats.rows.size(); ++row)
-      EXPECT_NEAR(stats.rows[row], same.rows[row], 1e-9 * (1 + std::abs(stats.rows[row]))) << "row " << row;
+    };
+    ASSERT_NO_FATAL_FAILURE(expect_same_steps(a, b, case_.n_steps, variant, note));
+    expect_same_stats(a.sim().take_stats(), b.sim().take_stats());
   }
   if (case_.n_team_0 < 7 || (executor_ == Executor::gpu && parity_is_small())) return;
   EXPECT_GT(shots, 0);
@@ -158,9 +144,7 @@ void play_crowd(const Crowd& c, const std::function<std::unique_ptr<Simulator>(c
     if (int64_t{spec.params.n_agents} * spec.params.n_agents * c.worlds > kMostPairs) continue;
     ASSERT_EQ(difference(a.snapshot(), b.snapshot()), "") << "step " << k;
   }
-  const EpisodeStats stats = a.sim().take_stats(), same = b.sim().take_stats();
-  for (size_t row = 0; row < stats.rows.size(); ++row)
-    EXPECT_NEAR(stats.rows[row], same.rows[row], 1e-9 * (1 + std::abs(stats.rows[row]))) << "row " << row;
+  expect_same_stats(a.sim().take_stats(), b.sim().take_stats());
 }
 
 TEST(GridCrowds, AreThoseOfTheCpu) {

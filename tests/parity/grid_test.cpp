@@ -33,21 +33,8 @@ TEST_P(GridParity, EveryStepIsThatOfTheTables) {
     const SimSpec spec = variant_of(c, variant);
     const SimOptions options = options_of(variant);
     SimRunner a(make_cpu_simulator(spec, options)), b(grid(spec, options));
-    a.start();
-    b.start();
-    ASSERT_EQ(difference(without_tables(a.snapshot()), b.snapshot()), "") << "variant " << variant << ", start";
-    for (int k = 0; k < c.n_steps; ++k) {
-      a.step(static_cast<uint64_t>(k));
-      b.step(static_cast<uint64_t>(k));
-      const Snapshot now = a.snapshot();
-      ASSERT_EQ(difference(without_tables(now), b.snapshot()), "") << "variant " << variant << ", step " << k;
-      activity.add(now);
-      if (k % 6 != 5) continue;
-      a.observe();
-      b.observe();
-      ASSERT_EQ(difference(observations(a.snapshot()), observations(b.snapshot())), "")
-          << "variant " << variant << ", observe after step " << k;
-    }
+    const auto note = [&](const Snapshot& now) { activity.add(now); };
+    ASSERT_NO_FATAL_FAILURE(expect_same_steps(a, b, c.n_steps, variant, note));
     const EpisodeStats stats = a.sim().take_stats(), same = b.sim().take_stats();
     EXPECT_EQ(stats.rows, same.rows) << "variant " << variant;
   }

@@ -5,7 +5,6 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <cmath>
 #include <cstdlib>
 #include <string>
 #include <tuple>
@@ -13,6 +12,7 @@
 
 #include "core/error.hpp"
 #include "cuda/runtime.hpp"
+#include "parity/cases.hpp"
 #include "parity/emulated_simulator.hpp"
 #include "sim/usual_params.hpp"
 #include "support/sim_runner.hpp"
@@ -82,16 +82,8 @@ void make_usual(SimSpec& spec) {
   }
 }
 
-/// Variant 0 has every switch on, 1 none, then each one alone and each one missing; the rest of the scenario is random.
 SimSpec variant_of(const Case& c, int variant) {
-  const uint64_t seed = static_cast<uint64_t>(1000 * variant + 31 * c.n_team_0 + c.n_team_1);
-  SimSpec spec = random_spec(seed, c.n_team_0, c.n_team_1);
-  const unsigned all = kNSwitchMasks - 1;
-  unsigned mask = variant == 0 ? all : 0;
-  if (variant >= 2) mask = 1u << (static_cast<unsigned>(variant - 2) / 2 % kNSwitches);
-  if (variant >= 2 && variant % 2) mask = all ^ mask;
-  set_switches(spec, mask);
-  spec.params.max_episode_length = variant % 5 == 4 ? 0 : 5 + variant % 9;
+  SimSpec spec = variant_spec(1000, c.n_team_0, c.n_team_1, variant);
   if (c.usual) make_usual(spec);
   spec.finish();
   bool usual = false;
@@ -101,12 +93,8 @@ SimSpec variant_of(const Case& c, int variant) {
 }
 
 SimOptions options_of(const Case& c, int variant) {
-  SimOptions options;
-  options.n_worlds = c.n_worlds;
-  options.seed = 0x123456789ABCull + static_cast<uint64_t>(variant);
-  options.first_world = variant % 3 == 2 ? 100000 : 0;
+  SimOptions options = variant_options(0x123456789ABC, c.n_worlds, variant);
   options.draw_period = variant % 7 == 6 ? 5 : 0;
-  options.on_done = variant % 4 == 3 ? (variant % 8 == 3 ? OnDone::freeze : OnDone::keep) : OnDone::reset;
   return options;
 }
 
@@ -122,14 +110,6 @@ std::unique_ptr<Simulator> other(Executor executor, const SimSpec& spec, const S
 /// Of three variants one has dense rows, one rows of a multiple of 32 numbers with a gap that nobody may touch, and one
 /// rows with zeros behind.
 int row_step_of(int variant) { return variant % 3 == 0 ? 0 : variant % 3 == 1 ? 32 : SimRunner::kZerosBehind; }
-
-/// Counts of episodes are sums of whole numbers, hence exact; sums of returns are doubles added in another order.
-void expect_same_stats(const EpisodeStats& a, const EpisodeStats& b) {
-  for (size_t row = 0; row < a.rows.size(); ++row) {
-    const double tolerance = row < static_cast<size_t>(EpisodeStat::return_0) ? 0 : 1e-9 * (1 + std::abs(a.rows[row]));
-    EXPECT_NEAR(a.rows[row], b.rows[row], tolerance) << "statistics row " << row;
-  }
-}
 
 int count_in(const Snapshot& snapshot, Phase phase) {
   int count = 0;

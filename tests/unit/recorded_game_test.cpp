@@ -61,10 +61,11 @@ class RecordingSimulator final : public Simulator {
     tape_.records_to = &recorded->work;
     work(recording);
     tape_.records_to = nullptr;
-    if (refuses) throw Error("it does not want to");
+    if (refuses) throw DeviceError("it does not want to");
+    if (fails) throw Error("it is broken");
     return recorded;
   }
-  bool refuses = false;
+  bool refuses = false, fails = false;
   int n_recorded = 0, n_queued = 0, n_steps = 0;
 
  protected:
@@ -201,6 +202,15 @@ TEST(RecordedGame, WhatCannotBeRecordedIsQueuedOneByOne) {
     return taped.sim.state().save();
   };
   EXPECT_EQ(play(true), play(false));
+}
+
+TEST(RecordedGame, WhatFailsOtherwiseEndsIt) {
+  TapedGame taped(true);
+  taped.sim.fails = true;
+  Game game = taped.play_with();
+  game.start();
+  EXPECT_THROW(game.play(24), Error);
+  EXPECT_EQ(game.refusal(), "");
 }
 
 // Lists are made every kListPeriod steps of a simulator, whatever game takes them.

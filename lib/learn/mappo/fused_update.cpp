@@ -22,6 +22,16 @@ int step_blocks_on(Device device, const FusedMlp& actor, const FusedMlp& critic)
   return device.is_cuda() ? fused_step_blocks(actor.size, critic.size) : 0;
 }
 
+/// The same rows with what a network reads of their observations.
+FusedRows only(const InputColumns& inputs, FusedRows rows) {
+  rows.obs += inputs.first;
+  if (rows.obs_mean) {
+    rows.obs_mean += inputs.first;
+    rows.obs_std += inputs.first;
+  }
+  return rows;
+}
+
 }  // namespace
 
 std::string fused_update_refusal(const Actor& actor, const Critic& critic, int n_agents, Device device) {
@@ -45,6 +55,40 @@ std::string fused_update_refusal(const Actor& actor, const Critic& critic, int n
   return reason.empty() ? network("mappo.critic", critic.fused_mlp().has_value()) : reason;
 }
 
+FusedRows fused_rows(const Actor& actor, int n, const at::Tensor& obs, const at::Tensor& alive,
+                     const at::Tensor& states) {
+  GIGA_CHECK(obs.is_contiguous() && alive.is_contiguous(), "observations with gaps");
+  FusedRows rows;
+  rows.states = states.defined() ? states.const_data_ptr<int64_t>() : nullptr;
+  rows.n_states = states.defined() ? states.numel() : alive.numel() / n;
+  rows.n = n;
+  rows.obs = obs.const_data_ptr<float>();
+  rows.obs_stride = obs.size(-1);
+  rows.alive = alive.const_data_ptr<uint8_t>();
+  if (actor.normalizes()) {
+    rows.obs_mean = actor.normalizer().mean().const_data_ptr<float>();
+    rows.obs_std = actor.normalizer().std().const_data_ptr<float>();
+    rows.obs_limit = kNormalizedLimit;
+  }
+  return rows;
+}
+
+void write_fused_values(const Critic& critic, const FusedMlp& net, const FusedRows& rows,
+                        const ParallelFor& parallel_for, const at::Tensor& values) {
+  GIGA_CHECK(values.is_contiguous(), "values with gaps");
+  if (rows.n_states == 0) return;
+  const Device device = parallel_for.device();
+  const FusedCritic pass{.net = net,
+                         .parameters = critic.parameters().values().const_data_ptr<float>(),
+                         .rows = only(critic.inputs(), rows),
+                         .n_partial = blocks_on(device),
+                         .values = values.data_ptr<float>()};
+  if (device.is_cuda())
+    launch_critic_gradient(pass, device.index, parallel_for.stream());
+  else
+    run_critic_gradient(pass, parallel_for.pool());
+}
+
 FusedUpdate::FusedUpdate(const Actor& actor, const Critic& critic, int n, const ParallelFor& parallel_for,
                          const SumOverRanks& sum)
     : actor_(actor),
@@ -64,47 +108,17 @@ FusedUpdate::FusedUpdate(const Actor& actor, const Critic& critic, int n, const 
   squares_ = at::empty({step_blocks_on(device, actor_mlp_, critic_mlp_)}, options.dtype(at::kDouble));
   finished_ = at::zeros({1}, options.dtype(at::kInt));
   rows_.n = n;
-  if (actor.normalizes()) {
-    rows_.obs_mean = actor.normalizer().mean().const_data_ptr<float>();
-    rows_.obs_std = actor.normalizer().std().const_data_ptr<float>();
-    rows_.obs_limit = kNormalizedLimit;
-  }
 }
 
 void FusedUpdate::choose(const at::Tensor& obs, const at::Tensor& alive, const at::Tensor& states) {
-  GIGA_CHECK(obs.is_contiguous() && alive.is_contiguous(), "observations with gaps");
   states_ = states.defined() ? states.contiguous() : states;
-  rows_.states = states_.defined() ? states_.const_data_ptr<int64_t>() : nullptr;
-  rows_.n_states = states_.defined() ? states_.numel() : alive.numel() / rows_.n;
-  rows_.obs = obs.const_data_ptr<float>();
-  rows_.obs_stride = obs.size(-1);
-  rows_.alive = alive.const_data_ptr<uint8_t>();
-}
-
-FusedRows FusedUpdate::rows_of(const InputColumns& inputs) const {
-  FusedRows rows = rows_;
-  rows.obs += inputs.first;
-  if (rows.obs_mean) {
-    rows.obs_mean += inputs.first;
-    rows.obs_std += inputs.first;
-  }
-  return rows;
+  rows_ = fused_rows(actor_, rows_.n, obs, alive, states_);
 }
 
 void FusedUpdate::write_values(const at::Tensor& obs, const at::Tensor& alive, const at::Tensor& states,
                                const at::Tensor& values) {
-  GIGA_CHECK(values.is_contiguous(), "values with gaps");
   choose(obs, alive, states);
-  if (rows_.n_states == 0) return;
-  const FusedCritic critic{.net = critic_mlp_,
-                           .parameters = critic_.parameters().values().const_data_ptr<float>(),
-                           .rows = rows_of(critic_.inputs()),
-                           .n_partial = blocks_,
-                           .values = values.data_ptr<float>()};
-  if (side_)
-    launch_critic_gradient(critic, index(), parallel_for_.stream());
-  else
-    run_critic_gradient(critic, parallel_for_.pool());
+  write_fused_values(critic_, critic_mlp_, rows_, parallel_for_, values);
 }
 
 void FusedUpdate::begin_epoch(const at::Tensor& obs, const at::Tensor& alive, const at::Tensor& states,
@@ -136,7 +150,7 @@ void FusedUpdate::end_epoch() {
 void FusedUpdate::compute_gradients(int k, const FusedPolicyLoss& policy, const FusedValueLoss& value) {
   const double* moments = moments_.const_data_ptr<double>() + k * moments_.stride(0);
   const auto rows = [&](const InputColumns& inputs) {
-    FusedRows piece = rows_of(inputs);
+    FusedRows piece = only(inputs, rows_);
     piece.states += pieces_.begin(k);
     piece.n_states = pieces_.begin(k + 1) - pieces_.begin(k);
     return piece;

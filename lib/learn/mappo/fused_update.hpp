@@ -21,6 +21,16 @@ namespace giga {
 /// together.
 std::string fused_update_refusal(const Actor& actor, const Critic& critic, int n_agents, Device device);
 
+/// The chosen states of obs [.., n, D] and alive [.., n], which lie without gaps, with whole observations, normalised
+/// as those of the actor. `states`: null = all.
+FusedRows fused_rows(const Actor& actor, int n, const at::Tensor& obs, const at::Tensor& alive,
+                     const at::Tensor& states = {});
+
+/// The critic's `values` [states, n] of rows with whole observations, by the kernel of its loss. `net`:
+/// Critic::fused_mlp.
+void write_fused_values(const Critic& critic, const FusedMlp& net, const FusedRows& rows,
+                        const ParallelFor& parallel_for, const at::Tensor& values);
+
 class FusedUpdate {
  public:
   /// Networks that they serve; all three must outlive this. `n`: agents of the team. On a GPU epochs are learned from
@@ -48,7 +58,6 @@ class FusedUpdate {
 
  private:
   int index() const { return parallel_for_.device().index; }
-  FusedRows rows_of(const InputColumns& inputs) const;
   void choose(const at::Tensor& obs, const at::Tensor& alive, const at::Tensor& states);
   void complete(FusedStep& step) const;
   void add_ranks(FusedStep& step);

@@ -39,21 +39,8 @@ at::Tensor ValueFunction::forward(const at::Tensor& obs, const at::Tensor& alive
   if (fused_) {
     const at::Tensor seen = obs.contiguous(), living = alive.contiguous();
     const at::Tensor value = at::empty(alive.sizes(), obs.options());
-    FusedCritic critic{.net = *fused_,
-                       .parameters = critic_.parameters().values().const_data_ptr<float>(),
-                       .n_partial = fused_blocks(parallel_for_.device().index),
-                       .values = value.data_ptr<float>()};
-    critic.rows.n_states = alive.size(0);
-    critic.rows.n = static_cast<int>(alive.size(1));
-    critic.rows.obs = seen.const_data_ptr<float>() + critic_.inputs().first;
-    critic.rows.obs_stride = seen.size(-1);
-    critic.rows.alive = living.const_data_ptr<uint8_t>();
-    if (actor_.normalizes()) {
-      critic.rows.obs_mean = actor_.normalizer().mean().const_data_ptr<float>() + critic_.inputs().first;
-      critic.rows.obs_std = actor_.normalizer().std().const_data_ptr<float>() + critic_.inputs().first;
-      critic.rows.obs_limit = kNormalizedLimit;
-    }
-    launch_critic_gradient(critic, parallel_for_.device().index, parallel_for_.stream());
+    const FusedRows rows = fused_rows(actor_, static_cast<int>(alive.size(1)), seen, living);
+    write_fused_values(critic_, *fused_, rows, parallel_for_, value);
     return value * norm_.std() + norm_.mean();
   }
   at::Tensor after;
