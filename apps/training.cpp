@@ -143,6 +143,7 @@ class Training {
   std::vector<TeamResult> results_;               // of the latest evaluation
   std::optional<std::string> no_room_for_games_;  // why; none: not looked yet
   std::string matches_note_;                      // the latest that was told of how they are played
+  std::string games_refusal_;                     // the same of the games that are learned from
   ReplayWriter replays_{folder_};
   double update_seconds_ = 0, checkpoint_seconds_ = 0;
   double speed_ = 0;  // agent-steps per second of the latest update
@@ -296,6 +297,8 @@ void Training::update() {
   if (const auto divergence = learner_->divergence()) fail_diverged(*divergence);
 
   // All below is diagnostics: nothing here changes what is learned.
+  if (const std::string refusal = learner_->refusal(); std::exchange(games_refusal_, refusal) != refusal)
+    log_.note("the GPU takes no recorded steps, so training queues them one by one: " + refusal);
   if (learner_->updates_done() == first_update_ + 1)
     log_.note(cat("first update done ", watch_.seconds(), " s after the start"));
   const bool evaluates = is_due(config_.eval.every_updates);

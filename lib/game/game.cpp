@@ -64,11 +64,13 @@ GameStep Game::begin(void (Simulator::*write)(const StepIo&)) {
   (sim_.*write)(step.io);
   steps_ = 0;
   started_ = true;
+  played_ = 0;
   return step;
 }
 
 void Game::watch(GameObserver& observer) {
   observers_.push_back(&observer);
+  played_ = 0;
   if (started_) make_buffers();
 }
 
@@ -106,6 +108,7 @@ void Game::desynchronize() {
 void Game::play(int64_t n_steps) {
   GIGA_CHECK(started_, "the game has not started");
   for (GameObserver* observer : observers_) observer->before_play(n_steps);
+  if (queue_play(n_steps)) return;
   const bool may_end = sim_.options().on_done == OnDone::freeze;
   bool records = may_end && refusal_.empty() && repeats();
   period_.reset();  // what it was made of may be another now
@@ -130,12 +133,44 @@ void Game::play(int64_t n_steps) {
   }
 }
 
-/// Whether one step is like the other.
-bool Game::repeats() const {
+bool Game::controllers_repeat() const {
   const auto remembers = [this](int team) { return memory_size_[team] > 0; };
   return !remembers(0) && !remembers(1) &&
-         std::all_of(observers_.begin(), observers_.end(), [](const GameObserver* o) { return o->repeats(); }) &&
          std::all_of(seats_.begin(), seats_.end(), [](const Seat& seat) { return seat.controller->repeats(); });
+}
+
+/// Whether one step is like the other.
+bool Game::repeats() const {
+  return controllers_repeat() &&
+         std::all_of(observers_.begin(), observers_.end(), [](const GameObserver* o) { return o->repeats(); });
+}
+
+/// Whether one play is like the other. A controller may ask for a step's number modulo kListPeriod.
+bool Game::repeats_plays(int64_t n_steps) const {
+  return sim_.options().on_done != OnDone::freeze && n_steps % kListPeriod == 0 && controllers_repeat() &&
+         std::all_of(observers_.begin(), observers_.end(), [](const GameObserver* o) { return o->repeats_plays(); });
+}
+
+/// A whole play in one call; false where it is to be queued step by step.
+bool Game::queue_play(int64_t n_steps) {
+  if (played_ != n_steps) {  // the first one loads the kernels
+    play_.reset();
+    played_ = refusal_.empty() && repeats_plays(n_steps) ? n_steps : 0;
+    return false;
+  }
+  if (!play_) {
+    const auto step = [this](int64_t k) { return play_step_ = step_at(k); };
+    play_ = record(n_steps, step, [this](int64_t) {
+      for (int team = 0; team < kNTeams; ++team) seen_[team] = play_step_.rows[team].obs;
+    });
+  }
+  if (!play_) {
+    played_ = 0;
+    return false;
+  }
+  play_->queue();
+  steps_ += n_steps;
+  return true;
 }
 
 /// Queues the steps up to the next list in one call; false where the back end records nothing.
@@ -149,22 +184,32 @@ bool Game::queue_period(int64_t t) {
   return true;
 }
 
-/// Controllers act side by side, because each leaves most of a GPU to others.
 void Game::record_period(int64_t t) {
   period_step_ = step_at(t);
-  const GameStep& step = period_step_;
+  const auto step = [this](int64_t) { return period_step_; };
+  period_ = record(kListPeriod, step, [this](int64_t k) {
+    for (GameObserver* observer : observers_) observer->record_step(static_cast<int>(k), period_step_);
+  });
+}
+
+/// Steps 0 to n_steps - 1 as `step` has them; `recorded` comes behind each. Controllers act side by side, because each
+/// leaves most of a GPU to others. Null where the back end records nothing.
+std::unique_ptr<RecordedWork> Game::record(int64_t n_steps, const std::function<GameStep(int64_t k)>& step,
+                                           const std::function<void(int64_t k)>& recorded) {
   try {
-    period_ = sim_.record(seats_.size(), [&](Recording& recording) {
-      for (int k = 0; k < kListPeriod; ++k) {
+    return sim_.record(seats_.size(), [&](Recording& recording) {
+      for (int64_t k = 0; k < n_steps; ++k) {
+        const GameStep now = step(k);
         recording.side_by_side(seats_.size(), [&](size_t seat, void* stream) {
-          act(seats_[seat], step, steps_ + k, ParallelFor(sim_.device(), 0, stream));
+          act(seats_[seat], now, steps_ + k, ParallelFor(sim_.device(), 0, stream));
         });
-        sim_.queue_step(step.io);
-        for (GameObserver* observer : observers_) observer->record_step(k, step);
+        sim_.queue_step(now.io);
+        recorded(k);
       }
     });
   } catch (const DeviceError& e) {  // what fails one by one too will say so there
     refusal_ = e.what();
+    return nullptr;
   }
 }
 

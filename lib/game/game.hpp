@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <string>
 #include <type_traits>
@@ -70,6 +71,10 @@ class GameObserver {
   virtual void record_step(int /*k*/, const GameStep& /*step*/) {}
   /// When the kListPeriod steps that were recorded are queued once more.
   virtual void after_recorded(const GameStep& /*step*/) {}
+
+  /// Whether plays of as many steps are alike: `before_step` asks the same at each step of one as at that of the other,
+  /// and after_step has nothing to do. Then plays of worlds that never wait are recorded whole.
+  virtual bool repeats_plays() const { return false; }
 };
 
 class Game {
@@ -92,8 +97,9 @@ class Game {
 
   /// Queues `n_steps` steps, or fewer where all worlds wait before. The host waits for none of them, except with
   /// OnDone::freeze: there it waits for steps of some time ago, to learn whether a world still plays (Simulator::over).
-  /// Where in such a game all controllers and observers repeat themselves, kListPeriod steps are recorded once, as far
-  /// as the back end can (Simulator::record), and then queued in one call: the same steps.
+  /// Where all controllers and observers repeat themselves, steps are recorded, as far as the back end can
+  /// (Simulator::record), and then queued in one call: kListPeriod steps of such a game, and of one whose worlds never
+  /// wait a whole play, once one of as many steps has been queued step by step. They are the same steps.
   void play(int64_t n_steps);
   /// Why the device refused to record steps, which were queued one by one then; empty: it did not.
   const std::string& refusal() const { return refusal_; }
@@ -115,9 +121,14 @@ class Game {
   void finish(int64_t t, const GameStep& step);
   void act(const GameStep& step);
   void act(const Seat& seat, const GameStep& step, int64_t number, const ParallelFor& parallel_for);
+  bool controllers_repeat() const;
   bool repeats() const;
+  bool repeats_plays(int64_t n_steps) const;
+  bool queue_play(int64_t n_steps);
   bool queue_period(int64_t t);
   void record_period(int64_t t);
+  std::unique_ptr<RecordedWork> record(int64_t n_steps, const std::function<GameStep(int64_t k)>& step,
+                                       const std::function<void(int64_t k)>& recorded);
   void forget(const GameStep& step);
 
   Simulator& sim_;
@@ -137,6 +148,9 @@ class Game {
   std::vector<TeamStep> parts_;           // of the controller that acts
   std::unique_ptr<RecordedWork> period_;  // the steps of a period of this play
   GameStep period_step_;                  // each of them
+  std::unique_ptr<RecordedWork> play_;    // all steps of a play
+  GameStep play_step_;                    // the last of them
+  int64_t played_ = 0;                    // steps of the latest play, which the next one may be like; 0: it is not
   std::string refusal_;
 };
 

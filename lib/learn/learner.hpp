@@ -71,6 +71,9 @@ class Learner {
 
   /// How it computes where it has several ways: "acts and learns by fused kernels"; empty where there is only one.
   virtual std::string ways() const { return {}; }
+  /// Why the device refused to record steps of its games (Game::refusal), which are queued one by one then; empty: it
+  /// did not.
+  virtual std::string refusal() const { return {}; }
 
   virtual int64_t updates_done() const = 0;
   virtual int64_t agent_steps_done() const = 0;

@@ -64,6 +64,7 @@ class Collector final : GameObserver {
   void watch(GameObserver& observer) { game_.watch(observer); }
   /// Plays `horizon` steps; slot 0 is the previous slot T.
   void collect() { game_.play(options_.horizon); }
+  const std::string& refusal() const { return game_.refusal(); }
 
   /// Steps of the rollout that goes on, as far as they are queued; another thread may ask.
   int64_t steps_done() const { return steps_done_; }
@@ -80,6 +81,7 @@ class Collector final : GameObserver {
  private:
   void before_play(int64_t n_steps) override;
   void before_step(int64_t t, GameStep& step) override;
+  bool repeats_plays() const override { return true; }
 
   const CollectorOptions options_;
   at::Tensor memory_[kNTeams];  // [W, n, S] what the policies remember now; undefined without memory

@@ -156,7 +156,8 @@ void expect_what_libtorch_says(const FusedCase& c, Device device) {
   const ParameterSet* parameters[2] = {&s.actor.parameters(), &s.critic.parameters()};
   at::Tensor after[2];
   for (int k = 0; k < 2; ++k) {
-    plain.adam[k].step(*parameters[k], s.parallel_for, plain.step_size.const_data_ptr<float>(), kMaxNorm, plain.flags(k));
+    plain.adam[k].step(*parameters[k], s.parallel_for, plain.step_size.const_data_ptr<float>(), kMaxNorm,
+                       plain.flags(k));
     after[k] = parameters[k]->values().clone();
     parameters[k]->values().copy_(before[k]);
   }

@@ -270,6 +270,25 @@ TEST(LearnLearnerGpu, RecordedMinibatchesEqualKernelsOneByOne) {
   }
 }
 
+// Rollouts of networks that fused kernels serve are recorded whole, those that somebody watches are queued step by
+// step.
+TEST(LearnLearnerGpu, RecordedRolloutsEqualStepsOneByOne) {
+  if (cuda_device_count() == 0) GTEST_SKIP() << "no GPU";
+  for (const Variant& variant : kVariants) {
+    SCOPED_TRACE(variant.name);
+    SmallRun run = variant.run;
+    run.precision = "tf32";
+    GameObserver watcher;
+    const auto recorded = run.learner({Device::Kind::cuda, 0}), plain = run.learner({Device::Kind::cuda, 0});
+    plain->watch(watcher);
+    for (int u = 0; u < 4; ++u) {
+      EXPECT_EQ(difference(plain->update(), recorded->update()), "") << "update " << u;
+      ASSERT_EQ(difference(saved(*plain), saved(*recorded)), "") << "update " << u;
+    }
+    EXPECT_EQ(recorded->refusal(), "");
+  }
+}
+
 TEST(LearnLearner, AnObserverOfItsGamesChangesNothing) {
   /// Wants what learners keep for themselves too.
   struct Watcher final : GameObserver {

@@ -204,6 +204,56 @@ TEST(RecordedGame, WhatCannotBeRecordedIsQueuedOneByOne) {
   EXPECT_EQ(play(true), play(false));
 }
 
+// Plays of worlds that never wait are recorded whole, where they are as long as the one before, and observers say that
+// plays are alike.
+TEST(RecordedGame, WholePlays) {
+  struct Alike final : GameObserver {
+    explicit Alike(bool repeats) : repeats_(repeats) {}
+    bool repeats_plays() const override { return repeats_; }
+    void before_play(int64_t) override { ++plays; }
+    const bool repeats_;
+    int plays = 0;
+  };
+  SimOptions options = recorded_options(1);
+  options.on_done = OnDone::reset;
+  struct Played {
+    std::vector<uint8_t> state;
+    int steps, recorded, queued;
+  };
+  const auto play = [&](bool repeats, const std::vector<int64_t>& plays, size_t watched_before = 100,
+                        bool refuses = false) {
+    Tape tape;
+    RecordingSimulator sim(game_spec(), options, tape);
+    sim.refuses = refuses;
+    const auto team = std::make_shared<Taped>(tape, true);
+    Alike observer(repeats), late(true);
+    Game game(sim, parallel_for(), {everywhere(team, sim), everywhere(team, sim)}, {&observer});
+    game.start();
+    for (size_t k = 0; k < plays.size(); ++k) {
+      if (k == watched_before) game.watch(late);
+      game.play(plays[k]);
+    }
+    EXPECT_EQ(observer.plays, plays.size());
+    EXPECT_EQ(game.refusal(), refuses ? "it does not want to" : "");
+    return Played{sim.state().save(), sim.n_steps, sim.n_recorded, sim.n_queued};
+  };
+  const auto expect = [&](const std::vector<int64_t>& plays, int recorded, int queued, size_t watched_before = 100) {
+    const Played plain = play(false, plays), whole = play(true, plays, watched_before);
+    EXPECT_EQ(plain.recorded, 0);
+    EXPECT_EQ(whole.recorded, recorded);
+    EXPECT_EQ(whole.queued, queued);
+    EXPECT_EQ(whole.steps, plain.steps);
+    EXPECT_EQ(whole.state, plain.state);
+  };
+  expect({16, 16, 16, 16}, 1, 3);
+  expect({16, 16, 24, 24, 16, 16}, 3, 3);
+  expect({12, 12, 12}, 0, 0);             // not a whole number of periods
+  expect({16, 16, 16, 16, 16}, 2, 3, 2);  // another observer before the third: that play is queued step by step
+  const Played refused = play(true, {16, 16, 16, 16}, 100, true);
+  EXPECT_EQ(refused.recorded, 1) << "it is asked once";
+  EXPECT_EQ(refused.state, play(false, {16, 16, 16, 16}).state);
+}
+
 TEST(RecordedGame, WhatFailsOtherwiseEndsIt) {
   TapedGame taped(true);
   taped.sim.fails = true;

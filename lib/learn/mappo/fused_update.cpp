@@ -11,9 +11,9 @@ namespace {
 
 constexpr int kMostAgents = 64;  // of a team: a tile has whole states
 
-/// A block of the gradients fills a multiprocessor, and the kernel of one team follows that of the other: with ranks one
-/// multiprocessor is left to what goes between them, which else would wait at each of its steps until a kernel of some
-/// hundred microseconds ends.
+/// A block of the gradients fills a multiprocessor, and the kernel of one team follows that of the other: with ranks
+/// one multiprocessor is left to what goes between them, which else would wait at each of its steps until a kernel of
+/// some hundred microseconds ends.
 int blocks_on(Device device, bool alone) {
   if (!device.is_cuda()) return kCpuParts;
   return fused_blocks(device.index) - (alone ? 0 : 1);
@@ -81,7 +81,7 @@ void write_fused_values(const Critic& critic, const FusedMlp& net, const FusedRo
   const FusedCritic pass{.net = net,
                          .parameters = critic.parameters().values().const_data_ptr<float>(),
                          .rows = only(critic.inputs(), rows),
-                         .n_partial = blocks_on(device),
+                         .n_partial = blocks_on(device, true),
                          .values = values.data_ptr<float>()};
   if (device.is_cuda())
     launch_critic_gradient(pass, device.index, parallel_for.stream());

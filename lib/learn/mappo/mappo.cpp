@@ -72,6 +72,7 @@ class Mappo final : public Learner {
                  ", not by fused kernels: ", why);
     return device_.is_cuda() ? "acts and learns by fused kernels" : "learns by fused kernels";
   }
+  std::string refusal() const override { return collector_->refusal(); }
   std::vector<HeadlineFigure> headline() const override {
     std::vector<HeadlineFigure> figures = {{"policy loss", nullptr, "policy_loss"},
                                            {"value loss", "value loss", "value_loss"},

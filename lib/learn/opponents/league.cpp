@@ -39,9 +39,13 @@ League::League(const LoadedRun& run, std::array<const Actor*, kNTeams> actors, c
                      GroupPolicy(*actor, algorithm_of(run.config).policy(run.config).actor, precision),
                      {},
                      {},
+                     {},
                      {}});
     // Of a fixed number of groups, so that a run may go on with other shares.
-    set_rows(past_.back(), std::vector<int32_t>(std::min<size_t>(static_cast<size_t>(config_.pool_size), kMostGroups)));
+    Past& past = past_.back();
+    set_rows(past, std::vector<int32_t>(std::min<size_t>(static_cast<size_t>(config_.pool_size), kMostGroups)));
+    past.networks = past.pool.networks().index_select(0, past.row_index);
+    past.policy.set(past.networks);
   }
 }
 
@@ -81,7 +85,7 @@ void League::begin() {
   at::NoGradGuard no_grad;
   for (Past& past : past_) {
     past.pool.set_present(GroupPolicy::row_of(*past.actor));
-    past.policy.set(past.pool.networks().index_select(0, past.row_index));
+    at::index_select_out(past.networks, past.pool.networks(), 0, past.row_index);
   }
 }
 

@@ -56,6 +56,7 @@ class League {
     GameCount since_kept;      // of this team against the other's pool
     std::vector<int32_t> row;  // of the pool, by group; there may be more than there are groups
     at::Tensor row_index;      // [groups] the same on the device
+    at::Tensor networks;       // [groups, row size] of `policy`, which stay where they are
   };
   void set_rows(Past& past, std::vector<int32_t> rows) const;
   bool is_promoted(size_t team) const;
