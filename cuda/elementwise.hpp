@@ -33,6 +33,7 @@
   APPLY(PopulationScriptsOfAll)       \
   APPLY(PerturbMembers)               \
   APPLY(NoiseMoments)                 \
+  APPLY(SumOfParts)                   \
   APPLY(FiniteCheck)                  \
   APPLY(StepGate)                     \
   APPLY(AdamStep)                     \

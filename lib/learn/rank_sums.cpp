@@ -2,6 +2,8 @@
 
 #include <ATen/ATen.h>
 
+#include <vector>
+
 #include "core/error.hpp"
 #include "ranks/divided_arrays.hpp"
 #include "rollout/stream.hpp"
@@ -58,6 +60,20 @@ void RankSums::add_host(const at::Tensor& x) {
   const at::Tensor there = x.to(torch_device(device_));
   add(there, nullptr);
   x.copy_(there);
+}
+
+at::Tensor RankSums::gather(const at::Tensor& mine) {
+  if (!gpus_) {
+    std::vector<at::Tensor> all;
+    for (const std::vector<at::Tensor>& of_rank : ranks_.gather_tensors({mine})) all.push_back(of_rank[0]);
+    return at::cat(all).to(mine.device());
+  }
+  GIGA_CHECK(mine.is_cuda() && mine.is_contiguous() && mine.dim() == 1, "a tensor elsewhere, or with gaps");
+  at::Tensor all = at::empty({ranks_.size() * mine.size(0)}, mine.options());
+  ++begun_;
+  gpus_->gather(static_cast<const uint8_t*>(mine.const_data_ptr()), static_cast<uint8_t*>(all.data_ptr()),
+                static_cast<int64_t>(mine.nbytes()), current_stream(device_));
+  return all;
 }
 
 void RankSums::gather_rows(NamedArray& array) {

@@ -25,6 +25,9 @@ class RankSums {
   SumOverRanks over_all();
   /// The same for numbers of the host; waits for them.
   void add_host(const at::Tensor& x);
+  /// The tensors [n] of all ranks, those of rank 0 first: [ranks n] on the same device. On a GPU queued, between
+  /// begin() and end().
+  at::Tensor gather(const at::Tensor& mine);
   /// The rows of all ranks in the place of this one's, those of rank 0 first; every rank has as many.
   void gather_rows(NamedArray& array);
 

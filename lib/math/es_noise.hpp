@@ -46,34 +46,36 @@ struct EsNoise {
   }
 };
 
-/// Members of a population: row = member x P + parameter.
+/// Members of a population, from `first` on: row = member x P + parameter.
 struct PerturbMembers {
   EsNoise noise;
+  int64_t first;
   const float* mean;   // [P]
   const float* sigma;  // [P]
   float* members;      // [M, P] out
 
   GIGA_HD void operator()(int64_t row) const {
     const int64_t m = row / noise.n_parameters, p = row - m * noise.n_parameters;
-    members[row] = mean[p] + sigma[p] * noise(m, p);
+    members[row] = mean[p] + sigma[p] * noise(first + m, p);
   }
 };
 
-/// Weighted sums of the noise and of its square, from which every strategy here learns, over parts of the members:
-/// row = part x P + parameter. The order of the additions is fixed.
+/// Weighted sums of the noise and of its square, from which every strategy here learns, over parts of the members, for
+/// n of the parameters: row = part x n + parameter. The order of the additions is fixed.
 struct NoiseMoments {
   static constexpr int64_t kPart = 128;  ///< members of a part; the last has what is left
 
   EsNoise noise;
+  int64_t first_parameter, n;
   const float* weight;  // [M]
   int64_t n_members;    // M
-  float* first;         // [parts, P] out: sum of weight x noise
-  float* second;        // [parts, P] out: sum of weight x noise^2
+  float* first;         // [parts, n] out: sum of weight x noise
+  float* second;        // [parts, n] out: sum of weight x noise^2
 
   static constexpr int64_t parts(int64_t members) { return (members + kPart - 1) / kPart; }
 
   GIGA_HD void operator()(int64_t row) const {
-    const int64_t part = row / noise.n_parameters, p = row - part * noise.n_parameters;
+    const int64_t part = row / n, p = first_parameter + row - part * n;
     const int64_t begin = part * kPart, end = begin + kPart < n_members ? begin + kPart : n_members;
     float sum = 0, square_sum = 0;
     for (int64_t m = begin; m < end; ++m) {
@@ -83,6 +85,19 @@ struct NoiseMoments {
     }
     first[row] = sum;
     second[row] = square_sum;
+  }
+};
+
+/// The sums of these parts, in their order, whoever has how many of the parameters.
+struct SumOfParts {
+  int64_t n_parts, n;
+  const float* parts;  // [n_parts, n]
+  float* sums;         // [n] out
+
+  GIGA_HD void operator()(int64_t k) const {
+    float sum = parts[k];
+    for (int64_t part = 1; part < n_parts; ++part) sum += parts[part * n + k];
+    sums[k] = sum;
   }
 };
 

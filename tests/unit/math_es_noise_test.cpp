@@ -107,7 +107,7 @@ TEST(MathEsNoise, MembersAreMeanPlusSigmaTimesTheNoise) {
   const EsNoise noise = full(3);
   const std::vector<float> mean = {1, 2, 3}, sigma = {0.5f, 0, 2};
   std::vector<float> members(12, NAN);
-  const PerturbMembers perturb{noise, mean.data(), sigma.data(), members.data()};
+  const PerturbMembers perturb{noise, 0, mean.data(), sigma.data(), members.data()};
   for (int64_t row = 0; row < 12; ++row) perturb(row);
   for (int64_t m = 0; m < 4; ++m)
     for (int64_t p = 0; p < 3; ++p)
@@ -119,7 +119,7 @@ TEST(MathEsNoise, MomentsAreSumsOverTheMembers) {
   const EsNoise noise = full(2);
   const std::vector<float> weight = {0.5f, -1, 0.25f};
   std::vector<float> first(2, NAN), second(2, NAN);
-  const NoiseMoments moments{noise, weight.data(), 3, first.data(), second.data()};
+  const NoiseMoments moments{noise, 0, 2, weight.data(), 3, first.data(), second.data()};
   for (int64_t p = 0; p < 2; ++p) {
     moments(p);
     const float a = noise(0, p), b = noise(1, p), c = noise(2, p);
@@ -128,13 +128,38 @@ TEST(MathEsNoise, MomentsAreSumsOverTheMembers) {
   }
 }
 
+// What several ranks make of a population, each of its members and of its parameters, is what one makes of all.
+TEST(MathEsNoise, PiecesAreThoseOfTheWhole) {
+  const EsNoise noise = full(5);
+  constexpr size_t kMembers = 300, kParts = 3;
+  const std::vector<float> mean = {1, 2, 3, 4, 5}, sigma = {0.5f, 0, 2, 1, 0.1f};
+  std::vector<float> all(5 * kMembers), late(5, NAN), weight(kMembers);
+  const PerturbMembers whole{noise, 0, mean.data(), sigma.data(), all.data()};
+  for (int64_t row = 0; row < static_cast<int64_t>(all.size()); ++row) whole(row);
+  const PerturbMembers piece{noise, 17, mean.data(), sigma.data(), late.data()};
+  for (int64_t row = 0; row < 5; ++row) piece(row);
+  EXPECT_EQ(late, std::vector<float>(all.begin() + 17 * 5, all.begin() + 18 * 5));
+
+  for (size_t m = 0; m < kMembers; ++m) weight[m] = 0.01f * static_cast<float>(m) - 1;
+  const auto sums = [&](int64_t first, int64_t n) {
+    std::vector<float> parts(kParts * static_cast<size_t>(n), NAN), squares = parts, sum(static_cast<size_t>(n), NAN);
+    const NoiseMoments moments{noise, first, n, weight.data(), kMembers, parts.data(), squares.data()};
+    for (int64_t row = 0; row < static_cast<int64_t>(parts.size()); ++row) moments(row);
+    for (int64_t k = 0; k < n; ++k) SumOfParts{kParts, n, parts.data(), sum.data()}(k);
+    return sum;
+  };
+  std::vector<float> joined = sums(0, 3);
+  for (const float x : sums(3, 2)) joined.push_back(x);
+  EXPECT_EQ(joined, sums(0, 5));
+}
+
 TEST(MathEsNoise, MomentsOfPartsOfTheMembers) {
   const EsNoise noise = full(2);
   constexpr int64_t kMembers = 300;  // 128, 128 and 44
   ASSERT_EQ(NoiseMoments::parts(kMembers), 3);
   std::vector<float> weight(kMembers), first(6, NAN), second(6, NAN);
   for (size_t m = 0; m < weight.size(); ++m) weight[m] = 0.01f * static_cast<float>(m);
-  const NoiseMoments moments{noise, weight.data(), kMembers, first.data(), second.data()};
+  const NoiseMoments moments{noise, 0, 2, weight.data(), kMembers, first.data(), second.data()};
   for (int64_t row = 0; row < 6; ++row) moments(row);
   for (int64_t p = 0; p < 2; ++p) {
     double expected[3] = {}, expected_square[3] = {};

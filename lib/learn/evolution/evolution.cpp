@@ -12,6 +12,7 @@
 #include "learn/evolution/opponents.hpp"
 #include "learn/libtorch_settings.hpp"
 #include "learn/opponents/record.hpp"
+#include "learn/rank_sums.hpp"
 #include "learn/registry.hpp"
 #include "learn/team_policy.hpp"
 #include "ranks/ranks.hpp"
@@ -96,7 +97,7 @@ class Evolution final : public Learner {
   void load(const NamedArrays& in) override;
 
  private:
-  at::Tensor own_members(const at::Tensor& members) const;
+  PopulationShare share() const;
   std::vector<int> teams_of_generation() const;
   Population population_of(int team) const;
   std::vector<PopulationResults> results_of(const std::vector<int>& teams);
@@ -108,6 +109,7 @@ class Evolution final : public Learner {
   const SimSpec spec_;
   const ParallelFor parallel_for_;
   Ranks* const ranks_;                           // null: this process plays all members
+  std::unique_ptr<RankSums> sums_;               // null likewise
   std::unique_ptr<EvolvingTeam> team_[kNTeams];  // null = scripted
   std::unique_ptr<PopulationGames> games_;
   std::unique_ptr<DeviceClock> clock_;
@@ -123,10 +125,12 @@ Evolution::Evolution(const LoadedRun& run, Device device, Ranks* ranks, const Ma
       ranks_(ranks) {
   check_precision(run, device);
   set_up_libtorch(config_.train, device);
+  // Without NCCL what GPUs tell each other goes by the host, too.
+  if (ranks_) sums_ = std::make_unique<RankSums>(*ranks_, built_with_nccl() ? device : Device{});
   const Actor* network = nullptr;
   for (int team = 0; team < kNTeams; ++team) {
     if (!learns(config_.train, team)) continue;
-    team_[team] = std::make_unique<EvolvingTeam>(run, team, device, make_strategy, parallel_for_);
+    team_[team] = std::make_unique<EvolvingTeam>(run, team, device, make_strategy, parallel_for_, share());
     network = &team_[team]->actor();
   }
   games_ = std::make_unique<PopulationGames>(spec_, games_options(config_, ranks_), *network, parallel_for_);
@@ -134,11 +138,9 @@ Evolution::Evolution(const LoadedRun& run, Device device, Ranks* ranks, const Ma
   clock_ = make_device_clock(device, parallel_for_.stream());
 }
 
-/// Those that this rank plays. Each rank makes all of them, from counters: only fitness crosses.
-at::Tensor Evolution::own_members(const at::Tensor& members) const {
-  if (!ranks_) return members;
-  const int64_t count = members.size(0) / ranks_->size();
-  return members.narrow(0, ranks_->rank() * count, count);
+PopulationShare Evolution::share() const {
+  if (!ranks_) return {};
+  return {ranks_->rank(), ranks_->size(), [sums = sums_.get()](const at::Tensor& x) { return sums->gather(x); }};
 }
 
 std::vector<int> Evolution::teams_of_generation() const {
@@ -150,7 +152,7 @@ std::vector<int> Evolution::teams_of_generation() const {
 Population Evolution::population_of(int team) const {
   const EvolvingTeam* other = team_[1 - team].get();
   const int64_t worlds = config_.population.n_worlds();
-  Population population{team, own_members(team_[team]->ask()), other ? other->pool().networks() : no_networks_, {}};
+  Population population{team, team_[team]->ask(), other ? other->pool().networks() : no_networks_, {}};
   if (other)
     population.opponent =
         assign_opponents(config_.opponents, worlds, other->pool().weights(config_.opponents),
@@ -169,10 +171,12 @@ Metrics Evolution::update() {
   clock_->mark(1);
 
   const std::vector<PopulationResults> results = results_of(teams);
+  if (sums_) sums_->begin();
   for (size_t k = 0; k < teams.size(); ++k) team_[teams[k]]->tell(results[k].fitness);
   ++generations_;
   clock_->mark(2);
   Metrics figures = metrics(populations, results);
+  if (sums_) sums_->end();
   // After the results, which belong to the pool that was played against.
   if (generations_ % config_.opponents.pool_every_updates == 0)
     for (const auto& team : team_)

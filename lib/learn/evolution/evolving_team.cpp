@@ -8,11 +8,11 @@
 
 namespace giga {
 EvolvingTeam::EvolvingTeam(const LoadedRun& run, int team, Device device, const MakeStrategy& make_strategy,
-                           const ParallelFor& parallel_for)
+                           const ParallelFor& parallel_for, const PopulationShare& share)
     : actor_(make_actor(run, team, device)),
-      strategy_(make_strategy(run.config,
-                              {seed_of(run.config.seed, Purpose::training), team, actor_.parameters().matrices()},
-                              actor_.parameters().values(), parallel_for)),
+      strategy_(make_strategy(
+          run.config, {seed_of(run.config.seed, Purpose::training), team, actor_.parameters().matrices(), share},
+          actor_.parameters().values(), parallel_for)),
       pool_(run.config.opponents.pool_size, actor_.parameters().values().detach()),
       figures_(at::zeros({kNEvolutionFigures}, strategy_->mean().options())) {}
 

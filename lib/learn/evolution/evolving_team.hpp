@@ -30,10 +30,10 @@ enum EvolutionFigure : int {
 class EvolvingTeam {
  public:
   EvolvingTeam(const LoadedRun& run, int team, Device device, const MakeStrategy& make_strategy,
-               const ParallelFor& parallel_for);
+               const ParallelFor& parallel_for, const PopulationShare& share = {});
 
   at::Tensor ask() { return strategy_->ask(); }
-  /// Learns from the fitness [M] of the members asked for last; the actor becomes the new mean.
+  /// Learns from the fitness [M] of the members of this generation, of all ranks; the actor becomes the new mean.
   void tell(const at::Tensor& fitness);
 
   Actor& actor() { return actor_; }

@@ -1,6 +1,8 @@
 // What all strategies share: the population, its noise, and saving.
 #include "learn/evolution/strategy.hpp"
 
+#include <algorithm>
+
 #include "core/error.hpp"
 #include "learn/evolution/fitness.hpp"
 
@@ -35,6 +37,7 @@ EvolutionStrategy::EvolutionStrategy(const PopulationConfig& config, const Popul
       config_(config),
       seed_(place.seed),
       team_(place.team),
+      share_(place.share),
       parallel_for_(parallel_for) {
   GIGA_CHECK(mean.dim() == 1 && mean.scalar_type() == at::kFloat, "a mean of ", mean.dim(), " dimensions");
   if (config.antithetic && config.population_size % 2 != 0)
@@ -58,10 +61,11 @@ EsNoise EvolutionStrategy::noise() const {
 }
 
 at::Tensor EvolutionStrategy::ask() {
-  at::Tensor members = at::empty({population_size(), mean_.size(0)}, mean_.options());
-  parallel_for_.run(
-      PerturbMembers{noise(), mean_.const_data_ptr<float>(), sigma_.const_data_ptr<float>(), members.data_ptr<float>()},
-      members.numel());
+  const int64_t own = population_size() / share_.size;
+  at::Tensor members = at::empty({own, mean_.size(0)}, mean_.options());
+  parallel_for_.run(PerturbMembers{noise(), share_.rank * own, mean_.const_data_ptr<float>(),
+                                   sigma_.const_data_ptr<float>(), members.data_ptr<float>()},
+                    members.numel());
   if (config_.shaping.weight_decay > 0) mean_squares_ = members.square().mean(1);
   return members;
 }
@@ -71,7 +75,7 @@ at::Tensor EvolutionStrategy::tell(const at::Tensor& fitness) {
   GIGA_CHECK(fitness.dim() == 1 && fitness.size(0) == population_size(), "fitness of ", fitness.numel(),
              " members, the population has ", population_size());
   at::Tensor shaped = shape_fitness(fitness.to(mean_.options()), config_.shaping.kind);
-  if (mean_squares_.defined()) shaped = shaped - config_.shaping.weight_decay * mean_squares_;
+  if (mean_squares_.defined()) shaped = shaped - config_.shaping.weight_decay * of_all_ranks(mean_squares_);
   const std::vector<StateTensor> now = state();  // the same memory before and after
   std::vector<at::Tensor> before;
   for (const StateTensor& s : now) before.push_back(s.tensor.clone());
@@ -85,13 +89,17 @@ at::Tensor EvolutionStrategy::tell(const at::Tensor& fitness) {
 
 EvolutionStrategy::Moments EvolutionStrategy::moments(const at::Tensor& weights) const {
   const at::Tensor w = weights.contiguous();
-  const int64_t n = NoiseMoments::parts(population_size());
-  const Moments parts{at::empty({n, mean_.size(0)}, mean_.options()), at::empty({n, mean_.size(0)}, mean_.options())};
-  parallel_for_.run(NoiseMoments{noise(), w.const_data_ptr<float>(), population_size(), parts.first.data_ptr<float>(),
-                                 parts.second.data_ptr<float>()},
-                    parts.first.numel());
-  if (n == 1) return {parts.first[0], parts.second[0]};
-  return {parts.first.sum(0), parts.second.sum(0)};
+  const int64_t p = mean_.size(0), n_parts = NoiseMoments::parts(population_size());
+  const int64_t most = (p + share_.size - 1) / share_.size;  // parameters of a rank
+  const int64_t first = std::min(share_.rank * most, p), own = std::min(most, p - first);
+  const at::Tensor parts = at::empty({2, n_parts, own}, mean_.options()), sums = at::zeros({2, most}, mean_.options());
+  parallel_for_.run(NoiseMoments{noise(), first, own, w.const_data_ptr<float>(), population_size(),
+                                 parts[0].data_ptr<float>(), parts[1].data_ptr<float>()},
+                    n_parts * own);
+  for (int64_t k = 0; k < 2; ++k)
+    parallel_for_.run(SumOfParts{n_parts, own, parts[k].const_data_ptr<float>(), sums[k].data_ptr<float>()}, own);
+  const at::Tensor all = of_all_ranks(sums.flatten()).view({share_.size, 2, most});
+  return {all.select(1, 0).reshape({-1}).narrow(0, 0, p), all.select(1, 1).reshape({-1}).narrow(0, 0, p)};
 }
 
 void EvolutionStrategy::save(const std::string& prefix, NamedArrays& out) const {

@@ -16,22 +16,31 @@
 
 namespace giga {
 
+/// The ranks that share populations (lib/ranks): each perturbs its own members, and adds up over all of them for its
+/// own part of the parameters. Noise is made from counters, so of all this only sums and fitness cross.
+struct PopulationShare {
+  int rank = 0, size = 1;
+  /// The tensors [n] of all ranks, those of rank 0 first: [size n], on the device of `mine`. All call it in one order.
+  std::function<at::Tensor(const at::Tensor& mine)> gather = {};
+};
+
 /// Whose population it is, and where its noise comes from.
 struct PopulationPlace {
   uint64_t seed = 0;
   int team = 0;
   std::vector<MatrixPlace> matrices;  ///< noise low_rank is for these; other parameters have full noise
+  PopulationShare share = {};
 };
 
 class EvolutionStrategy {
  public:
   virtual ~EvolutionStrategy() = default;
 
-  /// Parameters of this generation's members [M, P].
+  /// Parameters of this generation's members [M, P]; of several ranks, those of this one.
   at::Tensor ask();
-  /// Learns from the members' fitness [M], larger is better, and goes on to the next generation. Computes the noise
-  /// of `ask` again; queues work on the device and does not wait. Returns a bool [] on the device: false where a number
-  /// of the new state was not finite; then the step is undone, and only the generation goes on.
+  /// Learns from the fitness [M] of all members, larger is better, and goes on to the next generation. Computes the
+  /// noise of `ask` again; queues work on the device and does not wait. Returns a bool [] on the device: false where a
+  /// number of the new state was not finite; then the step is undone, and only the generation goes on.
   at::Tensor tell(const at::Tensor& fitness);
 
   const at::Tensor& mean() const { return mean_; }    // [P]
@@ -66,10 +75,12 @@ class EvolutionStrategy {
 
  private:
   EsNoise noise() const;
+  at::Tensor of_all_ranks(const at::Tensor& mine) const { return share_.size > 1 ? share_.gather(mine) : mine; }
 
   const PopulationConfig config_;
   const uint64_t seed_;
   const int team_;
+  const PopulationShare share_;
   const ParallelFor& parallel_for_;
   at::Tensor left_, right_;  // [P] int32, see EsNoise; noise low_rank only
   at::Tensor mean_squares_;  // [M] of the members that were asked for last; weight decay of the shaping only
