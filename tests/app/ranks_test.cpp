@@ -92,6 +92,18 @@ TEST_F(RankedRun, EqualsTheRunOfOneProcessBitForBit) {
   }
 }
 
+// Each rank adds up for its own parameters, whose noise may be made of numbers of others, and what its members weigh
+// crosses.
+TEST_F(RankedRun, WithNoiseOfLowRankEqualsTheRunOfOneProcessBitForBit) {
+  for (const int ranks : {1, 2}) {
+    std::vector<std::string> words = train(cat("by_", ranks), ranks);
+    words.insert(words.end(), {"--set", "population.noise=low_rank", "--set", "population.shaping.weight_decay=0.1"});
+    const Outcome outcome = here_.run(words);
+    ASSERT_EQ(outcome.code, 0) << outcome.err;
+  }
+  EXPECT_EQ(state_hash(here_, "by_2"), state_hash(here_, "by_1"));
+}
+
 // Sums over ranks are added in another order than by one process: rounding, which three updates carry on. What is
 // learned from is the same: worlds, draws, minibatches, moments.
 TEST_F(RankedRun, OfMappoEqualsTheRunOfOneProcessToRounding) {
