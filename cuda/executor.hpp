@@ -23,7 +23,7 @@ constexpr int kWorldsAlone = 1024;     // playing worlds up to which each has a 
 /// Threads of a block of TileLanes, and of a group of them that share their barriers: a warp or, for teams that fill
 /// a warp badly, the block.
 template <class P>
-constexpr bool kBlockIsGroup = 2 * P::kTeam > kWarp / 2;
+constexpr bool kBlockIsGroup = P::kAgents > kWarp / 2;
 template <class P>
 constexpr int kTileThreads = (kBlockIsGroup<P> ? kGroupWarps : kTileWarps) * kWarp;
 template <class P>
@@ -35,23 +35,26 @@ struct LaunchShape {
   bool in_shared;  ///< scratch and working copy in shared memory, else the scratch alone in global memory
   int blocks, threads;
   int group;            ///< threads that share their barriers
+  size_t world_bytes;   ///< of shared memory: the working copy of a world's state, then its scratch
   size_t shared_bytes;  ///< of a block
 };
 
-inline LaunchShape launch_shape(const SimParams& p, int n_worlds) {
+/// That of a step, or of another job, for which the parameters may be of another type.
+template <bool kStep>
+LaunchShape launch_shape(const SimParams& p, int n_worlds) {
   const int n = p.n_agents;
-  const size_t per_world = shared_bytes(p);
+  const size_t per_world = shared_bytes<kStep>(p);
   LaunchShape tiles{};
-  with_usual_params(p, [&]<class P>(const P&) {
+  with_usual_params<kStep>(p, [&]<class P>(const P&) {
     const int worlds = kTileThreads<P> / kGroupThreads<P> * (kGroupThreads<P> / n);  // of a block
     const size_t bytes = per_world * static_cast<size_t>(worlds);
     if (worlds > 0 && bytes <= kSharedLimit)
-      tiles = {true, true, (n_worlds + worlds - 1) / worlds, kTileThreads<P>, kGroupThreads<P>, bytes};
+      tiles = {true, true, (n_worlds + worlds - 1) / worlds, kTileThreads<P>, kGroupThreads<P>, per_world, bytes};
   });
   if (tiles.tiles) return tiles;
   const bool in_shared = global_scratch_bytes(p, n_worlds) == 0;
   const int threads = std::min((n + kWarp - 1) / kWarp * kWarp, kMaxBlockThreads);
-  return {false, in_shared, n_worlds, threads, threads, in_shared ? per_world : 0};
+  return {false, in_shared, n_worlds, threads, threads, per_world, in_shared ? per_world : 0};
 }
 
 /// Arguments of a kernel, by value. P: SimParams, or some of them as constants of the compiler.
@@ -61,7 +64,7 @@ struct LaunchOf {
   StateView state;
   StepIo io;
   ScratchLayout layout;
-  size_t world_bytes;  // of a world in shared memory: the working copy of its state, then scratch
+  size_t world_bytes;  // of the shape, where it has tiles
   char* scratch;       // [W, layout.size]; null = shared memory, with the working copy
   uint64_t seed;
   int64_t first_world, draw_period;
@@ -80,11 +83,11 @@ struct LaunchOf {
   GIGA_HD int count() const { return playing ? *n_playing : n_worlds; }
   GIGA_HD int world(int k) const { return playing ? playing[k] : k; }
 
-  /// The same with other parameters of the same values.
+  /// The same with other parameters of the same values, for tiles of that shape.
   template <class Q>
-  LaunchOf<Q> with(const Q& q) const {
-    return {q,           state,       io,       layout, world_bytes, scratch,  seed,
-            first_world, draw_period, n_worlds, ending, playing,     n_playing};
+  LaunchOf<Q> with(const Q& q, const LaunchShape& shape) const {
+    return {q,           state,       io,       layout, shape.world_bytes, scratch,  seed,
+            first_world, draw_period, n_worlds, ending, playing,           n_playing};
   }
 };
 using Launch = LaunchOf<SimParams>;
@@ -151,7 +154,7 @@ constexpr int count_world_words() {
 /// is asked for before the first of it is waited for.
 template <class Lanes>
 GIGA_HD void copy_world(const Lanes& lanes, const Parameters auto& p, const WorldView& from, const WorldView& to) {
-  constexpr int kAgents = 2 * std::remove_cvref_t<decltype(p)>::kTeam, kWorldWords = count_world_words();
+  constexpr int kAgents = std::remove_cvref_t<decltype(p)>::kAgents, kWorldWords = count_world_words();
   const int n = p.n_agents, one_word = words_for(n) == 1;
   const auto agent_word = [&](int k) {
     for_each_field([&](auto field, auto member) {
@@ -172,18 +175,24 @@ GIGA_HD void copy_world(const Lanes& lanes, const Parameters auto& p, const Worl
         reinterpret_cast<uint32_t*>(to.*member)[k] = reinterpret_cast<const uint32_t*>(from.*member)[k];
     });
   };
+  const auto pair = [&](int k) {
+    for_each_field([&](auto field, auto member) {
+      if constexpr (field.working && field.per == Per::pair) (to.*member)[k] = (from.*member)[k];
+    });
+  };
   const auto of_world = [&](int k) { *world_word(to, k) = *world_word(from, k); };
   if constexpr (kAgents > 0) {
-    constexpr int kPairWords = kAgents * kAgents / 4, kWords = words_for(kAgents);
-    static_assert(kAgents % 2 == 0, "whole words");
+    // Of an odd number of agents the pairs are no whole words.
+    constexpr bool kWholeWords = kAgents % 2 == 0;
+    constexpr int kPairs = kAgents * kAgents / (kWholeWords ? 4 : 1), kWords = words_for(kAgents);
     lanes.each_agent(n, [&](int i) {
       GIGA_UNROLL
       for (int k = 0; k < kWorldWords; k += kAgents)
         if (k + i < kWorldWords) of_world(k + i);
       agent(i);
       GIGA_UNROLL
-      for (int k = 0; k < kPairWords; k += kAgents)
-        if (k + i < kPairWords) pair_word(k + i);
+      for (int k = 0; k < kPairs; k += kAgents)
+        if (k + i < kPairs) kWholeWords ? pair_word(k + i) : pair(k + i);
       GIGA_UNROLL
       for (int k = kAgents; k < kAgents * kWords; k += kAgents) agent_word(k + i);
     });
@@ -194,11 +203,7 @@ GIGA_HD void copy_world(const Lanes& lanes, const Parameters auto& p, const Worl
     if (n % 2 == 0)
       lanes.each(n * n / 4, pair_word);
     else
-      lanes.each(n * n, [&](int k) {
-        for_each_field([&](auto field, auto member) {
-          if constexpr (field.working && field.per == Per::pair) (to.*member)[k] = (from.*member)[k];
-        });
-      });
+      lanes.each(n * n, pair);
   }
 }
 
@@ -228,7 +233,7 @@ GIGA_HD void run_world(const Lanes& lanes, const LaunchOf<P>& k, int world, char
   if constexpr (in_shared) {
     w = working_copy(home, shared, k.params.n_agents);
     attach_scratch(w, k.scratch_layout(), shared + working_copy_bytes(k.params.n_agents));
-    if constexpr (job == Job::step && P::kTeam > 0 && 2 * P::kTeam <= kWarp)
+    if constexpr (job == Job::step && P::kTeam > 0 && P::kAgents <= kWarp)
       ask_ahead(lanes, k.params, home, k.io, world);
     copy_world(lanes, k.params, home, w);
   } else {
@@ -276,7 +281,8 @@ class LaunchingSimulator : public Simulator {
  protected:
   LaunchingSimulator(SimSpec spec, const SimOptions& options, Memory& memory)
       : Simulator(std::move(spec), options, memory),
-        shape_(launch_shape(params(), n_worlds())),
+        step_shape_(launch_shape<true>(params(), n_worlds())),
+        shape_(launch_shape<false>(params(), n_worlds())),
         layout_(params()),
         scratch_(memory, global_scratch_bytes(params(), n_worlds())) {
     if (options.on_done == OnDone::freeze) playing_ = Buffer<int32_t>(memory, static_cast<size_t>(n_worlds()) + 1);
@@ -288,7 +294,7 @@ class LaunchingSimulator : public Simulator {
             .state = state_.view(),
             .io = io,
             .layout = layout_,
-            .world_bytes = shared_bytes(params()),
+            .world_bytes = 0,
             .scratch = scratch_.data(),
             .seed = options_.seed,
             .first_world = options_.first_world,
@@ -298,12 +304,12 @@ class LaunchingSimulator : public Simulator {
             .playing = listed ? playing_.data() : nullptr,
             .n_playing = listed ? n_playing() : nullptr};
   }
-  const LaunchShape& shape() const { return shape_; }
+  const LaunchShape& shape(bool step) const { return step ? step_shape_ : shape_; }
   int32_t* playing() { return playing_.data(); }
   int32_t* n_playing() { return playing_.data() + n_worlds(); }
 
  private:
-  LaunchShape shape_;
+  LaunchShape step_shape_, shape_;  // of Job::step, and of the others
   ScratchLayout layout_;
   Buffer<char> scratch_;     // [W, layout_.size], where shared memory does not hold it
   Buffer<int32_t> playing_;  // [W + 1] OnDone::freeze: worlds that play, in any order, then their number

@@ -145,10 +145,11 @@ class CudaSimulator final : public LaunchingSimulator {
 
   template <Job job>
   void launch(const Launch& k) {
-    const LaunchShape& s = shape();
+    constexpr bool kStep = job == Job::step;
+    const LaunchShape& s = shape(kStep);
     if (s.tiles)
-      with_usual_params(k.params, [&]<class P>(const P& p) {
-        tile_kernel<job, P><<<s.blocks, s.threads, s.shared_bytes, stream_>>>(k.with(p));
+      with_usual_params<kStep>(k.params, [&]<class P>(const P& p) {
+        tile_kernel<job, P><<<s.blocks, s.threads, s.shared_bytes, stream_>>>(k.with(p, s));
       });
     else if (s.in_shared)
       block_kernel<job, true><<<s.blocks, s.threads, s.shared_bytes, stream_>>>(k);

@@ -139,13 +139,13 @@ class ScheduledKey {
 };
 
 /// The draws of a row whose indices are the agents of a team, all made at once: on the GPU the threads of a warp keep
-/// in step that way. Teams of kTeam agents each.
-template <int kTeam>
+/// in step that way. Teams of kTeam0 and kTeam1 agents.
+template <int kTeam0, int kTeam1>
 class TeamUniforms {
  public:
   GIGA_HD TeamUniforms(const DrawKey& key, Draw draw, uint32_t row, int team) {
     uint32_t all[4 * kBlocks];
-    const uint32_t first = team == 0 ? 0u : static_cast<uint32_t>(kTeam) / 4;
+    const uint32_t first = team == 0 ? 0u : static_cast<uint32_t>(kTeam0) / 4;
     GIGA_UNROLL
     for (int b = 0; b < kBlocks; ++b) {
       const Philox4 four = key.bits(draw, row, first + static_cast<uint32_t>(b));
@@ -153,14 +153,15 @@ class TeamUniforms {
       for (int k = 0; k < 4; ++k) all[4 * b + k] = four.word[k];
     }
     GIGA_UNROLL
-    for (int k = 0; k < kTeam; ++k) bits_[k] = team == 0 ? all[k] : all[k + kShift];
+    for (int k = 0; k < kTeam; ++k) bits_[k] = team == 0 || k + kShift >= 4 * kBlocks ? all[k] : all[k + kShift];
   }
   /// That of the team's agent k.
   GIGA_HD float operator()(int k) const { return to_unit_float(bits_[k]); }
 
  private:
-  static constexpr int kShift = kTeam % 4;  // where the draws of team 1 begin in their block
-  static constexpr int kBlocks = (kShift + kTeam + 3) / 4;
+  static constexpr int kTeam = kTeam0 > kTeam1 ? kTeam0 : kTeam1;
+  static constexpr int kShift = kTeam0 % 4;  // where the draws of team 1 begin in their block
+  static constexpr int kBlocks = ((kTeam0 > kShift + kTeam1 ? kTeam0 : kShift + kTeam1) + 3) / 4;
   uint32_t bits_[kTeam];
 };
 

@@ -44,7 +44,7 @@ class CpuSimulator final : public Simulator {
   void run(const Jobs& jobs, const StepIo& io, Worlds worlds) override {
     const bool listed = worlds == Worlds::listed;
     const int64_t count = listed ? static_cast<int64_t>(playing_.size()) : n_worlds();
-    with_usual_teams<5, 2>(params(), [&](const auto& p) {
+    with_params_as<UsualParams<5>, UsualParams<2>>(params(), [&](const auto& p) {
       pool_.for_ranges(count, [&](int64_t begin, int64_t end, int thread) {
         char* scratch = scratch_[static_cast<size_t>(thread)].data();
         for (int64_t k = begin; k < end; ++k) {

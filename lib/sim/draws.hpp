@@ -50,13 +50,13 @@ class PhiloxDraws : public KeyedDraws<DrawKey> {
  public:
   GIGA_HD PhiloxDraws(uint64_t seed, uint32_t world, uint32_t step) : KeyedDraws(DrawKey(seed, world, step)) {}
 
-  /// The same for all observers, or senders, of a team of kTeam agents.
-  template <int kTeam>
-  GIGA_HD TeamUniforms<kTeam> detect_by(int target, int team) const {
+  /// The same for all observers, or senders, of a team, of kTeam0 and kTeam1 agents.
+  template <int kTeam0, int kTeam1>
+  GIGA_HD TeamUniforms<kTeam0, kTeam1> detect_by(int target, int team) const {
     return {key_, Draw::detect, static_cast<uint32_t>(target), team};
   }
-  template <int kTeam>
-  GIGA_HD TeamUniforms<kTeam> comm_from(int ego, int team, bool after_reset) const {
+  template <int kTeam0, int kTeam1>
+  GIGA_HD TeamUniforms<kTeam0, kTeam1> comm_from(int ego, int team, bool after_reset) const {
     return {key_, Draw::comm, comm_row(ego, after_reset), team};
   }
 };
@@ -64,14 +64,14 @@ class PhiloxDraws : public KeyedDraws<DrawKey> {
 /// Whether a source of draws makes those of a whole team at once, for these parameters.
 template <class P, class Draws>
 concept DrawsByTeam = (P::kTeam > 0) && requires(const Draws& draws) {
-  draws.template detect_by<P::kTeam>(0, 0);
+  draws.template detect_by<P::kTeam0, P::kTeam1>(0, 0);
 };
 
 /// Calls f(draw), where draw(b, k) says whether agent b detects target a: b is number k of the team that observes it.
 template <Parameters P, class Draws, class F>
 GIGA_HD void with_detect_draws(const P& p, Draws& draws, int a, F&& f) {
   if constexpr (DrawsByTeam<P, Draws>) {
-    const auto all = draws.template detect_by<P::kTeam>(a, 1 - p.team_of(a));
+    const auto all = draws.template detect_by<P::kTeam0, P::kTeam1>(a, 1 - p.team_of(a));
     f([&](int, int k) { return all(k); });
   } else {
     f([&](int b, int) { return draws.detect(a, b); });
@@ -81,7 +81,7 @@ GIGA_HD void with_detect_draws(const P& p, Draws& draws, int a, F&& f) {
 template <Parameters P, class Draws, class F>
 GIGA_HD void with_comm_draws(const P& p, Draws& draws, int e, bool after_reset, F&& f) {
   if constexpr (DrawsByTeam<P, Draws>) {
-    const auto all = draws.template comm_from<P::kTeam>(e, p.team_of(e), after_reset);
+    const auto all = draws.template comm_from<P::kTeam0, P::kTeam1>(e, p.team_of(e), after_reset);
     f([&](int, int k) { return all(k); });
   } else {
     f([&](int b, int) { return draws.comm(e, b, after_reset); });

@@ -239,7 +239,7 @@ struct EgocentricView {
   /// Whether rows pass through shared memory. Teams of 2 and of 20 would lose 5 and 1 % of their rate without the view,
   /// because a thread of theirs has no registers left for this (H200: 2 vs 2 4.66 and 4.44 G agent-steps/s).
   template <class P>
-  static constexpr bool kStaged = P::kTeam == 5 || P::kTeam == 10;
+  static constexpr bool kStaged = P::kAgents == 10 || P::kAgents == 20;
 
   /// Numbers of a row with the zeros behind it, as RowLayout has them; from one staged row to the next there are four
   /// more, so that the same number of several rows lies in several banks.
@@ -252,7 +252,7 @@ struct EgocentricView {
   template <class Lanes, Parameters P>
   GIGA_HD static void send_rows(const Lanes& lanes, const P& p, const World auto& w, int n,
                                 const TeamRows (&to)[kNTeams]) {
-    static_assert(P::kTeam % kStageRows<P> == 0 && (kMostNumbers + 7) / 8 * 8 + 4 <= kStageRow<P>);
+    static_assert(P::kTeamsEqual && P::kTeam % kStageRows<P> == 0 && (kMostNumbers + 7) / 8 * 8 + 4 <= kStageRow<P>);
     constexpr int kRows = kStageRows<P>, kWorkers = P::n_agents / kRows;  // of a row
     constexpr int kLines = (kViewLines + kWorkers - 1) / kWorkers;        // that one of them sees to
     const int items = view_agents(p), columns = view_size(p), padded = padded_size(p), pitch = padded + 4;

@@ -175,8 +175,8 @@ struct SimParams {
     for (int k = 0; k < i; ++k) slot += team_of(k) == team_of(i) ? 1 : 0;
     return slot;
   }
-  /// Agents of each team where that is known to the compiler, else 0.
-  static constexpr int kTeam = 0;
+  /// Where they are known to the compiler: agents of the larger team, and of both; else 0.
+  static constexpr int kTeam = 0, kAgents = 0;
 };
 
 /// What the stages of a step take as parameters: SimParams, or a type in which some of its members are constants of the
@@ -186,14 +186,16 @@ struct SimParams {
 template <class P>
 concept Parameters = std::derived_from<P, SimParams>;
 
-/// Calls f(agent, k) with the agents of a team in their order, k = 0, 1, ...; unrolled where their number is constant.
+/// Calls f(agent, k) with the agents of a team in their order, k = 0, 1, ...; unrolled where their number is constant,
+/// for the larger team: which of the two it is, the lanes of a warp do not agree on.
 template <class F>
 GIGA_HD void for_team(const Parameters auto& p, int team, F&& f) {
-  constexpr int kTeam = std::remove_cvref_t<decltype(p)>::kTeam;
-  if constexpr (kTeam > 0) {
-    const int first = p.first_of(team);
+  using P = std::remove_cvref_t<decltype(p)>;
+  if constexpr (P::kTeam > 0) {
+    const int first = p.first_of(team), size = p.size_of(team);
     GIGA_UNROLL
-    for (int k = 0; k < kTeam; ++k) f(first + k, k);
+    for (int k = 0; k < P::kTeam; ++k)
+      if (P::kTeamsEqual || k < size) f(first + k, k);
   } else {
     const int end = p.end_of(team);
     int k = 0;
@@ -218,12 +220,12 @@ constexpr int kBoxesAtOnce = std::remove_cvref_t<P>::kTeam > 0 ? 4 : 1;
 /// Words of 32 bits for one bit per agent.
 GIGA_HD constexpr int words_for(int n_agents) { return (n_agents + 31) / 32; }
 
-/// The bits of all agents of two teams of kTeam agents in a register, and such a row read from memory.
-template <int kTeam>
-using AgentBits = std::conditional_t<2 * kTeam <= 32, uint32_t, uint64_t>;
-template <int kTeam>
-GIGA_HD AgentBits<kTeam> read_agent_bits(const uint32_t* row) {
-  if constexpr (2 * kTeam <= 32)
+/// The bits of kAgents agents in a register, and such a row read from memory.
+template <int kAgents>
+using AgentBits = std::conditional_t<kAgents <= 32, uint32_t, uint64_t>;
+template <int kAgents>
+GIGA_HD AgentBits<kAgents> read_agent_bits(const uint32_t* row) {
+  if constexpr (kAgents <= 32)
     return row[0];
   else
     return row[0] | static_cast<uint64_t>(row[1]) << 32;
@@ -232,10 +234,10 @@ GIGA_HD AgentBits<kTeam> read_agent_bits(const uint32_t* row) {
 /// The same written: the bits of a team's agents, 0 for all others.
 template <class P>
 GIGA_HD void write_team_bits(const P& p, int team, uint32_t* row, uint32_t bits) {
-  static_assert(P::kTeam > 0 && P::kTeam <= 32);
-  const auto all = static_cast<AgentBits<P::kTeam>>(bits) << p.first_of(team);
+  static_assert(P::kTeam > 0 && P::kTeam <= 32 && P::kAgents <= 64);
+  const auto all = static_cast<AgentBits<P::kAgents>>(bits) << p.first_of(team);
   row[0] = static_cast<uint32_t>(all);
-  if constexpr (2 * P::kTeam > 32) row[1] = static_cast<uint32_t>(all >> 32);
+  if constexpr (P::kAgents > 32) row[1] = static_cast<uint32_t>(all >> 32);
 }
 
 /// A row of bits, one for each agent: writes that of each agent of a team by test(agent, k), in their order, and 0 for

@@ -5,28 +5,36 @@
 
 namespace giga {
 
-/// SimParams with what decides about loops and branches fixed, for two teams of `kTeamSize` agents.
-template <int kTeamSize>
+/// What a scenario is about, where that decides about loops and branches.
+enum class Play { fight, hide_and_seek };
+
+/// SimParams with what decides about loops and branches fixed, for teams of `kSize0` and `kSize1` agents.
+template <int kSize0, int kSize1 = kSize0, Play kPlay = Play::fight>
 struct UsualParams : SimParams {
   explicit UsualParams(const SimParams& p) : SimParams(p) {}
   static constexpr Rules rules = Rules::corrected;
   static constexpr ActionKind actions = ActionKind::discrete;
-  static constexpr int kTeam = kTeamSize, n_agents = 2 * kTeam, n_neighbors = n_agents < 15 ? n_agents : 15;
-  static constexpr bool waypoints = false, has_idle_reward = false;
+  static constexpr int kTeam0 = kSize0, kTeam1 = kSize1, kTeam = kTeam0 > kTeam1 ? kTeam0 : kTeam1;
+  static constexpr bool kTeamsEqual = kTeam0 == kTeam1;
+  static constexpr int kAgents = kTeam0 + kTeam1;
+  static constexpr int n_agents = kAgents, n_neighbors = n_agents < 15 ? n_agents : 15;
+  static constexpr bool waypoints = false;
   static constexpr bool stochastic_communication = true, stochastic_detection = true;
   static constexpr bool obstacle_heights = false, obstacles_block_sight = false, sight_3d = false;
-  static constexpr bool cone_is_full = false, damage_cone_is_full = false;
+  // Hiders are paid for being there, and seekers catch them in every direction.
+  static constexpr bool has_idle_reward = kPlay == Play::hide_and_seek;
+  static constexpr bool cone_is_full = false, damage_cone_is_full = kPlay == Play::hide_and_seek;
   GIGA_HD static constexpr bool original() { return false; }
-  GIGA_HD static constexpr int team_of(int i) { return i >= kTeam ? 1 : 0; }
-  GIGA_HD static constexpr int first_of(int team) { return team == 0 ? 0 : kTeam; }
-  GIGA_HD static constexpr int end_of(int team) { return first_of(team) + kTeam; }
-  GIGA_HD static constexpr int size_of(int) { return kTeam; }
+  GIGA_HD static constexpr int team_of(int i) { return i >= kTeam0 ? 1 : 0; }
+  GIGA_HD static constexpr int first_of(int team) { return team == 0 ? 0 : kTeam0; }
+  GIGA_HD static constexpr int size_of(int team) { return kTeamsEqual || team == 0 ? kTeam0 : kTeam1; }
+  GIGA_HD static constexpr int end_of(int team) { return first_of(team) + size_of(team); }
   GIGA_HD static constexpr int slot_of(int i) { return i - first_of(team_of(i)); }
 
   /// Whether a scenario is so.
   static bool fits(const SimParams& p) {
-    return p.team_after_team && p.rules == rules && p.actions == actions && p.n_team[0] == kTeam &&
-           p.n_team[1] == kTeam && p.n_neighbors == n_neighbors && p.waypoints == waypoints &&
+    return p.team_after_team && p.rules == rules && p.actions == actions && p.n_team[0] == kTeam0 &&
+           p.n_team[1] == kTeam1 && p.n_neighbors == n_neighbors && p.waypoints == waypoints &&
            p.has_idle_reward == has_idle_reward && p.stochastic_communication == stochastic_communication &&
            p.stochastic_detection == stochastic_detection && p.obstacle_heights == obstacle_heights &&
            p.obstacles_block_sight == obstacles_block_sight && p.sight_3d == sight_3d &&
@@ -34,22 +42,28 @@ struct UsualParams : SimParams {
   }
 };
 
-/// Calls f with the parameters: with those of them as constants that a scenario has in common with most, where its
-/// teams have one of these sizes.
-template <int... kTeamSizes, class F>
-void with_usual_teams(const SimParams& p, F&& f) {
-  const auto serve = [&]<int kTeamSize>() {
-    if (!UsualParams<kTeamSize>::fits(p)) return false;
-    f(UsualParams<kTeamSize>(p));
+/// Calls f with the parameters: as the first of these types of which they are, else as they are.
+template <class... Usual, class F>
+void with_params_as(const SimParams& p, F&& f) {
+  const auto serve = [&]<class P>() {
+    if (!P::fits(p)) return false;
+    f(P(p));
     return true;
   };
-  if (!(serve.template operator()<kTeamSizes>() || ...)) f(p);
+  if (!(serve.template operator()<Usual>() || ...)) f(p);
 }
 
-/// The same for all sizes that are served.
-template <class F>
+/// Calls f with the parameters for a job, a step or another one: with those of them as constants that the scenario has
+/// in common with most. Steps are served for more sizes: a kernel takes seconds to compile, and all else is rare.
+template <bool kStep, class F>
 void with_usual_params(const SimParams& p, F&& f) {
-  with_usual_teams<5, 2, 10, 20>(p, f);
+  using enum Play;
+  if constexpr (kStep)
+    with_params_as<UsualParams<5>, UsualParams<2>, UsualParams<10>, UsualParams<20>, UsualParams<1>, UsualParams<5, 1>,
+                   UsualParams<5, 3>, UsualParams<10, 3>, UsualParams<20, 5>, UsualParams<5, 5, hide_and_seek>,
+                   UsualParams<5, 10, hide_and_seek>, UsualParams<10, 5, hide_and_seek>>(p, f);
+  else
+    with_params_as<UsualParams<5>, UsualParams<2>, UsualParams<10>, UsualParams<20>>(p, f);
 }
 
 }  // namespace giga

@@ -61,11 +61,11 @@ GIGA_HD void rank_by_insertion(const Parameters auto& p, World auto& w, int e) {
 /// comes first, as with equal distances, which are roots and so equal more often than their squares, it is done anew by
 /// insertion.
 GIGA_HD void rank_by_sorting(const Parameters auto& p, World auto& w, int e) {
-  constexpr int kTeam = std::remove_cvref_t<decltype(p)>::kTeam, kAgents = 2 * kTeam;
+  constexpr int kAgents = std::remove_cvref_t<decltype(p)>::kAgents;
   constexpr int kRows = std::remove_cvref_t<decltype(p)>::n_neighbors;
-  constexpr uint32_t kIndex = std::bit_ceil(static_cast<unsigned>(kAgents)) - 1;
-  using Bits = AgentBits<kTeam>;
-  const Bits seen = read_agent_bits<kTeam>(w.seen + e * words_for(kAgents)), ranked = seen | Bits{1} << e;
+  constexpr uint32_t kIndex = std::bit_ceil(static_cast<unsigned>(kAgents > 2 ? kAgents : 4)) - 1;
+  using Bits = AgentBits<kAgents>;
+  const Bits seen = read_agent_bits<kAgents>(w.seen + e * words_for(kAgents)), ranked = seen | Bits{1} << e;
   const float x = w.x[e], y = w.y[e];
   uint32_t keys[kAgents];
   GIGA_UNROLL
@@ -233,15 +233,17 @@ struct VectorObservation {
     });
   }
 
-  /// So many rows at a time: some workers put together each of them in shared memory, then they are sent, all at once
-  /// where they lie one behind the other, while the next are made.
+  /// So many rows at a time: some workers put together each of them in shared memory, then they are sent, all of a team
+  /// at once where they lie one behind the other, while the next are made.
   template <class Lanes, Parameters P>
   GIGA_HD static void send_rows(const Lanes& lanes, const P& p, const World auto& w, int n,
                                 const TeamRows (&to)[kNTeams]) {
-    static_assert(!P::waypoints && P::kTeam % kStageRows<P> == 0);
+    static_assert(!P::waypoints);
     constexpr int kRows = kStageRows<P>, kPitch = kStageRow<P>, kFront = P::n_neighbors * kNeighborFeatures;
     constexpr int kWorkers = P::n_agents / kRows;                       // of a row
     constexpr int kShare = (P::n_neighbors + kWorkers - 1) / kWorkers;  // agents of a row that one of them writes
+    constexpr bool kFull = P::n_agents % kRows == 0;                    // the last rows are as many as the others
+    constexpr bool kOneTeam = P::kTeam0 % kRows == 0;                   // those together are of one team
     const float* boxes = features_of_boxes(p, w);
     const int n_tail = p.n_boxes * box_features(p);
     const bool whole = kFront + n_tail <= kPitch;  // else there are too many boxes for the stage
@@ -265,31 +267,40 @@ struct VectorObservation {
       if (first > 0) lanes.each_agent(n, [&](int) { lanes.wait_sent(); });
       lanes.each_agent(n, [&](int i) {
         const int slot = i % kRows, part = i / kRows, e = first + slot;
+        if (!kFull && e >= P::n_agents) return;
         const AgentFeatures own = w.features[e];
         float* row = w.stage + slot * kPitch;
         GIGA_UNROLL
         for (int j = 0; j < kShare; ++j) {
           // Each worker begins with another agent, so that they write to different banks.
           const int k = part * kShare + (j + slot) % kShare;
-          if (kWorkers * kShare == P::n_neighbors || k < P::n_neighbors)
+          if ((kFull && kWorkers * kShare == P::n_neighbors) || k < P::n_neighbors)
             write_neighbor(p, w, e, own, k,
                            [&](int feature, float number) { row[k * kNeighborFeatures + feature] = number; });
         }
         lanes.before_sending();
       });
-      if (rows.aligned(sizeof(FourNumbers))) {
-        const bool together = whole && rows.stride == kPitch;
-        const int sent = together ? kRows * kPitch : columns / 4 * 4;
-        lanes.each_agent(n, [&](int i) {
-          if (rows && i < (together ? 1 : kRows)) {
-            lanes.send(rows.row(i), w.stage + i * kPitch, sent);
-            for (int k = sent; k < columns; ++k) rows.row(i)[k] = w.stage[i * kPitch + k];
-          }
-        });
-      } else {
-        lanes.each(n > 0 && rows ? columns : 0, [&](int k) {
-          for (int slot = 0; slot < kRows; ++slot) rows.row(slot)[k] = w.stage[slot * kPitch + k];
-        });
+      const auto deliver = [&](const TeamRows& there, const float* stage, int count) {
+        if (there.aligned(sizeof(FourNumbers))) {
+          const bool together = whole && there.stride == kPitch;
+          const int sent = together ? count * kPitch : columns / 4 * 4;
+          lanes.each_agent(n, [&](int i) {
+            if (there && i < (together ? 1 : count)) {
+              lanes.send(there.row(i), stage + i * kPitch, sent);
+              for (int k = sent; k < columns; ++k) there.row(i)[k] = stage[i * kPitch + k];
+            }
+          });
+        } else {
+          lanes.each(n > 0 && there ? columns : 0, [&](int k) {
+            for (int slot = 0; slot < count; ++slot) there.row(slot)[k] = stage[slot * kPitch + k];
+          });
+        }
+      };
+      const int left = p.end_of(team) - first, count = (kFull && kOneTeam) || left > kRows ? kRows : left;
+      deliver(rows, w.stage, count);
+      if constexpr (!kOneTeam) {
+        static_assert(kFull);
+        if (count < kRows && team == 0) deliver(to[1], w.stage + count * kPitch, kRows - count);
       }
     }
     if (!whole) lanes.each(n > 0 ? n_tail : 0, [&](int k) { write_box_number(p, to, k, table_value(boxes + k)); });

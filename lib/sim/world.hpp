@@ -43,11 +43,13 @@ constexpr int kNeighborFeatures = 9;  ///< numbers per agent in an observation
 constexpr int kStageAgents = 4;       ///< so many agents of each row are staged at a time: 36 numbers, 9 times 16 bytes
 constexpr int kStageColumns = kStageAgents * kNeighborFeatures;
 /// With constant teams whole rows are staged: so many numbers each, with room for four boxes, as RowLayout has them;
-/// those of a team at a time, of a large one half of them, so that enough worlds have room.
+/// half of a world's at a time, of a large one 5 or 10 of them, so that enough worlds have room.
 template <class P>
 constexpr int kStageRow = (P::n_neighbors * kNeighborFeatures + 16 + 7) / 8 * 8;
 template <class P>
-constexpr int kStageRows = P::kTeam < 10 ? P::kTeam : P::kTeam / 2;
+constexpr int kStageRows = P::kAgents <= 10   ? P::kAgents / 2
+                           : P::kAgents <= 25 ? 5
+                                              : 10;
 constexpr int kNearestAgents = 5;  ///< agents that an egocentric view tells of
 
 /// What happened to an agent in this step.

@@ -40,9 +40,11 @@ class EmulatedSimulator final : public LaunchingSimulator {
   EmulatedSimulator(SimSpec spec, const SimOptions& options, ThreadOrder order)
       : LaunchingSimulator(std::move(spec), options, host_memory()),
         order_(order),
-        threads_(shape().threads),
+        threads_(shape(false).threads),
+        step_threads_(shape(true).threads),
         draw_threads_(params().resolution > 0 ? kWarp : 0),
-        shared_(host_memory(), kSharedGuardBytes + std::max(shape().shared_bytes, draw_bytes())) {}
+        shared_(host_memory(),
+                kSharedGuardBytes + std::max({shape(true).shared_bytes, shape(false).shared_bytes, draw_bytes()})) {}
 
   bool over() override { return n_lists() > 0 && *n_playing() == 0; }
   void redraw(const Redraw& request) override {
@@ -80,15 +82,18 @@ class EmulatedSimulator final : public LaunchingSimulator {
  private:
   template <Job job>
   void launch(const Launch& k) {
-    const LaunchShape& s = shape();
-    const EmulatedSync sync{&threads_};
+    constexpr bool kStep = job == Job::step;
+    const LaunchShape& s = shape(kStep);
+    LockstepThreads& threads = kStep ? step_threads_ : threads_;
+    const EmulatedSync sync{&threads};
     if (k.scratch) std::memset(k.scratch, kPoison, global_scratch_bytes(params(), n_worlds()));
     for (int block = 0; block < s.blocks; ++block)
       with_shared(block, s.shared_bytes, [&](char* shared) {
-        threads_.run(s.group, order_, [&](int thread) {
+        threads.run(s.group, order_, [&](int thread) {
           const ThreadIndex at{block, s.blocks, thread, s.threads};
           if (s.tiles)
-            with_usual_params(k.params, [&](const auto& p) { run_tile_thread<job>(k.with(p), at, shared, sync); });
+            with_usual_params<kStep>(k.params,
+                                     [&](const auto& p) { run_tile_thread<job>(k.with(p, s), at, shared, sync); });
           else if (s.in_shared)
             run_block_thread<job, true>(k, at, shared, sync);
           else
@@ -123,7 +128,7 @@ class EmulatedSimulator final : public LaunchingSimulator {
   }
 
   ThreadOrder order_;
-  LockstepThreads threads_, draw_threads_;
+  LockstepThreads threads_, step_threads_, draw_threads_;
   Buffer<char> shared_;  // of the block that runs, then the guard
 };
 

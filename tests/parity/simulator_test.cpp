@@ -33,6 +33,7 @@ struct Case {
   int n_worlds, n_variants, n_steps;
   bool thin = false;   // too little happens to expect all of it
   bool usual = false;  // scenarios for which UsualParams serve
+  bool hide = false;   // and hide and seek
 };
 void PrintTo(const Case& c, std::ostream* out) {
   *out << c.n_team_0 << " v " << c.n_team_1 << ", " << c.n_worlds << " worlds";
@@ -41,12 +42,14 @@ const Case kCases[] = {
     {1, 1, 65, 24, 60},  {2, 2, 65, 24, 60},   {5, 5, 65, 24, 60},   {7, 3, 65, 24, 60},  {16, 16, 65, 24, 60},
     {1, 12, 65, 11, 60}, {10, 10, 65, 11, 60}, {20, 20, 65, 11, 60}, {40, 30, 65, 6, 60}, {200, 200, 5, 4, 12},
 };
-/// Those for which a GPU has kernels with constants (usual_params.hpp): 8 and 3 worlds a warp, then 8 and 4 a block.
+/// Those for which a GPU has kernels with constants (usual_params.hpp): 16 to 2 worlds a warp, and 8, 4 and 6 a block.
+constexpr Case usual_case(int n_team_0, int n_team_1, bool hide = false) {
+  return {n_team_0, n_team_1, 65, 6, 60, true, true, hide};
+}
 const Case kUsualCases[] = {
-    {.n_team_0 = 2, .n_team_1 = 2, .n_worlds = 65, .n_variants = 6, .n_steps = 60, .thin = true, .usual = true},
-    {.n_team_0 = 5, .n_team_1 = 5, .n_worlds = 65, .n_variants = 6, .n_steps = 60, .thin = true, .usual = true},
-    {.n_team_0 = 10, .n_team_1 = 10, .n_worlds = 65, .n_variants = 6, .n_steps = 60, .thin = true, .usual = true},
-    {.n_team_0 = 20, .n_team_1 = 20, .n_worlds = 65, .n_variants = 6, .n_steps = 60, .thin = true, .usual = true},
+    usual_case(2, 2),  usual_case(5, 5),       usual_case(10, 10),      usual_case(20, 20),
+    usual_case(1, 1),  usual_case(5, 1),       usual_case(5, 3),        usual_case(10, 3),
+    usual_case(20, 5), usual_case(5, 5, true), usual_case(5, 10, true), usual_case(10, 5, true),
 };
 
 /// As many worlds, variants and steps as the executor has time for.
@@ -65,29 +68,31 @@ Case cut(Case c, Executor executor) {
   return c;
 }
 
-/// Turns a scenario into one for which the constants of UsualParams hold; everything else stays as it is.
-void make_usual(SimSpec& spec) {
+/// Turns a scenario into one for which the constants of UsualParams hold; everything else stays as it is. Agents of a
+/// team differ where the teams do.
+void make_usual(SimSpec& spec, const Case& c) {
   SimParams& p = spec.params;
   p.rules = Rules::corrected;
   p.actions = ActionKind::discrete;
   p.stochastic_detection = p.stochastic_communication = true;
   p.waypoints = p.obstacle_heights = p.obstacles_block_sight = p.sight_3d = false;
-  p.cone_is_full = p.damage_cone_is_full = false;
+  p.cone_is_full = false;
+  p.damage_cone_is_full = c.hide;
   spec.neighbor_limit = 15;
   std::stable_sort(spec.agents.begin(), spec.agents.end(),
                    [](const AgentSpec& a, const AgentSpec& b) { return a.team < b.team; });
   for (AgentSpec& agent : spec.agents) {
-    agent.idle_reward = 0;
-    agent.sprite = 1 + agent.team;
+    agent.idle_reward = c.hide && agent.team == 1 ? 1.0f : 0.0f;
+    if (c.n_team_0 == c.n_team_1) agent.sprite = 1 + agent.team;
   }
 }
 
 SimSpec variant_of(const Case& c, int variant) {
   SimSpec spec = variant_spec(1000, c.n_team_0, c.n_team_1, variant);
-  if (c.usual) make_usual(spec);
+  if (c.usual) make_usual(spec, c);
   spec.finish();
   bool usual = false;
-  with_usual_params(spec.params, [&]<class P>(const P&) { usual = P::kTeam > 0; });
+  with_usual_params<true>(spec.params, [&]<class P>(const P&) { usual = P::kTeam > 0; });
   EXPECT_TRUE(usual || !c.usual);
   return spec;
 }
@@ -299,7 +304,7 @@ TEST_P(SimulatorParity, OutputsThatNobodyWantsChangeNothing) {
 
 const auto kName = [](const auto& test) {
   const Case& c = std::get<1>(test.param);
-  return cat(c.n_team_0, "v", c.n_team_1);
+  return cat(c.n_team_0, "v", c.n_team_1, c.hide ? "hide" : "");
 };
 INSTANTIATE_TEST_SUITE_P(GpuUsual, SimulatorParity,
                          ::testing::Combine(::testing::Values(Executor::gpu), ::testing::ValuesIn(kUsualCases)), kName);

@@ -4,18 +4,23 @@
 #include <algorithm>
 #include <vector>
 
+#include "scenario/compile.hpp"
+#include "scenario/loader.hpp"
 #include "sim/draws.hpp"
 #include "sim/lanes.hpp"
 #include "sim/simulator.hpp"
 #include "sim/step.hpp"
 #include "sim/usual_params.hpp"
 #include "support/sim_specs.hpp"
+#include "support/source.hpp"
 
 namespace giga::test {
 namespace {
 
-SimSpec usual(int n) {
-  SimSpec spec = plain_spec(n, n);
+SimSpec usual(int n_team_0, int n_team_1, bool hide) {
+  SimSpec spec = plain_spec(n_team_0, n_team_1);
+  for (AgentSpec& agent : spec.agents) agent.idle_reward = hide ? 1.0f : 0.0f;
+  spec.params.damage_cone_is_full = hide;
   spec.params.actions = ActionKind::discrete;
   spec.params.stochastic_communication = spec.params.stochastic_detection = true;
   spec.params.max_episode_length = 40;
@@ -72,13 +77,20 @@ class OneWorld {
   StepIo io_;
 };
 
-template <int kTeam>
-void expect_the_same(const SimSpec& spec) {
+/// The spec that a UsualParams is for.
+template <class P>
+SimSpec usual() {
+  return usual(P::kTeam0, P::kTeam1, P::has_idle_reward);
+}
+
+template <class P>
+void expect_the_same() {
+  const SimSpec spec = usual<P>();
   OneWorld<SimParams> plain(spec);
-  ASSERT_TRUE(UsualParams<kTeam>::fits(spec.params));
-  OneWorld<UsualParams<kTeam>> constants(spec);
+  ASSERT_TRUE(P::fits(spec.params));
+  OneWorld<P> constants(spec);
   std::vector<int32_t> actions[kNTeams];
-  for (auto& team : actions) team.assign(kTeam, 13);
+  for (int t = 0; t < kNTeams; ++t) actions[t].assign(static_cast<size_t>(P::size_of(t)), 13);
   plain.run(jobs_of_start({}), actions);
   constants.run(jobs_of_start({}), actions);
   ASSERT_EQ(plain.bytes(), constants.bytes());
@@ -94,18 +106,25 @@ void expect_the_same(const SimSpec& spec) {
 }
 
 TEST(SimStaticParams, AStepWithConstantsIsTheSame) {
-  expect_the_same<2>(usual(2));
-  expect_the_same<3>(usual(3));
-  expect_the_same<10>(usual(10));
-  expect_the_same<20>(usual(20));
+  expect_the_same<UsualParams<2>>();
+  expect_the_same<UsualParams<3>>();
+  expect_the_same<UsualParams<10>>();
+  expect_the_same<UsualParams<20>>();
+  expect_the_same<UsualParams<1>>();
+  expect_the_same<UsualParams<5, 1>>();
+  expect_the_same<UsualParams<5, 3>>();
+  expect_the_same<UsualParams<3, 5>>();
+  expect_the_same<UsualParams<10, 3>>();
+  expect_the_same<UsualParams<20, 5>>();
+  expect_the_same<UsualParams<5, 10, Play::hide_and_seek>>();
 }
 
 // Agents on a coarse lattice: most distances occur several times, and agents on top of each other.
-template <int kTeam>
+template <class P>
 int rank_on_a_lattice(uint32_t seed) {
-  constexpr int kAgents = 2 * kTeam, kRows = UsualParams<kTeam>::n_neighbors;
-  const SimSpec spec = usual(kTeam);
-  const UsualParams<kTeam> p(spec.params);
+  constexpr int kAgents = P::kAgents, kRows = P::n_neighbors;
+  const SimSpec spec = usual<P>();
+  const P p(spec.params);
   std::vector<float> x(kAgents), y(kAgents), distance(kAgents * kRows);
   std::vector<uint16_t> rows(kAgents * kRows), expected;
   std::vector<uint32_t> seen(static_cast<size_t>(kAgents * words_for(kAgents)));
@@ -135,9 +154,24 @@ int rank_on_a_lattice(uint32_t seed) {
 TEST(SimStaticParams, EqualDistancesAreRankedByIndex) {
   int nobody = 0;
   for (uint32_t seed = 0; seed < 20; ++seed)
-    nobody += rank_on_a_lattice<2>(seed) + rank_on_a_lattice<5>(seed) + rank_on_a_lattice<10>(seed) +
-              rank_on_a_lattice<20>(seed);
+    nobody += rank_on_a_lattice<UsualParams<2>>(seed) + rank_on_a_lattice<UsualParams<5>>(seed) +
+              rank_on_a_lattice<UsualParams<10>>(seed) + rank_on_a_lattice<UsualParams<20>>(seed) +
+              rank_on_a_lattice<UsualParams<1>>(seed) + rank_on_a_lattice<UsualParams<10, 3>>(seed) +
+              rank_on_a_lattice<UsualParams<20, 5>>(seed);
   EXPECT_GT(nobody, 0);
+}
+
+TEST(SimStaticParams, ServeTheScenarios) {
+  for (const char* name :
+       {"identical_1_vs_1", "identical_2_vs_2", "identical_5_vs_5", "identical_10_vs_10", "identical_20_vs_20",
+        "identical_5_vs_1", "identical_5_vs_3", "identical_10_vs_3", "identical_20_vs_5", "special_5_vs_1",
+        "special_5_vs_5", "special_10_vs_3", "special_20_vs_5", "hide_and_seek_5_vs_5", "hide_and_seek_10_vs_5",
+        "hide_and_seek_5_vs_10"}) {
+    bool usual = false;
+    with_usual_params<true>(compile(load_scenario(name, {source_path()})).params,
+                            [&]<class P>(const P&) { usual = P::kTeam > 0; });
+    EXPECT_TRUE(usual) << name;
+  }
 }
 
 }  // namespace
