@@ -92,11 +92,14 @@ MemoryPlan measure_memory(const LoadedRun& run, Device device, int64_t free_byte
   plan.least_per_unit = static_cast<double>(algorithm.least_bytes(run)) / static_cast<double>(plan.size.value);
   const int64_t before = device.is_cuda() ? memory_taken(device) : resident_bytes();
   int64_t size = first_trial(plan.size, plan.least_per_unit, free_bytes);
+  // On a GPU the second update may record minibatches and give back what the first one took (TorchRecorder); the third
+  // takes again what it needs beside them.
+  const int updates = device.is_cuda() ? 3 : 2;
   for (;;) {
     const auto start = std::chrono::steady_clock::now();
     {
       const auto learner = make_learner(resized(run, size), device);
-      for (int update = 0; update < 2; ++update) learner->update();
+      for (int update = 0; update < updates; ++update) learner->update();
       if (evaluate) evaluate(*learner);
       Checkpoint saved;
       learner->save(saved.arrays);
