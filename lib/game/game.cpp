@@ -133,27 +133,28 @@ void Game::play(int64_t n_steps) {
   }
 }
 
-bool Game::controllers_repeat() const {
+bool Game::controllers_repeat(bool (TeamController::*alike)() const) const {
   const auto remembers = [this](int team) { return memory_size_[team] > 0; };
   return !remembers(0) && !remembers(1) &&
-         std::all_of(seats_.begin(), seats_.end(), [](const Seat& seat) { return seat.controller->repeats(); });
+         std::all_of(seats_.begin(), seats_.end(), [&](const Seat& seat) { return (*seat.controller.*alike)(); });
 }
 
 /// Whether one step is like the other.
 bool Game::repeats() const {
-  return controllers_repeat() &&
+  return controllers_repeat(&TeamController::repeats) &&
          std::all_of(observers_.begin(), observers_.end(), [](const GameObserver* o) { return o->repeats(); });
 }
 
 /// Whether one play is like the other. A controller may ask for a step's number modulo kListPeriod.
 bool Game::repeats_plays(int64_t n_steps) const {
-  return sim_.options().on_done != OnDone::freeze && n_steps % kListPeriod == 0 && controllers_repeat() &&
+  return sim_.options().on_done != OnDone::freeze && n_steps > 0 && n_steps % kListPeriod == 0 &&
+         controllers_repeat(&TeamController::repeats_where_kept) &&
          std::all_of(observers_.begin(), observers_.end(), [](const GameObserver* o) { return o->repeats_plays(); });
 }
 
 /// A whole play in one call; false where it is to be queued step by step.
 bool Game::queue_play(int64_t n_steps) {
-  if (played_ != n_steps) {  // the first one loads the kernels
+  if (played_ != n_steps || n_steps == 0) {  // the first one loads the kernels
     play_.reset();
     played_ = refusal_.empty() && repeats_plays(n_steps) ? n_steps : 0;
     return false;

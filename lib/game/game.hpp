@@ -121,7 +121,7 @@ class Game {
   void finish(int64_t t, const GameStep& step);
   void act(const GameStep& step);
   void act(const Seat& seat, const GameStep& step, int64_t number, const ParallelFor& parallel_for);
-  bool controllers_repeat() const;
+  bool controllers_repeat(bool (TeamController::*alike)() const) const;
   bool repeats() const;
   bool repeats_plays(int64_t n_steps) const;
   bool queue_play(int64_t n_steps);

@@ -61,6 +61,8 @@ class TeamController {
   /// a game, as far as its buffers and `number` modulo kListPeriod are the same: then steps of a GPU are recorded, and
   /// the host is not asked at each. What its first kListPeriod steps allocated it has then.
   virtual bool repeats() const { return false; }
+  /// The same where a collector keeps the log-probabilities of its actions: then a controller may act in another way.
+  virtual bool repeats_where_kept() const { return repeats(); }
   /// Queues the actions of a step in all parts of the game that it moves, team by team in the order of their worlds.
   virtual void act(std::span<const TeamStep> parts) = 0;
 };

@@ -71,8 +71,13 @@ at::Tensor RankSums::gather(const at::Tensor& mine) {
   GIGA_CHECK(mine.is_cuda() && mine.is_contiguous() && mine.dim() == 1, "a tensor elsewhere, or with gaps");
   at::Tensor all = at::empty({ranks_.size() * mine.size(0)}, mine.options());
   ++begun_;
-  gpus_->gather(static_cast<const uint8_t*>(mine.const_data_ptr()), static_cast<uint8_t*>(all.data_ptr()),
-                static_cast<int64_t>(mine.nbytes()), current_stream(device_));
+  try {
+    gpus_->gather(static_cast<const uint8_t*>(mine.const_data_ptr()), static_cast<uint8_t*>(all.data_ptr()),
+                  static_cast<int64_t>(mine.nbytes()), current_stream(device_));
+  } catch (const Error&) {
+    end();  // knows why, where a rank was missing
+    throw;
+  }
   return all;
 }
 

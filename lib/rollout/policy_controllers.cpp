@@ -112,6 +112,7 @@ class PolicyController final : public TeamController {
   bool fills_log_prob() const override { return true; }
   int64_t memory_size() const override { return policy_.state_size(); }
   bool repeats() const override { return actor_ && (fused_policy(*actor_) || HalfPrecisionPolicy::served(*actor_)); }
+  bool repeats_where_kept() const override { return actor_ && fused_policy(*actor_); }  // LibTorch plays fp16 there
   void act(std::span<const TeamStep> parts) override {
     at::NoGradGuard no_grad;
     const std::optional<FusedPolicy> fused = actor_ ? fused_policy(*actor_) : std::nullopt;

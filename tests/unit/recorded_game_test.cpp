@@ -106,6 +106,7 @@ class Taped final : public TeamController {
 
   ObservationSet reads() const override { return {}; }
   bool repeats() const override { return repeats_; }
+  bool repeats_where_kept() const override { return repeats_ && where_kept; }
   void act(std::span<const TeamStep> parts) override {
     ++asked;
     for (const TeamStep& part : parts) {
@@ -119,6 +120,7 @@ class Taped final : public TeamController {
     }
   }
   int asked = 0;
+  bool where_kept = true;
 
  private:
   Tape& tape_;
@@ -221,11 +223,12 @@ TEST(RecordedGame, WholePlays) {
     int steps, recorded, queued;
   };
   const auto play = [&](bool repeats, const std::vector<int64_t>& plays, size_t watched_before = 100,
-                        bool refuses = false) {
+                        bool refuses = false, bool where_kept = true) {
     Tape tape;
     RecordingSimulator sim(game_spec(), options, tape);
     sim.refuses = refuses;
     const auto team = std::make_shared<Taped>(tape, true);
+    team->where_kept = where_kept;
     Alike observer(repeats), late(true);
     Game game(sim, parallel_for(), {everywhere(team, sim), everywhere(team, sim)}, {&observer});
     game.start();
@@ -249,6 +252,7 @@ TEST(RecordedGame, WholePlays) {
   expect({16, 16, 24, 24, 16, 16}, 3, 3);
   expect({12, 12, 12}, 0, 0);             // not a whole number of periods
   expect({16, 16, 16, 16, 16}, 2, 3, 2);  // another observer before the third: that play is queued step by step
+  EXPECT_EQ(play(true, {16, 16, 16}, 100, false, false).recorded, 0) << "its log-probabilities are LibTorch's";
   const Played refused = play(true, {16, 16, 16, 16}, 100, true);
   EXPECT_EQ(refused.recorded, 1) << "it is asked once";
   EXPECT_EQ(refused.state, play(false, {16, 16, 16, 16}).state);

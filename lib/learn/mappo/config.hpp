@@ -128,7 +128,7 @@ void visit_fields(V& v, MappoConfig& c) {
     "too; "
     "false: always by LibTorch");
   v("graphs", c.graphs,
-    "where LibTorch learns on a GPU: queue a minibatch as one CUDA graph, recorded in the second update, and not "
+    "where LibTorch learns on one GPU: queue a minibatch as one CUDA graph, recorded in the second update, and not "
     "kernel by kernel. The result is the same");
   v.group("actor", c.actor, "the policy networks");
   v.group("critic", c.critic, "the value networks");

@@ -151,7 +151,8 @@ void Mappo::make_teams_and_worlds() {
   options.n_threads = config_.train.n_threads;
   sim_ = make_simulator(run.spec, options, device_, parallel_for_.stream());
 
-  if (config_.mappo.graphs) recorder_ = make_torch_recorder(device_);
+  // Not with ranks: where one is gone, NCCL's abort waits for the graphs that hold its sums, and these for the abort.
+  if (config_.mappo.graphs && !ranks_) recorder_ = make_torch_recorder(device_);
   const SumOverRanks sum = sums_ ? sums_->over_all() : SumOverRanks{};
   const WorldShares shares = world_shares(config_.opponents, options.n_worlds);
   std::array<const Actor*, kNTeams> actors{};

@@ -69,7 +69,7 @@ void PpoTeam::set(const StepSettings& settings) {
 }
 
 void PpoTeam::record_minibatches(std::shared_ptr<TorchRecorder> recorder) {
-  if (!fused_ && recorder) recorded_ = std::make_unique<RecordedMinibatches>(std::move(recorder));
+  if (!fused_ && recorder && sum_.alone()) recorded_ = std::make_unique<RecordedMinibatches>(std::move(recorder));
 }
 
 // ---- Minibatches ----------------------------------------------------------------------------------------------------

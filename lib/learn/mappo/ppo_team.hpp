@@ -53,8 +53,8 @@ class PpoTeam {
 
   /// For the steps from here on. Before the first call, step sizes are 0 and the entropy bonus has the config's weight.
   void set(const StepSettings& settings);
-  /// Has LibTorch's work for minibatches recorded, sums over ranks in it, once it has run for a whole update. For a
-  /// team that learns by the fused kernels nothing changes.
+  /// Has LibTorch's work for minibatches recorded once it has run for a whole update. For a team that learns by the
+  /// fused kernels, or with other ranks, nothing changes.
   void record_minibatches(std::shared_ptr<TorchRecorder> recorder);
   /// Values, advantages and returns of a rollout; clears the figures. A critic with memory goes on from the rollout
   /// before, and remembers what it knows before the next one.
