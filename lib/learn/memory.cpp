@@ -33,6 +33,10 @@ int64_t memory_taken(Device device) {
   throw Error("this system does not tell the memory of a process (VmHWM in /proc/self/status)");
 }
 
+/// The peak of this process counts from its present size on, where the system lets it: what was loaded and has been
+/// dropped since, as code that is not used, would stand in for the first trials.
+void forget_peak() { std::ofstream("/proc/self/clear_refs") << "5"; }
+
 /// What earlier trials have given back goes back to the device.
 void release_cached(Device device) {
   if (device.is_cuda() && at::getDeviceAllocator(at::kCUDA)->initialized())
@@ -90,6 +94,7 @@ MemoryPlan measure_memory(const LoadedRun& run, Device device, int64_t free_byte
   const Algorithm& algorithm = algorithm_of(run.config);
   MemoryPlan plan{algorithm.size(run.config), {}, 0};
   plan.least_per_unit = static_cast<double>(algorithm.least_bytes(run)) / static_cast<double>(plan.size.value);
+  forget_peak();
   const int64_t before = device.is_cuda() ? memory_taken(device) : resident_bytes();
   int64_t size = first_trial(plan.size, plan.least_per_unit, free_bytes);
   // On a GPU the second update may record minibatches and give back what the first one took (TorchRecorder); the third
