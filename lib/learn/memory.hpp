@@ -26,11 +26,12 @@ struct MemoryPlan {
   int64_t largest(int64_t available_bytes) const;
 };
 
-/// Makes learners of growing size, one after the other, and has each do two short updates, be used as `evaluate` says
-/// and be saved; after the second trial only while the next would take at most `trial_seconds` and half of
-/// `free_bytes`. Bytes are, on a GPU, what its free memory loses (the run's host memory is not counted); on the CPU,
-/// how far the peak of the resident memory rises. Best called at the start of a process: what has been loaded before is
-/// not counted.
+/// Makes learners of growing size, one after the other, and has each do short updates, two on the CPU and three on a
+/// GPU, be used as `evaluate` says and be saved; after the second trial only while the next would take at most
+/// `trial_seconds` and half of `free_bytes`. Bytes are, on a GPU, what its free memory loses (the run's host memory is
+/// not counted); on the CPU, how far the peak of the resident memory rises; there the C library keeps freed blocks in
+/// its heap, and the same run may take a third more or less (tests/learn/memory_test.cpp). Best called at the start of
+/// a process: what has been loaded before is not counted.
 MemoryPlan measure_memory(const LoadedRun& run, Device device, int64_t free_bytes,
                           const std::function<void(Learner&)>& evaluate = {}, double trial_seconds = 5);
 
