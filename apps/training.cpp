@@ -15,18 +15,16 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
-#include "apps/evaluation.hpp"
+#include "apps/evaluations.hpp"
 #include "apps/follow.hpp"
 #include "apps/joined_ranks.hpp"
 #include "apps/metrics_files.hpp"
 #include "apps/program_info.hpp"
-#include "apps/run_replays.hpp"
 #include "apps/stop_request.hpp"
 #include "apps/watcher.hpp"
 #include "core/error.hpp"
 #include "cuda/runtime.hpp"
 #include "cuda/sensors.hpp"
-#include "eval/record.hpp"
 #include "io/host_info.hpp"
 #include "io/number.hpp"
 #include "io/progress.hpp"
@@ -105,7 +103,6 @@ class Training {
   std::string of_updates() const { return n_updates_ ? cat(" of ", *n_updates_) : ""; }
   void print_end() const;
   MetricsRow row(double seconds, double evaluation_seconds, const Metrics& metrics, bool evaluated) const;
-  void evaluate();
   void write_row(const MetricsRow& row, bool evaluated);
   void save(bool is_best);
   void show(const Metrics& metrics);
@@ -136,15 +133,12 @@ class Training {
   std::optional<GpuSensors> sensors_;  // of a GPU
   std::optional<MetricsFiles> metrics_files_;
 
-  RunCursor cursor_;                              // seconds: of earlier processes
-  int64_t first_update_ = 0;                      // that this process does, less one
-  int64_t first_agent_steps_ = 0;                 // done before it
-  int64_t saved_update_ = -1;                     // of the newest checkpoint
-  std::vector<TeamResult> results_;               // of the latest evaluation
-  std::optional<std::string> no_room_for_games_;  // why; none: not looked yet
-  std::string matches_note_;                      // the latest that was told of how they are played
-  std::string games_refusal_;                     // the same of the games that are learned from
-  ReplayWriter replays_{folder_};
+  RunCursor cursor_;               // seconds: of earlier processes
+  int64_t first_update_ = 0;       // that this process does, less one
+  int64_t first_agent_steps_ = 0;  // done before it
+  int64_t saved_update_ = -1;      // of the newest checkpoint
+  std::string refusal_;            // why games are not recorded, as it was told last
+  Evaluations evaluations_;
   double update_seconds_ = 0, checkpoint_seconds_ = 0;
   double speed_ = 0;  // agent-steps per second of the latest update
   // While the main thread works on an update or an evaluation, the watcher may write messages.
@@ -165,7 +159,8 @@ Training::Training(const RunFolder& folder, TrainingSetup setup)
       learner_(std::move(setup.learner)),
       n_updates_(total_updates(config_, run_.spec.params.n_agents)),
       log_(folder.log_file(), setup.quiet ? Logger::Console::quiet : Logger::Console::all),
-      progress_(log_, progress_mode(setup.quiet), kTextCadence, style_of(setup.color)) {
+      progress_(log_, progress_mode(setup.quiet), kTextCadence, style_of(setup.color)),
+      evaluations_(run_, device_, folder_, log_) {
   state_.title = cat(config_.scenario, ", ", config_.train.algorithm, ", seed ", config_.seed, ", ", device_.name());
   if (device_.is_cuda()) {
     sensors_.emplace(device_.index);
@@ -221,7 +216,7 @@ int Training::run() {
 void Training::print_end() const {
   const std::string run = shell_word(folder_.path().string()), program = program_command();
   std::error_code code;
-  std::cout << results_table(results_) << "report:      " << folder_.report_file().string()
+  std::cout << results_table(evaluations_.results()) << "report:      " << folder_.report_file().string()
             << "\ncheckpoints: " << folder_.checkpoint_file(learner_->updates_done()).string() << " (the last)";
   if (std::filesystem::exists(folder_.best_file(), code))
     std::cout << ", " << folder_.best_file().string() << " (the best, after " << cursor_.best_updates << " "
@@ -297,7 +292,7 @@ void Training::update() {
   if (const auto divergence = learner_->divergence()) fail_diverged(*divergence);
 
   // All below is diagnostics: nothing here changes what is learned.
-  if (const std::string refusal = learner_->refusal(); std::exchange(games_refusal_, refusal) != refusal)
+  if (const std::string refusal = learner_->refusal(); std::exchange(refusal_, refusal) != refusal)
     log_.note("the GPU takes no recorded steps, so training queues them one by one: " + refusal);
   if (learner_->updates_done() == first_update_ + 1)
     log_.note(cat("first update done ", watch_.seconds(), " s after the start"));
@@ -305,13 +300,14 @@ void Training::update() {
   double evaluation_seconds = 0;
   if (evaluates) {
     evaluates_ = true;
-    evaluation_seconds = timed([&] { work([&] { evaluate(); }); });
+    evaluation_seconds = timed([&] { work([&] { evaluations_.play(*learner_); }); });
     evaluates_ = false;
   }
   write_row(row(total_seconds(), evaluation_seconds, metrics, evaluates), evaluates);
-  if (evaluates) log_.note(cat("evaluation after update ", learner_->updates_done(), ":\n", results_table(results_)));
+  if (evaluates)
+    log_.note(cat("evaluation after update ", learner_->updates_done(), ":\n", results_table(evaluations_.results())));
 
-  const double score = evaluates ? evaluation_score(results_) : -1;
+  const double score = evaluates ? evaluation_score(evaluations_.results()) : -1;
   const bool is_best = config_.checkpoint.keep_best && score > cursor_.best_score;
   if (is_best) {
     cursor_.best_score = score;
@@ -329,26 +325,6 @@ void Training::update() {
   show(metrics);
 }
 
-/// The matches of the teams as they play now, and beside them the games that are kept.
-void Training::evaluate() {
-  MatchOptions options = evaluation_options(run_, device_, *learner_);
-  options.note = [this](const std::string& text) {
-    if (std::exchange(matches_note_, text) != text) log_.note(text);
-  };
-  std::unique_ptr<TeamRecording> games;
-  if (config_.eval.record > 0) {
-    if (!no_room_for_games_) no_room_for_games_ = why_games_have_no_room(run_);
-    if (no_room_for_games_->empty())
-      games = std::make_unique<TeamRecording>(run_, *learner_, config_.eval.record, options);
-    else
-      log_.note(cat("no games are kept (eval.record: ", config_.eval.record, "): ", *no_room_for_games_));
-  }
-  results_ = giga::evaluate(run_, options, *learner_, games ? &games->games() : nullptr);
-  if (!games) return;
-  games->finish();
-  replays_.write(learner_->updates_done(), std::move(games));
-}
-
 MetricsRow Training::row(double seconds, double evaluation_seconds, const Metrics& metrics, bool evaluated) const {
   const UpdateTimes times = learner_->times();
   const std::array<double, kColumns.size()> values = {static_cast<double>(learner_->updates_done()),
@@ -363,7 +339,8 @@ MetricsRow Training::row(double seconds, double evaluation_seconds, const Metric
   MetricsRow row;
   for (size_t k = 0; k < kColumns.size(); ++k) row.emplace_back(kColumns[k], values[k]);
   row.insert(row.end(), metrics.begin(), metrics.end());
-  const MetricsRow evaluation = evaluation_metrics(config_, evaluated ? results_ : std::vector<TeamResult>());
+  const MetricsRow evaluation =
+      evaluation_metrics(config_, evaluated ? evaluations_.results() : std::vector<TeamResult>());
   row.insert(row.end(), evaluation.begin(), evaluation.end());
   return row;
 }
@@ -371,7 +348,7 @@ MetricsRow Training::row(double seconds, double evaluation_seconds, const Metric
 void Training::write_row(const MetricsRow& row, bool evaluated) {
   MetricsRow rates;
   if (evaluated)
-    for (const auto& figure : evaluation_metrics(config_, results_))
+    for (const auto& figure : evaluation_metrics(config_, evaluations_.results()))
       if (figure.first.starts_with("win_rate")) rates.push_back(figure);
   metrics_files_->write(learner_->updates_done(), learner_->agent_steps_done(), row, rates);
 }
@@ -396,7 +373,7 @@ void Training::save(bool is_best) {
   // First what the checkpoint counts on: the rows and the games up to here.
   metrics_files_->flush_to_disk();
   const Checkpoint now = checkpoint();
-  const std::exception_ptr lost = replays_.ended();
+  const std::exception_ptr lost = evaluations_.replays().ended();
   expect_same_state(ranks_.get(), now.arrays);
   folder_.save(now, config_.checkpoint.keep, is_best);
   saved_update_ = learner_->updates_done();
@@ -421,7 +398,7 @@ void Training::show(const Metrics& metrics) {
     for (const HeadlineFigure& f : learner_->headline())
       t.figures.push_back({f.label, f.short_label ? f.short_label : "", figure(f.metric)});
     t.win_rates.clear();
-    for (const TeamResult& r : results_)
+    for (const TeamResult& r : evaluations_.results())
       if (r.team == team) t.win_rates.emplace_back(r.opponent, r.share(r.wins()));
   }
   if (sensors_ && (sensors_read_at_ < 0 || watch_.seconds() - sensors_read_at_ > 1)) {
@@ -469,7 +446,7 @@ int Training::stop_early(int code) {
 }
 
 void Training::write_final_report() {
-  replays_.wait();
+  evaluations_.replays().wait();
   if (learner_->updates_done() == 0) return;  // no figures yet
   write_replays_page(folder_, learner_->updates_done());
   write_report({folder_.path()}, folder_.report_file(), list_fields<RunConfig>());

@@ -83,13 +83,9 @@ at::Tensor RankSums::gather(const at::Tensor& mine) {
 
 void RankSums::gather_rows(NamedArray& array) {
   if (!gpus_) return giga::gather_rows(ranks_, array);
-  const auto options = at::TensorOptions().dtype(at::kByte).device(torch_device(device_));
   const auto n = static_cast<int64_t>(array.bytes.size());
   begin();
-  const at::Tensor mine = at::from_blob(array.bytes.data(), {n}, at::kByte).to(options.device());
-  const at::Tensor all = at::empty({ranks_.size() * n}, options);
-  ++begun_;
-  gpus_->gather(mine.const_data_ptr<uint8_t>(), all.data_ptr<uint8_t>(), n, current_stream(device_));
+  const at::Tensor all = gather(at::from_blob(array.bytes.data(), {n}, at::kByte).to(torch_device(device_)));
   array.bytes.resize(static_cast<size_t>(all.numel()));
   at::from_blob(array.bytes.data(), {all.numel()}, at::kByte).copy_(all);
   end();

@@ -45,6 +45,7 @@ class PopulationGames {
   at::Tensor results(size_t k) const;
 
   const Simulator& simulator() const { return *sim_; }
+  const std::string& refusal() const { return game_->refusal(); }
   /// Whether the fused kernel is used.
   bool fused() const { return fused_; }
 

@@ -80,6 +80,7 @@ class Evolution final : public Learner {
   std::optional<Divergence> divergence() const override { return divergence_; }
   UpdateTimes times() const override { return {clock_->seconds(0, 1), clock_->seconds(1, 2)}; }
   void save_batch(NamedArrays& out) const override;
+  std::string refusal() const override { return games_->refusal(); }
   std::vector<HeadlineFigure> headline() const override {
     std::vector<HeadlineFigure> figures = {{"mean fitness", "mean fitness", "fitness_mean"},
                                            {"best fitness", nullptr, "fitness_best"},

@@ -40,8 +40,12 @@ PolicyNote PpoTeam::policy_note(const float* sums, const float* minibatch) const
           .minibatch = minibatch};
 }
 
-void PpoTeam::note_information(const at::Tensor& head, const at::Tensor& alive) {
-  figures_[kFigMutualInformation].copy_(mutual_information(actor_, head, alive.view({-1}), sum_).squeeze(0));
+/// Of the policy as it has played, on the first minibatch of the epoch at hand.
+void PpoTeam::note_information(const Rollout& rollout) {
+  at::NoGradGuard no_grad;
+  const Minibatch batch = minibatch_of(rollout, minibatches_[0], numbers_.const_data_ptr<float>());
+  figures_[kFigMutualInformation].copy_(
+      mutual_information(actor_, head_of(rollout, batch), batch.alive.view({-1}), sum_).squeeze(0));
 }
 
 StepFlags PpoTeam::step_flags(PpoFault fault, PpoFigure norm_sum, const float* minibatch) const {

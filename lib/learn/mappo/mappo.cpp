@@ -1,11 +1,9 @@
 // The learner `mappo`: an update plays a rollout of all worlds and lets each team learn from it. ppo_team.cpp has the
 // algorithm itself; what follows the update here is bookkeeping.
-#include <ATen/Context.h>
 #include <torch/types.h>
 
 #include <atomic>
 #include <cmath>
-#include <limits>
 #include <numbers>
 
 #include "core/parallel_for.hpp"
@@ -18,7 +16,9 @@
 #include "learn/libtorch_settings.hpp"
 #include "learn/mappo/balance.hpp"
 #include "learn/mappo/config.hpp"
+#include "learn/mappo/ppo_metrics.hpp"
 #include "learn/mappo/ppo_team.hpp"
+#include "learn/mappo/sequence_order.hpp"
 #include "learn/mappo/step_back.hpp"
 #include "learn/opponents/league.hpp"
 #include "learn/players/player.hpp"
@@ -32,8 +32,6 @@
 
 namespace giga {
 namespace {
-
-constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 
 /// The policy that train.opponent names; where it cannot play the run's game, the message says where it was named.
 Player load_opponent(const LoadedRun& run, Device device) {
@@ -93,12 +91,11 @@ class Mappo final : public Learner {
   double schedule_factor() const;
   void set_shaping();
   void step_back(const std::array<LeagueRecord, kNTeams>& record);
-  at::Tensor permutation(int64_t update, int epoch) const;
+  at::Tensor order_of(int64_t update, int epoch) const;
   void save_worlds(NamedArrays& out) const;
   void load_worlds(const NamedArrays& in);
   void note_divergence(int team, const float* figures);
   Metrics metrics(double factor);
-  void team_metrics(int team, const float* figures, Metrics& out) const;
 
   const RunConfig config_;
   LoadedRun run_;  // with the worlds of this process
@@ -212,7 +209,7 @@ Metrics Mappo::update() {
   }
   minibatches_done_ = 0;
   for (int epoch = 0; epoch < c.n_epochs; ++epoch) {
-    const at::Tensor order = permutation(updates_, epoch);
+    const at::Tensor order = order_of(updates_, epoch);
     for (PpoTeam* team : learning_) team->begin_epoch(rollout, order);
     for (int k = 0; k < c.n_minibatches; ++k, ++minibatches_done_)
       for (PpoTeam* team : learning_) team->update_minibatch(rollout, k, epoch * c.n_minibatches + k + 1);
@@ -277,59 +274,20 @@ double Mappo::schedule_factor() const {
   return 1;
 }
 
-/// A random order of 0 to n - 1. The generator is seeded afresh each time, so that it has no state to save.
-at::Tensor random_order(int64_t n, uint64_t seed, Device where) {
-  const at::Device device = torch_device(where);
-  at::Generator generator = at::globalContext().defaultGenerator(device);
-  {
-    std::lock_guard lock(generator.mutex());
-    generator.set_current_seed(seed);
-  }
-  return at::randperm(n, generator, at::TensorOptions().dtype(at::kLong).device(device));
-}
-
-// The order of a team's sequences in an epoch, the same for both teams. Each minibatch takes as many of every shard,
-// whose order goes by its number among all ranks.
-at::Tensor Mappo::permutation(int64_t update, int epoch) const {
-  const uint64_t seed =
-      seed_of(config_.seed, Purpose::permutation, static_cast<uint64_t>(update) << 16 | static_cast<uint64_t>(epoch));
-  const int64_t n = learning_.front()->n_sequences();
-  if (config_.mappo.shards == 1) return random_order(n, seed, device_);
-  const int64_t shards = config_.mappo.shards / n_ranks(), worlds = sim_->n_worlds(), of_shard = worlds / shards;
-  const int64_t first = ranks_ ? ranks_->rank() * shards : 0;
-  std::vector<at::Tensor> orders;  // [shards]: [minibatches, sequences]
-  for (int64_t shard = 0; shard < shards; ++shard) {
-    const uint64_t own = seed_of(seed, Purpose::permutation, static_cast<uint64_t>(first + shard));
-    const at::Tensor order = random_order(n / shards, own, device_);
-    orders.push_back((order.div(of_shard, "floor") * worlds + order.remainder(of_shard) + shard * of_shard)
-                         .view({config_.mappo.n_minibatches, -1}));
-  }
-  return at::cat(orders, 1).flatten();
+at::Tensor Mappo::order_of(int64_t update, int epoch) const {
+  const int64_t n_own = config_.mappo.shards / n_ranks();
+  const SequenceOrder order{.n_sequences = learning_.front()->n_sequences(),
+                            .n_minibatches = config_.mappo.n_minibatches,
+                            .n_worlds = sim_->n_worlds(),
+                            .n_shards = config_.mappo.shards,
+                            .first_shard = ranks_ ? ranks_->rank() * n_own : 0,
+                            .n_own_shards = n_own};
+  return order.draw(
+      seed_of(config_.seed, Purpose::permutation, static_cast<uint64_t>(update) << 16 | static_cast<uint64_t>(epoch)),
+      device_);
 }
 
 // ---- Bookkeeping: metrics, divergence, checkpoints -----------------------------------------------------------------
-
-void Mappo::team_metrics(int team, const float* figures, Metrics& out) const {
-  const auto add = [&](const char* name, double value) {
-    out.emplace_back(cat(name, "_", team), team_[team] ? value : kUnknown);
-  };
-  const auto f = [&](PpoFigure k) { return figures ? static_cast<double>(figures[k]) : kUnknown; };
-  const double rows = f(kFigRows), steps = config_.mappo.n_epochs * config_.mappo.n_minibatches;
-  add("policy_loss", f(kFigPolicyLoss) / rows);
-  add("value_loss", f(kFigValueLoss) / rows);
-  if (config_.mappo.view_coef > 0) add("view_loss", f(kFigViewLoss) / rows);
-  add("entropy", f(kFigEntropy) / rows);
-  add("approx_kl", f(kFigLastKl));
-  add("clip_fraction", f(kFigClipped) / rows);
-  add("explained_variance", f(kFigExplained));
-  add("actor_grad_norm", f(kFigActorNorm) / steps);
-  add("critic_grad_norm", f(kFigCriticNorm) / steps);
-  if (config_.mappo.view_coef > 0) add("view_grad_norm", f(kFigViewNorm) / steps);
-  add("first_ratio_error", f(kFigFirstRatioError));
-  add("mutual_information", f(kFigMutualInformation));
-  add("living_share", f(kFigLiving));
-  add("skipped_share", f(kFigSkipped) / steps);
-}
 
 void Mappo::note_divergence(int team, const float* figures) {
   for (int fault = 0; fault < kNFaults && !divergence_; ++fault) {
@@ -350,7 +308,7 @@ void Mappo::save_batch(NamedArrays& out) const {
     const int64_t most = team.n_sequences() * team.sequence_length() / c.n_minibatches;
     states = team.faulty_states(collector_->rollout(), most);
   } else {
-    const at::Tensor order = permutation(updates_ - 1, k / c.n_minibatches);
+    const at::Tensor order = order_of(updates_ - 1, k / c.n_minibatches);
     states = team.minibatches(order)[static_cast<size_t>(k % c.n_minibatches)];
   }
   team.save_batch(collector_->rollout(), states, out);
@@ -383,7 +341,7 @@ Metrics Mappo::metrics(double factor) {
     const auto of_team = [team](EpisodeStat first) { return static_cast<EpisodeStat>(static_cast<int>(first) + team); };
     out.emplace_back(cat("return_", team), stats[of_team(EpisodeStat::return_0)] / episodes);
     out.emplace_back(cat("score_", team), stats[of_team(EpisodeStat::score_0)] / episodes);
-    team_metrics(team, figures[team].defined() ? figures[team].const_data_ptr<float>() : nullptr, out);
+    add_ppo_metrics(config_.mappo, team, team_[team] ? figures[team].const_data_ptr<float>() : nullptr, out);
     for (int t = 0; t < kNRewardTerms; ++t)
       out.emplace_back(cat("reward_", kRewardTermNames[t], "_", team),
                        stats.term(team, static_cast<RewardTerm>(t)) / episodes);

@@ -36,15 +36,14 @@ PpoTeam::PpoTeam(const LoadedRun& run, int team, Device device, const ParallelFo
               parallel_for, torch_device(device), network_seed(run, team, 1)),
       actor_adam_(actor_.parameters(), config_.adam_epsilon),
       critic_adam_(critic_.parameters(), config_.adam_epsilon),
-      value_norm_(1, config_.value_norm_beta, torch_device(device)),
-      settings_{.entropy_coef = config_.entropy_coef} {
+      value_norm_(1, config_.value_norm_beta, torch_device(device)) {
   const auto options = at::TensorOptions().dtype(at::kFloat).device(torch_device(device));
   zero_ = at::zeros({1}, options);
   one_ = at::ones({1}, options);
   stop_ = at::zeros({1}, options);
   figures_ = at::zeros({kNFigures}, options);
-  step_sizes_ = at::zeros({2}, options);
-  entropy_coef_ = at::full({1}, settings_.entropy_coef, options);
+  settings_ = at::zeros({kNSettings}, options);
+  set({.entropy_coef = config_.entropy_coef});
   numbers_ = at::arange(1, config_.n_epochs * config_.n_minibatches + 1, options);
   value_ = at::zeros({config_.horizon, n_worlds_, n_}, options);
   advantage_ = at::zeros_like(value_);
@@ -62,14 +61,14 @@ PpoTeam::PpoTeam(const LoadedRun& run, int team, Device device, const ParallelFo
 }
 
 void PpoTeam::set(const StepSettings& settings) {
-  settings_ = settings;
-  step_sizes_[0].fill_(settings.actor_step_size);
-  step_sizes_[1].fill_(settings.critic_step_size);
-  entropy_coef_.fill_(settings.entropy_coef);
+  entropy_coef_ = settings.entropy_coef;
+  settings_[kActorStepSize].fill_(settings.actor_step_size);
+  settings_[kCriticStepSize].fill_(settings.critic_step_size);
+  settings_[kEntropyWeight].fill_(settings.entropy_coef);
 }
 
 void PpoTeam::record_minibatches(std::shared_ptr<TorchRecorder> recorder) {
-  if (!fused_ && recorder && sum_.alone()) recorded_ = std::make_unique<RecordedMinibatches>(std::move(recorder));
+  if (!fused_ && recorder) recorded_ = std::make_unique<RecordedMinibatches>(std::move(recorder));
 }
 
 // ---- Minibatches ----------------------------------------------------------------------------------------------------
@@ -88,22 +87,9 @@ std::vector<at::Tensor> PpoTeam::minibatches(const at::Tensor& order) const {
 
 void PpoTeam::begin_epoch(const Rollout& rollout, const at::Tensor& order) {
   minibatches_ = minibatches(order);
+  if (std::exchange(first_epoch_, false)) note_information(rollout);
   const TeamRollout& r = rollout.team[team_];
-  const bool first = std::exchange(first_epoch_, false);
-  if (first && recorded_) {
-    at::NoGradGuard no_grad;
-    const Minibatch batch = minibatch_of(rollout, minibatches_[0], numbers_.const_data_ptr<float>());
-    note_information(head_of(rollout, batch), batch.alive);
-  }
-  if (!fused_) return;
-  if (first) {
-    at::NoGradGuard no_grad;
-    const auto pick = [&](const at::Tensor& x) {
-      return x.slice(0, 0, r.reward.size(0)).flatten(0, 1).index_select(0, minibatches_[0].flatten());
-    };
-    note_information(actor_.forward(pick(r.obs).flatten(0, 1)), pick(r.alive).to(at::kFloat));
-  }
-  fused_->begin_epoch(r.obs, r.alive, states(order), config_.n_minibatches, advantage_);
+  if (fused_) fused_->begin_epoch(r.obs, r.alive, states(order), config_.n_minibatches, advantage_);
 }
 
 void PpoTeam::end_epoch() {
@@ -125,7 +111,6 @@ PpoTeam::Minibatch PpoTeam::minibatch_of(const Rollout& rollout, const at::Tenso
   const auto pick = [&](const at::Tensor& x) {
     return x.defined() ? x.slice(0, 0, r.reward.size(0)).flatten(0, 1).index_select(0, flat) : x;
   };
-  const at::Tensor alive = pick(r.alive).to(at::kFloat);
   const bool sees = actor_.reads_image() || critic_.reads_image();
   return {.number = number,
           .length = states.size(0),
@@ -134,11 +119,12 @@ PpoTeam::Minibatch PpoTeam::minibatch_of(const Rollout& rollout, const at::Tenso
               states.size(0) > 1 ? rollout.beginnings().flatten().index_select(0, flat).view_as(states) : at::Tensor(),
           .obs = pick(r.obs),
           .images = sees ? rollout.images.draw(team_, rollout.images.states.flatten(0, 1), flat) : at::Tensor(),
-          .alive = alive,
-          .inv_count = inverse_count(alive)};
+          .alive = pick(r.alive).to(at::kFloat),
+          .inv_count = {}};
 }
 
-void PpoTeam::learn_from(const Rollout& rollout, const Minibatch& batch) {
+void PpoTeam::learn_from(const Rollout& rollout, Minibatch batch) {
+  batch.inv_count = inverse_count(batch.alive);
   if (critic_.shares_encoder()) return update_sharing(rollout, batch);
   update_actor(rollout, batch);
   update_critic(rollout, batch);
@@ -178,7 +164,7 @@ Sequence PpoTeam::actor_sequence(const TeamRollout& r, const Minibatch& batch) c
 
 void PpoTeam::step_actor(const float* minibatch) {
   sum_(actor_.parameters().gradient());
-  actor_adam_.step(actor_.parameters(), parallel_for_, step_sizes_.const_data_ptr<float>(), config_.max_grad_norm,
+  actor_adam_.step(actor_.parameters(), parallel_for_, setting(kActorStepSize), config_.max_grad_norm,
                    step_flags(kFaultActorGradient, kFigActorNorm, minibatch));
 }
 
@@ -202,7 +188,7 @@ at::Tensor PpoTeam::policy_loss_gradient(const TeamRollout& r, const Minibatch& 
                            .advantage_mean = mean.const_data_ptr<float>(),
                            .advantage_inv_std = inv_std.const_data_ptr<float>(),
                            .inv_count = batch.inv_count.const_data_ptr<float>(),
-                           .entropy_coef = entropy_coef_.const_data_ptr<float>(),
+                           .entropy_coef = setting(kEntropyWeight),
                            .clip_coef = config_.clip_coef};
   if (actor_.actions() == ActionKind::discrete) {
     parallel_for_.run(CategoricalLoss{.in = in,
@@ -226,7 +212,6 @@ at::Tensor PpoTeam::policy_loss_gradient(const TeamRollout& r, const Minibatch& 
   const at::Tensor sums = diagnostics.sum(0);
   sum_(sums);
   parallel_for_.run(policy_note(sums.const_data_ptr<float>(), batch.number), 1);
-  if (!recorded_ && batch.number == numbers_.const_data_ptr<float>()) note_information(head, batch.alive);
   return gradient;
 }
 
@@ -276,7 +261,7 @@ ValueError PpoTeam::value_error() const {
 
 void PpoTeam::step_critic(const float* minibatch) {
   sum_(critic_.parameters().gradient());
-  critic_adam_.step(critic_.parameters(), parallel_for_, step_sizes_.const_data_ptr<float>() + 1, config_.max_grad_norm,
+  critic_adam_.step(critic_.parameters(), parallel_for_, setting(kCriticStepSize), config_.max_grad_norm,
                     step_flags(kFaultCriticGradient, kFigCriticNorm, minibatch));
 }
 
@@ -308,8 +293,8 @@ void PpoTeam::learn(const Minibatch& batch, const at::Tensor& features, std::vec
   sum_(loss.sum);
   figures_[kFigViewLoss].add_(loss.sum);
   sum_(teacher_->parameters().gradient());
-  teacher_->adam().step(teacher_->parameters(), parallel_for_, step_sizes_.const_data_ptr<float>(),
-                        config_.max_grad_norm, step_flags(kFaultViewGradient, kFigViewNorm, batch.number));
+  teacher_->adam().step(teacher_->parameters(), parallel_for_, setting(kActorStepSize), config_.max_grad_norm,
+                        step_flags(kFaultViewGradient, kFigViewNorm, batch.number));
 }
 
 // ---- Both networks fused --------------------------------------------------------------------------------------------
@@ -320,7 +305,7 @@ void PpoTeam::update_fused(const Rollout& rollout, int k, const float* number) {
   FusedPolicyLoss policy{.old_log_prob = r.log_prob.const_data_ptr<float>(),
                          .advantage = advantage_.const_data_ptr<float>(),
                          .clip_coef = config_.clip_coef,
-                         .entropy_coef = settings_.entropy_coef};
+                         .entropy_coef = entropy_coef_};
   if (actor_.actions() == ActionKind::discrete)
     policy.action = r.action.const_data_ptr<int32_t>();
   else
@@ -338,17 +323,18 @@ void PpoTeam::update_fused(const Rollout& rollout, int k, const float* number) {
                              .value_coef = config_.value_coef,
                              .error = value_error()});
 
-  const auto network = [&](const Adam& adam, const ParameterSet& parameters, int which, const StepFlags& flags) {
+  const auto network = [&](const Adam& adam, const ParameterSet& parameters, Setting step_size,
+                           const StepFlags& flags) {
     return FusedStep::Network{.gate = adam.gate(config_.max_grad_norm, flags),
-                              .adam = adam.adam(parameters, step_sizes_.const_data_ptr<float>() + which),
+                              .adam = adam.adam(parameters, setting(step_size)),
                               .norm = adam.norm().data_ptr<float>()};
   };
-  fused_->step(
-      {.actor = network(actor_adam_, actor_.parameters(), 0, step_flags(kFaultActorGradient, kFigActorNorm, number)),
-       .critic =
-           network(critic_adam_, critic_.parameters(), 1, step_flags(kFaultCriticGradient, kFigCriticNorm, number)),
-       .note = policy_note(nullptr, number),
-       .value_loss = figures_.data_ptr<float>() + kFigValueLoss});
+  fused_->step({.actor = network(actor_adam_, actor_.parameters(), kActorStepSize,
+                                 step_flags(kFaultActorGradient, kFigActorNorm, number)),
+                .critic = network(critic_adam_, critic_.parameters(), kCriticStepSize,
+                                  step_flags(kFaultCriticGradient, kFigCriticNorm, number)),
+                .note = policy_note(nullptr, number),
+                .value_loss = figures_.data_ptr<float>() + kFigValueLoss});
 }
 
 // ---- Normalisation of observations ----------------------------------------------------------------------------------

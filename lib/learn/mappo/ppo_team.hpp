@@ -53,8 +53,8 @@ class PpoTeam {
 
   /// For the steps from here on. Before the first call, step sizes are 0 and the entropy bonus has the config's weight.
   void set(const StepSettings& settings);
-  /// Has LibTorch's work for minibatches recorded once it has run for a whole update. For a team that learns by the
-  /// fused kernels, or with other ranks, nothing changes.
+  /// Has LibTorch's work for minibatches recorded once it has run for a whole update; not for one of several ranks. For
+  /// a team that learns by the fused kernels nothing changes.
   void record_minibatches(std::shared_ptr<TorchRecorder> recorder);
   /// Values, advantages and returns of a rollout; clears the figures. A critic with memory goes on from the rollout
   /// before, and remembers what it knows before the next one.
@@ -113,12 +113,12 @@ class PpoTeam {
     at::Tensor obs;        // [S, n, D]; undefined where nobody reads numbers
     at::Tensor images;     // [S, n, R R 3] bytes; undefined where nobody reads them
     at::Tensor alive;      // [S, n] fp32
-    at::Tensor inv_count;  // [1] 1 / living rows, of all ranks
+    at::Tensor inv_count;  // [1] 1 / living rows, of all ranks; undefined until it is learned from
   };
   ValueError value_error() const;
   void update_fused(const Rollout& rollout, int k, const float* number);
   Minibatch minibatch_of(const Rollout& rollout, const at::Tensor& states, const float* number) const;
-  void learn_from(const Rollout& rollout, const Minibatch& batch);
+  void learn_from(const Rollout& rollout, Minibatch batch);
   at::Tensor inverse_count(const at::Tensor& weight) const;
   void step_actor(const float* minibatch);
   void step_critic(const float* minibatch);
@@ -142,7 +142,7 @@ class PpoTeam {
   void take_moments(const TeamRollout& rollout);
   at::Tensor find_faults(const TeamRollout& rollout);
   PolicyNote policy_note(const float* sums, const float* minibatch) const;
-  void note_information(const at::Tensor& head, const at::Tensor& alive);
+  void note_information(const Rollout& rollout);
   bool everywhere() const { return worlds_.count == n_worlds_; }
   /// The part of x [T, W, ...] in the team's worlds.
   at::Tensor own(const at::Tensor& x) const { return everywhere() ? x : x.narrow(1, worlds_.first, worlds_.count); }
@@ -161,12 +161,12 @@ class PpoTeam {
   std::unique_ptr<ViewTeacher> teacher_;           // null: mappo.view_coef is 0
   std::unique_ptr<RecordedMinibatches> recorded_;  // null: LibTorch's work is queued kernel by kernel
   RunningNorm value_norm_;                         // size 1; stays 0 and 1 where it is off
-  StepSettings settings_;
-
-  // The same on the device, where recorded minibatches find it.
-  at::Tensor step_sizes_;    // [2] actor, critic
-  at::Tensor entropy_coef_;  // [1]
-  at::Tensor numbers_;       // [n_epochs n_minibatches] 1, 2, ...: of the minibatches of an update
+  float entropy_coef_;                             // for the fused kernels, which take it by value
+  // What recorded minibatches read of the device's memory.
+  enum Setting : int { kActorStepSize, kCriticStepSize, kEntropyWeight, kNSettings };
+  const float* setting(Setting k) const { return settings_.const_data_ptr<float>() + k; }
+  at::Tensor settings_;  // [kNSettings]
+  at::Tensor numbers_;   // [n_epochs n_minibatches] 1, 2, ...: of the minibatches of an update
 
   std::vector<at::Tensor> minibatches_;  // of the epoch: states [L, B] each
   bool first_epoch_ = true;              // of the update is yet to come
