@@ -15,8 +15,9 @@
 
 namespace giga {
 
-constexpr int kGridThreads = 512;   // threads of a block
-constexpr int kThreadsOfAgent = 2;  // of a world, where there is room: most stages look at pairs or write rows
+constexpr int kGridThreads = 512;      // threads of a block
+constexpr int kThreadsOfAgent = 4;     // of a world, where there is room: most stages look at pairs or write rows
+constexpr int kFewThreadsOfAgent = 2;  // that do as well, where it becomes a cluster then
 constexpr int kStageNumbers = kWarp * kNeighborFeatures;  // of a warp, that it puts together before it writes them
 constexpr int kPiecesAtOnce = 2;                          // of rows, that a thread works out before it writes any
 
@@ -43,6 +44,15 @@ struct GridLanes {
   /// Those of this block alone, at barriers of their own.
   GIGA_HD GridLanes of_block() const {
     return {thread, n_threads, 0, 1, thread, n_threads, sync.of_block(), stage, sorts_by_block, true};
+  }
+  /// Those of some lanes of each warp, where there are so many that n items leave warps idle: the lanes of a warp that
+  /// look for others each wait for the one that has most to do, and for each way that another takes.
+  GIGA_HD GridLanes spread_over(int n) const {
+    const int used = stride >= 4 * n ? kWarp / 4 : stride >= 2 * n ? kWarp / 2 : kWarp;
+    GridLanes lanes = *this;
+    lanes.stride = stride / kWarp * used;
+    lanes.first = first % kWarp < used ? first / kWarp * used + first % kWarp : n;  // n: has none
+    return lanes;
   }
   /// Those who share the sorted agents.
   GIGA_HD GridLanes sorters() const { return sorts_by_block ? of_block() : *this; }
@@ -124,6 +134,7 @@ struct GridLanes {
     if (n <= 0) return;
     GIGA_UNROLL_BY(kUnrolled)
     for (int i = first; i < n; i += stride) f(sum, i);
+    sync.wait_for_warp();  // those that come late merge with the others, and not one by one
     merge(sum);
     wait();
   }
@@ -154,7 +165,7 @@ struct GridDevice {
   int in_parts = 0;         ///< from so many agents on a step is a launch for each of its parts; 0 = never
   /// Clusters of 2^k blocks that run at the same time; 0 = as many as there are blocks for. An H200 has room for fewer
   /// of 8 blocks than it has eights of multiprocessors: those of a cluster are neighbors.
-  int clusters[4] = {-1, -1, -1, -1};
+  int clusters[5] = {-1, -1, -1, -1, -1};
 
   int clusters_of(int blocks) const {
     const int known = clusters[std::bit_width(static_cast<unsigned>(blocks)) - 1];
@@ -173,8 +184,11 @@ inline size_t grid_sorted_bytes(int n_agents, const GridDevice& device) {
 /// As many blocks for a world as have work, and for as many worlds as there is room for. Where all worlds find room at
 /// the same time in smaller clusters, but not in larger ones, in these: else some would wait for the others.
 inline GridLaunchShape grid_launch_shape(int n_agents, int n_worlds, const GridDevice& device) {
-  const int useful = (kThreadsOfAgent * n_agents + device.threads - 1) / device.threads;
-  int blocks = std::max(1, std::min(useful, device.resident / std::min(n_worlds, device.resident)));
+  const auto with_threads = [&](int of_agent) { return (of_agent * n_agents + device.threads - 1) / device.threads; };
+  int blocks = device.resident / std::min(n_worlds, device.resident);
+  blocks = std::max(1, std::min(with_threads(kThreadsOfAgent), blocks));
+  if (blocks > device.most_clustered && with_threads(kFewThreadsOfAgent) <= device.most_clustered)
+    blocks = device.most_clustered;
   if (blocks == 1 || blocks > device.most_clustered)
     return {std::min(n_worlds, device.resident / blocks), blocks, false};
   blocks = static_cast<int>(std::bit_floor(static_cast<unsigned>(blocks)));

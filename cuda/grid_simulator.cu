@@ -10,8 +10,8 @@
 namespace giga {
 namespace {
 
-constexpr int kGridBlocks = 1;     // per multiprocessor at least, which bounds a thread's registers to 128
-constexpr int kMostClustered = 8;  // blocks of a cluster on every GPU that has clusters
+constexpr int kGridBlocks = 1;      // per multiprocessor at least, which bounds a thread's registers to 128
+constexpr int kMostClustered = 16;  // blocks of a cluster; 8 where a GPU does not grant as many
 
 constexpr size_t kMostSorted = 192 << 10;  // bytes that a block sorts for itself
 
@@ -115,6 +115,8 @@ GridDevice grid_device(int index, int n_agents, int in_parts) {
     int blocks = 0;
     GIGA_CUDA(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize,
                                    static_cast<int>(stage + device.shared_bytes)));
+    if (device.most_clustered > 8)
+      GIGA_CUDA(cudaFuncSetAttribute(kernel, cudaFuncAttributeNonPortableClusterSizeAllowed, 1));
     GIGA_CUDA(cudaOccupancyMaxActiveBlocksPerMultiprocessor(&blocks, kernel, kGridThreads, shared));
     resident = resident == 0 ? blocks : std::min(resident, blocks);
   };

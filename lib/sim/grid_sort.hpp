@@ -167,7 +167,7 @@ GIGA_HD void mark_agents(const Lanes& lanes, const GridParameters auto& p, GridW
 /// The hook of step.hpp: neighboring workers see to agents that are near each other, and so look at the same others.
 template <WideLanes Lanes, class F>
 GIGA_HD void each_by_place(const Lanes& lanes, const GridParameters auto&, const GridWorld& w, int n, F&& f) {
-  lanes.each_agent(n, [&](int k) { f(w.placed[k].agent); });
+  lanes.spread_over(n).each_agent(n, [&](int k) { f(w.placed[k].agent); });
 }
 
 /// The hook of step.hpp, in one go: what becomes of an agent depends on nothing that this writes of another. Into
@@ -177,7 +177,7 @@ GIGA_HD void fight(const Lanes& lanes, const GridParameters auto& p, GridWorld& 
   struct Living {
     int32_t count[kNCounts];
   };
-  lanes.gather(
+  lanes.spread_over(n).gather(
       n, Living{},
       [&](Living& living, int k) {
         const int i = w.placed[k].agent;

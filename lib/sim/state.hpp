@@ -92,6 +92,7 @@ enum class Phase : uint8_t {
 
 /// Pointers to the arrays of W worlds of N agents, or of one world (W = 1). Everything here is saved in a checkpoint.
 struct StateView {
+  uint32_t* seen;           // [W, N, words] bit a of row e: e sees a in its last observation
   float* x;                 // [W, N] position, map units
   float* y;                 // [W, N]
   float* z;                 // [W, N] altitude
@@ -102,7 +103,6 @@ struct StateView {
   Death* death;             // [W, N]
   uint8_t* tracked;         // [W, N, N] steps of unbroken fire, [target, shooter]; stops at 255
   uint32_t* detected;       // [W, N, words] bit b of row a: b detected a in the last step
-  uint32_t* seen;           // [W, N, words] bit a of row e: e sees a in its last observation
   int32_t* map;             // [W] index into the maps of the scenario
   float* waypoint;          // [W, 4] x1 y1 x2 y2
   float* waypoint_time;     // [W] remaining seconds; 0 = none
@@ -144,6 +144,7 @@ using WorkingField = StateField<per, 1, true>;
 /// checkpoints, comparison, the view of one world and the working copy all go by it.
 template <class F>
 GIGA_HD constexpr void for_each_field(F&& f) {
+  f(WorkingField<Per::agent_words>{"seen"}, &StateView::seen);
   f(WorkingField<Per::agent>{"x"}, &StateView::x);
   f(WorkingField<Per::agent>{"y"}, &StateView::y);
   f(WorkingField<Per::agent>{"z"}, &StateView::z);
@@ -153,8 +154,9 @@ GIGA_HD constexpr void for_each_field(F&& f) {
   f(WorkingField<Per::agent>{"alive"}, &StateView::alive);
   f(StateField<Per::agent>{"death"}, &StateView::death);
   f(WorkingField<Per::pair>{"tracked"}, &StateView::tracked);
+  // The last of its kind and far from `seen`, which is made of it: the compiler reads it for some agents at a time, and
+  // where their number is odd the first word of what follows in a working copy too, which nobody writes then.
   f(WorkingField<Per::agent_words>{"detected"}, &StateView::detected);
-  f(WorkingField<Per::agent_words>{"seen"}, &StateView::seen);
   f(WorkingField<Per::world>{"map"}, &StateView::map);
   f(StateField<Per::world, 4>{"waypoint"}, &StateView::waypoint);
   f(StateField<Per::world>{"waypoint_time"}, &StateView::waypoint_time);

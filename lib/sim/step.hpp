@@ -63,18 +63,35 @@ GIGA_HD void accumulate_step(const Lanes& lanes, const Parameters auto& p, World
   lanes.each(items, [&](int item) { accumulate_episode(p, w, item); });
 }
 
+/// Decides whom an agent sees.
+template <class Draws>
+GIGA_HD void look_around(const Parameters auto& p, World auto& w, Draws& draws, bool after_reset, int e) {
+  if (p.stochastic_communication) listen(p, w, draws, e, after_reset);
+  look(p, w, e);
+}
+
+/// The same and what its row needs, by one worker, so that nobody waits between the two. `wanted`: wants_rows.
+template <class Draws>
+GIGA_HD void look_and_prepare(const Parameters auto& p, World auto& w, Draws& draws, const StepIo& io, int64_t world,
+                              bool wanted, bool after_reset, int e) {
+  look_around(p, w, draws, after_reset, e);
+  prepare_rows(p, w, io, world, wanted, e);
+}
+
 /// Decides what every agent sees and writes it.
 template <class Lanes, class Draws>
 GIGA_HD void observe_world(const Lanes& lanes, const Parameters auto& p, World auto& w, Draws& draws, const StepIo& io,
                            int64_t world, bool after_reset, bool active = true) {
   const int n = active ? p.n_agents : 0;
   mark_agents(lanes, p, w, n);
-  // Only the egocentric view asks for the rows before all have them.
-  each_by_place(without_barrier(lanes, !p.egocentric_view), p, w, n, [&](int e) {
-    if (p.stochastic_communication) listen(p, w, draws, e, after_reset);
-    look(p, w, e);
-  });
-  write_observations(lanes, p, w, io, world, active);
+  if constexpr (WideLanes<Lanes>) {
+    const bool wanted = wants_rows(io);
+    each_by_place(lanes, p, w, n, [&](int e) { look_and_prepare(p, w, draws, io, world, wanted, after_reset, e); });
+    write_rows(lanes, p, w, io, world, n);
+  } else {
+    each_by_place(lanes, p, w, n, [&](int e) { look_around(p, w, draws, after_reset, e); });
+    write_observations(lanes, p, w, io, world, active);
+  }
 }
 
 /// Starts an episode. `active` as for write_observations.

@@ -30,11 +30,8 @@ GIGA_HD void run_part(const Lanes& lanes, const Parameters auto& p, World auto& 
   if constexpr (part == StepPart::look) {
     auto&& draws = draws_at(*w.draw_step - 1);  // the step has counted itself already
     const bool wanted = wants_rows(io);
-    each_by_place(without_barrier(lanes), p, w, n, [&](int e) {
-      if (p.stochastic_communication) listen(p, w, draws, e, false);
-      look(p, w, e);
-      prepare_rows(p, w, io, world, wanted, e);
-    });
+    each_by_place(without_barrier(lanes), p, w, n,
+                  [&](int e) { look_and_prepare(p, w, draws, io, world, wanted, false, e); });
   }
   if constexpr (part == StepPart::write) write_rows(without_barrier(lanes), p, w, io, world, n);
   if constexpr (part == StepPart::settle) {

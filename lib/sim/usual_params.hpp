@@ -6,25 +6,30 @@
 namespace giga {
 
 /// What a scenario is about, where that decides about loops and branches.
-enum class Play { fight, hide_and_seek };
+enum class Play {
+  fight,
+  hide_and_seek,
+  waypoints,
+  published  ///< the original's published training run, under either rules: sight all around and without chance
+};
 
 /// SimParams with what decides about loops and branches fixed, for teams of `kSize0` and `kSize1` agents.
 template <int kSize0, int kSize1 = kSize0, Play kPlay = Play::fight>
 struct UsualParams : SimParams {
   explicit UsualParams(const SimParams& p) : SimParams(p) {}
-  static constexpr Rules rules = Rules::corrected;
   static constexpr ActionKind actions = ActionKind::discrete;
   static constexpr int kTeam0 = kSize0, kTeam1 = kSize1, kTeam = kTeam0 > kTeam1 ? kTeam0 : kTeam1;
   static constexpr bool kTeamsEqual = kTeam0 == kTeam1;
   static constexpr int kAgents = kTeam0 + kTeam1;
   static constexpr int n_agents = kAgents, n_neighbors = n_agents < 15 ? n_agents : 15;
-  static constexpr bool waypoints = false;
-  static constexpr bool stochastic_communication = true, stochastic_detection = true;
+  static constexpr bool waypoints = kPlay == Play::waypoints;
+  static constexpr bool stochastic_communication = kPlay != Play::published;
+  static constexpr bool stochastic_detection = stochastic_communication;
   static constexpr bool obstacle_heights = false, obstacles_block_sight = false, sight_3d = false;
   // Hiders are paid for being there, and seekers catch them in every direction.
   static constexpr bool has_idle_reward = kPlay == Play::hide_and_seek;
-  static constexpr bool cone_is_full = false, damage_cone_is_full = kPlay == Play::hide_and_seek;
-  GIGA_HD static constexpr bool original() { return false; }
+  static constexpr bool cone_is_full = kPlay == Play::published, damage_cone_is_full = kPlay == Play::hide_and_seek;
+  GIGA_HD bool original() const { return kPlay == Play::published && rules == Rules::original; }
   GIGA_HD static constexpr int team_of(int i) { return i >= kTeam0 ? 1 : 0; }
   GIGA_HD static constexpr int first_of(int team) { return team == 0 ? 0 : kTeam0; }
   GIGA_HD static constexpr int size_of(int team) { return kTeamsEqual || team == 0 ? kTeam0 : kTeam1; }
@@ -33,8 +38,8 @@ struct UsualParams : SimParams {
 
   /// Whether a scenario is so.
   static bool fits(const SimParams& p) {
-    return p.team_after_team && p.rules == rules && p.actions == actions && p.n_team[0] == kTeam0 &&
-           p.n_team[1] == kTeam1 && p.n_neighbors == n_neighbors && p.waypoints == waypoints &&
+    return p.team_after_team && (p.rules == Rules::corrected || kPlay == Play::published) && p.actions == actions &&
+           p.n_team[0] == kTeam0 && p.n_team[1] == kTeam1 && p.n_neighbors == n_neighbors && p.waypoints == waypoints &&
            p.has_idle_reward == has_idle_reward && p.stochastic_communication == stochastic_communication &&
            p.stochastic_detection == stochastic_detection && p.obstacle_heights == obstacle_heights &&
            p.obstacles_block_sight == obstacles_block_sight && p.sight_3d == sight_3d &&
@@ -61,7 +66,8 @@ void with_usual_params(const SimParams& p, F&& f) {
   if constexpr (kStep)
     with_params_as<UsualParams<5>, UsualParams<2>, UsualParams<10>, UsualParams<20>, UsualParams<1>, UsualParams<5, 1>,
                    UsualParams<5, 3>, UsualParams<10, 3>, UsualParams<20, 5>, UsualParams<5, 5, hide_and_seek>,
-                   UsualParams<5, 10, hide_and_seek>, UsualParams<10, 5, hide_and_seek>>(p, f);
+                   UsualParams<5, 10, hide_and_seek>, UsualParams<10, 5, hide_and_seek>, UsualParams<5, 5, waypoints>,
+                   UsualParams<5, 3, waypoints>, UsualParams<3, 3, waypoints>, UsualParams<5, 5, published>>(p, f);
   else
     with_params_as<UsualParams<5>, UsualParams<2>, UsualParams<10>, UsualParams<20>>(p, f);
 }

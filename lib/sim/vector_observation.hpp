@@ -158,7 +158,6 @@ GIGA_HD const float* features_of_boxes(const Parameters auto& p, const World aut
 }
 
 /// Numbers behind the neighbors: the waypoint relative to e and its remaining seconds, then the boxes of the map.
-constexpr int kWaypointFeatures = 5;
 GIGA_HD float waypoint_value(const Parameters auto& p, const World auto& w, int e, int k) {
   if (p.waypoint_unseen_time > 0 && !waypoint_shown(p, w)) return 0;
   if (k == 4) return *w.waypoint_time;
@@ -238,9 +237,9 @@ struct VectorObservation {
   template <class Lanes, Parameters P>
   GIGA_HD static void send_rows(const Lanes& lanes, const P& p, const World auto& w, int n,
                                 const TeamRows (&to)[kNTeams]) {
-    static_assert(!P::waypoints);
-    constexpr int kRows = kStageRows<P>, kPitch = kStageRow<P>, kFront = P::n_neighbors * kNeighborFeatures;
-    constexpr int kWorkers = P::n_agents / kRows;                       // of a row
+    constexpr int kRows = kStageRows<P>, kPitch = kStageRow<P>, kNeighbors = P::n_neighbors * kNeighborFeatures;
+    constexpr int kFront = kNeighbors + (P::waypoints ? kWaypointFeatures : 0);  // numbers before the boxes
+    constexpr int kWorkers = P::n_agents / kRows;                                // of a row
     constexpr int kShare = (P::n_neighbors + kWorkers - 1) / kWorkers;  // agents of a row that one of them writes
     constexpr bool kFull = P::n_agents % kRows == 0;                    // the last rows are as many as the others
     constexpr bool kOneTeam = P::kTeam0 % kRows == 0;                   // those together are of one team
@@ -278,11 +277,13 @@ struct VectorObservation {
             write_neighbor(p, w, e, own, k,
                            [&](int feature, float number) { row[k * kNeighborFeatures + feature] = number; });
         }
+        if (P::waypoints && part == kWorkers - 1)
+          for (int k = 0; k < kWaypointFeatures; ++k) row[kNeighbors + k] = waypoint_value(p, w, e, k);
         lanes.before_sending();
       });
       const auto deliver = [&](const TeamRows& there, const float* stage, int count) {
         if (there.aligned(sizeof(FourNumbers))) {
-          const bool together = whole && there.stride == kPitch;
+          const bool together = whole && there.stride == kPitch && (columns == kPitch || there.room >= kPitch);
           const int sent = together ? count * kPitch : columns / 4 * 4;
           lanes.each_agent(n, [&](int i) {
             if (there && i < (together ? 1 : count)) {

@@ -40,12 +40,14 @@ concept World = requires(W& w) {
 
 constexpr uint16_t kNobody = 0xFFFF;
 constexpr int kNeighborFeatures = 9;  ///< numbers per agent in an observation
+constexpr int kWaypointFeatures = 5;  ///< numbers about the waypoint, behind those
 constexpr int kStageAgents = 4;       ///< so many agents of each row are staged at a time: 36 numbers, 9 times 16 bytes
 constexpr int kStageColumns = kStageAgents * kNeighborFeatures;
 /// With constant teams whole rows are staged: so many numbers each, with room for four boxes, as RowLayout has them;
 /// half of a world's at a time, of a large one 5 or 10 of them, so that enough worlds have room.
 template <class P>
-constexpr int kStageRow = (P::n_neighbors * kNeighborFeatures + 16 + 7) / 8 * 8;
+constexpr int kStageRow = (P::n_neighbors * kNeighborFeatures + (P::waypoints ? kWaypointFeatures : 0) + 16 + 7) / 8 *
+                          8;
 template <class P>
 constexpr int kStageRows = P::kAgents <= 10   ? P::kAgents / 2
                            : P::kAgents <= 25 ? 5

@@ -33,7 +33,7 @@ struct Case {
   int n_worlds, n_variants, n_steps;
   bool thin = false;   // too little happens to expect all of it
   bool usual = false;  // scenarios for which UsualParams serve
-  bool hide = false;   // and hide and seek
+  Play play = Play::fight;
 };
 void PrintTo(const Case& c, std::ostream* out) {
   *out << c.n_team_0 << " v " << c.n_team_1 << ", " << c.n_worlds << " worlds";
@@ -43,13 +43,26 @@ const Case kCases[] = {
     {1, 12, 65, 11, 60}, {10, 10, 65, 11, 60}, {20, 20, 65, 11, 60}, {40, 30, 65, 6, 60}, {200, 200, 5, 4, 12},
 };
 /// Those for which a GPU has kernels with constants (usual_params.hpp): 16 to 2 worlds a warp, and 8, 4 and 6 a block.
-constexpr Case usual_case(int n_team_0, int n_team_1, bool hide = false) {
-  return {n_team_0, n_team_1, 65, 6, 60, true, true, hide};
+constexpr Case usual_case(int n_team_0, int n_team_1, Play play = Play::fight) {
+  return {n_team_0, n_team_1, 65, 6, 60, true, true, play};
 }
 const Case kUsualCases[] = {
-    usual_case(2, 2),  usual_case(5, 5),       usual_case(10, 10),      usual_case(20, 20),
-    usual_case(1, 1),  usual_case(5, 1),       usual_case(5, 3),        usual_case(10, 3),
-    usual_case(20, 5), usual_case(5, 5, true), usual_case(5, 10, true), usual_case(10, 5, true),
+    usual_case(2, 2),
+    usual_case(5, 5),
+    usual_case(10, 10),
+    usual_case(20, 20),
+    usual_case(1, 1),
+    usual_case(5, 1),
+    usual_case(5, 3),
+    usual_case(10, 3),
+    usual_case(20, 5),
+    usual_case(5, 5, Play::hide_and_seek),
+    usual_case(5, 10, Play::hide_and_seek),
+    usual_case(10, 5, Play::hide_and_seek),
+    usual_case(5, 5, Play::waypoints),
+    usual_case(5, 3, Play::waypoints),
+    usual_case(3, 3, Play::waypoints),
+    usual_case(5, 5, Play::published),
 };
 
 /// As many worlds, variants and steps as the executor has time for.
@@ -72,17 +85,18 @@ Case cut(Case c, Executor executor) {
 /// team differ where the teams do.
 void make_usual(SimSpec& spec, const Case& c) {
   SimParams& p = spec.params;
-  p.rules = Rules::corrected;
+  if (c.play != Play::published) p.rules = Rules::corrected;
   p.actions = ActionKind::discrete;
-  p.stochastic_detection = p.stochastic_communication = true;
-  p.waypoints = p.obstacle_heights = p.obstacles_block_sight = p.sight_3d = false;
-  p.cone_is_full = false;
-  p.damage_cone_is_full = c.hide;
+  p.stochastic_detection = p.stochastic_communication = c.play != Play::published;
+  p.waypoints = c.play == Play::waypoints;
+  p.obstacle_heights = p.obstacles_block_sight = p.sight_3d = false;
+  p.cone_is_full = c.play == Play::published;
+  p.damage_cone_is_full = c.play == Play::hide_and_seek;
   spec.neighbor_limit = 15;
   std::stable_sort(spec.agents.begin(), spec.agents.end(),
                    [](const AgentSpec& a, const AgentSpec& b) { return a.team < b.team; });
   for (AgentSpec& agent : spec.agents) {
-    agent.idle_reward = c.hide && agent.team == 1 ? 1.0f : 0.0f;
+    agent.idle_reward = c.play == Play::hide_and_seek && agent.team == 1 ? 1.0f : 0.0f;
     if (c.n_team_0 == c.n_team_1) agent.sprite = 1 + agent.team;
   }
 }
@@ -304,7 +318,8 @@ TEST_P(SimulatorParity, OutputsThatNobodyWantsChangeNothing) {
 
 const auto kName = [](const auto& test) {
   const Case& c = std::get<1>(test.param);
-  return cat(c.n_team_0, "v", c.n_team_1, c.hide ? "hide" : "");
+  constexpr const char* kPlays[] = {"", "hide", "waypoints", "published"};
+  return cat(c.n_team_0, "v", c.n_team_1, kPlays[static_cast<int>(c.play)]);
 };
 INSTANTIATE_TEST_SUITE_P(GpuUsual, SimulatorParity,
                          ::testing::Combine(::testing::Values(Executor::gpu), ::testing::ValuesIn(kUsualCases)), kName);
