@@ -17,7 +17,7 @@ namespace giga {
 
 constexpr int kGridThreads = 512;      // threads of a block
 constexpr int kThreadsOfAgent = 4;     // of a world, where there is room: most stages look at pairs or write rows
-constexpr int kFewThreadsOfAgent = 2;  // that do as well, where it becomes a cluster then
+constexpr int kFewThreadsOfAgent = 2;  // enough, where a world then fits into a cluster
 constexpr int kStageNumbers = kWarp * kNeighborFeatures;  // of a warp, that it puts together before it writes them
 constexpr int kPiecesAtOnce = 2;                          // of rows, that a thread works out before it writes any
 
@@ -36,17 +36,18 @@ struct GridLanes {
   GIGA_HD void wait() const {
     if (waits) sync.wait();
   }
-  GIGA_HD GridLanes without_barrier(bool leave_out = true) const {
+  GIGA_HD GridLanes without_barrier() const {
     GridLanes lanes = *this;
-    lanes.waits = !leave_out;
+    lanes.waits = false;
     return lanes;
   }
   /// Those of this block alone, at barriers of their own.
   GIGA_HD GridLanes of_block() const {
     return {thread, n_threads, 0, 1, thread, n_threads, sync.of_block(), stage, sorts_by_block, true};
   }
-  /// Those of some lanes of each warp, where there are so many that n items leave warps idle: the lanes of a warp that
-  /// look for others each wait for the one that has most to do, and for each way that another takes.
+  /// 8 or 16 lanes of each warp, where there are so many that n items would leave warps idle: those of a warp that look
+  /// for others wait for the one that has most to do, and for each branch that another takes. One world of 2,000
+  /// agents, H100: 34.3 M agent-steps/s instead of 31.6 M, crowded 20.3 M instead of 18.6 M.
   GIGA_HD GridLanes spread_over(int n) const {
     const int used = stride >= 4 * n ? kWarp / 4 : stride >= 2 * n ? kWarp / 2 : kWarp;
     GridLanes lanes = *this;
@@ -163,7 +164,7 @@ struct GridDevice {
   int most_clustered;       ///< blocks of a cluster, a power of two; 1 = there are no clusters
   size_t shared_bytes = 0;  ///< at most, of a block that sorts; besides its stage
   int in_parts = 0;         ///< from so many agents on a step is a launch for each of its parts; 0 = never
-  /// Clusters of 2^k blocks that run at the same time; 0 = as many as there are blocks for. An H200 has room for fewer
+  /// Clusters of 2^k blocks that run at the same time; -1 = as many as there are blocks for. An H200 has room for fewer
   /// of 8 blocks than it has eights of multiprocessors: those of a cluster are neighbors.
   int clusters[5] = {-1, -1, -1, -1, -1};
 

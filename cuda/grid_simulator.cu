@@ -11,7 +11,8 @@ namespace giga {
 namespace {
 
 constexpr int kGridBlocks = 1;      // per multiprocessor at least, which bounds a thread's registers to 128
-constexpr int kMostClustered = 16;  // blocks of a cluster; 8 where a GPU does not grant as many
+constexpr int kSureClustered = 8;   // blocks of a cluster on every GPU that has clusters
+constexpr int kMostClustered = 16;  // where the GPU grants as many
 
 constexpr size_t kMostSorted = 192 << 10;  // bytes that a block sorts for itself
 
@@ -97,6 +98,12 @@ __global__ void __launch_bounds__(kFreeThreads, part == StepPart::look ? kLookBl
   run_grid_part<part>(k, at, GroupSync{nullptr, 1, true, false, true}, shared);
 }
 
+/// Whether a GPU grants what it may refuse.
+bool granted(cudaError_t error) {
+  if (error != cudaSuccess) cudaGetLastError();
+  return error == cudaSuccess;
+}
+
 /// What the kernels find room for on a GPU, in worlds of so many agents. One that holds the fewest blocks decides for
 /// all.
 GridDevice grid_device(int index, int n_agents, int in_parts) {
@@ -115,8 +122,9 @@ GridDevice grid_device(int index, int n_agents, int in_parts) {
     int blocks = 0;
     GIGA_CUDA(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize,
                                    static_cast<int>(stage + device.shared_bytes)));
-    if (device.most_clustered > 8)
-      GIGA_CUDA(cudaFuncSetAttribute(kernel, cudaFuncAttributeNonPortableClusterSizeAllowed, 1));
+    if (device.most_clustered > kSureClustered &&
+        !granted(cudaFuncSetAttribute(kernel, cudaFuncAttributeNonPortableClusterSizeAllowed, 1)))
+      device.most_clustered = kSureClustered;
     GIGA_CUDA(cudaOccupancyMaxActiveBlocksPerMultiprocessor(&blocks, kernel, kGridThreads, shared));
     resident = resident == 0 ? blocks : std::min(resident, blocks);
   };
@@ -140,7 +148,11 @@ GridDevice grid_device(int index, int n_agents, int in_parts) {
     config.dynamicSmemBytes = shared;
     config.attrs = &attribute;
     config.numAttrs = 1;
-    GIGA_CUDA(cudaOccupancyMaxActiveClusters(&device.clusters[k], grid_kernel<Job::step, GridParams>, &config));
+    const auto error = cudaOccupancyMaxActiveClusters(&device.clusters[k], grid_kernel<Job::step, GridParams>, &config);
+    if ((1 << k) <= kSureClustered)
+      GIGA_CUDA(error);
+    else if (!granted(error) || device.clusters[k] == 0)
+      device.most_clustered = kSureClustered;
   }
   return device;
 }

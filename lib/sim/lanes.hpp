@@ -10,12 +10,12 @@
 //   BlockLanes   one thread block (dozens to hundreds of agents); cuda/lanes.hpp
 //   GridLanes    several thread blocks, up to the whole GPU (a grid of many agents); cuda/grid_executor.hpp. WideLanes:
 //                they can also gather(n, start, f, merge): each worker calls f(sum, i) for its part of 0 ... n - 1 with
-//                a sum of its own that begins as `start`, then merge(sum) once. They write rows by write_pieces, sort by
-//                those of a block or of all blocks (sorters), and look for others by some lanes of each warp where
+//                a sum of its own that begins as `start`, then merge(sum) once. They write rows by write_pieces, sort
+//                by those of a block or of all blocks (sorters), and look for others by some lanes of each warp where
 //                there are enough (spread_over).
 // without_barrier(lanes): for a stage whose results no worker but the one that made them needs before the next barrier.
-// each_agent and gather of the same n give an item to the same worker every time. So does each, but a single item (n =
-// 1) may go to another worker than theirs.
+// each_agent and gather of the same lanes and the same n give an item to the same worker every time. So does each, but
+// a single item (n = 1) may go to another worker than theirs.
 #pragma once
 
 #include "core/host_device.hpp"
@@ -27,12 +27,11 @@ concept WideLanes = requires {
   requires Lanes::kWide;
 };
 
-/// Lanes for which a barrier is dear leave it out; for all others it is part of how they are written. `leave_out`: else
-/// nothing is left out.
+/// Lanes for which a barrier is dear leave it out; for all others it is part of how they are written.
 template <class Lanes>
-GIGA_HD decltype(auto) without_barrier(const Lanes& lanes, bool leave_out = true) {
+GIGA_HD decltype(auto) without_barrier(const Lanes& lanes) {
   if constexpr (WideLanes<Lanes>)
-    return lanes.without_barrier(leave_out);
+    return lanes.without_barrier();
   else
     return (lanes);
 }

@@ -154,8 +154,8 @@ GIGA_HD constexpr void for_each_field(F&& f) {
   f(WorkingField<Per::agent>{"alive"}, &StateView::alive);
   f(StateField<Per::agent>{"death"}, &StateView::death);
   f(WorkingField<Per::pair>{"tracked"}, &StateView::tracked);
-  // The last of its kind and far from `seen`, which is made of it: the compiler reads it for some agents at a time, and
-  // where their number is odd the first word of what follows in a working copy too, which nobody writes then.
+  // Not in front of `seen`, but in a working copy of `tracked` (working_copy): who looks reads it for two or four
+  // agents at a time, and where their number is odd a word of what follows too. Nobody writes `tracked` meanwhile.
   f(WorkingField<Per::agent_words>{"detected"}, &StateView::detected);
   f(WorkingField<Per::world>{"map"}, &StateView::map);
   f(StateField<Per::world, 4>{"waypoint"}, &StateView::waypoint);

@@ -70,7 +70,8 @@ GIGA_HD void look_around(const Parameters auto& p, World auto& w, Draws& draws, 
   look(p, w, e);
 }
 
-/// The same and what its row needs, by one worker, so that nobody waits between the two. `wanted`: wants_rows.
+/// The same and what its row needs, by one worker, so that nobody waits between the two. `wanted`: wants_rows. What is
+/// written of an agent that others may read meanwhile, where it faces (gather_nearest), is what stands there already.
 template <class Draws>
 GIGA_HD void look_and_prepare(const Parameters auto& p, World auto& w, Draws& draws, const StepIo& io, int64_t world,
                               bool wanted, bool after_reset, int e) {

@@ -38,12 +38,13 @@ struct UsualParams : SimParams {
 
   /// Whether a scenario is so.
   static bool fits(const SimParams& p) {
-    return p.team_after_team && (p.rules == Rules::corrected || kPlay == Play::published) && p.actions == actions &&
-           p.n_team[0] == kTeam0 && p.n_team[1] == kTeam1 && p.n_neighbors == n_neighbors && p.waypoints == waypoints &&
-           p.has_idle_reward == has_idle_reward && p.stochastic_communication == stochastic_communication &&
-           p.stochastic_detection == stochastic_detection && p.obstacle_heights == obstacle_heights &&
-           p.obstacles_block_sight == obstacles_block_sight && p.sight_3d == sight_3d &&
-           p.cone_is_full == cone_is_full && p.damage_cone_is_full == damage_cone_is_full;
+    // Beside images the original orders rows by pixels (orders_by_pixel), which these kernels do not.
+    const bool rules_fit = p.rules == Rules::corrected || (kPlay == Play::published && p.resolution == 0);
+    return p.team_after_team && rules_fit && p.actions == actions && p.n_team[0] == kTeam0 && p.n_team[1] == kTeam1 &&
+           p.n_neighbors == n_neighbors && p.waypoints == waypoints && p.has_idle_reward == has_idle_reward &&
+           p.stochastic_communication == stochastic_communication && p.stochastic_detection == stochastic_detection &&
+           p.obstacle_heights == obstacle_heights && p.obstacles_block_sight == obstacles_block_sight &&
+           p.sight_3d == sight_3d && p.cone_is_full == cone_is_full && p.damage_cone_is_full == damage_cone_is_full;
   }
 };
 

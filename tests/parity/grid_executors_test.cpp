@@ -149,7 +149,9 @@ void play_crowd(const Crowd& c, const std::function<std::unique_ptr<Simulator>(c
 
 TEST(GridCrowds, AreThoseOfTheCpu) {
   for (const Crowd& c :
-       {Crowd{1100, 903, 40, 2, 5, 5}, Crowd{2600, 2601, 300, 1, 4, 3}, Crowd{1100, 903, 40, 2, kBlocksInParts, 5}})
+       {Crowd{1100, 903, 40, 2, 5, 5}, Crowd{2600, 2601, 300, 1, 4, 3}, Crowd{1100, 903, 40, 2, kBlocksInParts, 5},
+        // Four and two lanes for each agent, so that 8 and 16 of a warp look for others (spread_over).
+        Crowd{40, 30, 20, 1, 9, 5}, Crowd{40, 30, 20, 1, 5, 5}, Crowd{20, 13, 12, 1, kBlocksInParts, 5}})
     play_crowd(c, [&](const SimSpec& spec, const SimOptions& options) {
       return make_emulated_grid_simulator(spec, options, ThreadOrder::shuffled, c.blocks);
     });
@@ -170,8 +172,8 @@ TEST(GpuGridCrowds, KnotsAreThoseOfTheCpu) {
   });
 }
 
-// On an H200, which holds 264 blocks: clusters of 2, 8 and 4 blocks, groups too large for a cluster, one and several at
-// once, and groups of a block that go from world to world. Under a sanitizer fewer worlds, and so larger groups.
+// On an H200, which holds 132 blocks: clusters of 2 and of 16 blocks, groups too large for a cluster, one and several
+// at once, and groups of a block that go from world to world. Under a sanitizer fewer worlds, and so larger groups.
 TEST(GpuGridCrowds, AreThoseOfTheCpu) {
   if (cuda_device_count() == 0) GTEST_SKIP() << "skipped: no GPU";
   const auto play = [](const Crowd& c) {

@@ -161,17 +161,31 @@ TEST(SimStaticParams, EqualDistancesAreRankedByIndex) {
   EXPECT_GT(nobody, 0);
 }
 
+bool has_usual_params(const SimParams& params) {
+  bool usual = false;
+  with_usual_params<true>(params, [&]<class P>(const P&) { usual = P::kTeam > 0; });
+  return usual;
+}
+
 TEST(SimStaticParams, ServeTheScenarios) {
   for (const char* name :
-       {"identical_1_vs_1", "identical_2_vs_2", "identical_5_vs_5", "identical_10_vs_10", "identical_20_vs_20",
-        "identical_5_vs_1", "identical_5_vs_3", "identical_10_vs_3", "identical_20_vs_5", "special_5_vs_1",
-        "special_5_vs_5", "special_10_vs_3", "special_20_vs_5", "hide_and_seek_5_vs_5", "hide_and_seek_10_vs_5",
-        "hide_and_seek_5_vs_10"}) {
-    bool usual = false;
-    with_usual_params<true>(compile(load_scenario(name, {source_path()})).params,
-                            [&]<class P>(const P&) { usual = P::kTeam > 0; });
-    EXPECT_TRUE(usual) << name;
-  }
+       {"identical_1_vs_1",   "identical_2_vs_2",     "identical_5_vs_5",      "identical_10_vs_10",
+        "identical_20_vs_20", "identical_5_vs_1",     "identical_5_vs_3",      "identical_10_vs_3",
+        "identical_20_vs_5",  "special_5_vs_1",       "special_5_vs_5",        "special_10_vs_3",
+        "special_20_vs_5",    "hide_and_seek_5_vs_5", "hide_and_seek_10_vs_5", "hide_and_seek_5_vs_10",
+        "waypoint_5_vs_5",    "waypoint_5_vs_3",      "waypoint_3_vs_3",       "identical_5_vs_5_published"})
+    EXPECT_TRUE(has_usual_params(compile(load_scenario(name, {source_path()})).params)) << name;
+}
+
+// Beside images the original orders rows by pixels, which the code with constants does not.
+TEST(SimStaticParams, ServeTheOriginalsRulesWithoutImages) {
+  SimParams params = compile(load_scenario("identical_5_vs_5_published", {source_path()})).params;
+  params.rules = Rules::original;
+  EXPECT_TRUE(has_usual_params(params));
+  params.resolution = 84;
+  EXPECT_FALSE(has_usual_params(params));
+  params.rules = Rules::corrected;
+  EXPECT_TRUE(has_usual_params(params));
 }
 
 }  // namespace
