@@ -236,6 +236,8 @@ TEST(Scripts, ReproduceWritesItsTable) {
   EXPECT_EQ(first.code, 0) << first.out << first.err;
   EXPECT_TRUE(contains(first.out, {"4 of 4 measured"}));  // two seeds, and the responses to each
   EXPECT_EQ(reproduce({"--scenario", "waypoint_3_vs_3", "--algorithm", "snes"}).code, 0);
+  // Those of five ways of learning, then the responses, which are there, and a league for each seed.
+  EXPECT_TRUE(contains(reproduce({"--scenario", "identical_5_vs_5"}).out, {"14 of 14 measured"}));
   const std::string rows = copy.read("build/reproduce_tiny/exploit.jsonl");
   EXPECT_EQ(std::count(rows.begin(), rows.end(), '\n'), 2);
   EXPECT_EQ(reproduce(part).code, 0);
@@ -251,10 +253,10 @@ TEST(Scripts, ReproduceWritesItsTable) {
                                       old_page.substr(old_page.find("<!-- /reproduce -->")));
   ASSERT_EQ(reproduce({"docs"}).code, 0);
   const std::string page = copy.read("build/reproduce_tiny/reproduce.md");
-  EXPECT_TRUE(
-      contains(page, {"| identical_5_vs_5 | mappo | 1, 2 |", "| waypoint_3_vs_3 | snes | 1, 2 |", "wins against evader",
-                      "best response to team 0 wins", "gigastep exploit", "| identical_5_vs_1 | best script | - |",
-                      "1.000 pursuer", "| a_game | mappo | 7 | - |"}));
+  EXPECT_TRUE(contains(page, {"| identical_5_vs_5 | mappo | 1, 2 |", "| waypoint_3_vs_3 | snes | 1, 2 |",
+                              "wins against evader", "best response to team 0 wins", "gigastep exploit",
+                              "| identical_5_vs_1 | best script | - |", "1.000 pursuer", "| a_game | mappo | 7 | - |",
+                              "| player | rating: mean", "| mappo_longer | ", "| circle | "}));
   EXPECT_EQ(page.find("| identical_5_vs_5 | mappo | 7 |"), std::string::npos);
 }
 
