@@ -21,7 +21,7 @@ struct ActorMemory {
   float bias1[kHidden], bias2[kHidden], bias3[kHead];
   float log_std[4];
   float sums[S::kWarps][4 * kLaneSums];
-  float advantage_mean, advantage_inv_std, scale, unscale;  // gradients are `scale` times too large
+  float advantage_mean, advantage_inv_std, entropy_coef, scale, unscale;  // gradients are `scale` times too large
   int64_t source[2][S::kRows];                              // of this tile and the next
 };
 

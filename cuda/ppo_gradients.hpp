@@ -55,7 +55,8 @@ struct FusedPolicyLoss {
   const float* pre_tanh_action = nullptr;  // [.., 3] continuous actions
   const float* advantage_mean = nullptr;   // scalars; null: the minibatch's own moments
   const float* advantage_inv_std = nullptr;
-  float clip_coef = 0, entropy_coef = 0;
+  const float* entropy_coef = nullptr;  // scalar
+  float clip_coef = 0;
 };
 /// The value's loss.
 struct FusedValueLoss {

@@ -276,7 +276,7 @@ void run_actor_gradient(const FusedActor& actor, const ThreadPool& pool) {
                              .advantage_mean = &mean,
                              .advantage_inv_std = &inv_std,
                              .inv_count = &moments.inv_count,
-                             .entropy_coef = &of.entropy_coef,
+                             .entropy_coef = of.entropy_coef,
                              .clip_coef = of.clip_coef};
     for (int r = 0; r < block.rows; ++r) {
       const int64_t source = block.source[static_cast<size_t>(r)];

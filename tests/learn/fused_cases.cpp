@@ -72,13 +72,14 @@ FusedSetting::FusedSetting(const FusedCase& c, Device device, int n_threads)
   returns = 4 + 2 * normal({n_states, c.n}, 12);
   mean = at::full({1}, 4.0f, obs.options());
   std = at::full({1}, 2.0f, obs.options());
+  entropy_coef = at::full({1}, kEntropyCoef, obs.options());
 }
 
-FusedPolicyLoss FusedSetting::policy_loss(float clip_coef, float entropy_coef) const {
+FusedPolicyLoss FusedSetting::policy_loss(float clip_coef) const {
   FusedPolicyLoss loss{.old_log_prob = log_prob.const_data_ptr<float>(),
                        .advantage = advantage.const_data_ptr<float>(),
-                       .clip_coef = clip_coef,
-                       .entropy_coef = entropy_coef};
+                       .entropy_coef = entropy_coef.const_data_ptr<float>(),
+                       .clip_coef = clip_coef};
   if (actions == ActionKind::discrete)
     loss.action = action.const_data_ptr<int32_t>();
   else

@@ -43,13 +43,13 @@ struct FusedSetting {
   ParallelFor parallel_for;
   Actor actor;
   Critic critic;
-  at::Tensor obs, alive, states, action, u, log_prob, advantage, old_value, returns, mean, std;
+  at::Tensor obs, alive, states, action, u, log_prob, advantage, old_value, returns, mean, std, entropy_coef;
 
   FusedSetting(const FusedCase& c, Device device, int n_threads = 2);
   /// The rows of the states that are learned from.
   at::Tensor pick(const at::Tensor& x) const { return x.index_select(0, states); }
   /// What the losses take of the rollout.
-  FusedPolicyLoss policy_loss(float clip_coef, float entropy_coef = 0) const;
+  FusedPolicyLoss policy_loss(float clip_coef) const;  // with kEntropyCoef
   FusedValueLoss value_loss() const;
 };
 

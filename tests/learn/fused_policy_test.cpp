@@ -62,6 +62,7 @@ TEST_P(LearnFusedUpdateGpu, ThePolicyAndTheUpdateAgree) {
                            .advantage = s.advantage.const_data_ptr<float>(),
                            .action = discrete ? action.const_data_ptr<int32_t>() : nullptr,
                            .pre_tanh_action = u.const_data_ptr<float>(),
+                           .entropy_coef = s.entropy_coef.const_data_ptr<float>(),
                            .clip_coef = kClip},
                           {.old_value = s.old_value.const_data_ptr<float>(),
                            .returns = s.returns.const_data_ptr<float>(),

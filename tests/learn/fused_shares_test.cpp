@@ -61,7 +61,7 @@ void expect_those_of_one_rank(Device device) {
     FusedSteps steps(s);
     at::NoGradGuard no_grad;
     fused.begin_epoch(s.obs, s.alive, s.states, 1, s.advantage);
-    fused.compute_gradients(0, s.policy_loss(kClip, kEntropyCoef), s.value_loss());
+    fused.compute_gradients(0, s.policy_loss(kClip), s.value_loss());
     fused.add_up(steps.of(s));
     fused.end_epoch();
     found[k] = {s.actor.parameters().gradient().cpu(), s.critic.parameters().gradient().cpu(), fused.sums().cpu()};

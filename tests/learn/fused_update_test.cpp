@@ -119,7 +119,7 @@ void expect_what_libtorch_says(const FusedCase& c, Device device) {
   FusedUpdate fused(s.actor, s.critic, c.n, s.parallel_for);
 
   at::NoGradGuard no_grad;
-  FusedPolicyLoss policy = s.policy_loss(c.clip, kEntropyCoef);
+  FusedPolicyLoss policy = s.policy_loss(c.clip);
   const at::Tensor zero = at::zeros({1}, s.obs.options()), one = at::ones({1}, s.obs.options());
   if (c.norm == AdvantageNorm::none) {
     policy.advantage_mean = zero.const_data_ptr<float>();
@@ -149,6 +149,17 @@ void expect_what_libtorch_says(const FusedCase& c, Device device) {
   EXPECT_NEAR(sums[1][0].item<double>(), right, (device.is_cuda() ? 0.001 : 1e-5) * right);
   EXPECT_NEAR(steps.adam[0].norm().item<double>(), actor.norm().item<double>(), 1e-5 * actor.norm().item<double>());
   EXPECT_NEAR(steps.adam[1].norm().item<double>(), critic.norm().item<double>(), 1e-5 * critic.norm().item<double>());
+
+  // The actor's half alone, of the same states: sums over blocks are LibTorch's, in another order.
+  FusedActorGradient alone(s.actor, c.n, s.parallel_for);
+  const at::Tensor alone_sums = alone.compute(s.obs, s.alive, s.states, policy).cpu();
+  EXPECT_LT(apart(s.actor.parameters().gradient(), actor), 1e-5);
+  for (int k = 0; k < kNPolicyDiagnostics; ++k)
+    EXPECT_NEAR(alone_sums[k].item<double>(), sums[0][k].item<double>(), 1e-4 * sums[0][k].abs().item<double>() + 1e-3)
+        << k;
+  const at::Tensor alone_gradient = s.actor.parameters().gradient().clone();
+  alone.compute(s.obs, s.alive, s.states, policy);
+  EXPECT_TRUE(at::equal(s.actor.parameters().gradient(), alone_gradient)) << "bit for bit the same once more";
 
   // Bit for bit the same once more; the step is that of the optimizer, which LibTorch's path takes.
   FusedSteps plain(s, 1e-3f);

@@ -32,27 +32,32 @@ FusedRows only(const InputColumns& inputs, FusedRows rows) {
   return rows;
 }
 
+std::string network_refusal(const char* name, bool serves) {
+  return serves ? std::string()
+                : cat("they serve dense networks with two hidden layers of at most ", FusedMlp::kHidden,
+                      ", without layer normalisation, on at most ", FusedMlp::kMaxInput, " numbers (", name, ")");
+}
+
 }  // namespace
 
-std::string fused_update_refusal(const Actor& actor, const Critic& critic, int n_agents, Device device) {
+std::string fused_actor_refusal(const Actor& actor, int n_agents, Device device) {
   if (device.is_cuda() && !fused_gradients_run(device.index))
     return "the GPU has less than 227 KB of shared memory for a block";
   if (device.is_cuda() && actor.precision() != Precision::tf32)
     return "they compute with the 10 bits of mantissa of TF32 (train.precision)";
-  if (actor.reads_image() || critic.reads_image())
-    return cat("they read no images (mappo.", actor.reads_image() ? "actor" : "critic", ".encoder)");
+  if (actor.reads_image()) return "they read no images (mappo.actor.encoder)";
+  if (actor.state_size() > 0) return "they know no memory (mappo.actor.memory)";
+  if (n_agents > kMostAgents) return cat("they serve teams of at most ", kMostAgents, " agents");
+  return network_refusal("mappo.actor", actor.fused_mlp().has_value());
+}
+
+std::string fused_update_refusal(const Actor& actor, const Critic& critic, int n_agents, Device device) {
+  if (const std::string reason = fused_actor_refusal(actor, n_agents, device); !reason.empty()) return reason;
+  if (critic.reads_image()) return "they read no images (mappo.critic.encoder)";
   if (critic.shares_encoder()) return "they know no encoder of two networks (mappo.critic.shared_encoder)";
   if (critic.needs_state()) return "they know no true state (mappo.critic.kind)";
-  if (actor.state_size() > 0 || critic.state_size() > 0)
-    return cat("they know no memory (mappo.", actor.state_size() > 0 ? "actor" : "critic", ".memory)");
-  if (n_agents > kMostAgents) return cat("they serve teams of at most ", kMostAgents, " agents");
-  const auto network = [](const char* name, bool serves) {
-    return serves ? std::string()
-                  : cat("they serve dense networks with two hidden layers of at most ", FusedMlp::kHidden,
-                        ", without layer normalisation, on at most ", FusedMlp::kMaxInput, " numbers (", name, ")");
-  };
-  const std::string reason = network("mappo.actor", actor.fused_mlp().has_value());
-  return reason.empty() ? network("mappo.critic", critic.fused_mlp().has_value()) : reason;
+  if (critic.state_size() > 0) return "they know no memory (mappo.critic.memory)";
+  return network_refusal("mappo.critic", critic.fused_mlp().has_value());
 }
 
 FusedRows fused_rows(const Actor& actor, int n, const at::Tensor& obs, const at::Tensor& alive,
@@ -225,6 +230,51 @@ void FusedUpdate::step(FusedStep step) {
     launch_adam(step, index(), side_->stream());
   else
     run_adam(step);
+}
+
+// ---- The actor alone ------------------------------------------------------------------------------------------------
+
+FusedActorGradient::FusedActorGradient(const Actor& actor, int n, const ParallelFor& parallel_for,
+                                       const SumOverRanks& sum)
+    : actor_(actor),
+      mlp_(actor.fused_mlp().value()),
+      n_(n),
+      parallel_for_(parallel_for),
+      sum_(sum),
+      blocks_(blocks_on(parallel_for.device(), true)) {
+  const auto options = at::TensorOptions().dtype(at::kFloat).device(torch_device(parallel_for.device()));
+  moments_ = at::empty({1, kMomentParts, kMoments}, options.dtype(at::kDouble));
+  partial_ = at::empty({blocks_, mlp_.size + kFusedSums}, options);
+  sums_ = at::empty({kFusedSums}, options);
+}
+
+const at::Tensor& FusedActorGradient::compute(const at::Tensor& obs, const at::Tensor& alive, const at::Tensor& states,
+                                              const FusedPolicyLoss& policy) {
+  GIGA_CHECK(states.is_contiguous(), "states with gaps");
+  const FusedRows rows = fused_rows(actor_, n_, obs, alive, states);
+  const MinibatchPieces all{rows.n_states, 1};
+  auto* moments = moments_.data_ptr<double>();
+  const FusedActor pass{.net = mlp_,
+                        .parameters = actor_.parameters().values().const_data_ptr<float>(),
+                        .rows = only(actor_.inputs(), rows),
+                        .loss = policy,
+                        .moments = moments,
+                        .n_partial = blocks_,
+                        .partial = partial_.data_ptr<float>()};
+  const Device device = parallel_for_.device();
+  if (device.is_cuda()) {
+    launch_moments(rows, all, policy.advantage, moments, device.index, parallel_for_.stream());
+    sum_(moments_);
+    launch_actor_gradient(pass, device.index, parallel_for_.stream());
+  } else {
+    run_moments(rows, all, policy.advantage, moments);
+    sum_(moments_);
+    run_actor_gradient(pass, parallel_for_.pool());
+  }
+  at::Tensor gradient = actor_.parameters().gradient();
+  at::sum_out(gradient, partial_.narrow(1, 0, mlp_.size), 0);
+  at::sum_out(sums_, partial_.narrow(1, mlp_.size, kFusedSums), 0);
+  return sums_;
 }
 
 }  // namespace giga

@@ -1,6 +1,6 @@
 // FusedUpdate: how a team learns from a minibatch by the fused kernels (cuda/ppo_gradients.hpp), or on a CPU by what
 // does the same block by block (policy/cpu_kernels.hpp), in the place of LibTorch's passes through the networks and of
-// its optimizer.
+// its optimizer. FusedActorGradient: the actor's half of it, beside a critic that LibTorch computes.
 #pragma once
 
 #include <torch/types.h>
@@ -17,8 +17,8 @@
 
 namespace giga {
 
-/// Why they do not serve these networks there, for the log; empty where they do. Actor and critic go
-/// together.
+/// Why they do not serve these networks there, for the log; empty where they do.
+std::string fused_actor_refusal(const Actor& actor, int n_agents, Device device);
 std::string fused_update_refusal(const Actor& actor, const Critic& critic, int n_agents, Device device);
 
 /// The chosen states of obs [.., n, D] and alive [.., n], which lie without gaps, with whole observations, normalised
@@ -79,6 +79,29 @@ class FusedUpdate {
   at::Tensor sums_;                            // [2, kFusedSums]
   at::Tensor squares_;                         // [fused_step_blocks()] fp64
   at::Tensor finished_;                        // [1]
+};
+
+/// Queues on the stream of `parallel_for`, and reads and writes memory that stays where it is: a graph may hold it.
+class FusedActorGradient {
+ public:
+  /// An actor that they serve; all three must outlive this. `n`: agents of the team.
+  FusedActorGradient(const Actor& actor, int n, const ParallelFor& parallel_for, const SumOverRanks& sum = {});
+
+  /// The gradient of the loss over these states [S] of obs [.., n, D] and alive [.., n], into the actor's, and its sums
+  /// [kFusedSums] (PolicyDiagnostic); both of this rank. Advantages have the moments of all ranks.
+  const at::Tensor& compute(const at::Tensor& obs, const at::Tensor& alive, const at::Tensor& states,
+                            const FusedPolicyLoss& policy);
+
+ private:
+  const Actor& actor_;
+  const FusedMlp mlp_;
+  const int n_;
+  const ParallelFor& parallel_for_;
+  const SumOverRanks sum_;
+  const int blocks_;    // that share a minibatch
+  at::Tensor moments_;  // [1, kMomentParts, kMoments] fp64
+  at::Tensor partial_;  // [blocks, parameters + kFusedSums]
+  at::Tensor sums_;     // [kFusedSums]
 };
 
 }  // namespace giga

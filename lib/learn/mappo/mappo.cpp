@@ -66,8 +66,9 @@ class Mappo final : public Learner {
   std::string ways() const override {
     const std::string& why = learning_.front()->plain_because();
     if (!why.empty())
-      return cat("learns by LibTorch", recorder_ ? ", minibatches as CUDA graphs" : "",
-                 ", not by fused kernels: ", why);
+      return cat(learning_.front()->actor_is_fused() ? "the actor learns by fused kernels, the critic by LibTorch"
+                                                     : "learns by LibTorch",
+                 recorder_ ? ", minibatches as CUDA graphs" : "", ", not by fused kernels: ", why);
     return device_.is_cuda() ? "acts and learns by fused kernels" : "learns by fused kernels";
   }
   std::string refusal() const override { return collector_->refusal(); }

@@ -51,7 +51,11 @@ PpoTeam::PpoTeam(const LoadedRun& run, int team, Device device, const ParallelFo
   batch_mean_ = at::zeros({}, options);
   batch_inv_std_ = at::ones({}, options);
   plain_because_ = config_.fused ? fused_update_refusal(actor_, critic_, n_, device) : "mappo.fused is false";
-  if (plain_because_.empty()) fused_ = std::make_unique<FusedUpdate>(actor_, critic_, n_, parallel_for, sum_);
+  const bool actor_alone = config_.fused && config_.view_coef == 0 && !critic_.shares_encoder();
+  if (plain_because_.empty())
+    fused_ = std::make_unique<FusedUpdate>(actor_, critic_, n_, parallel_for, sum_);
+  else if (actor_alone && fused_actor_refusal(actor_, n_, device).empty())
+    fused_actor_ = std::make_unique<FusedActorGradient>(actor_, n_, parallel_for, sum_);
   if (config_.view_coef > 0) teacher_ = std::make_unique<ViewTeacher>(run, team, actor_, torch_device(device));
   if (critic_.state_size() > 0) {
     critic_memory_ = at::zeros({n_worlds_, n_, critic_.state_size()}, options);
@@ -61,7 +65,6 @@ PpoTeam::PpoTeam(const LoadedRun& run, int team, Device device, const ParallelFo
 }
 
 void PpoTeam::set(const StepSettings& settings) {
-  entropy_coef_ = settings.entropy_coef;
   settings_[kActorStepSize].fill_(settings.actor_step_size);
   settings_[kCriticStepSize].fill_(settings.critic_step_size);
   settings_[kEntropyWeight].fill_(settings.entropy_coef);
@@ -100,12 +103,16 @@ void PpoTeam::update_minibatch(const Rollout& rollout, int k, int minibatch) {
   const at::Tensor number = numbers_.narrow(0, minibatch - 1, 1);
   if (fused_) return update_fused(rollout, k, number.const_data_ptr<float>());
   const at::Tensor& states = minibatches_[static_cast<size_t>(k)];
-  const auto learn = [&](const at::Tensor& of, const float* at) { learn_from(rollout, minibatch_of(rollout, of, at)); };
+  const bool with_obs = !fused_actor_ || (!critic_.needs_state() && !critic_.reads_image());
+  const auto learn = [&](const at::Tensor& of, const float* at) {
+    learn_from(rollout, minibatch_of(rollout, of, at, with_obs));
+  };
   if (recorded_) return recorded_->learn(states, number, n_rollouts_ > 1, learn);
   learn(states, number.const_data_ptr<float>());
 }
 
-PpoTeam::Minibatch PpoTeam::minibatch_of(const Rollout& rollout, const at::Tensor& states, const float* number) const {
+PpoTeam::Minibatch PpoTeam::minibatch_of(const Rollout& rollout, const at::Tensor& states, const float* number,
+                                         bool with_obs) const {
   const TeamRollout& r = rollout.team[team_];
   const at::Tensor flat = states.flatten().contiguous();  // of one sequence: a column of the order
   const auto pick = [&](const at::Tensor& x) {
@@ -117,7 +124,7 @@ PpoTeam::Minibatch PpoTeam::minibatch_of(const Rollout& rollout, const at::Tenso
           .states = flat,
           .begins =
               states.size(0) > 1 ? rollout.beginnings().flatten().index_select(0, flat).view_as(states) : at::Tensor(),
-          .obs = pick(r.obs),
+          .obs = with_obs ? pick(r.obs) : at::Tensor(),
           .images = sees ? rollout.images.draw(team_, rollout.images.states.flatten(0, 1), flat) : at::Tensor(),
           .alive = pick(r.alive).to(at::kFloat),
           .inv_count = {}};
@@ -126,7 +133,10 @@ PpoTeam::Minibatch PpoTeam::minibatch_of(const Rollout& rollout, const at::Tenso
 void PpoTeam::learn_from(const Rollout& rollout, Minibatch batch) {
   batch.inv_count = inverse_count(batch.alive);
   if (critic_.shares_encoder()) return update_sharing(rollout, batch);
-  update_actor(rollout, batch);
+  if (fused_actor_)
+    update_actor_fused(rollout, batch);
+  else
+    update_actor(rollout, batch);
   update_critic(rollout, batch);
 }
 
@@ -297,15 +307,13 @@ void PpoTeam::learn(const Minibatch& batch, const at::Tensor& features, std::vec
                         step_flags(kFaultViewGradient, kFigViewNorm, batch.number));
 }
 
-// ---- Both networks fused --------------------------------------------------------------------------------------------
+// ---- Fused networks -------------------------------------------------------------------------------------------------
 
-void PpoTeam::update_fused(const Rollout& rollout, int k, const float* number) {
-  at::NoGradGuard no_grad;
-  const TeamRollout& r = rollout.team[team_];
+FusedPolicyLoss PpoTeam::fused_policy_loss(const TeamRollout& r) const {
   FusedPolicyLoss policy{.old_log_prob = r.log_prob.const_data_ptr<float>(),
                          .advantage = advantage_.const_data_ptr<float>(),
-                         .clip_coef = config_.clip_coef,
-                         .entropy_coef = entropy_coef_};
+                         .entropy_coef = setting(kEntropyWeight),
+                         .clip_coef = config_.clip_coef};
   if (actor_.actions() == ActionKind::discrete)
     policy.action = r.action.const_data_ptr<int32_t>();
   else
@@ -315,7 +323,21 @@ void PpoTeam::update_fused(const Rollout& rollout, int k, const float* number) {
     policy.advantage_mean = (batch ? batch_mean_ : zero_).const_data_ptr<float>();
     policy.advantage_inv_std = (batch ? batch_inv_std_ : one_).const_data_ptr<float>();
   }
-  fused_->compute_gradients(k, policy,
+  return policy;
+}
+
+void PpoTeam::update_actor_fused(const Rollout& rollout, const Minibatch& batch) {
+  at::NoGradGuard no_grad;
+  const TeamRollout& r = rollout.team[team_];
+  const at::Tensor& sums = fused_actor_->compute(r.obs, r.alive, batch.states, fused_policy_loss(r));
+  sum_(sums);
+  parallel_for_.run(policy_note(sums.const_data_ptr<float>(), batch.number), 1);
+  step_actor(batch.number);
+}
+
+void PpoTeam::update_fused(const Rollout& rollout, int k, const float* number) {
+  at::NoGradGuard no_grad;
+  fused_->compute_gradients(k, fused_policy_loss(rollout.team[team_]),
                             {.old_value = value_.const_data_ptr<float>(),
                              .returns = returns_.const_data_ptr<float>(),
                              .value_mean = value_norm_.mean().const_data_ptr<float>(),

@@ -50,6 +50,8 @@ class PpoTeam {
   }
   /// Why LibTorch computes the update, and not the fused kernels; empty where these do.
   const std::string& plain_because() const { return plain_because_; }
+  /// Whether they compute the actor's part of it then.
+  bool actor_is_fused() const { return fused_actor_ != nullptr; }
 
   /// For the steps from here on. Before the first call, step sizes are 0 and the entropy bonus has the config's weight.
   void set(const StepSettings& settings);
@@ -116,8 +118,12 @@ class PpoTeam {
     at::Tensor inv_count;  // [1] 1 / living rows, of all ranks; undefined until it is learned from
   };
   ValueError value_error() const;
+  FusedPolicyLoss fused_policy_loss(const TeamRollout& rollout) const;
+  void update_actor_fused(const Rollout& rollout, const Minibatch& batch);
   void update_fused(const Rollout& rollout, int k, const float* number);
-  Minibatch minibatch_of(const Rollout& rollout, const at::Tensor& states, const float* number) const;
+  /// `with_obs`: the kernel of an actor reads them where they lie.
+  Minibatch minibatch_of(const Rollout& rollout, const at::Tensor& states, const float* number,
+                         bool with_obs = true) const;
   void learn_from(const Rollout& rollout, Minibatch batch);
   at::Tensor inverse_count(const at::Tensor& weight) const;
   void step_actor(const float* minibatch);
@@ -157,12 +163,12 @@ class PpoTeam {
   Critic critic_;
   Adam actor_adam_, critic_adam_;
   std::string plain_because_;
-  std::unique_ptr<FusedUpdate> fused_;             // null: LibTorch
-  std::unique_ptr<ViewTeacher> teacher_;           // null: mappo.view_coef is 0
-  std::unique_ptr<RecordedMinibatches> recorded_;  // null: LibTorch's work is queued kernel by kernel
-  RunningNorm value_norm_;                         // size 1; stays 0 and 1 where it is off
-  float entropy_coef_;                             // for the fused kernels, which take it by value
-  // What recorded minibatches read of the device's memory.
+  std::unique_ptr<FusedUpdate> fused_;               // null: LibTorch
+  std::unique_ptr<FusedActorGradient> fused_actor_;  // beside a critic by LibTorch; null: the actor likewise
+  std::unique_ptr<ViewTeacher> teacher_;             // null: mappo.view_coef is 0
+  std::unique_ptr<RecordedMinibatches> recorded_;    // null: LibTorch's work is queued kernel by kernel
+  RunningNorm value_norm_;                           // size 1; stays 0 and 1 where it is off
+  // What the fused kernels and recorded minibatches read of the device's memory.
   enum Setting : int { kActorStepSize, kCriticStepSize, kEntropyWeight, kNSettings };
   const float* setting(Setting k) const { return settings_.const_data_ptr<float>() + k; }
   at::Tensor settings_;  // [kNSettings]
