@@ -50,6 +50,7 @@ class EveryOutput final : public GameObserver {
     }
     want(step.io.done, done_.data());
   }
+  bool repeats_plays() const override { return true; }
   std::vector<float> obs(int team) const { return team_[team].obs.to_host(); }
   /// The first and the last images of a team, of which there may be more than the host has room for.
   std::vector<uint8_t> some_images(int team, Memory& memory) const {
@@ -115,7 +116,8 @@ BenchResult play(const BenchOptions& options, Device device, const LoadedRun& ru
   measure(
       options,
       [&](int64_t n) {
-        game.play(n);
+        // In plays that are as long, so that they are recorded.
+        for (int64_t left = n; left > 0; left -= kPlaySteps) game.play(std::min(left, kPlaySteps));
         sim->synchronize();
         steps_made += n;
         return Work{static_cast<double>(sim->agents_per_step()) * static_cast<double>(n), 0, 0};

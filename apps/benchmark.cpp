@@ -95,6 +95,7 @@ void measure(const BenchOptions& options, const std::function<Work(int64_t)>& pl
       seconds = seconds_of_steps();
     }
     steps = std::max<int64_t>(1, std::llround(static_cast<double>(steps) * kRepeatSeconds / seconds));
+    if (steps > kPlaySteps) steps -= steps % kPlaySteps;
   }
   result.steps = steps;
   for (int k = 0; k < options.repeats; ++k) {

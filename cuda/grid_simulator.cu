@@ -4,6 +4,7 @@
 
 #include "cuda/check.cuh"
 #include "cuda/grid_executor.hpp"
+#include "cuda/recorded_work.hpp"
 #include "cuda/runtime.hpp"
 #include "cuda/worlds.cuh"
 
@@ -178,6 +179,11 @@ class CudaGridSimulator final : public GridLaunchingSimulator {
     GIGA_CUDA(cudaSetDevice(index_));
     GIGA_CUDA(cudaStreamSynchronize(stream_));
     check_full_lists();
+  }
+
+  std::unique_ptr<RecordedWork> record(size_t most_beside, const std::function<void(Recording&)>& work) override {
+    // The default stream cannot be captured.
+    return stream_ ? record_work(index_, stream_, most_beside, work) : nullptr;
   }
 
  protected:
