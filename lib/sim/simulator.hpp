@@ -10,9 +10,9 @@
 
 #include "core/memory.hpp"
 #include "core/named_array.hpp"
-#include "sim/params.hpp"
 #include "sim/recorded_work.hpp"
 #include "sim/schedule.hpp"
+#include "sim/spec.hpp"
 #include "sim/world.hpp"
 
 namespace giga {

@@ -1,4 +1,4 @@
-#include "sim/params.hpp"
+#include "sim/spec.hpp"
 
 #include <algorithm>
 #include <cmath>
