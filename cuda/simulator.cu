@@ -4,6 +4,7 @@
 #include "cuda/executor.hpp"
 #include "cuda/recorded_work.hpp"
 #include "cuda/runtime.hpp"
+#include "cuda/step_kernel.hpp"
 #include "cuda/tile_kernel.cuh"
 #include "cuda/worlds.cuh"
 #include "sim/usual_params.hpp"
@@ -41,8 +42,11 @@ class CudaSimulator final : public LaunchingSimulator {
       : LaunchingSimulator(std::move(spec), options, cuda_memory(index)),
         index_(index),
         stream_(static_cast<cudaStream_t>(stream)),
-        partial_(memory(), static_cast<size_t>(kStatBlocks) * kNStatRows) {}
+        partial_(memory(), static_cast<size_t>(kStatBlocks) * kNStatRows) {
+    choose_step();
+  }
 
+  std::string step_way() const override { return step_way_; }
   bool over() override { return n_lists() > kListsLater && counts_.at(n_lists() - 1 - kListsLater) == 0; }
 
   EpisodeStats take_stats() override {
@@ -89,6 +93,22 @@ class CudaSimulator final : public LaunchingSimulator {
   }
 
  private:
+  /// Decides by which kernel worlds step.
+  void choose_step() {
+    bool usual = false;
+    with_usual_params<true>(params(), [&]<class P>(const P&) { usual = P::kTeam > 0; });
+    const bool compiles =
+        options_.compile_step == CompileStep::always || (options_.compile_step == CompileStep::automatic && !usual);
+    std::string report = "none was to be compiled for this scenario";
+    if (compiles) step_kernel_ = StepKernel::make(params(), n_worlds(), index_, report);
+    if (step_kernel_)
+      step_way_ = cat("a kernel for this scenario (", report, ")");
+    else if (usual)
+      step_way_ = compiles ? cat("a kernel for usual scenarios (", report, ")") : "a kernel for usual scenarios";
+    else
+      step_way_ = cat("the general kernel (", report, ")");
+  }
+
   template <Job job>
   void draw(const Launch& k) {
     const DrawShape s = draw_shape(params(), n_worlds());
@@ -99,6 +119,7 @@ class CudaSimulator final : public LaunchingSimulator {
   template <Job job>
   void launch(const Launch& k) {
     constexpr bool kStep = job == Job::step;
+    if (kStep && step_kernel_) return step_kernel_->launch(k, stream_);
     const LaunchShape& s = shape(kStep);
     if (s.tiles)
       with_usual_params<kStep>(k.params, [&]<class P>(const P& p) {
@@ -113,6 +134,8 @@ class CudaSimulator final : public LaunchingSimulator {
 
   int index_;
   cudaStream_t stream_;
+  std::unique_ptr<StepKernel> step_kernel_;  // null: one of those below
+  std::string step_way_;
   Buffer<double> partial_;
   RecentCounts counts_;  // of the worlds that play, at the last lists
 };

@@ -71,6 +71,9 @@ struct FixedParams : TeamParams<kFixed.team_0, kFixed.team_1> {
   static constexpr bool obstacles_block_sight = kFixed.obstacles_block_sight;
   static constexpr bool sight_3d = kFixed.sight_3d;
   GIGA_HD static constexpr bool original() { return rules == Rules::original; }
+
+  /// Whether a scenario is so.
+  static bool fits(const SimParams& p) { return p.team_after_team && fixed_values(p) == kFixed; }
 };
 
 }  // namespace giga
