@@ -10,7 +10,8 @@
 
 namespace giga {
 
-/// Agents of a world up to which its step is compiled; from here on threads would have to keep too much in memory.
+/// Agents of a world up to which its step is compiled: as many as usual kernels have. Those of more have no registers
+/// left for all that is known of them at once.
 constexpr int kMostFixedAgents = 40;
 constexpr const char* kFixedStepName = "fixed_step";  ///< of the kernel
 
