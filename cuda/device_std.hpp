@@ -13,6 +13,7 @@ using uint32_t = unsigned int;
 using int64_t = long;
 using uint64_t = unsigned long;
 using uintptr_t = unsigned long;
+static_assert(sizeof(int64_t) == 8);
 
 namespace std {
 

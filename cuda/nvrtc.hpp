@@ -1,6 +1,7 @@
 // Nvrtc: NVIDIA's compiler of CUDA code at run time, which is loaded where it is found.
 #pragma once
 
+#include <cstddef>
 #include <string>
 #include <utility>
 #include <vector>

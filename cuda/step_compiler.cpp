@@ -4,6 +4,8 @@
 #include <chrono>
 #include <cstdio>
 #include <sstream>
+#include <type_traits>
+#include <utility>
 
 #include "core/error.hpp"
 #include "cuda/executor.hpp"

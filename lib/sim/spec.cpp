@@ -1,3 +1,4 @@
+// What a spec derives from its tables.
 #include "sim/spec.hpp"
 
 #include <algorithm>

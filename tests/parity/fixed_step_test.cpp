@@ -76,7 +76,7 @@ TEST_P(FixedStepGpu, CompiledIsTheGeneral) {
   const OddScenario odd = GetParam();
   for (int variant = 0; variant < kOddVariants; ++variant) {
     const SimSpec spec = odd_spec(odd, static_cast<uint64_t>(variant));
-    SimOptions options = odd_options(odd, variant, 40);
+    SimOptions options = odd_options(odd, variant, parity_is_small() ? 2 : 40);
     SimRunner general(make_cuda_simulator(spec, options, 0), Outputs::all, odd_row_step(variant));
     options.compile_step = CompileStep::always;
     SimRunner fixed(make_cuda_simulator(spec, options, 0), Outputs::all, odd_row_step(variant));

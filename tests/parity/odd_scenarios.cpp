@@ -1,3 +1,4 @@
+// The scenarios of odd_scenarios.hpp.
 #include "parity/odd_scenarios.hpp"
 
 #include <algorithm>
