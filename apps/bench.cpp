@@ -119,6 +119,7 @@ Json result_json(const BenchResult& r, const std::optional<Earlier>& earlier) {
     json["weak_scaling_by_quartiles"] = {scaling.low, scaling.high};
   }
   if (!r.closed_loop_arithmetic.empty()) json["closed_loop_arithmetic"] = r.closed_loop_arithmetic;
+  if (!r.step_way.empty()) json["step"] = r.step_way;
   if (r.bytes > 0) json["bytes_per_agent_step"] = r.bytes;
   if (r.copy_rate > 0) {
     json["copy_rate_bytes_per_second"] = r.copy_rate;
@@ -153,6 +154,7 @@ std::string result_lines(const BenchResult& r, bool proof, const std::optional<E
                   100 * scaling.median, r.ranks, r.one_rank->worlds, 100 * scaling.low, 100 * scaling.high);
     text += indent + line;
   }
+  if (!r.step_way.empty()) text += indent + "worlds step by " + r.step_way + "\n";
   if (r.bytes > 0) {
     std::snprintf(line, sizeof line, "at least %.0f bytes an agent-step", r.bytes);
     text += indent + line;
@@ -282,6 +284,20 @@ void add_precision_option(CLI::App& command, const std::string& name, Precision&
       ->type_name(join(names, "|"));
 }
 
+void add_compile_option(CLI::App& command, CompileStep& compile) {
+  const std::vector<std::string> names = FieldCodec<CompileStep>::names();
+  command
+      .add_option_function<std::string>(
+          "--compile-step",
+          [names, &compile](const std::string& value) {
+            compile = static_cast<CompileStep>(std::find(names.begin(), names.end(), value) - names.begin());
+          },
+          "whether a GPU compiles the step for the scenario; as train.compile_step")
+      ->transform(value_of<std::string>(one_of(names)))
+      ->default_str(FieldCodec<CompileStep>::print(compile))
+      ->type_name(join(names, "|"));
+}
+
 /// A benchmark of a learner, which takes a config.
 CLI::App* add_learner(CLI::App& parent, Dispatch& dispatch, const std::string& kind, const std::string& config,
                       const std::string& description, Measure measure_one) {
@@ -323,6 +339,7 @@ void add_bench_command(CLI::App& app, Dispatch& dispatch) {
   CLI::App* simulation =
       add_kind(*command, dispatch, sim, "sim", "simulation with random actions, every observation written", bench_sim);
   add_seed_option(*simulation, sim->seed);
+  add_compile_option(*simulation, sim->compile_step);
   simulation->add_flag("--nothing-stored", sim->nothing_stored,
                        "worlds alone: neither observations nor rewards are written");
   simulation->footer(
@@ -342,6 +359,7 @@ void add_bench_command(CLI::App& app, Dispatch& dispatch) {
       ->type_name("N,...");
   add_precision_option(*closed, "--precision", loop->precision);
   add_seed_option(*closed, loop->seed);
+  add_compile_option(*closed, loop->compile_step);
   closed->footer("Example:\n  gigastep bench closed-loop --scenario identical_5_vs_5 --hidden 256,256");
 
   CLI::App* train =

@@ -80,6 +80,7 @@ LoadedRun bench_run(const BenchOptions& options, int worlds) {
   run.config.seed = options.seed;
   run.config.train.n_worlds = worlds;
   run.config.train.precision = options.precision;
+  run.config.train.compile_step = options.compile_step;
   run.config.mappo.actor.hidden = options.hidden;
   run.scenario = load_scenario(options.scenario, data_dirs());
   run.spec = compile(run.scenario);
@@ -104,8 +105,10 @@ BenchResult play(const BenchOptions& options, Device device, const LoadedRun& ru
   SimOptions sim_options;
   sim_options.n_worlds = result.worlds;
   sim_options.seed = seed_of(options.seed, Purpose::bench);
+  sim_options.compile_step = run.config.train.compile_step;
   void* const stream = current_stream(device);
   const auto sim = make_simulator(run.spec, sim_options, device, stream);
+  result.step_way = sim->step_way();
   const ParallelFor parallel_for(device, 0, stream);
   std::optional<EveryOutput> output;
   std::vector<GameObserver*> observers;

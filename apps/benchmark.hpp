@@ -20,12 +20,13 @@ struct BenchOptions {
   std::string device = "auto";
   int64_t steps = 0;  ///< per repeat; 0 = about half a second of them
   int repeats = 7;
-  uint64_t seed = 0;                              ///< of sim and closed-loop
-  bool nothing_stored = false;                    ///< sim: neither observations nor rewards are written
-  std::vector<int> hidden = {64, 64};             ///< closed-loop: of both policies
-  Precision precision = TrainConfig{}.precision;  ///< of a closed loop
-  std::string config = "mappo";                   ///< train and es
-  std::vector<std::string> overrides;             ///< train and es
+  uint64_t seed = 0;                                      ///< of sim and closed-loop
+  bool nothing_stored = false;                            ///< sim: neither observations nor rewards are written
+  std::vector<int> hidden = {64, 64};                     ///< closed-loop: of both policies
+  Precision precision = TrainConfig{}.precision;          ///< of a closed loop
+  CompileStep compile_step = TrainConfig{}.compile_step;  ///< sim and closed-loop
+  std::string config = "mappo";                           ///< train and es
+  std::vector<std::string> overrides;                     ///< train and es
   std::string json;
   std::string compare;      ///< results of an earlier call, as its --json wrote them; empty: none
   bool proof = false;       ///< print BenchResult::checks
@@ -43,6 +44,7 @@ struct BenchResult {
   std::string scenario;
   std::string arithmetic;              ///< of the networks' matrix products, or of the simulation where there are none
   std::string closed_loop_arithmetic;  ///< es: of the closed loop beside it
+  std::string step_way;                ///< Simulator::step_way
   int worlds = 0;
   int64_t steps = 0;          ///< per repeat; training: updates, es: generations
   std::vector<double> rates;  ///< agent-steps per second of each repeat, sorted

@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "sim/params.hpp"
+#include "sim/spec.hpp"
 
 namespace giga {
 

@@ -199,6 +199,7 @@ void Training::go_on(const Checkpoint& from) {
 int Training::run() {
   const StopRequest signals;
   if (const std::string ways = learner_->ways(); !ways.empty()) log_.info(ways);
+  if (const std::string way = learner_->step_way(); !way.empty()) log_.info("worlds step by " + way);
   const Watcher watcher([this] { look(); });
   while (!complete()) {
     if (const int code = exit_code_of_stop()) return stop_early(code);

@@ -4,64 +4,18 @@
 #include "cuda/executor.hpp"
 #include "cuda/recorded_work.hpp"
 #include "cuda/runtime.hpp"
+#include "cuda/step_kernel.hpp"
+#include "cuda/tile_kernel.cuh"
 #include "cuda/worlds.cuh"
 #include "sim/usual_params.hpp"
 
 namespace giga {
 namespace {
 
-// Blocks of TileLanes per multiprocessor, which bounds a thread's registers. With the staged rows of teams of five the
-// shared memory holds five blocks, of larger teams four. Measured on an H200, G agent-steps/s of 2 vs 2 at 5 and 6
-// blocks: 3.83, 4.30; before, at 5 and 8: 3.45, 3.04. Four blocks of five warps leave a thread 96 registers, five 72.
-template <class P>
-constexpr int kTileBlocks = kBlockIsGroup<P> ? 4
-                            : P::kTeam == 2  ? 6
-                            : P::kTeam > 0   ? 5
-                                             : 8;
-
-// Bulk copies of the tensor memory accelerator, compute capability 9.0 and later.
-struct BulkCopies {
-#if __CUDA_ARCH__ >= 900
-  __device__ void before_sending() const { asm volatile("fence.proxy.async.shared::cta;" ::: "memory"); }
-  __device__ void send(float* to, const float* from, int count) const {
-    asm volatile("cp.async.bulk.global.shared::cta.bulk_group [%0], [%1], %2;" ::"l"(__cvta_generic_to_global(to)),
-                 "r"(static_cast<uint32_t>(__cvta_generic_to_shared(from))),
-                 "r"(count * static_cast<int>(sizeof(float)))
-                 : "memory");
-    asm volatile("cp.async.bulk.commit_group;" ::: "memory");
-  }
-  __device__ void wait_sent() const { asm volatile("cp.async.bulk.wait_group.read 0;" ::: "memory"); }
-  __device__ void wait_delivered() const {
-    asm volatile("cp.async.bulk.wait_group 0;" ::: "memory");
-    asm volatile("fence.proxy.async.global;" ::: "memory");
-  }
-#else
-  __device__ void before_sending() const {}
-  __device__ void send(float* to, const float* from, int count) const {
-    for (int k = 0; k < count; k += 4) *reinterpret_cast<float4*>(to + k) = *reinterpret_cast<const float4*>(from + k);
-  }
-  __device__ void wait_sent() const {}
-  __device__ void wait_delivered() const {}
-#endif
-};
-struct WarpSync : BulkCopies {
-  __device__ void wait() const { __syncwarp(); }
-  __device__ bool any(bool flag) const { return __any_sync(0xFFFFFFFFu, flag); }
-};
-struct BlockSync : BulkCopies {
-  __device__ void wait() const { __syncthreads(); }
-  __device__ bool any(bool flag) const { return __syncthreads_or(flag); }
-};
-
-__device__ ThreadIndex this_thread() {
-  return {static_cast<int>(blockIdx.x), static_cast<int>(gridDim.x), static_cast<int>(threadIdx.x),
-          static_cast<int>(blockDim.x)};
-}
-
 template <Job job, class P>
 __global__ void __launch_bounds__(kTileThreads<P>, kTileBlocks<P>) tile_kernel(const __grid_constant__ LaunchOf<P> k) {
   extern __shared__ __align__(16) char shared[];
-  run_tile_thread<job>(k, this_thread(), shared, std::conditional_t<kBlockIsGroup<P>, BlockSync, WarpSync>{});
+  run_tile_thread<job>(k, this_thread(), shared, TileSync<P>{});
 }
 
 template <Job job, bool in_shared>
@@ -88,8 +42,11 @@ class CudaSimulator final : public LaunchingSimulator {
       : LaunchingSimulator(std::move(spec), options, cuda_memory(index)),
         index_(index),
         stream_(static_cast<cudaStream_t>(stream)),
-        partial_(memory(), static_cast<size_t>(kStatBlocks) * kNStatRows) {}
+        partial_(memory(), static_cast<size_t>(kStatBlocks) * kNStatRows) {
+    choose_step();
+  }
 
+  std::string step_way() const override { return step_way_; }
   bool over() override { return n_lists() > kListsLater && counts_.at(n_lists() - 1 - kListsLater) == 0; }
 
   EpisodeStats take_stats() override {
@@ -136,6 +93,22 @@ class CudaSimulator final : public LaunchingSimulator {
   }
 
  private:
+  /// Decides by which kernel worlds step.
+  void choose_step() {
+    bool usual = false;
+    with_usual_params<true>(params(), [&]<class P>(const P&) { usual = P::kTeam > 0; });
+    const bool compiles =
+        options_.compile_step == CompileStep::always || (options_.compile_step == CompileStep::automatic && !usual);
+    std::string report = "none was to be compiled for this scenario";
+    if (compiles) step_kernel_ = StepKernel::make(params(), n_worlds(), index_, report);
+    if (step_kernel_)
+      step_way_ = cat("a kernel for this scenario (", report, ")");
+    else if (usual)
+      step_way_ = compiles ? cat("a kernel for usual scenarios (", report, ")") : "a kernel for usual scenarios";
+    else
+      step_way_ = cat("the general kernel (", report, ")");
+  }
+
   template <Job job>
   void draw(const Launch& k) {
     const DrawShape s = draw_shape(params(), n_worlds());
@@ -146,6 +119,7 @@ class CudaSimulator final : public LaunchingSimulator {
   template <Job job>
   void launch(const Launch& k) {
     constexpr bool kStep = job == Job::step;
+    if (kStep && step_kernel_) return step_kernel_->launch(k, stream_);
     const LaunchShape& s = shape(kStep);
     if (s.tiles)
       with_usual_params<kStep>(k.params, [&]<class P>(const P& p) {
@@ -160,6 +134,8 @@ class CudaSimulator final : public LaunchingSimulator {
 
   int index_;
   cudaStream_t stream_;
+  std::unique_ptr<StepKernel> step_kernel_;  // null: one of those below
+  std::string step_way_;
   Buffer<double> partial_;
   RecentCounts counts_;  // of the worlds that play, at the last lists
 };

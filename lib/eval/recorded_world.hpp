@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "io/replay.hpp"
-#include "sim/params.hpp"
+#include "sim/spec.hpp"
 #include "sim/world.hpp"
 
 namespace giga {

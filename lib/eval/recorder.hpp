@@ -11,7 +11,7 @@
 #include "game/game.hpp"
 #include "io/replay.hpp"
 #include "learn/players/mind.hpp"
-#include "sim/params.hpp"
+#include "sim/spec.hpp"
 
 namespace giga {
 

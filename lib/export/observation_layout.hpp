@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "sim/observation_text.hpp"
-#include "sim/params.hpp"
+#include "sim/spec.hpp"
 
 namespace giga {
 

@@ -5,7 +5,7 @@
 #include <optional>
 
 #include "export/array_code.hpp"
-#include "sim/params.hpp"
+#include "sim/spec.hpp"
 
 namespace giga {
 

@@ -71,6 +71,8 @@ class Learner {
 
   /// How it computes where it has several ways: "acts and learns by fused kernels"; empty where there is only one.
   virtual std::string ways() const { return {}; }
+  /// What steps its worlds (Simulator::step_way).
+  virtual std::string step_way() const { return {}; }
   /// Why the device refused to record steps of its games (Game::refusal), which are queued one by one then; empty: it
   /// did not.
   virtual std::string refusal() const { return {}; }

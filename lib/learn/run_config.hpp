@@ -13,6 +13,7 @@
 #include "policy/config.hpp"
 #include "scenario/scenario.hpp"
 #include "scripted/script.hpp"
+#include "sim/simulator.hpp"
 
 namespace giga {
 
@@ -34,6 +35,8 @@ struct FieldCodec<Opponent> {
   static ValueShape shape(const Allowed& allowed);
 };
 
+constexpr std::array<const char*, 3> enum_names(CompileStep) { return {"never", "auto", "always"}; }
+
 /// The most worlds that a run may step in parallel.
 constexpr int kMostWorlds = 16'777'216;
 
@@ -46,6 +49,7 @@ struct TrainConfig {
   int n_threads = 0;
   Precision precision = Precision::tf32;
   bool desynchronize = true;
+  CompileStep compile_step = CompileStep::automatic;
   std::optional<Duration> max_wall_time = std::nullopt;
   std::optional<int64_t> stop_at_agent_steps = std::nullopt;
 };
@@ -72,6 +76,11 @@ void visit_fields(V& v, TrainConfig& c) {
     "2^-11 of a weight are lost to rounding");
   v("desynchronize", c.desynchronize,
     "mappo: the first episodes end at different times, so that the worlds do not reset together");
+  v("compile_step", c.compile_step,
+    "on a GPU, compile the step of the worlds for this scenario at the start, with its parameters as constants: it is "
+    "faster then. That takes some seconds once; the result is kept in $GIGASTEP_CACHE_DIR, else in "
+    "$XDG_CACHE_HOME/gigastep, else in ~/.cache/gigastep. auto: where the program has no kernel for scenarios of this "
+    "kind. The numbers are the same, bit for bit");
   v("max_wall_time", c.max_wall_time, "save and stop after this time of one `train` or `resume`");
   v("stop_at_agent_steps", c.stop_at_agent_steps,
     "evaluate, save and stop once so many agent-steps are done; schedules go by total_agent_steps still", at_least(1));

@@ -9,7 +9,7 @@
 #include "io/replay.hpp"
 #include "play/plain_network.hpp"
 #include "scripted/script.hpp"
-#include "sim/params.hpp"
+#include "sim/spec.hpp"
 
 namespace giga {
 

@@ -4,7 +4,7 @@
 #include <string>
 #include <string_view>
 
-#include "sim/params.hpp"
+#include "sim/spec.hpp"
 
 namespace giga {
 

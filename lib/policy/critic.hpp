@@ -14,7 +14,7 @@
 #include "policy/inputs.hpp"
 #include "policy/network.hpp"
 #include "policy/parameters.hpp"
-#include "sim/params.hpp"
+#include "sim/spec.hpp"
 
 namespace giga {
 

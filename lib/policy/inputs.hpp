@@ -8,6 +8,7 @@
 #include "policy/config.hpp"
 #include "sim/image_rows.hpp"
 #include "sim/row_layout.hpp"
+#include "sim/spec.hpp"
 
 namespace giga {
 

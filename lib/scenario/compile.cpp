@@ -6,7 +6,7 @@
 #include <cstdint>
 
 #include "core/error.hpp"
-#include "sim/paths.hpp"
+#include "sim/map_tables.hpp"
 #include "sim/physics.hpp"
 #include "sim/rewards.hpp"
 

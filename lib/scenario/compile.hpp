@@ -2,7 +2,7 @@
 #pragma once
 
 #include "scenario/scenario.hpp"
-#include "sim/params.hpp"
+#include "sim/spec.hpp"
 
 namespace giga {
 

@@ -5,7 +5,7 @@
 
 #include "config/settings.hpp"
 #include "scenario/scenario.hpp"
-#include "sim/params.hpp"
+#include "sim/spec.hpp"
 
 namespace giga {
 

@@ -8,7 +8,6 @@
 
 #include "core/geometry.hpp"
 #include "sim/movement.hpp"
-#include "sim/observation_text.hpp"
 #include "sim/rows.hpp"
 #include "sim/waypoint.hpp"
 
@@ -213,7 +212,6 @@ struct EgocentricView {
   static constexpr ObservationOf of = ObservationOf::agent;
   using Element = float;
   static constexpr ElementType type = ElementType::f32;
-  static std::vector<ObservationPart> describe(const SimParams& p);
 
   GIGA_HD static bool offered(const Parameters auto& p) { return p.egocentric_view; }
   GIGA_HD static ObservationShape shape(const Parameters auto& p) { return view_size(p); }
@@ -222,7 +220,7 @@ struct EgocentricView {
   template <class Lanes, class Rows>
   GIGA_HD static void write(const Lanes& lanes, const Parameters auto& p, const World auto& w, int n, Rows&& rows) {
     using P = std::remove_cvref_t<decltype(p)>;
-    if constexpr (!Lanes::kSerial && kStaged<P>) return send_rows(lanes, p, w, n, {rows.of_team(0), rows.of_team(1)});
+    if constexpr (!Lanes::kSerial && staged<P>()) return send_rows(lanes, p, w, n, {rows.of_team(0), rows.of_team(1)});
     lanes.each(n, [&](int e) {
       float* row = rows(e);
       if (row) write_view_surroundings(p, w, e, row);
@@ -239,7 +237,12 @@ struct EgocentricView {
   /// Whether rows pass through shared memory. Teams of 2 and of 20 would lose 5 and 1 % of their rate without the view,
   /// because a thread of theirs has no registers left for this (H200: 2 vs 2 4.66 and 4.44 G agent-steps/s).
   template <class P>
-  static constexpr bool kStaged = P::kAgents == 10 || P::kAgents == 20;
+  static constexpr bool staged() {
+    if constexpr ((P::kAgents == 10 || P::kAgents == 20) && P::kAgents == 2 * P::kTeam)
+      return (kMostNumbers + 7) / 8 * 8 + 4 <= kStageRow<P>;  // else rows tell of too few agents
+    else
+      return false;
+  }
 
   /// Numbers of a row with the zeros behind it, as RowLayout has them; from one staged row to the next there are four
   /// more, so that the same number of several rows lies in several banks.
@@ -252,7 +255,7 @@ struct EgocentricView {
   template <class Lanes, Parameters P>
   GIGA_HD static void send_rows(const Lanes& lanes, const P& p, const World auto& w, int n,
                                 const TeamRows (&to)[kNTeams]) {
-    static_assert(P::kTeamsEqual && P::kTeam % kStageRows<P> == 0 && (kMostNumbers + 7) / 8 * 8 + 4 <= kStageRow<P>);
+    static_assert(P::kTeam % kStageRows<P> == 0);
     constexpr int kRows = kStageRows<P>, kWorkers = P::n_agents / kRows;  // of a row
     constexpr int kLines = (kViewLines + kWorkers - 1) / kWorkers;        // that one of them sees to
     const int items = view_agents(p), columns = view_size(p), padded = padded_size(p), pitch = padded + 4;

@@ -2,7 +2,6 @@
 #pragma once
 
 #include "sim/map_picture.hpp"
-#include "sim/observation_text.hpp"
 #include "sim/sprites.hpp"
 
 namespace giga {
@@ -38,7 +37,6 @@ struct GlobalImage {
   static constexpr ObservationOf of = ObservationOf::world;
   using Element = uint8_t;
   static constexpr ElementType type = ElementType::u8;
-  static std::vector<ObservationPart> describe(const SimParams& p);
 
   GIGA_HD static bool offered(const Parameters auto& p) { return p.resolution > 0; }
   GIGA_HD static ObservationShape shape(const Parameters auto& p) { return {p.resolution, p.resolution, kChannels}; }

@@ -73,7 +73,6 @@ struct ImageState {
   static constexpr ObservationOf of = ObservationOf::world;
   using Element = int32_t;
   static constexpr ElementType type = ElementType::i32;
-  static std::vector<ObservationPart> describe(const SimParams& p);
 
   GIGA_HD static bool offered(const Parameters auto& p) { return p.resolution > 0; }
   GIGA_HD static ObservationShape shape(const Parameters auto& p) { return offered(p) ? image_state_size(p) : 0; }

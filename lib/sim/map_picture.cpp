@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "sim/map_tables.hpp"
+
 namespace giga {
 namespace {
 

@@ -2,8 +2,6 @@
 // waypoint, which does.
 #pragma once
 
-#include <vector>
-
 #include "sim/image_rows.hpp"
 #include "sim/waypoint.hpp"
 #include "sim/world.hpp"
@@ -26,9 +24,6 @@ GIGA_HD const uint8_t* picture_of(const Parameters auto& p, const World auto& w,
   const int64_t number = static_cast<int64_t>(*w.map) * kNPictures + static_cast<int>(picture);
   return p.maps.pictures + number * picture_stride(p.resolution) + x0 * row_bytes(p.resolution);
 }
-
-/// All pictures of the maps, [n_maps, kNPictures, picture_stride]; empty where a scenario has no images.
-std::vector<uint8_t> make_map_pictures(const SimParams& p, const std::vector<MapSpec>& maps);
 
 /// The square of the waypoint. All lanes draw the same image, so that they may leave together. The original paints it
 /// black while there is none (Q21).

@@ -173,19 +173,20 @@ std::vector<ObservationPart> describe_image_state(const SimParams& p) {
                    {{"word", "the bits of a number; lib/sim/image_state.hpp has their order"}}}});
 }
 
-}  // namespace
+// The parts of each kind of the table (observations.hpp).
+std::vector<ObservationPart> parts_of(VectorObservation, const SimParams& p) { return present(describe_vector(p)); }
+std::vector<ObservationPart> parts_of(EgocentricView, const SimParams& p) { return present(describe_egocentric(p)); }
+std::vector<ObservationPart> parts_of(StateObservation, const SimParams& p) { return present(describe_state(p)); }
+std::vector<ObservationPart> parts_of(EgoImage, const SimParams& p) { return describe_image(p); }
+std::vector<ObservationPart> parts_of(GlobalImage, const SimParams& p) { return describe_image(p); }
+std::vector<ObservationPart> parts_of(ImageState, const SimParams& p) { return describe_image_state(p); }
 
-std::vector<ObservationPart> VectorObservation::describe(const SimParams& p) { return present(describe_vector(p)); }
-std::vector<ObservationPart> EgocentricView::describe(const SimParams& p) { return present(describe_egocentric(p)); }
-std::vector<ObservationPart> StateObservation::describe(const SimParams& p) { return present(describe_state(p)); }
-std::vector<ObservationPart> EgoImage::describe(const SimParams& p) { return describe_image(p); }
-std::vector<ObservationPart> GlobalImage::describe(const SimParams& p) { return describe_image(p); }
-std::vector<ObservationPart> ImageState::describe(const SimParams& p) { return describe_image_state(p); }
+}  // namespace
 
 std::vector<ObservationPart> describe(Observation kind, const SimParams& p) {
   std::vector<ObservationPart> parts;
   for_each_observation([&](auto row) {
-    if (row.id == kind) parts = row.describe(p);
+    if (row.id == kind) parts = parts_of(row, p);
   });
   return parts;
 }

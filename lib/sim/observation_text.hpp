@@ -1,5 +1,4 @@
-// What the numbers of an observation mean: for manifests of exported policies and for pages. Each kind of observation
-// describes itself (VectorObservation::describe and so on).
+// What the numbers of an observation mean: for manifests of exported policies and for pages.
 #pragma once
 
 #include <string>

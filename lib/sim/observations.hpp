@@ -16,12 +16,11 @@ namespace giga {
 /// The table: calls f with each kind of observation, in the order of the enumeration. A kind K has
 ///   K::id, K::name, K::of, K::Element (what a row is made of) and K::type (the same, as a value)
 ///   K::offered(p), K::shape(p)               whether a scenario has it, and with which shape
-///   K::describe(p)                           what its numbers mean
 ///   K::prepare(p, w, e)                      of an agent: what its row needs, before any row is written
 ///   K::write(lanes, p, w, n, rows)           all rows; rows(e): that of agent e (of the world: e = 0), or null;
 ///                                            rows.of_team(team): those of a team
-/// Those that are drawn (is_drawn) have no prepare and no write; draw_images draws them.
-/// n agents are written, or 0 (then lanes only keep in step).
+/// What its numbers mean is told in sim/observation_text.cpp. Those that are drawn (is_drawn) have no prepare and no
+/// write; draw_images draws them. n agents are written, or 0 (then lanes only keep in step).
 template <class F>
 GIGA_HD constexpr void for_each_observation(F&& f) {
   f(VectorObservation{});

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstdlib>
 
+#include "sim/map_tables.hpp"
 #include "sim/segment_box.hpp"
 
 namespace giga {

@@ -4,7 +4,6 @@
 
 #include <cmath>
 #include <cstdint>
-#include <vector>
 
 #include "core/geometry.hpp"
 #include "sim/world.hpp"
@@ -15,10 +14,6 @@ constexpr int kPathCells = 16;  ///< along a side of the world
 constexpr int kPathGrid = kPathCells * kPathCells;
 constexpr float kPathMargin = 0.25f;          ///< obstacles are grown by this: agents cannot turn on the spot
 constexpr float kPathThroughObstacle = 8.0f;  ///< how much longer a way through an obstacle counts than one beside it
-
-/// Lengths of the shortest ways between the centres of all cells, [kPathGrid, kPathGrid] row = from; counted in
-/// path_unit, at most 65535. Moves lead to the eight neighbors.
-std::vector<uint16_t> make_path_table(float limit_x, float limit_y, const std::vector<Box>& boxes);
 
 GIGA_HD float path_unit(float limit_x, float limit_y) { return (limit_x + limit_y) * (1.0f / 16384.0f); }
 

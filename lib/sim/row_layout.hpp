@@ -1,6 +1,7 @@
 // RowLayout: several observations of an agent side by side in one row of memory.
 #pragma once
 
+#include "sim/spec.hpp"
 #include "sim/world.hpp"
 
 namespace giga {

@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "core/error.hpp"
-#include "sim/map_picture.hpp"
+#include "sim/map_tables.hpp"
 #include "sim/rewards.hpp"
 
 namespace giga {

@@ -10,14 +10,21 @@
 
 #include "core/memory.hpp"
 #include "core/named_array.hpp"
-#include "sim/params.hpp"
 #include "sim/recorded_work.hpp"
 #include "sim/schedule.hpp"
+#include "sim/spec.hpp"
 #include "sim/world.hpp"
 
 namespace giga {
 
 struct Redraw;  // sim/image_state.hpp
+
+/// Whether a GPU compiles the step of a scenario for it (cuda/step_compiler.hpp); the numbers are the same.
+enum class CompileStep : uint8_t {
+  never,
+  automatic,  ///< where no kernel of the program has its parameters as constants (sim/usual_params.hpp)
+  always,
+};
 
 struct SimOptions {
   int n_worlds = 1;
@@ -32,6 +39,7 @@ struct SimOptions {
   /// Finds pairs by place also where a world has no more than kMaxAgents agents (rules 17): the same numbers.
   bool grid = false;
   int most_shooters = kMostShooters;  ///< in such worlds: opponents whose fire at one agent is counted
+  CompileStep compile_step = CompileStep::never;
 };
 
 /// Sums over all episodes that ended since the last reading.
@@ -173,6 +181,8 @@ class Simulator {
   /// Draws ego images again from rows of Observation::image_state, all in the memory of the device; the same bytes as
   /// those that were drawn beside these rows.
   virtual void redraw(const Redraw& request) = 0;
+  /// What steps the worlds where there are several ways, in words: "the general kernel (...)"; else empty.
+  virtual std::string step_way() const { return {}; }
   /// Sums of finished episodes since the last call; waits for queued steps.
   virtual EpisodeStats take_stats() = 0;
   /// OnDone::freeze: whether all worlds wait, as far as is known without waiting for the steps queued last: on a GPU it

@@ -2,7 +2,6 @@
 #pragma once
 
 #include "core/geometry.hpp"
-#include "sim/observation_text.hpp"
 #include "sim/vector_observation.hpp"
 #include "sim/world.hpp"
 
@@ -82,7 +81,6 @@ struct StateObservation {
   static constexpr ObservationOf of = ObservationOf::world;
   using Element = float;
   static constexpr ElementType type = ElementType::f32;
-  static std::vector<ObservationPart> describe(const SimParams& p);
 
   GIGA_HD static bool offered(const Parameters auto&) { return true; }
   GIGA_HD static ObservationShape shape(const Parameters auto& p) { return state_size(p); }

@@ -1,7 +1,7 @@
 // UsualParams: parameters of which what most scenarios have in common are constants of the compiler.
 #pragma once
 
-#include "sim/params.hpp"
+#include "sim/team_params.hpp"
 
 namespace giga {
 
@@ -15,13 +15,11 @@ enum class Play {
 
 /// SimParams with what decides about loops and branches fixed, for teams of `kSize0` and `kSize1` agents.
 template <int kSize0, int kSize1 = kSize0, Play kPlay = Play::fight>
-struct UsualParams : SimParams {
-  explicit UsualParams(const SimParams& p) : SimParams(p) {}
+struct UsualParams : TeamParams<kSize0, kSize1> {
+  using Teams = TeamParams<kSize0, kSize1>;
+  explicit UsualParams(const SimParams& p) : Teams(p) {}
   static constexpr ActionKind actions = ActionKind::discrete;
-  static constexpr int kTeam0 = kSize0, kTeam1 = kSize1, kTeam = kTeam0 > kTeam1 ? kTeam0 : kTeam1;
-  static constexpr bool kTeamsEqual = kTeam0 == kTeam1;
-  static constexpr int kAgents = kTeam0 + kTeam1;
-  static constexpr int n_agents = kAgents, n_neighbors = n_agents < 15 ? n_agents : 15;
+  static constexpr int n_neighbors = Teams::kAgents < 15 ? Teams::kAgents : 15;
   static constexpr bool waypoints = kPlay == Play::waypoints;
   static constexpr bool stochastic_communication = kPlay != Play::published;
   static constexpr bool stochastic_detection = stochastic_communication;
@@ -29,18 +27,13 @@ struct UsualParams : SimParams {
   // Hiders are paid for being there, and seekers catch them in every direction.
   static constexpr bool has_idle_reward = kPlay == Play::hide_and_seek;
   static constexpr bool cone_is_full = kPlay == Play::published, damage_cone_is_full = kPlay == Play::hide_and_seek;
-  GIGA_HD bool original() const { return kPlay == Play::published && rules == Rules::original; }
-  GIGA_HD static constexpr int team_of(int i) { return i >= kTeam0 ? 1 : 0; }
-  GIGA_HD static constexpr int first_of(int team) { return team == 0 ? 0 : kTeam0; }
-  GIGA_HD static constexpr int size_of(int team) { return kTeamsEqual || team == 0 ? kTeam0 : kTeam1; }
-  GIGA_HD static constexpr int end_of(int team) { return first_of(team) + size_of(team); }
-  GIGA_HD static constexpr int slot_of(int i) { return i - first_of(team_of(i)); }
+  GIGA_HD bool original() const { return kPlay == Play::published && Teams::rules == Rules::original; }
 
   /// Whether a scenario is so.
   static bool fits(const SimParams& p) {
     // Beside images the original orders rows by pixels (orders_by_pixel), which these kernels do not.
     const bool rules_fit = p.rules == Rules::corrected || (kPlay == Play::published && p.resolution == 0);
-    return p.team_after_team && rules_fit && p.actions == actions && p.n_team[0] == kTeam0 && p.n_team[1] == kTeam1 &&
+    return p.team_after_team && rules_fit && p.actions == actions && p.n_team[0] == kSize0 && p.n_team[1] == kSize1 &&
            p.n_neighbors == n_neighbors && p.waypoints == waypoints && p.has_idle_reward == has_idle_reward &&
            p.stochastic_communication == stochastic_communication && p.stochastic_detection == stochastic_detection &&
            p.obstacle_heights == obstacle_heights && p.obstacles_block_sight == obstacles_block_sight &&

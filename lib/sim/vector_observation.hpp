@@ -8,7 +8,6 @@
 #include "core/lowest_keys.hpp"
 #include "sim/image_rows.hpp"
 #include "sim/lanes.hpp"
-#include "sim/observation_text.hpp"
 #include "sim/rows.hpp"
 #include "sim/waypoint.hpp"
 #include "sim/world.hpp"
@@ -91,8 +90,16 @@ GIGA_HD void rank_by_sorting(const Parameters auto& p, World auto& w, int e) {
   if (!(seen >> e & 1u)) rows[0] = kNobody;
 }
 
+/// Whether the lowest keys that are sorted are those of all rows.
+template <class P>
+constexpr bool ranks_by_sorting() {
+  if constexpr (P::kTeam > 0)
+    return P::kAgents <= kSortedKeys || P::n_neighbors < kSortedKeys;
+  else
+    return false;
+}
 GIGA_HD void rank_neighbors(const Parameters auto& p, World auto& w, int e) {
-  if constexpr (std::remove_cvref_t<decltype(p)>::kTeam > 0)
+  if constexpr (ranks_by_sorting<std::remove_cvref_t<decltype(p)>>())
     rank_by_sorting(p, w, e);
   else
     rank_by_insertion(p, w, e);
@@ -176,7 +183,6 @@ struct VectorObservation {
   static constexpr ObservationOf of = ObservationOf::agent;
   using Element = float;
   static constexpr ElementType type = ElementType::f32;
-  static std::vector<ObservationPart> describe(const SimParams& p);
 
   GIGA_HD static bool offered(const Parameters auto&) { return true; }
   GIGA_HD static ObservationShape shape(const Parameters auto& p) { return neighbor_columns(p) + tail_columns(p); }
@@ -300,8 +306,8 @@ struct VectorObservation {
       const int left = p.end_of(team) - first, count = (kFull && kOneTeam) || left > kRows ? kRows : left;
       deliver(rows, w.stage, count);
       if constexpr (!kOneTeam) {
-        static_assert(kFull);
-        if (count < kRows && team == 0) deliver(to[1], w.stage + count * kPitch, kRows - count);
+        const int here = kFull || P::n_agents - first > kRows ? kRows : P::n_agents - first;  // rows
+        if (count < here && team == 0) deliver(to[1], w.stage + count * kPitch, here - count);
       }
     }
     if (!whole) lanes.each(n > 0 ? n_tail : 0, [&](int k) { write_box_number(p, to, k, table_value(boxes + k)); });

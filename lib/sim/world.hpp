@@ -45,13 +45,14 @@ constexpr int kStageAgents = 4;       ///< so many agents of each row are staged
 constexpr int kStageColumns = kStageAgents * kNeighborFeatures;
 /// With constant teams whole rows are staged: so many numbers each, with room for four boxes, as RowLayout has them;
 /// half of a world's at a time, of a large one 5 or 10 of them, so that enough worlds have room.
+constexpr int stage_row(int n_neighbors, bool waypoints) {
+  return (n_neighbors * kNeighborFeatures + (waypoints ? kWaypointFeatures : 0) + 16 + 7) / 8 * 8;
+}
+constexpr int stage_rows(int n_agents) { return n_agents <= 10 ? n_agents / 2 : n_agents <= 25 ? 5 : 10; }
 template <class P>
-constexpr int kStageRow = (P::n_neighbors * kNeighborFeatures + (P::waypoints ? kWaypointFeatures : 0) + 16 + 7) / 8 *
-                          8;
+constexpr int kStageRow = stage_row(P::n_neighbors, P::waypoints);
 template <class P>
-constexpr int kStageRows = P::kAgents <= 10   ? P::kAgents / 2
-                           : P::kAgents <= 25 ? 5
-                                              : 10;
+constexpr int kStageRows = stage_rows(P::kAgents);
 constexpr int kNearestAgents = 5;  ///< agents that an egocentric view tells of
 
 /// What happened to an agent in this step.
@@ -74,12 +75,23 @@ enum class Done : uint8_t {
   truncated,   ///< the time limit: the game would have gone on, so bootstrap from the final observation
 };
 
+/// Numbers of the stage of a world of p.
+template <Parameters P>
+GIGA_HD size_t staged_numbers(const P& p) {
+  if constexpr (P::kTeam > 0)
+    return static_cast<size_t>(kStageRows<P> * kStageRow<P>);
+  else
+    return static_cast<size_t>(p.n_agents) * kStageColumns;
+}
+
 /// Bytes of scratch that a world of p needs, and the carving of a 16-byte aligned block of that size.
 struct ScratchLayout {
   size_t features, stage, terms, neighbor_distance, dir_x, dir_y, taken, reward, next, hears, counts, neighbors,
       was_alive, flags, nearest_agents, size;
 
-  GIGA_HD explicit ScratchLayout(const Parameters auto& p) {
+  GIGA_HD explicit ScratchLayout(const Parameters auto& p) : ScratchLayout(p, staged_numbers(p)) {}
+  /// `staged`: numbers of the stage.
+  GIGA_HD ScratchLayout(const Parameters auto& p, size_t staged) {
     const size_t n = static_cast<size_t>(p.n_agents);
     size_t at = 0;
     const auto take = [&at](size_t bytes) {
@@ -96,9 +108,6 @@ struct ScratchLayout {
     reward = take(4 * n);
     next = take(4 * n * 3);
     hears = take(4 * n * static_cast<size_t>(words_for(p.n_agents)));
-    using P = std::remove_cvref_t<decltype(p)>;
-    size_t staged = n * kStageColumns;
-    if constexpr (P::kTeam > 0) staged = static_cast<size_t>(kStageRows<P> * kStageRow<P>);
     if (at < stage + 4 * staged) at = stage + 4 * staged;
     dir_x = take(4 * n);
     dir_y = take(4 * n);

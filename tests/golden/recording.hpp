@@ -7,7 +7,7 @@
 #include "config/document.hpp"
 #include "golden/hdf5_file.hpp"
 #include "sim/draws.hpp"
-#include "sim/params.hpp"
+#include "sim/spec.hpp"
 
 namespace giga::golden {
 

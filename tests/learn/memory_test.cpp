@@ -38,7 +38,8 @@ LoadedRun load_sized(const MemorySettings& s, int64_t size) {
   const std::string scenario = cat("max_episode_length: 100\n", s.scenario,
                                    "team_0: [{type: default, count: 5}]\nteam_1: [{type: default, count: 5}]\n");
   LoadedRun run = load_run_config_text(
-      cat("seed: 1\ntrain: {n_threads: 1", s.train, "}\neval: {episodes: 8}\n", s.algorithm), scenario);
+      cat("seed: 1\ntrain: {n_threads: 1, compile_step: never", s.train, "}\neval: {episodes: 8}\n", s.algorithm),
+      scenario);
   algorithm_of(run.config).set_size(run.config, size);
   return run;
 }

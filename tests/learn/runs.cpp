@@ -26,10 +26,10 @@ LoadedRun SmallRun::load() const {
   const auto with = [](const std::string& keys) { return keys.empty() ? "" : ", " + keys; };
   const bool evolves = train.find("algorithm") != std::string::npos;
   const std::string worlds = evolves ? "" : "n_worlds: 24, total_agent_steps: 100000, ";
-  const std::string config =
-      cat("seed: ", seed, "\ntrain: {", worlds, "n_threads: ", n_threads, ", precision: ", precision, with(train),
-          "}\nmappo: {horizon: 8, n_epochs: 2, n_minibatches: 4, actor: {", actor, "}, critic: {", critic, "}",
-          with(mappo), "}\n", more);
+  const std::string config = cat("seed: ", seed, "\ntrain: {", worlds, "n_threads: ", n_threads,
+                                 ", compile_step: never, precision: ", precision, with(train),
+                                 "}\nmappo: {horizon: 8, n_epochs: 2, n_minibatches: 4, actor: {", actor,
+                                 "}, critic: {", critic, "}", with(mappo), "}\n", more);
   std::string text = scenario;
   for (const auto& [key, value] : {std::pair{"limit_x", "6"},
                                    {"limit_y", "6"},

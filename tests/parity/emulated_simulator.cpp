@@ -9,6 +9,7 @@
 #include "core/error.hpp"
 #include "cuda/draw.hpp"
 #include "cuda/grid_executor.hpp"
+#include "parity/odd_scenarios.hpp"
 #include "sim/usual_params.hpp"
 
 namespace giga::test {
@@ -35,16 +36,25 @@ struct EmulatedSync {
   void wait_delivered() const {}
 };
 
+/// Calls f with the parameters of an odd scenario as constants, as a GPU compiles them.
+template <class F>
+void with_odd_params(const SimParams& p, F&& f) {
+  [&]<size_t... kAt>(std::index_sequence<kAt...>) { with_params_as<FixedParams<kOddScenarios[kAt].values>...>(p, f); }
+  (std::make_index_sequence<std::size(kOddScenarios)>{});
+}
+
 class EmulatedSimulator final : public LaunchingSimulator {
  public:
   EmulatedSimulator(SimSpec spec, const SimOptions& options, ThreadOrder order)
       : LaunchingSimulator(std::move(spec), options, host_memory()),
         order_(order),
+        compiled_(options.compile_step == CompileStep::always),
+        step_shape_(compiled_ ? fixed_shape(params(), n_worlds()) : shape(true)),
         threads_(shape(false).threads),
-        step_threads_(shape(true).threads),
+        step_threads_(step_shape_.threads),
         draw_threads_(params().resolution > 0 ? kWarp : 0),
         shared_(host_memory(),
-                kSharedGuardBytes + std::max({shape(true).shared_bytes, shape(false).shared_bytes, draw_bytes()})) {}
+                kSharedGuardBytes + std::max({step_shape_.shared_bytes, shape(false).shared_bytes, draw_bytes()})) {}
 
   bool over() override { return n_lists() > 0 && *n_playing() == 0; }
   void redraw(const Redraw& request) override {
@@ -58,6 +68,11 @@ class EmulatedSimulator final : public LaunchingSimulator {
       });
   }
   EpisodeStats take_stats() override { return take_host_stats(state_.view(), n_worlds()); }
+  std::string step_way() const override {
+    bool fixed = false;
+    if (compiled_) with_odd_params(params(), [&]<class P>(const P&) { fixed = P::kTeam > 0; });
+    return fixed ? "a kernel for this scenario" : "";
+  }
 
  protected:
   void run(const Jobs& jobs, const StepIo& io, Worlds worlds) override {
@@ -83,7 +98,7 @@ class EmulatedSimulator final : public LaunchingSimulator {
   template <Job job>
   void launch(const Launch& k) {
     constexpr bool kStep = job == Job::step;
-    const LaunchShape& s = shape(kStep);
+    const LaunchShape& s = kStep ? step_shape_ : shape(false);
     LockstepThreads& threads = kStep ? step_threads_ : threads_;
     const EmulatedSync sync{&threads};
     if (k.scratch) std::memset(k.scratch, kPoison, global_scratch_bytes(params(), n_worlds()));
@@ -91,10 +106,12 @@ class EmulatedSimulator final : public LaunchingSimulator {
       with_shared(block, s.shared_bytes, [&](char* shared) {
         threads.run(s.group, order_, [&](int thread) {
           const ThreadIndex at{block, s.blocks, thread, s.threads};
-          if (s.tiles)
-            with_usual_params<kStep>(k.params,
-                                     [&](const auto& p) { run_tile_thread<job>(k.with(p, s), at, shared, sync); });
-          else if (s.in_shared)
+          const auto run_tile = [&](const auto& p) { run_tile_thread<job>(k.with(p, s), at, shared, sync); };
+          if (s.tiles) {
+            if constexpr (kStep)
+              if (compiled_) return with_odd_params(k.params, run_tile);
+            with_usual_params<kStep>(k.params, run_tile);
+          } else if (s.in_shared)
             run_block_thread<job, true>(k, at, shared, sync);
           else
             run_block_thread<job, false>(k, at, shared, sync);
@@ -128,6 +145,8 @@ class EmulatedSimulator final : public LaunchingSimulator {
   }
 
   ThreadOrder order_;
+  bool compiled_;
+  LaunchShape step_shape_;
   LockstepThreads threads_, step_threads_, draw_threads_;
   Buffer<char> shared_;  // of the block that runs, then the guard
 };

@@ -9,7 +9,8 @@
 namespace giga::test {
 
 /// Blocks, threads, shared memory and all that a thread does are those of the GPU back end (cuda/executor.hpp). What
-/// lies in shared memory and in scratch is poisoned before it is used.
+/// lies in shared memory and in scratch is poisoned before it is used. With CompileStep::always the step of an odd
+/// scenario (odd_scenarios.hpp) has its constants, as a GPU compiles it.
 std::unique_ptr<Simulator> make_emulated_simulator(SimSpec spec, const SimOptions& options, ThreadOrder order);
 
 /// On a GPU of so many blocks a step of worlds of many agents is a launch for each of its parts, where there is a group

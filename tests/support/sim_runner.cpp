@@ -201,6 +201,10 @@ void SimRunner::step(uint64_t action_seed) {
   sim_->synchronize();
 }
 
+std::unique_ptr<RecordedWork> SimRunner::record_step() {
+  return sim_->record(0, [this](Recording&) { sim_->queue_step(io_); });
+}
+
 Snapshot SimRunner::snapshot() {
   Snapshot shot;
   shot.n_worlds = static_cast<size_t>(sim_->n_worlds());

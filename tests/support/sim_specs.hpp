@@ -3,7 +3,7 @@
 
 #include <cstdint>
 
-#include "sim/params.hpp"
+#include "sim/spec.hpp"
 
 namespace giga::test {
 

@@ -3,6 +3,7 @@
 
 #include <cmath>
 
+#include "sim/map_tables.hpp"
 #include "sim/paths.hpp"
 #include "support/sim_runner.hpp"
 #include "support/sim_specs.hpp"

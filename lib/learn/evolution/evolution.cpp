@@ -39,6 +39,7 @@ PopulationGamesOptions games_options(const RunConfig& c, const Ranks* ranks) {
   o.seed = seed_of(c.seed, Purpose::training);
   o.n_threads = c.train.n_threads;
   o.max_steps = c.population.max_steps;
+  o.compile_step = c.train.compile_step;
   return o;
 }
 
@@ -80,6 +81,7 @@ class Evolution final : public Learner {
   std::optional<Divergence> divergence() const override { return divergence_; }
   UpdateTimes times() const override { return {clock_->seconds(0, 1), clock_->seconds(1, 2)}; }
   void save_batch(NamedArrays& out) const override;
+  std::string step_way() const override { return games_->simulator().step_way(); }
   std::string refusal() const override { return games_->refusal(); }
   std::vector<HeadlineFigure> headline() const override {
     std::vector<HeadlineFigure> figures = {{"mean fitness", "mean fitness", "fitness_mean"},

@@ -71,6 +71,7 @@ class Mappo final : public Learner {
                  recorder_ ? ", minibatches as CUDA graphs" : "", ", not by fused kernels: ", why);
     return device_.is_cuda() ? "acts and learns by fused kernels" : "learns by fused kernels";
   }
+  std::string step_way() const override { return sim_->step_way(); }
   std::string refusal() const override { return collector_->refusal(); }
   std::vector<HeadlineFigure> headline() const override {
     std::vector<HeadlineFigure> figures = {{"policy loss", nullptr, "policy_loss"},
@@ -147,6 +148,7 @@ void Mappo::make_teams_and_worlds() {
   options.seed = seed_of(config_.seed, Purpose::training);
   options.first_world = ranks_ ? static_cast<int64_t>(ranks_->rank()) * options.n_worlds : 0;
   options.n_threads = config_.train.n_threads;
+  options.compile_step = config_.train.compile_step;
   sim_ = make_simulator(run.spec, options, device_, parallel_for_.stream());
 
   // Not with ranks: where one is gone, NCCL's abort waits for the graphs that hold its sums, and these for the abort.

@@ -1,4 +1,5 @@
-#include "sim/params.hpp"
+// What a spec derives from its tables.
+#include "sim/spec.hpp"
 
 #include <algorithm>
 #include <cmath>

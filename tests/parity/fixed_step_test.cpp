@@ -1,0 +1,114 @@
+// The step with the constants of one scenario against the general code, bit for bit over many episodes: as a GPU
+// compiles it at run time, and as the GPU's threads would run it on the CPU.
+#include <gtest/gtest.h>
+
+#include <memory>
+#include <string>
+
+#include "cuda/nvrtc.hpp"
+#include "cuda/runtime.hpp"
+#include "parity/cases.hpp"
+#include "parity/emulated_simulator.hpp"
+#include "parity/odd_scenarios.hpp"
+#include "support/sim_runner.hpp"
+#include "support/thinning.hpp"
+
+namespace giga::test {
+namespace {
+
+/// Worlds of a block or two, with some left over.
+SimOptions odd_options(const OddScenario& odd, int variant, int n_blocks) {
+  const int n = odd.values.team_0 + odd.values.team_1, per_block = n > 16 ? 160 / n : 4 * (32 / n);
+  return variant_options(0xF1D0, n_blocks * per_block + 1, variant);
+}
+
+constexpr const char* kFixedWay = "a kernel for this scenario";
+
+/// Steps both and compares all that they have written, every `stride` steps.
+void expect_same_steps(SimRunner& general, SimRunner& fixed, int n_steps, int stride, const std::string& where) {
+  ASSERT_EQ(fixed.sim().step_way().substr(0, std::string(kFixedWay).size()), kFixedWay) << where;
+  general.start();
+  fixed.start();
+  for (int k = 0; k < n_steps; ++k) {
+    general.step(static_cast<uint64_t>(k));
+    fixed.step(static_cast<uint64_t>(k));
+    if (k % stride == stride - 1 || k + 1 == n_steps) {
+      ASSERT_EQ(difference(general.snapshot(), fixed.snapshot()), "") << where << ", step " << k;
+    }
+  }
+  const EpisodeStats stats = general.sim().take_stats();
+  expect_same_stats(stats, fixed.sim().take_stats());
+  EXPECT_GT(stats[EpisodeStat::episodes], 0) << where;
+}
+
+/// Dense rows, rows with a gap that nobody may touch, rows with zeros behind; other endings of an episode.
+constexpr int kOddVariants = 6;
+int odd_row_step(int variant) { return variant % 3 == 0 ? 0 : variant % 3 == 1 ? 32 : SimRunner::kZerosBehind; }
+
+const auto kOddName = [](const auto& test) { return test.param.name; };
+
+class FixedStep : public ::testing::TestWithParam<OddScenario> {};
+
+TEST_P(FixedStep, EmulatedIsTheCpus) {
+  const OddScenario odd = GetParam();
+  for (int variant = 0; variant < kOddVariants; ++variant) {
+    const SimSpec spec = odd_spec(odd, static_cast<uint64_t>(variant));
+    SimOptions options = odd_options(odd, variant, 1);
+    SimRunner general(make_cpu_simulator(spec, options), Outputs::all, odd_row_step(variant));
+    options.compile_step = CompileStep::always;
+    SimRunner fixed(make_emulated_simulator(spec, options, static_cast<ThreadOrder>(variant % 3)), Outputs::all,
+                    odd_row_step(variant));
+    expect_same_steps(general, fixed, parity_is_small() ? 24 : 40, 1, cat(odd.name, ", variant ", variant));
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Emulated, FixedStep, ::testing::ValuesIn(kOddScenarios), kOddName);
+
+class FixedStepGpu : public ::testing::TestWithParam<OddScenario> {
+ protected:
+  void SetUp() override {
+    if (cuda_device_count() == 0) GTEST_SKIP() << "skipped: no GPU";
+    if (const Nvrtc nvrtc; !nvrtc.missing().empty()) GTEST_SKIP() << "skipped: " << nvrtc.missing();
+  }
+};
+
+TEST_P(FixedStepGpu, CompiledIsTheGeneral) {
+  const OddScenario odd = GetParam();
+  for (int variant = 0; variant < kOddVariants; ++variant) {
+    const SimSpec spec = odd_spec(odd, static_cast<uint64_t>(variant));
+    SimOptions options = odd_options(odd, variant, parity_is_small() ? 2 : 40);
+    SimRunner general(make_cuda_simulator(spec, options, 0), Outputs::all, odd_row_step(variant));
+    options.compile_step = CompileStep::always;
+    SimRunner fixed(make_cuda_simulator(spec, options, 0), Outputs::all, odd_row_step(variant));
+    const int n_steps = parity_is_small() ? 24 : 300;
+    expect_same_steps(general, fixed, n_steps, 20, cat(odd.name, ", variant ", variant));
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Gpu, FixedStepGpu, ::testing::ValuesIn(kOddScenarios), kOddName);
+
+// Games record their steps.
+TEST(FixedStepRecordedGpu, ReplaysTheCompiledStep) {
+  if (cuda_device_count() == 0) GTEST_SKIP() << "skipped: no GPU";
+  if (const Nvrtc nvrtc; !nvrtc.missing().empty()) GTEST_SKIP() << "skipped: " << nvrtc.missing();
+  const SimSpec spec = odd_spec(kOddScenarios[0], 0);
+  SimOptions options = odd_options(kOddScenarios[0], 0, 40);
+  SimRunner general(make_cuda_simulator(spec, options, 0, work_stream(0)));
+  options.compile_step = CompileStep::always;
+  SimRunner fixed(make_cuda_simulator(spec, options, 0, work_stream(0)));
+  for (SimRunner* runner : {&general, &fixed}) {
+    runner->start();
+    runner->step(0);
+    const std::unique_ptr<RecordedWork> recorded = runner->record_step();
+    ASSERT_NE(recorded, nullptr);
+    for (int k = 0; k < 100; ++k) {
+      runner->sim().begin_steps(1);
+      recorded->queue();
+    }
+    runner->sim().synchronize();
+  }
+  EXPECT_EQ(difference(general.snapshot(), fixed.snapshot()), "");
+}
+
+}  // namespace
+}  // namespace giga::test
