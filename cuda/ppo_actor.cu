@@ -22,7 +22,7 @@ struct ActorMemory {
   float log_std[4];
   float sums[S::kWarps][4 * kLaneSums];
   float advantage_mean, advantage_inv_std, entropy_coef, scale, unscale;  // gradients are `scale` times too large
-  int64_t source[2][S::kRows];                              // of this tile and the next
+  int64_t source[2][S::kRows];                                            // of this tile and the next
 };
 
 template <class S>

@@ -35,7 +35,7 @@ struct Memory {
   float log_std[4];
   float sums[S::kWarps][4 * kLaneSums];
   float advantage_mean, advantage_inv_std, entropy_coef, scale, unscale;  // gradients are `scale` times too large
-  int64_t source[2][S::kRows];                              // of this tile and the next
+  int64_t source[2][S::kRows];                                            // of this tile and the next
   LossRow row[S::kRows];
 };
 
