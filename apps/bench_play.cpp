@@ -87,6 +87,9 @@ LoadedRun bench_run(const BenchOptions& options, int worlds) {
   return run;
 }
 
+/// Steps that are played in one go.
+constexpr int64_t kPlaySteps = 64;
+
 /// Worlds whose present episode is not their first: their clock shows less than the steps made.
 int64_t worlds_reset(Simulator& sim, int64_t steps) {
   std::vector<int32_t> length(static_cast<size_t>(sim.n_worlds()));
@@ -119,13 +122,14 @@ BenchResult play(const BenchOptions& options, Device device, const LoadedRun& ru
   measure(
       options,
       [&](int64_t n) {
-        // In plays that are as long, so that they are recorded.
-        for (int64_t left = n; left > 0; left -= kPlaySteps) game.play(std::min(left, kPlaySteps));
+        const int64_t at_once = n % kPlaySteps == 0 ? kPlaySteps : n;  // plays of one length are recorded
+        for (int64_t left = n; left > 0; left -= at_once) game.play(at_once);
         sim->synchronize();
         steps_made += n;
         return Work{static_cast<double>(sim->agents_per_step()) * static_cast<double>(n), 0, 0};
       },
-      result);
+      result, kPlaySteps);
+  if (!game.refusal().empty()) result.step_way += cat("; queued one by one: ", game.refusal());
   result.memory_bytes = memory_in_use(device) - memory_before;
 
   // The proof: episodes ended and began anew; the last observations are numbers and not all the same.

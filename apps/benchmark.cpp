@@ -80,7 +80,8 @@ BenchResult with_one_rank_beside(const BenchOptions& options,
   return result;
 }
 
-void measure(const BenchOptions& options, const std::function<Work(int64_t)>& play, BenchResult& result) {
+void measure(const BenchOptions& options, const std::function<Work(int64_t)>& play, BenchResult& result,
+             int64_t piece) {
   // Warm-up: what is done at first use, and a state in which episodes end all the time.
   int64_t steps = std::max<int64_t>(options.steps, 1);
   const auto seconds_of_steps = [&] {
@@ -95,8 +96,9 @@ void measure(const BenchOptions& options, const std::function<Work(int64_t)>& pl
       seconds = seconds_of_steps();
     }
     steps = std::max<int64_t>(1, std::llround(static_cast<double>(steps) * kRepeatSeconds / seconds));
-    if (steps > kPlaySteps) steps -= steps % kPlaySteps;
+    if (steps > piece) steps -= steps % piece;
   }
+  for (int k = 0; piece > 1 && k < 2; ++k) play(steps % piece == 0 ? piece : steps);
   result.steps = steps;
   for (int k = 0; k < options.repeats; ++k) {
     if (options.joined) options.joined->barrier();

@@ -94,11 +94,11 @@ struct Updates {
 };
 Updates make_updates(Learner& learner, int64_t n);
 
-/// Steps that are played in one go, and are recorded if the back end records; a longer measurement has whole ones.
-constexpr int64_t kPlaySteps = 64;
-
 /// Runs `play(n)`, which does n steps and waits for them, first to warm up and to find the number of steps, then
 /// `repeats` times; fills steps, rates and work. Several ranks do as many steps, by the clock of rank 0.
-void measure(const BenchOptions& options, const std::function<Work(int64_t)>& play, BenchResult& result);
+/// `piece`: where they are done so many at a time, the first such piece by itself and the second recorded, both come
+/// before what is timed, and steps that are not asked for are whole pieces.
+void measure(const BenchOptions& options, const std::function<Work(int64_t)>& play, BenchResult& result,
+             int64_t piece = 1);
 
 }  // namespace giga

@@ -6,7 +6,6 @@
 #include <cstdint>
 #include <cstdio>
 #include <fstream>
-#include <iterator>
 #include <system_error>
 
 #include "core/error.hpp"
@@ -46,7 +45,12 @@ std::optional<std::string> KernelCache::read(const std::string& key) const {
   if (folder_.empty()) return std::nullopt;
   std::ifstream file(file_of(key), std::ios::binary);
   if (!file) return std::nullopt;
-  const std::string text{std::istreambuf_iterator<char>(file), {}};
+  // By read(), which notes an error; the iterators of a stream throw it.
+  std::error_code error;
+  const auto size = std::filesystem::file_size(file_of(key), error);
+  if (error) return std::nullopt;
+  std::string text(size, '\0');
+  if (!file.read(text.data(), static_cast<std::streamsize>(size))) return std::nullopt;
   // The code is what stands behind the key; the file is that of this key and code if it would be written so.
   const size_t at = text.find(key);
   if (at == std::string::npos) return std::nullopt;

@@ -1,4 +1,4 @@
-// KernelCache: compiled kernels in a folder of the user's, so that each is compiled once.
+// KernelCache: compiled kernels in a folder of one user's, so that they are not compiled at each start.
 #pragma once
 
 #include <filesystem>

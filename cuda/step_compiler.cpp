@@ -1,6 +1,7 @@
 // The program of a scenario's step, and its way through cache and compiler.
 #include "cuda/step_compiler.hpp"
 
+#include <algorithm>
 #include <chrono>
 #include <cstdio>
 #include <sstream>
@@ -25,8 +26,12 @@ std::string source_of(const std::string& name) {
   return std::string(*text);
 }
 
-/// What stands first in the compiler's log.
-std::string first_line(const std::string& log) { return log.substr(0, log.find('\n')); }
+/// The first error in the compiler's log, in front of which there may be warnings.
+std::string first_error(const std::string& log) {
+  const size_t error = log.find("error"), end = error == std::string::npos ? std::string::npos : log.rfind('\n', error);
+  const size_t begin = end == std::string::npos ? 0 : end + 1;
+  return log.substr(begin, log.find('\n', begin) - begin);
+}
 
 /// Under which the code of a program is kept: all that it depends on. The headers by their digest.
 std::string key_of(const NvrtcProgram& program, const std::string& scenario, const std::string& version) {
@@ -49,6 +54,8 @@ std::string why_no_fixed_step(const SimParams& p) {
   if (!p.team_after_team) return "the agents of a team are not one behind the other";
   if (p.n_agents > kMostFixedAgents)
     return cat("it has ", p.n_agents, " agents, and steps are compiled for up to ", kMostFixedAgents);
+  if (const int team = std::max(p.n_team[0], p.n_team[1]); team > kMostFixedTeam)
+    return cat("a team has ", team, " agents, and steps are compiled for up to ", kMostFixedTeam);
   // Beside images the original orders rows by pixels (orders_by_pixel), which these kernels do not.
   if (p.original() && p.resolution > 0) return "it has images by the original's rules";
   if (!fixed_shape(p, 1).tiles) return "its worlds do not fit into a block's shared memory";
@@ -87,20 +94,22 @@ NvrtcProgram step_program(const SimParams& p, int compute_capability) {
   return program;
 }
 
-CompiledStep compile_step(const SimParams& p, int compute_capability, const Nvrtc& nvrtc, const KernelCache& cache) {
+CompiledStep compile_step(const SimParams& p, int compute_capability, const Nvrtc& nvrtc, const KernelCache& cache,
+                          bool anew) {
   if (std::string why = why_no_fixed_step(p); !why.empty()) return {{}, std::move(why)};
   if (!nvrtc.missing().empty()) return {{}, nvrtc.missing()};
   const NvrtcProgram program = step_program(p, compute_capability);
   const std::string key = key_of(program, this_scenario(p), nvrtc.version());
-  if (auto code = cache.read(key)) return {std::move(*code), cat("read from ", cache.file_of(key).string())};
+  if (!anew)
+    if (auto code = cache.read(key)) return {std::move(*code), cat("read from ", cache.file_of(key).string()), true};
 
   const auto start = std::chrono::steady_clock::now();
   Nvrtc::Result result = nvrtc.compile(program);
-  if (result.code.empty()) return {{}, "NVRTC " + nvrtc.version() + ": " + first_line(result.log)};
+  if (result.code.empty()) return {{}, "NVRTC " + nvrtc.version() + ": " + first_error(result.log)};
   const std::string report = "compiled in " + seconds_since(start);
   const bool kept = cache.write(key, result.code);
-  return {std::move(result.code),
-          report + (kept ? ", kept in " + cache.folder().string() : std::string(", not kept: no folder to write to"))};
+  return {std::move(result.code), report + (kept ? ", kept in " : ", could not be kept in ") +
+                                      (cache.folder().empty() ? "any folder" : cache.folder().string())};
 }
 
 }  // namespace giga

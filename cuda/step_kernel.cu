@@ -50,16 +50,21 @@ class LoadedStep final : public StepKernel {
 std::unique_ptr<StepKernel> StepKernel::make(const SimParams& p, int n_worlds, int index, std::string& report) {
   const auto environment = [](const char* name) -> const char* { return std::getenv(name); };
   const KernelCache cache(KernelCache::default_folder(environment));
-  const CompiledStep compiled = compile_step(p, cuda_device_info(index).compute_capability, Nvrtc(), cache);
-  report = compiled.report;
-  if (compiled.code.empty()) return nullptr;
+  const int capability = cuda_device_info(index).compute_capability;
+  const Nvrtc nvrtc;
   GIGA_CUDA(cudaSetDevice(index));
-  auto kernel = std::make_unique<LoadedStep>(fixed_shape(p, n_worlds));
-  if (const cudaError_t status = kernel->load(compiled.code); status != cudaSuccess) {
+  // What was kept and is not taken, by another driver perhaps, is compiled once more.
+  for (const bool anew : {false, true}) {
+    const CompiledStep compiled = compile_step(p, capability, nvrtc, cache, anew);
+    report = compiled.report;
+    if (compiled.code.empty()) return nullptr;
+    auto kernel = std::make_unique<LoadedStep>(fixed_shape(p, n_worlds));
+    const cudaError_t status = kernel->load(compiled.code);
+    if (status == cudaSuccess) return kernel;
     report = cat("the GPU does not take what was ", compiled.report, ": ", cudaGetErrorString(status));
-    return nullptr;
+    if (!compiled.cached) break;
   }
-  return kernel;
+  return nullptr;
 }
 
 }  // namespace giga

@@ -77,7 +77,8 @@ void visit_fields(V& v, TrainConfig& c) {
   v("desynchronize", c.desynchronize,
     "mappo: the first episodes end at different times, so that the worlds do not reset together");
   v("compile_step", c.compile_step,
-    "on a GPU, compile the step of the worlds for this scenario at the start, with its parameters as constants: it is "
+    "on a GPU, compile the step of worlds of up to 40 agents for this scenario at the start, with its parameters as "
+    "constants: it is "
     "faster then. That takes some seconds once; the result is kept in $GIGASTEP_CACHE_DIR, else in "
     "$XDG_CACHE_HOME/gigastep, else in ~/.cache/gigastep. auto: where the program has no kernel for scenarios of this "
     "kind. The numbers are the same, bit for bit");

@@ -1,6 +1,7 @@
 // The step with the constants of one scenario against the general code, bit for bit over many episodes: as a GPU
 // compiles it at run time, and as the GPU's threads would run it on the CPU.
 #include <gtest/gtest.h>
+#include <stdlib.h>
 
 #include <memory>
 #include <string>
@@ -10,7 +11,9 @@
 #include "parity/cases.hpp"
 #include "parity/emulated_simulator.hpp"
 #include "parity/odd_scenarios.hpp"
+#include "sim/usual_params.hpp"
 #include "support/sim_runner.hpp"
+#include "support/sim_specs.hpp"
 #include "support/thinning.hpp"
 
 namespace giga::test {
@@ -64,11 +67,15 @@ TEST_P(FixedStep, EmulatedIsTheCpus) {
 
 INSTANTIATE_TEST_SUITE_P(Emulated, FixedStep, ::testing::ValuesIn(kOddScenarios), kOddName);
 
+/// Nothing is kept, so that each test compiles.
+void keep_nothing() { ::setenv("GIGASTEP_CACHE_DIR", "/proc/gigastep", 1); }
+
 class FixedStepGpu : public ::testing::TestWithParam<OddScenario> {
  protected:
   void SetUp() override {
     if (cuda_device_count() == 0) GTEST_SKIP() << "skipped: no GPU";
     if (const Nvrtc nvrtc; !nvrtc.missing().empty()) GTEST_SKIP() << "skipped: " << nvrtc.missing();
+    keep_nothing();
   }
 };
 
@@ -91,6 +98,7 @@ INSTANTIATE_TEST_SUITE_P(Gpu, FixedStepGpu, ::testing::ValuesIn(kOddScenarios), 
 TEST(FixedStepRecordedGpu, ReplaysTheCompiledStep) {
   if (cuda_device_count() == 0) GTEST_SKIP() << "skipped: no GPU";
   if (const Nvrtc nvrtc; !nvrtc.missing().empty()) GTEST_SKIP() << "skipped: " << nvrtc.missing();
+  keep_nothing();
   const SimSpec spec = odd_spec(kOddScenarios[0], 0);
   SimOptions options = odd_options(kOddScenarios[0], 0, 40);
   SimRunner general(make_cuda_simulator(spec, options, 0, work_stream(0)));
@@ -108,6 +116,33 @@ TEST(FixedStepRecordedGpu, ReplaysTheCompiledStep) {
     runner->sim().synchronize();
   }
   EXPECT_EQ(difference(general.snapshot(), fixed.snapshot()), "");
+}
+
+// By default what no kernel of the program is for.
+TEST(FixedStepWayGpu, FollowsTheOption) {
+  SimSpec usual = plain_spec(5, 5);
+  usual.params.actions = ActionKind::discrete;
+  usual.params.stochastic_detection = usual.params.stochastic_communication = true;
+  usual.finish();
+  ASSERT_TRUE(UsualParams<5>::fits(usual.params));
+  if (cuda_device_count() == 0) GTEST_SKIP() << "skipped: no GPU";
+  if (const Nvrtc nvrtc; !nvrtc.missing().empty()) GTEST_SKIP() << "skipped: " << nvrtc.missing();
+  keep_nothing();
+  const auto way = [](SimSpec spec, CompileStep compile) {
+    spec.finish();
+    SimOptions options;
+    options.n_worlds = 3;
+    options.compile_step = compile;
+    return make_cuda_simulator(std::move(spec), options, 0)->step_way();
+  };
+  const SimSpec odd = odd_spec(kOddScenarios[0], 0), large = plain_spec(21, 20);
+  using enum CompileStep;
+  EXPECT_EQ(way(usual, never), "a kernel for usual scenarios");
+  EXPECT_EQ(way(usual, automatic), "a kernel for usual scenarios");
+  EXPECT_TRUE(way(usual, always).starts_with("a kernel for this scenario (compiled in "));
+  EXPECT_EQ(way(odd, never), "the general kernel (none was to be compiled for this scenario)");
+  EXPECT_TRUE(way(odd, automatic).starts_with("a kernel for this scenario (compiled in "));
+  EXPECT_EQ(way(large, always), "the general kernel (it has 41 agents, and steps are compiled for up to 40)");
 }
 
 }  // namespace

@@ -205,5 +205,45 @@ TEST(GpuGridCrowds, InPartsAreThoseOfTheCpu) {
   }
 }
 
+// In a cluster, in more blocks than fit into one, and in parts; with worlds that freeze as matches have them.
+TEST(GpuGridRecorded, StepsAreThoseQueuedOneByOne) {
+  if (cuda_device_count() == 0) GTEST_SKIP() << "skipped: no GPU";
+  struct Recorded {
+    Crowd crowd;
+    int in_parts;
+    OnDone on_done;
+  };
+  for (const Recorded& r :
+       {Recorded{{150, 150, 20, 3, 0, 0}, 0, OnDone::reset}, Recorded{{150, 150, 20, 3, 0, 0}, 0, OnDone::freeze},
+        Recorded{{2600, 2601, 300, 1, 0, 0}, 0, OnDone::reset}, Recorded{{1100, 903, 40, 1, 0, 0}, 1, OnDone::reset}}) {
+    const SimSpec spec = crowd(r.crowd.n_team_0, r.crowd.n_team_1, r.crowd.limit, 3);
+    SimOptions options;
+    options.n_worlds = r.crowd.worlds;
+    options.grid = true;
+    options.on_done = r.on_done;
+    const auto runner = [&] {
+      return SimRunner(make_cuda_grid_simulator(spec, options, 0, work_stream(0), r.in_parts), Outputs::observations);
+    };
+    SimRunner queued = runner(), replayed = runner();
+    for (SimRunner* all : {&queued, &replayed}) {
+      all->start();
+      all->step(0);
+    }
+    const std::unique_ptr<RecordedWork> recorded = replayed.record_step();
+    ASSERT_NE(recorded, nullptr);
+    for (int k = 0; k < 7; ++k) {
+      queued.sim().begin_steps(1);
+      queued.queue_step();
+      replayed.sim().begin_steps(1);
+      recorded->queue();
+    }
+    queued.sim().synchronize();
+    replayed.sim().synchronize();
+    EXPECT_TRUE(queued.sim().state().save() == replayed.sim().state().save())
+        << r.crowd.n_team_0 << " v " << r.crowd.n_team_1 << ", in parts from " << r.in_parts;
+    expect_same_stats(queued.sim().take_stats(), replayed.sim().take_stats());
+  }
+}
+
 }  // namespace
 }  // namespace giga::test

@@ -8,6 +8,8 @@
 #include <fstream>
 #include <iterator>
 #include <map>
+#include <set>
+#include <sstream>
 #include <string>
 
 #include "core/error.hpp"
@@ -64,6 +66,9 @@ TEST(StepCompiler, SaysWhichScenariosItDoesNotServe) {
   SimSpec spec = plain_spec(21, 20);
   spec.finish();
   EXPECT_EQ(why_no_fixed_step(spec.params), "it has 41 agents, and steps are compiled for up to 40");
+  spec = plain_spec(33, 5);
+  spec.finish();
+  EXPECT_EQ(why_no_fixed_step(spec.params), "a team has 33 agents, and steps are compiled for up to 32");
   spec = plain_spec(2, 2);
   std::swap(spec.agents[1], spec.agents[2]);
   spec.finish();
@@ -73,6 +78,23 @@ TEST(StepCompiler, SaysWhichScenariosItDoesNotServe) {
   spec.params.resolution = 84;
   spec.finish();
   EXPECT_EQ(why_no_fixed_step(spec.params), "it has images by the original's rules");
+}
+
+TEST(StepCompiler, HasAllThatItsSourcesInclude) {
+  const NvrtcProgram program = step_program(odd_spec(kOddScenarios[0], 0).params, 90);
+  std::set<std::string> names;
+  for (const auto& [name, text] : program.headers) names.insert(name);
+  const auto look = [&](const std::string& of, const std::string& text) {
+    std::istringstream lines(text);
+    for (std::string line; std::getline(lines, line);) {
+      if (!line.starts_with("#include ")) continue;
+      const size_t begin = line.find_first_of("\"<") + 1;
+      const std::string name = line.substr(begin, line.find_first_of("\">", begin) - begin);
+      EXPECT_TRUE(names.contains(name)) << of << " includes " << name;
+    }
+  };
+  look("the program", program.source);
+  for (const auto& [name, text] : program.headers) look(name, text);
 }
 
 TEST(StepCompiler, GoesOnWithoutTheLibrary) {
@@ -125,6 +147,8 @@ TEST_F(StepCompilerWithNvrtc, KeepsWhatItCompiles) {
   const CompiledStep second = compile_step(params, 90, nvrtc_, cache);
   EXPECT_EQ(second.report, "read from " + file.string());
   EXPECT_EQ(second.code, first.code);
+  EXPECT_TRUE(second.cached && !first.cached);
+  EXPECT_FALSE(compile_step(params, 90, nvrtc_, cache, true).cached) << "anew";
 
   const std::string whole = bytes_of(file);
   std::string damaged = whole;
@@ -170,6 +194,9 @@ TEST(KernelCacheFiles, AreNotKeptWhereNobodyMayWrite) {
     EXPECT_FALSE(cache.write("key", "code")) << path;
     EXPECT_EQ(cache.read("key"), std::nullopt) << path;
   }
+  const KernelCache cache(folder.path());
+  fs::create_directory(cache.file_of("key"));
+  EXPECT_EQ(cache.read("key"), std::nullopt) << "a folder in its place";
 }
 
 TEST(KernelCacheFiles, AreWhereTheEnvironmentSays) {

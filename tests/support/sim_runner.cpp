@@ -201,8 +201,10 @@ void SimRunner::step(uint64_t action_seed) {
   sim_->synchronize();
 }
 
+void SimRunner::queue_step() { sim_->queue_step(io_); }
+
 std::unique_ptr<RecordedWork> SimRunner::record_step() {
-  return sim_->record(0, [this](Recording&) { sim_->queue_step(io_); });
+  return sim_->record(0, [this](Recording&) { queue_step(); });
 }
 
 Snapshot SimRunner::snapshot() {

@@ -57,7 +57,9 @@ class SimRunner {
   void start();
   /// A step with random actions, the same for the same seed on every back end.
   void step(uint64_t action_seed);
-  /// A step by the actions of the last one, recorded; null where the back end records nothing.
+  /// A step by the actions of the last one, queued without the count that Simulator::begin_steps makes; and recorded;
+  /// null where the back end records nothing.
+  void queue_step();
   std::unique_ptr<RecordedWork> record_step();
   /// Writes the observations once more; the other outputs are left poisoned.
   void observe();
