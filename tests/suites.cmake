@@ -1,7 +1,7 @@
 # Run by ctest before the tests: asks a test program what tests it has, and adds an entry for each suite; for those of
 # EACH (a regular expression), which must not share a process, one for each test. Those of LONG begin before all others.
-# Suites whose name contains "Gpu" carry the label gpu. Variables from tests/CMakeLists.txt: PROGRAM, FOLDER, TIMEOUT,
-# EACH, LONG.
+# Suites whose name contains "Gpu" carry the label gpu; four of them share it at a time, and those that measure its
+# memory have it to themselves. Variables from tests/CMakeLists.txt: PROGRAM, FOLDER, TIMEOUT, EACH, LONG.
 if(NOT EXISTS "${PROGRAM}")
   add_test(test_${FOLDER}_NOT_BUILT test_${FOLDER}_NOT_BUILT)
   return()
@@ -13,15 +13,23 @@ macro(add_entry name filter)
   set(lock "")
   if("${name}" MATCHES "Gpu")
     set(label gpu)
-    set(lock RESOURCE_LOCK gpu)
+    string(LENGTH "${name}" share)
+    math(EXPR share "${share} % 4")
+    set(lock gpu_${share})
+    if("${name}" MATCHES "MemoryGpu")
+      set(lock gpu_0 gpu_1 gpu_2 gpu_3)
+    endif()
   endif()
   set(cost "")
   if(LONG AND "${name}" MATCHES "${LONG}")
     set(cost COST 100)
   endif()
   # Skipped is what skips all its tests (main.cpp). A filter that finds nothing must not pass.
-  set_tests_properties("${name}" PROPERTIES LABELS ${label} TIMEOUT ${TIMEOUT} ${lock} ${cost} SKIP_RETURN_CODE 77
+  set_tests_properties("${name}" PROPERTIES LABELS ${label} TIMEOUT ${TIMEOUT} ${cost} SKIP_RETURN_CODE 77
                        FAIL_REGULAR_EXPRESSION "\\] 0 tests from 0 test suites")
+  if(lock)
+    set_tests_properties("${name}" PROPERTIES RESOURCE_LOCK "${lock}")
+  endif()
 endmacro()
 
 execute_process(COMMAND "${PROGRAM}" --gtest_list_tests OUTPUT_VARIABLE listed RESULT_VARIABLE failed)
