@@ -128,7 +128,7 @@ BenchResult play(const BenchOptions& options, Device device, const LoadedRun& ru
         steps_made += n;
         return Work{static_cast<double>(sim->agents_per_step()) * static_cast<double>(n), 0, 0};
       },
-      result, kPlaySteps);
+      result, device.is_cuda() ? kPlaySteps : 1);  // a CPU records nothing
   if (!game.refusal().empty()) result.step_way += cat("; queued one by one: ", game.refusal());
   result.memory_bytes = memory_in_use(device) - memory_before;
 
