@@ -3,12 +3,12 @@
 
 #include <unistd.h>
 
-#include <cstdint>
 #include <cstdio>
 #include <fstream>
 #include <system_error>
 
 #include "core/error.hpp"
+#include "core/fnv1a.hpp"
 
 namespace giga {
 namespace {
@@ -22,10 +22,10 @@ std::string file_text(const std::string& key, const std::string& code) {
 }  // namespace
 
 std::string text_digest(const std::string& text) {
-  uint64_t hash = 0xCBF29CE484222325u;
-  for (const char c : text) hash = (hash ^ static_cast<unsigned char>(c)) * 0x100000001B3u;
+  Fnv1a hash;
+  hash.add_all(text);
   char digits[17];
-  std::snprintf(digits, sizeof digits, "%016llx", static_cast<unsigned long long>(hash));
+  std::snprintf(digits, sizeof digits, "%016llx", static_cast<unsigned long long>(hash.value()));
   return digits;
 }
 

@@ -29,7 +29,7 @@ class KernelCache {
   std::filesystem::path folder_;
 };
 
-/// A number that tells texts apart (FNV-1a of 64 bits), as 16 digits.
+/// A number that tells texts apart (Fnv1a), as 16 digits.
 std::string text_digest(const std::string& text);
 
 }  // namespace giga

@@ -6,6 +6,7 @@
 #include <set>
 
 #include "core/error.hpp"
+#include "core/fnv1a.hpp"
 #include "core/seeds.hpp"
 
 namespace giga {
@@ -13,12 +14,11 @@ namespace {
 
 /// The stretch of a pair is FNV-1a over both names, the end of the first one told.
 uint64_t pair_seed(uint64_t seed, const std::string& side0, const std::string& side1) {
-  uint64_t hash = 0xcbf29ce484222325;
-  const auto add = [&hash](unsigned char byte) { hash = (hash ^ byte) * 0x100000001b3; };
-  for (const char c : side0) add(static_cast<unsigned char>(c));
-  add(0);
-  for (const char c : side1) add(static_cast<unsigned char>(c));
-  return seed_of(seed, Purpose::rate, hash);
+  Fnv1a hash;
+  hash.add_all(side0);
+  hash.add(0);
+  hash.add_all(side1);
+  return seed_of(seed, Purpose::rate, hash.value());
 }
 
 }  // namespace

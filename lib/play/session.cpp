@@ -3,6 +3,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/fnv1a.hpp"
 #include "math/distributions.hpp"
 
 namespace giga {
@@ -126,20 +127,19 @@ void PlaySession::step(const Controls& controls) {
 }
 
 uint64_t states_hash(const SimSpec& spec, int steps) {
-  constexpr uint64_t kBasis = 0xcbf29ce484222325, kPrime = 0x100000001b3;  // FNV-1a
   const auto make = spec.params.n_agents > kMaxAgents ? make_grid_simulator : make_cpu_simulator;
   const auto sim = make(spec, options_of(1, OnDone::reset));
   const ParallelFor parallel_for(Device{}, 1);
   const std::shared_ptr<TeamController> team = script_controller(Scripted::random);
   Game game(*sim, parallel_for, {everywhere(team, *sim), everywhere(team, *sim)});
   game.start();
-  uint64_t hash = kBasis;
+  Fnv1a hash;
   for (int step = 0; step < steps; ++step) {
     game.play(1);
     if (step % 16 != 15 && step + 1 != steps) continue;
-    for (const uint8_t byte : sim->state().save()) hash = (hash ^ byte) * kPrime;
+    hash.add_all(sim->state().save());
   }
-  return hash;
+  return hash.value();
 }
 
 }  // namespace giga

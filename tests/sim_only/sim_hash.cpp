@@ -2,8 +2,10 @@
 // prints a hash of their state. The preset `sim` and an ordinary build print the same.
 #include <cstdio>
 #include <cstdlib>
+#include <span>
 #include <vector>
 
+#include "core/fnv1a.hpp"
 #include "core/philox.hpp"
 #include "sim/row_layout.hpp"
 #include "sim/simulator.hpp"
@@ -33,11 +35,6 @@ SimSpec five_vs_five() {
   return spec;
 }
 
-uint64_t fnv1a(uint64_t hash, const std::vector<uint8_t>& bytes) {
-  for (const uint8_t byte : bytes) hash = (hash ^ byte) * 0x100000001b3;
-  return hash;
-}
-
 int run(int steps) {
   constexpr int kWorlds = 64;
   const SimSpec spec = five_vs_five();
@@ -57,7 +54,7 @@ int run(int steps) {
     layout.attach(io.team[t], layout.set(), rows[t].data());
   }
   sim->start(io);
-  uint64_t hash = 0xcbf29ce484222325;
+  Fnv1a hash;
   for (int step = 0; step < steps; ++step) {
     for (uint32_t t = 0; t < kNTeams; ++t) {
       DrawKey key(2, t, static_cast<uint32_t>(step));
@@ -66,13 +63,13 @@ int run(int steps) {
     }
     sim->step(io);
     if (step % 64 != 63 && step + 1 != steps) continue;
-    hash = fnv1a(hash, sim->state().save());
+    hash.add_all(sim->state().save());
     for (const std::vector<float>& team : rows) {
       const auto* bytes = reinterpret_cast<const uint8_t*>(team.data());
-      hash = fnv1a(hash, {bytes, bytes + team.size() * sizeof(float)});
+      hash.add_all(std::span(bytes, team.size() * sizeof(float)));
     }
   }
-  std::printf("%016llx\n", static_cast<unsigned long long>(hash));
+  std::printf("%016llx\n", static_cast<unsigned long long>(hash.value()));
   return 0;
 }
 
