@@ -3,14 +3,12 @@
 #include <gtest/gtest.h>
 #include <stdlib.h>
 
-#include <filesystem>
 #include <memory>
 #include <string>
-#include <system_error>
 
-#include "core/error.hpp"
 #include "cuda/nvrtc.hpp"
 #include "cuda/runtime.hpp"
+#include "io/temporary_folder.hpp"
 #include "parity/cases.hpp"
 #include "parity/emulated_simulator.hpp"
 #include "parity/odd_scenarios.hpp"
@@ -71,25 +69,10 @@ TEST_P(FixedStep, EmulatedIsTheCpus) {
 INSTANTIATE_TEST_SUITE_P(Emulated, FixedStep, ::testing::ValuesIn(kOddScenarios), kOddName);
 
 /// What these tests compile is kept for each other, in a folder that goes with them, and apart from the user's.
-class CacheOfTests {
- public:
-  CacheOfTests() {
-    std::string name = (std::filesystem::temp_directory_path() / "gigastep_kernels_XXXXXX").string();
-    GIGA_CHECK(::mkdtemp(name.data()), "no temporary folder ", name);
-    path_ = name;
-    ::setenv("GIGASTEP_CACHE_DIR", path_.c_str(), 1);
-  }
-  ~CacheOfTests() {
-    std::error_code error;
-    std::filesystem::remove_all(path_, error);
-  }
-  CacheOfTests(const CacheOfTests&) = delete;
-  CacheOfTests& operator=(const CacheOfTests&) = delete;
-
- private:
-  std::filesystem::path path_;
-};
-void use_cache_of_tests() { static const CacheOfTests cache; }
+void use_cache_of_tests() {
+  static const TemporaryFolder folder;
+  ::setenv("GIGASTEP_CACHE_DIR", folder.path().c_str(), 1);
+}
 
 class FixedStepGpu : public ::testing::TestWithParam<OddScenario> {
  protected:

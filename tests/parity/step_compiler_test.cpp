@@ -2,7 +2,6 @@
 #include "cuda/step_compiler.hpp"
 
 #include <gtest/gtest.h>
-#include <stdlib.h>
 
 #include <filesystem>
 #include <fstream>
@@ -12,7 +11,7 @@
 #include <sstream>
 #include <string>
 
-#include "core/error.hpp"
+#include "io/temporary_folder.hpp"
 #include "parity/odd_scenarios.hpp"
 #include "support/sim_specs.hpp"
 #include "support/thinning.hpp"
@@ -21,26 +20,6 @@ namespace giga::test {
 namespace {
 
 namespace fs = std::filesystem;
-
-/// A folder of its own, removed at the end.
-class Folder {
- public:
-  Folder() {
-    std::string name = (fs::temp_directory_path() / "gigastep_kernels_XXXXXX").string();
-    GIGA_CHECK(::mkdtemp(name.data()), "no temporary folder ", name);
-    path_ = name;
-  }
-  ~Folder() {
-    std::error_code error;
-    fs::remove_all(path_, error);
-  }
-  Folder(const Folder&) = delete;
-  Folder& operator=(const Folder&) = delete;
-  const fs::path& path() const { return path_; }
-
- private:
-  fs::path path_;
-};
 
 std::string bytes_of(const fs::path& path) {
   std::ifstream file(path, std::ios::binary);
@@ -135,7 +114,7 @@ TEST_F(StepCompilerWithNvrtc, AReportTellsWhatFailed) {
 
 // Whatever is wrong with a file, it is compiled anew, and the file is whole again.
 TEST_F(StepCompilerWithNvrtc, KeepsWhatItCompiles) {
-  const Folder folder;
+  const TemporaryFolder folder;
   const KernelCache cache(folder.path() / "made" / "here");
   const SimParams params = odd_spec(kOddScenarios[0], 0).params;
   const CompiledStep first = compile_step(params, 90, nvrtc_, cache);
@@ -159,7 +138,7 @@ TEST_F(StepCompilerWithNvrtc, KeepsWhatItCompiles) {
 }
 
 TEST(KernelCacheFiles, AreThereWholeOrNotAtAll) {
-  const Folder folder;
+  const TemporaryFolder folder;
   const KernelCache cache(folder.path());
   EXPECT_EQ(cache.read("key"), std::nullopt);
   ASSERT_TRUE(cache.write("key", "code"));
@@ -187,7 +166,7 @@ TEST(KernelCacheFiles, AreThereWholeOrNotAtAll) {
 }
 
 TEST(KernelCacheFiles, AreNotKeptWhereNobodyMayWrite) {
-  const Folder folder;
+  const TemporaryFolder folder;
   write_bytes(folder.path() / "file", "");
   for (const fs::path& path : {folder.path() / "file" / "below", fs::path("/proc/gigastep"), fs::path()}) {
     const KernelCache cache(path);
