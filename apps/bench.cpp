@@ -269,33 +269,32 @@ void add_seed_option(CLI::App& command, uint64_t& seed) {
       ->type_name("N");
 }
 
-void add_precision_option(CLI::App& command, const std::string& name, Precision& precision) {
-  std::vector<std::string> names = FieldCodec<Precision>::names();
-  std::erase(names, "fp16");  // is for populations alone
+/// An option whose values are names of an enumeration, of those that `names` has.
+template <class Enum>
+void add_enum_option(CLI::App& command, const std::string& name, Enum& value, const std::string& help,
+                     const std::vector<std::string>& names = FieldCodec<Enum>::names()) {
   command
       .add_option_function<std::string>(
           name,
-          [names, &precision](const std::string& value) {
-            precision = static_cast<Precision>(std::find(names.begin(), names.end(), value) - names.begin());
+          [&value](const std::string& text) {
+            const std::vector<std::string> all = FieldCodec<Enum>::names();
+            value = static_cast<Enum>(std::find(all.begin(), all.end(), text) - all.begin());
           },
-          "arithmetic of the closed loop's networks on a GPU")
+          help)
       ->transform(value_of<std::string>(one_of(names)))
-      ->default_str(FieldCodec<Precision>::print(precision))
+      ->default_str(FieldCodec<Enum>::print(value))
       ->type_name(join(names, "|"));
 }
 
+void add_precision_option(CLI::App& command, const std::string& name, Precision& precision) {
+  std::vector<std::string> names = FieldCodec<Precision>::names();
+  std::erase(names, "fp16");  // is for populations alone
+  add_enum_option(command, name, precision, "arithmetic of the closed loop's networks on a GPU", names);
+}
+
 void add_compile_option(CLI::App& command, CompileStep& compile) {
-  const std::vector<std::string> names = FieldCodec<CompileStep>::names();
-  command
-      .add_option_function<std::string>(
-          "--compile-step",
-          [names, &compile](const std::string& value) {
-            compile = static_cast<CompileStep>(std::find(names.begin(), names.end(), value) - names.begin());
-          },
-          "whether a GPU compiles the step for the scenario; as train.compile_step")
-      ->transform(value_of<std::string>(one_of(names)))
-      ->default_str(FieldCodec<CompileStep>::print(compile))
-      ->type_name(join(names, "|"));
+  add_enum_option(command, "--compile-step", compile,
+                  "whether a GPU compiles the step for the scenario; as train.compile_step");
 }
 
 /// A benchmark of a learner, which takes a config.
