@@ -1,7 +1,8 @@
 # Run by ctest before the tests: asks a test program what tests it has, and adds an entry for each suite; for those of
-# EACH (a regular expression), which must not share a process, one for each test. Those of LONG begin before all others.
-# Suites whose name contains "Gpu" carry the label gpu; four of them share it at a time, and those that measure its
-# memory have it to themselves. Variables from tests/CMakeLists.txt: PROGRAM, FOLDER, TIMEOUT, EACH, LONG.
+# EACH (a regular expression), which must not share a process or would take too long, one for each test. Those of LONG
+# begin before all others. Suites whose name contains "Gpu" carry the label gpu; four of them share it at a time, and
+# those that measure its memory have it to themselves. Variables from tests/CMakeLists.txt: PROGRAM, FOLDER, TIMEOUT,
+# EACH, LONG.
 if(NOT EXISTS "${PROGRAM}")
   add_test(test_${FOLDER}_NOT_BUILT test_${FOLDER}_NOT_BUILT)
   return()
