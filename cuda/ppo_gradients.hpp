@@ -13,6 +13,19 @@
 
 namespace giga {
 
+/// Where a critic of the true state finds its agents (sim/state_observation.hpp). Its first layer makes a code of each
+/// agent's numbers, of which the first says whether it lives. The second reads an agent's own code, the mean codes of
+/// the living of its team and of the other one, and the world: a weight [out, inputs(codes)].
+struct FusedState {
+  static constexpr int kMostAgents = 64, kMostWorld = 47;  ///< of a team; numbers of the world
+  int first_own = 0, first_other = 0;                      ///< in the order of the agents
+  int n_other = 0;                                         ///< agents of the other team
+  int world = 0;                                           ///< numbers behind those of the agents; 0: no such critic
+
+  GIGA_HD int inputs(int codes) const { return 3 * codes + world; }
+  bool fits() const { return n_other <= kMostAgents && world <= kMostWorld; }
+};
+
 /// A network with two hidden layers, as its flat parameters hold it. A team weight [out, in] reads the mean of what the
 /// living agents of the team feed into the layer (composed critics).
 struct FusedMlp : SmallMlp {
@@ -21,13 +34,15 @@ struct FusedMlp : SmallMlp {
   static constexpr int kNarrowHidden = 64;  ///< up to which a warp takes rows through all layers in its registers
   static constexpr int kMaxInput = 192;     ///< most numbers of an input
   int team_weight[kLayers] = {-1, -1, -1};  ///< -1 = none; the first layer never has one
+  FusedState state;                         ///< of a critic of the true state
   int64_t size = 0;                         ///< of the flat parameters
 
   FusedMlp() = default;
   FusedMlp(const SmallMlp& mlp, int64_t size_) : SmallMlp(mlp), size(size_) {}
   bool fits() const {
-    return n_layers == kLayers && width[0] <= kMaxInput && width[1] <= kHidden && width[2] <= kHidden;
+    return n_layers == kLayers && width[0] <= kMaxInput && width[1] <= kHidden && width[2] <= kHidden && state.fits();
   }
+  GIGA_HD bool reads_state() const { return state.world > 0; }
   GIGA_HD bool is_narrow() const { return width[1] <= kNarrowHidden && width[2] <= kNarrowHidden; }
 };
 
@@ -35,8 +50,10 @@ struct FusedMlp : SmallMlp {
 struct FusedRows {
   const int64_t* states = nullptr;  // [n_states] of the rollout; null: states 0, 1, ...
   int64_t n_states = 0;
-  int n = 0;                   // agents of the team
-  const float* obs = nullptr;  // [rollout states, n, obs_stride], from the first number that the network reads
+  int n = 0;  // agents of the team
+  // [rollout states, n, obs_stride], from the first number that the network reads; or the true states [rollout states,
+  // obs_stride] for a critic of these
+  const float* obs = nullptr;
   int64_t obs_stride = 0;
   const uint8_t* alive = nullptr;   // [rollout states, n]
   const float* obs_mean = nullptr;  // [input]; null: observations are not normalised
@@ -86,7 +103,7 @@ struct FusedCritic {
   int n_partial = 0;
   float* partial = nullptr;  // as above; or
   float* values = nullptr;   // [states, n] out: only the values are computed
-  uint32_t* kept = nullptr;  // [KeptStates::words(..)] for gradients where that is not 0: work memory
+  uint32_t* kept = nullptr;  // [kept_words(..)] for gradients where that is not 0: work memory
 };
 /// What a block of a composed critic with a hidden layer of more than 64 keeps of each state until its last tile: the
 /// mean features of the first layer, and the sum of the gradients by the sums of the second. The gradient of the team
@@ -107,6 +124,33 @@ struct KeptStates {
     return KeptStates(n, n_states, n_partial).per_block * n_partial * kRows * kWords;
   }
 };
+/// What a block of a critic of the true state keeps of each state until its last tile, in rows of half-precision
+/// numbers: the mean codes of both teams, the world, and the sum of the gradients by the sums of the second layer.
+/// Three products of the last with the others are the gradient of what the rows of a state read alike.
+struct KeptTrueStates {
+  static constexpr int kTileRows = 64, kMost = 16;  // of a tile: rows of a team, states
+  enum Row : int { kOwnMean, kOtherMean, kWorld, kTotal, kRows };
+  int per_tile;
+  int64_t per_block;
+  int words;  // of a row
+
+  GIGA_HD KeptTrueStates(const FusedMlp& net, int n, int64_t n_states, int n_partial)
+      : words((net.is_narrow() ? FusedMlp::kNarrowHidden : FusedMlp::kHidden) / 2) {
+    per_tile = states_of_tile(n, net.state.n_other);
+    const int64_t tiles = (n_states + per_tile - 1) / per_tile;
+    per_block = (tiles + n_partial - 1) / n_partial * per_tile;
+  }
+  GIGA_HD static int states_of_tile(int n, int n_other) {
+    const int most = kTileRows / (n > n_other ? n : n_other);
+    return most < kMost ? most : kMost;
+  }
+  GIGA_HD int64_t words_per_block() const { return per_block * kRows * words; }
+};
+/// Words that FusedCritic::kept needs.
+inline int64_t kept_words(const FusedMlp& net, int n, int64_t n_states, int n_partial) {
+  if (net.reads_state()) return KeptTrueStates(net, n, n_states, n_partial).words_per_block() * n_partial;
+  return KeptStates::words(net, n, n_states, n_partial);
+}
 /// Behind the gradient: the actor's sums of diagnostics (PolicyDiagnostic), the critic's sum of losses.
 constexpr int kFusedSums = 8;
 static_assert(kNPolicyDiagnostics <= kFusedSums);

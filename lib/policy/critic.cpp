@@ -72,14 +72,40 @@ void Critic::add_team_weights(const std::string& name) {
 }
 
 std::optional<FusedMlp> Critic::fused_mlp() const {
-  if (kind_ == CriticKind::state || shares_encoder()) return std::nullopt;
+  if (shares_encoder()) return std::nullopt;
   const std::optional<SmallMlp> small = network_.small(parameters_);
   if (!small) return std::nullopt;
   FusedMlp mlp(*small, parameters_.size());
+  if (kind_ == CriticKind::state) put_encoder_before(mlp);
   if (!mlp.fits()) return std::nullopt;
   for (size_t k = 0; k < team_weights_.size(); ++k)
     if (team_weights_[k] >= 0) mlp.team_weight[k] = static_cast<int>(parameters_.offset(team_weights_[k]));
   return mlp;
+}
+
+/// What lies behind the codes of the agents becomes layers 1 and 2, where it has so many.
+void Critic::put_encoder_before(FusedMlp& mlp) const {
+  const std::vector<DenseLayer> encoder = entity_->layers();
+  if (encoder.size() != 1 || encoder[0].norm_weight >= 0 || mlp.n_layers != 2) {
+    mlp.n_layers = 0;
+    return;
+  }
+  const SmallMlp behind = mlp;
+  mlp.n_layers = 1 + behind.n_layers;
+  mlp.width[0] = kEntityFeatures;
+  mlp.width[1] = static_cast<int>(entity_->features());
+  mlp.weight[0] = static_cast<int>(parameters_.offset(encoder[0].weight));
+  mlp.bias[0] = static_cast<int>(parameters_.offset(encoder[0].bias));
+  for (int k = 0; k < behind.n_layers; ++k) {
+    mlp.width[k + 2] = behind.width[k + 1];
+    mlp.weight[k + 1] = behind.weight[k];
+    mlp.bias[k + 1] = behind.bias[k];
+  }
+  const int own = shape_.team, other = 1 - own;
+  mlp.state = {.first_own = own * shape_.n_team[0],
+               .first_other = other * shape_.n_team[0],
+               .n_other = shape_.n_team[other],
+               .world = static_cast<int>(shape_.world_features)};
 }
 
 at::Tensor Critic::input_of(const Actor& actor, const at::Tensor& obs) const {

@@ -67,6 +67,7 @@ class Critic {
 
  private:
   void add_team_weights(const std::string& name);
+  void put_encoder_before(FusedMlp& mlp) const;
   Rounding rounding() const { return precision_ == Precision::bf16 ? Rounding::to_bfloat16 : Rounding::none; }
   at::Tensor forward_composed(const ParameterSet& p, at::Tensor x, const at::Tensor& alive,
                               const Sequence& sequence) const;

@@ -6,6 +6,7 @@
 
 #include "cuda/runtime.hpp"
 #include "rollout/stream.hpp"
+#include "sim/state_observation.hpp"
 
 namespace giga::test {
 namespace {
@@ -26,6 +27,12 @@ ActorConfig actor_config(const FusedCase& c) {
   config.activation = c.activation;
   return config;
 }
+CriticShape critic_shape(const FusedCase& c) {
+  CriticShape shape{.team = c.team, .inputs = inputs_of(c), .world_features = c.world};
+  shape.n_team[c.team] = c.n;
+  shape.n_team[1 - c.team] = c.n_other;
+  return shape;
+}
 CriticConfig critic_config(const FusedCase& c) {
   CriticConfig config;
   config.kind = c.critic;
@@ -36,13 +43,16 @@ CriticConfig critic_config(const FusedCase& c) {
 
 }  // namespace
 
+Critic make_critic(const FusedCase& c, const ParallelFor& parallel_for, Device device) {
+  return Critic(critic_config(c), critic_shape(c), precision(device), parallel_for, torch_device(device), 2);
+}
+
 FusedSetting::FusedSetting(const FusedCase& c, Device device, int n_threads)
     : n_states(c.n_states),
       actions(c.actions),
       parallel_for(device, n_threads, current_stream(device)),
       actor(actor_config(c), inputs_of(c), c.actions, c.normalize, precision(device), torch_device(device), 1),
-      critic(critic_config(c), {0, {c.n, 2}, inputs_of(c), 7}, precision(device), parallel_for, torch_device(device),
-             2) {
+      critic(make_critic(c, parallel_for, device)) {
   const Normal normal{torch_device(device)};
   at::NoGradGuard no_grad;
   actor.parameters().values().add_(0.1 * normal({actor.parameters().size()}, 3));
@@ -50,6 +60,14 @@ FusedSetting::FusedSetting(const FusedCase& c, Device device, int n_threads)
   obs = normal({n_states, c.n, kRow}, 5);
   alive = (normal({n_states, c.n}, 6) > -0.7).to(at::kByte);
   alive[0].zero_();  // a state in which nobody lives
+  // Agents of both teams, and the world. The first number of an agent says whether it lives; those of the dead are 0.
+  at::Tensor others = (normal({n_states, c.n_other}, 13) > -0.7).to(at::kFloat);
+  others[1].zero_();  // a state in which none of the others lives
+  const at::Tensor own = alive.to(at::kFloat);
+  const at::Tensor living = at::cat(c.team == 0 ? std::vector{own, others} : std::vector{others, own}, 1).unsqueeze(2);
+  at::Tensor agents = normal({n_states, c.n + c.n_other, kEntityFeatures}, 14);
+  agents.select(2, 0).fill_(1);
+  true_state = at::cat({(agents * living).flatten(1), normal({n_states, c.world}, 15)}, 1);
   if (c.normalize) actor.normalizer().update(obs.view({-1, kRow}) * 3 + 1, alive.to(at::kFloat).view({-1}));
   states = at::arange(n_states - n_states % 3 - 3, -1, -3, obs.options().dtype(at::kLong));
   action = (normal({n_states, c.n}, 7).abs() * 10).to(at::kInt).remainder(kNDiscreteActions);
@@ -271,6 +289,97 @@ const std::vector<FusedCase>& fused_cases() {
        AdvantageNorm::minibatch,
        kNoClip,
        12'000},
+      // Critics of the true state.
+      {.name = "State",
+       .actions = ActionKind::discrete,
+       .critic = CriticKind::state,
+       .activation = Activation::tanh,
+       .hidden = {64, 64},
+       .n = 5,
+       .columns = 59,
+       .first = 101,
+       .normalize = true,
+       .norm = AdvantageNorm::minibatch,
+       .clip = kNoClip,
+       .n_states = 600,
+       .n_other = 5,
+       .team = 1,
+       .world = 21},
+      {.name = "StateUneven",
+       .actions = ActionKind::continuous,
+       .critic = CriticKind::state,
+       .activation = Activation::silu,
+       .hidden = {48, 32},
+       .n = 3,
+       .columns = 40,
+       .first = 8,
+       .normalize = true,
+       .norm = AdvantageNorm::minibatch,
+       .clip = kNoClip,
+       .n_states = 600,
+       .n_other = 10,
+       .team = 1,
+       .world = 5},
+      {.name = "StateAgainstOne",
+       .actions = ActionKind::discrete,
+       .critic = CriticKind::state,
+       .activation = Activation::gelu,
+       .hidden = {64, 16},
+       .n = 20,
+       .columns = 59,
+       .first = 101,
+       .normalize = false,
+       .norm = AdvantageNorm::none,
+       .clip = kNoClip,
+       .n_states = 600,
+       .n_other = 1,
+       .team = 0,
+       .world = 29},
+      {.name = "StateAlone",
+       .actions = ActionKind::discrete,
+       .critic = CriticKind::state,
+       .activation = Activation::relu,
+       .hidden = {64, 64},
+       .n = 1,
+       .columns = 59,
+       .first = 101,
+       .normalize = false,
+       .norm = AdvantageNorm::minibatch,
+       .clip = kClip,
+       .n_states = 600,
+       .n_other = 2,
+       .team = 0,
+       .world = 21},
+      {.name = "StateBroad",
+       .actions = ActionKind::discrete,
+       .critic = CriticKind::state,
+       .activation = Activation::tanh,
+       .hidden = {128, 128},
+       .n = 5,
+       .columns = 59,
+       .first = 101,
+       .normalize = false,
+       .norm = AdvantageNorm::minibatch,
+       .clip = kNoClip,
+       .n_states = 12'000,
+       .n_other = 5,
+       .team = 0,
+       .world = 21},
+      {.name = "StateBroadCrowd",
+       .actions = ActionKind::discrete,
+       .critic = CriticKind::state,
+       .activation = Activation::silu,
+       .hidden = {72, 100},
+       .n = 64,
+       .columns = 59,
+       .first = 101,
+       .normalize = false,
+       .norm = AdvantageNorm::minibatch,
+       .clip = kNoClip,
+       .n_states = 600,
+       .n_other = 64,
+       .team = 1,
+       .world = 47},
   };
   return cases;
 }

@@ -30,10 +30,15 @@ struct FusedCase {
   AdvantageNorm norm;
   float clip = kNoClip;
   int64_t n_states = 600;  // of the rollout, of which every third is learned from
+  // Of the games' true states:
+  int n_other = 2, team = 0;  // agents of the other team; the own one
+  int world = 7;              // numbers of the world
 };
 
 /// They cover activations, kinds of actions and critics, and sizes of layers, inputs and teams.
 const std::vector<FusedCase>& fused_cases();
+
+Critic make_critic(const FusedCase& c, const ParallelFor& parallel_for, Device device);
 
 /// Networks of a case, whose parameters are those of the initialisation plus normal numbers, and a rollout.
 struct FusedSetting {
@@ -43,11 +48,15 @@ struct FusedSetting {
   ParallelFor parallel_for;
   Actor actor;
   Critic critic;
-  at::Tensor obs, alive, states, action, u, log_prob, advantage, old_value, returns, mean, std, entropy_coef;
+  at::Tensor obs, true_state, alive, states, action, u, log_prob, advantage, old_value, returns, mean, std,
+      entropy_coef;
 
   FusedSetting(const FusedCase& c, Device device, int n_threads = 2);
   /// The rows of the states that are learned from.
   at::Tensor pick(const at::Tensor& x) const { return x.index_select(0, states); }
+  FusedInputs inputs() const { return {obs, true_state}; }
+  /// What the critic reads.
+  at::Tensor seen() const { return critic.needs_state() ? true_state : obs; }
   /// What the losses take of the rollout.
   FusedPolicyLoss policy_loss(float clip_coef) const;  // with kEntropyCoef
   FusedValueLoss value_loss() const;

@@ -56,7 +56,7 @@ TEST_P(LearnFusedUpdateGpu, ThePolicyAndTheUpdateAgree) {
   FusedUpdate fused(s.actor, s.critic, c.n, s.parallel_for);
   const at::Tensor states = at::arange(s.n_states, s.states.options());
   FusedSteps steps(s);
-  fused.begin_epoch(s.obs, s.alive, states, 1, s.advantage);
+  fused.begin_epoch(s.inputs(), s.alive, states, 1, s.advantage);
   fused.compute_gradients(0,
                           {.old_log_prob = log_prob.const_data_ptr<float>(),
                            .advantage = s.advantage.const_data_ptr<float>(),

@@ -67,7 +67,7 @@ struct Expected {
 
     at::Tensor obs = s.pick(s.obs);
     if (c.normalize) obs = s.actor.normalizer().apply(obs);
-    const at::Tensor value = s.critic.forward(obs, alive, {});
+    const at::Tensor value = s.critic.forward(obs, alive, s.pick(s.true_state));
     const at::Tensor d_value = at::empty_like(value), loss = at::empty_like(value);
     s.parallel_for.run(ValueLoss{.rows = in.rows,
                                  .value = value.const_data_ptr<float>(),
@@ -115,7 +115,10 @@ void expect_what_libtorch_says(const FusedCase& c, Device device) {
   const double tolerance = device.is_cuda() && c.clip == kClip ? kJumps : rounding;
   FusedSetting s(c, device);
   const Expected expected(s, c);
-  ASSERT_EQ(fused_update_refusal(s.actor, s.critic, c.n, device), "");
+  ASSERT_EQ(fused_update_refusal(s.actor, s.critic, c.n, device),
+            device.is_cuda() && s.critic.needs_state()
+                ? "their kernel for the true state has not run on a GPU yet (mappo.critic.kind)"
+                : "");
   FusedUpdate fused(s.actor, s.critic, c.n, s.parallel_for);
 
   at::NoGradGuard no_grad;
@@ -132,7 +135,7 @@ void expect_what_libtorch_says(const FusedCase& c, Device device) {
   const int64_t n_states = s.states.numel();
   const at::Tensor epoch = at::cat({at::arange(2 * n_states, s.states.options()), s.states});
   FusedSteps steps(s);
-  fused.begin_epoch(s.obs, s.alive, epoch, 3, s.advantage);
+  fused.begin_epoch(s.inputs(), s.alive, epoch, 3, s.advantage);
   fused.compute_gradients(2, policy, value);
   fused.add_up(steps.of(s));
   fused.end_epoch();
@@ -172,14 +175,14 @@ void expect_what_libtorch_says(const FusedCase& c, Device device) {
     after[k] = parameters[k]->values().clone();
     parameters[k]->values().copy_(before[k]);
   }
-  fused.begin_epoch(s.obs, s.alive, epoch, 3, s.advantage);
+  fused.begin_epoch(s.inputs(), s.alive, epoch, 3, s.advantage);
   fused.compute_gradients(2, policy, value);
   fused.add_up(steps.of(s));
   fused.end_epoch();
   EXPECT_TRUE(at::equal(s.actor.parameters().gradient(), actor));
   EXPECT_TRUE(at::equal(s.critic.parameters().gradient(), critic));
   FusedSteps again(s, 1e-3f);
-  fused.begin_epoch(s.obs, s.alive, epoch, 3, s.advantage);
+  fused.begin_epoch(s.inputs(), s.alive, epoch, 3, s.advantage);
   fused.compute_gradients(2, policy, value);
   fused.step(again.of(s));
   fused.end_epoch();
@@ -193,13 +196,13 @@ void expect_what_libtorch_says(const FusedCase& c, Device device) {
   // Values, of the chosen states and of all.
   at::Tensor obs = s.obs;
   if (c.normalize) obs = s.actor.normalizer().apply(obs);
-  const at::Tensor all = s.critic.forward(obs, s.alive.to(at::kFloat), {});
+  const at::Tensor all = s.critic.forward(obs, s.alive.to(at::kFloat), s.true_state);
   const double scale = all.abs().max().item<double>();
   at::Tensor values = at::zeros_like(all);
-  fused.write_values(s.obs, s.alive, s.states, values);
+  fused.write_values(s.seen(), s.alive, s.states, values);
   EXPECT_LT((s.pick(values) - s.pick(all)).abs().max().item<double>(), rounding * scale);
   EXPECT_EQ((values != 0).any(1).sum().item<int64_t>(), s.states.numel());
-  fused.write_values(s.obs, s.alive, {}, values);
+  fused.write_values(s.seen(), s.alive, {}, values);
   EXPECT_LT((values - all).abs().max().item<double>(), rounding * scale);
 }
 
@@ -238,6 +241,29 @@ TEST(LearnFusedUpdateRefusal, SaysWhatIsTooWide) {
   EXPECT_EQ(refusal({64, 64}, {64, 64}, 193), told("actor"));
 }
 
+TEST(LearnFusedUpdateRefusal, SaysWhichCriticsOfTheTrueState) {
+  const auto refusal = [](std::vector<int> hidden, int n_other, int world) {
+    FusedCase c = fused_cases()[0];
+    const FusedSetting on_actor(c, kCpu);
+    c.critic = CriticKind::state;
+    c.hidden = std::move(hidden);
+    c.n_other = n_other;
+    c.world = world;
+    const Critic critic = make_critic(c, on_actor.parallel_for, kCpu);
+    return fused_update_refusal(on_actor.actor, critic, c.n, kCpu);
+  };
+  EXPECT_EQ(refusal({128, 128}, 64, 47), "");
+  EXPECT_EQ(refusal({64}, 5, 21), "") << "64 numbers of an agent's code, and a layer of 64";
+  const std::string told =
+      "of critics of the true state they serve those with one or two hidden layers of at most 128, without layer "
+      "normalisation, in games of at most 64 agents a team and 47 numbers of the world (mappo.critic)";
+  EXPECT_EQ(refusal({64, 64, 64}, 5, 21), told);
+  EXPECT_EQ(refusal({64, 129}, 5, 21), told);
+  EXPECT_EQ(refusal({129, 64}, 5, 21), told);
+  EXPECT_EQ(refusal({64, 64}, 65, 21), told);
+  EXPECT_EQ(refusal({64, 64}, 5, 48), told);
+}
+
 // What is kept of states: that of a tile's whole states, in as many tiles as the busiest block has.
 TEST(LearnFusedUpdateKeptStates, HaveRoom) {
   FusedMlp net;
@@ -251,6 +277,17 @@ TEST(LearnFusedUpdateKeptStates, HaveRoom) {
   EXPECT_EQ(KeptStates(64, 1000, 10).per_tile, 1);
   net.width[1] = net.width[2] = 64;
   EXPECT_EQ(KeptStates::words(net, 5, 1000, 10), 0) << "the kernels of 64 need none";
+
+  // Of the true state: 64 agents of a team in a tile, 12 states of 5 against 5, 4 rows of 32 or 64 words of each state.
+  net.team_weight[1] = -1;
+  net.state = {.first_own = 0, .first_other = 5, .n_other = 5, .world = 21};
+  EXPECT_EQ(kept_words(net, 5, 1000, 10), 10 * 9 * 12 * 4 * 32);
+  net.width[2] = 65;
+  EXPECT_EQ(kept_words(net, 5, 1000, 10), 10 * 9 * 12 * 4 * 64);
+  EXPECT_EQ(KeptTrueStates(net, 1, 1000, 10).per_tile, 12);
+  net.state.n_other = 1;
+  EXPECT_EQ(KeptTrueStates(net, 1, 1000, 10).per_tile, 16);
+  EXPECT_EQ(KeptTrueStates(net, 64, 1000, 10).per_tile, 1);
 }
 
 INSTANTIATE_TEST_SUITE_P(All, LearnFusedUpdate, testing::ValuesIn(fused_cases()),

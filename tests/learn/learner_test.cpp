@@ -275,12 +275,14 @@ TEST(LearnLearnerGpu, RecordedMinibatchesEqualKernelsOneByOne) {
     }
 }
 
-/// The largest difference of the actors' parameters, and the largest change of one since `before`.
-std::pair<double, double> differences_of_actors(const NamedArrays& a, const NamedArrays& b, const NamedArrays& before) {
+/// The largest difference of the parameters of a kind of network, actor or critic, and the largest change of one since
+/// `before`.
+std::pair<double, double> differences_of(const std::string& network, const NamedArrays& a, const NamedArrays& b,
+                                         const NamedArrays& before) {
   double apart = 0, change = 0;
   for (const NamedArray& array : before) {
     const std::string& name = array.name;
-    if (!name.starts_with("team_0/actor/") && !name.starts_with("team_1/actor/")) continue;
+    if (!name.starts_with(cat("team_0/", network, "/")) && !name.starts_with(cat("team_1/", network, "/"))) continue;
     if (name.find("normalizer") != std::string::npos) continue;
     const auto of = [&name](const NamedArrays& all) { return array_values<float>(find_array(all, name)); };
     const std::vector<float> x = of(a), y = of(b), start = of(before);
@@ -292,16 +294,20 @@ std::pair<double, double> differences_of_actors(const NamedArrays& a, const Name
   return {apart, change};
 }
 
-// An actor whose critic the fused kernels do not serve learns by them all the same.
-TEST(LearnLearner, AFusedActorBesideLibTorchsCriticLearnsWhatLibTorchsWould) {
+// An actor whose critic the fused kernels do not serve learns by them all the same; a critic of the true state is
+// served.
+TEST(LearnLearner, FusedNetworksLearnWhatLibTorchsWould) {
   struct Case {
     const char* name;
+    const char* ways;
     SmallRun run;
   };
+  const char* actor_alone = "the actor learns by fused kernels, the critic by LibTorch";
   const Case cases[] = {
-      {"state", {"", "obs_norm: true", "kind: state, hidden: [16, 12]", "action: continuous\n"}},
-      {"memory", {"", "advantage_norm: batch", "kind: independent, hidden: [8], memory: gru", ""}},
-      {"layer norm", {"", "", "hidden: [16, 16], layer_norm: true", ""}},
+      {"state", "learns by fused kernels", {"", "obs_norm: true", "kind: state, hidden: [16, 12]", ""}},
+      {"deep state", actor_alone, {"", "obs_norm: true", "kind: state, hidden: [16, 12, 8]", "action: continuous\n"}},
+      {"memory", actor_alone, {"", "advantage_norm: batch", "kind: independent, hidden: [8], memory: gru", ""}},
+      {"layer norm", actor_alone, {"", "", "hidden: [16, 16], layer_norm: true", ""}},
   };
   for (const Case& c : cases) {
     SCOPED_TRACE(c.name);
@@ -311,17 +317,18 @@ TEST(LearnLearner, AFusedActorBesideLibTorchsCriticLearnsWhatLibTorchsWould) {
       return run.learner();
     };
     const auto fused = learner(true), plain = learner(false);
-    EXPECT_TRUE(fused->ways().starts_with("the actor learns by fused kernels, the critic by LibTorch"))
-        << fused->ways();
+    EXPECT_TRUE(fused->ways().starts_with(c.ways)) << fused->ways();
     EXPECT_TRUE(plain->ways().starts_with("learns by LibTorch")) << plain->ways();
     const NamedArrays before = saved(*fused);
     fused->update();
     plain->update();
     // Adam's first steps are of one size whatever the gradient's, so a rounding at 0 shows whole: 8 steps of 3e-4 are
     // 2.4e-3. A hundredth of that is left to such numbers.
-    const auto [apart, change] = differences_of_actors(saved(*fused), saved(*plain), before);
-    EXPECT_GT(change, 1e-3);
-    EXPECT_LT(apart, 2.4e-5);
+    for (const char* network : {"actor", "critic"}) {
+      const auto [apart, change] = differences_of(network, saved(*fused), saved(*plain), before);
+      EXPECT_GT(change, 1e-3) << network;
+      EXPECT_LT(apart, 2.4e-5) << network;
+    }
   }
 }
 

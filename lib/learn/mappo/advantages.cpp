@@ -62,7 +62,7 @@ at::Tensor PpoTeam::values_of(const KeptImages& images, const CriticInput& input
   at::Tensor values =
       all ? at::empty(input.alive.sizes(), zero_.options()) : at::zeros(input.alive.sizes(), zero_.options());
   if (fused_) {
-    fused_->write_values(input.obs, input.alive, states, values);
+    fused_->write_values(critic_.needs_state() ? input.state : input.obs, input.alive, states, values);
     return values;
   }
   const int64_t count = all ? input.alive.size(0) : states.size(0);

@@ -9,7 +9,7 @@
 namespace giga {
 namespace {
 
-constexpr int kMostAgents = 64;  // of a team: a tile has whole states
+constexpr int kMostAgents = FusedState::kMostAgents;  // of a team: a tile has whole states
 
 /// A block of the gradients fills a multiprocessor, and the kernel of one team follows that of the other: with ranks
 /// one multiprocessor is left to what goes between them, which else would wait at each of its steps until a kernel of
@@ -38,6 +38,12 @@ std::string network_refusal(const char* name, bool serves) {
                       ", without layer normalisation, on at most ", FusedMlp::kMaxInput, " numbers (", name, ")");
 }
 
+std::string state_refusal() {
+  return cat("of critics of the true state they serve those with one or two hidden layers of at most ",
+             FusedMlp::kHidden, ", without layer normalisation, in games of at most ", FusedState::kMostAgents,
+             " agents a team and ", FusedState::kMostWorld, " numbers of the world (mappo.critic)");
+}
+
 }  // namespace
 
 std::string fused_actor_refusal(const Actor& actor, int n_agents, Device device) {
@@ -55,9 +61,12 @@ std::string fused_update_refusal(const Actor& actor, const Critic& critic, int n
   if (const std::string reason = fused_actor_refusal(actor, n_agents, device); !reason.empty()) return reason;
   if (critic.reads_image()) return "they read no images (mappo.critic.encoder)";
   if (critic.shares_encoder()) return "they know no encoder of two networks (mappo.critic.shared_encoder)";
-  if (critic.needs_state()) return "they know no true state (mappo.critic.kind)";
   if (critic.state_size() > 0) return "they know no memory (mappo.critic.memory)";
-  return network_refusal("mappo.critic", critic.fused_mlp().has_value());
+  if (!critic.fused_mlp()) return critic.needs_state() ? state_refusal() : network_refusal("mappo.critic", false);
+  // It has been run as PTX (tests/kernels), but on no GPU yet.
+  if (critic.needs_state() && device.is_cuda())
+    return "their kernel for the true state has not run on a GPU yet (mappo.critic.kind)";
+  return "";
 }
 
 FusedRows fused_rows(const Actor& actor, int n, const at::Tensor& obs, const at::Tensor& alive,
@@ -78,6 +87,14 @@ FusedRows fused_rows(const Actor& actor, int n, const at::Tensor& obs, const at:
   return rows;
 }
 
+FusedRows fused_critic_rows(const Critic& critic, const Actor& actor, int n, const at::Tensor& seen,
+                            const at::Tensor& alive, const at::Tensor& states) {
+  FusedRows rows = fused_rows(actor, n, seen, alive, states);
+  if (!critic.needs_state()) return only(critic.inputs(), rows);
+  rows.obs_mean = rows.obs_std = nullptr;
+  return rows;
+}
+
 void write_fused_values(const Critic& critic, const FusedMlp& net, const FusedRows& rows,
                         const ParallelFor& parallel_for, const at::Tensor& values) {
   GIGA_CHECK(values.is_contiguous(), "values with gaps");
@@ -85,7 +102,7 @@ void write_fused_values(const Critic& critic, const FusedMlp& net, const FusedRo
   const Device device = parallel_for.device();
   const FusedCritic pass{.net = net,
                          .parameters = critic.parameters().values().const_data_ptr<float>(),
-                         .rows = only(critic.inputs(), rows),
+                         .rows = rows,
                          .n_partial = blocks_on(device, true),
                          .values = values.data_ptr<float>()};
   if (device.is_cuda())
@@ -100,6 +117,7 @@ FusedUpdate::FusedUpdate(const Actor& actor, const Critic& critic, int n, const 
       critic_(critic),
       actor_mlp_(actor.fused_mlp().value()),
       critic_mlp_(critic.fused_mlp().value()),
+      n_(n),
       parallel_for_(parallel_for),
       sum_(sum),
       blocks_(blocks_on(parallel_for.device(), sum.alone())) {
@@ -112,28 +130,26 @@ FusedUpdate::FusedUpdate(const Actor& actor, const Critic& critic, int n, const 
   sums_ = at::zeros({2, kFusedSums}, options);
   squares_ = at::empty({step_blocks_on(device, actor_mlp_, critic_mlp_)}, options.dtype(at::kDouble));
   finished_ = at::zeros({1}, options.dtype(at::kInt));
-  rows_.n = n;
 }
 
-void FusedUpdate::choose(const at::Tensor& obs, const at::Tensor& alive, const at::Tensor& states) {
-  states_ = states.defined() ? states.contiguous() : states;
-  rows_ = fused_rows(actor_, rows_.n, obs, alive, states_);
-}
-
-void FusedUpdate::write_values(const at::Tensor& obs, const at::Tensor& alive, const at::Tensor& states,
+void FusedUpdate::write_values(const at::Tensor& seen, const at::Tensor& alive, const at::Tensor& states,
                                const at::Tensor& values) {
-  choose(obs, alive, states);
-  write_fused_values(critic_, critic_mlp_, rows_, parallel_for_, values);
+  states_ = states.defined() ? states.contiguous() : states;
+  write_fused_values(critic_, critic_mlp_, fused_critic_rows(critic_, actor_, n_, seen, alive, states_), parallel_for_,
+                     values);
 }
 
-void FusedUpdate::begin_epoch(const at::Tensor& obs, const at::Tensor& alive, const at::Tensor& states,
+void FusedUpdate::begin_epoch(const FusedInputs& inputs, const at::Tensor& alive, const at::Tensor& states,
                               int n_minibatches, const at::Tensor& advantage) {
-  choose(obs, alive, states);
+  states_ = states.contiguous();
+  rows_ = only(actor_.inputs(), fused_rows(actor_, n_, inputs.obs, alive, states_));
+  critic_rows_ =
+      fused_critic_rows(critic_, actor_, n_, critic_.needs_state() ? inputs.true_state : inputs.obs, alive, states_);
   pieces_ = {rows_.n_states, n_minibatches};
   if (!moments_.defined() || moments_.size(0) != n_minibatches)
     moments_ = at::empty({n_minibatches, kMomentParts, kMoments}, squares_.options());
   // The first piece is a largest one.
-  const int64_t kept = side_ ? KeptStates::words(critic_mlp_, rows_.n, pieces_.begin(1), blocks_) : 0;
+  const int64_t kept = side_ ? kept_words(critic_mlp_, n_, pieces_.begin(1), blocks_) : 0;
   if (kept > 0 && (!kept_states_.defined() || kept_states_.numel() < kept))
     kept_states_ = at::empty({kept}, finished_.options());
   const auto* a = advantage.const_data_ptr<float>();
@@ -154,22 +170,21 @@ void FusedUpdate::end_epoch() {
 
 void FusedUpdate::compute_gradients(int k, const FusedPolicyLoss& policy, const FusedValueLoss& value) {
   const double* moments = moments_.const_data_ptr<double>() + k * moments_.stride(0);
-  const auto rows = [&](const InputColumns& inputs) {
-    FusedRows piece = only(inputs, rows_);
+  const auto rows_of_piece = [&](FusedRows piece) {
     piece.states += pieces_.begin(k);
     piece.n_states = pieces_.begin(k + 1) - pieces_.begin(k);
     return piece;
   };
   const FusedActor actor{.net = actor_mlp_,
                          .parameters = actor_.parameters().values().const_data_ptr<float>(),
-                         .rows = rows(actor_.inputs()),
+                         .rows = rows_of_piece(rows_),
                          .loss = policy,
                          .moments = moments,
                          .n_partial = blocks_,
                          .partial = actor_partial_.data_ptr<float>()};
   FusedCritic critic{.net = critic_mlp_,
                      .parameters = critic_.parameters().values().const_data_ptr<float>(),
-                     .rows = rows(critic_.inputs()),
+                     .rows = rows_of_piece(critic_rows_),
                      .loss = value,
                      .moments = moments,
                      .n_partial = blocks_,

@@ -26,10 +26,18 @@ std::string fused_update_refusal(const Actor& actor, const Critic& critic, int n
 FusedRows fused_rows(const Actor& actor, int n, const at::Tensor& obs, const at::Tensor& alive,
                      const at::Tensor& states = {});
 
-/// The critic's `values` [states, n] of rows with whole observations, by the kernel of its loss. `net`:
-/// Critic::fused_mlp.
+/// The same of what a critic reads, and that alone: its part of the observations, or the true states [.., G].
+FusedRows fused_critic_rows(const Critic& critic, const Actor& actor, int n, const at::Tensor& seen,
+                            const at::Tensor& alive, const at::Tensor& states = {});
+
+/// The critic's `values` [states, n] of fused_critic_rows(), by the kernel of its loss. `net`: Critic::fused_mlp.
 void write_fused_values(const Critic& critic, const FusedMlp& net, const FusedRows& rows,
                         const ParallelFor& parallel_for, const at::Tensor& values);
+
+/// What networks learn from: of each state obs [n, D] and, if the critic reads it, the true state [G].
+struct FusedInputs {
+  at::Tensor obs, true_state;
+};
 
 class FusedUpdate {
  public:
@@ -39,11 +47,13 @@ class FusedUpdate {
   FusedUpdate(const Actor& actor, const Critic& critic, int n, const ParallelFor& parallel_for,
               const SumOverRanks& sum = {});
 
-  /// Values [states, n] of the chosen states [S] (undefined: all) of obs [states, n, D] and alive [states, n].
-  void write_values(const at::Tensor& obs, const at::Tensor& alive, const at::Tensor& states, const at::Tensor& values);
+  /// Values [states, n] of the chosen states [S] (undefined: all) of obs [states, n, D], or true states [states, G],
+  /// and alive [states, n].
+  void write_values(const at::Tensor& seen, const at::Tensor& alive, const at::Tensor& states,
+                    const at::Tensor& values);
 
   /// The minibatches of an epoch: states [S] of the rollout, cut into pieces as at::tensor_split does.
-  void begin_epoch(const at::Tensor& obs, const at::Tensor& alive, const at::Tensor& states, int n_minibatches,
+  void begin_epoch(const FusedInputs& inputs, const at::Tensor& alive, const at::Tensor& states, int n_minibatches,
                    const at::Tensor& advantage);
   /// After the epoch's last step: what is queued on the main stream from now on waits for it.
   void end_epoch();
@@ -58,23 +68,23 @@ class FusedUpdate {
 
  private:
   int index() const { return parallel_for_.device().index; }
-  void choose(const at::Tensor& obs, const at::Tensor& alive, const at::Tensor& states);
   void complete(FusedStep& step) const;
   void add_ranks(FusedStep& step);
 
   const Actor& actor_;
   const Critic& critic_;
   const FusedMlp actor_mlp_, critic_mlp_;
+  const int n_;
   const ParallelFor& parallel_for_;
   const SumOverRanks sum_;
   const int blocks_;                           // that share a minibatch
   std::optional<SideStream> side_;             // none on a CPU
-  FusedRows rows_;                             // with whole observations
+  FusedRows rows_, critic_rows_;               // of the epoch: what the actor reads; what the critic reads
   MinibatchPieces pieces_{0, 1};               // of the epoch
   at::Tensor states_;                          // keeps what rows_ points to
   at::Tensor moments_;                         // [pieces, kMomentParts, kMoments] fp64
   at::Tensor actor_partial_, critic_partial_;  // [blocks, parameters + kFusedSums]
-  at::Tensor kept_states_;                     // of the critic (KeptStates); undefined where it needs none
+  at::Tensor kept_states_;                     // of the critic (kept_words()); undefined where it needs none
   at::Tensor over_ranks_;                      // [both networks' parameters + kFusedSums]; undefined with one rank
   at::Tensor sums_;                            // [2, kFusedSums]
   at::Tensor squares_;                         // [fused_step_blocks()] fp64

@@ -92,7 +92,8 @@ void PpoTeam::begin_epoch(const Rollout& rollout, const at::Tensor& order) {
   minibatches_ = minibatches(order);
   if (std::exchange(first_epoch_, false)) note_information(rollout);
   const TeamRollout& r = rollout.team[team_];
-  if (fused_) fused_->begin_epoch(r.obs, r.alive, states(order), config_.n_minibatches, advantage_);
+  if (fused_)
+    fused_->begin_epoch({r.obs, rollout.true_state}, r.alive, states(order), config_.n_minibatches, advantage_);
 }
 
 void PpoTeam::end_epoch() {

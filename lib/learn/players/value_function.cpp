@@ -37,9 +37,9 @@ at::Tensor ValueFunction::forward(const at::Tensor& obs, const at::Tensor& alive
                                   NetworkState& memory) const {
   at::NoGradGuard no_grad;
   if (fused_) {
-    const at::Tensor seen = obs.contiguous(), living = alive.contiguous();
-    const at::Tensor value = at::empty(alive.sizes(), obs.options());
-    const FusedRows rows = fused_rows(actor_, static_cast<int>(alive.size(1)), seen, living);
+    const at::Tensor seen = (critic_.needs_state() ? state : obs).contiguous(), living = alive.contiguous();
+    const at::Tensor value = at::empty(alive.sizes(), seen.options());
+    const FusedRows rows = fused_critic_rows(critic_, actor_, static_cast<int>(alive.size(1)), seen, living);
     write_fused_values(critic_, *fused_, rows, parallel_for_, value);
     return value * norm_.std() + norm_.mean();
   }
