@@ -334,6 +334,7 @@ void launch(const FusedCritic& critic, void* stream) {
 
 void launch_critic_gradient(const FusedCritic& critic, int index, void* stream) {
   GIGA_CUDA(cudaSetDevice(index));
+  if (critic.net.reads_state()) return launch_state_critic_gradient(critic, stream);
   if (!critic.net.is_narrow()) return launch_block_critic_gradient(critic, stream);
   critic.values ? launch<false>(critic, stream) : launch<true>(critic, stream);
 }

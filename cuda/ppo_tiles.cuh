@@ -108,21 +108,26 @@ __device__ __forceinline__ void activate(Activation activation, TileSums<kTiles>
   }
 }
 
-/// Loads a matrix [out, in] into [kRows, kStride], padded with zeros. No matrix: zeros.
+/// Loads `in` columns of a matrix [out, width] into [kRows, kStride], padded with zeros. No matrix: zeros.
 template <int kRows, int kStride, int kThreads>
-__device__ void load_matrix(const float* from, int out, int in, __half* to) {
+__device__ void load_columns(const float* from, int out, int in, int width, __half* to) {
   constexpr int kAtOnce = 8;  // reads on their way
   for (int first = static_cast<int>(threadIdx.x); first < kRows * kStride; first += kAtOnce * kThreads) {
     float x[kAtOnce];
 #pragma unroll
     for (int j = 0; j < kAtOnce; ++j) {
       const int k = first + j * kThreads, o = k / kStride, i = k - o * kStride;
-      x[j] = from && o < out && i < in ? __ldg(from + o * in + i) : 0.0f;
+      x[j] = from && o < out && i < in ? __ldg(from + o * width + i) : 0.0f;
     }
 #pragma unroll
     for (int j = 0; j < kAtOnce; ++j)
       if (const int k = first + j * kThreads; k < kRows * kStride) to[k] = as_half(x[j]);
   }
+}
+/// All columns.
+template <int kRows, int kStride, int kThreads>
+__device__ void load_matrix(const float* from, int out, int in, __half* to) {
+  load_columns<kRows, kStride, kThreads>(from, out, in, in, to);
 }
 __device__ inline void load_vector(const float* from, int n, float* to, int padded) {
   for (int k = static_cast<int>(threadIdx.x); k < padded; k += static_cast<int>(blockDim.x))
