@@ -271,12 +271,6 @@ PtxModule::PtxModule(const std::string& commented) {
   }
 }
 
-std::vector<std::string> PtxModule::kernels() const {
-  std::vector<std::string> names;
-  for (const PtxKernel& kernel : kernels_) names.push_back(kernel.name);
-  return names;
-}
-
 const PtxKernel& PtxModule::find(const std::vector<std::string>& words) const {
   const PtxKernel* found = nullptr;
   for (const PtxKernel& kernel : kernels_) {

@@ -38,8 +38,6 @@ class PtxModule {
   /// Throws Error where the text has what it does not know.
   explicit PtxModule(const std::string& text);
 
-  /// The mangled names of its kernels.
-  std::vector<std::string> kernels() const;
   /// Runs the blocks of the one kernel whose name contains all of `words`, one after the other. `parameter`: the
   /// kernel's only one. Its shared memory is poisoned with 0xFF before a block begins. `order`: of the warps between
   /// barriers of the block, and of the lanes between those of a warp; asynchronous copies come at once with `backward`,
