@@ -127,7 +127,8 @@ void visit_fields(V& v, OpponentsConfig& c) {
     "always: the present policy joins the pool at each turn; evidence (mappo): only where since the last one joined it "
     "has won more games against the other team's pool than it lost, by 1.65 x the root of both together (95 % sure "
     "that it is better), or the other team's pool is empty");
-  v("scripted", c.scripted, "scripted opponents, in turn", Allowed{}.items(1, 64));
+  v("scripted", c.scripted, "scripted opponents, in turn (evolution: from generation to generation too)",
+    Allowed{}.items(1, 64));
   v("scripted_share", c.scripted_share,
     "share of the worlds (mappo; each team learns in half of them) or of a member's episodes (evolution) "
     "against scripts",

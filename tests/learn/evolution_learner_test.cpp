@@ -195,6 +195,39 @@ TEST(LearnEvolutionOpponents, SharesOfTheEpisodes) {
   EXPECT_NE(assign_opponents(c, 16, alike, {1, 1, 0}), assign_opponents(c, 16, alike, {1, 1, 1})) << "teams draw apart";
 }
 
+TEST(LearnEvolutionOpponents, EachScriptHasItsTurn) {
+  OpponentsConfig c;
+  c.scripted = {Scripted::patroller, Scripted::hider, Scripted::evader};
+  c.scripted_share = 0.5;
+  // Two of four episodes against three scripts: numbers 0 and 1, then 2 and 0, then 1 and 2, then from the start.
+  const std::array<std::array<Scripted, 2>, 4> expected = {{{Scripted::patroller, Scripted::hider},
+                                                            {Scripted::evader, Scripted::patroller},
+                                                            {Scripted::hider, Scripted::evader},
+                                                            {Scripted::patroller, Scripted::hider}}};
+  for (uint32_t generation = 0; generation < expected.size(); ++generation) {
+    const auto& [first, second] = expected.at(generation);
+    EXPECT_EQ(assign_opponents(c, 4, {}, {1, generation, 0}),
+              (std::vector<int32_t>{network_of_script(first), network_of_script(second), 0, 0}))
+        << "generation " << generation;
+  }
+}
+
+TEST(LearnEvolutionObjective, IsTheScoreWhereTheGameIsWonByWaypoints) {
+  // Large waypoints, so that some are reached.
+  const std::string waypoints = "waypoints: {enable_waypoints: true, waypoint_size: 6}\nmaps: empty\n";
+  for (const char* win : {"waypoints", "elimination"}) {
+    const auto learner =
+        evolution("openai_es", "max_steps: 100", "", cat(waypoints, "win: {by: ", win, "}\n")).learner();
+    const Metrics metrics = learner->update();
+    for (int team = 0; team < kNTeams; ++team) {
+      const auto m = [&](const char* name) { return metric(metrics, cat(name, "_", team)); };
+      EXPECT_GT(m("score"), 0) << win;
+      EXPECT_GT(std::fabs(m("return") - m("score")), 0.1) << win;
+      EXPECT_NEAR(m("fitness_mean"), m(std::string_view(win) == "waypoints" ? "score" : "return"), 1e-4) << win;
+    }
+  }
+}
+
 // On an empty map where nobody shoots, whoever stays inside longest wins; the opponent flies straight on and is out
 // after at most 70 steps. A team that learns to turn wins every episode.
 TEST(LearnEvolutionGame, ATeamLearnsToStayInside) {

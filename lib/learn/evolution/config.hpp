@@ -23,8 +23,13 @@ enum class MeanOptimizer : uint8_t { adam, momentum, clip_up };
 constexpr std::array<const char*, 3> enum_names(MeanOptimizer) { return {"adam", "momentum", "clip_up"}; }
 
 /// What fitness measures.
-enum class Objective : uint8_t { mean_return, win_rate, score };
-constexpr std::array<const char*, 3> enum_names(Objective) { return {"return", "win_rate", "score"}; }
+enum class Objective : uint8_t {
+  automatic,  ///< score where the game is won by waypoints, else mean_return
+  mean_return,
+  win_rate,
+  score,
+};
+constexpr std::array<const char*, 4> enum_names(Objective) { return {"auto", "return", "win_rate", "score"}; }
 
 enum class Turns : uint8_t { together, alternating };
 constexpr std::array<const char*, 2> enum_names(Turns) { return {"together", "alternating"}; }
@@ -55,7 +60,7 @@ struct PopulationConfig {
   int episodes_per_member = 16;
   std::optional<int> parallel_episodes = std::nullopt;
   std::optional<int> max_steps = std::nullopt;
-  Objective objective = Objective::mean_return;
+  Objective objective = Objective::automatic;
   bool common_random_numbers = true;
   bool greedy = true;
   Turns turns = Turns::together;
@@ -87,7 +92,8 @@ void visit_fields(V& v, PopulationConfig& c) {
     range(1, 1'000'000));
   v("objective", c.objective,
     "a member's fitness, a mean over its episodes. return: of the team; win_rate: 1 for a win (as the "
-    "scenario says), 0.5 for a tie; score: waypoints collected");
+    "scenario says), 0.5 for a tie; score: waypoints collected; auto: score where the game is won by waypoints "
+    "(win.by), else return");
   v("common_random_numbers", c.common_random_numbers,
     "all members of a team meet the same starts and the same luck: only their parameters differ");
   v("greedy", c.greedy, "policies take their most likely action instead of drawing one, in training and evaluation");

@@ -43,12 +43,19 @@ PopulationGamesOptions games_options(const RunConfig& c, const Ranks* ranks) {
   return o;
 }
 
+/// In a race for waypoints other rewards, such as prices on dying, tell members apart far more often than a waypoint.
+Objective objective_of(const RunConfig& c, const SimParams& p) {
+  if (c.population.objective != Objective::automatic) return c.population.objective;
+  return p.win.by == WinBy::waypoints ? Objective::score : Objective::mean_return;
+}
+
 /// Fitness [M] of a population's results [M, E, kNStatRows], sums over the `n_rounds` episodes of each world.
 at::Tensor fitness_of(const at::Tensor& results, int64_t n_rounds, int team, Objective objective) {
   const auto mean_of = [&](EpisodeStat first, int offset = 0) {
     return results.select(2, static_cast<int64_t>(first) + offset).mean(1) / n_rounds;
   };
   switch (objective) {
+    case Objective::automatic:  // never: see objective_of
     case Objective::mean_return:
       return mean_of(EpisodeStat::return_0, team);
     case Objective::win_rate:
@@ -192,7 +199,7 @@ std::vector<PopulationResults> Evolution::results_of(const std::vector<int>& tea
   std::vector<PopulationResults> results;
   for (size_t k = 0; k < teams.size(); ++k) {
     const at::Tensor all = games_->results(k);
-    results.push_back({fitness_of(all, config_.population.n_rounds(), teams[k], config_.population.objective),
+    results.push_back({fitness_of(all, config_.population.n_rounds(), teams[k], objective_of(config_, spec_.params)),
                        all.sum(0, false, at::kDouble).cpu()});
   }
   if (!ranks_) return results;

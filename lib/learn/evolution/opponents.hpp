@@ -10,8 +10,8 @@
 namespace giga {
 
 /// The opponent in each of a member's `n_worlds` worlds: a row of the other team's pool, or a script. First the
-/// scripts' share, in turn; then that of the pool, drawn with its `weights` (none while it is empty); the rest meets
-/// the mean. Shares are rounded to whole worlds.
+/// scripts' share, in turn, on from where the last generation (`key.update`) ended; then that of the pool, drawn with
+/// its `weights` (none while it is empty); the rest meets the mean. Shares are rounded to whole worlds.
 std::vector<int32_t> assign_opponents(const OpponentsConfig& config, int64_t n_worlds,
                                       const std::vector<double>& weights, const PoolKey& key);
 
