@@ -256,7 +256,7 @@ TEST(Scripts, ReproduceWritesItsTable) {
   EXPECT_TRUE(contains(page, {"| identical_5_vs_5 | mappo | 1, 2 |", "| waypoint_3_vs_3 | snes | 1, 2 |",
                               "wins against evader", "best response to team 0 wins", "gigastep exploit",
                               "| identical_5_vs_1 | best script | - |", "1.000 pursuer", "| a_game | mappo | 7 | - |",
-                              "| player | rating: mean", "| mappo_longer | ", "| circle | "}));
+                              "| player | Elo ahead of pursuer", "| mappo_longer | ", "| circle | "}));
   EXPECT_EQ(page.find("| identical_5_vs_5 | mappo | 7 |"), std::string::npos);
 }
 
