@@ -365,7 +365,7 @@ TEST(Pages, WhatShippedConfigsReadAndPay) {
   EXPECT_EQ(other_inputs, " `published` `published_corrected`");
   EXPECT_EQ(no_damage, " `memory` `published` `published_corrected`");
   EXPECT_TRUE(contains(page, {"but `published` and `published_corrected`",
-                              "`published` and\n`published_corrected` keep the original's rewards, `memory` those"}));
+                              "`published` and `published_corrected`\nkeep the original's rewards, `memory` those"}));
 }
 
 TEST(Pages, LinksLeadSomewhere) {

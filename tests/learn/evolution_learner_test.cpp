@@ -180,19 +180,20 @@ TEST(LearnEvolutionOpponents, SharesOfTheEpisodes) {
   // Without a pool yet: 4 of 16 episodes against scripts in turn, the rest against the mean.
   std::vector<int32_t> expected = {circle, pursuer, circle, pursuer};
   expected.resize(16, 0);
-  EXPECT_EQ(assign_opponents(c, 16, {}, {1, 0, 0}), expected);
+  EXPECT_EQ(assign_opponents(c, 16, {}, {1, 0, 0}, 0), expected);
   // With five past means: 8 episodes draw rows 1 to 5.
   std::array<int, 6> drawn{};
   const std::vector<double> alike(5, 1.0);
   for (uint32_t generation = 0; generation < 500; ++generation) {
-    const std::vector<int32_t> opponents = assign_opponents(c, 16, alike, {1, generation, 0});
+    const std::vector<int32_t> opponents = assign_opponents(c, 16, alike, {1, generation, 0}, generation);
     for (size_t e = 0; e < 4; ++e) EXPECT_EQ(opponents[e], expected[e]);
     for (size_t e = 4; e < 12; ++e) ++drawn.at(static_cast<size_t>(opponents[e]));
     for (size_t e = 12; e < 16; ++e) EXPECT_EQ(opponents[e], 0);
   }
   EXPECT_EQ(drawn[0], 0);
   for (size_t k = 1; k < 6; ++k) EXPECT_NEAR(drawn[k], 800, 4 * 26);  // of 4,000; deviation sqrt(4000 x 0.2 x 0.8) = 25
-  EXPECT_NE(assign_opponents(c, 16, alike, {1, 1, 0}), assign_opponents(c, 16, alike, {1, 1, 1})) << "teams draw apart";
+  EXPECT_NE(assign_opponents(c, 16, alike, {1, 1, 0}, 1), assign_opponents(c, 16, alike, {1, 1, 1}, 1))
+      << "teams draw apart";
 }
 
 TEST(LearnEvolutionOpponents, EachScriptHasItsTurn) {
@@ -206,10 +207,23 @@ TEST(LearnEvolutionOpponents, EachScriptHasItsTurn) {
                                                             {Scripted::patroller, Scripted::hider}}};
   for (uint32_t generation = 0; generation < expected.size(); ++generation) {
     const auto& [first, second] = expected.at(generation);
-    EXPECT_EQ(assign_opponents(c, 4, {}, {1, generation, 0}),
+    EXPECT_EQ(assign_opponents(c, 4, {}, {1, generation, 0}, generation),
               (std::vector<int32_t>{network_of_script(first), network_of_script(second), 0, 0}))
         << "generation " << generation;
   }
+}
+
+TEST(LearnEvolutionOpponents, ATeamCountsItsOwnGenerations) {
+  PopulationConfig c;
+  for (int team = 0; team < kNTeams; ++team) EXPECT_EQ(generations_of(c, team, 7), 7) << "together";
+  c.turns = Turns::alternating;
+  c.generations_per_turn = 2;  // team 0 plays generations 0, 1, 4, 5, ...; team 1 plays 2, 3, 6, 7, ...
+  const int64_t expected[kNTeams][9] = {{0, 1, 2, 2, 2, 3, 4, 4, 4}, {0, 0, 0, 1, 2, 2, 2, 3, 4}};
+  for (int team = 0; team < kNTeams; ++team)
+    for (int64_t g = 0; g < 9; ++g) EXPECT_EQ(generations_of(c, team, g), expected[team][g]) << team << ", " << g;
+  c.generations_per_turn = 1;
+  EXPECT_EQ(generations_of(c, 0, 1'000'001), 500'001);
+  EXPECT_EQ(generations_of(c, 1, 1'000'001), 500'000);
 }
 
 TEST(LearnEvolutionObjective, IsTheScoreWhereTheGameIsWonByWaypoints) {

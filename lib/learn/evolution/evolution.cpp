@@ -55,7 +55,8 @@ at::Tensor fitness_of(const at::Tensor& results, int64_t n_rounds, int team, Obj
     return results.select(2, static_cast<int64_t>(first) + offset).mean(1) / n_rounds;
   };
   switch (objective) {
-    case Objective::automatic:  // never: see objective_of
+    case Objective::automatic:
+      break;  // see objective_of
     case Objective::mean_return:
       return mean_of(EpisodeStat::return_0, team);
     case Objective::win_rate:
@@ -63,6 +64,7 @@ at::Tensor fitness_of(const at::Tensor& results, int64_t n_rounds, int team, Obj
     case Objective::score:
       return mean_of(EpisodeStat::score_0, team);
   }
+  GIGA_CHECK(false, "an objective that was not settled");
   return {};
 }
 
@@ -166,7 +168,8 @@ Population Evolution::population_of(int team) const {
   if (other)
     population.opponent =
         assign_opponents(config_.opponents, worlds, other->pool().weights(config_.opponents),
-                         {seed_of(config_.seed, Purpose::training), static_cast<uint32_t>(generations_), team});
+                         {seed_of(config_.seed, Purpose::training), static_cast<uint32_t>(generations_), team},
+                         generations_of(config_.population, team, generations_));
   else
     population.opponent.assign(static_cast<size_t>(worlds), network_of_script(config_.train.opponent.script()));
   return population;
