@@ -1,5 +1,5 @@
 // What kernels of layers of images have in common: pairs of bfloat16 in a word, the first in the low half; products of
-// them; copies to shared memory.
+// them.
 #pragma once
 
 #include <cuda_bf16.h>
@@ -41,13 +41,5 @@ __device__ __forceinline__ void multiply_add_bfloat16(float (&c)[4], const uint3
       : "+f"(c[0]), "+f"(c[1]), "+f"(c[2]), "+f"(c[3])
       : "r"(a[0]), "r"(a[1]), "r"(a[2]), "r"(a[3]), "r"(b0), "r"(b1));
 }
-
-/// Begins a copy of 16 bytes to shared memory.
-__device__ __forceinline__ void copy_16_bytes(void* to, const void* from) {
-  asm volatile("cp.async.cg.shared.global [%0], [%1], 16;" ::"r"(static_cast<uint32_t>(__cvta_generic_to_shared(to))),
-               "l"(from)
-               : "memory");
-}
-__device__ __forceinline__ void wait_for_copies() { asm volatile("cp.async.wait_all;" ::: "memory"); }
 
 }  // namespace giga

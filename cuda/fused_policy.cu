@@ -11,13 +11,14 @@ namespace {
 constexpr int kWarps = 8, kThreads = kWarps * 32;
 
 /// Shared memory of a block, for inputs and hidden layers padded to so many. A warp takes 32 rows at a time, 16 after
-/// 16 through the network and all to their actions.
+/// 16 through the network and all to their actions; of wide networks, whose weights leave less room, 16.
 template <int kIn, int kHidden>
 struct PolicyMemory {
   static constexpr int kInStride = kIn + 8, kHiddenStride = kHidden + 8;
   static constexpr int kBlocks =
       kHidden <= FusedMlp::kNarrowHidden && kIn <= MediumTiles::kIn ? 2 : 1;  // on a multiprocessor
-  alignas(16) float head[kWarps][32 * kLogitStride];
+  static constexpr int kRows = kHidden <= FusedMlp::kBlockHidden ? 32 : 16;   // of a warp at a time
+  alignas(16) float head[kWarps][kRows * kLogitStride];
   __half x[kWarps][16 * kInStride];
   __half weight1[kHidden * kInStride];
   __half weight2[kHidden * kHiddenStride];
@@ -54,10 +55,11 @@ __global__ void __launch_bounds__(kThreads, PolicyMemory<kIn, kHidden>::kBlocks)
   if (k.actions == ActionKind::continuous) continuous.log_std += offset;
   __syncthreads();
 
-  const int64_t first_row = group * k.rows_per_group, step = static_cast<int64_t>(gridDim.x) * kWarps * 32;
-  for (int64_t at = (static_cast<int64_t>(blockIdx.x) * kWarps + warp) * 32; at < k.rows_per_group; at += step) {
+  constexpr int kRows = Memory::kRows;
+  const int64_t first_row = group * k.rows_per_group, step = static_cast<int64_t>(gridDim.x) * kWarps * kRows;
+  for (int64_t at = (static_cast<int64_t>(blockIdx.x) * kWarps + warp) * kRows; at < k.rows_per_group; at += step) {
 #pragma unroll 1
-    for (int half = 0; half < 2; ++half) {
+    for (int half = 0; half < kRows / 16; ++half) {
       FetchedInputs<kIn> inputs;
       inputs.fetch(rows, input, [&](int i) {
         const int64_t row = at + half * 16 + i;
@@ -84,7 +86,7 @@ __global__ void __launch_bounds__(kThreads, PolicyMemory<kIn, kHidden>::kBlocks)
       });
       __syncwarp();
     }
-    if (const int64_t row = at + lane_number; row < k.rows_per_group) {
+    if (const int64_t row = at + lane_number; lane_number < kRows && row < k.rows_per_group) {
       const float* head = m.head[warp] + lane_number * kLogitStride;
       if (k.actions == ActionKind::discrete)
         k.discrete.sample(first_row + row, head);
@@ -102,7 +104,8 @@ void launch(const FusedPolicy& policy, int index, void* stream) {
                                  sizeof(PolicyMemory<kIn, kHidden>)));
   int multiprocessors = 0;
   GIGA_CUDA(cudaDeviceGetAttribute(&multiprocessors, cudaDevAttrMultiProcessorCount, index));
-  const int64_t wanted = (policy.rows_per_group + kThreads - 1) / kThreads;
+  constexpr int kBlockRows = kWarps * PolicyMemory<kIn, kHidden>::kRows;
+  const int64_t wanted = (policy.rows_per_group + kBlockRows - 1) / kBlockRows;
   const int64_t share = std::max(1, multiprocessors * PolicyMemory<kIn, kHidden>::kBlocks / policy.groups);
   const dim3 blocks(static_cast<unsigned>(std::min(wanted, share)), static_cast<unsigned>(policy.groups));
   policy_kernel<kIn, kHidden>
@@ -113,9 +116,9 @@ template <int kHidden>
 void launch(const FusedPolicy& policy, int index, void* stream) {
   const int input = policy.net.width[0];
   if (input <= NarrowTiles::kIn) return launch<NarrowTiles::kIn, kHidden>(policy, index, stream);
-  if (input <= MediumTiles::kIn) return launch<MediumTiles::kIn, kHidden>(policy, index, stream);
-  GIGA_CHECK(input <= WideTiles::kIn, "inputs of ", input, " numbers");
-  launch<WideTiles::kIn, kHidden>(policy, index, stream);
+  if constexpr (kHidden <= FusedMlp::kBlockHidden)
+    input <= MediumTiles::kIn ? launch<MediumTiles::kIn, kHidden>(policy, index, stream)
+                              : launch<WideTiles::kIn, kHidden>(policy, index, stream);
 }
 
 }  // namespace
@@ -123,8 +126,11 @@ void launch(const FusedPolicy& policy, int index, void* stream) {
 void launch_fused_policy(const FusedPolicy& policy, int index, void* stream) {
   if (policy.rows_per_group == 0) return;
   GIGA_CUDA(cudaSetDevice(index));
-  policy.net.is_narrow() ? launch<FusedMlp::kNarrowHidden>(policy, index, stream)
-                         : launch<FusedMlp::kHidden>(policy, index, stream);
+  static_assert(FusedPolicy::kWideInput == NarrowTiles::kIn);
+  GIGA_CHECK(FusedPolicy::serves(policy.net), "no fused policy for this network");
+  if (policy.net.is_narrow()) return launch<FusedMlp::kNarrowHidden>(policy, index, stream);
+  if (!policy.net.is_wide()) return launch<FusedMlp::kBlockHidden>(policy, index, stream);
+  launch<FusedMlp::kHidden>(policy, index, stream);
 }
 
 }  // namespace giga

@@ -9,6 +9,9 @@ namespace giga {
 
 /// One network for all rows, or one for each of several groups of rows in a row, equally many each.
 struct FusedPolicy {
+  static constexpr int kWideInput = 64;  ///< most numbers that a wide network may read
+  static bool serves(const FusedMlp& net) { return net.fits() && (!net.is_wide() || net.width[0] <= kWideInput); }
+
   FusedMlp net{};
   int groups = 1;
   int64_t rows_per_group = 0;
@@ -25,8 +28,8 @@ struct FusedPolicy {
 };
 
 /// Queues it. The network computes as the fused gradients do (cuda/ppo_gradients.hpp), products, tanh and relu to the
-/// last bit; the action is drawn by the formulas of math/distributions.hpp. Throws where the kernel does not serve the
-/// network.
+/// last bit, but for wide networks, whose gradients add up in another order with another tanh; the action is drawn by
+/// the formulas of math/distributions.hpp. Throws where the kernel does not serve the network.
 void launch_fused_policy(const FusedPolicy& policy, int index, void* stream);
 
 }  // namespace giga

@@ -4,6 +4,7 @@
 // a row of zeros.
 #include "cuda/halving_layer.hpp"
 
+#include "cuda/async_copy.cuh"
 #include "cuda/bfloat16_tiles.cuh"
 #include "cuda/check.cuh"
 #include "cuda/half_tiles.cuh"

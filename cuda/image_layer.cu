@@ -12,6 +12,7 @@
 #include <algorithm>
 #include <type_traits>
 
+#include "cuda/async_copy.cuh"
 #include "cuda/bfloat16_tiles.cuh"
 #include "cuda/check.cuh"
 #include "cuda/half_tiles.cuh"

@@ -373,6 +373,7 @@ void list_population_work(const PopulationPolicy& policy, int index, void* strea
 }
 
 void launch_population_policy(const PopulationPolicy& policy, int index, void* stream) {
+  GIGA_CHECK(policy.packed.mlp.fits_population(), "no kernel of populations for these networks");
   GIGA_CUDA(cudaSetDevice(index));
   const int pieces = population_pieces(policy);
   if (pieces == 0) return;

@@ -3,6 +3,7 @@
 #include "cuda/ppo_block.hpp"
 #include "cuda/ppo_policy_loss.cuh"
 #include "cuda/ppo_tiles.cuh"
+#include "cuda/ppo_wide.hpp"
 
 namespace giga {
 namespace {
@@ -21,8 +22,9 @@ struct ActorMemory {
   float bias1[kHidden], bias2[kHidden], bias3[kHead];
   float log_std[4];
   float sums[S::kWarps][4 * kLaneSums];
-  float advantage_mean, advantage_inv_std, entropy_coef, scale, unscale;  // gradients are `scale` times too large
-  int64_t source[2][S::kRows];                                            // of this tile and the next
+  float advantage_mean, advantage_inv_std, clip_coef, entropy_coef;
+  float scale, unscale;         // gradients are `scale` times too large
+  int64_t source[2][S::kRows];  // of this tile and the next
 };
 
 template <class S>
@@ -172,6 +174,7 @@ void launch(const FusedActor& actor, void* stream) {
 
 void launch_actor_gradient(const FusedActor& actor, int index, void* stream) {
   GIGA_CUDA(cudaSetDevice(index));
+  if (actor.net.is_wide()) return launch_wide_actor_gradient(actor, stream);
   if (!actor.net.is_narrow()) return launch_block_actor_gradient(actor, stream);
   const int input = actor.net.width[0];
   if (input <= NarrowTiles::kIn) return launch<NarrowTiles>(actor, stream);

@@ -34,8 +34,9 @@ struct Memory {
   alignas(16) float bias1[S::kHidden], bias2[S::kHidden], bias3[kHead];
   float log_std[4];
   float sums[S::kWarps][4 * kLaneSums];
-  float advantage_mean, advantage_inv_std, entropy_coef, scale, unscale;  // gradients are `scale` times too large
-  int64_t source[2][S::kRows];                                            // of this tile and the next
+  float advantage_mean, advantage_inv_std, clip_coef, entropy_coef;
+  float scale, unscale;         // gradients are `scale` times too large
+  int64_t source[2][S::kRows];  // of this tile and the next
   LossRow row[S::kRows];
 };
 

@@ -6,8 +6,8 @@
 
 namespace giga {
 
-constexpr int kTeamStride = FusedMlp::kHidden + 4;  // floats: states that are read together lie on different banks
-constexpr int kColumnParts = 4;                     // of a layer: warps that have the same rows
+constexpr int kTeamStride = FusedMlp::kBlockHidden + 4;  // floats: states that are read together lie on different banks
+constexpr int kColumnParts = 4;                          // of a layer: warps that have the same rows
 constexpr int kMostStates = KeptStates::kMost, kPairs = KeptStates::kWords;
 
 /// What only critics with team weights have of it.

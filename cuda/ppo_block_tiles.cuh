@@ -4,6 +4,7 @@
 // own there. Gradients of weights stay in registers across tiles, as they do in the kernels of 64 (ppo_tiles.cuh).
 #pragma once
 
+#include "cuda/async_copy.cuh"
 #include "cuda/ppo_tiles.cuh"
 
 namespace giga {
@@ -20,13 +21,13 @@ struct BlockShape {
   static constexpr int kKeptSlopes = kKeptSlopes_;
   static constexpr int kWarps = 8, kThreads = kWarps * 32;
   static constexpr int kRows = 64, kRowDepth = kRows / 16, kWarpRows = kRows / kWarps;
-  static constexpr int kHidden = FusedMlp::kHidden, kDepth = kHidden / 16, kStride = kHidden + 8;
+  static constexpr int kHidden = FusedMlp::kBlockHidden, kDepth = kHidden / 16, kStride = kHidden + 8;
   static constexpr int kLayerHalves = kRows * kStride;  // of the features of a layer
   // Of a layer a warp has so many tiles of 16 rows and of 8 columns.
-  static constexpr int kRowTiles = 2, kTiles = 4;
+  static constexpr int kRowTiles = 2, kTiles = 4, kColumnWarps = kHidden / 32;
   // Of the gradient of a weight [128, ..] a warp has 32 rows, and half of the columns.
   static constexpr int kInTiles = kIn / 16, kWeightTiles = kHidden / 16;
-  static_assert(kRows == 32 * kRowTiles && kHidden == 4 * 8 * kTiles && kWarps == 2 * 4);
+  static_assert(kRows == 32 * kRowTiles && kHidden == 4 * 8 * kTiles && kWarps == 2 * kColumnWarps);
   static_assert(kStride % 64 == 8 && kInStride % 64 == 8 && kStride * 2 % 16 == 0 && kInStride * 2 % 16 == 0,
                 "rows of matrices begin where ldmatrix may read, and on different banks");
 };
@@ -124,10 +125,12 @@ struct BlockPart {
   int bias;         // the first of the 16 numbers of a bias whose gradient it computes: of its part of the weight
   __device__ BlockPart() {
     const int warp = static_cast<int>(threadIdx.x) / 32;
-    row = warp / 4 * 32;
-    column = warp % 4 * 32;
+    row = warp / S::kColumnWarps * 32;
+    column = warp % S::kColumnWarps * 32;
     bias = column + row / 2;
   }
+  /// Of no bias.
+  __device__ BlockPart(int row_, int column_) : row(row_), column(column_), bias(-1) {}
   /// Their place in features, or in what is laid out like them.
   __device__ __half* at(__half* layer) const { return layer + row * S::kStride + column; }
   __device__ Halves<S::kStride> rows(const __half* layer) const { return {layer, row, 0}; }
@@ -240,7 +243,7 @@ struct StagedInputs {
     }
   }
   /// Those of the warp's rows that this lane has fetched are there.
-  __device__ static void wait() { asm volatile("cp.async.wait_all;" ::: "memory"); }
+  __device__ static void wait() { wait_for_copies(); }
   /// To the warp's rows of `to`. Each lane takes what it has fetched.
   __device__ void store(const FusedRows& rows, int input, __half* to) const {
     constexpr int kAtOnce = 2;

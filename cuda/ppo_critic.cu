@@ -8,6 +8,7 @@
 #include "cuda/ppo_block.hpp"
 #include "cuda/ppo_tiles.cuh"
 #include "cuda/ppo_value_loss.cuh"
+#include "cuda/ppo_wide.hpp"
 
 namespace giga {
 namespace {
@@ -335,6 +336,7 @@ void launch(const FusedCritic& critic, void* stream) {
 void launch_critic_gradient(const FusedCritic& critic, int index, void* stream) {
   GIGA_CUDA(cudaSetDevice(index));
   if (critic.net.reads_state()) return launch_state_critic_gradient(critic, stream);
+  if (critic.net.is_wide()) return launch_wide_critic_gradient(critic, stream);
   if (!critic.net.is_narrow()) return launch_block_critic_gradient(critic, stream);
   critic.values ? launch<false>(critic, stream) : launch<true>(critic, stream);
 }

@@ -1,6 +1,6 @@
 // The gradients of MAPPO's losses, fused: one kernel for each network gathers a minibatch, takes it through the
 // network, the loss and back by tensor cores; what lies between the layers stays on the chip. Two more add up the sums
-// of all blocks and take the step.
+// of all blocks and take the step. Networks that are too wide for that take several kernels (cuda/ppo_wide.hpp).
 #pragma once
 
 #include <cstdint>
@@ -30,8 +30,9 @@ struct FusedState {
 /// living agents of the team feed into the layer (composed critics).
 struct FusedMlp : SmallMlp {
   static constexpr int kLayers = 3;
-  static constexpr int kHidden = 128;       ///< most numbers of a hidden layer
+  static constexpr int kHidden = 256;       ///< most numbers of a hidden layer
   static constexpr int kNarrowHidden = 64;  ///< up to which a warp takes rows through all layers in its registers
+  static constexpr int kBlockHidden = 128;  ///< up to which a block takes them through all layers in shared memory
   static constexpr int kMaxInput = 192;     ///< most numbers of an input
   int team_weight[kLayers] = {-1, -1, -1};  ///< -1 = none; the first layer never has one
   FusedState state;                         ///< of a critic of the true state
@@ -40,10 +41,12 @@ struct FusedMlp : SmallMlp {
   FusedMlp() = default;
   FusedMlp(const SmallMlp& mlp, int64_t size_) : SmallMlp(mlp), size(size_) {}
   bool fits() const {
-    return n_layers == kLayers && width[0] <= kMaxInput && width[1] <= kHidden && width[2] <= kHidden && state.fits();
+    const int most = reads_state() ? kBlockHidden : kHidden;
+    return n_layers == kLayers && width[0] <= kMaxInput && width[1] <= most && width[2] <= most && state.fits();
   }
   GIGA_HD bool reads_state() const { return state.world > 0; }
   GIGA_HD bool is_narrow() const { return width[1] <= kNarrowHidden && width[2] <= kNarrowHidden; }
+  GIGA_HD bool is_wide() const { return width[1] > kBlockHidden || width[2] > kBlockHidden; }
 };
 
 /// The rows of a minibatch: of each state those of n agents.
@@ -72,8 +75,8 @@ struct FusedPolicyLoss {
   const float* pre_tanh_action = nullptr;  // [.., 3] continuous actions
   const float* advantage_mean = nullptr;   // scalars; null: the minibatch's own moments
   const float* advantage_inv_std = nullptr;
-  const float* entropy_coef = nullptr;  // scalar
-  float clip_coef = 0;
+  const float* entropy_coef = nullptr;  // scalars
+  const float* clip_coef = nullptr;
 };
 /// The value's loss.
 struct FusedValueLoss {
@@ -92,7 +95,9 @@ struct FusedActor {
   FusedPolicyLoss loss{};
   const double* moments = nullptr;  // [kMomentParts, kMoments] of the minibatch
   int n_partial = 0;                // blocks that share the work
-  float* partial = nullptr;         // [n_partial, net.size + kFusedSums] out: sums of each block
+  // [partial_rows(net, n_partial), net.size + kFusedSums] out: sums of each block, or of all
+  float* partial = nullptr;
+  uint32_t* wide = nullptr;  // [WideLayers::words_for(..)] for wide networks (cuda/ppo_wide.hpp): work memory
 };
 struct FusedCritic {
   FusedMlp net{};
@@ -104,14 +109,16 @@ struct FusedCritic {
   float* partial = nullptr;  // as above; or
   float* values = nullptr;   // [states, n] out: only the values are computed
   uint32_t* kept = nullptr;  // [kept_words(..)] for gradients where that is not 0: work memory
+  uint32_t* wide = nullptr;  // as above; for values: room for `wide_tiles` tiles
+  int64_t wide_tiles = 0;
 };
-/// What a block of a composed critic with a hidden layer of more than 64 keeps of each state until its last tile: the
-/// mean features of the first layer, and the sum of the gradients by the sums of the second. The gradient of the team
-/// weight, which is made of them, takes the registers of the other gradients then.
+/// What a block of a composed critic with a hidden layer of 65 to 128 numbers keeps of each state until its last tile:
+/// the mean features of the first layer, and the sum of the gradients by the sums of the second. The gradient of the
+/// team weight, which is made of them, takes the registers of the other gradients then.
 struct KeptStates {
-  static constexpr int kTileRows = 64, kMost = 32;              // of a tile: rows, states
-  static constexpr int kHalves = FusedMlp::kHidden, kRows = 2;  // of a state: rows of so many numbers
-  static constexpr int kWords = kHalves / 2;                    // of a row
+  static constexpr int kTileRows = 64, kMost = 32;                   // of a tile: rows, states
+  static constexpr int kHalves = FusedMlp::kBlockHidden, kRows = 2;  // of a state: rows of so many numbers
+  static constexpr int kWords = kHalves / 2;                         // of a row
   int per_tile;
   int64_t per_block;
 
@@ -120,7 +127,7 @@ struct KeptStates {
     per_block = (tiles + n_partial - 1) / n_partial * per_tile;
   }
   static int64_t words(const FusedMlp& net, int n, int64_t n_states, int n_partial) {
-    if (net.is_narrow() || net.team_weight[1] < 0) return 0;
+    if (net.is_narrow() || net.is_wide() || net.team_weight[1] < 0) return 0;
     return KeptStates(n, n_states, n_partial).per_block * n_partial * kRows * kWords;
   }
 };
@@ -135,7 +142,7 @@ struct KeptTrueStates {
   int words;  // of a row
 
   GIGA_HD KeptTrueStates(const FusedMlp& net, int n, int64_t n_states, int n_partial)
-      : words((net.is_narrow() ? FusedMlp::kNarrowHidden : FusedMlp::kHidden) / 2) {
+      : words((net.is_narrow() ? FusedMlp::kNarrowHidden : FusedMlp::kBlockHidden) / 2) {
     per_tile = states_of_tile(n, net.state.n_other);
     const int64_t tiles = (n_states + per_tile - 1) / per_tile;
     per_block = (tiles + n_partial - 1) / n_partial * per_tile;
@@ -151,6 +158,8 @@ inline int64_t kept_words(const FusedMlp& net, int n, int64_t n_states, int n_pa
   if (net.reads_state()) return KeptTrueStates(net, n, n_states, n_partial).words_per_block() * n_partial;
   return KeptStates::words(net, n, n_states, n_partial);
 }
+/// Rows of `partial`: those of wide networks are added up before.
+inline int partial_rows(const FusedMlp& net, int n_partial) { return net.is_wide() ? 1 : n_partial; }
 /// Behind the gradient: the actor's sums of diagnostics (PolicyDiagnostic), the critic's sum of losses.
 constexpr int kFusedSums = 8;
 static_assert(kNPolicyDiagnostics <= kFusedSums);
@@ -193,8 +202,9 @@ int fused_step_blocks(int64_t actor_size, int64_t critic_size);
 
 /// All are queued. The number of multiprocessors decides the order of sums; on one GPU results repeat bit for bit.
 /// Factors of products are rounded to half precision (10 bits of mantissa, as TF32 has), gradients at a scale that
-/// keeps them in its range; sums are fp32, tanh is within 2^-21, derivatives of activations are rounded to half
-/// precision; exp and log are those of the hardware.
+/// keeps them in its range; sums are fp32, tanh is within 2^-21 (of wide networks 2^-20), derivatives of activations
+/// are rounded to half precision (of tanh in the first layer of wide networks they follow from rounded features); exp
+/// and log are those of the hardware.
 ///
 /// The moments of each minibatch of an epoch: moments [pieces, kMomentParts, kMoments]. rows.states: of the epoch.
 void launch_moments(const FusedRows& rows, MinibatchPieces pieces, const float* advantage, double* moments, int index,

@@ -49,7 +49,7 @@ template <class Memory>
 __device__ void policy_gradient(const FusedActor& k, const Memory& m, const LossRow& row, QuadLogits& l,
                                 float (&sums)[kLaneSums]) {
   const PolicySample of{row.old_log_prob, (row.advantage - m.advantage_mean) * m.advantage_inv_std, m.scale,
-                        k.loss.clip_coef, m.entropy_coef};
+                        m.clip_coef, m.entropy_coef};
   float all[4 * kLaneSums] = {};
   if (k.loss.action) {
     categorical_gradient(l, row.action, of, all);
@@ -94,6 +94,7 @@ __device__ void take_moments(const FusedActor& k, Memory& m) {
   const float off = moments.mean - m.advantage_mean;
   m.scale = gradient_scale(sqrtf(moments.variance + off * off) * m.advantage_inv_std);
   m.unscale = moments.inv_count / m.scale;
+  m.clip_coef = *k.loss.clip_coef;
   m.entropy_coef = *k.loss.entropy_coef;
 }
 

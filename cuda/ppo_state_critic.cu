@@ -137,7 +137,7 @@ __global__ void __launch_bounds__(S::kThreads, 1) state_critic_kernel(const __gr
   fetch(0);
 
   for (int turn = 0; tile < tiles.n_tiles; tile += gridDim.x, turn ^= 1) {
-    wait_for_numbers();
+    wait_for_copies();
     __syncthreads();
     uint32_t* const kept_here = kGradient ? kept + n_kept * S::kPairs : nullptr;
     take_numbers(tiles, m, kGradient ? kept_here + KeptTrueStates::kWorld * stride : nullptr);
@@ -244,7 +244,7 @@ __global__ void __launch_bounds__(S::kThreads, 1) state_critic_kernel(const __gr
       d_encoder.template add<S::kRowDepth, S::kStride, S::kInStride>(m.codes[warp / 4], m.agents[warp / 4], nothing);
     }
   }
-  wait_for_numbers();
+  wait_for_copies();
 
   if constexpr (kGradient) {  // the block's sums
     float* out = k.partial + blockIdx.x * (net.size + kFusedSums);

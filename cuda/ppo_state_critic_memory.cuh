@@ -122,9 +122,6 @@ __device__ void fetch_numbers(const FusedRows& rows, const StateTiles& tiles, St
   }
 }
 
-/// Those that this thread has fetched are there.
-__device__ inline void wait_for_numbers() { asm volatile("cp.async.wait_all;" ::: "memory"); }
-
 /// What the layers read, from m.numbers. `kept`: of the world, if any; a row for each state.
 template <class S>
 __device__ void take_numbers(const StateTiles& tiles, StateMemory<S>& m, uint32_t* kept) {

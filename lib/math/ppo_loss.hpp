@@ -38,10 +38,10 @@ struct PolicyLossInput {
   const float* advantage_inv_std;  // scalar
   const float* inv_count;          // scalar: 1 / living rows of the minibatch
   const float* entropy_coef;       // scalar
-  float clip_coef;
+  const float* clip_coef;          // scalar
 
   GIGA_HD PolicySample sample(int64_t source) const {
-    return {old_log_prob[source], (advantage[source] - *advantage_mean) * *advantage_inv_std, *inv_count, clip_coef,
+    return {old_log_prob[source], (advantage[source] - *advantage_mean) * *advantage_inv_std, *inv_count, *clip_coef,
             *entropy_coef};
   }
 };

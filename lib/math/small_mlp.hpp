@@ -11,14 +11,16 @@ namespace giga {
 /// bias.
 struct SmallMlp {
   static constexpr int kMaxLayers = 4;
-  static constexpr int kMaxWidth = 128;  ///< of all layers but the input
+  static constexpr int kMaxWidth = 128;  ///< most numbers of a hidden layer that the kernel of populations has room for
   int n_layers = 0;
   int width[kMaxLayers + 1] = {};                      ///< input, hidden ..., output
   int weight[kMaxLayers] = {}, bias[kMaxLayers] = {};  ///< first number of each in a row of parameters
   int log_std = 0;                                     ///< first of the three; continuous actions only
   Activation activation = Activation::tanh;
 
-  /// Whether a network with these hidden layers fits in.
+  /// Whether the fused kernel of populations has room for it.
+  bool fits_population() const { return has_room_for({width + 1, width + n_layers}); }
+  /// Whether it has room for a network with these hidden layers.
   static bool has_room_for(const std::vector<int>& hidden) {
     for (const int size : hidden)
       if (size > kMaxWidth) return false;

@@ -68,7 +68,7 @@ at::Tensor Actor::forward_members(const at::Tensor& members, const at::Tensor& o
 
 std::optional<at::Tensor> Actor::small_head(const at::Tensor& obs, const ParallelFor& parallel_for) const {
   const std::optional<SmallMlp> mlp = inputs_.is_image() ? std::nullopt : network_.small(parameters_);
-  if (!mlp) return std::nullopt;
+  if (!mlp || !mlp->fits_population()) return std::nullopt;
   const float* const numbers = parameters_.values().const_data_ptr<float>();
   at::Tensor x = obs.contiguous();
   for (int l = 0; l < mlp->n_layers; ++l) {
@@ -100,6 +100,7 @@ at::Tensor Actor::log_std() const {
 std::optional<SmallMlp> Actor::small_mlp() const {
   if (normalize_ || precision_ != Precision::fp16) return std::nullopt;
   std::optional<SmallMlp> mlp = network_.small(parameters_);
+  if (mlp && !mlp->fits_population()) return std::nullopt;
   if (mlp && actions_ == ActionKind::continuous) mlp->log_std = static_cast<int>(log_std_offset());
   return mlp;
 }

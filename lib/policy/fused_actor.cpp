@@ -8,9 +8,9 @@ std::optional<FusedPolicy> fused_policy(const Actor& actor) {
   const at::Tensor& values = actor.parameters().values();
   const std::optional<FusedMlp> mlp = actor.fused_mlp();
   if (!actor.takes_fused_kernels() || !mlp) return std::nullopt;
-  const bool serves = values.is_cuda()
-                          ? actor.precision() == Precision::tf32 && fused_gradients_run(values.get_device())
-                          : actor.precision() == Precision::fp32;
+  const bool serves = values.is_cuda() ? FusedPolicy::serves(*mlp) && actor.precision() == Precision::tf32 &&
+                                             fused_gradients_run(values.get_device())
+                                       : actor.precision() == Precision::fp32;
   if (!serves) return std::nullopt;
   FusedPolicy policy{.net = *mlp, .parameters = values.const_data_ptr<float>(), .actions = actor.actions()};
   if (actor.actions() == ActionKind::continuous) policy.continuous.log_std = policy.parameters + mlp->log_std;

@@ -32,12 +32,10 @@ std::vector<DenseLayer> Network::layers() const {
 std::optional<SmallMlp> Network::small(const ParameterSet& p) const {
   const std::vector<DenseLayer> hidden = encoder_->layers();
   if (cell_) return std::nullopt;
-  std::vector<int> sizes;
-  for (const DenseLayer& layer : hidden) sizes.push_back(static_cast<int>(p.shape(layer.weight)[0]));
   const auto fits = [&](const DenseLayer& layer) {
     return layer.norm_weight < 0 && layer.activation == hidden.front().activation;
   };
-  if (hidden.empty() || !std::all_of(hidden.begin(), hidden.end(), fits) || !SmallMlp::has_room_for(sizes))
+  if (hidden.empty() || hidden.size() >= SmallMlp::kMaxLayers || !std::all_of(hidden.begin(), hidden.end(), fits))
     return std::nullopt;
   SmallMlp mlp;
   mlp.activation = hidden.front().activation.value();

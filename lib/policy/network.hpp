@@ -49,7 +49,7 @@ class Network {
   const Encoder& encoder() const { return *encoder_; }
   /// Those that the encoder lists, then the output layer.
   std::vector<DenseLayer> layers() const;
-  /// The layout for the fused kernel. None where that has no room for it (layer normalisation, many or wide layers, a
+  /// The layout for the fused kernels. None where they know no such network (layer normalisation, many layers, a
   /// memory), or the encoder is no chain of dense layers.
   std::optional<SmallMlp> small(const ParameterSet& p) const;
 

@@ -65,7 +65,9 @@ TEST_P(FusedPolicyAsPtx, DrawsTheSameActions) {
   Acts expected(s.n_rows());
   run_fused_policy(policy_for(expected), ThreadPool(1));
 
-  const int input = c.input <= 64 ? 64 : c.input <= 128 ? 128 : 192, hidden = s.actor.is_narrow() ? 64 : 128;
+  if (!FusedPolicy::serves(s.actor)) GTEST_SKIP() << "LibTorch plays wide networks on many numbers";
+  const int input = c.input <= 64 ? 64 : c.input <= 128 ? 128 : 192;
+  const int hidden = s.actor.is_narrow() ? 64 : s.actor.is_wide() ? 256 : 128;
   std::vector<float> first;
   for (const ThreadOrder order : {ThreadOrder::forward, ThreadOrder::backward, ThreadOrder::shuffled}) {
     Acts found(s.n_rows());

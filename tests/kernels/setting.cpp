@@ -39,6 +39,34 @@ const std::vector<KernelCase>& observation_cases() {
        .continuous = true,
        .normalize = true},
       {.name = "BroadWide", .hidden = {72, 128}, .input = 176, .n = 1, .n_states = 70, .blocks = 2},
+      // Hidden layers of up to 256: kernels that follow each other.
+      {.name = "Broadest", .hidden = {256, 256}, .input = 59, .n = 5, .n_states = 60, .blocks = 3},
+      {.name = "BroadestIndependentContinuous",
+       .hidden = {130, 200},
+       .input = 106,
+       .n = 2,
+       .n_states = 70,
+       .blocks = 1,
+       .activation = Activation::silu,
+       .composed = false,
+       .continuous = true,
+       .normalize = true},
+      {.name = "BroadestWide",
+       .hidden = {64, 129},
+       .input = 176,
+       .n = 1,
+       .n_states = 150,
+       .blocks = 2,
+       .activation = Activation::relu},
+      {.name = "BroadestFewRows", .hidden = {130, 8}, .input = 20, .n = 5, .n_states = 7, .blocks = 3},
+      {.name = "BroadestCrowd", .hidden = {256, 1}, .input = 70, .n = 33, .n_states = 4, .blocks = 2},
+      {.name = "BroadestMany",
+       .hidden = {256, 40},
+       .input = 20,
+       .n = 20,
+       .n_states = 9,
+       .blocks = 2,
+       .activation = Activation::gelu},
   };
   return all;
 }
@@ -165,7 +193,7 @@ FusedActor Setting::actor_pass() const {
                    .action = c.continuous ? nullptr : action.data(),
                    .pre_tanh_action = pre_tanh_action.data(),
                    .entropy_coef = &entropy_coef,
-                   .clip_coef = 10},
+                   .clip_coef = &clip_coef},
           .moments = moments.data()};
 }
 

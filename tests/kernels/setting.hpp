@@ -16,6 +16,8 @@ constexpr size_t kSharedBytes = 227 * 1024;  // the most that a block may have
 // Factors of products are rounded to half precision, by up to 2^-11 = 0.0005 each, in five products one after the
 // other.
 constexpr double kRounding = 0.004;
+// The derivative of relu jumps: rounding switches some units on or off.
+constexpr double kJumps = 0.02;
 
 /// Memory of a kernel, with a poison that no kernel computes, and more of it behind the end.
 template <class T>
@@ -71,7 +73,7 @@ struct Setting {
   std::vector<uint8_t> alive;
   std::vector<int64_t> states;
   std::vector<double> moments;
-  float value_mean = 4, value_std = 2, entropy_coef = 0.05f;
+  float value_mean = 4, value_std = 2, entropy_coef = 0.05f, clip_coef = 10;
 
   explicit Setting(const KernelCase& of);
   int64_t n_rows() const { return static_cast<int64_t>(alive.size()); }

@@ -19,11 +19,15 @@ TEST(LearnBalance, NothingIsChangedByDefault) {
   Balance balance{MappoConfig{}};
   balance.note(figures(0.5, 1, 0));
   for (int team = 0; team < kNTeams; ++team) {
-    EXPECT_EQ(balance.entropy_coef(team), MappoConfig{}.entropy_coef);
+    EXPECT_EQ(balance.entropy_coef(team, 0.5), MappoConfig{}.entropy_coef);
     EXPECT_EQ(balance.actor_factor(team), 1);
     EXPECT_EQ(balance.critic_factor(team), 1);
   }
-  for (const double done : {0.0, 0.5, 1.0}) EXPECT_EQ(balance.shaping_factor(done), 1);
+  for (const double done : {0.0, 0.5, 1.0}) {
+    EXPECT_EQ(balance.shaping_factor(done), 1);
+    EXPECT_EQ(balance.gamma(done), MappoConfig{}.gamma);
+    EXPECT_EQ(balance.clip_coef(done), MappoConfig{}.clip_coef);
+  }
   Metrics columns;
   NamedArrays arrays;
   balance.add_metrics(0.5, columns);
@@ -47,6 +51,49 @@ TEST(LearnBalance, ShapingFadesToItsFloor) {
   EXPECT_EQ(Balance{config}.shaping_factor(0.5), 0.25);
 }
 
+TEST(LearnBalance, GammaClipAndEntropyGoToTheirLastValues) {
+  MappoConfig config;
+  config.gamma = 0.9f;
+  config.final_gamma = 0.98f;
+  config.clip_coef = 0.3f;
+  config.final_clip_coef = 0.1f;
+  config.entropy_coef = 0.01f;
+  config.final_entropy_coef = 0.0f;
+  const Balance balance{config};
+  EXPECT_EQ(balance.gamma(0), 0.9f);
+  EXPECT_NEAR(balance.gamma(0.25), 0.92, 1e-6) << "a quarter of the way from 0.9 to 0.98";
+  EXPECT_EQ(balance.gamma(1), 0.98f);
+  EXPECT_EQ(balance.gamma(1.5), 0.98f) << "a run that goes on beyond its end";
+  EXPECT_NEAR(balance.clip_coef(0.5), 0.2, 1e-6);
+  EXPECT_EQ(balance.clip_coef(1), 0.1f);
+  for (int team = 0; team < kNTeams; ++team) EXPECT_NEAR(balance.entropy_coef(team, 0.75), 0.0025, 1e-7);
+  Metrics columns;
+  balance.add_metrics(0.5, columns);
+  EXPECT_NEAR(metric(columns, "gamma"), 0.94, 1e-6);
+  EXPECT_NEAR(metric(columns, "clip_coef"), 0.2, 1e-6);
+  EXPECT_NEAR(metric(columns, "entropy_coef"), 0.005, 1e-6);
+}
+
+// Each of them changes what is learned, from the update on in which it differs; in the first one it does not yet.
+TEST(LearnBalance, WhatChangesOverTheRunActsInIt) {
+  SmallRun plain;
+  plain.mappo = "learning_rate: 0.01, clip_coef: 0.02";
+  const auto learner = plain.learner();
+  learner->update();
+  const NamedArrays after_one = saved(*learner);
+  learner->update();
+  const NamedArrays after_two = saved(*learner);
+  for (const char* setting : {"final_gamma: 0.5", "final_clip_coef: 5", "final_entropy_coef: 0.5"}) {
+    SmallRun run;
+    run.mappo = cat(plain.mappo, ", ", setting);
+    const auto other = run.learner();
+    other->update();
+    EXPECT_EQ(difference(after_one, saved(*other)), "") << setting;
+    other->update();
+    EXPECT_NE(difference(after_two, saved(*other)), "") << setting;
+  }
+}
+
 TEST(LearnBalance, TheBonusFollowsTheEntropy) {
   MappoConfig config;
   config.entropy_coef = 0.01f;
@@ -54,14 +101,14 @@ TEST(LearnBalance, TheBonusFollowsTheEntropy) {
   config.entropy_rate = 0.5f;
   Balance balance{config};
   balance.note(figures(1.0, 0, 0));  // one nat is missing: x exp(0.5)
-  EXPECT_NEAR(balance.entropy_coef(0), 0.01 * std::exp(0.5), 1e-7);
-  EXPECT_EQ(balance.entropy_coef(1), 0.01f) << "a figure that is not known changes nothing";
+  EXPECT_NEAR(balance.entropy_coef(0, 0.5), 0.01 * std::exp(0.5), 1e-7);
+  EXPECT_EQ(balance.entropy_coef(1, 0.5), 0.01f) << "a figure that is not known changes nothing";
   balance.note(figures(3.0, 0, 0));  // one too many: back
-  EXPECT_NEAR(balance.entropy_coef(0), 0.01, 1e-7);
+  EXPECT_NEAR(balance.entropy_coef(0, 0.5), 0.01, 1e-7);
   for (int k = 0; k < 100; ++k) balance.note(figures(0, 0, 0));
-  EXPECT_NEAR(balance.entropy_coef(0), 0.1, 1e-7) << "ten times the first at most";
+  EXPECT_NEAR(balance.entropy_coef(0, 0.5), 0.1, 1e-7) << "ten times the first at most";
   for (int k = 0; k < 100; ++k) balance.note(figures(3.3, 0, 0));
-  EXPECT_NEAR(balance.entropy_coef(0), 0.0001, 1e-8) << "a hundredth at least";
+  EXPECT_NEAR(balance.entropy_coef(0, 0.5), 0.0001, 1e-8) << "a hundredth at least";
 }
 
 TEST(LearnBalance, ATeamThatIsFarAheadRests) {

@@ -36,7 +36,7 @@ CriticShape critic_shape(const FusedCase& c) {
 CriticConfig critic_config(const FusedCase& c) {
   CriticConfig config;
   config.kind = c.critic;
-  config.hidden = c.hidden;
+  config.hidden = c.critic_hidden.empty() ? c.hidden : c.critic_hidden;
   config.activation = c.activation;
   return config;
 }
@@ -91,13 +91,14 @@ FusedSetting::FusedSetting(const FusedCase& c, Device device, int n_threads)
   mean = at::full({1}, 4.0f, obs.options());
   std = at::full({1}, 2.0f, obs.options());
   entropy_coef = at::full({1}, kEntropyCoef, obs.options());
+  clip_coef = at::full({1}, c.clip, obs.options());
 }
 
-FusedPolicyLoss FusedSetting::policy_loss(float clip_coef) const {
+FusedPolicyLoss FusedSetting::policy_loss() const {
   FusedPolicyLoss loss{.old_log_prob = log_prob.const_data_ptr<float>(),
                        .advantage = advantage.const_data_ptr<float>(),
                        .entropy_coef = entropy_coef.const_data_ptr<float>(),
-                       .clip_coef = clip_coef};
+                       .clip_coef = clip_coef.const_data_ptr<float>()};
   if (actions == ActionKind::discrete)
     loss.action = action.const_data_ptr<int32_t>();
   else
@@ -256,6 +257,48 @@ const std::vector<FusedCase>& fused_cases() {
        0,
        false,
        AdvantageNorm::minibatch},
+      // Hidden layers of up to 256.
+      {"Broadest",
+       ActionKind::discrete,
+       CriticKind::composed,
+       Activation::tanh,
+       {256, 256},
+       5,
+       59,
+       101,
+       false,
+       AdvantageNorm::minibatch},
+      {"BroadestContinuousIndependent",
+       ActionKind::continuous,
+       CriticKind::independent,
+       Activation::silu,
+       {130, 200},
+       7,
+       106,
+       8,
+       true,
+       AdvantageNorm::minibatch},
+      {"BroadestReluClipped",
+       ActionKind::discrete,
+       CriticKind::composed,
+       Activation::relu,
+       {256, 64},
+       20,
+       176,
+       0,
+       false,
+       AdvantageNorm::minibatch,
+       kClip},
+      {"BroadestAlone",
+       ActionKind::discrete,
+       CriticKind::composed,
+       Activation::gelu,
+       {16, 129},
+       1,
+       192,
+       0,
+       true,
+       AdvantageNorm::none},
       {"BroadContinuousIndependent",
        ActionKind::continuous,
        CriticKind::independent,
@@ -289,6 +332,41 @@ const std::vector<FusedCase>& fused_cases() {
        AdvantageNorm::minibatch,
        kNoClip,
        12'000},
+      {"BroadestManyRows",
+       ActionKind::discrete,
+       CriticKind::composed,
+       Activation::tanh,
+       {256, 256},
+       5,
+       59,
+       0,
+       false,
+       AdvantageNorm::minibatch,
+       kNoClip,
+       12'000},
+      {.name = "BroadestActorNarrowCritic",
+       .actions = ActionKind::discrete,
+       .critic = CriticKind::composed,
+       .activation = Activation::silu,
+       .hidden = {200, 256},
+       .n = 64,
+       .columns = 70,
+       .first = 3,
+       .normalize = true,
+       .norm = AdvantageNorm::none,
+       .n_states = 90,
+       .critic_hidden = {64, 32}},
+      {.name = "BroadestCriticNarrowActor",
+       .actions = ActionKind::continuous,
+       .critic = CriticKind::composed,
+       .activation = Activation::tanh,
+       .hidden = {100, 64},
+       .n = 3,
+       .columns = 59,
+       .first = 3,
+       .normalize = false,
+       .norm = AdvantageNorm::minibatch,
+       .critic_hidden = {256, 1}},
       // Critics of the true state.
       {.name = "State",
        .actions = ActionKind::discrete,

@@ -31,8 +31,9 @@ struct FusedCase {
   float clip = kNoClip;
   int64_t n_states = 600;  // of the rollout, of which every third is learned from
   // Of the games' true states:
-  int n_other = 2, team = 0;  // agents of the other team; the own one
-  int world = 7;              // numbers of the world
+  int n_other = 2, team = 0;            // agents of the other team; the own one
+  int world = 7;                        // numbers of the world
+  std::vector<int> critic_hidden = {};  // none: as the actor's
 };
 
 /// They cover activations, kinds of actions and critics, and sizes of layers, inputs and teams.
@@ -49,7 +50,7 @@ struct FusedSetting {
   Actor actor;
   Critic critic;
   at::Tensor obs, true_state, alive, states, action, u, log_prob, advantage, old_value, returns, mean, std,
-      entropy_coef;
+      entropy_coef, clip_coef;
 
   FusedSetting(const FusedCase& c, Device device, int n_threads = 2);
   /// The rows of the states that are learned from.
@@ -58,7 +59,7 @@ struct FusedSetting {
   /// What the critic reads.
   at::Tensor seen() const { return critic.needs_state() ? true_state : obs; }
   /// What the losses take of the rollout.
-  FusedPolicyLoss policy_loss(float clip_coef) const;  // with kEntropyCoef
+  FusedPolicyLoss policy_loss() const;  // with kEntropyCoef and the clip of the case
   FusedValueLoss value_loss() const;
 };
 

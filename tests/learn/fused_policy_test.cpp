@@ -17,6 +17,7 @@ TEST_P(LearnFusedUpdateGpu, ThePolicyAndTheUpdateAgree) {
   const FusedCase& c = GetParam();
   at::NoGradGuard no_grad;
   FusedSetting s(c, kOneGpu);
+  if (!FusedPolicy::serves(s.actor.fused_mlp().value())) GTEST_SKIP() << "LibTorch plays wide networks on many numbers";
   const int64_t n_rows = s.n_states * c.n;
   const bool discrete = c.actions == ActionKind::discrete;
   const at::Tensor action = at::full({s.n_states, c.n}, -1, s.action.options());
@@ -63,7 +64,7 @@ TEST_P(LearnFusedUpdateGpu, ThePolicyAndTheUpdateAgree) {
                            .action = discrete ? action.const_data_ptr<int32_t>() : nullptr,
                            .pre_tanh_action = u.const_data_ptr<float>(),
                            .entropy_coef = s.entropy_coef.const_data_ptr<float>(),
-                           .clip_coef = kClip},
+                           .clip_coef = s.clip_coef.const_data_ptr<float>()},
                           {.old_value = s.old_value.const_data_ptr<float>(),
                            .returns = s.returns.const_data_ptr<float>(),
                            .value_mean = s.mean.const_data_ptr<float>(),

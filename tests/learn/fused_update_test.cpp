@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "core/error.hpp"
+#include "cuda/ppo_wide.hpp"
 #include "fused_cases.hpp"
 #include "math/ppo_loss.hpp"
 
@@ -53,7 +54,7 @@ struct Expected {
                              .advantage_inv_std = inv_std.const_data_ptr<float>(),
                              .inv_count = inv_count.const_data_ptr<float>(),
                              .entropy_coef = entropy_coef.const_data_ptr<float>(),
-                             .clip_coef = c.clip};
+                             .clip_coef = s.clip_coef.const_data_ptr<float>()};
     if (c.actions == ActionKind::discrete)
       s.parallel_for.run(CategoricalLoss{in, head.const_data_ptr<float>(), s.action.const_data_ptr<int32_t>(),
                                          gradient.data_ptr<float>(), diagnostics.data_ptr<float>()},
@@ -132,7 +133,7 @@ void expect_what_libtorch_says(const FusedCase& c, Device device) {
   FusedUpdate fused(s.actor, s.critic, c.n, s.parallel_for);
 
   at::NoGradGuard no_grad;
-  FusedPolicyLoss policy = s.policy_loss(c.clip);
+  FusedPolicyLoss policy = s.policy_loss();
   const at::Tensor zero = at::zeros({1}, s.obs.options()), one = at::ones({1}, s.obs.options());
   if (c.norm == AdvantageNorm::none) {
     policy.advantage_mean = zero.const_data_ptr<float>();
@@ -214,6 +215,11 @@ void expect_what_libtorch_says(const FusedCase& c, Device device) {
   EXPECT_EQ((values != 0).any(1).sum().item<int64_t>(), s.states.numel());
   fused.write_values(s.seen(), s.alive, {}, values);
   EXPECT_LT((values - all).abs().max().item<double>(), rounding * scale);
+  for (int k = 0; k < 3; ++k) {
+    const at::Tensor once_more = at::zeros_like(all);
+    fused.write_values(s.seen(), s.alive, {}, once_more);
+    EXPECT_TRUE(at::equal(once_more, values)) << "values, bit for bit the same once more";
+  }
 }
 
 TEST_P(LearnFusedUpdate, IsThatOfLibTorch) { expect_what_libtorch_says(GetParam(), kCpu); }
@@ -236,16 +242,17 @@ TEST(LearnFusedUpdateRefusal, SaysWhatIsTooWide) {
     return fused_update_refusal(on_actor.actor, on_critic.critic, c.n, kCpu);
   };
   EXPECT_EQ(refusal({128, 128}, {128, 128}, 192), "");
+  EXPECT_EQ(refusal({256, 256}, {256, 256}, 192), "");
   EXPECT_EQ(refusal({64, 64}, {128, 100}, 59), "");
   EXPECT_EQ(refusal({65, 1}, {64, 64}, 59), "");
   const auto told = [](const char* network) {
     return cat(
-        "they serve dense networks with two hidden layers of at most 128, without layer normalisation, on at "
+        "they serve dense networks with two hidden layers of at most 256, without layer normalisation, on at "
         "most 192 numbers (mappo.",
         network, ")");
   };
-  EXPECT_EQ(refusal({129, 64}, {64, 64}, 59), told("actor"));
-  EXPECT_EQ(refusal({64, 64}, {64, 129}, 59), told("critic"));
+  EXPECT_EQ(refusal({257, 64}, {64, 64}, 59), told("actor"));
+  EXPECT_EQ(refusal({64, 64}, {64, 257}, 59), told("critic"));
   EXPECT_EQ(refusal({64}, {64, 64}, 59), told("actor"));
   EXPECT_EQ(refusal({64, 64}, {64, 64, 64}, 59), told("critic"));
   EXPECT_EQ(refusal({64, 64}, {64, 64}, 193), told("actor"));
@@ -268,6 +275,7 @@ TEST(LearnFusedUpdateRefusal, SaysWhichCriticsOfTheTrueState) {
       "of critics of the true state they serve those with one or two hidden layers of at most 128, without layer "
       "normalisation, in games of at most 64 agents a team and 47 numbers of the world (mappo.critic)";
   EXPECT_EQ(refusal({64, 64, 64}, 5, 21), told);
+  EXPECT_EQ(refusal({129}, 5, 21), told);
   EXPECT_EQ(refusal({64, 129}, 5, 21), told);
   EXPECT_EQ(refusal({129, 64}, 5, 21), told);
   EXPECT_EQ(refusal({64, 64}, 65, 21), told);
@@ -287,6 +295,9 @@ TEST(LearnFusedUpdateKeptStates, HaveRoom) {
   EXPECT_EQ(KeptStates(64, 1000, 10).per_tile, 1);
   net.width[1] = net.width[2] = 64;
   EXPECT_EQ(KeptStates::words(net, 5, 1000, 10), 0) << "the kernels of 64 need none";
+  net.width[1] = 129;
+  EXPECT_EQ(KeptStates::words(net, 5, 1000, 10), 0) << "wide networks have other memory";
+  net.width[1] = 64;
 
   // Of the true state: 64 agents of a team in a tile, 12 states of 5 against 5, 4 rows of 32 or 64 words of each state.
   net.team_weight[1] = -1;
@@ -298,6 +309,26 @@ TEST(LearnFusedUpdateKeptStates, HaveRoom) {
   net.state.n_other = 1;
   EXPECT_EQ(KeptTrueStates(net, 1, 1000, 10).per_tile, 16);
   EXPECT_EQ(KeptTrueStates(net, 64, 1000, 10).per_tile, 1);
+}
+
+// What lies between the kernels of wide networks: rows of tiles with whole states.
+TEST(LearnFusedUpdateWideLayers, HaveRoom) {
+  FusedMlp net;
+  net.width[0] = 59;
+  net.width[1] = 200;
+  net.width[2] = 64;
+  net.size = 1000;
+  EXPECT_EQ(WideLayers::tiles_of(5, 1000), 84) << "12 states of 5 in 64 rows";
+  // Of 84 * 64 rows: features and d2 of 128 words, inputs of 32, shares of 1; 10 parts of 1,008; one number.
+  EXPECT_EQ(WideLayers::words_for(net, 5, 1000, 10), 84 * 64 * (128 + 128 + 32 + 1) + 10112 + 64);
+  net.activation = Activation::gelu;
+  net.team_weight[1] = 0;
+  // Also slopes; of 84 * 12 states means, sums, and what comes of a team weight.
+  EXPECT_EQ(WideLayers::words_for(net, 5, 1000, 10), 84 * 64 * (3 * 128 + 32 + 1) + 84 * 12 * (3 * 128) + 10112 + 64);
+  EXPECT_EQ(WideLayers::words_for_values(net, 5, 7), 7 * (64 * (128 + 1) + 12 * (128 + 128)));
+  EXPECT_EQ(WideLayers::tiles_for_values(net, 5, 7 * (64 * (128 + 1) + 12 * (128 + 128)) + 63), 7);
+  net.width[1] = 128;
+  EXPECT_EQ(WideLayers::words_for(net, 5, 1000, 10), 0);
 }
 
 INSTANTIATE_TEST_SUITE_P(All, LearnFusedUpdate, testing::ValuesIn(fused_cases()),

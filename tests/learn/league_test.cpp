@@ -180,8 +180,10 @@ TEST(LearnLeague, FrozenRowsTakeNoPartInLearning) {
       for (int team = 0; team < kNTeams; ++team) {
         Rollout rollout = copy_of(clean.collector.rollout());
         const auto learn = [&](PpoTeam& of) {
+          StepSettings settings = StepSettings::of(clean.run.config.mappo);
+          settings.actor_step_size = settings.critic_step_size = 1e-3f;
+          of.set(settings);
           of.compute_advantages(rollout);
-          of.set({1e-3f, 1e-3f, clean.run.config.mappo.entropy_coef});
           of.begin_epoch(rollout, at::arange(own, at::kLong));
           for (int k = 0; k < clean.run.config.mappo.n_minibatches; ++k) of.update_minibatch(rollout, k, k + 1);
           of.update_normalizer(rollout);

@@ -47,6 +47,8 @@ const Variant kVariants[] = {
       "layer_norm: true, activation: gelu, hidden: [16, 16]", ""}},
     {"TargetKl", {"", "target_kl: 1.0e-5, schedule: constant", "hidden: [16]", ""}},
     {"NoClipping", {"", "max_grad_norm: 0", "activation: relu, hidden: [8]", ""}},
+    {"WideActor", {"", "", "hidden: [16, 16]", "", 3, "hidden: [129, 8]"}},
+    {"WideActorStateCriticOfThree", {"", "", "kind: state, hidden: [8, 8, 8]", "", 3, "hidden: [129, 8]"}},
     {"StateCriticOneLayer", {"", "", "kind: state, hidden: [8], activation: silu", ""}},
     {"ContinuousAgainstCircleRandom",
      {"opponent: circle_random", "obs_norm: true", "hidden: [16]", "action: continuous\n"}},

@@ -127,7 +127,9 @@ void expect_learns_sides(const std::string& critic) {
        .with_final_images = team.critic_reads_image()},
       {everywhere(policy_controller(team.actor()), *sim), everywhere(script_controller(Scripted::random), *sim)});
   collector.start();
-  team.set({.actor_step_size = 5e-3f, .critic_step_size = 5e-3f});
+  StepSettings settings = StepSettings::of(run.config.mappo);
+  settings.actor_step_size = settings.critic_step_size = 5e-3f;
+  team.set(settings);
   at::Generator order = at::detail::createCPUGenerator(5);  // the default one is seeded by the clock
   const auto share_right = [&](bool learns, int rollouts) {
     double right = 0, rows = 0;

@@ -114,8 +114,16 @@ TEST(PolicyActor, SmallHeadsAreComputedWithoutLibTorch) {
   ActorConfig config;
   config.hidden = {16};
   config.layer_norm = true;
-  EXPECT_FALSE(Actor(config, kObs, ActionKind::discrete, false, Precision::fp32, at::kCPU, 1)
-                   .small_head(random({9, kObs}, 2), loop));
+  const auto small_head = [&] {
+    return Actor(config, kObs, ActionKind::discrete, false, Precision::fp32, at::kCPU, 1)
+        .small_head(random({9, kObs}, 2), loop);
+  };
+  EXPECT_FALSE(small_head());
+  config.layer_norm = false;
+  config.hidden = {8, 129};
+  EXPECT_FALSE(small_head());
+  config.hidden = {8, 128};
+  EXPECT_TRUE(small_head());
 }
 
 TEST(PolicyMutualInformation, CategoricalByHand) {

@@ -190,6 +190,10 @@ TEST(PolicyHalfPrecision, TheKernelsLayoutIsOfTheWholeActor) {
   EXPECT_EQ(continuous->log_std, 40 * 64 + 64 + 64 * 32 + 32 + 32 * 3 + 3);  // behind weights and biases: 4,803
   EXPECT_EQ(discrete->width[3], kLogitStride);
   EXPECT_FALSE(layout(ActionKind::discrete, Precision::tf32));
+  for (const std::vector<int>& hidden : {std::vector{129, 8}, {8, 129}}) {
+    config.hidden = hidden;
+    EXPECT_FALSE(layout(ActionKind::discrete, Precision::fp16)) << "the kernel has room for layers of 128";
+  }
 }
 
 TEST(PolicyHalfPrecisionGpu, LibTorchComputesAsOnTheCpu) {

@@ -38,7 +38,7 @@ struct Batch {
             .advantage_inv_std = inv_std.const_data_ptr<float>(),
             .inv_count = inv_count.const_data_ptr<float>(),
             .entropy_coef = &kEntropyCoef,
-            .clip_coef = kClip};
+            .clip_coef = &kClip};
   }
   /// Mean over the living of -min(ratio A, clip(ratio) A) - entropy_coef H; all in the minibatch's order.
   at::Tensor loss(const at::Tensor& log_prob, const at::Tensor& entropy) const {

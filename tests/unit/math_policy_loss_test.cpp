@@ -58,7 +58,7 @@ struct Minibatch {
             .advantage_inv_std = &advantage_inv_std,
             .inv_count = &inv_count,
             .entropy_coef = &kEntropyCoef,
-            .clip_coef = kClip};
+            .clip_coef = &kClip};
   }
   static constexpr size_t kRows = 4;
   static constexpr size_t kSource[kRows] = {4, 5, 0, 1};

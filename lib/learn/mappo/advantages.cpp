@@ -132,7 +132,7 @@ void PpoTeam::compute_advantages(const Rollout& rollout) {
   parallel_for_.run(Gae{.horizon = static_cast<int>(t),
                         .n_worlds = w,
                         .n = n_,
-                        .gamma = config_.gamma,
+                        .gamma = gamma_,
                         .lambda = config_.gae_lambda,
                         .team_share = config_.team_reward_share,
                         .reward = r.reward.const_data_ptr<float>(),

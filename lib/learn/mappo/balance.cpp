@@ -32,6 +32,12 @@ double Balance::shaping_factor(double done) const {
   return 1 + (static_cast<double>(config_.shaping_final_factor) - 1) * faded;
 }
 
+float Balance::on_the_way(float first, const std::optional<float>& last, double done) {
+  if (!last) return first;
+  const auto from = static_cast<double>(first);
+  return static_cast<float>(from + (static_cast<double>(*last) - from) * std::clamp(done, 0.0, 1.0));
+}
+
 bool Balance::is_frozen(int team) const {
   if (!config_.freeze_lead) return false;
   return (team == 0 ? lead_ : -lead_) > static_cast<double>(*config_.freeze_lead);
@@ -39,6 +45,9 @@ bool Balance::is_frozen(int team) const {
 
 void Balance::add_metrics(double done, Metrics& out) const {
   if (shaping_fades()) out.emplace_back("shaping_factor", shaping_factor(done));
+  if (config_.final_gamma) out.emplace_back("gamma", gamma(done));
+  if (config_.final_clip_coef) out.emplace_back("clip_coef", clip_coef(done));
+  if (config_.final_entropy_coef) out.emplace_back("entropy_coef", entropy_coef(0, done));
   for (int team = 0; team < kNTeams; ++team) {
     if (config_.entropy_target) out.emplace_back(cat("entropy_coef_", team), entropy_coef_[static_cast<size_t>(team)]);
     if (config_.freeze_lead) out.emplace_back(cat("frozen_", team), is_frozen(team) ? 1 : 0);

@@ -1,5 +1,5 @@
-// Balance: what mappo changes from update to update so that both teams go on learning: shaping that fades, the weight
-// of the entropy bonus, step sizes of each team.
+// Balance: what mappo changes from update to update, so that both teams go on learning: shaping that fades, the weight
+// of the entropy bonus, the discount, the clip range, step sizes of each team.
 #pragma once
 
 #include <array>
@@ -19,7 +19,12 @@ class Balance {
   double shaping_factor(double done) const;
   bool shaping_fades() const { return config_.shaping_final_factor != 1; }
 
-  float entropy_coef(int team) const { return static_cast<float>(entropy_coef_[static_cast<size_t>(team)]); }
+  /// What these are when a share `done` of the run's updates is done.
+  float gamma(double done) const { return on_the_way(config_.gamma, config_.final_gamma, done); }
+  float clip_coef(double done) const { return on_the_way(config_.clip_coef, config_.final_clip_coef, done); }
+  float entropy_coef(int team, double done) const {
+    return on_the_way(static_cast<float>(entropy_coef_[static_cast<size_t>(team)]), config_.final_entropy_coef, done);
+  }
   /// A team that is far ahead learns nothing for now; its critic goes on.
   bool is_frozen(int team) const;
   /// What the step sizes of a team's actor and of its critic are multiplied with, besides the schedule.
@@ -36,6 +41,8 @@ class Balance {
   void load(const std::string& prefix, const NamedArrays& in);
 
  private:
+  static float on_the_way(float first, const std::optional<float>& last, double done);
+
   const MappoConfig config_;
   std::array<double, kNTeams> entropy_coef_;
   double lead_ = 0;  // running mean of win_rate_0 - win_rate_1

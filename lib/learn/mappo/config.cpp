@@ -33,6 +33,9 @@ constexpr ResumeRule kMappoMayChange[] = {
 };
 constexpr ResumeRule kMappoMayNot[] = {
     {"mappo.entropy_target", "metrics.csv has columns for it"},
+    {"mappo.final_gamma", "metrics.csv has a column for it"},
+    {"mappo.final_clip_coef", "metrics.csv has a column for it"},
+    {"mappo.final_entropy_coef", "metrics.csv has a column for it"},
     {"mappo.shaping_final_factor", "metrics.csv has a column for it"},
     {"mappo.freeze_lead", "metrics.csv has columns for it"},
     {"mappo.step_back", "metrics.csv has columns for it"},
@@ -230,6 +233,9 @@ void options_fit(ConfigCheck& check) {
   const MappoConfig& c = check.config.mappo;
   if (c.entropy_target && c.entropy_coef == 0 && check.known({"mappo.entropy_target", "mappo.entropy_coef"}))
     check.fail("mappo.entropy_target", "it begins at mappo.entropy_coef, which is 0");
+  if (c.entropy_target && c.final_entropy_coef && check.known({"mappo.entropy_target", "mappo.final_entropy_coef"}))
+    check.fail("mappo.final_entropy_coef",
+               "the weight of the bonus follows mappo.entropy_target; allowed: one of both");
   if (c.shaping_fade_start > c.shaping_fade_end && check.known({"mappo.shaping_fade_start", "mappo.shaping_fade_end"}))
     check.fail("mappo.shaping_fade_start",
                cat(c.shaping_fade_start, " is after mappo.shaping_fade_end ", c.shaping_fade_end));

@@ -31,9 +31,12 @@ struct MappoConfig {
   Schedule schedule = Schedule::linear;
   float final_learning_rate_factor = 0.0f;
   float gamma = 0.99f;
+  std::optional<float> final_gamma = std::nullopt;
   float gae_lambda = 0.95f;
   float clip_coef = 0.2f;
+  std::optional<float> final_clip_coef = std::nullopt;
   float entropy_coef = 0.003f;
+  std::optional<float> final_entropy_coef = std::nullopt;
   std::optional<float> entropy_target = std::nullopt;
   float entropy_rate = 0.02f;
   float value_coef = 0.5f;
@@ -76,9 +79,13 @@ void visit_fields(V& v, MappoConfig& c) {
   v("schedule", c.schedule, "how both step sizes change over the run");
   v("final_learning_rate_factor", c.final_learning_rate_factor, "share of the step sizes left at the end", range(0, 1));
   v("gamma", c.gamma, "discount of one step", range(0, 1));
+  v("final_gamma", c.final_gamma, "what gamma is at the end of the run, evenly from update to update; none = it stays",
+    range(0, 1));
   v("gae_lambda", c.gae_lambda, "decay of generalised advantage estimation", range(0, 1));
   v("clip_coef", c.clip_coef, "how far the probability ratio may move from 1", greater_than(0));
+  v("final_clip_coef", c.final_clip_coef, "clip_coef at the end of the run, likewise", greater_than(0));
   v("entropy_coef", c.entropy_coef, "weight of the entropy bonus", at_least(0));
+  v("final_entropy_coef", c.final_entropy_coef, "entropy_coef at the end of the run, likewise", at_least(0));
   v("entropy_target", c.entropy_target,
     "entropy that a policy is held at (nats; 27 actions at random have 3.3): the weight of the bonus begins at "
     "entropy_coef, falls while the entropy is above and grows while it is below; none = the weight stays",

@@ -2,7 +2,10 @@
 
 #include <ATen/ATen.h>
 
+#include <algorithm>
+
 #include "core/error.hpp"
+#include "cuda/ppo_wide.hpp"
 #include "policy/cpu_kernels.hpp"
 #include "rollout/tensors.hpp"
 
@@ -32,6 +35,23 @@ FusedRows only(const InputColumns& inputs, FusedRows rows) {
   return rows;
 }
 
+/// Makes work memory (int32 words) at least this large; it never shrinks.
+void grow(at::Tensor& memory, int64_t words, Device device) {
+  if (words == 0 || (memory.defined() && memory.numel() >= words)) return;
+  memory.reset();  // given back first
+  memory = at::empty({words}, at::TensorOptions().dtype(at::kInt).device(torch_device(device)));
+}
+uint32_t* words_of(const at::Tensor& memory) {
+  return memory.defined() ? reinterpret_cast<uint32_t*>(memory.data_ptr<int32_t>()) : nullptr;
+}
+/// Rows of `partial`.
+int partial_rows_on(Device device, const FusedMlp& net, int blocks) {
+  return device.is_cuda() ? partial_rows(net, blocks) : blocks;
+}
+/// Tiles of each block whose values are computed at once: so many that loading the weights is a small part, and that
+/// they take less memory than the gradients of a large minibatch.
+constexpr int kValueTiles = 32;
+
 std::string network_refusal(const char* name, bool serves) {
   return serves ? std::string()
                 : cat("they serve dense networks with two hidden layers of at most ", FusedMlp::kHidden,
@@ -40,7 +60,7 @@ std::string network_refusal(const char* name, bool serves) {
 
 std::string state_refusal() {
   return cat("of critics of the true state they serve those with one or two hidden layers of at most ",
-             FusedMlp::kHidden, ", without layer normalisation, in games of at most ", FusedState::kMostAgents,
+             FusedMlp::kBlockHidden, ", without layer normalisation, in games of at most ", FusedState::kMostAgents,
              " agents a team and ", FusedState::kMostWorld, " numbers of the world (mappo.critic)");
 }
 
@@ -93,15 +113,19 @@ FusedRows fused_critic_rows(const Critic& critic, const Actor& actor, int n, con
 }
 
 void write_fused_values(const Critic& critic, const FusedMlp& net, const FusedRows& rows,
-                        const ParallelFor& parallel_for, const at::Tensor& values) {
+                        const ParallelFor& parallel_for, const at::Tensor& values, const at::Tensor& work) {
   GIGA_CHECK(values.is_contiguous(), "values with gaps");
   if (rows.n_states == 0) return;
   const Device device = parallel_for.device();
-  const FusedCritic pass{.net = net,
-                         .parameters = critic.parameters().values().const_data_ptr<float>(),
-                         .rows = rows,
-                         .n_partial = blocks_on(device, true),
-                         .values = values.data_ptr<float>()};
+  FusedCritic pass{.net = net,
+                   .parameters = critic.parameters().values().const_data_ptr<float>(),
+                   .rows = rows,
+                   .n_partial = blocks_on(device, true),
+                   .values = values.data_ptr<float>()};
+  if (work.defined()) {
+    pass.wide = words_of(work);
+    pass.wide_tiles = WideLayers::tiles_for_values(net, rows.n, work.numel());
+  }
   if (device.is_cuda())
     launch_critic_gradient(pass, device.index, parallel_for.stream());
   else
@@ -121,8 +145,8 @@ FusedUpdate::FusedUpdate(const Actor& actor, const Critic& critic, int n, const 
   const Device device = parallel_for.device();
   if (device.is_cuda()) side_.emplace(device.index, parallel_for.stream());
   const auto options = at::TensorOptions().dtype(at::kFloat).device(torch_device(device));
-  actor_partial_ = at::empty({blocks_, actor_mlp_.size + kFusedSums}, options);
-  critic_partial_ = at::empty({blocks_, critic_mlp_.size + kFusedSums}, options);
+  actor_partial_ = at::empty({partial_rows_on(device, actor_mlp_, blocks_), actor_mlp_.size + kFusedSums}, options);
+  critic_partial_ = at::empty({partial_rows_on(device, critic_mlp_, blocks_), critic_mlp_.size + kFusedSums}, options);
   if (!sum_.alone()) over_ranks_ = at::empty({actor_mlp_.size + critic_mlp_.size + 2 * kFusedSums}, options);
   sums_ = at::zeros({2, kFusedSums}, options);
   squares_ = at::empty({step_blocks_on(device, actor_mlp_, critic_mlp_)}, options.dtype(at::kDouble));
@@ -132,8 +156,12 @@ FusedUpdate::FusedUpdate(const Actor& actor, const Critic& critic, int n, const 
 void FusedUpdate::write_values(const at::Tensor& seen, const at::Tensor& alive, const at::Tensor& states,
                                const at::Tensor& values) {
   states_ = states.defined() ? states.contiguous() : states;
-  write_fused_values(critic_, critic_mlp_, fused_critic_rows(critic_, actor_, n_, seen, alive, states_), parallel_for_,
-                     values);
+  const FusedRows rows = fused_critic_rows(critic_, actor_, n_, seen, alive, states_);
+  if (side_) {
+    const int64_t tiles = std::min<int64_t>(WideLayers::tiles_of(n_, rows.n_states), int64_t{kValueTiles} * blocks_);
+    grow(wide_, WideLayers::words_for_values(critic_mlp_, n_, tiles), parallel_for_.device());
+  }
+  write_fused_values(critic_, critic_mlp_, rows, parallel_for_, values, critic_mlp_.is_wide() ? wide_ : at::Tensor());
 }
 
 void FusedUpdate::begin_epoch(const FusedInputs& inputs, const at::Tensor& alive, const at::Tensor& states,
@@ -146,9 +174,13 @@ void FusedUpdate::begin_epoch(const FusedInputs& inputs, const at::Tensor& alive
   if (!moments_.defined() || moments_.size(0) != n_minibatches)
     moments_ = at::empty({n_minibatches, kMomentParts, kMoments}, squares_.options());
   // The first piece is a largest one.
-  const int64_t kept = side_ ? kept_words(critic_mlp_, n_, pieces_.begin(1), blocks_) : 0;
-  if (kept > 0 && (!kept_states_.defined() || kept_states_.numel() < kept))
-    kept_states_ = at::empty({kept}, finished_.options());
+  if (side_) {
+    grow(kept_states_, kept_words(critic_mlp_, n_, pieces_.begin(1), blocks_), parallel_for_.device());
+    const auto words = [this](const FusedMlp& net) {
+      return WideLayers::words_for(net, n_, pieces_.begin(1), blocks_);
+    };
+    grow(wide_, std::max(words(actor_mlp_), words(critic_mlp_)), parallel_for_.device());
+  }
   const auto* a = advantage.const_data_ptr<float>();
   auto* moments = moments_.data_ptr<double>();
   if (!side_) {
@@ -178,15 +210,17 @@ void FusedUpdate::compute_gradients(int k, const FusedPolicyLoss& policy, const 
                          .loss = policy,
                          .moments = moments,
                          .n_partial = blocks_,
-                         .partial = actor_partial_.data_ptr<float>()};
-  FusedCritic critic{.net = critic_mlp_,
-                     .parameters = critic_.parameters().values().const_data_ptr<float>(),
-                     .rows = rows_of_piece(critic_rows_),
-                     .loss = value,
-                     .moments = moments,
-                     .n_partial = blocks_,
-                     .partial = critic_partial_.data_ptr<float>()};
-  if (kept_states_.defined()) critic.kept = reinterpret_cast<uint32_t*>(kept_states_.data_ptr<int32_t>());
+                         .partial = actor_partial_.data_ptr<float>(),
+                         .wide = words_of(wide_)};
+  const FusedCritic critic{.net = critic_mlp_,
+                           .parameters = critic_.parameters().values().const_data_ptr<float>(),
+                           .rows = rows_of_piece(critic_rows_),
+                           .loss = value,
+                           .moments = moments,
+                           .n_partial = blocks_,
+                           .partial = critic_partial_.data_ptr<float>(),
+                           .kept = words_of(kept_states_),
+                           .wide = words_of(wide_)};
   if (side_) {
     launch_actor_gradient(actor, index(), side_->stream());
     launch_critic_gradient(critic, index(), side_->stream());
@@ -199,7 +233,7 @@ void FusedUpdate::compute_gradients(int k, const FusedPolicyLoss& policy, const 
 void FusedUpdate::complete(FusedStep& step) const {
   float* sums = sums_.data_ptr<float>();
   const auto network = [&](FusedStep::Network& net, const at::Tensor& partial, int64_t size, float* to) {
-    net.n_partial = blocks_;
+    net.n_partial = static_cast<int>(partial.size(0));
     net.partial = partial.const_data_ptr<float>();
     net.size = size;
     net.sums = to;
@@ -256,7 +290,7 @@ FusedActorGradient::FusedActorGradient(const Actor& actor, int n, const Parallel
       blocks_(blocks_on(parallel_for.device(), true)) {
   const auto options = at::TensorOptions().dtype(at::kFloat).device(torch_device(parallel_for.device()));
   moments_ = at::empty({1, kMomentParts, kMoments}, options.dtype(at::kDouble));
-  partial_ = at::empty({blocks_, mlp_.size + kFusedSums}, options);
+  partial_ = at::empty({partial_rows_on(parallel_for.device(), mlp_, blocks_), mlp_.size + kFusedSums}, options);
   sums_ = at::empty({kFusedSums}, options);
 }
 
@@ -266,14 +300,16 @@ const at::Tensor& FusedActorGradient::compute(const at::Tensor& obs, const at::T
   const FusedRows rows = fused_rows(actor_, n_, obs, alive, states);
   const MinibatchPieces all{rows.n_states, 1};
   auto* moments = moments_.data_ptr<double>();
+  const Device device = parallel_for_.device();
+  if (device.is_cuda()) grow(wide_, WideLayers::words_for(mlp_, n_, rows.n_states, blocks_), device);
   const FusedActor pass{.net = mlp_,
                         .parameters = actor_.parameters().values().const_data_ptr<float>(),
                         .rows = only(actor_.inputs(), rows),
                         .loss = policy,
                         .moments = moments,
                         .n_partial = blocks_,
-                        .partial = partial_.data_ptr<float>()};
-  const Device device = parallel_for_.device();
+                        .partial = partial_.data_ptr<float>(),
+                        .wide = words_of(wide_)};
   if (device.is_cuda()) {
     launch_moments(rows, all, policy.advantage, moments, device.index, parallel_for_.stream());
     sum_(moments_);

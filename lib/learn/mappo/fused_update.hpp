@@ -31,8 +31,9 @@ FusedRows fused_critic_rows(const Critic& critic, const Actor& actor, int n, con
                             const at::Tensor& alive, const at::Tensor& states = {});
 
 /// The critic's `values` [states, n] of fused_critic_rows(), by the kernel of its loss. `net`: Critic::fused_mlp.
+/// `work`: int32 words, WideLayers::words_for_values() or more, where the network is wide and on a GPU.
 void write_fused_values(const Critic& critic, const FusedMlp& net, const FusedRows& rows,
-                        const ParallelFor& parallel_for, const at::Tensor& values);
+                        const ParallelFor& parallel_for, const at::Tensor& values, const at::Tensor& work = {});
 
 /// What networks learn from: of each state obs [n, D] and, if the critic reads it, the true state [G].
 struct FusedInputs {
@@ -83,15 +84,17 @@ class FusedUpdate {
   MinibatchPieces pieces_{0, 1};               // of the epoch
   at::Tensor states_;                          // keeps what rows_ points to
   at::Tensor moments_;                         // [pieces, kMomentParts, kMoments] fp64
-  at::Tensor actor_partial_, critic_partial_;  // [blocks, parameters + kFusedSums]
+  at::Tensor actor_partial_, critic_partial_;  // [partial_rows(), parameters + kFusedSums]
   at::Tensor kept_states_;                     // of the critic (kept_words()); undefined where it needs none
+  at::Tensor wide_;                            // work memory of wide networks, which take turns; undefined: none is
   at::Tensor over_ranks_;                      // [both networks' parameters + kFusedSums]; undefined with one rank
   at::Tensor sums_;                            // [2, kFusedSums]
   at::Tensor squares_;                         // [fused_step_blocks()] fp64
   at::Tensor finished_;                        // [1]
 };
 
-/// Queues on the stream of `parallel_for`, and reads and writes memory that stays where it is: a graph may hold it.
+/// Queues on the stream of `parallel_for`, and reads and writes memory that stays where it is from the largest
+/// minibatch on: a graph may hold it then.
 class FusedActorGradient {
  public:
   /// An actor that they serve; all three must outlive this. `n`: agents of the team.
@@ -110,7 +113,8 @@ class FusedActorGradient {
   const SumOverRanks sum_;
   const int blocks_;    // that share a minibatch
   at::Tensor moments_;  // [1, kMomentParts, kMoments] fp64
-  at::Tensor partial_;  // [blocks, parameters + kFusedSums]
+  at::Tensor partial_;  // [partial_rows(), parameters + kFusedSums]
+  at::Tensor wide_;     // as of FusedUpdate
   at::Tensor sums_;     // [kFusedSums]
 };
 

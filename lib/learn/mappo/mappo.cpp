@@ -69,7 +69,9 @@ class Mappo final : public Learner {
       return cat(learning_.front()->actor_is_fused() ? "the actor learns by fused kernels, the critic by LibTorch"
                                                      : "learns by LibTorch",
                  recorder_ ? ", minibatches as CUDA graphs" : "", ", not by fused kernels: ", why);
-    return device_.is_cuda() ? "acts and learns by fused kernels" : "learns by fused kernels";
+    if (!device_.is_cuda()) return "learns by fused kernels";
+    return fused_policy(learning_.front()->actor()) ? "acts and learns by fused kernels"
+                                                    : "learns by fused kernels, acts by LibTorch";
   }
   std::string step_way() const override { return sim_->step_way(); }
   std::string refusal() const override { return collector_->refusal(); }
@@ -196,20 +198,23 @@ Metrics Mappo::update() {
   if (league_) league_->count(*sim_);
   clock_->mark(1);
 
-  // How much better was each action than expected?
-  const Rollout& rollout = collector_->rollout();
-  for (PpoTeam* team : learning_) team->compute_advantages(rollout);
-
-  // Several passes over the rollout in minibatches, each pass in another order.
   const MappoConfig& c = config_.mappo;
-  const double factor = schedule_factor();
+  const double factor = schedule_factor(), done = share_done(updates_);
   const auto scale = static_cast<float>(factor);
   for (int team = 0; team < kNTeams; ++team) {
     if (!team_[team]) continue;
     team_[team]->set({.actor_step_size = scale * balance_.actor_factor(team) * c.learning_rate,
                       .critic_step_size = scale * balance_.critic_factor(team) * c.critic_learning_rate,
-                      .entropy_coef = balance_.entropy_coef(team)});
+                      .gamma = balance_.gamma(done),
+                      .clip_coef = balance_.clip_coef(done),
+                      .entropy_coef = balance_.entropy_coef(team, done)});
   }
+
+  // How much better was each action than expected?
+  const Rollout& rollout = collector_->rollout();
+  for (PpoTeam* team : learning_) team->compute_advantages(rollout);
+
+  // Several passes over the rollout in minibatches, each pass in another order.
   minibatches_done_ = 0;
   for (int epoch = 0; epoch < c.n_epochs; ++epoch) {
     const at::Tensor order = order_of(updates_, epoch);

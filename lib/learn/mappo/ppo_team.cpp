@@ -43,7 +43,7 @@ PpoTeam::PpoTeam(const LoadedRun& run, int team, Device device, const ParallelFo
   stop_ = at::zeros({1}, options);
   figures_ = at::zeros({kNFigures}, options);
   settings_ = at::zeros({kNSettings}, options);
-  set({.entropy_coef = config_.entropy_coef});
+  set(StepSettings::of(config_));
   numbers_ = at::arange(1, config_.n_epochs * config_.n_minibatches + 1, options);
   value_ = at::zeros({config_.horizon, n_worlds_, n_}, options);
   advantage_ = at::zeros_like(value_);
@@ -65,8 +65,10 @@ PpoTeam::PpoTeam(const LoadedRun& run, int team, Device device, const ParallelFo
 }
 
 void PpoTeam::set(const StepSettings& settings) {
+  gamma_ = settings.gamma;
   settings_[kActorStepSize].fill_(settings.actor_step_size);
   settings_[kCriticStepSize].fill_(settings.critic_step_size);
+  settings_[kClip].fill_(settings.clip_coef);
   settings_[kEntropyWeight].fill_(settings.entropy_coef);
 }
 
@@ -200,7 +202,7 @@ at::Tensor PpoTeam::policy_loss_gradient(const TeamRollout& r, const Minibatch& 
                            .advantage_inv_std = inv_std.const_data_ptr<float>(),
                            .inv_count = batch.inv_count.const_data_ptr<float>(),
                            .entropy_coef = setting(kEntropyWeight),
-                           .clip_coef = config_.clip_coef};
+                           .clip_coef = setting(kClip)};
   if (actor_.actions() == ActionKind::discrete) {
     parallel_for_.run(CategoricalLoss{.in = in,
                                       .logits = head.const_data_ptr<float>(),
@@ -314,7 +316,7 @@ FusedPolicyLoss PpoTeam::fused_policy_loss(const TeamRollout& r) const {
   FusedPolicyLoss policy{.old_log_prob = r.log_prob.const_data_ptr<float>(),
                          .advantage = advantage_.const_data_ptr<float>(),
                          .entropy_coef = setting(kEntropyWeight),
-                         .clip_coef = config_.clip_coef};
+                         .clip_coef = setting(kClip)};
   if (actor_.actions() == ActionKind::discrete)
     policy.action = r.action.const_data_ptr<int32_t>();
   else

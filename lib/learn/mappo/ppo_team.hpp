@@ -28,7 +28,13 @@ constexpr int64_t kValueChunk = 1 << 18;
 /// What may change from update to update.
 struct StepSettings {
   float actor_step_size = 0, critic_step_size = 0;
-  float entropy_coef = 0;  ///< weight of the entropy bonus
+  float gamma, clip_coef;
+  float entropy_coef;  ///< weight of the entropy bonus
+
+  /// Those of the config; the step sizes are 0.
+  static StepSettings of(const MappoConfig& c) {
+    return {.gamma = c.gamma, .clip_coef = c.clip_coef, .entropy_coef = c.entropy_coef};
+  }
 };
 
 /// A state is one world at one step, with the n agents of the team; the T x W states of a rollout are numbered step by
@@ -53,7 +59,7 @@ class PpoTeam {
   /// Whether they compute the actor's part of it then.
   bool actor_is_fused() const { return fused_actor_ != nullptr; }
 
-  /// For the steps from here on. Before the first call, step sizes are 0 and the entropy bonus has the config's weight.
+  /// For advantages and steps from here on. Before the first call: StepSettings::of().
   void set(const StepSettings& settings);
   /// Has LibTorch's work for minibatches recorded once it has run for a whole update; not for one of several ranks. For
   /// a team that learns by the fused kernels nothing changes.
@@ -169,8 +175,9 @@ class PpoTeam {
   std::unique_ptr<RecordedMinibatches> recorded_;    // null: LibTorch's work is queued kernel by kernel
   RunningNorm value_norm_;                           // size 1; stays 0 and 1 where it is off
   // What the fused kernels and recorded minibatches read of the device's memory.
-  enum Setting : int { kActorStepSize, kCriticStepSize, kEntropyWeight, kNSettings };
+  enum Setting : int { kActorStepSize, kCriticStepSize, kClip, kEntropyWeight, kNSettings };
   const float* setting(Setting k) const { return settings_.const_data_ptr<float>() + k; }
+  float gamma_ = 0;
   at::Tensor settings_;  // [kNSettings]
   at::Tensor numbers_;   // [n_epochs n_minibatches] 1, 2, ...: of the minibatches of an update
 

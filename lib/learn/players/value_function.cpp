@@ -20,6 +20,7 @@ ValueFunction::ValueFunction(const LoadedRun& run, int team, const Actor& actor,
   if (device.is_cuda() && run.config.mappo.fused &&
       fused_update_refusal(actor, critic_, run.spec.params.n_team[team], device).empty())
     fused_ = critic_.fused_mlp();
+  if (fused_ && fused_->is_wide()) fused_.reset();  // whose kernels need work memory
 }
 
 std::unique_ptr<ValueFunction> ValueFunction::load(const LoadedRun& run, int team, const NamedArrays& arrays,
