@@ -30,7 +30,7 @@ struct WideLayers {
   uint32_t* d2 = nullptr;       // [tiles 64, 128]
   uint32_t* slopes1 = nullptr;  // [tiles 64, 128] of h1; null: they follow from h1
   uint32_t* inputs = nullptr;   // [tiles 64, padded_input / 2]
-  float* share = nullptr;       // [tiles 64] of a state's mean: 1 / its living agents, 0 for the dead
+  float* share = nullptr;       // [tiles 64] of a state's mean: 1 / its living agents; 0: dead, or no row
   uint32_t* means = nullptr;    // [tiles states, 128] of h1; null: no team weights
   uint32_t* d2_sums = nullptr;  // [tiles states, 128]
   uint32_t* of_team = nullptr;  // [tiles states, 128] what a team product leaves
@@ -124,9 +124,9 @@ struct WideBack {
   WidePiece piece;
   bool few_inputs() const { return net.width[0] <= kFewInputs; }
 };
-/// A weight's gradient outer^T inner / unscale, and that of a bias, the column sums of outer / unscale. Of weights with
-/// more numbers than the registers of a block have room for, every second block computes the first 128 rows; so half
-/// as many parts have them.
+/// A weight's gradient, outer^T inner, and that of a bias, the column sums of `outer`, both times `unscale`. Of weights
+/// with more numbers than the registers of a block have room for, every second block computes the first 128 rows; so
+/// half as many parts have them.
 struct WideWeight {
   const uint32_t* outer = nullptr;  // [rows, 256] halves
   const uint32_t* inner = nullptr;  // [rows, 256], or inputs [rows, padded]
