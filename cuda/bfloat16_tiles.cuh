@@ -24,12 +24,6 @@ __device__ __forceinline__ uint32_t relu_pair(float low, float high) {
 }
 __device__ __forceinline__ float low(uint32_t pair) { return __uint_as_float(pair << 16); }
 __device__ __forceinline__ float high(uint32_t pair) { return __uint_as_float(pair & 0xFFFF0000u); }
-/// Two numbers rounded.
-__device__ __forceinline__ uint32_t pair_of(float low, float high) {
-  uint32_t pair;
-  asm("cvt.rn.bf16x2.f32 %0, %1, %2;" : "=r"(pair) : "f"(high), "f"(low));
-  return pair;
-}
 
 /// The channel that is column c of a tile of 8: so a lane holds eight neighbours of its four tiles.
 __device__ constexpr int channel_of(int tile, int column) { return column / 2 * 8 + tile * 2 + column % 2; }

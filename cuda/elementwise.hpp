@@ -2,6 +2,7 @@
 #pragma once
 
 #include "math/copy_pieces.hpp"
+#include "math/dense_epilogue.hpp"
 #include "math/dense_rows.hpp"
 #include "math/distributions.hpp"
 #include "math/es_noise.hpp"
@@ -25,6 +26,8 @@
   APPLY(ForgetEpisodes)               \
   APPLY(CopyPieces)                   \
   APPLY(DenseRows)                    \
+  APPLY(DenseEpilogue)                \
+  APPLY(DenseEpilogueGradient)        \
   APPLY(Gae)                          \
   APPLY(CategoricalLoss)              \
   APPLY(GaussianLoss)                 \

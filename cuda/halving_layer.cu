@@ -169,8 +169,8 @@ class Block {
           if (q >= count) continue;
           const int64_t pixel = image * pixels_ + (2 * x + odd_x) * side_ + 2 * y + odd_y;
           *reinterpret_cast<uint4*>(layer_.d_input + pixel * Layer::kChannels + lane() % 4 * 8) = {
-              pair_of(sums[0][2 * r], sums[0][2 * r + 1]), pair_of(sums[1][2 * r], sums[1][2 * r + 1]),
-              pair_of(sums[2][2 * r], sums[2][2 * r + 1]), pair_of(sums[3][2 * r], sums[3][2 * r + 1])};
+              bfloat16_pair(sums[0][2 * r], sums[0][2 * r + 1]), bfloat16_pair(sums[1][2 * r], sums[1][2 * r + 1]),
+              bfloat16_pair(sums[2][2 * r], sums[2][2 * r + 1]), bfloat16_pair(sums[3][2 * r], sums[3][2 * r + 1])};
         }
       }
       tile -= tiles;

@@ -27,4 +27,15 @@ struct BFloat16 {
 };
 static_assert(sizeof(BFloat16) == 2);
 
+/// Two numbers rounded, in one word: the first in its low half.
+GIGA_HD uint32_t bfloat16_pair(float first, float second) {
+#if defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 800
+  uint32_t pair;
+  asm("cvt.rn.bf16x2.f32 %0, %1, %2;" : "=r"(pair) : "f"(second), "f"(first));
+  return pair;
+#else
+  return BFloat16(first).bits | static_cast<uint32_t>(BFloat16(second).bits) << 16;
+#endif
+}
+
 }  // namespace giga

@@ -4,6 +4,7 @@
 
 #include "core/error.hpp"
 #include "policy/actor.hpp"
+#include "policy/dense_epilogue.hpp"
 #include "sim/state_observation.hpp"
 
 namespace giga {
@@ -135,18 +136,31 @@ at::Tensor Critic::forward_composed(const ParameterSet& p, at::Tensor x, const a
                                     const Sequence& sequence) const {
   const int64_t b = x.size(0), n = x.size(1);
   const std::vector<DenseLayer> layers = network_.layers();
-  if (layers.size() == 1) x = network_.encoder().forward(p, x.reshape({b * n, -1}), rounding()).view({b, n, -1});
+  x = x.reshape({b * n, -1});
+  if (layers.size() == 1) x = network_.encoder().forward(p, x, rounding());
+  at::Tensor mean;  // [b, H] of x, where the layer before has left it
   for (size_t k = 0; k < layers.size(); ++k) {
-    const bool is_output = k + 1 == layers.size();
-    if (is_output && state_size() > 0)
-      x = network_.remember(p, x.reshape({b * n, x.size(-1)}), sequence).view({b, n, -1});
     const DenseLayer& layer = layers[k];
-    at::Tensor sums = linear(x.reshape({b * n, x.size(-1)}), p[layer.weight], p[layer.bias]).view({b, n, -1});
+    const auto remembers_before = [&](size_t l) { return l + 1 == layers.size() && state_size() > 0; };
+    if (remembers_before(k)) x = network_.remember(p, x, sequence);
+    at::Tensor of_team;
     if (team_weights_[k] >= 0) {
-      const at::Tensor weight = p[team_weights_[k]].to(x.scalar_type());
-      sums = sums + at::mm(living_mean(*parallel_for_, x, alive), weight.t()).unsqueeze(1);
+      if (!mean.defined()) mean = living_mean(*parallel_for_, x.view({b, n, -1}), alive);
+      of_team = at::mm(mean, p[team_weights_[k]].to(x.scalar_type()).t());
     }
-    x = finish_dense(p, layer, sums);
+    if (has_fused_epilogue(p, layer, x, n)) {
+      const bool wants_mean = k + 1 < layers.size() && team_weights_[k + 1] >= 0 && !remembers_before(k + 1);
+      const LayerFeatures next =
+          dense_epilogue(at::linear(x, p[layer.weight]), p[layer.bias], *layer.activation,
+                         {.n = n, .of_team = of_team, .alive = wants_mean ? alive : at::Tensor()});
+      x = next.features;
+      mean = next.mean;
+      continue;
+    }
+    at::Tensor sums = linear(x, p[layer.weight], p[layer.bias]).view({b, n, -1});
+    if (of_team.defined()) sums = sums + of_team.unsqueeze(1);
+    x = finish_dense(p, layer, sums).view({b * n, -1});
+    mean = at::Tensor();
   }
   return x;
 }

@@ -4,6 +4,7 @@
 #include <torch/types.h>
 
 #include "math/team_mean.hpp"
+#include "policy/dense_epilogue.hpp"
 
 namespace giga {
 
@@ -65,8 +66,16 @@ DenseLayer add_dense(ParameterSet& parameters, const std::string& name, const De
 }
 
 at::Tensor dense(const ParameterSet& p, const DenseLayer& layer, const at::Tensor& x, Rounding rounding) {
+  if (has_fused_epilogue(p, layer, x))
+    return dense_epilogue(at::linear(x, p[layer.weight]), p[layer.bias], *layer.activation).features;
   return finish_dense(
       p, layer, linear(rounded(x, rounding), rounded(p[layer.weight], rounding), rounded(p[layer.bias], rounding)));
+}
+
+bool has_fused_epilogue(const ParameterSet& p, const DenseLayer& layer, const at::Tensor& x, int64_t n) {
+  const at::Tensor& bias = p[layer.bias];
+  return x.scalar_type() == at::kBFloat16 && x.numel() > 0 && layer.activation && layer.norm_weight < 0 &&
+         dense_epilogue_serves(bias, n);
 }
 
 at::Tensor finish_dense(const ParameterSet& p, const DenseLayer& layer, at::Tensor x) {

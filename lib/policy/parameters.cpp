@@ -97,14 +97,16 @@ void ParameterSet::allocate(at::Device device, std::optional<uint64_t> seed) {
 
 ParameterSet ParameterSet::in_bfloat16() const {
   constexpr int64_t kAligned = 8;  // numbers of 16 bytes
-  for (const Spec& spec : specs_)
-    if (spec.shape.size() == 2 && spec.offset % kAligned != 0) return *this;
   std::vector<int64_t> sizes;
   for (const at::Tensor& view : views_) sizes.push_back(view.numel());
   ParameterSet rounded = *this;
   rounded.exact_ = views_;
   const std::vector<at::Tensor> parts = leaf_.to(at::kBFloat16).split_with_sizes(sizes);
-  for (size_t k = 0; k < parts.size(); ++k) rounded.views_[k] = parts[k].view(specs_[k].shape);
+  for (size_t k = 0; k < parts.size(); ++k) {
+    const Spec& spec = specs_[k];
+    const bool aligned = spec.offset % kAligned == 0 || sizes[k] < kAligned;
+    rounded.views_[k] = (aligned ? parts[k] : parts[k].clone()).view(spec.shape);
+  }
   return rounded;
 }
 
