@@ -1,8 +1,8 @@
 // The gradient of the policy's loss for hidden layers of up to 128 (ppo_gradients.hpp, ppo_block_tiles.cuh).
 #include "cuda/check.cuh"
 #include "cuda/ppo_block.hpp"
+#include "cuda/ppo_block_heads.cuh"
 #include "cuda/ppo_block_tiles.cuh"
-#include "cuda/ppo_policy_loss.cuh"
 
 namespace giga {
 namespace {
@@ -59,14 +59,12 @@ __global__ void __launch_bounds__(S::kThreads, 1) block_actor_kernel(const __gri
   extern __shared__ __align__(16) char shared[];
   Memory<S>& m = *reinterpret_cast<Memory<S>*>(shared);
   const int thread = static_cast<int>(threadIdx.x), warp = thread / 32;
-  const TileLane lane;
   const TileRows tiles(k.rows, S::kRows);
   const FusedMlp& net = k.net;
   const int input = net.width[0];
   const BlockPart<S> part;
+  const HeadPart head;
   load_network(k, m);
-  // Two warps compute the same 16 rows of the head, and each the loss of 8 of them: a lane has one.
-  const int head_rows = warp % 4 * 16, loss_row = head_rows + lane.group + warp / 4 * 8;
 
   BlockWeightGradient<S::kInTiles> d_weight1(4);
   BlockWeightGradient<S::kWeightTiles> d_weight2(4);
@@ -104,24 +102,7 @@ __global__ void __launch_bounds__(S::kThreads, 1) block_actor_kernel(const __gri
     m.slopes2.keep(slope2);
     __syncthreads();
 
-    // The loss.
-    {
-      BlockSums<1, kHead / 8> logits;
-      logits.start(m.bias3);
-      logits.template add_by_rows<S::kDepth>(Halves<S::kStride>(m.of.hidden2, head_rows, 0),
-                                             Halves<S::kStride>(m.weight3, 0, 0));
-      QuadLogits l;
-      l.pair = lane.pair;
-#pragma unroll
-      for (int i = 0; i < QuadLogits::kNumbers; ++i) {
-        const float(&c)[4] = logits.part[0].c[i / 2];
-        l.x[i] = warp < 4 ? c[i % 2] : c[2 + i % 2];
-      }
-      policy_gradient(k, m, m.row[loss_row], l, sums);
-      uint32_t* to = reinterpret_cast<uint32_t*>(m.head + loss_row * kHeadStride + lane.pair);
-#pragma unroll
-      for (int j = 0; j < kHead / 8; ++j) to[j * 4] = half_pair(l.x[2 * j], l.x[2 * j + 1]);
-    }
+    head_gradient<S>(k, m, head, m.of.hidden2, sums);
     __syncthreads();
 
     // Backward.

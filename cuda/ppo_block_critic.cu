@@ -3,9 +3,9 @@
 #include "cuda/check.cuh"
 #include "cuda/ppo_block.hpp"
 #include "cuda/ppo_block_critic_memory.cuh"
+#include "cuda/ppo_block_heads.cuh"
 #include "cuda/ppo_block_team.cuh"
 #include "cuda/ppo_block_tiles.cuh"
-#include "cuda/ppo_value_loss.cuh"
 
 namespace giga {
 namespace {
@@ -50,6 +50,8 @@ __global__ void __launch_bounds__(S::kThreads, 1) block_critic_kernel(const __gr
   const FusedMlp& net = k.net;
   const int input = net.width[0];
   const BlockPart<S> part;
+  ValueWeights<kTeam> value_weights{m.weight3, nullptr};
+  if constexpr (kTeam) value_weights.team = m.team.weight3;
   load_network(k, m, tiles.n, tiles.states);
   const float bias3 = k.parameters[net.bias[2]];
   const float value_mean = kGradient ? *k.loss.value_mean : 0.0f, value_std = kGradient ? *k.loss.value_std : 1.0f;
@@ -117,27 +119,7 @@ __global__ void __launch_bounds__(S::kThreads, 1) block_critic_kernel(const __gr
     slope2.activate(net.activation, y, part.at(m.of.hidden2));
     m.slopes2.keep(slope2);
 
-    // The values: products with one column.
-#pragma unroll
-    for (int t = 0; t < S::kRowTiles; ++t)
-#pragma unroll
-      for (int d = 0; d < (kTeam ? 2 : 1); ++d) {
-        float dots[2] = {};
-        const float* weight = m.weight3;
-        if constexpr (kTeam) weight = d == 0 ? m.weight3 : m.team.weight3;
-#pragma unroll
-        for (int j = 0; j < S::kTiles; ++j) {
-          const float2 w = *reinterpret_cast<const float2*>(weight + part.column + j * 8 + lane.pair);
-#pragma unroll
-          for (int i = 0; i < 2; ++i) dots[i] += y.part[t].c[j][2 * i] * w.x + y.part[t].c[j][2 * i + 1] * w.y;
-        }
-#pragma unroll
-        for (int i = 0; i < 2; ++i) {
-          dots[i] += __shfl_xor_sync(0xFFFFFFFFu, dots[i], 1);
-          dots[i] += __shfl_xor_sync(0xFFFFFFFFu, dots[i], 2);
-          if (lane.pair == 0) m.dots[d][part.row + t * 16 + lane.group + i * 8][part.column / 32] = dots[i];
-        }
-      }
+    keep_dots(y, part, lane, value_weights, m);
     __syncthreads();
     float2 by{0, 0};  // the gradients by the own part of the row's value, and by the team's
     if (has_row) {
@@ -185,21 +167,8 @@ __global__ void __launch_bounds__(S::kThreads, 1) block_critic_kernel(const __gr
       // Backward. The gradient by the own part of the value, and by the team's.
       Factor<S::kTiles / 2> gradient[S::kRowTiles];
       d_weight3.template add<S>(m.of.hidden2, m.value);
-#pragma unroll
-      for (int j = 0; j < S::kTiles; ++j) {
-        const int column = part.column + j * 8 + lane.pair;
-        const float2 own = *reinterpret_cast<const float2*>(m.weight3 + column);
-        float2 team{0, 0};
-        if constexpr (kTeam) team = *reinterpret_cast<const float2*>(m.team.weight3 + column);
-#pragma unroll
-        for (int t = 0; t < S::kRowTiles; ++t)
-#pragma unroll
-          for (int i = 0; i < 2; ++i) {
-            const float2 by = m.by_value[part.row + t * 16 + lane.group + i * 8];
-            y.part[t].c[j][2 * i] = by.x * own.x + by.y * team.x;
-            y.part[t].c[j][2 * i + 1] = by.x * own.y + by.y * team.y;
-          }
-      }
+      feature_gradient(y, part, lane, value_weights,
+                       [&](int t, int i) { return m.by_value[part.row + t * 16 + lane.group + i * 8]; });
       m.slopes2.take(slope2);
       slope2.scale(y, gradient);
       if constexpr (!S::kOwnGradients) __syncthreads();

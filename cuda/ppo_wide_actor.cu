@@ -1,5 +1,5 @@
 // Wide actors (ppo_wide.hpp): the second layer, the policy's loss, and the gradient of the last layer.
-#include "cuda/ppo_policy_loss.cuh"
+#include "cuda/ppo_block_heads.cuh"
 #include "cuda/ppo_wide_tiles.cuh"
 
 namespace giga {
@@ -41,14 +41,10 @@ __global__ void __launch_bounds__(S::kThreads, 1) wide_actor_kernel(const __grid
   const WideLayers& l = piece.layers;
   const FusedMlp& net = k.net;
   const int thread = static_cast<int>(threadIdx.x), warp = thread / 32;
-  const TileLane lane;
   const TileRows tiles(k.rows, S::kRows);
   const BlockPart<S> part;
+  const HeadPart head;
   load_network(k, m);
-  // The first eight warps compute the head, two of them the same 16 rows, and each the loss of 8 of them: four lanes
-  // have one.
-  const bool has_head = warp < 8;
-  const int head_rows = warp % 4 * 16, loss_row = head_rows + lane.group + warp / 4 * 8;
 
   BlockWeightGradient<2> d_weight3(1);
   BlockBiasGradients d_bias;
@@ -82,23 +78,7 @@ __global__ void __launch_bounds__(S::kThreads, 1) wide_actor_kernel(const __grid
     }
     __syncthreads();
 
-    if (has_head) {
-      BlockSums<1, kHead / 8> logits;
-      logits.start(m.bias3);
-      logits.template add_by_rows<S::kDepth>(Halves<S::kStride>(layer, head_rows, 0),
-                                             Halves<S::kStride>(m.weight3, 0, 0));
-      QuadLogits of;
-      of.pair = lane.pair;
-#pragma unroll
-      for (int i = 0; i < QuadLogits::kNumbers; ++i) {
-        const float(&c)[4] = logits.part[0].c[i / 2];
-        of.x[i] = warp < 4 ? c[i % 2] : c[2 + i % 2];
-      }
-      policy_gradient(k, m, m.row[loss_row], of, sums);
-      uint32_t* to = reinterpret_cast<uint32_t*>(m.head + loss_row * kHeadStride + lane.pair);
-#pragma unroll
-      for (int j = 0; j < kHead / 8; ++j) to[j * 4] = half_pair(of.x[2 * j], of.x[2 * j + 1]);
-    }
+    if (warp < 8) head_gradient<S>(k, m, head, layer, sums);
     __syncthreads();
 
     d_weight3.template add<S::kRowDepth, kHeadStride, S::kStride>(m.head, layer, [&](int i, const uint32_t(&t)[4]) {

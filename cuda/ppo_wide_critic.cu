@@ -1,6 +1,6 @@
 // Wide critics on local observations (ppo_wide.hpp): the second layer, the value, its loss, and the gradient of the
 // last layer.
-#include "cuda/ppo_value_loss.cuh"
+#include "cuda/ppo_block_heads.cuh"
 #include "cuda/ppo_wide_tiles.cuh"
 
 namespace giga {
@@ -83,6 +83,7 @@ __global__ void __launch_bounds__(S::kThreads, 1) wide_critic_kernel(const __gri
   const TileLane lane;
   const TileRows tiles(k.rows, S::kRows);
   const BlockPart<S> part;
+  const ValueWeights<kTeam> value_weights{m.weight3[0], m.weight3[1]};
   load_network<kTeam>(k, m);
   const float bias3 = k.parameters[net.bias[2]];
   const float value_mean = kGradient ? *k.loss.value_mean : 0.0f, value_std = kGradient ? *k.loss.value_std : 1.0f;
@@ -125,25 +126,7 @@ __global__ void __launch_bounds__(S::kThreads, 1) wide_critic_kernel(const __gri
 #pragma unroll
     for (int t = 0; t < S::kRowTiles; ++t) activate_wide(net.activation, y.part[t], slopes.part[t]);
 
-      // The values: products with one column.
-#pragma unroll
-    for (int t = 0; t < S::kRowTiles; ++t)
-#pragma unroll
-      for (int d = 0; d < (kTeam ? 2 : 1); ++d) {
-        float dots[2] = {};
-#pragma unroll
-        for (int j = 0; j < S::kTiles; ++j) {
-          const float2 w = *reinterpret_cast<const float2*>(m.weight3[d] + part.column + j * 8 + lane.pair);
-#pragma unroll
-          for (int i = 0; i < 2; ++i) dots[i] += y.part[t].c[j][2 * i] * w.x + y.part[t].c[j][2 * i + 1] * w.y;
-        }
-#pragma unroll
-        for (int i = 0; i < 2; ++i) {
-          dots[i] += __shfl_xor_sync(0xFFFFFFFFu, dots[i], 1);
-          dots[i] += __shfl_xor_sync(0xFFFFFFFFu, dots[i], 2);
-          if (lane.pair == 0) m.dots[d][part.row + t * 16 + lane.group + i * 8][part.column / 32] = dots[i];
-        }
-      }
+    keep_dots(y, part, lane, value_weights, m);
     __syncthreads();
     float2 by{0, 0};  // the gradients by the own part of the row's value, and by the team's
     if (has_row) {
@@ -184,19 +167,7 @@ __global__ void __launch_bounds__(S::kThreads, 1) wide_critic_kernel(const __gri
 #pragma unroll
         for (int i = 0; i < 2; ++i) of_row[t][i] = m.by_value[part.row + t * 16 + lane.group + i * 8];
       d_weight3.template add<kTeam>(y, of_row);
-#pragma unroll
-      for (int j = 0; j < S::kTiles; ++j) {
-        const int column = part.column + j * 8 + lane.pair;
-        const float2 own = *reinterpret_cast<const float2*>(m.weight3[0] + column);
-        const float2 team = *reinterpret_cast<const float2*>(m.weight3[1] + column);
-#pragma unroll
-        for (int t = 0; t < S::kRowTiles; ++t)
-#pragma unroll
-          for (int i = 0; i < 2; ++i) {
-            y.part[t].c[j][2 * i] = of_row[t][i].x * own.x + of_row[t][i].y * team.x;
-            y.part[t].c[j][2 * i + 1] = of_row[t][i].x * own.y + of_row[t][i].y * team.y;
-          }
-      }
+      feature_gradient(y, part, lane, value_weights, [&of_row](int t, int i) { return of_row[t][i]; });
       WideFactors d2;
       slopes.scale(y, d2);
       write_tile(d2, part, tile, l.d2);
