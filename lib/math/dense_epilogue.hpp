@@ -53,13 +53,13 @@ struct LayerRows {
   }
 };
 
-/// What the activation leaves for the way back: of these the output tells the slope.
+/// Whether the slope follows from the output. Of other activations it is kept for the way back.
 GIGA_HD bool output_tells_slope(Activation activation) {
   return activation == Activation::tanh || activation == Activation::relu;
 }
 /// activate_with_slope for numbers that are rounded to bfloat16: on a GPU tanh within 2^-11.
 GIGA_HD Activated activate_roughly(Activation activation, float x) {
-#if defined(__CUDA_ARCH__)
+#if defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 750
   if (activation == Activation::tanh) {
     float y;
     asm("tanh.approx.f32 %0, %1;" : "=f"(y) : "f"(x));

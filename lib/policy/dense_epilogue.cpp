@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <optional>
 
+#include "core/error.hpp"
 #include "math/dense_epilogue.hpp"
 #include "policy/run_elementwise.hpp"
 
@@ -13,19 +14,25 @@ namespace giga {
 namespace {
 
 constexpr int64_t kMostRowsOfState = 64;
-/// Where a thread may read eight columns at once.
+constexpr int64_t kRowsWithoutTeam = 4;  // of a thread: as many as of the usual team
+
+/// Whether a thread may read eight columns at once.
 bool aligned(const at::Tensor& x) {
   return reinterpret_cast<uintptr_t>(x.const_data_ptr()) % sizeof(EightColumns) == 0;
 }
-constexpr int64_t kRowsWithoutTeam = 4;  // of a thread
-
+at::Tensor readable(const at::Tensor& x) {
+  if (!x.defined()) return x;
+  const at::Tensor rows = x.contiguous();
+  return aligned(rows) ? rows : rows.clone();
+}
 BFloat16* rounded_numbers(const at::Tensor& x) { return x.defined() ? static_cast<BFloat16*>(x.data_ptr()) : nullptr; }
 const float* exact_numbers(const at::Tensor& x) { return x.defined() ? x.const_data_ptr<float>() : nullptr; }
 LayerRows rows_of(const at::Tensor& x, int64_t n) {
   const int64_t columns = x.size(-1);
   return {.rows = x.numel() / columns, .columns = static_cast<int>(columns), .n = static_cast<int>(n)};
 }
-/// Enough threads for a GPU, each with four states at least.
+/// Of the bias gradient: as many threads as fill a GPU, but each with four states, if there are so many. What they
+/// leave is then small beside what they read.
 int parts_of(const LayerRows& layer) {
   constexpr int64_t kThreads = int64_t{1} << 17, kStates = 4;
   return static_cast<int>(
@@ -68,9 +75,8 @@ struct EpilogueFunction : torch::autograd::Function<EpilogueFunction> {
                                                  const torch::autograd::variable_list& gradients) {
     const torch::autograd::variable_list saved = context->get_saved_variables();
     const at::Tensor kept = saved[0], living = saved[1];
-    const auto contiguous = [](const at::Tensor& x) { return x.defined() ? x.contiguous() : x; };
-    const at::Tensor d_output = contiguous(gradients[0]),
-                     d_mean = gradients.size() > 1 ? contiguous(gradients[1]) : at::Tensor();
+    const at::Tensor d_output = readable(gradients[0]),
+                     d_mean = gradients.size() > 1 ? readable(gradients[1]) : at::Tensor();
     const LayerRows layer = rows_of(kept, context->saved_data["n"].toInt());
     const int parts = parts_of(layer);
     const at::Tensor d_sums = at::empty_like(kept);
@@ -96,7 +102,7 @@ struct EpilogueFunction : torch::autograd::Function<EpilogueFunction> {
 };
 
 std::optional<at::Tensor> if_any(const at::Tensor& x) {
-  return x.defined() ? std::optional(x.contiguous()) : std::nullopt;
+  return x.defined() ? std::optional(readable(x)) : std::nullopt;
 }
 
 }  // namespace
@@ -108,7 +114,11 @@ bool dense_epilogue_serves(const at::Tensor& bias, int64_t n) {
 
 LayerFeatures dense_epilogue(const at::Tensor& sums, const at::Tensor& bias, Activation activation,
                              const SharedByTeam& team) {
-  GIGA_CHECK(aligned(bias), "a bias that does not begin at 16 bytes");
+  const int64_t columns = sums.size(-1), rows = sums.numel() / columns, states = rows / team.n;
+  GIGA_CHECK(columns % EightColumns::kSize == 0 && bias.numel() == columns && aligned(bias), columns, " columns");
+  GIGA_CHECK(states * team.n == rows && (!team.alive.defined() || team.alive.numel() == rows) &&
+                 (!team.of_team.defined() || team.of_team.numel() == states * columns),
+             rows, " rows of states of ", team.n);
   const bool alone = !team.of_team.defined() && !team.alive.defined();
   const bool differentiable = at::GradMode::is_enabled() && (sums.requires_grad() || bias.requires_grad() ||
                                                              (team.of_team.defined() && team.of_team.requires_grad()));

@@ -23,7 +23,8 @@ struct LayerFeatures {
 bool dense_epilogue_serves(const at::Tensor& bias, int64_t n = 1);
 
 /// activation(sums + bias + of_team) of sums [..., columns] = x W^T and bias [columns] in bfloat16, and its means; one
-/// pass over the features each way, bias gradient and sums over teams with it. LibTorch would take one for each.
+/// pass over the features each way, bias gradient and sums over teams with it. LibTorch would take one for each. Sums
+/// are rounded before the bias is added, and tanh is within 2^-11 on a GPU; a population's batched products are not.
 LayerFeatures dense_epilogue(const at::Tensor& sums, const at::Tensor& bias, Activation activation,
                              const SharedByTeam& team = {});
 

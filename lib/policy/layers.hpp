@@ -49,7 +49,7 @@ at::Tensor dense(const ParameterSet& p, const DenseLayer& layer, const at::Tenso
 /// Each member of a population [M, P] on rows of its own, in one batched product: x [M, R, input] -> [M, R, output].
 at::Tensor dense_members(const ParameterSet& p, const at::Tensor& members, const DenseLayer& layer, const at::Tensor& x,
                          Rounding rounding);
-/// Whether the end of a layer that reads x is one kernel each way (policy/dense_epilogue.hpp), for n rows of a state.
+/// Whether the end of a layer that reads x is one pass each way (policy/dense_epilogue.hpp), for n rows of a state.
 bool has_fused_epilogue(const ParameterSet& p, const DenseLayer& layer, const at::Tensor& x, int64_t n = 1);
 /// The end of `dense`: normalisation and activation of the sums x W^T + b.
 at::Tensor finish_dense(const ParameterSet& p, const DenseLayer& layer, at::Tensor sums);

@@ -45,7 +45,8 @@ class ParameterSet {
   const at::Tensor& operator[](int k) const { return views_[static_cast<size_t>(k)]; }
 
   /// The same parameters, all rounded to bfloat16 at once: one kernel, and three on the way back, in the place of three
-  /// for each parameter. One that would begin where tensor cores read slowly is copied once more.
+  /// for each parameter. One of eight numbers or more that would not begin at 16 bytes is copied once more: tensor
+  /// cores read it slowly, and the kernels of dense_epilogue.hpp not at all.
   ParameterSet in_bfloat16() const;
   /// Parameter `k` as it is, also of a set that is rounded.
   const at::Tensor& exact(int k) const { return (exact_.empty() ? views_ : exact_)[static_cast<size_t>(k)]; }

@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 #include <torch/autograd.h>
 
-#include <optional>
+#include <array>
 
 #include "cuda/runtime.hpp"
 #include "policy/critic.hpp"
@@ -93,18 +93,55 @@ void expect_as_formula(at::Device device) {
 
 TEST(PolicyDenseEpilogue, AsTheFormula) { expect_as_formula(at::kCPU); }
 
-TEST(PolicyDenseEpilogue, MeansAloneHaveAGradient) {
-  const Ending e(5, 4, 16, at::kCPU);
-  const LayerFeatures got = dense_epilogue(e.sums, e.bias, Activation::tanh, {4, {}, e.alive});
+/// Of two outputs one alone has a gradient; teams add without a mean being wanted; without gradients the numbers are
+/// the same.
+void expect_parts(at::Device device) {
+  const Ending e(5, 4, 16, device);
   Ending zero = e;
   zero.of_team = at::zeros_like(e.of_team);
-  const at::Tensor expected = plain(zero, Activation::tanh, true).mean;
-  const auto by_sums = [&](const at::Tensor& mean) {
-    return torch::autograd::grad({(mean.to(at::kFloat) * e.by_mean).sum()}, {e.sums})[0].to(at::kFloat);
+  const auto by_sums = [&](const at::Tensor& x, const at::Tensor& weights) {
+    return torch::autograd::grad({(x.to(at::kFloat) * weights).sum()}, {e.sums})[0].to(at::kFloat);
   };
-  const at::Tensor d = by_sums(got.mean);
-  EXPECT_LT(worst(d, by_sums(expected)), 0.004 * largest(e.by_mean));
+  const auto ours = [&] { return dense_epilogue(e.sums, e.bias, Activation::tanh, {4, {}, e.alive}); };
+  const auto expected = [&] { return plain(zero, Activation::tanh, true); };
+  const at::Tensor d = by_sums(ours().mean, e.by_mean);
+  EXPECT_LT(worst(d, by_sums(expected().mean, e.by_mean)), 0.01 * largest(e.by_mean));
   EXPECT_EQ(largest(d.narrow(0, 0, 4)), 0);  // of the first state none lives
+  EXPECT_LT(worst(by_sums(ours().features, e.by_features), by_sums(expected().features, e.by_features)),
+            0.01 * largest(e.by_features));
+
+  const LayerFeatures added = dense_epilogue(e.sums, e.bias, Activation::tanh, {4, e.of_team, {}});
+  EXPECT_FALSE(added.mean.defined());
+  EXPECT_LT(worst(added.features, plain(e, Activation::tanh, true).features), 0.004);
+
+  for (const Activation activation : {Activation::tanh, Activation::relu, Activation::silu, Activation::gelu}) {
+    const at::Tensor with = dense_epilogue(e.sums, e.bias, activation).features;
+    const at::NoGradGuard no_grad;
+    EXPECT_TRUE(same(with, dense_epilogue(e.sums, e.bias, activation).features));
+  }
+}
+
+TEST(PolicyDenseEpilogue, PartsOfIt) { expect_parts(at::kCPU); }
+
+TEST(PolicyDenseEpilogueGpu, PartsOfIt) {
+  if (cuda_device_count() == 0) GTEST_SKIP() << "no GPU";
+  expect_parts(at::Device(at::kCUDA, 0));
+}
+
+// A gradient that begins between two numbers of 16 bytes, as a row of a larger tensor does, is copied first.
+TEST(PolicyDenseEpilogue, ReadsWhatIsNotAligned) {
+  const Ending e(1, 1, 16, at::kCPU);
+  const at::Tensor moved = at::zeros({19}, at::kBFloat16).narrow(0, 3, 16);
+  moved.copy_(e.sums.detach().flatten());
+  EXPECT_TRUE(same(dense_epilogue(moved.view({1, 16}), e.bias, Activation::relu).features,
+                   dense_epilogue(e.sums, e.bias, Activation::relu).features));
+}
+
+TEST(PolicyDenseEpilogue, RefusesWhatDoesNotFit) {
+  const Ending e(5, 4, 16, at::kCPU);
+  EXPECT_THROW(dense_epilogue(e.sums, e.bias.narrow(0, 0, 8), Activation::relu), Error);
+  EXPECT_THROW(dense_epilogue(e.sums, e.bias, Activation::relu, {3, {}, e.alive}), Error);
+  EXPECT_THROW(dense_epilogue(e.sums, e.bias, Activation::relu, {5, e.of_team, e.alive}), Error);
 }
 
 TEST(PolicyDenseEpilogue, ServesBfloat16OnAGpu) {
@@ -123,28 +160,53 @@ TEST(PolicyDenseEpilogueGpu, AsTheFormula) {
   expect_as_formula(at::Device(at::kCUDA, 0));
 }
 
-// Three layers, of which the second and the third read the team's mean: in fp32 by LibTorch's operations, in bfloat16
-// by the kernels. Both round features, to 8 bits here.
-TEST(PolicyDenseEpilogueGpu, ACriticAsInFp32) {
+// In fp32 by LibTorch's operations, in bfloat16 by the kernels. Both round features, to 8 bits here.
+TEST(PolicyDenseEpilogueGpu, CriticsAsInFp32) {
   if (cuda_device_count() == 0) GTEST_SKIP() << "no GPU";
   const at::Device gpu(at::kCUDA, 0);
   const ParallelFor on_gpu({Device::Kind::cuda, 0}, 1);
-  CriticConfig config;
-  config.hidden = {320, 512};
-  config.output_gain = 1;
-  const int64_t states = 50, n = 5;
-  const at::Tensor obs = random({states, n, 40}, 7).to(gpu);
-  const at::Tensor alive = (random({states, n}, 8) > -0.5).to(at::kFloat).to(gpu);
-  const auto of = [&](Precision precision) {
-    const Critic critic(config, {0, {5, 5}, 40, 0}, precision, on_gpu, gpu, 3);
-    const at::Tensor value = critic.forward(obs, alive, {}, {});
-    (value * random({states, n}, 9).to(gpu)).sum().backward();
-    return std::pair(value.detach().cpu(), critic.parameters().gradient().cpu().clone());
+  struct Case {
+    int n;
+    MemoryKind memory = MemoryKind::none;
+    bool layer_norm = false, fused = true;
   };
-  const auto [value, gradient] = of(Precision::fp32);
-  const auto [rounded, d_rounded] = of(Precision::bf16);
-  EXPECT_LT(worst(value, rounded), 0.02 * largest(value));
-  EXPECT_LT((gradient - d_rounded).norm().item<double>(), 0.02 * gradient.norm().item<double>());
+  for (const Case& c : {Case{5}, Case{1}, Case{64}, Case{65, MemoryKind::none, false, false}, Case{5, MemoryKind::gru},
+                        Case{5, MemoryKind::none, true, false}}) {
+    SCOPED_TRACE(testing::Message() << c.n << " agents" << (c.layer_norm ? ", normalised" : "")
+                                    << (c.memory == MemoryKind::gru ? ", gru" : ""));
+    CriticConfig config;
+    config.hidden = {320, 512};
+    config.output_gain = 1;
+    config.layer_norm = c.layer_norm;
+    config.memory = c.memory;
+    const int64_t states = 50, n = c.n;
+    const at::Tensor obs = random({states, n, 40}, 7).to(gpu);
+    const at::Tensor alive = (random({states, n}, 8) > -0.5).to(at::kFloat).to(gpu);
+    const auto of = [&](Precision precision) {
+      const Critic critic(config, {0, {c.n, c.n}, 40, 0}, precision, on_gpu, gpu, 3);
+      if (precision == Precision::bf16) {
+        const ParameterSet rounded = critic.parameters().in_bfloat16();
+        const at::Tensor x = at::zeros({1, 8}, obs.options().dtype(at::kBFloat16));
+        // Parameters are announced layer by layer: weight, bias and, where it normalises, the two of its norm.
+        for (const int first : {0, c.layer_norm ? 4 : 2}) {
+          DenseLayer layer{.weight = first, .bias = first + 1, .activation = Activation::tanh};
+          if (c.layer_norm) layer.norm_weight = first + 2;
+          EXPECT_EQ(has_fused_epilogue(rounded, layer, x, n), c.fused) << "parameter " << first;
+          EXPECT_FALSE(has_fused_epilogue(rounded, layer, x.to(at::kFloat), n));
+          EXPECT_FALSE(has_fused_epilogue(rounded, layer, x.narrow(0, 0, 0), n)) << "no rows";
+          layer.activation.reset();
+          EXPECT_FALSE(has_fused_epilogue(rounded, layer, x, n)) << "no activation";
+        }
+      }
+      const at::Tensor value = critic.forward(obs, alive, {}, {});
+      (value * random({states, n}, 9).to(gpu)).sum().backward();
+      return std::pair(value.detach().cpu(), critic.parameters().gradient().cpu().clone());
+    };
+    const auto [value, gradient] = of(Precision::fp32);
+    const auto [rounded, d_rounded] = of(Precision::bf16);
+    EXPECT_LT(worst(value, rounded), 0.02 * largest(value));
+    EXPECT_LT((gradient - d_rounded).norm().item<double>(), 0.02 * gradient.norm().item<double>());
+  }
 }
 
 }  // namespace
