@@ -100,7 +100,7 @@ void play(const EvalOptions& o) {
   std::cout << '\n' << report_text(report);
 }
 
-const char* const kHelp =
+const char* const kEvalHelp =
     "A and B are, each: a checkpoint file; a run folder (its best checkpoint, or its newest if none is called best); "
     "an\n"
     "exported policy (the folder that export wrote, or its safetensors file; ONNX is not read); a TorchScript module\n"
@@ -161,7 +161,7 @@ void add_eval_command(CLI::App& app, Dispatch& dispatch) {
       ->check(output(Output::file))
       ->type_name("FILE");
   add_json_option(*command, options->json);
-  command->footer(kHelp);
+  command->footer(kEvalHelp);
   command->callback([options, &dispatch] { dispatch.run = [options] { play(*options); }; });
 }
 

@@ -219,7 +219,7 @@ void write(const PlayOptions& o) {
   std::cout << out.string() << ": " << (text.size() + 512) / 1024 << " KB; open it in a browser" << std::endl;
 }
 
-const char* const kHelp =
+const char* const kPlayHelp =
     "POLICY flies your mates, and your opponents too unless --vs names others: runs, checkpoints, exported policies "
     "(safetensors),\n"
     "scripted teams. All scripts can be chosen on the page, and of a run folder earlier checkpoints too, as weaker "
@@ -261,7 +261,7 @@ void add_play_command(CLI::App& app, Dispatch& dispatch) {
       ->check(output(Output::folder))
       ->type_name("DIR")
       ->excludes(out);
-  command->footer(kHelp);
+  command->footer(kPlayHelp);
   command->callback([options, &dispatch] { dispatch.run = [options] { write(*options); }; });
 }
 

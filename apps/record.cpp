@@ -105,7 +105,7 @@ int verify(const RecordOptions& o) {
   return 1;
 }
 
-const char* const kHelp =
+const char* const kRecordHelp =
     "A and B are named as for `gigastep eval`: runs, checkpoints, exported policies, scripted teams. A plays side 0 "
     "and B\n"
     "side 1. Episode k is the same game as episode k of `eval` with the same seed.\n"
@@ -151,7 +151,7 @@ void add_record_command(CLI::App& app, Dispatch& dispatch) {
       ->capture_default_str()
       ->type_name("FILE");
   command->add_option("--verify", options->verify, "only check this replay")->type_name("FILE")->excludes(a);
-  command->footer(kHelp);
+  command->footer(kRecordHelp);
   command->callback([options, &dispatch] {
     dispatch.run = [options, &dispatch] {
       if (options->verify.empty()) return record(*options);

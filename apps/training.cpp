@@ -1,30 +1,25 @@
 // The training loop.
 #include "apps/training.hpp"
 
-#include <algorithm>
 #include <array>
 #include <chrono>
-#include <cmath>
-#include <csignal>
 #include <exception>
 #include <filesystem>
-#include <functional>
 #include <iostream>
-#include <limits>
-#include <mutex>
 #include <nlohmann/json.hpp>
 #include <utility>
 
 #include "apps/evaluations.hpp"
 #include "apps/follow.hpp"
 #include "apps/joined_ranks.hpp"
+#include "apps/long_work.hpp"
 #include "apps/metrics_files.hpp"
 #include "apps/program_info.hpp"
 #include "apps/stop_request.hpp"
+#include "apps/stopwatch.hpp"
+#include "apps/training_progress.hpp"
 #include "apps/watcher.hpp"
 #include "core/error.hpp"
-#include "cuda/runtime.hpp"
-#include "cuda/sensors.hpp"
 #include "io/host_info.hpp"
 #include "io/number.hpp"
 #include "io/progress.hpp"
@@ -33,29 +28,6 @@
 
 namespace giga {
 namespace {
-
-class Stopwatch {
- public:
-  double seconds() const { return std::chrono::duration<double>(Clock::now() - start_).count(); }
-
- private:
-  using Clock = std::chrono::steady_clock;
-  Clock::time_point start_ = Clock::now();
-};
-
-/// Runs `f` and gives the seconds that it took.
-template <class F>
-double timed(F&& f) {
-  const Stopwatch watch;
-  f();
-  return watch.seconds();
-}
-
-double value_of(const Metrics& metrics, const std::string& name) {
-  for (const auto& [key, value] : metrics)
-    if (key == name) return value;
-  return std::numeric_limits<double>::quiet_NaN();
-}
 
 constexpr std::chrono::seconds kTextCadence{10};
 
@@ -93,10 +65,6 @@ class Training {
 
  private:
   void update();
-  void work(const std::function<void()>& f);
-  void look();
-  std::string stage_text() const;
-  std::string time_left() const;
   bool complete() const { return learner_->agent_steps_done() >= config_.train.total_agent_steps; }
   bool at_stop() const { return stops_at(config_.train, learner_->agent_steps_done()); }
   /// " of 50" where the number of updates is known.
@@ -105,7 +73,6 @@ class Training {
   MetricsRow row(double seconds, double evaluation_seconds, const Metrics& metrics, bool evaluated) const;
   void write_row(const MetricsRow& row, bool evaluated);
   void save(bool is_best);
-  void show(const Metrics& metrics);
   [[noreturn]] void fail_diverged(const Divergence& what);
   int exit_code_of_stop() const {
     return agreed_stop(ranks_.get(), stop_code(config_.train, learner_->agent_steps_done(), watch_.seconds()));
@@ -129,8 +96,8 @@ class Training {
   const std::optional<int64_t> n_updates_;  // none: known only afterwards
   Logger log_;
   Progress progress_;
-  ProgressState state_;
-  std::optional<GpuSensors> sensors_;  // of a GPU
+  TrainingProgress shown_;
+  LongWork work_;
   std::optional<MetricsFiles> metrics_files_;
 
   RunCursor cursor_;               // seconds: of earlier processes
@@ -141,13 +108,6 @@ class Training {
   Evaluations evaluations_;
   double update_seconds_ = 0, checkpoint_seconds_ = 0;
   double speed_ = 0;  // agent-steps per second of the latest update
-  // While the main thread works on an update or an evaluation, the watcher may write messages.
-  std::mutex messages_;
-  std::unique_lock<std::mutex> our_turn_{messages_};
-  double work_began_ = 0, learning_began_ = 0;  // seconds
-  int64_t working_on_ = 0;                      // number of the update
-  bool evaluates_ = false, answered_ = false;   // now; the request to stop
-  double sensors_read_at_ = -1;
 };
 
 Training::Training(const RunFolder& folder, TrainingSetup setup)
@@ -160,17 +120,9 @@ Training::Training(const RunFolder& folder, TrainingSetup setup)
       n_updates_(total_updates(config_, run_.spec.params.n_agents)),
       log_(folder.log_file(), setup.quiet ? Logger::Console::quiet : Logger::Console::all),
       progress_(log_, progress_mode(setup.quiet), kTextCadence, style_of(setup.color)),
+      shown_(run_, device_, folder_, n_updates_, progress_),
+      work_(*learner_, of_updates(), log_, progress_),
       evaluations_(run_, device_, folder_, log_) {
-  state_.title = cat(config_.scenario, ", ", config_.train.algorithm, ", seed ", config_.seed, ", ", device_.name());
-  if (device_.is_cuda()) {
-    sensors_.emplace(device_.index);
-    state_.title += cat(" (", cuda_device_info(device_.index).name, ")");
-  }
-  state_.folder = folder_.path().string();
-  state_.n_updates = n_updates_.value_or(0);
-  state_.total_agent_steps = config_.train.total_agent_steps;
-  if (const auto per_update = algorithm_of(config_).agent_steps_per_update)
-    state_.total_agent_steps = *n_updates_ * per_update(config_, run_.spec.params.n_agents);
   if (folder_.lock().stale_owner())
     log_.info("took over the run folder from " + *folder_.lock().stale_owner() + ", which is gone");
 }
@@ -200,7 +152,7 @@ int Training::run() {
   const StopRequest signals;
   if (const std::string ways = learner_->ways(); !ways.empty()) log_.info(ways);
   if (const std::string way = learner_->step_way(); !way.empty()) log_.info("worlds step by " + way);
-  const Watcher watcher([this] { look(); });
+  const Watcher watcher([this] { work_.look(); });
   while (!complete()) {
     if (const int code = exit_code_of_stop()) return stop_early(code);
     update();
@@ -231,64 +183,10 @@ void Training::print_end() const {
             << "\n             " << program << " export " << run << " --team 0 --format onnx --out policy" << std::endl;
 }
 
-/// Work that takes long, during which the watcher may speak.
-void Training::work(const std::function<void()>& f) {
-  work_began_ = watch_.seconds();
-  learning_began_ = -1;
-  working_on_ = learner_->updates_done() + 1;
-  struct OthersTurn {
-    std::unique_lock<std::mutex>& ours;
-    explicit OthersTurn(std::unique_lock<std::mutex>& lock) : ours(lock) { ours.unlock(); }
-    ~OthersTurn() { ours.lock(); }
-  };
-  const OthersTurn turn(our_turn_);
-  f();
-}
-
-/// "playing, step 12 of 32".
-std::string Training::stage_text() const {
-  const UpdateStage stage = learner_->stage();
-  return stage.of > 0 ? cat(stage.doing, " ", stage.done, " of ", stage.of) : stage.doing;
-}
-
-/// ", about 20 s": what the last update took, less what this one has; of a first one what its stage says.
-std::string Training::time_left() const {
-  const double now = watch_.seconds();
-  const auto text = [](double seconds, const char* behind) {
-    const double whole = std::max(1.0, std::round(seconds));
-    return cat(", about ", whole < 60 ? cat(whole, " s") : print_duration(whole), behind);
-  };
-  if (update_seconds_ > 0) return text(update_seconds_ - (now - work_began_), "");
-  const UpdateStage stage = learner_->stage();
-  const double began = learning_began_ >= 0 ? learning_began_ : work_began_;
-  if (stage.of == 0 || stage.done == 0) return cat(" (", stage_text(), ")");
-  const double left = (now - began) * static_cast<double>(stage.of - stage.done) / static_cast<double>(stage.done);
-  return text(left, learning_began_ >= 0 ? "" : " and the learning behind it");
-}
-
-/// The watcher's: answers a request to stop, and shows how the first update of this process goes on.
-void Training::look() {
-  const std::unique_lock turn(messages_, std::try_to_lock);
-  if (!turn) return;
-  if (learning_began_ < 0 && std::string_view(learner_->stage().doing).starts_with("learning"))
-    learning_began_ = watch_.seconds();
-  if (const int signal = StopRequest::signal(); signal != 0 && !answered_) {
-    answered_ = true;
-    const std::string what =
-        evaluates_ ? "finishing the evaluation" : cat("finishing update ", working_on_, time_left());
-    log_.answer(what + (signal == SIGINT ? "; Ctrl-C again ends without saving" : ""));
-  }
-  constexpr double kPatience = 1;
-  if (working_on_ != first_update_ + 1 || evaluates_ || watch_.seconds() - work_began_ < kPatience) return;
-  progress_.wait_line(cat("update ", working_on_, of_updates(), ": ", stage_text(), ", for ",
-                          print_duration(watch_.seconds() - work_began_)));
-}
-
 void Training::update() {
   Metrics metrics;
   const int64_t steps_before = learner_->agent_steps_done();
-  const double seconds = timed([&] { work([&] { metrics = learner_->update(); }); });
-  update_seconds_ = seconds;
+  update_seconds_ = work_.update([&] { metrics = learner_->update(); });
   speed_ = static_cast<double>(learner_->agent_steps_done() - steps_before) / update_seconds_;
   if (const auto divergence = learner_->divergence()) fail_diverged(*divergence);
 
@@ -298,12 +196,7 @@ void Training::update() {
   if (learner_->updates_done() == first_update_ + 1)
     log_.note(cat("first update done ", watch_.seconds(), " s after the start"));
   const bool evaluates = is_due(config_.eval.every_updates);
-  double evaluation_seconds = 0;
-  if (evaluates) {
-    evaluates_ = true;
-    evaluation_seconds = timed([&] { work([&] { evaluations_.play(*learner_); }); });
-    evaluates_ = false;
-  }
+  const double evaluation_seconds = evaluates ? work_.evaluation([&] { evaluations_.play(*learner_); }) : 0;
   write_row(row(total_seconds(), evaluation_seconds, metrics, evaluates), evaluates);
   if (evaluates)
     log_.note(cat("evaluation after update ", learner_->updates_done(), ":\n", results_table(evaluations_.results())));
@@ -318,12 +211,13 @@ void Training::update() {
   const bool saves = is_best || is_due(config_.checkpoint.every_updates);
   if (as_rank_0_says(ranks_.get(), saves)) checkpoint_seconds_ = timed([&] { save(is_best); });
 
-  const UpdateTimes times = learner_->times();
-  state_.time.rollout += times.rollout;
-  state_.time.update += times.learning;
-  state_.time.evaluation += evaluation_seconds;
-  state_.time.rest = watch_.seconds() - state_.time.rollout - state_.time.update - state_.time.evaluation;
-  show(metrics);
+  shown_.show(*learner_,
+              {.metrics = metrics,
+               .results = evaluations_.results(),
+               .agent_steps_per_second = speed_,
+               .evaluation_seconds = evaluation_seconds,
+               .seconds = total_seconds()},
+              first_agent_steps_);
 }
 
 MetricsRow Training::row(double seconds, double evaluation_seconds, const Metrics& metrics, bool evaluated) const {
@@ -379,37 +273,6 @@ void Training::save(bool is_best) {
   folder_.save(now, config_.checkpoint.keep, is_best);
   saved_update_ = learner_->updates_done();
   if (lost) std::rethrow_exception(lost);
-}
-
-void Training::show(const Metrics& metrics) {
-  ProgressState& s = state_;
-  s.agent_steps_per_second = s.agent_steps_per_second > 0 ? 0.9 * s.agent_steps_per_second + 0.1 * speed_ : speed_;
-  s.update = learner_->updates_done();
-  s.agent_steps = learner_->agent_steps_done();
-  s.seconds = total_seconds();
-  const int64_t done = s.agent_steps - first_agent_steps_;
-  s.seconds_left = watch_.seconds() / static_cast<double>(done) *
-                   static_cast<double>(std::max<int64_t>(0, s.total_agent_steps - s.agent_steps));
-  for (int team = 0; team < kNTeams; ++team) {
-    const auto figure = [&](const char* name) { return value_of(metrics, cat(name, "_", team)); };
-    TeamProgress& t = s.team[team];
-    t.learns = learner_->actor(team) != nullptr;
-    t.mean_return = figure("return");
-    t.figures.clear();
-    for (const HeadlineFigure& f : learner_->headline())
-      t.figures.push_back({f.label, f.short_label ? f.short_label : "", figure(f.metric)});
-    t.win_rates.clear();
-    for (const TeamResult& r : evaluations_.results())
-      if (r.team == team) t.win_rates.emplace_back(r.opponent, r.share(r.wins()));
-  }
-  if (sensors_ && (sensors_read_at_ < 0 || watch_.seconds() - sensors_read_at_ > 1)) {
-    const GpuReading gpu = sensors_->read();
-    s.memory_used = gpu.memory_used;
-    s.memory_total = gpu.memory_total;
-    s.gpu_temperature = gpu.temperature;
-    sensors_read_at_ = watch_.seconds();
-  }
-  progress_.show(s);
 }
 
 void Training::fail_diverged(const Divergence& what) {
