@@ -123,7 +123,7 @@ LayerFeatures dense_epilogue(const at::Tensor& sums, const at::Tensor& bias, Act
   const bool differentiable = at::GradMode::is_enabled() && (sums.requires_grad() || bias.requires_grad() ||
                                                              (team.of_team.defined() && team.of_team.requires_grad()));
   const torch::autograd::variable_list out =
-      EpilogueFunction::apply(sums.contiguous(), bias, if_any(team.of_team), if_any(team.alive),
+      EpilogueFunction::apply(readable(sums), bias, if_any(team.of_team), if_any(team.alive),
                               alone ? kRowsWithoutTeam : team.n, static_cast<int64_t>(activation), differentiable);
   return {out[0], out.size() > 1 ? out[1] : at::Tensor()};
 }
