@@ -51,6 +51,7 @@ struct GroupSync {
 
   __device__ GroupSync of_block() const { return {nullptr, 1, true, false, true}; }
   __device__ void wait_for_warp() const { __syncwarp(); }
+  __device__ bool any_of_warp(bool flag) const { return __any_sync(~0u, flag); }
   __device__ void wait() const {
     if (alone) return __syncthreads();
     wait_for_group(arrivals, blocks, first, clustered);
@@ -69,12 +70,12 @@ __device__ __forceinline__ GroupThread group_thread(const GridLaunchOf<P>& k, bo
           {&k.words[group].arrivals, k.blocks, block % k.blocks == 0, clustered}};
 }
 
-template <Job job, class P>
+template <Job job, int kCrew, class P>
 __global__ void __launch_bounds__(kGridThreads, kGridBlocks)
     grid_kernel(const __grid_constant__ GridLaunchOf<P> k, bool clustered) {
   const GroupThread thread = group_thread(k, clustered);
   extern __shared__ __align__(16) char shared[];
-  run_grid_thread<job>(k, thread.at, thread.sync, shared);
+  run_grid_thread<job, kCrew>(k, thread.at, thread.sync, shared);
 }
 
 /// Parts of a step for which no thread waits for another of its group: as many threads at a time as registers allow.
@@ -129,12 +130,13 @@ GridDevice grid_device(int index, int n_agents, int in_parts) {
     GIGA_CUDA(cudaOccupancyMaxActiveBlocksPerMultiprocessor(&blocks, kernel, kGridThreads, shared));
     resident = resident == 0 ? blocks : std::min(resident, blocks);
   };
-  look_at(grid_kernel<Job::start, GridParams>);
-  look_at(grid_kernel<Job::step, GridParams>);
-  look_at(grid_kernel<Job::step, PlainCrowd>);
-  look_at(grid_kernel<Job::restart, GridParams>);
-  look_at(grid_kernel<Job::play_on, GridParams>);
-  look_at(grid_kernel<Job::observe, GridParams>);
+  look_at(grid_kernel<Job::start, 1, GridParams>);
+  look_at(grid_kernel<Job::step, 1, GridParams>);
+  look_at(grid_kernel<Job::step, 1, PlainCrowd>);
+  look_at(grid_kernel<Job::step, kLanesOfAgent, PlainCrowd>);
+  look_at(grid_kernel<Job::restart, 1, GridParams>);
+  look_at(grid_kernel<Job::play_on, 1, GridParams>);
+  look_at(grid_kernel<Job::observe, 1, GridParams>);
   look_at(part_kernel<StepPart::play, GridParams>);
   look_at(part_kernel<StepPart::play, PlainCrowd>);
   look_at(part_kernel<StepPart::settle, GridParams>);
@@ -149,7 +151,8 @@ GridDevice grid_device(int index, int n_agents, int in_parts) {
     config.dynamicSmemBytes = shared;
     config.attrs = &attribute;
     config.numAttrs = 1;
-    const auto error = cudaOccupancyMaxActiveClusters(&device.clusters[k], grid_kernel<Job::step, GridParams>, &config);
+    const auto error =
+        cudaOccupancyMaxActiveClusters(&device.clusters[k], grid_kernel<Job::step, 1, GridParams>, &config);
     if ((1 << k) <= kSureClustered)
       GIGA_CUDA(error);
     else if (!granted(error) || device.clusters[k] == 0)
@@ -194,14 +197,14 @@ class CudaGridSimulator final : public GridLaunchingSimulator {
       with_job(job, [&](auto constant) {
         constexpr Job kJob = decltype(constant)::value;
         if constexpr (kJob == Job::step)
-          with_plain_crowd(k, [&]<class P>(const GridLaunchOf<P>& plain) {
+          with_plain_crowd(k, lanes_of_agent(), [&]<class P>(const GridLaunchOf<P>& plain, auto lanes) {
             if (in_parts())
               step_in_parts(plain, k);
             else
-              launch(grid_kernel<kJob, P>, plain);
+              launch(grid_kernel<kJob, decltype(lanes)::value, P>, plain);
           });
         else if constexpr (kJob != Job::draw && kJob != Job::draw_final)
-          launch(grid_kernel<kJob, GridParams>, k);
+          launch(grid_kernel<kJob, 1, GridParams>, k);
       });
   }
 

@@ -7,6 +7,7 @@
 #include <concepts>
 
 #include "core/geometry.hpp"
+#include "sim/crew.hpp"
 #include "sim/draws.hpp"
 #include "sim/movement.hpp"
 #include "sim/params.hpp"
@@ -223,14 +224,15 @@ struct GridWorld : WorldView {
 };
 
 /// Calls f(place in `placed`, agent, squared distance) for all that lie within `reach` of a place, and for some that
-/// lie a little farther off; in the order of the cells.
-template <class F>
-GIGA_HD void for_near(const GridParameters auto& p, const GridWorld& w, float x, float y, float reach, F&& f) {
+/// lie a little farther off; in the order of the cells. Each member of a crew is called for its share of them.
+template <class Crew, class F>
+GIGA_HD void for_near(const Crew& crew, const GridParameters auto& p, const GridWorld& w, float x, float y, float reach,
+                      F&& f) {
   const float far = reach + p.margin, far2 = far * far;
   const int first = w.grid.column(x - far), last = w.grid.column(x + far), end = w.grid.row(y + far);
   for (int row = w.grid.row(y - far); row <= end; ++row) {
     const CellRange range = w.cells(row, first, last);
-    for (int32_t k = range.begin; k < range.end; ++k) {
+    for (int32_t k = range.begin + crew.index(); k < range.end; k += Crew::kWidth) {
       const PlacedAgent a = w.placed[k];
       const float dx = a.x - x, dy = a.y - y, d2 = dx * dx + dy * dy;
       if (d2 <= far2) f(k, static_cast<int>(a.agent), d2);
@@ -255,12 +257,12 @@ class Rings {
         ring_(first),
         at_(row_ - first > 0 ? row_ - first : 0) {}
 
-  /// The next place in `placed`; -1 where the ring ends.
-  GIGA_HD int next() {
+  /// The next places in `placed`, at most so many; none where the ring ends.
+  GIGA_HD CellRange next(int most) {
     GIGA_ROLLED
     while (k_ == end_) {
       const int left = column_ - ring_, right = column_ + ring_, low = row_ - ring_, high = row_ + ring_;
-      if (at_ > high || at_ >= grid_.rows) return -1;
+      if (at_ > high || at_ >= grid_.rows) return {0, 0};
       // A row of the square, or of the ring; between its first and its last row, one of its two ends.
       const bool whole = ring_ == first_ || at_ == low || at_ == high;
       const int from = whole ? (left < 0 ? 0 : left) : right_side_ ? right : left;
@@ -273,7 +275,9 @@ class Rings {
       right_side_ = !whole && !right_side_;
       if (!right_side_) ++at_;
     }
-    return k_++;
+    const int32_t begin = k_;
+    k_ = end_ - k_ < most ? end_ : k_ + most;
+    return {begin, k_};
   }
   /// Goes on to the next ring, after the end of one, and returns the nearest that an agent of it, or beyond, can lie:
   /// behind an open side of the square so far. Infinite where there is no cell.
@@ -307,12 +311,12 @@ GIGA_HD void for_rings(const GridParameters auto& p, const GridWorld& w, float x
   Rings rings(p, w, x, y, first);
   GIGA_ROLLED
   for (;;) {
-    int k = rings.next();
-    if (k < 0) {
+    const CellRange next = rings.next(1);
+    if (next.begin == next.end) {
       const float far = rings.widen();
       if (far == INFINITY || enough(far)) return;
     } else {
-      f(k);
+      f(next.begin);
     }
   }
 }

@@ -11,19 +11,25 @@
 namespace giga {
 
 /// Notes with the placed agents what they are asked first. Before `listen` and `look`.
-template <class Lanes>
-GIGA_HD void mark_placed(const Lanes& lanes, const GridParameters auto& p, GridWorld& w, int n) {
-  lanes.each(n > 0 ? w.cell_begin[w.grid.cells()] : 0, [&](int k) {
-    const int i = w.placed[k].agent, observers = w.observers[i];
+struct ToMark {
+  int32_t observers;
+  bool lives;
+  int team;
+
+  ToMark() = default;
+  GIGA_HD ToMark(const GridParameters auto& p, const GridWorld& w, int i)
+      : observers(w.observers[i]), lives(w.alive[i] != 0), team(p.team_of(i)) {}
+  GIGA_HD uint32_t marks() const {
     const int told = observers <= kKeptDetectors ? observers : kKeptDetectors + 1;
-    w.placed[k].marks = (w.alive[i] ? kLives : 0u) | (observers > 0 ? kObserved : 0u) |
-                        (p.team_of(i) == 1 ? kOfTeam1 : 0u) | static_cast<uint32_t>(told) << kObserversShift;
-  });
-}
+    return (lives ? kLives : 0u) | (observers > 0 ? kObserved : 0u) | (team == 1 ? kOfTeam1 : 0u) |
+           static_cast<uint32_t>(told) << kObserversShift;
+  }
+};
 
 template <class Lanes>
 GIGA_HD void mark_agents(const Lanes& lanes, const GridParameters auto& p, GridWorld& w, int n) {
-  mark_placed(lanes, p, w, n);
+  lanes.each(n > 0 ? w.cell_begin[w.grid.cells()] : 0,
+             [&](int k) { w.placed[k].marks = ToMark(p, w, w.placed[k].agent).marks(); });
 }
 
 GIGA_HD int team_of(const PlacedAgent& a) { return (a.marks & kOfTeam1) ? 1 : 0; }
@@ -62,7 +68,7 @@ struct Listener {
   /// Of all that detect it, where they are more than are kept.
   GIGA_HD bool told_by_any(const PlacedAgent& a) const {
     bool told = false;
-    for_near(p, w, a.x, a.y, p.sight_reach[team], [&](int k, int b, float) {
+    for_near(OneWorker{}, p, w, a.x, a.y, p.sight_reach[team], [&](int k, int b, float) {
       if (told || p.team_of(b) != team || !w.could_see[b] || !hears(w.placed[k])) return;
       told = sight(p, w, a.agent, b, [&] { return draws.detect(a.agent, b); }).detected;
     });
@@ -72,10 +78,11 @@ struct Listener {
 
 /// Rules 6 and 7.1 with stochastic communication: whom e sees decides who hears whom, asked for those agents alone that
 /// may have a row.
-template <class Draws>
-GIGA_HD void listen(const GridParameters auto& p, GridWorld& w, Draws& draws, int e, bool after_reset) {
+template <class Crew, class Draws>
+GIGA_HD void listen(const Crew& crew, const GridParameters auto& p, GridWorld& w, Draws& draws, int e, bool some,
+                    bool after_reset) {
   const int team = p.team_of(e);
-  rank_seen(p, w, e, p.hearing_reach + p.sight_reach[team] + p.margin, w.alive[e] != 0,
+  rank_seen(crew, p, w, e, some, p.hearing_reach + p.sight_reach[team] + p.margin, w.alive[e] != 0,
             Listener<std::remove_cvref_t<decltype(p)>, Draws>{p, w, draws, e, team, w.x[e], w.y[e], after_reset});
 }
 
@@ -89,9 +96,23 @@ struct Onlooker {
 };
 
 /// The same without it: all living mates, and whomever anybody detects.
-GIGA_HD void look(const GridParameters auto& p, GridWorld& w, int e) {
-  if (p.stochastic_communication) return;  // `listen` has seen to it
-  rank_seen(p, w, e, INFINITY, w.alive[e] || w.observers[e] > 0, Onlooker{p.team_of(e)});
+template <class Crew>
+GIGA_HD void look(const Crew& crew, const GridParameters auto& p, GridWorld& w, int e, bool some) {
+  rank_seen(crew, p, w, e, some, INFINITY, w.alive[e] || w.observers[e] > 0, Onlooker{p.team_of(e)});
+}
+
+/// The hook of step.hpp.
+template <class Crew, class Draws>
+GIGA_HD void look_around(const Crew& crew, const GridParameters auto& p, GridWorld& w, Draws& draws, bool after_reset,
+                         int e, bool some) {
+  if (p.stochastic_communication)
+    listen(crew, p, w, draws, e, some, after_reset);
+  else
+    look(crew, p, w, e, some);
+}
+template <class Draws>
+GIGA_HD void look_around(const GridParameters auto& p, GridWorld& w, Draws& draws, bool after_reset, int e) {
+  look_around(OneWorker{}, p, w, draws, after_reset, e, true);
 }
 
 /// The rows are ranked when it is decided whom an agent sees, and kept as state.

@@ -2,7 +2,10 @@
 // place. Who is shown is said by what is handed in (grid_look.hpp).
 #pragma once
 
+#include <type_traits>
+
 #include "core/geometry.hpp"
+#include "sim/crew.hpp"
 #include "sim/grid.hpp"
 #include "sim/observations.hpp"
 
@@ -89,9 +92,6 @@ struct RowOrder {
   }
 };
 
-/// What is said about an agent that may have a row.
-enum class Answer { no, yes, ask_again };
-
 /// The same as rank_seen does, one by one and with nothing but distances and numbers: where keys leave open who has the
 /// last row. `rows`: [most], of agents behind `after`.
 template <class Seen>
@@ -121,17 +121,25 @@ GIGA_HD void rank_exactly(const GridParameters auto& p, const GridWorld& w, int 
 /// The agents of e's rows (rules 7.1), nearest first, equally near ones by number: of those that `seen` says yes to,
 /// which are asked only if they would have a row, and of which none lies beyond `reach`. Looks no farther than the last
 /// row. Longer rows than the usual are put together of several searches. By turns agents are listed and those listed
-/// are asked: each is a short loop, so that workers with agents of their own are in the same one.
+/// are asked: each is a short loop, so that workers with agents of their own are in the same one. The members of a crew
+/// share both, and each keeps all of the nearest: to take one is a few instructions, to put theirs together is more.
+/// `some`: whether the crew has an agent.
 ///   seen.worth_asking(placed agent, squared distance)   what can be told at once
 ///   seen.ask(placed agent, its place, turn)             turn 0, 1, ... while it says ask_again
-template <class Seen>
-GIGA_HD void rank_seen(const GridParameters auto& p, GridWorld& w, int e, float reach, bool sees_itself,
-                       const Seen& seen) {
-  constexpr int kListed = 32, kMost = NearestAgents::kMost;
+template <class Crew, class Seen>
+GIGA_HD void rank_seen(const Crew& crew, const GridParameters auto& p, GridWorld& w, int e, bool some, float reach,
+                       bool sees_itself, const Seen& seen) {
+  constexpr int kMost = NearestAgents::kMost;
   const int limit = p.n_neighbors;
+  // Crews of a warp go through the search below together, so once.
+  if constexpr (!std::is_same_v<Crew, OneWorker>)
+    static_assert(std::remove_cvref_t<decltype(p)>::n_neighbors <= kMost + 1);
+  const bool writes = some && crew.leads();
   AgentNumber* rows = w.neighbors + static_cast<int64_t>(e) * limit;
-  rows[0] = AgentNumber{static_cast<uint32_t>(e)};
-  if (!sees_itself) rows[0] = kNobody;
+  if (writes) {
+    rows[0] = AgentNumber{static_cast<uint32_t>(e)};
+    if (!sees_itself) rows[0] = kNobody;
+  }
   const RowOrder order{w.x[e], w.y[e]};
   const int column = w.grid.column(order.x), row = w.grid.row(order.y);
   // Where agents are crowded the next cells hold enough of them, and where they are far apart nobody beyond matters.
@@ -150,40 +158,46 @@ GIGA_HD void rank_seen(const GridParameters auto& p, GridWorld& w, int e, float 
     NearestAgents nearest;
     NearestAgents::Slots slots;
     Rings rings(p, w, order.x, order.y, first);
-    int list[kListed];
-    bool more = true;
+    typename Crew::List list(crew);
+    bool more = some;
     GIGA_ROLLED
-    while (more) {
-      int n = 0;
+    while (crew.any(more)) {
+      list.clear();
+      bool lists = more;
       GIGA_ROLLED
-      while (n < kListed) {
-        const int k = rings.next();
-        if (k < 0) {
-          if (n > 0) break;  // who has been listed decides whether any beyond matter
-          const float far = rings.widen();
-          more = far < INFINITY && far <= reach && !nearest.all_nearer_than(far);
-          if (!more) break;
-        } else {
-          const PlacedAgent a = w.placed[k];
-          const float dx = a.x - order.x, dy = a.y - order.y, d2 = dx * dx + dy * dy;
-          list[n] = k;
-          bool wanted = nearest.wants(d2) && a.agent != e && seen.worth_asking(a, d2);
-          if (done > 1) wanted = wanted && after.before(order.rank(a));
-          n += wanted ? 1 : 0;
+      while (crew.any(lists)) {
+        bool wanted = false;
+        int32_t k = 0;
+        if (lists) {
+          const CellRange next = rings.next(Crew::kWidth);
+          if (next.begin == next.end) {
+            lists = list.empty();  // else who has been listed decides whether any beyond matter
+            if (lists) {
+              const float far = rings.widen();
+              lists = more = far < INFINITY && far <= reach && !nearest.all_nearer_than(far);
+            }
+          } else {
+            const bool one = Crew::kWidth == 1 || next.begin + crew.index() < next.end;
+            k = one ? next.begin + crew.index() : next.begin;
+            const PlacedAgent a = w.placed[k];
+            const float dx = a.x - order.x, dy = a.y - order.y, d2 = dx * dx + dy * dy;
+            wanted = one && nearest.wants(d2) && a.agent != e && seen.worth_asking(a, d2);
+            if (done > 1) wanted = wanted && after.before(order.rank(a));
+          }
         }
+        list.add(wanted, k);
+        lists = lists && list.has_room();
       }
-      int at = 0, turn = 0;
+      list.ask([&](int32_t k, int turn) { return seen.ask(w.placed[k], k, turn); });
+      int32_t place;
       GIGA_ROLLED
-      while (at < n) {
-        const int k = list[at];
-        const PlacedAgent a = w.placed[k];
-        const Answer answer = seen.ask(a, k, turn);
+      while (list.take(place)) {
+        const PlacedAgent a = w.placed[place];
         const float dx = a.x - order.x, dy = a.y - order.y;
-        if (answer == Answer::yes) nearest.take(dx * dx + dy * dy, k, slots);
-        turn = answer == Answer::ask_again ? turn + 1 : 0;
-        at += answer == Answer::ask_again ? 0 : 1;
+        nearest.take(dx * dx + dy * dy, place, slots);
       }
     }
+    if (!writes) return;
     AgentNumber* to = rows + done;
     GIGA_UNROLL
     for (int k = 0; k < kMost; ++k) {

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <bit>
+#include <type_traits>
 
 #include "sim/grid_stages.hpp"
 #include "sim/lanes.hpp"
@@ -58,42 +59,31 @@ GIGA_HD GridShape bounded_shape(const SharedWork::Bounds& bounds) {
 }
 
 /// Turns numbers of agents in `cells` cells, each one cell further than it belongs (cell_begin), into where cells
-/// begin. Each worker adds up its share of the cells; each block the sums of its workers, in shared memory; each block
-/// those of the blocks before it.
+/// begin. Each worker adds up its share of the cells; then come the sums of the workers, the warps and the blocks
+/// before it.
 template <WideLanes Lanes>
 GIGA_HD void sum_cells(const Lanes& sorters, const GridWorld& w, int cells) {
   const Lanes block = sorters.of_block();
-  const int share = (cells + sorters.stride - 1) / sorters.stride, n_threads = block.stride;
-  const auto begin_of = [&](int thread) { return (sorters.block * n_threads + thread) * share; };
-  const auto end_of = [&](int thread) { return begin_of(thread + 1) < cells ? begin_of(thread + 1) : cells; };
-  int32_t *sums = block.words(), *more = sums + n_threads, *before = more + n_threads;
-  block.each(n_threads, [&](int thread) {
-    int32_t total = 0;
-    for (int cell = begin_of(thread); cell < end_of(thread); ++cell) total += w.cell_begin[cell + 1];
-    sums[thread] = total;
-    if (thread == 0) *before = 0;
-  });
-  GIGA_ROLLED
-  for (int apart = 1; apart < n_threads; apart *= 2) {  // Hillis and Steele 1986
-    block.each(n_threads,
-               [&](int thread) { more[thread] = sums[thread] + (thread >= apart ? sums[thread - apart] : 0); });
-    int32_t* const other = sums;
-    sums = more;
-    more = other;
-  }
+  const int share = (cells + sorters.stride - 1) / sorters.stride;
+  const int first = (sorters.block * block.stride + block.first) * share;
+  const int end = first + share < cells ? first + share : cells;
+  int32_t own = 0;
+  for (int cell = first; cell < end; ++cell) own += w.cell_begin[cell + 1];
+  const auto sum = block.sum_before(own);
+  int32_t before = sum.before;
   if (sorters.n_blocks > 1) {
-    if (block.first == 0) w.work.block_sums[sorters.block] = sums[n_threads - 1];
+    int32_t* const of_blocks = block.words();
+    if (block.first == 0) w.work.block_sums[sorters.block] = sum.all;
     sorters.wait();
+    if (block.first == 0) *of_blocks = 0;
+    block.wait();
     block.gather(
         sorters.n_blocks, int32_t{0},
-        [&](int32_t& sum, int other) { sum += other < sorters.block ? w.work.block_sums[other] : 0; },
-        [&](int32_t sum) { add_from_all(before, sum); });
+        [&](int32_t& all, int other) { all += other < sorters.block ? w.work.block_sums[other] : 0; },
+        [&](int32_t all) { add_from_all(of_blocks, all); });
+    before += *of_blocks;
   }
-  block.without_barrier().each(n_threads, [&](int thread) {
-    int32_t total = *before + (thread > 0 ? sums[thread - 1] : 0);
-    for (int cell = begin_of(thread); cell < end_of(thread); ++cell)
-      w.cell_begin[cell + 1] = total += w.cell_begin[cell + 1];
-  });
+  for (int cell = first; cell < end; ++cell) w.cell_begin[cell + 1] = before += w.cell_begin[cell + 1];
   sorters.wait();
 }
 
@@ -140,28 +130,43 @@ GIGA_HD void sort_agents(const Lanes& lanes, const GridParameters auto& p, GridW
     return w.alive[i] ? w.grid.cell_of(x, y) : cells + of_dead.cell_of(x, y);
   };
   // Until it has its place, an agent keeps there how late it came into its cell: that depends on who was faster.
-  sorters.each_agent(n, [&](int i) { w.place[i] = take_number(w.cell_begin + cell_of(i) + 1); });
+  sorters.each_read(
+      n, [&](int i) { return take_number(w.cell_begin + cell_of(i) + 1); },
+      [&](int i, int32_t number) { w.place[i] = number; });
   sum_cells(sorters, w, some_dead ? cells + of_dead.cells() : cells);
-  sorters.each_agent(n, [&](int i) {
-    if (i == 0) *work.bounds = {};  // all have read it
-    if (i == 0 && work.shape) *work.shape = w.grid;
-    work.order[w.cell_begin[cell_of(i)] + w.place[i]] = i;
-  });
+  sorters.each_read(
+      n, [&](int i) { return w.cell_begin[cell_of(i)] + w.place[i]; },
+      [&](int i, int32_t place) {
+        if (i == 0) *work.bounds = {};  // all have read it
+        if (i == 0 && work.shape) *work.shape = w.grid;
+        work.order[place] = i;
+      });
   // Those of a cell by number, whoever came first.
-  sorters.each_agent(n, [&](int i) {
-    const int cell = cell_of(i);
-    const int32_t first = w.cell_begin[cell], end = w.cell_begin[cell + 1];
-    int32_t place = first;
-    for (int32_t k = first; k < end; ++k) place += work.order[k] < i ? 1 : 0;
-    w.placed[place] = {w.x[i], w.y[i], i, 0};
-    w.place[i] = w.alive[i] ? place : kNotPlaced;
-  });
+  struct ToPlace {
+    float x, y;
+    bool lives;
+    CellRange cell;
+  };
+  sorters.each_read(
+      n,
+      [&](int i) {
+        const int cell = cell_of(i);
+        return ToPlace{w.x[i], w.y[i], w.alive[i] != 0, {w.cell_begin[cell], w.cell_begin[cell + 1]}};
+      },
+      [&](int i, const ToPlace& a) {
+        int32_t place = a.cell.begin;
+        for (int32_t k = a.cell.begin; k < a.cell.end; ++k) place += work.order[k] < i ? 1 : 0;
+        w.placed[place] = {a.x, a.y, i, 0};
+        w.place[i] = a.lives ? place : kNotPlaced;
+      });
 }
 
 /// The hook of step.hpp.
 template <WideLanes Lanes>
 GIGA_HD void mark_agents(const Lanes& lanes, const GridParameters auto& p, GridWorld& w, int n) {
-  mark_placed(lanes.sorters(), p, w, n);
+  lanes.sorters().each_read(
+      n > 0 ? w.cell_begin[w.grid.cells()] : 0, [&](int k) { return ToMark(p, w, w.placed[k].agent); },
+      [&](int k, const ToMark& what) { w.placed[k].marks = what.marks(); });
 }
 
 /// The hook of step.hpp: neighboring workers see to agents that are near each other, and so look at the same others.
@@ -170,65 +175,104 @@ GIGA_HD void each_by_place(const Lanes& lanes, const GridParameters auto&, const
   lanes.spread_over(n).each_agent(n, [&](int k) { f(w.placed[k].agent); });
 }
 
+/// The hook of step.hpp.
+template <WideLanes Lanes, class F>
+GIGA_HD void each_crew_by_place(const Lanes& lanes, const GridParameters auto&, const GridWorld& w, int n, F&& f) {
+  lanes.with_crews(n, [&](const auto& crews) {
+    crews.each_agent(n, [&](const auto& crew, int k, bool some) { f(crew, w.placed[k].agent, some); });
+    lanes.wait();
+  });
+}
+
 /// The hook of step.hpp, in one go: what becomes of an agent depends on nothing that this writes of another. Into
 /// counters that sort_agents has set to zero.
 template <WideLanes Lanes, class Draws>
 GIGA_HD void fight(const Lanes& lanes, const GridParameters auto& p, GridWorld& w, Draws& draws, int n, int) {
-  struct Living {
-    int32_t count[kNCounts];
-  };
-  lanes.spread_over(n).gather(
-      n, Living{},
-      [&](Living& living, int k) {
-        const int i = w.placed[k].agent;
-        detect_and_track(p, w, draws, i);
-        update_health(p, w, i);
-        note_death(w, i);
-        const int team = p.team_of(i);
-        for (int t = 0; t < kNTeams; ++t) {
-          living.count[kAlive0 + t] += team == t && w.alive[i] ? 1 : 0;
-          living.count[kWasAlive0 + t] += team == t && w.was_alive[i] ? 1 : 0;
-        }
-      },
-      [&](const Living& living) {
-        for (int k = kAlive0; k <= kWasAlive1; ++k) add_from_all(w.counts + k, living.count[k]);
-      });
+  lanes.with_crews(n, [&](const auto& crews) {
+    int32_t living[kNCounts] = {};
+    crews.each_agent(n, [&](const auto& crew, int k, bool some) {
+      const int i = w.placed[k].agent;
+      detect_and_track(crew, p, w, draws, i, some);
+      if (!some || !crew.leads()) return;
+      update_health(p, w, i);
+      note_death(w, i);
+      const int team = p.team_of(i);
+      for (int t = 0; t < kNTeams; ++t) {
+        living[kAlive0 + t] += team == t && w.alive[i] ? 1 : 0;
+        living[kWasAlive0 + t] += team == t && w.was_alive[i] ? 1 : 0;
+      }
+    });
+    lanes.wait_for_warp();  // those that come late add theirs with the others, and not one by one
+    for (int k = kAlive0; k <= kWasAlive1; ++k) add_from_all(w.counts + k, living[k]);
+    lanes.wait();
+  });
 }
 
-/// Rules 17.5: blocks side by side, then blocks of their sums.
+/// The hook of step.hpp (rules 17.5): each block of workers sees to some blocks of agents and adds up what these get,
+/// then all add up blocks of such sums.
 template <WideLanes Lanes>
-GIGA_HD void accumulate_step(const Lanes& lanes, const GridParameters auto& p, GridWorld& w, int items) {
-  if (!p.team_after_team) return lanes.each(items, [&](int item) { accumulate_episode(p, w, item); });
+GIGA_HD void reward_and_accumulate(const Lanes& lanes, const GridParameters auto& p, GridWorld& w, const StepIo& io,
+                                   int64_t world, int n) {
+  if (n == 0) return;
+  const int items = n_step_items(p);
+  if (!p.team_after_team) {
+    lanes.each_agent(n, [&](int i) { reward_agent(p, w, io, world, i); });
+    return lanes.each(items, [&](int item) { accumulate_episode(p, w, item); });
+  }
   const int most = p.n_team[0] > p.n_team[1] ? p.n_team[0] : p.n_team[1], pitch = sums_of_team(most);
-  const auto end_of = [](int block, int n) { return (block + 1) * kSumBlock < n ? (block + 1) * kSumBlock : n; };
-  const auto block_of = [&](int block, int n, const StepSum* from) {
-    const int end = end_of(block, n);
-    StepSum sum;
-    GIGA_UNROLL_BY(8)  // so that it does not wait for each number
-    for (int k = block * kSumBlock; k < end; ++k) sum += from[k];
-    return sum;
+  // How many of n are in a block.
+  const auto left = [](int n_all, int block) {
+    const int more = n_all - block * kSumBlock;
+    return more < 0 ? 0 : more < kSumBlock ? more : kSumBlock;
   };
   int count = sum_blocks(most);
   StepSum* sums = w.work.sums;
-  lanes.each(items * count, [&](int k) {
-    const int item = k / count, block = k - item * count;
-    const StepItem what(p, item);
-    const int first = p.first_of(what.team);
-    sums[item * pitch + block] = what.sum(p, w, first + block * kSumBlock, first + end_of(block, p.n_team[what.team]));
+  // Blocks of agents of both teams in turn; as many for each block of workers, so that all come to its barriers.
+  struct OfTeam {
+    int team, block;
+  };
+  const auto block_of = [&](int k) {
+    const int at = k * lanes.n_blocks + lanes.block;
+    return OfTeam{at % kNTeams, at / kNTeams};
+  };
+  const int own = (kNTeams * count + lanes.n_blocks - 1) / lanes.n_blocks, of_team = items / kNTeams;
+  const Lanes block = lanes.of_block();
+  block.each_agent(own * kSumBlock, [&](int k) {
+    const OfTeam some = block_of(k / kSumBlock);
+    const int at = k % kSumBlock;
+    if (at < left(p.n_team[some.team], some.block))
+      reward_agent(p, w, io, world, p.first_of(some.team) + some.block * kSumBlock + at);
   });
+  const auto item_of = [&](int team, int k) { return k == 0 ? team : kNTeams + team * p.n_active_terms + k - 1; };
+  block.without_barrier().template each_sum<kSumBlock>(
+      own * of_team,
+      [&](int k) {
+        const OfTeam some = block_of(k / of_team);
+        return left(p.n_team[some.team], some.block);
+      },
+      [&](int k, int at) {
+        const OfTeam some = block_of(k / of_team);
+        const int i = p.first_of(some.team) + some.block * kSumBlock + at;
+        return StepItem(p, item_of(some.team, k % of_team)).of(p, w, i);
+      },
+      [&](int k, const StepSum& sum) {
+        const OfTeam some = block_of(k / of_team);
+        if (some.block < count) sums[item_of(some.team, k % of_team) * pitch + some.block] = sum;
+      });
+  lanes.wait();
   GIGA_ROLLED
   while (count > kSumBlock) {
     const int blocks = sum_blocks(count);
-    lanes.each(items * blocks, [&](int k) {
-      const int item = k / blocks, block = k - item * blocks;
-      sums[item * pitch + count + block] = block_of(block, count, sums + item * pitch);
-    });
+    lanes.template each_sum<kSumBlock>(
+        items * blocks, [&](int k) { return left(count, k % blocks); },
+        [&](int k, int at) { return sums[k / blocks * pitch + k % blocks * kSumBlock + at]; },
+        [&](int k, const StepSum& sum) { sums[k / blocks * pitch + count + k % blocks] = sum; });
     sums += count;
     count = blocks;
   }
-  without_barrier(lanes).each(items, [&](int item) {  // nothing else of the step asks for them
-    StepItem(p, item).add_to_episode(p, w, block_of(0, count, sums + item * pitch));
-  });
+  without_barrier(lanes).template each_sum<kSumBlock>(  // nothing else of the step asks for them
+      items, [&](int) { return count; }, [&](int item, int at) { return sums[item * pitch + at]; },
+      [&](int item, const StepSum& sum) { StepItem(p, item).add_to_episode(p, w, sum); });
 }
 
 }  // namespace giga

@@ -26,21 +26,22 @@ GIGA_HD void add_together(int32_t* sum, int32_t value) {
 }
 
 /// Rules 4.3.2 and 4.3.3. All that are found lived when they were sorted, which is what the formulas ask; who lives on
-/// is written elsewhere, so that no agent waits for the others.
-GIGA_HD void check_collisions(const GridParameters auto& p, GridWorld& w, int i) {
+/// is written elsewhere, so that no agent waits for the others. `some`: whether the crew has an agent.
+template <class Crew>
+GIGA_HD void check_collisions(const Crew& crew, const GridParameters auto& p, GridWorld& w, int i, bool some) {
   const float x = w.x[i], y = w.y[i], z = w.z[i];
-  bool lives = w.alive[i] != 0;
-  if (lives) {
-    bool hit = false;
-    for_near(p, w, x, y, p.touch_reach, [&](int, int j, float d2) {
+  bool lives = w.alive[i] != 0, hit = false;
+  if (some && lives)
+    for_near(crew, p, w, x, y, p.touch_reach, [&](int, int j, float d2) {
       if (!(d2 < p.collision_range2) || j == i) return;
       const float dz = z - w.z[j];
       hit |= (dz < 0 ? -dz : dz) < p.collision_altitude;
     });
-    if (hit) {
-      w.flags[i] |= kHitAgent;
-      lives = false;
-    }
+  hit = crew.ballot(hit) != 0;
+  if (!some || !crew.leads()) return;
+  if (hit) {
+    w.flags[i] |= kHitAgent;
+    lives = false;
   }
   if (p.n_boxes > 0 && inside_obstacle(p, w, x, y, z, 0.0f)) {
     w.flags[i] |= kHitObstacle;
@@ -50,7 +51,8 @@ GIGA_HD void check_collisions(const GridParameters auto& p, GridWorld& w, int i)
 }
 template <class Lanes>
 GIGA_HD void check_collisions(const Lanes& lanes, const GridParameters auto& p, GridWorld& w, int n) {
-  each_by_place(lanes, p, w, n, [&](int i) { check_collisions(p, w, i); });
+  each_crew_by_place(lanes, p, w, n,
+                     [&](const auto& crew, int i, bool some) { check_collisions(crew, p, w, i, some); });
 }
 
 /// Rules 4.5, of who has not collided.
@@ -81,7 +83,7 @@ GIGA_HD void place_agent(const GridParameters auto& p, GridWorld& w, Draws& draw
 template <class Draws>
 GIGA_HD void propose_place(const GridParameters auto& p, GridWorld& w, Draws& draws, int round, int i) {
   bool crowded = inside_obstacle(p, w, w.x[i], w.y[i], w.z[i], kStartMargin);
-  for_near(p, w, w.x[i], w.y[i], p.start_reach, [&](int, int j, float d2) {
+  for_near(OneWorker{}, p, w, w.x[i], w.y[i], p.start_reach, [&](int, int j, float d2) {
     if (!(d2 < p.collision_range2 + kStartMargin) || j == i) return;
     const float dz = w.z[i] - w.z[j];
     crowded |= (dz < 0 ? -dz : dz) < p.collision_altitude + kStartMargin;
@@ -90,12 +92,12 @@ GIGA_HD void propose_place(const GridParameters auto& p, GridWorld& w, Draws& dr
   if (crowded) draw_place(p, w, draws, round, i);
 }
 
-/// Calls f(place, observer, sighting) for the opponents of target a that detect it.
-template <class Draws, class F>
-GIGA_HD void for_detectors(const GridParameters auto& p, const GridWorld& w, Draws& draws, int a,
+/// Calls f(place, observer, sighting) for the opponents of target a that detect it; each member of a crew for some.
+template <class Crew, class Draws, class F>
+GIGA_HD void for_detectors(const Crew& crew, const GridParameters auto& p, const GridWorld& w, Draws& draws, int a,
                            const uint8_t* could_see, F&& f) {
   const int team = 1 - p.team_of(a);
-  for_near(p, w, w.x[a], w.y[a], p.sight_reach[team], [&](int k, int b, float) {
+  for_near(crew, p, w, w.x[a], w.y[a], p.sight_reach[team], [&](int k, int b, float) {
     if (p.team_of(b) != team || !could_see[b]) return;
     const Sighting s = sight(p, w, a, b, [&] { return draws.detect(a, b); });
     if (s.detected) f(k, b, s);
@@ -130,40 +132,84 @@ GIGA_HD int32_t* kept_detectors(const GridWorld& w, int a) {
   return w.detectors + static_cast<int64_t>(w.place[a]) * kKeptDetectors;
 }
 
-/// Rules 4.4 and 4.5, and 17.2 for the list of fire.
-template <class Draws>
-GIGA_HD void detect_and_track(const GridParameters auto& p, GridWorld& w, Draws& draws, int a) {
+/// The same that are fired in this step.
+class NewFire {
+ public:
+  GIGA_HD explicit NewFire(int most) : most_(most) {}
+  GIGA_HD void add(uint32_t entry) {
+    if (size_ == most_) {
+      full_ = true;
+      return;
+    }
+    int at = size_++;
+    GIGA_ROLLED
+    for (; at > 0 && shooter_of(entries_[at - 1]) > shooter_of(entry); --at) entries_[at] = entries_[at - 1];
+    entries_[at] = entry;
+  }
+  /// Adds those of the other members to those of the first.
+  template <class Crew>
+  GIGA_HD void gather(const Crew& crew) {
+    if constexpr (Crew::kWidth > 1) {
+      const int own = size_;
+      GIGA_ROLLED
+      for (int k = 0; crew.any(!crew.leads() && k < own); ++k) {
+        const uint32_t mine = k < own ? entries_[k] : 0;
+        GIGA_ROLLED
+        for (int member = 1; member < Crew::kWidth; ++member) {
+          const uint32_t entry = crew.from(mine, member);
+          if (crew.leads() && entry != 0) add(entry);
+        }
+      }
+      full_ = crew.ballot(full_) != 0;
+    }
+  }
+  GIGA_HD int size() const { return size_; }
+  GIGA_HD uint32_t operator[](int k) const { return entries_[k]; }
+  GIGA_HD bool full() const { return full_; }
+
+ private:
+  uint32_t entries_[kMostShooters];  // by the number of the shooter
+  int most_, size_ = 0;
+  bool full_ = false;
+};
+
+/// Rules 4.4 and 4.5, and 17.2 for the list of fire. `some`: whether the crew has an agent.
+template <class Crew, class Draws>
+GIGA_HD void detect_and_track(const Crew& crew, const GridParameters auto& p, GridWorld& w, Draws& draws, int a,
+                              bool some) {
   uint32_t* list = w.fire + static_cast<int64_t>(a) * p.most_shooters;
-  int32_t* kept = kept_detectors(w, a);
   const FireList before(list, p.most_shooters);
-  uint32_t now[kMostShooters];
-  now[0] = 0;
-  int n_now = 0, observers = 0, taken = 0;
-  bool full = false;
-  if (w.could_see[a])
-    for_detectors(p, w, draws, a, w.could_see, [&](int k, int b, const Sighting& s) {
-      if (observers < kKeptDetectors) kept[observers] = k;
-      ++observers;
+  NewFire now(p.most_shooters);
+  typename Crew::Counter observers(crew);
+  int taken = 0;
+  if (some && w.could_see[a]) {
+    int32_t* const kept = kept_detectors(w, a);
+    for_detectors(crew, p, w, draws, a, w.could_see, [&](int k, int b, const Sighting& s) {
+      const int32_t number = observers.take();
+      if (number < kKeptDetectors) kept[number] = k;
       add_together(w.detects + b, 1);
       const int count = track(before.count(b), s);
       if (count == 0) return;
-      if (n_now == p.most_shooters) {
-        full = true;
-        return;
-      }
-      int at = n_now++;
-      for (; at > 0 && shooter_of(now[at - 1]) > b; --at) now[at] = now[at - 1];
-      now[at] = fire_entry(b, count);
+      now.add(fire_entry(b, count));
       const int units = damage_units(p, count);
       taken += units;
       if (units > 0) add_together(w.dealt + b, units);
     });
-  for (int k = 0; k < n_now; ++k) list[k] = now[k];
-  for (int k = n_now; k < before.size(); ++k) list[k] = 0;
-  w.observers[a] = observers;
-  if (full) add_together(w.full_lists, 1);
+  }
+  const int32_t n_observers = observers.count();
+  now.gather(crew);
+  taken = crew.sum(taken);
+  if (!some || !crew.leads()) return;
+  for (int k = 0; k < now.size(); ++k) list[k] = now[k];
+  for (int k = now.size(); k < before.size(); ++k) list[k] = 0;
+  w.observers[a] = n_observers;
+  if (now.full()) add_together(w.full_lists, 1);  // an error: what is counted then does not matter
   w.taken[a] = static_cast<float>(taken);
   if (taken > 0) w.flags[a] |= kTookDamage;
+}
+template <class Draws>
+GIGA_HD void detect_and_track(const GridParameters auto& p, GridWorld& w, Draws& draws, int a) {
+  detect_and_track(OneWorker{}, p, w, draws, a, true);
 }
 
 template <class Draws>
@@ -171,7 +217,7 @@ GIGA_HD void detect_only(const GridParameters auto& p, GridWorld& w, Draws& draw
   int32_t* kept = kept_detectors(w, a);
   int observers = 0;
   w.could_see[a] = w.alive[a];
-  for_detectors(p, w, draws, a, w.alive, [&](int k, int, const Sighting&) {
+  for_detectors(OneWorker{}, p, w, draws, a, w.alive, [&](int k, int, const Sighting&) {
     if (observers < kKeptDetectors) kept[observers] = k;
     ++observers;
   });

@@ -29,27 +29,13 @@ struct StepItem {
   }
   /// Of agent i.
   GIGA_HD StepSum of(const GridParams& p, const GridWorld& w, int i) const {
-    if (term < 0) return {w.reward[i], masked_reward(w, i)};
+    if (term < 0) return {w.reward[i], w.alive[i] ? w.reward[i] : 0.0f};
     return {term_of_step(p, w, term, i), 0};
-  }
-  /// The same of agents first ... end - 1, added up in their order, without a branch for each.
-  GIGA_HD StepSum sum(const GridParams& p, const GridWorld& w, int first, int end) const {
-    const float* number = term < 0 ? w.reward : w.terms + static_cast<int64_t>(term) * p.n_agents;
-    const uint8_t* counts = term < 0 ? w.alive : w.was_alive;
-    float all = 0, some = 0;
-    GIGA_UNROLL_BY(8)  // so that it does not wait for each number
-    for (int i = first; i < end; ++i) {
-      const float value = number[i];
-      all += value;
-      some += counts[i] ? value : 0.0f;
-    }
-    if (term >= 0) return {some, 0};
-    return {all, w.counts[kDone] ? 0.0f : some};
   }
   GIGA_HD void add_to_episode(const GridParams& p, GridWorld& w, const StepSum& step) const {
     if (term < 0) {
       w.returns[team] += step.sum;
-      w.returns_masked[team] += step.masked;
+      if (!w.counts[kDone]) w.returns_masked[team] += step.masked;
     } else {
       w.term_returns[team * kNRewardTerms + term] += scale_term(p, w, static_cast<RewardTerm>(term), step.sum);
     }

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "sim/communication.hpp"
+#include "sim/crew.hpp"
 #include "sim/episode.hpp"
 #include "sim/movement.hpp"
 #include "sim/observations.hpp"
@@ -28,6 +29,12 @@ GIGA_HD void mark_agents(const Lanes&, const Parameters auto&, World auto&, int)
 template <class Lanes, class F>
 GIGA_HD void each_by_place(const Lanes& lanes, const Parameters auto&, const World auto&, int n, F&& f) {
   lanes.each_agent(n, f);
+}
+
+/// The same where several workers may look for an agent together: f(crew, agent, whether the crew has one).
+template <class Lanes, class F>
+GIGA_HD void each_crew_by_place(const Lanes& lanes, const Parameters auto& p, const World auto& w, int n, F&& f) {
+  each_by_place(lanes, p, w, n, [&](int i) { f(OneWorker{}, i, true); });
 }
 
 /// Collisions, by agents that have moved.
@@ -57,6 +64,16 @@ GIGA_HD void fight(const Lanes& lanes, const Parameters auto& p, World auto& w, 
   count_teams(lanes, p, w, teams);
 }
 
+/// What agent i gets for the step.
+GIGA_HD void reward_agent(const Parameters auto& p, World auto& w, const StepIo& io, int64_t world, int i) {
+  compute_reward(p, w, i);
+  float* reward = io.of(p.team_of(i)).reward;
+  if (reward) reward[team_row(p, world, i)] = w.reward[i];
+  for (int t = 0; io.terms && t < kNRewardTerms; ++t)
+    io.terms[(world * kNRewardTerms + t) * p.n_agents + i] =
+        term_active(p, static_cast<RewardTerm>(t)) ? w.terms[t * p.n_agents + i] : 0.0f;
+}
+
 /// Adds the step to the episode's sums. `items`: n_step_items, or 0.
 template <class Lanes>
 GIGA_HD void accumulate_step(const Lanes& lanes, const Parameters auto& p, World auto& w, int items) {
@@ -70,13 +87,16 @@ GIGA_HD void look_around(const Parameters auto& p, World auto& w, Draws& draws, 
   look(p, w, e);
 }
 
-/// The same and what its row needs, by one worker, so that nobody waits between the two. `wanted`: wants_rows. What is
-/// written of an agent that others may read meanwhile, where it faces (gather_nearest), is what stands there already.
-template <class Draws>
-GIGA_HD void look_and_prepare(const Parameters auto& p, World auto& w, Draws& draws, const StepIo& io, int64_t world,
-                              bool wanted, bool after_reset, int e) {
-  look_around(p, w, draws, after_reset, e);
-  prepare_rows(p, w, io, world, wanted, e);
+/// The same and what their rows need, for n agents; nobody waits between the two. What is written of an agent that
+/// others may read meanwhile, where it faces (gather_nearest), is what stands there already.
+template <WideLanes Lanes, class Draws>
+GIGA_HD void look_and_prepare(const Lanes& lanes, const Parameters auto& p, World auto& w, Draws& draws,
+                              const StepIo& io, int64_t world, bool after_reset, int n) {
+  const bool wanted = wants_rows(io);
+  each_crew_by_place(lanes, p, w, n, [&](const auto& crew, int e, bool some) {
+    look_around(crew, p, w, draws, after_reset, e, some);
+    if (some && crew.leads()) prepare_rows(p, w, io, world, wanted, e);
+  });
 }
 
 /// Decides what every agent sees and writes it.
@@ -86,8 +106,7 @@ GIGA_HD void observe_world(const Lanes& lanes, const Parameters auto& p, World a
   const int n = active ? p.n_agents : 0;
   mark_agents(lanes, p, w, n);
   if constexpr (WideLanes<Lanes>) {
-    const bool wanted = wants_rows(io);
-    each_by_place(lanes, p, w, n, [&](int e) { look_and_prepare(p, w, draws, io, world, wanted, after_reset, e); });
+    look_and_prepare(lanes, p, w, draws, io, world, after_reset, n);
     write_rows(lanes, p, w, io, world, n);
   } else {
     each_by_place(lanes, p, w, n, [&](int e) { look_around(p, w, draws, after_reset, e); });
@@ -136,15 +155,12 @@ GIGA_HD void play_step(const Lanes& lanes, const Parameters auto& p, World auto&
   if (p.waypoints) lanes.each(one, [&](int) { update_waypoint(p, w, draws); });
   fight(lanes, p, w, draws, n, teams);
   without_barrier(lanes).each(one, [&](int) { end_of_step(p, w); });  // no reward asks for what it writes
-  lanes.each_agent(n, [&](int i) {
-    compute_reward(p, w, i);
-    float* reward = io.of(p.team_of(i)).reward;
-    if (reward) reward[team_row(p, world, i)] = w.reward[i];
-    for (int t = 0; io.terms && t < kNRewardTerms; ++t)
-      io.terms[(world * kNRewardTerms + t) * p.n_agents + i] =
-          term_active(p, static_cast<RewardTerm>(t)) ? w.terms[t * p.n_agents + i] : 0.0f;
-  });
-  accumulate_step(lanes, p, w, active ? n_step_items(p) : 0);
+  if constexpr (WideLanes<Lanes>) {
+    reward_and_accumulate(lanes, p, w, io, world, n);
+  } else {
+    lanes.each_agent(n, [&](int i) { reward_agent(p, w, io, world, i); });
+    accumulate_step(lanes, p, w, active ? n_step_items(p) : 0);
+  }
 
   without_barrier(lanes).each(1, [&](int) {  // it is observed next, which asks for nothing of this
     const Done done = active ? static_cast<Done>(w.counts[kDone]) : Done::running;
@@ -185,9 +201,10 @@ GIGA_HD bool finish_world(const Lanes& lanes, const Parameters auto& p, World au
 /// One step of one world, and what it observes then. Where the episode ended and the step settles that (step_settles):
 /// with OnDone::freeze the world waits, with OnDone::reset a new episode starts, by the draws of this step, and is
 /// observed. A loop around the one call that observes: twice that code would not fit into the GPU's instruction cache.
+/// Always inlined: as a function of its own it would reach all that a world has through a pointer.
 template <class Lanes, class Draws>
-GIGA_HD void step_world(const Lanes& lanes, const Parameters auto& p, World auto& w, Draws& draws, const StepIo& io,
-                        Ending ending, int64_t world) {
+[[gnu::always_inline]] GIGA_HD void step_world(const Lanes& lanes, const Parameters auto& p, World auto& w,
+                                               Draws& draws, const StepIo& io, Ending ending, int64_t world) {
   bool observes = *w.phase == Phase::plays, restarted = false;
   play_step(lanes, p, w, draws, io, ending.on_done, world, observes);
   GIGA_ROLLED
@@ -258,10 +275,11 @@ GIGA_HD bool has_work(const Lanes& lanes, const World auto& w) {
   return true;
 }
 
-/// Runs a job for one world, where it has work. `draws_at(step)` makes the draws of a step.
+/// Runs a job for one world, where it has work. `draws_at(step)` makes the draws of a step. Always inlined, as
+/// step_world.
 template <Job job, class Lanes, class DrawsAt>
-GIGA_HD void run_job(const Lanes& lanes, const Parameters auto& p, World auto& w, const DrawsAt& draws_at,
-                     const StepIo& io, Ending ending, int64_t world) {
+[[gnu::always_inline]] GIGA_HD void run_job(const Lanes& lanes, const Parameters auto& p, World auto& w,
+                                            const DrawsAt& draws_at, const StepIo& io, Ending ending, int64_t world) {
   if constexpr (job == Job::start) {
     auto&& draws = draws_at(*w.draw_step);
     start_world(lanes, p, w, draws, io, world);

@@ -29,9 +29,7 @@ GIGA_HD void run_part(const Lanes& lanes, const Parameters auto& p, World auto& 
   const int n = *w.phase == Phase::waits ? 0 : p.n_agents;  // those of an episode that ended are observed too
   if constexpr (part == StepPart::look) {
     auto&& draws = draws_at(*w.draw_step - 1);  // the step has counted itself already
-    const bool wanted = wants_rows(io);
-    each_by_place(without_barrier(lanes), p, w, n,
-                  [&](int e) { look_and_prepare(p, w, draws, io, world, wanted, false, e); });
+    look_and_prepare(without_barrier(lanes), p, w, draws, io, world, false, n);
   }
   if constexpr (part == StepPart::write) write_rows(without_barrier(lanes), p, w, io, world, n);
   if constexpr (part == StepPart::settle) {

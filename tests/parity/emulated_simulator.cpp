@@ -25,6 +25,7 @@ struct EmulatedSync {
   EmulatedSync of_block() const { return *this; }
   void wait_for_warp() const { threads->wait(); }
   bool any(bool flag) const { return threads->any(flag); }
+  bool any_of_warp(bool flag) const { return threads->any(flag); }
   void before_sending() const {}
   void send(float* to, const float* from, int count) const {
     GIGA_CHECK(
@@ -184,14 +185,16 @@ class EmulatedGridSimulator final : public GridLaunchingSimulator {
   void launch(const GridLaunch& k) {
     std::memset(k.scratch, kPoison, scratch().bytes());
     if constexpr (job == Job::step)
-      with_plain_crowd(k, [&](const auto& plain) {
+      with_plain_crowd(k, lanes_of_agent(), [&](const auto& plain, auto lanes) {
         if (in_parts())
           step_in_parts(plain);
         else
-          run_blocks(plain, [](const auto& all, const auto&... thread) { run_grid_thread<job>(all, thread...); });
+          run_blocks(plain, [](const auto& all, const auto&... thread) {
+            run_grid_thread<job, decltype(lanes)::value>(all, thread...);
+          });
       });
     else
-      run_blocks(k, [](const GridLaunch& all, const auto&... thread) { run_grid_thread<job>(all, thread...); });
+      run_blocks(k, [](const GridLaunch& all, const auto&... thread) { run_grid_thread<job, 1>(all, thread...); });
   }
   template <class P>
   void step_in_parts(const GridLaunchOf<P>& k) {

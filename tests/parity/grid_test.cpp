@@ -154,7 +154,7 @@ TEST(Grid, FindsAllThatAreNearOnSmallAndLargeMaps) {
         const float x = places.x[static_cast<size_t>(e)] - (e % 7 == 0 ? 0.1f * limit : 0.0f);
         const float y = places.y[static_cast<size_t>(e)], reach = limit * static_cast<float>(e % 5) / 8;
         std::multiset<int> near, rings;
-        for_near(places.p, places.w, x, y, reach, [&](int, int a, float) { near.insert(a); });
+        for_near(OneWorker{}, places.p, places.w, x, y, reach, [&](int, int a, float) { near.insert(a); });
         float asked = 0;
         for_rings(
             places.p, places.w, x, y, e % 3,

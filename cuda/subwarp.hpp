@@ -1,0 +1,155 @@
+// Subwarp: some lanes of a warp as a crew (sim/crew.hpp). Plain host-device code, as executor.hpp.
+#pragma once
+
+#include <cstdint>
+
+#include "core/host_device.hpp"
+#include "cuda/world_threads.hpp"
+#include "sim/crew.hpp"
+#include "sim/grid_sort.hpp"
+
+namespace giga {
+
+/// Sync: wait_for_warp() and any_of_warp(flag) of the warp.
+template <int kLanes, class Sync>
+class Subwarp {
+  static_assert(kLanes > 1 && kLanes < kWarp && kWarp % kLanes == 0);
+  static constexpr int kCrews = kWarp / kLanes;
+  static constexpr int kListed = 8 * kLanes < 32 ? 8 * kLanes : 32;  // of a crew
+
+  /// Of a warp, in shared memory.
+  struct Words {
+    int32_t places[kCrews][kListed];
+    uint32_t said[kWarp];  // where there are no shuffles
+  };
+
+ public:
+  static constexpr int kWidth = kLanes;
+  static constexpr int kWords = sizeof(Words) / sizeof(uint32_t);  ///< of shared memory, of a warp
+
+  /// `words`: [kWords] of its warp.
+  GIGA_HD Subwarp(Sync sync, int lane, void* words) : sync_(sync), lane_(lane), warp_(*static_cast<Words*>(words)) {}
+
+  GIGA_HD int index() const { return lane_ % kLanes; }
+  GIGA_HD bool leads() const { return index() == 0; }
+  GIGA_HD bool any(bool flag) const { return sync_.any_of_warp(flag); }
+  GIGA_HD uint32_t ballot(bool flag) const {
+#if defined(__CUDA_ARCH__)
+    return __ballot_sync(~0u, flag) >> (lane_ - index()) & ((1u << kLanes) - 1u);
+#else
+    return of_all(flag ? 1u : 0u, [](uint32_t bits, uint32_t one, int k) { return bits | one << k; });
+#endif
+  }
+  GIGA_HD uint32_t from(uint32_t value, int k) const {
+#if defined(__CUDA_ARCH__)
+    return __shfl_sync(~0u, value, k, kLanes);
+#else
+    return of_all(value, [k](uint32_t known, uint32_t one, int member) { return member == k ? one : known; });
+#endif
+  }
+  GIGA_HD uint32_t either(uint32_t bits) const {
+#if defined(__CUDA_ARCH__)
+    GIGA_UNROLL
+    for (int apart = 1; apart < kLanes; apart *= 2) bits |= __shfl_xor_sync(~0u, bits, apart);
+    return bits;
+#else
+    return of_all(bits, [](uint32_t known, uint32_t one, int) { return known | one; });
+#endif
+  }
+  GIGA_HD int32_t sum(int32_t value) const {
+#if defined(__CUDA_ARCH__)
+    GIGA_UNROLL
+    for (int apart = 1; apart < kLanes; apart *= 2) value += __shfl_xor_sync(~0u, value, apart);
+    return value;
+#else
+    return static_cast<int32_t>(
+        of_all(static_cast<uint32_t>(value), [](uint32_t known, uint32_t one, int) { return known + one; }));
+#endif
+  }
+
+  class Counter {
+   public:
+    GIGA_HD explicit Counter(const Subwarp& crew) : crew_(crew) {
+      if (crew.leads()) *crew.list() = 0;
+      crew.sync_.wait_for_warp();
+    }
+    GIGA_HD int32_t take() { return take_number(crew_.list()); }
+    GIGA_HD int32_t count() const {
+      crew_.sync_.wait_for_warp();
+      return *crew_.list();
+    }
+
+   private:
+    const Subwarp& crew_;
+  };
+
+  class List {
+   public:
+    GIGA_HD explicit List(const Subwarp& crew) : crew_(crew) {}
+    GIGA_HD void clear() {
+      crew_.sync_.wait_for_warp();  // what stood in it has been read
+      size_ = 0;
+    }
+    GIGA_HD bool empty() const { return size_ == 0; }
+    GIGA_HD bool has_room() const { return size_ <= kListed - kLanes; }
+    GIGA_HD void add(bool wanted, int32_t place) {
+      const uint32_t all = crew_.ballot(wanted);
+      if (wanted) crew_.list()[size_ + population(all & ((1u << crew_.index()) - 1u))] = place;
+      size_ += population(all);
+    }
+    template <class F>
+    GIGA_HD void ask(F&& f) {
+      crew_.sync_.wait_for_warp();
+      int at = crew_.index(), turn = 0;
+      yes_ = 0;
+      GIGA_ROLLED
+      while (at < size_) {
+        const Answer answer = f(crew_.list()[at], turn);
+        yes_ |= answer == Answer::yes ? 1u << at : 0u;
+        turn = answer == Answer::ask_again ? turn + 1 : 0;
+        at += answer == Answer::ask_again ? 0 : kLanes;
+      }
+      yes_ = crew_.either(yes_);
+    }
+    GIGA_HD bool take(int32_t& place) {
+      int at;
+      if (!take_lowest(yes_, at)) return false;
+      place = crew_.list()[at];
+      return true;
+    }
+
+   private:
+    GIGA_HD static int population(uint32_t bits) {
+#if defined(__CUDA_ARCH__)
+      return __popc(bits);
+#else
+      return __builtin_popcount(bits);
+#endif
+    }
+
+    const Subwarp& crew_;
+    int size_ = 0;
+    uint32_t yes_ = 0;
+  };
+
+ private:
+  GIGA_HD int32_t* list() const { return warp_.places[lane_ / kLanes]; }
+#if !defined(__CUDA_ARCH__)
+  /// f(what is known so far, what a member says, its number) for all members, from 0 on.
+  template <class F>
+  uint32_t of_all(uint32_t value, F&& f) const {
+    warp_.said[lane_] = value;
+    sync_.wait_for_warp();
+    uint32_t known = 0;
+    for (int k = 0; k < kLanes; ++k) known = f(known, warp_.said[lane_ - index() + k], k);
+    sync_.wait_for_warp();
+    return known;
+  }
+#endif
+
+  Sync sync_;
+  int lane_;
+  Words& warp_;
+};
+
+}  // namespace giga
