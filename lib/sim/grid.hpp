@@ -194,7 +194,7 @@ struct SharedWork {
   GridShape* shape;     // [1] of the grid, for launches that follow; null = for none
   int32_t* order;       // [N] agents by cell, within one in the order of arrival
   int32_t* block_sums;  // [blocks] agents in the cells that a block adds up
-  StepSum* sums;        // [n_step_items, sums_of_team] of blocks of agents, of blocks of these, ... (accumulate_step)
+  StepSum* sums;  // [n_step_items, sums_of_team] of blocks of agents, of blocks of these, ... (reward_and_accumulate)
 };
 
 /// What a step reads and writes of a world of many agents. Pairs have no tables here: the members of WorldView for them

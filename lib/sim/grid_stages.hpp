@@ -132,7 +132,7 @@ GIGA_HD int32_t* kept_detectors(const GridWorld& w, int a) {
   return w.detectors + static_cast<int64_t>(w.place[a]) * kKeptDetectors;
 }
 
-/// The same that are fired in this step.
+/// The list of fire as this step leaves it.
 class NewFire {
  public:
   GIGA_HD explicit NewFire(int most) : most_(most) {}

@@ -150,7 +150,7 @@ void play_crowd(const Crowd& c, const std::function<std::unique_ptr<Simulator>(c
 TEST(GridCrowds, AreThoseOfTheCpu) {
   for (const Crowd& c :
        {Crowd{1100, 903, 40, 2, 5, 5}, Crowd{2600, 2601, 300, 1, 4, 3}, Crowd{1100, 903, 40, 2, kBlocksInParts, 5},
-        // Four and two lanes for each agent, so that 8 and 16 of a warp look for others (spread_over).
+        // Four lanes for each agent, which are a crew, and two, so that 16 of a warp look for others (spread_over).
         Crowd{40, 30, 20, 1, 9, 5}, Crowd{40, 30, 20, 1, 5, 5}, Crowd{20, 13, 12, 1, kBlocksInParts, 5}})
     play_crowd(c, [&](const SimSpec& spec, const SimOptions& options) {
       return make_emulated_grid_simulator(spec, options, ThreadOrder::shuffled, c.blocks);
