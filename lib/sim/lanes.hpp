@@ -8,7 +8,7 @@
 //   SerialLanes  one worker (CPU; worlds run in parallel over threads)
 //   TileLanes    part of a warp, several worlds a warp (small teams); cuda/lanes.hpp
 //   BlockLanes   one thread block (dozens to hundreds of agents); cuda/lanes.hpp
-//   GridLanes    several thread blocks, up to the whole GPU (a grid of many agents); cuda/grid_executor.hpp. WideLanes:
+//   GridLanes    several thread blocks, up to the whole GPU (a grid of many agents); cuda/grid_lanes.hpp. WideLanes:
 //                they can also gather(n, start, f, merge): each worker calls f(sum, i) for its part of 0 ... n - 1 with
 //                a sum of its own that begins as `start`, then merge(sum) once. They write rows by write_pieces, add up
 //                in order by each_sum, sort by those of a block or of all blocks (sorters), read before they write by
