@@ -21,6 +21,8 @@ constexpr int kGridThreads = 512;      // threads of a block
 constexpr int kThreadsOfAgent = 4;     // of a world, where there is room: most stages look at pairs or write rows
 constexpr int kFewThreadsOfAgent = 2;  // enough, where a world then fits into a cluster
 constexpr int kLanesOfAgent = 4;       // of a crew
+constexpr int kLanesToLook = 8;        // of a crew in a launch of its own, of few agents
+constexpr int kThreadsToWrite = 8;     // of an agent there
 
 /// How blocks are put together. Groups go from world to world; all blocks of a launch that is not clustered run at the
 /// same time, because they wait for each other.
@@ -35,13 +37,22 @@ struct GridLaunchShape {
   }
 };
 
+/// Launches of a step: one, or one that plays it and two that follow (StepPart). These wait for nobody, and have as
+/// many threads as suit them.
+enum class StepLaunches {
+  one,
+  of_few,   ///< Launched::first with crews, in half of the GPU at most; those that follow have all of it
+  of_more,  ///< too many for crews in one launch: only those that look have them
+  of_many   ///< a thread for each
+};
+
 /// What there is to spread them over.
 struct GridDevice {
   int threads;              ///< of a block
   int resident;             ///< blocks that run at the same time
   int most_clustered;       ///< blocks of a cluster, a power of two; 1 = there are no clusters
   size_t shared_bytes = 0;  ///< at most, of a block that sorts; besides its stage
-  int in_parts = 0;         ///< from so many agents on a step is a launch for each of its parts; 0 = never
+  int in_parts = 0;         ///< from so many agents on a step is StepLaunches::of_many; 0 = all steps are one launch
   /// Clusters of 2^k blocks that run at the same time; -1 = as many as there are blocks for. An H200 has room for fewer
   /// of 8 blocks than it has eights of multiprocessors: those of a cluster are neighbors.
   int clusters[5] = {-1, -1, -1, -1, -1};
@@ -128,11 +139,18 @@ void with_plain_crowd(const GridLaunch& k, int lanes_of_agent, F&& f) {
   f(plain, std::integral_constant<int, 1>{});
 }
 
-/// Calls run(lanes, view of a world, draws_at, its number) for the worlds of a thread. Where it is known that no block
-/// sorts for itself, it is known too that all that is sorted lies in global memory. `sync`: of its group; `shared`:
+/// Whether a step is one launch, or others follow it (StepPart): then it is known who sorts, and what is sorted
+/// outlives the launch.
+enum class Launched {
+  alone,
+  first,   ///< with crews each block sorts for itself; without, all of them together, in global memory
+  follows  ///< nobody sorts
+};
+
+/// Calls run(lanes, view of a world, draws_at, its number) for the worlds of a thread. `sync`: of its group; `shared`:
 /// memory of its block. Always inlined: as a function of its own it reached the kernel's parameters through a pointer,
 /// with 5 kB of spills (ptxas).
-template <bool kMaySortByBlock, int kCrew, class P, class Sync, class Run>
+template <Launched kLaunched, int kCrew, class P, class Sync, class Run>
 [[gnu::always_inline]] GIGA_HD void run_grid_worlds(const GridLaunchOf<P>& k, const ThreadIndex& at, Sync sync,
                                                     char* shared, Run&& run) {
   const int group = at.block / k.blocks, block = at.block % k.blocks, n_warps = at.n_threads / kWarp;
@@ -140,7 +158,8 @@ template <bool kMaySortByBlock, int kCrew, class P, class Sync, class Run>
   // a thread for each, those of a block look at the same others.
   const int warp = k.by_block ? block * n_warps + at.thread / kWarp : at.thread / kWarp * k.blocks + block;
   float* const stage = reinterpret_cast<float*>(shared);
-  const bool sorts_by_block = kMaySortByBlock && k.sorts_by_block;
+  constexpr bool kInParts = kLaunched != Launched::alone;
+  const bool sorts_by_block = kInParts ? kLaunched == Launched::first && kCrew > 1 : k.sorts_by_block;
   const GridLanes<Sync, kCrew> lanes{warp * kWarp + at.thread % kWarp,
                                      k.blocks * at.n_threads,
                                      block,
@@ -151,14 +170,19 @@ template <bool kMaySortByBlock, int kCrew, class P, class Sync, class Run>
                                      stage + at.thread / kWarp * kStageNumbers,
                                      sorts_by_block};
   GridWorld scratch{};
-  attach_scratch(k.params, scratch, k.scratch + static_cast<size_t>(group) * k.scratch_bytes, true, !sorts_by_block);
+  attach_scratch(k.params, scratch, k.scratch + static_cast<size_t>(group) * k.scratch_bytes, true,
+                 kInParts || !sorts_by_block);
   if (sorts_by_block) {
+    if (kInParts) {
+      scratch.work.placed_for_all = scratch.placed;
+      scratch.work.cell_begin_for_all = scratch.cell_begin;
+    }
     attach_sorted(k.params.n_agents, scratch, shared + grid_stage_bytes(at.n_threads));
     if (at.thread == 0) *scratch.work.bounds = {};  // a barrier follows before anybody sorts
   } else {
     scratch.work.bounds = &k.words[group].bounds;
-    scratch.work.shape = &k.words[group].shape;
   }
+  if (kInParts) scratch.work.shape = &k.words[group].shape;
   scratch.full_lists = k.full_lists;
   const int count = k.count();
   GIGA_ROLLED
@@ -173,24 +197,25 @@ template <bool kMaySortByBlock, int kCrew, class P, class Sync, class Run>
 }
 
 /// What a thread does of a job.
-template <Job job, int kCrew, class P, class Sync>
+template <Job job, Launched kLaunched, int kCrew, class P, class Sync>
 [[gnu::always_inline]] GIGA_HD void run_grid_thread(const GridLaunchOf<P>& k, const ThreadIndex& at, Sync sync,
                                                     char* shared) {
   const auto run = [&](const auto& lanes, GridWorld& w, auto&& draws_at, int world) __attribute__((always_inline)) {
     if (has_work<job>(lanes, w)) run_job<job>(lanes, k.params, w, draws_at, k.io, k.ending, world);
   };
-  run_grid_worlds<true, kCrew>(k, at, sync, shared, run);
+  run_grid_worlds<kLaunched, kCrew>(k, at, sync, shared, run);
 }
 
-/// The same of a part of a step. All groups have a world at most, so that scratch and shape stay as the part before has
-/// left them.
-template <StepPart part, class P, class Sync>
+/// The same of a part of a step. All groups have a world at most, so that scratch and shape stay as the launch before
+/// has left them.
+template <StepPart part, int kCrew, class P, class Sync>
 [[gnu::always_inline]] GIGA_HD void run_grid_part(const GridLaunchOf<P>& k, const ThreadIndex& at, Sync sync,
                                                   char* shared) {
-  run_grid_worlds<false, 1>(k, at, sync, shared, [&](const auto& lanes, GridWorld& w, auto&& draws_at, int world) {
-    if constexpr (part == StepPart::look) w.grid = *w.work.shape;
-    run_part<part>(lanes, k.params, w, draws_at, k.io, k.ending, world);
-  });
+  const auto run = [&](const auto& lanes, GridWorld& w, auto&& draws_at, int world) __attribute__((always_inline)) {
+    w.grid = *w.work.shape;
+    run_part<part>(lanes, k.params, w, draws_at, k.io, world, w.grid.columns > 0 ? k.params.n_agents : 0);
+  };
+  run_grid_worlds<Launched::follows, kCrew>(k, at, sync, shared, run);
 }
 
 /// A simulator of worlds of many agents that runs its jobs by launches. Its back end launches, and lists the worlds
@@ -204,15 +229,14 @@ class GridLaunchingSimulator : public Simulator {
       : Simulator(std::move(spec), options, memory),
         params_(grid_params(spec_, tables_, options_.most_shooters)),
         shape_(grid_launch_shape(params_.n_agents, n_worlds(), device)),
-        lanes_of_agent_(shape_.lanes_of_agent(params_.n_agents, device.threads)),
+        lanes_of_agent_(many(device) ? 1 : shape_.lanes_of_agent(params_.n_agents, device.threads)),
         sorted_bytes_(grid_sorted_bytes(params_.n_agents, device)),
         shared_bytes_(grid_stage_bytes(device.threads) + sorted_bytes_),
+        launches_(launches_of_step(device)),
         scratch_bytes_(group_bytes()),
         scratch_(memory, scratch_bytes_ * static_cast<size_t>(shape_.groups)),
         words_(memory, static_cast<size_t>(shape_.groups)),
-        full_lists_(memory, 1),
-        in_parts_(device.in_parts > 0 && params_.n_agents >= device.in_parts && sorted_bytes_ == 0 &&
-                  shape_.groups >= n_worlds()) {
+        full_lists_(memory, 1) {
     check_grid(params_, state_.shape(), options_);
     if (options.on_done == OnDone::freeze) playing_ = Buffer<int32_t>(memory, static_cast<size_t>(n_worlds()) + 1);
   }
@@ -238,15 +262,14 @@ class GridLaunchingSimulator : public Simulator {
             .blocks = shape_.blocks,
             .sorts_by_block = sorted_bytes_ > 0};
   }
-  /// The same for a part that needs no barrier, in blocks of so many threads: one for each agent.
+  /// The same for a part that needs no barrier, in blocks of so many threads: so many for each agent, and some more.
   template <class P>
-  static GridLaunchOf<P> without_barriers(GridLaunchOf<P> k, int threads) {
-    k.blocks = (k.params.n_agents + threads - 1) / threads;
+  static GridLaunchOf<P> without_barriers(GridLaunchOf<P> k, int threads, int threads_of_agent = 1, int more = 0) {
+    k.blocks = (k.params.n_agents * threads_of_agent + more + threads - 1) / threads;
     k.by_block = true;
     return k;
   }
-  /// Whether a step is a launch for each of its parts.
-  bool in_parts() const { return in_parts_; }
+  StepLaunches launches() const { return launches_; }
   /// Throws if a list of fire was too short since this was last asked; waits for what was queued before.
   void check_full_lists() {
     const int full = full_lists_.to_host()[0];
@@ -264,18 +287,29 @@ class GridLaunchingSimulator : public Simulator {
  private:
   size_t group_bytes() const {
     GridWorld w{};
-    return (attach_scratch(params_, w, nullptr, true, sorted_bytes_ == 0) + 127) & ~size_t{127};
+    return (attach_scratch(params_, w, nullptr, true, launches_ != StepLaunches::one || sorted_bytes_ == 0) + 127) &
+           ~size_t{127};
+  }
+  bool many(const GridDevice& device) const { return device.in_parts > 0 && params_.n_agents >= device.in_parts; }
+  StepLaunches launches_of_step(const GridDevice& device) const {
+    using enum StepLaunches;
+    if (device.in_parts == 0 || shape_.groups < n_worlds()) return one;
+    const bool plain = PlainCrowd::fits(params_), idle = 2 * shape_.groups * shape_.blocks <= device.resident;
+    if (sorted_bytes_ > 0)
+      return plain && idle && lanes_of_agent_ == kLanesOfAgent && SumLayout(params_).blocks <= kSumBlock ? of_few : one;
+    if (many(device)) return of_many;
+    return plain && lanes_of_agent_ == 1 ? of_more : one;
   }
 
   GridParams params_;
   GridLaunchShape shape_;
   int lanes_of_agent_;
   size_t sorted_bytes_, shared_bytes_;
+  StepLaunches launches_;
   size_t scratch_bytes_;
   Buffer<char> scratch_;
   Buffer<GroupWords> words_;
   Buffer<int32_t> full_lists_;
-  bool in_parts_;
   Buffer<int32_t> playing_;  // [W + 1] OnDone::freeze: worlds that play, in any order, then their number
 };
 

@@ -85,6 +85,20 @@ struct GridLanes {
       }
     }
   };
+  /// Calls f(the lanes of this warp, without barriers, item, whether there is one), as often for each warp. The last
+  /// warps begin: they have the least to do otherwise.
+  template <class F>
+  GIGA_HD void each_warp(int n, F&& f) const {
+    GridLanes warp = without_barrier();
+    warp.first = first % kWarp;
+    warp.stride = kWarp;
+    const int warps = stride / kWarp;
+    GIGA_ROLLED
+    for (int begin = 0; begin < n; begin += warps) {
+      const int item = begin + warps - 1 - first / kWarp;
+      f(warp, item < n ? item : 0, item < n);
+    }
+  }
   /// Those who share the sorted agents.
   GIGA_HD GridLanes sorters() const { return sorts_by_block ? of_block() : *this; }
   /// Shared memory of the block, between stages that write rows: the stages of all its warps.

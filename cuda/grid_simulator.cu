@@ -1,6 +1,7 @@
 // The CUDA back end of worlds of many agents (rules 17): one kernel per job; the blocks of a world meet at the barriers
 // of a cluster or, where they are more, at one in memory.
 #include <algorithm>
+#include <type_traits>
 
 #include "cuda/check.cuh"
 #include "cuda/grid_executor.hpp"
@@ -70,34 +71,29 @@ __device__ __forceinline__ GroupThread group_thread(const GridLaunchOf<P>& k, bo
           {&k.words[group].arrivals, k.blocks, block % k.blocks == 0, clustered}};
 }
 
-template <Job job, int kCrew, class P>
+template <Job job, Launched kLaunched, int kCrew, class P>
 __global__ void __launch_bounds__(kGridThreads, kGridBlocks)
     grid_kernel(const __grid_constant__ GridLaunchOf<P> k, bool clustered) {
   const GroupThread thread = group_thread(k, clustered);
   extern __shared__ __align__(16) char shared[];
-  run_grid_thread<job, kCrew>(k, thread.at, thread.sync, shared);
+  run_grid_thread<job, kLaunched, kCrew>(k, thread.at, thread.sync, shared);
 }
 
 /// Parts of a step for which no thread waits for another of its group: as many threads at a time as registers allow.
-constexpr int kFreeThreads = 256;
+constexpr int kFreeThreads = 256, kFewFreeThreads = 64;
 constexpr int kLookBlocks = 3, kWriteBlocks = 4;  // per multiprocessor at least: 80 and 64 registers
+template <int kCrew>
+constexpr int free_threads = kCrew > 1 ? kFewFreeThreads : kFreeThreads;
 
-template <StepPart part, class P>
-__global__ void __launch_bounds__(kGridThreads, kGridBlocks)
-    part_kernel(const __grid_constant__ GridLaunchOf<P> k, bool clustered) {
-  const GroupThread thread = group_thread(k, clustered);
-  extern __shared__ __align__(16) char shared[];
-  run_grid_part<part>(k, thread.at, thread.sync, shared);
-}
-
-/// The same without barriers of a group.
-template <StepPart part, class P>
-__global__ void __launch_bounds__(kFreeThreads, part == StepPart::look ? kLookBlocks : kWriteBlocks)
+template <StepPart part, int kCrew, class P>
+__global__ void __launch_bounds__(free_threads<kCrew>, kCrew > 1                ? 1
+                                                       : part == StepPart::look ? kLookBlocks
+                                                                                : kWriteBlocks)
     free_part_kernel(const __grid_constant__ GridLaunchOf<P> k) {
   const ThreadIndex at{static_cast<int>(blockIdx.x), static_cast<int>(gridDim.x), static_cast<int>(threadIdx.x),
-                       kFreeThreads};
+                       free_threads<kCrew>};
   extern __shared__ __align__(16) char shared[];
-  run_grid_part<part>(k, at, GroupSync{nullptr, 1, true, false, true}, shared);
+  run_grid_part<part, kCrew>(k, at, GroupSync{nullptr, 1, true, false, true}, shared);
 }
 
 /// Whether a GPU grants what it may refuse.
@@ -130,16 +126,17 @@ GridDevice grid_device(int index, int n_agents, int in_parts) {
     GIGA_CUDA(cudaOccupancyMaxActiveBlocksPerMultiprocessor(&blocks, kernel, kGridThreads, shared));
     resident = resident == 0 ? blocks : std::min(resident, blocks);
   };
-  look_at(grid_kernel<Job::start, 1, GridParams>);
-  look_at(grid_kernel<Job::step, 1, GridParams>);
-  look_at(grid_kernel<Job::step, 1, PlainCrowd>);
-  look_at(grid_kernel<Job::step, kLanesOfAgent, PlainCrowd>);
-  look_at(grid_kernel<Job::restart, 1, GridParams>);
-  look_at(grid_kernel<Job::play_on, 1, GridParams>);
-  look_at(grid_kernel<Job::observe, 1, GridParams>);
-  look_at(part_kernel<StepPart::play, GridParams>);
-  look_at(part_kernel<StepPart::play, PlainCrowd>);
-  look_at(part_kernel<StepPart::settle, GridParams>);
+  using enum Launched;
+  look_at(grid_kernel<Job::start, alone, 1, GridParams>);
+  look_at(grid_kernel<Job::step, alone, 1, GridParams>);
+  look_at(grid_kernel<Job::step, alone, 1, PlainCrowd>);
+  look_at(grid_kernel<Job::step, alone, kLanesOfAgent, PlainCrowd>);
+  look_at(grid_kernel<Job::step, first, 1, GridParams>);
+  look_at(grid_kernel<Job::step, first, 1, PlainCrowd>);
+  look_at(grid_kernel<Job::step, first, kLanesOfAgent, PlainCrowd>);
+  look_at(grid_kernel<Job::restart, alone, 1, GridParams>);
+  look_at(grid_kernel<Job::play_on, alone, 1, GridParams>);
+  look_at(grid_kernel<Job::observe, alone, 1, GridParams>);
   device.resident = resident * processors;
   for (int k = 1; (1 << k) <= device.most_clustered; ++k) {
     cudaLaunchAttribute attribute{};
@@ -151,8 +148,8 @@ GridDevice grid_device(int index, int n_agents, int in_parts) {
     config.dynamicSmemBytes = shared;
     config.attrs = &attribute;
     config.numAttrs = 1;
-    const auto error =
-        cudaOccupancyMaxActiveClusters(&device.clusters[k], grid_kernel<Job::step, 1, GridParams>, &config);
+    const auto error = cudaOccupancyMaxActiveClusters(&device.clusters[k],
+                                                      grid_kernel<Job::step, Launched::alone, 1, GridParams>, &config);
     if ((1 << k) <= kSureClustered)
       GIGA_CUDA(error);
     else if (!granted(error) || device.clusters[k] == 0)
@@ -198,13 +195,13 @@ class CudaGridSimulator final : public GridLaunchingSimulator {
         constexpr Job kJob = decltype(constant)::value;
         if constexpr (kJob == Job::step)
           with_plain_crowd(k, lanes_of_agent(), [&]<class P>(const GridLaunchOf<P>& plain, auto lanes) {
-            if (in_parts())
-              step_in_parts(plain, k);
+            if (launches() != StepLaunches::one)
+              step_in_parts<decltype(lanes)::value>(plain);
             else
-              launch(grid_kernel<kJob, decltype(lanes)::value, P>, plain);
+              launch(grid_kernel<kJob, Launched::alone, decltype(lanes)::value, P>, plain);
           });
         else if constexpr (kJob != Job::draw && kJob != Job::draw_final)
-          launch(grid_kernel<kJob, 1, GridParams>, k);
+          launch(grid_kernel<kJob, Launched::alone, 1, GridParams>, k);
       });
   }
 
@@ -215,23 +212,32 @@ class CudaGridSimulator final : public GridLaunchingSimulator {
   }
 
  private:
-  /// `k`: of the parameters as they are, for what is rare.
-  template <class P>
-  void step_in_parts(const GridLaunchOf<P>& plain, const GridLaunch& k) {
-    for_each_part(k.ending, k.io, [&](auto constant) {
-      constexpr StepPart kPart = decltype(constant)::value;
-      if constexpr (kPart == StepPart::look || kPart == StepPart::write) {
-        const GridLaunchOf<P> all = without_barriers(plain, kFreeThreads);
-        const size_t shared = kPart == StepPart::write ? grid_stage_bytes(kFreeThreads) : 0;
-        free_part_kernel<kPart, P>
-            <<<static_cast<unsigned>(all.groups * all.blocks), kFreeThreads, shared, stream_>>>(all);
-        GIGA_CUDA(cudaGetLastError());
-      } else if constexpr (kPart == StepPart::play) {
-        launch(part_kernel<kPart, P>, plain);
-      } else {
-        launch(part_kernel<kPart, GridParams>, k);
+  template <int kCrew, class P>
+  void step_in_parts(const GridLaunchOf<P>& k) {
+    launch(grid_kernel<Job::step, Launched::first, kCrew, P>, k);
+    if constexpr (kCrew > 1) {
+      const int more = kWarp * kNTeams * SumLayout(k.params).blocks;  // that see to rewards
+      launch_free<StepPart::look_and_reward, kLanesToLook>(k, kLanesToLook, more);
+      launch_free<StepPart::write_and_add_up, kCrew>(k, kThreadsToWrite);
+      return;
+    }
+    if constexpr (std::is_same_v<P, PlainCrowd>)
+      if (launches() == StepLaunches::of_more) {
+        launch_free<StepPart::look, kLanesOfAgent>(k, kLanesOfAgent);
+        launch_free<StepPart::write, 1>(k, kLanesOfAgent);
+        return;
       }
-    });
+    launch_free<StepPart::look, 1>(k, 1);
+    launch_free<StepPart::write, 1>(k, 1);
+  }
+  template <StepPart part, int kCrew, class P>
+  void launch_free(const GridLaunchOf<P>& k, int threads_of_agent, int more = 0) {
+    constexpr int kThreads = free_threads<kCrew>;
+    const GridLaunchOf<P> all = without_barriers(k, kThreads, threads_of_agent, more);
+    const size_t shared = part == StepPart::look && kCrew == 1 ? 0 : grid_stage_bytes(kThreads);
+    free_part_kernel<part, kCrew, P>
+        <<<static_cast<unsigned>(all.groups * all.blocks), kThreads, shared, stream_>>>(all);
+    GIGA_CUDA(cudaGetLastError());
   }
 
   template <class P>

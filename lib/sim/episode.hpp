@@ -78,13 +78,19 @@ GIGA_HD Outcome outcome_of(const WinRule& win, const int32_t* alive, const float
   return leader(win.at_time_limit == LimitWinner::team_0, win.at_time_limit == LimitWinner::team_1);
 }
 
+/// Whether the episode ends with its step number `length`, after which nobody of a team lives (`gone`).
+GIGA_HD Done done_after(const Parameters auto& p, bool gone0, bool gone1, int length) {
+  Done done = Done::running;
+  if (p.max_episode_length > 0 && length >= p.max_episode_length) done = Done::truncated;
+  if ((gone0 && gone1) || (p.episode_ends_one_team_dead && (gone0 || gone1))) done = Done::terminated;
+  return done;
+}
+
 /// Rules 4.6: the episode's length, its end and its outcome.
 GIGA_HD void end_of_step(const Parameters auto& p, World auto& w) {
   const bool gone0 = w.counts[kAlive0] == 0, gone1 = w.counts[kAlive1] == 0;
   *w.episode_length += 1;
-  Done done = Done::running;
-  if (p.max_episode_length > 0 && *w.episode_length >= p.max_episode_length) done = Done::truncated;
-  if ((gone0 && gone1) || (p.episode_ends_one_team_dead && (gone0 || gone1))) done = Done::terminated;
+  const Done done = done_after(p, gone0, gone1, *w.episode_length);
   if (*w.outcome == Outcome::open) *w.outcome = outcome_of(p.win, w.counts + kAlive0, w.score, done);
   w.counts[kDone] = static_cast<int32_t>(done);
 }

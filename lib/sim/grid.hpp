@@ -33,74 +33,6 @@ GIGA_HD uint32_t fire_entry(int shooter, int count) {
 GIGA_HD int shooter_of(uint32_t entry) { return static_cast<int>(entry & ((1u << kShooterBits) - 1u)); }
 GIGA_HD int count_of(uint32_t entry) { return static_cast<int>(entry >> kShooterBits); }
 
-/// SimParams of any number of agents, and how far pairs reach. Distances are in the plane and a little more than what
-/// the formulas compare, so that rounding leaves nobody out.
-struct GridParams : SimParams {
-  int most_shooters = kMostShooters;  ///< of a list of fire
-  float sight_reach[kNTeams] = {};    ///< at which an agent of the team detects at most
-  float hearing_reach = 0, touch_reach = 0, start_reach = 0;
-  float margin = 0;  ///< of places: more than what float32 may round
-
-  GridParams() = default;
-  /// `widest_range`: by team, the largest AgentTable::range.
-  GridParams(const SimParams& p, const float (&widest_range)[kNTeams], int shooters) : SimParams(p) {
-    constexpr float kMore = 1.0001f;
-    const int most = n_team[0] > n_team[1] ? n_team[0] : n_team[1];
-    most_shooters = shooters < most ? shooters : most;
-    for (int team = 0; team < kNTeams; ++team)
-      sight_reach[team] = kMore * std::sqrt(max_of(very_close_depth2, cone_depth2 * widest_range[team]));
-    hearing_reach = kMore * communication_range;
-    touch_reach = kMore * std::sqrt(collision_range2);
-    start_reach = kMore * std::sqrt(collision_range2 + kStartMargin);
-    margin = 1e-6f * max_of(limit_x, limit_y);
-  }
-
-  /// Bits tell the teams of few agents only.
-  GIGA_HD int team_of(int i) const { return team_after_team ? (i >= n_team[0] ? 1 : 0) : SimParams::team_of(i); }
-  GIGA_HD int slot_of(int i) const { return team_after_team ? i - first_of(team_of(i)) : SimParams::slot_of(i); }
-};
-
-/// GridParams, or the same with constants.
-template <class P>
-concept GridParameters = Parameters<P> && std::derived_from<P, GridParams>;
-
-/// GridParams of which what most crowds have in common are constants of the compiler: a step of few agents takes as
-/// long as its instructions take to come, and these are half as many.
-struct PlainCrowd : GridParams {
-  explicit PlainCrowd(const GridParams& p) : GridParams(p) {}
-  static constexpr Rules rules = Rules::corrected;
-  static constexpr ActionKind actions = ActionKind::discrete;
-  static constexpr int n_neighbors = 15, n_boxes = 0;
-  static constexpr bool team_after_team = true, waypoints = false, has_idle_reward = false;
-  static constexpr bool stochastic_communication = true, stochastic_detection = true;
-  static constexpr bool obstacle_heights = false, obstacles_block_sight = false, sight_3d = false;
-  static constexpr bool cone_is_full = false, damage_cone_is_full = false, egocentric_view = false;
-  GIGA_HD static constexpr bool original() { return false; }
-  GIGA_HD int team_of(int i) const { return i >= n_team[0] ? 1 : 0; }
-  GIGA_HD int first_of(int team) const { return team == 1 ? n_team[0] : 0; }
-  GIGA_HD int end_of(int team) const { return team == 0 ? n_team[0] : n_agents; }
-  GIGA_HD int slot_of(int i) const { return i - first_of(team_of(i)); }
-
-  /// Whether a scenario is so.
-  static bool fits(const GridParams& p) {
-    return p.rules == rules && p.actions == actions && p.n_neighbors == n_neighbors && p.n_boxes == n_boxes &&
-           p.team_after_team == team_after_team && p.waypoints == waypoints && p.has_idle_reward == has_idle_reward &&
-           p.stochastic_communication == stochastic_communication && p.stochastic_detection == stochastic_detection &&
-           p.obstacle_heights == obstacle_heights && p.obstacles_block_sight == obstacles_block_sight &&
-           p.sight_3d == sight_3d && p.cone_is_full == cone_is_full && p.damage_cone_is_full == damage_cone_is_full &&
-           p.egocentric_view == egocentric_view;
-  }
-};
-
-/// An agent where it was when the grid was made, and what whoever looks for it asks first (mark_agents).
-struct alignas(16) PlacedAgent {
-  float x, y;
-  int32_t agent;
-  uint32_t marks;
-};
-enum PlacedMark : uint32_t { kLives = 1, kObserved = 2, kOfTeam1 = 4 };
-constexpr int kObserversShift = 8;  ///< above the marks, how many observe it: kKeptDetectors + 1 = more than are kept
-
 /// A range of the agents sorted by cell.
 struct CellRange {
   int32_t begin, end;
@@ -151,6 +83,76 @@ GIGA_HD GridShape grid_shape(int n, float x0, float y0, float x1, float y1) {
 constexpr int kDeadOfCell = 4;
 GIGA_HD int cells_of_dead(int n_agents) { return (n_agents + kDeadOfCell - 1) / kDeadOfCell; }
 
+/// SimParams of any number of agents, and how far pairs reach. Distances are in the plane and a little more than what
+/// the formulas compare, so that rounding leaves nobody out.
+struct GridParams : SimParams {
+  int most_shooters = kMostShooters;  ///< of a list of fire
+  float sight_reach[kNTeams] = {};    ///< at which an agent of the team detects at most
+  float hearing_reach = 0, touch_reach = 0, start_reach = 0;
+  float margin = 0;   ///< of places: more than what float32 may round
+  GridShape of_dead;  ///< cells in which many workers sort the dead
+
+  GridParams() = default;
+  /// `widest_range`: by team, the largest AgentTable::range.
+  GridParams(const SimParams& p, const float (&widest_range)[kNTeams], int shooters) : SimParams(p) {
+    constexpr float kMore = 1.0001f;
+    const int most = n_team[0] > n_team[1] ? n_team[0] : n_team[1];
+    most_shooters = shooters < most ? shooters : most;
+    for (int team = 0; team < kNTeams; ++team)
+      sight_reach[team] = kMore * std::sqrt(max_of(very_close_depth2, cone_depth2 * widest_range[team]));
+    hearing_reach = kMore * communication_range;
+    touch_reach = kMore * std::sqrt(collision_range2);
+    start_reach = kMore * std::sqrt(collision_range2 + kStartMargin);
+    margin = 1e-6f * max_of(limit_x, limit_y);
+    of_dead = grid_shape(cells_of_dead(n_agents), 0, 0, limit_x, limit_y);
+  }
+
+  /// Bits tell the teams of few agents only.
+  GIGA_HD int team_of(int i) const { return team_after_team ? (i >= n_team[0] ? 1 : 0) : SimParams::team_of(i); }
+  GIGA_HD int slot_of(int i) const { return team_after_team ? i - first_of(team_of(i)) : SimParams::slot_of(i); }
+};
+
+/// GridParams, or the same with constants.
+template <class P>
+concept GridParameters = Parameters<P> && std::derived_from<P, GridParams>;
+
+/// GridParams of which what most crowds have in common are constants of the compiler: a step of few agents takes as
+/// long as its instructions take to come, and these are half as many.
+struct PlainCrowd : GridParams {
+  explicit PlainCrowd(const GridParams& p) : GridParams(p) {}
+  static constexpr Rules rules = Rules::corrected;
+  static constexpr ActionKind actions = ActionKind::discrete;
+  static constexpr int n_neighbors = 15, n_boxes = 0;
+  static constexpr bool team_after_team = true, waypoints = false, has_idle_reward = false;
+  static constexpr bool stochastic_communication = true, stochastic_detection = true;
+  static constexpr bool obstacle_heights = false, obstacles_block_sight = false, sight_3d = false;
+  static constexpr bool cone_is_full = false, damage_cone_is_full = false, egocentric_view = false;
+  GIGA_HD static constexpr bool original() { return false; }
+  GIGA_HD int team_of(int i) const { return i >= n_team[0] ? 1 : 0; }
+  GIGA_HD int first_of(int team) const { return team == 1 ? n_team[0] : 0; }
+  GIGA_HD int end_of(int team) const { return team == 0 ? n_team[0] : n_agents; }
+  GIGA_HD int slot_of(int i) const { return i - first_of(team_of(i)); }
+
+  /// Whether a scenario is so.
+  static bool fits(const GridParams& p) {
+    return p.rules == rules && p.actions == actions && p.n_neighbors == n_neighbors && p.n_boxes == n_boxes &&
+           p.team_after_team == team_after_team && p.waypoints == waypoints && p.has_idle_reward == has_idle_reward &&
+           p.stochastic_communication == stochastic_communication && p.stochastic_detection == stochastic_detection &&
+           p.obstacle_heights == obstacle_heights && p.obstacles_block_sight == obstacles_block_sight &&
+           p.sight_3d == sight_3d && p.cone_is_full == cone_is_full && p.damage_cone_is_full == damage_cone_is_full &&
+           p.egocentric_view == egocentric_view;
+  }
+};
+
+/// An agent where it was when the grid was made, and what whoever looks for it asks first (mark_agents).
+struct alignas(16) PlacedAgent {
+  float x, y;
+  int32_t agent;
+  uint32_t marks;
+};
+enum PlacedMark : uint32_t { kLives = 1, kObserved = 2, kOfTeam1 = 4 };
+constexpr int kObserversShift = 8;  ///< above the marks, how many observe it: kKeptDetectors + 1 = more than are kept
+
 /// What AgentNumber has for kNobody.
 constexpr uint32_t kNoAgent = 0xFFFFFFFFu;
 
@@ -191,9 +193,13 @@ struct SharedWork {
     int32_t count;
   };
   Bounds* bounds;       // [1]
-  GridShape* shape;     // [1] of the grid, for launches that follow; null = for none
+  GridShape* shape;     // [1] of the grid, for launches that follow: no columns = they leave the world; null = for none
   int32_t* order;       // [N] agents by cell, within one in the order of arrival
+  int32_t* cell;        // [N] of an agent; those of the dead behind those of the living
   int32_t* block_sums;  // [blocks] agents in the cells that a block adds up
+  /// GridWorld::placed and cell_begin for launches that follow, where each block sorts for itself; null = for none.
+  PlacedAgent* placed_for_all;
+  int32_t* cell_begin_for_all;
   StepSum* sums;  // [n_step_items, sums_of_team] of blocks of agents, of blocks of these, ... (reward_and_accumulate)
 };
 

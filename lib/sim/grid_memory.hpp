@@ -55,6 +55,7 @@ GIGA_HD size_t attach_sorted(int n_agents, GridWorld& w, char* block) {
   take(w.cell_begin, n + static_cast<size_t>(cells_of_dead(n_agents)) + 1);
   take(w.place, n);
   take(w.work.order, n);
+  take(w.work.cell, n);
   take(w.work.bounds, 1);
   return take.at;
 }
@@ -88,6 +89,7 @@ GIGA_HD size_t attach_scratch(const GridParams& p, GridWorld& w, char* block, bo
   if (together) {
     if (sorts) {
       take(w.work.order, n);
+      take(w.work.cell, n);
       take(w.work.block_sums, n / 8 + 1);  // of blocks of a warp or more, at most four threads an agent
     }
     take(w.work.sums, static_cast<size_t>(kMostStepItems) *

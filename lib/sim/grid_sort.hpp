@@ -58,6 +58,18 @@ GIGA_HD GridShape bounded_shape(const SharedWork::Bounds& bounds) {
   return grid_shape(bounds.count, -edge(0), -edge(1), edge(2), edge(3));
 }
 
+/// One of two shapes, number by number: as a choice between objects it would put both into memory.
+GIGA_HD GridShape either_shape(bool first, const GridShape& a, const GridShape& b) {
+  GridShape g;
+  g.columns = first ? a.columns : b.columns;
+  g.rows = first ? a.rows : b.rows;
+  g.x0 = first ? a.x0 : b.x0;
+  g.y0 = first ? a.y0 : b.y0;
+  g.inverse_size_x = first ? a.inverse_size_x : b.inverse_size_x;
+  g.inverse_size_y = first ? a.inverse_size_y : b.inverse_size_y;
+  return g;
+}
+
 /// Turns numbers of agents in `cells` cells, each one cell further than it belongs (cell_begin), into where cells
 /// begin. Each worker adds up its share of the cells; then come the sums of the workers, the warps and the blocks
 /// before it.
@@ -123,22 +135,25 @@ GIGA_HD void sort_agents(const Lanes& lanes, const GridParameters auto& p, GridW
       });
   const bool some_dead = work.bounds->count < n;
   w.grid = bounded_shape(*work.bounds);
-  const GridShape of_dead = grid_shape(cells_of_dead(n), 0, 0, p.limit_x, p.limit_y);
   const int cells = w.grid.cells();
-  const auto cell_of = [&](int i) {
-    const float x = w.x[i], y = w.y[i];
-    return w.alive[i] ? w.grid.cell_of(x, y) : cells + of_dead.cell_of(x, y);
-  };
   // Until it has its place, an agent keeps there how late it came into its cell: that depends on who was faster.
   sorters.each_read(
-      n, [&](int i) { return take_number(w.cell_begin + cell_of(i) + 1); },
-      [&](int i, int32_t number) { w.place[i] = number; });
-  sum_cells(sorters, w, some_dead ? cells + of_dead.cells() : cells);
+      n,
+      [&](int i) {
+        const bool lives = w.alive[i] != 0;
+        // One way for both, because lanes that take different ones wait for each other.
+        const int cell = either_shape(lives, w.grid, p.of_dead).cell_of(w.x[i], w.y[i]) + (lives ? 0 : cells);
+        return CellRange{cell, take_number(w.cell_begin + cell + 1)};
+      },
+      [&](int i, const CellRange& taken) {
+        work.cell[i] = taken.begin;
+        w.place[i] = taken.end;
+      });
+  sum_cells(sorters, w, some_dead ? cells + p.of_dead.cells() : cells);
   sorters.each_read(
-      n, [&](int i) { return w.cell_begin[cell_of(i)] + w.place[i]; },
+      n, [&](int i) { return w.cell_begin[work.cell[i]] + w.place[i]; },
       [&](int i, int32_t place) {
         if (i == 0) *work.bounds = {};  // all have read it
-        if (i == 0 && work.shape) *work.shape = w.grid;
         work.order[place] = i;
       });
   // Those of a cell by number, whoever came first.
@@ -150,8 +165,8 @@ GIGA_HD void sort_agents(const Lanes& lanes, const GridParameters auto& p, GridW
   sorters.each_read(
       n,
       [&](int i) {
-        const int cell = cell_of(i);
-        return ToPlace{w.x[i], w.y[i], w.alive[i] != 0, {w.cell_begin[cell], w.cell_begin[cell + 1]}};
+        const int cell = work.cell[i];
+        return ToPlace{w.x[i], w.y[i], cell < cells, {w.cell_begin[cell], w.cell_begin[cell + 1]}};
       },
       [&](int i, const ToPlace& a) {
         int32_t place = a.cell.begin;
@@ -168,6 +183,35 @@ GIGA_HD void mark_agents(const Lanes& lanes, const GridParameters auto& p, GridW
       n > 0 ? w.cell_begin[w.grid.cells()] : 0, [&](int k) { return ToMark(p, w, w.placed[k].agent); },
       [&](int k, const ToMark& what) { w.placed[k].marks = what.marks(); });
 }
+
+/// Where launches follow that observe the world, leaves to them what they need: whether it did. `n`: 0 = the world
+/// waits; `ended`: it does not, because this step goes on. Where each block has sorted for itself, all have sorted
+/// alike, and each leaves a part.
+template <WideLanes Lanes>
+GIGA_HD bool hand_on(const Lanes& all, const GridParameters auto& p, GridWorld& w, int n, bool ended) {
+  const SharedWork& work = w.work;
+  if (!work.shape) return false;
+  const Lanes lanes = all.without_barrier();
+  const bool some = n > 0 && !ended;
+  lanes.each(1, [&](int) { *work.shape = some ? w.grid : GridShape{.columns = 0}; });
+  if (!some) return !ended;
+  if (!work.placed_for_all) {
+    mark_agents(lanes, p, w, n);
+    return true;
+  }
+  const int cells = w.grid.cells();
+  lanes.each_agent(cells + 1, [&](int k) { work.cell_begin_for_all[k] = w.cell_begin[k]; });
+  const int32_t living = w.cell_begin[cells];
+  lanes.each_agent(n, [&](int k) {
+    PlacedAgent a = w.placed[k];
+    if (k < living) a.marks = ToMark(p, w, a.agent).marks();
+    work.placed_for_all[k] = a;
+  });
+  return true;
+}
+
+/// Whether hand_on leaves rewards too.
+GIGA_HD bool hands_on_rewards(const GridWorld& w) { return w.work.placed_for_all != nullptr; }
 
 /// The hook of step.hpp: neighboring workers see to agents that are near each other, and so look at the same others.
 template <WideLanes Lanes, class F>
@@ -208,71 +252,61 @@ GIGA_HD void fight(const Lanes& lanes, const GridParameters auto& p, GridWorld& 
   });
 }
 
-/// The hook of step.hpp (rules 17.5): each block of workers sees to some blocks of agents and adds up what these get,
-/// then all add up blocks of such sums.
+/// What the agents get for the step, and sums of it over blocks of them (rules 17.5): a warp sees to a block. Teams lie
+/// one behind the other. No barrier.
 template <WideLanes Lanes>
-GIGA_HD void reward_and_accumulate(const Lanes& lanes, const GridParameters auto& p, GridWorld& w, const StepIo& io,
-                                   int64_t world, int n) {
-  if (n == 0) return;
-  const int items = n_step_items(p);
-  if (!p.team_after_team) {
-    lanes.each_agent(n, [&](int i) { reward_agent(p, w, io, world, i); });
-    return lanes.each(items, [&](int item) { accumulate_episode(p, w, item); });
-  }
-  const int most = p.n_team[0] > p.n_team[1] ? p.n_team[0] : p.n_team[1], pitch = sums_of_team(most);
-  // How many of n are in a block.
-  const auto left = [](int n_all, int block) {
-    const int more = n_all - block * kSumBlock;
-    return more < 0 ? 0 : more < kSumBlock ? more : kSumBlock;
-  };
-  int count = sum_blocks(most);
-  StepSum* sums = w.work.sums;
-  // Blocks of agents of both teams in turn; as many for each block of workers, so that all come to its barriers.
-  struct OfTeam {
-    int team, block;
-  };
-  const auto block_of = [&](int k) {
-    const int at = k * lanes.n_blocks + lanes.block;
-    return OfTeam{at % kNTeams, at / kNTeams};
-  };
-  const int own = (kNTeams * count + lanes.n_blocks - 1) / lanes.n_blocks, of_team = items / kNTeams;
-  const Lanes block = lanes.of_block();
-  block.each_agent(own * kSumBlock, [&](int k) {
-    const OfTeam some = block_of(k / kSumBlock);
-    const int at = k % kSumBlock;
-    if (at < left(p.n_team[some.team], some.block))
-      reward_agent(p, w, io, world, p.first_of(some.team) + some.block * kSumBlock + at);
+GIGA_HD void reward_blocks(const Lanes& lanes, const GridParameters auto& p, GridWorld& w, const StepIo& io,
+                           int64_t world, int n) {
+  const SumLayout of(p);
+  lanes.each_warp(n > 0 ? kNTeams * of.blocks : 0, [&](const auto& warp, int k, bool some) {
+    const int team = k % kNTeams, block = k / kNTeams, first = p.first_of(team) + block * kSumBlock;
+    const int agents = some ? SumLayout::left(p.n_team[team], block) : 0;
+    warp.each_agent(agents, [&](int at) { reward_agent(p, w, io, world, first + at); });
+    warp.wait_for_warp();
+    warp.template each_sum<kSumBlock>(
+        of.items / kNTeams, [&](int) { return agents; },
+        [&](int item, int at) { return StepItem(p, of.item(team, item)).of(p, w, first + at); },
+        [&](int item, const StepSum& sum) {
+          if (some) w.work.sums[of.item(team, item) * of.pitch + block] = sum;
+        });
   });
-  const auto item_of = [&](int team, int k) { return k == 0 ? team : kNTeams + team * p.n_active_terms + k - 1; };
-  block.without_barrier().template each_sum<kSumBlock>(
-      own * of_team,
-      [&](int k) {
-        const OfTeam some = block_of(k / of_team);
-        return left(p.n_team[some.team], some.block);
-      },
-      [&](int k, int at) {
-        const OfTeam some = block_of(k / of_team);
-        const int i = p.first_of(some.team) + some.block * kSumBlock + at;
-        return StepItem(p, item_of(some.team, k % of_team)).of(p, w, i);
-      },
-      [&](int k, const StepSum& sum) {
-        const OfTeam some = block_of(k / of_team);
-        if (some.block < count) sums[item_of(some.team, k % of_team) * pitch + some.block] = sum;
-      });
-  lanes.wait();
+}
+
+/// Adds up the blocks, all of them in the first sums after a barrier, and adds the sums to those of the episode. One
+/// barrier for each level of sums but the last, which nothing else of the step asks for.
+template <WideLanes Lanes>
+GIGA_HD void add_up_blocks(const Lanes& lanes, const GridParameters auto& p, GridWorld& w, int n) {
+  if (n == 0) return;
+  const SumLayout of(p);
+  int count = of.blocks;
+  StepSum* sums = w.work.sums;
   GIGA_ROLLED
   while (count > kSumBlock) {
     const int blocks = sum_blocks(count);
     lanes.template each_sum<kSumBlock>(
-        items * blocks, [&](int k) { return left(count, k % blocks); },
-        [&](int k, int at) { return sums[k / blocks * pitch + k % blocks * kSumBlock + at]; },
-        [&](int k, const StepSum& sum) { sums[k / blocks * pitch + count + k % blocks] = sum; });
+        of.items * blocks, [&](int k) { return SumLayout::left(count, k % blocks); },
+        [&](int k, int at) { return sums[k / blocks * of.pitch + k % blocks * kSumBlock + at]; },
+        [&](int k, const StepSum& sum) { sums[k / blocks * of.pitch + count + k % blocks] = sum; });
     sums += count;
     count = blocks;
   }
-  without_barrier(lanes).template each_sum<kSumBlock>(  // nothing else of the step asks for them
-      items, [&](int) { return count; }, [&](int item, int at) { return sums[item * pitch + at]; },
+  without_barrier(lanes).template each_sum<kSumBlock>(
+      of.items, [&](int) { return count; }, [&](int item, int at) { return sums[item * of.pitch + at]; },
       [&](int item, const StepSum& sum) { StepItem(p, item).add_to_episode(p, w, sum); });
+}
+
+/// The hook of step.hpp.
+template <WideLanes Lanes>
+GIGA_HD void reward_and_accumulate(const Lanes& lanes, const GridParameters auto& p, GridWorld& w, const StepIo& io,
+                                   int64_t world, int n) {
+  if (n == 0) return;
+  if (!p.team_after_team) {
+    lanes.each_agent(n, [&](int i) { reward_agent(p, w, io, world, i); });
+    return lanes.each(n_step_items(p), [&](int item) { accumulate_episode(p, w, item); });
+  }
+  reward_blocks(lanes, p, w, io, world, n);
+  lanes.wait();
+  add_up_blocks(lanes, p, w, n);
 }
 
 }  // namespace giga

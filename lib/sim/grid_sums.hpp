@@ -18,6 +18,24 @@ GIGA_HD int sums_of_team(int n) {
   }
 }
 
+/// Where sums of blocks lie in SharedWork::sums: [items, pitch], of the larger team in both.
+struct SumLayout {
+  int items, blocks, pitch;
+
+  GIGA_HD explicit SumLayout(const GridParams& p) : items(n_step_items(p)) {
+    const int most = p.n_team[0] > p.n_team[1] ? p.n_team[0] : p.n_team[1];
+    blocks = sum_blocks(most);
+    pitch = sums_of_team(most);
+  }
+  /// Number of a team's item k: its returns, then its terms.
+  GIGA_HD int item(int team, int k) const { return k == 0 ? team : kNTeams + team * (items / kNTeams - 1) + k - 1; }
+  /// How many of n are in a block.
+  GIGA_HD static int left(int n, int block) {
+    const int more = n - block * kSumBlock;
+    return more < 0 ? 0 : more < kSumBlock ? more : kSumBlock;
+  }
+};
+
 /// What an item of accumulate_episode adds up: a team's returns, or one of its terms, by its place in term_returns.
 struct StepItem {
   int team, term;

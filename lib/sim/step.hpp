@@ -134,11 +134,13 @@ GIGA_HD void reset_world(const Lanes& lanes, const Parameters auto& p, World aut
 
 /// The stages of one step of one world, up to its observation. Between two stages all lanes see all results of the
 /// first, but where the first is one without_barrier. Where the episode ends, its world is left in Phase::terminated or
-/// truncated. `active`: it plays.
+/// truncated. `active`: it plays. Returns whether launches that follow observe the world (step_parts.hpp).
 template <class Lanes, class Draws>
-GIGA_HD void play_step(const Lanes& lanes, const Parameters auto& p, World auto& w, Draws& draws, const StepIo& io,
-                       OnDone on_done, int64_t world, bool active) {
+GIGA_HD bool play_step(const Lanes& lanes, const Parameters auto& p, World auto& w, Draws& draws, const StepIo& io,
+                       Ending ending, int64_t world, bool active) {
   const int n = active ? p.n_agents : 0, one = active ? 1 : 0, teams = active ? kNTeams : 0;
+  bool handed_on = false;
+  [[maybe_unused]] const int length = WideLanes<Lanes> ? *w.episode_length + 1 : 0;  // before anybody counts it
 
   without_barrier(lanes).each_agent(n, [&](int i) {  // sorting begins with the same agents
     w.was_alive[i] = w.alive[i];
@@ -156,7 +158,10 @@ GIGA_HD void play_step(const Lanes& lanes, const Parameters auto& p, World auto&
   fight(lanes, p, w, draws, n, teams);
   without_barrier(lanes).each(one, [&](int) { end_of_step(p, w); });  // no reward asks for what it writes
   if constexpr (WideLanes<Lanes>) {
-    reward_and_accumulate(lanes, p, w, io, world, n);
+    const bool gone0 = w.counts[kAlive0] == 0, gone1 = w.counts[kAlive1] == 0;
+    const bool ended = active && ending.on_done != OnDone::keep && done_after(p, gone0, gone1, length) != Done::running;
+    handed_on = hand_on(lanes, p, w, n, ended && step_settles(ending, io));
+    if (!handed_on || !hands_on_rewards(w)) reward_and_accumulate(lanes, p, w, io, world, n);
   } else {
     lanes.each_agent(n, [&](int i) { reward_agent(p, w, io, world, i); });
     accumulate_step(lanes, p, w, active ? n_step_items(p) : 0);
@@ -165,7 +170,7 @@ GIGA_HD void play_step(const Lanes& lanes, const Parameters auto& p, World auto&
   without_barrier(lanes).each(1, [&](int) {  // it is observed next, which asks for nothing of this
     const Done done = active ? static_cast<Done>(w.counts[kDone]) : Done::running;
     if (io.done) io.done[world] = static_cast<uint8_t>(done);
-    if (done != Done::running && on_done != OnDone::keep)
+    if (done != Done::running && ending.on_done != OnDone::keep)
       *w.phase = done == Done::terminated ? Phase::terminated : Phase::truncated;
     if (active) *w.draw_step += 1;
   });
@@ -174,6 +179,7 @@ GIGA_HD void play_step(const Lanes& lanes, const Parameters auto& p, World auto&
     float* reward = io.of(p.team_of(i)).reward;
     if (reward) reward[team_row(p, world, i)] = 0.0f;
   });
+  return handed_on;
 }
 
 /// Whether the step ended the episode and its last observation is wanted.
@@ -206,7 +212,7 @@ template <class Lanes, class Draws>
 [[gnu::always_inline]] GIGA_HD void step_world(const Lanes& lanes, const Parameters auto& p, World auto& w,
                                                Draws& draws, const StepIo& io, Ending ending, int64_t world) {
   bool observes = *w.phase == Phase::plays, restarted = false;
-  play_step(lanes, p, w, draws, io, ending.on_done, world, observes);
+  if (play_step(lanes, p, w, draws, io, ending, world, observes)) return;
   GIGA_ROLLED
   for (;;) {
     observe_world(lanes, p, w, draws, io, world, restarted, observes);

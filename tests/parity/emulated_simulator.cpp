@@ -157,7 +157,7 @@ class EmulatedGridSimulator final : public GridLaunchingSimulator {
  public:
   EmulatedGridSimulator(SimSpec spec, const SimOptions& options, ThreadOrder order, int blocks)
       : GridLaunchingSimulator(std::move(spec), options, host_memory(),
-                               {kWarp, blocks, 1, sorted_bytes(blocks), blocks == kBlocksInParts ? 1 : 0}),
+                               {kWarp, blocks, 1, sorted_bytes(blocks), in_parts_from(blocks)}),
         order_(order) {}
 
   bool over() override { return n_lists() > 0 && *n_playing() == 0; }
@@ -186,24 +186,41 @@ class EmulatedGridSimulator final : public GridLaunchingSimulator {
     std::memset(k.scratch, kPoison, scratch().bytes());
     if constexpr (job == Job::step)
       with_plain_crowd(k, lanes_of_agent(), [&](const auto& plain, auto lanes) {
-        if (in_parts())
-          step_in_parts(plain);
+        if (launches() != StepLaunches::one)
+          step_in_parts<decltype(lanes)::value>(plain);
         else
           run_blocks(plain, [](const auto& all, const auto&... thread) {
-            run_grid_thread<job, decltype(lanes)::value>(all, thread...);
+            run_grid_thread<job, Launched::alone, decltype(lanes)::value>(all, thread...);
           });
       });
     else
-      run_blocks(k, [](const GridLaunch& all, const auto&... thread) { run_grid_thread<job, 1>(all, thread...); });
+      run_blocks(k, [](const GridLaunch& all, const auto&... thread) {
+        run_grid_thread<job, Launched::alone, 1>(all, thread...);
+      });
   }
-  template <class P>
+  template <int kCrew, class P>
   void step_in_parts(const GridLaunchOf<P>& k) {
-    for_each_part(k.ending, k.io, [&](auto constant) {
-      constexpr StepPart kPart = decltype(constant)::value;
-      const bool free = kPart == StepPart::look || kPart == StepPart::write;
-      run_blocks(free ? without_barriers(k, kWarp) : k,
-                 [&](const auto& part, const auto&... thread) { run_grid_part<kPart>(part, thread...); });
+    run_blocks(k, [](const auto& all, const auto&... thread) {
+      run_grid_thread<Job::step, Launched::first, kCrew>(all, thread...);
     });
+    if constexpr (kCrew > 1) {
+      run_part<StepPart::look_and_reward, kLanesToLook>(k);
+      run_part<StepPart::write_and_add_up, kCrew>(k);
+      return;
+    }
+    if constexpr (std::is_same_v<P, PlainCrowd>)
+      if (launches() == StepLaunches::of_more) {
+        run_part<StepPart::look, kLanesOfAgent>(k);
+        run_part<StepPart::write, 1>(k);
+        return;
+      }
+    run_part<StepPart::look, 1>(k);
+    run_part<StepPart::write, 1>(k);
+  }
+  template <StepPart part, int kCrew, class P>
+  void run_part(const GridLaunchOf<P>& k) {
+    run_blocks(without_barriers(k, kWarp, kCrew),
+               [](const auto& all, const auto&... thread) { run_grid_part<part, kCrew>(all, thread...); });
   }
   template <class P, class F>
   void run_blocks(const GridLaunchOf<P>& k, F&& f) {
@@ -218,9 +235,14 @@ class EmulatedGridSimulator final : public GridLaunchingSimulator {
         f(k, at, sync, shared.data() + pitch() * static_cast<size_t>(thread / kWarp));
       });
   }
-  /// Room for sorted agents: those of a GPU of two blocks or of kBlocksInParts sort together, all others for themselves
-  /// where there is room.
-  static size_t sorted_bytes(int blocks) { return blocks == 2 || blocks == kBlocksInParts ? 0 : size_t{1} << 16; }
+  /// Room for sorted agents: those of a GPU of two blocks, kBlocksInParts or kBlocksForMore sort together, all others
+  /// for themselves where there is room.
+  static size_t sorted_bytes(int blocks) {
+    return blocks == 2 || blocks == kBlocksInParts || blocks == kBlocksForMore ? 0 : size_t{1} << 16;
+  }
+  static int in_parts_from(int blocks) {
+    return blocks == kBlocksInParts ? 1 : blocks == kBlocksToSpare || blocks == kBlocksForMore ? 1 << 16 : 0;
+  }
   size_t pitch() const { return (shared_bytes() + 63) & ~size_t{63}; }
 
   ThreadOrder order_;

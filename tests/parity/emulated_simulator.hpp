@@ -13,9 +13,9 @@ namespace giga::test {
 /// scenario (odd_scenarios.hpp) has its constants, as a GPU compiles it.
 std::unique_ptr<Simulator> make_emulated_simulator(SimSpec spec, const SimOptions& options, ThreadOrder order);
 
-/// On a GPU of so many blocks a step of worlds of many agents is a launch for each of its parts, where there is a group
-/// for each world.
-constexpr int kBlocksInParts = 8;
+/// On GPUs of so many blocks a step of worlds of many agents is several launches, where there is a group for each
+/// world: as for a million agents; as where half of the blocks are idle; as where there is no room for crews.
+constexpr int kBlocksInParts = 8, kBlocksToSpare = 32, kBlocksForMore = 7;
 
 /// The same of worlds of many agents (cuda/grid_executor.hpp), on a GPU of `blocks` blocks of a warp.
 std::unique_ptr<Simulator> make_emulated_grid_simulator(SimSpec spec, const SimOptions& options, ThreadOrder order,

@@ -151,7 +151,8 @@ TEST(GridCrowds, AreThoseOfTheCpu) {
   for (const Crowd& c :
        {Crowd{1100, 903, 40, 2, 5, 5}, Crowd{2600, 2601, 300, 1, 4, 3}, Crowd{1100, 903, 40, 2, kBlocksInParts, 5},
         // Four lanes for each agent, which are a crew, and two, so that 16 of a warp look for others (spread_over).
-        Crowd{40, 30, 20, 1, 9, 5}, Crowd{40, 30, 20, 1, 5, 5}, Crowd{20, 13, 12, 1, kBlocksInParts, 5}})
+        Crowd{40, 30, 20, 1, 9, 5}, Crowd{40, 30, 20, 1, 5, 5}, Crowd{20, 13, 12, 1, kBlocksInParts, 5},
+        Crowd{40, 30, 20, 1, kBlocksToSpare, 5}, Crowd{40, 30, 20, 1, kBlocksForMore, 5}})
     play_crowd(c, [&](const SimSpec& spec, const SimOptions& options) {
       return make_emulated_grid_simulator(spec, options, ThreadOrder::shuffled, c.blocks);
     });
@@ -187,7 +188,8 @@ TEST(GpuGridCrowds, AreThoseOfTheCpu) {
     return;
   }
   for (const Crowd& c : {Crowd{150, 150, 20, 3, 0, 5}, Crowd{1100, 903, 40, 2, 0, 5}, Crowd{1100, 903, 40, 50, 0, 4},
-                         Crowd{2600, 2601, 300, 1, 0, 4}, Crowd{2600, 2601, 80, 5, 0, 4}, Crowd{10, 10, 12, 600, 0, 5}})
+                         Crowd{2600, 2601, 300, 1, 0, 4}, Crowd{2600, 2601, 80, 5, 0, 4},
+                         Crowd{9000, 9001, 150, 1, 0, 3}, Crowd{10, 10, 12, 600, 0, 5}})
     play(c);
 }
 
