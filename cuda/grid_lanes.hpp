@@ -13,9 +13,6 @@ namespace giga {
 
 constexpr int kStageNumbers = 9 * kWarp;  // of a warp, that it puts together before it writes them
 constexpr int kPiecesAtOnce = 2;          // of rows, that a thread works out before it writes any
-// Items that a thread reads before it writes any. With four of them the kernel is a quarter larger: one world of 2,000
-// agents, H100: 35.3 M agent-steps/s instead of 39.8 M.
-constexpr int kReadTogether = 1;
 
 /// The threads of the blocks that share a world. Sync: of all of them. A stage of nothing needs no barrier: that it is
 /// one is the same for all of them, and the stage before has ended with its own.
@@ -117,7 +114,8 @@ struct GridLanes {
   template <class F>
   GIGA_HD void each_agent(int n, F&& f) const {
     if (n <= 0) return;
-    for (int i = first; i < n; i += stride) f(i);
+    GIGA_ROLLED  // two agents at a time: 48.9 M agent-steps/s, four: 46.6 M instead of 53.5 M (2,000 agents, one H100)
+        for (int i = first; i < n; i += stride) f(i);
     wait();
   }
   /// A warp per row.
@@ -245,22 +243,6 @@ struct GridLanes {
       sum.all += of_warps[k];
     }
     return sum;
-  }
-  /// each: write(item, read(item)), of kReadTogether items what is read before what is written.
-  template <class Read, class Write>
-  GIGA_HD void each_read(int n, Read&& read, Write&& write) const {
-    if (n <= 0) return;
-    GIGA_ROLLED
-    for (int begin = first; begin < n; begin += kReadTogether * stride) {
-      decltype(read(0)) what[kReadTogether];
-      GIGA_UNROLL
-      for (int k = 0; k < kReadTogether; ++k)
-        if (begin + k * stride < n) what[k] = read(begin + k * stride);
-      GIGA_UNROLL
-      for (int k = 0; k < kReadTogether; ++k)
-        if (begin + k * stride < n) write(begin + k * stride, what[k]);
-    }
-    wait();
   }
   GIGA_HD void wait_sent() const {}
   GIGA_HD void wait_delivered() const {}

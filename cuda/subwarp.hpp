@@ -100,16 +100,8 @@ class Subwarp {
     template <class F>
     GIGA_HD void ask(F&& f) {
       crew_.sync_.wait_for_warp();
-      int at = crew_.index(), turn = 0;
-      yes_ = 0;
-      GIGA_ROLLED
-      while (at < size_) {
-        const Answer answer = f(crew_.list()[at], turn);
-        yes_ |= answer == Answer::yes ? 1u << at : 0u;
-        turn = answer == Answer::ask_again ? turn + 1 : 0;
-        at += answer == Answer::ask_again ? 0 : kLanes;
-      }
-      yes_ = crew_.either(yes_);
+      yes_ = crew_.either(
+          ask_in_turn(crew_.index(), kLanes, size_, [&](int k, int turn) { return f(crew_.list()[k], turn); }));
     }
     GIGA_HD bool take(int32_t& place) {
       int at;

@@ -36,6 +36,22 @@ GIGA_HD bool take_lowest(uint32_t& bits, int& at) {
   return true;
 }
 
+/// Asks about items at, at + stride, ... below `size`, one after the other and each turn by turn: f(item, turn). Bit k:
+/// yes to item k.
+template <class F>
+GIGA_HD uint32_t ask_in_turn(int at, int stride, int size, F&& f) {
+  uint32_t yes = 0;
+  int turn = 0;
+  GIGA_ROLLED
+  while (at < size) {
+    const Answer answer = f(at, turn);
+    yes |= answer == Answer::yes ? 1u << at : 0u;
+    turn = answer == Answer::ask_again ? turn + 1 : 0;
+    at += answer == Answer::ask_again ? 0 : stride;
+  }
+  return yes;
+}
+
 struct OneWorker {
   static constexpr int kWidth = 1;
   GIGA_HD int index() const { return 0; }
@@ -67,15 +83,7 @@ struct OneWorker {
     }
     template <class F>
     GIGA_HD void ask(F&& f) {
-      yes_ = 0;
-      int at = 0, turn = 0;
-      GIGA_ROLLED
-      while (at < size_) {
-        const Answer answer = f(places_[at], turn);
-        yes_ |= answer == Answer::yes ? 1u << at : 0u;
-        turn = answer == Answer::ask_again ? turn + 1 : 0;
-        at += answer == Answer::ask_again ? 0 : 1;
-      }
+      yes_ = ask_in_turn(0, 1, size_, [&](int k, int turn) { return f(places_[k], turn); });
     }
     GIGA_HD bool take(int32_t& place) {
       int at;

@@ -116,8 +116,7 @@ struct GridParams : SimParams {
 template <class P>
 concept GridParameters = Parameters<P> && std::derived_from<P, GridParams>;
 
-/// GridParams of which what most crowds have in common are constants of the compiler: a step of few agents takes as
-/// long as its instructions take to come, and these are half as many.
+/// GridParams of which what most crowds have in common are constants of the compiler: fewer instructions and registers.
 struct PlainCrowd : GridParams {
   explicit PlainCrowd(const GridParams& p) : GridParams(p) {}
   static constexpr Rules rules = Rules::corrected;

@@ -10,26 +10,19 @@
 
 namespace giga {
 
-/// Notes with the placed agents what they are asked first. Before `listen` and `look`.
-struct ToMark {
-  int32_t observers;
-  bool lives;
-  int team;
+/// What an agent is asked first.
+GIGA_HD uint32_t marks_of_agent(const GridParameters auto& p, const GridWorld& w, int i) {
+  const int32_t observers = w.observers[i];
+  const int told = observers <= kKeptDetectors ? observers : kKeptDetectors + 1;
+  return (w.alive[i] ? kLives : 0u) | (observers > 0 ? kObserved : 0u) | (p.team_of(i) == 1 ? kOfTeam1 : 0u) |
+         static_cast<uint32_t>(told) << kObserversShift;
+}
 
-  ToMark() = default;
-  GIGA_HD ToMark(const GridParameters auto& p, const GridWorld& w, int i)
-      : observers(w.observers[i]), lives(w.alive[i] != 0), team(p.team_of(i)) {}
-  GIGA_HD uint32_t marks() const {
-    const int told = observers <= kKeptDetectors ? observers : kKeptDetectors + 1;
-    return (lives ? kLives : 0u) | (observers > 0 ? kObserved : 0u) | (team == 1 ? kOfTeam1 : 0u) |
-           static_cast<uint32_t>(told) << kObserversShift;
-  }
-};
-
+/// Notes that with the placed agents. Before `listen` and `look`.
 template <class Lanes>
 GIGA_HD void mark_agents(const Lanes& lanes, const GridParameters auto& p, GridWorld& w, int n) {
   lanes.each(n > 0 ? w.cell_begin[w.grid.cells()] : 0,
-             [&](int k) { w.placed[k].marks = ToMark(p, w, w.placed[k].agent).marks(); });
+             [&](int k) { w.placed[k].marks = marks_of_agent(p, w, w.placed[k].agent); });
 }
 
 GIGA_HD int team_of(const PlacedAgent& a) { return (a.marks & kOfTeam1) ? 1 : 0; }

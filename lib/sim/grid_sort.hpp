@@ -137,51 +137,36 @@ GIGA_HD void sort_agents(const Lanes& lanes, const GridParameters auto& p, GridW
   w.grid = bounded_shape(*work.bounds);
   const int cells = w.grid.cells();
   // Until it has its place, an agent keeps there how late it came into its cell: that depends on who was faster.
-  sorters.each_read(
-      n,
-      [&](int i) {
-        const bool lives = w.alive[i] != 0;
-        // One way for both, because lanes that take different ones wait for each other.
-        const int cell = either_shape(lives, w.grid, p.of_dead).cell_of(w.x[i], w.y[i]) + (lives ? 0 : cells);
-        return CellRange{cell, take_number(w.cell_begin + cell + 1)};
-      },
-      [&](int i, const CellRange& taken) {
-        work.cell[i] = taken.begin;
-        w.place[i] = taken.end;
-      });
+  sorters.each_agent(n, [&](int i) {
+    const bool lives = w.alive[i] != 0;
+    // One way for both, because lanes that take different ones wait for each other.
+    const int cell = either_shape(lives, w.grid, p.of_dead).cell_of(w.x[i], w.y[i]) + (lives ? 0 : cells);
+    work.cell[i] = cell;
+    w.place[i] = take_number(w.cell_begin + cell + 1);
+  });
   sum_cells(sorters, w, some_dead ? cells + p.of_dead.cells() : cells);
-  sorters.each_read(
-      n, [&](int i) { return w.cell_begin[work.cell[i]] + w.place[i]; },
-      [&](int i, int32_t place) {
-        if (i == 0) *work.bounds = {};  // all have read it
-        work.order[place] = i;
-      });
+  sorters.each_agent(n, [&](int i) {
+    const int32_t place = w.cell_begin[work.cell[i]] + w.place[i];
+    if (i == 0) *work.bounds = {};  // all have read it
+    work.order[place] = i;
+  });
   // Those of a cell by number, whoever came first.
-  struct ToPlace {
-    float x, y;
-    bool lives;
-    CellRange cell;
-  };
-  sorters.each_read(
-      n,
-      [&](int i) {
-        const int cell = work.cell[i];
-        return ToPlace{w.x[i], w.y[i], cell < cells, {w.cell_begin[cell], w.cell_begin[cell + 1]}};
-      },
-      [&](int i, const ToPlace& a) {
-        int32_t place = a.cell.begin;
-        for (int32_t k = a.cell.begin; k < a.cell.end; ++k) place += work.order[k] < i ? 1 : 0;
-        w.placed[place] = {a.x, a.y, i, 0};
-        w.place[i] = a.lives ? place : kNotPlaced;
-      });
+  sorters.each_agent(n, [&](int i) {
+    const int cell = work.cell[i];
+    const float x = w.x[i], y = w.y[i];
+    const int32_t begin = w.cell_begin[cell], end = w.cell_begin[cell + 1];
+    int32_t place = begin;
+    for (int32_t k = begin; k < end; ++k) place += work.order[k] < i ? 1 : 0;
+    w.placed[place] = {x, y, i, 0};
+    w.place[i] = cell < cells ? place : kNotPlaced;
+  });
 }
 
 /// The hook of step.hpp.
 template <WideLanes Lanes>
 GIGA_HD void mark_agents(const Lanes& lanes, const GridParameters auto& p, GridWorld& w, int n) {
-  lanes.sorters().each_read(
-      n > 0 ? w.cell_begin[w.grid.cells()] : 0, [&](int k) { return ToMark(p, w, w.placed[k].agent); },
-      [&](int k, const ToMark& what) { w.placed[k].marks = what.marks(); });
+  lanes.sorters().each_agent(n > 0 ? w.cell_begin[w.grid.cells()] : 0,
+                             [&](int k) { w.placed[k].marks = marks_of_agent(p, w, w.placed[k].agent); });
 }
 
 /// Where launches follow that observe the world, leaves to them what they need: whether it did. `n`: 0 = the world
@@ -204,7 +189,7 @@ GIGA_HD bool hand_on(const Lanes& all, const GridParameters auto& p, GridWorld& 
   const int32_t living = w.cell_begin[cells];
   lanes.each_agent(n, [&](int k) {
     PlacedAgent a = w.placed[k];
-    if (k < living) a.marks = ToMark(p, w, a.agent).marks();
+    if (k < living) a.marks = marks_of_agent(p, w, a.agent);
     work.placed_for_all[k] = a;
   });
   return true;
