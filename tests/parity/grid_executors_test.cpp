@@ -193,7 +193,16 @@ TEST(GpuGridCrowds, AreThoseOfTheCpu) {
     play(c);
 }
 
-// A step in four launches, as large worlds have it: in one cluster, and in more blocks than fit into one.
+// Small enough for every sanitizer: worlds with crews that leave most of the GPU to the launches that follow, of one
+// block and of a cluster.
+TEST(GpuGridCrowds, FewAreThoseOfTheCpu) {
+  if (cuda_device_count() == 0) GTEST_SKIP() << "skipped: no GPU";
+  for (const Crowd& c : {Crowd{40, 30, 20, 1, 0, 5}, Crowd{150, 100, 30, 1, 0, 4}})
+    play_crowd(
+        c, [](const SimSpec& spec, const SimOptions& options) { return make_cuda_grid_simulator(spec, options, 0); });
+}
+
+// A step in three launches, as large worlds have it: in one cluster, and in more blocks than fit into one.
 TEST(GpuGridCrowds, InPartsAreThoseOfTheCpu) {
   if (cuda_device_count() == 0) GTEST_SKIP() << "skipped: no GPU";
   const auto in_parts = [](const SimSpec& spec, SimOptions options) {
@@ -207,7 +216,8 @@ TEST(GpuGridCrowds, InPartsAreThoseOfTheCpu) {
   }
 }
 
-// In a cluster, in more blocks than fit into one, and in parts; with worlds that freeze as matches have them.
+// In one launch, of a cluster and of more blocks than fit into one, and in three; with worlds that freeze as matches
+// have them.
 TEST(GpuGridRecorded, StepsAreThoseQueuedOneByOne) {
   if (cuda_device_count() == 0) GTEST_SKIP() << "skipped: no GPU";
   struct Recorded {
@@ -217,7 +227,9 @@ TEST(GpuGridRecorded, StepsAreThoseQueuedOneByOne) {
   };
   for (const Recorded& r :
        {Recorded{{150, 150, 20, 3, 0, 0}, 0, OnDone::reset}, Recorded{{150, 150, 20, 3, 0, 0}, 0, OnDone::freeze},
-        Recorded{{2600, 2601, 300, 1, 0, 0}, 0, OnDone::reset}, Recorded{{1100, 903, 40, 1, 0, 0}, 1, OnDone::reset}}) {
+        Recorded{{2600, 2601, 300, 1, 0, 0}, 0, OnDone::reset}, Recorded{{1100, 903, 40, 1, 0, 0}, 1, OnDone::reset},
+        Recorded{{1100, 903, 40, 1, 0, 0}, kInParts, OnDone::reset},
+        Recorded{{1100, 903, 40, 2, 0, 0}, kInParts, OnDone::freeze}}) {
     const SimSpec spec = crowd(r.crowd.n_team_0, r.crowd.n_team_1, r.crowd.limit, 3);
     SimOptions options;
     options.n_worlds = r.crowd.worlds;
