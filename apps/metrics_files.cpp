@@ -26,6 +26,11 @@ MetricsFiles::MetricsFiles(const RunFolder& folder, const RunCursor& cursor)
     : csv_(folder.metrics_file(), cursor.metrics_bytes),
       events_(TensorBoardEvents::resume(folder.events_file(), cursor.events_bytes)) {}
 
+void MetricsFiles::expect(const RunFolder& folder, const RunCursor& cursor) {
+  AppendFile::expect(folder.metrics_file(), cursor.metrics_bytes);
+  AppendFile::expect(folder.events_file(), cursor.events_bytes);
+}
+
 void MetricsFiles::write(int64_t updates, int64_t agent_steps, const MetricsRow& row, const MetricsRow& win_rates) {
   csv_.write(row);
   events_.scalars(agent_steps, now(), row);

@@ -14,6 +14,8 @@ class MetricsFiles {
   MetricsFiles(const RunFolder& folder, const LoadedRun& run);
   /// Of a run that goes on: what was written behind the cursor is removed.
   MetricsFiles(const RunFolder& folder, const RunCursor& cursor);
+  /// Throws InputError where such a run cannot go on, and changes nothing.
+  static void expect(const RunFolder& folder, const RunCursor& cursor);
 
   /// The row of an update; `win_rates`: of its evaluation, empty where there was none.
   void write(int64_t updates, int64_t agent_steps, const MetricsRow& row, const MetricsRow& win_rates);

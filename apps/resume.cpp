@@ -10,6 +10,7 @@
 #include "apps/commands.hpp"
 #include "apps/follow.hpp"
 #include "apps/joined_ranks.hpp"
+#include "apps/metrics_files.hpp"
 #include "apps/plan.hpp"
 #include "apps/program_info.hpp"
 #include "apps/start_ranks.hpp"
@@ -114,6 +115,7 @@ int resume(const ResumeOptions& o, Dispatch& dispatch) {
   setup.learner->load(from.arrays);
   if (!folder) return finish(joined, follow(std::move(setup)));
 
+  MetricsFiles::expect(*folder, from.cursor);
   set_aside(found.damaged_files);
   folder->describe_resume(print_yaml(for_run_folder(resumed.run.config), true),
                           resume_info(resumed, setup.device, found));

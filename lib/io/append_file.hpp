@@ -17,6 +17,8 @@ class AppendFile {
   /// Goes on behind the first `size` bytes of a file; what stands there is cut off. Throws InputError where there is no
   /// such file or it is shorter.
   static AppendFile resume(const std::filesystem::path& path, uint64_t size);
+  /// Throws what resume would, and changes nothing.
+  static void expect(const std::filesystem::path& path, uint64_t size);
 
   /// The bytes are the system's when this returns: a killed process has not lost them. Throws Error (a full disk).
   void append(std::string_view bytes);

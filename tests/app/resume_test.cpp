@@ -219,6 +219,24 @@ TEST_F(Resume, ADamagedNewestCheckpointIsNamedAndSetAside) {
   expect_same_as_whole(run);
 }
 
+TEST_F(Resume, RefusesARunWhoseFilesWereCutAndLeavesItAlone) {
+  const std::string run = "cut", events = run + "/events.out.tfevents.gigastep";
+  ASSERT_EQ(interrupted(run, SIGTERM).code, 143);
+  const std::string config = here_->read(run + "/config.yaml"), metrics = here_->read(run + "/metrics.csv");
+  const std::string whole = here_->read(events);
+  here_->write(events, whole.substr(0, 10));
+  const Outcome refused = here_->run({"resume", run, "--set", "train.max_wall_time=1h"});
+  EXPECT_EQ(refused.code, 2);
+  EXPECT_TRUE(contains(refused.err, {"events.out.tfevents.gigastep: it has 10 bytes, the checkpoint says"}));
+  EXPECT_EQ(here_->read(run + "/config.yaml"), config);
+  EXPECT_EQ(here_->read(run + "/metrics.csv"), metrics);
+  EXPECT_FALSE(here_->has(run + "/resume_001.json"));
+
+  here_->write(events, whole);
+  ASSERT_EQ(here_->run({"resume", run}).code, 0);
+  expect_same_as_whole(run);
+}
+
 TEST_F(Resume, ANamedCheckpointMustBeTheNewest) {
   const Outcome older = here_->run({"resume", "whole/checkpoints/update_00000039.h5"});
   EXPECT_EQ(older.code, 2);
