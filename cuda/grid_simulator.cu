@@ -1,5 +1,5 @@
-// The CUDA back end of worlds of many agents (rules 17): one kernel per job; the blocks of a world meet at the barriers
-// of a cluster or, where they are more, at one in memory.
+// The CUDA back end of worlds of many agents (rules 17): one kernel per job, a step may be three; the blocks of a world
+// meet at the barriers of a cluster or, where they are more, at one in memory.
 #include <algorithm>
 #include <type_traits>
 
@@ -80,7 +80,8 @@ __global__ void __launch_bounds__(kGridThreads, kGridBlocks)
 }
 
 /// Parts of a step for which no thread waits for another of its group: as many threads at a time as registers allow.
-constexpr int kFreeThreads = 256, kFewFreeThreads = 64;
+constexpr int kFreeThreads = 256,
+              kFewFreeThreads = 64;               // with crews there is less than a block for each multiprocessor
 constexpr int kLookBlocks = 3, kWriteBlocks = 4;  // per multiprocessor at least: 80 and 64 registers
 template <int kCrew>
 constexpr int free_threads = kCrew > 1 ? kFewFreeThreads : kFreeThreads;
@@ -114,7 +115,7 @@ GridDevice grid_device(int index, int n_agents, int in_parts) {
   const size_t stage = grid_stage_bytes(kGridThreads), most = static_cast<size_t>(room);
   device.shared_bytes = most > stage ? std::min(most - stage, kMostSorted) : 0;
   device.in_parts = in_parts;
-  if (in_parts > 0 && n_agents >= in_parts) device.shared_bytes = 0;  // what is sorted outlives a launch
+  if (in_parts > 0 && n_agents >= in_parts) device.shared_bytes = 0;  // as many agents need it; tests ask for few
   const size_t shared = stage + grid_sorted_bytes(n_agents, device);
   const auto look_at = [&]<class P>(void (*kernel)(GridLaunchOf<P>, bool)) {
     int blocks = 0;
@@ -215,23 +216,12 @@ class CudaGridSimulator final : public GridLaunchingSimulator {
   template <int kCrew, class P>
   void step_in_parts(const GridLaunchOf<P>& k) {
     launch(grid_kernel<Job::step, Launched::first, kCrew, P>, k);
-    if constexpr (kCrew > 1) {
-      const int more = kWarp * kNTeams * SumLayout(k.params).blocks;  // that see to rewards
-      launch_free<StepPart::look_and_reward, kLanesToLook>(k, kLanesToLook, more);
-      launch_free<StepPart::write_and_add_up, kCrew>(k, kThreadsToWrite);
-      return;
-    }
-    if constexpr (std::is_same_v<P, PlainCrowd>)
-      if (launches() == StepLaunches::of_more) {
-        launch_free<StepPart::look, kLanesOfAgent>(k, kLanesOfAgent);
-        launch_free<StepPart::write, 1>(k, kLanesOfAgent);
-        return;
-      }
-    launch_free<StepPart::look, 1>(k, 1);
-    launch_free<StepPart::write, 1>(k, 1);
+    for_launches_that_follow<kCrew>(k, [&]<StepPart part, int kLanes>(int threads_of_agent, int more) {
+      launch_free<part, kLanes>(k, threads_of_agent, more);
+    });
   }
   template <StepPart part, int kCrew, class P>
-  void launch_free(const GridLaunchOf<P>& k, int threads_of_agent, int more = 0) {
+  void launch_free(const GridLaunchOf<P>& k, int threads_of_agent, int more) {
     constexpr int kThreads = free_threads<kCrew>;
     const GridLaunchOf<P> all = without_barriers(k, kThreads, threads_of_agent, more);
     const size_t shared = part == StepPart::look && kCrew == 1 ? 0 : grid_stage_bytes(kThreads);

@@ -40,8 +40,8 @@ void* work_stream(int index);
 std::unique_ptr<Simulator> make_cuda_simulator(SimSpec spec, const SimOptions& options, int index,
                                                void* stream = nullptr);
 
-/// From so many agents on a step of a world is a launch for each of its parts (sim/step_parts.hpp): those of fewer end
-/// sooner than launches do. Tests ask for fewer.
+/// From so many agents on a step of a world is StepLaunches::of_many (cuda/grid_executor.hpp). Tests ask for fewer, or
+/// for 0: every step is one launch.
 constexpr int kInParts = 1 << 16;
 
 /// The same for worlds of many agents (rules 17), or with SimOptions::grid.

@@ -183,7 +183,7 @@ struct StepSum {
 };
 
 /// Where the workers of a world put together what one alone would keep to itself (sort_agents of WideLanes). Where each
-/// block sorts for itself, `bounds`, `order` and the sorted agents are the block's own.
+/// block sorts for itself, `bounds`, `order`, `cell` and the sorted agents are the block's own.
 struct SharedWork {
   /// The living, since it was last read: the largest -x, -y, x and y as keys that order like the numbers, 0 = none, and
   /// how many. Zero before the first step; each sort leaves it so.
@@ -199,7 +199,7 @@ struct SharedWork {
   /// GridWorld::placed and cell_begin for launches that follow, where each block sorts for itself; null = for none.
   PlacedAgent* placed_for_all;
   int32_t* cell_begin_for_all;
-  StepSum* sums;  // [n_step_items, sums_of_team] of blocks of agents, of blocks of these, ... (reward_and_accumulate)
+  StepSum* sums;  // [n_step_items, sums_of_team] of blocks of agents, of blocks of these, ... (reward_blocks)
 };
 
 /// What a step reads and writes of a world of many agents. Pairs have no tables here: the members of WorldView for them

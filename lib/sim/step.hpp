@@ -134,7 +134,8 @@ GIGA_HD void reset_world(const Lanes& lanes, const Parameters auto& p, World aut
 
 /// The stages of one step of one world, up to its observation. Between two stages all lanes see all results of the
 /// first, but where the first is one without_barrier. Where the episode ends, its world is left in Phase::terminated or
-/// truncated. `active`: it plays. Returns whether launches that follow observe the world (step_parts.hpp).
+/// truncated. `active`: it plays. Returns whether nothing is left to do here: launches that follow observe the world
+/// (step_parts.hpp), or know that it waits.
 template <class Lanes, class Draws>
 GIGA_HD bool play_step(const Lanes& lanes, const Parameters auto& p, World auto& w, Draws& draws, const StepIo& io,
                        Ending ending, int64_t world, bool active) {
@@ -206,8 +207,9 @@ GIGA_HD bool finish_world(const Lanes& lanes, const Parameters auto& p, World au
 
 /// One step of one world, and what it observes then. Where the episode ended and the step settles that (step_settles):
 /// with OnDone::freeze the world waits, with OnDone::reset a new episode starts, by the draws of this step, and is
-/// observed. A loop around the one call that observes: twice that code would not fit into the GPU's instruction cache.
-/// Always inlined: as a function of its own it would reach all that a world has through a pointer.
+/// observed. Where launches follow, they may observe it (play_step). A loop around the one call that observes: twice
+/// that code would not fit into the GPU's instruction cache. Always inlined: as a function of its own it would reach
+/// all that a world has through a pointer.
 template <class Lanes, class Draws>
 [[gnu::always_inline]] GIGA_HD void step_world(const Lanes& lanes, const Parameters auto& p, World auto& w,
                                                Draws& draws, const StepIo& io, Ending ending, int64_t world) {

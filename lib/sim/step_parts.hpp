@@ -11,7 +11,7 @@ enum class StepPart {
   look,             ///< whom each agent sees, and what its row needs; no agent waits for another
   write,            ///< rows; no row waits for another
   look_and_reward,  ///< look, and what agents get for the step, in its first sums (hands_on_rewards)
-  write_and_add_up  ///< write, and the sums of these
+  write_and_add_up  ///< write, and the sums of these, of at most kSumBlock blocks a team: more need a barrier
 };
 
 /// Runs a part for one world, of n agents, or of none where nothing was left to it. Between two parts all lanes see all

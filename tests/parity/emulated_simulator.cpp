@@ -160,6 +160,7 @@ class EmulatedGridSimulator final : public GridLaunchingSimulator {
                                {kWarp, blocks, 1, sorted_bytes(blocks), in_parts_from(blocks)}),
         order_(order) {}
 
+  using GridLaunchingSimulator::launches;
   bool over() override { return n_lists() > 0 && *n_playing() == 0; }
   EpisodeStats take_stats() override { return take_host_stats(state_.view(), n_worlds()); }
   void synchronize() override { check_full_lists(); }
@@ -203,24 +204,10 @@ class EmulatedGridSimulator final : public GridLaunchingSimulator {
     run_blocks(k, [](const auto& all, const auto&... thread) {
       run_grid_thread<Job::step, Launched::first, kCrew>(all, thread...);
     });
-    if constexpr (kCrew > 1) {
-      run_part<StepPart::look_and_reward, kLanesToLook>(k);
-      run_part<StepPart::write_and_add_up, kCrew>(k);
-      return;
-    }
-    if constexpr (std::is_same_v<P, PlainCrowd>)
-      if (launches() == StepLaunches::of_more) {
-        run_part<StepPart::look, kLanesOfAgent>(k);
-        run_part<StepPart::write, 1>(k);
-        return;
-      }
-    run_part<StepPart::look, 1>(k);
-    run_part<StepPart::write, 1>(k);
-  }
-  template <StepPart part, int kCrew, class P>
-  void run_part(const GridLaunchOf<P>& k) {
-    run_blocks(without_barriers(k, kWarp, kCrew),
-               [](const auto& all, const auto&... thread) { run_grid_part<part, kCrew>(all, thread...); });
+    for_launches_that_follow<kCrew>(k, [&]<StepPart part, int kLanes>(int threads_of_agent, int more) {
+      run_blocks(without_barriers(k, kWarp, threads_of_agent, more),
+                 [](const auto& all, const auto&... thread) { run_grid_part<part, kLanes>(all, thread...); });
+    });
   }
   template <class P, class F>
   void run_blocks(const GridLaunchOf<P>& k, F&& f) {
@@ -254,6 +241,10 @@ class EmulatedGridSimulator final : public GridLaunchingSimulator {
 std::unique_ptr<Simulator> make_emulated_grid_simulator(SimSpec spec, const SimOptions& options, ThreadOrder order,
                                                         int blocks) {
   return std::make_unique<EmulatedGridSimulator>(std::move(spec), options, order, blocks);
+}
+
+StepLaunches emulated_launches(SimSpec spec, const SimOptions& options, int blocks) {
+  return EmulatedGridSimulator(std::move(spec), options, ThreadOrder::forward, blocks).launches();
 }
 
 std::unique_ptr<Simulator> make_emulated_simulator(SimSpec spec, const SimOptions& options, ThreadOrder order) {

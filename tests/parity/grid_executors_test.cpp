@@ -26,7 +26,7 @@ class GridExecutors : public ::testing::TestWithParam<std::tuple<Executor, Case>
   }
   std::unique_ptr<Simulator> other(const SimSpec& spec, SimOptions options, int variant) const {
     options.grid = true;
-    // A fourth of the variants in parts.
+    // A fourth of the variants in launches of many.
     if (executor_ == Executor::gpu && variant % 4 == 3) return make_cuda_grid_simulator(spec, options, 0, nullptr, 1);
     if (executor_ == Executor::gpu) return make_cuda_grid_simulator(spec, options, 0);
     // One block to a world, several worlds to a group, several blocks to a world, the last one without agents; parts.
@@ -123,6 +123,8 @@ struct Crowd {
   int n_team_0, n_team_1;
   float limit;
   int worlds, blocks, steps;
+  OnDone on_done = OnDone::reset;
+  int episodes = 1;  // of a world, with OnDone::freeze
 };
 void play_crowd(const Crowd& c, const std::function<std::unique_ptr<Simulator>(const SimSpec&, SimOptions)>& other) {
   constexpr int64_t kMostPairs = 1 << 25;
@@ -132,6 +134,8 @@ void play_crowd(const Crowd& c, const std::function<std::unique_ptr<Simulator>(c
   SimOptions options;
   options.n_worlds = c.worlds;
   options.grid = true;
+  options.on_done = c.on_done;
+  options.episodes = c.episodes;
   SimRunner a(grid(spec, options), Outputs::observations), b(other(spec, options), Outputs::observations);
   a.start();
   b.start();
@@ -152,18 +156,50 @@ TEST(GridCrowds, AreThoseOfTheCpu) {
        {Crowd{1100, 903, 40, 2, 5, 5}, Crowd{2600, 2601, 300, 1, 4, 3}, Crowd{1100, 903, 40, 2, kBlocksInParts, 5},
         // Four lanes for each agent, which are a crew, and two, so that 16 of a warp look for others (spread_over).
         Crowd{40, 30, 20, 1, 9, 5}, Crowd{40, 30, 20, 1, 5, 5}, Crowd{20, 13, 12, 1, kBlocksInParts, 5},
-        Crowd{40, 30, 20, 1, kBlocksToSpare, 5}, Crowd{40, 30, 20, 1, kBlocksForMore, 5}})
+        // Three launches, of one world and of two.
+        Crowd{40, 30, 20, 1, kBlocksToSpare, 5}, Crowd{20, 13, 12, 2, kBlocksToSpare, 5},
+        Crowd{40, 30, 20, 1, kBlocksForMore, 5}})
     play_crowd(c, [&](const SimSpec& spec, const SimOptions& options) {
       return make_emulated_grid_simulator(spec, options, ThreadOrder::shuffled, c.blocks);
     });
 }
 
+// Episodes of three steps: worlds that wait, that play several episodes, that nobody resets.
+TEST(GridCrowds, InSeveralLaunchesTheyEndAsThoseOfTheCpu) {
+  for (const int blocks : {kBlocksInParts, kBlocksToSpare, kBlocksForMore})
+    for (const auto& [on_done, episodes] : {std::pair{OnDone::freeze, 1}, {OnDone::freeze, 2}, {OnDone::keep, 1}})
+      play_crowd({40, 30, 20, 1, blocks, 8, on_done, episodes}, [&](const SimSpec& spec, const SimOptions& options) {
+        return make_emulated_grid_simulator(spec, options, ThreadOrder::shuffled, blocks);
+      });
+}
+
+// Which launches a world has, so that the tests above are of what they say.
+TEST(GridCrowds, LaunchesByTheirSize) {
+  const auto launches = [](int n_team_0, int n_team_1, int worlds, int blocks) {
+    SimOptions options;
+    options.n_worlds = worlds;
+    options.grid = true;
+    return emulated_launches(crowd(n_team_0, n_team_1, 20, 3), options, blocks);
+  };
+  EXPECT_EQ(launches(40, 30, 1, 9), StepLaunches::one) << "from no number on are they several";
+  EXPECT_EQ(launches(40, 30, 1, kBlocksInParts), StepLaunches::of_many);
+  EXPECT_EQ(launches(40, 30, 2, kBlocksInParts), StepLaunches::of_many);
+  EXPECT_EQ(launches(20, 13, 9, kBlocksInParts), StepLaunches::one) << "9 worlds of at least a block each, 8 blocks";
+  EXPECT_EQ(launches(40, 30, 1, kBlocksToSpare), StepLaunches::of_few) << "4 x 70 threads are 9 blocks of 32";
+  EXPECT_EQ(launches(20, 13, 6, kBlocksToSpare), StepLaunches::of_few) << "6 x 5 of 64 blocks";
+  EXPECT_EQ(launches(20, 13, 7, kBlocksToSpare), StepLaunches::one) << "7 x 5 of 64 blocks are more than half";
+  EXPECT_EQ(launches(40, 30, 1, kBlocksForMore), StepLaunches::of_more) << "7 blocks are fewer than 4 x 70 threads";
+}
+
 TEST(GridCrowds, KnotsAreThoseOfTheCpu) {
-  for (const int blocks : {1, 2, 9, kBlocksInParts})
-    play_knots(grid, [&](const SimSpec& spec, SimOptions options) {
+  for (const int blocks : {1, 2, 9, kBlocksInParts, kBlocksToSpare, kBlocksForMore}) {
+    const auto emulated = [&](const SimSpec& spec, SimOptions options) {
       options.grid = true;
       return make_emulated_grid_simulator(spec, options, ThreadOrder::shuffled, blocks);
-    });
+    };
+    const bool crews = blocks == kBlocksToSpare || blocks == kBlocksForMore;
+    play_knots(grid, emulated, crews ? 110 : kMostInKnots);  // crews of hundreds are too many fibers
+  }
 }
 TEST(GpuGridCrowds, KnotsAreThoseOfTheCpu) {
   if (cuda_device_count() == 0) GTEST_SKIP() << "skipped: no GPU";
