@@ -38,15 +38,15 @@ struct GridLaunchShape {
   }
 };
 
-/// Launches of a step: one, or one that plays it and two that follow (StepPart). These wait for nobody, and have as
-/// many threads as suit them.
+/// Launches of a step: one, or several (StepPart). Those that wait for nobody have as many threads as suit them.
 enum class StepLaunches {
   one,
-  of_few,   ///< Launched::first with crews, whose blocks sort for themselves, in half of the GPU at most; those that
-            ///< follow have all of it. One world on 132 multiprocessors: 1,921 to 2,048 and 4,097 to some 5,900 agents;
-            ///< those between have too few threads in a cluster
-  of_more,  ///< too many for crews in one launch (some 17,000): only those that look have them
-  of_many   ///< a thread for each
+  of_few,   ///< play, with crews, whose blocks sort for themselves, in half of the GPU at most; those that follow have
+            ///< all of it. One world on 132 multiprocessors: 1,921 to 2,048 and 4,097 to some 5,900 agents; those
+            ///< between have too few threads in a cluster
+  of_more,  ///< play, without crews, of which there would be too many in one launch (some 17,000); those that look have
+            ///< them
+  of_many   ///< move, fight, settle, and a thread for each that looks and writes: as many at a time as registers allow
 };
 
 /// What there is to spread them over.
@@ -142,13 +142,15 @@ void with_plain_crowd(const GridLaunch& k, int lanes_of_agent, F&& f) {
   f(plain, std::integral_constant<int, 1>{});
 }
 
-/// Whether a step is one launch, or others follow it (StepPart): then it is known who sorts, and what is sorted
-/// outlives the launch.
+/// Whether a step is one launch or several, whose sorted agents outlive each of them; and who sorts then.
 enum class Launched {
   alone,
-  first,   ///< with crews (StepLaunches::of_few) each block sorts for itself; without, all together, in global memory
-  follows  ///< nobody sorts
+  by_block,  ///< one of several; each block sorts for itself
+  together   ///< one of several; if it sorts, all do together, in global memory
 };
+constexpr Launched launched_as(StepPart part, int crew) {
+  return part == StepPart::play && crew > 1 ? Launched::by_block : Launched::together;
+}
 
 /// Calls run(lanes, view of a world, draws_at, its number) for the worlds of a thread. `sync`: of its group; `shared`:
 /// memory of its block. Always inlined: as a function of its own it reached the kernel's parameters through a pointer,
@@ -162,7 +164,7 @@ template <Launched kLaunched, int kCrew, class P, class Sync, class Run>
   const int warp = k.by_block ? block * n_warps + at.thread / kWarp : at.thread / kWarp * k.blocks + block;
   float* const stage = reinterpret_cast<float*>(shared);
   constexpr bool kSeveral = kLaunched != Launched::alone;
-  const bool sorts_by_block = kSeveral ? kLaunched == Launched::first && kCrew > 1 : k.sorts_by_block;
+  const bool sorts_by_block = kSeveral ? kLaunched == Launched::by_block : k.sorts_by_block;
   const GridLanes<Sync, kCrew> lanes{warp * kWarp + at.thread % kWarp,
                                      k.blocks * at.n_threads,
                                      block,
@@ -199,14 +201,14 @@ template <Launched kLaunched, int kCrew, class P, class Sync, class Run>
   }
 }
 
-/// What a thread does of a job.
-template <Job job, Launched kLaunched, int kCrew, class P, class Sync>
+/// What a thread does of a job that is one launch.
+template <Job job, int kCrew, class P, class Sync>
 [[gnu::always_inline]] GIGA_HD void run_grid_thread(const GridLaunchOf<P>& k, const ThreadIndex& at, Sync sync,
                                                     char* shared) {
   const auto run = [&](const auto& lanes, GridWorld& w, auto&& draws_at, int world) __attribute__((always_inline)) {
     if (has_work<job>(lanes, w)) run_job<job>(lanes, k.params, w, draws_at, k.io, k.ending, world);
   };
-  run_grid_worlds<kLaunched, kCrew>(k, at, sync, shared, run);
+  run_grid_worlds<Launched::alone, kCrew>(k, at, sync, shared, run);
 }
 
 /// The same of a part of a step. All groups have a world at most, so that scratch and shape stay as the launch before
@@ -215,10 +217,12 @@ template <StepPart part, int kCrew, class P, class Sync>
 [[gnu::always_inline]] GIGA_HD void run_grid_part(const GridLaunchOf<P>& k, const ThreadIndex& at, Sync sync,
                                                   char* shared) {
   const auto run = [&](const auto& lanes, GridWorld& w, auto&& draws_at, int world) __attribute__((always_inline)) {
-    w.grid = *w.work.shape;
-    run_part<part>(lanes, k.params, w, draws_at, k.io, world, w.grid.columns > 0 ? k.params.n_agents : 0);
+    constexpr bool kBegins = part == StepPart::play || part == StepPart::move;
+    if (!kBegins) w.grid = *w.work.shape;
+    const int left = kBegins || w.grid.columns == 0 ? 0 : k.params.n_agents;
+    run_part<part>(lanes, k.params, w, draws_at, k.io, k.ending, world, left);
   };
-  run_grid_worlds<Launched::follows, kCrew>(k, at, sync, shared, run);
+  run_grid_worlds<launched_as(part, kCrew), kCrew>(k, at, sync, shared, run);
 }
 
 /// A simulator of worlds of many agents that runs its jobs by launches. Its back end launches, and lists the worlds
@@ -273,25 +277,32 @@ class GridLaunchingSimulator : public Simulator {
     return k;
   }
   StepLaunches launches() const { return launches_; }
-  /// The launches that follow Launched::first: calls follow.operator()<part, lanes of a crew>(threads of an agent, some
-  /// more threads).
-  template <int kCrew, class P, class Follow>
-  void for_launches_that_follow(const GridLaunchOf<P>& k, Follow&& follow) const {
+  /// The launches of a step that are several, one after the other: calls with_barriers.operator()<part>(), and
+  /// free.operator()<part, lanes of a crew>(threads of an agent, some more threads).
+  template <int kCrew, class P, class WithBarriers, class Free>
+  void for_launches(const GridLaunchOf<P>& k, WithBarriers&& with_barriers, Free&& free) const {
+    using enum StepPart;
     if constexpr (kCrew > 1) {
       const int more = kWarp * kNTeams * SumLayout(k.params).blocks;  // that see to rewards
-      follow.template operator()<StepPart::look_and_reward, kLanesToLook>(kLanesToLook, more);
-      follow.template operator()<StepPart::write_and_add_up, kCrew>(kThreadsToWrite, 0);
-      return;
+      with_barriers.template operator()<play>();
+      free.template operator()<look_and_reward, kLanesToLook>(kLanesToLook, more);
+      free.template operator()<write_and_add_up, kCrew>(kThreadsToWrite, 0);
+    } else {
+      if constexpr (std::is_same_v<P, PlainCrowd>)
+        if (launches_ == StepLaunches::of_more) {
+          // 10,000 against 10,000, H100: 213 M agent-steps/s; one lane that looks 186 M, eight 193 M; with a fight of
+          // its own 208 M.
+          with_barriers.template operator()<play>();
+          free.template operator()<look, kLanesOfAgent>(kLanesOfAgent, 0);
+          free.template operator()<write, 1>(kLanesOfAgent, 0);
+          return;
+        }
+      with_barriers.template operator()<move>();
+      free.template operator()<fight, 1>(1, 0);
+      with_barriers.template operator()<settle>();
+      free.template operator()<look, 1>(1, 0);
+      free.template operator()<write, 1>(1, 0);
     }
-    if constexpr (std::is_same_v<P, PlainCrowd>)
-      if (launches_ == StepLaunches::of_more) {
-        // 10,000 against 10,000, H100: 213 M agent-steps/s; one lane that looks 186 M, eight 193 M.
-        follow.template operator()<StepPart::look, kLanesOfAgent>(kLanesOfAgent, 0);
-        follow.template operator()<StepPart::write, 1>(kLanesOfAgent, 0);
-        return;
-      }
-    follow.template operator()<StepPart::look, 1>(1, 0);
-    follow.template operator()<StepPart::write, 1>(1, 0);
   }
   /// Throws if a list of fire was too short since this was last asked; waits for what was queued before.
   void check_full_lists() {

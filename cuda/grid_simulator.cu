@@ -1,5 +1,5 @@
-// The CUDA back end of worlds of many agents (rules 17): one kernel per job, a step may be three; the blocks of a world
-// meet at the barriers of a cluster or, where they are more, at one in memory.
+// The CUDA back end of worlds of many agents (rules 17): one kernel per job, a step may be several; the blocks of a
+// world meet at the barriers of a cluster or, where they are more, at one in memory.
 #include <algorithm>
 #include <type_traits>
 
@@ -71,25 +71,36 @@ __device__ __forceinline__ GroupThread group_thread(const GridLaunchOf<P>& k, bo
           {&k.words[group].arrivals, k.blocks, block % k.blocks == 0, clustered}};
 }
 
-template <Job job, Launched kLaunched, int kCrew, class P>
+template <Job job, int kCrew, class P>
 __global__ void __launch_bounds__(kGridThreads, kGridBlocks)
     grid_kernel(const __grid_constant__ GridLaunchOf<P> k, bool clustered) {
   const GroupThread thread = group_thread(k, clustered);
   extern __shared__ __align__(16) char shared[];
-  run_grid_thread<job, kLaunched, kCrew>(k, thread.at, thread.sync, shared);
+  run_grid_thread<job, kCrew>(k, thread.at, thread.sync, shared);
+}
+
+template <StepPart part, int kCrew, class P>
+__global__ void __launch_bounds__(kGridThreads, kGridBlocks)
+    part_kernel(const __grid_constant__ GridLaunchOf<P> k, bool clustered) {
+  const GroupThread thread = group_thread(k, clustered);
+  extern __shared__ __align__(16) char shared[];
+  run_grid_part<part, kCrew>(k, thread.at, thread.sync, shared);
 }
 
 /// Parts of a step for which no thread waits for another of its group: as many threads at a time as registers allow.
-constexpr int kFreeThreads = 256,
-              kFewFreeThreads = 64;               // with crews there is less than a block for each multiprocessor
-constexpr int kLookBlocks = 3, kWriteBlocks = 4;  // per multiprocessor at least: 80 and 64 registers
+constexpr int kFreeThreads = 128, kFewFreeThreads = 64;  // with crews there is less than a block for a multiprocessor
 template <int kCrew>
 constexpr int free_threads = kCrew > 1 ? kFewFreeThreads : kFreeThreads;
+/// Blocks per multiprocessor at least: 70, 80 and 64 registers. Blocks of 256 threads, of which the last to end keeps
+/// the registers of all, 2 % slower while most live (a million agents, one H100).
+constexpr int kFightBlocks = 7, kLookBlocks = 6, kWriteBlocks = 8;
+constexpr int free_blocks(StepPart part, int crew) {
+  if (crew > 1) return 1;
+  return part == StepPart::fight ? kFightBlocks : part == StepPart::look ? kLookBlocks : kWriteBlocks;
+}
 
 template <StepPart part, int kCrew, class P>
-__global__ void __launch_bounds__(free_threads<kCrew>, kCrew > 1                ? 1
-                                                       : part == StepPart::look ? kLookBlocks
-                                                                                : kWriteBlocks)
+__global__ void __launch_bounds__(free_threads<kCrew>, free_blocks(part, kCrew))
     free_part_kernel(const __grid_constant__ GridLaunchOf<P> k) {
   const ThreadIndex at{static_cast<int>(blockIdx.x), static_cast<int>(gridDim.x), static_cast<int>(threadIdx.x),
                        free_threads<kCrew>};
@@ -127,17 +138,19 @@ GridDevice grid_device(int index, int n_agents, int in_parts) {
     GIGA_CUDA(cudaOccupancyMaxActiveBlocksPerMultiprocessor(&blocks, kernel, kGridThreads, shared));
     resident = resident == 0 ? blocks : std::min(resident, blocks);
   };
-  using enum Launched;
-  look_at(grid_kernel<Job::start, alone, 1, GridParams>);
-  look_at(grid_kernel<Job::step, alone, 1, GridParams>);
-  look_at(grid_kernel<Job::step, alone, 1, PlainCrowd>);
-  look_at(grid_kernel<Job::step, alone, kLanesOfAgent, PlainCrowd>);
-  look_at(grid_kernel<Job::step, first, 1, GridParams>);
-  look_at(grid_kernel<Job::step, first, 1, PlainCrowd>);
-  look_at(grid_kernel<Job::step, first, kLanesOfAgent, PlainCrowd>);
-  look_at(grid_kernel<Job::restart, alone, 1, GridParams>);
-  look_at(grid_kernel<Job::play_on, alone, 1, GridParams>);
-  look_at(grid_kernel<Job::observe, alone, 1, GridParams>);
+  look_at(grid_kernel<Job::start, 1, GridParams>);
+  look_at(grid_kernel<Job::step, 1, GridParams>);
+  look_at(grid_kernel<Job::step, 1, PlainCrowd>);
+  look_at(grid_kernel<Job::step, kLanesOfAgent, PlainCrowd>);
+  look_at(part_kernel<StepPart::play, kLanesOfAgent, PlainCrowd>);
+  look_at(part_kernel<StepPart::play, 1, PlainCrowd>);
+  look_at(part_kernel<StepPart::move, 1, GridParams>);
+  look_at(part_kernel<StepPart::move, 1, PlainCrowd>);
+  look_at(part_kernel<StepPart::settle, 1, GridParams>);
+  look_at(part_kernel<StepPart::settle, 1, PlainCrowd>);
+  look_at(grid_kernel<Job::restart, 1, GridParams>);
+  look_at(grid_kernel<Job::play_on, 1, GridParams>);
+  look_at(grid_kernel<Job::observe, 1, GridParams>);
   device.resident = resident * processors;
   for (int k = 1; (1 << k) <= device.most_clustered; ++k) {
     cudaLaunchAttribute attribute{};
@@ -149,8 +162,8 @@ GridDevice grid_device(int index, int n_agents, int in_parts) {
     config.dynamicSmemBytes = shared;
     config.attrs = &attribute;
     config.numAttrs = 1;
-    const auto error = cudaOccupancyMaxActiveClusters(&device.clusters[k],
-                                                      grid_kernel<Job::step, Launched::alone, 1, GridParams>, &config);
+    const auto error =
+        cudaOccupancyMaxActiveClusters(&device.clusters[k], grid_kernel<Job::step, 1, GridParams>, &config);
     if ((1 << k) <= kSureClustered)
       GIGA_CUDA(error);
     else if (!granted(error) || device.clusters[k] == 0)
@@ -199,10 +212,10 @@ class CudaGridSimulator final : public GridLaunchingSimulator {
             if (launches() != StepLaunches::one)
               step_in_parts<decltype(lanes)::value>(plain);
             else
-              launch(grid_kernel<kJob, Launched::alone, decltype(lanes)::value, P>, plain);
+              launch(grid_kernel<kJob, decltype(lanes)::value, P>, plain);
           });
         else if constexpr (kJob != Job::draw && kJob != Job::draw_final)
-          launch(grid_kernel<kJob, Launched::alone, 1, GridParams>, k);
+          launch(grid_kernel<kJob, 1, GridParams>, k);
       });
   }
 
@@ -215,16 +228,18 @@ class CudaGridSimulator final : public GridLaunchingSimulator {
  private:
   template <int kCrew, class P>
   void step_in_parts(const GridLaunchOf<P>& k) {
-    launch(grid_kernel<Job::step, Launched::first, kCrew, P>, k);
-    for_launches_that_follow<kCrew>(k, [&]<StepPart part, int kLanes>(int threads_of_agent, int more) {
-      launch_free<part, kLanes>(k, threads_of_agent, more);
-    });
+    for_launches<kCrew>(
+        k, [&]<StepPart part>() { launch(part_kernel<part, kCrew, P>, k); },
+        [&]<StepPart part, int kLanes>(int threads_of_agent, int more) {
+          launch_free<part, kLanes>(k, threads_of_agent, more);
+        });
   }
   template <StepPart part, int kCrew, class P>
   void launch_free(const GridLaunchOf<P>& k, int threads_of_agent, int more) {
     constexpr int kThreads = free_threads<kCrew>;
     const GridLaunchOf<P> all = without_barriers(k, kThreads, threads_of_agent, more);
-    const size_t shared = part == StepPart::look && kCrew == 1 ? 0 : grid_stage_bytes(kThreads);
+    const bool stages = kCrew > 1 || part == StepPart::write;
+    const size_t shared = stages ? grid_stage_bytes(kThreads) : 0;
     free_part_kernel<part, kCrew, P>
         <<<static_cast<unsigned>(all.groups * all.blocks), kThreads, shared, stream_>>>(all);
     GIGA_CUDA(cudaGetLastError());

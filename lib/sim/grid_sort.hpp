@@ -169,6 +169,12 @@ GIGA_HD void mark_agents(const Lanes& lanes, const GridParameters auto& p, GridW
                              [&](int k) { w.placed[k].marks = marks_of_agent(p, w, w.placed[k].agent); });
 }
 
+/// Leaves the grid to launches that follow, or that they have nothing to do. No barrier.
+template <WideLanes Lanes>
+GIGA_HD void leave_grid(const Lanes& lanes, GridWorld& w, bool some) {
+  lanes.without_barrier().each(1, [&](int) { *w.work.shape = some ? w.grid : GridShape{.columns = 0}; });
+}
+
 /// Where launches follow that observe the world, leaves to them what they need: whether it did. `n`: 0 = the world
 /// waits; `ended`: it does not, because this step goes on. Where each block has sorted for itself, all have sorted
 /// alike, and each leaves a part.
@@ -178,7 +184,7 @@ GIGA_HD bool hand_on(const Lanes& all, const GridParameters auto& p, GridWorld& 
   if (!work.shape) return false;
   const Lanes lanes = all.without_barrier();
   const bool some = n > 0 && !ended;
-  lanes.each(1, [&](int) { *work.shape = some ? w.grid : GridShape{.columns = 0}; });
+  leave_grid(lanes, w, some);
   if (!some) return !ended;
   if (!work.placed_for_all) {
     mark_agents(lanes, p, w, n);
@@ -213,28 +219,57 @@ GIGA_HD void each_crew_by_place(const Lanes& lanes, const GridParameters auto&, 
   });
 }
 
-/// The hook of step.hpp, in one go: what becomes of an agent depends on nothing that this writes of another. Into
-/// counters that sort_agents has set to zero.
-template <WideLanes Lanes, class Draws>
-GIGA_HD void fight(const Lanes& lanes, const GridParameters auto& p, GridWorld& w, Draws& draws, int n, int) {
+/// What becomes of the agents in the fight, in one go: it depends on nothing that this writes of another. Into counters
+/// that sort_agents has set to zero. Calls after(agent) for each. No barrier.
+template <WideLanes Lanes, class Draws, class After>
+GIGA_HD void fight_by_place(const Lanes& lanes, const GridParameters auto& p, GridWorld& w, Draws& draws, int n,
+                            After&& after) {
   lanes.with_crews(n, [&](const auto& crews) {
-    int32_t living[kNCounts] = {};
     crews.each_agent(n, [&](const auto& crew, int k, bool some) {
       const int i = w.placed[k].agent;
       detect_and_track(crew, p, w, draws, i, some);
       if (!some || !crew.leads()) return;
       update_health(p, w, i);
       note_death(w, i);
-      const int team = p.team_of(i);
-      for (int t = 0; t < kNTeams; ++t) {
-        living[kAlive0 + t] += team == t && w.alive[i] ? 1 : 0;
-        living[kWasAlive0 + t] += team == t && w.was_alive[i] ? 1 : 0;
-      }
+      after(i);
     });
-    lanes.wait_for_warp();  // those that come late add theirs with the others, and not one by one
-    for (int k = kAlive0; k <= kWasAlive1; ++k) add_from_all(w.counts + k, living[k]);
-    lanes.wait();
   });
+}
+
+/// Agents of both teams that live, and that lived before the step, for w.counts.
+struct LivingCounts {
+  int32_t living[kNCounts] = {};
+
+  GIGA_HD void add(const GridParameters auto& p, const GridWorld& w, int i) {
+    const int team = p.team_of(i);
+    for (int t = 0; t < kNTeams; ++t) {
+      living[kAlive0 + t] += team == t && w.alive[i] ? 1 : 0;
+      living[kWasAlive0 + t] += team == t && w.was_alive[i] ? 1 : 0;
+    }
+  }
+  GIGA_HD void add_to(const GridWorld& w) const {
+    for (int k = kAlive0; k <= kWasAlive1; ++k) add_from_all(w.counts + k, living[k]);
+  }
+};
+
+/// The hook of step.hpp.
+template <WideLanes Lanes, class Draws>
+GIGA_HD void fight(const Lanes& lanes, const GridParameters auto& p, GridWorld& w, Draws& draws, int n, int) {
+  LivingCounts counts;
+  fight_by_place(lanes, p, w, draws, n, [&](int i) { counts.add(p, w, i); });
+  if (n == 0) return;
+  lanes.wait_for_warp();  // those that come late add theirs with the others, and not one by one
+  counts.add_to(w);
+  lanes.wait();
+}
+
+/// What `fight` counts, where the fight is a launch of its own: with so many warps they would wait for each other to
+/// add to the counts.
+template <WideLanes Lanes>
+GIGA_HD void count_living(const Lanes& lanes, const GridParameters auto& p, GridWorld& w, int n) {
+  lanes.template gather<4>(
+      n, LivingCounts{}, [&](LivingCounts& counts, int i) { counts.add(p, w, i); },
+      [&](const LivingCounts& counts) { counts.add_to(w); });
 }
 
 /// What the agents get for the step, and sums of it over blocks of them (rules 17.5): a warp sees to a block. Teams lie

@@ -1,6 +1,6 @@
-// Parts of a step that may be launches of their own, after the one that plays it: what many agents do alone, each for
-// itself, then waits for nobody, and its threads are as many as suit it. The launch before has left to them what they
-// need (hand_on), or has seen to the world itself, where the episode ended.
+// Parts of a step that may be launches of their own: of a world of many agents, which nobody else changes meanwhile.
+// What each agent does alone, for itself, waits for nobody, so that its threads are as many as suit it; each launch
+// leaves to the next what it needs (leave_grid, hand_on).
 #pragma once
 
 #include "sim/step.hpp"
@@ -8,26 +8,58 @@
 namespace giga {
 
 enum class StepPart {
+  play,             ///< the step up to its observation; the whole of it where the episode ended
+  move,             ///< up to who has collided
+  fight,            ///< who sees and hits whom; no agent waits for another
+  settle,           ///< the rest of `play`
   look,             ///< whom each agent sees, and what its row needs; no agent waits for another
   write,            ///< rows; no row waits for another
   look_and_reward,  ///< look, and what agents get for the step, in its first sums (hands_on_rewards)
   write_and_add_up  ///< write, and the sums of these, of at most kSumBlock blocks a team: more need a barrier
 };
 
-/// Runs a part for one world, of n agents, or of none where nothing was left to it. Between two parts all lanes see all
-/// results of the first.
+/// Whether some agents wait for others in a part.
+constexpr bool has_barriers(StepPart part) {
+  return part == StepPart::play || part == StepPart::move || part == StepPart::settle;
+}
+
+/// Runs a part that has none for one world, of n agents, or of none where nothing was left to it. Between two parts all
+/// lanes see all results of the first.
 template <StepPart part, class Lanes, class DrawsAt>
-GIGA_HD void run_part(const Lanes& waiting, const Parameters auto& p, World auto& w, const DrawsAt& draws_at,
-                      const StepIo& io, int64_t world, int n) {
+requires(!has_barriers(part)) GIGA_HD
+    void run_part(const Lanes& waiting, const Parameters auto& p, World auto& w, const DrawsAt& draws_at,
+                  const StepIo& io, Ending, int64_t world, int n) {
   const auto lanes = without_barrier(waiting);
+  if constexpr (part == StepPart::fight) {
+    auto&& draws = draws_at(*w.draw_step);
+    fight_by_place(lanes, p, w, draws, n, [](int) {});
+  }
   if constexpr (part == StepPart::look_and_reward) reward_blocks(lanes, p, w, io, world, n);
   if constexpr (part == StepPart::look || part == StepPart::look_and_reward) {
     auto&& draws = draws_at(*w.draw_step - 1);  // the step has counted itself already
     look_and_prepare(lanes, p, w, draws, io, world, false, n);
-  } else {
-    write_rows(lanes, p, w, io, world, n);
   }
+  if constexpr (part == StepPart::write || part == StepPart::write_and_add_up) write_rows(lanes, p, w, io, world, n);
   if constexpr (part == StepPart::write_and_add_up) add_up_blocks(lanes, p, w, n);
+}
+
+/// The same of one that has some. `left`: the n of those without, which `settle` goes by.
+template <StepPart part, class Lanes, class DrawsAt>
+requires(has_barriers(part)) [[gnu::always_inline]] GIGA_HD
+    void run_part(const Lanes& lanes, const Parameters auto& p, World auto& w, const DrawsAt& draws_at,
+                  const StepIo& io, Ending ending, int64_t world, int left) {
+  auto&& draws = draws_at(*w.draw_step);
+  if constexpr (part == StepPart::play) step_world(lanes, p, w, draws, io, ending, world);
+  if constexpr (part == StepPart::move) {
+    const bool active = *w.phase == Phase::plays;
+    move_world(lanes, p, w, draws, io, world, active);
+    leave_grid(lanes, w, active);
+  }
+  if constexpr (part == StepPart::settle) {
+    const int length = length_with_step(lanes, w);
+    count_living(lanes, p, w, left);
+    settle_step(lanes, p, w, draws, io, ending, world, left > 0, length);
+  }
 }
 
 }  // namespace giga

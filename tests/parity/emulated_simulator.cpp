@@ -191,23 +191,23 @@ class EmulatedGridSimulator final : public GridLaunchingSimulator {
           step_in_parts<decltype(lanes)::value>(plain);
         else
           run_blocks(plain, [](const auto& all, const auto&... thread) {
-            run_grid_thread<job, Launched::alone, decltype(lanes)::value>(all, thread...);
+            run_grid_thread<job, decltype(lanes)::value>(all, thread...);
           });
       });
     else
-      run_blocks(k, [](const GridLaunch& all, const auto&... thread) {
-        run_grid_thread<job, Launched::alone, 1>(all, thread...);
-      });
+      run_blocks(k, [](const GridLaunch& all, const auto&... thread) { run_grid_thread<job, 1>(all, thread...); });
   }
   template <int kCrew, class P>
   void step_in_parts(const GridLaunchOf<P>& k) {
-    run_blocks(k, [](const auto& all, const auto&... thread) {
-      run_grid_thread<Job::step, Launched::first, kCrew>(all, thread...);
-    });
-    for_launches_that_follow<kCrew>(k, [&]<StepPart part, int kLanes>(int threads_of_agent, int more) {
-      run_blocks(without_barriers(k, kWarp, threads_of_agent, more),
-                 [](const auto& all, const auto&... thread) { run_grid_part<part, kLanes>(all, thread...); });
-    });
+    for_launches<kCrew>(
+        k,
+        [&]<StepPart part>() {
+          run_blocks(k, [](const auto& all, const auto&... thread) { run_grid_part<part, kCrew>(all, thread...); });
+        },
+        [&]<StepPart part, int kLanes>(int threads_of_agent, int more) {
+          run_blocks(without_barriers(k, kWarp, threads_of_agent, more),
+                     [](const auto& all, const auto&... thread) { run_grid_part<part, kLanes>(all, thread...); });
+        });
   }
   template <class P, class F>
   void run_blocks(const GridLaunchOf<P>& k, F&& f) {
