@@ -28,6 +28,7 @@ constexpr ResumeRule kMayChange[] = {
     {"opponents.pool_every_updates", ""},
     {"opponents.pool_draw", ""},
     {"opponents.pool_hardness", ""},
+    {"opponents.policies", ""},
     {"opponents.scripted", ""},
     {"opponents.scripted_share", ""},
 };
@@ -81,6 +82,9 @@ std::string keys_that_may_change() {
   return text;
 }
 
+/// Where the user has given a setting.
+Position place_of(const std::string& key) { return {std::make_shared<const std::string>("--set " + key), 0, 0}; }
+
 /// Notes what differs, and what of it may not.
 std::vector<std::string> compare(RunConfig& before, RunConfig& after, Errors& errors) {
   const std::vector<FieldInfo> old_fields = list_fields(fields_of(before)), new_fields = list_fields(fields_of(after));
@@ -92,9 +96,8 @@ std::vector<std::string> compare(RunConfig& before, RunConfig& after, Errors& er
     changes.push_back(cat(from.path, ": ", from.default_value, " -> ", to.default_value));
     const std::optional<std::string_view> reason = reason_against(from.path);
     if (!reason) continue;
-    errors.add({std::make_shared<const std::string>("--set " + from.path), 0, 0},
-               cat(to.default_value, " instead of ", from.default_value,
-                   ": this may not change when a run goes on: ", *reason));
+    errors.add(place_of(from.path), cat(to.default_value, " instead of ", from.default_value,
+                                        ": this may not change when a run goes on: ", *reason));
   }
   return changes;
 }
@@ -113,6 +116,7 @@ ResumedRun resume_config(const std::string& config_yaml, const std::string& scen
   errors.throw_if_any();
 
   ResumedRun resumed;
+  find_policies(after, place_of("opponents.policies"), errors);
   resumed.changes = compare(before, after, errors);
   if (!errors.empty()) throw InputError(cat(errors.text(), "\nwhat may change: ", keys_that_may_change()));
   resumed.run = load_run_config_text(print_yaml(after, false), scenario_yaml);

@@ -53,23 +53,29 @@ void check_opponents(ConfigCheck& check) {
     };
     refuse("opponents.pool_size", p.pool_size > 0);
     refuse("opponents.scripted_share", p.scripted_share > 0);
+    refuse("opponents.policies", !p.policies.empty());
   } else if (check.known({"opponents.pool_size", "opponents.pool_share", "opponents.scripted_share"}) &&
              p.pool_size > 0 && p.pool_share + p.scripted_share > 1) {
     check.fail("opponents.pool_share",
                cat(p.pool_share, " and opponents.scripted_share ", p.scripted_share, " are more than 1 together"));
+  } else if (!p.policies.empty() && p.pool_size == 0 && check.known({"opponents.policies", "opponents.pool_size"})) {
+    check.fail("opponents.policies", "they join the pool, and opponents.pool_size is 0; needed: 1 or more");
   }
 }
 
 /// The place of a policy, so that the run's own config names it from anywhere.
+void find_policy(std::string& name, const std::string& key, const Position& at, Errors& errors) {
+  std::error_code code;
+  const std::filesystem::path path = std::filesystem::weakly_canonical(name, code);
+  if (code || !std::filesystem::exists(path, code))
+    return errors.add(at, cat(key, ": there is no run, checkpoint or exported policy ", name));
+  name = path.string();
+}
+
 void find_opponent(RunConfig& config, const KeyPositions& given, Errors& errors) {
   Opponent& opponent = config.train.opponent;
   if (!opponent.is_path() || is_wrong("train.opponent", given, errors)) return;
-  std::error_code code;
-  const std::filesystem::path path = std::filesystem::weakly_canonical(opponent.name, code);
-  if (code || !std::filesystem::exists(path, code))
-    return errors.add(given.at("train.opponent"),
-                      cat("train.opponent: there is no run, checkpoint or exported policy ", opponent.name));
-  opponent.name = path.string();
+  find_policy(opponent.name, "train.opponent", given.at("train.opponent"), errors);
 }
 
 /// Puts together what was read, as far as it was; throws with all mistakes.
@@ -193,6 +199,10 @@ void ConfigCheck::image_is_there(const std::string& group, const NetworkConfig& 
     fail(group + ".inputs", cat("these are numbers, and the encoder ", name, " reads the image; allowed with it: all"));
 }
 
+void find_policies(RunConfig& config, const Position& at, Errors& errors) {
+  for (std::string& name : config.opponents.policies) find_policy(name, "opponents.policies", at, errors);
+}
+
 std::optional<int64_t> total_updates(const RunConfig& c, int n_agents) {
   const auto per_update = algorithm_of(c).agent_steps_per_update;
   if (!per_update) return std::nullopt;
@@ -209,6 +219,7 @@ LoadedRun load_run_config(const std::string& path, const std::vector<std::string
     throw InputError(cat(
         path, ": this is a scenario, not a config; to train in it: gigastep train quickstart --set scenario=", path));
   find_opponent(config, given, errors);
+  if (!is_wrong("opponents.policies", given, errors)) find_policies(config, given["opponents.policies"], errors);
   const Node* changes = config.environment.is_map() ? &config.environment : nullptr;
   std::optional<Scenario> scenario;
   if (!is_wrong("scenario", given, errors))

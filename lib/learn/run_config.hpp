@@ -103,6 +103,7 @@ struct OpponentsConfig {
   PoolDraw pool_draw = PoolDraw::uniform;
   float pool_hardness = 2.0f;
   PoolPromotion pool_promotion = PoolPromotion::always;
+  std::vector<std::string> policies = {};
   std::vector<Scripted> scripted = {Scripted::circle};
   float scripted_share = 0.0f;
 };
@@ -127,6 +128,10 @@ void visit_fields(V& v, OpponentsConfig& c) {
     "always: the present policy joins the pool at each turn; evidence (mappo): only where since the last one joined it "
     "has won more games against the other team's pool than it lost, by 1.65 x the root of both together (95 % sure "
     "that it is better), or the other team's pool is empty");
+  v("policies", c.policies,
+    "mappo: runs (their best checkpoint) or checkpoints, as paths, whose teams stay in the pool besides past policies, "
+    "such as the best responses of `gigastep exploit` to an earlier run; their networks must be like those of this run",
+    Allowed{}.items(0, 64));
   v("scripted", c.scripted, "scripted opponents, in turn (evolution: from generation to generation too)",
     Allowed{}.items(1, 64));
   v("scripted_share", c.scripted_share,
@@ -206,6 +211,9 @@ struct LoadedRun {
   std::optional<Position> opponent_at;  ///< where train.opponent was given, for messages
 };
 LoadedRun load_run_config(const std::string& path, const std::vector<std::string>& overrides);
+/// Makes paths of opponents.policies whole, so that the run's own config names them from anywhere; notes those that are
+/// not there; `at`: where they were named.
+void find_policies(RunConfig& config, const Position& at, Errors& errors);
 /// A run's config as its folder keeps it, from which it trains the same again wherever the folder is: where the
 /// scenario is a file, or files are named in `environment`, it names a file beside it that is to hold the whole
 /// scenario.

@@ -120,6 +120,43 @@ TEST(LearnOpponents, DrawsFollowTheWeights) {
   EXPECT_EQ(draw_opponent({}, {7, 0, 0}, 0), 0);  // an empty pool: the present policy
 }
 
+TEST(LearnOpponents, GuestsStayInThePool) {
+  const auto with_guests = [](std::vector<float> guests) {
+    return OpponentPool(2, at::full({1}, 9.0), at::tensor(guests).view({-1, 1}));
+  };
+  OpponentsConfig c;
+  OpponentPool pool = with_guests({7, 8});  // rows 3 and 4
+  EXPECT_EQ(pool.size(), 2);
+  EXPECT_EQ(pool.weights(c), (std::vector<double>{0, 0, 1, 1}));
+  EXPECT_FALSE(pool.has(2));
+  for (int k = 1; k <= 3; ++k) {
+    pool.set_present(at::full({1}, static_cast<double>(k)));
+    pool.keep();
+  }
+  EXPECT_TRUE(at::equal(pool.networks().flatten(), at::tensor({3.0f, 3.0f, 2.0f, 7.0f, 8.0f})));
+  EXPECT_EQ(pool.size(), 4);
+  c.pool_draw = PoolDraw::recency;  // the newest of two twice as often as the older one, and guests as the newest
+  EXPECT_EQ(pool.weights(c), (std::vector<double>{2, 1, 2, 2}));
+  c.pool_draw = PoolDraw::pfsp;
+  pool.note(1, 9, 9);  // 9.5 of 10, 1.5 of 3, half a game each of the others
+  pool.note(4, 2, 1);
+  NamedArrays saved;
+  pool.save("", saved);
+  const auto weights = [&](std::vector<float> guests) {
+    OpponentPool other = with_guests(std::move(guests));
+    other.load("", saved);
+    return other.weights(c);
+  };
+  EXPECT_EQ(weights({7, 8}), pool.weights(c));
+  // Others in their place, or none: the past policies keep their record, guests begin with 0.5 and so 0.5^2.
+  const double first = pool.weights(c)[0], second = pool.weights(c)[1];
+  EXPECT_EQ(weights({7, 6}), (std::vector<double>{first, second, 0.25, 0.25}));
+  EXPECT_EQ(weights({5}), (std::vector<double>{first, second, 0.25}));
+  OpponentPool none(2, at::full({1}, 9.0));
+  none.load("", saved);
+  EXPECT_EQ(none.weights(c), (std::vector<double>{first, second}));
+}
+
 TEST(LearnOpponents, TeamsAndUpdatesDrawApart) {
   const auto draws = [](uint32_t update, int team) {
     std::vector<int32_t> rows;

@@ -69,6 +69,38 @@ TEST_F(LearnPlayer, OneMayBeTheOpponentOfALearningTeam) {
   EXPECT_THROW(run.learner()->load(before), InputError);
 }
 
+TEST_F(LearnPlayer, SomeMayStayInThePool) {
+  SmallRun guest, run;
+  guest.mappo = run.mappo = "obs_norm: true";
+  save(guest, "guest.h5");
+  const auto with = [&](const std::string& policies) {
+    run.more = cat("opponents: {pool_size: 2, pool_every_updates: 1, pool_share: 0.5, policies: [", policies, "]}\n");
+    return run.learner();
+  };
+  const auto learner = with(cat("'", path("guest.h5"), "'"));
+  // Whoever is met after the first update: the policy that joined then, or the guest, which is in row 3 of the pool.
+  for (int k = 0; k < 2; ++k) expect_finite(learner->update(), 1);
+  const NamedArrays arrays = saved(*learner);
+  const NamedArray& row = find_array(arrays, "league/team_0/guests");
+  EXPECT_EQ(row.shape.at(0), 1);
+  const auto drawn = array_values<int32_t>(find_array(arrays, "league/team_0/row"));
+  for (const int32_t r : drawn) EXPECT_TRUE(r == 1 || r == 2 || r == 3) << r;
+  with(cat("'", path("guest.h5"), "'"))->load(arrays);
+  // A run goes on with others, and without any.
+  with("")->load(arrays);
+  // What cannot join is said before anything starts.
+  SmallRun other = guest;
+  other.actor = "hidden: [8]";
+  save(other, "other.h5");
+  EXPECT_TRUE(contains(input_error_of([&] { with(cat("'", path("other.h5"), "'")); }),
+                       {"opponents.policies", "other.h5", "not like those of the run", "hidden is [8] there"}));
+  SmallRun plain;
+  save(plain, "plain.h5");
+  EXPECT_TRUE(contains(input_error_of([&] { with(cat("'", path("plain.h5"), "'")); }),
+                       {"plain.h5", "observations are normalised here and not there"}));
+  EXPECT_TRUE(contains(input_error_of([&] { with("./nobody.h5"); }), {"opponents.policies", "nobody.h5"}));
+}
+
 TEST_F(LearnPlayer, ScriptsByName) {
   const SimSpec spec = SmallRun{}.load().spec;
   for (const std::string& name : FieldCodec<Scripted>::names()) {

@@ -46,6 +46,8 @@ void check_train(ConfigCheck& check) {
                       "populations meet scripts; mappo learns against policies");
   check.means_nothing("opponents.pool_promotion", check.config.opponents.pool_promotion != PoolPromotion::always,
                       "past means join the pool at each turn");
+  check.means_nothing("opponents.policies", !check.config.opponents.policies.empty(),
+                      "populations meet past means and scripts");
 }
 
 /// The fused kernel must have room for the networks.

@@ -71,7 +71,7 @@ at::Tensor fitness_of(const at::Tensor& results, int64_t n_rounds, int team, Obj
 /// What a generation of a population came to, of all ranks.
 struct PopulationResults {
   at::Tensor fitness;  // [M] on the device
-  at::Tensor stats;    // [E, kNStatRows] fp64 on the host: sums over the members
+  at::Tensor stats;    // [E, kNStatRows] fp64 on the device: sums over the members
 };
 
 /// Figures of a population's generation, on the host.
@@ -183,8 +183,8 @@ Metrics Evolution::update() {
   games_->play(populations, static_cast<uint32_t>(generations_));
   clock_->mark(1);
 
-  const std::vector<PopulationResults> results = results_of(teams);
   if (sums_) sums_->begin();
+  const std::vector<PopulationResults> results = results_of(teams);
   for (size_t k = 0; k < teams.size(); ++k) team_[teams[k]]->tell(results[k].fitness);
   ++generations_;
   clock_->mark(2);
@@ -197,26 +197,26 @@ Metrics Evolution::update() {
   return figures;
 }
 
-// One message of each rank: how well its members did, and in which episodes.
+// One message of each rank: how well its members did, and in which episodes. Where it is NCCL's the host does not wait.
 std::vector<PopulationResults> Evolution::results_of(const std::vector<int>& teams) {
   std::vector<PopulationResults> results;
   for (size_t k = 0; k < teams.size(); ++k) {
     const at::Tensor all = games_->results(k);
     results.push_back({fitness_of(all, config_.population.n_rounds(), teams[k], objective_of(config_, spec_.params)),
-                       all.sum(0, false, at::kDouble).cpu()});
+                       all.sum(0, false, at::kDouble)});
   }
   if (!ranks_) return results;
   std::vector<at::Tensor> mine;
-  for (const PopulationResults& r : results) mine.insert(mine.end(), {r.fitness, r.stats});
-  const std::vector<std::vector<at::Tensor>> all = ranks_->gather_tensors(mine);  // [ranks]
-  for (size_t k = 0; k < results.size(); ++k) {
-    std::vector<at::Tensor> fitness;
-    results[k].stats.zero_();
-    for (const std::vector<at::Tensor>& of_rank : all) {
-      fitness.push_back(of_rank[2 * k]);
-      results[k].stats.add_(of_rank[2 * k + 1]);
-    }
-    results[k].fitness = at::cat(fitness).to(results[k].fitness.device());
+  for (const PopulationResults& r : results) mine.insert(mine.end(), {r.fitness.to(at::kDouble), r.stats.flatten()});
+  const at::Tensor all = sums_->gather(at::cat(mine)).view({ranks_->size(), -1});
+  int64_t at = 0;
+  const auto next = [&](const at::Tensor& like) {  // [ranks, numbers of each]
+    at += like.numel();
+    return all.narrow(1, at - like.numel(), like.numel());
+  };
+  for (PopulationResults& r : results) {
+    r.fitness = next(r.fitness).reshape({-1}).to(r.fitness.scalar_type());
+    r.stats = next(r.stats).sum(0).view(r.stats.sizes());
   }
   return results;
 }
@@ -268,14 +268,14 @@ PopulationFigures Evolution::figures_of(const Population& population, const at::
   return f;
 }
 
-// Besides the games (Game::play) and their results, the one place of a generation where the host waits for the device.
+// Besides the games (Game::play), the one place of a generation where the host waits for the device.
 Metrics Evolution::metrics(const std::vector<Population>& populations, const std::vector<PopulationResults>& results) {
   std::unique_ptr<PopulationFigures> figures[kNTeams];
   double episodes = 0, steps = 0, ties = 0, truncated = 0;
   divergence_.reset();
   for (size_t k = 0; k < populations.size(); ++k) {
     const int team = populations[k].team;
-    auto f = std::make_unique<PopulationFigures>(figures_of(populations[k], results[k].stats));
+    auto f = std::make_unique<PopulationFigures>(figures_of(populations[k], results[k].stats.cpu()));
     const auto sum = [&f](EpisodeStat s) { return f->stats[static_cast<size_t>(s)]; };
     episodes += sum(EpisodeStat::episodes);
     steps += sum(EpisodeStat::length);

@@ -4,6 +4,7 @@
 
 #include "core/error.hpp"
 #include "core/seeds.hpp"
+#include "learn/opponents/guests.hpp"
 #include "learn/team_policy.hpp"
 #include "policy/parameters.hpp"
 #include "rollout/policy_controllers.hpp"
@@ -32,10 +33,11 @@ League::League(const LoadedRun& run, std::array<const Actor*, kNTeams> actors, c
       counts_(at::zeros({shares_.n_worlds}, at::TensorOptions().dtype(at::kByte).device(device_))) {
   if (config_.pool_size == 0) return;
   const Precision precision = precision_on(run, parallel_for.device());
+  const std::array<at::Tensor, kNTeams> guests = load_guests(run, actors, parallel_for.device());
   past_.reserve(kNTeams);
   for (const Actor* actor : actors) {
     past_.push_back({actor,
-                     OpponentPool(config_.pool_size, GroupPolicy::row_of(*actor)),
+                     OpponentPool(config_.pool_size, GroupPolicy::row_of(*actor), guests[past_.size()]),
                      GroupPolicy(*actor, algorithm_of(run.config).policy(run.config).actor, precision),
                      {},
                      {},
@@ -184,7 +186,7 @@ void League::load(const std::string& prefix, const NamedArrays& in) {
   for (size_t team = 0; team < past_.size(); ++team) {
     Past& past = past_[team];
     const std::string place = cat(prefix, "team_", team, "/");
-    past.pool.load(place, in);
+    const int64_t last_saved = past.pool.load(place, in);
     if (config_.pool_promotion == PoolPromotion::evidence) {
       const std::vector<double> since = array_values<double>(find_array(in, place + "since_kept"));
       if (since.size() != 3)
@@ -194,9 +196,11 @@ void League::load(const std::string& prefix, const NamedArrays& in) {
     std::vector<int32_t> rows = array_values<int32_t>(find_array(in, place + "row"));
     if (rows.size() != past.row.size())
       throw InputError(cat("array '", place, "row' has ", rows.size(), " numbers, expected ", past.row.size()));
-    for (const int32_t row : rows)
-      if (row < 0 || row > past.pool.size())
+    for (int32_t& row : rows) {
+      if (row < 0 || row > last_saved || (row > 0 && row <= config_.pool_size && !past.pool.has(row)))
         throw InputError(cat("array '", place, "row' holds ", row, ", the pool has ", past.pool.size(), " policies"));
+      if (row > 0 && !past.pool.has(row)) row = 0;  // a guest that is gone
+    }
     set_rows(past, std::move(rows));
   }
   if (!past_.empty()) from_array(find_array(in, prefix + "counts"), counts_);

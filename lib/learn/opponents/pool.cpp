@@ -1,5 +1,6 @@
 #include "learn/opponents/pool.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <numeric>
 
@@ -9,11 +10,18 @@
 
 namespace giga {
 
-OpponentPool::OpponentPool(int64_t capacity, const at::Tensor& present)
-    : networks_(at::zeros({1 + capacity, present.size(0)}, present.options())),
-      games_(static_cast<size_t>(capacity)),
-      wins_(static_cast<size_t>(capacity)) {
+OpponentPool::OpponentPool(int64_t capacity, const at::Tensor& present, const at::Tensor& from_elsewhere)
+    : capacity_(capacity),
+      networks_(at::zeros({1 + capacity + (from_elsewhere.defined() ? from_elsewhere.size(0) : 0), present.size(0)},
+                          present.options())),
+      games_(static_cast<size_t>(networks_.size(0) - 1)),
+      wins_(games_.size()) {
   set_present(present);
+  if (from_elsewhere.defined()) guests().copy_(from_elsewhere);
+}
+
+bool OpponentPool::has(int64_t row) const {
+  return row >= 1 && row < networks_.size(0) && (row <= kept_ || row > capacity_);
 }
 
 void OpponentPool::set_present(const at::Tensor& present) {
@@ -22,7 +30,7 @@ void OpponentPool::set_present(const at::Tensor& present) {
 }
 
 void OpponentPool::keep() {
-  if (capacity() == 0) return;
+  if (capacity_ == 0) return;
   at::NoGradGuard no_grad;
   const int64_t place = place_of(kept_++);
   networks_[1 + place].copy_(networks_[0]);
@@ -35,7 +43,7 @@ void OpponentPool::keep() {
 
 void OpponentPool::note(int64_t row, double games, double wins) {
   if (row == 0) return;
-  GIGA_CHECK(row <= size(), "row ", row, " of ", size());
+  GIGA_CHECK(has(row), "nobody is in row ", row);
   games_[static_cast<size_t>(row - 1)] += games;
   wins_[static_cast<size_t>(row - 1)] += wins;
 }
@@ -46,11 +54,14 @@ double OpponentPool::win_rate(int64_t row) const {
 }
 
 std::vector<double> OpponentPool::weights(const OpponentsConfig& config) const {
-  std::vector<double> weights(static_cast<size_t>(size()), 1.0);
-  for (int64_t k = 0; k < size(); ++k) {
+  const int64_t past = std::min(kept_, capacity_);
+  std::vector<double> weights(static_cast<size_t>(n_guests() > 0 ? capacity_ + n_guests() : past));
+  for (int64_t k = 0; k < static_cast<int64_t>(weights.size()); ++k) {
+    if (!has(k + 1)) continue;
+    const int64_t age = k < past ? place_of(kept_ - 1 - k) : 0;  // 0 = kept last, and guests
     double& weight = weights[static_cast<size_t>(k)];
-    const int64_t age = place_of(kept_ - 1 - k);  // 0 = kept last
-    if (config.pool_draw == PoolDraw::recency) weight = static_cast<double>(size() - age);
+    weight = 1;
+    if (config.pool_draw == PoolDraw::recency) weight = static_cast<double>(std::max<int64_t>(past, 1) - age);
     if (config.pool_draw == PoolDraw::pfsp)
       weight = std::pow(1 - win_rate(k + 1), static_cast<double>(config.pool_hardness));
   }
@@ -58,26 +69,39 @@ std::vector<double> OpponentPool::weights(const OpponentsConfig& config) const {
 }
 
 void OpponentPool::save(const std::string& prefix, NamedArrays& out) const {
-  if (capacity() == 0) return;
-  out.push_back(to_array(prefix + "networks", networks_.narrow(0, 1, capacity())));
+  if (games_.empty()) return;
+  out.push_back(to_array(prefix + "networks", networks_.narrow(0, 1, capacity_)));
   out.push_back(make_array<int64_t>(prefix + "kept", {kept_}));
   out.push_back(make_array<double>(prefix + "games", games_));
   out.push_back(make_array<double>(prefix + "wins", wins_));
+  if (n_guests() > 0) out.push_back(to_array(prefix + "guests", guests()));
 }
 
-void OpponentPool::load(const std::string& prefix, const NamedArrays& in) {
-  if (capacity() == 0) return;
-  from_array(find_array(in, prefix + "networks"), networks_.narrow(0, 1, capacity()));
+int64_t OpponentPool::load(const std::string& prefix, const NamedArrays& in) {
+  if (games_.empty()) return 0;
+  from_array(find_array(in, prefix + "networks"), networks_.narrow(0, 1, capacity_));
   kept_ = array_values<int64_t>(find_array(in, prefix + "kept")).at(0);
   if (kept_ < 0) throw InputError(cat("array '", prefix, "kept' holds ", kept_));
+  const auto saved =
+      std::find_if(in.begin(), in.end(), [&](const NamedArray& a) { return a.name == prefix + "guests"; });
+  const auto n_saved = static_cast<size_t>(saved != in.end() ? saved->shape.at(0) : 0),
+             own = static_cast<size_t>(capacity_);
+  bool same = n_saved == static_cast<size_t>(n_guests());
+  if (same && n_saved > 0) {
+    const at::Tensor before = at::empty_like(guests());
+    from_array(*saved, before);
+    same = at::equal(before, guests());
+  }
   const auto record = [&](const char* name, std::vector<double>& values) {
-    std::vector<double> read = array_values<double>(find_array(in, prefix + name));
-    if (read.size() != values.size())
-      throw InputError(cat("array '", prefix, name, "' has ", read.size(), " numbers, expected ", values.size()));
-    values = std::move(read);
+    const std::vector<double> read = array_values<double>(find_array(in, prefix + name));
+    if (read.size() != own + n_saved)
+      throw InputError(cat("array '", prefix, name, "' has ", read.size(), " numbers, expected ", own + n_saved));
+    std::fill(values.begin(), values.end(), 0.0);
+    std::copy_n(read.begin(), same ? values.size() : own, values.begin());
   };
   record("games", games_);
   record("wins", wins_);
+  return static_cast<int64_t>(own + n_saved);
 }
 
 int32_t draw_opponent(const std::vector<double>& weights, const PoolKey& key, uint32_t number) {

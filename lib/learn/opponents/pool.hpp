@@ -13,38 +13,44 @@
 
 namespace giga {
 
-/// A policy is a row of numbers; row 0 is the team's present one, the others are a ring of past ones.
+/// A policy is a row of numbers; row 0 is the team's present one, then comes a ring of past ones, then those from
+/// elsewhere that stay (guests.hpp).
 class OpponentPool {
  public:
-  /// `present` [P]: the first of all.
-  OpponentPool(int64_t capacity, const at::Tensor& present);
+  /// `present` [P]: the first of all; `guests` [G, P], or none.
+  OpponentPool(int64_t capacity, const at::Tensor& present, const at::Tensor& guests = {});
 
   /// Takes the team's present policy [P] into row 0.
   void set_present(const at::Tensor& present);
   /// Keeps the policy of row 0 as a past one, in the place of the oldest where the pool is full. Results so far count
   /// half as much from now on.
   void keep();
-  int64_t size() const { return std::min(kept_, capacity()); }  ///< past policies: rows 1 to size
-  const at::Tensor& networks() const { return networks_; }      // [1 + capacity, P]
+  int64_t size() const { return std::min(kept_, capacity_) + n_guests(); }  ///< policies besides the present one
+  /// Whether there is a policy in a row other than 0.
+  bool has(int64_t row) const;
+  const at::Tensor& networks() const { return networks_; }  // [1 + capacity + guests, P]
 
   /// What the other team has won in `games` against a row; a tie is half a win. Row 0 has no record.
   void note(int64_t row, double games, double wins);
-  /// The other team's win rate against a past policy; half a win in one game is added, so that it is never 0 or 1.
+  /// The other team's win rate against a policy; half a win in one game is added, so that it is never 0 or 1.
   double win_rate(int64_t row) const;
-  /// With what weight each past policy is drawn: [size], of rows 1 to size. See PoolDraw.
+  /// With what weight each policy is drawn: of rows 1 to the last that there is; 0 where there is none. See PoolDraw.
   std::vector<double> weights(const OpponentsConfig& config) const;
 
-  /// The past policies and the record; after loading, row 0 is to be set.
+  /// The past policies, the guests and the record; after loading, row 0 is to be set. Where the guests are others than
+  /// those that were saved, they have no record yet. `load` returns the last row that the saved pool had room for.
   void save(const std::string& prefix, NamedArrays& out) const;
-  void load(const std::string& prefix, const NamedArrays& in);
+  int64_t load(const std::string& prefix, const NamedArrays& in);
 
  private:
-  int64_t capacity() const { return networks_.size(0) - 1; }
-  int64_t place_of(int64_t kept) const { return kept % capacity(); }
+  int64_t n_guests() const { return networks_.size(0) - 1 - capacity_; }
+  at::Tensor guests() const { return networks_.narrow(0, 1 + capacity_, n_guests()); }
+  int64_t place_of(int64_t kept) const { return kept % capacity_; }
 
+  const int64_t capacity_;
   at::Tensor networks_;
   int64_t kept_ = 0;                  // since the start
-  std::vector<double> games_, wins_;  // [capacity] of rows 1 and up, older ones at less than they were
+  std::vector<double> games_, wins_;  // [capacity + guests] of rows 1 and up, older ones at less than they were
 };
 
 /// What draws of opponents depend on besides the weights.
