@@ -42,8 +42,8 @@ struct GridLaunchShape {
 enum class StepLaunches {
   one,
   of_few,   ///< play, with crews, whose blocks sort for themselves, in half of the GPU at most; those that follow have
-            ///< all of it. One world on 132 multiprocessors: 1,921 to 2,048 and 4,097 to some 5,900 agents; those
-            ///< between have too few threads in a cluster
+            ///< all of it. One world on 132 multiprocessors: up to 2,048 and 4,097 to some 5,900 agents; those between
+            ///< have too few threads in a cluster
   of_more,  ///< play, without crews, of which there would be too many in one launch (some 17,000); those that look have
             ///< them
   of_many   ///< move, fight, settle, and a thread for each that looks and writes: as many at a time as registers allow
@@ -76,8 +76,9 @@ inline size_t grid_sorted_bytes(int n_agents, const GridDevice& device) {
   return bytes <= device.shared_bytes ? bytes : 0;
 }
 
-/// As many blocks for a world as have work, and for as many worlds as there is room for. Where all worlds find room at
-/// the same time in smaller clusters, but not in larger ones, in these: else some would wait for the others.
+/// As many blocks for a world as have work, and for as many worlds as there is room for. Clusters are powers of two:
+/// the next larger one where that gives each agent a crew, else the next smaller one. Where all worlds find room at the
+/// same time in smaller clusters, but not in larger ones, in these: else some would wait for the others.
 inline GridLaunchShape grid_launch_shape(int n_agents, int n_worlds, const GridDevice& device) {
   const auto with_threads = [&](int of_agent) { return (of_agent * n_agents + device.threads - 1) / device.threads; };
   int blocks = device.resident / std::min(n_worlds, device.resident);
@@ -86,7 +87,11 @@ inline GridLaunchShape grid_launch_shape(int n_agents, int n_worlds, const GridD
     blocks = device.most_clustered;
   if (blocks == 1 || blocks > device.most_clustered)
     return {std::min(n_worlds, device.resident / blocks), blocks, false};
-  blocks = static_cast<int>(std::bit_floor(static_cast<unsigned>(blocks)));
+  const int larger = static_cast<int>(std::bit_ceil(static_cast<unsigned>(blocks)));
+  const bool has_room = larger <= device.most_clustered && n_worlds <= device.clusters_of(larger);
+  blocks = has_room && with_threads(kLanesOfAgent) <= larger
+               ? larger
+               : static_cast<int>(std::bit_floor(static_cast<unsigned>(blocks)));
   while (blocks > 1 && device.clusters_of(blocks) < std::min(n_worlds, device.clusters_of(blocks / 2))) blocks /= 2;
   return {std::min(n_worlds, device.clusters_of(blocks)), blocks, blocks > 1};
 }

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <functional>
 #include <memory>
 #include <tuple>
@@ -189,6 +190,20 @@ TEST(GridCrowds, LaunchesByTheirSize) {
   EXPECT_EQ(launches(20, 13, 6, kBlocksToSpare), StepLaunches::of_few) << "6 x 5 of 64 blocks";
   EXPECT_EQ(launches(20, 13, 7, kBlocksToSpare), StepLaunches::one) << "7 x 5 of 64 blocks are more than half";
   EXPECT_EQ(launches(40, 30, 1, kBlocksForMore), StepLaunches::of_more) << "7 blocks are fewer than 4 x 70 threads";
+}
+
+// On 132 multiprocessors, with room for 8 clusters of 16 blocks of 512 threads.
+TEST(GridCrowds, ClustersGiveEachAgentACrewWhereTheyCan) {
+  const auto shape = [](int n_agents, int n_worlds) {
+    const GridLaunchShape s = grid_launch_shape(n_agents, n_worlds, {512, 132, 16});
+    return std::array{s.groups, s.blocks, s.clustered ? s.lanes_of_agent(n_agents, 512) : 0};
+  };
+  EXPECT_EQ(shape(1025, 1), (std::array{1, 16, 4})) << "4 x 1,025 threads are 9 blocks";
+  EXPECT_EQ(shape(1025, 8), (std::array{8, 16, 4}));
+  EXPECT_EQ(shape(1025, 9), (std::array{9, 8, 1})) << "9 clusters of 16 find no room";
+  EXPECT_EQ(shape(2048, 1), (std::array{1, 16, 4}));
+  EXPECT_EQ(shape(2049, 1), (std::array{1, 16, 1})) << "in a cluster of as many, with fewer threads";
+  EXPECT_EQ(shape(4097, 1), (std::array{1, 33, 0})) << "4 x 4,097 threads; no cluster has two for each";
 }
 
 TEST(GridCrowds, KnotsAreThoseOfTheCpu) {
