@@ -17,10 +17,9 @@
 
 namespace giga {
 
-constexpr int kGridThreads = 512;      // threads of a block
-constexpr int kThreadsOfAgent = 4;     // of a world, where there is room: most stages look at pairs or write rows
-constexpr int kFewThreadsOfAgent = 2;  // enough, where a world then fits into a cluster
-constexpr int kLanesOfAgent = 4;       // of a crew
+constexpr int kGridThreads = 512;   // threads of a block
+constexpr int kThreadsOfAgent = 4;  // of a world, where there is room: most stages look at pairs or write rows
+constexpr int kLanesOfAgent = 4;    // of a crew
 // Of StepLaunches::of_few. Of a crew that looks: with four lanes 52.4 M agent-steps/s instead of 53.5 M, crowded 33.9 M
 // instead of 36.8 M (2,000 agents, one H100). Of an agent whose row is written: a warp then has its rows in one go.
 constexpr int kLanesToLook = 8, kThreadsToWrite = 8;
@@ -42,8 +41,7 @@ struct GridLaunchShape {
 enum class StepLaunches {
   one,
   of_few,   ///< play, with crews, whose blocks sort for themselves, in half of the GPU at most; those that follow have
-            ///< all of it. One world on 132 multiprocessors: up to 2,048 and 4,097 to some 5,900 agents; those between
-            ///< have too few threads in a cluster
+            ///< all of it. One world on 132 multiprocessors: up to some 5,900 agents
   of_more,  ///< play, without crews, of which there would be too many in one launch (some 17,000); those that look have
             ///< them
   of_many   ///< move, fight, settle, and a thread for each that looks and writes: as many at a time as registers allow
@@ -83,8 +81,6 @@ inline GridLaunchShape grid_launch_shape(int n_agents, int n_worlds, const GridD
   const auto with_threads = [&](int of_agent) { return (of_agent * n_agents + device.threads - 1) / device.threads; };
   int blocks = device.resident / std::min(n_worlds, device.resident);
   blocks = std::max(1, std::min(with_threads(kThreadsOfAgent), blocks));
-  if (blocks > device.most_clustered && with_threads(kFewThreadsOfAgent) <= device.most_clustered)
-    blocks = device.most_clustered;
   if (blocks == 1 || blocks > device.most_clustered)
     return {std::min(n_worlds, device.resident / blocks), blocks, false};
   const int larger = static_cast<int>(std::bit_ceil(static_cast<unsigned>(blocks)));
