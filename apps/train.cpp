@@ -197,8 +197,8 @@ void add_train_command(CLI::App& app, Dispatch& dispatch) {
       "  agent_steps_per_second      of this update, without evaluation\n"
       "  figures of the learner      those of a team end in its number, as return_0; of the episodes that ended:\n"
       "                              episodes, episode_length, return, score, win_rate, tie_rate, reward_TERM;\n"
-      "                              pool_win_rate, scripted_win_rate: against opponents.pool_size past policies\n"
-      "                              and opponents.scripted (mappo: the other figures are of the worlds in which\n"
+      "                              pool_win_rate, scripted_win_rate: against the pool and against\n"
+      "                              opponents.scripted (mappo: the other figures are of the worlds in which\n"
       "                              both teams learn)\n" +
       figures_help() +
       "  win_rate_T_vs_O, loss_rate_T_vs_O, mean_return_T_vs_O\n"

@@ -91,8 +91,8 @@ __global__ void __launch_bounds__(kGridThreads, kGridBlocks)
 constexpr int kFreeThreads = 128, kFewFreeThreads = 64;  // with crews there is less than a block for a multiprocessor
 template <int kCrew>
 constexpr int free_threads = kCrew > 1 ? kFewFreeThreads : kFreeThreads;
-/// Blocks per multiprocessor at least: 70, 80 and 64 registers. Blocks of 256 threads, of which the last to end keeps
-/// the registers of all, 2 % slower while most live (a million agents, one H100).
+/// Blocks per multiprocessor at least: 70, 80 and 64 registers. With blocks of 256 threads, whose last warp to
+/// end holds the registers of all, it is 2 % slower while most live (a million agents, one H100).
 constexpr int kFightBlocks = 7, kLookBlocks = 6, kWriteBlocks = 8;
 constexpr int free_blocks(StepPart part, int crew) {
   if (crew > 1) return 1;

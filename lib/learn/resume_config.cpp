@@ -116,10 +116,12 @@ ResumedRun resume_config(const std::string& config_yaml, const std::string& scen
   errors.throw_if_any();
 
   ResumedRun resumed;
-  find_policies(after, place_of("opponents.policies"), errors);
+  const bool keeps_policies = after.opponents.policies == before.opponents.policies;
+  if (!keeps_policies) find_policies(after, place_of("opponents.policies"), errors);
   resumed.changes = compare(before, after, errors);
   if (!errors.empty()) throw InputError(cat(errors.text(), "\nwhat may change: ", keys_that_may_change()));
   resumed.run = load_run_config_text(print_yaml(after, false), scenario_yaml);
+  resumed.run.policies_are_saved = keeps_policies;
   return resumed;
 }
 

@@ -58,24 +58,28 @@ void check_opponents(ConfigCheck& check) {
              p.pool_size > 0 && p.pool_share + p.scripted_share > 1) {
     check.fail("opponents.pool_share",
                cat(p.pool_share, " and opponents.scripted_share ", p.scripted_share, " are more than 1 together"));
-  } else if (!p.policies.empty() && p.pool_size == 0 && check.known({"opponents.policies", "opponents.pool_size"})) {
-    check.fail("opponents.policies", "they join the pool, and opponents.pool_size is 0; needed: 1 or more");
+  } else if (!p.policies.empty() &&
+             check.known({"opponents.policies", "opponents.pool_size", "opponents.pool_share"})) {
+    if (p.pool_size == 0)
+      check.fail("opponents.policies", "they join the pool, and opponents.pool_size is 0; needed: 1 or more");
+    if (p.pool_share == 0)
+      check.fail("opponents.policies", "they are met with the pool, and opponents.pool_share is 0; needed: more");
   }
 }
 
 /// The place of a policy, so that the run's own config names it from anywhere.
-void find_policy(std::string& name, const std::string& key, const Position& at, Errors& errors) {
+void find_policy(std::string& name, const char* kinds, const std::string& key, const Position& at, Errors& errors) {
   std::error_code code;
   const std::filesystem::path path = std::filesystem::weakly_canonical(name, code);
-  if (code || !std::filesystem::exists(path, code))
-    return errors.add(at, cat(key, ": there is no run, checkpoint or exported policy ", name));
+  if (code || !std::filesystem::exists(path, code)) return errors.add(at, cat(key, ": there is no ", kinds, " ", name));
   name = path.string();
 }
 
 void find_opponent(RunConfig& config, const KeyPositions& given, Errors& errors) {
   Opponent& opponent = config.train.opponent;
   if (!opponent.is_path() || is_wrong("train.opponent", given, errors)) return;
-  find_policy(opponent.name, "train.opponent", given.at("train.opponent"), errors);
+  find_policy(opponent.name, "run, checkpoint or exported policy", "train.opponent", given.at("train.opponent"),
+              errors);
 }
 
 /// Puts together what was read, as far as it was; throws with all mistakes.
@@ -96,6 +100,7 @@ LoadedRun finish(RunConfig config, std::optional<Scenario> scenario, const KeyPo
   algorithm_of(run.config).check(check);
   errors.throw_if_any();
   if (const auto found = given.find("train.opponent"); found != given.end()) run.opponent_at = found->second;
+  if (const auto found = given.find("opponents.policies"); found != given.end()) run.policies_at = found->second;
   return run;
 }
 
@@ -200,7 +205,13 @@ void ConfigCheck::image_is_there(const std::string& group, const NetworkConfig& 
 }
 
 void find_policies(RunConfig& config, const Position& at, Errors& errors) {
-  for (std::string& name : config.opponents.policies) find_policy(name, "opponents.policies", at, errors);
+  const std::vector<std::string> scripts = FieldCodec<Scripted>::names();
+  for (std::string& name : config.opponents.policies) {
+    if (std::find(scripts.begin(), scripts.end(), name) != scripts.end())
+      errors.add(at, cat("opponents.policies: ", name, " is a script: opponents.scripted takes scripts"));
+    else
+      find_policy(name, "run or checkpoint", "opponents.policies", at, errors);
+  }
 }
 
 std::optional<int64_t> total_updates(const RunConfig& c, int n_agents) {

@@ -119,7 +119,8 @@ void visit_fields(V& v, OpponentsConfig& c) {
     range(0, 1));
   v("pool_draw", c.pool_draw,
     "uniform: all alike; recency: the newest of K policies K times as often as the oldest, linear in "
-    "between; pfsp: in proportion to (1 - win rate) ^ pool_hardness (prioritised fictitious self-play, "
+    "between, and those of `policies` as often as the newest; pfsp: in proportion to (1 - win rate) ^ pool_hardness "
+    "(prioritised fictitious self-play, "
     "Vinyals et al. 2019, doi 10.1038/s41586-019-1724-z). There a tie is half a win, and results count "
     "half as much after each pool_every_updates");
   v("pool_hardness", c.pool_hardness, "pool_draw pfsp: the larger, the more often strong opponents are drawn",
@@ -129,8 +130,11 @@ void visit_fields(V& v, OpponentsConfig& c) {
     "has won more games against the other team's pool than it lost, by 1.65 x the root of both together (95 % sure "
     "that it is better), or the other team's pool is empty");
   v("policies", c.policies,
-    "mappo: runs (their best checkpoint) or checkpoints, as paths, whose teams stay in the pool besides past policies, "
-    "such as the best responses of `gigastep exploit` to an earlier run; their networks must be like those of this run",
+    "mappo: runs (their best checkpoint, or else the newest) or checkpoints, as paths, whose teams stay in the pool "
+    "besides "
+    "pool_size past policies, such as the best responses of `gigastep exploit` to an earlier run; their networks must "
+    "be "
+    "like those of this run. Checkpoints hold them, so a run goes on without the files",
     Allowed{}.items(0, 64));
   v("scripted", c.scripted, "scripted opponents, in turn (evolution: from generation to generation too)",
     Allowed{}.items(1, 64));
@@ -209,6 +213,9 @@ struct LoadedRun {
   Scenario scenario;                    ///< resolved, with `rules` applied
   SimSpec spec;                         ///< compiled
   std::optional<Position> opponent_at;  ///< where train.opponent was given, for messages
+  std::optional<Position> policies_at;  ///< and opponents.policies
+  /// The run goes on from a checkpoint, which holds the policies of opponents.policies.
+  bool policies_are_saved = false;
 };
 LoadedRun load_run_config(const std::string& path, const std::vector<std::string>& overrides);
 /// Makes paths of opponents.policies whole, so that the run's own config names them from anywhere; notes those that are

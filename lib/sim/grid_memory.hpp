@@ -90,7 +90,7 @@ GIGA_HD size_t attach_scratch(const GridParams& p, GridWorld& w, char* block, bo
     if (sorts) {
       take(w.work.order, n);
       take(w.work.cell, n);
-      take(w.work.block_sums, n / 8 + 1);  // of blocks of a warp or more, at most four threads an agent
+      take(w.work.block_sums, n / 8 + 1);  // of blocks of a warp, at most four threads an agent; or of 512, and eight
     }
     take(w.work.sums, static_cast<size_t>(kMostStepItems) *
                           static_cast<size_t>(sums_of_team(p.n_team[0] > p.n_team[1] ? p.n_team[0] : p.n_team[1])));

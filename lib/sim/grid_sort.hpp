@@ -169,7 +169,7 @@ GIGA_HD void mark_agents(const Lanes& lanes, const GridParameters auto& p, GridW
                              [&](int k) { w.placed[k].marks = marks_of_agent(p, w, w.placed[k].agent); });
 }
 
-/// Leaves the grid to launches that follow, or that they have nothing to do. No barrier.
+/// Leaves to launches that follow the shape of the grid, or word that there is nothing for them to do. No barrier.
 template <WideLanes Lanes>
 GIGA_HD void leave_grid(const Lanes& lanes, GridWorld& w, bool some) {
   lanes.without_barrier().each(1, [&](int) { *w.work.shape = some ? w.grid : GridShape{.columns = 0}; });
@@ -263,8 +263,7 @@ GIGA_HD void fight(const Lanes& lanes, const GridParameters auto& p, GridWorld& 
   lanes.wait();
 }
 
-/// What `fight` counts, where the fight is a launch of its own: with so many warps they would wait for each other to
-/// add to the counts.
+/// What `fight` counts, where the fight is a launch of its own: its many warps would queue at the four counters.
 template <WideLanes Lanes>
 GIGA_HD void count_living(const Lanes& lanes, const GridParameters auto& p, GridWorld& w, int n) {
   lanes.template gather<4>(

@@ -23,8 +23,8 @@ constexpr bool has_barriers(StepPart part) {
   return part == StepPart::play || part == StepPart::move || part == StepPart::settle;
 }
 
-/// Runs a part that has none for one world, of n agents, or of none where nothing was left to it. Between two parts all
-/// lanes see all results of the first.
+/// Runs a part without barriers for one world, of n agents, or of none where nothing was left to it. Between two parts
+/// all lanes see all results of the first.
 template <StepPart part, class Lanes, class DrawsAt>
 requires(!has_barriers(part)) GIGA_HD
     void run_part(const Lanes& waiting, const Parameters auto& p, World auto& w, const DrawsAt& draws_at,
@@ -43,7 +43,7 @@ requires(!has_barriers(part)) GIGA_HD
   if constexpr (part == StepPart::write_and_add_up) add_up_blocks(lanes, p, w, n);
 }
 
-/// The same of one that has some. `left`: the n of those without, which `settle` goes by.
+/// Runs a part with barriers. `left`: agents that are left to `settle`; 0 = the world waits.
 template <StepPart part, class Lanes, class DrawsAt>
 requires(has_barriers(part)) [[gnu::always_inline]] GIGA_HD
     void run_part(const Lanes& lanes, const Parameters auto& p, World auto& w, const DrawsAt& draws_at,

@@ -212,6 +212,10 @@ std::vector<BadInput> meanings() {
                 "train: {opponent: circle}\nopponents: {pool_size: 4, scripted_share: 0.1}",
                 {"run.yaml:3:24: opponents.pool_size: this means nothing with train.opponent circle",
                  "run.yaml:3:43: opponents.scripted_share: this means nothing with train.opponent circle"}),
+      in_config("script among the policies of the pool", "opponents: {pool_size: 4, policies: [pursuer]}",
+                {"run.yaml:2:37: opponents.policies: pursuer is a script: opponents.scripted takes scripts"}),
+      in_config("policy of the pool that is not there", "opponents: {policies: [./nobody]}",
+                {"run.yaml:2:23: opponents.policies: there is no run or checkpoint ./nobody"}),
       in_config("share of opponents without a world",
                 "train: {n_worlds: 16}\nopponents: {pool_size: 4, pool_share: 0.05}",
                 {"run.yaml:3:39: opponents.pool_share: 0.05 of train.n_worlds 16 leaves each team 0 worlds against the "

@@ -152,6 +152,17 @@ TEST(LearnOpponents, GuestsStayInThePool) {
   const double first = pool.weights(c)[0], second = pool.weights(c)[1];
   EXPECT_EQ(weights({7, 6}), (std::vector<double>{first, second, 0.25, 0.25}));
   EXPECT_EQ(weights({5}), (std::vector<double>{first, second, 0.25}));
+  EXPECT_TRUE(with_guests({5}).load("", saved).other_guests);
+  OpponentPool adopted(2, at::full({1}, 9.0));
+  EXPECT_FALSE(adopted.load("", saved, true).other_guests);
+  EXPECT_EQ(adopted.weights(c), pool.weights(c));
+  EXPECT_TRUE(at::equal(adopted.networks().narrow(0, 1, 4), pool.networks().narrow(0, 1, 4)));
+  // Weights too small for a number: those that there are, and no empty row.
+  OpponentPool beaten = with_guests({7});
+  beaten.note(3, 1e9, 1e9);
+  c.pool_hardness = 100;
+  EXPECT_EQ(beaten.weights(c), (std::vector<double>{0, 0, 1}));
+  c.pool_hardness = 2;
   OpponentPool none(2, at::full({1}, 9.0));
   none.load("", saved);
   EXPECT_EQ(none.weights(c), (std::vector<double>{first, second}));

@@ -32,6 +32,7 @@ TEST(LearnResumeConfig, WithoutChangesItIsTheSameConfig) {
   EXPECT_EQ(print_scenario(after.run.scenario), print_scenario(before.scenario));
   EXPECT_TRUE(after.changes.empty());
   EXPECT_TRUE(resumed({"train.n_worlds=24"}).changes.empty()) << "the same value is no change";
+  EXPECT_TRUE(after.run.policies_are_saved);
 }
 
 TEST(LearnResumeConfig, WhatMayChangeChanges) {

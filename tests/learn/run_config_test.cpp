@@ -256,6 +256,15 @@ TEST_F(LearnRunConfig, OpponentsNeedSelfPlayAndWorlds) {
             "that script everywhere; self_play makes both learn\n"
             "run.yaml:3:43: opponents.scripted_share: this means nothing with train.opponent circle: the other team "
             "plays that script everywhere; self_play makes both learn");
+  EXPECT_EQ(error("policies: [.]"),
+            "run.yaml:3:23: opponents.policies: they join the pool, and opponents.pool_size is 0; needed: 1 or more");
+  EXPECT_EQ(error("pool_size: 4, pool_share: 0, policies: [.]"),
+            "run.yaml:3:52: opponents.policies: they are met with the pool, and opponents.pool_share is 0; needed: "
+            "more");
+  EXPECT_EQ(error("pool_size: 4, policies: [./nobody]"),
+            "run.yaml:3:37: opponents.policies: there is no run or checkpoint ./nobody");
+  EXPECT_EQ(error("pool_size: 4, policies: [.]", "algorithm: snes").substr(0, 70),
+            "run.yaml:3:37: opponents.policies: this means nothing to train.algorit");
   EXPECT_EQ(error("pool_size: 4, pool_share: 0.7, scripted_share: 0.5"),
             "run.yaml:3:39: opponents.pool_share: 0.7 and opponents.scripted_share 0.5 are more than 1 together");
   // Half of 24 worlds is 12: 0.04 of it rounds to none, 0.1 of it to one.

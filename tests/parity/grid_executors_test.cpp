@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <array>
 #include <functional>
 #include <memory>
 #include <tuple>
@@ -196,13 +195,15 @@ TEST(GridCrowds, LaunchesByTheirSize) {
 TEST(GridCrowds, ClustersGiveEachAgentACrewWhereTheyCan) {
   const auto shape = [](int n_agents, int n_worlds) {
     const GridLaunchShape s = grid_launch_shape(n_agents, n_worlds, {512, 132, 16});
-    return std::array{s.groups, s.blocks, s.clustered ? s.lanes_of_agent(n_agents, 512) : 0};
+    return std::tuple{s.groups, s.blocks, s.clustered, s.lanes_of_agent(n_agents, 512)};
   };
-  EXPECT_EQ(shape(1025, 1), (std::array{1, 16, 4})) << "4 x 1,025 threads are 9 blocks";
-  EXPECT_EQ(shape(1025, 8), (std::array{8, 16, 4}));
-  EXPECT_EQ(shape(1025, 9), (std::array{9, 8, 1})) << "9 clusters of 16 find no room";
-  EXPECT_EQ(shape(2048, 1), (std::array{1, 16, 4}));
-  EXPECT_EQ(shape(2049, 1), (std::array{1, 17, 0})) << "no cluster has as many threads";
+  EXPECT_EQ(shape(1025, 1), (std::tuple{1, 16, true, 4})) << "4 x 1,025 threads are 9 blocks";
+  EXPECT_EQ(shape(1025, 8), (std::tuple{8, 16, true, 4}));
+  EXPECT_EQ(shape(1025, 9), (std::tuple{9, 8, true, 1})) << "9 clusters of 16 find no room";
+  EXPECT_EQ(shape(2048, 1), (std::tuple{1, 16, true, 4}));
+  EXPECT_EQ(shape(2049, 1), (std::tuple{1, 17, false, 4})) << "no cluster has as many threads";
+  EXPECT_EQ(shape(3000, 4), (std::tuple{4, 24, false, 4})) << "96 of 132 blocks";
+  EXPECT_EQ(shape(3000, 8), (std::tuple{8, 16, true, 1})) << "16 blocks for each";
 }
 
 TEST(GridCrowds, KnotsAreThoseOfTheCpu) {
@@ -252,7 +253,7 @@ TEST(GpuGridCrowds, FewAreThoseOfTheCpu) {
         c, [](const SimSpec& spec, const SimOptions& options) { return make_cuda_grid_simulator(spec, options, 0); });
 }
 
-// A step in three launches, as large worlds have it: in one cluster, and in more blocks than fit into one.
+// A step in five launches, as large worlds have it: in one cluster, and in more blocks than fit into one.
 TEST(GpuGridCrowds, InPartsAreThoseOfTheCpu) {
   if (cuda_device_count() == 0) GTEST_SKIP() << "skipped: no GPU";
   const auto in_parts = [](const SimSpec& spec, SimOptions options) {
@@ -266,7 +267,7 @@ TEST(GpuGridCrowds, InPartsAreThoseOfTheCpu) {
   }
 }
 
-// In one launch, of a cluster and of more blocks than fit into one, and in three; with worlds that freeze as matches
+// In one launch, of a cluster and of more blocks than fit into one, and in five; with worlds that freeze as matches
 // have them.
 TEST(GpuGridRecorded, StepsAreThoseQueuedOneByOne) {
   if (cuda_device_count() == 0) GTEST_SKIP() << "skipped: no GPU";

@@ -36,6 +36,8 @@ void check_alike(const LoadedRun& theirs, const LoadedRun& ours) {
   if (there.obs_norm != here.obs_norm)
     throw InputError(cat("its networks are not like those of the run: observations are ",
                          there.obs_norm ? "normalised there and not here" : "normalised here and not there"));
+  if (there.greedy && !here.greedy)
+    throw InputError("it takes its most likely actions, and those of the pool are drawn");
 }
 
 }  // namespace
@@ -46,7 +48,6 @@ std::array<at::Tensor, kNTeams> load_guests(const LoadedRun& run, const std::arr
   for (const std::string& name : run.config.opponents.policies) {
     try {
       const Player player = Player::load(name, {.device = device});
-      if (player.script()) throw InputError("this is a script: opponents.scripted takes scripts");
       player.check_plays(run.spec, &run.scenario);
       bool some = false;
       for (int team = 0; team < kNTeams; ++team) {
@@ -57,11 +58,12 @@ std::array<at::Tensor, kNTeams> load_guests(const LoadedRun& run, const std::arr
         rows[static_cast<size_t>(team)].push_back(GroupPolicy::row_of(*actor));
         GIGA_CHECK(rows[static_cast<size_t>(team)].back().numel() ==
                        GroupPolicy::row_of(*actors[static_cast<size_t>(team)]).numel(),
-                   "networks that are alike have not as many numbers");
+                   "networks of one shape have different numbers of parameters");
       }
       if (!some) throw InputError("only runs and checkpoints have networks that can join the pool");
     } catch (const InputError& e) {
-      throw InputError(cat("opponents.policies: ", name, ": ", e.what()));
+      const std::string at = run.policies_at ? run.policies_at->text() + ": " : "";
+      throw InputError(cat(at, "opponents.policies: ", name, ": ", e.what()));
     }
   }
   std::array<at::Tensor, kNTeams> guests;

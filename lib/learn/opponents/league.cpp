@@ -26,6 +26,7 @@ GameCount game_count(const double* counts) { return {counts[0], counts[1], count
 
 League::League(const LoadedRun& run, std::array<const Actor*, kNTeams> actors, const ParallelFor& parallel_for)
     : config_(run.config.opponents),
+      guests_are_saved_(run.policies_are_saved),
       seed_(seed_of(run.config.seed, Purpose::training)),
       device_(torch_device(parallel_for.device())),
       shares_(world_shares(config_, run.config.train.n_worlds)),
@@ -33,7 +34,8 @@ League::League(const LoadedRun& run, std::array<const Actor*, kNTeams> actors, c
       counts_(at::zeros({shares_.n_worlds}, at::TensorOptions().dtype(at::kByte).device(device_))) {
   if (config_.pool_size == 0) return;
   const Precision precision = precision_on(run, parallel_for.device());
-  const std::array<at::Tensor, kNTeams> guests = load_guests(run, actors, parallel_for.device());
+  std::array<at::Tensor, kNTeams> guests;
+  if (!guests_are_saved_) guests = load_guests(run, actors, parallel_for.device());
   past_.reserve(kNTeams);
   for (const Actor* actor : actors) {
     past_.push_back({actor,
@@ -46,6 +48,7 @@ League::League(const LoadedRun& run, std::array<const Actor*, kNTeams> actors, c
     // Of a fixed number of groups, so that a run may go on with other shares.
     Past& past = past_.back();
     set_rows(past, std::vector<int32_t>(std::min<size_t>(static_cast<size_t>(config_.pool_size), kMostGroups)));
+    if (past.pool.n_guests() > 0) draw_rows(static_cast<int>(past_.size()) - 1, 0);
     past.networks = past.pool.networks().index_select(0, past.row_index);
     past.policy.set(past.networks);
   }
@@ -81,6 +84,15 @@ Side League::side(int team) const {
 void League::set_rows(Past& past, std::vector<int32_t> rows) const {
   past.row = std::move(rows);
   past.row_index = at::tensor(past.row, at::kLong).slice(0, 0, shares_.groups).to(device_);
+}
+
+void League::draw_rows(int team, uint32_t update) {
+  Past& past = past_[static_cast<size_t>(team)];
+  const std::vector<double> weights = past.pool.weights(config_);
+  std::vector<int32_t> rows(past.row.size());
+  for (size_t g = 0; g < rows.size(); ++g)
+    rows[g] = draw_opponent(weights, {seed_, update, 1 - team}, static_cast<uint32_t>(g));
+  set_rows(past, std::move(rows));
 }
 
 void League::begin() {
@@ -143,7 +155,7 @@ void League::read(EpisodeStats& self_play, std::array<LeagueRecord, kNTeams>& re
 }
 
 bool League::is_promoted(size_t team) const {
-  return config_.pool_promotion == PoolPromotion::always || past_[1 - team].pool.size() == 0 ||
+  return config_.pool_promotion == PoolPromotion::always || past_[1 - team].pool.n_past() == 0 ||
          past_[team].since_kept.is_evidence();
 }
 
@@ -160,11 +172,7 @@ bool League::end(int64_t updates_done, const Simulator& sim) {
       past.pool.keep();
       past.since_kept = {};
     }
-    const std::vector<double> weights = past.pool.weights(config_);
-    const PoolKey key{seed_, static_cast<uint32_t>(updates_done), 1 - static_cast<int>(team)};
-    std::vector<int32_t> rows(past.row.size());
-    for (size_t g = 0; g < rows.size(); ++g) rows[g] = draw_opponent(weights, key, static_cast<uint32_t>(g));
-    set_rows(past, std::move(rows));
+    draw_rows(static_cast<int>(team), static_cast<uint32_t>(updates_done));
   }
   counts_.copy_(wrap(sim.state().view().episode_length, {shares_.n_worlds}, sim.device()) == 0);
   return true;
@@ -183,10 +191,11 @@ void League::save(const std::string& prefix, NamedArrays& out) const {
 }
 
 void League::load(const std::string& prefix, const NamedArrays& in) {
+  bool drawn_anew = false;
   for (size_t team = 0; team < past_.size(); ++team) {
     Past& past = past_[team];
     const std::string place = cat(prefix, "team_", team, "/");
-    const int64_t last_saved = past.pool.load(place, in);
+    const OpponentPool::Loaded saved = past.pool.load(place, in, guests_are_saved_);
     if (config_.pool_promotion == PoolPromotion::evidence) {
       const std::vector<double> since = array_values<double>(find_array(in, place + "since_kept"));
       if (since.size() != 3)
@@ -196,14 +205,19 @@ void League::load(const std::string& prefix, const NamedArrays& in) {
     std::vector<int32_t> rows = array_values<int32_t>(find_array(in, place + "row"));
     if (rows.size() != past.row.size())
       throw InputError(cat("array '", place, "row' has ", rows.size(), " numbers, expected ", past.row.size()));
-    for (int32_t& row : rows) {
-      if (row < 0 || row > last_saved || (row > 0 && row <= config_.pool_size && !past.pool.has(row)))
+    for (const int32_t row : rows)
+      if (row < 0 || row > saved.last_row || (row > 0 && row <= config_.pool_size && !past.pool.has(row)))
         throw InputError(cat("array '", place, "row' holds ", row, ", the pool has ", past.pool.size(), " policies"));
-      if (row > 0 && !past.pool.has(row)) row = 0;  // a guest that is gone
+    if (saved.other_guests) {  // a row may mean somebody else now
+      past.row = std::move(rows);
+      draw_rows(static_cast<int>(team), 0);
+      drawn_anew = true;
+    } else {
+      set_rows(past, std::move(rows));
     }
-    set_rows(past, std::move(rows));
   }
   if (!past_.empty()) from_array(find_array(in, prefix + "counts"), counts_);
+  if (drawn_anew) counts_.zero_();  // the games that are on began against others
 }
 
 }  // namespace giga

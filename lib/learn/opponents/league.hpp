@@ -59,10 +59,12 @@ class League {
     at::Tensor networks;       // [groups, row size] of `policy`, which stay where they are
   };
   void set_rows(Past& past, std::vector<int32_t> rows) const;
+  void draw_rows(int team, uint32_t update);
   bool is_promoted(size_t team) const;
   at::Tensor counts_of(const at::Tensor& stats, const WorldRange& worlds, int team) const;
 
   const OpponentsConfig config_;
+  const bool guests_are_saved_;
   const uint64_t seed_;
   const at::Device device_;
   const WorldShares shares_;

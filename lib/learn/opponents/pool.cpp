@@ -54,8 +54,9 @@ double OpponentPool::win_rate(int64_t row) const {
 }
 
 std::vector<double> OpponentPool::weights(const OpponentsConfig& config) const {
-  const int64_t past = std::min(kept_, capacity_);
+  const int64_t past = n_past();
   std::vector<double> weights(static_cast<size_t>(n_guests() > 0 ? capacity_ + n_guests() : past));
+  double sum = 0;
   for (int64_t k = 0; k < static_cast<int64_t>(weights.size()); ++k) {
     if (!has(k + 1)) continue;
     const int64_t age = k < past ? place_of(kept_ - 1 - k) : 0;  // 0 = kept last, and guests
@@ -64,7 +65,9 @@ std::vector<double> OpponentPool::weights(const OpponentsConfig& config) const {
     if (config.pool_draw == PoolDraw::recency) weight = static_cast<double>(std::max<int64_t>(past, 1) - age);
     if (config.pool_draw == PoolDraw::pfsp)
       weight = std::pow(1 - win_rate(k + 1), static_cast<double>(config.pool_hardness));
+    sum += weight;
   }
+  for (size_t k = 0; sum == 0 && k < weights.size(); ++k) weights[k] = has(static_cast<int64_t>(k) + 1) ? 1 : 0;
   return weights;
 }
 
@@ -77,31 +80,32 @@ void OpponentPool::save(const std::string& prefix, NamedArrays& out) const {
   if (n_guests() > 0) out.push_back(to_array(prefix + "guests", guests()));
 }
 
-int64_t OpponentPool::load(const std::string& prefix, const NamedArrays& in) {
-  if (games_.empty()) return 0;
+OpponentPool::Loaded OpponentPool::load(const std::string& prefix, const NamedArrays& in, bool with_guests) {
+  if (games_.empty()) return {0, false};
   from_array(find_array(in, prefix + "networks"), networks_.narrow(0, 1, capacity_));
   kept_ = array_values<int64_t>(find_array(in, prefix + "kept")).at(0);
   if (kept_ < 0) throw InputError(cat("array '", prefix, "kept' holds ", kept_));
   const auto saved =
       std::find_if(in.begin(), in.end(), [&](const NamedArray& a) { return a.name == prefix + "guests"; });
-  const auto n_saved = static_cast<size_t>(saved != in.end() ? saved->shape.at(0) : 0),
-             own = static_cast<size_t>(capacity_);
-  bool same = n_saved == static_cast<size_t>(n_guests());
-  if (same && n_saved > 0) {
-    const at::Tensor before = at::empty_like(guests());
-    from_array(*saved, before);
-    same = at::equal(before, guests());
+  const int64_t n_saved = saved != in.end() ? saved->shape.at(0) : 0, last_row = capacity_ + n_saved;
+  const at::Tensor before = at::empty({n_saved, networks_.size(1)}, networks_.options());
+  if (n_saved > 0) from_array(*saved, before);
+  if (with_guests) {
+    networks_ = at::cat({networks_.narrow(0, 0, 1 + capacity_), before});
+    games_.resize(static_cast<size_t>(last_row));
+    wins_.resize(games_.size());
   }
+  const bool same = n_saved == n_guests() && at::equal(before, guests());
   const auto record = [&](const char* name, std::vector<double>& values) {
     const std::vector<double> read = array_values<double>(find_array(in, prefix + name));
-    if (read.size() != own + n_saved)
-      throw InputError(cat("array '", prefix, name, "' has ", read.size(), " numbers, expected ", own + n_saved));
+    if (read.size() != static_cast<size_t>(last_row))
+      throw InputError(cat("array '", prefix, name, "' has ", read.size(), " numbers, expected ", last_row));
     std::fill(values.begin(), values.end(), 0.0);
-    std::copy_n(read.begin(), same ? values.size() : own, values.begin());
+    std::copy_n(read.begin(), same ? last_row : capacity_, values.begin());
   };
   record("games", games_);
   record("wins", wins_);
-  return static_cast<int64_t>(own + n_saved);
+  return {last_row, !same};
 }
 
 int32_t draw_opponent(const std::vector<double>& weights, const PoolKey& key, uint32_t number) {

@@ -25,7 +25,9 @@ class OpponentPool {
   /// Keeps the policy of row 0 as a past one, in the place of the oldest where the pool is full. Results so far count
   /// half as much from now on.
   void keep();
-  int64_t size() const { return std::min(kept_, capacity_) + n_guests(); }  ///< policies besides the present one
+  int64_t n_past() const { return std::min(kept_, capacity_); }
+  int64_t n_guests() const { return networks_.size(0) - 1 - capacity_; }
+  int64_t size() const { return n_past() + n_guests(); }  ///< policies besides the present one
   /// Whether there is a policy in a row other than 0.
   bool has(int64_t row) const;
   const at::Tensor& networks() const { return networks_; }  // [1 + capacity + guests, P]
@@ -34,16 +36,21 @@ class OpponentPool {
   void note(int64_t row, double games, double wins);
   /// The other team's win rate against a policy; half a win in one game is added, so that it is never 0 or 1.
   double win_rate(int64_t row) const;
-  /// With what weight each policy is drawn: of rows 1 to the last that there is; 0 where there is none. See PoolDraw.
+  /// With what weight each policy is drawn: of rows 1 to the last that there is; 0 where there is none. Where all that
+  /// there are would have 0, they are drawn alike. See PoolDraw.
   std::vector<double> weights(const OpponentsConfig& config) const;
 
-  /// The past policies, the guests and the record; after loading, row 0 is to be set. Where the guests are others than
-  /// those that were saved, they have no record yet. `load` returns the last row that the saved pool had room for.
+  /// What a saved pool says of itself.
+  struct Loaded {
+    int64_t last_row;   ///< that it had room for
+    bool other_guests;  ///< than there are now: these have no record yet
+  };
+  /// The past policies, the guests and the record; after loading, row 0 is to be set. `with_guests`: those that were
+  /// saved, instead of the ones that there are.
   void save(const std::string& prefix, NamedArrays& out) const;
-  int64_t load(const std::string& prefix, const NamedArrays& in);
+  Loaded load(const std::string& prefix, const NamedArrays& in, bool with_guests = false);
 
  private:
-  int64_t n_guests() const { return networks_.size(0) - 1 - capacity_; }
   at::Tensor guests() const { return networks_.narrow(0, 1 + capacity_, n_guests()); }
   int64_t place_of(int64_t kept) const { return kept % capacity_; }
 
