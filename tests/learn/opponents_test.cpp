@@ -157,6 +157,9 @@ TEST(LearnOpponents, GuestsStayInThePool) {
   EXPECT_FALSE(adopted.load("", saved, true).other_guests);
   EXPECT_EQ(adopted.weights(c), pool.weights(c));
   EXPECT_TRUE(at::equal(adopted.networks().narrow(0, 1, 4), pool.networks().narrow(0, 1, 4)));
+  NamedArrays broken = saved;
+  broken.back() = {"guests", ArrayType::f32, {}, std::vector<uint8_t>(sizeof(float))};  // a number instead of rows
+  EXPECT_THROW(with_guests({7, 8}).load("", broken), InputError);
   // Weights too small for a number: those that there are, and no empty row.
   OpponentPool beaten = with_guests({7});
   beaten.note(3, 1e9, 1e9);

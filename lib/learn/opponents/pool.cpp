@@ -87,7 +87,8 @@ OpponentPool::Loaded OpponentPool::load(const std::string& prefix, const NamedAr
   if (kept_ < 0) throw InputError(cat("array '", prefix, "kept' holds ", kept_));
   const auto saved =
       std::find_if(in.begin(), in.end(), [&](const NamedArray& a) { return a.name == prefix + "guests"; });
-  const int64_t n_saved = saved != in.end() ? saved->shape.at(0) : 0, last_row = capacity_ + n_saved;
+  const int64_t n_saved = saved != in.end() && !saved->shape.empty() ? saved->shape[0] : 0;
+  const int64_t last_row = capacity_ + n_saved;
   const at::Tensor before = at::empty({n_saved, networks_.size(1)}, networks_.options());
   if (n_saved > 0) from_array(*saved, before);
   if (with_guests) {
