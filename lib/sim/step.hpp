@@ -132,37 +132,41 @@ GIGA_HD void reset_world(const Lanes& lanes, const Parameters auto& p, World aut
     each_by_place(lanes, p, w, n, [&](int a) { detect_only(p, w, draws, a); });
 }
 
-/// The stages of one step of one world up to who has collided. `active`: it plays. Between two stages all lanes see all
-/// results of the first, but where the first is one without_barrier.
-template <class Lanes, class Draws>
-GIGA_HD void move_world(const Lanes& lanes, const Parameters auto& p, World auto& w, Draws& draws, const StepIo& io,
-                        int64_t world, bool active) {
-  const int n = active ? p.n_agents : 0;
-  without_barrier(lanes).each_agent(n, [&](int i) {  // sorting begins with the same agents
-    w.was_alive[i] = w.alive[i];
-    w.flags[i] = 0;
-    w.next[i] = w.x[i];
-    w.next[p.n_agents + i] = w.y[i];
-    const void* action = io.of(p.team_of(i)).action;
-    move(p, w, read_controls(p, action, team_row(p, world, i)), i);
-    if (p.waypoints) touch_waypoint(p, w, i);
-    check_bounds(p, w, i);
-  });
-  sort_agents(lanes, p, w, n);
-  check_collisions(lanes, p, w, n);
-  if (p.waypoints) lanes.each(active ? 1 : 0, [&](int) { update_waypoint(p, w, draws); });
-}
+/// Stages of a step up to its observation: all, or those before the fight and those after it, where the fight is a
+/// launch of its own (step_parts.hpp).
+enum class Stages { all, before_fight, after_fight };
 
-/// The stages from what the fight has come to up to the observation. Where the episode ends, its world is left in
-/// Phase::terminated or truncated. `active`: it plays; `length`: steps of the episode with this one, if the lanes are
-/// wide. Returns whether nothing is left to do here: launches that follow observe the world (step_parts.hpp), or know
-/// that it waits.
-template <class Lanes>
-GIGA_HD bool finish_step(const Lanes& lanes, const Parameters auto& p, World auto& w, const StepIo& io, Ending ending,
-                         int64_t world, bool active, [[maybe_unused]] int length) {
-  const int n = active ? p.n_agents : 0;
+/// The stages of one step of one world, up to its observation. Between two stages all lanes see all results of the
+/// first, but where the first is one without_barrier. Where the episode ends, its world is left in Phase::terminated or
+/// truncated. `active`: it plays. Returns whether nothing is left to do here: launches that follow observe the world
+/// (step_parts.hpp), or know that it waits. One function for all of them: cut in three, which the compiler put together
+/// again, kernels of small worlds had other registers and spilled more.
+template <Stages stages, class Lanes, class Draws>
+GIGA_HD bool play_step(const Lanes& lanes, const Parameters auto& p, World auto& w, Draws& draws, const StepIo& io,
+                       Ending ending, int64_t world, bool active) {
+  const int n = active ? p.n_agents : 0, one = active ? 1 : 0, teams = active ? kNTeams : 0;
   bool handed_on = false;
-  without_barrier(lanes).each(active ? 1 : 0, [&](int) { end_of_step(p, w); });  // no reward asks for what it writes
+  [[maybe_unused]] const int length = WideLanes<Lanes> ? *w.episode_length + 1 : 0;  // before anybody counts it
+
+  if constexpr (stages != Stages::after_fight) {
+    without_barrier(lanes).each_agent(n, [&](int i) {  // sorting begins with the same agents
+      w.was_alive[i] = w.alive[i];
+      w.flags[i] = 0;
+      w.next[i] = w.x[i];
+      w.next[p.n_agents + i] = w.y[i];
+      const void* action = io.of(p.team_of(i)).action;
+      move(p, w, read_controls(p, action, team_row(p, world, i)), i);
+      if (p.waypoints) touch_waypoint(p, w, i);
+      check_bounds(p, w, i);
+    });
+    sort_agents(lanes, p, w, n);
+    check_collisions(lanes, p, w, n);
+    if (p.waypoints) lanes.each(one, [&](int) { update_waypoint(p, w, draws); });
+  }
+  if constexpr (stages == Stages::before_fight) return handed_on;
+  if constexpr (stages == Stages::all) fight(lanes, p, w, draws, n, teams);
+  if constexpr (stages == Stages::after_fight) count_living(lanes, p, w, n);
+  without_barrier(lanes).each(one, [&](int) { end_of_step(p, w); });  // no reward asks for what it writes
   if constexpr (WideLanes<Lanes>) {
     const bool gone0 = w.counts[kAlive0] == 0, gone1 = w.counts[kAlive1] == 0;
     const bool ended = active && ending.on_done != OnDone::keep && done_after(p, gone0, gone1, length) != Done::running;
@@ -210,17 +214,16 @@ GIGA_HD bool finish_world(const Lanes& lanes, const Parameters auto& p, World au
   return ended;
 }
 
-/// The end of a step of one world that plays or not, and what it observes then. Where the episode ended and the step
-/// settles that (step_settles): with OnDone::freeze the world waits, with OnDone::reset a new episode starts, by the
-/// draws of this step, and is observed. Where launches follow, they may observe it (finish_step). A loop around the one
-/// call that observes: twice that code would not fit into the GPU's instruction cache. Always inlined: as a function of
-/// its own it would reach all that a world has through a pointer.
-template <class Lanes, class Draws>
-[[gnu::always_inline]] GIGA_HD void settle_step(const Lanes& lanes, const Parameters auto& p, World auto& w,
-                                                Draws& draws, const StepIo& io, Ending ending, int64_t world,
-                                                bool active, int length) {
-  if (finish_step(lanes, p, w, io, ending, world, active, length)) return;
-  bool observes = active, restarted = false;
+/// One step of one world, or its stages after the fight, and what it observes then. Where the episode ended and the
+/// step settles that (step_settles): with OnDone::freeze the world waits, with OnDone::reset a new episode starts, by
+/// the draws of this step, and is observed. Where launches follow, they may observe it (play_step). A loop around the
+/// one call that observes: twice that code would not fit into the GPU's instruction cache. Always inlined: as a
+/// function of its own it would reach all that a world has through a pointer.
+template <Stages stages = Stages::all, class Lanes, class Draws>
+[[gnu::always_inline]] GIGA_HD void step_world(const Lanes& lanes, const Parameters auto& p, World auto& w,
+                                               Draws& draws, const StepIo& io, Ending ending, int64_t world) {
+  bool observes = *w.phase == Phase::plays, restarted = false;
+  if (play_step<stages>(lanes, p, w, draws, io, ending, world, observes)) return;
   GIGA_ROLLED
   for (;;) {
     observe_world(lanes, p, w, draws, io, world, restarted, observes);
@@ -233,23 +236,6 @@ template <class Lanes, class Draws>
     reset_world(lanes, p, w, draws, observes);
     restarted = true;
   }
-}
-
-/// Steps of the episode with this one, before anybody counts it, for finish_step.
-template <class Lanes>
-GIGA_HD int length_with_step(const Lanes&, const World auto& w) {
-  return WideLanes<Lanes> ? *w.episode_length + 1 : 0;
-}
-
-/// One step of one world, and what it observes then. Always inlined, as settle_step.
-template <class Lanes, class Draws>
-[[gnu::always_inline]] GIGA_HD void step_world(const Lanes& lanes, const Parameters auto& p, World auto& w,
-                                               Draws& draws, const StepIo& io, Ending ending, int64_t world) {
-  const bool active = *w.phase == Phase::plays;
-  const int length = length_with_step(lanes, w);
-  move_world(lanes, p, w, draws, io, world, active);
-  fight(lanes, p, w, draws, active ? p.n_agents : 0, active ? kNTeams : 0);
-  settle_step(lanes, p, w, draws, io, ending, world, active, length);
 }
 
 /// What step_world does where an episode ended, for a step that did not settle it: OnDone::reset, after the last images

@@ -43,23 +43,19 @@ requires(!has_barriers(part)) GIGA_HD
   if constexpr (part == StepPart::write_and_add_up) add_up_blocks(lanes, p, w, n);
 }
 
-/// Runs a part with barriers. `left`: agents that are left to `settle`; 0 = the world waits.
+/// Runs a part with barriers. Whether the world plays it sees for itself.
 template <StepPart part, class Lanes, class DrawsAt>
 requires(has_barriers(part)) [[gnu::always_inline]] GIGA_HD
     void run_part(const Lanes& lanes, const Parameters auto& p, World auto& w, const DrawsAt& draws_at,
-                  const StepIo& io, Ending ending, int64_t world, int left) {
+                  const StepIo& io, Ending ending, int64_t world, int) {
   auto&& draws = draws_at(*w.draw_step);
   if constexpr (part == StepPart::play) step_world(lanes, p, w, draws, io, ending, world);
   if constexpr (part == StepPart::move) {
     const bool active = *w.phase == Phase::plays;
-    move_world(lanes, p, w, draws, io, world, active);
+    play_step<Stages::before_fight>(lanes, p, w, draws, io, ending, world, active);
     leave_grid(lanes, w, active);
   }
-  if constexpr (part == StepPart::settle) {
-    const int length = length_with_step(lanes, w);
-    count_living(lanes, p, w, left);
-    settle_step(lanes, p, w, draws, io, ending, world, left > 0, length);
-  }
+  if constexpr (part == StepPart::settle) step_world<Stages::after_fight>(lanes, p, w, draws, io, ending, world);
 }
 
 }  // namespace giga
