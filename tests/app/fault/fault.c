@@ -6,6 +6,8 @@
  *   FAULT_ERRNO  0: the process is killed by SIGKILL just before the operation, a write after half of its bytes; else
  *                the operation fails with this error, and so do all later ones (a disk that is full stays full)
  *   FAULT_COUNT  file that receives, for each operation, a byte
+ *
+ * Several threads of a program write files at once; each operation has a number of its own all the same.
  */
 #define _GNU_SOURCE
 #include <dlfcn.h>
@@ -13,13 +15,14 @@
 #include <fcntl.h>
 #include <signal.h>
 #include <stdarg.h>
+#include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
 enum { kMostFiles = 4096 };
 static char watched[kMostFiles];
-static long operations;
+static atomic_long operations;
 
 static long number(const char* name) {
   const char* text = getenv(name);
@@ -43,17 +46,22 @@ static void count(void) {
   REAL(close)(fd);
 }
 
-/* Whether this operation is to fail; does not return where the process is to die. */
-static int fails(int is_write) {
-  ++operations;
+/* What happens to one operation. */
+enum Fate { kHappens, kFails, kDiesHalfway };
+
+/* Counts an operation and says what happens to it; does not return where the process is to die before it. */
+static enum Fate fate(int is_write) {
+  const long operation = atomic_fetch_add(&operations, 1) + 1;
   count();
   const long at = number("FAULT_AT"), error = number("FAULT_ERRNO");
-  if (at == 0 || operations < at) return 0;
-  if (error == 0 && operations == at && !is_write) kill(getpid(), SIGKILL);
+  if (at == 0 || operation < at) return kHappens;
+  if (error == 0 && operation > at) return kHappens;
+  if (error == 0 && is_write) return kDiesHalfway;
+  if (error == 0) kill(getpid(), SIGKILL);
   errno = (int)error;
-  return error != 0;
+  return kFails;
 }
-static int dies_in_write(void) { return number("FAULT_AT") == operations && number("FAULT_ERRNO") == 0; }
+static int fails(void) { return fate(0) == kFails; }
 
 static int note_open(const char* path, int fd) {
   if (fd >= 0 && fd < kMostFiles) watched[fd] = (char)is_watched_path(path);
@@ -65,7 +73,7 @@ int open(const char* path, int flags, ...) {
   va_start(more, flags);
   const mode_t mode = flags & (O_CREAT | O_TMPFILE) ? va_arg(more, mode_t) : 0;
   va_end(more);
-  if (is_watched_path(path) && fails(0)) return -1;
+  if (is_watched_path(path) && fails()) return -1;
   return note_open(path, REAL(open)(path, flags, mode));
 }
 int open64(const char* path, int flags, ...) {
@@ -73,23 +81,26 @@ int open64(const char* path, int flags, ...) {
   va_start(more, flags);
   const mode_t mode = flags & (O_CREAT | O_TMPFILE) ? va_arg(more, mode_t) : 0;
   va_end(more);
-  if (is_watched_path(path) && fails(0)) return -1;
+  if (is_watched_path(path) && fails()) return -1;
   return note_open(path, REAL(open64)(path, flags, mode));
 }
 ssize_t write(int fd, const void* bytes, size_t size) {
-  if (is_watched(fd)) {
-    if (fails(1)) return -1;
-    if (dies_in_write()) {
+  switch (is_watched(fd) ? fate(1) : kHappens) {
+    case kFails:
+      return -1;
+    case kDiesHalfway:
       if (REAL(write)(fd, bytes, size / 2) < 0) abort();
       kill(getpid(), SIGKILL);
-    }
+      break;
+    case kHappens:
+      break;
   }
   return REAL(write)(fd, bytes, size);
 }
-int ftruncate(int fd, off_t size) { return is_watched(fd) && fails(0) ? -1 : REAL(ftruncate)(fd, size); }
-int fsync(int fd) { return is_watched(fd) && fails(0) ? -1 : REAL(fsync)(fd); }
+int ftruncate(int fd, off_t size) { return is_watched(fd) && fails() ? -1 : REAL(ftruncate)(fd, size); }
+int fsync(int fd) { return is_watched(fd) && fails() ? -1 : REAL(fsync)(fd); }
 int close(int fd) {
-  const int failed = is_watched(fd) && fails(0);
+  const int failed = is_watched(fd) && fails();
   const int error = errno;
   if (fd >= 0 && fd < kMostFiles) watched[fd] = 0;
   const int result = REAL(close)(fd);
@@ -98,6 +109,6 @@ int close(int fd) {
   return -1;
 }
 int rename(const char* from, const char* to) {
-  return is_watched_path(to) && fails(0) ? -1 : REAL(rename)(from, to);
+  return is_watched_path(to) && fails() ? -1 : REAL(rename)(from, to);
 }
-int unlink(const char* path) { return is_watched_path(path) && fails(0) ? -1 : REAL(unlink)(path); }
+int unlink(const char* path) { return is_watched_path(path) && fails() ? -1 : REAL(unlink)(path); }
