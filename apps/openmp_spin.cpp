@@ -4,12 +4,14 @@
 
 #include <cstdlib>
 
+#include "apps/own_program.hpp"
+
 namespace giga {
 
 void restart_with_short_spin(char** argv) {
   if (std::getenv("GOMP_SPINCOUNT") || std::getenv("OMP_WAIT_POLICY")) return;
   setenv("GOMP_SPINCOUNT", "4000", 1);
-  execv("/proc/self/exe", argv);
+  execv(own_program().c_str(), argv);
 }
 
 }  // namespace giga

@@ -10,6 +10,7 @@
 #include <csignal>
 #include <cstring>
 
+#include "apps/own_program.hpp"
 #include "core/error.hpp"
 #include "io/files.hpp"
 #include "io/run_folder.hpp"
@@ -30,7 +31,7 @@ RunProcess::RunProcess(const std::vector<std::string>& arguments, const fs::path
   std::vector<char*> argv;
   for (std::string& word : words) argv.push_back(word.data());
   argv.push_back(nullptr);
-  const std::string file = log.string();
+  const std::string file = log.string(), program = own_program();
   const pid_t parent = ::getpid();
   pid_ = ::fork();
   if (pid_ < 0) throw Error(cat("cannot start a run: ", std::strerror(errno)));
@@ -43,7 +44,7 @@ RunProcess::RunProcess(const std::vector<std::string>& arguments, const fs::path
     ::dup2(out, STDOUT_FILENO);
     ::dup2(out, STDERR_FILENO);
   }
-  ::execv("/proc/self/exe", argv.data());
+  ::execv(program.c_str(), argv.data());
   ::_exit(127);
 }
 

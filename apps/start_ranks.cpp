@@ -15,6 +15,7 @@
 #include <thread>
 #include <vector>
 
+#include "apps/own_program.hpp"
 #include "apps/stop_request.hpp"
 #include "apps/training.hpp"
 #include "core/error.hpp"
@@ -77,13 +78,14 @@ std::vector<char*> pointers(std::vector<std::string>& texts) {
 
 int start(std::vector<std::string> words, std::vector<std::string> variables) {
   const std::vector<char*> argv = pointers(words), envp = pointers(variables);
+  const std::string program = own_program();
   const pid_t parent = ::getpid(), pid = ::fork();
   if (pid < 0) throw Error(cat("cannot start a rank: ", std::strerror(errno)));
   if (pid > 0) return pid;
   // The child of a process with threads: nothing but calls that are safe there until execve.
   ::prctl(PR_SET_PDEATHSIG, SIGTERM);
   if (::getppid() != parent) ::_exit(127);  // it has died meanwhile
-  ::execve("/proc/self/exe", argv.data(), envp.data());
+  ::execve(program.c_str(), argv.data(), envp.data());
   ::_exit(127);
 }
 

@@ -4,6 +4,7 @@
 #include <torch/csrc/distributed/c10d/TCPStore.hpp>
 
 #include <algorithm>
+#include <atomic>
 #include <condition_variable>
 #include <cstdlib>
 #include <cstring>
@@ -11,6 +12,7 @@
 #include <mutex>
 #include <optional>
 #include <thread>
+#include <utility>
 
 #include "core/error.hpp"
 #include "ranks/ranks.hpp"
@@ -56,6 +58,7 @@ class StoreRanks final : public Ranks {
         reach([&] { return std::make_unique<c10d::TCPStore>(place.host, options_of(place.port, serves_, wait())); });
     beats_ = reach([&] { return std::make_unique<c10d::TCPStore>(place.host, options_of(place.port, false, wait())); });
     heart_ = std::thread([this] { beat(); });
+    guard_ = std::thread([this] { guard(); });
     try {
       barrier();
     } catch (...) {
@@ -131,10 +134,10 @@ class StoreRanks final : public Ranks {
     }
   }
   std::string lost(const c10::Error& e) const {
-    const std::string who = place_.served ? "the process that started the ranks" : "rank 0";
     return cat("rank ", rank(), " of ", size(), " cannot reach the store at ", place_.host, ":", place_.port, ", so ",
-               who, " is missing: ", first_line(e.what_without_backtrace()));
+               who_serves(), " is missing: ", first_line(e.what_without_backtrace()));
   }
+  const char* who_serves() const { return place_.served ? "the process that started the ranks" : "rank 0"; }
 
   // The first piece comes last: once it is there, all are. It begins with the size of the whole.
   void post(const std::string& name, const std::string& text) {
@@ -221,6 +224,7 @@ class StoreRanks final : public Ranks {
         give_up(e.what());
       }
       if (outside_ && !missing_.empty() && Clock::now() - gave_up_at_ > patience_.giving_up) end_process();
+      ++beaten_;
     } while (!wake_.wait_for(lock, kBeat, [this] { return over_; }));
   }
 
@@ -282,6 +286,35 @@ class StoreRanks final : public Ranks {
     }
     wake_.notify_one();
     if (heart_.joinable()) heart_.join();
+    {
+      const std::lock_guard lock(guard_mutex_);
+      heart_is_still_ = true;
+    }
+    guard_wake_.notify_one();
+    if (guard_.joinable()) guard_.join();
+  }
+
+  // ---- A store that does not answer ----------------------------------------------------------------------------
+
+  /// Calls of the store know no end where its machine is cut off, or its process stopped: then neither the heart nor
+  /// the main thread comes back. So this thread, which calls nobody, ends the process. It counts its own looks, so that
+  /// all may be stopped and go on again together.
+  void guard() {
+    std::unique_lock lock(guard_mutex_);
+    int64_t seen = 0;
+    Milliseconds silent{0};
+    Clock::time_point looked = Clock::now();
+    while (!guard_wake_.wait_for(lock, kBeat, [this] { return heart_is_still_; })) {
+      const Clock::time_point now = Clock::now();
+      const bool slept = now - std::exchange(looked, now) > 4 * kBeat;
+      silent = slept || seen != beaten_ ? Milliseconds{0} : silent + kBeat;
+      seen = beaten_;
+      if (silent < patience_.silence + patience_.giving_up) continue;
+      std::cerr << "gigastep: rank " << rank() << ": rank " << rank() << " of " << size() << " has had no answer from "
+                << "the store at " << place_.host << ':' << place_.port << " for " << seconds_of(silent) << ": "
+                << who_serves() << " is dead, stopped or cut off" << std::endl;
+      std::_Exit(1);
+    }
   }
 
   const RankPlace place_;
@@ -300,6 +333,11 @@ class StoreRanks final : public Ranks {
   int64_t begun_ = -1;
   std::string missing_;  // why it gave up; empty: it has not
   std::thread heart_;
+  std::atomic<int64_t> beaten_ = 0;  // rounds of the heart that came to an end
+  std::mutex guard_mutex_;
+  std::condition_variable guard_wake_;
+  bool heart_is_still_ = false;
+  std::thread guard_;
 };
 
 }  // namespace

@@ -84,8 +84,8 @@ Collector::Collector(Simulator& sim, const ParallelFor& parallel_for, const Coll
   }
 }
 
-void Collector::forget(int team, const WorldRange& worlds) {
-  if (memory_[team].defined()) memory_[team].narrow(0, worlds.first, worlds.count).zero_();
+void Collector::forget(int team, const ShardRange& worlds) {
+  if (memory_[team].defined()) in_shards(memory_[team], worlds, 0).zero_();
 }
 
 void Collector::save(const std::string& prefix, NamedArrays& out) const {

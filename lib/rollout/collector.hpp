@@ -73,7 +73,7 @@ class Collector final : GameObserver {
   int horizon() const { return options_.horizon; }
 
   /// Who moves a team in these worlds is another from here on, and remembers nothing.
-  void forget(int team, const WorldRange& worlds);
+  void forget(int team, const ShardRange& worlds);
   /// What policies with memory remember.
   void save(const std::string& prefix, NamedArrays& out) const;
   void load(const std::string& prefix, const NamedArrays& in);

@@ -4,6 +4,7 @@
 #include <torch/types.h>
 
 #include "core/memory.hpp"
+#include "sim/world_range.hpp"
 
 namespace giga {
 
@@ -23,6 +24,12 @@ template <class T>
 at::Tensor wrap(const T* data, at::IntArrayRef shape, Device device) {
   const auto options = at::TensorOptions().dtype(scalar_type_of<T>()).device(torch_device(device));
   return at::from_blob(const_cast<T*>(data), shape, options);
+}
+
+/// The part of x [.., W, ..] in these worlds, which are its dimension `dim`: a view [.., shards, worlds of each, ..].
+inline at::Tensor in_shards(const at::Tensor& x, const ShardRange& worlds, int64_t dim) {
+  return x.unflatten(dim, {worlds.n_shards, worlds.shard_size})
+      .narrow(dim + 1, worlds.in_shard.first, worlds.in_shard.count);
 }
 
 }  // namespace giga

@@ -1,7 +1,9 @@
-// WorldRange: consecutive worlds of a simulator.
+// WorldRange: consecutive worlds of a simulator; ShardRange: the same range in each of several parts of them.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
+#include <vector>
 
 namespace giga {
 
@@ -10,6 +12,26 @@ struct WorldRange {
 
   int64_t end() const { return first + count; }
   bool operator==(const WorldRange&) const = default;
+};
+
+/// The same range of each shard; shards are parts of equally many worlds, one behind the other.
+struct ShardRange {
+  WorldRange in_shard;
+  int64_t shard_size = 0, n_shards = 1;
+
+  int64_t count() const { return in_shard.count * n_shards; }
+  bool everywhere() const { return in_shard.count == shard_size; }
+  /// The worlds of it in shard `k`.
+  WorldRange of(int64_t k) const { return {k * shard_size + in_shard.first, in_shard.count}; }
+  /// All of them, in ranges of at most `most` worlds.
+  std::vector<WorldRange> pieces(int64_t most) const {
+    std::vector<WorldRange> all;
+    for (int64_t k = 0; k < n_shards; ++k)
+      for (int64_t from = of(k).first; from < of(k).end(); from += most)
+        all.push_back({from, std::min(most, of(k).end() - from)});
+    return all;
+  }
+  bool operator==(const ShardRange&) const = default;
 };
 
 }  // namespace giga

@@ -141,6 +141,50 @@ TEST_F(RankedRun, OfMappoEqualsTheRunOfOneProcessToRounding) {
   }
 }
 
+// Each shard has worlds against scripts and against the pool; their games count for the pools of all ranks, which
+// meet the same opponents. Its four shards of 8 worlds have for each team one world against circle and two groups of
+// one world against the pool.
+TEST_F(RankedRun, OfMappoWithFurtherOpponentsEqualsTheRunOfOneProcessToRounding) {
+  here_.write("pool.yaml", cat("opponents: {pool_size: 2, pool_every_updates: 2, pool_share: 0.5, pool_draw: pfsp, "
+                               "scripted: [circle], scripted_share: 0.25}\n",
+                               kMappo));
+  const std::vector<std::vector<std::string>> settings = {
+      {},
+      {"--set", "mappo.actor.memory=gru", "--set", "mappo.critic.memory=gru", "--set", "mappo.n_minibatches=1"},
+      {"--set", "mappo.fused=false", "--set", "opponents.pool_promotion=evidence", "--set", "mappo.step_back=0.1"}};
+  const size_t n_settings = tests_run_in_full() ? settings.size() : 1;
+  for (size_t k = 0; k < n_settings; ++k) {
+    SCOPED_TRACE(k);
+    const auto run = [&](const std::string& name, int ranks, const std::vector<std::string>& more = {}) {
+      std::vector<std::string> words = train(name, ranks, settings[k]);
+      words[1] = "pool.yaml";
+      for (const char* set :
+           {"train.n_worlds=32", "mappo.horizon=32", "mappo.shards=4", "train.total_agent_steps=16384"})
+        words.insert(words.end(), {"--set", set});
+      words.insert(words.end(), more.begin(), more.end());
+      const Outcome outcome = here_.run(words);
+      EXPECT_EQ(outcome.code, more.empty() ? 0 : 124) << outcome.err;
+      return name;
+    };
+    const NamedArrays one = arrays_of(here_, run(cat("one", k), 1));
+    EXPECT_EQ(find_array(one, "league/counts").shape, std::vector<int64_t>{32});
+    EXPECT_GT(array_values<double>(find_array(one, "league/team_0/games")).at(0), 0) << "nobody met the pool";
+    EXPECT_LT(difference(one, arrays_of(here_, run(cat("two", k), 2))), 1e-4);
+    EXPECT_EQ(state_hash(here_, run(cat("again", k), 2)), state_hash(here_, cat("two", k)));
+    EXPECT_LT(difference(one, arrays_of(here_, run(cat("four", k), 4))), 1e-4);
+    // Begun by four and ended by one, and the other way round.
+    for (const auto& [first, second] : {std::pair{4, 1}, std::pair{1, 2}}) {
+      const std::string begun = run(cat("begun", k, first), first, {"--set", "train.stop_at_agent_steps=8192"});
+      std::vector<std::string> words = {"resume", begun, "--set", "train.stop_at_agent_steps=none"};
+      if (second > 1) words.insert(words.end(), {"--ranks", std::to_string(second)});
+      const Outcome resumed = here_.run(words);
+      ASSERT_EQ(resumed.code, 0) << resumed.err;
+      EXPECT_LT(difference(one, arrays_of(here_, begun)), 1e-4);
+      EXPECT_EQ(metrics_rows(here_, begun), 4u);
+    }
+  }
+}
+
 // Without mappo.shards each rank gets one, as the run's config says from then on.
 TEST_F(RankedRun, OfMappoNeedsNoSetting) {
   std::string config = kMappo;
@@ -221,8 +265,13 @@ TEST_F(RankedRun, RefusesWhatCannotBeDivided) {
   EXPECT_TRUE(contains(refused(mappo({"--set", "mappo.shards=3"})), {"3 does not divide train.n_worlds = 16"}));
   EXPECT_TRUE(contains(refused(mappo({"--set", "mappo.shards=16", "--set", "mappo.n_minibatches=16"})),
                        {"16 does not divide the 8 states of a shard"}));
-  EXPECT_TRUE(contains(refused(mappo({"--set", "opponents.pool_size=2", "--set", "opponents.pool_share=0.5"})),
-                       {"mappo.shards: 8: further opponents are met in worlds that are not divided alike"}));
+  // Two worlds a shard, one of them for each team, and half of that is none.
+  EXPECT_TRUE(contains(refused(mappo({"--set", "opponents.pool_size=2", "--set", "opponents.pool_share=0.4"})),
+                       {"opponents.pool_share: 0.4 of train.n_worlds 16 leaves each team 0 worlds in each of "
+                        "mappo.shards 8 against the pool; it needs at least 1"}));
+  EXPECT_TRUE(contains(refused(mappo({"--set", "opponents.scripted_share=0.4", "--set", "mappo.shards=2", "--set",
+                                      "mappo.horizon=5", "--set", "mappo.n_minibatches=4"})),
+                       {"4 does not divide the 30 states of a shard that a team learns from (opponents)"}));
   EXPECT_TRUE(contains(refused(train("c", 2), {{"RANK", "0"}, {"WORLD_SIZE", "2"}}), {"MASTER_PORT is not set"}));
   EXPECT_FALSE(here_.has("a"));
   EXPECT_TRUE(

@@ -16,12 +16,12 @@ constexpr int kSmallRunWorlds = 24;  // of SmallRun
 
 /// Both teams with their networks, and a league that collects rollouts; nothing is learned.
 struct Games {
-  explicit Games(const SmallRun& small)
+  explicit Games(const SmallRun& small, int64_t n_shards = 1)
       : run(small.load()),
         parallel_for(kCpu, 1),
-        shares(world_shares(run.config.opponents, kSmallRunWorlds)),
+        shares(world_shares(run.config.opponents, kSmallRunWorlds, n_shards)),
         team{{run, 0, kCpu, parallel_for, shares.learning(0)}, {run, 1, kCpu, parallel_for, shares.learning(1)}},
-        league(run, {&team[0].actor(), &team[1].actor()}, parallel_for),
+        league(run, shares, {&team[0].actor(), &team[1].actor()}, parallel_for),
         sim(make_cpu_simulator(run.spec, {kSmallRunWorlds, 17, 0, OnDone::reset, 1})),
         collector(*sim, parallel_for, {run.config.mappo.horizon, team[0].needs_state(), false},
                   {league.side(0), league.side(1)}) {
@@ -56,12 +56,31 @@ TEST(LearnLeague, ScriptsAndPastPoliciesMoveTheirWorlds) {
   constexpr int kLeft = 16, kRight = 10;
   for (int learner = 0; learner < 2; ++learner) {
     const at::Tensor action = games.collector.rollout().team[1 - learner].action;  // [T, W, 2]
-    const WorldRange scripts = games.shares.scripts(learner);
+    const WorldRange scripts = games.shares.scripts(learner).in_shard;
     EXPECT_TRUE((action.narrow(1, scripts.first, 3) == kLeft).all().item<bool>());
     EXPECT_TRUE((action.narrow(1, scripts.first + 3, 3) == kRight).all().item<bool>());
-    const at::Tensor rest = action.narrow(1, games.shares.pool(learner).first, 4);
+    const at::Tensor rest = action.narrow(1, games.shares.pool(learner).in_shard.first, 4);
     EXPECT_GT(std::get<0>(at::_unique(rest)).size(0), 10) << "a network draws from all actions";
   }
+}
+
+// Two shards of 12 worlds: of a half of 6, 3 against scripts and one group of 2 against the pool.
+TEST(LearnLeague, EachShardHasItsOpponents) {
+  Games games(with_opponents("pool_size: 2, pool_share: 0.4, scripted: [circle], scripted_share: 0.5"), 2);
+  ASSERT_EQ(games.shares.scripted, 3);
+  ASSERT_EQ(games.shares.pooled(), 2);
+  games.collect();
+  constexpr int kLeft = 16;
+  for (int64_t shard = 0; shard < 2; ++shard)
+    for (int learner = 0; learner < 2; ++learner) {
+      const at::Tensor action = games.collector.rollout().team[1 - learner].action;  // [T, W, 2]
+      const auto circles = [&](const WorldRange& w) {
+        return (action.narrow(1, w.first, w.count) == kLeft).all().item<bool>();
+      };
+      EXPECT_TRUE(circles(games.shares.scripts(learner).of(shard)));
+      EXPECT_FALSE(circles(games.shares.pool(learner).of(shard)));
+      EXPECT_FALSE(circles(games.shares.self_play().of(shard)));
+    }
 }
 
 TEST(LearnLeague, WhileThePoolIsEmptyThePresentPolicyPlays) {
@@ -100,7 +119,7 @@ TEST(LearnLeague, EachGroupPlaysItsPolicy) {
   for (int learner = 0; learner < 2; ++learner) {
     const auto rows = array_values<int32_t>(find_array(arrays, cat("team_", 1 - learner, "/row")));
     const at::Tensor action = games.collector.rollout().team[1 - learner].action;
-    const WorldRange worlds = games.shares.pool(learner);
+    const WorldRange worlds = games.shares.pool(learner).in_shard;
     ASSERT_EQ(worlds.count, 6);  // three groups of two
     for (int64_t g = 0; g < 3; ++g)
       EXPECT_TRUE((action.narrow(1, worlds.first + 2 * g, 2) == 5 * (rows.at(static_cast<size_t>(g)) - 1) + 1)
@@ -153,12 +172,14 @@ Rollout copy_of(const Rollout& rollout) {
 }
 
 /// Makes everything in the worlds in which `team` does not learn useless to learn from.
-void spoil_frozen(Rollout& rollout, int team, const WorldRange& learning) {
+void spoil_frozen(Rollout& rollout, int team, const ShardRange& learning) {
   constexpr double kSpoiled = std::numeric_limits<double>::quiet_NaN();
+  at::Tensor frozen = at::ones({kSmallRunWorlds}, at::kBool);
+  for (const WorldRange& worlds : learning.pieces(kSmallRunWorlds))
+    frozen.narrow(0, worlds.first, worlds.count).fill_(false);
+  const at::Tensor worlds = frozen.nonzero().squeeze(1);
   const auto spoil = [&](const at::Tensor& x, int64_t dim) {
-    if (!x.defined() || !x.is_floating_point()) return;
-    x.narrow(dim, 0, learning.first).fill_(kSpoiled);
-    x.narrow(dim, learning.end(), kSmallRunWorlds - learning.end()).fill_(kSpoiled);
+    if (x.defined() && x.is_floating_point()) x.index_fill_(dim, worlds, kSpoiled);
   };
   const TeamRollout& r = rollout.team[team];
   for (const at::Tensor& x : {r.obs, r.pre_tanh_action, r.log_prob, r.reward, rollout.true_state}) spoil(x, 1);
@@ -172,11 +193,14 @@ TEST(LearnLeague, FrozenRowsTakeNoPartInLearning) {
   continuous.scenario = "action: continuous\n";
   continuous.mappo = "obs_norm: true, advantage_norm: batch";
   continuous.critic = "kind: state, hidden: [16, 12]";
-  for (const SmallRun& small : {discrete, continuous}) {
-    Games clean(small), spoilt(small);
+  SmallRun remembering = with_opponents(kOpponents);
+  remembering.actor = remembering.critic = "memory: gru, memory_size: 6, hidden: [8]";
+  for (const auto& [small, n_shards] :
+       {std::pair{discrete, 1}, {continuous, 1}, {discrete, 2}, {continuous, 3}, {remembering, 2}}) {
+    Games clean(small, n_shards), spoilt(small, n_shards);
     for (int64_t u = 0; u < 2; ++u) {
       clean.collect();
-      const int64_t own = clean.shares.learning(0).count * clean.run.config.mappo.horizon;
+      const int64_t own = clean.team[0].n_sequences();
       for (int team = 0; team < kNTeams; ++team) {
         Rollout rollout = copy_of(clean.collector.rollout());
         const auto learn = [&](PpoTeam& of) {
@@ -208,7 +232,7 @@ TEST(LearnLeague, FrozenRowsTakeNoPartInLearning) {
 TEST(LearnLeague, StatesAreThoseOfTheLearningWorlds) {
   const Games games(with_opponents("pool_size: 2, pool_share: 0.4, scripted_share: 0.2"));
   // Of 12: 2.4 against scripts, 4.8 against two policies: 2 + 4 worlds for each team; 18 of 24 are learned from.
-  ASSERT_EQ(games.shares.learning(1), (WorldRange{6, 18}));
+  ASSERT_EQ(games.shares.learning(1), (ShardRange{{6, 18}, 24}));
   const at::Tensor own = at::tensor({int64_t{0}, int64_t{17}, int64_t{18}, int64_t{36 + 5}});
   // Steps 0, 0, 1, 2 and worlds 0, 17, 0, 5 of the team's.
   EXPECT_TRUE(
@@ -227,8 +251,8 @@ void set_stats(const Simulator& sim, int64_t world, std::array<float, 4> counts)
 TEST(LearnLeague, GamesAgainstPastPoliciesCountFromTheirDrawOn) {
   Games games(with_opponents("pool_size: 2, pool_every_updates: 2, pool_share: 0.4, scripted_share: 0.2"));
   // Worlds: 0 and 1 scripts, 2 to 5 the pool of team 1; 18 to 21 the pool of team 0, 22 and 23 scripts.
-  ASSERT_EQ(games.shares.pool(0), (WorldRange{2, 4}));
-  ASSERT_EQ(games.shares.pool(1), (WorldRange{18, 4}));
+  ASSERT_EQ(games.shares.pool(0), (ShardRange{{2, 4}, 24}));
+  ASSERT_EQ(games.shares.pool(1), (ShardRange{{18, 4}, 24}));
   Simulator& sim = *games.sim;
   const auto counted = [&] {
     games.league.count(sim);
@@ -274,8 +298,8 @@ TEST(LearnLeague, GamesAgainstPastPoliciesCountFromTheirDrawOn) {
 TEST(LearnLeague, OnlyWhatIsStrongerJoinsThePoolWhereEvidenceIsAskedFor) {
   Games games(with_opponents("pool_size: 4, pool_every_updates: 1, pool_share: 0.4, pool_promotion: evidence"));
   // 12 worlds of a team, 4.8 of them to four policies: worlds 0 to 3 against the pool of team 1, 20 to 23 of team 0.
-  ASSERT_EQ(games.shares.pool(0), (WorldRange{0, 4}));
-  ASSERT_EQ(games.shares.pool(1), (WorldRange{20, 4}));
+  ASSERT_EQ(games.shares.pool(0), (ShardRange{{0, 4}, 24}));
+  ASSERT_EQ(games.shares.pool(1), (ShardRange{{20, 4}, 24}));
   Simulator& sim = *games.sim;
   std::fill_n(sim.state().view().episode_length, kSmallRunWorlds, 0);  // all games begin with their opponents
   const auto kept = [&] {

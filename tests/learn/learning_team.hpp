@@ -14,7 +14,7 @@ struct LearningTeam {
   explicit LearningTeam(const LoadedRun& loaded)
       : run(loaded),
         sim(make_cpu_simulator(run.spec, {run.config.train.n_worlds, 17, 0, OnDone::reset, 1})),
-        team(run, 0, Device{}, parallel_for, {0, sim->n_worlds()}),
+        team(run, 0, Device{}, parallel_for, {{0, sim->n_worlds()}, sim->n_worlds()}),
         collector(*sim, parallel_for,
                   {.horizon = run.config.mappo.horizon,
                    .with_state = team.needs_state(),

@@ -25,22 +25,35 @@ TEST(LearnOpponents, SharesOfTheWorlds) {
   EXPECT_EQ(s.scripted, 410);
   EXPECT_EQ(s.groups, 16);
   EXPECT_EQ(s.group_size, 51);
-  EXPECT_EQ(s.scripts(0), (WorldRange{0, 410}));
-  EXPECT_EQ(s.pool(0), (WorldRange{410, 816}));
-  EXPECT_EQ(s.self_play(), (WorldRange{1226, 5740}));
-  EXPECT_EQ(s.pool(1), (WorldRange{6966, 816}));
-  EXPECT_EQ(s.scripts(1), (WorldRange{7782, 410}));
-  EXPECT_EQ(s.learning(0), (WorldRange{0, 6966}));
-  EXPECT_EQ(s.learning(1), (WorldRange{1226, 6966}));
+  EXPECT_EQ(s.scripts(0), (ShardRange{{0, 410}, 8192}));
+  EXPECT_EQ(s.pool(0), (ShardRange{{410, 816}, 8192}));
+  EXPECT_EQ(s.self_play(), (ShardRange{{1226, 5740}, 8192}));
+  EXPECT_EQ(s.pool(1), (ShardRange{{6966, 816}, 8192}));
+  EXPECT_EQ(s.scripts(1), (ShardRange{{7782, 410}, 8192}));
+  EXPECT_EQ(s.learning(0), (ShardRange{{0, 6966}, 8192}));
+  EXPECT_EQ(s.learning(1), (ShardRange{{1226, 6966}, 8192}));
   // An odd number of worlds, all against the pool: 32 for each team, of which five groups of 6 take 30.
-  EXPECT_EQ(world_shares(opponents(5, 1, 0), 65).self_play(), (WorldRange{30, 5}));
+  EXPECT_EQ(world_shares(opponents(5, 1, 0), 65).self_play(), (ShardRange{{30, 5}, 65}));
   // No more groups than worlds or kMostGroups; scripts before the pool, both to the nearest.
   EXPECT_EQ(world_shares(opponents(10, 0.25f, 0), 24).groups, 3);
   EXPECT_EQ(world_shares(opponents(1000, 0.5f, 0), 1000).groups, kMostGroups);
   EXPECT_EQ(world_shares(opponents(1, 0.5f, 0.5f), 6).scripted, 2);  // 1.5 of 3
   EXPECT_EQ(world_shares(opponents(1, 0.5f, 0.5f), 6).pooled(), 1);  // what is left
   // Neither a pool nor scripts.
-  EXPECT_EQ(world_shares(opponents(0, 1, 0), 24).learning(1), (WorldRange{0, 24}));
+  EXPECT_EQ(world_shares(opponents(0, 1, 0), 24).learning(1), (ShardRange{{0, 24}, 24}));
+}
+
+TEST(LearnOpponents, EachShardHasTheSharesOfItsWorlds) {
+  // Two shards of 12 worlds; half of 12 is 6: 0.5 of it are 3 worlds against scripts, 0.4 of it are 2.4.
+  const WorldShares s = world_shares(opponents(16, 0.4f, 0.5f), 24, 2);
+  EXPECT_EQ(s.shard_size, 12);
+  EXPECT_EQ(s.n_worlds(), 24);
+  EXPECT_EQ(s.scripted, 3);
+  EXPECT_EQ(s.pooled(), 2);
+  EXPECT_EQ(s.learning(1).of(0), (WorldRange{5, 7}));
+  EXPECT_EQ(s.learning(1).of(1), (WorldRange{17, 7}));
+  EXPECT_EQ(s.learning(1).count(), 14);
+  EXPECT_EQ(s.learning(1).pieces(4), (std::vector<WorldRange>{{5, 4}, {9, 3}, {17, 4}, {21, 3}}));
 }
 
 TEST(LearnOpponents, PartsOfARange) {

@@ -117,7 +117,7 @@ void expect_learns_sides(const std::string& critic) {
   set_up_libtorch(run.config.train, Device{});  // one thread: the seed always learns the same
   const ParallelFor parallel_for(Device{}, 1);
   const auto sim = make_cpu_simulator(run.spec, {run.config.train.n_worlds, 5, 0, OnDone::reset, 1});
-  PpoTeam team(run, 0, Device{}, parallel_for, {0, sim->n_worlds()});
+  PpoTeam team(run, 0, Device{}, parallel_for, {{0, sim->n_worlds()}, sim->n_worlds()});
   Collector collector(
       *sim, parallel_for,
       {.horizon = 8,

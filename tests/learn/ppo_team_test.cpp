@@ -83,7 +83,9 @@ Rollout rollout_by_hand(const SimSpec& spec) {
 class Team {
  public:
   explicit Team(const std::string& mappo)
-      : run_(small_run(mappo)), team_(run_, 0, Device{}, parallel_for_, {0, 2}), rollout_(rollout_by_hand(run_.spec)) {
+      : run_(small_run(mappo)),
+        team_(run_, 0, Device{}, parallel_for_, {{0, 2}, 2}),
+        rollout_(rollout_by_hand(run_.spec)) {
     NamedArrays arrays;
     team_.save("", arrays);
     for (NamedArray& a : arrays) {
@@ -192,7 +194,7 @@ TEST(LearnPpoTeam, MinibatchesHaveEachStateOfTheTeamsWorldsOnce) {
   run.config.train.n_worlds = 4;
   run.config.mappo.horizon = 3;
   const ParallelFor parallel_for(Device{}, 1);
-  const PpoTeam team(run, 0, Device{}, parallel_for, {1, 2});
+  const PpoTeam team(run, 0, Device{}, parallel_for, {{1, 2}, 4});
   const std::vector<at::Tensor> minibatches = team.minibatches(at::tensor({4, 1, 0, 5, 3, 2}, at::kLong));
   ASSERT_EQ(minibatches.size(), 2u);
   // State k of the team's own is step k / 2, world 1 + k % 2.
@@ -203,7 +205,7 @@ TEST(LearnPpoTeam, MinibatchesHaveEachStateOfTheTeamsWorldsOnce) {
 /// Two teams with memory, and the worlds in which they play.
 struct TeamsWithMemory {
   TeamsWithMemory(const LoadedRun& run, const ParallelFor& parallel_for)
-      : team{{run, 0, kCpu, parallel_for, {0, 24}}, {run, 1, kCpu, parallel_for, {0, 24}}},
+      : team{{run, 0, kCpu, parallel_for, {{0, 24}, 24}}, {run, 1, kCpu, parallel_for, {{0, 24}, 24}}},
         sim(make_cpu_simulator(run.spec, {24, 17, 0, OnDone::reset, 1})),
         collector(*sim, parallel_for, {run.config.mappo.horizon, false, true},
                   {everywhere(policy_controller(team[0].actor()), *sim),

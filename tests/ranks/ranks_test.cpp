@@ -1,6 +1,9 @@
 // What ranks tell each other, and what the others learn of one that is gone. The ranks are threads of this process.
 #include <ATen/ATen.h>
 #include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/prctl.h>
+#include <unistd.h>
 
 #include <functional>
 #include <future>
@@ -198,6 +201,34 @@ TEST(RanksDeathTest, EndTheProcessWhereTheWaitDoesNotEnd) {
                        },
                        {.giving_up = milliseconds(500)}),
               testing::ExitedWithCode(1), "gigastep: rank 0: rank 1 has failed: out of memory");
+}
+
+/// Joins ranks whose store another process serves, and speaks with them when that process is stopped.
+void speak_to_a_stopped_store() {
+  int port_of_child[2];
+  ASSERT_EQ(::pipe(port_of_child), 0);
+  const pid_t child = ::fork();
+  if (child == 0) {
+    ::prctl(PR_SET_PDEATHSIG, SIGKILL);
+    const RankServer server;
+    const int port = server.port();
+    if (::write(port_of_child[1], &port, sizeof port) != sizeof port) ::_exit(1);
+    while (true) ::pause();
+  }
+  int port = 0;
+  ASSERT_EQ(::read(port_of_child[0], &port, sizeof port), static_cast<ssize_t>(sizeof port));
+  const auto ranks = join_ranks({.rank = 0, .size = 1, .port = port, .served = true, .attempt = "0"},
+                                {.silence = milliseconds(2000), .giving_up = milliseconds(500)});
+  ::kill(child, SIGSTOP);
+  ranks->barrier();
+}
+
+// A call of the store has no end then: neither the main thread nor the heart comes back.
+TEST(RanksDeathTest, EndTheProcessWhereTheStoreDoesNotAnswer) {
+  GTEST_FLAG_SET(death_test_style, "threadsafe");
+  EXPECT_EXIT(speak_to_a_stopped_store(), testing::ExitedWithCode(1),
+              "gigastep: rank 0: rank 0 of 1 has had no answer from the store at 127.0.0.1:[0-9]+ for 3 s: the process "
+              "that started the ranks is dead, stopped or cut off");
 }
 
 }  // namespace

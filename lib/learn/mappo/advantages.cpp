@@ -88,8 +88,8 @@ std::pair<at::Tensor, at::Tensor> PpoTeam::remembering_values(const Rollout& rol
   critic_start_.copy_(critic_memory_);
   const int64_t states_at_once = critic_.reads_image() ? kImagesAtOnce / n_ : kValueChunk;
   const int64_t worlds_at_once = std::max<int64_t>(1, states_at_once / (t + 1));
-  for (int64_t from = worlds_.first; from < worlds_.end(); from += worlds_at_once) {
-    const int64_t to = std::min(from + worlds_at_once, worlds_.end()), b = to - from;
+  for (const WorldRange& some : worlds_.pieces(worlds_at_once)) {
+    const int64_t from = some.first, to = some.end(), b = some.count;
     const auto critic = [&](bool final, const Sequence& sequence) {
       const auto rows = [&](const at::Tensor& x) { return x.slice(1, from, to).flatten(0, 1).contiguous(); };
       return critic_values(rollout.images, critic_input(rollout, final).each(rows), sequence);
@@ -126,7 +126,7 @@ void PpoTeam::compute_advantages(const Rollout& rollout) {
     const auto rows = [](const at::Tensor& x) { return x.flatten(0, 1); };
     value = values_of(rollout.images, critic_input(rollout, false).each(rows), slots_);
     final_value = values_of(rollout.images, critic_input(rollout, true).each(rows),
-                            everywhere() ? slots_ : slots_.slice(0, 0, worlds_.count));
+                            everywhere() ? slots_ : slots_.slice(0, 0, n_own_worlds()));
   }
 
   parallel_for_.run(Gae{.horizon = static_cast<int>(t),

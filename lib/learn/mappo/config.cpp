@@ -173,26 +173,20 @@ void minibatches_divide(ConfigCheck& check) {
 /// Each shard has as many worlds, and gives each minibatch as many states.
 void shards_divide(ConfigCheck& check) {
   const MappoConfig& c = check.config.mappo;
-  const OpponentsConfig& p = check.config.opponents;
-  if (c.shards == 1 || !check.known({"mappo.shards"})) return;
-  if (p.pool_size > 0 || p.scripted_share > 0) {
-    if (check.known({"opponents.pool_size", "opponents.scripted_share"}))
-      check.fail("mappo.shards", cat(c.shards,
-                                     ": further opponents are met in worlds that are not divided alike; allowed with "
-                                     "opponents.pool_size or opponents.scripted_share: 1"));
-    return;
-  }
-  if (!check.known(
-          {"train.n_worlds", "mappo.horizon", "mappo.n_minibatches", "mappo.actor.memory", "mappo.critic.memory"}))
-    return;
+  if (c.shards == 1 || !check.known({"mappo.shards", "train.n_worlds"})) return;
   const int64_t n_worlds = check.config.train.n_worlds;
   if (n_worlds % c.shards != 0)
     return check.fail("mappo.shards", cat(c.shards, " does not divide train.n_worlds = ", n_worlds));
-  const int64_t states = n_worlds / c.shards * (c.horizon / steps_together(c));
+  if (!check.known({"mappo.horizon", "mappo.n_minibatches", "mappo.actor.memory", "mappo.critic.memory",
+                    "opponents.pool_size", "opponents.pool_share", "opponents.scripted_share"}))
+    return;
+  const WorldShares shares = world_shares(check.config.opponents, n_worlds, c.shards);
+  const int64_t worlds = shares.learning(0).in_shard.count, states = worlds * (c.horizon / steps_together(c));
   if (states % c.n_minibatches != 0)
     check.fail("mappo.n_minibatches",
                cat(c.n_minibatches, " does not divide the ", states, steps_together(c) > 1 ? " worlds" : " states",
-                   " of a shard (train.n_worlds ", n_worlds, ", mappo.shards ", c.shards, ")"));
+                   " of a shard", worlds < shares.shard_size ? " that a team learns from (opponents)" : "",
+                   " (train.n_worlds ", n_worlds, ", mappo.shards ", c.shards, ")"));
 }
 
 /// Shares that come to no world.
@@ -202,18 +196,20 @@ void worlds_suffice(ConfigCheck& check) {
   const int n_worlds = check.config.train.n_worlds;
   if (!check.config.train.opponent.is_self_play()) return;
   if (p.pool_size > 0 && p.pool_share + p.scripted_share > 1) return;
-  const WorldShares shares = world_shares(p, n_worlds);
+  if (n_worlds % c.shards != 0) return;  // shards_divide
+  const WorldShares shares = world_shares(p, n_worlds, c.shards);
+  const std::string where = c.shards > 1 ? cat(" in each of mappo.shards ", c.shards) : "";
   const auto too_few = [&](const char* key, float share, int64_t worlds, int64_t needed, const char* what) {
     if (worlds < needed && check.known({key, "train.n_worlds"}))
-      check.fail(key, cat(share, " of train.n_worlds ", n_worlds, " leaves each team ", worlds, " worlds against ",
-                          what, "; it needs at least ", needed));
+      check.fail(key, cat(share, " of train.n_worlds ", n_worlds, " leaves each team ", worlds, " worlds", where,
+                          " against ", what, "; it needs at least ", needed));
   };
   if (p.pool_size > 0 && p.pool_share > 0)
     too_few("opponents.pool_share", p.pool_share, shares.pooled(), 1, "the pool");
   if (p.scripted_share > 0 && check.known({"opponents.scripted"}))
     too_few("opponents.scripted_share", p.scripted_share, shares.scripted, static_cast<int64_t>(p.scripted.size()),
             "scripts (opponents.scripted)");
-  const int64_t states = shares.learning(0).count * c.horizon / steps_together(c);
+  const int64_t states = shares.learning(0).count() * c.horizon / steps_together(c);
   if (states < c.n_minibatches && check.known({"train.n_worlds", "mappo.horizon", "mappo.n_minibatches"}))
     check.fail("mappo.n_minibatches",
                cat(c.n_minibatches, " minibatches for ", states,
@@ -275,10 +271,6 @@ void check_mappo(ConfigCheck& check) {
 
 void expect_shards_divide(const RunConfig& c, int n_ranks) {
   const int shards = c.mappo.shards, below = shards / n_ranks * n_ranks;
-  if (c.opponents.pool_size > 0 || c.opponents.scripted_share > 0)
-    throw InputError(
-        "opponents: several ranks know no further opponents yet; set opponents.pool_size=0 and "
-        "opponents.scripted_share=0, or take one rank");
   if (below != shards)
     throw InputError(cat("mappo.shards: ", shards, " cannot be divided among ", n_ranks,
                          " ranks; nearest: ", below > 0 ? cat(below, ", ") : "", below + n_ranks));

@@ -60,7 +60,7 @@ StepFlags PpoTeam::step_flags(PpoFault fault, PpoFigure norm_sum, const float* m
 
 at::Tensor PpoTeam::faulty_states(const Rollout& rollout, int64_t most) const {
   const TeamRollout& r = rollout.team[team_];
-  const int64_t t = r.reward.size(0), n_states = t * worlds_.count;
+  const int64_t t = r.reward.size(0), n_states = t * n_own_worlds();
   at::Tensor bad = at::zeros({n_states}, r.reward.options().dtype(at::kBool));
   for (const at::Tensor& x :
        {r.obs.defined() ? r.obs.slice(0, 0, t) : r.reward, r.log_prob, r.reward, value_, advantage_, returns_})

@@ -87,7 +87,7 @@ class Mappo final : public Learner {
 
  private:
   void make_teams_and_worlds();
-  int n_ranks() const { return ranks_ ? ranks_->size() : 1; }
+  int64_t n_own_shards() const { return config_.mappo.shards / (ranks_ ? ranks_->size() : 1); }
   /// Of the run, after so many updates.
   double share_done(int64_t updates) const {
     return std::min(1.0, static_cast<double>(updates) / static_cast<double>(total_updates_));
@@ -156,7 +156,7 @@ void Mappo::make_teams_and_worlds() {
   // Not with ranks: where one is gone, NCCL's abort waits for the graphs that hold its sums, and these for the abort.
   if (config_.mappo.graphs && !ranks_) recorder_ = make_torch_recorder(device_);
   const SumOverRanks sum = sums_ ? sums_->over_all() : SumOverRanks{};
-  const WorldShares shares = world_shares(config_.opponents, options.n_worlds);
+  const WorldShares shares = world_shares(config_.opponents, options.n_worlds, n_own_shards());
   std::array<const Actor*, kNTeams> actors{};
   CollectorOptions collecting{.horizon = config_.mappo.horizon, .desynchronize = config_.train.desynchronize};
   for (int team = 0; team < kNTeams; ++team) {
@@ -175,7 +175,7 @@ void Mappo::make_teams_and_worlds() {
   }
   if (config_.mappo.step_back)
     step_back_.emplace(static_cast<double>(*config_.mappo.step_back), config_.opponents.pool_every_updates);
-  if (League::wanted(config_)) league_ = std::make_unique<League>(run, actors, parallel_for_);
+  if (League::wanted(config_)) league_ = std::make_unique<League>(run, shares, actors, parallel_for_, sum);
   const auto side = [&](int team) {
     if (league_) return league_->side(team);
     const Actor* actor = actors[static_cast<size_t>(team)];
@@ -283,13 +283,12 @@ double Mappo::schedule_factor() const {
 }
 
 at::Tensor Mappo::order_of(int64_t update, int epoch) const {
-  const int64_t n_own = config_.mappo.shards / n_ranks();
   const SequenceOrder order{.n_sequences = learning_.front()->n_sequences(),
                             .n_minibatches = config_.mappo.n_minibatches,
-                            .n_worlds = sim_->n_worlds(),
+                            .n_worlds = learning_.front()->n_own_worlds(),
                             .n_shards = config_.mappo.shards,
-                            .first_shard = ranks_ ? ranks_->rank() * n_own : 0,
-                            .n_own_shards = n_own};
+                            .first_shard = ranks_ ? ranks_->rank() * n_own_shards() : 0,
+                            .n_own_shards = n_own_shards()};
   return order.draw(
       seed_of(config_.seed, Purpose::permutation, static_cast<uint64_t>(update) << 16 | static_cast<uint64_t>(epoch)),
       device_);
@@ -331,10 +330,12 @@ Metrics Mappo::metrics(double factor) {
   for (int team = 0; team < kNTeams; ++team)
     if (team_[team]) note_divergence(team, figures[team].const_data_ptr<float>());
   EpisodeStats stats = sim_->take_stats();
-  if (sums_) sums_->add_host(at::from_blob(stats.rows.data(), {kNStatRows}, at::kDouble));
-  if (sums_) sums_->end();
   std::array<LeagueRecord, kNTeams> record;
-  if (league_) league_->read(stats, record);  // of the worlds in which both teams learn
+  if (league_)
+    league_->read(stats, record);  // of the worlds in which both teams learn, of all ranks
+  else if (sums_)
+    sums_->add_host(at::from_blob(stats.rows.data(), {kNStatRows}, at::kDouble));
+  if (sums_) sums_->end();
   const double episodes = stats[EpisodeStat::episodes];
 
   Metrics out;
@@ -387,6 +388,7 @@ void Mappo::save_worlds(NamedArrays& out) const {
   collector_->save("collector/", arrays);
   for (int team = 0; team < kNTeams; ++team)
     if (team_[team]) team_[team]->save_memory(cat("team_", team, "/"), arrays);
+  if (league_) league_->save_worlds("league/", arrays);
   for (NamedArray& array : arrays) {
     if (sums_) sums_->gather_rows(array);
     out.push_back(std::move(array));
@@ -398,6 +400,7 @@ void Mappo::load_worlds(const NamedArrays& in) {
   collector_->load("collector/", in);
   for (int team = 0; team < kNTeams; ++team)
     if (team_[team]) team_[team]->load_memory(cat("team_", team, "/"), in);
+  if (league_) league_->load_worlds("league/", in);
 }
 
 void Mappo::load(const NamedArrays& in) {
@@ -406,7 +409,7 @@ void Mappo::load(const NamedArrays& in) {
     NamedArrays own;
     for (const NamedArray& array : in)
       if (array.name.starts_with("simulator/") || array.name.starts_with("collector/") ||
-          array.name.ends_with("/critic_memory"))
+          array.name.ends_with("/critic_memory") || array.name == "league/counts")
         own.push_back(own_rows(*ranks_, array));
     load_worlds(own);
   } else {

@@ -23,7 +23,7 @@ namespace giga {
 // ---- Networks -------------------------------------------------------------------------------------------------------
 
 PpoTeam::PpoTeam(const LoadedRun& run, int team, Device device, const ParallelFor& parallel_for,
-                 const WorldRange& worlds, const SumOverRanks& sum)
+                 const ShardRange& worlds, const SumOverRanks& sum)
     : config_(run.config.mappo),
       team_(team),
       n_(run.spec.params.n_team[team]),
@@ -61,7 +61,7 @@ PpoTeam::PpoTeam(const LoadedRun& run, int team, Device device, const ParallelFo
     critic_memory_ = at::zeros({n_worlds_, n_, critic_.state_size()}, options);
     critic_start_ = at::zeros_like(critic_memory_);
   }
-  if (!everywhere()) slots_ = states(at::arange((config_.horizon + 1) * worlds.count, options.dtype(at::kLong)));
+  if (!everywhere()) slots_ = states(at::arange((config_.horizon + 1) * n_own_worlds(), options.dtype(at::kLong)));
 }
 
 void PpoTeam::set(const StepSettings& settings) {
@@ -80,13 +80,17 @@ void PpoTeam::record_minibatches(std::shared_ptr<TorchRecorder> recorder) {
 
 at::Tensor PpoTeam::states(const at::Tensor& own) const {
   if (everywhere()) return own;
-  return own + own.div(worlds_.count, "floor").mul_(n_worlds_ - worlds_.count).add_(worlds_.first);
+  // Of the shards of all steps, one behind the other, as many states are left out.
+  const WorldRange& range = worlds_.in_shard;
+  return own + own.div(range.count, "floor").mul_(worlds_.shard_size - range.count).add_(range.first);
 }
+
+at::Tensor PpoTeam::own(const at::Tensor& x) const { return everywhere() ? x : in_shards(x, worlds_, 1).flatten(1, 2); }
 
 std::vector<at::Tensor> PpoTeam::minibatches(const at::Tensor& order) const {
   at::Tensor own = order.unsqueeze(0);  // [1, sequences]
   if (sequence_length() > 1)
-    own = own + at::arange(sequence_length(), order.options()).unsqueeze(1) * worlds_.count;  // [L, sequences]
+    own = own + at::arange(sequence_length(), order.options()).unsqueeze(1) * n_own_worlds();  // [L, sequences]
   return states(own).tensor_split(config_.n_minibatches, 1);
 }
 

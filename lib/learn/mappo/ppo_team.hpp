@@ -43,7 +43,7 @@ class PpoTeam {
  public:
   /// Learns only from `worlds` of a rollout. `sum`: over all ranks, each of which has a PpoTeam with as many worlds and
   /// takes the same steps.
-  PpoTeam(const LoadedRun& run, int team, Device device, const ParallelFor& parallel_for, const WorldRange& worlds,
+  PpoTeam(const LoadedRun& run, int team, Device device, const ParallelFor& parallel_for, const ShardRange& worlds,
           const SumOverRanks& sum = {});
 
   Actor& actor() { return actor_; }
@@ -70,7 +70,8 @@ class PpoTeam {
 
   /// Steps that are learned from in a row: 1 for networks without memory, else the rollout.
   int64_t sequence_length() const { return actor_.state_size() > 0 || critic_.state_size() > 0 ? config_.horizon : 1; }
-  int64_t n_sequences() const { return config_.horizon * worlds_.count / sequence_length(); }
+  int64_t n_sequences() const { return config_.horizon * n_own_worlds() / sequence_length(); }
+  int64_t n_own_worlds() const { return worlds_.count(); }  ///< that it learns from
   /// The minibatches of an epoch: an order of the sequences cut into pieces, as equal as possible. Sequence k begins at
   /// state k of the team's own worlds, numbered step by step. -> states [L, B] of the rollout each.
   std::vector<at::Tensor> minibatches(const at::Tensor& order) const;
@@ -155,14 +156,14 @@ class PpoTeam {
   at::Tensor find_faults(const TeamRollout& rollout);
   PolicyNote policy_note(const float* sums, const float* minibatch) const;
   void note_information(const Rollout& rollout);
-  bool everywhere() const { return worlds_.count == n_worlds_; }
+  bool everywhere() const { return worlds_.everywhere(); }
   /// The part of x [T, W, ...] in the team's worlds.
-  at::Tensor own(const at::Tensor& x) const { return everywhere() ? x : x.narrow(1, worlds_.first, worlds_.count); }
+  at::Tensor own(const at::Tensor& x) const;
 
   const MappoConfig config_;
   const int team_, n_;
   const int64_t n_worlds_;
-  const WorldRange worlds_;
+  const ShardRange worlds_;
   const ParallelFor& parallel_for_;
   const SumOverRanks sum_;
   Actor actor_;

@@ -14,7 +14,7 @@ namespace giga {
 struct SequenceOrder {
   int64_t n_sequences;  // of this rank
   int64_t n_minibatches;
-  int64_t n_worlds;                   // of this rank
+  int64_t n_worlds;                   // in which the team learns, of this rank
   int64_t n_shards;                   // of all ranks; 1: the sequences have one order
   int64_t first_shard, n_own_shards;  // of this rank
 

@@ -24,14 +24,16 @@ GameCount game_count(const double* counts) { return {counts[0], counts[1], count
 
 }  // namespace
 
-League::League(const LoadedRun& run, std::array<const Actor*, kNTeams> actors, const ParallelFor& parallel_for)
+League::League(const LoadedRun& run, const WorldShares& worlds, std::array<const Actor*, kNTeams> actors,
+               const ParallelFor& parallel_for, const SumOverRanks& sum)
     : config_(run.config.opponents),
       guests_are_saved_(run.policies_are_saved),
       seed_(seed_of(run.config.seed, Purpose::training)),
       device_(torch_device(parallel_for.device())),
-      shares_(world_shares(config_, run.config.train.n_worlds)),
+      shares_(worlds),
+      sum_(sum),
       actor_(actors),
-      counts_(at::zeros({shares_.n_worlds}, at::TensorOptions().dtype(at::kByte).device(device_))) {
+      counts_(at::zeros({shares_.n_worlds()}, at::TensorOptions().dtype(at::kByte).device(device_))) {
   if (config_.pool_size == 0) return;
   const Precision precision = precision_on(run, parallel_for.device());
   std::array<at::Tensor, kNTeams> guests;
@@ -55,20 +57,23 @@ League::League(const LoadedRun& run, std::array<const Actor*, kNTeams> actors, c
 }
 
 Side League::side(int team) const {
-  const int other = 1 - team;  // that learns where this one is frozen
-  Side side;
-  const auto add = [&side](std::shared_ptr<TeamController> controller, const WorldRange& worlds) {
-    if (worlds.count > 0) side.push_back({std::move(controller), worlds});
-  };
+  const int other = 1 - team;                                                 // that learns where this one is frozen
+  std::vector<std::pair<std::shared_ptr<TeamController>, ShardRange>> parts;  // of each shard
   const auto add_scripts = [&] {
     const auto n = static_cast<int64_t>(config_.scripted.size());
-    for (int64_t k = 0; k < n; ++k)
-      add(script_controller(config_.scripted[static_cast<size_t>(k)]), part_of(shares_.scripts(other), k, n));
+    for (int64_t k = 0; k < n; ++k) {
+      ShardRange worlds = shares_.scripts(other);
+      worlds.in_shard = part_of(worlds.in_shard, k, n);
+      parts.emplace_back(script_controller(config_.scripted[static_cast<size_t>(k)]), worlds);
+    }
   };
   const auto add_past = [&] {
-    if (!past_.empty()) add(group_controller(past_[static_cast<size_t>(team)].policy), shares_.pool(other));
+    if (!past_.empty())
+      parts.emplace_back(group_controller(past_[static_cast<size_t>(team)].policy), shares_.pool(other));
   };
-  const auto add_learner = [&] { add(policy_controller(*actor_[static_cast<size_t>(team)]), shares_.learning(team)); };
+  const auto add_learner = [&] {
+    parts.emplace_back(policy_controller(*actor_[static_cast<size_t>(team)]), shares_.learning(team));
+  };
   if (team == 0) {
     add_learner();
     add_past();
@@ -78,6 +83,10 @@ Side League::side(int team) const {
     add_past();
     add_learner();
   }
+  Side side;
+  for (int64_t shard = 0; shard < shares_.n_shards; ++shard)
+    for (const auto& [controller, worlds] : parts)
+      if (worlds.count() > 0) side.push_back({controller, worlds.of(shard)});
   return side;
 }
 
@@ -103,34 +112,32 @@ void League::begin() {
   }
 }
 
-at::Tensor League::counts_of(const at::Tensor& stats, const WorldRange& worlds, int team) const {
-  const at::Tensor of_worlds = stats.narrow(0, worlds.first, worlds.count);
-  const auto column = [&](EpisodeStat stat) { return of_worlds.select(1, static_cast<int64_t>(stat)); };
+/// -> [shards, worlds of each, kCounts]
+at::Tensor League::counts_of(const at::Tensor& stats, const ShardRange& worlds, int team) const {
+  const at::Tensor of_worlds = in_shards(stats, worlds, 0);
+  const auto column = [&](EpisodeStat stat) { return of_worlds.select(2, static_cast<int64_t>(stat)); };
   return at::stack(
-      {column(EpisodeStat::episodes), column(of_team(EpisodeStat::wins_0, team)), column(EpisodeStat::ties)},
-      1);  // [worlds, kCounts]
+      {column(EpisodeStat::episodes), column(of_team(EpisodeStat::wins_0, team)), column(EpisodeStat::ties)}, 2);
 }
 
 void League::count(const Simulator& sim) {
   at::NoGradGuard no_grad;
   const at::Tensor stats = stats_of(sim);
-  const auto rows = [](const at::Tensor& x, const WorldRange& worlds) {
-    return x.narrow(0, worlds.first, worlds.count);
-  };
-  std::vector<at::Tensor> sums = {rows(stats, shares_.self_play()).sum(0, false, at::kDouble)};
+  std::vector<at::Tensor> sums = {in_shards(stats, shares_.self_play(), 0).flatten(0, 1).sum(0, false, at::kDouble)};
   for (int team = 0; team < kNTeams; ++team) {
     if (!past_.empty()) {
-      const WorldRange worlds = shares_.pool(team);
-      const at::Tensor counts = counts_of(stats, worlds, team), began = rows(counts_, worlds);
-      sums.push_back((counts * began.unsqueeze(1))
-                         .view({shares_.groups, shares_.group_size, kCounts})
-                         .sum(1, false, at::kDouble)
+      const ShardRange worlds = shares_.pool(team);
+      const at::Tensor counts = counts_of(stats, worlds, team), began = in_shards(counts_, worlds, 0);
+      sums.push_back((counts * began.unsqueeze(2))
+                         .view({shares_.n_shards, shares_.groups, shares_.group_size, kCounts})
+                         .sum(at::IntArrayRef({0, 2}), false, at::kDouble)
                          .flatten());
-      began.logical_or_(counts.select(1, 0) > 0);
+      began.logical_or_(counts.select(2, 0) > 0);
     }
-    sums.push_back(counts_of(stats, shares_.scripts(team), team).sum(0, false, at::kDouble));
+    sums.push_back(counts_of(stats, shares_.scripts(team), team).flatten(0, 1).sum(0, false, at::kDouble));
   }
   sums_ = at::cat(sums);
+  sum_(sums_);
 }
 
 void League::read(EpisodeStats& self_play, std::array<LeagueRecord, kNTeams>& record) {
@@ -174,8 +181,16 @@ bool League::end(int64_t updates_done, const Simulator& sim) {
     }
     draw_rows(static_cast<int>(team), static_cast<uint32_t>(updates_done));
   }
-  counts_.copy_(wrap(sim.state().view().episode_length, {shares_.n_worlds}, sim.device()) == 0);
+  counts_.copy_(wrap(sim.state().view().episode_length, {shares_.n_worlds()}, sim.device()) == 0);
   return true;
+}
+
+void League::save_worlds(const std::string& prefix, NamedArrays& out) const {
+  if (!past_.empty()) out.push_back(to_array(prefix + "counts", counts_));
+}
+
+void League::load_worlds(const std::string& prefix, const NamedArrays& in) {
+  if (!past_.empty()) from_array(find_array(in, prefix + "counts"), counts_);
 }
 
 void League::save(const std::string& prefix, NamedArrays& out) const {
@@ -187,7 +202,6 @@ void League::save(const std::string& prefix, NamedArrays& out) const {
     if (config_.pool_promotion == PoolPromotion::evidence)
       out.push_back(make_array<double>(place + "since_kept", {since.episodes, since.wins, since.ties}));
   }
-  if (!past_.empty()) out.push_back(to_array(prefix + "counts", counts_));
 }
 
 void League::load(const std::string& prefix, const NamedArrays& in) {
@@ -216,7 +230,6 @@ void League::load(const std::string& prefix, const NamedArrays& in) {
       set_rows(past, std::move(rows));
     }
   }
-  if (!past_.empty()) from_array(find_array(in, prefix + "counts"), counts_);
   if (drawn_anew) counts_.zero_();  // the games that are on began against others
 }
 

@@ -13,6 +13,7 @@
 #include "learn/opponents/pool.hpp"
 #include "learn/opponents/record.hpp"
 #include "learn/opponents/world_shares.hpp"
+#include "policy/sum_over_ranks.hpp"
 #include "rollout/group_policy.hpp"
 
 namespace giga {
@@ -24,8 +25,10 @@ class League {
     return config.opponents.pool_size > 0 || config.opponents.scripted_share > 0;
   }
 
-  /// Of a run in which both teams learn; the actors must outlive this.
-  League(const LoadedRun& run, std::array<const Actor*, kNTeams> actors, const ParallelFor& parallel_for);
+  /// Of a run in which both teams learn; the actors must outlive this. `worlds`: of this process; `sum`: over all
+  /// ranks, each of which has a league with as many.
+  League(const LoadedRun& run, const WorldShares& worlds, std::array<const Actor*, kNTeams> actors,
+         const ParallelFor& parallel_for, const SumOverRanks& sum = {});
 
   /// Who moves a team: its actor where it learns; where it does not, scripts or past policies of its own. This must
   /// outlive them.
@@ -33,7 +36,7 @@ class League {
 
   /// Before a rollout: the opponents that are met in it.
   void begin();
-  /// After a rollout: queues the sums of the simulator's statistics.
+  /// After a rollout: queues the sums of the simulator's statistics, over all ranks.
   void count(const Simulator& sim);
   /// Reads them and waits for the device: statistics of the worlds in which both teams learn, and the record of each
   /// team. A game against a past policy counts if it began after that opponent was drawn.
@@ -42,8 +45,12 @@ class League {
   /// opponents. A game in progress goes on against the new ones, who remember nothing of it. Whether it did.
   bool end(int64_t updates_done, const Simulator& sim);
   /// Where past policies of a team play.
-  WorldRange pool_worlds(int team) const { return shares_.pool(1 - team); }
+  ShardRange pool_worlds(int team) const { return shares_.pool(1 - team); }
 
+  /// What there is of each world of this process; to be loaded before the rest.
+  void save_worlds(const std::string& prefix, NamedArrays& out) const;
+  void load_worlds(const std::string& prefix, const NamedArrays& in);
+  /// What all ranks have alike.
   void save(const std::string& prefix, NamedArrays& out) const;
   void load(const std::string& prefix, const NamedArrays& in);
 
@@ -61,13 +68,14 @@ class League {
   void set_rows(Past& past, std::vector<int32_t> rows) const;
   void draw_rows(int team, uint32_t update);
   bool is_promoted(size_t team) const;
-  at::Tensor counts_of(const at::Tensor& stats, const WorldRange& worlds, int team) const;
+  at::Tensor counts_of(const at::Tensor& stats, const ShardRange& worlds, int team) const;
 
   const OpponentsConfig config_;
   const bool guests_are_saved_;
   const uint64_t seed_;
   const at::Device device_;
   const WorldShares shares_;
+  const SumOverRanks sum_;
   std::array<const Actor*, kNTeams> actor_;
   std::vector<Past> past_;  // by team; empty without a pool
   at::Tensor counts_;       // [W] 1: the game that is on began after its opponent was drawn

@@ -9,10 +9,11 @@ int64_t share_of(float share, int64_t whole, int64_t most) {
   return std::min<int64_t>(std::llround(static_cast<double>(share) * static_cast<double>(whole)), most);
 }
 
-WorldShares world_shares(const OpponentsConfig& config, int64_t n_worlds) {
+WorldShares world_shares(const OpponentsConfig& config, int64_t n_worlds, int64_t n_shards) {
   WorldShares shares;
-  shares.n_worlds = n_worlds;
-  const int64_t half = n_worlds / 2;
+  shares.shard_size = n_worlds / n_shards;
+  shares.n_shards = n_shards;
+  const int64_t half = shares.shard_size / 2;
   shares.scripted = share_of(config.scripted_share, half, half);
   const int64_t pooled = config.pool_size > 0 ? share_of(config.pool_share, half, half - shares.scripted) : 0;
   if (pooled == 0) return shares;
