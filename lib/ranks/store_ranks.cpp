@@ -310,7 +310,7 @@ class StoreRanks final : public Ranks {
       silent = slept || seen != beaten_ ? Milliseconds{0} : silent + kBeat;
       seen = beaten_;
       if (silent < patience_.silence + patience_.giving_up) continue;
-      std::cerr << "gigastep: rank " << rank() << ": rank " << rank() << " of " << size() << " has had no answer from "
+      std::cerr << "gigastep: rank " << rank() << ": no answer from "
                 << "the store at " << place_.host << ':' << place_.port << " for " << seconds_of(silent) << ": "
                 << who_serves() << " is dead, stopped or cut off" << std::endl;
       std::_Exit(1);
