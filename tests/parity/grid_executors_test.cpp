@@ -241,8 +241,8 @@ TEST(GpuGridCrowds, AreThoseOfTheCpu) {
   for (const Crowd& c : {Crowd{150, 150, 20, 3, 0, 5}, Crowd{1100, 903, 40, 2, 0, 5}, Crowd{1100, 903, 40, 50, 0, 4},
                          Crowd{2600, 2601, 300, 1, 0, 4}, Crowd{2600, 2601, 80, 5, 0, 4},
                          Crowd{9000, 9001, 150, 1, 0, 3}, Crowd{10, 10, 12, 600, 0, 5},
-                        // Beyond 65,536 agents, in five launches.
-                        Crowd{40000, 40001, 300, 1, 0, 3}})
+                         // Beyond 65,536 agents, in five launches.
+                         Crowd{40000, 40001, 300, 1, 0, 3}})
     play(c);
 }
 
