@@ -5,6 +5,7 @@
 #include <optional>
 #include <span>
 #include <string_view>
+#include <tuple>
 
 #include "core/error.hpp"
 
@@ -122,6 +123,10 @@ ResumedRun resume_config(const std::string& config_yaml, const std::string& scen
   if (!errors.empty()) throw InputError(cat(errors.text(), "\nwhat may change: ", keys_that_may_change()));
   resumed.run = load_run_config_text(print_yaml(after, false), scenario_yaml);
   resumed.run.policies_are_saved = keeps_policies;
+  const auto worlds_of = [](const RunConfig& c) {
+    return std::tuple{c.mappo.shards, c.opponents.pool_share, c.opponents.scripted_share, c.opponents.scripted};
+  };
+  resumed.run.opponents_move = worlds_of(after) != worlds_of(before);
   return resumed;
 }
 

@@ -216,6 +216,8 @@ struct LoadedRun {
   std::optional<Position> policies_at;  ///< and opponents.policies
   /// The run goes on from a checkpoint, which holds the policies of opponents.policies.
   bool policies_are_saved = false;
+  /// Its worlds met other opponents than they meet now (mappo.shards, shares of opponents).
+  bool opponents_move = false;
 };
 LoadedRun load_run_config(const std::string& path, const std::vector<std::string>& overrides);
 /// Makes paths of opponents.policies whole, so that the run's own config names them from anywhere; notes those that are

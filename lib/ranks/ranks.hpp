@@ -27,7 +27,8 @@ struct OutsideWait {
 };
 
 /// All ranks call the same functions in the same order. Each waits for all others, and throws Error where one is
-/// missing; the message names it and says what is known of it.
+/// missing; the message names it and says what is known of it. Where the store itself does not answer, a call does not
+/// come back: the process is ended after `RankPatience::silence` + `giving_up`, with a message and exit code 1.
 class Ranks {
  public:
   virtual ~Ranks() = default;
@@ -72,7 +73,7 @@ class Ranks {
 struct RankPatience {
   std::chrono::milliseconds answer = std::chrono::minutes(10);     ///< in a call, of a rank that lives
   std::chrono::milliseconds silence = std::chrono::seconds(20);    ///< no sign of life: the rank is taken for dead
-  std::chrono::milliseconds giving_up = std::chrono::seconds(10);  ///< for a wait elsewhere to end
+  std::chrono::milliseconds giving_up = std::chrono::seconds(10);  ///< for a wait elsewhere, or the store
 };
 
 /// Meets the other ranks at c10d's TCPStore, and speaks with them through it. Throws Error where one does not come.

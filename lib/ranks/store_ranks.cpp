@@ -57,9 +57,9 @@ class StoreRanks final : public Ranks {
     store_ =
         reach([&] { return std::make_unique<c10d::TCPStore>(place.host, options_of(place.port, serves_, wait())); });
     beats_ = reach([&] { return std::make_unique<c10d::TCPStore>(place.host, options_of(place.port, false, wait())); });
-    heart_ = std::thread([this] { beat(); });
-    guard_ = std::thread([this] { guard(); });
     try {
+      heart_ = std::thread([this] { beat(); });
+      guard_ = std::thread([this] { guard(); });
       barrier();
     } catch (...) {
       still();
@@ -224,7 +224,7 @@ class StoreRanks final : public Ranks {
         give_up(e.what());
       }
       if (outside_ && !missing_.empty() && Clock::now() - gave_up_at_ > patience_.giving_up) end_process();
-      ++beaten_;
+      if (!lost_store || outside_) ++beaten_;  // who has lost the store calls it no more
     } while (!wake_.wait_for(lock, kBeat, [this] { return over_; }));
   }
 
@@ -271,6 +271,10 @@ class StoreRanks final : public Ranks {
   }
   void give_up(const std::string& message) {
     missing_ = message;
+    {
+      const std::lock_guard lock(guard_mutex_);
+      gave_up_because_ = message;
+    }
     gave_up_at_ = Clock::now();
     outside_->give_up();
   }
@@ -310,9 +314,10 @@ class StoreRanks final : public Ranks {
       silent = slept || seen != beaten_ ? Milliseconds{0} : silent + kBeat;
       seen = beaten_;
       if (silent < patience_.silence + patience_.giving_up) continue;
-      std::cerr << "gigastep: rank " << rank() << ": no answer from "
-                << "the store at " << place_.host << ':' << place_.port << " for " << seconds_of(silent) << ": "
-                << who_serves() << " is dead, stopped or cut off" << std::endl;
+      const std::string why = cat("no answer from the store at ", place_.host, ":", place_.port, " for ",
+                                  seconds_of(silent), ": ", who_serves(), " is dead, stopped or cut off");
+      std::cerr << "gigastep: rank " << rank() << ": " << (gave_up_because_.empty() ? why : gave_up_because_)
+                << std::endl;
       std::_Exit(1);
     }
   }
@@ -337,6 +342,7 @@ class StoreRanks final : public Ranks {
   std::mutex guard_mutex_;
   std::condition_variable guard_wake_;
   bool heart_is_still_ = false;
+  std::string gave_up_because_;  // of `missing_`, whose mutex the heart may hold for ever
   std::thread guard_;
 };
 

@@ -26,9 +26,12 @@ struct ShardRange {
   /// All of them, in ranges of at most `most` worlds.
   std::vector<WorldRange> pieces(int64_t most) const {
     std::vector<WorldRange> all;
-    for (int64_t k = 0; k < n_shards; ++k)
-      for (int64_t from = of(k).first; from < of(k).end(); from += most)
-        all.push_back({from, std::min(most, of(k).end() - from)});
+    const auto add = [&](const WorldRange& range) {
+      for (int64_t from = range.first; from < range.end(); from += most)
+        all.push_back({from, std::min(most, range.end() - from)});
+    };
+    if (everywhere()) add({0, count()});
+    for (int64_t k = 0; k < n_shards && !everywhere(); ++k) add(of(k));
     return all;
   }
   bool operator==(const ShardRange&) const = default;

@@ -150,8 +150,8 @@ TEST_F(RankedRun, OfMappoWithFurtherOpponentsEqualsTheRunOfOneProcessToRounding)
                                kMappo));
   const std::vector<std::vector<std::string>> settings = {
       {},
-      {"--set", "mappo.actor.memory=gru", "--set", "mappo.critic.memory=gru", "--set", "mappo.n_minibatches=1"},
-      {"--set", "mappo.fused=false", "--set", "opponents.pool_promotion=evidence", "--set", "mappo.step_back=0.1"}};
+      {"--set", "mappo.actor.memory=gru", "--set", "mappo.critic.memory=gru"},
+      {"--set", "mappo.fused=false", "--set", "opponents.pool_promotion=evidence"}};
   const size_t n_settings = tests_run_in_full() ? settings.size() : 1;
   for (size_t k = 0; k < n_settings; ++k) {
     SCOPED_TRACE(k);
@@ -182,6 +182,13 @@ TEST_F(RankedRun, OfMappoWithFurtherOpponentsEqualsTheRunOfOneProcessToRounding)
       EXPECT_LT(difference(one, arrays_of(here_, begun)), 1e-4);
       EXPECT_EQ(metrics_rows(here_, begun), 4u);
     }
+    // Begun as a run of one shard, which others than before meet from then on.
+    const std::string alone =
+        run(cat("alone", k), 1, {"--set", "mappo.shards=1", "--set", "train.stop_at_agent_steps=8192"});
+    const Outcome shared = here_.run(
+        {"resume", alone, "--ranks", "2", "--set", "mappo.shards=2", "--set", "train.stop_at_agent_steps=none"});
+    EXPECT_EQ(shared.code, 0) << shared.err;
+    EXPECT_EQ(metrics_rows(here_, alone), 4u);
   }
 }
 
@@ -270,8 +277,8 @@ TEST_F(RankedRun, RefusesWhatCannotBeDivided) {
                        {"opponents.pool_share: 0.4 of train.n_worlds 16 leaves each team 0 worlds in each of "
                         "mappo.shards 8 against the pool; it needs at least 1"}));
   EXPECT_TRUE(contains(refused(mappo({"--set", "opponents.scripted_share=0.4", "--set", "mappo.shards=2", "--set",
-                                      "mappo.horizon=5", "--set", "mappo.n_minibatches=4"})),
-                       {"4 does not divide the 30 states of a shard that a team learns from (opponents)"}));
+                                      "mappo.horizon=5", "--set", "mappo.n_minibatches=40"})),
+                       {"40 minibatches for the 30 states of a shard that a team learns from (opponents)"}));
   EXPECT_TRUE(contains(refused(train("c", 2), {{"RANK", "0"}, {"WORLD_SIZE", "2"}}), {"MASTER_PORT is not set"}));
   EXPECT_FALSE(here_.has("a"));
   EXPECT_TRUE(

@@ -164,6 +164,7 @@ Rollout copy_of(const Rollout& rollout) {
     const TeamRollout& r = rollout.team[team];
     result.team[team] = {copy(r.obs),      copy(r.alive),  copy(r.action),    copy(r.pre_tanh_action),
                          copy(r.log_prob), copy(r.reward), copy(r.final_obs), copy(r.final_alive)};
+    result.team[team].state = copy(r.state);
   }
   result.done = copy(rollout.done);
   result.true_state = copy(rollout.true_state);
@@ -183,7 +184,7 @@ void spoil_frozen(Rollout& rollout, int team, const ShardRange& learning) {
   };
   const TeamRollout& r = rollout.team[team];
   for (const at::Tensor& x : {r.obs, r.pre_tanh_action, r.log_prob, r.reward, rollout.true_state}) spoil(x, 1);
-  for (const at::Tensor& x : {r.final_obs, rollout.final_true_state}) spoil(x, 0);
+  for (const at::Tensor& x : {r.final_obs, rollout.final_true_state, r.state}) spoil(x, 0);
 }
 
 // Everything in which a NaN could hide: advantages by minibatch and batch, both normalisers, all critics' inputs.
@@ -293,6 +294,37 @@ TEST(LearnLeague, GamesAgainstPastPoliciesCountFromTheirDrawOn) {
   EXPECT_EQ(array_values<double>(find_array(arrays, "team_1/wins")), (std::vector<double>{1.5, 0}));
   EXPECT_EQ(array_values<double>(find_array(arrays, "team_0/games")), (std::vector<double>{1, 0}));
   EXPECT_EQ(array_values<double>(find_array(arrays, "team_0/wins")), (std::vector<double>{1, 0}));
+}
+
+// Two shards of 12 worlds: 0 to 2 scripts of team 0, 3 and 4 the pool of team 1, a policy each, 7 and 8 the pool of
+// team 0, 9 to 11 scripts of team 1; the second shard likewise from 12 on.
+TEST(LearnLeague, GamesOfAllShardsCount) {
+  Games games(with_opponents("pool_size: 2, pool_every_updates: 1, pool_share: 0.4, scripted_share: 0.5"), 2);
+  ASSERT_EQ(games.shares.pool(1), (ShardRange{{7, 2}, 12, 2}));
+  Simulator& sim = *games.sim;
+  std::fill_n(sim.state().view().episode_length, kSmallRunWorlds, 0);  // all games begin with their opponents
+  games.league.end(1, sim);
+  games.league.begin();
+  set_stats(sim, 0, {1, 1, 0, 0});  // scripts of team 0, in both shards
+  set_stats(sim, 14, {2, 1, 1, 0});
+  set_stats(sim, 3, {1, 0, 1, 0});  // its pool, in both
+  set_stats(sim, 16, {3, 2, 0, 1});
+  set_stats(sim, 5, {5, 1, 1, 3});  // self-play, in both
+  set_stats(sim, 18, {2, 0, 2, 0});
+  set_stats(sim, 20, {4, 1, 3, 0});  // the pool of team 1
+  set_stats(sim, 23, {2, 0, 2, 0});  // its scripts
+  games.league.count(sim);
+  EpisodeStats self_play;
+  std::array<LeagueRecord, kNTeams> record;
+  games.league.read(self_play, record);
+  EXPECT_EQ(self_play[EpisodeStat::episodes], 7);
+  EXPECT_EQ(record[0].scripts.episodes, 3);
+  EXPECT_EQ(record[0].scripts.wins, 2);
+  EXPECT_EQ(record[0].pool.episodes, 4);
+  EXPECT_EQ(record[0].pool.wins, 2);
+  EXPECT_EQ(record[0].pool.ties, 1);
+  EXPECT_EQ(record[1].pool.wins, 3);
+  EXPECT_EQ(record[1].scripts.episodes, 2);
 }
 
 TEST(LearnLeague, OnlyWhatIsStrongerJoinsThePoolWhereEvidenceIsAskedFor) {

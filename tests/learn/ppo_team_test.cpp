@@ -5,9 +5,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
 #include <vector>
 
 #include "core/error.hpp"
+#include "learn/mappo/sequence_order.hpp"
 #include "rollout/policy_controllers.hpp"
 #include "runs.hpp"
 
@@ -200,6 +202,34 @@ TEST(LearnPpoTeam, MinibatchesHaveEachStateOfTheTeamsWorldsOnce) {
   // State k of the team's own is step k / 2, world 1 + k % 2.
   EXPECT_TRUE(at::equal(minibatches[0], at::tensor({9, 2, 1}, at::kLong).view({1, 3})));
   EXPECT_TRUE(at::equal(minibatches[1], at::tensor({10, 6, 5}, at::kLong).view({1, 3})));
+}
+
+// Worlds 1 and 2 of each of two shards of 4: 1, 2, 5 and 6 of 8; states t x 8 + world.
+TEST(LearnPpoTeam, StatesOfShards) {
+  LoadedRun run = small_run("");
+  run.config.train.n_worlds = 8;
+  run.config.mappo.horizon = 3;
+  const ParallelFor parallel_for(Device{}, 1);
+  const PpoTeam team(run, 0, Device{}, parallel_for, {{1, 2}, 4, 2});
+  EXPECT_EQ(team.n_sequences(), 12);
+  EXPECT_TRUE(at::equal(team.states(at::arange(12, at::kLong)),
+                        at::tensor({1, 2, 5, 6, 9, 10, 13, 14, 17, 18, 21, 22}, at::kLong)));
+}
+
+// Five steps of two worlds, a shard each: sequence k is of world k % 2. Of five, two go into each of two minibatches.
+TEST(LearnSequenceOrder, MinibatchesTakeAsManyOfEachShard) {
+  const SequenceOrder order{
+      .n_sequences = 10, .n_minibatches = 2, .n_worlds = 2, .n_shards = 2, .first_shard = 0, .n_own_shards = 2};
+  std::set<int64_t> met;
+  for (uint64_t epoch = 0; epoch < 20; ++epoch) {
+    const at::Tensor drawn = order.draw(epoch, Device{});
+    ASSERT_EQ(drawn.size(0), 8);
+    EXPECT_EQ(std::get<0>(at::_unique(drawn)).size(0), 8) << "each once at most";
+    EXPECT_EQ(drawn.slice(0, 0, 4).remainder(2).sum().item<int64_t>(), 2);
+    EXPECT_EQ(drawn.slice(0, 4, 8).remainder(2).sum().item<int64_t>(), 2);
+    for (int64_t k = 0; k < 8; ++k) met.insert(drawn[k].item<int64_t>());
+  }
+  EXPECT_EQ(met.size(), 10u) << "others are left out in each epoch";
 }
 
 /// Two teams with memory, and the worlds in which they play.

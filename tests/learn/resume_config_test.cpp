@@ -33,6 +33,8 @@ TEST(LearnResumeConfig, WithoutChangesItIsTheSameConfig) {
   EXPECT_TRUE(after.changes.empty());
   EXPECT_TRUE(resumed({"train.n_worlds=24"}).changes.empty()) << "the same value is no change";
   EXPECT_TRUE(after.run.policies_are_saved);
+  EXPECT_FALSE(after.run.opponents_move);
+  EXPECT_TRUE(resumed({"mappo.shards=2"}).run.opponents_move);
 }
 
 TEST(LearnResumeConfig, WhatMayChangeChanges) {

@@ -181,12 +181,15 @@ void shards_divide(ConfigCheck& check) {
                     "opponents.pool_size", "opponents.pool_share", "opponents.scripted_share"}))
     return;
   const WorldShares shares = world_shares(check.config.opponents, n_worlds, c.shards);
-  const int64_t worlds = shares.learning(0).in_shard.count, states = worlds * (c.horizon / steps_together(c));
-  if (states % c.n_minibatches != 0)
-    check.fail("mappo.n_minibatches",
-               cat(c.n_minibatches, " does not divide the ", states, steps_together(c) > 1 ? " worlds" : " states",
-                   " of a shard", worlds < shares.shard_size ? " that a team learns from (opponents)" : "",
-                   " (train.n_worlds ", n_worlds, ", mappo.shards ", c.shards, ")"));
+  const ShardRange learning = shares.learning(0);
+  const int64_t states = learning.in_shard.count * (c.horizon / steps_together(c));
+  const std::string of_a_shard = cat(states, steps_together(c) > 1 ? " worlds" : " states", " of a shard"),
+                    sizes = cat(" (train.n_worlds ", n_worlds, ", mappo.shards ", c.shards, ")");
+  if (learning.everywhere() && states % c.n_minibatches != 0)
+    check.fail("mappo.n_minibatches", cat(c.n_minibatches, " does not divide the ", of_a_shard, sizes));
+  if (!learning.everywhere() && states < c.n_minibatches)  // else the few that are left over are left out
+    check.fail("mappo.n_minibatches", cat(c.n_minibatches, " minibatches for the ", of_a_shard,
+                                          " that a team learns from (opponents)", sizes));
 }
 
 /// Shares that come to no world.
@@ -279,7 +282,9 @@ void expect_shards_divide(const RunConfig& c, int n_ranks) {
 // n_worlds x horizon must be a multiple of n_minibatches, with memory n_worlds itself; in each shard.
 RunSize mappo_size(const RunConfig& c) {
   const int64_t divides = c.mappo.horizon / steps_together(c.mappo);
-  const int64_t step = c.mappo.shards * (c.mappo.n_minibatches / std::gcd<int64_t>(c.mappo.n_minibatches, divides));
+  int64_t step = c.mappo.shards * (c.mappo.n_minibatches / std::gcd<int64_t>(c.mappo.n_minibatches, divides));
+  // Of a shard with further opponents a team learns from half of the worlds at least.
+  if (c.mappo.shards > 1 && (c.opponents.pool_size > 0 || c.opponents.scripted_share > 0)) step *= 2;
   return {"train.n_worlds", "world", c.train.n_worlds, step, step, kMostWorlds};
 }
 

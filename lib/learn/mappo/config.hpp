@@ -67,11 +67,12 @@ template <class V>
 void visit_fields(V& v, MappoConfig& c) {
   v("horizon", c.horizon, "steps of a rollout; at most the scenario's max_episode_length", range(1, 65536));
   v("n_epochs", c.n_epochs, "passes over a rollout per update", range(1, 1000));
-  v("n_minibatches", c.n_minibatches, "minibatches per epoch; must divide n_worlds x horizon, with memory n_worlds",
-    range(1, 1'000'000));
+  v("n_minibatches", c.n_minibatches,
+    "minibatches per epoch; must divide n_worlds x horizon, with memory n_worlds, in each shard", range(1, 1'000'000));
   v("shards", c.shards,
     "parts of the worlds that are shuffled into minibatches each by itself, and have each their share of opponents, so "
-    "that several ranks can take them; a multiple of the number of ranks; 1: one for each rank that begins a run. The "
+    "that several ranks can take them (states that opponents leave over there are left out, others in each epoch); a "
+    "multiple of the number of ranks; 1: one for each rank that begins a run. The "
     "result depends on it, and not on the ranks but for rounding",
     range(1, 65536));
   v("learning_rate", c.learning_rate, "Adam step size of the actors", greater_than(0));

@@ -195,8 +195,8 @@ Metrics Mappo::update() {
   if (league_) league_->begin();
   set_shaping();
   collector_->collect();
-  if (league_) league_->count(*sim_);
   clock_->mark(1);
+  if (league_) league_->count(*sim_);
 
   const MappoConfig& c = config_.mappo;
   const double factor = schedule_factor(), done = share_done(updates_);
@@ -330,12 +330,10 @@ Metrics Mappo::metrics(double factor) {
   for (int team = 0; team < kNTeams; ++team)
     if (team_[team]) note_divergence(team, figures[team].const_data_ptr<float>());
   EpisodeStats stats = sim_->take_stats();
-  std::array<LeagueRecord, kNTeams> record;
-  if (league_)
-    league_->read(stats, record);  // of the worlds in which both teams learn, of all ranks
-  else if (sums_)
-    sums_->add_host(at::from_blob(stats.rows.data(), {kNStatRows}, at::kDouble));
+  if (sums_ && !league_) sums_->add_host(at::from_blob(stats.rows.data(), {kNStatRows}, at::kDouble));
   if (sums_) sums_->end();
+  std::array<LeagueRecord, kNTeams> record;
+  if (league_) league_->read(stats, record);  // of the worlds in which both teams learn, of all ranks
   const double episodes = stats[EpisodeStat::episodes];
 
   Metrics out;
@@ -400,7 +398,15 @@ void Mappo::load_worlds(const NamedArrays& in) {
   collector_->load("collector/", in);
   for (int team = 0; team < kNTeams; ++team)
     if (team_[team]) team_[team]->load_memory(cat("team_", team, "/"), in);
-  if (league_) league_->load_worlds("league/", in);
+  if (!league_) return;
+  league_->load_worlds("league/", in);
+  if (!run_.opponents_move) return;
+  // A game that is on goes on by others, who know nothing of it.
+  league_->forget_games();
+  for (int team = 0; team < kNTeams; ++team) {
+    collector_->forget(team, {{0, sim_->n_worlds()}, sim_->n_worlds()});
+    team_[team]->forget();
+  }
 }
 
 void Mappo::load(const NamedArrays& in) {

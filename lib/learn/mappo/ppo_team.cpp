@@ -389,6 +389,10 @@ void PpoTeam::load_memory(const std::string& prefix, const NamedArrays& in) {
   if (critic_memory_.defined()) from_array(find_array(in, prefix + "critic_memory"), critic_memory_);
 }
 
+void PpoTeam::forget() {
+  if (critic_memory_.defined()) critic_memory_.zero_();
+}
+
 void PpoTeam::save_critic(const std::string& prefix, NamedArrays& out) const {
   critic_.parameters().save(prefix + "critic/", out);
   value_norm_.save(prefix + "value_norm/", out);

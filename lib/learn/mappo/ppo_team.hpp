@@ -96,6 +96,7 @@ class PpoTeam {
   /// What the critic remembers of the games that go on; nothing without memory.
   void save_memory(const std::string& prefix, NamedArrays& out) const;
   void load_memory(const std::string& prefix, const NamedArrays& in);
+  void forget();
 
   void save_critic(const std::string& prefix, NamedArrays& out) const;
   void save(const std::string& prefix, NamedArrays& out) const;

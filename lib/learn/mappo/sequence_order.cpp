@@ -32,8 +32,10 @@ at::Tensor SequenceOrder::draw(uint64_t seed, Device device) const {
   for (int64_t shard = 0; shard < n_own_shards; ++shard) {
     const uint64_t own = seed_of(seed, Purpose::permutation, static_cast<uint64_t>(first_shard + shard));
     const at::Tensor order = random_order(n_sequences / n_own_shards, own, device);
+    const int64_t each = order.size(0) / n_minibatches;
     orders.push_back((order.div(of_shard, "floor") * n_worlds + order.remainder(of_shard) + shard * of_shard)
-                         .view({n_minibatches, -1}));
+                         .slice(0, 0, n_minibatches * each)
+                         .view({n_minibatches, each}));
   }
   return at::cat(orders, 1).flatten();
 }

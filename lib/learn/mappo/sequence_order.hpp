@@ -18,7 +18,8 @@ struct SequenceOrder {
   int64_t n_shards;                   // of all ranks; 1: the sequences have one order
   int64_t first_shard, n_own_shards;  // of this rank
 
-  /// A random order [n_sequences] of 0 to n_sequences - 1, the same for the same seed.
+  /// A random order [n_sequences] of 0 to n_sequences - 1, the same for the same seed. With several shards without the
+  /// last few of each, where n_minibatches does not divide their number.
   at::Tensor draw(uint64_t seed, Device device) const;
 };
 

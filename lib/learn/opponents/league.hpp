@@ -50,6 +50,8 @@ class League {
   /// What there is of each world of this process; to be loaded before the rest.
   void save_worlds(const std::string& prefix, NamedArrays& out) const;
   void load_worlds(const std::string& prefix, const NamedArrays& in);
+  /// No game that is on counts: whom its world meets has changed.
+  void forget_games() { counts_.zero_(); }
   /// What all ranks have alike.
   void save(const std::string& prefix, NamedArrays& out) const;
   void load(const std::string& prefix, const NamedArrays& in);
