@@ -8,6 +8,7 @@
 #include <tuple>
 
 #include "core/error.hpp"
+#include "learn/opponents/world_shares.hpp"
 
 namespace giga {
 namespace {
@@ -126,7 +127,8 @@ ResumedRun resume_config(const std::string& config_yaml, const std::string& scen
   const auto worlds_of = [](const RunConfig& c) {
     return std::tuple{c.mappo.shards, c.opponents.pool_share, c.opponents.scripted_share, c.opponents.scripted};
   };
-  resumed.run.opponents_move = worlds_of(after) != worlds_of(before);
+  const bool some = has_further_opponents(before.opponents) || has_further_opponents(after.opponents);
+  resumed.run.opponents_move = some && worlds_of(after) != worlds_of(before);
   return resumed;
 }
 

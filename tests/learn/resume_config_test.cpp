@@ -34,7 +34,8 @@ TEST(LearnResumeConfig, WithoutChangesItIsTheSameConfig) {
   EXPECT_TRUE(resumed({"train.n_worlds=24"}).changes.empty()) << "the same value is no change";
   EXPECT_TRUE(after.run.policies_are_saved);
   EXPECT_FALSE(after.run.opponents_move);
-  EXPECT_TRUE(resumed({"mappo.shards=2"}).run.opponents_move);
+  EXPECT_FALSE(resumed({"mappo.shards=2"}).run.opponents_move) << "there are none";
+  EXPECT_TRUE(resumed({"opponents.scripted_share=0.5"}).run.opponents_move);
 }
 
 TEST(LearnResumeConfig, WhatMayChangeChanges) {

@@ -284,7 +284,7 @@ RunSize mappo_size(const RunConfig& c) {
   const int64_t divides = c.mappo.horizon / steps_together(c.mappo);
   int64_t step = c.mappo.shards * (c.mappo.n_minibatches / std::gcd<int64_t>(c.mappo.n_minibatches, divides));
   // Of a shard with further opponents a team learns from half of the worlds at least.
-  if (c.mappo.shards > 1 && (c.opponents.pool_size > 0 || c.opponents.scripted_share > 0)) step *= 2;
+  if (c.mappo.shards > 1 && has_further_opponents(c.opponents)) step *= 2;
   return {"train.n_worlds", "world", c.train.n_worlds, step, step, kMostWorlds};
 }
 

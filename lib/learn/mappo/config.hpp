@@ -72,8 +72,8 @@ void visit_fields(V& v, MappoConfig& c) {
   v("shards", c.shards,
     "parts of the worlds that are shuffled into minibatches each by itself, and have each their share of opponents, so "
     "that several ranks can take them (states that opponents leave over there are left out, others in each epoch); a "
-    "multiple of the number of ranks; 1: one for each rank that begins a run. The "
-    "result depends on it, and not on the ranks but for rounding",
+    "multiple of the number of ranks; 1: one for each rank that begins a run. The result depends on it, and not on the "
+    "ranks but for rounding",
     range(1, 65536));
   v("learning_rate", c.learning_rate, "Adam step size of the actors", greater_than(0));
   v("critic_learning_rate", c.critic_learning_rate, "Adam step size of the critics", greater_than(0));

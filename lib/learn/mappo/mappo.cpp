@@ -175,7 +175,8 @@ void Mappo::make_teams_and_worlds() {
   }
   if (config_.mappo.step_back)
     step_back_.emplace(static_cast<double>(*config_.mappo.step_back), config_.opponents.pool_every_updates);
-  if (League::wanted(config_)) league_ = std::make_unique<League>(run, shares, actors, parallel_for_, sum);
+  if (has_further_opponents(config_.opponents))
+    league_ = std::make_unique<League>(run, shares, actors, parallel_for_, sum);
   const auto side = [&](int team) {
     if (league_) return league_->side(team);
     const Actor* actor = actors[static_cast<size_t>(team)];
@@ -398,11 +399,10 @@ void Mappo::load_worlds(const NamedArrays& in) {
   collector_->load("collector/", in);
   for (int team = 0; team < kNTeams; ++team)
     if (team_[team]) team_[team]->load_memory(cat("team_", team, "/"), in);
-  if (!league_) return;
-  league_->load_worlds("league/", in);
+  if (league_) league_->load_worlds("league/", in);
   if (!run_.opponents_move) return;
   // A game that is on goes on by others, who know nothing of it.
-  league_->forget_games();
+  if (league_) league_->forget_games();
   for (int team = 0; team < kNTeams; ++team) {
     collector_->forget(team, {{0, sim_->n_worlds()}, sim_->n_worlds()});
     team_[team]->forget();

@@ -230,7 +230,7 @@ void League::load(const std::string& prefix, const NamedArrays& in) {
       set_rows(past, std::move(rows));
     }
   }
-  if (drawn_anew) counts_.zero_();  // the games that are on began against others
+  if (drawn_anew) forget_games();
 }
 
 }  // namespace giga

@@ -20,11 +20,6 @@ namespace giga {
 
 class League {
  public:
-  /// Whether the run has frozen opponents besides train.opponent.
-  static bool wanted(const RunConfig& config) {
-    return config.opponents.pool_size > 0 || config.opponents.scripted_share > 0;
-  }
-
   /// Of a run in which both teams learn; the actors must outlive this. `worlds`: of this process; `sum`: over all
   /// ranks, each of which has a league with as many.
   League(const LoadedRun& run, const WorldShares& worlds, std::array<const Actor*, kNTeams> actors,

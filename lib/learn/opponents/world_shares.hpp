@@ -8,6 +8,11 @@
 
 namespace giga {
 
+/// Whether some worlds of mappo have frozen opponents besides train.opponent.
+inline bool has_further_opponents(const OpponentsConfig& config) {
+  return config.pool_size > 0 || config.scripted_share > 0;
+}
+
 /// The most past policies that a team plays at the same time.
 constexpr int64_t kMostGroups = 64;
 

@@ -1,0 +1,47 @@
+// Both teams of a small run with a league, for tests of frozen opponents.
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "learn/mappo/ppo_team.hpp"
+#include "learn/opponents/league.hpp"
+#include "runs.hpp"
+
+namespace giga::test {
+
+inline constexpr int kSmallRunWorlds = 24;  // of SmallRun
+
+/// Both teams with their networks, and a league that collects rollouts; nothing is learned.
+struct LeagueGames {
+  explicit LeagueGames(const SmallRun& small, int64_t n_shards = 1)
+      : run(small.load()),
+        parallel_for(kCpu, 1),
+        shares(world_shares(run.config.opponents, kSmallRunWorlds, n_shards)),
+        team{{run, 0, kCpu, parallel_for, shares.learning(0)}, {run, 1, kCpu, parallel_for, shares.learning(1)}},
+        league(run, shares, {&team[0].actor(), &team[1].actor()}, parallel_for),
+        sim(make_cpu_simulator(run.spec, {kSmallRunWorlds, 17, 0, OnDone::reset, 1})),
+        collector(*sim, parallel_for, {run.config.mappo.horizon, team[0].needs_state(), false},
+                  {league.side(0), league.side(1)}) {
+    collector.start();
+  }
+  void collect() {
+    league.begin();
+    collector.collect();
+  }
+  const LoadedRun run;
+  const ParallelFor parallel_for;
+  const WorldShares shares;
+  PpoTeam team[kNTeams];
+  League league;
+  std::unique_ptr<Simulator> sim;
+  Collector collector;
+};
+
+inline SmallRun with_opponents(const std::string& keys) {
+  SmallRun run;
+  run.more = "opponents: {" + keys + "}\n";
+  return run;
+}
+
+}  // namespace giga::test
