@@ -199,7 +199,8 @@ BenchResult bench_closed_loop(const BenchOptions& options, Device device, int wo
 BenchResult bench_closed_loop(const BenchOptions& options, Device device, const LoadedRun& run) {
   set_up_libtorch(run.config.train, device);  // whatever a measurement before this one left
   Actor actor0 = make_actor(run, 0, device), actor1 = make_actor(run, 1, device);
-  BenchResult result = play(options, device, run, policy_controller(actor0), policy_controller(actor1));
+  const std::shared_ptr<TeamController> both = policies_controller(actor0, actor1);
+  BenchResult result = play(options, device, run, both, both);
   result.arithmetic = arithmetic_of(run, device);
   return result;
 }

@@ -2,6 +2,8 @@
 // too.
 #pragma once
 
+#include <span>
+
 #include "cuda/ppo_gradients.hpp"
 #include "math/distributions.hpp"
 
@@ -27,9 +29,16 @@ struct FusedPolicy {
   SampleGaussian continuous{};   // without means; log_std is that of the first group
 };
 
-/// Queues it. The network computes as the fused gradients do (cuda/ppo_gradients.hpp), products, tanh and relu to the
-/// last bit, but for wide networks, whose gradients add up in another order with another tanh; the action is drawn by
-/// the formulas of math/distributions.hpp. Throws where the kernel does not serve the network.
-void launch_fused_policy(const FusedPolicy& policy, int index, void* stream);
+/// Those that one launch serves at most, by value.
+struct FusedPolicies {
+  static constexpr int kMost = 2;
+  FusedPolicy policy[kMost];
+};
+
+/// Queues them; those that follow each other and have few rows in one launch. A network computes as the fused gradients
+/// do (cuda/ppo_gradients.hpp), products, tanh and relu to the last bit, but for wide networks, whose gradients add up
+/// in another order with another tanh; the action is drawn by the formulas of math/distributions.hpp. Throws
+/// where the kernel does not serve a network.
+void launch_fused_policies(std::span<const FusedPolicy> policies, int index, void* stream);
 
 }  // namespace giga

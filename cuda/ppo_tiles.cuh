@@ -108,10 +108,10 @@ __device__ __forceinline__ void activate(Activation activation, TileSums<kTiles>
   }
 }
 
-/// Loads `in` columns of a matrix [out, width] into [kRows, kStride], padded with zeros. No matrix: zeros.
-template <int kRows, int kStride, int kThreads>
+/// Loads `in` columns of a matrix [out, width] into [kRows, kStride], padded with zeros, with so many reads of a thread
+/// on their way. No matrix: zeros.
+template <int kRows, int kStride, int kThreads, int kAtOnce = 8>
 __device__ void load_columns(const float* from, int out, int in, int width, __half* to) {
-  constexpr int kAtOnce = 8;  // reads on their way
   for (int first = static_cast<int>(threadIdx.x); first < kRows * kStride; first += kAtOnce * kThreads) {
     float x[kAtOnce];
 #pragma unroll
@@ -125,9 +125,9 @@ __device__ void load_columns(const float* from, int out, int in, int width, __ha
   }
 }
 /// All columns.
-template <int kRows, int kStride, int kThreads>
+template <int kRows, int kStride, int kThreads, int kAtOnce = 8>
 __device__ void load_matrix(const float* from, int out, int in, __half* to) {
-  load_columns<kRows, kStride, kThreads>(from, out, in, in, to);
+  load_columns<kRows, kStride, kThreads, kAtOnce>(from, out, in, in, to);
 }
 __device__ inline void load_vector(const float* from, int n, float* to, int padded) {
   for (int k = static_cast<int>(threadIdx.x); k < padded; k += static_cast<int>(blockDim.x))
@@ -177,7 +177,7 @@ struct TileRows {
 /// The inputs of a warp's rows, on their way from global memory: two columns for each lane, and those 64 further.
 template <int kIn, int kRows = 16>
 struct FetchedInputs {
-  static constexpr int kPairs = kIn / 64;
+  static constexpr int kPairs = (kIn + 63) / 64;
   float2 x[kRows][kPairs];
 
   __device__ static int column(int j) { return j * 64 + static_cast<int>(threadIdx.x) % 32 * 2; }
@@ -211,6 +211,7 @@ struct FetchedInputs {
 #pragma unroll
     for (int j = 0; j < kPairs; ++j) {
       const int c = column(j);
+      if (kIn % 64 != 0 && c >= kIn) continue;
       const bool first = c < input, second = c + 1 < input;
       float2 mean{0, 0}, std{1, 1};
       if (rows.obs_mean) {

@@ -26,12 +26,7 @@ struct RowDraws {
   }
   /// The number of the agent among both teams' agents, for the counter.
   GIGA_HD uint32_t agent(int64_t row) const {
-    const uint32_t slot = static_cast<uint32_t>(row - world(row) * n);
-#if defined(__CUDA_ARCH__)
-    return slot | (static_cast<uint32_t>(team) << 16);  // no team on a GPU has more than 65,536 agents
-#else
-    return draw_slot(slot) | (static_cast<uint32_t>(team) << 16);
-#endif
+    return draw_slot(static_cast<uint32_t>(row - world(row) * n)) | (static_cast<uint32_t>(team) << 16);
   }
 };
 

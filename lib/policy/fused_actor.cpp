@@ -22,11 +22,10 @@ std::optional<FusedPolicy> fused_policy(const Actor& actor) {
   return policy;
 }
 
-void act_fused(const FusedPolicy& policy, const ParallelFor& parallel_for) {
+void act_fused(std::span<const FusedPolicy> policies, const ParallelFor& parallel_for) {
   if (parallel_for.device().is_cuda())
-    launch_fused_policy(policy, parallel_for.device().index, parallel_for.stream());
-  else
-    run_fused_policy(policy, parallel_for.pool());
+    return launch_fused_policies(policies, parallel_for.device().index, parallel_for.stream());
+  for (const FusedPolicy& policy : policies) run_fused_policy(policy, parallel_for.pool());
 }
 
 }  // namespace giga

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <optional>
+#include <span>
 
 #include "core/parallel_for.hpp"
 #include "cuda/fused_policy.hpp"
@@ -14,7 +15,7 @@ namespace giga {
 /// to do.
 std::optional<FusedPolicy> fused_policy(const Actor& actor);
 
-/// Draws the actions of all rows: queued on a GPU, done on return on a CPU.
-void act_fused(const FusedPolicy& policy, const ParallelFor& parallel_for);
+/// Draws the actions of all rows of several: queued on a GPU, done on return on a CPU.
+void act_fused(std::span<const FusedPolicy> policies, const ParallelFor& parallel_for);
 
 }  // namespace giga

@@ -2,6 +2,9 @@
 
 #include <torch/types.h>
 
+#include <algorithm>
+#include <array>
+
 #include "core/error.hpp"
 #include "cuda/population_policy.hpp"
 #include "math/distributions.hpp"
@@ -16,8 +19,8 @@
 namespace giga {
 namespace {
 
-/// Fills in what the fused kernel reads and writes in a step.
-void act_fused(FusedPolicy policy, const InputColumns& inputs, const TeamStep& s, bool greedy) {
+/// With what the fused kernel reads and writes in a step.
+FusedPolicy in_step(FusedPolicy policy, const InputColumns& inputs, const TeamStep& s, bool greedy) {
   const TeamBuffers& b = s.buffers;
   policy.rows_per_group = s.n_rows() / policy.groups;
   policy.obs = b.obs + inputs.first;
@@ -28,7 +31,7 @@ void act_fused(FusedPolicy policy, const InputColumns& inputs, const TeamStep& s
     policy.continuous = {
         nullptr, policy.continuous.log_std, s.draws(), b.pre_tanh_action, static_cast<float*>(b.action), b.log_prob,
         greedy};
-  act_fused(policy, s.parallel_for);
+  return policy;
 }
 
 /// A network of fp16 in all worlds of a step, by the kernel that plays populations of it. It is packed, and the worlds
@@ -105,55 +108,76 @@ at::Tensor remembering(const AnyPolicy& policy, const TeamStep& s) {
 
 class PolicyController final : public TeamController {
  public:
-  PolicyController(const Policy& policy, bool greedy)
-      : policy_(policy), actor_(dynamic_cast<const Actor*>(&policy)), greedy_(greedy) {}
+  PolicyController(const Policy& policy0, const Policy& policy1, bool greedy)
+      : of_team_{Of(policy0), Of(policy1)}, greedy_(greedy) {
+    GIGA_CHECK(policy0.state_size() == policy1.state_size(), "policies that remember ", policy0.state_size(), " and ",
+               policy1.state_size(), " numbers in one controller");
+  }
 
-  ObservationSet reads() const override { return policy_.reads(); }
+  ObservationSet reads() const override { return of_team_[0].policy.reads() | of_team_[1].policy.reads(); }
   bool fills_log_prob() const override { return true; }
-  int64_t memory_size() const override { return policy_.state_size(); }
-  bool repeats() const override { return actor_ && (fused_policy(*actor_) || HalfPrecisionPolicy::served(*actor_)); }
-  bool repeats_where_kept() const override { return actor_ && fused_policy(*actor_); }  // LibTorch plays fp16 there
+  int64_t memory_size() const override { return of_team_[0].policy.state_size(); }
+  bool repeats() const override {
+    return of_all([](const Actor& actor) { return fused_policy(actor) || HalfPrecisionPolicy::served(actor); });
+  }
+  bool repeats_where_kept() const override {  // LibTorch plays fp16 there
+    return of_all([](const Actor& actor) { return fused_policy(actor).has_value(); });
+  }
   void act(std::span<const TeamStep> parts) override {
     at::NoGradGuard no_grad;
-    const std::optional<FusedPolicy> fused = actor_ ? fused_policy(*actor_) : std::nullopt;
     // A GPU takes hardly longer for more rows. A CPU does, and its products may round by where a row stands; images
     // take much memory.
-    const bool joins = parts[0].sim.device().is_cuda() && !policy_.reads_image();
+    const bool joins = parts[0].sim.device().is_cuda() && !reads().has(Observation::image);
     const std::vector<TeamStep> wide = joins ? joined(parts) : std::vector<TeamStep>();
-    const std::optional<SmallMlp> half = actor_ && !fused ? HalfPrecisionPolicy::served(*actor_) : std::nullopt;
+    std::vector<FusedPolicy> together;  // one launch where they have few rows
     size_t number = 0;
     for (const TeamStep& part : joins ? std::span(wide) : parts) {
+      const Of& own = of_team_[static_cast<size_t>(part.team)];
+      const std::optional<FusedPolicy> fused = own.actor ? fused_policy(*own.actor) : std::nullopt;
+      const std::optional<SmallMlp> half =
+          own.actor && !fused ? HalfPrecisionPolicy::served(*own.actor) : std::nullopt;
       // Which that kernel does not fill in. A collector keeps them, of opponents too: there LibTorch plays a network of
       // fp16, in matches the kernel, and their logits differ by the order of sums and by tanh, which is within 2^-11.
       const bool learns = part.buffers.log_prob || part.buffers.pre_tanh_action;
       if (fused)
-        act_fused(*fused, actor_->inputs(), part, greedy_);
+        together.push_back(in_step(*fused, own.actor->inputs(), part, greedy_));
       else if (half && !learns)
-        half_.act(*actor_, *half, part, number, greedy_);
+        half_.act(*own.actor, *half, part, number, greedy_);
       else
-        act(part);
+        act(own.policy, part);
       ++number;
     }
+    act_fused(together, parts[0].parallel_for);
   }
 
  private:
-  void act(const TeamStep& s) const {
+  struct Of {
+    explicit Of(const Policy& p) : policy(p), actor(dynamic_cast<const Actor*>(&p)) {}
+    const Policy& policy;
+    const Actor* const actor;  ///< the policy, if it is one that kernels may know
+  };
+
+  template <class F>
+  bool of_all(F&& f) const {
+    return std::all_of(of_team_.begin(), of_team_.end(), [&](const Of& of) { return of.actor && f(*of.actor); });
+  }
+
+  void act(const Policy& policy, const TeamStep& s) const {
     const TeamBuffers& b = s.buffers;
-    const at::Tensor head = remembering(policy_, s);
+    const at::Tensor head = remembering(policy, s);
     if (s.sim.params().actions == ActionKind::discrete) {
       s.parallel_for.run(SampleCategorical{head.const_data_ptr<float>(), s.draws(), static_cast<int32_t*>(b.action),
                                            b.log_prob, greedy_},
                          s.n_rows());
     } else {
-      const at::Tensor log_std = policy_.log_std();
+      const at::Tensor log_std = policy.log_std();
       s.parallel_for.run(SampleGaussian{head.const_data_ptr<float>(), log_std.const_data_ptr<float>(), s.draws(),
                                         b.pre_tanh_action, static_cast<float*>(b.action), b.log_prob, greedy_},
                          s.n_rows());
     }
   }
 
-  const Policy& policy_;
-  const Actor* const actor_;  // the policy, if it is one that kernels may know
+  const std::array<Of, kNTeams> of_team_;
   HalfPrecisionPolicy half_;
   const bool greedy_;
 };
@@ -167,11 +191,16 @@ class GroupController final : public TeamController {
   bool repeats() const override { return policy_.fused().has_value(); }
   void act(std::span<const TeamStep> parts) override {
     const std::optional<FusedPolicy> fused = policy_.fused();
+    std::vector<FusedPolicy> together;
     for (const TeamStep& part : parts) {
       GIGA_CHECK(part.worlds.count % policy_.groups() == 0, part.worlds.count, " worlds for ", policy_.groups(),
                  " groups");
-      fused ? act_fused(*fused, policy_.inputs(), part, false) : act(part);
+      if (fused)
+        together.push_back(in_step(*fused, policy_.inputs(), part, false));
+      else
+        act(part);
     }
+    act_fused(together, parts[0].parallel_for);
   }
 
  private:
@@ -195,11 +224,15 @@ class GroupController final : public TeamController {
 }  // namespace
 
 std::unique_ptr<TeamController> policy_controller(const Policy& policy, bool greedy) {
-  return std::make_unique<PolicyController>(policy, greedy);
+  return std::make_unique<PolicyController>(policy, policy, greedy);
 }
 
 std::unique_ptr<TeamController> policy_controller(const Actor& actor, bool greedy) {
   return policy_controller(static_cast<const Policy&>(actor), greedy);
+}
+
+std::unique_ptr<TeamController> policies_controller(const Actor& actor0, const Actor& actor1) {
+  return std::make_unique<PolicyController>(actor0, actor1, false);
 }
 
 std::unique_ptr<TeamController> group_controller(const GroupPolicy& policy) {

@@ -15,6 +15,9 @@ class Policy;
 std::unique_ptr<TeamController> policy_controller(const Policy& policy, bool greedy = false);
 /// The same for code that does not know the LibTorch headers.
 std::unique_ptr<TeamController> policy_controller(const Actor& actor, bool greedy = false);
+/// Both teams by one controller, each by a policy of its own: where they have few agents, a GPU then moves them in one
+/// launch.
+std::unique_ptr<TeamController> policies_controller(const Actor& actor0, const Actor& actor1);
 
 /// The policies of groups of worlds in a row, of equally many each. Nobody learns from them.
 std::unique_ptr<TeamController> group_controller(const GroupPolicy& policy);

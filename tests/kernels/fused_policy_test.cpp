@@ -66,14 +66,31 @@ TEST_P(FusedPolicyAsPtx, DrawsTheSameActions) {
   run_fused_policy(policy_for(expected), ThreadPool(1));
 
   if (!FusedPolicy::serves(s.actor)) GTEST_SKIP() << "LibTorch plays wide networks on many numbers";
-  const int input = c.input <= 64 ? 64 : c.input <= 128 ? 128 : 192;
   const int hidden = s.actor.is_narrow() ? 64 : s.actor.is_wide() ? 256 : 128;
+  const int input = c.input <= 64 ? 64 : c.input <= 128 ? 128 : c.input <= 160 && hidden == 64 ? 160 : 192;
+  const std::string shape = cat("ILi", input, "ELi", hidden, "E");
   std::vector<float> first;
   for (const ThreadOrder order : {ThreadOrder::forward, ThreadOrder::backward, ThreadOrder::shuffled}) {
-    Acts found(s.n_rows());
-    ptx_module("fused_policy")
-        .launch({cat("policy_kernelILi", input, "ELi", hidden, "E")}, c.blocks, kPolicyThreads, kSharedBytes,
-                policy_for(found), order);
+    Acts found(s.n_rows()), few(s.n_rows());
+    const PtxModule& kernels = ptx_module("fused_policy");
+    kernels.launch({"policy_kernel" + shape}, c.blocks, kPolicyThreads, kSharedBytes, policy_for(found), order);
+    // Two policies in one launch, each for all rows but what the other one has; 16 rows for each of eight warps.
+    const int64_t rows_of_block = 128, worlds = s.n_rows() / c.n / 3, split = worlds * c.n;
+    FusedPolicies both{{policy_for(few), policy_for(few)}};
+    both.policy[0].rows_per_group = split;
+    both.policy[1].rows_per_group = s.n_rows() - split;
+    both.policy[1].obs += split * s.stride;
+    both.policy[1].discrete.action += split;
+    both.policy[1].discrete.log_prob += split;
+    both.policy[1].continuous.pre_tanh_action += split * kActionSize;
+    both.policy[1].continuous.action += split * kActionSize;
+    both.policy[1].continuous.log_prob += split;
+    both.policy[1].discrete.draws.first_world = both.policy[1].continuous.draws.first_world = worlds;
+    kernels.launch({"few_rows_kernel" + shape}, static_cast<int>((s.n_rows() + rows_of_block - 1) / rows_of_block),
+                   kPolicyThreads, kSharedBytes, both, order, 2);
+    EXPECT_EQ(few.action, found.action);
+    EXPECT_EQ(few.log_prob, found.log_prob);
+    EXPECT_TRUE(!c.continuous || few.squashed == found.squashed);
     // A draw that falls between two actions may go to the other one.
     int64_t others = 0;
     for (size_t row = 0; row < found.log_prob.size(); ++row) {

@@ -1,6 +1,7 @@
 // Sampling: frequencies of categorical actions, moments and density of squashed Gaussian ones.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
@@ -91,6 +92,18 @@ TEST(MathSampling, TeamsWorldsStepsAndSeedsDrawApart) {
   // World 1 of one device is world 0 of a device that starts there.
   const std::vector<int32_t> shifted = actions(now.rows(0, 7, 1));
   EXPECT_TRUE(std::equal(shifted.begin(), shifted.end() - 4, first.begin() + 4));
+}
+
+// Beyond 65,536 agents, where a number has bit 16 of the team.
+TEST(MathSampling, NoTwoAgentsOfALargeTeamDrawAlike) {
+  constexpr int kAgents = 200'000;
+  const Draws now(1, kAgents, 3);
+  std::vector<uint32_t> numbers;
+  for (const int team : {0, 1})
+    for (int64_t row = 0; row < kAgents; ++row) numbers.push_back(now.rows(team).agent(row));
+  EXPECT_EQ(numbers[65'535], 65'535u);
+  std::sort(numbers.begin(), numbers.end());
+  EXPECT_EQ(std::adjacent_find(numbers.begin(), numbers.end()), numbers.end());
 }
 
 TEST(MathSampling, GreedyTakesTheFirstLargestLogit) {

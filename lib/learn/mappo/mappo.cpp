@@ -177,8 +177,11 @@ void Mappo::make_teams_and_worlds() {
     step_back_.emplace(static_cast<double>(*config_.mappo.step_back), config_.opponents.pool_every_updates);
   if (has_further_opponents(config_.opponents))
     league_ = std::make_unique<League>(run, shares, actors, parallel_for_, sum);
+  std::shared_ptr<TeamController> both;
+  if (!league_ && actors[0] && actors[1]) both = policies_controller(*actors[0], *actors[1]);
   const auto side = [&](int team) {
     if (league_) return league_->side(team);
+    if (both) return everywhere(both, *sim_);
     const Actor* actor = actors[static_cast<size_t>(team)];
     if (actor) return everywhere(policy_controller(*actor), *sim_);
     return everywhere(

@@ -32,7 +32,7 @@ League::League(const LoadedRun& run, const WorldShares& worlds, std::array<const
       device_(torch_device(parallel_for.device())),
       shares_(worlds),
       sum_(sum),
-      actor_(actors),
+      learners_(policies_controller(*actors[0], *actors[1])),
       counts_(at::zeros({shares_.n_worlds()}, at::TensorOptions().dtype(at::kByte).device(device_))) {
   if (config_.pool_size == 0) return;
   const Precision precision = precision_on(run, parallel_for.device());
@@ -72,7 +72,7 @@ Side League::side(int team) const {
       parts.emplace_back(group_controller(past_[static_cast<size_t>(team)].policy), shares_.pool(other));
   };
   const auto add_learner = [&] {
-    parts.emplace_back(policy_controller(*actor_[static_cast<size_t>(team)]), shares_.learning(team));
+    parts.emplace_back(learners_, shares_.learning(team));
   };
   if (team == 0) {
     add_learner();

@@ -5,6 +5,7 @@
 #include <torch/types.h>
 
 #include <array>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -73,7 +74,7 @@ class League {
   const at::Device device_;
   const WorldShares shares_;
   const SumOverRanks sum_;
-  std::array<const Actor*, kNTeams> actor_;
+  const std::shared_ptr<TeamController> learners_;  // of both teams
   std::vector<Past> past_;  // by team; empty without a pool
   at::Tensor counts_;       // [W] 1: the game that is on began after its opponent was drawn
   at::Tensor sums_;         // statistics of self-play, then of each team: groups, scripts; see count
