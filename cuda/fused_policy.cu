@@ -17,8 +17,8 @@ template <int kIn, int kHidden>
 struct PolicyMemory {
   static constexpr int kInStride = kIn + 8, kHiddenStride = kHidden + 8;
   static constexpr int kBlocks = kHidden <= FusedMlp::kNarrowHidden && kIn <= kCrowdIn ? 2 : 1;  // on a multiprocessor
-  static constexpr int kRows = kHidden <= FusedMlp::kBlockHidden ? 32 : 16;  // of a warp at a time
-  static constexpr int kFetched = kIn <= MediumTiles::kIn ? 16 : 8;          // as many rows as registers have room for
+  static constexpr int kRows = kHidden <= FusedMlp::kBlockHidden ? 32 : 16;                      // of a warp at a time
+  static constexpr int kFetched = kIn <= MediumTiles::kIn ? 16 : 8;  // as many rows as registers have room for
   alignas(16) float head[kWarps][kRows * kLogitStride];
   __half x[kWarps][16 * kInStride];
   __half weight1[kHidden * kInStride];
@@ -161,8 +161,8 @@ template <int kIn, int kHidden>
 void launch_each(std::span<const FusedPolicy> policies, int multiprocessors, cudaStream_t stream) {
   using Memory = PolicyMemory<kIn, kHidden>;
   static_assert(sizeof(Memory) <= kMostShared / Memory::kBlocks);
-  GIGA_CUDA(cudaFuncSetAttribute(policy_kernel<kIn, kHidden>, cudaFuncAttributeMaxDynamicSharedMemorySize,
-                                 sizeof(Memory)));
+  GIGA_CUDA(
+      cudaFuncSetAttribute(policy_kernel<kIn, kHidden>, cudaFuncAttributeMaxDynamicSharedMemorySize, sizeof(Memory)));
   for (const FusedPolicy& policy : policies) {
     if (policy.rows_per_group == 0) continue;
     constexpr int kBlockRows = kWarps * Memory::kRows;
@@ -189,8 +189,8 @@ bool launch_few(std::span<const FusedPolicy> policies, int multiprocessors, cuda
   }
   const int64_t share = multiprocessors * Memory::kBlocks / all_groups;
   if (tiles > share * kWarps || tiles == 0) return tiles == 0;
-  GIGA_CUDA(cudaFuncSetAttribute(few_rows_kernel<kIn, kHidden>, cudaFuncAttributeMaxDynamicSharedMemorySize,
-                                 sizeof(Memory)));
+  GIGA_CUDA(
+      cudaFuncSetAttribute(few_rows_kernel<kIn, kHidden>, cudaFuncAttributeMaxDynamicSharedMemorySize, sizeof(Memory)));
   const dim3 blocks(static_cast<unsigned>(std::min(tiles, share)), static_cast<unsigned>(groups),
                     static_cast<unsigned>(n));
   few_rows_kernel<kIn, kHidden><<<blocks, kThreads, sizeof(Memory), stream>>>(few);

@@ -134,8 +134,7 @@ class PolicyController final : public TeamController {
     for (const TeamStep& part : joins ? std::span(wide) : parts) {
       const Of& own = of_team_[static_cast<size_t>(part.team)];
       const std::optional<FusedPolicy> fused = own.actor ? fused_policy(*own.actor) : std::nullopt;
-      const std::optional<SmallMlp> half =
-          own.actor && !fused ? HalfPrecisionPolicy::served(*own.actor) : std::nullopt;
+      const std::optional<SmallMlp> half = own.actor && !fused ? HalfPrecisionPolicy::served(*own.actor) : std::nullopt;
       // Which that kernel does not fill in. A collector keeps them, of opponents too: there LibTorch plays a network of
       // fp16, in matches the kernel, and their logits differ by the order of sums and by tanh, which is within 2^-11.
       const bool learns = part.buffers.log_prob || part.buffers.pre_tanh_action;

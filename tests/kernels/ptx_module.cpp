@@ -61,12 +61,8 @@ class Reader {
  public:
   Reader(PtxKernel& kernel, const std::string& parameter) : kernel_(kernel) {
     for (int given = 0; given < kNGiven; ++given) ++kernel_.n_registers;
-    registers_ = {{"%tid.x", kThread},
-                  {"%ctaid.x", kBlock},
-                  {"%ctaid.z", kLayer},
-                  {"%nctaid.x", kBlocks},
-                  {"%ntid.x", kThreads},
-                  {parameter, kParameter}};
+    registers_ = {{"%tid.x", kThread},    {"%ctaid.x", kBlock},  {"%ctaid.z", kLayer},
+                  {"%nctaid.x", kBlocks}, {"%ntid.x", kThreads}, {parameter, kParameter}};
     registers_["%ctaid.y"] = constant(0);  // blocks lie in rows, one in each layer
   }
   /// Memory that begins at an address; in the shared one 0.

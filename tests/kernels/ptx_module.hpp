@@ -39,10 +39,10 @@ class PtxModule {
   explicit PtxModule(const std::string& text);
 
   /// Runs the blocks of the one kernel whose name contains all of `words`, one after the other: so many in a row, and
-  /// so many of these layers (blockIdx.z). `parameter`: the kernel's only one. Its shared memory is poisoned with 0xFF before a block begins. `order`: of the warps between
-  /// barriers of the block, and of the lanes between those of a warp; asynchronous copies come at once with `backward`,
-  /// else when they are waited for.
-  /// Throws Error where threads do not come to the same barrier, or an address of shared memory is none.
+  /// so many of these layers (blockIdx.z). `parameter`: the kernel's only one. Its shared memory is poisoned with 0xFF
+  /// before a block begins. `order`: of the warps between barriers of the block, and of the lanes between those of a
+  /// warp; asynchronous copies come at once with `backward`, else when they are waited for. Throws Error where threads
+  /// do not come to the same barrier, or an address of shared memory is none.
   template <class Parameter>
   void launch(const std::vector<std::string>& words, int blocks, int threads, size_t shared_bytes,
               const Parameter& parameter, ThreadOrder order, int layers = 1) const {

@@ -71,9 +71,7 @@ Side League::side(int team) const {
     if (!past_.empty())
       parts.emplace_back(group_controller(past_[static_cast<size_t>(team)].policy), shares_.pool(other));
   };
-  const auto add_learner = [&] {
-    parts.emplace_back(learners_, shares_.learning(team));
-  };
+  const auto add_learner = [&] { parts.emplace_back(learners_, shares_.learning(team)); };
   if (team == 0) {
     add_learner();
     add_past();

@@ -75,9 +75,9 @@ class League {
   const WorldShares shares_;
   const SumOverRanks sum_;
   const std::shared_ptr<TeamController> learners_;  // of both teams
-  std::vector<Past> past_;  // by team; empty without a pool
-  at::Tensor counts_;       // [W] 1: the game that is on began after its opponent was drawn
-  at::Tensor sums_;         // statistics of self-play, then of each team: groups, scripts; see count
+  std::vector<Past> past_;                          // by team; empty without a pool
+  at::Tensor counts_;                               // [W] 1: the game that is on began after its opponent was drawn
+  at::Tensor sums_;  // statistics of self-play, then of each team: groups, scripts; see count
 };
 
 }  // namespace giga
