@@ -188,11 +188,29 @@ Operation selection(const Words& w, const Operands& o) {
   });
 }
 
+/// Four of the eight bytes of a (0 to 3) and b (4 to 7), as the four numbers of four bits each in c say; with a
+/// number's fourth bit, eight times the byte's sign instead.
+Operation permutation(const Words& w, const Operands& o) {
+  allow(w, {});
+  return compute<uint32_t>(w, o, [](uint32_t a, uint32_t b, uint32_t c) {
+    const uint64_t bytes = a | static_cast<uint64_t>(b) << 32;
+    uint32_t all = 0;
+    for (int k = 0; k < 4; ++k) {
+      const uint32_t which = c >> (4 * k) & 15;
+      auto byte = static_cast<uint8_t>(bytes >> (8 * (which & 7)));
+      if (which & 8) byte = byte & 0x80 ? 0xff : 0;
+      all |= static_cast<uint32_t>(byte) << (8 * k);
+    }
+    return all;
+  });
+}
+
 }  // namespace
 
 Operation ptx_arithmetic(const Words& w, const Operands& o) {
   if (w[0] == "setp") return comparison(w, o);
   if (w[0] == "selp") return selection(w, o);
+  if (w[0] == "prmt") return permutation(w, o);
   return arithmetic(w, o);
 }
 

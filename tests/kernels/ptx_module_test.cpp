@@ -61,6 +61,15 @@ TEST(PtxModule, ComputesWithNumbers) {
   EXPECT_FLOAT_EQ(out[0], 3.5f - 1.41421356f - 1.0f - 65504.0f);
 }
 
+// Of a = 0x83828180 and b = 0x07060504, 0x1054 takes bytes 4 and 5 as the low half, 0 and 1 as the high one; 0xbc62
+// takes bytes 2 and 6, the sign of byte 4 (none: 0) and of byte 3 (set: 0xff).
+TEST(PtxModule, PermutesBytes) {
+  const std::string bytes = "mov.u32 %r2, 0x83828180; mov.u32 %r3, 0x07060504; ";
+  EXPECT_EQ(run(bytes + "prmt.b32 %r4, %r2, %r3, 0x1054; st.global.u32 [%rd2], %r4;")[0], 0x81800504u);
+  EXPECT_EQ(run(bytes + "prmt.b32 %r4, %r2, %r3, 0xbc62; st.global.u32 [%rd2], %r4;")[0], 0xff000682u);
+  EXPECT_THROW(run("prmt.b32.f4e %r4, %r2, %r3, %r1;"), Error);
+}
+
 // Lanes below 10 go another way, and the warp's shuffle finds them all again: each takes the number of lane + 1 or - 1.
 TEST(PtxModule, LanesPartAndMeetAgain) {
   for (const ThreadOrder order : {ThreadOrder::forward, ThreadOrder::backward, ThreadOrder::shuffled}) {
