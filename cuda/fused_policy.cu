@@ -9,15 +9,15 @@ namespace giga {
 namespace {
 
 constexpr int kWarps = 8, kThreads = kWarps * 32;
-constexpr int kCrowdIn = 160;  // of rows with the usual neighbors (rules 7.1), which 128 are too few for
 
 /// Shared memory of a block, for inputs and hidden layers padded to so many. A warp takes 32 rows at a time, 16 after
 /// 16 through the network and all to their actions; of wide networks, whose weights leave less room, 16.
 template <int kIn, int kHidden>
 struct PolicyMemory {
   static constexpr int kInStride = kIn + 8, kHiddenStride = kHidden + 8;
-  static constexpr int kBlocks = kHidden <= FusedMlp::kNarrowHidden && kIn <= kCrowdIn ? 2 : 1;  // on a multiprocessor
-  static constexpr int kRows = kHidden <= FusedMlp::kBlockHidden ? 32 : 16;                      // of a warp at a time
+  static constexpr int kBlocks =
+      kHidden <= FusedMlp::kNarrowHidden && kIn <= PolicyShape::kCrowdInput ? 2 : 1;  // on a multiprocessor
+  static constexpr int kRows = kHidden <= FusedMlp::kBlockHidden ? 32 : 16;           // of a warp at a time
   static constexpr int kFetched = kIn <= MediumTiles::kIn ? 16 : 8;  // as many rows as registers have room for
   alignas(16) float head[kWarps][kRows * kLogitStride];
   __half x[kWarps][16 * kInStride];
@@ -198,29 +198,15 @@ bool launch_few(std::span<const FusedPolicy> policies, int multiprocessors, cuda
   return true;
 }
 
-/// The numbers that the kernels for a network are made for.
-struct KernelShape {
-  int in, hidden;
-  explicit KernelShape(const FusedMlp& net)
-      : in(net.width[0]),
-        hidden(net.is_narrow()  ? FusedMlp::kNarrowHidden
-               : !net.is_wide() ? FusedMlp::kBlockHidden
-                                : FusedMlp::kHidden) {
-    in = in <= NarrowTiles::kIn ? NarrowTiles::kIn : in <= MediumTiles::kIn ? MediumTiles::kIn : WideTiles::kIn;
-    if (hidden == FusedMlp::kNarrowHidden && net.width[0] > MediumTiles::kIn && net.width[0] <= kCrowdIn) in = kCrowdIn;
-  }
-  bool operator==(const KernelShape&) const = default;
-};
-
 /// Calls f.operator()<inputs, hidden>().
 template <class F>
-void with_shape(const KernelShape& shape, F&& f) {
+void with_shape(const PolicyShape& shape, F&& f) {
   constexpr int kNarrow = FusedMlp::kNarrowHidden, kBlock = FusedMlp::kBlockHidden;
   const auto with_hidden = [&]<int kIn>() {
     shape.hidden == kNarrow ? f.template operator()<kIn, kNarrow>() : f.template operator()<kIn, kBlock>();
   };
   if (shape.hidden == FusedMlp::kHidden) return f.template operator()<NarrowTiles::kIn, FusedMlp::kHidden>();
-  if (shape.in == kCrowdIn) return f.template operator()<kCrowdIn, kNarrow>();
+  if (shape.in == PolicyShape::kCrowdInput) return f.template operator()<PolicyShape::kCrowdInput, kNarrow>();
   if (shape.in == NarrowTiles::kIn) return with_hidden.template operator()<NarrowTiles::kIn>();
   if (shape.in == MediumTiles::kIn) return with_hidden.template operator()<MediumTiles::kIn>();
   with_hidden.template operator()<WideTiles::kIn>();
@@ -229,16 +215,17 @@ void with_shape(const KernelShape& shape, F&& f) {
 }  // namespace
 
 void launch_fused_policies(std::span<const FusedPolicy> policies, int index, void* stream) {
-  static_assert(FusedPolicy::kWideInput == NarrowTiles::kIn);
+  static_assert(FusedPolicy::kWideInput == NarrowTiles::kIn && PolicyShape::kInputs[0] == NarrowTiles::kIn &&
+                PolicyShape::kInputs[1] == MediumTiles::kIn && PolicyShape::kInputs[3] == WideTiles::kIn);
   for (const FusedPolicy& policy : policies)
     GIGA_CHECK(FusedPolicy::serves(policy.net), "no fused policy for this network");
   GIGA_CUDA(cudaSetDevice(index));
   int multiprocessors = 0;
   GIGA_CUDA(cudaDeviceGetAttribute(&multiprocessors, cudaDevAttrMultiProcessorCount, index));
   for (size_t alike; !policies.empty(); policies = policies.subspan(alike)) {
-    const KernelShape shape(policies[0].net);
+    const PolicyShape shape(policies[0].net);
     for (alike = 1; alike < std::min<size_t>(policies.size(), FusedPolicies::kMost); ++alike)
-      if (KernelShape(policies[alike].net) != shape) break;
+      if (PolicyShape(policies[alike].net) != shape) break;
     with_shape(shape, [&]<int kIn, int kHidden>() {
       const auto together = policies.first(alike);
       if (!launch_few<kIn, kHidden>(together, multiprocessors, static_cast<cudaStream_t>(stream)))

@@ -35,6 +35,20 @@ struct FusedPolicies {
   FusedPolicy policy[kMost];
 };
 
+/// The numbers of inputs and of a hidden layer, padded, that the kernels for a network are made for.
+struct PolicyShape {
+  static constexpr int kInputs[] = {64, 128, 160, FusedMlp::kMaxInput};
+  static constexpr int kCrowdInput = kInputs[2];  ///< narrow networks only: rows with the usual neighbors (rules 7.1)
+  int in = FusedMlp::kMaxInput, hidden = FusedMlp::kHidden;
+
+  explicit PolicyShape(const FusedMlp& net) {
+    if (!net.is_wide()) hidden = net.is_narrow() ? FusedMlp::kNarrowHidden : FusedMlp::kBlockHidden;
+    for (const int padded : kInputs)
+      if (net.width[0] <= padded && padded < in && (padded != kCrowdInput || net.is_narrow())) in = padded;
+  }
+  bool operator==(const PolicyShape&) const = default;
+};
+
 /// Queues them; those that follow each other and have few rows in one launch. A network computes as the fused gradients
 /// do (cuda/ppo_gradients.hpp), products, tanh and relu to the last bit, but for wide networks, whose gradients add up
 /// in another order with another tanh; the action is drawn by the formulas of math/distributions.hpp. Throws

@@ -82,12 +82,14 @@ void run_fused_policy(const FusedPolicy& policy, const ThreadPool& pool) {
         rows.obs_mean = policy.obs_mean + offset;
         rows.obs_std = policy.obs_std + offset;
       }
+      SampleGaussian continuous = policy.continuous;
+      if (policy.actions == ActionKind::continuous) continuous.log_std += offset;
       const Rows head = pass.forward(policy.parameters + offset, rows, block);
       for (int r = 0; r < block.rows; ++r) {
         if (policy.actions == ActionKind::discrete)
           policy.discrete.sample<WideLogits>(first + r, head.row(r).data());
         else
-          policy.continuous.sample(first + r, head.row(r).data());
+          continuous.sample(first + r, head.row(r).data());
       }
     }
   });

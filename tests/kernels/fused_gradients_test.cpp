@@ -100,7 +100,7 @@ struct WideQueue {
   template <class Step>
   void run(const char* file, const std::vector<std::string>& words, int n_blocks, const Step& step,
            int threads = 512) const {
-    ptx_module(cat("ppo_wide_", file)).launch(words, n_blocks, threads, kSharedBytes, step, order);
+    ptx_module(cat("ppo_wide_", file)).launch(words, {n_blocks}, threads, kSharedBytes, step, order);
   }
 };
 
@@ -120,7 +120,7 @@ class FusedGradientsAsPtx : public testing::TestWithParam<KernelCase> {
     const Shape& shape = shape_of(pass.net);
     const bool narrow = pass.net.is_narrow();
     ptx_module(narrow ? "ppo_actor" : "ppo_block_actor")
-        .launch({cat("ShapeILi", shape.input, "E")}, pass.n_partial, shape.threads, kSharedBytes, pass, order);
+        .launch({cat("ShapeILi", shape.input, "E")}, {pass.n_partial}, shape.threads, kSharedBytes, pass, order);
   }
   static void run(FusedCritic pass, ThreadOrder order) {
     const Shape& shape = shape_of(pass.net);
@@ -140,12 +140,13 @@ class FusedGradientsAsPtx : public testing::TestWithParam<KernelCase> {
     pass.kept = kept.data();
     if (pass.net.reads_state()) {
       ptx_module("ppo_state_critic")
-          .launch({cat("StateShapeILi", narrow ? 64 : 128, "EEELb", gradient, "EEEv")}, pass.n_partial, 256,
+          .launch({cat("StateShapeILi", narrow ? 64 : 128, "EEELb", gradient, "EEEv")}, {pass.n_partial}, 256,
                   kSharedBytes, pass, order);
     } else {
       const std::string flags = narrow ? cat("EELb", gradient, "EEEv") : cat("EELb", team, "ELb", gradient, "EEEv");
       ptx_module(narrow ? "ppo_critic" : "ppo_block_critic")
-          .launch({cat("ShapeILi", shape.input, "E"), flags}, pass.n_partial, shape.threads, kSharedBytes, pass, order);
+          .launch({cat("ShapeILi", shape.input, "E"), flags}, {pass.n_partial}, shape.threads, kSharedBytes, pass,
+                  order);
     }
     EXPECT_TRUE(kept.intact()) << "what is kept of states, behind its end";
   }

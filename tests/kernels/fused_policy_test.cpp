@@ -20,6 +20,8 @@ namespace giga::test {
 namespace {
 
 constexpr int kPolicyThreads = 256;
+/// 16 rows for each of eight warps.
+int blocks_of_few(int64_t rows) { return static_cast<int>((rows + 127) / 128); }
 
 /// What a policy leaves of each row.
 struct Acts {
@@ -66,16 +68,15 @@ TEST_P(FusedPolicyAsPtx, DrawsTheSameActions) {
   run_fused_policy(policy_for(expected), ThreadPool(1));
 
   if (!FusedPolicy::serves(s.actor)) GTEST_SKIP() << "LibTorch plays wide networks on many numbers";
-  const int hidden = s.actor.is_narrow() ? 64 : s.actor.is_wide() ? 256 : 128;
-  const int input = c.input <= 64 ? 64 : c.input <= 128 ? 128 : c.input <= 160 && hidden == 64 ? 160 : 192;
-  const std::string shape = cat("ILi", input, "ELi", hidden, "E");
+  const PolicyShape made_for(s.actor);
+  const std::string shape = cat("ILi", made_for.in, "ELi", made_for.hidden, "E");
   std::vector<float> first;
   for (const ThreadOrder order : {ThreadOrder::forward, ThreadOrder::backward, ThreadOrder::shuffled}) {
     Acts found(s.n_rows()), few(s.n_rows());
     const PtxModule& kernels = ptx_module("fused_policy");
-    kernels.launch({"policy_kernel" + shape}, c.blocks, kPolicyThreads, kSharedBytes, policy_for(found), order);
+    kernels.launch({"policy_kernel" + shape}, {c.blocks}, kPolicyThreads, kSharedBytes, policy_for(found), order);
     // Two policies in one launch, each for all rows but what the other one has; 16 rows for each of eight warps.
-    const int64_t rows_of_block = 128, worlds = s.n_rows() / c.n / 3, split = worlds * c.n;
+    const int64_t worlds = s.n_rows() / c.n / 3, split = worlds * c.n;
     FusedPolicies both{{policy_for(few), policy_for(few)}};
     both.policy[0].rows_per_group = split;
     both.policy[1].rows_per_group = s.n_rows() - split;
@@ -86,8 +87,8 @@ TEST_P(FusedPolicyAsPtx, DrawsTheSameActions) {
     both.policy[1].continuous.action += split * kActionSize;
     both.policy[1].continuous.log_prob += split;
     both.policy[1].discrete.draws.first_world = both.policy[1].continuous.draws.first_world = worlds;
-    kernels.launch({"few_rows_kernel" + shape}, static_cast<int>((s.n_rows() + rows_of_block - 1) / rows_of_block),
-                   kPolicyThreads, kSharedBytes, both, order, 2);
+    kernels.launch({"few_rows_kernel" + shape}, {blocks_of_few(s.n_rows()), 1, 2}, kPolicyThreads, kSharedBytes, both,
+                   order);
     EXPECT_EQ(few.action, found.action);
     EXPECT_EQ(few.log_prob, found.log_prob);
     EXPECT_TRUE(!c.continuous || few.squashed == found.squashed);
@@ -108,6 +109,86 @@ TEST_P(FusedPolicyAsPtx, DrawsTheSameActions) {
     if (order == ThreadOrder::forward) first = found.log_prob;
     EXPECT_EQ(found.log_prob, first) << "the order of threads " << static_cast<int>(order);
   }
+}
+
+// Three groups of as many rows, with networks, moments of observations and deviations of their own, an odd number of
+// numbers apart; the most likely action where actions are discrete. On a CPU they act as each would alone.
+TEST_P(FusedPolicyAsPtx, GroupsActByTheirOwnNetworks) {
+  const Setting s(GetParam());
+  const KernelCase& c = s.c;
+  if (!FusedPolicy::serves(s.actor)) GTEST_SKIP() << "LibTorch plays wide networks on many numbers";
+  constexpr int kGroups = 3;
+  const int64_t worlds = s.n_rows() / c.n / kGroups, rows = worlds * c.n, size = std::ssize(s.actor_values);
+  const int64_t stride = (size + 2 * c.input) | 1;
+  std::vector<float> values(static_cast<size_t>(kGroups * stride), NAN);
+  for (int group = 0; group < kGroups; ++group) {
+    auto put = [&, to = values.begin() + group * stride](const std::vector<float>& from) mutable {
+      to = std::transform(from.begin(), from.end(), to,
+                          [&](float x) { return x * (1 - 0.3f * static_cast<float>(group)); });
+    };
+    put(s.actor_values);
+    put(s.obs_mean);
+    put(s.obs_std);
+  }
+  const std::vector<uint32_t> draw_step(static_cast<size_t>(kGroups * worlds), 3);
+  const RowDraws draws{draw_step.data(), 5, 0, c.n, 0};
+  const auto policy_for = [&](Acts& acts) {
+    return FusedPolicy{.net = s.actor,
+                       .groups = kGroups,
+                       .rows_per_group = rows,
+                       .parameters = values.data(),
+                       .group_stride = stride,
+                       .obs = s.obs.data(),
+                       .obs_stride = s.stride,
+                       .obs_mean = c.normalize ? values.data() + size : nullptr,
+                       .obs_std = c.normalize ? values.data() + size + c.input : nullptr,
+                       .obs_limit = 10,
+                       .actions = c.continuous ? ActionKind::continuous : ActionKind::discrete,
+                       .discrete = {nullptr, draws, acts.action.data(), acts.log_prob.data(), true},
+                       .continuous = {nullptr, values.data() + s.actor.log_std, draws, acts.pre_tanh.data(),
+                                      acts.squashed.data(), acts.log_prob.data()}};
+  };
+  const auto expect_same = [&](const Acts& a, const Acts& b, const char* what) {
+    EXPECT_EQ(a.log_prob, b.log_prob) << what;
+    EXPECT_TRUE(c.continuous ? a.pre_tanh == b.pre_tanh && a.squashed == b.squashed : a.action == b.action) << what;
+  };
+  Acts expected(kGroups * rows), alone(kGroups * rows), found(kGroups * rows), few(kGroups * rows);
+  run_fused_policy(policy_for(expected), ThreadPool(1));
+  for (int group = 0; group < kGroups; ++group) {
+    FusedPolicy one = policy_for(alone);
+    one.groups = 1;
+    one.parameters += group * stride;
+    one.obs += group * rows * s.stride;
+    if (c.normalize) {
+      one.obs_mean += group * stride;
+      one.obs_std += group * stride;
+    }
+    one.discrete.action += group * rows;
+    one.discrete.log_prob += group * rows;
+    one.continuous.log_std += group * stride;
+    one.continuous.pre_tanh_action += group * rows * kActionSize;
+    one.continuous.action += group * rows * kActionSize;
+    one.continuous.log_prob += group * rows;
+    one.discrete.draws.first_world = one.continuous.draws.first_world = group * worlds;
+    run_fused_policy(one, ThreadPool(1));
+  }
+  expect_same(alone, expected, "on a CPU");
+
+  const PolicyShape made_for(s.actor);
+  const std::string shape = cat("ILi", made_for.in, "ELi", made_for.hidden, "E");
+  const PtxModule& kernels = ptx_module("fused_policy");
+  kernels.launch({"policy_kernel" + shape}, {c.blocks, kGroups}, kPolicyThreads, kSharedBytes, policy_for(found),
+                 ThreadOrder::shuffled);
+  kernels.launch({"few_rows_kernel" + shape}, {blocks_of_few(rows), kGroups}, kPolicyThreads, kSharedBytes,
+                 FusedPolicies{{policy_for(few)}}, ThreadOrder::shuffled);
+  expect_same(few, found, "few rows");
+  int64_t others = 0;
+  for (size_t row = 0; row < found.log_prob.size(); ++row)
+    if (!c.continuous && found.action[row] != expected.action[row])  // two that are nearly as likely
+      ++others;
+    else
+      EXPECT_NEAR(found.log_prob[row], expected.log_prob[row], 0.02) << row;
+  EXPECT_LE(others, kGroups * rows / 50) << "of " << kGroups * rows;
 }
 
 INSTANTIATE_TEST_SUITE_P(All, FusedPolicyAsPtx, testing::ValuesIn(observation_cases()),

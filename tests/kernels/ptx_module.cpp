@@ -18,7 +18,7 @@ constexpr int kLanes = 32, kPoison = 0xFF;
 constexpr uint64_t kUnwritten = 0xFFFFFFFFFFFFFF01;  // in registers: NaNs; a predicate that is true
 
 /// Registers that a thread finds filled.
-enum Given : int { kThread, kBlock, kLayer, kBlocks, kThreads, kParameter, kLocal, kNGiven };
+enum Given : int { kThread, kBlock, kBlockY, kBlockZ, kBlocks, kThreads, kParameter, kLocal, kNGiven };
 
 bool is_name(char c) { return std::isalnum(static_cast<unsigned char>(c)) || c == '_' || c == '$' || c == '%'; }
 
@@ -61,9 +61,8 @@ class Reader {
  public:
   Reader(PtxKernel& kernel, const std::string& parameter) : kernel_(kernel) {
     for (int given = 0; given < kNGiven; ++given) ++kernel_.n_registers;
-    registers_ = {{"%tid.x", kThread},    {"%ctaid.x", kBlock},  {"%ctaid.z", kLayer},
+    registers_ = {{"%tid.x", kThread},    {"%ctaid.x", kBlock},  {"%ctaid.y", kBlockY},  {"%ctaid.z", kBlockZ},
                   {"%nctaid.x", kBlocks}, {"%ntid.x", kThreads}, {parameter, kParameter}};
-    registers_["%ctaid.y"] = constant(0);  // blocks lie in rows, one in each layer
   }
   /// Memory that begins at an address; in the shared one 0.
   void add_memory(const std::string& name, uint64_t address) { registers_[name] = constant(address); }
@@ -281,8 +280,8 @@ const PtxKernel& PtxModule::find(const std::vector<std::string>& words) const {
   return *found;
 }
 
-void PtxModule::run(const PtxKernel& kernel, int blocks, int threads, size_t shared_bytes, const void* parameter,
-                    size_t parameter_bytes, ThreadOrder order, int layers) {
+void PtxModule::run(const PtxKernel& kernel, const PtxGrid& grid, int threads, size_t shared_bytes,
+                    const void* parameter, size_t parameter_bytes, ThreadOrder order) {
   GIGA_CHECK(threads % kLanes == 0, threads, " threads are no whole warps");
   struct alignas(128) Line {
     char bytes[128];
@@ -299,7 +298,7 @@ void PtxModule::run(const PtxKernel& kernel, int blocks, int threads, size_t sha
     return numbers;
   };
   std::vector<PtxThread> all(static_cast<size_t>(threads));
-  for (int number = 0; number < blocks * layers; ++number) {
+  for (int number = 0; number < grid.x * grid.y * grid.z; ++number) {
     std::memset(shared.data(), kPoison, shared.size() * sizeof(Line));
     for (int thread = 0; thread < threads; ++thread) {
       PtxThread& t = all[static_cast<size_t>(thread)];
@@ -307,9 +306,10 @@ void PtxModule::run(const PtxKernel& kernel, int blocks, int threads, size_t sha
       for (const auto& [at, bits] : kernel.constants) t.registers[static_cast<size_t>(at)] = bits;
       t.local.assign(kernel.local_bytes, static_cast<char>(kPoison));
       t.set<int>(kThread, thread);
-      t.set<int>(kBlock, number % blocks);
-      t.set<int>(kLayer, number / blocks);
-      t.set<int>(kBlocks, blocks);
+      t.set<int>(kBlock, number % grid.x);
+      t.set<int>(kBlockY, number / grid.x % grid.y);
+      t.set<int>(kBlockZ, number / grid.x / grid.y);
+      t.set<int>(kBlocks, grid.x);
       t.set<int>(kThreads, threads);
       t.set<const char*>(kParameter, handed_over.data());
       t.set<char*>(kLocal, t.local.data());

@@ -33,26 +33,31 @@ struct PtxKernel {
   size_t local_bytes = 0;                           // of a thread
 };
 
+/// How many blocks a kernel has in each direction.
+struct PtxGrid {
+  int x, y = 1, z = 1;
+};
+
 class PtxModule {
  public:
   /// Throws Error where the text has what it does not know.
   explicit PtxModule(const std::string& text);
 
-  /// Runs the blocks of the one kernel whose name contains all of `words`, one after the other: so many in a row, and
-  /// so many of these layers (blockIdx.z). `parameter`: the kernel's only one. Its shared memory is poisoned with 0xFF
-  /// before a block begins. `order`: of the warps between barriers of the block, and of the lanes between those of a
-  /// warp; asynchronous copies come at once with `backward`, else when they are waited for. Throws Error where threads
-  /// do not come to the same barrier, or an address of shared memory is none.
+  /// Runs the blocks of the one kernel whose name contains all of `words`, one after the other. `parameter`: the
+  /// kernel's only one. Its shared memory is poisoned with 0xFF before a block begins. `order`: of the warps between
+  /// barriers of the block, and of the lanes between those of a warp; asynchronous copies come at once with `backward`,
+  /// else when they are waited for. Throws Error where threads do not come to the same barrier, or an address of shared
+  /// memory is none.
   template <class Parameter>
-  void launch(const std::vector<std::string>& words, int blocks, int threads, size_t shared_bytes,
-              const Parameter& parameter, ThreadOrder order, int layers = 1) const {
-    run(find(words), blocks, threads, shared_bytes, &parameter, sizeof parameter, order, layers);
+  void launch(const std::vector<std::string>& words, const PtxGrid& grid, int threads, size_t shared_bytes,
+              const Parameter& parameter, ThreadOrder order) const {
+    run(find(words), grid, threads, shared_bytes, &parameter, sizeof parameter, order);
   }
 
  private:
   const PtxKernel& find(const std::vector<std::string>& words) const;
-  static void run(const PtxKernel& kernel, int blocks, int threads, size_t shared_bytes, const void* parameter,
-                  size_t parameter_bytes, ThreadOrder order, int layers);
+  static void run(const PtxKernel& kernel, const PtxGrid& grid, int threads, size_t shared_bytes, const void* parameter,
+                  size_t parameter_bytes, ThreadOrder order);
 
   std::vector<PtxKernel> kernels_;
   std::map<std::string, std::unique_ptr<std::vector<uint8_t>>> tables_;  // that the kernels read, by name

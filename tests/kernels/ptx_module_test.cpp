@@ -28,7 +28,7 @@ template <class T = int>
 std::vector<T> run(const std::string& body, int threads = 32, ThreadOrder order = ThreadOrder::forward,
                    size_t shared_bytes = 4096) {
   std::vector<T> out(static_cast<size_t>(threads), T(-1));
-  PtxModule(kernel(body)).launch({"try_it"}, 1, threads, shared_bytes, out.data(), order);
+  PtxModule(kernel(body)).launch({"try_it"}, {1}, threads, shared_bytes, out.data(), order);
   return out;
 }
 
@@ -155,7 +155,7 @@ TEST(PtxModule, SaysWhatIsWrong) {
   EXPECT_NE(said([] { run("mov.u32 %r2, 4096; st.shared.u32 [%r2], %r1;"); }).find("address 4096 of 4096"),
             std::string::npos);
   EXPECT_NE(
-      said([] { PtxModule(kernel("")).launch({"another"}, 1, 32, 0, 0, ThreadOrder::forward); }).find("no kernel"),
+      said([] { PtxModule(kernel("")).launch({"another"}, {1}, 32, 0, 0, ThreadOrder::forward); }).find("no kernel"),
       std::string::npos);
 }
 
