@@ -35,14 +35,12 @@ struct Acts {
         log_prob(static_cast<size_t>(rows), NAN) {}
 };
 
-class FusedPolicyAsPtx : public testing::TestWithParam<KernelCase> {
- protected:
-  void SetUp() override {
-    if (!has_ptx()) GTEST_SKIP() << "the build has no CUDA, and so no kernels";
-  }
-};
+constexpr const char* kNoKernels = "the build has no CUDA, and so no kernels";
+
+class FusedPolicyAsPtx : public testing::TestWithParam<KernelCase> {};
 
 TEST_P(FusedPolicyAsPtx, DrawsTheSameActions) {
+  if (!has_ptx()) GTEST_SKIP() << kNoKernels;
   const Setting s(GetParam());
   const KernelCase& c = s.c;
   const std::vector<uint32_t> draw_step(static_cast<size_t>(s.n_rows() / c.n), 3);
@@ -116,7 +114,6 @@ TEST_P(FusedPolicyAsPtx, DrawsTheSameActions) {
 TEST_P(FusedPolicyAsPtx, GroupsActByTheirOwnNetworks) {
   const Setting s(GetParam());
   const KernelCase& c = s.c;
-  if (!FusedPolicy::serves(s.actor)) GTEST_SKIP() << "LibTorch plays wide networks on many numbers";
   constexpr int kGroups = 3;
   const int64_t worlds = s.n_rows() / c.n / kGroups, rows = worlds * c.n, size = std::ssize(s.actor_values);
   const int64_t stride = (size + 2 * c.input) | 1;
@@ -174,6 +171,8 @@ TEST_P(FusedPolicyAsPtx, GroupsActByTheirOwnNetworks) {
   }
   expect_same(alone, expected, "on a CPU");
 
+  if (!has_ptx()) GTEST_SKIP() << kNoKernels;
+  if (!FusedPolicy::serves(s.actor)) GTEST_SKIP() << "LibTorch plays wide networks on many numbers";
   const PolicyShape made_for(s.actor);
   const std::string shape = cat("ILi", made_for.in, "ELi", made_for.hidden, "E");
   const PtxModule& kernels = ptx_module("fused_policy");
