@@ -27,6 +27,21 @@ struct FusedPolicy {
   ActionKind actions = ActionKind::discrete;
   SampleCategorical discrete{};  // without logits
   SampleGaussian continuous{};   // without means; log_std is that of the first group
+
+  /// What the group reads whose parameters begin at `offset`.
+  GIGA_HD FusedRows rows(int64_t offset) const {
+    return {.obs = obs,
+            .obs_stride = obs_stride,
+            .obs_mean = obs_mean ? obs_mean + offset : nullptr,
+            .obs_std = obs_mean ? obs_std + offset : nullptr,
+            .obs_limit = obs_limit};
+  }
+  /// How it acts where actions are continuous.
+  GIGA_HD SampleGaussian gaussian(int64_t offset) const {
+    SampleGaussian of_group = continuous;
+    if (actions == ActionKind::continuous) of_group.log_std += offset;
+    return of_group;
+  }
 };
 
 /// Those that one launch serves at most, by value.

@@ -21,6 +21,7 @@ struct QuadLogits {
     sum += __shfl_xor_sync(0xFFFFFFFFu, sum, 1);
     return sum + __shfl_xor_sync(0xFFFFFFFFu, sum, 2);
   }
+  __device__ float total_of(const float (&)[kNumbers], float sum) const { return total(sum); }
   __device__ float greatest(float top) const {
     top = fmaxf(top, __shfl_xor_sync(0xFFFFFFFFu, top, 1));
     return fmaxf(top, __shfl_xor_sync(0xFFFFFFFFu, top, 2));

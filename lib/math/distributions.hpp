@@ -35,7 +35,7 @@ GIGA_HD float softmax(const Row& row, float (&p)[Row::kNumbers]) {
     p[k] = row.is_action(k) ? std::exp(row.x[k] - top) : 0.0f;
     sum += p[k];
   }
-  sum = row.total(sum);
+  sum = row.total_of(p, sum);
   const float inverse = 1.0f / sum;
   GIGA_UNROLL
   for (int k = 0; k < Row::kNumbers; ++k) p[k] *= inverse;
@@ -65,6 +65,8 @@ struct Logits {
   GIGA_HD static int column(int k) { return k; }
   GIGA_HD static bool is_action(int k) { return k < kNDiscreteActions; }
   GIGA_HD static float total(float sum) { return sum; }
+  /// The total of the numbers p, which this lane's add up to `sum`.
+  GIGA_HD static float total_of(const float (&)[kNumbers], float sum) { return sum; }
   GIGA_HD static float greatest(float top) { return top; }
   /// The action with the largest logit, the first of equal ones.
   GIGA_HD int largest() const {
@@ -78,11 +80,13 @@ struct Logits {
       }
     return chosen;
   }
-  /// An action drawn with probabilities p, by inverting the distribution function. What rounding leaves goes to the
-  /// last action.
-  GIGA_HD static int draw(const float (&p)[kNumbers], const RowDraws& draws, int64_t row) {
-    DrawKey key = draws.key(row);
-    const float u = key.uniform(Draw::action, draws.agent(row), 0);
+  /// The number by which a row's action is drawn.
+  GIGA_HD static float uniform(const RowDraws& draws, int64_t row) {
+    return draws.key(row).uniform(Draw::action, draws.agent(row), 0);
+  }
+  /// An action drawn with probabilities p, by inverting the distribution function at u. What rounding leaves goes to
+  /// the last action.
+  GIGA_HD static int draw(const float (&p)[kNumbers], float u) {
     float below = 0;
     int chosen = 0;
     GIGA_UNROLL
@@ -110,15 +114,28 @@ struct SampleCategorical {
   bool greedy = false;
 
   GIGA_HD void operator()(int64_t row) const { sample(row, logits + row * kLogitStride); }
+  /// The number by which a row's action is drawn; 0 where none is.
+  GIGA_HD float uniform(int64_t row) const { return greedy ? 0.0f : Logits::uniform(draws, row); }
   /// Of a row whose logits lie elsewhere.
   template <class Row = Logits>
   GIGA_HD void sample(int64_t row, const float* row_logits) const {
-    const Row l(row_logits);
-    float p[Logits::kNumbers];
+    keep(row, choose(Row(row_logits), [&] { return Logits::uniform(draws, row); }));
+  }
+  struct Choice {
+    int action;
+    float log_prob;
+  };
+  /// u(): the number by which the action is drawn.
+  template <class Row, class U>
+  GIGA_HD Choice choose(const Row& l, U&& u) const {
+    float p[Row::kNumbers];
     const float lse = softmax(l, p);
-    const int chosen = greedy ? l.largest() : Logits::draw(p, draws, row);
-    action[row] = chosen;
-    if (log_prob) log_prob[row] = l.at(chosen) - lse;
+    const int chosen = greedy ? l.largest() : l.draw(p, u());
+    return {chosen, log_prob ? l.at(chosen) - lse : 0.0f};
+  }
+  GIGA_HD void keep(int64_t row, const Choice& choice) const {
+    action[row] = choice.action;
+    if (log_prob) log_prob[row] = choice.log_prob;
   }
 };
 

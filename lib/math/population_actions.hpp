@@ -24,7 +24,7 @@ struct PopulationAct {
       const Logits l(head);
       float p[Logits::kNumbers];
       softmax(l, p);
-      static_cast<int32_t*>(action)[row] = greedy ? l.largest() : Logits::draw(p, draws, row);
+      static_cast<int32_t*>(action)[row] = greedy ? l.largest() : Logits::draw(p, Logits::uniform(draws, row));
       return;
     }
     DrawKey key = draws.key(row);

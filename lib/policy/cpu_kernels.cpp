@@ -77,13 +77,8 @@ void run_fused_policy(const FusedPolicy& policy, const ThreadPool& pool) {
       const int64_t offset = group * policy.group_stride, first = group * policy.rows_per_group + begin;
       block.rows = static_cast<int>(std::min<int64_t>(kBlockRows, policy.rows_per_group - begin));
       for (int r = 0; r < block.rows; ++r) block.source[static_cast<size_t>(r)] = first + r;
-      FusedRows rows{.obs = policy.obs, .obs_stride = policy.obs_stride, .obs_limit = policy.obs_limit};
-      if (policy.obs_mean) {
-        rows.obs_mean = policy.obs_mean + offset;
-        rows.obs_std = policy.obs_std + offset;
-      }
-      SampleGaussian continuous = policy.continuous;
-      if (policy.actions == ActionKind::continuous) continuous.log_std += offset;
+      const FusedRows rows = policy.rows(offset);
+      const SampleGaussian continuous = policy.gaussian(offset);
       const Rows head = pass.forward(policy.parameters + offset, rows, block);
       for (int r = 0; r < block.rows; ++r) {
         if (policy.actions == ActionKind::discrete)

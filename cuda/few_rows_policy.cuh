@@ -1,0 +1,237 @@
+// The fused policy of few rows, where what counts is how long one row takes: the warps of a block take the same 16 rows
+// through a layer together, each some of its numbers. A warp's weights come from global memory once, all at a time, and
+// stay in its registers. A row takes few instructions: what a step runs once is found in no cache for instructions.
+#pragma once
+
+#include "cuda/fused_policy.hpp"
+#include "cuda/ppo_tiles.cuh"
+
+namespace giga {
+
+/// A warp's 16 numbers of a layer: their weights, as a right factor, and biases.
+template <int kDepth>
+struct LayerOfWarp {
+  uint32_t weight[kDepth][4];
+  float2 bias[2];
+
+  /// Numbers from `first` on, of a matrix [out, in]; zeros beyond.
+  __device__ LayerOfWarp(const float* from, const float* biases, int first, int out, int in) {
+    const TileLane lane;
+    // Decided once, not for each number.
+    if ((reinterpret_cast<uintptr_t>(from) % 8 | static_cast<uintptr_t>(in % 2)) == 0)
+      fetch(from, first, out, in, [](const float* at, bool) { return __ldg(reinterpret_cast<const float2*>(at)); });
+    else
+      fetch(from, first, out, in, [](const float* at, bool second) {
+        return float2{__ldg(at), second ? __ldg(at + 1) : 0.0f};
+      });
+#pragma unroll
+    for (int j = 0; j < 2; ++j) {
+      const int b = first + j * 8 + lane.pair;
+      bias[j] = {b < out ? __ldg(biases + b) : 0.0f, b + 1 < out ? __ldg(biases + b + 1) : 0.0f};
+    }
+  }
+  /// Of 16 rows in shared memory.
+  template <int kStride>
+  __device__ TileSums<2> of(const __half* rows) const {
+    TileSums<2> y;
+#pragma unroll
+    for (int j = 0; j < 2; ++j) {
+      y.c[j][0] = y.c[j][2] = bias[j].x;
+      y.c[j][1] = y.c[j][3] = bias[j].y;
+    }
+    const uint32_t left = Halves<kStride>(rows, 0, 0).below();
+#pragma unroll
+    for (int k = 0; k < kDepth; ++k) {
+      uint32_t a[4];
+      load(a, left + apart<kStride>(0, k * 16));
+      multiply_add(y.c[0], a, weight[k][0], weight[k][1]);
+      multiply_add(y.c[1], a, weight[k][2], weight[k][3]);
+    }
+    return y;
+  }
+
+ private:
+  /// two(at, whether there is a second one): the numbers from `at` on.
+  template <class Two>
+  __device__ void fetch(const float* from, int first, int out, int in, Two&& two) {
+    const TileLane lane;
+#pragma unroll
+    for (int j = 0; j < 2; ++j) {
+      const int o = first + j * 8 + lane.group, left = o < out ? in - lane.pair : 0;
+      const float* row = from + o * in + lane.pair;
+      asm("" : "+l"(row));  // in a register: else ptxas computes it anew for each number
+#pragma unroll
+      for (int k = 0; k < 2 * kDepth; ++k) {
+        float2 x{0, 0};
+        if (k * 8 < left) x = two(row + k * 8, k * 8 + 1 < left);
+        weight[k / 2][j * 2 + k % 2] = half_pair(x.x, x.y);
+      }
+    }
+  }
+};
+
+/// A row of logits of which eight lanes that lie side by side have four each, in order. Sums are taken in the order of
+/// Logits, so that both choose the same action. All lanes of the warp call it.
+struct OctetLogits {
+  static constexpr int kLanes = 8, kNumbers = 4;
+  static constexpr uint32_t kWarp = 0xFFFFFFFFu;
+  float x[kNumbers] = {};
+  int lane = static_cast<int>(threadIdx.x) % kLanes;
+
+  __device__ explicit OctetLogits(const float* row) {
+    if (lane * kNumbers >= kLogitStride) return;
+    const Quad q = reinterpret_cast<const Quad*>(row)[lane];
+#pragma unroll
+    for (int k = 0; k < kNumbers; ++k) x[k] = q.v[k];
+  }
+  __device__ int column(int k) const { return lane * kNumbers + k; }
+  __device__ bool is_action(int k) const { return column(k) < kNDiscreteActions; }
+  __device__ float greatest(float top) const {
+#pragma unroll
+    for (int apart = 1; apart < kLanes; apart *= 2) top = fmaxf(top, __shfl_xor_sync(kWarp, top, apart));
+    return top;
+  }
+  /// The sum of the numbers of the lanes before this one.
+  __device__ float before(const float (&p)[kNumbers]) const {
+    float sum = 0;
+#pragma unroll
+    for (int turn = 1; turn < kLanes; ++turn) {
+      sum = of_lane(lane - 1, through(sum, p));
+      if (lane == 0) sum = 0;
+    }
+    return sum;
+  }
+  __device__ float total_of(const float (&p)[kNumbers], float) const {
+    return of_lane(kLanes - 1, through(before(p), p));
+  }
+  /// NaNs are never the largest, unless the first number is one, as in Logits.
+  __device__ int largest() const {
+    float top = lane == 0 ? x[0] : -INFINITY;
+    int chosen = 0;
+#pragma unroll
+    for (int k = 0; k < kNumbers; ++k)
+      if (is_action(k) && x[k] > top) {
+        top = x[k];
+        chosen = column(k);
+      }
+#pragma unroll
+    for (int apart = 1; apart < kLanes; apart *= 2) {
+      const float other = __shfl_xor_sync(kWarp, top, apart);
+      const int others = __shfl_xor_sync(kWarp, chosen, apart);
+      if (other > top || (other == top && others < chosen)) {
+        top = other;
+        chosen = others;
+      }
+    }
+    return of_lane(0, chosen);
+  }
+  __device__ int draw(const float (&p)[kNumbers], float u) const {
+    float below = before(p);
+    int chosen = 0;
+#pragma unroll
+    for (int k = 0; k < kNumbers; ++k) {
+      below += p[k];
+      chosen += column(k) < kNDiscreteActions - 1 && u >= below ? 1 : 0;
+    }
+#pragma unroll
+    for (int apart = 1; apart < kLanes; apart *= 2) chosen += __shfl_xor_sync(kWarp, chosen, apart);
+    return chosen;
+  }
+  __device__ float at(int index) const {
+    const int k = index % kNumbers;
+    const float mine = k == 0 ? x[0] : k == 1 ? x[1] : k == 2 ? x[2] : x[3];
+    return of_lane(index / kNumbers, mine);
+  }
+
+ private:
+  template <class T>
+  __device__ T of_lane(int number, T x) const {
+    return __shfl_sync(kWarp, x, (static_cast<int>(threadIdx.x) - lane + number) & 31);
+  }
+  __device__ static float through(float sum, const float (&p)[kNumbers]) {
+#pragma unroll
+    for (int k = 0; k < kNumbers; ++k) sum += p[k];
+    return sum;
+  }
+};
+
+template <int kIn, int kHidden>
+struct FewRowsBlock {
+  static constexpr int kWarps = kHidden / 16, kThreads = kWarps * 32, kRowsOfWarp = 16 / kWarps;
+  // On a multiprocessor: as many as registers have room for.
+  static constexpr int kBlocks = kHidden > FusedMlp::kNarrowHidden ? 1 : kIn <= PolicyShape::kCrowdInput ? 3 : 2;
+  static constexpr int kMostTiles = 4;  // of 16 rows, one after the other; more rows have warps of their own
+  static constexpr int kInStride = kIn + 8, kHiddenStride = kHidden + 8;
+  alignas(16) __half x[16 * kInStride];
+  alignas(16) __half hidden[2][16 * kHiddenStride];
+  alignas(16) float head[16 * kLogitStride];
+  float uniform[16];
+};
+
+/// Several policies in one launch. Blocks [.., most groups of a policy, policies].
+template <int kIn, int kHidden>
+__global__ void __launch_bounds__(FewRowsBlock<kIn, kHidden>::kThreads, FewRowsBlock<kIn, kHidden>::kBlocks)
+    few_rows_kernel(const __grid_constant__ FusedPolicies policies) {
+  using Block = FewRowsBlock<kIn, kHidden>;
+  extern __shared__ __align__(16) char shared[];
+  Block& m = *reinterpret_cast<Block*>(shared);
+  const FusedPolicy& k = policies.policy[blockIdx.z];
+  const int lane = static_cast<int>(threadIdx.x) % 32, warp = static_cast<int>(threadIdx.x) / 32;
+  const int64_t step = static_cast<int64_t>(gridDim.x) * 16;
+  int64_t at = static_cast<int64_t>(blockIdx.x) * 16;
+  if (static_cast<int>(blockIdx.y) >= k.groups || at >= k.rows_per_group) return;
+  const FusedMlp& net = k.net;
+  const int64_t offset = blockIdx.y * k.group_stride, first_row = blockIdx.y * k.rows_per_group;
+  const FusedRows rows = k.rows(offset);
+  const int first = warp * Block::kRowsOfWarp;
+  FetchedInputs<kIn, Block::kRowsOfWarp> inputs;
+  const auto fetch = [&](int64_t from) {
+    inputs.fetch(rows, net.width[0], [&](int i) {
+      const int64_t row = from + first + i;
+      return row < k.rows_per_group ? first_row + row : -1;
+    });
+  };
+  fetch(at);
+  const bool discrete = k.actions == ActionKind::discrete;
+  const auto layer = [&]<int kDepth>(int l) {
+    return LayerOfWarp<kDepth>(k.parameters + offset + net.weight[l], k.parameters + offset + net.bias[l], warp * 16,
+                               net.width[l + 1], net.width[l]);
+  };
+  const auto layer1 = layer.template operator()<kIn / 16>(0);
+  const auto layer2 = layer.template operator()<kHidden / 16>(1);
+  const auto layer3 = layer.template operator()<kHidden / 16>(2);
+#pragma unroll 1
+  for (; at < k.rows_per_group; at += step) {
+    inputs.template store<Block::kInStride>(rows, net.width[0], m.x + first * Block::kInStride);
+    fetch(at + step);  // on their way meanwhile
+    __syncthreads();
+    SlopesOf<2> slopes;
+    TileSums<2> y = layer1.template of<Block::kInStride>(m.x);
+    activate(net.activation, y, slopes);
+    store(y.factor(), m.hidden[0] + warp * 16, Block::kHiddenStride);
+    __syncthreads();
+    y = layer2.template of<Block::kHiddenStride>(m.hidden[0]);
+    activate(net.activation, y, slopes);
+    store(y.factor(), m.hidden[1] + warp * 16, Block::kHiddenStride);
+    __syncthreads();
+    if (warp < kHead / 16)
+      layer3.template of<Block::kHiddenStride>(m.hidden[1]).each([&](float value, int r, int c) {
+        if (warp * 16 + c < kLogitStride) m.head[r * kLogitStride + warp * 16 + c] = value;
+      });
+    else if (warp == Block::kWarps - 1 && lane < 16 && at + lane < k.rows_per_group && discrete)
+      m.uniform[lane] = k.discrete.uniform(first_row + at + lane);
+    __syncthreads();
+    // Of a row eight lanes choose a discrete action, one the continuous one.
+    const int row = discrete ? static_cast<int>(threadIdx.x) / OctetLogits::kLanes : static_cast<int>(threadIdx.x);
+    if (warp * 32 >= (discrete ? 16 * OctetLogits::kLanes : 16)) continue;
+    const bool lives = row < 16 && at + row < k.rows_per_group;
+    if (discrete) {
+      const auto choice = k.discrete.choose(OctetLogits(m.head + row * kLogitStride), [&] { return m.uniform[row]; });
+      if (lives && lane % OctetLogits::kLanes == 0) k.discrete.keep(first_row + at + row, choice);
+    } else if (lives) {
+      k.gaussian(offset).sample(first_row + at + row, m.head + row * kLogitStride);
+    }
+  }
+}
+
+}  // namespace giga
