@@ -8,35 +8,11 @@
 
 namespace giga {
 
-/// A warp's numbers of a layer, 8 for each of its tiles, of 16 rows.
-template <int kTiles>
-struct NumbersOfWarp {
-  float c[kTiles][4];
-
-  __device__ void activate(Activation activation) {
-    with_activation(activation, [&](auto&& f) {
-#pragma unroll
-      for (int j = 0; j < kTiles; ++j)
-#pragma unroll
-        for (int k = 0; k < 4; ++k) c[j][k] = f(c[j][k]).value;
-    });
-  }
-  /// two(row, column, that number and the next one).
-  template <class Two>
-  __device__ void each_two(Two&& two) const {
-    const TileLane lane;
-#pragma unroll
-    for (int j = 0; j < kTiles; ++j)
-#pragma unroll
-      for (int k = 0; k < 2; ++k) two(lane.group + k * 8, j * 8 + lane.pair, float2{c[j][2 * k], c[j][2 * k + 1]});
-  }
-};
-
-/// What a warp's numbers of a layer are made with: weights, as a right factor, and biases.
-template <int kDepth, int kTiles>
+/// A warp's 16 numbers of a layer: their weights, as a right factor, and biases.
+template <int kDepth>
 struct LayerOfWarp {
-  uint32_t weight[kDepth][2 * kTiles];
-  float2 bias[kTiles];
+  uint32_t weight[kDepth][4];
+  float2 bias[2];
 
   /// Numbers from `first` on, of a matrix [out, in]; zeros beyond.
   __device__ LayerOfWarp(const float* from, const float* biases, int first, int out, int in) {
@@ -49,17 +25,17 @@ struct LayerOfWarp {
         return float2{__ldg(at), second ? __ldg(at + 1) : 0.0f};
       });
 #pragma unroll
-    for (int j = 0; j < kTiles; ++j) {
+    for (int j = 0; j < 2; ++j) {
       const int b = first + j * 8 + lane.pair;
       bias[j] = {b < out ? __ldg(biases + b) : 0.0f, b + 1 < out ? __ldg(biases + b + 1) : 0.0f};
     }
   }
   /// Of 16 rows in shared memory.
   template <int kStride>
-  __device__ NumbersOfWarp<kTiles> of(const __half* rows) const {
-    NumbersOfWarp<kTiles> y;
+  __device__ TileSums<2> of(const __half* rows) const {
+    TileSums<2> y;
 #pragma unroll
-    for (int j = 0; j < kTiles; ++j) {
+    for (int j = 0; j < 2; ++j) {
       y.c[j][0] = y.c[j][2] = bias[j].x;
       y.c[j][1] = y.c[j][3] = bias[j].y;
     }
@@ -68,8 +44,8 @@ struct LayerOfWarp {
     for (int k = 0; k < kDepth; ++k) {
       uint32_t a[4];
       load(a, left + apart<kStride>(0, k * 16));
-#pragma unroll
-      for (int j = 0; j < kTiles; ++j) multiply_add(y.c[j], a, weight[k][2 * j], weight[k][2 * j + 1]);
+      multiply_add(y.c[0], a, weight[k][0], weight[k][1]);
+      multiply_add(y.c[1], a, weight[k][2], weight[k][3]);
     }
     return y;
   }
@@ -80,7 +56,7 @@ struct LayerOfWarp {
   __device__ void fetch(const float* from, int first, int out, int in, Two&& two) {
     const TileLane lane;
 #pragma unroll
-    for (int j = 0; j < kTiles; ++j) {
+    for (int j = 0; j < 2; ++j) {
       const int o = first + j * 8 + lane.group, left = o < out ? in - lane.pair : 0;
       const float* row = from + o * in + lane.pair;
       asm("" : "+l"(row));  // in a register: else ptxas computes it anew for each number
@@ -181,11 +157,9 @@ struct OctetLogits {
 
 template <int kIn, int kHidden>
 struct FewRowsBlock {
-  static constexpr int kTiles = kHidden > FusedMlp::kNarrowHidden ? 2 : 1;  // of 8 numbers, that a warp has of a layer
-  static constexpr int kNumbers = 8 * kTiles, kWarps = kHidden / kNumbers, kThreads = kWarps * 32;
-  static constexpr int kRowsOfWarp = 16 / kWarps;
+  static constexpr int kWarps = kHidden / 16, kThreads = kWarps * 32, kRowsOfWarp = 16 / kWarps;
   // On a multiprocessor: as many as registers have room for.
-  static constexpr int kBlocks = kHidden > FusedMlp::kNarrowHidden ? 1 : 2;
+  static constexpr int kBlocks = kHidden > FusedMlp::kNarrowHidden ? 1 : kIn <= PolicyShape::kCrowdInput ? 3 : 2;
   // Of 16 rows, one after the other. More rows have warps of their own: from about 26 on they are the faster.
   static constexpr int kMostTiles = 20;
   static constexpr int kInStride = kIn + 8, kHiddenStride = kHidden + 8;
@@ -210,7 +184,7 @@ __global__ void __launch_bounds__(FewRowsBlock<kIn, kHidden>::kThreads, FewRowsB
   const FusedMlp& net = k.net;
   const int64_t offset = blockIdx.y * k.group_stride, first_row = blockIdx.y * k.rows_per_group;
   const FusedRows rows = k.rows(offset);
-  const int first = warp * Block::kRowsOfWarp, first_number = warp * Block::kNumbers;
+  const int first = warp * Block::kRowsOfWarp;
   FetchedInputs<kIn, Block::kRowsOfWarp> inputs;
   const auto fetch = [&](int64_t from) {
     inputs.fetch(rows, net.width[0], [&](int i) {
@@ -221,9 +195,8 @@ __global__ void __launch_bounds__(FewRowsBlock<kIn, kHidden>::kThreads, FewRowsB
   fetch(at);
   const bool discrete = k.actions == ActionKind::discrete;
   const auto layer = [&]<int kDepth>(int l) {
-    return LayerOfWarp<kDepth, Block::kTiles>(k.parameters + offset + net.weight[l],
-                                              k.parameters + offset + net.bias[l], first_number, net.width[l + 1],
-                                              net.width[l]);
+    return LayerOfWarp<kDepth>(k.parameters + offset + net.weight[l], k.parameters + offset + net.bias[l], warp * 16,
+                               net.width[l + 1], net.width[l]);
   };
   const auto layer1 = layer.template operator()<kIn / 16>(0);
   const auto layer2 = layer.template operator()<kHidden / 16>(1);
@@ -233,21 +206,18 @@ __global__ void __launch_bounds__(FewRowsBlock<kIn, kHidden>::kThreads, FewRowsB
     inputs.template store<Block::kInStride>(rows, net.width[0], m.x + first * Block::kInStride);
     fetch(at + step);  // on their way meanwhile
     __syncthreads();
-    const auto keep = [&](auto& y, __half* to) {
-      y.activate(net.activation);
-      y.each_two([&](int r, int c, float2 two) {
-        *reinterpret_cast<uint32_t*>(to + r * Block::kHiddenStride + first_number + c) = half_pair(two.x, two.y);
-      });
-      __syncthreads();
-    };
-    auto y = layer1.template of<Block::kInStride>(m.x);
-    keep(y, m.hidden[0]);
+    SlopesOf<2> slopes;
+    TileSums<2> y = layer1.template of<Block::kInStride>(m.x);
+    activate(net.activation, y, slopes);
+    store(y.factor(), m.hidden[0] + warp * 16, Block::kHiddenStride);
+    __syncthreads();
     y = layer2.template of<Block::kHiddenStride>(m.hidden[0]);
-    keep(y, m.hidden[1]);
-    if (first_number < kHead)
-      layer3.template of<Block::kHiddenStride>(m.hidden[1]).each_two([&](int r, int c, float2 two) {
-        if (first_number + c >= kLogitStride) return;
-        *reinterpret_cast<float2*>(m.head + r * kLogitStride + first_number + c) = two;
+    activate(net.activation, y, slopes);
+    store(y.factor(), m.hidden[1] + warp * 16, Block::kHiddenStride);
+    __syncthreads();
+    if (warp < kHead / 16)
+      layer3.template of<Block::kHiddenStride>(m.hidden[1]).each([&](float value, int r, int c) {
+        if (warp * 16 + c < kLogitStride) m.head[r * kLogitStride + warp * 16 + c] = value;
       });
     else if (warp == Block::kWarps - 1 && lane < 16 && at + lane < k.rows_per_group && discrete)
       m.uniform[lane] = k.discrete.uniform(first_row + at + lane);

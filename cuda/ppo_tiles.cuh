@@ -91,26 +91,21 @@ __device__ __forceinline__ void activate_by(TileSums<kTiles>& sums, SlopesOf<kTi
       slopes.by.k[j / 2][j % 2 * 2 + k] = half_pair(a.slope, b.slope);
     }
 }
-/// g(f), where f(number) is the activation with its slope.
-template <class G>
-__device__ __forceinline__ void with_activation(Activation activation, G&& g) {
+template <int kTiles>
+__device__ __forceinline__ void activate(Activation activation, TileSums<kTiles>& sums, SlopesOf<kTiles>& slopes) {
   switch (activation) {
     case Activation::tanh:
-      return g([](float x) {
+      return activate_by(sums, slopes, [](float x) {
         const float y = fast_tanh(x);
         return Activated{y, 1.0f - y * y};
       });
     case Activation::relu:
-      return g([](float x) { return activate_with_slope(Activation::relu, x); });
+      return activate_by(sums, slopes, [](float x) { return activate_with_slope(Activation::relu, x); });
     case Activation::silu:
-      return g([](float x) { return activate_with_slope(Activation::silu, x); });
+      return activate_by(sums, slopes, [](float x) { return activate_with_slope(Activation::silu, x); });
     case Activation::gelu:
-      return g([](float x) { return activate_with_slope(Activation::gelu, x); });
+      return activate_by(sums, slopes, [](float x) { return activate_with_slope(Activation::gelu, x); });
   }
-}
-template <int kTiles>
-__device__ __forceinline__ void activate(Activation activation, TileSums<kTiles>& sums, SlopesOf<kTiles>& slopes) {
-  with_activation(activation, [&](auto&& f) { activate_by(sums, slopes, f); });
 }
 
 /// Loads `in` columns of a matrix [out, width] into [kRows, kStride], padded with zeros, with so many reads of a thread

@@ -20,10 +20,7 @@ namespace giga::test {
 namespace {
 
 constexpr int kPolicyThreads = 256;
-/// A warp has 8 numbers of a narrow layer, 16 of another.
-int few_rows_threads(const PolicyShape& shape) {
-  return shape.hidden / (shape.hidden > FusedMlp::kNarrowHidden ? 16 : 8) * 32;
-}
+int few_rows_threads(const PolicyShape& shape) { return shape.hidden / 16 * 32; }  // a warp for 16 numbers of a layer
 
 /// What a policy leaves of each row.
 struct Acts {
@@ -75,8 +72,7 @@ TEST_P(FusedPolicyAsPtx, DrawsTheSameActions) {
     Acts found(s.n_rows()), few(s.n_rows());
     const PtxModule& kernels = ptx_module("fused_policy");
     kernels.launch({"policy_kernel" + shape}, {c.blocks}, kPolicyThreads, kSharedBytes, policy_for(found), order);
-    // Two policies in one launch, each for all rows but what the other one has; warps that have some numbers of a layer
-    // each.
+    // Two policies in one launch, each for all rows but what the other one has; a warp for each 16 numbers of a layer.
     if (!s.actor.is_wide()) {
       const int64_t worlds = s.n_rows() / c.n / 3, split = worlds * c.n;
       FusedPolicies both{{policy_for(few), policy_for(few)}};
