@@ -85,11 +85,17 @@ void play(const EvalOptions& o) {
   const SimSpec& spec = game.spec;
   const MatchOptions options{o.episodes, seed_of(o.seed, Purpose::eval), device, 0, note_once()};
   MatchReport report{o.a, spec.name, describe_win(spec.params.win, spec.params.max_episode_length), {}};
+  struct Match {
+    int side;
+    std::shared_ptr<TeamController> team[kNTeams];
+  };
+  std::vector<Match> matches;  // all before the first is played: who cannot play is told at once
   for (const int side : sides_of(o, a, b)) {
     Player &side0 = side == 0 ? a : b, &side1 = side == 0 ? b : a;
-    report.results.push_back(
-        {side, o.b, play_match(spec, side0.controller(0, spec), side1.controller(1, spec), options)});
+    matches.push_back({side, {side0.controller(0, spec), side1.controller(1, spec)}});
   }
+  for (const Match& m : matches)
+    report.results.push_back({m.side, o.b, play_match(spec, m.team[0], m.team[1], options)});
 
   if (!o.csv.empty()) write_output(o.csv, report_csv(report));
   if (!o.json.empty()) write_json(to_json(o, report, a, b), o.json);

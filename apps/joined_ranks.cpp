@@ -62,7 +62,7 @@ JoinedRanks join_others(const RankOptions& options, Dispatch& dispatch) {
   dispatch.who = cat("rank ", place->rank, ": ");
   const std::shared_ptr<Ranks> ranks = join_ranks(*place, patience);
   dispatch.tell_ranks = [ranks](const std::string& message) { ranks->report_failure(message); };
-  return {ranks, place->local_rank};
+  return {ranks, place->gpu(cuda_device_count())};
 }
 
 Device device_of_rank(const std::string& device, const JoinedRanks& joined) {
@@ -70,7 +70,7 @@ Device device_of_rank(const std::string& device, const JoinedRanks& joined) {
   if (!joined.ranks || !found.is_cuda()) return found;
   if (device.starts_with("cuda:"))
     throw InputError(cat("device ", device, ": several ranks have a GPU each, by their number; write cuda"));
-  return parse_device(cat("cuda:", joined.local_rank));
+  return parse_device(cat("cuda:", joined.gpu));
 }
 
 void expect_devices(const RankOptions& options, const std::string& asked, Device device) {

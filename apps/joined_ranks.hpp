@@ -27,7 +27,7 @@ void add_rank_options(CLI::App& command, RankOptions& options);
 /// The ranks of this process; null: it is alone.
 struct JoinedRanks {
   std::shared_ptr<Ranks> ranks;
-  int local_rank = 0;
+  int gpu = 0;
 
   bool leads() const { return !ranks || ranks->leads(); }
   int size() const { return ranks ? ranks->size() : 1; }

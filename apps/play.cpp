@@ -39,7 +39,8 @@ struct PlayOptions {
   bool greedy = false;
 };
 
-/// Somebody to play with or against, and how strong; NaN where nobody has rated it.
+/// Somebody to play with or against, and how strong; NaN where nobody has rated it, infinite where it won all or lost
+/// all.
 struct Level {
   Player player;
   double rating;
@@ -50,8 +51,10 @@ double rating_of(const fs::path& run, int64_t updates) {
   std::error_code code;
   if (!fs::exists(file, code)) return NAN;
   const Json found = find_rating(file, {run, updates, 0});
-  const auto at = found.find("rating");
-  return at != found.end() && at->is_number() ? at->get<double>() : NAN;
+  const auto at = found.find("rating"), standing = found.find("standing");
+  if (at != found.end() && at->is_number()) return at->get<double>();
+  if (standing != found.end() && *standing == name_of(Standing::above)) return INFINITY;
+  return standing != found.end() && *standing == name_of(Standing::below) ? -INFINITY : NAN;
 }
 
 /// The name of its folder.
@@ -72,7 +75,7 @@ std::vector<Level> levels_of(const std::string& text, int most, const PlayerOpti
     level.rating = rating_of(text, origin.updates);
     std::string name =
         cat(name_of_run(text), " after ", counted(origin.updates, algorithm_of(origin.run.config).updates));
-    if (!std::isnan(level.rating)) name += cat(", rated ", std::lround(level.rating));
+    if (std::isfinite(level.rating)) name += cat(", rated ", std::lround(level.rating));
     level.player.rename(name);
   };
   label(levels[0]);
@@ -86,7 +89,7 @@ std::vector<Level> levels_of(const std::string& text, int most, const PlayerOpti
     levels.push_back(std::move(level));
   }
   const auto strength = [](const Level& level) {
-    return std::pair(std::isnan(level.rating) ? -INFINITY : level.rating, level.player.origin()->updates);
+    return std::tuple(std::isnan(level.rating) ? -INFINITY : level.rating, level.player.origin()->updates);
   };
   if (static_cast<int>(levels.size()) < most)
     std::cerr << "note: " << text << " has " << counted(static_cast<int64_t>(levels.size()), "levels") << ", not "

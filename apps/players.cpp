@@ -159,8 +159,10 @@ std::vector<Candidate> find_candidates(const PlayerRequest& request, const Playe
       if (request.group) own = {best == own.end() ? own.back() : *best};
       for (Candidate& c : own) all.push_back(std::move(c));
     } else {
-      const fs::path folder = whole_path(path).parent_path().parent_path();
-      all.push_back(candidate_of(path, read_checkpoint(path), folder, options));
+      // A copy that lies elsewhere is a run of its own, named after the file.
+      const fs::path file = whole_path(path), folder = file.parent_path();
+      const bool in_run = folder.filename() == "checkpoints";
+      all.push_back(candidate_of(path, read_checkpoint(path), in_run ? folder.parent_path() : file, options));
     }
   }
   name_runs(all);

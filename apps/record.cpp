@@ -68,6 +68,8 @@ void record(const RecordOptions& o) {
   const MatchOptions options{o.episodes, seed_of(o.seed, Purpose::eval), device, n_threads, note_once()};
 
   std::vector<std::string> replays;
+  for (size_t k = 0; k < players.size(); ++k)  // before the first match: who cannot play is told at once
+    team_of(players[k], k == 1 ? 1 : 0, game.spec);
   for (size_t k = 0; k < players.size(); ++k) {
     if (k == 1) continue;  // the opponent
     RecordedMatch match =

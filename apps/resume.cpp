@@ -99,6 +99,9 @@ int resume(const ResumeOptions& o, Dispatch& dispatch) {
     if (folder)
       std::cout << "the run " << path.string() << " is complete: " << from.updates << " updates, " << from.agent_steps
                 << " agent-steps; to go on: --set train.total_agent_steps=N\n";
+    if (folder && !fs::exists(folder->report_file(), code))
+      std::cout << "its report is missing; to write it: " << program_command() << " report "
+                << shell_word(path.string()) << '\n';
     return finish(joined, 0);
   }
   expect_devices(o.ranks, resumed.run.config.device, setup.device);

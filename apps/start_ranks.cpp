@@ -146,19 +146,20 @@ class Children {
 int start_ranks(int n) {
   const StopRequest signals;
   Children children(n);
-  bool forwarded = false;
+  int forwarded = 0;
   std::optional<Clock::time_point> failed_at;
   while (!children.look()) {
     // A terminal sends SIGINT to all processes; a second one would end them at once.
-    if (const int signal = StopRequest::signal(); signal != 0 && !forwarded) {
-      forwarded = true;
+    if (const int signal = StopRequest::signal(); signal != 0 && forwarded == 0) {
+      forwarded = signal;
       children.send(signal == SIGINT ? SIGTERM : signal);
     }
     if (children.failure() && !failed_at) failed_at = Clock::now();
     if (failed_at && Clock::now() - *failed_at > kGrace) children.send(SIGKILL);
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
   }
-  return children.failure().value_or(children.code_of_rank_0());
+  const int code = children.failure().value_or(children.code_of_rank_0());
+  return forwarded == SIGINT && code == kEndedBySignal + SIGTERM ? kEndedBySignal + SIGINT : code;
 }
 
 }  // namespace giga

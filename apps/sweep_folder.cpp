@@ -20,7 +20,8 @@ namespace giga {
 namespace fs = std::filesystem;
 namespace {
 
-constexpr const char *kSweepFile = "sweep.yaml", *kConfigFile = "config.yaml", *kJournalFile = "sweep.jsonl";
+constexpr const char *kSweepFile = "sweep.yaml", *kConfigFile = "config.yaml", *kJournalFile = "sweep.jsonl",
+                     *kSettingUp = "setting_up";
 
 /// What must stay as it is when a sweep goes on.
 std::string lasting_part(SweepSpec spec) {
@@ -93,8 +94,12 @@ void SweepFolder::create(const fs::path& file, const KeyPositions& given) {
                            nearest_hint(name, columns, 3), "; all: ", join(columns)));
 
   std::error_code code;
+  // What was stopped while it was set up has tried nothing, and begins anew.
+  if (fs::exists(path_ / kSettingUp, code)) fs::remove_all(path_, code);
   if (fs::exists(path_, code) && !fs::is_empty(path_, code))
     throw InputError(cat("the folder ", path_.string(), " is not empty, and holds no sweep"));
+  fs::create_directories(path_);
+  write_file(path_ / kSettingUp, "");
   fs::create_directories(path_ / "trials");
   fs::create_directories(path_ / "logs");
   write_config_files(path_, run);
@@ -104,7 +109,8 @@ void SweepFolder::create(const fs::path& file, const KeyPositions& given) {
     fs::remove_all(path_, code);
     throw;
   }
-  write_file(path_ / kSweepFile, print_yaml(spec_, true));  // last: with it the folder is a sweep
+  write_file(path_ / kSweepFile, print_yaml(spec_, true));  // with it the folder is a sweep
+  fs::remove(path_ / kSettingUp, code);
 }
 
 void SweepFolder::check_settings(const TrialSettings& settings, const KeyPositions& given) const {

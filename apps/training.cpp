@@ -169,6 +169,8 @@ int Training::run() {
 void Training::print_end() const {
   const std::string run = shell_word(folder_.path().string()), program = program_command();
   std::error_code code;
+  const int team = learner_->actor(0) ? 0 : 1;  // that has learned
+  const std::string game = team == 0 ? cat(run, " --vs circle") : cat("circle --vs ", run);
   std::cout << results_table(evaluations_.results()) << "report:      " << folder_.report_file().string()
             << "\ncheckpoints: " << folder_.checkpoint_file(learner_->updates_done()).string() << " (the last)";
   if (std::filesystem::exists(folder_.best_file(), code))
@@ -177,10 +179,10 @@ void Training::print_end() const {
   if (std::filesystem::exists(folder_.replays_page(), code))
     std::cout << "\ngames:       " << folder_.replays_page().string();
   std::cout << "\nnext:        " << program << " rate " << run << "      Elo of its checkpoints and the scripts"
-            << "\n             " << program << " record " << run
-            << " --vs circle --out game      games to watch: game.html"
+            << "\n             " << program << " record " << game << " --out game      games to watch: game.html"
             << "\n             " << program << " report " << run << " OTHER_RUN --out compare.html"
-            << "\n             " << program << " export " << run << " --team 0 --format onnx --out policy" << std::endl;
+            << "\n             " << program << " export " << run << " --team " << team << " --format onnx --out policy"
+            << std::endl;
 }
 
 void Training::update() {

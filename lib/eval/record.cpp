@@ -191,10 +191,14 @@ TeamRecording::TeamRecording(const LoadedRun& run, Learner& learner, int episode
       games_.pair.side[side] = policy_controller(*actor, acts_greedily(run.config));
       minds[side] = {actor, values_[team].get()};
     } else {
-      opponent_ = std::make_unique<Player>(Player::load(run.config.train.opponent.name, {.device = options.device}));
-      names_[side] = opponent_->name();
-      games_.pair.side[side] = opponent_->controller(team, run.spec);
-      minds[side] = opponent_->mind(team, run.spec);
+      Player* opponent = learner.opponent();  // its file may have changed since
+      if (!opponent) {
+        script_ = std::make_unique<Player>(Player::load(run.config.train.opponent.name, {.device = options.device}));
+        opponent = script_.get();
+      }
+      names_[side] = opponent->name();
+      games_.pair.side[side] = opponent->controller(team, run.spec);
+      minds[side] = opponent->mind(team, run.spec);
     }
     // Images of all worlds would be drawn for these few, and worlds of a crowd are stepped one after the other.
     const Mind& mind = minds[side];

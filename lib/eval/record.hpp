@@ -58,7 +58,7 @@ class TeamRecording {
   const LoadedRun& run_;
   const uint64_t seed_;
   std::unique_ptr<ValueFunction> values_[kNTeams];
-  std::unique_ptr<Player> opponent_;  // who does not learn
+  std::unique_ptr<Player> script_;  // who does not learn, unless it is the learner's opponent
   std::array<std::string, kNTeams> names_;
   std::unique_ptr<Recorder> recorder_;
   WatchedPair games_;

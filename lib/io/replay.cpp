@@ -15,7 +15,7 @@ namespace giga {
 namespace {
 
 constexpr std::string_view kMagic = "gigastep replay ";
-constexpr size_t kMostHeader = size_t{4} << 20;
+constexpr size_t kMostHeader = size_t{64} << 20;  // its episodes have some kilobytes of events each
 
 /// The number behind the magic; -1 where there is none.
 int format_of(std::string_view line) {
@@ -66,6 +66,9 @@ std::string encode_replay(const Replay& replay) {
   const std::string wrong = broken_header(replay);
   GIGA_CHECK(wrong.empty(), "the replay ", wrong);
   const std::string json = header_text(replay);
+  if (json.size() > kMostHeader)
+    throw InputError(
+        cat("the events of ", replay.episodes.size(), " games are more than a replay has room for; fewer fit"));
   std::string raw;
   for (size_t byte = 0; byte < 4; ++byte) raw += static_cast<char>(json.size() >> (8 * byte) & 255);
   raw += json;

@@ -151,8 +151,10 @@ void RunFolder::save(const Checkpoint& checkpoint, int keep, bool is_best) const
   const fs::path folder = path_ / kCheckpoints;
   remove_temporaries(folder);
   const std::string bytes = encode_checkpoint(checkpoint);
-  write_file(checkpoint_file(checkpoint.updates), bytes);
+  // The best one first: whoever goes on from the checkpoint before finds the same best one again, and nobody would from
+  // this one, which says that it has been kept.
   if (is_best) write_file(best_file(), bytes);
+  write_file(checkpoint_file(checkpoint.updates), bytes);
   const std::vector<fs::path> files = checkpoints_in(folder);
   for (size_t k = 0; k + static_cast<size_t>(std::max(keep, 1)) < files.size(); ++k) {
     std::error_code code;

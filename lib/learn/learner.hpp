@@ -18,6 +18,7 @@ namespace giga {
 
 class Actor;
 class GameObserver;
+class Player;
 class Ranks;
 
 /// Figures of one update, in a stable order: (name, value), NaN = not known.
@@ -82,6 +83,8 @@ class Learner {
 
   /// The policy of a team; null where the team is scripted.
   virtual Actor* actor(int team) = 0;
+  /// The policy that train.opponent names, as it was when the learner was made; null: a script or nobody.
+  virtual Player* opponent() { return nullptr; }
   /// What a checkpoint keeps of the critics, for those who look at games; nothing where there are none.
   virtual void save_critics(NamedArrays& /*out*/) const {}
 

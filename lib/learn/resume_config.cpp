@@ -129,6 +129,7 @@ ResumedRun resume_config(const std::string& config_yaml, const std::string& scen
   };
   const bool some = has_further_opponents(before.opponents) || has_further_opponents(after.opponents);
   resumed.run.opponents_move = some && worlds_of(after) != worlds_of(before);
+  resumed.run.other_scripts = after.opponents.scripted != before.opponents.scripted;
   return resumed;
 }
 

@@ -218,6 +218,8 @@ struct LoadedRun {
   bool policies_are_saved = false;
   /// Its worlds met other opponents than they meet now (mappo.shards, shares of opponents).
   bool opponents_move = false;
+  /// It met other scripts (opponents.scripted).
+  bool other_scripts = false;
 };
 LoadedRun load_run_config(const std::string& path, const std::vector<std::string>& overrides);
 /// Makes paths of opponents.policies whole, so that the run's own config names them from anywhere; notes those that are

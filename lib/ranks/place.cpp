@@ -50,6 +50,7 @@ std::optional<RankPlace> place_of_slurm(const Variables& variable) {
   if (place.size == 1) return std::nullopt;
   place.rank = number(variable, "SLURM_PROCID", 0, place.size - 1);
   place.local_rank = number_or(variable, "SLURM_LOCALID", 0, kMostRanks - 1, 0);
+  place.sees_own_gpu = true;
   const std::string nodes = text_or(variable, "SLURM_STEP_NODELIST", text_or(variable, "SLURM_JOB_NODELIST", ""));
   place.host = text_or(variable, "MASTER_ADDR", first_node(nodes));
   if (place.host.empty()) throw InputError("neither MASTER_ADDR nor SLURM_JOB_NODELIST tells where rank 0 is");

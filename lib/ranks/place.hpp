@@ -9,11 +9,15 @@ namespace giga {
 
 struct RankPlace {
   int rank = 0, size = 1;
-  int local_rank = 0;              ///< among those of this machine: the number of its GPU
+  int local_rank = 0;              ///< among those of this machine
   std::string host = "127.0.0.1";  ///< where the store is
   int port = 0;
-  bool served = false;  ///< the store is there already; else rank 0 serves it
-  std::string attempt;  ///< of the launcher's attempts, whose words the store keeps apart
+  bool served = false;        ///< the store is there already; else rank 0 serves it
+  std::string attempt;        ///< of the launcher's attempts, whose words the store keeps apart
+  bool sees_own_gpu = false;  ///< the launcher may show each process its own GPU alone (srun --gpus-per-task)
+
+  /// The number of its GPU among the `found` ones that it sees.
+  int gpu(int found) const { return sees_own_gpu && found == 1 ? 0 : local_rank; }
 };
 
 /// The value of a variable of the environment; null where it is not set.

@@ -46,6 +46,8 @@ class PopulationGames {
   at::Tensor results(size_t k) const;
 
   const Simulator& simulator() const { return *sim_; }
+  /// Waits for what was queued. Throws what a simulator tells only then (Simulator::synchronize).
+  void synchronize() { sim_->synchronize(); }
   const std::string& refusal() const { return game_->refusal(); }
   /// Whether the fused kernel is used.
   bool fused() const { return fused_; }

@@ -117,9 +117,11 @@ std::string outcome_csv(const SweepOutcome& outcome) {
     text += cat(t.number, ",", t.rung < 0 ? "" : std::to_string(t.rung), ",", number(t.agent_steps), ",",
                 t.value ? number(*t.value) : "", ",", number(interval.lo), ",", number(interval.hi), ",",
                 t.values.size(), ",", number(t.seconds));
-    for (const auto& [key, parameter] : outcome.spec.parameters)
+    for (const auto& [key, parameter] : outcome.spec.parameters) {
+      text += ",";  // a trial that was told may have no setting of it
       for (const auto& [name, value] : t.settings)
-        if (name == key) text += "," + csv_field(value);
+        if (name == key) text += csv_field(value);
+    }
     text += "\r\n";
   }
   return text;

@@ -201,6 +201,18 @@ std::vector<BadInput> meanings() {
           "episodes that do not come out even",
           "train: {algorithm: snes}\npopulation: {episodes_per_member: 16, parallel_episodes: 5}",
           {"run.yaml:3:58: population.parallel_episodes: 5 does not divide population.episodes_per_member 16"}),
+      in_evolution("shares of which a member has no episode",
+                   "train: {algorithm: snes}\npopulation: {episodes_per_member: 2}\nopponents: {scripted_share: 0.2}",
+                   {"run.yaml:4:29: opponents.scripted_share: 0.2 of the 2 episodes that a member plays at a time "
+                    "(population.episodes_per_member) is none"}),
+      in_evolution("scripts that leave no episode",
+                   "train: {algorithm: des}\npopulation: {episodes_per_member: 4, parallel_episodes: 1}\n"
+                   "opponents: {scripted_share: 0.5}",
+                   {"run.yaml:4:29: opponents.scripted_share: scripts take 1 and the pool 0 of the 1 episode that a "
+                    "member plays at a time (population.parallel_episodes), and the other team as it is now none"}),
+      in_evolution("waypoints where there are none", "train: {algorithm: openai_es}\npopulation: {objective: score}",
+                   {"run.yaml:3:25: population.objective: 'score' counts waypoints, and this scenario has none; "
+                    "allowed here: auto, return, win_rate"}),
       in_evolution("key that there was once", "train: {algorithm: openai_es}\npopulation: {generations: 5}",
                    {"run.yaml:3:14: population.generations: there is no such key any more: a run ends after "
                     "train.total_agent_steps, whatever its algorithm"}),

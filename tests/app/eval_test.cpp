@@ -70,6 +70,17 @@ TEST_F(Eval, BothSidesAreTheReverseOfTheReverse) {
   }
 }
 
+// Before the first game: these would take minutes.
+TEST_F(Eval, WhoCannotPlayBothSidesIsToldAtOnce) {
+  const Outcome training = here_->run({"train", "tiny.yaml", "--run-dir", "one", "--set", "train.opponent=circle",
+                                       "--set", "train.total_agent_steps=4096", "--quiet"});
+  ASSERT_EQ(training.code, 0) << training.err;
+  const Outcome outcome =
+      here_->run({"eval", "one", "--vs", "circle", "--both-sides", "--episodes", "10000000", "--device", "cpu"});
+  EXPECT_EQ(outcome.code, 2);
+  EXPECT_TRUE(contains(outcome.err, {"one has no policy for team 1"})) << outcome.err;
+}
+
 TEST_F(Eval, WritesATableAndCsv) {
   const Outcome outcome = eval("first", "second", {"--both-sides", "--csv", "result.csv", "--seed", "4"});
   ASSERT_EQ(outcome.code, 0) << outcome.err;

@@ -87,6 +87,17 @@ TEST(Play, LevelsStandByTheirRatings) {
     }
     EXPECT_TRUE(std::is_sorted(ratings.begin() + 1, ratings.end(), std::greater<>())) << shown[1] << ", " << shown[2];
   }
+  // One that won all of its games has no number, and stands above all that have one.
+  const std::string last = names().back();
+  const std::string updates = std::to_string(std::stoi(last.substr(std::string("run after ").size())));
+  for (nlohmann::json& rating : sheet.at("ratings"))
+    if (rating.at("player") == "run@" + updates) {
+      rating["rating"] = nullptr;
+      rating["standing"] = "above";
+    }
+  here.write("run/ratings/ratings.json", sheet.dump());
+  EXPECT_TRUE(contains(names().at(1), {"run after " + updates + " update"})) << names().at(1);
+  EXPECT_FALSE(contains(names().at(1), {"rated"}));
 }
 
 // An exported policy computes the egocentric view where nobody offers it. On a page of a game that does, it must read

@@ -357,6 +357,14 @@ TEST_F(RatedRuns, AnExportedPolicyCarriesItsRating) {
 }
 
 // Two runs in folders of the same name, rated together into the folder of one of them.
+TEST_F(RatedRuns, CopiesOfCheckpointsAreNamedAfterTheirFiles) {
+  for (const auto& [from, to] : {std::pair{"run-seed1", "a.h5"}, {"run-seed2", "b.h5"}})
+    std::filesystem::copy_file(here_->path() / from / "checkpoints/update_00000004.h5", here_->path() / to);
+  const Outcome outcome = rate({"a.h5", "b.h5", "--scripted", "random", "--episodes", "32", "--out", "copies"});
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_TRUE(contains(outcome.out, {"a.h5@4", "b.h5@4"})) << outcome.out;
+}
+
 TEST_F(RatedRuns, OfTheSameNameAreToldApart) {
   for (const auto& [from, to] : {std::pair{"run-seed1", "first"}, {"run-seed2", "second"}}) {
     std::filesystem::create_directory(here_->path() / to);

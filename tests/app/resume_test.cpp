@@ -165,6 +165,11 @@ TEST_F(Resume, ACompleteRunIsLeftAsItIs) {
   EXPECT_TRUE(contains(resumed.out, {"is complete: 40 updates", "train.total_agent_steps"}));
   EXPECT_EQ(here_->read("whole/metrics.csv"), before);
   EXPECT_FALSE(here_->has("whole/resume_001.json"));
+  EXPECT_FALSE(contains(resumed.out, {"report"})) << resumed.out;
+  const std::filesystem::path report = here_->path() / "whole/report.html", away = here_->path() / "away.html";
+  std::filesystem::rename(report, away);
+  EXPECT_TRUE(contains(here_->run({"resume", "whole"}).out, {"its report is missing", "report whole"}));
+  std::filesystem::rename(away, report);
 }
 
 TEST_F(Resume, WhatMayNotChangeIsRefusedBeforeAnythingIsTouched) {

@@ -137,6 +137,20 @@ TEST(AppSweep, AskAndTell) {
   }
 }
 
+// As a kill leaves it before the first trial: the same command begins anew.
+TEST(AppSweep, OneThatWasStoppedWhileItWasSetUpBeginsAnew) {
+  const Workplace here;
+  here.write("short.yaml", kShortConfig);
+  here.write("a.yaml", kSweep);
+  std::filesystem::create_directories(here.path() / "a/trials");
+  here.write("a/config.yaml", "scenario: of_which_half_is_wri");
+  EXPECT_EQ(here.run({"sweep", "a.yaml", "--out", "a", "--ask"}).code, 2) << "somebody's folder";
+  here.write("a/setting_up", "");
+  const Outcome outcome = here.run({"sweep", "a.yaml", "--out", "a", "--ask"});
+  EXPECT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_FALSE(here.has("a/setting_up"));
+}
+
 TEST(AppSweep, MistakesAreToldBeforeTheFirstTrial) {
   const Workplace here;
   here.write("short.yaml", kShortConfig);
@@ -183,6 +197,30 @@ TEST(AppExploit, AResponseLearnsAgainstEachFrozenTeam) {
   const Outcome other = here.run({"exploit", "run", "--agent-steps", "4096", "--device", "cpu"});
   EXPECT_EQ(other.code, 2);
   EXPECT_TRUE(contains(other.err, {"holds responses of another kind"}));
+  // Nor with other settings, nor against another policy, whose result it would not be.
+  std::vector<std::string> changed = command;
+  changed.insert(changed.end(), {"--set", "mappo.learning_rate=0.5"});
+  EXPECT_TRUE(contains(here.run(changed).err, {"holds responses of another kind"}));
+  changed = command;
+  changed[1] = "run/checkpoints/update_00000003.h5";
+  changed.insert(changed.end(), {"--out", "run/exploit"});
+  EXPECT_TRUE(contains(here.run(changed).err, {"holds responses of another kind"}));
+}
+
+// Its evaluations record games against the policy that it learns against, not against what its file holds by then.
+TEST(AppExploit, ARunAgainstAPolicyDoesNotNeedItsFileAnyMore) {
+  const Workplace here;
+  here.write("short.yaml", kShortConfig);
+  ASSERT_EQ(here.run({"train", "short.yaml", "--run-dir", "run", "--quiet"}).code, 0);
+  const auto process =
+      here.start({"train", "short.yaml", "--run-dir", "long", "--quiet", "--set", "train.opponent=./run", "--set",
+                  "train.total_agent_steps=51200", "--set", "eval.every_updates=1"});
+  ASSERT_TRUE(wait_until([&] { return metrics_rows(here, "long") >= 1; }));
+  std::filesystem::rename(here.path() / "run", here.path() / "moved");
+  EXPECT_LT(metrics_rows(here, "long"), 100u);  // of 200: much is still to be evaluated
+  const Outcome outcome = process->wait();
+  EXPECT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_EQ(metrics_rows(here, "long"), 200u);
 }
 
 TEST(AppExploit, ARunAgainstAPolicyGoesOnAgainstTheSameOneOnly) {

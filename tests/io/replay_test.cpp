@@ -63,6 +63,17 @@ TEST(Replay, ReadsBackToTheSame) {
   }
 }
 
+// 600 games (--episodes takes 1,000) of 160 events: a header of 4.7 MB.
+TEST(Replay, ManyGamesOfManyEventsReadBack) {
+  Replay replay = sample_replay();
+  ReplayEpisode& game = replay.episodes.at(0);
+  game.events.assign(160, {2, ReplayEventKind::collected, 0, -1});  // of which no column tells
+  replay.episodes.assign(600, game);
+  const Replay again = decode_replay(encode_replay(replay), "many");
+  ASSERT_EQ(again.episodes.size(), 600u);
+  EXPECT_EQ(again.episodes.back().events.size(), 161u) << "and the death that a column tells";
+}
+
 TEST(Replay, ACrowdReadsBackToTheSame) {
   const Replay before = sample_crowd();
   const std::string bytes = encode_replay(before);

@@ -63,6 +63,17 @@ TEST(RunFolder, AFileOfThatNameIsRefused) {
   EXPECT_TRUE(contains(input_error_of([&] { RunFolder::create((folder / "file/run").string(), ""); }), {"file"}));
 }
 
+// Else the newest checkpoint would say that it is the best one, and nobody would write that one again.
+TEST(RunFolder, ABestCheckpointThatCannotBeWrittenLeavesNoNewestOne) {
+  const TemporaryFolder folder;
+  const RunFolder run = RunFolder::create((folder / "run").string(), "unused");
+  run.save(after(2), 3, false);
+  fs::create_directory(run.best_file());
+  EXPECT_ANY_THROW(run.save(after(3), 3, true));
+  EXPECT_FALSE(fs::exists(run.checkpoint_file(3)));
+  EXPECT_TRUE(fs::exists(run.checkpoint_file(2)));
+}
+
 TEST(RunFolder, NamesAreCountedUp) {
   const TemporaryFolder folder;
   const InFolder here(folder.path());

@@ -139,6 +139,20 @@ TEST(LearnBalance, EvidenceIsMoreThanLuck) {
   EXPECT_FALSE(GameCount{}.is_evidence());
 }
 
+// Its entropy stays what it is, so a weight that follows it would go to its limit.
+TEST(LearnBalance, TheBonusOfATeamThatRestsStays) {
+  MappoConfig config;
+  config.entropy_coef = 0.01f;
+  config.entropy_target = 2.0f;
+  config.entropy_rate = 0.5f;
+  config.freeze_lead = 0.05f;
+  Balance balance{config};
+  balance.note(figures(1.0, 1, 0));  // one nat is missing: x exp(0.5); a lead of 0.1
+  ASSERT_TRUE(balance.is_frozen(0));
+  for (int k = 0; k < 3; ++k) balance.note(figures(1.0, 1, 0));
+  EXPECT_NEAR(balance.entropy_coef(0, 0.5), 0.01 * std::exp(0.5), 1e-7);
+}
+
 TEST(LearnStepBack, ATeamGoesBackToItsBest) {
   using Verdict = StepBack::Verdict;
   StepBack record(0.1, 2);
@@ -162,6 +176,8 @@ TEST(LearnStepBack, ATeamGoesBackToItsBest) {
   ASSERT_EQ(loaded.snapshot(0).size(), 1u);
   EXPECT_EQ(array_values<float>(find_array(loaded.snapshot(0), "actor/values")), (std::vector<float>{1, 2}));
   EXPECT_EQ(loaded.note(0, {400, 190, 0}, 12), Verdict::fallen) << "the best is known still";
+  loaded.forget();
+  EXPECT_EQ(loaded.note(0, {400, 190, 0}, 14), Verdict::best) << "against other scripts it is the first";
 }
 
 TEST(LearnBalance, AFrozenTeamKeepsItsPolicyAndItsCriticLearns) {

@@ -124,6 +124,9 @@ TEST(LearnLeague, OnlyWhatIsStrongerJoinsThePoolWhereEvidenceIsAskedFor) {
   // Team 0 wins 7 of 10: 4 more than it loses, and 1.65 sqrt(10) = 5.2 would be evidence. Team 1 wins 9 of 10.
   play(2, {10, 7, 3, 0}, {10, 1, 9, 0});
   EXPECT_EQ(kept(), (std::vector<int64_t>{1, 2}));
+  NamedArrays arrays;
+  games.league.save("", arrays);
+  EXPECT_EQ(array_values<double>(find_array(arrays, "team_0/games")).at(0), 5) << "halved, who joins or not";
   // 14 of 20 together: 8 more, and 1.65 sqrt(20) = 7.4.
   play(3, {10, 7, 3, 0}, {10, 5, 5, 0});
   EXPECT_EQ(kept(), (std::vector<int64_t>{2, 2}));

@@ -39,6 +39,7 @@ TEST(RankPlace, IsReadFromTorchrun) {
   EXPECT_EQ(place->rank, 5);
   EXPECT_EQ(place->size, 8);
   EXPECT_EQ(place->local_rank, 1);
+  EXPECT_EQ(place->gpu(1), 1) << "torchrun shows all processes all GPUs";
   EXPECT_EQ(place->host, "node0");
   EXPECT_EQ(place->port, 29500);
   EXPECT_TRUE(place->served);
@@ -59,6 +60,8 @@ TEST(RankPlace, IsReadFromSlurmInAStepOnly) {
   EXPECT_EQ(place->rank, 3);
   EXPECT_EQ(place->size, 4);
   EXPECT_EQ(place->local_rank, 1);
+  EXPECT_EQ(place->gpu(4), 1);
+  EXPECT_EQ(place->gpu(1), 0) << "srun --gpus-per-task 1: each process sees its own alone";
   EXPECT_EQ(place->host, "gpu03");
   EXPECT_EQ(place->port, 20000 + (2345 * 7 + 2) % 10000);  // 26417
   EXPECT_FALSE(place->served);

@@ -55,6 +55,18 @@ TEST_F(Sweep, AGridHasEveryCombinationAndItsLastParameterChangesFastest) {
   EXPECT_EQ(assignments_of(trials[5]), (std::vector<std::string>{"a.x=[2, 3]", "b.y=6"}));
 }
 
+// One that --tell named with some of the parameters only.
+TEST_F(Sweep, ATrialWithoutASettingHasAnEmptyField) {
+  SweepOutcome outcome;
+  outcome.spec = read(cat(kHead, "  a.x: {choices: [1, 2]}\n  b.y: {integers: [4, 6]}\nmethod: grid\n"));
+  outcome.trials.emplace_back();
+  outcome.trials[0].settings = {{"b.y", "5"}};
+  const std::string csv = outcome_csv(outcome);
+  EXPECT_NE(csv.find(",a.x,b.y\r\n"), std::string::npos) << csv;
+  EXPECT_EQ(csv.substr(csv.rfind(','), 4), ",5\r\n") << csv;
+  EXPECT_EQ(csv[csv.rfind(',') - 1], ',') << csv;
+}
+
 TEST(SweepExample, NumbersStayAsTheyAreWritten) {
   KeyPositions given;
   const std::vector<TrialSettings> trials =

@@ -5,6 +5,7 @@
 
 #include "core/error.hpp"
 #include "learn/config_check.hpp"
+#include "learn/opponents/world_shares.hpp"
 #include "math/small_mlp.hpp"
 #include "policy/inputs.hpp"
 #include "sim/row_layout.hpp"
@@ -26,6 +27,8 @@ constexpr ResumeRule kEvolutionMayChange[] = {
 constexpr ResumeRule kEvolutionMayNot[] = {
     {"population.actor.", "the saved parameters fit their networks only"},
     {"openai_es.optimizer", "the checkpoint holds the moments of this optimizer"},
+    {"openai_es.sigma_decay", "it counts from the first generation, so that sigma would jump"},
+    {"openai_es.learning_rate_decay", "it counts from the first generation, so that the step size would jump"},
     {"population.greedy", "the policies have been learned for the one or the other"},
     {"population.", "the draws of the rest of the run would no longer be those of one run"},
 };
@@ -84,6 +87,38 @@ void check_population(ConfigCheck& check) {
             p.n_worlds(), " for two teams are more than ", kMostWorlds, " worlds"));
 }
 
+/// Shares of a member's episodes, of which there are few, that come to none or leave none for the other team.
+void check_shares(ConfigCheck& check) {
+  const OpponentsConfig& o = check.config.opponents;
+  const PopulationConfig& p = check.config.population;
+  if (!check.config.train.opponent.is_self_play()) return;
+  if (!check.known({"population.episodes_per_member", "population.parallel_episodes", "opponents.scripted",
+                    "opponents.scripted_share", "opponents.pool_size", "opponents.pool_share"}))
+    return;
+  const int64_t all = p.n_worlds();
+  const bool has_scripts = !o.scripted.empty() && o.scripted_share > 0, has_pool = o.pool_size > 0 && o.pool_share > 0;
+  const int64_t scripted = has_scripts ? share_of(o.scripted_share, all, all) : 0;
+  const int64_t pooled = has_pool ? share_of(o.pool_share, all, all - scripted) : 0;
+  const std::string of_all = cat(" of the ", counted(all, "episodes"), " that a member plays at a time (population.",
+                                 p.parallel_episodes ? "parallel_episodes" : "episodes_per_member", ")");
+  if (has_scripts && scripted == 0)
+    check.fail("opponents.scripted_share", cat(o.scripted_share, of_all, " is none"));
+  else if (has_pool && pooled == 0)
+    check.fail("opponents.pool_share", cat(o.pool_share, of_all, " is none", scripted == all ? " beside scripts" : ""));
+  else if (scripted + pooled == all && (has_scripts ? o.scripted_share : 0) + (has_pool ? o.pool_share : 0) < 1)
+    check.fail(
+        has_pool ? "opponents.pool_share" : "opponents.scripted_share",
+        cat("scripts take ", scripted, " and the pool ", pooled, of_all, ", and the other team as it is now none"));
+}
+
+void check_objective(ConfigCheck& check) {
+  if (!check.spec || !check.known({"population.objective"})) return;
+  if (check.config.population.objective == Objective::score && !check.spec->params.waypoints)
+    check.fail("population.objective",
+               "'score' counts waypoints, and this scenario has none; allowed here: auto, "
+               "return, win_rate");
+}
+
 void check_noise_rank(ConfigCheck& check) {
   const PopulationConfig& p = check.config.population;
   if (!check.spec || p.noise != EsNoiseKind::low_rank) return;
@@ -120,6 +155,8 @@ void check_evolution(ConfigCheck& check) {
   check_train(check);
   check_fp16(check);
   check_population(check);
+  check_shares(check);
+  check_objective(check);
   check_noise_rank(check);
 }
 

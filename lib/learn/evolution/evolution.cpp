@@ -272,6 +272,7 @@ PopulationFigures Evolution::figures_of(const Population& population, const at::
 Metrics Evolution::metrics(const std::vector<Population>& populations, const std::vector<PopulationResults>& results) {
   std::unique_ptr<PopulationFigures> figures[kNTeams];
   double episodes = 0, steps = 0, ties = 0, truncated = 0;
+  games_->synchronize();
   divergence_.reset();
   for (size_t k = 0; k < populations.size(); ++k) {
     const int team = populations[k].team;

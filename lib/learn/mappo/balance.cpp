@@ -57,7 +57,7 @@ void Balance::add_metrics(double done, Metrics& out) const {
 void Balance::note(const Metrics& figures) {
   for (size_t team = 0; config_.entropy_target && team < kNTeams; ++team) {
     const double entropy = figure(figures, cat("entropy_", team));
-    if (!std::isfinite(entropy)) continue;
+    if (!std::isfinite(entropy) || is_frozen(static_cast<int>(team))) continue;  // a team that rests cannot follow
     // The logarithm moves, so that the weight stays positive and moves by shares of itself, as the temperature of soft
     // actor-critic does (Haarnoja et al. 2018, arXiv 1812.05905, section 5).
     const double missing = static_cast<double>(*config_.entropy_target) - entropy;

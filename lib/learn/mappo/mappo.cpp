@@ -56,6 +56,7 @@ class Mappo final : public Learner {
     return updates_ * agent_steps_per_update(config_, sim_->params().n_agents);
   }
   Actor* actor(int team) override { return team_[team] ? &team_[team]->actor() : nullptr; }
+  Player* opponent() override { return frozen_ ? &*frozen_ : nullptr; }
   void watch(GameObserver& observer) override { collector_->watch(observer); }
   void save_critics(NamedArrays& out) const override;
   void save(NamedArrays& out) const override;
@@ -426,13 +427,15 @@ void Mappo::load(const NamedArrays& in) {
   }
   for (int team = 0; team < kNTeams; ++team)
     if (team_[team]) team_[team]->load(cat("team_", team, "/"), in);
-  if (league_) league_->load("league/", in);
+  if (league_ && league_->load("league/", in))
+    for (int team = 0; team < kNTeams; ++team) collector_->forget(team, league_->pool_worlds(team));
   if (frozen_ && array_values<int64_t>(find_array(in, "opponent/crc32c")).at(0) != frozen_crc_)
     throw InputError(
         cat("train.opponent: ", config_.train.opponent.name,
             " holds another policy than when this run began; keep a copy of a checkpoint to learn against"));
   balance_.load("balance/", in);
   if (step_back_) step_back_->load("step_back/", in);
+  if (step_back_ && run_.other_scripts) step_back_->forget();
   collector_->resume();
 }
 

@@ -29,6 +29,14 @@ StepBack::Verdict StepBack::note(int team, const GameCount& games, int64_t updat
   return Verdict::fallen;
 }
 
+void StepBack::forget() {
+  for (Team& t : team_) {
+    const double times = t.times;
+    t = {};
+    t.times = times;
+  }
+}
+
 void StepBack::add_metrics(Metrics& out) const {
   for (size_t team = 0; team < kNTeams; ++team) out.emplace_back(cat("stepped_back_", team), team_[team].times);
 }

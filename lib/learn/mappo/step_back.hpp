@@ -23,6 +23,8 @@ class StepBack {
   /// What the team was at its best; empty before it was judged. Who calls `note` fills it at `best` and loads it at
   /// `fallen`.
   NamedArrays& snapshot(int team) { return of(team).snapshot; }
+  /// Teams meet other scripts from now on: what was best against those before says nothing.
+  void forget();
   /// Adds stepped_back_T: how often so far.
   void add_metrics(Metrics& out) const;
 

@@ -176,6 +176,8 @@ bool League::end(int64_t updates_done, const Simulator& sim) {
     if (promoted[team]) {
       past.pool.keep();
       past.since_kept = {};
+    } else {
+      past.pool.fade();
     }
     draw_rows(static_cast<int>(team), static_cast<uint32_t>(updates_done));
   }
@@ -202,7 +204,7 @@ void League::save(const std::string& prefix, NamedArrays& out) const {
   }
 }
 
-void League::load(const std::string& prefix, const NamedArrays& in) {
+bool League::load(const std::string& prefix, const NamedArrays& in) {
   bool drawn_anew = false;
   for (size_t team = 0; team < past_.size(); ++team) {
     Past& past = past_[team];
@@ -229,6 +231,7 @@ void League::load(const std::string& prefix, const NamedArrays& in) {
     }
   }
   if (drawn_anew) forget_games();
+  return drawn_anew;
 }
 
 }  // namespace giga

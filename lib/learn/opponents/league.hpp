@@ -50,7 +50,8 @@ class League {
   void forget_games() { counts_.zero_(); }
   /// What all ranks have alike.
   void save(const std::string& prefix, NamedArrays& out) const;
-  void load(const std::string& prefix, const NamedArrays& in);
+  /// Whether worlds meet others than when it was saved (opponents.policies have changed), who remember nothing.
+  bool load(const std::string& prefix, const NamedArrays& in);
 
  private:
   /// A team's past policies, which the other team meets.

@@ -34,11 +34,15 @@ void OpponentPool::keep() {
   at::NoGradGuard no_grad;
   const int64_t place = place_of(kept_++);
   networks_[1 + place].copy_(networks_[0]);
+  fade();
+  games_[static_cast<size_t>(place)] = wins_[static_cast<size_t>(place)] = 0;
+}
+
+void OpponentPool::fade() {
   for (size_t k = 0; k < games_.size(); ++k) {
     games_[k] *= 0.5;
     wins_[k] *= 0.5;
   }
-  games_[static_cast<size_t>(place)] = wins_[static_cast<size_t>(place)] = 0;
 }
 
 void OpponentPool::note(int64_t row, double games, double wins) {

@@ -25,6 +25,8 @@ class OpponentPool {
   /// Keeps the policy of row 0 as a past one, in the place of the oldest where the pool is full. Results so far count
   /// half as much from now on.
   void keep();
+  /// Results count half as much from now on; `keep` does so too.
+  void fade();
   int64_t n_past() const { return std::min(kept_, capacity_); }
   int64_t n_guests() const { return networks_.size(0) - 1 - capacity_; }
   int64_t size() const { return n_past() + n_guests(); }  ///< policies besides the present one
