@@ -94,9 +94,8 @@ void SweepFolder::create(const fs::path& file, const KeyPositions& given) {
                            nearest_hint(name, columns, 3), "; all: ", join(columns)));
 
   std::error_code code;
-  // What was stopped while it was set up has tried nothing, and begins anew.
-  if (fs::exists(path_ / kSettingUp, code)) fs::remove_all(path_, code);
-  if (fs::exists(path_, code) && !fs::is_empty(path_, code))
+  // What was stopped while it was set up has tried nothing, and is written anew.
+  if (fs::exists(path_, code) && !fs::is_empty(path_, code) && !fs::exists(path_ / kSettingUp, code))
     throw InputError(cat("the folder ", path_.string(), " is not empty, and holds no sweep"));
   fs::create_directories(path_);
   write_file(path_ / kSettingUp, "");

@@ -15,7 +15,7 @@ namespace giga {
 namespace {
 
 constexpr std::string_view kMagic = "gigastep replay ";
-constexpr size_t kMostHeader = size_t{64} << 20;  // its episodes have some kilobytes of events each
+constexpr size_t kMostHeader = size_t{16} << 20;  // its episodes have some kilobytes of events each
 
 /// The number behind the magic; -1 where there is none.
 int format_of(std::string_view line) {

@@ -16,6 +16,7 @@ class ConfigCheck {
   const RunConfig& config;
   const Scenario* scenario = nullptr;  ///< null where it could not be read
   const SimSpec* spec = nullptr;       ///< compiled; null likewise
+  bool has_begun = false;              ///< read from a checkpoint: what was once allowed must stay readable
 
   /// Whether the keys have the values that the user meant.
   bool known(const std::vector<std::string>& keys) const;

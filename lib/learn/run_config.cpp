@@ -83,10 +83,12 @@ void find_opponent(RunConfig& config, const KeyPositions& given, Errors& errors)
 }
 
 /// Puts together what was read, as far as it was; throws with all mistakes.
-LoadedRun finish(RunConfig config, std::optional<Scenario> scenario, const KeyPositions& given, Errors& errors) {
+LoadedRun finish(RunConfig config, std::optional<Scenario> scenario, const KeyPositions& given, Errors& errors,
+                 bool has_begun) {
   LoadedRun run;
   run.config = std::move(config);
   ConfigCheck check(run.config, given, errors);
+  check.has_begun = has_begun;
   check_device(check);
   check_precision(check);
   check_opponents(check);
@@ -235,7 +237,7 @@ LoadedRun load_run_config(const std::string& path, const std::vector<std::string
   std::optional<Scenario> scenario;
   if (!is_wrong("scenario", given, errors))
     scenario = load_scenario({config.scenario, given["scenario"], changes, "environment"}, data_dirs(), errors);
-  return finish(std::move(config), std::move(scenario), given, errors);
+  return finish(std::move(config), std::move(scenario), given, errors, false);
 }
 
 RunConfig for_run_folder(RunConfig config) {
@@ -255,7 +257,7 @@ LoadedRun load_run_config_text(const std::string& config_yaml, const std::string
   const Document document = parse_yaml_text(config_yaml, "config of the checkpoint", errors);
   if (errors.empty() || document.root.is_map()) read_fields(document.root, config, errors, &given);
   std::optional<Scenario> scenario = parse_scenario(scenario_yaml, "scenario of the checkpoint", data_dirs(), errors);
-  return finish(std::move(config), std::move(scenario), given, errors);
+  return finish(std::move(config), std::move(scenario), given, errors, true);
 }
 
 }  // namespace giga

@@ -204,7 +204,9 @@ TEST(AppExploit, AResponseLearnsAgainstEachFrozenTeam) {
   changed = command;
   changed[1] = "run/checkpoints/update_00000003.h5";
   changed.insert(changed.end(), {"--out", "run/exploit"});
-  EXPECT_TRUE(contains(here.run(changed).err, {"holds responses of another kind"}));
+  EXPECT_TRUE(contains(here.run(changed).err, {"holds responses to another policy", "exploit run/exploit/target.h5"}));
+  changed[1] = "run/exploit/target.h5";
+  EXPECT_EQ(here.run(changed).code, 0);
 }
 
 // Its evaluations record games against the policy that it learns against, not against what its file holds by then.

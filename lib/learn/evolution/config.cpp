@@ -91,7 +91,7 @@ void check_population(ConfigCheck& check) {
 void check_shares(ConfigCheck& check) {
   const OpponentsConfig& o = check.config.opponents;
   const PopulationConfig& p = check.config.population;
-  if (!check.config.train.opponent.is_self_play()) return;
+  if (check.has_begun || !check.config.train.opponent.is_self_play()) return;
   if (!check.known({"population.episodes_per_member", "population.parallel_episodes", "opponents.scripted",
                     "opponents.scripted_share", "opponents.pool_size", "opponents.pool_share"}))
     return;
@@ -112,7 +112,7 @@ void check_shares(ConfigCheck& check) {
 }
 
 void check_objective(ConfigCheck& check) {
-  if (!check.spec || !check.known({"population.objective"})) return;
+  if (check.has_begun || !check.spec || !check.known({"population.objective"})) return;
   if (check.config.population.objective == Objective::score && !check.spec->params.waypoints)
     check.fail("population.objective",
                "'score' counts waypoints, and this scenario has none; allowed here: auto, "
