@@ -122,7 +122,14 @@ class Sweeping {
       if (steps > active.steps_before || StopRequest::signal() != 0 || stop_code() != 0) return waiting_.push_back(run);
     }
     SweepResult result{std::nullopt, code, seconds_since(active.start), steps};
-    if (there) result.value = metric_of_run(folder_.spec(), wanted.folder);
+    if (there) {
+      result.value = metric_of_run(folder_.spec(), wanted.folder);
+      // Of all processes that took it here from the rung before.
+      result.seconds = seconds_of_run(wanted.folder);
+      for (int rung = 0; rung < run.rung; ++rung)
+        if (const SweepResult* before = folder_.progress().result({run.trial, rung, run.seed}))
+          result.seconds -= before->seconds;
+    }
     folder_.finish(run, result);
     tell_result(run, result);
   }

@@ -124,14 +124,22 @@ std::optional<double> metric_of_run(const SweepSpec& spec, const fs::path& run) 
   return worst_of(spec, values);
 }
 
-double agent_steps_of_run(const fs::path& run) {
+namespace {
+
+/// The last number of a column of its metrics; 0 where there is none yet.
+double last_of(const fs::path& run, const char* column) {
   const fs::path file = run / "metrics.csv";
   std::error_code code;
   if (!fs::exists(file, code)) return 0;
   const std::string text = read_file(file);
   if (std::count(text.begin(), text.end(), '\n') < 2) return 0;  // no row yet
-  return parse_metrics(text, file.string()).find("agent_steps")->back();
+  return parse_metrics(text, file.string()).find(column)->back();
 }
+
+}  // namespace
+
+double agent_steps_of_run(const fs::path& run) { return last_of(run, "agent_steps"); }
+double seconds_of_run(const fs::path& run) { return last_of(run, "seconds"); }
 
 SweepOutcome outcome_of(const SweepSpec& spec, const std::vector<TrialSettings>& trials, const SweepProgress& progress,
                         const std::vector<int64_t>& rungs, const fs::path& folder) {

@@ -20,6 +20,8 @@ std::filesystem::path trial_folder(const std::filesystem::path& sweep, int trial
 std::optional<double> metric_of_run(const SweepSpec& spec, const std::filesystem::path& run);
 /// Agent-steps that a run has done by the same file; 0 where there is none.
 double agent_steps_of_run(const std::filesystem::path& run);
+/// And how long it has trained, from its beginning.
+double seconds_of_run(const std::filesystem::path& run);
 
 struct SweepOutcome {
   struct Trial {

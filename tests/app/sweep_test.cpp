@@ -100,9 +100,18 @@ TEST(AppSweep, AKilledSweepGoesOnAndRepeatsNothing) {
   }
   EXPECT_EQ(count, 6) << "three trials, two seeds";
   EXPECT_EQ(metrics_rows(here, "k/trials/000-seed1"), 20u);
-  // Trained in two pieces or in one, it is the same run.
-  const std::string lr = parse_csv(here.read("k/trials.csv")).columns.back();
-  ASSERT_EQ(lr, "mappo.learning_rate");
+  // Trained in two pieces or in one, it is the same run, and its seconds are those of both.
+  const CsvTable table = parse_csv(here.read("k/trials.csv"));
+  ASSERT_EQ(table.columns.back(), "mappo.learning_rate");
+  double seconds = 0;
+  for (const char* run : {"k/trials/000-seed1/metrics.csv", "k/trials/000-seed2/metrics.csv"}) {
+    const CsvTable metrics = parse_csv(here.read(run));
+    seconds += std::stod(metrics.cell(metrics.rows.size() - 1, "seconds"));
+  }
+  for (size_t row = 0; row < table.rows.size(); ++row)
+    if (table.cell(row, "trial") == "0") {
+      EXPECT_NEAR(std::stod(table.cell(row, "seconds")), seconds, 0.01 * seconds);
+    }
   EXPECT_TRUE(here.has("k/trials/002-seed2/report.html"));
 }
 
