@@ -89,7 +89,7 @@ std::vector<Level> levels_of(const std::string& text, int most, const PlayerOpti
     levels.push_back(std::move(level));
   }
   const auto strength = [](const Level& level) {
-    return std::tuple(std::isnan(level.rating) ? -INFINITY : level.rating, level.player.origin()->updates);
+    return std::pair(std::isnan(level.rating) ? -INFINITY : level.rating, level.player.origin()->updates);
   };
   if (static_cast<int>(levels.size()) < most)
     std::cerr << "note: " << text << " has " << counted(static_cast<int64_t>(levels.size()), "levels") << ", not "

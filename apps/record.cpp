@@ -68,13 +68,11 @@ void record(const RecordOptions& o) {
   const MatchOptions options{o.episodes, seed_of(o.seed, Purpose::eval), device, n_threads, note_once()};
 
   std::vector<std::string> replays;
-  for (size_t k = 0; k < players.size(); ++k)  // before the first match: who cannot play is told at once
-    team_of(players[k], k == 1 ? 1 : 0, game.spec);
+  std::vector<RecordedTeam> teams;  // before the first match: who cannot play is told at once
+  for (size_t k = 0; k < players.size(); ++k) teams.push_back(team_of(players[k], k == 1 ? 1 : 0, game.spec));
   for (size_t k = 0; k < players.size(); ++k) {
     if (k == 1) continue;  // the opponent
-    RecordedMatch match =
-        record_match(game.scenario, game.spec, {team_of(players[k], 0, game.spec), team_of(players[1], 1, game.spec)},
-                     options, program_version());
+    RecordedMatch match = record_match(game.scenario, game.spec, {teams[k], teams[1]}, options, program_version());
     fs::path file = stem;
     file += cat(k == 0 ? "" : "_beside", kReplayEnding);
     const std::string bytes = encode_replay(match.replay);

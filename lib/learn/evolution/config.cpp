@@ -96,18 +96,17 @@ void check_shares(ConfigCheck& check) {
                     "opponents.scripted_share", "opponents.pool_size", "opponents.pool_share"}))
     return;
   const int64_t all = p.n_worlds();
-  const bool has_scripts = !o.scripted.empty() && o.scripted_share > 0, has_pool = o.pool_size > 0 && o.pool_share > 0;
-  const int64_t scripted = has_scripts ? share_of(o.scripted_share, all, all) : 0;
-  const int64_t pooled = has_pool ? share_of(o.pool_share, all, all - scripted) : 0;
+  const auto [scripted, pooled] = episode_shares(o, all, o.pool_size > 0);
+  const float script_share = o.scripted.empty() ? 0 : o.scripted_share, pool_share = o.pool_size > 0 ? o.pool_share : 0;
   const std::string of_all = cat(" of the ", counted(all, "episodes"), " that a member plays at a time (population.",
                                  p.parallel_episodes ? "parallel_episodes" : "episodes_per_member", ")");
-  if (has_scripts && scripted == 0)
-    check.fail("opponents.scripted_share", cat(o.scripted_share, of_all, " is none"));
-  else if (has_pool && pooled == 0)
-    check.fail("opponents.pool_share", cat(o.pool_share, of_all, " is none", scripted == all ? " beside scripts" : ""));
-  else if (scripted + pooled == all && (has_scripts ? o.scripted_share : 0) + (has_pool ? o.pool_share : 0) < 1)
+  if (script_share > 0 && scripted == 0)
+    check.fail("opponents.scripted_share", cat(script_share, of_all, " is none"));
+  else if (pool_share > 0 && pooled == 0)
+    check.fail("opponents.pool_share", cat(pool_share, of_all, " is none", scripted == all ? " beside scripts" : ""));
+  else if (scripted + pooled == all && script_share + pool_share < 1)
     check.fail(
-        has_pool ? "opponents.pool_share" : "opponents.scripted_share",
+        pool_share > 0 ? "opponents.pool_share" : "opponents.scripted_share",
         cat("scripts take ", scripted, " and the pool ", pooled, of_all, ", and the other team as it is now none"));
 }
 
@@ -115,8 +114,7 @@ void check_objective(ConfigCheck& check) {
   if (check.has_begun || !check.spec || !check.known({"population.objective"})) return;
   if (check.config.population.objective == Objective::score && !check.spec->params.waypoints)
     check.fail("population.objective",
-               "'score' counts waypoints, and this scenario has none; allowed here: auto, "
-               "return, win_rate");
+               "'score' counts waypoints, and this scenario has none; allowed here: auto, return, win_rate");
 }
 
 void check_noise_rank(ConfigCheck& check) {

@@ -9,8 +9,7 @@ namespace giga {
 
 std::vector<int32_t> assign_opponents(const OpponentsConfig& config, int64_t n_worlds,
                                       const std::vector<double>& weights, const PoolKey& key, int64_t turn) {
-  const int64_t scripted = config.scripted.empty() ? 0 : share_of(config.scripted_share, n_worlds, n_worlds);
-  const int64_t pooled = weights.empty() ? 0 : share_of(config.pool_share, n_worlds, n_worlds - scripted);
+  const auto [scripted, pooled] = episode_shares(config, n_worlds, !weights.empty());
   std::vector<int32_t> opponents(static_cast<size_t>(n_worlds), 0);
   // Where a member plays fewer such episodes than there are scripts, the others come in the team's next generation.
   const int64_t first = scripted * turn;

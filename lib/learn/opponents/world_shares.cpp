@@ -9,6 +9,13 @@ int64_t share_of(float share, int64_t whole, int64_t most) {
   return std::min<int64_t>(std::llround(static_cast<double>(share) * static_cast<double>(whole)), most);
 }
 
+EpisodeShares episode_shares(const OpponentsConfig& config, int64_t n_episodes, bool has_past) {
+  EpisodeShares shares;
+  if (!config.scripted.empty()) shares.scripted = share_of(config.scripted_share, n_episodes, n_episodes);
+  if (has_past) shares.pooled = share_of(config.pool_share, n_episodes, n_episodes - shares.scripted);
+  return shares;
+}
+
 WorldShares world_shares(const OpponentsConfig& config, int64_t n_worlds, int64_t n_shards) {
   WorldShares shares;
   shares.shard_size = n_worlds / n_shards;

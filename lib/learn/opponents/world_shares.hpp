@@ -19,6 +19,13 @@ constexpr int64_t kMostGroups = 64;
 /// `whole` times a share, to the nearest whole number, at most `most`.
 int64_t share_of(float share, int64_t whole, int64_t most);
 
+/// Of the episodes that a member of a population plays at a time, so many meet scripts, and then past means.
+struct EpisodeShares {
+  int64_t scripted = 0, pooled = 0;
+};
+/// `has_past`: there is somebody in the pool.
+EpisodeShares episode_shares(const OpponentsConfig& config, int64_t n_episodes, bool has_past);
+
 /// The worlds of each shard in their order: team 0 learns against scripts; team 0 learns against past policies of team
 /// 1; both learn; team 1 learns against past policies of team 0; team 1 learns against scripts. So each team's learning
 /// worlds of a shard are one range, and both teams have equally many. All shards are alike, so that it does not matter
