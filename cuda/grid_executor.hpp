@@ -65,8 +65,8 @@ struct GridDevice {
 };
 
 /// Shared memory of a block: the stage of each warp, then the sorted agents if there is room.
-GIGA_HD size_t grid_stage_bytes(int threads) {
-  return sizeof(float) * kStageNumbers * static_cast<size_t>((threads + kWarp - 1) / kWarp);
+GIGA_HD size_t grid_stage_bytes(int threads, bool room_to_look = false) {
+  return sizeof(float) * stage_numbers(room_to_look) * static_cast<size_t>((threads + kWarp - 1) / kWarp);
 }
 inline size_t grid_sorted_bytes(int n_agents, const GridDevice& device) {
   GridWorld w{};
@@ -153,10 +153,13 @@ constexpr Launched launched_as(StepPart part, int crew) {
   return part == StepPart::play && crew > 1 ? Launched::by_block : Launched::together;
 }
 
+/// Whether those that look alone have their lists in shared memory: where a launch does nothing else.
+constexpr bool has_room_to_look(StepPart part, int crew) { return part == StepPart::look && crew == 1; }
+
 /// Calls run(lanes, view of a world, draws_at, its number) for the worlds of a thread. `sync`: of its group; `shared`:
 /// memory of its block. Always inlined: as a function of its own it reached the kernel's parameters through a pointer,
 /// with 5 kB of spills (ptxas).
-template <Launched kLaunched, int kCrew, class P, class Sync, class Run>
+template <Launched kLaunched, int kCrew, bool kRoomToLook = false, class P, class Sync, class Run>
 [[gnu::always_inline]] GIGA_HD void run_grid_worlds(const GridLaunchOf<P>& k, const ThreadIndex& at, Sync sync,
                                                     char* shared, Run&& run) {
   const int group = at.block / k.blocks, block = at.block % k.blocks, n_warps = at.n_threads / kWarp;
@@ -166,15 +169,15 @@ template <Launched kLaunched, int kCrew, class P, class Sync, class Run>
   float* const stage = reinterpret_cast<float*>(shared);
   constexpr bool kSeveral = kLaunched != Launched::alone;
   const bool sorts_by_block = kSeveral ? kLaunched == Launched::by_block : k.sorts_by_block;
-  const GridLanes<Sync, kCrew> lanes{warp * kWarp + at.thread % kWarp,
-                                     k.blocks * at.n_threads,
-                                     block,
-                                     k.blocks,
-                                     at.thread,
-                                     at.n_threads,
-                                     sync,
-                                     stage + at.thread / kWarp * kStageNumbers,
-                                     sorts_by_block};
+  const GridLanes<Sync, kCrew, kRoomToLook> lanes{warp * kWarp + at.thread % kWarp,
+                                                  k.blocks * at.n_threads,
+                                                  block,
+                                                  k.blocks,
+                                                  at.thread,
+                                                  at.n_threads,
+                                                  sync,
+                                                  stage + at.thread / kWarp * stage_numbers(kRoomToLook),
+                                                  sorts_by_block};
   GridWorld scratch{};
   attach_scratch(k.params, scratch, k.scratch + static_cast<size_t>(group) * k.scratch_bytes, true,
                  kSeveral || !sorts_by_block);
@@ -223,7 +226,7 @@ template <StepPart part, int kCrew, class P, class Sync>
     const int left = kBegins || w.grid.columns == 0 ? 0 : k.params.n_agents;
     run_part<part>(lanes, k.params, w, draws_at, k.io, k.ending, world, left);
   };
-  run_grid_worlds<launched_as(part, kCrew), kCrew>(k, at, sync, shared, run);
+  run_grid_worlds<launched_as(part, kCrew), kCrew, has_room_to_look(part, kCrew)>(k, at, sync, shared, run);
 }
 
 /// A simulator of worlds of many agents that runs its jobs by launches. Its back end launches, and lists the worlds

@@ -3,7 +3,9 @@
 #pragma once
 
 #include <cstdint>
+#include <type_traits>
 
+#include "cuda/single_lane.hpp"
 #include "cuda/subwarp.hpp"
 #include "cuda/world_threads.hpp"
 #include "sim/grid.hpp"
@@ -12,18 +14,22 @@
 namespace giga {
 
 constexpr int kStageNumbers = 9 * kWarp;  // of a warp, that it puts together before it writes them
-constexpr int kPiecesAtOnce = 2;          // of rows, that a thread works out before it writes any
+constexpr int stage_numbers(bool room_to_look) {
+  return room_to_look && kRoomyLaneWords > kStageNumbers ? kRoomyLaneWords : kStageNumbers;
+}
+constexpr int kPiecesAtOnce = 2;  // of rows, that a thread works out before it writes any
 
 /// The threads of the blocks that share a world. Sync: of all of them. A stage of nothing needs no barrier: that it is
 /// one is the same for all of them, and the stage before has ended with its own.
-/// kCrew: lanes that look for an agent together.
-template <class Sync, int kCrew>
+/// kCrew: lanes that look for an agent together. kRoomToLook: whether one that looks alone has its lists in the stage.
+template <class Sync, int kCrew, bool kRoomToLook = false>
 struct GridLanes {
   static constexpr bool kSerial = false, kWide = true;
+  static constexpr int kStage = stage_numbers(kRoomToLook);
   int first, stride;
   int block, n_blocks, thread, n_threads;  // n_threads: of a block
   Sync sync;
-  float* stage;         // [kStageNumbers] of the warp, in shared memory
+  float* stage;         // [kStage] of the warp, in shared memory
   bool sorts_by_block;  // the sorted agents are in shared memory, once for each block
   bool waits = true;
 
@@ -59,11 +65,23 @@ struct GridLanes {
     else
       f(SingleLanes{spread_over(n)});
   }
+  using Lane = std::conditional_t<kRoomToLook, RoomyLane<Sync>, SingleLane<Sync>>;
+  GIGA_HD Lane single_lane() const {
+    if constexpr (kRoomToLook)
+      return Lane(sync, first % kWarp, reinterpret_cast<int32_t*>(stage));
+    else
+      return Lane(sync);
+  }
   struct SingleLanes {
     GridLanes lanes;
     template <class F>
     GIGA_HD void each_agent(int n, F&& f) const {
-      for (int i = lanes.first; i < n; i += lanes.stride) f(OneWorker{}, i, true);
+      const Lane lane = lanes.single_lane();
+      GIGA_ROLLED
+      for (int begin = 0; begin < n; begin += lanes.stride) {  // as often for each lane
+        const int item = begin + lanes.first;
+        f(lane, item < n ? item : 0, item < n);
+      }
     }
   };
   template <int kLanes>
@@ -99,7 +117,7 @@ struct GridLanes {
   /// Those who share the sorted agents.
   GIGA_HD GridLanes sorters() const { return sorts_by_block ? of_block() : *this; }
   /// Shared memory of the block, between stages that write rows: the stages of all its warps.
-  GIGA_HD int32_t* words() const { return reinterpret_cast<int32_t*>(stage - thread / kWarp * kStageNumbers); }
+  GIGA_HD int32_t* words() const { return reinterpret_cast<int32_t*>(stage - thread / kWarp * kStage); }
   /// One item goes to the last worker, which has the least to do otherwise.
   template <class F>
   GIGA_HD void each(int n, F&& f) const {
@@ -131,12 +149,14 @@ struct GridLanes {
     }
     wait();
   }
-  /// Writes rows that begin with pieces of some numbers each, Piece::number: row_of(row)[...] = piece(row,
-  /// k).number[...] for all k, or nothing where that row is null. A thread works out a piece, some before it hands on
-  /// the first; its warp puts them together and writes them, neighboring lanes neighboring numbers.
-  template <class Rows, class MakePiece>
-  GIGA_HD void write_pieces(int rows, int pieces, Rows&& row_of, MakePiece&& piece) const {
-    using Piece = decltype(piece(0, 0));
+  /// Writes rows that begin with pieces of some numbers each, Piece::number: row_of(row)[...] = piece(row, k, of(row,
+  /// k)).number[...] for all k, or nothing where that row is null. A thread works out a piece, some before it hands on
+  /// the first, and reads first what all of them are of; its warp puts them together and writes them, neighboring lanes
+  /// neighboring numbers.
+  template <class Rows, class Of, class MakePiece>
+  GIGA_HD void write_pieces(int rows, int pieces, Rows&& row_of, Of&& of, MakePiece&& piece) const {
+    using About = decltype(of(0, 0));
+    using Piece = decltype(piece(0, 0, of(0, 0)));
     constexpr int kNumbers = sizeof(Piece) / sizeof(float);
     static_assert(kNumbers * kWarp <= kStageNumbers, "the stage of a warp has room for pieces of an agent");
     if (rows <= 0 || pieces <= 0) return;
@@ -151,12 +171,16 @@ struct GridLanes {
       for (int front = 0; front < pieces; front += kWarp) {
         const int k = front + lane - slot * pieces;
         const bool some = slot < together && k < pieces;
+        const auto row_at = [&](int turn) {
+          const int row = base + turn * step + taken;
+          return row < rows ? row : rows - 1;
+        };
+        About about[kPiecesAtOnce];
         Piece made[kPiecesAtOnce];
         GIGA_UNROLL
-        for (int turn = 0; turn < kPiecesAtOnce; ++turn) {
-          const int row = base + turn * step + taken;
-          made[turn] = piece(row < rows ? row : rows - 1, some ? k : 0);
-        }
+        for (int turn = 0; turn < kPiecesAtOnce; ++turn) about[turn] = of(row_at(turn), some ? k : 0);
+        GIGA_UNROLL
+        for (int turn = 0; turn < kPiecesAtOnce; ++turn) made[turn] = piece(row_at(turn), some ? k : 0, about[turn]);
         GIGA_UNROLL
         for (int turn = 0; turn < kPiecesAtOnce; ++turn) {
           GIGA_UNROLL

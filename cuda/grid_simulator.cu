@@ -238,8 +238,9 @@ class CudaGridSimulator final : public GridLaunchingSimulator {
   void launch_free(const GridLaunchOf<P>& k, int threads_of_agent, int more) {
     constexpr int kThreads = free_threads<kCrew>;
     const GridLaunchOf<P> all = without_barriers(k, kThreads, threads_of_agent, more);
-    const bool stages = kCrew > 1 || part == StepPart::write;
-    const size_t shared = stages ? grid_stage_bytes(kThreads) : 0;
+    constexpr bool kRoomToLook = has_room_to_look(part, kCrew);
+    const bool stages = kCrew > 1 || kRoomToLook || part == StepPart::write;
+    const size_t shared = stages ? grid_stage_bytes(kThreads, kRoomToLook) : 0;
     free_part_kernel<part, kCrew, P>
         <<<static_cast<unsigned>(all.groups * all.blocks), kThreads, shared, stream_>>>(all);
     GIGA_CUDA(cudaGetLastError());

@@ -24,7 +24,7 @@ class Subwarp {
   };
 
  public:
-  static constexpr int kWidth = kLanes;
+  static constexpr int kWidth = kLanes, kAtOnce = kLanes;
   static constexpr int kWords = sizeof(Words) / sizeof(uint32_t);  ///< of shared memory, of a warp
 
   /// `words`: [kWords] of its warp.
@@ -33,6 +33,7 @@ class Subwarp {
   GIGA_HD int index() const { return lane_ % kLanes; }
   GIGA_HD bool leads() const { return index() == 0; }
   GIGA_HD bool any(bool flag) const { return sync_.any_of_warp(flag); }
+  GIGA_HD void meet() const { sync_.wait_for_warp(); }
   GIGA_HD uint32_t ballot(bool flag) const {
 #if defined(__CUDA_ARCH__)
     return __ballot_sync(~0u, flag) >> (lane_ - index()) & ((1u << kLanes) - 1u);
@@ -123,6 +124,10 @@ class Subwarp {
     int size_ = 0;
     uint32_t yes_ = 0;
   };
+
+  /// The members of a crew write theirs to neighboring words.
+  template <int kSlots>
+  using Slots = OneWorker::Slots<kSlots>;
 
  private:
   GIGA_HD int32_t* list() const { return warp_.places[lane_ / kLanes]; }

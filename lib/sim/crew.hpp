@@ -4,6 +4,10 @@
 //   any(flag)                  whether the flag of any worker of the warp is set. All crews of a warp go the same way:
 //                              wherever they speak to each other all of them do, those without an agent too. A loop in
 //                              which they do goes on while any of them has work.
+//   meet()                     after a loop that each leaves at its own time. Those of a warp go on together: the
+//                              compiler may have them do the rest one after the other instead (a fight of a million:
+//                              in eight turns)
+//   kAtOnce                    agents of a range that a crew reads before it looks at any
 //   ballot(flag)               bit k: the flag of member k
 //   from(value, k), sum(value) the value of member k, of all members
 //   Counter                    take(): 0, 1, ..., each to one member; count(): how many were taken
@@ -16,6 +20,7 @@
 //                                                     at different times, all of them wait for each (a million agents,
 //                                                     one H100: 411 M agent-steps/s instead of 403 M)
 //                                clear(), empty()
+//   Slots<n>                   n agents that a worker keeps by number, for itself: slots[k]
 #pragma once
 
 #include <cstdint>
@@ -53,10 +58,14 @@ GIGA_HD uint32_t ask_in_turn(int at, int stride, int size, F&& f) {
 }
 
 struct OneWorker {
-  static constexpr int kWidth = 1;
+  static constexpr int kWidth = 1, kAtOnce = 1;
+  /// Of a list. Whether more agents are asked depends on the answers of these: with 32 a million agents made 431 M
+  /// agent-steps/s instead of 439 M (one H100).
+  static constexpr int kListed = 16;
   GIGA_HD int index() const { return 0; }
   GIGA_HD bool leads() const { return true; }
   GIGA_HD bool any(bool flag) const { return flag; }
+  GIGA_HD void meet() const {}
   GIGA_HD uint32_t ballot(bool flag) const { return flag ? 1 : 0; }
   GIGA_HD uint32_t from(uint32_t value, int) const { return value; }
   GIGA_HD int32_t sum(int32_t value) const { return value; }
@@ -76,7 +85,7 @@ struct OneWorker {
     GIGA_HD explicit List(const OneWorker&) {}
     GIGA_HD void clear() { size_ = 0; }
     GIGA_HD bool empty() const { return size_ == 0; }
-    GIGA_HD bool has_room() const { return size_ < kMost; }
+    GIGA_HD bool has_room() const { return size_ < kListed; }
     GIGA_HD void add(bool wanted, int32_t place) {
       places_[size_] = place;
       size_ += wanted ? 1 : 0;
@@ -93,12 +102,20 @@ struct OneWorker {
     }
 
    private:
-    // Whether more agents are asked depends on the answers of these: with 32 a million agents made 431 M agent-steps/s
-    // instead of 439 M (one H100).
-    static constexpr int kMost = 16;
-    int32_t places_[kMost + 1];  // one more: what is not wanted is overwritten
+    int32_t places_[kListed + 1];  // one more: what is not wanted is overwritten
     int size_ = 0;
     uint32_t yes_ = 0;
+  };
+
+  template <int kSlots>
+  class Slots {
+   public:
+    template <class Crew>
+    GIGA_HD explicit Slots(const Crew&) {}
+    GIGA_HD int32_t& operator[](uint32_t k) { return agents_[k]; }
+
+   private:
+    int32_t agents_[kSlots];
   };
 };
 

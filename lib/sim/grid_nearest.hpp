@@ -12,7 +12,7 @@
 namespace giga {
 
 /// The nearest of the agents that are shown to it, for the rows of an observation. An agent is a key: its squared
-/// distance, whose lowest bits give way to the number of the slot in which its place is kept. Keys in registers and no
+/// distance, whose lowest bits give way to the number of the slot in which its number is kept. Keys in registers and no
 /// branches, so that the lanes of a warp, each with an agent of its own, keep in step; a new one takes two instructions
 /// a row. Where keys lie so near each other that they leave open who comes first, whoever reads them looks closer:
 /// squares whose roots are equal lie within four of the smallest steps.
@@ -22,7 +22,6 @@ class NearestAgents {
   /// Of all keys, and one that is free. An array apart from the keys: where one is addressed by numbers that are not
   /// constants, it lies in memory as a whole.
   static constexpr int kSlots = 16;
-  using Slots = int[kSlots];
 
   GIGA_HD NearestAgents() {
     // Keys of nobody lie behind all others, and far from each other.
@@ -31,8 +30,9 @@ class NearestAgents {
   }
   /// Whether an agent at that squared distance may be one of them.
   GIGA_HD bool wants(float d2) const { return float_bits(d2) < key_[kMost - 1] + kUnclear; }
-  GIGA_HD void take(float d2, int place, Slots& slots) {
-    slots[free_] = place;
+  template <class Slots>
+  GIGA_HD void take(float d2, int agent, Slots& slots) {
+    slots[free_] = agent;
     const uint32_t key = (float_bits(d2) & ~kSlotBits) | free_;
     free_ = max_of(key_[kMost], key) & kSlotBits;  // of the one that is left out
     // No step waits for another: by old values alone.
@@ -45,8 +45,11 @@ class NearestAgents {
     const float d = distance * 0.9999f;
     return distance > 0 && key_[kMost - 1] < kNobodyKey && float_bits(d * d) > (key_[kMost - 1] | kSlotBits);
   }
-  /// The place of number k; -1 = there is none.
-  GIGA_HD int place(int k, const Slots& slots) const { return key_[k] < kNobodyKey ? slots[key_[k] & kSlotBits] : -1; }
+  /// Number k; -1 = there is none (kNoAgent).
+  template <class Slots>
+  GIGA_HD int agent(int k, Slots& slots) const {
+    return key_[k] < kNobodyKey ? slots[key_[k] & kSlotBits] : -1;
+  }
   /// Bit k: whether number k + 1 might come before number k. One that is left out might, in the place of the last.
   GIGA_HD uint32_t unclear() const {
     uint32_t bits = 0;
@@ -129,11 +132,10 @@ GIGA_HD void rank_exactly(const GridParameters auto& p, const GridWorld& w, int 
 template <class Crew, class Seen>
 GIGA_HD void rank_seen(const Crew& crew, const GridParameters auto& p, GridWorld& w, int e, bool some, float reach,
                        bool sees_itself, const Seen& seen) {
-  constexpr int kMost = NearestAgents::kMost;
+  constexpr int kMost = NearestAgents::kMost, kEach = Crew::kAtOnce / Crew::kWidth;
   const int limit = p.n_neighbors;
   // Crews of a warp go through the search below together, so once.
-  if constexpr (!std::is_same_v<Crew, OneWorker>)
-    static_assert(std::remove_cvref_t<decltype(p)>::n_neighbors <= kMost + 1);
+  if constexpr (Crew::kWidth > 1) static_assert(std::remove_cvref_t<decltype(p)>::n_neighbors <= kMost + 1);
   const bool writes = some && crew.leads();
   AgentNumber* rows = w.neighbors + static_cast<int64_t>(e) * limit;
   if (writes) {
@@ -145,9 +147,12 @@ GIGA_HD void rank_seen(const Crew& crew, const GridParameters auto& p, GridWorld
   // Where agents are crowded the next cells hold enough of them, and where they are far apart nobody beyond matters.
   int crowd = 0;
   const int left = column > 0 ? column - 1 : 0, right = column + 1 < w.grid.columns ? column + 1 : column;
-  for (int at = row > 0 ? row - 1 : 0; at <= row + 1 && at < w.grid.rows; ++at) {
-    const CellRange range = w.cells(at, left, right);
-    crowd += range.end - range.begin;
+  GIGA_UNROLL
+  for (int apart = -1; apart <= 1; ++apart) {  // all are read before any is added
+    const int at = row + apart;
+    const bool there = at >= 0 && at < w.grid.rows;
+    const CellRange range = w.cells(there ? at : row, left, right);
+    crowd += there ? range.end - range.begin : 0;
   }
   const bool all = min_of(w.grid.size_x, w.grid.size_y) - p.margin > reach;
   const int first = !all && crowd < 2 * kMost ? 2 : 1;
@@ -156,7 +161,7 @@ GIGA_HD void rank_seen(const Crew& crew, const GridParameters auto& p, GridWorld
   for (int done = 1; done < limit; done += kMost) {
     const int most = limit - done < kMost ? limit - done : kMost;
     NearestAgents nearest;
-    NearestAgents::Slots slots;
+    typename Crew::template Slots<NearestAgents::kSlots> slots(crew);
     Rings rings(p, w, order.x, order.y, first);
     typename Crew::List list(crew);
     bool more = some;
@@ -166,10 +171,10 @@ GIGA_HD void rank_seen(const Crew& crew, const GridParameters auto& p, GridWorld
       bool lists = more;
       GIGA_ROLLED
       while (crew.any(lists)) {
-        bool wanted = false;
-        int32_t k = 0;
+        bool wanted[kEach] = {};
+        int32_t k[kEach] = {};
         if (lists) {
-          const CellRange next = rings.next(Crew::kWidth);
+          const CellRange next = rings.next(Crew::kAtOnce);
           if (next.begin == next.end) {
             lists = list.empty();  // else who has been listed decides whether any beyond matter
             if (lists) {
@@ -177,15 +182,25 @@ GIGA_HD void rank_seen(const Crew& crew, const GridParameters auto& p, GridWorld
               lists = more = far < INFINITY && far <= reach && !nearest.all_nearer_than(far);
             }
           } else {
-            const bool one = Crew::kWidth == 1 || next.begin + crew.index() < next.end;
-            k = one ? next.begin + crew.index() : next.begin;
-            const PlacedAgent a = w.placed[k];
-            const float dx = a.x - order.x, dy = a.y - order.y, d2 = dx * dx + dy * dy;
-            wanted = one && nearest.wants(d2) && a.agent != e && seen.worth_asking(a, d2);
-            if (done > 1) wanted = wanted && after.before(order.rank(a));
+            PlacedAgent placed[kEach];
+            GIGA_UNROLL
+            for (int j = 0; j < kEach; ++j) {
+              const int32_t at = next.begin + crew.index() + j * Crew::kWidth;
+              wanted[j] = Crew::kAtOnce == 1 || at < next.end;
+              k[j] = wanted[j] ? at : next.begin;
+              placed[j] = w.placed[k[j]];
+            }
+            GIGA_UNROLL
+            for (int j = 0; j < kEach; ++j) {
+              const PlacedAgent a = placed[j];
+              const float dx = a.x - order.x, dy = a.y - order.y, d2 = dx * dx + dy * dy;
+              wanted[j] = wanted[j] && nearest.wants(d2) && a.agent != e && seen.worth_asking(a, d2);
+              if (done > 1) wanted[j] = wanted[j] && after.before(order.rank(a));
+            }
           }
         }
-        list.add(wanted, k);
+        GIGA_UNROLL
+        for (int j = 0; j < kEach; ++j) list.add(wanted[j], k[j]);
         lists = lists && list.has_room();
       }
       list.ask([&](int32_t k, int turn) { return seen.ask(w.placed[k], k, turn); });
@@ -194,15 +209,15 @@ GIGA_HD void rank_seen(const Crew& crew, const GridParameters auto& p, GridWorld
       while (list.take(place)) {
         const PlacedAgent a = w.placed[place];
         const float dx = a.x - order.x, dy = a.y - order.y;
-        nearest.take(dx * dx + dy * dy, place, slots);
+        nearest.take(dx * dx + dy * dy, a.agent, slots);
       }
     }
     if (!writes) return;
     AgentNumber* to = rows + done;
     GIGA_UNROLL
     for (int k = 0; k < kMost; ++k) {
-      const int place = nearest.place(k, slots);
-      if (k < most) to[k] = AgentNumber{place < 0 ? kNoAgent : static_cast<uint32_t>(w.placed[place].agent)};
+      const int agent = nearest.agent(k, slots);
+      if (k < most) to[k] = AgentNumber{static_cast<uint32_t>(agent)};
     }
     uint32_t unclear = nearest.unclear();
     if (unclear != 0) {  // hardly ever

@@ -37,6 +37,7 @@ GIGA_HD void check_collisions(const Crew& crew, const GridParameters auto& p, Gr
       const float dz = z - w.z[j];
       hit |= (dz < 0 ? -dz : dz) < p.collision_altitude;
     });
+  crew.meet();
   hit = crew.ballot(hit) != 0;
   if (!some || !crew.leads()) return;
   if (hit) {
@@ -196,6 +197,7 @@ GIGA_HD void detect_and_track(const Crew& crew, const GridParameters auto& p, Gr
       if (units > 0) add_together(w.dealt + b, units);
     });
   }
+  crew.meet();
   const int32_t n_observers = observers.count();
   now.gather(crew);
   taken = crew.sum(taken);

@@ -111,7 +111,7 @@ enum Feature : int { kSeen, kSameTeam, kX, kY, kZ, kHeading, kSpeed, kHealth, kS
 constexpr int kFirstRelative = kX, kLastRelative = kSpeed;
 
 GIGA_HD void describe_agent(const Parameters auto& p, World auto& w, int a) {
-  AgentFeatures& f = w.features[a];
+  AgentFeatures f;  // all is read before any is written: it may be the same memory for all that the compiler knows
   f.x = w.x[a] * p.inv_limit_x;
   f.y = w.y[a] * p.inv_limit_y;
   f.z = w.z[a] * (1.0f / kAltitudeLimit);
@@ -119,6 +119,7 @@ GIGA_HD void describe_agent(const Parameters auto& p, World auto& w, int a) {
   f.heading = w.heading[a];
   f.health = w.health[a];
   f.sprite = static_cast<float>(table_value(p.agents.sprite + a));
+  w.features[a] = f;
 }
 
 /// A number about agent k of a row, `some`: if there is one, from `value` of the agent and `own` of the ego, to which
@@ -130,12 +131,16 @@ GIGA_HD float neighbor_number(const Parameters auto& p, int feature, bool some, 
   return some ? (feature == kHeading && k > 0 ? turn : apart) : 0.0f;
 }
 
-/// Agent k of e's row, after rank_neighbors and describe_agent of all: put(feature, number), in their order. `own`: e
+/// Agent k of e's row, after rank_neighbors; kNobody where there is none.
+GIGA_HD auto neighbor(const Parameters auto& p, const World auto& w, int e, int k) {
+  return w.neighbors[static_cast<int64_t>(e) * p.n_neighbors + k];
+}
+
+/// What e's row says of neighbor(k) `a`, after describe_agent of all: put(feature, number), in their order. `own`: e
 /// itself.
 template <class Put>
 GIGA_HD void write_neighbor(const Parameters auto& p, const World auto& w, int e, const AgentFeatures& own, int k,
-                            Put&& put) {
-  const auto a = w.neighbors[static_cast<int64_t>(e) * p.n_neighbors + k];
+                            auto a, Put&& put) {
   const bool some = a != kNobody;
   const AgentFeatures f = w.features[some ? a : e];
   const auto tell = [&](int feature, float value, float from) {
@@ -198,7 +203,7 @@ struct VectorObservation {
       lanes.each_agent(n, [&](int e) {
         float* row = rows(e);
         for (int k = 0; row && k < p.n_neighbors; ++k)
-          write_neighbor(p, w, e, w.features[e], k,
+          write_neighbor(p, w, e, w.features[e], k, neighbor(p, w, e, k),
                          [&](int feature, float number) { row[k * kNeighborFeatures + feature] = number; });
       });
     } else if constexpr (P::kTeam > 0) {
@@ -211,7 +216,8 @@ struct VectorObservation {
         lanes.each(n * agents, [&](int item) {
           const int e = item / agents, k = item - e * agents;
           float* out = w.stage + e * kStageColumns + k * kNeighborFeatures;
-          write_neighbor(p, w, e, w.features[e], first + k, [&](int feature, float number) { out[feature] = number; });
+          write_neighbor(p, w, e, w.features[e], first + k, neighbor(p, w, e, first + k),
+                         [&](int feature, float number) { out[feature] = number; });
         });
         copy_rows<kStageColumns>(lanes, p, n > 0, w.stage, to, {first * kNeighborFeatures, agents * kNeighborFeatures});
       }
@@ -231,9 +237,10 @@ struct VectorObservation {
       for (int k = waypoint_at; row && k < boxes_at; ++k) row[k] = waypoint_value(p, w, e, k - waypoint_at);
       for (int k = 0; row && k < n_boxes; ++k) row[boxes_at + k] = table_value(boxes + k);
     });
-    lanes.write_pieces(n, p.n_neighbors, rows, [&](int e, int k) {
+    const auto of = [&](int e, int k) { return neighbor(p, w, e, k); };
+    lanes.write_pieces(n, p.n_neighbors, rows, of, [&](int e, int k, auto a) {
       NeighborNumbers piece;
-      write_neighbor(p, w, e, w.features[e], k, [&](int feature, float number) { piece.number[feature] = number; });
+      write_neighbor(p, w, e, w.features[e], k, a, [&](int feature, float number) { piece.number[feature] = number; });
       return piece;
     });
   }
@@ -280,7 +287,7 @@ struct VectorObservation {
           // Each worker begins with another agent, so that they write to different banks.
           const int k = part * kShare + (j + slot) % kShare;
           if ((kFull && kWorkers * kShare == P::n_neighbors) || k < P::n_neighbors)
-            write_neighbor(p, w, e, own, k,
+            write_neighbor(p, w, e, own, k, neighbor(p, w, e, k),
                            [&](int feature, float number) { row[k * kNeighborFeatures + feature] = number; });
         }
         if (P::waypoints && part == kWorkers - 1)

@@ -230,7 +230,7 @@ class EmulatedGridSimulator final : public GridLaunchingSimulator {
   static int in_parts_from(int blocks) {
     return blocks == kBlocksInParts ? 1 : blocks == kBlocksToSpare || blocks == kBlocksForMore ? 1 << 16 : 0;
   }
-  size_t pitch() const { return (shared_bytes() + 63) & ~size_t{63}; }
+  size_t pitch() const { return (std::max(shared_bytes(), grid_stage_bytes(kWarp, true)) + 63) & ~size_t{63}; }
 
   ThreadOrder order_;
   std::map<int, std::unique_ptr<LockstepThreads>> threads_;  // of groups of so many blocks
