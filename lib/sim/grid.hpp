@@ -262,27 +262,38 @@ class Rings {
         ring_(first),
         at_(row_ - first > 0 ? row_ - first : 0) {}
 
-  /// The next places in `placed`, at most so many; none where the ring ends.
-  GIGA_HD CellRange next(int most) {
-    GIGA_ROLLED
-    while (k_ == end_) {
-      const int left = column_ - ring_, right = column_ + ring_, low = row_ - ring_, high = row_ + ring_;
-      if (at_ > high || at_ >= grid_.rows) return {0, 0};
-      // A row of the square, or of the ring; between its first and its last row, one of its two ends.
-      const bool whole = ring_ == first_ || at_ == low || at_ == high;
-      const int from = whole ? (left < 0 ? 0 : left) : right_side_ ? right : left;
-      const int to = whole ? (right < grid_.columns ? right : grid_.columns - 1) : from;
-      if (from >= 0 && to < grid_.columns) {
-        const int32_t* begin = cell_begin_ + at_ * grid_.columns;
-        k_ = begin[from];
-        end_ = begin[to + 1];
-      }
-      right_side_ = !whole && !right_side_;
-      if (!right_side_) ++at_;
+  /// Whether some of the cells that were entered last are left.
+  GIGA_HD bool some_left() const { return k_ != end_; }
+  /// Enters the next cells of a row, where none are left; they may be empty. False = the ring ends.
+  GIGA_HD bool enter() {
+    if (some_left()) return true;
+    const int left = column_ - ring_, right = column_ + ring_, low = row_ - ring_, high = row_ + ring_;
+    if (at_ > high || at_ >= grid_.rows) return false;
+    // A row of the square, or of the ring; between its first and its last row, one of its two ends.
+    const bool whole = ring_ == first_ || at_ == low || at_ == high;
+    const int from = whole ? (left < 0 ? 0 : left) : right_side_ ? right : left;
+    const int to = whole ? (right < grid_.columns ? right : grid_.columns - 1) : from;
+    if (from >= 0 && to < grid_.columns) {
+      const int32_t* begin = cell_begin_ + at_ * grid_.columns;
+      k_ = begin[from];
+      end_ = begin[to + 1];
     }
+    right_side_ = !whole && !right_side_;
+    if (!right_side_) ++at_;
+    return true;
+  }
+  /// The next places in `placed`, at most so many, of some that are left.
+  GIGA_HD CellRange take(int most) {
     const int32_t begin = k_;
     k_ = end_ - k_ < most ? end_ : k_ + most;
     return {begin, k_};
+  }
+  /// The next place in `placed`; -1 = the ring ends.
+  GIGA_HD int32_t next() {
+    GIGA_ROLLED
+    while (!some_left())
+      if (!enter()) return -1;
+    return take(1).begin;
   }
   /// Goes on to the next ring, after the end of one, and returns the nearest that an agent of it, or beyond, can lie:
   /// behind an open side of the square so far. Infinite where there is no cell.
@@ -316,12 +327,12 @@ GIGA_HD void for_rings(const GridParameters auto& p, const GridWorld& w, float x
   Rings rings(p, w, x, y, first);
   GIGA_ROLLED
   for (;;) {
-    const CellRange next = rings.next(1);
-    if (next.begin == next.end) {
+    const int32_t next = rings.next();
+    if (next < 0) {
       const float far = rings.widen();
       if (far == INFINITY || enough(far)) return;
     } else {
-      f(next.begin);
+      f(next);
     }
   }
 }

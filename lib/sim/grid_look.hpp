@@ -39,7 +39,7 @@ struct Listener {
 
   GIGA_HD bool in_earshot(float d2) const { return d2 <= p.hearing_reach * p.hearing_reach; }
   GIGA_HD bool worth_asking(const PlacedAgent& a, float d2) const {
-    return team_of(a) == team ? (a.marks & kLives) && in_earshot(d2) : (a.marks & kObserved) != 0;
+    return (a.marks & (team_of(a) != team ? kObserved : in_earshot(d2) ? kLives : 0u)) != 0;
   }
   /// Whether it hears one of its team; itself if it lives.
   GIGA_HD bool hears(const PlacedAgent& b) const {
@@ -83,7 +83,7 @@ GIGA_HD void listen(const Crew& crew, const GridParameters auto& p, GridWorld& w
 struct Onlooker {
   int team;
   GIGA_HD bool worth_asking(const PlacedAgent& a, float) const {
-    return (team_of(a) == team && (a.marks & kLives)) || (a.marks & kObserved);
+    return (a.marks & (team_of(a) == team ? kLives | kObserved : kObserved)) != 0;
   }
   GIGA_HD Answer ask(const PlacedAgent&, int, int) const { return Answer::yes; }
 };

@@ -171,17 +171,23 @@ GIGA_HD void rank_seen(const Crew& crew, const GridParameters auto& p, GridWorld
       bool lists = more;
       GIGA_ROLLED
       while (crew.any(lists)) {
-        bool wanted[kEach] = {};
-        int32_t k[kEach] = {};
-        if (lists) {
-          const CellRange next = rings.next(Crew::kAtOnce);
-          if (next.begin == next.end) {
-            lists = list.empty();  // else who has been listed decides whether any beyond matter
-            if (lists) {
-              const float far = rings.widen();
-              lists = more = far < INFINITY && far <= reach && !nearest.all_nearer_than(far);
-            }
-          } else {
+        bool in_ring = lists && rings.enter();
+        if constexpr (Crew::kWidth > 1)
+          while (in_ring && !rings.some_left()) in_ring = rings.enter();
+        if (lists && !in_ring) {
+          lists = list.empty();  // else who has been listed decides whether any beyond matter
+          if (lists) {
+            const float far = rings.widen();
+            lists = more = far < INFINITY && far <= reach && !nearest.all_nearer_than(far);
+          }
+        }
+        // Lanes of a warp that look alone enter rows together, each goes through its own, and they wait for each other.
+        bool tests = in_ring && rings.some_left();
+        do {
+          bool wanted[kEach] = {};
+          int32_t k[kEach] = {};
+          if (tests) {
+            const CellRange next = rings.take(Crew::kAtOnce);
             PlacedAgent placed[kEach];
             GIGA_UNROLL
             for (int j = 0; j < kEach; ++j) {
@@ -194,13 +200,14 @@ GIGA_HD void rank_seen(const Crew& crew, const GridParameters auto& p, GridWorld
             for (int j = 0; j < kEach; ++j) {
               const PlacedAgent a = placed[j];
               const float dx = a.x - order.x, dy = a.y - order.y, d2 = dx * dx + dy * dy;
-              wanted[j] = wanted[j] && nearest.wants(d2) && a.agent != e && seen.worth_asking(a, d2);
+              wanted[j] &= nearest.wants(d2) & (a.agent != e) & seen.worth_asking(a, d2);
               if (done > 1) wanted[j] = wanted[j] && after.before(order.rank(a));
             }
           }
-        }
-        GIGA_UNROLL
-        for (int j = 0; j < kEach; ++j) list.add(wanted[j], k[j]);
+          GIGA_UNROLL
+          for (int j = 0; j < kEach; ++j) list.add(wanted[j], k[j]);
+          tests = tests && rings.some_left() && list.has_room();
+        } while (Crew::kWidth == 1 && tests);
         lists = lists && list.has_room();
       }
       list.ask([&](int32_t k, int turn) { return seen.ask(w.placed[k], k, turn); });
