@@ -56,7 +56,8 @@ struct GridLanes {
     return lanes;
   }
   GIGA_HD void wait_for_warp() const { sync.wait_for_warp(); }
-  /// Calls f(crews): crews.each_agent(n, f) calls f(crew, item, whether the crew has one), without a barrier.
+  /// Calls f(crews): crews.each_agent(n, f) calls f(crew, item, whether the crew has one), without a barrier
+  /// and as often for each lane of a warp.
   template <class F>
   GIGA_HD void with_crews(int n, F&& f) const {
     if (n <= 0) return;

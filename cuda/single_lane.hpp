@@ -31,6 +31,7 @@ constexpr int kRoomyLaneWords = (OneWorker::kListed + kRoomyLaneSlots) * kWarp;
 template <class Sync>
 class RoomyLane : public SingleLane<Sync> {
  public:
+  /// swarm_million, one H100: with one 461 M agent-steps/s, with four 470 M instead of 482 M.
   static constexpr int kAtOnce = 2;
 
   /// `words`: [kRoomyLaneWords] of its warp.

@@ -1,13 +1,16 @@
-// Crews: the workers that look for others together, for one agent. OneWorker is a crew of itself; where a GPU has more
-// lanes than agents, some lanes of a warp are one (cuda/subwarp.hpp).
+// Crews: the workers that look for others together, for one agent. OneWorker is a crew of itself, and so is a lane of a
+// GPU that looks alone (cuda/single_lane.hpp); where a GPU has more lanes than agents, some lanes of a warp are one
+// (cuda/subwarp.hpp).
 //   kWidth, index(), leads()   how many they are, which of them this is, whether it is the first
 //   any(flag)                  whether the flag of any worker of the warp is set. All crews of a warp go the same way:
 //                              wherever they speak to each other all of them do, those without an agent too. A loop in
-//                              which they do goes on while any of them has work.
+//                              which they do goes on while any of them has work. Workers that look alone have their
+//                              own flag: each leaves such a loop by itself.
 //   meet()                     after a loop that each leaves at its own time. Those of a warp go on together: the
 //                              compiler may have them do the rest one after the other instead (a fight of a million:
-//                              in eight turns)
-//   kAtOnce                    agents of a range that a crew reads before it looks at any
+//                              in eight turns). All lanes of the warp come to it equally often, those without an agent
+//                              too: so never within such a loop
+//   kAtOnce                    agents of a range that a crew reads before it looks at any; has_room() speaks of as many
 //   ballot(flag)               bit k: the flag of member k
 //   from(value, k), sum(value) the value of member k, of all members
 //   Counter                    take(): 0, 1, ..., each to one member; count(): how many were taken
@@ -60,7 +63,7 @@ GIGA_HD uint32_t ask_in_turn(int at, int stride, int size, F&& f) {
 struct OneWorker {
   static constexpr int kWidth = 1, kAtOnce = 1;
   /// Of a list. Whether more agents are asked depends on the answers of these: with 32 a million agents made 431 M
-  /// agent-steps/s instead of 439 M (one H100).
+  /// agent-steps/s instead of 439 M (one H100, before lists were in shared memory).
   static constexpr int kListed = 16;
   GIGA_HD int index() const { return 0; }
   GIGA_HD bool leads() const { return true; }

@@ -245,9 +245,9 @@ GIGA_HD void for_near(const Crew& crew, const GridParameters auto& p, const Grid
   }
 }
 
-/// The placed agents around a place: those of the cells up to ring `first`, then ring by ring. Whoever looks asks for
-/// one after the other in one loop over all that is found: workers that look from different places do so in step,
-/// however many lie in each cell.
+/// The placed agents around a place: those of the cells up to ring `first`, then ring by ring. for_rings
+/// takes one after the other (next); rank_seen enters row by row and takes some at a time (enter, take), so that lanes
+/// that look from different places enter rows together.
 class Rings {
  public:
   GIGA_HD Rings(const GridParams& p, const GridWorld& w, float x, float y, int first)

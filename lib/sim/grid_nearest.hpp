@@ -19,8 +19,8 @@ namespace giga {
 class NearestAgents {
  public:
   static constexpr int kMost = 14;  ///< all others of a row of the usual length
-  /// Of all keys, and one that is free. An array apart from the keys: where one is addressed by numbers that are not
-  /// constants, it lies in memory as a whole.
+  /// Of all keys, and one that is free. Slots are the crew's, apart from the keys: what is addressed by numbers that
+  /// are not constants lies in memory.
   static constexpr int kSlots = 16;
 
   GIGA_HD NearestAgents() {
@@ -45,7 +45,7 @@ class NearestAgents {
     const float d = distance * 0.9999f;
     return distance > 0 && key_[kMost - 1] < kNobodyKey && float_bits(d * d) > (key_[kMost - 1] | kSlotBits);
   }
-  /// Number k; -1 = there is none (kNoAgent).
+  /// The agent of row k; -1 = there is none (kNoAgent).
   template <class Slots>
   GIGA_HD int agent(int k, Slots& slots) const {
     return key_[k] < kNobodyKey ? slots[key_[k] & kSlotBits] : -1;
@@ -181,7 +181,8 @@ GIGA_HD void rank_seen(const Crew& crew, const GridParameters auto& p, GridWorld
             lists = more = far < INFINITY && far <= reach && !nearest.all_nearer_than(far);
           }
         }
-        // Lanes of a warp that look alone enter rows together, each goes through its own, and they wait for each other.
+        // Lanes of a warp that look alone enter rows together, and each goes through its own; the compiler has them
+        // wait for each other behind that. No meet(): each leaves the loop around this at its own time.
         bool tests = in_ring && rings.some_left();
         do {
           bool wanted[kEach] = {};
