@@ -65,7 +65,7 @@ struct GridDevice {
 };
 
 /// Shared memory of a block: the stage of each warp, then the sorted agents if there is room.
-GIGA_HD size_t grid_stage_bytes(int threads, bool room_to_look = false) {
+GIGA_HD constexpr size_t grid_stage_bytes(int threads, bool room_to_look = false) {
   return sizeof(float) * stage_numbers(room_to_look) * static_cast<size_t>((threads + kWarp - 1) / kWarp);
 }
 inline size_t grid_sorted_bytes(int n_agents, const GridDevice& device) {
@@ -155,6 +155,13 @@ constexpr Launched launched_as(StepPart part, int crew) {
 
 /// Whether those that look alone have their lists in shared memory: where a launch does nothing else.
 constexpr bool has_room_to_look(StepPart part, int crew) { return part == StepPart::look && crew == 1; }
+
+/// Bytes of shared memory that a block of a part without barriers has.
+constexpr size_t free_part_bytes(StepPart part, int crew, int threads) {
+  const bool room_to_look = has_room_to_look(part, crew);
+  const bool stages = crew > 1 || room_to_look || part == StepPart::write;
+  return stages ? grid_stage_bytes(threads, room_to_look) : 0;
+}
 
 /// Calls run(lanes, view of a world, draws_at, its number) for the worlds of a thread. `sync`: of its group; `shared`:
 /// memory of its block. Always inlined: as a function of its own it reached the kernel's parameters through a pointer,

@@ -240,11 +240,9 @@ class CudaGridSimulator final : public GridLaunchingSimulator {
   void launch_free(const GridLaunchOf<P>& k, int threads_of_agent, int more) {
     constexpr int kThreads = free_threads<kCrew>;
     const GridLaunchOf<P> all = without_barriers(k, kThreads, threads_of_agent, more);
-    constexpr bool kRoomToLook = has_room_to_look(part, kCrew);
-    const bool stages = kCrew > 1 || kRoomToLook || part == StepPart::write;
-    const size_t shared = stages ? grid_stage_bytes(kThreads, kRoomToLook) : 0;
     free_part_kernel<part, kCrew, P>
-        <<<static_cast<unsigned>(all.groups * all.blocks), kThreads, shared, stream_>>>(all);
+        <<<static_cast<unsigned>(all.groups * all.blocks), kThreads, free_part_bytes(part, kCrew, kThreads), stream_>>>(
+            all);
     GIGA_CUDA(cudaGetLastError());
   }
 

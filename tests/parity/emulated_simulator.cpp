@@ -18,6 +18,13 @@ namespace {
 constexpr int kPoison = 0xFF;
 constexpr size_t kSharedGuardBytes = 64;  // behind the shared memory of a block
 
+/// Looks whether a block has kept to its shared memory, behind which lies the guard.
+void check_guard(const char* shared, size_t bytes, int block) {
+  const char* guard = shared + bytes;
+  GIGA_CHECK(std::count(guard, guard + kSharedGuardBytes, static_cast<char>(kPoison)) == kSharedGuardBytes, "block ",
+             block, " wrote beyond its ", bytes, " bytes of shared memory");
+}
+
 struct EmulatedSync {
   LockstepThreads* threads;
   void wait() const { threads->wait(); }
@@ -140,9 +147,7 @@ class EmulatedSimulator final : public LaunchingSimulator {
     char* shared = shared_.data();
     std::memset(shared, kPoison, bytes + kSharedGuardBytes);
     run_threads(shared);
-    const char* guard = shared + bytes;
-    GIGA_CHECK(std::count(guard, guard + kSharedGuardBytes, static_cast<char>(kPoison)) == kSharedGuardBytes, "block ",
-               block, " wrote beyond its ", bytes, " bytes of shared memory");
+    check_guard(shared, bytes, block);
   }
 
   ThreadOrder order_;
@@ -190,37 +195,43 @@ class EmulatedGridSimulator final : public GridLaunchingSimulator {
         if (launches() != StepLaunches::one)
           step_in_parts<decltype(lanes)::value>(plain);
         else
-          run_blocks(plain, [](const auto& all, const auto&... thread) {
+          run_blocks(plain, shared_bytes(), [](const auto& all, const auto&... thread) {
             run_grid_thread<job, decltype(lanes)::value>(all, thread...);
           });
       });
     else
-      run_blocks(k, [](const GridLaunch& all, const auto&... thread) { run_grid_thread<job, 1>(all, thread...); });
+      run_blocks(k, shared_bytes(),
+                 [](const GridLaunch& all, const auto&... thread) { run_grid_thread<job, 1>(all, thread...); });
   }
   template <int kCrew, class P>
   void step_in_parts(const GridLaunchOf<P>& k) {
     for_launches<kCrew>(
         k,
         [&]<StepPart part>() {
-          run_blocks(k, [](const auto& all, const auto&... thread) { run_grid_part<part, kCrew>(all, thread...); });
+          run_blocks(k, shared_bytes(),
+                     [](const auto& all, const auto&... thread) { run_grid_part<part, kCrew>(all, thread...); });
         },
         [&]<StepPart part, int kLanes>(int threads_of_agent, int more) {
-          run_blocks(without_barriers(k, kWarp, threads_of_agent, more),
+          run_blocks(without_barriers(k, kWarp, threads_of_agent, more), free_part_bytes(part, kLanes, kWarp),
                      [](const auto& all, const auto&... thread) { run_grid_part<part, kLanes>(all, thread...); });
         });
   }
+  /// `bytes`: of shared memory, of a block; looks whether all keep to that.
   template <class P, class F>
-  void run_blocks(const GridLaunchOf<P>& k, F&& f) {
+  void run_blocks(const GridLaunchOf<P>& k, size_t bytes, F&& f) {
     const int blocks = k.blocks;
     auto& threads = threads_[blocks];
     if (!threads) threads = std::make_unique<LockstepThreads>(blocks * kWarp);
     const EmulatedSync sync{threads.get()};
-    std::vector<char> shared(pitch() * static_cast<size_t>(blocks), static_cast<char>(kPoison));
+    const size_t pitch = ((bytes + 63) & ~size_t{63}) + kSharedGuardBytes;
+    std::vector<char> shared(pitch * static_cast<size_t>(blocks), static_cast<char>(kPoison));
     for (int group = 0; group < k.groups; ++group)
       threads->run(blocks * kWarp, order_, [&](int thread) {
         const ThreadIndex at{group * blocks + thread / kWarp, k.groups * blocks, thread % kWarp, kWarp};
-        f(k, at, sync, shared.data() + pitch() * static_cast<size_t>(thread / kWarp));
+        f(k, at, sync, shared.data() + pitch * static_cast<size_t>(thread / kWarp));
       });
+    for (int block = 0; block < blocks; ++block)
+      check_guard(shared.data() + pitch * static_cast<size_t>(block), bytes, block);
   }
   /// Room for sorted agents: those of a GPU of two blocks, kBlocksInParts or kBlocksForMore sort together, all others
   /// for themselves where there is room.
@@ -230,7 +241,6 @@ class EmulatedGridSimulator final : public GridLaunchingSimulator {
   static int in_parts_from(int blocks) {
     return blocks == kBlocksInParts ? 1 : blocks == kBlocksToSpare || blocks == kBlocksForMore ? 1 << 16 : 0;
   }
-  size_t pitch() const { return (std::max(shared_bytes(), grid_stage_bytes(kWarp, true)) + 63) & ~size_t{63}; }
 
   ThreadOrder order_;
   std::map<int, std::unique_ptr<LockstepThreads>> threads_;  // of groups of so many blocks
