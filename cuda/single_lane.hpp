@@ -37,44 +37,21 @@ class RoomyLane : public SingleLane<Sync> {
   /// `words`: [kRoomyLaneWords] of its warp.
   GIGA_HD RoomyLane(Sync sync, int lane, int32_t* words) : SingleLane<Sync>(sync), words_(words + lane) {}
 
-  class List {
+  /// [kNumbers, kWarp] from word `kFirst` of the lane on.
+  template <int kFirst, int kNumbers>
+  class Shared {
+    static_assert((kFirst + kNumbers) * kWarp <= kRoomyLaneWords);
+
    public:
-    GIGA_HD explicit List(const RoomyLane& lane) : places_(lane.words_) {}
-    GIGA_HD void clear() { size_ = 0; }
-    GIGA_HD bool empty() const { return size_ == 0; }
-    GIGA_HD bool has_room() const { return size_ <= OneWorker::kListed - kAtOnce; }
-    GIGA_HD void add(bool wanted, int32_t place) {
-      if (wanted) places_[size_ * kWarp] = place;
-      size_ += wanted ? 1 : 0;
-    }
-    template <class F>
-    GIGA_HD void ask(F&& f) {
-      yes_ = ask_in_turn(0, 1, size_, [&](int k, int turn) { return f(places_[k * kWarp], turn); });
-    }
-    GIGA_HD bool take(int32_t& place) {
-      int at;
-      if (!take_lowest(yes_, at)) return false;
-      place = places_[at * kWarp];
-      return true;
-    }
+    GIGA_HD explicit Shared(const RoomyLane& lane) : numbers_(lane.words_ + kFirst * kWarp) {}
+    GIGA_HD int32_t& operator[](uint32_t k) { return numbers_[k * kWarp]; }
 
    private:
-    int32_t* places_;  // [kListed, kWarp], from the lane on
-    int size_ = 0;
-    uint32_t yes_ = 0;
+    int32_t* numbers_;
   };
-
   template <int kSlots>
-  class Slots {
-    static_assert(kSlots <= kRoomyLaneSlots);
-
-   public:
-    GIGA_HD explicit Slots(const RoomyLane& lane) : agents_(lane.words_ + OneWorker::kListed * kWarp) {}
-    GIGA_HD int32_t& operator[](uint32_t k) { return agents_[k * kWarp]; }
-
-   private:
-    int32_t* agents_;  // [kSlots, kWarp], from the lane on
-  };
+  using Slots = Shared<OneWorker::kListed, kSlots>;
+  using List = LoneList<Shared<0, OneWorker::kListed>, OneWorker::kListed, kAtOnce, false>;
 
  private:
   int32_t* words_;

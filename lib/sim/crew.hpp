@@ -60,6 +60,37 @@ GIGA_HD uint32_t ask_in_turn(int at, int stride, int size, F&& f) {
   return yes;
 }
 
+/// The list of a worker that looks alone. Numbers: int32_t& operator[](k), made from a crew; kSpare: it has one more
+/// than the kMost that are listed, so that what is not wanted may be written and overwritten. kAtOnce: of the crew.
+template <class Numbers, int kMost, int kAtOnce, bool kSpare>
+class LoneList {
+ public:
+  template <class Crew>
+  GIGA_HD explicit LoneList(const Crew& crew) : places_(crew) {}
+  GIGA_HD void clear() { size_ = 0; }
+  GIGA_HD bool empty() const { return size_ == 0; }
+  GIGA_HD bool has_room() const { return size_ <= kMost - kAtOnce; }
+  GIGA_HD void add(bool wanted, int32_t place) {
+    if (wanted || kSpare) places_[static_cast<uint32_t>(size_)] = place;
+    size_ += wanted ? 1 : 0;
+  }
+  template <class F>
+  GIGA_HD void ask(F&& f) {
+    yes_ = ask_in_turn(0, 1, size_, [&](int k, int turn) { return f(places_[static_cast<uint32_t>(k)], turn); });
+  }
+  GIGA_HD bool take(int32_t& place) {
+    int at;
+    if (!take_lowest(yes_, at)) return false;
+    place = places_[static_cast<uint32_t>(at)];
+    return true;
+  }
+
+ private:
+  Numbers places_;
+  int size_ = 0;
+  uint32_t yes_ = 0;
+};
+
 struct OneWorker {
   static constexpr int kWidth = 1, kAtOnce = 1;
   /// Of a list. Whether more agents are asked depends on the answers of these: with 32 a million agents made 431 M
@@ -83,43 +114,17 @@ struct OneWorker {
     int32_t count_ = 0;
   };
 
-  class List {
-   public:
-    GIGA_HD explicit List(const OneWorker&) {}
-    GIGA_HD void clear() { size_ = 0; }
-    GIGA_HD bool empty() const { return size_ == 0; }
-    GIGA_HD bool has_room() const { return size_ < kListed; }
-    GIGA_HD void add(bool wanted, int32_t place) {
-      places_[size_] = place;
-      size_ += wanted ? 1 : 0;
-    }
-    template <class F>
-    GIGA_HD void ask(F&& f) {
-      yes_ = ask_in_turn(0, 1, size_, [&](int k, int turn) { return f(places_[k], turn); });
-    }
-    GIGA_HD bool take(int32_t& place) {
-      int at;
-      if (!take_lowest(yes_, at)) return false;
-      place = places_[at];
-      return true;
-    }
-
-   private:
-    int32_t places_[kListed + 1];  // one more: what is not wanted is overwritten
-    int size_ = 0;
-    uint32_t yes_ = 0;
-  };
-
   template <int kSlots>
   class Slots {
    public:
     template <class Crew>
     GIGA_HD explicit Slots(const Crew&) {}
-    GIGA_HD int32_t& operator[](uint32_t k) { return agents_[k]; }
+    GIGA_HD int32_t& operator[](uint32_t k) { return numbers_[k]; }
 
    private:
-    int32_t agents_[kSlots];
+    int32_t numbers_[kSlots];
   };
+  using List = LoneList<Slots<kListed + 1>, kListed, kAtOnce, true>;
 };
 
 }  // namespace giga
