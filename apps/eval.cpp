@@ -6,6 +6,7 @@
 
 #include "apps/command_line.hpp"
 #include "apps/commands.hpp"
+#include "apps/load_player.hpp"
 #include "apps/match_note.hpp"
 #include "apps/match_report.hpp"
 #include "apps/option_value.hpp"
@@ -74,12 +75,8 @@ void print_origin(const Player& c) {
 void play(const EvalOptions& o) {
   const Device device = parse_device(o.device);
   const PlayerOptions loading{device, o.trust, o.greedy};
-  Player b = Player::load(o.b, loading);  // first: a wrong name is told before anything large is read
-  Player a = Player::load(o.a, loading);
-  for (const Player* c : {&a, &b})
-    if (c->origin())
-      for (const std::string& line : c->origin()->warnings) std::cerr << "warning: " << line << '\n';
-
+  Player b = load_player(o.b, loading);  // first: a wrong name is told before anything large is read
+  Player a = load_player(o.a, loading);
   const PlayedGame game = choose_game({o.scenario, o.changes}, {&a, &b}, OtherGames::allowed);
   for (const std::string& note : game.notes) std::cerr << "note: " << note << '\n';
   const SimSpec& spec = game.spec;

@@ -9,6 +9,7 @@
 
 #include "apps/command_line.hpp"
 #include "apps/commands.hpp"
+#include "apps/load_player.hpp"
 #include "apps/option_value.hpp"
 #include "apps/output.hpp"
 #include "apps/players.hpp"
@@ -67,7 +68,7 @@ std::string name_of_run(const std::string& text) {
 /// named.
 std::vector<Level> levels_of(const std::string& text, int most, const PlayerOptions& options) {
   std::vector<Level> levels;
-  levels.push_back({Player::load(text, options), NAN});
+  levels.push_back({load_player(text, options), NAN});
   std::error_code code;
   if (find_script(text) || !fs::is_directory(text, code) || is_exported_policy(text)) return levels;
   const auto label = [&](Level& level) {
@@ -83,7 +84,14 @@ std::vector<Level> levels_of(const std::string& text, int most, const PlayerOpti
   std::vector<fs::path> files = list_checkpoints(text);
   for (const size_t k : spread(files.size(), static_cast<size_t>(most))) {
     if (static_cast<int>(levels.size()) == most) break;
-    Level level{Player::of_checkpoint(find_checkpoint(files[k].string()), options), NAN};
+    FoundCheckpoint found;
+    try {
+      found = find_checkpoint(files[k].string());
+    } catch (const InputError& e) {
+      std::cerr << "warning: " << e.what() << "; it is left out\n";
+      continue;
+    }
+    Level level{Player::of_checkpoint(found, options), NAN};
     if (level.player.origin()->updates == best) continue;
     label(level);
     levels.push_back(std::move(level));

@@ -5,6 +5,7 @@
 
 #include "apps/command_line.hpp"
 #include "apps/commands.hpp"
+#include "apps/load_player.hpp"
 #include "apps/match_note.hpp"
 #include "apps/option_value.hpp"
 #include "apps/output.hpp"
@@ -53,15 +54,11 @@ void record(const RecordOptions& o) {
   const Device device = parse_device(o.device);
   const PlayerOptions loading{device, o.trust, o.greedy};
   std::vector<Player> players;
-  players.push_back(Player::load(o.a, loading));
-  players.push_back(Player::load(o.b.empty() ? o.a : o.b, loading));
-  if (!o.beside.empty()) players.push_back(Player::load(o.beside, loading));
+  players.push_back(load_player(o.a, loading));
+  players.push_back(o.b.empty() ? Player::load(o.a, loading) : load_player(o.b, loading));
+  if (!o.beside.empty()) players.push_back(load_player(o.beside, loading));
   std::vector<const Player*> all;
-  for (const Player& player : players) {
-    all.push_back(&player);
-    if (player.origin())
-      for (const std::string& line : player.origin()->warnings) std::cerr << "warning: " << line << '\n';
-  }
+  for (const Player& player : players) all.push_back(&player);
   const PlayedGame game = choose_game({o.scenario, o.changes}, all, OtherGames::allowed);
   for (const std::string& note : game.notes) std::cerr << "note: " << note << '\n';
   const int n_threads = game.spec.params.n_agents > kMaxAgents ? 0 : 1;  // games are few; the agents of a crowd are not

@@ -13,6 +13,7 @@
 #include "apps/metrics_files.hpp"
 #include "apps/plan.hpp"
 #include "apps/program_info.hpp"
+#include "apps/run_replays.hpp"
 #include "apps/start_ranks.hpp"
 #include "apps/training.hpp"
 #include "core/error.hpp"
@@ -102,6 +103,7 @@ int resume(const ResumeOptions& o, Dispatch& dispatch) {
     if (folder && !fs::exists(folder->report_file(), code))
       std::cout << "its report is missing; to write it: " << program_command() << " report "
                 << shell_word(path.string()) << '\n';
+    if (folder && !fs::exists(folder->replays_page(), code)) write_replays_page(*folder, from.updates);
     return finish(joined, 0);
   }
   expect_devices(o.ranks, resumed.run.config.device, setup.device);

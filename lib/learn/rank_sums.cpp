@@ -27,6 +27,7 @@ void RankSums::connect() {
   const std::string id = ranks_.broadcast(ranks_.leads() ? make_gpu_sum_id() : "");
   begin();
   gpus_ = make_gpu_sum(id, ranks_.rank(), ranks_.size(), device_.index);
+  watched_gpus_ = gpus_.get();
   // The first sum makes connections.
   const at::Tensor x = at::ones({1}, at::TensorOptions().device(torch_device(device_)));
   add(x, nullptr);
@@ -95,11 +96,12 @@ void RankSums::gather_rows(NamedArray& array) {
 void RankSums::begin() {
   if (!device_.is_cuda()) return;
   const auto begun = [this] {
-    if (const std::string trouble = gpus_ ? gpus_->trouble() : ""; !trouble.empty()) throw Error(trouble);
+    GpuSum* const gpus = watched_gpus_;
+    if (const std::string trouble = gpus ? gpus->trouble() : ""; !trouble.empty()) throw Error(trouble);
     return begun_.load();
   };
   const auto give_up = [this] {
-    if (gpus_) gpus_->abort();
+    if (GpuSum* const gpus = watched_gpus_) gpus->abort();
   };
   watched_ = true;
   ranks_.begin_outside({begun, give_up});

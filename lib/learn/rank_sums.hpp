@@ -43,7 +43,8 @@ class RankSums {
 
   Ranks& ranks_;
   const Device device_;
-  std::unique_ptr<GpuSum> gpus_;  // null on a CPU
+  std::unique_ptr<GpuSum> gpus_;                 // null on a CPU
+  std::atomic<GpuSum*> watched_gpus_ = nullptr;  // the same for the thread that watches, once it is whole
   std::atomic<int64_t> begun_ = 0;
   bool watched_ = false;
 };

@@ -98,6 +98,15 @@ TEST(Play, LevelsStandByTheirRatings) {
   here.write("run/ratings/ratings.json", sheet.dump());
   EXPECT_TRUE(contains(names().at(1), {"run after " + updates + " update"})) << names().at(1);
   EXPECT_FALSE(contains(names().at(1), {"rated"}));
+
+  const size_t whole = names().size();
+  const std::string number = names().at(0).rfind("run after 2 ", 0) == 0 ? "3" : "2";  // not that of the best
+  const std::string damaged = "run/checkpoints/update_0000000" + number + ".h5";
+  here.write(damaged, here.read(damaged).substr(0, 3000));
+  const Outcome page = here.run({"play", "run", "--levels", "9", "--folder", "site"});
+  EXPECT_EQ(page.code, 0) << page.err;
+  EXPECT_TRUE(contains(page.err, {"warning: ", number + ".h5: is truncated", "it is left out"}));
+  EXPECT_EQ(names().size(), whole - 1);
 }
 
 // An exported policy computes the egocentric view where nobody offers it. On a page of a game that does, it must read

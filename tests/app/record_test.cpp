@@ -248,6 +248,12 @@ TEST(Record, TrainingKeepsGames) {
   const Outcome again = here.run({"record", "--verify", "run/replays/update_00000003.replay"});
   EXPECT_EQ(again.code, 0) << again.out << again.err;
 
+  // A run that is complete gets its page again.
+  const std::string page = here.read("run/replays.html");
+  std::filesystem::remove(here.path() / "run/replays.html");
+  EXPECT_EQ(here.run({"resume", "run"}).code, 0);
+  EXPECT_EQ(here.read("run/replays.html"), page);
+
   // A report elsewhere finds the page on the way from there.
   ASSERT_EQ(here.run({"report", "run", "--out", "all.html"}).code, 0);
   EXPECT_TRUE(contains(here.read("all.html"), {"href=\"run/replays.html\""}));

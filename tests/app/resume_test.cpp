@@ -216,6 +216,10 @@ TEST_F(Resume, ADamagedNewestCheckpointIsNamedAndSetAside) {
   const Outcome evaluated = here_->run({"eval", run, "--vs", "random", "--episodes", "8", "--device", "cpu"});
   EXPECT_EQ(evaluated.code, 0);
   EXPECT_TRUE(contains(evaluated.err, {"warning: ", "is truncated", "is taken"}));
+  const Outcome exploited =
+      here_->run({"exploit", run, "--agent-steps", "256", "--episodes", "2", "--device", "cpu", "--out", "responses"});
+  EXPECT_EQ(exploited.code, 0);
+  EXPECT_TRUE(contains(exploited.err, {"warning: ", "is truncated", "is taken"}));
 
   const Outcome resumed = here_->run({"resume", run});
   ASSERT_EQ(resumed.code, 0) << resumed.err;
