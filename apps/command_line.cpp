@@ -94,18 +94,6 @@ std::string explain_leftover(const CLI::App& command) {
   return cat("unexpected argument '", word, "'");
 }
 
-std::vector<std::string> shipped_configs(const DataDirs& dirs) {
-  std::vector<std::string> names;
-  for (const fs::path& dir : dirs) {
-    std::error_code code;
-    for (const fs::directory_entry& entry : fs::directory_iterator(dir / "configs", code))
-      if (entry.path().extension() == ".yaml") names.push_back(entry.path().stem().string());
-  }
-  std::sort(names.begin(), names.end());
-  names.erase(std::unique(names.begin(), names.end()), names.end());
-  return names;
-}
-
 }  // namespace
 
 void describe_program(CLI::App& app) {
@@ -209,7 +197,7 @@ std::string find_config(const std::string& path_or_name) {
   const fs::path relative = bare ? fs::path("configs") / (path_or_name + ".yaml") : asked;
   if (asked.is_relative())
     if (const auto found = find_data_file(dirs, relative)) return found->string();
-  const std::vector<std::string> known = shipped_configs(dirs);
+  const std::vector<std::string> known = data_names(dirs, "configs");
   throw InputError(cat("there is no config ", path_or_name, nearest_hint(asked.stem().string(), known),
                        "; those that come with gigastep: ", join(known)));
 }

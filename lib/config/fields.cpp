@@ -291,8 +291,13 @@ bool read_config_file(const std::filesystem::path& file, const std::vector<std::
                       const FieldList& fields, Errors& errors, KeyPositions* given) {
   const size_t errors_before = errors.size();
   Document document = parse_yaml_file(file, errors);
+  return read_config_document(std::move(document), errors.size() > errors_before, overrides, fields, errors, given);
+}
+
+bool read_config_document(Document document, bool has_errors, const std::vector<std::string>& overrides,
+                          const FieldList& fields, Errors& errors, KeyPositions* given) {
   const bool usable = document.root.is_map();
-  if (!usable && errors.size() == errors_before) read_fields(document.root, fields, errors);  // says what it is instead
+  if (!usable && !has_errors) read_fields(document.root, fields, errors);  // says what it is instead
   // The assignments are looked at in any case, on top of nothing where there is no file.
   if (!usable) document.root = {};
   for (const std::string& assignment : overrides) set_override(document, assignment, errors);

@@ -334,6 +334,9 @@ void read_fields(const Node& node, T& config, Errors& errors, KeyPositions* give
 /// Reads a file and `--set` assignments into a struct. Returns false where the file as a whole cannot be read.
 bool read_config_file(const std::filesystem::path& file, const std::vector<std::string>& overrides,
                       const FieldList& fields, Errors& errors, KeyPositions* given = nullptr);
+/// The same of a file that was read; `has_errors`: with errors, which have been added.
+bool read_config_document(Document document, bool has_errors, const std::vector<std::string>& overrides,
+                          const FieldList& fields, Errors& errors, KeyPositions* given = nullptr);
 template <class T>
 bool read_config_file(const std::filesystem::path& file, const std::vector<std::string>& overrides, T& config,
                       Errors& errors, KeyPositions* given = nullptr) {

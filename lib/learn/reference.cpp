@@ -5,7 +5,7 @@
 
 #include "config/names.hpp"
 #include "config/reference.hpp"
-#include "learn/run_config.hpp"
+#include "learn/run_config_file.hpp"
 #include "scenario/loader.hpp"
 
 namespace giga {
@@ -47,14 +47,15 @@ std::string anchor(std::string title) {
 }  // namespace
 
 std::vector<FileKind> file_kinds() {
-  return {{"run", "run config", "`gigastep train CONFIG`; examples are in `configs/`.", fields_of_default<RunConfig>()},
-          {"scenario", "scenario", "Examples are in `scenarios/`; paths in it are relative to its file.",
-           scenario_file_fields()},
-          {"map", "map file", "A map in a file of its own, for `maps:` of a scenario.", fields_of_default<Map>()},
-          {"agent_type", "agent type file", "An agent type in a file of its own, for `type:` of a team.",
-           fields_of_default<AgentType>()},
-          {"agent_types", "agent types file", "`scenarios/agent_types.yaml`, which every scenario knows.",
-           agent_types_file_fields()}};
+  return {
+      {"run", "run config", "`gigastep train CONFIG`; examples are in `configs/`.", fields_of_default<RunConfigFile>()},
+      {"scenario", "scenario", "Examples are in `scenarios/`; paths in it are relative to its file.",
+       scenario_file_fields()},
+      {"map", "map file", "A map in a file of its own, for `maps:` of a scenario.", fields_of_default<Map>()},
+      {"agent_type", "agent type file", "An agent type in a file of its own, for `type:` of a team.",
+       fields_of_default<AgentType>()},
+      {"agent_types", "agent types file", "`scenarios/agent_types.yaml`, which every scenario knows.",
+       agent_types_file_fields()}};
 }
 
 std::string reference_page() {

@@ -8,6 +8,7 @@
 #include "config/names.hpp"
 #include "core/error.hpp"
 #include "learn/config_check.hpp"
+#include "learn/run_config_file.hpp"
 #include "scenario/compile.hpp"
 #include "scenario/loader.hpp"
 
@@ -113,7 +114,7 @@ bool is_scenario(const Node& root) {
     return std::all_of(root.entries.begin(), root.entries.end(),
                        [&names](const Node::Entry& entry) { return names.contains(entry.key); });
   };
-  return root.is_map() && all_of(list_fields<Scenario>(), {"base"}) && !all_of(list_fields<RunConfig>(), {});
+  return root.is_map() && all_of(list_fields<Scenario>(), {"base"}) && !all_of(list_fields<RunConfigFile>(), {});
 }
 
 }  // namespace
@@ -223,10 +224,15 @@ std::optional<int64_t> total_updates(const RunConfig& c, int n_agents) {
 }
 
 LoadedRun load_run_config(const std::string& path, const std::vector<std::string>& overrides) {
-  RunConfig config;
+  RunConfigFile file;
   KeyPositions given;
   Errors errors;
-  const bool readable = read_config_file(path, overrides, config, errors, &given);
+  Document document = read_run_config_file(path, data_dirs(), errors);
+  const bool has_errors = !errors.empty();
+  const bool readable =
+      read_config_document(std::move(document), has_errors, overrides, fields_of(file), errors, &given);
+  RunConfig config = std::move(file.config);
+  if (file.base) errors.add(given["base"], "only a file says what it starts from");
   if (!readable) errors.throw_if_any();
   if (errors.size() > 0 && is_scenario(parse_yaml_file(path).root))
     throw InputError(cat(

@@ -2,6 +2,7 @@
 #include "scenario/data_dirs.hpp"
 
 #include <cstdlib>
+#include <set>
 #include <system_error>
 
 #include "core/error.hpp"
@@ -42,6 +43,16 @@ std::optional<fs::path> find_data_file(const DataDirs& dirs, const fs::path& rel
   for (const fs::path& dir : dirs)
     if (fs::is_regular_file(dir / relative, code)) return dir / relative;
   return std::nullopt;
+}
+
+std::vector<std::string> data_names(const DataDirs& dirs, const std::string& folder) {
+  std::set<std::string> names;
+  for (const fs::path& dir : dirs) {
+    std::error_code code;
+    for (const fs::directory_entry& entry : fs::directory_iterator(dir / folder, code))
+      if (entry.path().extension() == ".yaml") names.insert(entry.path().stem().string());
+  }
+  return {names.begin(), names.end()};
 }
 
 }  // namespace giga

@@ -18,4 +18,7 @@ DataDirs data_dirs();
 /// First file of that relative name, for example "configs/quickstart.yaml".
 std::optional<std::filesystem::path> find_data_file(const DataDirs& dirs, const std::filesystem::path& relative);
 
+/// Names of the YAML files in a folder of that name, for example "configs", in order.
+std::vector<std::string> data_names(const DataDirs& dirs, const std::string& folder);
+
 }  // namespace giga

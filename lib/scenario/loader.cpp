@@ -40,15 +40,9 @@ void visit_fields(V& v, AgentTypesFile& c) {
 
 /// Names of the YAML files of a folder of all data folders, sorted.
 std::vector<std::string> names_in(const DataDirs& dirs, const char* folder) {
-  std::set<std::string> names;
-  for (const fs::path& dir : dirs) {
-    std::error_code code;
-    for (const fs::directory_entry& entry : fs::directory_iterator(dir / folder, code)) {
-      const fs::path& file = entry.path();
-      if (file.extension() == ".yaml" && file.filename() != "agent_types.yaml") names.insert(file.stem().string());
-    }
-  }
-  return {names.begin(), names.end()};
+  std::vector<std::string> names = data_names(dirs, folder);
+  std::erase(names, "agent_types");
+  return names;
 }
 
 /// Names of the YAML files beside a file that is not there.

@@ -95,6 +95,8 @@ std::vector<BadInput> form_of_files() {
       in_config("nested too deeply", "environment: " + std::string(600, '['), {"run.yaml:3:1: nested too deeply"}),
       on_command_line("missing config", "gigastep train quikstart", {"train", "quikstart"},
                       {"there is no config quikstart; nearest: 'quickstart'"}),
+      in_config("base that is not there", "base: mappo_leage",
+                {"run.yaml:2:7: base: there is no config 'mappo_leage'; nearest: 'mappo_league'"}),
       {"missing scenario file",
        "scenario: gmae.yaml",
        kTrain,

@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <cstdio>
+#include <filesystem>
 #include <fstream>
 
 #include "core/error.hpp"
@@ -16,7 +17,15 @@ namespace {
 class LearnRunConfig : public testing::Test {
  protected:
   // Not fs::remove_all: in programs with LibTorch it is that of libtorch.so, which crashes (torch 2.11).
-  void TearDown() override { std::remove((prefix_ + "run.yaml").c_str()); }
+  void TearDown() override {
+    for (const char* name : {"run.yaml", "below.yaml"}) std::remove((prefix_ + name).c_str());
+  }
+
+  /// Writes what `base: BELOW` of a run's file stands for, in tests that begin with that.
+  void write_below(const std::string& text) const { std::ofstream(prefix_ + "below.yaml") << text; }
+  std::string base_below() const {
+    return cat("base: ./", std::filesystem::path(prefix_ + "below.yaml").filename().string(), "\n");
+  }
 
   LoadedRun load(const std::string& text, const std::vector<std::string>& overrides = {}) const {
     std::ofstream(prefix_ + "run.yaml") << text;
@@ -49,6 +58,52 @@ TEST_F(LearnRunConfig, EnvironmentAndRulesChangeTheScenario) {
   // 6 worlds x 4 steps x 3 agents = 72 agent-steps an update: 100 take two.
   EXPECT_EQ(agent_steps_per_update(run.config, 3), 72);
   EXPECT_EQ(total_updates(run.config, 3), 2);
+}
+
+// Groups are taken key by key, lists as they are.
+TEST_F(LearnRunConfig, StartsFromAnother) {
+  write_below(
+      "base: mappo\nscenario: identical_2_vs_2\nenvironment: {max_episode_length: 77, rewards: {damage: 3}}\n"
+      "mappo: {actor: {hidden: [8]}}\nopponents: {scripted: [circle, pursuer]}\n");
+  const LoadedRun run = load(base_below() +
+                             "environment: {rewards: {detection: 5}}\nmappo: {actor: {activation: relu}}\n"
+                             "opponents: {scripted: [evader]}\n");
+  const SimParams& p = run.spec.params;
+  EXPECT_EQ(p.n_team[0], 2);
+  EXPECT_EQ(p.max_episode_length, 77);
+  EXPECT_EQ(p.reward_weight[static_cast<int>(RewardTerm::damage)], 3) << "50 in mappo.yaml, 3 in the file above it";
+  EXPECT_EQ(p.reward_weight[static_cast<int>(RewardTerm::detection)], 5);
+  EXPECT_EQ(p.reward_weight[static_cast<int>(RewardTerm::collision_obstacle)], 80) << "as in mappo.yaml";
+  EXPECT_EQ(run.config.mappo.actor.hidden, std::vector<int>{8});
+  EXPECT_EQ(run.config.mappo.actor.activation, Activation::relu);
+  EXPECT_EQ(run.config.mappo.actor.inputs, NetworkInputs::egocentric);
+  EXPECT_EQ(run.config.opponents.scripted, std::vector<Scripted>{Scripted::evader});
+  EXPECT_EQ(run.config.train.n_worlds, 8192);
+  // What is printed holds everything, and starts from nothing.
+  EXPECT_EQ(print_yaml(load(print_yaml(run.config, true)).config, false), print_yaml(run.config, false));
+  EXPECT_EQ(print_yaml(load("base: none\n").config, false), print_yaml(load("seed: 1\n").config, false));
+}
+
+TEST_F(LearnRunConfig, MistakesOfWhatItStartsFrom) {
+  EXPECT_EQ(error_of("base: mapo\n").substr(0, 73),
+            "run.yaml:1:7: base: there is no config 'mapo'; nearest: 'mappo'; allowed:");
+  EXPECT_EQ(error_of("base: ./nowhere.yaml\n").substr(0, 57),
+            "run.yaml:1:7: base: there is no config './nowhere.yaml'; ");
+  EXPECT_EQ(error_of("base: [mappo]\n").substr(0, 20), "run.yaml:1:7: base: ");
+  EXPECT_EQ(error_of("seed: 1\n", {"base=mappo"}), "--set base: only a file says what it starts from");
+
+  write_below("train:\n  n_worlds: few\n  n_threads: 1\n");
+  EXPECT_EQ(error_of(base_below() + "seed: x\n"),
+            "below.yaml:2:13: train.n_worlds: 'few' is not an integer in [1, 16777216]\n"
+            "run.yaml:2:7: seed: 'x' is not an integer >= 0");
+  EXPECT_EQ(error_of(base_below() + "train: {n_worlds: 64}\n"), "no error") << "nobody reads what is replaced";
+  // The place of a value is where it was written last.
+  write_below("train: {n_worlds: 64}\nmappo: {n_minibatches: 7}\n");
+  EXPECT_EQ(error_of(base_below()).substr(0, 16), "below.yaml:2:24:");
+
+  const std::string run = std::filesystem::path(prefix_ + "run.yaml").filename().string();
+  write_below(cat("base: ./", run, "\n"));
+  EXPECT_EQ(error_of(base_below()), cat("below.yaml:1:7: base: './", run, "' leads back to this file"));
 }
 
 // The original's published setting is that of its rules; the same under ours has a name that says so.
