@@ -6,6 +6,7 @@
 #include <iostream>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "apps/command_line.hpp"
 #include "apps/commands.hpp"
@@ -84,14 +85,9 @@ std::vector<Level> levels_of(const std::string& text, int most, const PlayerOpti
   std::vector<fs::path> files = list_checkpoints(text);
   for (const size_t k : spread(files.size(), static_cast<size_t>(most))) {
     if (static_cast<int>(levels.size()) == most) break;
-    FoundCheckpoint found;
-    try {
-      found = find_checkpoint(files[k].string());
-    } catch (const InputError& e) {
-      std::cerr << "warning: " << e.what() << "; it is left out\n";
-      continue;
-    }
-    Level level{Player::of_checkpoint(found, options), NAN};
+    std::optional<Checkpoint> checkpoint = read_if_whole(files[k]);
+    if (!checkpoint) continue;
+    Level level{Player::of_checkpoint({files[k], std::move(*checkpoint), {}, {}}, options), NAN};
     if (level.player.origin()->updates == best) continue;
     label(level);
     levels.push_back(std::move(level));

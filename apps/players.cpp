@@ -2,11 +2,12 @@
 #include "apps/players.hpp"
 
 #include <algorithm>
-#include <iostream>
 #include <map>
+#include <optional>
 #include <sstream>
 #include <system_error>
 
+#include "apps/load_player.hpp"
 #include "config/fields.hpp"
 #include "config/names.hpp"
 #include "core/error.hpp"
@@ -95,16 +96,9 @@ void name_runs(std::vector<Candidate>& all) {
 std::vector<Candidate> read_whole(const std::vector<fs::path>& files, const fs::path& run,
                                   const PlayerOptions& options) {
   std::vector<Candidate> whole;
-  for (const fs::path& file : files) {
-    Checkpoint checkpoint;
-    try {
-      checkpoint = read_checkpoint(file);
-    } catch (const InputError& e) {
-      std::cerr << "warning: " << e.what() << "; it is left out\n";
-      continue;
-    }
-    whole.push_back(candidate_of(file, std::move(checkpoint), run, options));
-  }
+  for (const fs::path& file : files)
+    if (std::optional<Checkpoint> checkpoint = read_if_whole(file))
+      whole.push_back(candidate_of(file, std::move(*checkpoint), run, options));
   return whole;
 }
 
