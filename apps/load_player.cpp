@@ -1,6 +1,8 @@
 #include "apps/load_player.hpp"
 
 #include <iostream>
+#include <set>
+#include <string>
 
 #include "core/error.hpp"
 
@@ -11,6 +13,12 @@ Player load_player(const std::string& text, const PlayerOptions& options) {
   if (player.origin())
     for (const std::string& line : player.origin()->warnings) std::cerr << "warning: " << line << '\n';
   return player;
+}
+
+void warn_of_opponents(const LoadedRun& run) {
+  std::set<std::string> names(run.config.opponents.policies.begin(), run.config.opponents.policies.end());
+  if (run.config.train.opponent.is_path()) names.insert(run.config.train.opponent.name);
+  for (const std::string& name : names) load_player(name, {});
 }
 
 std::optional<Checkpoint> read_if_whole(const std::filesystem::path& file) {

@@ -12,6 +12,9 @@ namespace giga {
 /// Player::load; says on stderr which better or newer checkpoints of a run are damaged and so were not taken.
 Player load_player(const std::string& text, const PlayerOptions& options);
 
+/// Says the same of those whom a run meets (train.opponent, opponents.policies), which its learner has loaded.
+void warn_of_opponents(const LoadedRun& run);
+
 /// A checkpoint; none where it is damaged, which is said on stderr: it is left out.
 std::optional<Checkpoint> read_if_whole(const std::filesystem::path& file);
 

@@ -11,6 +11,7 @@
 #include "apps/commands.hpp"
 #include "apps/follow.hpp"
 #include "apps/joined_ranks.hpp"
+#include "apps/load_player.hpp"
 #include "apps/option_value.hpp"
 #include "apps/plan.hpp"
 #include "apps/start_ranks.hpp"
@@ -147,6 +148,7 @@ int train(const TrainOptions& o, Dispatch& dispatch) {
   setup.learner = make_learner(setup.run, setup.device, joined.ranks.get());
   setup.ranks = joined.ranks;
   if (!joined.leads()) return finish(joined, follow(std::move(setup)));
+  warn_of_opponents(setup.run);
 
   const RunFolder folder = RunFolder::create(run_dir, run_name(o, setup.run.config));
   const RunConfig config = for_run_folder(setup.run.config);

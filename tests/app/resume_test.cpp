@@ -220,6 +220,15 @@ TEST_F(Resume, ADamagedNewestCheckpointIsNamedAndSetAside) {
       here_->run({"exploit", run, "--agent-steps", "256", "--episodes", "2", "--device", "cpu", "--out", "responses"});
   EXPECT_EQ(exploited.code, 0);
   EXPECT_TRUE(contains(exploited.err, {"warning: ", "is truncated", "is taken"}));
+  const std::string path = "./" + run;
+  for (const auto& [whom, size] :
+       {std::pair{"train.opponent=" + path, "0"}, std::pair{"opponents.policies=[" + path + "]", "1"}}) {
+    const Outcome met =
+        here_->run({"train", "short.yaml", "--run-dir", std::string("met") + size, "--set", whom, "--set",
+                    std::string("opponents.pool_size=") + size, "--set", "train.total_agent_steps=256"});
+    EXPECT_EQ(met.code, 0) << met.err;
+    EXPECT_TRUE(contains(met.err, {"warning: ", "is truncated", "is taken"})) << whom;
+  }
 
   const Outcome resumed = here_->run({"resume", run});
   ASSERT_EQ(resumed.code, 0) << resumed.err;
