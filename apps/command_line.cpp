@@ -110,8 +110,8 @@ void describe_program(CLI::App& app) {
       "\n"
       "Exit codes: 0 done; 1 failed; 2 the command line, a file or a value is wrong; 3 training diverged. Training "
       "that\n"
-      "was stopped with its state saved: 130 by SIGINT, 143 by SIGTERM, 138 by SIGUSR1, 124 by train.max_wall_time or\n"
-      "train.stop_at_agent_steps.\n"
+      "was stopped with its state saved: 130 by SIGINT, 143 by SIGTERM, 138 by SIGUSR1, 129 by SIGHUP, 124 by\n"
+      "train.max_wall_time or train.stop_at_agent_steps.\n"
       "Environment: GIGASTEP_DATA_DIR=<dir> is searched first for scenarios/ and configs/.");
 }
 

@@ -11,6 +11,7 @@
 #include "core/error.hpp"
 #include "export/export.hpp"
 #include "io/run_folder.hpp"
+#include "io/shell_word.hpp"
 #include "learn/players/policies.hpp"
 #include "policy/actor.hpp"
 #include "rating/find_rating.hpp"
@@ -81,7 +82,7 @@ void export_policy(const ExportRequest& o) {
   std::cout << o.out << ": the policy of team " << o.team << " after "
             << counted(checkpoint.updates, algorithm_of(loaded.run.config).updates) << " in "
             << checkpoint.scenario_name << "\ntry it: python3 "
-            << (std::filesystem::path(o.out) / kExampleName).string()
+            << shell_word((std::filesystem::path(o.out) / kExampleName).string())
             << " (its first lines say which packages it needs)" << std::endl;
 }
 

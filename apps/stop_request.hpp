@@ -1,4 +1,5 @@
-// StopRequest: whether the process was asked to end, by SIGINT (Ctrl-C), SIGTERM, or SIGUSR1 (Slurm's warning).
+// StopRequest: whether the process was asked to end, by SIGINT (Ctrl-C), SIGTERM, SIGUSR1 (Slurm's warning) or
+// SIGHUP (its terminal is gone).
 #pragma once
 
 namespace giga {

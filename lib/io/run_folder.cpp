@@ -11,6 +11,7 @@
 #include "core/error.hpp"
 #include "io/files.hpp"
 #include "io/replay.hpp"
+#include "io/shell_word.hpp"
 #include "io/tensorboard.hpp"
 
 namespace giga {
@@ -73,8 +74,9 @@ void expect_free(const fs::path& path) {
   if (!fs::is_empty(path, code))
     throw InputError(
         cat("the run folder ", path.string(),
-            " is there already and not empty: a run is never overwritten; to go on with it: gigastep resume ",
-            path.string()));
+            " is there already and not empty: a run is never overwritten; ",
+            fs::exists(path / "config.yaml", code) ? cat("to go on with it: gigastep resume ", shell_word(path.string()))
+                                              : "it holds no run"));
 }
 
 }  // namespace

@@ -1,6 +1,7 @@
 #include "sweep/spec.hpp"
 
 #include <set>
+#include <utility>
 
 #include "core/error.hpp"
 
@@ -40,6 +41,10 @@ bool FieldCodec<Choice>::read(const Node& node, Choice& value, const Allowed& al
   return true;
 }
 
+/// Keys of the config that each run of a sweep gets from it, and what they come from.
+constexpr std::pair<const char*, const char*> kSetBySweep[] = {{"seed", "seeds"},
+                                                               {"train.stop_at_agent_steps", "halving"}};
+
 SweepSpec read_sweep(const std::filesystem::path& file, KeyPositions& given) {
   SweepSpec spec;
   Errors errors;
@@ -48,6 +53,12 @@ SweepSpec read_sweep(const std::filesystem::path& file, KeyPositions& given) {
   for (const auto& [key, parameter] : spec.parameters)
     if (const std::string fault = fault_of(parameter, spec.method); !fault.empty())
       errors.add(place_of_key(given, "parameters." + key, file), cat("parameters.", key, ": ", fault));
+  for (const auto& [key, by] : kSetBySweep) {
+    const std::string fault = cat(key, ": the sweep sets this itself, by ", by);
+    if (spec.parameters.contains(key)) errors.add(place_of_key(given, cat("parameters.", key), file), "parameters." + fault);
+    for (const std::string& assignment : spec.set)
+      if (assignment.starts_with(cat(key, "="))) errors.add(place_of_key(given, "set", file), "set: " + fault);
+  }
   const auto needed = [&](const char* key, bool is_there, const char* what) {
     if (!is_there) errors.add(place_of_key(given, key, file), cat(key, ": ", what));
   };

@@ -313,7 +313,7 @@ std::vector<BadInput> meanings() {
        "gigastep train run.yaml --run-dir old",
        {"train", "run.yaml", "--run-dir", "old", "--set", "train.total_agent_steps=1"},
        {{"old/notes.txt", "mine"}, {"run.yaml", kGame}},
-       {"the run folder old is there already and not empty: a run is never overwritten", "gigastep resume old"}},
+       {"the run folder old is there already and not empty: a run is never overwritten; it holds no run"}},
       on_command_line("run folder that is not there", "gigastep resume runs/x", {"resume", "runs/x"},
                       {"there is no checkpoint or run folder runs/x"}),
       {"folder that is no run",
