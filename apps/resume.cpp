@@ -63,6 +63,27 @@ void set_aside(const std::vector<fs::path>& damaged) {
   }
 }
 
+/// Where best.h5 is damaged or gone the best evaluation from here on counts: else none would be kept until one is
+/// better than what nobody has any more.
+void forget_lost_best(const RunFolder& folder, RunCursor& cursor) {
+  if (cursor.best_updates == 0) return;
+  const fs::path best = folder.best_file();
+  std::string why = cat(best.string(), ": is gone");
+  std::error_code code;
+  if (fs::exists(best, code)) {
+    try {
+      read_checkpoint(best);
+      return;
+    } catch (const InputError& e) {
+      why = e.what();
+    }
+    set_aside({best});
+  }
+  std::cerr << "warning: " << why << "; the best evaluation from here on is kept\n";
+  cursor.best_score = -1;
+  cursor.best_updates = 0;
+}
+
 Json resume_info(const ResumedRun& resumed, Device device, const FoundCheckpoint& found) {
   Json info = run_info(resumed.run, device);
   info["checkpoint"] = found.file.filename().string();
@@ -86,7 +107,7 @@ int resume(const ResumeOptions& o, Dispatch& dispatch) {
   const fs::path path = folder_of(o.run);
   std::unique_ptr<const RunFolder> folder;
   if (joined.leads()) folder.reset(new RunFolder(RunFolder::open(path.string())));
-  const FoundCheckpoint found = find_checkpoint(o.run);
+  FoundCheckpoint found = find_checkpoint(o.run);
   std::error_code code;
   if (folder && !fs::is_directory(o.run, code)) expect_newest(o.run, *folder);
   const Checkpoint& from = found.checkpoint;
@@ -122,6 +143,7 @@ int resume(const ResumeOptions& o, Dispatch& dispatch) {
 
   MetricsFiles::expect(*folder, from.cursor);
   set_aside(found.damaged_files);
+  forget_lost_best(*folder, found.checkpoint.cursor);
   folder->describe_resume(print_yaml(for_run_folder(resumed.run.config), true),
                           resume_info(resumed, setup.device, found));
   dispatch.advice = [path = folder->path()] { return advice_to_resume(path); };

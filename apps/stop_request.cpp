@@ -21,7 +21,8 @@ StopRequest::StopRequest() {
   std::signal(SIGPIPE, SIG_IGN);  // nobody reads what is told any more: no reason to lose the work
   for (const int signal : kSignals) {
     struct sigaction action {};
-    if (signal == SIGHUP && sigaction(signal, nullptr, &action) == 0 && action.sa_handler == SIG_IGN) continue;  // nohup
+    if (signal == SIGHUP && sigaction(signal, nullptr, &action) == 0 && action.sa_handler == SIG_IGN)
+      continue;  // nohup
     action.sa_handler = note;
     // Calls that a signal interrupts go on; the second SIGINT finds the default action, which ends the process.
     action.sa_flags = SA_RESTART | (signal == SIGINT ? static_cast<int>(SA_RESETHAND) : 0);

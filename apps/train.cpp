@@ -207,7 +207,8 @@ void add_train_command(CLI::App& app, Dispatch& dispatch) {
       "                              team T on its side against script O; filled where an evaluation took place\n"
       "Algorithms (train.algorithm):\n" +
       algorithms_help() +
-      "SIGINT (Ctrl-C), SIGTERM, SIGUSR1, SIGHUP and train.max_wall_time end a run after its update, with its state saved;\n"
+      "SIGINT (Ctrl-C), SIGTERM, SIGUSR1, SIGHUP and train.max_wall_time end a run after its update, with its state "
+      "saved;\n"
       "gigastep resume goes on. A second Ctrl-C ends it at once, with what was saved last.\n"
       "Examples:\n"
       "  gigastep train quickstart\n"

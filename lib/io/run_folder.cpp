@@ -72,11 +72,10 @@ void expect_free(const fs::path& path) {
   if (const auto owner = lock_owner(path))
     throw InputError(cat("the run folder ", path.string(), " is in use by ", *owner));
   if (!fs::is_empty(path, code))
-    throw InputError(
-        cat("the run folder ", path.string(),
-            " is there already and not empty: a run is never overwritten; ",
-            fs::exists(path / "config.yaml", code) ? cat("to go on with it: gigastep resume ", shell_word(path.string()))
-                                              : "it holds no run"));
+    throw InputError(cat(
+        "the run folder ", path.string(), " is there already and not empty: a run is never overwritten; ",
+        fs::exists(path / "config.yaml", code) ? cat("to go on with it: gigastep resume ", shell_word(path.string()))
+                                               : "it holds no run"));
 }
 
 }  // namespace

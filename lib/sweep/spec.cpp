@@ -55,7 +55,8 @@ SweepSpec read_sweep(const std::filesystem::path& file, KeyPositions& given) {
       errors.add(place_of_key(given, "parameters." + key, file), cat("parameters.", key, ": ", fault));
   for (const auto& [key, by] : kSetBySweep) {
     const std::string fault = cat(key, ": the sweep sets this itself, by ", by);
-    if (spec.parameters.contains(key)) errors.add(place_of_key(given, cat("parameters.", key), file), "parameters." + fault);
+    if (spec.parameters.contains(key))
+      errors.add(place_of_key(given, cat("parameters.", key), file), "parameters." + fault);
     for (const std::string& assignment : spec.set)
       if (assignment.starts_with(cat(key, "="))) errors.add(place_of_key(given, "set", file), "set: " + fault);
   }

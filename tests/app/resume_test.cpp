@@ -213,7 +213,8 @@ TEST_F(Resume, ADamagedNewestCheckpointIsNamedAndSetAside) {
   EXPECT_EQ(by_name.code, 2) << "a file that is named never falls back";
   EXPECT_TRUE(contains(by_name.err, {newest.file.filename().string() + ": is truncated: 3000 of"}));
   const std::string best = run + "/checkpoints/best.h5";
-  if (here_->has(best)) here_->write(best, here_->read(best).substr(0, 3000));  // evaluation looks at this one first
+  ASSERT_TRUE(here_->has(best));
+  here_->write(best, here_->read(best).substr(0, 3000));  // evaluation looks at this one first
   const Outcome evaluated = here_->run({"eval", run, "--vs", "random", "--episodes", "8", "--device", "cpu"});
   EXPECT_EQ(evaluated.code, 0);
   EXPECT_TRUE(contains(evaluated.err, {"warning: ", "is truncated", "is taken"}));
@@ -235,6 +236,9 @@ TEST_F(Resume, ADamagedNewestCheckpointIsNamedAndSetAside) {
   ASSERT_EQ(resumed.code, 0) << resumed.err;
   EXPECT_TRUE(contains(resumed.err, {"warning: ", "is truncated: 3000 of", "going on from"}));
   EXPECT_TRUE(here_->has(name + ".damaged"));
+  EXPECT_TRUE(contains(resumed.err, {"best.h5: is truncated: 3000 of", "the best evaluation from here on is kept"}));
+  EXPECT_TRUE(here_->has(best + ".damaged"));
+  EXPECT_NO_THROW(read_checkpoint(here_->path() / best)) << "of the evaluations that followed one is the best";
   expect_same_as_whole(run);
 }
 

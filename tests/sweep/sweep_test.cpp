@@ -123,7 +123,8 @@ TEST_F(Sweep, MistakesInTheFileAreTold) {
   contains(cat(kHead, "  a: {choices: [1, 1]}\n"), "the choice 1 is there twice");
   contains(cat(kHead, "  a: {choice: [1]}\n"), "choices");
   contains(cat(kHead, "  a: {choices: [1]}\nseeds: [1, 1]\n"), "seeds: one of them is there twice");
-  contains(cat(kHead, "  seed: {choices: [1, 2]}\n"), "s.yaml:4:3: parameters.seed: the sweep sets this itself, by seeds");
+  contains(cat(kHead, "  seed: {choices: [1, 2]}\n"),
+           "s.yaml:4:3: parameters.seed: the sweep sets this itself, by seeds");
   contains(cat(kHead, "  a: {choices: [1]}\nset: [train.stop_at_agent_steps=5]\n"),
            "s.yaml:5:6: set: train.stop_at_agent_steps: the sweep sets this itself, by halving");
   contains("config: quickstart\nparameters: {a: {choices: [1]}}\n", "metric: the sweep needs a column");
