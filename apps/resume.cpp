@@ -16,11 +16,14 @@
 #include "apps/run_replays.hpp"
 #include "apps/start_ranks.hpp"
 #include "apps/training.hpp"
+#include "config/names.hpp"
 #include "core/error.hpp"
 #include "cuda/runtime.hpp"
+#include "io/logger.hpp"
 #include "io/run_folder.hpp"
 #include "io/state_hash.hpp"
 #include "learn/resume_config.hpp"
+#include "scenario/loader.hpp"
 
 namespace giga {
 namespace fs = std::filesystem;
@@ -39,7 +42,7 @@ std::string folder_of(const std::string& path) {
   if (!fs::exists(path, code)) fail_no_such_run(path);
   if (fs::is_directory(path, code)) return path;
   const fs::path folder = fs::absolute(path, code).parent_path().parent_path();
-  if (!fs::is_regular_file(folder / "config.yaml", code))
+  if (!is_run_folder(folder))
     throw InputError(cat(path, " does not lie in the checkpoints of a run folder: copy the whole folder"));
   return folder.string();
 }
@@ -92,6 +95,24 @@ Json resume_info(const ResumedRun& resumed, Device device, const FoundCheckpoint
   return info;
 }
 
+/// What the folder has lost and its checkpoint knows is written again: the report at the end reads it. Of run.json that
+/// is not the machine, the time and the command line of the start.
+void write_missing(const RunFolder& folder, const FoundCheckpoint& found, bool quiet) {
+  const Checkpoint& from = found.checkpoint;
+  const RunConfig config = for_run_folder(load_run_config_text(from.config_yaml, from.scenario_yaml).config);
+  const std::string source = found.file.filename().string();
+  const Json info{{"scenario", from.scenario_name},
+                  {"algorithm", config.train.algorithm},
+                  {"seed", from.seed},
+                  {"versions", {{"gigastep", from.gigastep_version}}},
+                  {"restored_from", source}};
+  const std::vector<std::string> written = folder.describe_missing(print_yaml(config, true), from.scenario_yaml, info,
+                                                                   is_path(config.scenario) ? config.scenario : "");
+  if (written.empty()) return;
+  Logger(folder.log_file(), quiet ? Logger::Console::quiet : Logger::Console::all)
+      .info(cat("missing in ", folder.path().string(), " and written again from ", source, ": ", join(written)));
+}
+
 void warn(const FoundCheckpoint& found) {
   for (const std::string& line : found.damaged)
     std::cerr << "warning: " << line << "; going on from " << found.file.string() << '\n';
@@ -118,6 +139,7 @@ int resume(const ResumeOptions& o, Dispatch& dispatch) {
                       !o.no_color};
   setup.ranks = joined.ranks;
   if (from.agent_steps >= resumed.run.config.train.total_agent_steps) {
+    if (folder) write_missing(*folder, found, o.quiet);
     if (folder)
       std::cout << "the run " << path.string() << " is complete: " << from.updates << " updates, " << from.agent_steps
                 << " agent-steps; to go on: --set train.total_agent_steps=N\n";
@@ -144,6 +166,7 @@ int resume(const ResumeOptions& o, Dispatch& dispatch) {
   MetricsFiles::expect(*folder, from.cursor);
   set_aside(found.damaged_files);
   forget_lost_best(*folder, found.checkpoint.cursor);
+  write_missing(*folder, found, o.quiet);
   folder->describe_resume(print_yaml(for_run_folder(resumed.run.config), true),
                           resume_info(resumed, setup.device, found));
   dispatch.advice = [path = folder->path()] { return advice_to_resume(path); };
@@ -163,7 +186,8 @@ void add_resume_command(CLI::App& app, Dispatch& dispatch) {
       "On the same machine, build and device a run that was stopped and resumed is the same, bit for bit, as one that\n"
       "was not: gigastep inspect shows the same SHA-256. Rows of metrics.csv and TensorBoard events that were written\n"
       "after the checkpoint are cut off. Of a run folder the newest whole checkpoint is taken; damaged ones are named\n"
-      "and set aside. A checkpoint file that is named is taken as it is, or refused.\n"
+      "and set aside, and config.yaml, scenario.yaml and run.json written again from it where they are missing.\n"
+      "A checkpoint file that is named is taken as it is, or refused.\n"
       "Settings that may change (--set; a name that ends in a point stands for all keys of its group):\n" +
       resumable_settings() +
       "Examples:\n"

@@ -72,10 +72,10 @@ void expect_free(const fs::path& path) {
   if (const auto owner = lock_owner(path))
     throw InputError(cat("the run folder ", path.string(), " is in use by ", *owner));
   if (!fs::is_empty(path, code))
-    throw InputError(cat(
-        "the run folder ", path.string(), " is there already and not empty: a run is never overwritten; ",
-        fs::exists(path / "config.yaml", code) ? cat("to go on with it: gigastep resume ", shell_word(path.string()))
-                                               : "it holds no run"));
+    throw InputError(cat("the run folder ", path.string(),
+                         " is there already and not empty: a run is never overwritten; ",
+                         is_run_folder(path) ? cat("to go on with it: gigastep resume ", shell_word(path.string()))
+                                             : "it holds no run"));
 }
 
 }  // namespace
@@ -101,8 +101,7 @@ RunFolder RunFolder::create(const std::string& folder, const std::string& name) 
 RunFolder RunFolder::open(const std::string& folder) {
   std::error_code code;
   if (!fs::is_directory(folder, code)) throw InputError(cat("there is no run folder ", folder));
-  if (!fs::is_regular_file(fs::path(folder) / "config.yaml", code))
-    throw InputError(cat(folder, " is not a run folder: it has no config.yaml"));
+  if (!is_run_folder(folder)) throw InputError(cat(folder, " is not a run folder: it has no config.yaml"));
   RunFolder run(folder);
   for (const fs::path& place : {run.path_, run.path_ / kCheckpoints, run.path_ / kReplays}) remove_temporaries(place);
   return run;
@@ -123,6 +122,23 @@ void RunFolder::describe(const std::string& config_yaml, const std::string& scen
   if (!scenario_file_name.empty()) write_file(path_ / scenario_file_name, scenario_yaml);
   write_file(info_file(), json_text(info) + "\n");
   write_file(config_file(), config_yaml);
+}
+
+std::vector<std::string> RunFolder::describe_missing(const std::string& config_yaml, const std::string& scenario_yaml,
+                                                     const Json& info, const std::string& scenario_file_name) const {
+  std::vector<std::string> written;
+  const auto restore = [&written](const fs::path& file, const std::string& text) {
+    std::error_code code;
+    if (fs::exists(file, code)) return;
+    if (text.empty()) throw InputError(cat(file.string(), " is missing, and the checkpoint does not hold it"));
+    write_file(file, text);
+    written.push_back(file.filename().string());
+  };
+  restore(scenario_file(), scenario_yaml);
+  if (!scenario_file_name.empty()) restore(path_ / scenario_file_name, scenario_yaml);
+  restore(info_file(), json_text(info) + "\n");
+  restore(config_file(), config_yaml);
+  return written;
 }
 
 void RunFolder::describe_resume(const std::string& config_yaml, const Json& info) const {
@@ -161,6 +177,11 @@ void RunFolder::save(const Checkpoint& checkpoint, int keep, bool is_best) const
     std::error_code code;
     fs::remove(files[k], code);
   }
+}
+
+bool is_run_folder(const fs::path& folder) {
+  std::error_code code;
+  return fs::is_regular_file(folder / "config.yaml", code) || !list_checkpoints(folder).empty();
 }
 
 void fail_no_such_run(const fs::path& path) {

@@ -51,6 +51,10 @@ class RunFolder {
   /// which the config names.
   void describe(const std::string& config_yaml, const std::string& scenario_yaml, const Json& info,
                 const std::string& scenario_file_name = "") const;
+  /// Writes those of these files that are not there, and returns their names. Throws InputError where one is missing
+  /// and its text is empty.
+  std::vector<std::string> describe_missing(const std::string& config_yaml, const std::string& scenario_yaml,
+                                            const Json& info, const std::string& scenario_file_name = "") const;
   /// Writes config.yaml and resume_NNN.json.
   void describe_resume(const std::string& config_yaml, const Json& info) const;
 
@@ -68,6 +72,9 @@ class RunFolder {
   std::filesystem::path path_;
   RunLock lock_;
 };
+
+/// Whether a folder is that of a run: it holds config.yaml or, where that was lost, checkpoints.
+bool is_run_folder(const std::filesystem::path& folder);
 
 /// Throws InputError: `path`, a run or checkpoint that somebody named, is not there. It names the entry beside it that
 /// may have been meant.

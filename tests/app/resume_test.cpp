@@ -260,6 +260,33 @@ TEST_F(Resume, RefusesARunWhoseFilesWereCutAndLeavesItAlone) {
   expect_same_as_whole(run);
 }
 
+TEST_F(Resume, WhatTheFolderHasLostIsWrittenAgainFromItsCheckpoint) {
+  const std::string run = "lost";
+  ASSERT_EQ(interrupted(run, SIGTERM).code, 143);
+  const std::string config = here_->read(run + "/config.yaml"), scenario = here_->read(run + "/scenario.yaml");
+  const auto lose = [&] {
+    for (const char* name : {"config.yaml", "scenario.yaml", "run.json"}) fs::remove(here_->path() / run / name);
+  };
+  lose();
+  const Outcome resumed = here_->run({"resume", run});
+  ASSERT_EQ(resumed.code, 0) << resumed.err;
+  const std::string told = "written again from update_";
+  EXPECT_TRUE(contains(resumed.err, {"missing in lost", told, "scenario.yaml, run.json, config.yaml"}));
+  EXPECT_TRUE(contains(here_->read(run + "/log.txt"), {told}));
+  EXPECT_EQ(here_->read(run + "/config.yaml"), config);
+  EXPECT_EQ(here_->read(run + "/scenario.yaml"), scenario);
+  EXPECT_TRUE(contains(here_->read(run + "/run.json"), {"\"seed\": 1", "\"restored_from\": \"update_"}));
+  EXPECT_TRUE(here_->has(run + "/report.html")) << "it reads all three";
+  expect_same_as_whole(run);
+
+  lose();
+  const std::string newest = run + "/checkpoints/update_00000040.h5";
+  EXPECT_TRUE(contains(here_->run({"resume", newest}).err, {"written again from update_00000040.h5"}))
+      << "of a complete run too";
+  EXPECT_EQ(here_->read(run + "/config.yaml"), config);
+  EXPECT_FALSE(contains(here_->run({"resume", run}).err, {told}));
+}
+
 TEST_F(Resume, ANamedCheckpointMustBeTheNewest) {
   const Outcome older = here_->run({"resume", "whole/checkpoints/update_00000039.h5"});
   EXPECT_EQ(older.code, 2);

@@ -158,6 +158,30 @@ TEST(RunFolder, IsOpenedAgainAndDescribedAgain) {
   EXPECT_EQ(read_file(folder / "run/resume_002.json"), "{\n  \"n\": 2\n}\n");
 }
 
+TEST(RunFolder, WhatIsMissingIsDescribedAgain) {
+  using Names = std::vector<std::string>;
+  const TemporaryFolder folder;
+  const std::string path = (folder / "run").string();
+  {
+    const RunFolder run = RunFolder::create(path, "");
+    run.describe("seed: 1\n", "rules: original\n", {{"seed", 1}}, "game.yaml");
+    run.save(after(2), 5, false);
+    EXPECT_EQ(run.describe_missing("other", "other", {{"seed", 2}}, "game.yaml"), Names());
+    EXPECT_EQ(read_file(run.config_file()), "seed: 1\n");
+    for (const char* name : {"config.yaml", "scenario.yaml", "game.yaml", "run.json"}) fs::remove(run.path() / name);
+  }
+  const RunFolder run = RunFolder::open(path);  // its checkpoint tells that it is a run
+  EXPECT_TRUE(contains(input_error_of([&] {
+                         run.describe_missing("seed: 1\n", "", {{"seed", 1}});
+                       }),
+                       {"scenario.yaml is missing", "does not hold it"}));
+  EXPECT_FALSE(fs::exists(run.config_file()));
+  EXPECT_EQ(run.describe_missing("seed: 1\n", "rules: original\n", {{"seed", 1}}, "game.yaml"),
+            (Names{"scenario.yaml", "game.yaml", "run.json", "config.yaml"}));
+  EXPECT_EQ(read_file(run.path() / "game.yaml"), "rules: original\n");
+  EXPECT_EQ(read_file(run.info_file()), "{\n  \"seed\": 1\n}\n");
+}
+
 TEST(RunFolder, OneProcessAtATime) {
   const TemporaryFolder folder;
   const std::string path = (folder / "run").string();
