@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <map>
 #include <optional>
+#include <set>
 #include <sstream>
 #include <system_error>
 
@@ -206,8 +207,12 @@ void pool_seeds(RoundRobin& all) {
   for (const auto& [configuration, members] : groups) {
     if (members.size() < 2) continue;
     std::vector<std::string> names;
-    for (const size_t k : members) names.push_back(all.infos[k].run);
-    std::string name = cat(common_name(names), " (", members.size(), " seeds)");
+    std::set<uint64_t> seeds;
+    for (const size_t k : members) {
+      names.push_back(all.infos[k].run);
+      seeds.insert(all.players[k].origin()->run.config.seed);
+    }
+    std::string name = cat(common_name(names), " (", counted_seeds(members.size(), seeds.size()), ")");
     while (std::find(all.pools.begin(), all.pools.end(), name) != all.pools.end()) name += "'";
     for (const size_t k : members) all.pools[k] = name;
   }

@@ -51,6 +51,12 @@ inline std::string counted(int64_t n, const std::string& things) {
   return cat(n, ' ', n == 1 ? things.substr(0, things.size() - 1) : things);
 }
 
+/// "3 seeds"; "3 runs of 2 seeds" where runs share one: they tell less than as many seeds would.
+inline std::string counted_seeds(size_t runs, size_t seeds) {
+  const std::string text = counted(static_cast<int64_t>(seeds), "seeds");
+  return runs == seeds ? text : cat(counted(static_cast<int64_t>(runs), "runs"), " of ", text);
+}
+
 }  // namespace giga
 
 /// Throws giga::Error with file, line, the condition and the streamed arguments unless `condition` holds.

@@ -8,6 +8,7 @@
 #include <cstdio>
 #include <iterator>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <string_view>
 #include <utility>
 
@@ -23,14 +24,20 @@ namespace {
 
 constexpr int kNTeams = 2;
 
+std::string seeds_of(const std::vector<const RunData*>& runs) {
+  std::set<std::string> seeds;
+  for (const RunData* run : runs) seeds.insert(setting(flatten(run->config), "seed"));
+  return counted_seeds(runs.size(), seeds.size());
+}
+
 /// How the curves of a group are to be read.
 std::string reading_of(const RunGroup& group) {
   const size_t n = group.runs.size();
-  std::string text = n > 1 ? cat("Line: mean of ", n, " seeds; band: smallest to largest") : "One run";
+  std::string text = n > 1 ? cat("Line: mean of ", seeds_of(group.runs), "; band: smallest to largest") : "One run";
   const bool uneven = std::any_of(group.runs.begin(), group.runs.end(), [&](const RunData* run) {
     return run->metrics.rows() != group.runs.front()->metrics.rows();
   });
-  if (uneven) text += "; seeds that have ended or not come so far are missing from the later points";
+  if (uneven) text += "; runs that have ended or not come so far are missing from the later points";
   if (group.rows_per_point > 1)
     text += cat("; each point stands for ", group.rows_per_point, " updates",
                 n > 1 ? "" : " (line: mean; band: smallest to largest)");
@@ -45,7 +52,7 @@ double last_known(const std::vector<double>& values) {
 /// A team's share of the games of the last evaluation of each run.
 struct LastWinRate {
   double mean = 0, low = 1, high = 0;
-  int runs = 0;
+  std::vector<const RunData*> runs;  ///< that have one
 };
 LastWinRate last_win_rate(const RunGroup& group, const std::string& column) {
   LastWinRate rate;
@@ -53,10 +60,11 @@ LastWinRate last_win_rate(const RunGroup& group, const std::string& column) {
     const std::vector<double>* values = run->metrics.find(column);
     const double last = values ? last_known(*values) : std::nan("");
     if (std::isnan(last)) continue;
-    rate.mean = (rate.mean * rate.runs + last) / (rate.runs + 1);
+    const auto n = static_cast<double>(rate.runs.size());
+    rate.mean = (rate.mean * n + last) / (n + 1);
     rate.low = std::min(rate.low, last);
     rate.high = std::max(rate.high, last);
-    ++rate.runs;
+    rate.runs.push_back(run);
   }
   return rate;
 }
@@ -71,7 +79,7 @@ std::vector<std::string> opponents_of(const RunGroup& group) {
   return names;
 }
 
-/// A team's bar from 0 to 1, with the spread over the seeds.
+/// A team's bar from 0 to 1, with the spread over the runs.
 void write_bar(Markup& page, int team, const LastWinRate& rate) {
   const auto bar = page.open("div", {{"class", "bar"}});
   page.element("span", cat("team ", team));
@@ -80,33 +88,33 @@ void write_bar(Markup& page, int team, const LastWinRate& rate) {
     page.element(
         "div", "",
         {{"class", "fill"}, {"style", cat("width: ", 100 * rate.mean, "%; background: var(--team-", team, ")")}});
-    if (rate.runs > 1)
+    if (rate.runs.size() > 1)
       page.element("div", "",
                    {{"class", "spread"},
                     {"style", cat("left: ", 100 * rate.low, "%; width: ", 100 * (rate.high - rate.low), "%")}});
   }
   const auto number = page.open("span", {{"class", "number"}});
   page.element("b", print_share(rate.mean));
-  if (rate.runs > 1) page.element("span", cat(print_share(rate.low), " to ", print_share(rate.high)));
+  if (rate.runs.size() > 1) page.element("span", cat(print_share(rate.low), " to ", print_share(rate.high)));
 }
 
 /// Win rates against one opponent at the end.
 void write_result(Markup& page, const RunGroup& group, const std::string& opponent) {
   LastWinRate rates[kNTeams];
-  int runs = 0;
+  std::vector<const RunData*> runs;
   for (int team = 0; team < kNTeams; ++team) {
     rates[team] = last_win_rate(group, cat("win_rate_", team, "_vs_", opponent));
-    runs = std::max(runs, rates[team].runs);
+    if (rates[team].runs.size() > runs.size()) runs = rates[team].runs;
   }
   const auto box = page.open("div");
   {
     const auto title = page.open("h4");
     page.insert(escaped("Won against " + opponent));
     page.element("span", cat(" in ", setting(flatten(group.runs.front()->config), "eval.episodes"), " episodes",
-                             runs > 1 ? cat(", mean of ", runs, " seeds") : ""));
+                             runs.size() > 1 ? cat(", mean of ", seeds_of(runs)) : ""));
   }
   for (int team = 0; team < kNTeams; ++team)
-    if (rates[team].runs > 0) write_bar(page, team, rates[team]);
+    if (!rates[team].runs.empty()) write_bar(page, team, rates[team]);
 }
 
 void write_figures(Markup& page, const std::vector<RunGroup>& groups) {

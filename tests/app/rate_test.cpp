@@ -208,6 +208,13 @@ TEST_F(RatedRuns, SeedsOfOneConfigArePooled) {
   double games = 0;
   for (const char* count : {"wins", "losses", "ties"}) games += number_at(json, {"games", count, "0", "1"});
   EXPECT_EQ(games, 16) << "8 against each of two seeds";
+
+  const auto copy = std::filesystem::copy_options::recursive;
+  std::filesystem::copy(here_->path() / "run-seed2", here_->path() / "run-seed2-again", copy);
+  with_group.insert(with_group.begin(), "run-seed2-again");
+  const Outcome twice = rate(with_group);
+  ASSERT_EQ(twice.code, 0) << twice.err;
+  EXPECT_EQ(names_of(parse_yaml_text(twice.out, "json")), (Names{"random", "run (3 runs of 2 seeds)"}));
 }
 
 TEST_F(RatedRuns, SeveralAreWrittenBesideThemAndToldBeforehand) {

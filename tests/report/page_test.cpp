@@ -93,6 +93,10 @@ TEST_F(ReportPage, FinalFiguresAreThoseOfTheLastEvaluation) {
   EXPECT_EQ(texts_of(section, "div", "bar").size(), 1u) << "team 1 has no games";
   EXPECT_EQ(texts_of(section, "b"), Texts{"0.50"});  // (0.25 + 0.75) / 2
   EXPECT_TRUE(contains(page_of({"a", "b"}), {"0.25 to 0.75", "style=\"left: 25%; width: 50%\""}));
+  run.write(folder_ / "c");
+  EXPECT_TRUE(
+      contains(page_of({"a", "b", "c"}), {"mean of 3 runs of 2 seeds", "Line: mean of 3 runs of 2 seeds; band"}));
+  EXPECT_TRUE(contains(page_of({"b", "c"}), {"mean of 2 runs of 1 seed"}));
 }
 
 TEST_F(ReportPage, TellsHowTheCurvesAreToBeRead) {
