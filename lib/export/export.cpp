@@ -2,6 +2,7 @@
 
 #include <unistd.h>
 
+#include <array>
 #include <cerrno>
 #include <cstring>
 #include <fstream>
@@ -126,8 +127,18 @@ bool is_zip(const fs::path& file) {
   return std::string_view(head, sizeof head) == "PK\x03\x04";
 }
 
+constexpr std::array kFormats = {ExportFormat::safetensors, ExportFormat::onnx, ExportFormat::torchscript};
+
+/// That of the policy file in a folder, which may have lost its manifest.
+std::optional<ExportFormat> format_in_folder(const fs::path& folder) {
+  std::error_code code;
+  for (const ExportFormat format : kFormats)
+    if (fs::exists(folder / policy_file_name(format), code)) return format;
+  return std::nullopt;
+}
+
 std::optional<ExportFormat> format_of_file(const fs::path& file) {
-  for (const ExportFormat format : {ExportFormat::safetensors, ExportFormat::onnx, ExportFormat::torchscript})
+  for (const ExportFormat format : kFormats)
     if (file.extension() == fs::path(policy_file_name(format)).extension()) return format;
   if (is_zip(file)) return ExportFormat::torchscript;
   return std::nullopt;
@@ -159,7 +170,7 @@ void write_export(const fs::path& folder, ExportFormat format, const Actor& acto
 
 bool is_exported_policy(const fs::path& path) {
   std::error_code code;
-  if (fs::is_directory(path, code)) return fs::exists(path / kManifestName, code);
+  if (fs::is_directory(path, code)) return fs::exists(path / kManifestName, code) || format_in_folder(path);
   return format_of_file(path).has_value();
 }
 
@@ -168,7 +179,10 @@ ExportedPolicy find_exported_policy(const fs::path& path, bool trust) {
   if (!fs::exists(path, code)) throw InputError(cat("there is no exported policy ", path.string()));
   const bool is_folder = fs::is_directory(path, code);
   const fs::path manifest_file = (is_folder ? path : path.parent_path()) / kManifestName;
-  const std::optional<ExportFormat> format = is_folder ? read_manifest(manifest_file).format : format_of_file(path);
+  const bool has_manifest = fs::exists(manifest_file, code);
+  const std::optional<ExportFormat> format = !is_folder     ? format_of_file(path)
+                                             : has_manifest ? read_manifest(manifest_file).format
+                                                            : format_in_folder(path);
   if (!format)
     throw InputError(cat(path.string(),
                          " is no exported policy: allowed are the folder of an export and files that "
@@ -182,10 +196,10 @@ ExportedPolicy find_exported_policy(const fs::path& path, bool trust) {
     throw InputError(cat(found.file.string(),
                          " is a TorchScript module, which is code: opening it runs what is in it, with "
                          "your rights; add --trust if you know where it is from"));
-  const bool has_manifest = fs::exists(manifest_file, code);
-  if (*format == ExportFormat::safetensors && !has_manifest)
+  if ((is_folder || *format == ExportFormat::safetensors) && !has_manifest)
     throw InputError(cat(found.file.string(), " has no ", kManifestName,
-                         " beside it, which says what the policy observes and does: keep together what export wrote"));
+                         " beside it, which says what the policy observes and does: keep together what export wrote, "
+                         "or export the policy again"));
   // A module from elsewhere may lie beside the manifest of something else, or of nothing.
   const bool exported_here = found.file.filename() == policy_file_name(*format) && has_manifest;
   if (is_folder || exported_here || *format == ExportFormat::safetensors) found.manifest = read_manifest(manifest_file);

@@ -35,8 +35,9 @@ SimSpec without_view(const SimSpec& spec);
 void write_export(const std::filesystem::path& folder, ExportFormat format, const Actor& actor, const SimSpec& spec,
                   const PolicyOrigin& origin, const ExportOptions& options = {});
 
-/// Whether a path is that of an exported policy: the folder of an export, a file named like a policy (.safetensors,
-/// .onnx, .pt), or a ZIP archive, which is what TorchScript modules are.
+/// Whether a path is that of an exported policy: the folder of an export (also without its manifest, which
+/// find_exported_policy tells), a file named like a policy (.safetensors, .onnx, .pt), or a ZIP archive, which is what
+/// TorchScript modules are.
 bool is_exported_policy(const std::filesystem::path& path);
 
 /// What there is to know of an exported policy before it plays.
@@ -46,8 +47,8 @@ struct ExportedPolicy {
   std::optional<Manifest> manifest;  ///< none: a TorchScript module from elsewhere
 };
 
-/// Finds the policy in the folder of an export or in a policy file, and reads its manifest. A safetensors file needs
-/// one beside it. A TorchScript module, which is code, is admitted only with `trust`; it may come from elsewhere and
+/// Finds the policy in the folder of an export or in a policy file, and reads its manifest. A folder and a safetensors
+/// file need one. A TorchScript module, which is code, is admitted only with `trust`; it may come from elsewhere and
 /// have no manifest. Throws InputError with the file and what is wrong with it, and for ONNX, which is not read.
 ExportedPolicy find_exported_policy(const std::filesystem::path& path, bool trust);
 

@@ -189,7 +189,16 @@ TEST(ExportRoundTrip, WhatCannotPlayIsSaid) {
   EXPECT_TRUE(contains(export_refusal(folder / "nothing"), {"there is no exported policy", "nothing"}));
   EXPECT_TRUE(contains(export_refusal(folder / "tensors/act.py"), {"act.py is no exported policy", ".safetensors"}));
   fs::remove(folder / "tensors/manifest.json");
-  EXPECT_TRUE(contains(export_refusal(folder / "tensors/policy.safetensors"), {"manifest.json"}));
+  fs::remove(folder / "onnx/manifest.json");
+  fs::remove(folder / "module/manifest.json");
+  for (const char* path : {"tensors", "tensors/policy.safetensors"})
+    EXPECT_TRUE(contains(export_refusal(folder / path),
+                         {"policy.safetensors has no manifest.json beside it", "or export the policy again"}))
+        << path;
+  for (const char* path : {"tensors", "onnx", "module"}) EXPECT_TRUE(is_exported_policy(folder / path)) << path;
+  EXPECT_TRUE(contains(export_refusal(folder / "module"), {"policy.pt has no manifest.json beside it"}));
+  EXPECT_TRUE(contains(export_refusal(folder / "onnx"), {"policy.onnx is an ONNX graph"}));
+  EXPECT_EQ(export_refusal(folder / "module/policy.pt"), "no error") << "a module may be from elsewhere";
 }
 
 TEST(ExportRoundTrip, OfAnotherScenario) {
