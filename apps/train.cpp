@@ -84,6 +84,12 @@ std::string run_name(const TrainOptions& o, const RunConfig& c) {
   return cat(name, "-seed", c.seed);
 }
 
+/// For CLI::Option::check. Without this a variable of a script that is not set, as in --name "$name", would go
+/// unnoticed.
+std::string refuse_no_name(const std::string& name) {
+  return name.empty() ? "a name is missing; allowed is the name of a folder in runs/, without a slash" : "";
+}
+
 /// The folder that was asked for; empty: one is made by what the run is.
 std::string folder_of(const TrainOptions& o) {
   if (o.name.empty()) return o.run_dir;
@@ -175,6 +181,7 @@ void add_train_command(CLI::App& app, Dispatch& dispatch) {
           ->type_name("DIR");
   command->add_option("--name", options->name, "name of this run: its folder is runs/NAME, which must be new or empty")
       ->type_name("NAME")
+      ->check(refuse_no_name)
       ->excludes(run_dir);
   add_device_option(*command, options->device);
   command->add_option("--seed", options->seed, "seed of everything random, as --set seed=N")

@@ -97,6 +97,7 @@ TEST(CommandLine, MistakesNameTheNearest) {
        {"--seed: '-1' is not an integer in [0, 18446744073709551615]"}},
       {{"train", "quickstart", "--epochs", "3"}, {"unknown option '--epochs'; keys are set by --set KEY=VALUE"}},
       {{"train", "quickstart", "--name", "a/b"}, {"--name a/b is a path", "--run-dir"}},
+      {{"train", "quickstart", "--name", ""}, {"--name: a name is missing; allowed is the name of a folder in runs/"}},
       {{"train", "quickstart", "--set", "mappo.gamma", "0.9"},
        {"--set mappo.gamma 0.9: expected KEY=VALUE; write --set mappo.gamma=0.9"}},
       {{"train", "quickstart", "--mappo.gamma=0.9"},
