@@ -73,6 +73,8 @@ void print_origin(const Player& c) {
 }
 
 void play(const EvalOptions& o) {
+  if (o.csv == "-" && o.json == "-")
+    throw InputError("--csv - and --json - would both be printed; write one of them to a file");
   const Device device = parse_device(o.device);
   const PlayerOptions loading{device, o.trust, o.greedy};
   Player b = load_player(o.b, loading);  // first: a wrong name is told before anything large is read
@@ -94,9 +96,9 @@ void play(const EvalOptions& o) {
   for (const Match& m : matches)
     report.results.push_back({m.side, o.b, play_match(spec, m.team[0], m.team[1], options)});
 
-  if (!o.csv.empty()) write_output(o.csv, report_csv(report));
+  if (!o.csv.empty()) write_or_print(o.csv, report_csv(report));
   if (!o.json.empty()) write_json(to_json(o, report, a, b), o.json);
-  if (o.json == "-") return;
+  if (o.csv == "-" || o.json == "-") return;
   std::cout << "scenario " << report.scenario << '\n' << report.win << '\n';
   print_origin(a);
   print_origin(b);
@@ -160,9 +162,11 @@ void add_eval_command(CLI::App& app, Dispatch& dispatch) {
                     "policies take their most likely action instead of drawing one; those that evolved with "
                     "population.greedy always do");
   command->add_flag("--trust", options->trust, "open TorchScript modules, which can run any code");
-  command->add_option("--csv", options->csv, "write the result as CSV to a file, a row per side")
+  command
+      ->add_option("--csv", options->csv,
+                   "write the result as CSV, a row per side, to a file; - prints it, and nothing else")
       ->check(output(Output::file))
-      ->type_name("FILE");
+      ->type_name("FILE|-");
   add_json_option(*command, options->json);
   command->footer(kEvalHelp);
   command->callback([options, &dispatch] { dispatch.run = [options] { play(*options); }; });

@@ -7,6 +7,7 @@
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
+#include <iostream>
 #include <system_error>
 
 #include "core/error.hpp"
@@ -78,6 +79,15 @@ void make_folder_of(const fs::path& file) {
   std::error_code code;
   fs::create_directories(file.parent_path(), code);
   if (code) throw InputError(cat("cannot create the folder ", file.parent_path().string(), ": ", code.message()));
+}
+
+void write_or_print(const std::string& destination, std::string_view text) {
+  if (destination != "-") {
+    make_folder_of(destination);
+    return write_file(destination, text);
+  }
+  std::cout << text << std::flush;
+  if (!std::cout) throw Error("cannot write to the standard output");
 }
 
 int remove_temporaries(const fs::path& folder) {

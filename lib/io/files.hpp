@@ -17,6 +17,10 @@ void write_file(const std::filesystem::path& path, std::string_view bytes);
 /// Makes the folders in which a file is to lie; throws InputError where that fails.
 void make_folder_of(const std::filesystem::path& file);
 
+/// Writes a text that is the result of a command: to a file, which is made with its folders; `-`: to the standard
+/// output.
+void write_or_print(const std::string& destination, std::string_view text);
+
 /// Removes what interrupted calls of write_file left in a folder (*.tmp); returns how many.
 int remove_temporaries(const std::filesystem::path& folder);
 

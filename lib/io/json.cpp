@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
-#include <iostream>
 #include <nlohmann/json.hpp>
 
 #include "config/document.hpp"
@@ -73,13 +72,7 @@ Json json_of(const Node& node) {
 }
 
 void write_json(const Json& json, const std::string& destination) {
-  const std::string text = json_text(json) + "\n";
-  if (destination != "-") {
-    make_folder_of(destination);
-    return write_file(destination, text);
-  }
-  std::cout << text << std::flush;
-  if (!std::cout) throw Error("cannot write to the standard output");
+  write_or_print(destination, json_text(json) + "\n");
 }
 
 }  // namespace giga

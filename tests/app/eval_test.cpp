@@ -105,6 +105,13 @@ TEST_F(Eval, WritesATableAndCsv) {
   EXPECT_EQ(here_->read("result.csv"), first) << "same seed, same result";
   eval("first", "second", {"--both-sides", "--csv", "result.csv", "--seed", "5"});
   EXPECT_NE(here_->read("result.csv"), first);
+  const Outcome printed = eval("first", "second", {"--both-sides", "--csv", "-", "--seed", "4"});
+  ASSERT_EQ(printed.code, 0) << printed.err;
+  EXPECT_EQ(printed.out, first) << "and nothing else";
+  EXPECT_FALSE(here_->has("-"));
+  const Outcome both = eval("first", "second", {"--csv", "-", "--json", "-"});
+  EXPECT_EQ(both.code, 2);
+  EXPECT_TRUE(contains(both.err, {"--csv - and --json - would both be printed"}));
 }
 
 TEST_F(Eval, ScriptedTeamsPlayWhatScenarioIsNamed) {
