@@ -7,7 +7,6 @@
 #include <nlohmann/json.hpp>
 
 #include "config/document.hpp"
-#include "core/error.hpp"
 #include "io/files.hpp"
 #include "io/number.hpp"
 

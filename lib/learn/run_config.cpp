@@ -104,6 +104,8 @@ LoadedRun finish(RunConfig config, std::optional<Scenario> scenario, const KeyPo
   errors.throw_if_any();
   if (const auto found = given.find("train.opponent"); found != given.end()) run.opponent_at = found->second;
   if (const auto found = given.find("opponents.policies"); found != given.end()) run.policies_at = found->second;
+  if (const auto found = given.find("scenario"); found != given.end() && found->second.source)
+    run.scenario_at = found->second;
   return run;
 }
 
@@ -223,7 +225,8 @@ std::optional<int64_t> total_updates(const RunConfig& c, int n_agents) {
   return (c.train.total_agent_steps + per_update(c, n_agents) - 1) / per_update(c, n_agents);
 }
 
-LoadedRun load_run_config(const std::string& path, const std::vector<std::string>& overrides) {
+LoadedRun load_run_config(const std::string& path, const std::vector<std::string>& overrides,
+                          const std::function<void(RunConfig&)>& change) {
   RunConfigFile file;
   KeyPositions given;
   Errors errors;
@@ -243,6 +246,7 @@ LoadedRun load_run_config(const std::string& path, const std::vector<std::string
   std::optional<Scenario> scenario;
   if (!is_wrong("scenario", given, errors))
     scenario = load_scenario({config.scenario, given["scenario"], changes, "environment"}, data_dirs(), errors);
+  if (change) change(config);
   return finish(std::move(config), std::move(scenario), given, errors, false);
 }
 

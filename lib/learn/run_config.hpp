@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -214,6 +215,7 @@ struct LoadedRun {
   SimSpec spec;                         ///< compiled
   std::optional<Position> opponent_at;  ///< where train.opponent was given, for messages
   std::optional<Position> policies_at;  ///< and opponents.policies
+  std::optional<Position> scenario_at;  ///< and scenario
   /// The run goes on from a checkpoint, which holds the policies of opponents.policies.
   bool policies_are_saved = false;
   /// Its worlds met other opponents than they meet now (mappo.shards, shares of opponents).
@@ -221,7 +223,9 @@ struct LoadedRun {
   /// It met other scripts (opponents.scripted).
   bool other_scripts = false;
 };
-LoadedRun load_run_config(const std::string& path, const std::vector<std::string>& overrides);
+/// `change` is made to what was read before it is checked: mistakes are told where the user wrote them.
+LoadedRun load_run_config(const std::string& path, const std::vector<std::string>& overrides,
+                          const std::function<void(RunConfig&)>& change = {});
 /// Makes paths of opponents.policies whole, so that the run's own config names them from anywhere; notes those that are
 /// not there; `at`: where they were named.
 void find_policies(RunConfig& config, const Position& at, Errors& errors);

@@ -218,6 +218,29 @@ TEST(AppExploit, AResponseLearnsAgainstEachFrozenTeam) {
   EXPECT_EQ(here.run(changed).code, 0);
 }
 
+TEST(AppExploit, MistakesInAConfigAreToldWhereTheyStand) {
+  const Workplace here;
+  here.write("short.yaml", kShortConfig);
+  ASSERT_EQ(here.run({"train", "short.yaml", "--run-dir", "run", "--quiet"}).code, 0);
+  const auto refused = [&](const std::string& config, const std::vector<std::string>& more,
+                           std::initializer_list<std::string> parts) {
+    here.write("mine.yaml", config);
+    std::vector<std::string> words = {"exploit",  "run", "--config", "mine.yaml",
+                                      "--device", "cpu", "--out",    "responses"};
+    words.insert(words.end(), more.begin(), more.end());
+    const Outcome outcome = here.run(words);
+    EXPECT_EQ(outcome.code, 2);
+    EXPECT_TRUE(contains(outcome.err, parts));
+    EXPECT_FALSE(here.has("responses"));
+  };
+  refused("# mine\nmappo: {gama: 0.9}\n", {}, {"mine.yaml:2:9: mappo.gama: unknown key"});
+  refused("# mine\nscenario: identical_5_vs_5\n", {}, {"mine.yaml:2:", ": scenario: run was trained in"});
+  refused("seed: 2\n", {}, {"mine.yaml: scenario: run was trained in"});
+  // 15 x 7 states make no two minibatches.
+  refused(kShortConfig, {"--set", "mappo.horizon=7", "--set", "train.n_worlds=15"},
+          {"mine.yaml:4:", ": mappo.n_minibatches: 2 does not divide"});
+}
+
 // Its evaluations record games against the policy that it learns against, not against what its file holds by then.
 TEST(AppExploit, ARunAgainstAPolicyDoesNotNeedItsFileAnyMore) {
   const Workplace here;
