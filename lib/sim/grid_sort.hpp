@@ -220,18 +220,18 @@ GIGA_HD void each_crew_by_place(const Lanes& lanes, const GridParameters auto&, 
 }
 
 /// What becomes of the agents in the fight, in one go: it depends on nothing that this writes of another. Into counters
-/// that sort_agents has set to zero. Calls after(agent) for each. No barrier.
+/// that sort_agents has set to zero. Calls after(agent, whether it lived, whether it lives) for each. No barrier.
 template <WideLanes Lanes, class Draws, class After>
 GIGA_HD void fight_by_place(const Lanes& lanes, const GridParameters auto& p, GridWorld& w, Draws& draws, int n,
                             After&& after) {
   lanes.with_crews(n, [&](const auto& crews) {
     crews.each_agent(n, [&](const auto& crew, int k, bool some) {
       const int i = w.placed[k].agent;
-      detect_and_track(crew, p, w, draws, i, some);
+      const Vitals vitals = vitals_of(p, w, i);
+      const int taken = find_fire(crew, p, w, draws, i, some);
       if (!some || !crew.leads()) return;
-      update_health(p, w, i);
-      note_death(w, i);
-      after(i);
+      const bool lives = take_damage(p, w, vitals, taken, i);
+      after(i, vitals.lived != 0, lives);
     });
   });
 }
@@ -240,11 +240,10 @@ GIGA_HD void fight_by_place(const Lanes& lanes, const GridParameters auto& p, Gr
 struct LivingCounts {
   int32_t living[kNCounts] = {};
 
-  GIGA_HD void add(const GridParameters auto& p, const GridWorld& w, int i) {
-    const int team = p.team_of(i);
+  GIGA_HD void add(int team, bool lived, bool lives) {
     for (int t = 0; t < kNTeams; ++t) {
-      living[kAlive0 + t] += team == t && w.alive[i] ? 1 : 0;
-      living[kWasAlive0 + t] += team == t && w.was_alive[i] ? 1 : 0;
+      living[kAlive0 + t] += team == t && lives ? 1 : 0;
+      living[kWasAlive0 + t] += team == t && lived ? 1 : 0;
     }
   }
   GIGA_HD void add_to(const GridWorld& w) const {
@@ -256,7 +255,7 @@ struct LivingCounts {
 template <WideLanes Lanes, class Draws>
 GIGA_HD void fight(const Lanes& lanes, const GridParameters auto& p, GridWorld& w, Draws& draws, int n, int) {
   LivingCounts counts;
-  fight_by_place(lanes, p, w, draws, n, [&](int i) { counts.add(p, w, i); });
+  fight_by_place(lanes, p, w, draws, n, [&](int i, bool lived, bool lives) { counts.add(p.team_of(i), lived, lives); });
   if (n == 0) return;
   lanes.wait_for_warp();  // those that come late add theirs with the others, and not one by one
   counts.add_to(w);
@@ -267,7 +266,8 @@ GIGA_HD void fight(const Lanes& lanes, const GridParameters auto& p, GridWorld& 
 template <WideLanes Lanes>
 GIGA_HD void count_living(const Lanes& lanes, const GridParameters auto& p, GridWorld& w, int n) {
   lanes.template gather<4>(
-      n, LivingCounts{}, [&](LivingCounts& counts, int i) { counts.add(p, w, i); },
+      n, LivingCounts{},
+      [&](LivingCounts& counts, int i) { counts.add(p.team_of(i), w.was_alive[i] != 0, w.alive[i] != 0); },
       [&](const LivingCounts& counts) { counts.add_to(w); });
 }
 

@@ -25,6 +25,22 @@ GIGA_HD void add_together(int32_t* sum, int32_t value) {
 #endif
 }
 
+/// The hook of step.hpp: all of an agent is read before anything of it is written, so that a GPU waits once for its
+/// memory, which for few agents lies in the multiprocessor.
+GIGA_HD void move_agent(const GridParameters auto& p, GridWorld& w, const StepIo& io, int64_t world, int i) {
+  const uint8_t lived = w.alive[i];
+  const Flight from = flight_of(w, i);
+  const Controls controls = read_controls(p, io.of(p.team_of(i)).action, team_row(p, world, i));
+  const Flight to = flown(p, from, lived != 0, controls, table_value(p.agents.thrust + i));
+  w.was_alive[i] = lived;
+  w.flags[i] = 0;
+  w.next[i] = from.x;
+  w.next[p.n_agents + i] = from.y;
+  take_flight(w, to, i);
+  if (p.waypoints) touch_waypoint(p, w, i);
+  check_bounds(p, w, to, i);
+}
+
 /// Rules 4.3.2 and 4.3.3. All that are found lived when they were sorted, which is what the formulas ask; who lives on
 /// is written elsewhere, so that no agent waits for the others. `some`: whether the crew has an agent.
 template <class Crew>
@@ -174,10 +190,10 @@ class NewFire {
   bool full_ = false;
 };
 
-/// Rules 4.4 and 4.5, and 17.2 for the list of fire. `some`: whether the crew has an agent.
+/// Rules 4.4, and 17.2 for the list of fire. `some`: whether the crew has an agent. Returns the damage units that its
+/// agent takes, to all members of a crew.
 template <class Crew, class Draws>
-GIGA_HD void detect_and_track(const Crew& crew, const GridParameters auto& p, GridWorld& w, Draws& draws, int a,
-                              bool some) {
+GIGA_HD int find_fire(const Crew& crew, const GridParameters auto& p, GridWorld& w, Draws& draws, int a, bool some) {
   uint32_t* list = w.fire + static_cast<int64_t>(a) * p.most_shooters;
   const FireList before(list, p.most_shooters);
   NewFire now(p.most_shooters);
@@ -201,17 +217,37 @@ GIGA_HD void detect_and_track(const Crew& crew, const GridParameters auto& p, Gr
   const int32_t n_observers = observers.count();
   now.gather(crew);
   taken = crew.sum(taken);
-  if (!some || !crew.leads()) return;
+  if (!some || !crew.leads()) return taken;
   for (int k = 0; k < now.size(); ++k) list[k] = now[k];
   for (int k = now.size(); k < before.size(); ++k) list[k] = 0;
   w.observers[a] = n_observers;
   if (now.full()) add_together(w.full_lists, 1);  // an error: what is counted then does not matter
   w.taken[a] = static_cast<float>(taken);
-  if (taken > 0) w.flags[a] |= kTookDamage;
+  return taken;
 }
 template <class Draws>
 GIGA_HD void detect_and_track(const GridParameters auto& p, GridWorld& w, Draws& draws, int a) {
-  detect_and_track(OneWorker{}, p, w, draws, a, true);
+  if (find_fire(OneWorker{}, p, w, draws, a, true) > 0) w.flags[a] |= kTookDamage;
+}
+
+/// What the end of a fight asks of an agent: read before the fight writes anything, so that a GPU waits once for its
+/// memory.
+struct Vitals {
+  float health, limit;
+  uint8_t flags, lived, lives;  // lived: before the step; lives: it has not collided
+};
+GIGA_HD Vitals vitals_of(const GridParameters auto& p, const GridWorld& w, int i) {
+  return {w.health[i], table_value(p.agents.max_health + i), w.flags[i], w.was_alive[i], w.could_see[i]};
+}
+/// update_health and note_death by these. Returns whether the agent lives on.
+GIGA_HD bool take_damage(const GridParameters auto& p, GridWorld& w, const Vitals& of, int taken, int i) {
+  const float health = health_after(p, of.health, static_cast<float>(taken), of.limit, of.flags, of.lives != 0);
+  const bool lives = of.lives != 0 && health > 0;
+  w.health[i] = health;
+  w.alive[i] = lives ? 1 : 0;
+  if (taken > 0) w.flags[i] = of.flags | kTookDamage;
+  if (of.lived != 0 && !lives) w.death[i] = death_by(of.flags);
+  return lives;
 }
 
 template <class Draws>

@@ -32,26 +32,42 @@ GIGA_HD Controls read_controls(const Parameters auto& p, const void* action, int
   return {clamp(c[0], -1.0f, 1.0f), clamp(c[1], -1.0f, 1.0f), clamp(c[2], -1.0f, 1.0f)};
 }
 
-/// Rules 4.1: new heading, position, altitude and speed.
-GIGA_HD void move(const Parameters auto& p, World auto& w, Controls c, int i) {
-  const float a = w.was_alive[i] ? 1.0f : 0.0f;
+/// How an agent flies.
+struct Flight {
+  float x, y, z, v, heading;
+  SinCos dir;  ///< of the heading; of a flight that was flown
+};
 
-  const float turned = w.heading[i] + kDt * c.heading * Physics::turn_rate * a;
-  const float heading = p.original() ? wrap_original(turned) : wrap_angle(turned);
-  const SinCos dir = sin_cos(heading);
+/// What move reads of an agent.
+GIGA_HD Flight flight_of(const World auto& w, int i) { return {w.x[i], w.y[i], w.z[i], w.v[i], w.heading[i], {}}; }
 
-  const float pushed = w.v[i] + kDt * c.throttle * Physics::thrust * a * table_value(p.agents.thrust + i);
+/// Rules 4.1: new heading, position, altitude and speed. `thrust`: of the agent's type.
+GIGA_HD Flight flown(const Parameters auto& p, const Flight& from, bool lives, Controls c, float thrust) {
+  const float a = lives ? 1.0f : 0.0f;
+  Flight to;
+  const float turned = from.heading + kDt * c.heading * Physics::turn_rate * a;
+  to.heading = p.original() ? wrap_original(turned) : wrap_angle(turned);
+  to.dir = sin_cos(to.heading);
+
+  const float pushed = from.v + kDt * c.throttle * Physics::thrust * a * thrust;
   const float speed = pushed - Physics::drag * (pushed * pushed) * a;
 
-  w.x[i] += kDt * (speed * dir.cos) * a;
-  w.y[i] += kDt * (speed * dir.sin) * a;
-  const float z = clamp(w.z[i] + kDt * (Physics::climb_rate * c.dive) * a, 0.0f, kAltitudeLimit);
-  w.v[i] =
-      std::sqrt(max_of(speed * speed + Physics::half_gravity * (w.z[i] - z), Physics::min_speed * Physics::min_speed));
-  w.z[i] = z;
-  w.heading[i] = heading;
-  w.dir_x[i] = dir.cos;
-  w.dir_y[i] = dir.sin;
+  to.x = from.x + kDt * (speed * to.dir.cos) * a;
+  to.y = from.y + kDt * (speed * to.dir.sin) * a;
+  to.z = clamp(from.z + kDt * (Physics::climb_rate * c.dive) * a, 0.0f, kAltitudeLimit);
+  to.v = std::sqrt(
+      max_of(speed * speed + Physics::half_gravity * (from.z - to.z), Physics::min_speed * Physics::min_speed));
+  return to;
+}
+
+GIGA_HD void take_flight(World auto& w, const Flight& to, int i) {
+  w.x[i] = to.x;
+  w.y[i] = to.y;
+  w.v[i] = to.v;
+  w.z[i] = to.z;
+  w.heading[i] = to.heading;
+  w.dir_x[i] = to.dir.cos;
+  w.dir_y[i] = to.dir.sin;
 }
 
 /// The unit vector of a heading, kept for sight.
@@ -62,11 +78,10 @@ GIGA_HD void face(World auto& w, int i) {
 }
 
 /// Rules 4.3.1: beyond the limits, which themselves are inside.
-GIGA_HD void check_bounds(const Parameters auto& p, World auto& w, int i) {
-  if (w.x[i] < 0 || w.x[i] > p.limit_x || w.y[i] < 0 || w.y[i] > p.limit_y) {
-    w.flags[i] |= kOutOfBounds;
-    w.alive[i] = 0;
-  }
+GIGA_HD void check_bounds(const Parameters auto& p, World auto& w, const Flight& at, int i) {
+  if (!(at.x < 0 || at.x > p.limit_x || at.y < 0 || at.y > p.limit_y)) return;
+  w.flags[i] |= kOutOfBounds;
+  w.alive[i] = 0;
 }
 
 GIGA_HD float planar_distance2(const World auto& w, int i, int j) {

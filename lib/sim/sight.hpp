@@ -131,23 +131,32 @@ GIGA_HD void detect_only(const Parameters auto& p, World auto& w, Draws& draws, 
                   [&](int b, int) { return sight(p, w, a, b, [&] { return draws.detect(a, b); }).detected; });
 }
 
-/// Rules 4.5: damage, healing and the waypoint's refill; death at zero health.
+/// Rules 4.5: damage, healing and the waypoint's refill. `lives`: it has not collided.
+GIGA_HD float health_after(const Parameters auto& p, float health, float taken, float limit, uint8_t flags,
+                           bool lives) {
+  const float refill = (flags & kHitWaypoint) ? limit : 0.0f;
+  const float after = health - taken * p.damage_per_second * kDt + p.healing_per_second * kDt + refill;
+  return lives ? clamp(after, 0.0f, limit) : 0.0f;
+}
+
+/// The same of agent i; death at zero health.
 GIGA_HD void update_health(const Parameters auto& p, World auto& w, int i) {
   const float limit = table_value(p.agents.max_health + i);
-  const float refill = (w.flags[i] & kHitWaypoint) ? limit : 0.0f;
-  const float health = w.health[i] - w.taken[i] * p.damage_per_second * kDt + p.healing_per_second * kDt + refill;
-  w.health[i] = w.alive[i] ? clamp(health, 0.0f, limit) : 0.0f;
+  w.health[i] = health_after(p, w.health[i], w.taken[i], limit, w.flags[i], w.alive[i] != 0);
   if (!(w.health[i] > 0)) w.alive[i] = 0;
+}
+
+/// What an agent died of in this step.
+GIGA_HD Death death_by(uint8_t flags) {
+  return (flags & kOutOfBounds)   ? Death::out_of_bounds
+         : (flags & kHitAgent)    ? Death::agent
+         : (flags & kHitObstacle) ? Death::obstacle
+                                  : Death::damage;
 }
 
 /// What agent i died of, if it did in this step; after update_health.
 GIGA_HD void note_death(World auto& w, int i) {
-  if (!w.was_alive[i] || w.alive[i]) return;
-  const uint8_t flags = w.flags[i];
-  w.death[i] = (flags & kOutOfBounds)   ? Death::out_of_bounds
-               : (flags & kHitAgent)    ? Death::agent
-               : (flags & kHitObstacle) ? Death::obstacle
-                                        : Death::damage;
+  if (w.was_alive[i] && !w.alive[i]) w.death[i] = death_by(w.flags[i]);
 }
 
 }  // namespace giga

@@ -37,6 +37,20 @@ GIGA_HD void each_crew_by_place(const Lanes& lanes, const Parameters auto& p, co
   each_by_place(lanes, p, w, n, [&](int i) { f(OneWorker{}, i, true); });
 }
 
+/// Moves agent i as its team's actions say.
+GIGA_HD void move_agent(const Parameters auto& p, World auto& w, const StepIo& io, int64_t world, int i) {
+  w.was_alive[i] = w.alive[i];
+  w.flags[i] = 0;
+  w.next[i] = w.x[i];
+  w.next[p.n_agents + i] = w.y[i];
+  const Controls controls = read_controls(p, io.of(p.team_of(i)).action, team_row(p, world, i));
+  const float thrust = table_value(p.agents.thrust + i);
+  const Flight to = flown(p, flight_of(w, i), w.was_alive[i] != 0, controls, thrust);
+  take_flight(w, to, i);
+  if (p.waypoints) touch_waypoint(p, w, i);
+  check_bounds(p, w, to, i);
+}
+
 /// Collisions, by agents that have moved.
 template <class Lanes>
 GIGA_HD void check_collisions(const Lanes& lanes, const Parameters auto& p, World auto& w, int n) {
@@ -150,14 +164,7 @@ GIGA_HD bool play_step(const Lanes& lanes, const Parameters auto& p, World auto&
 
   if constexpr (stages != Stages::after_fight) {
     without_barrier(lanes).each_agent(n, [&](int i) {  // sorting begins with the same agents
-      w.was_alive[i] = w.alive[i];
-      w.flags[i] = 0;
-      w.next[i] = w.x[i];
-      w.next[p.n_agents + i] = w.y[i];
-      const void* action = io.of(p.team_of(i)).action;
-      move(p, w, read_controls(p, action, team_row(p, world, i)), i);
-      if (p.waypoints) touch_waypoint(p, w, i);
-      check_bounds(p, w, i);
+      move_agent(p, w, io, world, i);
     });
     sort_agents(lanes, p, w, n);
     check_collisions(lanes, p, w, n);

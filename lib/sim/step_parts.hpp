@@ -32,7 +32,7 @@ requires(!has_barriers(part)) GIGA_HD
   const auto lanes = without_barrier(waiting);
   if constexpr (part == StepPart::fight) {
     auto&& draws = draws_at(*w.draw_step);
-    fight_by_place(lanes, p, w, draws, n, [](int) {});
+    fight_by_place(lanes, p, w, draws, n, [](int, bool, bool) {});
   }
   if constexpr (part == StepPart::look_and_reward) reward_blocks(lanes, p, w, io, world, n);
   if constexpr (part == StepPart::look || part == StepPart::look_and_reward) {

@@ -46,7 +46,7 @@ TEST(SimCollision, TheLimitItselfIsInside) {
     w.y[0] = c.y;
     w.alive[0] = 1;
     w.flags[0] = 0;
-    check_bounds(world.params(), w, 0);
+    check_bounds(world.params(), w, flight_of(w, 0), 0);
     EXPECT_EQ(world.alive(0), c.inside) << c.x << ", " << c.y;
     EXPECT_EQ((w.flags[0] & kOutOfBounds) == 0, c.inside) << c.x << ", " << c.y;
   }
