@@ -3,16 +3,18 @@
 // stay in its registers. A row takes few instructions: what a step runs once is found in no cache for instructions.
 #pragma once
 
+#include "cuda/early_launch.cuh"
 #include "cuda/fused_policy.hpp"
 #include "cuda/ppo_tiles.cuh"
 
 namespace giga {
 
-/// A warp's 16 numbers of a layer: their weights, as a right factor, and biases.
-template <int kDepth>
+/// A warp's 8 or 16 numbers of a layer: their weights, as a right factor, and biases.
+template <int kDepth, int kNumbers>
 struct LayerOfWarp {
-  uint32_t weight[kDepth][4];
-  float2 bias[2];
+  static constexpr int kTiles = kNumbers / 8;
+  uint32_t weight[kDepth][2 * kTiles];
+  float2 bias[kTiles];
 
   /// Numbers from `first` on, of a matrix [out, in]; zeros beyond.
   __device__ LayerOfWarp(const float* from, const float* biases, int first, int out, int in) {
@@ -25,17 +27,19 @@ struct LayerOfWarp {
         return float2{__ldg(at), second ? __ldg(at + 1) : 0.0f};
       });
 #pragma unroll
-    for (int j = 0; j < 2; ++j) {
+    for (int j = 0; j < kTiles; ++j) {
       const int b = first + j * 8 + lane.pair;
       bias[j] = {b < out ? __ldg(biases + b) : 0.0f, b + 1 < out ? __ldg(biases + b + 1) : 0.0f};
     }
   }
-  /// Of 16 rows in shared memory.
+  /// Of 16 rows in shared memory. Where the warp has 8 numbers, the other tile is not there, and the compiler drops
+  /// what is done to it.
   template <int kStride>
   __device__ TileSums<2> of(const __half* rows) const {
     TileSums<2> y;
+    y.clear();
 #pragma unroll
-    for (int j = 0; j < 2; ++j) {
+    for (int j = 0; j < kTiles; ++j) {
       y.c[j][0] = y.c[j][2] = bias[j].x;
       y.c[j][1] = y.c[j][3] = bias[j].y;
     }
@@ -44,8 +48,8 @@ struct LayerOfWarp {
     for (int k = 0; k < kDepth; ++k) {
       uint32_t a[4];
       load(a, left + apart<kStride>(0, k * 16));
-      multiply_add(y.c[0], a, weight[k][0], weight[k][1]);
-      multiply_add(y.c[1], a, weight[k][2], weight[k][3]);
+#pragma unroll
+      for (int j = 0; j < kTiles; ++j) multiply_add(y.c[j], a, weight[k][2 * j], weight[k][2 * j + 1]);
     }
     return y;
   }
@@ -56,7 +60,7 @@ struct LayerOfWarp {
   __device__ void fetch(const float* from, int first, int out, int in, Two&& two) {
     const TileLane lane;
 #pragma unroll
-    for (int j = 0; j < 2; ++j) {
+    for (int j = 0; j < kTiles; ++j) {
       const int o = first + j * 8 + lane.group, left = o < out ? in - lane.pair : 0;
       const float* row = from + o * in + lane.pair;
       asm("" : "+l"(row));  // in a register: else ptxas computes it anew for each number
@@ -155,11 +159,23 @@ struct OctetLogits {
   }
 };
 
-template <int kIn, int kHidden>
+/// Of a layer's numbers that a warp has at a time: half as many take half as long, where a block has 16 rows once;
+/// where it has more, as many warps wait for each other at each layer (5 vs 5 with 8,192 worlds: 741 M instead of 844
+/// M).
+enum class FewRows {
+  many_tiles,     ///< 16 numbers
+  one_tile,       ///< 8
+  one_tile_early  ///< 8, launched early behind the step that writes the rows
+};
+
+template <int kIn, int kHidden, FewRows kWay>
 struct FewRowsBlock {
-  static constexpr int kWarps = kHidden / 16, kThreads = kWarps * 32, kRowsOfWarp = 16 / kWarps;
+  static constexpr int kNumbers = kWay == FewRows::many_tiles ? 16 : 8;  // of a warp
+  static constexpr int kWarps = kHidden / kNumbers, kThreads = kWarps * 32, kRowsOfWarp = 16 / kWarps;
   // On a multiprocessor: as many as registers have room for.
-  static constexpr int kBlocks = kHidden > FusedMlp::kNarrowHidden ? 1 : kIn <= PolicyShape::kCrowdInput ? 3 : 2;
+  static constexpr int kBlocks = kHidden > FusedMlp::kNarrowHidden                   ? 1
+                                 : kNumbers == 16 && kIn <= PolicyShape::kCrowdInput ? 3
+                                                                                     : 2;
   // Of 16 rows, one after the other. More rows have warps of their own: from about 26 on they are the faster.
   static constexpr int kMostTiles = 20;
   static constexpr int kInStride = kIn + 8, kHiddenStride = kHidden + 8;
@@ -169,11 +185,27 @@ struct FewRowsBlock {
   float uniform[16];
 };
 
+/// A warp's numbers of the 16 rows of a layer, to shared memory.
+template <int kNumbers>
+__device__ void store_numbers(const TileSums<2>& y, __half* to, int stride) {
+  if constexpr (kNumbers == 16) {
+    store(y.factor(), to, stride);
+  } else {
+    const TileLane lane;
+#pragma unroll
+    for (int half = 0; half < 2; ++half)
+      *reinterpret_cast<uint32_t*>(to + (lane.group + half * 8) * stride + lane.pair) =
+          half_pair(y.c[0][2 * half], y.c[0][2 * half + 1]);
+  }
+}
+
 /// Several policies in one launch. Blocks [.., most groups of a policy, policies].
-template <int kIn, int kHidden>
-__global__ void __launch_bounds__(FewRowsBlock<kIn, kHidden>::kThreads, FewRowsBlock<kIn, kHidden>::kBlocks)
+template <int kIn, int kHidden, FewRows kWay>
+__global__ void __launch_bounds__(FewRowsBlock<kIn, kHidden, kWay>::kThreads, FewRowsBlock<kIn, kHidden, kWay>::kBlocks)
     few_rows_kernel(const __grid_constant__ FusedPolicies policies) {
-  using Block = FewRowsBlock<kIn, kHidden>;
+  using Block = FewRowsBlock<kIn, kHidden, kWay>;
+  constexpr int kNumbers = Block::kNumbers;
+  constexpr bool kEarly = kWay == FewRows::one_tile_early;
   extern __shared__ __align__(16) char shared[];
   Block& m = *reinterpret_cast<Block*>(shared);
   const FusedPolicy& k = policies.policy[blockIdx.z];
@@ -187,20 +219,24 @@ __global__ void __launch_bounds__(FewRowsBlock<kIn, kHidden>::kThreads, FewRowsB
   const int first = warp * Block::kRowsOfWarp;
   FetchedInputs<kIn, Block::kRowsOfWarp> inputs;
   const auto fetch = [&](int64_t from) {
-    inputs.fetch(rows, net.width[0], [&](int i) {
+    inputs.template fetch<kEarly>(rows, net.width[0], [&](int i) {
       const int64_t row = from + first + i;
       return row < k.rows_per_group ? first_row + row : -1;
     });
   };
-  fetch(at);
+  if constexpr (!kEarly) fetch(at);
   const bool discrete = k.actions == ActionKind::discrete;
   const auto layer = [&]<int kDepth>(int l) {
-    return LayerOfWarp<kDepth>(k.parameters + offset + net.weight[l], k.parameters + offset + net.bias[l], warp * 16,
-                               net.width[l + 1], net.width[l]);
+    return LayerOfWarp<kDepth, kNumbers>(k.parameters + offset + net.weight[l], k.parameters + offset + net.bias[l],
+                                         warp * kNumbers, net.width[l + 1], net.width[l]);
   };
   const auto layer1 = layer.template operator()<kIn / 16>(0);
   const auto layer2 = layer.template operator()<kHidden / 16>(1);
   const auto layer3 = layer.template operator()<kHidden / 16>(2);
+  if constexpr (kEarly) {
+    wait_for_last();
+    fetch(at);
+  }
 #pragma unroll 1
   for (; at < k.rows_per_group; at += step) {
     inputs.template store<Block::kInStride>(rows, net.width[0], m.x + first * Block::kInStride);
@@ -209,15 +245,15 @@ __global__ void __launch_bounds__(FewRowsBlock<kIn, kHidden>::kThreads, FewRowsB
     SlopesOf<2> slopes;
     TileSums<2> y = layer1.template of<Block::kInStride>(m.x);
     activate(net.activation, y, slopes);
-    store(y.factor(), m.hidden[0] + warp * 16, Block::kHiddenStride);
+    store_numbers<kNumbers>(y, m.hidden[0] + warp * kNumbers, Block::kHiddenStride);
     __syncthreads();
     y = layer2.template of<Block::kHiddenStride>(m.hidden[0]);
     activate(net.activation, y, slopes);
-    store(y.factor(), m.hidden[1] + warp * 16, Block::kHiddenStride);
+    store_numbers<kNumbers>(y, m.hidden[1] + warp * kNumbers, Block::kHiddenStride);
     __syncthreads();
-    if (warp < kHead / 16)
+    if (warp < kHead / kNumbers)
       layer3.template of<Block::kHiddenStride>(m.hidden[1]).each([&](float value, int r, int c) {
-        if (warp * 16 + c < kLogitStride) m.head[r * kLogitStride + warp * 16 + c] = value;
+        if (c < kNumbers && warp * kNumbers + c < kLogitStride) m.head[r * kLogitStride + warp * kNumbers + c] = value;
       });
     else if (warp == Block::kWarps - 1 && lane < 16 && at + lane < k.rows_per_group && discrete)
       m.uniform[lane] = k.discrete.uniform(first_row + at + lane);

@@ -4,16 +4,16 @@
 
 #include "cuda/check.cuh"
 #include "cuda/few_rows_policy.cuh"
+#include "cuda/streamed_policy.cuh"
 
 namespace giga {
 namespace {
-
-constexpr int kWarps = 8, kThreads = kWarps * 32;
 
 /// Shared memory of a block, for inputs and hidden layers padded to so many. A warp takes 32 rows at a time, 16 after
 /// 16 through the network and all to their actions; of wide networks, whose weights leave less room, 16.
 template <int kIn, int kHidden>
 struct PolicyMemory {
+  static constexpr int kWarps = 8, kThreads = kWarps * 32;
   static constexpr int kInStride = kIn + 8, kHiddenStride = kHidden + 8;
   static constexpr int kBlocks =
       kHidden <= FusedMlp::kNarrowHidden && kIn <= PolicyShape::kCrowdInput ? 2 : 1;  // on a multiprocessor
@@ -30,10 +30,10 @@ struct PolicyMemory {
 
 /// Blocks [.., groups].
 template <int kIn, int kHidden>
-__global__ void __launch_bounds__(kThreads, PolicyMemory<kIn, kHidden>::kBlocks)
+__global__ void __launch_bounds__(PolicyMemory<kIn, kHidden>::kThreads, PolicyMemory<kIn, kHidden>::kBlocks)
     policy_kernel(const __grid_constant__ FusedPolicy k) {
   using Memory = PolicyMemory<kIn, kHidden>;
-  constexpr int kHiddenStride = Memory::kHiddenStride;
+  constexpr int kHiddenStride = Memory::kHiddenStride, kWarps = Memory::kWarps, kThreads = Memory::kThreads;
   extern __shared__ __align__(16) char shared[];
   Memory& m = *reinterpret_cast<Memory*>(shared);
   const int lane = static_cast<int>(threadIdx.x) % 32, warp = static_cast<int>(threadIdx.x) / 32;
@@ -96,30 +96,52 @@ __global__ void __launch_bounds__(kThreads, PolicyMemory<kIn, kHidden>::kBlocks)
   }
 }
 
+/// A policy with as many blocks as its rows are for, of which a multiprocessor has so many.
+template <class Memory>
+void launch_many(void (*kernel)(FusedPolicy), const FusedPolicy& policy, int blocks_at_once, int multiprocessors,
+                 cudaStream_t stream) {
+  static_assert(sizeof(Memory) <= kMostShared);
+  GIGA_CUDA(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, sizeof(Memory)));
+  constexpr int kBlockRows = Memory::kWarps * Memory::kRows;
+  const int64_t wanted = (policy.rows_per_group + kBlockRows - 1) / kBlockRows;
+  const int64_t share = std::max(1, multiprocessors * blocks_at_once / policy.groups);
+  const dim3 blocks(static_cast<unsigned>(std::min(wanted, share)), static_cast<unsigned>(policy.groups));
+  kernel<<<blocks, Memory::kWarps * 32, sizeof(Memory), stream>>>(policy);
+  GIGA_CUDA(cudaGetLastError());
+}
+
 template <int kIn, int kHidden>
 void launch_each(std::span<const FusedPolicy> policies, int multiprocessors, cudaStream_t stream) {
-  using Memory = PolicyMemory<kIn, kHidden>;
-  static_assert(sizeof(Memory) <= kMostShared / Memory::kBlocks);
-  GIGA_CUDA(
-      cudaFuncSetAttribute(policy_kernel<kIn, kHidden>, cudaFuncAttributeMaxDynamicSharedMemorySize, sizeof(Memory)));
   for (const FusedPolicy& policy : policies) {
     if (policy.rows_per_group == 0) continue;
-    constexpr int kBlockRows = kWarps * Memory::kRows;
-    const int64_t wanted = (policy.rows_per_group + kBlockRows - 1) / kBlockRows;
-    const int64_t share = std::max(1, multiprocessors * Memory::kBlocks / policy.groups);
-    const dim3 blocks(static_cast<unsigned>(std::min(wanted, share)), static_cast<unsigned>(policy.groups));
-    policy_kernel<kIn, kHidden><<<blocks, kThreads, sizeof(Memory), stream>>>(policy);
+    if (streams(policy)) {
+      launch_many<StreamedBlock>(streamed_policy_kernel, policy, 1, multiprocessors, stream);
+      continue;
+    }
+    using Memory = PolicyMemory<kIn, kHidden>;
+    static_assert(sizeof(Memory) <= kMostShared / Memory::kBlocks);
+    launch_many<Memory>(policy_kernel<kIn, kHidden>, policy, Memory::kBlocks, multiprocessors, stream);
+  }
+}
+
+template <int kIn, int kHidden, FewRows kWay>
+void launch_few(const FusedPolicies& few, dim3 blocks, cudaStream_t stream) {
+  using Block = FewRowsBlock<kIn, kHidden, kWay>;
+  if constexpr (kWay == FewRows::one_tile_early) {
+    launch_early(few_rows_kernel<kIn, kHidden, kWay>, blocks, Block::kThreads, sizeof(Block), stream, few);
+  } else {
+    few_rows_kernel<kIn, kHidden, kWay><<<blocks, Block::kThreads, sizeof(Block), stream>>>(few);
     GIGA_CUDA(cudaGetLastError());
   }
 }
 
 /// All in one launch, if they have so few rows (none: nothing is launched); else false.
 template <int kIn, int kHidden>
-bool launch_few(std::span<const FusedPolicy> policies, int multiprocessors, cudaStream_t stream) {
+bool launch_few(std::span<const FusedPolicy> policies, bool behind_step, int multiprocessors, cudaStream_t stream) {
   if constexpr (kHidden > FusedMlp::kBlockHidden) {
     return false;
   } else {
-    using Block = FewRowsBlock<kIn, kHidden>;
+    using Block = FewRowsBlock<kIn, kHidden, FewRows::many_tiles>;
     FusedPolicies few{};
     int64_t tiles = 0;
     int groups = 0, all_groups = 0, n = 0;
@@ -133,8 +155,13 @@ bool launch_few(std::span<const FusedPolicy> policies, int multiprocessors, cuda
     if (tiles > share * Block::kMostTiles || tiles == 0) return tiles == 0;
     const dim3 blocks(static_cast<unsigned>(std::min(tiles, share)), static_cast<unsigned>(groups),
                       static_cast<unsigned>(n));
-    few_rows_kernel<kIn, kHidden><<<blocks, Block::kThreads, sizeof(Block), stream>>>(few);
-    GIGA_CUDA(cudaGetLastError());
+    if constexpr (kHidden <= FusedMlp::kNarrowHidden)
+      if (tiles <= multiprocessors * FewRowsBlock<kIn, kHidden, FewRows::one_tile>::kBlocks / all_groups) {
+        behind_step ? launch_few<kIn, kHidden, FewRows::one_tile_early>(few, blocks, stream)
+                    : launch_few<kIn, kHidden, FewRows::one_tile>(few, blocks, stream);
+        return true;
+      }
+    launch_few<kIn, kHidden, FewRows::many_tiles>(few, blocks, stream);
     return true;
   }
 }
@@ -155,7 +182,7 @@ void with_shape(const PolicyShape& shape, F&& f) {
 
 }  // namespace
 
-void launch_fused_policies(std::span<const FusedPolicy> policies, int index, void* stream) {
+void launch_fused_policies(std::span<const FusedPolicy> policies, bool behind_step, int index, void* stream) {
   static_assert(FusedPolicy::kWideInput == NarrowTiles::kIn && PolicyShape::kInputs[0] == NarrowTiles::kIn &&
                 PolicyShape::kInputs[1] == MediumTiles::kIn && PolicyShape::kInputs[3] == WideTiles::kIn);
   for (const FusedPolicy& policy : policies)
@@ -169,7 +196,7 @@ void launch_fused_policies(std::span<const FusedPolicy> policies, int index, voi
       if (PolicyShape(policies[alike].net) != shape) break;
     with_shape(shape, [&]<int kIn, int kHidden>() {
       const auto together = policies.first(alike);
-      if (!launch_few<kIn, kHidden>(together, multiprocessors, static_cast<cudaStream_t>(stream)))
+      if (!launch_few<kIn, kHidden>(together, behind_step, multiprocessors, static_cast<cudaStream_t>(stream)))
         launch_each<kIn, kHidden>(together, multiprocessors, static_cast<cudaStream_t>(stream));
     });
   }

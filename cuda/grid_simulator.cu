@@ -4,6 +4,7 @@
 #include <type_traits>
 
 #include "cuda/check.cuh"
+#include "cuda/early_launch.cuh"
 #include "cuda/grid_executor.hpp"
 #include "cuda/recorded_work.hpp"
 #include "cuda/runtime.hpp"
@@ -104,6 +105,7 @@ constexpr int free_blocks(StepPart part, int crew) {
 template <StepPart part, int kCrew, class P>
 __global__ void __launch_bounds__(free_threads<kCrew>, free_blocks(part, kCrew))
     free_part_kernel(const __grid_constant__ GridLaunchOf<P> k) {
+  if constexpr (part == StepPart::write || part == StepPart::write_and_add_up) let_next_begin();
   const ThreadIndex at{static_cast<int>(blockIdx.x), static_cast<int>(gridDim.x), static_cast<int>(threadIdx.x),
                        free_threads<kCrew>};
   extern __shared__ __align__(16) char shared[];
@@ -190,6 +192,8 @@ class CudaGridSimulator final : public GridLaunchingSimulator {
     check_full_lists();
     return stats;
   }
+
+  bool step_lets_next_begin() const override { return launches() != StepLaunches::one; }
 
   void synchronize() override {
     GIGA_CUDA(cudaSetDevice(index_));

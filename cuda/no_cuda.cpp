@@ -43,7 +43,7 @@ void launch_critic_gradient(const FusedCritic&, int, void*) { missing(); }
 void launch_block_sums(const FusedStep&, float*, int, void*) { missing(); }
 void launch_gradient_sums(const FusedStep&, int, void*) { missing(); }
 void launch_adam(const FusedStep&, int, void*) { missing(); }
-void launch_fused_policies(std::span<const FusedPolicy>, int, void*) { missing(); }
+void launch_fused_policies(std::span<const FusedPolicy>, bool, int, void*) { missing(); }
 void launch_image_layer(const ImageLayer&, BFloat16*, int, void*) { missing(); }
 int image_layer_parts(int) { missing(); }
 void launch_image_layer_gradient(const ImageLayer&, const BFloat16*, const BFloat16*, float*, int, void*) { missing(); }

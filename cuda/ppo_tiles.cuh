@@ -3,6 +3,7 @@
 // features of all rows, so these pass through shared memory, and each warp has a part of each gradient.
 #pragma once
 
+#include "cuda/early_launch.cuh"
 #include "cuda/half_tiles.cuh"
 #include "cuda/ppo_gradients.hpp"
 
@@ -182,8 +183,9 @@ struct FetchedInputs {
 
   __device__ static int column(int j) { return j * 64 + static_cast<int>(threadIdx.x) % 32 * 2; }
 
-  /// source(i): the row of the rollout, or below 0, of the warp's row i.
-  template <class Source>
+  /// source(i): the row of the rollout, or below 0, of the warp's row i. kBehind: they are written while the kernel
+  /// runs.
+  template <bool kBehind = false, class Source>
   __device__ void fetch(const FusedRows& rows, int input, Source&& source) {
     // Pairs of columns are read together where they are aligned.
     const bool aligned = (reinterpret_cast<uintptr_t>(rows.obs) % 8 | static_cast<uintptr_t>(rows.obs_stride % 2)) == 0;
@@ -197,9 +199,9 @@ struct FetchedInputs {
         float2 two{0, 0};
         if (from >= 0 && c < input) {
           if (aligned)
-            two = __ldg(reinterpret_cast<const float2*>(at + c));
+            two = read<kBehind>(reinterpret_cast<const float2*>(at + c));
           else
-            two = {__ldg(at + c), c + 1 < input ? __ldg(at + c + 1) : 0.0f};
+            two = {read<kBehind>(at + c), c + 1 < input ? read<kBehind>(at + c + 1) : 0.0f};
         }
         x[i][j] = two;
       }
@@ -231,6 +233,13 @@ struct FetchedInputs {
   }
 
  private:
+  template <bool kBehind, class T>
+  __device__ static T read(const T* at) {
+    if constexpr (kBehind)
+      return read_behind(at);
+    else
+      return __ldg(at);
+  }
   /// A NaN stays one.
   __device__ static float held(float x, float limit) { return x > limit ? limit : x < -limit ? -limit : x; }
 };

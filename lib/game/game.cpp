@@ -124,7 +124,7 @@ void Game::play(int64_t n_steps) {
       }
     }
     const GameStep step = step_at(t);
-    act(step);
+    act(step, t > 0);
     sim_.step(step.io);
     forget(step);
     finish(t, step);
@@ -202,7 +202,7 @@ std::unique_ptr<RecordedWork> Game::record(int64_t n_steps, const std::function<
       for (int64_t k = 0; k < n_steps; ++k) {
         const GameStep now = step(k);
         recording.side_by_side(seats_.size(), [&](size_t seat, void* stream) {
-          act(seats_[seat], now, steps_ + k, ParallelFor(sim_.device(), 0, stream));
+          act(seats_[seat], now, steps_ + k, k > 0, ParallelFor(sim_.device(), 0, stream));
         });
         sim_.queue_step(now.io);
         recorded(k);
@@ -261,14 +261,18 @@ void Game::forget(const GameStep& step) {
   }
 }
 
-void Game::act(const GameStep& step) {
-  for (const Seat& seat : seats_) act(seat, step, steps_, parallel_for_);
+void Game::act(const GameStep& step, bool behind_step) {
+  for (const Seat& seat : seats_) act(seat, step, steps_, behind_step, parallel_for_);
 }
 
-void Game::act(const Seat& seat, const GameStep& step, int64_t number, const ParallelFor& parallel_for) {
+void Game::act(const Seat& seat, const GameStep& step, int64_t number, bool behind_step,
+               const ParallelFor& parallel_for) {
+  // Of several controllers the first alone is behind the step, or each is on a stream of its own.
+  const bool behind = behind_step && seats_.size() == 1 && sim_.step_lets_next_begin();
   parts_.clear();
   for (const Part& part : seat.parts) {
-    const TeamStep all{sim_, parallel_for, part.team, number, {0, sim_.n_worlds()}, step.team[part.team], layout_};
+    const TeamStep all{sim_,    parallel_for, part.team, number, {0, sim_.n_worlds()}, step.team[part.team],
+                       layout_, behind};
     parts_.push_back(all.part(part.worlds));
   }
   seat.controller->act(parts_);

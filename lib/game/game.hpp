@@ -119,8 +119,8 @@ class Game {
   GameStep step_at(int64_t t) const;
   GameStep begin(void (Simulator::*write)(const StepIo&));
   void finish(int64_t t, const GameStep& step);
-  void act(const GameStep& step);
-  void act(const Seat& seat, const GameStep& step, int64_t number, const ParallelFor& parallel_for);
+  void act(const GameStep& step, bool behind_step);
+  void act(const Seat& seat, const GameStep& step, int64_t number, bool behind_step, const ParallelFor& parallel_for);
   bool controllers_repeat(bool (TeamController::*alike)() const) const;
   bool repeats() const;
   bool repeats_plays(int64_t n_steps) const;

@@ -52,7 +52,8 @@ TeamStep TeamStep::part(const WorldRange& some) const {
           {at(buffers.obs, obs_stride()), at(buffers.image, image),
            at(static_cast<char*>(buffers.action), action_bytes), at(buffers.pre_tanh_action, kActionSize),
            at(buffers.log_prob, 1), at(buffers.memory, buffers.memory_size), buffers.memory_size},
-          layout};
+          layout,
+          behind_step};
 }
 
 RowDraws TeamStep::draws() const {

@@ -22,9 +22,9 @@ std::optional<FusedPolicy> fused_policy(const Actor& actor) {
   return policy;
 }
 
-void act_fused(std::span<const FusedPolicy> policies, const ParallelFor& parallel_for) {
+void act_fused(std::span<const FusedPolicy> policies, bool behind_step, const ParallelFor& parallel_for) {
   if (parallel_for.device().is_cuda())
-    return launch_fused_policies(policies, parallel_for.device().index, parallel_for.stream());
+    return launch_fused_policies(policies, behind_step, parallel_for.device().index, parallel_for.stream());
   for (const FusedPolicy& policy : policies) run_fused_policy(policy, parallel_for.pool());
 }
 

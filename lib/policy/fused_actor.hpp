@@ -15,7 +15,8 @@ namespace giga {
 /// to do.
 std::optional<FusedPolicy> fused_policy(const Actor& actor);
 
-/// Draws the actions of all rows of several: queued on a GPU, done on return on a CPU.
-void act_fused(std::span<const FusedPolicy> policies, const ParallelFor& parallel_for);
+/// Draws the actions of all rows of several: queued on a GPU, done on return on a CPU. `behind_step` as for
+/// launch_fused_policies.
+void act_fused(std::span<const FusedPolicy> policies, bool behind_step, const ParallelFor& parallel_for);
 
 }  // namespace giga

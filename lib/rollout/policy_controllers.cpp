@@ -146,7 +146,7 @@ class PolicyController final : public TeamController {
         act(own.policy, part);
       ++number;
     }
-    act_fused(together, parts[0].parallel_for);
+    act_fused(together, parts[0].behind_step, parts[0].parallel_for);
   }
 
  private:
@@ -199,7 +199,7 @@ class GroupController final : public TeamController {
       else
         act(part);
     }
-    act_fused(together, parts[0].parallel_for);
+    act_fused(together, parts[0].behind_step, parts[0].parallel_for);
   }
 
  private:

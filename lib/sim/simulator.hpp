@@ -181,6 +181,9 @@ class Simulator {
   /// Draws ego images again from rows of Observation::image_state, all in the memory of the device; the same bytes as
   /// those that were drawn beside these rows.
   virtual void redraw(const Redraw& request) = 0;
+  /// Whether the last kernel of a step lets one that is launched early begin before it has ended
+  /// (cuda/early_launch.cuh).
+  virtual bool step_lets_next_begin() const { return false; }
   /// What steps the worlds where there are several ways, in words: "the general kernel (...)"; else empty.
   virtual std::string step_way() const { return {}; }
   /// Sums of finished episodes since the last call; waits for queued steps.

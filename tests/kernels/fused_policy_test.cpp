@@ -20,7 +20,39 @@ namespace giga::test {
 namespace {
 
 constexpr int kPolicyThreads = 256;
-int few_rows_threads(const PolicyShape& shape) { return shape.hidden / 16 * 32; }  // a warp for 16 numbers of a layer
+/// The kernel of few rows: a warp for so many numbers of a layer.
+struct FewRowsKernel {
+  const char* way;  // of its name
+  int numbers;
+  int threads(const PolicyShape& shape) const { return shape.hidden / numbers * 32; }
+};
+std::vector<FewRowsKernel> few_rows_kernels(const PolicyShape& shape) {
+  std::vector<FewRowsKernel> kernels{{"FewRowsE0", 16}};
+  if (shape.hidden <= FusedMlp::kNarrowHidden) kernels.insert(kernels.end(), {{"FewRowsE1", 8}, {"FewRowsE2", 8}});
+  return kernels;
+}
+
+/// The kernel of many rows that are copied 16 bytes at a time, for such rows: those of a setting, with a NaN wherever
+/// it reads nothing.
+struct StreamedKernel {
+  static constexpr int kThreads = 256;
+  std::string name;  // empty: none serves
+  std::vector<float> obs;
+  int64_t stride = 0;
+
+  StreamedKernel(const Setting& s, int64_t rows) : stride((s.c.input + 3) / 4 * 4 + 4) {
+    if (!s.actor.is_narrow() || s.c.normalize || s.c.input > 144) return;  // fewer than it is used for, too
+    name = "streamed_policy_kernel";
+    obs.resize(static_cast<size_t>(rows * stride), NAN);
+    for (int64_t row = 0; row < rows; ++row)
+      std::copy_n(s.obs.begin() + row * s.stride, s.c.input, obs.begin() + row * stride);
+  }
+  FusedPolicy with_rows(FusedPolicy policy) const {
+    policy.obs = obs.data();
+    policy.obs_stride = stride;
+    return policy;
+  }
+};
 
 /// What a policy leaves of each row.
 struct Acts {
@@ -72,6 +104,14 @@ TEST_P(FusedPolicyAsPtx, DrawsTheSameActions) {
     Acts found(s.n_rows()), few(s.n_rows());
     const PtxModule& kernels = ptx_module("fused_policy");
     kernels.launch({"policy_kernel" + shape}, {c.blocks}, kPolicyThreads, kSharedBytes, policy_for(found), order);
+    if (const StreamedKernel streamed(s, s.n_rows()); !streamed.name.empty()) {
+      Acts many(s.n_rows());
+      kernels.launch({streamed.name}, {c.blocks}, StreamedKernel::kThreads, kSharedBytes,
+                     streamed.with_rows(policy_for(many)), order);
+      EXPECT_EQ(many.action, found.action);
+      EXPECT_EQ(many.log_prob, found.log_prob);
+      EXPECT_TRUE(!c.continuous || many.squashed == found.squashed);
+    }
     // Two policies in one launch, each for all rows but what the other one has; a warp for each 16 numbers of a layer.
     if (!s.actor.is_wide()) {
       const int64_t worlds = s.n_rows() / c.n / 3, split = worlds * c.n;
@@ -85,11 +125,17 @@ TEST_P(FusedPolicyAsPtx, DrawsTheSameActions) {
       both.policy[1].continuous.action += split * kActionSize;
       both.policy[1].continuous.log_prob += split;
       both.policy[1].discrete.draws.first_world = both.policy[1].continuous.draws.first_world = worlds;
-      kernels.launch({"few_rows_kernel" + shape}, {c.blocks, 1, 2}, few_rows_threads(made_for), kSharedBytes, both,
-                     order);
-      EXPECT_EQ(few.action, found.action);
-      EXPECT_EQ(few.log_prob, found.log_prob);
-      EXPECT_TRUE(!c.continuous || few.squashed == found.squashed);
+      for (const FewRowsKernel& kernel : few_rows_kernels(made_for)) {
+        const Acts nothing(s.n_rows());  // into the same vectors, where `both` points to
+        std::ranges::copy(nothing.action, few.action.begin());
+        std::ranges::copy(nothing.log_prob, few.log_prob.begin());
+        std::ranges::copy(nothing.squashed, few.squashed.begin());
+        kernels.launch({"few_rows_kernel" + shape, kernel.way}, {c.blocks, 1, 2}, kernel.threads(made_for),
+                       kSharedBytes, both, order);
+        EXPECT_EQ(few.action, found.action) << kernel.way;
+        EXPECT_EQ(few.log_prob, found.log_prob) << kernel.way;
+        EXPECT_TRUE(!c.continuous || few.squashed == found.squashed) << kernel.way;
+      }
     }
     // A draw that falls between two actions may go to the other one.
     int64_t others = 0;
@@ -179,11 +225,19 @@ TEST_P(FusedPolicyAsPtx, GroupsActByTheirOwnNetworks) {
   const PtxModule& kernels = ptx_module("fused_policy");
   kernels.launch({"policy_kernel" + shape}, {c.blocks, kGroups}, kPolicyThreads, kSharedBytes, policy_for(found),
                  ThreadOrder::shuffled);
-  if (!s.actor.is_wide()) {
-    kernels.launch({"few_rows_kernel" + shape}, {c.blocks, kGroups}, few_rows_threads(made_for), kSharedBytes,
-                   FusedPolicies{{policy_for(few)}}, ThreadOrder::shuffled);
-    expect_same(few, found, "few rows");
+  if (const StreamedKernel streamed(s, kGroups * rows); !streamed.name.empty()) {
+    Acts many(kGroups * rows);
+    kernels.launch({streamed.name}, {c.blocks, kGroups}, StreamedKernel::kThreads, kSharedBytes,
+                   streamed.with_rows(policy_for(many)), ThreadOrder::shuffled);
+    expect_same(many, found, "streamed");
   }
+  if (!s.actor.is_wide())
+    for (const FewRowsKernel& kernel : few_rows_kernels(made_for)) {
+      few = Acts(kGroups * rows);
+      kernels.launch({"few_rows_kernel" + shape, kernel.way}, {c.blocks, kGroups}, kernel.threads(made_for),
+                     kSharedBytes, FusedPolicies{{policy_for(few)}}, ThreadOrder::shuffled);
+      expect_same(few, found, kernel.way);
+    }
   int64_t others = 0;
   for (size_t row = 0; row < found.log_prob.size(); ++row)
     if (!c.continuous && found.action[row] != expected.action[row])  // two that are nearly as likely

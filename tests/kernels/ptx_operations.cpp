@@ -66,7 +66,7 @@ Operation conversion(const Words& w, const Operands& o) {
 
 Operation memory(const Words& w, const Operands& o) {
   expect_operands(w, o, 2);
-  allow(w, {"global", "shared", "local", "param", "nc", "v2", "v4"});
+  allow(w, {"global", "shared", "local", "param", "nc", "cg", "v2", "v4"});
   const bool load = w[0] == "ld", shared = has(w, "shared");
   const PtxOperand numbers = o[load ? 0 : 1], address = o[load ? 1 : 0];
   return with_type(w, w.back(), [&]<class T>() -> Operation {
@@ -123,6 +123,10 @@ Operation ptx_operation(const Words& w, const Operands& o) {
     return move({"mov", "u64"}, o);
   }
   if (name == "membar" || name == "fence" || name == "prefetch") return [](PtxThread&) {};
+  if (name == "griddepcontrol") {  // no kernel runs beside another here
+    allow(w, {"wait", "launch_dependents"});
+    return [](PtxThread&) {};
+  }
   return ptx_arithmetic(w, o);
 }
 

@@ -27,6 +27,7 @@ const std::vector<KernelCase>& observation_cases() {
        .n_states = 9,
        .blocks = 2,
        .activation = Activation::gelu},
+      {.name = "RowsOfCrowds", .hidden = {64, 50}, .input = 135, .n = 20, .n_states = 9, .blocks = 2},
       {.name = "Broad", .hidden = {128, 128}, .input = 59, .n = 5, .n_states = 40, .blocks = 2},
       {.name = "BroadIndependentContinuous",
        .hidden = {100, 72},

@@ -34,7 +34,7 @@ TEST_P(LearnFusedUpdateGpu, ThePolicyAndTheUpdateAgree) {
   policy.continuous.pre_tanh_action = u.data_ptr<float>();
   policy.continuous.action = squashed.data_ptr<float>();
   policy.continuous.log_prob = log_prob.data_ptr<float>();
-  launch_fused_policies({&policy, 1}, 0, s.parallel_for.stream());
+  launch_fused_policies({&policy, 1}, false, 0, s.parallel_for.stream());
 
   // Two policies in one launch, the second for the worlds behind the first's; then a group for each world, all with the
   // same network, which are too many for that launch.
@@ -53,13 +53,14 @@ TEST_P(LearnFusedUpdateGpu, ThePolicyAndTheUpdateAgree) {
   FusedPolicy groups = policy;
   groups.groups = static_cast<int>(s.n_states);
   groups.rows_per_group = c.n;
-  for (const std::span<const FusedPolicy> other : {std::span<const FusedPolicy>(two), {&groups, 1}}) {
-    action.fill_(-1);
-    log_prob.fill_(NAN);
-    launch_fused_policies(other, 0, s.parallel_for.stream());
-    EXPECT_TRUE(at::equal(action, kept_action)) << other.size() << " policies";
-    EXPECT_TRUE(at::equal(log_prob, kept_log_prob)) << other.size() << " policies";
-  }
+  for (const std::span<const FusedPolicy> other : {std::span<const FusedPolicy>(two), {&groups, 1}})
+    for (const bool early : {false, true}) {  // behind kernels that write what it writes
+      action.fill_(-1);
+      log_prob.fill_(NAN);
+      launch_fused_policies(other, early, 0, s.parallel_for.stream());
+      EXPECT_TRUE(at::equal(action, kept_action)) << other.size() << " policies";
+      EXPECT_TRUE(at::equal(log_prob, kept_log_prob)) << other.size() << " policies";
+    }
 
   // Against LibTorch in fp32.
   const at::Tensor head = s.actor.forward(s.obs.flatten(0, 1)).view({s.n_states, c.n, -1});
