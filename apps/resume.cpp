@@ -97,9 +97,9 @@ Json resume_info(const ResumedRun& resumed, Device device, const FoundCheckpoint
 
 /// What the folder has lost and its checkpoint knows is written again: the report at the end reads it. Of run.json that
 /// is not the machine, the time and the command line of the start.
-void write_missing(const RunFolder& folder, const FoundCheckpoint& found, bool quiet) {
+void write_missing(const RunFolder& folder, const FoundCheckpoint& found, const RunConfig& resumed, bool quiet) {
   const Checkpoint& from = found.checkpoint;
-  const RunConfig config = for_run_folder(load_run_config_text(from.config_yaml, from.scenario_yaml).config);
+  const RunConfig config = for_run_folder(resumed);
   const std::string source = found.file.filename().string();
   const Json info{{"scenario", from.scenario_name},
                   {"algorithm", config.train.algorithm},
@@ -139,7 +139,7 @@ int resume(const ResumeOptions& o, Dispatch& dispatch) {
                       !o.no_color};
   setup.ranks = joined.ranks;
   if (from.agent_steps >= resumed.run.config.train.total_agent_steps) {
-    if (folder) write_missing(*folder, found, o.quiet);
+    if (folder) write_missing(*folder, found, resumed.run.config, o.quiet);
     if (folder)
       std::cout << "the run " << path.string() << " is complete: " << from.updates << " updates, " << from.agent_steps
                 << " agent-steps; to go on: --set train.total_agent_steps=N\n";
@@ -166,7 +166,7 @@ int resume(const ResumeOptions& o, Dispatch& dispatch) {
   MetricsFiles::expect(*folder, from.cursor);
   set_aside(found.damaged_files);
   forget_lost_best(*folder, found.checkpoint.cursor);
-  write_missing(*folder, found, o.quiet);
+  write_missing(*folder, found, resumed.run.config, o.quiet);
   folder->describe_resume(print_yaml(for_run_folder(resumed.run.config), true),
                           resume_info(resumed, setup.device, found));
   dispatch.advice = [path = folder->path()] { return advice_to_resume(path); };

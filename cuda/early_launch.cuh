@@ -15,7 +15,7 @@ __device__ __forceinline__ void let_next_begin() {
 }
 
 /// Until the kernel before has ended; at once where this one was not launched early. All that any kernel before it
-/// wrote is seen behind it, as long as each of these has called it too.
+/// wrote is seen behind it, as long as each of these that was launched early has called it too.
 __device__ __forceinline__ void wait_for_last() {
 #if __CUDA_ARCH__ >= 900
   asm volatile("griddepcontrol.wait;" ::: "memory");
@@ -35,7 +35,15 @@ __device__ __forceinline__ float2 read_behind(const float2* at) {
   return two;
 }
 
-/// Launches a kernel early.
+/// Whether a kernel waits at all: code for other GPUs, which a newer one may translate, does not.
+template <class Kernel>
+bool may_wait(Kernel kernel) {
+  cudaFuncAttributes attributes{};
+  GIGA_CUDA(cudaFuncGetAttributes(&attributes, kernel));
+  return attributes.ptxVersion >= 90;
+}
+
+/// Launches a kernel early, if it can wait.
 template <class Kernel, class Argument>
 void launch_early(Kernel kernel, dim3 blocks, int threads, size_t shared_bytes, cudaStream_t stream,
                   const Argument& argument) {
@@ -48,7 +56,7 @@ void launch_early(Kernel kernel, dim3 blocks, int threads, size_t shared_bytes, 
   config.dynamicSmemBytes = shared_bytes;
   config.stream = stream;
   config.attrs = &attribute;
-  config.numAttrs = 1;
+  config.numAttrs = may_wait(kernel) ? 1 : 0;
   GIGA_CUDA(cudaLaunchKernelEx(&config, kernel, argument));
 }
 

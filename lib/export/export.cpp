@@ -170,7 +170,11 @@ void write_export(const fs::path& folder, ExportFormat format, const Actor& acto
 
 bool is_exported_policy(const fs::path& path) {
   std::error_code code;
-  if (fs::is_directory(path, code)) return fs::exists(path / kManifestName, code) || format_in_folder(path);
+  if (fs::is_directory(path, code)) {
+    // A run may have been exported into its own folder.
+    const bool of_run = fs::exists(path / "checkpoints", code) || fs::exists(path / "config.yaml", code);
+    return fs::exists(path / kManifestName, code) || (!of_run && format_in_folder(path));
+  }
   return format_of_file(path).has_value();
 }
 
@@ -188,6 +192,10 @@ ExportedPolicy find_exported_policy(const fs::path& path, bool trust) {
                          " is no exported policy: allowed are the folder of an export and files that "
                          "end in .safetensors or .pt"));
   ExportedPolicy found{is_folder ? path / policy_file_name(*format) : path, *format, {}};
+  if ((is_folder || *format == ExportFormat::safetensors) && !has_manifest)
+    throw InputError(cat(found.file.string(), " has no ", kManifestName,
+                         " beside it, which says what the policy observes and does: keep together what export wrote, "
+                         "or export the policy again"));
   if (*format == ExportFormat::onnx)
     throw InputError(cat(found.file.string(),
                          " is an ONNX graph, which gigastep writes but does not read; export the policy "
@@ -196,10 +204,6 @@ ExportedPolicy find_exported_policy(const fs::path& path, bool trust) {
     throw InputError(cat(found.file.string(),
                          " is a TorchScript module, which is code: opening it runs what is in it, with "
                          "your rights; add --trust if you know where it is from"));
-  if ((is_folder || *format == ExportFormat::safetensors) && !has_manifest)
-    throw InputError(cat(found.file.string(), " has no ", kManifestName,
-                         " beside it, which says what the policy observes and does: keep together what export wrote, "
-                         "or export the policy again"));
   // A module from elsewhere may lie beside the manifest of something else, or of nothing.
   const bool exported_here = found.file.filename() == policy_file_name(*format) && has_manifest;
   if (is_folder || exported_here || *format == ExportFormat::safetensors) found.manifest = read_manifest(manifest_file);

@@ -73,7 +73,8 @@ std::string bytes_text(const std::string& key, const std::string& value) {
 
 /// run.json without what is each run's own.
 Settings machine_of(const RunData& run) {
-  static const std::set<std::string> own = {"scenario", "algorithm", "seed", "started", "command_line"};
+  static const std::set<std::string> own = {"scenario", "algorithm",    "seed",
+                                            "started",  "command_line", "restored_from"};
   Settings facts = info_of(run);
   std::erase_if(facts, [](const auto& fact) { return own.contains(fact.first); });
   for (auto& [key, value] : facts) {

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 #include <signal.h>
 #include <sys/prctl.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <functional>
@@ -220,6 +221,8 @@ void speak_to_a_stopped_store() {
   const auto ranks = join_ranks({.rank = 0, .size = 1, .port = port, .served = true, .attempt = "0"},
                                 {.silence = milliseconds(2000), .giving_up = milliseconds(500)});
   ::kill(child, SIGSTOP);
+  int status = 0;  // it stops some time after the signal, and could answer until then
+  ASSERT_EQ(::waitpid(child, &status, WUNTRACED), child);
   ranks->barrier();
 }
 
