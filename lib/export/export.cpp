@@ -192,14 +192,14 @@ ExportedPolicy find_exported_policy(const fs::path& path, bool trust) {
                          " is no exported policy: allowed are the folder of an export and files that "
                          "end in .safetensors or .pt"));
   ExportedPolicy found{is_folder ? path / policy_file_name(*format) : path, *format, {}};
-  if ((is_folder || *format == ExportFormat::safetensors) && !has_manifest)
-    throw InputError(cat(found.file.string(), " has no ", kManifestName,
-                         " beside it, which says what the policy observes and does: keep together what export wrote, "
-                         "or export the policy again"));
   if (*format == ExportFormat::onnx)
     throw InputError(cat(found.file.string(),
                          " is an ONNX graph, which gigastep writes but does not read; export the policy "
                          "with --format safetensors to play it here"));
+  if ((is_folder || *format == ExportFormat::safetensors) && !has_manifest)
+    throw InputError(cat(found.file.string(), " has no ", kManifestName,
+                         " beside it, which says what the policy observes and does: keep together what export wrote, "
+                         "or export the policy again"));
   if (*format == ExportFormat::torchscript && !trust)
     throw InputError(cat(found.file.string(),
                          " is a TorchScript module, which is code: opening it runs what is in it, with "

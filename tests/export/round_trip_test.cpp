@@ -199,6 +199,9 @@ TEST(ExportRoundTrip, WhatCannotPlayIsSaid) {
   EXPECT_TRUE(contains(export_refusal(folder / "module"), {"policy.pt has no manifest.json beside it"}));
   EXPECT_TRUE(contains(export_refusal(folder / "onnx"), {"policy.onnx is an ONNX graph"}));
   EXPECT_EQ(export_refusal(folder / "module/policy.pt"), "no error") << "a module may be from elsewhere";
+  EXPECT_TRUE(contains(export_refusal(folder / "module", false), {"has no manifest.json"})) << "first";
+  fs::create_directory(folder / "module/checkpoints");
+  EXPECT_FALSE(is_exported_policy(folder / "module")) << "a run, into which somebody has exported";
 }
 
 TEST(ExportRoundTrip, OfAnotherScenario) {
