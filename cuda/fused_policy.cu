@@ -87,10 +87,7 @@ __global__ void __launch_bounds__(PolicyMemory<kIn, kHidden>::kThreads, PolicyMe
     }
     if (const int64_t row = at + lane; lane < kRows && row < k.rows_per_group) {
       const float* head = m.head[warp] + lane * kLogitStride;
-      if (k.actions == ActionKind::discrete)
-        k.discrete.sample(first_row + row, head);
-      else
-        continuous.sample(first_row + row, head);
+      k.sample(first_row + row, head, continuous);
     }
     __syncwarp();  // the next rows take the same memory
   }

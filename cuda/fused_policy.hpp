@@ -42,6 +42,14 @@ struct FusedPolicy {
     if (actions == ActionKind::continuous) of_group.log_std += offset;
     return of_group;
   }
+  /// Draws the action of a row by what the network says of it; `gaussian`: that of its group.
+  template <class Row = Logits>
+  GIGA_HD void sample(int64_t row, const float* head, const SampleGaussian& gaussian) const {
+    if (actions == ActionKind::discrete)
+      discrete.sample<Row>(row, head);
+    else
+      gaussian.sample(row, head);
+  }
 };
 
 /// Those that one launch serves at most, by value.

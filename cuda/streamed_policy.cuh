@@ -181,10 +181,7 @@ __global__ void __launch_bounds__(StreamedBlock::kThreads, 1)
     __syncwarp();
     if (const int64_t row = at + lane; row < k.rows_per_group) {
       const float* logits = m.head[warp] + lane * kLogitStride;
-      if (k.actions == ActionKind::discrete)
-        k.discrete.sample(first_row + row, logits);
-      else
-        continuous.sample(first_row + row, logits);
+      k.sample(first_row + row, logits, continuous);
     }
     __syncwarp();  // the next ones take the same memory
   }

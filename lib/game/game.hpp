@@ -60,7 +60,9 @@ class GameObserver {
   /// for ahead of time. Actions and observations for which nobody brings a buffer lie in buffers of the game. Images
   /// are wanted by Rows::wanted too, and found in `io`; one buffer serves all steps.
   virtual void before_step(int64_t /*t*/, GameStep& /*step*/) {}
-  /// When the step is queued. The buffers that it wanted, its own or others', are those of `step`.
+  /// When the step is queued. The buffers that it wanted, its own or others', are those of `step`. What this and
+  /// record_step queue writes nothing that a controller keeps: controllers may read that before it has ended
+  /// (TeamStep::behind_step).
   virtual void after_step(int64_t /*t*/, const GameStep& /*step*/) {}
 
   /// Whether steps may be recorded although it observes them (TeamController::repeats). Then `before_step` asks the

@@ -35,8 +35,8 @@ struct TeamStep {
   WorldRange worlds;
   TeamBuffers buffers;      ///< from the first of the worlds on
   const RowLayout& layout;  ///< of the rows of observations
-  /// Whether what was queued before is a step of the same play that lets a kernel begin before it has ended
-  /// (Simulator::step_lets_next_begin), or follows on one and writes nothing that a controller keeps.
+  /// Whether it follows a step of the same play that lets a kernel begin before it has ended
+  /// (Simulator::step_lets_next_begin). What else was queued since writes nothing that a controller keeps.
   bool behind_step = false;
 
   int n() const { return sim.params().n_team[team]; }

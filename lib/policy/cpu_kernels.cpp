@@ -80,12 +80,7 @@ void run_fused_policy(const FusedPolicy& policy, const ThreadPool& pool) {
       const FusedRows rows = policy.rows(offset);
       const SampleGaussian continuous = policy.gaussian(offset);
       const Rows head = pass.forward(policy.parameters + offset, rows, block);
-      for (int r = 0; r < block.rows; ++r) {
-        if (policy.actions == ActionKind::discrete)
-          policy.discrete.sample<WideLogits>(first + r, head.row(r).data());
-        else
-          continuous.sample(first + r, head.row(r).data());
-      }
+      for (int r = 0; r < block.rows; ++r) policy.sample<WideLogits>(first + r, head.row(r).data(), continuous);
     }
   });
 }

@@ -26,7 +26,8 @@ GIGA_HD void add_together(int32_t* sum, int32_t value) {
 }
 
 /// The hook of step.hpp: all of an agent is read before anything of it is written, so that a GPU waits once for its
-/// memory, which for few agents lies in the multiprocessor.
+/// memory. Worlds of few agents, which a multiprocessor keeps to itself, are slower so: 20 vs 20 1.85 instead of
+/// 1.88 G agent-steps/s (8,192 worlds, one H100).
 GIGA_HD void move_agent(const GridParameters auto& p, GridWorld& w, const StepIo& io, int64_t world, int i) {
   const uint8_t lived = w.alive[i];
   const Flight from = flight_of(w, i);
