@@ -145,7 +145,7 @@ void add_display_options(CLI::App& command, bool& quiet, bool& no_color) {
 
 CLI::Option* add_json_option(CLI::App& command, std::string& destination) {
   return command.add_option("--json", destination, "write the result as JSON to a file; - prints it, and nothing else")
-      ->check(output(Output::file))
+      ->check(output(Output::file_or_stdout))
       ->type_name("FILE|-");
 }
 

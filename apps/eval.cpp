@@ -165,7 +165,7 @@ void add_eval_command(CLI::App& app, Dispatch& dispatch) {
   command
       ->add_option("--csv", options->csv,
                    "write the result as CSV, a row per side, to a file; - prints it, and nothing else")
-      ->check(output(Output::file))
+      ->check(output(Output::file_or_stdout))
       ->type_name("FILE|-");
   add_json_option(*command, options->json);
   command->footer(kEvalHelp);

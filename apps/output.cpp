@@ -18,6 +18,11 @@ fs::path folder_of(const fs::path& file) { return file.has_parent_path() ? file.
 std::string obstacle(const fs::path& path, Output kind) {
   std::error_code code;
   if (path.empty()) return "a name is missing";
+  if (path == "-") {
+    if (kind == Output::file_or_stdout) return "";
+    return "this is not written to the standard output; a file of that name is ./-";
+  }
+  if (kind == Output::file_or_stdout) kind = Output::file;
   if (kind != Output::folder && path.filename().empty()) return cat(path.string(), " names no file");
   if (kind == Output::file && fs::is_directory(path, code)) return cat(path.string(), " is a folder, not a file");
   if (kind == Output::folder && fs::exists(path, code) && !fs::is_directory(path, code))
@@ -36,7 +41,7 @@ std::string obstacle(const fs::path& path, Output kind) {
 }  // namespace
 
 CLI::Validator output(Output kind) {
-  return {[kind](std::string& text) { return text == "-" ? std::string() : obstacle(text, kind); }, ""};
+  return {[kind](std::string& text) { return obstacle(text, kind); }, ""};
 }
 
 void write_output(const fs::path& file, std::string_view bytes) {

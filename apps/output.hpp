@@ -7,11 +7,11 @@
 
 namespace giga {
 
-/// What the value of an option stands for: a file, what the names of files begin with, or a folder.
-enum class Output : uint8_t { file, stem, folder };
+/// What the value of an option stands for: a file, a file or `-` for the standard output, what the names of files begin
+/// with, or a folder.
+enum class Output : uint8_t { file, file_or_stdout, stem, folder };
 
-/// For CLI::Option::check: refuses what cannot be written, before any work starts. `-` is the standard output to
-/// options that take it, and passes.
+/// For CLI::Option::check: refuses what cannot be written, before any work starts.
 CLI::Validator output(Output kind);
 
 /// Writes a file, and makes the folders in which it lies.

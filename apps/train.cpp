@@ -84,10 +84,13 @@ std::string run_name(const TrainOptions& o, const RunConfig& c) {
   return cat(name, "-seed", c.seed);
 }
 
-/// For CLI::Option::check. Without this a variable of a script that is not set, as in --name "$name", would go
+/// For CLI::Option::check. Without these a variable of a script that is not set, as in --name "$name", would go
 /// unnoticed.
 std::string refuse_no_name(const std::string& name) {
   return name.empty() ? "a name is missing; allowed is the name of a folder in runs/, without a slash" : "";
+}
+std::string refuse_no_folder(const std::string& folder) {
+  return folder.empty() ? "a folder is missing; without --run-dir one is made in runs/" : "";
 }
 
 /// The folder that was asked for; empty: one is made by what the run is.
@@ -178,7 +181,8 @@ void add_train_command(CLI::App& app, Dispatch& dispatch) {
           ->add_option("--run-dir", options->run_dir,
                        "folder of this run, new or empty; default: runs/SCENARIO-ALGORITHM-CONFIG-CHANGES-seedN, as "
                        "runs/duel-mappo-quickstart-lr3e-4-seed2, and a number behind it where that is taken")
-          ->type_name("DIR");
+          ->type_name("DIR")
+          ->check(refuse_no_folder);
   command->add_option("--name", options->name, "name of this run: its folder is runs/NAME, which must be new or empty")
       ->type_name("NAME")
       ->check(refuse_no_name)
