@@ -6,7 +6,9 @@
 #include <filesystem>
 #include <functional>
 #include <iostream>
+#include <map>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <set>
 
 #include "apps/command_line.hpp"
@@ -15,11 +17,13 @@
 #include "apps/output.hpp"
 #include "apps/players.hpp"
 #include "apps/program_info.hpp"
+#include "config/names.hpp"
 #include "core/error.hpp"
 #include "cuda/runtime.hpp"
 #include "eval/round_robin.hpp"
 #include "export/export.hpp"
 #include "io/number.hpp"
+#include "rating/groups.hpp"
 #include "rating/sheet.hpp"
 #include "report/report.hpp"
 
@@ -31,6 +35,7 @@ namespace fs = std::filesystem;
 struct RateOptions {
   std::vector<std::string> runs;
   std::string scripted = "all", scenario, sides = "auto", out, device = "auto", json;
+  std::optional<std::string> anchor;
   std::vector<std::string> changes;
   int checkpoints = 1, episodes = 64;
   uint64_t seed = 0;
@@ -44,8 +49,30 @@ Sides sides_of(const RateOptions& o, const Scenario& scenario) {
   return o.sides == "alike" ? Sides::alike : Sides::apart;
 }
 
-/// random, or without it the first player that has games on both sides.
-std::string choose_anchor(const RoundRobin& all) {
+/// Who can be at 0: all players, or where the sides are apart those that play both.
+std::vector<std::string> possible_anchors(const RoundRobin& all, Sides sides) {
+  std::map<std::string, std::set<int>> played;  // sides by name
+  for (size_t k = 0; k < all.players.size(); ++k)
+    for (int side = 0; side < kNSides; ++side)
+      if (all.players[k].can_play(side)) played[all.pools[k]].insert(side);
+  std::vector<std::string> names;
+  for (const std::string& name : all.pools) {
+    const bool is_new = std::find(names.begin(), names.end(), name) == names.end();
+    if (is_new && (sides == Sides::alike || played[name].size() == kNSides)) names.push_back(name);
+  }
+  return names;
+}
+
+/// The one asked for; else random, or without it the first player that has games on both sides.
+std::string choose_anchor(const RateOptions& o, const RoundRobin& all, Sides sides) {
+  if (o.anchor) {
+    const std::vector<std::string> names = possible_anchors(all, sides);
+    if (std::find(names.begin(), names.end(), *o.anchor) != names.end()) return *o.anchor;
+    const bool plays = std::find(all.pools.begin(), all.pools.end(), *o.anchor) != all.pools.end();
+    if (!names.empty())
+      throw InputError(cat("--anchor: '", *o.anchor, plays ? "' does not play both sides" : "' is none of the players",
+                           plays ? "" : nearest_hint(*o.anchor, names), "; allowed: ", join(names)));
+  }
   for (const Player& c : all.players)
     if (c.name() == RatingOptions().anchor) return c.name();
   for (size_t k = 0; k < all.players.size(); ++k)
@@ -153,8 +180,8 @@ RatingSheet play_and_rate(const RateOptions& o, RoundRobin& all, Device device) 
   sheet.scenario = all.scenario.name;
   sheet.infos = all.infos;
   RatingOptions rating;
-  rating.anchor = choose_anchor(all);
   rating.sides = sides_of(o, all.scenario);
+  rating.anchor = choose_anchor(o, all, rating.sides);
   expect_opponents(all, rating.sides);
   std::string note;  // told behind the lines of progress, which it would break
   const auto keep_note = [&note](const std::string& text) { note = text; };
@@ -222,6 +249,11 @@ void add_options(CLI::App& command, RateOptions& o) {
       ->capture_default_str()
       ->type_name("auto|alike|apart");
   command
+      .add_option("--anchor", o.anchor,
+                  "the player at 0, by its name in the table (circle, RUN@UPDATES): ratings and their intervals are "
+                  "differences to it; default: random, or without it the first player of both sides")
+      ->type_name("NAME");
+  command
       .add_option("--out", o.out,
                   "folder of the results; default: `ratings` in the run folder, of several beside the first")
       ->check(output(Output::folder))
@@ -247,11 +279,12 @@ void add_rate_command(CLI::App& app, Dispatch& dispatch) {
       "By default of each run the newest checkpoint and the best one, 64 episodes of each pair: a first impression.\n"
       "Everybody plays everybody on both sides, a checkpoint with its policy of team 0 on side 0 and that of team 1\n"
       "on side 1, an exported policy on either. Ratings are on the Elo scale (400 points = odds of ten to one) by\n"
-      "Bradley-Terry maximum likelihood, a tie being half a win, with random at 0 and 95 % intervals; who never lost\n"
-      "or never won has none that is finite, and is told apart. The paper's sequential Elo (K 32, start 1200, pair by\n"
-      "pair in the order of the table, on which it depends) stands beside. What a win is, the scenario says (its "
-      "group\n"
-      "win; scenarios show NAME), and the table repeats it.\n"
+      "Bradley-Terry maximum likelihood, a tie being half a win, with random (or --anchor) at 0 and 95 % intervals\n"
+      "of the difference to it; who never lost or never won has none that is finite, and is told apart. Two lines\n"
+      "below say how well ratings explain the games: the deviance of the fit, and how much of who beats whom is\n"
+      "cyclic, as in rock, paper, scissors. The paper's sequential Elo (K 32, start 1200, pair by pair in the order\n"
+      "of the table, on which it depends) stands beside. What a win is, the scenario says (its group win; scenarios\n"
+      "show NAME), and the table repeats it.\n"
       "The folder gets:\n"
       "  ratings.csv, ratings.json   everybody's rating, of checkpoints with updates, agent-steps and seconds of "
       "training\n"
@@ -266,6 +299,7 @@ void add_rate_command(CLI::App& app, Dispatch& dispatch) {
       "  gigastep rate runs/a-seed* runs/b-seed* --group\n"
       "  gigastep rate runs/a --checkpoints 0 --episodes 256         all checkpoints, more precisely\n"
       "  gigastep rate runs/a runs/b --checkpoints 5 --scripted random,circle --episodes 1024 --out a_and_b\n"
+      "  gigastep rate runs/a runs/b --anchor pursuer                leads over pursuer, with their intervals\n"
       "  gigastep rate runs/a exported/pursuer --sides apart --json -");
   command->callback([options, &dispatch] { dispatch.run = [options] { rate_runs(*options); }; });
 }

@@ -2,7 +2,10 @@
 #include "rating/bradley_terry.hpp"
 
 #include <Eigen/Dense>
+#include <algorithm>
 #include <cmath>
+#include <map>
+#include <utility>
 
 #include "core/error.hpp"
 
@@ -33,7 +36,7 @@ Derivatives derivatives(const Eigen::VectorXd& s, const std::vector<PairScore>& 
   const Eigen::Index n = s.size();
   Derivatives d{Eigen::VectorXd::Zero(n), Eigen::MatrixXd::Zero(n, n)};
   for (const PairScore& p : scores) {
-    const double games = p.score_a + p.score_b, expected = 1 / (1 + std::exp(s[p.b] - s[p.a]));
+    const double games = p.games(), expected = win_probability(s[p.a] - s[p.b]);
     const double surprise = p.score_a - games * expected, weight = games * expected * (1 - expected);
     d.gradient[p.a] += surprise;
     d.gradient[p.b] -= surprise;
@@ -67,6 +70,23 @@ double improve(Eigen::VectorXd& s, const std::vector<PairScore>& scores) {
 }
 
 }  // namespace
+
+std::vector<PairScore> one_per_pair(const std::vector<PairScore>& scores) {
+  std::vector<PairScore> pairs;
+  std::map<std::pair<int, int>, size_t> place;
+  for (const PairScore& p : scores) {
+    const auto [found, is_new] = place.try_emplace(std::minmax(p.a, p.b), pairs.size());
+    if (is_new) {
+      pairs.push_back(p);
+      continue;
+    }
+    PairScore& pair = pairs[found->second];
+    const bool same_way = pair.a == p.a;
+    pair.score_a += same_way ? p.score_a : p.score_b;
+    pair.score_b += same_way ? p.score_b : p.score_a;
+  }
+  return pairs;
+}
 
 double StrengthFit::standard_error(int i, int j) const {
   const size_t n = strength.size(), a = static_cast<size_t>(i), b = static_cast<size_t>(j);

@@ -1,6 +1,7 @@
 // Bradley-Terry: strengths of players from the outcome of games between pairs, by maximum likelihood.
 #pragma once
 
+#include <cmath>
 #include <vector>
 
 namespace giga {
@@ -9,10 +10,17 @@ namespace giga {
 struct PairScore {
   int a = 0, b = 0;
   double score_a = 0, score_b = 0;
+
+  double games() const { return score_a + score_b; }
 };
 
-/// Strengths in the natural unit: P(a beats b) = 1 / (1 + exp(s_b - s_a)). Only differences have a meaning; player 0
-/// is put at 0.
+/// The same games with one entry for each two players, in the order in which these first appear.
+std::vector<PairScore> one_per_pair(const std::vector<PairScore>& scores);
+
+/// P(a beats b) where a is ahead by s_a - s_b.
+inline double win_probability(double ahead) { return 1 / (1 + std::exp(-ahead)); }
+
+/// Strengths in the natural unit (win_probability()). Only differences have a meaning; player 0 is put at 0.
 struct StrengthFit {
   std::vector<double> strength;    ///< [n]
   std::vector<double> covariance;  ///< [n, n] inverse of the Hessian of -log-likelihood; 0 in row and column 0

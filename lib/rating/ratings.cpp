@@ -127,6 +127,8 @@ class Rater {
     for_each_pair([&](int a, int b, const Games& g) {
       scores_.push_back({a, b, g.wins + g.ties / 2.0, g.losses + g.ties / 2.0});
     });
+    scores_ = one_per_pair(scores_);  // where the sides are alike both ways round are one
+    result_.intransitivity = find_intransitivity(static_cast<int>(result_.list.size()), scores_);
     groups_ = find_groups(static_cast<int>(result_.list.size()), scores_);
     result_.n_groups = static_cast<int>(groups_.count);
     const int of_anchor = found_group(anchor_[0]);
@@ -154,6 +156,7 @@ class Rater {
     for (size_t g = 0; g < fits_.size(); ++g) {
       fits_[g].fit = fit_bradley_terry(static_cast<int>(fits_[g].members.size()), own[g]);
       result_.log_likelihood += fits_[g].fit.log_likelihood;
+      result_.fit += goodness_of_fit(fits_[g].fit, own[g]);
       result_.iterations = std::max(result_.iterations, fits_[g].fit.iterations);
     }
   }

@@ -6,6 +6,8 @@
 #include <vector>
 
 #include "rating/game_table.hpp"
+#include "rating/goodness_of_fit.hpp"
+#include "rating/intransitivity.hpp"
 #include "rating/sequential_elo.hpp"
 
 namespace giga {
@@ -32,7 +34,8 @@ struct RatingOptions {
   EloOptions elo;  ///< of the paper's rating
 };
 
-/// Elo points, with the standard error from the Hessian of the log-likelihood.
+/// Elo points, with the standard error from the Hessian of the log-likelihood. That of a difference is of the
+/// difference: var(a) + var(b) - 2 cov(a, b), so that it depends on the games that join the two.
 struct Estimate {
   double value = 0, standard_error = 0;
   double low() const;   ///< of the 95 % interval
@@ -72,6 +75,10 @@ struct Ratings {
   std::optional<Estimate> side_advantage;
   double log_likelihood = 0;  ///< over the games within groups; those between groups are certain in the limit
   int iterations = 0;         ///< of Newton's method, in the group that took most
+  GoodnessOfFit fit;          ///< of the games within groups, the groups added up
+  /// Of all games, also those between groups; players are indices into `list`. Where the sides are apart a player is a
+  /// row or a column, games are between the two kinds, and there is no cycle of three.
+  Intransitivity intransitivity;
   EloOptions elo;
 
   const std::string& name(const Rating& rating) const { return players[static_cast<size_t>(rating.player)]; }

@@ -11,6 +11,7 @@
 #include "io/files.hpp"
 #include "io/metrics_csv.hpp"
 #include "io/number.hpp"
+#include "rating/model_check.hpp"
 #include "rating/pictures.hpp"
 
 namespace giga {
@@ -177,7 +178,7 @@ std::string ratings_table(const RatingSheet& sheet) {
     table += cat(" Side ", ratings.side_advantage->value < 0 ? 1 : 0, " is ahead by ",
                  std::lround(std::abs(ratings.side_advantage->value)), " +- ",
                  std::lround(ratings.side_advantage->high() - ratings.side_advantage->value), ".");
-  table += "\n";
+  table += "\n" + fit_line(ratings.fit) + "\n" + intransitivity_line(ratings) + "\n";
   for (const std::string& line : remarks(ratings)) table += "note: " + line + "\n";
   return table;
 }
@@ -255,6 +256,8 @@ Json ratings_json(const RatingSheet& sheet, const fs::path& folder) {
           {"side_advantage", ratings.side_advantage ? estimate_json(*ratings.side_advantage) : Json()},
           {"log_likelihood", ratings.log_likelihood},
           {"iterations", ratings.iterations},
+          {"goodness_of_fit", fit_json(ratings.fit)},
+          {"intransitivity", intransitivity_json(ratings)},
           {"paper_elo", {{"k", ratings.elo.k}, {"start", ratings.elo.start}}},
           {"players", std::move(players)},
           {"ratings", std::move(list)},

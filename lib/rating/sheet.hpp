@@ -47,7 +47,7 @@ std::vector<RatedRun> runs_of(const RatingSheet& sheet);
 /// their own. [P]
 std::vector<std::string> short_names(const RatingSheet& sheet);
 
-/// For people: a line per rating, the strongest first, then remarks().
+/// For people: a line per rating, the strongest first, how well ratings explain the games, then remarks().
 std::string ratings_table(const RatingSheet& sheet);
 
 /// A row per rating in the order of `Ratings::list`. `rating` is inf, -inf or empty, its error and interval empty,
@@ -59,8 +59,8 @@ std::string ratings_csv(const RatingSheet& sheet);
 std::string matrix_csv(const RatingSheet& sheet);
 
 /// All of it: players, games (matrices of counts: rows side 0, columns side 1, from side 0's view), ratings (null where
-/// infinite or unknown; see `standing`), model, remarks. `folder` is where it will lie: run folders are told relative
-/// to it, so that find_rating() knows them also after both were moved.
+/// infinite or unknown; see `standing`), model, how well it explains the games (model_check.hpp), remarks. `folder` is
+/// where it will lie: run folders are told relative to it, so that find_rating() knows them also after both were moved.
 Json ratings_json(const RatingSheet& sheet, const std::filesystem::path& folder);
 
 /// Names of the files of a folder of results; reports look for the pictures (lib/report).

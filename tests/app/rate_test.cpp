@@ -148,6 +148,31 @@ TEST_F(RatedRuns, WithoutScriptsTheFirstCheckpointIsTheAnchor) {
   EXPECT_FALSE(here_->has("files/win_rate.svg"));
 }
 
+TEST_F(RatedRuns, AnyPlayerCanBeTheAnchor) {
+  const auto rated = [](const std::vector<std::string>& more) {
+    std::vector<std::string> arguments = {"run-seed1",  "--scripted", "random,circle", "--checkpoints", "1",
+                                          "--episodes", "16",         "--out",         "anchored"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return rate(arguments);
+  };
+  const Outcome outcome = rated({"--anchor", "run-seed1@4", "--json", "-"});
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  const Document json = parse_yaml_text(outcome.out, "json");
+  EXPECT_EQ(at(json, {"anchor"}).text, "run-seed1@4");
+  for (const Node& rating : at(json, {"ratings"}).items) {
+    if (rating.find("player")->text == "run-seed1@4") {
+      EXPECT_EQ(rating.find("rating")->text, "0");
+      EXPECT_EQ(rating.find("standard_error")->text, "0");
+    }
+  }
+  const double n = static_cast<double>(names_of(json).size());
+  EXPECT_EQ(number_at(json, {"intransitivity", "pairs"}), n * (n - 1) / 2);
+  EXPECT_LE(number_at(json, {"goodness_of_fit", "pairs"}), n * (n - 1) / 2);
+  const double share = number_at(json, {"intransitivity", "share"});
+  EXPECT_TRUE(share >= 0 && share <= 1) << share;
+  EXPECT_TRUE(contains(rated({"--anchor", "circle"}).out, {"circle = 0; a tie", "\nFit: ", "\nIntransitive: "}));
+}
+
 TEST_F(RatedRuns, ATeamThatDidNotLearnIsNotRated) {
   here_->write("one.yaml", kShortConfig);
   ASSERT_EQ(here_->run({"train", "one.yaml", "--quiet", "--run-dir", "one", "--set", "train.opponent=circle"}).code, 0);
@@ -162,6 +187,11 @@ TEST_F(RatedRuns, ATeamThatDidNotLearnIsNotRated) {
     ++ratings;
   }
   EXPECT_GE(ratings, 1);
+  const Outcome one_sided = rate({"one", "--scripted", "random", "--sides", "apart", "--checkpoints", "1", "--anchor",
+                                  "one@4", "--out", "one_sided"});
+  EXPECT_EQ(one_sided.code, 2);
+  EXPECT_TRUE(contains(one_sided.err, {"--anchor: 'one@4' does not play both sides; allowed: random"}));
+  EXPECT_FALSE(here_->has("one_sided"));
   const Outcome nobody = rate({"one", "--scripted", "none"});
   EXPECT_EQ(nobody.code, 2);
   EXPECT_TRUE(contains(nobody.err, {"no player plays both sides", "--scripted random"}));
@@ -263,6 +293,8 @@ TEST_F(RatedRuns, MistakesAreToldAndLeaveNothing) {
       {{"run-seed1", "--scripted", "cirle"},
        "'cirle' is no scripted team; nearest: 'circle'; allowed: all, none, or out of random"},
       {{"run-seed1", "--scripted", "circle,circle"}, "'circle' is there twice"},
+      {{"run-seed1", "--scripted", "random,circle", "--anchor", "cirle"},
+       "--anchor: 'cirle' is none of the players; nearest: 'circle'; allowed: random, circle, run-seed1@"},
       {{"run-seed1", "--sides", "both"}, "--sides: 'both' is not one of: auto, alike, apart"},
       {{"run-seed1", "--episodes", "0"}, "--episodes: '0' is not an integer in [1, 10000000]"},
       {{"circle"}, "'circle' is a scripted team: it plays with --scripted circle"},

@@ -76,6 +76,26 @@ TEST(Ratings, AlongAChainDifferencesAndVariancesAdd) {
   EXPECT_NEAR(find(ratings, "b").rating.standard_error, std::sqrt(2) * kError40At3, 1e-3);
 }
 
+// random is joined to a by 4 games, a and b by 40. To random both have wide intervals, whose errors are one error; to a
+// the one of b is as narrow as their own games make it, and that of random as wide as before.
+TEST(Ratings, IntervalsAreThoseOfTheDifferenceToTheAnchor) {
+  GameTable table = table_of({"random", "a", "b"});
+  add(table, "a", "random", {3, 1, 0});
+  add(table, "b", "a", {30, 10, 0});
+  const double error4_at_3 = std::sqrt(10.0) * kError40At3;  // a tenth of the games
+  const Ratings to_random = rate_alike(table), to_a = rate_alike(table, "a");
+  EXPECT_NEAR(find(to_random, "b").rating.standard_error, std::sqrt(11.0) * kError40At3, 1e-3);
+  EXPECT_NEAR(find(to_a, "b").rating.value, kOdds3, 1e-3);
+  EXPECT_NEAR(find(to_a, "b").rating.standard_error, kError40At3, 1e-3);
+  EXPECT_NEAR(find(to_a, "random").rating.value, -kOdds3, 1e-3);
+  EXPECT_NEAR(find(to_a, "random").rating.standard_error, error4_at_3, 1e-3);
+  EXPECT_EQ(find(to_a, "a").rating.standard_error, 0);
+  EXPECT_NEAR(to_a.log_likelihood, to_random.log_likelihood, 1e-9) << "the anchor changes no fit";
+  // A third way round: a and b are compared through random too, and their errors are no sum of variances.
+  add(table, "b", "random", {4, 0, 0});
+  EXPECT_LT(find(rate_alike(table, "a"), "b").rating.standard_error, kError40At3);
+}
+
 TEST(Ratings, GamesAgainstItselfSayNothingWhereSidesAreAlike) {
   GameTable table = table_of({"random", "a"});
   add(table, "a", "random", {30, 10, 0});

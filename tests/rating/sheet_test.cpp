@@ -58,6 +58,11 @@ TEST(RatingSheet, JsonHoldsAll) {
   EXPECT_EQ(text(json.root.find("sides")), "alike");
   EXPECT_NEAR(std::stod(text(json.root.find("log_likelihood"))), -22.4934, 1e-4);
   EXPECT_EQ(text(json.root.find("paper_elo")->find("k")), "32");
+  // One pair is in a group, the other is that of who won all: no test. A chain has no cyclic part.
+  EXPECT_EQ(print_node(*json.root.find("goodness_of_fit")->find("p_value")), "null");
+  EXPECT_EQ(text(json.root.find("goodness_of_fit")->find("pairs")), "1");
+  EXPECT_EQ(text(json.root.find("intransitivity")->find("pairs")), "2");
+  EXPECT_NEAR(std::stod(text(json.root.find("intransitivity")->find("share"))), 0, 1e-12);
   ASSERT_EQ(json.root.find("players")->items.size(), 3u);
   EXPECT_EQ(text(json.root.find("players")->items[2].find("best")), "true");
   EXPECT_EQ(print_node(*json.root.find("games")),
@@ -75,7 +80,8 @@ TEST(RatingSheet, JsonHoldsAll) {
 
 TEST(RatingSheet, TableIsSortedAndSaysWhatIsInfinite) {
   const std::string table = ratings_table(small_sheet());
-  EXPECT_TRUE(contains(table, {"random = 0; a tie is half a win", "note: run, 1@200: won all of its 20 games"}));
+  EXPECT_TRUE(contains(table, {"random = 0; a tie is half a win", "\nFit: ", "\nIntransitive: 0.0 % of",
+                               "note: run, 1@200: won all of its 20 games"}));
   const size_t best = table.find("run, 1@200  both  +infinity        -"),
                second = table.find("run, 1@100  both       +191      124"),
                last = table.find("random      both          0        0");
