@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <iterator>
 
 #include "core/error.hpp"
 #include "io/files.hpp"
@@ -21,8 +22,8 @@ double worst_of(const SweepSpec& spec, const std::vector<double>& values) {
                                           : *std::max_element(values.begin(), values.end());
 }
 
-std::vector<const std::vector<double>*> columns_of(const SweepSpec& spec, const MetricsTable& table,
-                                                   const std::string& file) {
+std::vector<const std::vector<double>*> metric_columns(const SweepSpec& spec, const MetricsTable& table,
+                                                       const std::string& file) {
   std::vector<const std::vector<double>*> columns;
   for (const std::string& name : spec.metric) {
     columns.push_back(table.find(name));
@@ -34,7 +35,7 @@ std::vector<const std::vector<double>*> columns_of(const SweepSpec& spec, const 
 /// Agent-steps and metric at each row where all columns are known.
 std::vector<std::pair<double, double>> metric_points(const SweepSpec& spec, const MetricsTable& table,
                                                      const std::string& file) {
-  const std::vector<const std::vector<double>*> columns = columns_of(spec, table, file);
+  const std::vector<const std::vector<double>*> columns = metric_columns(spec, table, file);
   std::vector<std::pair<double, double>> points;
   for (size_t row = 0; row < table.rows(); ++row) {
     std::vector<double> values;
@@ -110,18 +111,26 @@ fs::path trial_folder(const fs::path& sweep, int trial, uint64_t seed) {
   return sweep / "trials" / cat(number, "-seed", seed);
 }
 
+std::optional<double> metric_of_values(const SweepSpec& spec, const std::vector<std::vector<double>>& known) {
+  std::vector<double> values;
+  for (const std::vector<double>& column : known) {
+    if (column.empty()) return std::nullopt;
+    const auto n = std::min(static_cast<std::ptrdiff_t>(column.size()), static_cast<std::ptrdiff_t>(spec.last_values));
+    values.push_back(mean_of({column.end() - n, column.end()}));
+  }
+  return worst_of(spec, values);
+}
+
 std::optional<double> metric_of_run(const SweepSpec& spec, const fs::path& run) {
   const std::string file = (run / "metrics.csv").string();
   const MetricsTable table = parse_metrics(read_file(file), file);
-  std::vector<double> values;
-  for (const std::vector<double>* column : columns_of(spec, table, file)) {
-    std::vector<double> last;
-    for (auto at = column->rbegin(); at != column->rend() && static_cast<int>(last.size()) < spec.last_values; ++at)
-      if (!std::isnan(*at)) last.push_back(*at);
-    if (last.empty()) return std::nullopt;
-    values.push_back(mean_of(last));
+  std::vector<std::vector<double>> known;
+  for (const std::vector<double>* column : metric_columns(spec, table, file)) {
+    known.emplace_back();
+    std::copy_if(column->begin(), column->end(), std::back_inserter(known.back()),
+                 [](double value) { return !std::isnan(value); });
   }
-  return worst_of(spec, values);
+  return metric_of_values(spec, known);
 }
 
 namespace {

@@ -15,6 +15,8 @@ namespace giga {
 /// Where the run of a trial with a seed lies in the folder of a sweep: "trials/007-seed2".
 std::filesystem::path trial_folder(const std::filesystem::path& sweep, int trial, uint64_t seed);
 
+/// The metric by the known values of its columns, in the order of the spec's; none where a column has no value yet.
+std::optional<double> metric_of_values(const SweepSpec& spec, const std::vector<std::vector<double>>& known);
 /// The metric of a run by its metrics.csv, as the spec says; none where a column has no value yet. Throws InputError
 /// where there is no such file or column.
 std::optional<double> metric_of_run(const SweepSpec& spec, const std::filesystem::path& run);

@@ -92,4 +92,18 @@ std::vector<int> SweepProgress::ranking() const {
   return trials;
 }
 
+std::optional<std::pair<int, double>> SweepProgress::best() const {
+  if (n_trials_ == 0) return std::nullopt;
+  const int trial = ranking().front(), rung = reached(trial);
+  const std::optional<double> known = rung >= 0 ? value(trial, rung) : std::nullopt;
+  if (!known) return std::nullopt;
+  return std::pair(trial, *known);
+}
+
+int SweepProgress::n_compared() const {
+  int n = 0;
+  for (int trial = 0; trial < n_trials_; ++trial) n += reached(trial) >= 0 ? 1 : 0;
+  return n;
+}
+
 }  // namespace giga

@@ -5,6 +5,7 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "sweep/spec.hpp"
@@ -63,6 +64,9 @@ class SweepProgress {
   bool better(double a, double b) const { return goal_ == SweepGoal::maximize ? a > b : a < b; }
   /// Trials by how far they came, then by their value there; those without a value last.
   std::vector<int> ranking() const;
+  /// The first of them with its value, and how many trials were compared, with halving for the first time at least.
+  std::optional<std::pair<int, double>> best() const;
+  int n_compared() const;
 
  private:
   bool is_settled(int rung) const;

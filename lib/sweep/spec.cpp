@@ -41,6 +41,13 @@ bool FieldCodec<Choice>::read(const Node& node, Choice& value, const Allowed& al
   return true;
 }
 
+bool FieldCodec<RunsAtOnce>::read(const Node& node, RunsAtOnce& value, const Allowed& allowed, const ReadSite& site) {
+  if (!node.is_scalar() || node.text != "auto")
+    return FieldCodec<int>::read(node, value.number, allowed, {site.path, site.errors, " or auto"});
+  value.number = 0;
+  return true;
+}
+
 /// Keys of the config that each run of a sweep gets from it, and what they come from.
 constexpr std::pair<const char*, const char*> kSetBySweep[] = {{"seed", "seeds"},
                                                                {"train.stop_at_agent_steps", "halving"}};

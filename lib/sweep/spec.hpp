@@ -26,6 +26,24 @@ struct FieldCodec<Choice> {
   static ValueShape shape(const Allowed&) { return {ValueShape::Kind::text}; }
 };
 
+/// How many runs there are at once: a number, or `auto`, which is found by measuring (ParallelSearch).
+struct RunsAtOnce {
+  int number = 1;  ///< 0 = auto
+
+  bool is_auto() const { return number == 0; }
+  operator int() const { return number; }
+};
+template <>
+struct FieldCodec<RunsAtOnce> {
+  static bool read(const Node& node, RunsAtOnce& value, const Allowed& allowed, const ReadSite& site);
+  static std::string print(const RunsAtOnce& value) { return value.is_auto() ? "auto" : std::to_string(value.number); }
+  static std::string expected(const Allowed& allowed) { return FieldCodec<int>::expected(allowed) + " or auto"; }
+  static ValueShape shape(const Allowed& allowed) {
+    return {
+        ValueShape::Kind::either, {}, {FieldCodec<int>::shape(allowed), {ValueShape::Kind::text, one_of({"auto"})}}};
+  }
+};
+
 /// What values a key may take: exactly one of these is given.
 struct ParameterSpec {
   std::vector<Choice> choices;
@@ -70,7 +88,7 @@ struct SweepSpec {
   SweepGoal goal = SweepGoal::maximize;
   int last_values = 1;
   HalvingSpec halving;
-  int parallel = 1;
+  RunsAtOnce parallel;
   uint64_t seed = 0;
   std::optional<Duration> max_wall_time = std::nullopt;
 };
@@ -90,7 +108,9 @@ void visit_fields(V& v, SweepSpec& c) {
   v("goal", c.goal, "whether the metric should be large or small");
   v("last_values", c.last_values, "known values at the end of a column whose mean counts", range(1, 1000));
   v.group("halving", c.halving, "successive halving (ASHA, Li et al. 2020, arXiv 1810.05934)");
-  v("parallel", c.parallel, "runs at once, each a process of its own", range(1, 1024));
+  v("parallel", c.parallel,
+    "runs at once, each a process of its own; auto: one more while that makes at least 5 % more agent-steps per second",
+    range(1, 1024));
   v("seed", c.seed, "of what is drawn");
   v("max_wall_time", c.max_wall_time, "save and stop after this time of one call; the next call goes on");
 }

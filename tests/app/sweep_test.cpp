@@ -4,6 +4,7 @@
 #include <csignal>
 #include <map>
 
+#include "io/run_lock.hpp"
 #include "runs.hpp"
 
 namespace giga::test {
@@ -115,6 +116,70 @@ TEST(AppSweep, AKilledSweepGoesOnAndRepeatsNothing) {
   EXPECT_TRUE(here.has("k/trials/002-seed2/report.html"));
 }
 
+/// Whether a page is named where there is one, and only there.
+void expect_report_as_written(const Workplace& here, const Outcome& outcome, const std::string& sweep) {
+  EXPECT_EQ(outcome.out.find("report: ") != std::string::npos, here.has(sweep + "/report.html")) << outcome.out;
+}
+
+TEST(AppSweep, OneWhoseTimeIsOverBeforeAnyRunHasStepsNamesNoReport) {
+  const Workplace here;
+  here.write("short.yaml", kShortConfig);
+  here.write("t.yaml", kSweep);
+  ASSERT_EQ(here.run({"sweep", "t.yaml", "--out", "t", "--ask"}).code, 0);  // trial 0 has begun
+  {
+    // Its run is held, as by a process that is saving still: the sweep waits for it until its time is over.
+    std::filesystem::create_directories(here.path() / "t/trials/000-seed1");
+    const RunLock held(here.path() / "t/trials/000-seed1");
+    here.write("t.yaml", kSweep + "max_wall_time: 1s\n");
+    const Outcome ended = here.run({"sweep", "t.yaml", "--out", "t"});
+    EXPECT_EQ(ended.code, 124) << ended.err;
+    EXPECT_TRUE(contains(ended.err, {"stopped (max_wall_time is over), all runs are saved"}));
+    EXPECT_TRUE(contains(ended.out, {"none has a value yet", "table:  t/trials.csv\n"}));
+    EXPECT_FALSE(here.has("t/report.html"));
+    expect_report_as_written(here, ended, "t");
+    EXPECT_EQ(parse_csv(here.read("t/trials.csv")).rows.size(), 3u);
+  }
+  // The same command goes on, and then there is one.
+  here.write("t.yaml", kSweep);
+  const Outcome done = here.run({"sweep", "t.yaml", "--out", "t"});
+  ASSERT_EQ(done.code, 0) << done.err;
+  EXPECT_TRUE(here.has("t/report.html"));
+  expect_report_as_written(here, done, "t");
+  EXPECT_EQ(metrics_rows(here, "t/trials/000-seed1"), 4u);
+}
+
+TEST(AppSweep, OneWhoseTimeIsOverSavesItsRuns) {
+  const Workplace here;
+  std::string config = kShortConfig;
+  config.replace(config.find("1024"), 4, "2560000000");  // more than the time is enough for
+  here.write("short.yaml", config);
+  here.write("t.yaml", kSweep + "max_wall_time: 4s\n");
+  const Outcome ended = here.run({"sweep", "t.yaml", "--out", "t"});
+  EXPECT_EQ(ended.code, 124) << ended.err;
+  EXPECT_TRUE(contains(ended.err, {"stopped (max_wall_time is over)"}));
+  expect_report_as_written(here, ended, "t");
+  const std::string journal = here.read("t/sweep.jsonl");
+  EXPECT_EQ(journal.find("\"result\""), std::string::npos) << "a run that was stopped has no result:\n" << journal;
+}
+
+// Runs of a second say little about rates: what counts is that all are trained as with a number.
+TEST(AppSweep, AutoTrainsAllTrials) {
+  const Workplace here;
+  here.write("short.yaml", kShortConfig);
+  std::string text = kSweep;
+  text.replace(text.find("parallel: 2"), 11, "parallel: auto");
+  here.write("auto.yaml", text);
+  const Outcome done = here.run({"sweep", "auto.yaml", "--out", "s"});
+  ASSERT_EQ(done.code, 0) << done.err;
+  EXPECT_EQ(done.err.find("\x1b["), std::string::npos) << "no panel without a terminal";
+  EXPECT_TRUE(contains(done.err, {"agent-steps: ", "3 of 3 trials, best: trial "}));
+  for (const char* run : {"000-seed1", "001-seed2", "002-seed2"})
+    EXPECT_EQ(metrics_rows(here, std::string("s/trials/") + run), 4u) << run;
+  // The number is no part of the sweep: it may change.
+  here.write("auto.yaml", kSweep);
+  EXPECT_EQ(here.run({"sweep", "auto.yaml", "--out", "s"}).code, 0);
+}
+
 TEST(AppSweep, AskAndTell) {
   const Workplace here;
   here.write("short.yaml", kShortConfig);
@@ -177,6 +242,7 @@ TEST(AppSweep, MistakesAreToldBeforeTheFirstTrial) {
   refused("[1e-4, 1e-2]", "[1e-2, 1e-4]", {"bad.yaml:3:3", "the range is empty"});
   refused("win_rate_0_vs_random", "win_rate_0_vs_circle",
           {"bad.yaml:7:", "this run logs no column 'win_rate_0_vs_circle'", "win_rate_0_vs_random"});
+  refused("parallel: 2", "parallel: all", {"bad.yaml:8:11: parallel: 'all' is not an integer in [1, 1024] or auto"});
   refused("short.yaml", "long.yaml", {"there is no config long.yaml"});
 }
 

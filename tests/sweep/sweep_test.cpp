@@ -127,8 +127,30 @@ TEST_F(Sweep, MistakesInTheFileAreTold) {
            "s.yaml:4:3: parameters.seed: the sweep sets this itself, by seeds");
   contains(cat(kHead, "  a: {choices: [1]}\nset: [train.stop_at_agent_steps=5]\n"),
            "s.yaml:5:6: set: train.stop_at_agent_steps: the sweep sets this itself, by halving");
+  for (const char* value : {"0", "1025", "2.5", "many", "none", "[2]", "-1", "AUTO"}) {
+    const std::string error = error_of(cat(kHead, "  a: {choices: [1]}\nparallel: ", value, "\n"));
+    EXPECT_TRUE(error.find("s.yaml:5:11: parallel: ") != std::string::npos &&
+                error.find("is not an integer in [1, 1024] or auto") != std::string::npos)
+        << error;
+  }
   contains("config: quickstart\nparameters: {a: {choices: [1]}}\n", "metric: the sweep needs a column");
   contains("config: quickstart\nmetric: [x]\n", "parameters: the sweep needs something to try");
+}
+
+TEST_F(Sweep, RunsAtOnceAreANumberOrAuto) {
+  const auto with = [&](const std::string& line) { return read(cat(kHead, "  a: {choices: [1]}\n", line)); };
+  EXPECT_EQ(with("").parallel.number, 1);
+  EXPECT_FALSE(with("").parallel.is_auto());
+  EXPECT_EQ(with("parallel: 3\n").parallel.number, 3);
+  const SweepSpec measured = with("parallel: auto\n");
+  EXPECT_TRUE(measured.parallel.is_auto());
+  // As the folder of the sweep keeps it.
+  EXPECT_TRUE(read(print_yaml(measured, true)).parallel.is_auto());
+  for (const FieldInfo& field : list_fields<SweepSpec>()) {
+    if (field.path != "parallel") continue;
+    EXPECT_EQ(field.type, "int or name");
+    EXPECT_EQ(field.default_value, "1");
+  }
 }
 
 /// Nine trials, of which a third goes on, for three times the agent-steps each time.

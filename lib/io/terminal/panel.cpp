@@ -6,6 +6,7 @@
 #include <cstdio>
 
 #include "io/number.hpp"
+#include "io/terminal/bar.hpp"
 
 namespace giga {
 namespace {
@@ -17,8 +18,7 @@ constexpr int kMaxSparkWidth = 32;
 constexpr Ink kTeamInk[] = {Ink::team_0, Ink::team_1};
 
 std::string percent(double share) { return std::to_string(std::lround(share * 100)) + "%"; }
-/// Rounded down, so that 100% says that it is done.
-std::string percent_done(const ProgressState& s) { return percent(std::floor(share_done(s) * 100) / 100); }
+std::string percent_done(const ProgressState& s) { return print_percent_done(share_done(s)); }
 
 std::string speed_of(const ProgressState& s) { return print_short(s.agent_steps_per_second) + "/s"; }
 
@@ -51,7 +51,6 @@ class Layout {
     if (wanted) line();
   }
   void head();
-  void bar(Line& to, int n) const;
   void clock();
   void team_names();
   void returns_and_win_rates(const std::string& prefix, bool courses);
@@ -91,19 +90,8 @@ Line& Layout::labelled(const std::string& label) {
 void Layout::head() {
   line().at(1).add(s_.title, Ink::strong);
   Line& progress = line().at(1);
-  bar(progress, width_ - 7);
+  add_bar(progress, share_done(s_), width_ - 7, style_);
   progress.add_right(percent_done(s_), width_);
-}
-
-void Layout::bar(Line& to, int n) const {
-  const int filled = static_cast<int>(share_done(s_) * n);
-  const auto repeat = [](const char* text, int count) {
-    std::string all;
-    for (int k = 0; k < count; ++k) all += text;
-    return all;
-  };
-  to.add(repeat(style_.unicode ? "\u2501" : "=", filled));
-  to.add(repeat(style_.unicode ? "\u2500" : "-", n - filled), Ink::dim);
 }
 
 void Layout::team_names() {
@@ -218,7 +206,7 @@ std::vector<Line> Layout::narrow() {
 Line Layout::one_line() const {
   Line to;
   to.add_right(percent_done(s_), 5);
-  if (width_ >= kWholePanelFrom - 1) bar(to.at(7), 16);
+  if (width_ >= kWholePanelFrom - 1) add_bar(to.at(7), share_done(s_), 16, style_);
   to.at(to.width() + 2);
   for (const std::string& part : {print_duration(s_.seconds_left) + " left", speed_of(s_), steps_done(s_)}) {
     if (to.width() + 2 + columns_of(part) > width_) break;
