@@ -1,0 +1,13 @@
+// Trains the trials of a sweep, several at once, each run in a process of its own.
+#pragma once
+
+#include "apps/sweep_folder.hpp"
+
+namespace giga {
+
+/// Trains what is left of a sweep, and notes each result in its folder. With a panel where the errors go to a terminal,
+/// else with a line for each run that ends; `quiet`: with neither, but for failures. Returns the exit code: 0 all is
+/// done, kOutOfTime its max_wall_time is over, 128 + N stopped by signal N; what went on then is saved.
+int train_sweep(SweepFolder& folder, bool quiet);
+
+}  // namespace giga
