@@ -284,6 +284,39 @@ TEST(AppExploit, AResponseLearnsAgainstEachFrozenTeam) {
   EXPECT_EQ(here.run(changed).code, 0);
 }
 
+// An exported policy plays both sides, so both responses learn against it, as the config says and not as the policy was
+// trained: 2 updates of 512 agent-steps, 32 worlds x 8 steps x 2 agents, where those of the policy's run were of 256.
+TEST(AppExploit, ResponsesLearnAgainstAnExportedPolicyByAConfig) {
+  const Workplace here;
+  here.write("short.yaml", kShortConfig);
+  ASSERT_EQ(here.run({"train", "short.yaml", "--run-dir", "run", "--quiet"}).code, 0);
+  ASSERT_EQ(here.run({"export", "run", "--team", "0", "--format", "safetensors", "--out", "policy"}).code, 0);
+  std::filesystem::remove_all(here.path() / "run");  // the folder of the policy is all that is needed
+  std::string config = kShortConfig;
+  config.replace(config.find("n_worlds: 16"), 12, "n_worlds: 32");
+  here.write("mine.yaml", config);
+  const std::vector<std::string> command = {"exploit", "policy",     "--config", "mine.yaml",  "--agent-steps",
+                                            "1024",    "--episodes", "8",        "--device",   "cpu",
+                                            "--out",   "responses",  "--json",   "result.json"};
+  const Outcome done = here.run(command);
+  ASSERT_EQ(done.code, 0) << done.err;
+  const Document json = parse_yaml_text(here.read("result.json"), "json");
+  EXPECT_EQ(at(json, {"target"}).text, "policy");
+  for (const auto& [side, team] : {std::pair{"0", "1"}, {"1", "0"}}) {
+    EXPECT_EQ(at(json, {"sides", side, "response_team"}).text, team);
+    EXPECT_EQ(number_at(json, {"sides", side, "episodes"}), 8);
+    const std::string folder = std::string("responses/response_") + team;
+    EXPECT_EQ(metrics_rows(here, folder), 2u);
+    EXPECT_EQ(rows_of_column(here, folder, std::string("policy_loss_") + team), 2u);
+    EXPECT_EQ(rows_of_column(here, folder, std::string("policy_loss_") + (team[0] == '0' ? "1" : "0")), 0u);
+  }
+  // It stays where it is: no copy, as of a checkpoint. The same command trains nothing again.
+  EXPECT_FALSE(here.has("responses/target.h5"));
+  const std::string before = here.read("responses/response_0/metrics.csv");
+  EXPECT_EQ(here.run(command).code, 0);
+  EXPECT_EQ(here.read("responses/response_0/metrics.csv"), before);
+}
+
 TEST(AppExploit, MistakesInAConfigAreToldWhereTheyStand) {
   const Workplace here;
   here.write("short.yaml", kShortConfig);

@@ -340,6 +340,35 @@ TEST_F(LearnPlayer, AnExportedPolicyPlaysAsTheCheckpointThatItIsOf) {
   }
 }
 
+// The same network, seat and draws: a team learns from the same games, bit for bit, whether its opponent is a
+// checkpoint or the folder of a policy that was exported from it. Only the checksum of the opponent's file differs.
+TEST_F(LearnPlayer, AnExportedPolicyMayBeTheOpponentOfALearningTeam) {
+  SmallRun other;
+  other.actor = "hidden: [8], output_gain: 1";  // another network; what it does depends on what it sees
+  save(other, "frozen.h5");
+  export_both(other, ExportFormat::safetensors, path("frozen"));
+  const auto learner_against = [&](const std::string& name) {
+    SmallRun run;
+    run.train = cat("learning_team: 1, opponent: '", path(name), "'");
+    return run.learner();
+  };
+  const auto with_export = learner_against("frozen0"), with_checkpoint = learner_against("frozen.h5");
+  EXPECT_EQ(with_export->actor(0), nullptr);
+  const NamedArrays before = saved(*with_export);
+  for (int k = 0; k < 2; ++k) {
+    const Metrics metrics = with_export->update();
+    expect_finite(metrics, 1);
+    EXPECT_EQ(difference(metrics, with_checkpoint->update()), "");
+  }
+  const NamedArrays after = saved(*with_export);
+  EXPECT_NE(difference(before, after).find("team_1/actor/"), std::string::npos);
+  EXPECT_EQ(difference(after, saved(*with_checkpoint)), "opponent/crc32c");
+  // A run goes on against the same policy only.
+  fs::remove_all(path("frozen0"));
+  fs::rename(path("frozen1"), path("frozen0"));
+  EXPECT_THROW(learner_against("frozen0")->load(after), InputError);
+}
+
 TEST_F(LearnPlayer, AnExportedPolicyMustFitAndBeReadable) {
   export_both(SmallRun{}, ExportFormat::safetensors, path("tensors"));
   SmallRun other;
