@@ -44,6 +44,7 @@ struct Gae {
   }
   /// What an agent that has just died leaves behind, from the values of its team at `row`.
   GIGA_HD float left_behind(const float* values, const uint8_t* living, int64_t row) const {
+    if (team_share == 0) return 0;  // first: of a crowd all would ask all
     float sum = 0;
     int count = 0;
     for (int k = 0; k < n; ++k) {
@@ -51,7 +52,7 @@ struct Gae {
       sum += denormalised(values[row + k]);
       ++count;
     }
-    if (team_share == 0 || count == 0) return 0;
+    if (count == 0) return 0;
     const float mates = static_cast<float>(count);
     return sum / mates * team_share / ((1 - team_share) * static_cast<float>(n) / mates + team_share);
   }
