@@ -4,9 +4,11 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <set>
 
 #include "core/error.hpp"
 #include "sim/map_tables.hpp"
+#include "sim/movement.hpp"
 #include "sim/physics.hpp"
 #include "sim/rewards.hpp"
 
@@ -99,8 +101,50 @@ SimParams numbers_of(const Scenario& s) {
   return p;
 }
 
-/// Places are 32-bit floats. Up to here they tell apart 1 / 512 of a unit; the slowest step is 0.13 units.
-constexpr float kLargestSide = 32768;
+/// Places are 32-bit floats (rules 17.6). On the largest side they tell apart 1 / 512 of a unit: on one of twice that
+/// even a first step without brakes, 0.096 units, would be less than kGapsOfStep of them.
+constexpr float kLargestSide = 32768, kGapsOfStep = 32;
+/// Up to here they tell apart 1 / 16,384 of a unit, and an agent may be as slow as it likes.
+constexpr float kFineSide = 1024;
+
+/// What places tell apart at the far end of a side.
+float gap_of_places(float side) { return side - std::nextafter(side, 0.0f); }
+
+/// The shortest step of a living agent: the first, with full brakes. It starts slower than it flies ever after
+/// (reset.hpp). One that could be pushed backwards can also be brought to a stand.
+float slowest_step(float thrust) {
+  constexpr float kStartSpeed = 1;
+  const Flight braked = flown(SimParams(), {0, 0, 0, kStartSpeed, 0, {}}, true, {0, 0, -1}, thrust);
+  return std::max(braked.x, 0.0f);
+}
+
+/// Is every step well above what places tell apart?
+bool steps_count(float thrust, float side) {
+  return side <= kFineSide || slowest_step(thrust) >= kGapsOfStep * gap_of_places(side);
+}
+
+void check_steps(const Scenario& s, Checker& check) {
+  const float side = std::max(s.limit_x, s.limit_y);
+  if (side > kLargestSide || !check.can_judge({"agent_types", "limit_x", "limit_y"})) return;
+  std::set<std::string> types;
+  for (const auto* team : {&s.team_0, &s.team_1})
+    for (const TeamEntry& entry : *team) types.insert(entry.type);
+  for (const std::string& name : types) {
+    const auto found = s.agent_types.find(name);
+    if (found == s.agent_types.end() || steps_count(found->second.thrust, side)) continue;
+    const float thrust = found->second.thrust;
+    int hundredths = 0;
+    while (steps_count(static_cast<float>(hundredths + 1) / 100, side)) ++hundredths;
+    float longest = kFineSide;
+    while (steps_count(thrust, 2 * longest)) longest *= 2;
+    const std::string key = cat("agent_types.", name, ".thrust");
+    check.fail({key, s.limit_x == side ? "limit_x" : "limit_y"},
+               cat(key, ": with ", thrust, " the slowest step is ", slowest_step(thrust), " units, and in a world of ",
+                   side, " units places are ", gap_of_places(side), " apart, more than 1 / ", kGapsOfStep,
+                   " of that; allowed: at most ", static_cast<float>(hundredths) / 100,
+                   " in this world, or sides of at most ", longest));
+  }
+}
 
 void check_numbers(const Scenario& s, Checker& check) {
   for (const auto& [key, limit] : {std::pair{"limit_x", s.limit_x}, {"limit_y", s.limit_y}})
@@ -264,6 +308,7 @@ SimSpec compile(const Scenario& scenario) {
 SimSpec compile(const Scenario& scenario, Errors& errors) {
   Checker check(scenario, errors);
   check_numbers(scenario, check);
+  check_steps(scenario, check);
   check_observation(scenario, check);
 
   SimSpec spec;

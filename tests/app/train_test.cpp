@@ -7,6 +7,7 @@
 #include <string>
 #include <tuple>
 
+#include "core/error.hpp"
 #include "io/checkpoint.hpp"
 #include "program.hpp"
 #include "runs.hpp"
@@ -370,6 +371,51 @@ TEST(Evaluation, EachOneOfARunPlaysEpisodesOfItsOwn) {
     for (size_t row = 0; row < 3; ++row)
       EXPECT_EQ(tables[0].cell(row, figure), tables[1].cell(row, figure)) << figure << ", the same seed";
   }
+}
+
+// Worlds above 1,024 agents have another state, another step and other observations from the first update to a game of
+// the exported policy.
+TEST(TrainedCrowd, IsEvaluatedAndExported) {
+  const Workplace here;
+  here.write("crowd.yaml", R"(scenario: swarm_1000_vs_1000
+device: cpu
+train: {n_worlds: 1, total_agent_steps: 16000, n_threads: 2}   # an update is 1 x 4 x 2,000 = 8,000 agent-steps
+mappo: {horizon: 4, n_minibatches: 2, n_epochs: 1, actor: {hidden: [8]}, critic: {hidden: [8]}}
+eval: {episodes: 1, opponents: [circle]}
+environment: {max_episode_length: 30}
+)");
+  const Outcome training = here.run({"train", "crowd.yaml", "--run-dir", "run", "--quiet"});
+  ASSERT_EQ(training.code, 0) << training.err;
+  const CsvTable metrics = parse_csv(here.read("run/metrics.csv"));
+  ASSERT_EQ(metrics.rows.size(), 2u);
+  EXPECT_EQ(metrics.cell(1, "agent_steps"), "16000");
+  for (const char* team : {"0", "1"}) {
+    for (const char* network : {"actor", "critic"})
+      EXPECT_GT(std::stod(metrics.cell(1, cat(network, "_grad_norm_", team))), 0) << network << " of team " << team;
+    // Within 8 steps some fly into each other, and not all.
+    EXPECT_GT(std::stod(metrics.cell(1, cat("living_share_", team))), 0.1) << team;
+    EXPECT_LT(std::stod(metrics.cell(1, cat("living_share_", team))), 1.0) << team;
+    EXPECT_FALSE(metrics.cell(1, cat("win_rate_", team, "_vs_circle")).empty());
+  }
+
+  const auto sides_of = [&here](const std::string& player) {
+    const Outcome outcome = here.run(
+        {"eval", player, "--vs", "circle", "--episodes", "1", "--device", "cpu", "--seed", "3", "--json", "-"});
+    EXPECT_EQ(outcome.code, 0) << outcome.err;
+    return parse_yaml_text(outcome.out, "json");
+  };
+  const Document played = sides_of("run");
+  ASSERT_EQ(at(played, {"sides"}).items.size(), 2u);
+  for (const char* side : {"0", "1"}) {
+    double agents = number_at(played, {"sides", side, "mean_survivors"});
+    for (const char* cause : {"damage", "agent", "obstacle", "out_of_bounds"})
+      agents += number_at(played, {"sides", side, std::string("mean_deaths_") + cause});
+    EXPECT_EQ(agents, 1000) << "on side " << side << " all live or have died of something";
+  }
+
+  const Outcome exported = here.run({"export", "run", "--team", "0", "--format", "safetensors", "--out", "policy"});
+  ASSERT_EQ(exported.code, 0) << exported.err;
+  EXPECT_EQ(print_node(at(sides_of("policy"), {"sides", "0"})), print_node(at(played, {"sides", "0"})));
 }
 
 }  // namespace

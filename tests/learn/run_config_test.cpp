@@ -257,6 +257,21 @@ TEST_F(LearnRunConfig, ASharedEncoderIsRefusedWhereItCannotBe) {
             std::string::npos);
 }
 
+TEST_F(LearnRunConfig, TheTrueStateOfACrowdIsRefused) {
+  const auto message = [&](int n_team_0, const char* kind) {
+    return error_of(cat("scenario: identical_1_vs_1\nenvironment: {team_0: [{type: default, count: ", n_team_0,
+                        "}]}\nmappo: {critic: {kind: ", kind, "}}\n"));
+  };
+  EXPECT_EQ(message(1023, "state"), "no error");  // and one of team 1: 1,024
+  EXPECT_EQ(message(1024, "state"),
+            "run.yaml:3:24: mappo.critic.kind: state: scenario 'identical_1_vs_1' has 1025 agents in a world, and the "
+            "true state tells of at most 1024; allowed: composed, independent");
+  for (const char* kind : {"composed", "independent"}) EXPECT_EQ(message(1024, kind), "no error") << kind;
+  EXPECT_EQ(error_of("scenario: swarm_million\nmappo: {critic: {kind: state}}\n"),
+            "run.yaml:2:24: mappo.critic.kind: state: scenario 'swarm_million' has 1000000 agents in a world, and the "
+            "true state tells of at most 1024; allowed: composed, independent");
+}
+
 TEST_F(LearnRunConfig, WhatIsTaughtOfTheViewIsRefusedWhereItCannotBe) {
   const auto message = [&](const std::string& observation, const std::string& mappo) {
     return error_of(

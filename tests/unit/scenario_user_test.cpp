@@ -177,6 +177,11 @@ TEST_F(ScenarioUser, SaysWhatIsWrongWithAFile) {
       {head + "limit_x: 40000\nmaps: empty\n",
        "f.yaml:2:10: limit_x: in a world of 40000 units places are too coarse for the slowest step; allowed: at most "
        "32768"},
+      // It stands after 1 - 0.15 * 6.67 < 0.
+      {head + "team_0: [{type: stops}]\nagent_types: {stops: {thrust: 8.6667}}\nlimit_x: 32768\nmaps: empty\n",
+       "f.yaml:3:31: agent_types.stops.thrust: with 8.6667 the slowest step is 0 units, and in a world of 32768 units "
+       "places are 0.00195312 apart, more than 1 / 32 of that; allowed: at most 2.39 in this world, or sides of at "
+       "most 1024"},
       {head + "maps: two_room\n", "f.yaml:2:7: maps: unknown map 'two_room'; nearest: 'two_rooms1'; known: " + maps},
       {head + "maps: [empty, x, empty]\n",
        "f.yaml:2:15: maps: unknown map 'x'; known: " + maps + "\nf.yaml:2:18: maps: 'empty' is named twice"},
@@ -230,6 +235,40 @@ TEST_F(ScenarioUser, SaysWhatIsWrongWithAFile) {
       {"base: nowhere.yaml\n", "f.yaml:1:7: no such file: nowhere.yaml"},
   };
   for (const auto& [text, expected] : cases) EXPECT_EQ(error_of(text), expected) << text;
+}
+
+// The slowest step is the first, with full brakes: v1 = 1 - 0.15 thrust, v2 = v1 - 0.04 v1^2, and v2 / 10 units.
+TEST_F(ScenarioUser, TheSlowestStepIsFarAboveTheResolutionOfPlaces) {
+  const auto error = [&](float thrust, float limit_x, float limit_y) {
+    return error_of(cat("base: identical_5_vs_5\nteam_1: [{type: own}]\nmaps: empty\nlimit_x: ", limit_x,
+                        "\nlimit_y: ", limit_y, "\nagent_types: {own: {thrust: ", thrust, "}}\n"));
+  };
+  const auto refusal = [](float thrust, const char* step, float side, const char* apart, const char* allowed) {
+    return cat("f.yaml:6:29: agent_types.own.thrust: with ", thrust, " the slowest step is ", step,
+               " units, and in a world of ", side, " units places are ", apart, " apart, more than 1 / 32 of that; ",
+               "allowed: at most ", allowed);
+  };
+  // Of 32,768: places are 1 / 512 apart, and 32 / 512 = 0.0625. 2.39: v1 = 0.6415, v2 = 0.6415 - 0.016461 = 0.625039.
+  // 2.4: v1 = 0.64, v2 = 0.64 - 0.016384 = 0.623616. One place in 16,384 is 1 / 1,024, and 32 of them 0.03125.
+  EXPECT_EQ(error(2.39f, 32768, 10), "");
+  EXPECT_EQ(error(2.4f, 32768, 10),
+            refusal(2.4f, "0.0623616", 32768, "0.00195312", "2.39 in this world, or sides of at most 16384"));
+  EXPECT_EQ(error(2.4f, 16384, 16384), "");
+  // The longer side counts: 22,361 units are above 16,384, where it is 1 / 512 again.
+  EXPECT_EQ(error(2.4f, 10, 22361),
+            refusal(2.4f, "0.0623616", 22361, "0.00195312", "2.39 in this world, or sides of at most 16384"));
+  // Of 2,000: 1 / 8,192 apart, and 32 of them are 0.00390625: v2 = 0.0390625, v1 = 0.0391238, thrust = 6.405841.
+  EXPECT_EQ(error(6.4f, 2000, 2000), "");  // v1 = 0.04, v2 = 0.039936
+  EXPECT_EQ(error(7, 2000, 10),            // v1 = -0.05: with a little less throttle it stands
+            refusal(7, "0", 2000, "0.00012207", "6.4 in this world, or sides of at most 1024"));
+  // Up to 1,024 units, 1 / 16,384 apart, it may stand.
+  EXPECT_EQ(error(100, 1024, 1024), "");
+  // What ships flies anywhere: `faster` brakes to v1 = 0.7, v2 = 0.7 - 0.0196 = 0.6804.
+  for (const char* type : {"default", "more_health", "more_range", "faster", "super", "hider", "seeker"})
+    EXPECT_EQ(error_of(cat("base: identical_5_vs_5\nteam_0: [{type: ", type,
+                           "}]\nlimit_x: 32768\nlimit_y: 32768\nmaps: empty\n")),
+              "")
+        << type;
 }
 
 TEST_F(ScenarioUser, StartAreasMayTouchObstaclesAndBorders) {
