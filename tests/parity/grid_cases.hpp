@@ -3,12 +3,14 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <functional>
 #include <memory>
 #include <ostream>
 #include <string>
 
 #include "core/error.hpp"
+#include "core/geometry.hpp"
 #include "parity/cases.hpp"
 #include "sim/simulator.hpp"
 #include "support/sim_runner.hpp"
@@ -119,6 +121,50 @@ inline void play_knots(const std::function<std::unique_ptr<Simulator>(const SimS
       a.step(k);
       b.step(k);
     }
+  }
+}
+
+/// 16 opponents look at two agents from two units away: each fires at both, and both fire at all 16. A plain crowd, so
+/// that those that look may have crews (PlainCrowd).
+constexpr int kShootersAtTwo = 16;
+inline SimSpec two_under_fire() {
+  SimSpec spec = plain_spec(2, kShootersAtTwo);
+  spec.params.actions = ActionKind::discrete;
+  spec.params.stochastic_detection = spec.params.stochastic_communication = true;
+  // 3.1 is short of pi: only who looks straight away, within 0.04, does not fire; a step turns by 0.4 at most.
+  set_cone(spec.params, 5, 3.1f);
+  set_damage_cone(spec.params, 5, 3.1f);
+  spec.params.collision_range2 = 0;
+  spec.maps[0].start[0] = {7, 5, 7, 5, 0, 0, kPi, kPi};
+  spec.maps[0].start[1] = {5, 5, 5, 5, 0, 0, 0, 0};
+  spec.finish();
+  return spec;
+}
+/// With room for 16 all of it is counted. With room for 15 each step ends with an error that says at how many agents
+/// more fired, and an error that was told is not told again.
+inline void expect_full_lists_tell(
+    const std::function<std::unique_ptr<Simulator>(const SimSpec&, const SimOptions&)>& make) {
+  const SimSpec spec = two_under_fire();
+  SimOptions options;
+  options.grid = true;
+  options.most_shooters = kShootersAtTwo;
+  SimRunner enough(make(spec, options));
+  enough.start();
+  enough.step(1);
+  EXPECT_EQ(std::ranges::count(enough.snapshot().field("tracked").bytes, 1), 64) << "16 at each of 2, 2 at each of 16";
+  options.most_shooters = kShootersAtTwo - 1;
+  SimRunner full(make(spec, options));
+  full.start();
+  for (uint64_t k = 1; k <= 2; ++k) {
+    try {
+      full.step(k);
+      ADD_FAILURE() << "16 shooters in a list of 15, step " << k;
+    } catch (const Error& error) {
+      EXPECT_NE(std::string(error.what()).find("2 agents were fired at by more than 15 opponents at once"),
+                std::string::npos)
+          << error.what();
+    }
+    EXPECT_NO_THROW(full.sim().synchronize());
   }
 }
 

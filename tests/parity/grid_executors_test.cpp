@@ -119,23 +119,63 @@ SimSpec crowd(int n_team_0, int n_team_1, float limit, int episode) {
   return spec;
 }
 
+/// What a crowd is like: one whose scenario is mostly constants of the compiler's (PlainCrowd), or one that runs the
+/// general code.
+enum class CrowdKind {
+  plain,
+  obstacles,  ///< boxes that hide, altitude that counts, waypoints, the egocentric view, types, continuous actions
+  certain     ///< nothing is left to chance: each agent sees all of its team; reward for approach, which looks too
+};
+SimSpec crowd_of(CrowdKind kind, int n_team_0, int n_team_1, float limit, int episode) {
+  SimSpec spec = crowd(n_team_0, n_team_1, limit, episode);
+  if (kind == CrowdKind::plain) return spec;
+  SimParams& p = spec.params;
+  p.min_tracking_time = 0;
+  p.damage_per_second = 5;
+  for (const RewardTerm term : {RewardTerm::detection, RewardTerm::damage, RewardTerm::collision_agent})
+    set_reward(spec, term, 1.5f);
+  if (kind == CrowdKind::certain) {
+    p.stochastic_detection = p.stochastic_communication = false;
+    set_reward(spec, RewardTerm::approach, 1);
+  } else {
+    p.actions = ActionKind::continuous;
+    p.obstacle_heights = p.obstacles_block_sight = p.sight_3d = p.egocentric_view = p.waypoints = true;
+    p.waypoint_size = limit / 2;  // some agents are in it wherever it appears
+    set_reward(spec, RewardTerm::hit_waypoint, 1);
+    set_reward(spec, RewardTerm::collision_obstacle, 1);
+    spec.maps[0].boxes = {{8, 8, 12, 15, 0, 4}, {25, 20, 33, 23, 2, 9}};
+    for (size_t i = 0; i < spec.agents.size(); ++i) {
+      spec.agents[i].sprite = i % 5 == 0 ? 3 : 1;
+      spec.agents[i].range = i % 3 == 0 ? 2.0f : 1.0f;
+      spec.agents[i].damage_range = i % 7 == 0 ? 0.0f : 1.0f;
+    }
+  }
+  spec.finish();
+  return spec;
+}
+
+/// By which a waypoint appears in the first step of world 0: its draw is below 0.05.
+constexpr uint64_t kSeedOfWaypoint = 14;
+
 struct Crowd {
   int n_team_0, n_team_1;
   float limit;
   int worlds, blocks, steps;
   OnDone on_done = OnDone::reset;
   int episodes = 1;  // of a world, with OnDone::freeze
+  CrowdKind kind = CrowdKind::plain;
 };
 void play_crowd(const Crowd& c, const std::function<std::unique_ptr<Simulator>(const SimSpec&, SimOptions)>& other) {
   constexpr int64_t kMostPairs = 1 << 25;
-  const SimSpec spec = crowd(c.n_team_0, c.n_team_1, c.limit, 3);
+  const SimSpec spec = crowd_of(c.kind, c.n_team_0, c.n_team_1, c.limit, 3);
   const float reach[kNTeams] = {1, 1};
-  EXPECT_TRUE(PlainCrowd::fits(GridParams(spec.params, reach, 1)));
+  EXPECT_EQ(PlainCrowd::fits(GridParams(spec.params, reach, 1)), c.kind == CrowdKind::plain);
   SimOptions options;
   options.n_worlds = c.worlds;
   options.grid = true;
   options.on_done = c.on_done;
   options.episodes = c.episodes;
+  options.seed = c.kind == CrowdKind::obstacles ? kSeedOfWaypoint : 0;
   SimRunner a(grid(spec, options), Outputs::observations), b(other(spec, options), Outputs::observations);
   a.start();
   b.start();
@@ -148,7 +188,15 @@ void play_crowd(const Crowd& c, const std::function<std::unique_ptr<Simulator>(c
     if (int64_t{spec.params.n_agents} * spec.params.n_agents * c.worlds > kMostPairs) continue;
     ASSERT_EQ(difference(a.snapshot(), b.snapshot()), "") << "step " << k;
   }
-  expect_same_stats(a.sim().take_stats(), b.sim().take_stats());
+  const EpisodeStats stats = a.sim().take_stats();
+  expect_same_stats(stats, b.sim().take_stats());
+  if (c.kind == CrowdKind::plain || c.steps < 3) return;
+  EXPECT_EQ(stats[EpisodeStat::episodes], c.worlds * (c.steps / 3));
+  EXPECT_GT(stats[EpisodeStat::deaths_damage_0], 0);
+  EXPECT_GT(stats[EpisodeStat::deaths_agent_1], 0);
+  if (c.kind == CrowdKind::certain) return;
+  EXPECT_GT(stats[EpisodeStat::deaths_obstacle_0], 0);
+  EXPECT_GT(stats[EpisodeStat::score_0], 0);
 }
 
 TEST(GridCrowds, AreThoseOfTheCpu) {
@@ -161,6 +209,38 @@ TEST(GridCrowds, AreThoseOfTheCpu) {
         Crowd{40, 30, 20, 1, kBlocksForMore, 5}})
     play_crowd(c, [&](const SimSpec& spec, const SimOptions& options) {
       return make_emulated_grid_simulator(spec, options, ThreadOrder::shuffled, c.blocks);
+    });
+}
+
+// Blocks that sort together, a step in five launches, and blocks that sort for themselves: 1,200 agents of some 33
+// bytes find room in 64 KiB, 2,003 do not.
+const Crowd kGeneralCrowds[] = {
+    {1100, 903, 40, 2, 5, 3, OnDone::reset, 1, CrowdKind::obstacles},
+    {1100, 903, 40, 1, kBlocksInParts, 3, OnDone::reset, 1, CrowdKind::obstacles},
+    {700, 500, 30, 1, 5, 3, OnDone::reset, 1, CrowdKind::certain},
+};
+TEST(GridCrowds, GeneralOnesAreThoseOfTheCpu) {
+  for (const Crowd& c : kGeneralCrowds)
+    play_crowd(c, [&](const SimSpec& spec, const SimOptions& options) {
+      return make_emulated_grid_simulator(spec, options, ThreadOrder::shuffled, c.blocks);
+    });
+}
+
+// By one worker for each agent, and by crews that put their lists together (NewFire::gather); in one launch and in
+// several.
+TEST(GridCrowds, AListOfFireThatIsTooShortIsAnError) {
+  const float reach[kNTeams] = {1, 1};
+  EXPECT_TRUE(PlainCrowd::fits(GridParams(two_under_fire().params, reach, 1)));
+  for (const int blocks : {1, 2, 9, kBlocksInParts, kBlocksToSpare, kBlocksForMore})
+    expect_full_lists_tell([&](const SimSpec& spec, const SimOptions& options) {
+      return make_emulated_grid_simulator(spec, options, ThreadOrder::shuffled, blocks);
+    });
+}
+TEST(GpuGridCrowds, AListOfFireThatIsTooShortIsAnError) {
+  if (cuda_device_count() == 0) GTEST_SKIP() << "skipped: no GPU";
+  for (const int in_parts : {0, 1, kInParts})
+    expect_full_lists_tell([&](const SimSpec& spec, const SimOptions& options) {
+      return make_cuda_grid_simulator(spec, options, 0, nullptr, in_parts);
     });
 }
 
@@ -244,6 +324,18 @@ TEST(GpuGridCrowds, AreThoseOfTheCpu) {
                          // Beyond 65,536 agents, in five launches.
                          Crowd{40000, 40001, 300, 1, 0, 3}})
     play(c);
+}
+
+// The general code, in a cluster and in five launches.
+TEST(GpuGridCrowds, GeneralOnesAreThoseOfTheCpu) {
+  if (cuda_device_count() == 0) GTEST_SKIP() << "skipped: no GPU";
+  for (const Crowd& c : kGeneralCrowds) {
+    Crowd played = c;
+    if (parity_is_small()) played.worlds = 1, played.steps = 2;
+    play_crowd(played, [&](const SimSpec& spec, const SimOptions& options) {
+      return make_cuda_grid_simulator(spec, options, 0, nullptr, c.blocks == kBlocksInParts ? 1 : kInParts);
+    });
+  }
 }
 
 // Small enough for every sanitizer: worlds with crews that leave most of the GPU to the launches that follow, of one

@@ -15,6 +15,7 @@
 
 #include "core/error.hpp"
 #include "parity/grid_cases.hpp"
+#include "sim/grid_memory.hpp"
 #include "sim/grid_stages.hpp"
 #include "support/sim_runner.hpp"
 #include "support/sim_specs.hpp"
@@ -203,6 +204,77 @@ TEST(Grid, PlaysMoreAgentsThanTablesDo) {
   }
   EXPECT_GT(detects, 100);
   EXPECT_EQ(one.sim().take_stats()[EpisodeStat::episodes], 2);
+}
+
+TEST(Grid, AListOfFireThatIsTooShortForCrewsIsAnError) { expect_full_lists_tell(grid); }
+
+// As many agents as tables serve (kMaxAgents): tables of a million pairs.
+TEST(Grid, AThousandAgentsAreThoseOfTheTables) {
+  Activity activity;
+  for (const bool plain : {true, false}) {
+    SimSpec spec = plain_spec(512, 512);
+    ASSERT_EQ(spec.agents.size(), static_cast<size_t>(kMaxAgents));
+    SimParams& p = spec.params;
+    p.limit_x = p.limit_y = 28;  // 1,024 / 28^2 = 1.3 agents a unit^2
+    p.max_episode_length = 4;
+    p.min_tracking_time = 0;  // the first step of fire takes 0.5 of 1
+    p.damage_per_second = 5;
+    p.stochastic_detection = p.stochastic_communication = plain;
+    p.actions = plain ? ActionKind::discrete : ActionKind::continuous;
+    p.obstacles_block_sight = p.sight_3d = p.egocentric_view = !plain;
+    if (!plain) spec.maps[0].boxes = {{6, 6, 9, 11, 0, 5}, {18, 15, 24, 17, 2, 9}};
+    for (const RewardTerm term : {RewardTerm::detection, RewardTerm::damage, RewardTerm::collision_agent})
+      set_reward(spec, term, 1.5f);
+    for (size_t i = 0; i < spec.agents.size(); ++i) spec.agents[i].range = i % 3 == 0 ? 2.0f : 1.0f;
+    spec.maps[0].start[0] = {2, 2, 26, 26, 0, 5, 0, 6};
+    spec.maps[0].start[1] = {2, 2, 26, 26, 0, 5, 0, 6};
+    spec.finish();
+    const SimOptions options;
+    SimRunner a(make_cpu_simulator(spec, options)), b(grid(spec, options));
+    ASSERT_NO_FATAL_FAILURE(expect_same_steps(a, b, 6, plain ? 0 : 1, [&](const Snapshot& now) { activity.add(now); }));
+    const EpisodeStats stats = a.sim().take_stats(), same = b.sim().take_stats();
+    EXPECT_EQ(stats.rows, same.rows);
+    EXPECT_EQ(stats[EpisodeStat::episodes], 1) << "of four steps, in six";
+    EXPECT_GT(stats[EpisodeStat::deaths_damage_0], 0);
+    EXPECT_GT(stats[EpisodeStat::deaths_agent_1], 0);
+  }
+  EXPECT_GT(activity.detections, 1000);
+  EXPECT_GT(activity.shots, 1000);
+}
+
+// What is kept of an agent: its state, and what a step needs, on the CPU and where many workers sort together or for
+// themselves. Some things are kept once for a world and sums of blocks of 64 have sums of their own, so it is not quite
+// the same; a table of pairs would take 500 times as much for each agent.
+TEST(Grid, KeepsNoMoreOfAnAgentWhereThereAreMore) {
+  struct Bytes {
+    size_t state, alone, by_block, together, sorted;
+  };
+  const auto bytes_of = [](int n_of_team, bool egocentric) {
+    SimSpec spec = plain_spec(n_of_team, n_of_team);
+    spec.params.egocentric_view = egocentric;
+    spec.finish();
+    const float reach[kNTeams] = {1, 1};
+    const GridParams p(spec.params, reach, kMostShooters);
+    GridWorld w{};
+    return Bytes{state_bytes(StateShape(spec), 1), attach_scratch(p, w, nullptr, false),
+                 attach_scratch(p, w, nullptr, true, false), attach_scratch(p, w, nullptr, true),
+                 attach_sorted(p.n_agents, w, nullptr)};
+  };
+  for (const bool egocentric : {false, true}) {
+    const Bytes few = bytes_of(1000, egocentric), many = bytes_of(500'000, egocentric);
+    const auto expect_as_many = [](size_t of_few, size_t of_many, const char* what) {
+      const double each_of_few = static_cast<double>(of_few) / 2e3, each_of_many = static_cast<double>(of_many) / 1e6;
+      EXPECT_GT(each_of_few, 0) << what;
+      EXPECT_NEAR(each_of_many, each_of_few, 0.1 * each_of_few) << what << ", bytes an agent";
+    };
+    expect_as_many(few.state, many.state, "state");
+    expect_as_many(few.alone, many.alone, "scratch of the CPU");
+    expect_as_many(few.by_block, many.by_block, "scratch where blocks sort for themselves");
+    expect_as_many(few.together, many.together, "scratch where blocks sort together");
+    expect_as_many(few.sorted, many.sorted, "what a block needs to sort");
+    // Six floats and two bytes, 64 entries of fire and 15 rows of four bytes: 342.
+    EXPECT_NEAR(static_cast<double>(many.state) / 1e6, 6 * 4 + 2 + 64 * 4 + 15 * 4, 0.1);
+  }
 }
 
 TEST(Grid, RanksAgentsThatLieTogetherAsTablesDo) { play_knots(make_cpu_simulator, grid); }
