@@ -13,7 +13,7 @@ namespace {
 /// ", in ranks 1 and 3 of 4"
 std::string in_ranks(const std::vector<int>& found, int size) {
   if (found.empty())
-    return cat(", but in none of the ", size, " ranks before they added up: in what they share, or in the sum");
+    return cat(", in what the ", size, " ranks share or in their sum, not in what one of them had alone");
   if (static_cast<int>(found.size()) == size) return cat(", in each of the ", size, " ranks");
   std::string text = found.size() == 1 ? ", in rank " : ", in ranks ";
   for (size_t k = 0; k < found.size(); ++k) text += cat(k == 0 ? "" : k + 1 == found.size() ? " and " : ", ", found[k]);

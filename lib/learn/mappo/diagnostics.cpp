@@ -70,10 +70,10 @@ bool PpoTeam::is_own(PpoFault fault_of_gradient, const Rollout& rollout, const a
   update_minibatch(rollout, k, minibatch);
   end_epoch();
   looked_at_.reset();
-  if (fused_)
-    own_norm_ =
-        (fault_of_gradient == kFaultActorGradient ? fused_->own_actor_gradient() : fused_->own_critic_gradient())
-            .norm();
+  if (fused_) {
+    const bool of_actor = fault_of_gradient == kFaultActorGradient;
+    own_norm_ = (of_actor ? fused_->own_actor_gradient() : fused_->own_critic_gradient()).norm();
+  }
   return !std::isfinite(static_cast<float>(own_norm_.item<double>()));
 }
 
