@@ -8,6 +8,25 @@
 #include "io/state_hash.hpp"
 
 namespace giga {
+namespace {
+
+/// ", in ranks 1 and 3 of 4"
+std::string in_ranks(const std::vector<int>& found, int size) {
+  if (found.empty())
+    return cat(", in what the ", size, " ranks share or in their sum, not in what one of them had alone");
+  if (static_cast<int>(found.size()) == size) return cat(", in each of the ", size, " ranks");
+  std::string text = found.size() == 1 ? ", in rank " : ", in ranks ";
+  for (size_t k = 0; k < found.size(); ++k) text += cat(k == 0 ? "" : k + 1 == found.size() ? " and " : ", ", found[k]);
+  return cat(text, " of ", size);
+}
+
+}  // namespace
+
+std::string told(const Divergence& what, const Ranks* ranks) {
+  return cat("training diverged: the ", what.tensor, " of team ", what.team, " held a NaN or an infinity at update ",
+             what.update, what.minibatch > 0 ? cat(", minibatch ", what.minibatch) : "",
+             ranks ? in_ranks(what.ranks, ranks->size()) : "");
+}
 
 void expect_same_state(Ranks* ranks, const NamedArrays& arrays) {
   if (!ranks) return;
@@ -44,9 +63,8 @@ int follow(TrainingSetup setup) {
     if (const auto what = learner.divergence()) {
       NamedArrays for_rank_0;  // which keeps it beside the batch
       learner.save(for_rank_0);
-      throw Error(cat("training diverged: the ", what->tensor, " of team ", what->team,
-                      " held a NaN or an infinity at update ", what->update, "; rank 0 keeps the batch"),
-                  ErrorKind::diverged);
+      learner.save_batch(for_rank_0);
+      throw Error(cat(told(*what, ranks), "; rank 0 keeps the batch"), ErrorKind::diverged);
     }
     if (as_rank_0_says(ranks, false)) save();
   }

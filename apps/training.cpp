@@ -283,11 +283,9 @@ void Training::fail_diverged(const Divergence& what) {
   learner_->save_batch(dump.arrays);
   const std::filesystem::path file = folder_.path() / cat("diverged_update_", what.update, "_team_", what.team, ".h5");
   write_checkpoint(file, dump);
-  const std::string when = what.minibatch > 0 ? cat(", minibatch ", what.minibatch) : "";
-  const std::string reason =
-      cat("training diverged: the ", what.tensor, " of team ", what.team, " held a NaN or an infinity at update ",
-          what.update, when, "; the batch is in ", file.string(), ", the last good checkpoint is ",
-          folder_.checkpoint_file(saved_update_).string());
+  const std::string whose = what.ranks.empty() ? "" : cat(" of rank ", what.ranks.front());
+  const std::string reason = cat(told(what, ranks_.get()), "; the batch", whose, " is in ", file.string(),
+                                 ", the last good checkpoint is ", folder_.checkpoint_file(saved_update_).string());
   log_.error(reason);
   throw Error(reason, ErrorKind::diverged);
 }

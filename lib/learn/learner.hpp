@@ -30,6 +30,9 @@ struct Divergence {
   int team = 0;
   int64_t update = 0;  ///< counted from 1
   int minibatch = 0;   ///< within the update, from 1; 0 = before anything was learned
+  /// Of several ranks, which all know the same: those in whose own numbers it is found, before any are added up. None:
+  /// in numbers that all share, or in a sum of finite ones.
+  std::vector<int> ranks = {};
 };
 
 /// Seconds that parts of an update took on the device.
@@ -64,7 +67,8 @@ class Learner {
   /// Of the latest update.
   virtual std::optional<Divergence> divergence() const = 0;
   virtual UpdateTimes times() const = 0;
-  /// The batch from which a diverged update was to learn, as arrays "batch/...".
+  /// The batch from which a diverged update was to learn, as arrays "batch/...". Several ranks call it together, and
+  /// get that of the first of Divergence::ranks, or of rank 0.
   virtual void save_batch(NamedArrays& out) const = 0;
 
   /// The metrics that are shown while a run goes on, the most telling first.

@@ -15,6 +15,18 @@ void gather_rows(Ranks& ranks, NamedArray& array) {
   array.shape.at(0) *= ranks.size();
 }
 
+void broadcast_rows(Ranks& ranks, NamedArray& array, int from) {
+  std::string rows;
+  if (ranks.rank() == from) rows.assign(array.bytes.begin(), array.bytes.end());
+  rows = ranks.broadcast(rows, from);
+  auto row = static_cast<int64_t>(size_of(array.type));
+  for (size_t k = 1; k < array.shape.size(); ++k) row *= array.shape[k];
+  const auto size = static_cast<int64_t>(rows.size());
+  GIGA_CHECK(row > 0 && size % row == 0, "'", array.name, "': rank ", from, " has ", size, " bytes, of rows of ", row);
+  array.shape.at(0) = size / row;
+  array.bytes.assign(rows.begin(), rows.end());
+}
+
 NamedArray own_rows(const Ranks& ranks, const NamedArray& array) {
   const int64_t rows = array.shape.at(0);
   if (rows % ranks.size() != 0)

@@ -77,6 +77,12 @@ TEST(Ranks, ShareTheRowsOfAnArrayAndPutThemTogetherAgain) {
     EXPECT_EQ(mine.shape, whole.shape);
     EXPECT_EQ(mine.bytes, whole.bytes);
     EXPECT_THROW(own_rows(ranks, make_array<float>("y", {1, 2, 3})), InputError);
+    // Of one rank, which may have another number of them.
+    NamedArray some = make_array<float>("z", std::vector<float>(ranks.rank() == 0 ? 0 : 6, 5.0f));
+    some.shape = {ranks.rank() == 0 ? 0 : 3, 2};
+    broadcast_rows(ranks, some, 1);
+    EXPECT_EQ(some.shape, (std::vector<int64_t>{3, 2}));
+    EXPECT_EQ(array_values<float>(some), std::vector<float>(6, 5.0f));
     ranks.leave();
   });
   for (const std::string& error : errors) EXPECT_EQ(error, "");

@@ -283,7 +283,8 @@ Metrics Evolution::metrics(const std::vector<Population>& populations, const std
     ties += sum(EpisodeStat::ties);
     truncated += sum(EpisodeStat::truncated);
     if (f->learned[kFigDiverged] > 0 && !divergence_)
-      divergence_ = Divergence{"new mean or sigma of the population", team, generations_, 0};
+      divergence_ =
+          Divergence{"new mean or sigma of the population", team, generations_, 0, team_[team]->faulty_ranks()};
     figures[team] = std::move(f);
   }
   agent_steps_ += static_cast<int64_t>(std::llround(steps)) * games_->simulator().params().n_agents;

@@ -36,6 +36,9 @@ class EvolvingTeam {
   /// Learns from the fitness [M] of the members of this generation, of all ranks; the actor becomes the new mean.
   void tell(const at::Tensor& fitness);
 
+  /// Of several ranks: those whose sums of the latest `tell` were not finite.
+  std::vector<int> faulty_ranks() const { return strategy_->faulty_ranks(); }
+
   Actor& actor() { return actor_; }
   const Actor& actor() const { return actor_; }
   const OpponentPool& pool() const { return pool_; }

@@ -87,7 +87,7 @@ at::Tensor EvolutionStrategy::tell(const at::Tensor& fitness) {
   return sound;
 }
 
-EvolutionStrategy::Moments EvolutionStrategy::moments(const at::Tensor& weights) const {
+EvolutionStrategy::Moments EvolutionStrategy::moments(const at::Tensor& weights) {
   const at::Tensor w = weights.contiguous();
   const int64_t p = mean_.size(0), n_parts = NoiseMoments::parts(population_size());
   const int64_t most = (p + share_.size - 1) / share_.size;  // parameters of a rank
@@ -99,7 +99,15 @@ EvolutionStrategy::Moments EvolutionStrategy::moments(const at::Tensor& weights)
   for (int64_t k = 0; k < 2; ++k)
     parallel_for_.run(SumOfParts{n_parts, own, parts[k].const_data_ptr<float>(), sums[k].data_ptr<float>()}, own);
   const at::Tensor all = of_all_ranks(sums.flatten()).view({share_.size, 2, most});
+  if (share_.size > 1) sums_ = all;
   return {all.select(1, 0).reshape({-1}).narrow(0, 0, p), all.select(1, 1).reshape({-1}).narrow(0, 0, p)};
+}
+
+std::vector<int> EvolutionStrategy::faulty_ranks() const {
+  std::vector<int> ranks;
+  for (int rank = 0; sums_.defined() && rank < share_.size; ++rank)
+    if (!at::isfinite(sums_[rank]).all().item<bool>()) ranks.push_back(rank);
+  return ranks;
 }
 
 void EvolutionStrategy::save(const std::string& prefix, NamedArrays& out) const {

@@ -48,6 +48,9 @@ class EvolutionStrategy {
   int64_t population_size() const { return config_.population_size; }
   uint32_t generation() const { return generation_; }
 
+  /// Of several ranks: those whose sums of the latest `tell` were not finite; waits for the device.
+  std::vector<int> faulty_ranks() const;
+
   void save(const std::string& prefix, NamedArrays& out) const;
   void load(const std::string& prefix, const NamedArrays& in);
 
@@ -59,7 +62,7 @@ class EvolutionStrategy {
   struct Moments {
     at::Tensor first, second;
   };
-  Moments moments(const at::Tensor& weights) const;
+  Moments moments(const at::Tensor& weights);
   /// Changes the state by the shaped fitness [M], in which every number is finite.
   virtual void learn(const at::Tensor& shaped) = 0;
 
@@ -83,6 +86,7 @@ class EvolutionStrategy {
   const PopulationShare share_;
   const ParallelFor& parallel_for_;
   at::Tensor left_, right_;  // [P] int32, see EsNoise; noise low_rank only
+  at::Tensor sums_;          // [ranks, 2, parameters of each] the latest; undefined with one rank
   at::Tensor mean_squares_;  // [M] of the members that were asked for last; weight decay of the shaping only
 };
 

@@ -160,6 +160,7 @@ void PpoTeam::take_moments(const TeamRollout& r) {
   const at::Tensor living = weight.sum(), slots = at::full({}, weight.numel(), weight.options());
   WeightedMoments advantages(own(advantage_), weight), returns(own(returns_), weight);
   const at::Tensor faults = find_faults(r);
+  if (!sum_.alone()) own_faults_ = faults.clone();
   sum_.together({living, slots, advantages.total, returns.total, faults});
 
   const at::Tensor inv_count = living.clamp_min(1).reciprocal();

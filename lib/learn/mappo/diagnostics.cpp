@@ -1,5 +1,6 @@
 // What PpoTeam reports of an update: figures, faults, and the batch that a diverged run was to learn from.
 #include <algorithm>
+#include <cmath>
 #include <tuple>
 
 #include "core/error.hpp"
@@ -56,6 +57,24 @@ StepFlags PpoTeam::step_flags(PpoFault fault, PpoFigure norm_sum, const float* m
           .n_faults = kNFaults,
           .minibatch = minibatch,
           .norm_sum = figures + norm_sum};
+}
+
+bool PpoTeam::is_own(PpoFault fault_of_rollout) const { return own_faults_[fault_of_rollout].item<float>() > 0; }
+
+// The parameters are those of then, because nothing is learned behind a fault; the normaliser of observations alone may
+// know this rollout by now.
+bool PpoTeam::is_own(PpoFault fault_of_gradient, const Rollout& rollout, const at::Tensor& order, int k,
+                     int minibatch) {
+  looked_at_ = fault_of_gradient;
+  begin_epoch(rollout, order);
+  update_minibatch(rollout, k, minibatch);
+  end_epoch();
+  looked_at_.reset();
+  if (fused_) {
+    const bool of_actor = fault_of_gradient == kFaultActorGradient;
+    own_norm_ = (of_actor ? fused_->own_actor_gradient() : fused_->own_critic_gradient()).norm();
+  }
+  return !std::isfinite(static_cast<float>(own_norm_.item<double>()));
 }
 
 at::Tensor PpoTeam::faulty_states(const Rollout& rollout, int64_t most) const {

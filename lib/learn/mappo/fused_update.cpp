@@ -230,6 +230,10 @@ void FusedUpdate::compute_gradients(int k, const FusedPolicyLoss& policy, const 
   }
 }
 
+at::Tensor FusedUpdate::own_gradient(const at::Tensor& partial, const FusedMlp& net) {
+  return partial.narrow(1, 0, net.size).sum(0, false, at::kDouble);
+}
+
 void FusedUpdate::complete(FusedStep& step) const {
   float* sums = sums_.data_ptr<float>();
   const auto network = [&](FusedStep::Network& net, const at::Tensor& partial, int64_t size, float* to) {

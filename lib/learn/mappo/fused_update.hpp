@@ -66,9 +66,13 @@ class FusedUpdate {
   void add_up(FusedStep step);
   /// Of the latest minibatch: [2, kFusedSums] the actor's sums (PolicyDiagnostic), and the critic's (its loss).
   const at::Tensor& sums() const { return sums_; }
+  /// Of the latest minibatch, before ranks are added up, behind end_epoch(): [P] fp64.
+  at::Tensor own_actor_gradient() const { return own_gradient(actor_partial_, actor_mlp_); }
+  at::Tensor own_critic_gradient() const { return own_gradient(critic_partial_, critic_mlp_); }
 
  private:
   int index() const { return parallel_for_.device().index; }
+  static at::Tensor own_gradient(const at::Tensor& partial, const FusedMlp& net);
   void complete(FusedStep& step) const;
   void add_ranks(FusedStep& step);
 

@@ -100,6 +100,7 @@ class Mappo final : public Learner {
   void save_worlds(NamedArrays& out) const;
   void load_worlds(const NamedArrays& in);
   void note_divergence(int team, const float* figures);
+  std::vector<int> ranks_with(int team, PpoFault fault) const;
   Metrics metrics(double factor);
 
   const RunConfig config_;
@@ -304,10 +305,24 @@ at::Tensor Mappo::order_of(int64_t update, int epoch) const {
 void Mappo::note_divergence(int team, const float* figures) {
   for (int fault = 0; fault < kNFaults && !divergence_; ++fault) {
     const auto minibatch = static_cast<int>(figures[kFirstFault + fault]);
-    if (minibatch > 0)
-      divergence_ = Divergence{kPpoFaultNames[static_cast<size_t>(fault)], team, updates_,
-                               fault < kFaultActorGradient ? 0 : minibatch};
+    if (minibatch == 0) continue;
+    divergence_ = Divergence{kPpoFaultNames[static_cast<size_t>(fault)], team, updates_,
+                             fault < kFaultActorGradient ? 0 : minibatch};
+    if (ranks_) divergence_->ranks = ranks_with(team, static_cast<PpoFault>(fault));
   }
+}
+
+// All ranks have the same figures, so they come here together.
+std::vector<int> Mappo::ranks_with(int team, PpoFault fault) const {
+  const int k = divergence_->minibatch - 1, n = config_.mappo.n_minibatches;
+  PpoTeam& of = *team_[team];
+  const bool own =
+      k < 0 ? of.is_own(fault) : of.is_own(fault, collector_->rollout(), order_of(updates_ - 1, k / n), k % n, k + 1);
+  const std::vector<std::string> all = ranks_->gather(own ? "yes" : "no");
+  std::vector<int> ranks;
+  for (size_t rank = 0; rank < all.size(); ++rank)
+    if (all[rank] == "yes") ranks.push_back(static_cast<int>(rank));
+  return ranks;
 }
 
 void Mappo::save_batch(NamedArrays& out) const {
@@ -323,7 +338,13 @@ void Mappo::save_batch(NamedArrays& out) const {
     const at::Tensor order = order_of(updates_ - 1, k / c.n_minibatches);
     states = team.minibatches(order)[static_cast<size_t>(k % c.n_minibatches)];
   }
-  team.save_batch(collector_->rollout(), states, out);
+  NamedArrays batch;
+  team.save_batch(collector_->rollout(), states, batch);
+  const int rank = divergence_->ranks.empty() ? 0 : divergence_->ranks.front();
+  for (NamedArray& array : batch) {
+    if (rank > 0) broadcast_rows(*ranks_, array, rank);  // rank 0 writes it
+    out.push_back(std::move(array));
+  }
 }
 
 // The only place of an update where the host waits for the device. `factor`: of the step sizes of this update.

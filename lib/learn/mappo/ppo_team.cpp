@@ -147,6 +147,12 @@ void PpoTeam::learn_from(const Rollout& rollout, Minibatch batch) {
   update_critic(rollout, batch);
 }
 
+/// Over all ranks.
+void PpoTeam::sum_gradient(PpoFault fault, const ParameterSet& parameters) {
+  if (looked_at_ == fault) own_norm_ = parameters.gradient().norm();
+  sum_(parameters.gradient());
+}
+
 // ---- The actor's loss -----------------------------------------------------------------------------------------------
 
 /// The agents of the worlds of a minibatch: a network with memory begins with what it remembered at the start of the
@@ -180,7 +186,7 @@ Sequence PpoTeam::actor_sequence(const TeamRollout& r, const Minibatch& batch) c
 }
 
 void PpoTeam::step_actor(const float* minibatch) {
-  sum_(actor_.parameters().gradient());
+  sum_gradient(kFaultActorGradient, actor_.parameters());
   actor_adam_.step(actor_.parameters(), parallel_for_, setting(kActorStepSize), config_.max_grad_norm,
                    step_flags(kFaultActorGradient, kFigActorNorm, minibatch));
 }
@@ -277,7 +283,7 @@ ValueError PpoTeam::value_error() const {
 }
 
 void PpoTeam::step_critic(const float* minibatch) {
-  sum_(critic_.parameters().gradient());
+  sum_gradient(kFaultCriticGradient, critic_.parameters());
   critic_adam_.step(critic_.parameters(), parallel_for_, setting(kCriticStepSize), config_.max_grad_norm,
                     step_flags(kFaultCriticGradient, kFigCriticNorm, minibatch));
 }
@@ -309,7 +315,7 @@ void PpoTeam::learn(const Minibatch& batch, const at::Tensor& features, std::vec
   torch::autograd::backward(outputs, gradients);
   sum_(loss.sum);
   figures_[kFigViewLoss].add_(loss.sum);
-  sum_(teacher_->parameters().gradient());
+  sum_gradient(kFaultViewGradient, teacher_->parameters());
   teacher_->adam().step(teacher_->parameters(), parallel_for_, setting(kActorStepSize), config_.max_grad_norm,
                         step_flags(kFaultViewGradient, kFigViewNorm, batch.number));
 }

@@ -5,6 +5,7 @@
 #include <torch/types.h>
 
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -88,6 +89,11 @@ class PpoTeam {
   const at::Tensor& figures() const { return figures_; }  // [kNFigures]
   /// The states of the rollout for states of the team's own worlds; int64 of any shape.
   at::Tensor states(const at::Tensor& own) const;
+  /// Of several ranks, once a fault is known: whether it is in this one's own numbers, before any are added up.
+  bool is_own(PpoFault fault_of_rollout) const;
+  /// The same of a gradient, which all ranks compute once more for that: of minibatch k of the epoch with this order,
+  /// by its number `minibatch` in the update. No step is taken.
+  bool is_own(PpoFault fault_of_gradient, const Rollout& rollout, const at::Tensor& order, int k, int minibatch);
   /// States [B] of the rollout with a number that is not finite, at most `most`.
   at::Tensor faulty_states(const Rollout& rollout, int64_t most) const;
   /// Everything that is learned from in these states.
@@ -152,6 +158,7 @@ class PpoTeam {
   void update_critic(const Rollout& rollout, const Minibatch& batch);
   at::Tensor value_loss_gradient(const TeamRollout& rollout, const Minibatch& batch, const at::Tensor& value);
   void update_sharing(const Rollout& rollout, const Minibatch& batch);
+  void sum_gradient(PpoFault fault, const ParameterSet& parameters);
   StepFlags step_flags(PpoFault fault, PpoFigure norm_sum, const float* minibatch) const;
   void take_moments(const TeamRollout& rollout);
   at::Tensor find_faults(const TeamRollout& rollout);
@@ -200,6 +207,9 @@ class PpoTeam {
   at::Tensor zero_, one_;                  // [1]
   at::Tensor stop_;                        // [1] 1 once approx_kl has passed target_kl
   at::Tensor figures_;                     // [kNFigures]
+  at::Tensor own_faults_;                  // [kNFaults] of this rank's rollout; undefined with one rank
+  std::optional<PpoFault> looked_at_;      // a gradient whose part of this rank is looked at; none: nobody looks
+  at::Tensor own_norm_;                    // [] of that part
 };
 
 /// Mean and deviation of the entries with weight, by two sums, each of which is to be added up over the ranks before

@@ -1,10 +1,12 @@
-/* Loaded before the C library (LD_PRELOAD), this makes one file operation of a program the last or a failing one.
+/* Loaded before the C library (LD_PRELOAD), this makes one file operation of a program the last, a failing or an endless
+ * one.
  *
  *   FAULT_PATH   operations on files whose path contains this are counted: open, write, ftruncate, fsync, close, rename,
  *                unlink
  *   FAULT_AT     the number of the operation, from 1; 0 = none
  *   FAULT_ERRNO  0: the process is killed by SIGKILL just before the operation, a write after half of its bytes; else
- *                the operation fails with this error, and so do all later ones (a disk that is full stays full)
+ *                the operation fails with this error, and so do all later ones (a disk that is full stays full);
+ *                -1: it does not come back, while other threads of the process go on
  *   FAULT_COUNT  file that receives, for each operation, a byte
  *
  * Several threads of a program write files at once; each operation has a number of its own all the same.
@@ -58,6 +60,7 @@ static enum Fate fate(int is_write) {
   if (error == 0 && operation > at) return kHappens;
   if (error == 0 && is_write) return kDiesHalfway;
   if (error == 0) kill(getpid(), SIGKILL);
+  while (error < 0) pause();
   errno = (int)error;
   return kFails;
 }
