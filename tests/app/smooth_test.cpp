@@ -9,6 +9,7 @@
 
 #include "io/browser.hpp"
 #include "io/devtools.hpp"
+#include "io/json.hpp"
 #include "program.hpp"
 #include "runs.hpp"
 

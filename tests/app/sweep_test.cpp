@@ -246,6 +246,19 @@ TEST(AppSweep, MistakesAreToldBeforeTheFirstTrial) {
   refused("short.yaml", "long.yaml", {"there is no config long.yaml"});
 }
 
+/// A response to each side in `folder`, which has learned alone for so many updates and played so many episodes.
+void expect_responses(const Workplace& here, const Document& json, const std::string& folder, int episodes,
+                      size_t updates) {
+  for (const auto& [side, team] : {std::pair{"0", "1"}, {"1", "0"}}) {
+    EXPECT_EQ(at(json, {"sides", side, "response_team"}).text, team);
+    EXPECT_EQ(number_at(json, {"sides", side, "episodes"}), episodes);
+    const std::string run = cat(folder, "/response_", team), loss = "policy_loss_";
+    EXPECT_EQ(metrics_rows(here, run), updates);
+    EXPECT_EQ(rows_of_column(here, run, loss + team), updates);
+    EXPECT_EQ(rows_of_column(here, run, loss + (team[0] == '0' ? "1" : "0")), 0u);
+  }
+}
+
 TEST(AppExploit, AResponseLearnsAgainstEachFrozenTeam) {
   const Workplace here;
   here.write("short.yaml", kShortConfig);
@@ -256,15 +269,8 @@ TEST(AppExploit, AResponseLearnsAgainstEachFrozenTeam) {
   ASSERT_EQ(done.code, 0) << done.err;
   EXPECT_TRUE(contains(done.out, {"frozen  response   wins", "win rate of the responses in training"}));
   const Document json = parse_yaml_text(here.read("result.json"), "json");
-  for (const auto& [side, team] : {std::pair{"0", "1"}, {"1", "0"}}) {
-    EXPECT_EQ(at(json, {"sides", side, "response_team"}).text, team);
-    EXPECT_EQ(number_at(json, {"sides", side, "episodes"}), 32);
-    // 2048 agent-steps are 8 updates of 256, which count both teams.
-    const std::string folder = std::string("run/exploit/response_") + team;
-    EXPECT_EQ(metrics_rows(here, folder), 8u);
-    EXPECT_EQ(rows_of_column(here, folder, std::string("policy_loss_") + team), 8u);
-    EXPECT_EQ(rows_of_column(here, folder, std::string("policy_loss_") + (team[0] == '0' ? "1" : "0")), 0u);
-  }
+  // 2048 agent-steps are 8 updates of 256, which count both teams.
+  expect_responses(here, json, "run/exploit", 32, 8);
   // It goes on where it was: nothing is trained again.
   const std::string before = here.read("run/exploit/response_0/metrics.csv");
   EXPECT_EQ(here.run(command).code, 0);
@@ -302,14 +308,7 @@ TEST(AppExploit, ResponsesLearnAgainstAnExportedPolicyByAConfig) {
   ASSERT_EQ(done.code, 0) << done.err;
   const Document json = parse_yaml_text(here.read("result.json"), "json");
   EXPECT_EQ(at(json, {"target"}).text, "policy");
-  for (const auto& [side, team] : {std::pair{"0", "1"}, {"1", "0"}}) {
-    EXPECT_EQ(at(json, {"sides", side, "response_team"}).text, team);
-    EXPECT_EQ(number_at(json, {"sides", side, "episodes"}), 8);
-    const std::string folder = std::string("responses/response_") + team;
-    EXPECT_EQ(metrics_rows(here, folder), 2u);
-    EXPECT_EQ(rows_of_column(here, folder, std::string("policy_loss_") + team), 2u);
-    EXPECT_EQ(rows_of_column(here, folder, std::string("policy_loss_") + (team[0] == '0' ? "1" : "0")), 0u);
-  }
+  expect_responses(here, json, "responses", 8, 2);
   // It stays where it is: no copy, as of a checkpoint. The same command trains nothing again.
   EXPECT_FALSE(here.has("responses/target.h5"));
   const std::string before = here.read("responses/response_0/metrics.csv");
