@@ -7,6 +7,7 @@
 
 #include "cuda/single_lane.hpp"
 #include "cuda/subwarp.hpp"
+#include "cuda/whole_warp.hpp"
 #include "cuda/world_threads.hpp"
 #include "sim/grid.hpp"
 #include "sim/vector_observation.hpp"
@@ -90,7 +91,7 @@ struct GridLanes {
     GridLanes lanes;
     template <class F>
     GIGA_HD void each_agent(int n, F&& f) const {
-      using Crew = Subwarp<kLanes, Sync>;
+      using Crew = std::conditional_t < kLanes == kWarp, WholeWarp<Sync>, Subwarp<kLanes<kWarp ? kLanes : 2, Sync>>;
       static_assert(Crew::kWords <= kStageNumbers);
       const Crew crew(lanes.sync, lanes.first % kWarp, lanes.stage);
       const int crews = lanes.stride / kLanes;

@@ -247,7 +247,7 @@ GIGA_HD void for_near(const Crew& crew, const GridParameters auto& p, const Grid
 
 /// The placed agents around a place: those of the cells up to ring `first`, then ring by ring. for_rings
 /// takes one after the other (next); rank_seen enters row by row and takes some at a time (enter, take), so that lanes
-/// that look from different places enter rows together.
+/// that look from different places enter rows together; a warp that looks from one enters them side by side (part).
 class Rings {
  public:
   GIGA_HD Rings(const GridParams& p, const GridWorld& w, float x, float y, int first)
@@ -281,6 +281,19 @@ class Rings {
     right_side_ = !whole && !right_side_;
     if (!right_side_) ++at_;
     return true;
+  }
+  /// The square or the ring as ranges that can be entered side by side: part(0 .. parts() - 1), in any order.
+  GIGA_HD int parts() const { return ring_ == first_ ? 2 * ring_ + 1 : 4 * ring_; }
+  GIGA_HD CellRange part(int number) const {
+    // The rows of the square; of a ring its first row, its last one, and both ends of each between these.
+    const bool square = ring_ == first_, whole = square || number < 2;
+    const int left = column_ - ring_, right = column_ + ring_, low = row_ - ring_, high = row_ + ring_;
+    const int row = square ? low + number : number == 1 ? high : low + number / 2;
+    const int from = whole ? (left < 0 ? 0 : left) : number % 2 == 0 ? left : right;
+    const int to = whole ? (right < grid_.columns ? right : grid_.columns - 1) : from;
+    if (row < 0 || row >= grid_.rows || from < 0 || to >= grid_.columns) return {0, 0};
+    const int32_t* begin = cell_begin_ + row * grid_.columns;
+    return {begin[from], begin[to + 1]};
   }
   /// The next places in `placed`, at most so many, of some that are left.
   GIGA_HD CellRange take(int most) {

@@ -195,29 +195,31 @@ class EmulatedGridSimulator final : public GridLaunchingSimulator {
         if (launches() != StepLaunches::one)
           step_in_parts<decltype(lanes)::value>(plain);
         else
-          run_blocks(plain, shared_bytes(), [](const auto& all, const auto&... thread) {
+          run_blocks<true>(plain, shared_bytes(), [](const auto& all, const auto&... thread) {
             run_grid_thread<job, decltype(lanes)::value>(all, thread...);
           });
       });
     else
-      run_blocks(k, shared_bytes(),
-                 [](const GridLaunch& all, const auto&... thread) { run_grid_thread<job, 1>(all, thread...); });
+      run_blocks<true>(k, shared_bytes(),
+                       [](const GridLaunch& all, const auto&... thread) { run_grid_thread<job, 1>(all, thread...); });
   }
   template <int kCrew, class P>
   void step_in_parts(const GridLaunchOf<P>& k) {
     for_launches<kCrew>(
         k,
         [&]<StepPart part>() {
-          run_blocks(k, shared_bytes(),
-                     [](const auto& all, const auto&... thread) { run_grid_part<part, kCrew>(all, thread...); });
+          run_blocks<true>(k, shared_bytes(),
+                           [](const auto& all, const auto&... thread) { run_grid_part<part, kCrew>(all, thread...); });
         },
         [&]<StepPart part, int kLanes>(int threads_of_agent, int more) {
-          run_blocks(without_barriers(k, kWarp, threads_of_agent, more), free_part_bytes(part, kLanes, kWarp),
-                     [](const auto& all, const auto&... thread) { run_grid_part<part, kLanes>(all, thread...); });
+          run_blocks<false>(
+              without_barriers(k, kWarp, threads_of_agent, more), free_part_bytes(part, kLanes, kWarp),
+              [](const auto& all, const auto&... thread) { run_grid_part<part, kLanes>(all, thread...); });
         });
   }
-  /// `bytes`: of shared memory, of a block; looks whether all keep to that.
-  template <class P, class F>
+  /// `bytes`: of shared memory, of a block; looks whether all keep to that. kTogether: blocks of a group share their
+  /// barriers; else those of a block, which is a warp, are its own.
+  template <bool kTogether, class P, class F>
   void run_blocks(const GridLaunchOf<P>& k, size_t bytes, F&& f) {
     const int blocks = k.blocks;
     auto& threads = threads_[blocks];
@@ -226,7 +228,7 @@ class EmulatedGridSimulator final : public GridLaunchingSimulator {
     const size_t pitch = ((bytes + 63) & ~size_t{63}) + kSharedGuardBytes;
     std::vector<char> shared(pitch * static_cast<size_t>(blocks), static_cast<char>(kPoison));
     for (int group = 0; group < k.groups; ++group)
-      threads->run(blocks * kWarp, order_, [&](int thread) {
+      threads->run(kTogether ? blocks * kWarp : kWarp, order_, [&](int thread) {
         const ThreadIndex at{group * blocks + thread / kWarp, k.groups * blocks, thread % kWarp, kWarp};
         f(k, at, sync, shared.data() + pitch * static_cast<size_t>(thread / kWarp));
       });

@@ -1,0 +1,86 @@
+// WholeWarp: a warp as the crew of one agent (sim/crew.hpp), whose members read, ask and rank side by side
+// (sim/grid_nearest_by_warp.hpp). Plain host-device code, as executor.hpp.
+#pragma once
+
+#include <cstdint>
+
+#include "core/host_device.hpp"
+#include "cuda/world_threads.hpp"
+#include "sim/grid_nearest_by_warp.hpp"
+
+namespace giga {
+
+/// Sync: wait_for_warp() of the warp.
+template <class Sync>
+class WholeWarp {
+  struct Words {
+    WarpSearch search;
+#if !defined(__CUDA_ARCH__)
+    uint32_t said[kWarp];  // there are no shuffles
+#endif
+  };
+
+ public:
+  static constexpr bool kIsWarp = true;
+  static constexpr int kWidth = kWarp;
+  static constexpr int kWords = (sizeof(WarpSearch) + sizeof(uint32_t) * kWarp) / sizeof(uint32_t);  ///< shared memory
+
+  /// `words`: [kWords] of the warp.
+  GIGA_HD WholeWarp(Sync sync, int lane, void* words) : sync_(sync), lane_(lane), words_(*static_cast<Words*>(words)) {}
+
+  GIGA_HD int index() const { return lane_; }
+  GIGA_HD bool leads() const { return lane_ == 0; }
+  GIGA_HD void meet() const { sync_.wait_for_warp(); }
+  GIGA_HD WarpSearch& search() const { return words_.search; }
+  GIGA_HD uint32_t ballot(bool flag) const {
+#if defined(__CUDA_ARCH__)
+    return __ballot_sync(~0u, flag);
+#else
+    return of_all(flag ? 1u : 0u, [](uint32_t bits, uint32_t one, int k) { return bits | one << k; });
+#endif
+  }
+  GIGA_HD int32_t from(int32_t value, int k) const {
+#if defined(__CUDA_ARCH__)
+    return __shfl_sync(~0u, value, k);
+#else
+    return static_cast<int32_t>(of_all(static_cast<uint32_t>(value), [k](uint32_t known, uint32_t one, int member) {
+      return member == k ? one : known;
+    }));
+#endif
+  }
+  /// Of the members up to this one.
+  GIGA_HD int32_t sum_up_to(int32_t value) const {
+#if defined(__CUDA_ARCH__)
+    GIGA_UNROLL
+    for (int apart = 1; apart < kWarp; apart *= 2) {
+      const int32_t other = __shfl_up_sync(~0u, value, apart);
+      value += lane_ >= apart ? other : 0;
+    }
+    return value;
+#else
+    return static_cast<int32_t>(of_all(static_cast<uint32_t>(value), [this](uint32_t sum, uint32_t one, int member) {
+      return member <= lane_ ? sum + one : sum;
+    }));
+#endif
+  }
+
+ private:
+#if !defined(__CUDA_ARCH__)
+  /// f(what is known so far, what a member says, its number) for all members, from 0 on.
+  template <class F>
+  uint32_t of_all(uint32_t value, F&& f) const {
+    words_.said[lane_] = value;
+    sync_.wait_for_warp();
+    uint32_t known = 0;
+    for (int k = 0; k < kWarp; ++k) known = f(known, words_.said[k], k);
+    sync_.wait_for_warp();
+    return known;
+  }
+#endif
+
+  Sync sync_;
+  int lane_;
+  Words& words_;
+};
+
+}  // namespace giga

@@ -1,0 +1,175 @@
+// The agents of a row, as grid_nearest.hpp finds them, where a warp looks for one agent: its members enter ranges of
+// cells side by side, each asks about an agent, and each keeps one of the nearest. A lane that looks alone, or a crew
+// of some lanes, comes to one short range after the other, and waits for memory at each.
+#pragma once
+
+#include <cstdint>
+
+#include "core/geometry.hpp"
+#include "sim/crew.hpp"
+#include "sim/grid.hpp"
+#include "sim/grid_nearest.hpp"
+
+namespace giga {
+
+/// A crew that is a warp (cuda/whole_warp.hpp): all of it goes the same way. index(), leads(), meet() as other crews
+/// (crew.hpp); ballot(flag) of all, from(value, member), sum_up_to(value) of the members up to this one; search(): the
+/// memory that they share.
+template <class Crew>
+concept WarpCrew = requires {
+  requires Crew::kIsWarp;
+};
+
+/// Cells around the one of an agent that a warp enters at once: as many agents as that are asked about for a row of a
+/// crowd, on average.
+constexpr int kFirstRingOfWarp = 3;
+
+/// A rank as a number of the same order: the bits of the distance, which is not negative, above the agent.
+GIGA_HD uint64_t rank_key(const RowOrder::Rank& rank) {
+  return static_cast<uint64_t>(float_bits(rank.distance)) << 32 | rank.agent;
+}
+constexpr uint64_t kLastRank = ~uint64_t{0};  ///< behind all others; its agent is kNoAgent
+
+/// What the members share.
+struct WarpSearch {
+  static constexpr int kMembers = 32, kListed = 2 * kMembers;
+  int32_t places[kListed];                                               // of agents that are asked about
+  uint64_t given[kMembers];                                              // keys of those that members hand in
+  uint64_t before[NearestAgents::kMost], nearest[NearestAgents::kMost];  // of the nearest so far, and with these
+};
+
+/// The nearest of the agents that are shown to one: member k keeps the key of number k.
+template <WarpCrew Crew>
+class WarpNearest {
+ public:
+  static constexpr int kMost = NearestAgents::kMost;
+
+  GIGA_HD explicit WarpNearest(const Crew& crew) : crew_(crew) {}
+  GIGA_HD int size() const { return size_; }
+  /// Whether an agent would be one of them, as far as is known.
+  GIGA_HD bool wants(const RowOrder::Rank& rank) const { return rank_key(rank) < last_; }
+  /// Whether agents that lie that far off, or farther, are not among them.
+  GIGA_HD bool all_nearer_than(float distance) const {
+    const float d = distance * 0.9999f;
+    return d > 0 && float_bits(d) > static_cast<uint32_t>(last_ >> 32);
+  }
+  /// Takes the ones that members hand in: each comes behind as many as are nearer.
+  GIGA_HD void take(bool gives, const RowOrder::Rank& rank) {
+    const uint32_t all = crew_.ballot(gives);
+    if (all == 0) return;
+    WarpSearch& shared = crew_.search();
+    const int index = crew_.index(), n_given = ones(all);
+    const uint64_t key = rank_key(rank);
+    if (index < size_) shared.before[index] = own_;
+    if (gives) shared.given[ones(all & ((1u << index) - 1u))] = key;
+    crew_.meet();
+    int own_place = index, place = 0;
+    GIGA_UNROLL_BY(4)
+    for (int k = 0; k < n_given; ++k) {
+      const uint64_t other = shared.given[k];
+      own_place += other < own_ ? 1 : 0;
+      place += other < key ? 1 : 0;
+    }
+    GIGA_UNROLL_BY(4)
+    for (int k = 0; k < size_; ++k) place += shared.before[k] < key ? 1 : 0;
+    if (index < size_ && own_place < kMost) shared.nearest[own_place] = own_;
+    if (gives && place < kMost) shared.nearest[place] = key;
+    size_ = size_ + n_given < kMost ? size_ + n_given : kMost;
+    crew_.meet();
+    if (index < size_) own_ = shared.nearest[index];
+    if (size_ == kMost) last_ = shared.nearest[kMost - 1];
+  }
+  /// The agent of row `index` of this member, of kMost; kNoAgent = there is none.
+  GIGA_HD uint32_t agent() const { return static_cast<uint32_t>(own_); }
+
+  GIGA_HD static int ones(uint32_t bits) {
+#if defined(__CUDA_ARCH__)
+    return __popc(bits);
+#else
+    return __builtin_popcount(bits);
+#endif
+  }
+
+ private:
+  const Crew& crew_;
+  int size_ = 0;
+  uint64_t own_ = kLastRank, last_ = kLastRank;
+};
+
+/// The hook of grid_look.hpp: what rank_seen of grid_nearest.hpp does, to the last bit. By distances as they are, so
+/// that nothing is left to look at closer.
+template <WarpCrew Crew, class Seen>
+GIGA_HD void rank_seen(const Crew& crew, const GridParameters auto& p, GridWorld& w, int e, bool some, float reach,
+                       bool sees_itself, const Seen& seen) {
+  constexpr int kWidth = Crew::kWidth, kMost = NearestAgents::kMost;
+  static_assert(kWidth == WarpSearch::kMembers && kMost < kWidth);
+  static_assert(std::remove_cvref_t<decltype(p)>::n_neighbors == kMost + 1);
+  if (!some) return;
+  const RowOrder order{w.x[e], w.y[e]};
+  int32_t* const places = crew.search().places;
+  WarpNearest<Crew> nearest(crew);
+  int listed = 0;
+  const auto ask = [&] {
+    crew.meet();
+    GIGA_ROLLED
+    for (int front = 0; front < listed; front += kWidth) {
+      bool yes = false;
+      RowOrder::Rank rank{};
+      if (front + crew.index() < listed) {
+        const int32_t place = places[front + crew.index()];
+        const PlacedAgent a = w.placed[place];
+        rank = order.rank(a);
+        Answer answer = Answer::ask_again;
+        GIGA_ROLLED
+        for (int turn = 0; answer == Answer::ask_again; ++turn) answer = seen.ask(a, place, turn);
+        yes = answer == Answer::yes;
+      }
+      nearest.take(yes, rank);
+    }
+    crew.meet();
+    listed = 0;
+  };
+  // One agent lies in a cell, on average. Where none beyond the next cells matters, these will do.
+  const bool all = min_of(w.grid.size_x, w.grid.size_y) - p.margin > reach;
+  Rings rings(p, w, order.x, order.y, all ? 1 : kFirstRingOfWarp);
+  GIGA_ROLLED
+  for (bool more = true; more;) {
+    const int parts = rings.parts();
+    GIGA_ROLLED
+    for (int front = 0; front < parts; front += kWidth) {
+      const int part = front + crew.index();
+      const CellRange range = part < parts ? rings.part(part) : CellRange{0, 0};
+      const int32_t up_to = crew.sum_up_to(range.end - range.begin), before = up_to - (range.end - range.begin);
+      const int32_t agents = crew.from(up_to, kWidth - 1);
+      GIGA_ROLLED
+      for (int base = 0; base < agents; base += kWidth) {
+        // Whose range has the item of this member: as many ranges end before it.
+        const int item = base + crew.index();
+        int of = 0;
+        GIGA_UNROLL
+        for (int half = kWidth / 2; half > 0; half /= 2) of += crew.from(up_to, of + half - 1) <= item ? half : 0;
+        const int32_t place = crew.from(range.begin - before, of) + item;
+        bool wanted = item < agents;
+        if (wanted) {
+          const PlacedAgent a = w.placed[place];
+          const float dx = a.x - order.x, dy = a.y - order.y;
+          wanted = a.agent != e && nearest.wants(order.rank(a)) && seen.worth_asking(a, dx * dx + dy * dy);
+        }
+        const uint32_t bits = crew.ballot(wanted);
+        if (wanted) places[listed + nearest.ones(bits & ((1u << crew.index()) - 1u))] = place;
+        listed += nearest.ones(bits);
+        if (listed > WarpSearch::kListed - kWidth) ask();
+      }
+    }
+    const float far = rings.widen();
+    more = far < INFINITY && far <= reach;
+    // Before there may be enough of them no answer ends the search.
+    if (!more || nearest.size() + listed >= kMost) ask();
+    more = more && !nearest.all_nearer_than(far);
+  }
+  AgentNumber* const rows = w.neighbors + static_cast<int64_t>(e) * (kMost + 1);
+  if (crew.leads()) rows[0] = AgentNumber{sees_itself ? static_cast<uint32_t>(e) : kNoAgent};
+  if (crew.index() < kMost) rows[1 + crew.index()] = AgentNumber{nearest.agent()};
+}
+
+}  // namespace giga
