@@ -176,6 +176,14 @@ void ConfigCheck::refuse_fp16(const std::string& reason) {
   fail("train.precision", cat("fp16 ", reason, "; allowed there: fp32, tf32, bf16"));
 }
 
+void ConfigCheck::log_std_fits(const std::string& group, const ActorConfig& actor) {
+  const std::string lowest = group + ".log_std_min", start = group + ".log_std_init", highest = group + ".log_std_max";
+  if (has_begun || !known({lowest, start, highest})) return;
+  if (actor.log_std_init < actor.log_std_min || actor.log_std_init > actor.log_std_max)
+    fail(start, cat(actor.log_std_init, " is outside of its bounds; allowed: from ", lowest, " ", actor.log_std_min,
+                    " to ", highest, " ", actor.log_std_max));
+}
+
 void ConfigCheck::inputs_are_there(const std::string& group, const NetworkConfig& network) {
   if (!spec) return;
   if (!network.reads_image() && spec->params.images_only) {

@@ -153,6 +153,37 @@ GIGA_HD float squashed_log_prob(float u, float mean, float log_std) {
   return -0.5f * e * e - log_std - kHalfLogTwoPi - log_squash_slope(u);
 }
 
+/// What squashing adds to the entropy of u ~ N(mean, std^2), one dimension, and its slopes by the mean and by log std:
+/// the mean of log(1 - tanh(u)^2), never above 0. By the trapezoid rule over +-4 deviations, whose error is below 1e-4
+/// up to a deviation of 1 and 2e-2 at e (the slopes' 3e-4 and 8e-2): nothing is drawn, so the gradient has no noise.
+struct SquashEntropy {
+  float value, by_mean, by_log_std;
+};
+GIGA_HD SquashEntropy squash_entropy(float mean, float std) {
+  constexpr int kEachSide = 5;
+  constexpr float kApart = 0.8f;          // deviations
+  constexpr float kMiddle = 0.31915588f;  // 1 / sum of exp(-z^2 / 2)
+  SquashEntropy sum{0, 0, 0};
+  // exp(-z^2 / 2) falls from node to node by a factor that falls by one itself.
+  float weight = kMiddle, factor = 0.72614904f, z = 0;  // exp(-kApart^2 / 2)
+  GIGA_ROLLED
+  for (int k = 0; k <= kEachSide; ++k) {
+    GIGA_UNROLL
+    for (int side = 0; side < 2; ++side) {
+      const float at = side == 0 ? z : -z, u = mean + std * at, far = u < 0 ? -u : u;
+      const float q = std::exp(-2.0f * far), tanh = (u < 0 ? q - 1 : 1 - q) / (1 + q);
+      const float w = k == 0 ? 0.5f * weight : weight;
+      sum.value += w * log_squash_slope(far);
+      sum.by_mean -= 2.0f * w * tanh;
+      sum.by_log_std -= 2.0f * w * tanh * std * at;
+    }
+    weight *= factor;
+    factor *= 0.52729242f;  // exp(-kApart^2)
+    z += kApart;
+  }
+  return sum;
+}
+
 /// Standard normal number k of the action of a row.
 GIGA_HD float action_normal(DrawKey& key, const RowDraws& draws, int64_t row, int k) {
   const float u = key.uniform(Draw::action, draws.agent(row), static_cast<uint32_t>(2 * k));

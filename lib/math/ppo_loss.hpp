@@ -121,22 +121,24 @@ struct CategoricalLoss {
 };
 
 /// The same for the squashed Gaussian: mean, log_std, u before tanh [3] -> gradients by mean and log_std [3]. The
-/// entropy is that of the Gaussian before squashing, sum(log_std) + const.
+/// entropy is that of the action tanh(u).
 GIGA_HD void gaussian_gradient(const float* mean, const float* log_std, const float* u, const PolicySample& of,
                                float* d_mean, float* d_log_std, float* diagnostic) {
   constexpr int kSize = SampleGaussian::kSize;
   float log_prob = 0, entropy = 0;
+  SquashEntropy squash[kSize];
   for (int k = 0; k < kSize; ++k) {
     log_prob += squashed_log_prob(u[k], mean[k], log_std[k]);
-    entropy += log_std[k] + 0.5f + kHalfLogTwoPi;
+    squash[k] = squash_entropy(mean[k], std::exp(log_std[k]));
+    entropy += log_std[k] + 0.5f + kHalfLogTwoPi + squash[k].value;
   }
   const Surrogate s = clipped_surrogate(log_prob, of.old_log_prob, of.advantage, of.clip_coef);
-  // d log p / d mean = e / sigma;  d log p / d log_std = e^2 - 1;  d entropy / d log_std = 1
+  // d log p / d mean = e / sigma;  d log p / d log_std = e^2 - 1;  d entropy / d log_std = 1 + what squashing adds
   for (int k = 0; k < kSize; ++k) {
     const float inv_std = std::exp(-log_std[k]);
     const float e = (u[k] - mean[k]) * inv_std;
-    d_mean[k] = s.d_log_prob * e * inv_std * of.inv_count;
-    d_log_std[k] = (s.d_log_prob * (e * e - 1.0f) - of.entropy_coef) * of.inv_count;
+    d_mean[k] = (s.d_log_prob * e * inv_std - of.entropy_coef * squash[k].by_mean) * of.inv_count;
+    d_log_std[k] = (s.d_log_prob * (e * e - 1.0f) - of.entropy_coef * (1.0f + squash[k].by_log_std)) * of.inv_count;
   }
   write_diagnostics(diagnostic, s, entropy);
 }

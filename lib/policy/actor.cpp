@@ -13,7 +13,13 @@ constexpr double kObsNormBeta = 0.99;  // share kept per rollout
 
 Actor::Actor(const ActorConfig& config, const InputColumns& inputs, ActionKind actions, bool normalize,
              Precision precision, at::Device device, uint64_t seed)
-    : config_(config), actions_(actions), inputs_(inputs), normalize_(normalize), precision_(precision) {
+    : config_(config),
+      log_std_min_(config.log_std_min),
+      log_std_max_(config.log_std_max),
+      actions_(actions),
+      inputs_(inputs),
+      normalize_(normalize),
+      precision_(precision) {
   GIGA_CHECK(!config.remembers() || precision != Precision::fp16, "a memory in half precision");
   GIGA_CHECK(!normalize || !inputs.is_image(), "a normaliser of images");
   const char* name = enum_names(config.encoder)[static_cast<size_t>(config.encoder)];
@@ -95,6 +101,12 @@ std::optional<at::Tensor> Actor::small_head(const at::Tensor& obs, const Paralle
 
 at::Tensor Actor::log_std() const {
   return precision_ == Precision::fp16 ? rounded_to_half(parameters_[log_std_]) : parameters_[log_std_];
+}
+
+void Actor::bound_log_std(const at::Tensor& parameters) const {
+  if (actions_ == ActionKind::discrete) return;
+  at::NoGradGuard no_grad;
+  parameters.narrow(0, log_std_offset(), kActionSize).clamp_(log_std_min_, log_std_max_);
 }
 
 std::optional<SmallMlp> Actor::small_mlp() const {

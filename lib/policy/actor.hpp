@@ -60,6 +60,8 @@ class Actor final : public Policy {
   bool takes_fused_kernels() const { return takes_fused_kernels_; }
   /// First of the three numbers of log_std among the parameters; continuous actions only.
   int64_t log_std_offset() const { return parameters_.offset(log_std_); }
+  /// Of parameters of this layout [P], moves log_std into its bounds. Discrete actions have none.
+  void bound_log_std(const at::Tensor& parameters) const;
 
   ObservationSet reads() const override { return inputs_.set; }
   ActionKind actions() const override { return actions_; }
@@ -89,6 +91,7 @@ class Actor final : public Policy {
   at::Tensor head(const ParameterSet& p, const at::Tensor& features, const Sequence& sequence) const;
 
   NetworkConfig config_;
+  float log_std_min_, log_std_max_;
   ActionKind actions_ = ActionKind::discrete;
   InputColumns inputs_;
   bool normalize_ = false;

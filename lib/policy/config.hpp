@@ -96,12 +96,16 @@ void visit_network_fields(V& v, NetworkConfig& c) {
 struct ActorConfig : NetworkConfig {
   float output_gain = 0.01f;
   float log_std_init = -0.5f;
+  float log_std_min = -5.0f, log_std_max = 1.0f;
 };
 template <class V>
 void visit_fields(V& v, ActorConfig& c) {
   visit_network_fields(v, c);
   v("output_gain", c.output_gain, "gain of the initialisation of the output layer", at_least(0));
   v("log_std_init", c.log_std_init, "continuous actions: initial log of the standard deviation", range(-10, 3));
+  v("log_std_min", c.log_std_min, "what it is held above while it learns", range(-10, 3));
+  v("log_std_max", c.log_std_max, "what it is held below: beyond 1 nearly all actions lie at the ends of their range",
+    range(-10, 3));
 }
 
 enum class CriticKind : uint8_t { composed, state, independent };

@@ -138,6 +138,26 @@ TEST_P(LearnVariants, SaveLoadAndGoOnEqualsGoingOn) {
 INSTANTIATE_TEST_SUITE_P(All, LearnVariants, testing::ValuesIn(kVariants),
                          [](const auto& variant) { return std::string(variant.param.name); });
 
+// An entropy bonus that outweighs all else, and large steps: without bounds log_std would leave 0.1 at once.
+TEST(LearnLearner, DeviationsOfActionsStayWithinTheirBounds) {
+  for (const bool fused : {true, false}) {
+    SmallRun run;
+    run.mappo = cat("learning_rate: 0.1, entropy_coef: 10, fused: ", fused ? "true" : "false");
+    run.actor = "hidden: [16, 16], log_std_init: -2, log_std_min: -2.1, log_std_max: -1.9";
+    run.scenario = "action: continuous\n";
+    const auto learner = run.learner();
+    for (int u = 0; u < 3; ++u) learner->update();
+    int found = 0;
+    for (const NamedArray& array : saved(*learner)) {
+      if (!array.name.ends_with("log_std") || array.name.find("adam") != std::string::npos) continue;
+      ++found;
+      for (const float value : array_values<float>(array))
+        EXPECT_FLOAT_EQ(value, -1.9f) << array.name << (fused ? ", fused" : ", by LibTorch");
+    }
+    EXPECT_EQ(found, 2) << "one a team";
+  }
+}
+
 TEST(LearnLearner, SameSeedSameArraysAnotherSeedOthers) {
   SmallRun run;
   const auto trained = [&run] {

@@ -293,6 +293,17 @@ TEST_F(LearnRunConfig, WhatIsTaughtOfTheViewIsRefusedWhereItCannotBe) {
 }
 
 // A value that could not be read is reported once, and nothing is said about what was taken in its place.
+TEST_F(LearnRunConfig, DeviationsBeginWithinTheirBounds) {
+  const auto error = [this](const char* lines) { return error_of(cat("scenario: identical_2_vs_2\n", lines, "\n")); };
+  EXPECT_EQ(error("mappo: {actor: {log_std_init: -5, log_std_max: -5}}"), "no error");
+  EXPECT_EQ(error("mappo: {actor: {log_std_init: 1.5}}"),
+            "run.yaml:2:31: mappo.actor.log_std_init: 1.5 is outside of its bounds; allowed: from "
+            "mappo.actor.log_std_min -5 to mappo.actor.log_std_max 1");
+  EXPECT_EQ(error("train: {algorithm: snes}\npopulation: {actor: {log_std_min: 0}}"),
+            "default of population.actor.log_std_init: -0.5 is outside of its bounds; allowed: from "
+            "population.actor.log_std_min 0 to population.actor.log_std_max 1");
+}
+
 TEST_F(LearnRunConfig, NoErrorsThatFollowFromOthers) {
   const std::pair<const char*, const char*> cases[] = {
       {"environment: {team_1: 3}", "run.yaml:2:23: environment.team_1: '3' is not a list of maps"},

@@ -76,6 +76,19 @@ TEST(PolicyActor, LogStdIsAParameterOfContinuousActorsOnly) {
   EXPECT_EQ(discrete.parameters().size(), hidden + 28 * 16 + 28);
 }
 
+TEST(PolicyActor, LogStdIsHeldWithinItsBounds) {
+  const Actor continuous = make(ActionKind::continuous), discrete = make(ActionKind::discrete);
+  const at::Tensor all = at::full_like(continuous.parameters().values(), 7.0);
+  const int64_t at = continuous.log_std_offset();
+  all[at] = -9, all[at + 1] = 0.5;
+  continuous.bound_log_std(all);
+  EXPECT_TRUE(same(all.narrow(0, at, 3), numbers({-5, 0.5f, 1})));
+  EXPECT_EQ((all == 7).sum().item<int64_t>(), all.numel() - 3) << "nothing else has moved";
+  const at::Tensor others = at::full_like(discrete.parameters().values(), 7.0);
+  discrete.bound_log_std(others);
+  EXPECT_TRUE(same(others, at::full_like(others, 7.0)));
+}
+
 TEST(PolicyActor, NormaliserIsAppliedAndSaved) {
   Actor actor = make(ActionKind::discrete, true), plain = make(ActionKind::discrete, false);
   const at::Tensor obs = 3 * random({20, kObs}, 2) + 5;

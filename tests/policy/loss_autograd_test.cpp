@@ -86,7 +86,11 @@ TEST(PolicyLossAutograd, GaussianAndItsLogStd) {
   const at::Tensor e = (u - mean) / log_std.exp();
   const at::Tensor log_prob =
       (-0.5 * e.square() - log_std - 0.5 * std::log(2 * M_PI) - (1 - u.tanh().square()).log()).sum(1);
-  const at::Tensor entropy = (log_std + 0.5 * (1 + std::log(2 * M_PI))).sum().expand({kRows});
+  // Of the squashed action, by the nodes of squash_entropy: math_policy_loss_test.cpp looks how far these are off.
+  const at::Tensor z = at::arange(-5, 6, mean.options()) * 0.8, weight = at::softmax(-0.5 * z.square(), 0);
+  const at::Tensor far = (mean.unsqueeze(-1) + log_std.exp().unsqueeze(-1) * z).abs();  // [R, 3, 11]
+  const at::Tensor squashed = ((2 * (std::log(2.0) - far - (-2 * far).exp().log1p())) * weight).sum(-1);
+  const at::Tensor entropy = (log_std + 0.5 * (1 + std::log(2 * M_PI)) + squashed).sum(1);
   const Batch batch(log_prob, 20);
   const at::Tensor loss = batch.loss(log_prob, entropy);
   loss.backward();

@@ -150,6 +150,7 @@ void check_evolution(ConfigCheck& check) {
                    "' is not offered to populations, whose networks read numbers; allowed there: mlp; train.algorithm "
                    "mappo has it"));
   check.inputs_are_there("population.actor", actor);
+  check.log_std_fits("population.actor", actor);
   check_train(check);
   check_fp16(check);
   check_population(check);

@@ -104,6 +104,7 @@ void critic_sees(ConfigCheck& check) {
 void networks_see(ConfigCheck& check) {
   const MappoConfig& c = check.config.mappo;
   check.inputs_are_there("mappo.actor", c.actor);
+  check.log_std_fits("mappo.actor", c.actor);
   if (c.critic.shared_encoder)
     encoder_is_shared(check);
   else if (check.known({"mappo.critic.shared_encoder"}))

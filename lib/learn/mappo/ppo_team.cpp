@@ -104,6 +104,7 @@ void PpoTeam::begin_epoch(const Rollout& rollout, const at::Tensor& order) {
 
 void PpoTeam::end_epoch() {
   if (fused_) fused_->end_epoch();
+  actor_.bound_log_std(actor_.parameters().values());
 }
 
 void PpoTeam::update_minibatch(const Rollout& rollout, int k, int minibatch) {

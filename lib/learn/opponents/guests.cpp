@@ -20,6 +20,8 @@ std::string difference(ActorConfig theirs, ActorConfig ours) {
   theirs.hidden_gain = ours.hidden_gain;
   theirs.output_gain = ours.output_gain;
   theirs.log_std_init = ours.log_std_init;
+  theirs.log_std_min = ours.log_std_min;
+  theirs.log_std_max = ours.log_std_max;
   const std::vector<FieldInfo> there = list_fields(fields_of(theirs)), here = list_fields(fields_of(ours));
   std::string text;
   for (size_t k = 0; k < there.size(); ++k)
