@@ -112,16 +112,16 @@ double apart(const at::Tensor& found, const at::Tensor& expected) {
   return ((found - expected).norm() / expected.norm()).item<double>();
 }
 
-/// Each matrix, and what lies between the matrices.
+/// Each matrix, and what lies between the matrices, which may be off by `of_others` times as much.
 void expect_near(const char* what, const ParameterSet& p, const at::Tensor& found, const at::Tensor& expected,
-                 double tolerance) {
+                 double tolerance, double of_others = 1) {
   at::Tensor others = at::ones_like(found);
   for (const MatrixPlace& m : p.matrices()) {
     const auto of = [&m](const at::Tensor& x) { return x.slice(0, m.offset, m.offset + m.rows * m.columns); };
     of(others).zero_();
     EXPECT_LT(apart(of(found), of(expected)), tolerance) << what << ", weight at " << m.offset;
   }
-  EXPECT_LT(apart(found * others, expected * others), tolerance) << what << ", biases";
+  EXPECT_LT(apart(found * others, expected * others), of_others * tolerance) << what << ", biases";
 }
 
 void expect_what_libtorch_says(const FusedCase& c, Device device) {
@@ -151,7 +151,9 @@ void expect_what_libtorch_says(const FusedCase& c, Device device) {
   fused.add_up(steps.of(s));
   fused.end_epoch();
   const at::Tensor actor = s.actor.parameters().gradient().clone(), critic = s.critic.parameters().gradient().clone();
-  expect_near("actor", s.actor.parameters(), actor, expected.actor, tolerance);
+  // Of log_std the bonus and what squashing takes of it nearly cancel: so short a gradient is rounded by a larger part.
+  expect_near("actor", s.actor.parameters(), actor, expected.actor, tolerance,
+              c.actions == ActionKind::continuous ? 2 : 1);
   expect_near("critic", s.critic.parameters(), critic, expected.critic, tolerance);
   const at::Tensor sums = fused.sums().cpu();
   for (int k = 0; k < kNPolicyDiagnostics; ++k)
