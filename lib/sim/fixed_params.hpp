@@ -11,7 +11,7 @@ struct FixedValues {
   Rules rules;
   ActionKind actions;
   int team_0, team_1, n_neighbors;  // agents of the teams; rows
-  bool waypoints, has_idle_reward, egocentric_view;
+  bool waypoints, has_idle_reward, has_term_factors, egocentric_view;
   bool cone_is_full, damage_cone_is_full, stochastic_detection, stochastic_communication;
   bool obstacle_heights, obstacles_block_sight, sight_3d;
 
@@ -25,6 +25,7 @@ constexpr FixedValues fixed_values(const SimParams& p) {
           .n_neighbors = p.n_neighbors,
           .waypoints = p.waypoints,
           .has_idle_reward = p.has_idle_reward,
+          .has_term_factors = p.has_term_factors,
           .egocentric_view = p.egocentric_view,
           .cone_is_full = p.cone_is_full,
           .damage_cone_is_full = p.damage_cone_is_full,
@@ -45,6 +46,7 @@ constexpr void for_each_value(const FixedValues& v, F&& f) {
   f("n_neighbors", v.n_neighbors);
   f("waypoints", v.waypoints);
   f("has_idle_reward", v.has_idle_reward);
+  f("has_term_factors", v.has_term_factors);
   f("egocentric_view", v.egocentric_view);
   f("cone_is_full", v.cone_is_full);
   f("damage_cone_is_full", v.damage_cone_is_full);
@@ -63,6 +65,7 @@ struct FixedParams : TeamParams<kFixed.team_0, kFixed.team_1> {
   static constexpr ActionKind actions = kFixed.actions;
   static constexpr int n_neighbors = kFixed.n_neighbors;
   static constexpr bool waypoints = kFixed.waypoints, has_idle_reward = kFixed.has_idle_reward;
+  static constexpr bool has_term_factors = kFixed.has_term_factors;
   static constexpr bool egocentric_view = kFixed.egocentric_view;
   static constexpr bool cone_is_full = kFixed.cone_is_full, damage_cone_is_full = kFixed.damage_cone_is_full;
   static constexpr bool stochastic_detection = kFixed.stochastic_detection;

@@ -122,7 +122,7 @@ struct PlainCrowd : GridParams {
   static constexpr Rules rules = Rules::corrected;
   static constexpr ActionKind actions = ActionKind::discrete;
   static constexpr int n_neighbors = 15, n_boxes = 0;
-  static constexpr bool team_after_team = true, waypoints = false, has_idle_reward = false;
+  static constexpr bool team_after_team = true, waypoints = false, has_idle_reward = false, has_term_factors = false;
   static constexpr bool stochastic_communication = true, stochastic_detection = true;
   static constexpr bool obstacle_heights = false, obstacles_block_sight = false, sight_3d = false;
   static constexpr bool cone_is_full = false, damage_cone_is_full = false, egocentric_view = false;
@@ -136,9 +136,10 @@ struct PlainCrowd : GridParams {
   static bool fits(const GridParams& p) {
     return p.rules == rules && p.actions == actions && p.n_neighbors == n_neighbors && p.n_boxes == n_boxes &&
            p.team_after_team == team_after_team && p.waypoints == waypoints && p.has_idle_reward == has_idle_reward &&
-           p.stochastic_communication == stochastic_communication && p.stochastic_detection == stochastic_detection &&
-           p.obstacle_heights == obstacle_heights && p.obstacles_block_sight == obstacles_block_sight &&
-           p.sight_3d == sight_3d && p.cone_is_full == cone_is_full && p.damage_cone_is_full == damage_cone_is_full &&
+           p.has_term_factors == has_term_factors && p.stochastic_communication == stochastic_communication &&
+           p.stochastic_detection == stochastic_detection && p.obstacle_heights == obstacle_heights &&
+           p.obstacles_block_sight == obstacles_block_sight && p.sight_3d == sight_3d &&
+           p.cone_is_full == cone_is_full && p.damage_cone_is_full == damage_cone_is_full &&
            p.egocentric_view == egocentric_view;
   }
 };

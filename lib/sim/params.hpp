@@ -145,6 +145,8 @@ struct SimParams {
   bool has_idle_reward = false;             ///< some agent type has one
   uint64_t active_terms = 0;                ///< by SimTables: the terms that are active, four bits each
   int n_active_terms = 0;
+  bool has_term_factors = false;           ///< each term has a factor of its own, which may change from step to step
+  const float* term_factors = nullptr;     ///< [kNRewardTerms] by SimTables: these, 1 at first; null without
   bool divide_reward_by_team_size = true;  ///< by the number of all agents, as the original does
 
   // Beyond the original, off by default.

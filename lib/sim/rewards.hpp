@@ -102,8 +102,8 @@ GIGA_HD float term_value(const Parameters auto& p, const World auto& w, RewardTe
   return 0.0f;
 }
 
-/// What a term's value is worth to the reward of an agent that lived before the step: the factor, the division by all
-/// agents (Q12).
+/// What a term's value, in w.terms, is worth to the reward of an agent that lived before the step: the world's factor,
+/// the division by all agents (Q12).
 GIGA_HD float scale_term(const Parameters auto& p, const World auto& w, RewardTerm term, float value) {
   const float scaled = term == RewardTerm::game_won ? value : *w.reward_factor * value;
   return p.divide_reward_by_team_size ? divide(scaled, static_cast<float>(p.n_agents)) : scaled;
@@ -118,7 +118,8 @@ GIGA_HD void compute_reward(const Parameters auto& p, World auto& w, int i) {
   for (int t = 0; t < kNRewardTerms; ++t) {
     const RewardTerm term = static_cast<RewardTerm>(t);
     if (!term_active(p, term)) continue;
-    const float value = term_value(p, w, term, i, dealt);
+    float value = term_value(p, w, term, i, dealt);
+    if (p.has_term_factors) value *= p.term_factors[t];
     w.terms[t * p.n_agents + i] = value;
     (term == RewardTerm::game_won ? won : sum) += value;
   }

@@ -62,6 +62,8 @@ SimTables::SimTables(const SimSpec& spec, Memory& memory) : params_(spec.params)
   start_ = Buffer<StartArea>(memory, start);
   pictures_ = Buffer<uint8_t>(memory, make_map_pictures(params_, spec.maps));
   paths_ = Buffer<uint16_t>(memory, paths);
+  if (params_.has_term_factors) term_factors_ = Buffer<float>(memory, std::vector<float>(kNRewardTerms, 1.0f));
+  params_.term_factors = term_factors_.data();
   const float* f = floats_.data();
   list_active_terms(params_);
   params_.agents = {sprites_.data(), f, f + n, f + 2 * n, f + 3 * n, f + 4 * n};

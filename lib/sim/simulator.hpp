@@ -60,6 +60,8 @@ class SimTables {
   SimTables(const SimSpec& spec, Memory& memory);
   /// `spec.params` with its pointers set.
   const SimParams& params() const { return params_; }
+  /// SimParams::term_factors, to be written.
+  float* term_factors() { return term_factors_.data(); }
 
  private:
   SimParams params_;
@@ -70,6 +72,7 @@ class SimTables {
   Buffer<StartArea> start_;
   Buffer<uint8_t> pictures_;
   Buffer<uint16_t> paths_;
+  Buffer<float> term_factors_;
 };
 
 /// How large the state of a world is. What it keeps of pairs are tables [N, N], or lists of bounded length.
@@ -146,6 +149,10 @@ class Simulator {
   const SimSpec& spec() const { return spec_; }
   const SimOptions& options() const { return options_; }
   const SimParams& params() const { return tables_.params(); }
+  /// With SimParams::has_term_factors: [kNRewardTerms] by RewardTerm, in the memory of the device, what each term is
+  /// multiplied with besides its weight. Whoever queues a change of them does so on the stream of the steps; it holds
+  /// for those behind it, recorded ones too. No part of the state. Null without.
+  float* term_factors() { return tables_.term_factors(); }
   Memory& memory() const { return *memory_; }
   Device device() const { return memory_->device(); }
   int n_worlds() const { return options_.n_worlds; }

@@ -26,6 +26,7 @@ struct UsualParams : TeamParams<kSize0, kSize1> {
   static constexpr bool obstacle_heights = false, obstacles_block_sight = false, sight_3d = false;
   // Hiders are paid for being there, and seekers catch them in every direction.
   static constexpr bool has_idle_reward = kPlay == Play::hide_and_seek;
+  static constexpr bool has_term_factors = false;
   static constexpr bool cone_is_full = kPlay == Play::published, damage_cone_is_full = kPlay == Play::hide_and_seek;
   GIGA_HD bool original() const { return kPlay == Play::published && Teams::rules == Rules::original; }
 
@@ -35,9 +36,10 @@ struct UsualParams : TeamParams<kSize0, kSize1> {
     const bool rules_fit = p.rules == Rules::corrected || (kPlay == Play::published && p.resolution == 0);
     return p.team_after_team && rules_fit && p.actions == actions && p.n_team[0] == kSize0 && p.n_team[1] == kSize1 &&
            p.n_neighbors == n_neighbors && p.waypoints == waypoints && p.has_idle_reward == has_idle_reward &&
-           p.stochastic_communication == stochastic_communication && p.stochastic_detection == stochastic_detection &&
-           p.obstacle_heights == obstacle_heights && p.obstacles_block_sight == obstacles_block_sight &&
-           p.sight_3d == sight_3d && p.cone_is_full == cone_is_full && p.damage_cone_is_full == damage_cone_is_full;
+           p.has_term_factors == has_term_factors && p.stochastic_communication == stochastic_communication &&
+           p.stochastic_detection == stochastic_detection && p.obstacle_heights == obstacle_heights &&
+           p.obstacles_block_sight == obstacles_block_sight && p.sight_3d == sight_3d &&
+           p.cone_is_full == cone_is_full && p.damage_cone_is_full == damage_cone_is_full;
   }
 };
 

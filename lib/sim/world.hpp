@@ -25,7 +25,7 @@ struct WorldView : StateView {
   AgentFeatures* features;   // [N] see vector_observation.hpp
   float* stage;              // [N, kStageColumns] or [kStageRows, kStageRow] part of the rows, on its way to memory
   uint16_t* nearest_agents;  // [N, kNearestAgents] see egocentric_view.hpp
-  float* terms;              // [kNRewardTerms, N] what each reward term added to the agent's reward
+  float* terms;              // [kNRewardTerms, N] what each reward term added to the agent's reward, by its own factor
   int32_t* counts;           // [kNCounts] see Count
 };
 

@@ -190,6 +190,9 @@ std::vector<BadInput> meanings() {
                 {"run.yaml:2:26: mappo.critic.inputs: 'egocentric' needs environment.observation.egocentric_view: "
                  "true; allowed",
                  "without it: all"}),
+      in_config("fade of a reward that is off", "mappo: {shaping_final_factors: {damage: 0}}",
+                {"run.yaml:2:41: mappo.shaping_final_factors.damage: 0: scenario 'identical_2_vs_2' does not pay this "
+                 "reward (rewards.damage is 0); allowed there: none"}),
       in_evolution("odd population of pairs", "train: {algorithm: openai_es}\npopulation: {population_size: 33}",
                    {"run.yaml:3:31: population.population_size: 33 is odd", "nearest: 32, 34"}),
       in_evolution("population out of range",

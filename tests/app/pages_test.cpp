@@ -279,15 +279,18 @@ TEST(Examples, AnExportedPolicyGivesTheSameNumbersInPythonAndCpp) {
 std::string name_on_the_page(const std::string& column) {
   const std::string of_team = std::regex_replace(column, std::regex("_[01]($|_vs_)"), "_T$1");
   const std::string of_script = std::regex_replace(of_team, std::regex("_vs_.*"), "_vs_O");
-  return std::regex_replace(of_script, std::regex("^reward_.*_T$"), "reward_TERM_T");
+  const std::string of_factor = std::regex_replace(of_script, std::regex("^shaping_factor_.+"), "shaping_factor_TERM");
+  return std::regex_replace(of_factor, std::regex("^reward_.*_T$"), "reward_TERM_T");
 }
 
 /// The columns of a run of a config that the page does not explain.
-std::set<std::string> unexplained(const std::string& config) {
+std::set<std::string> unexplained(const std::string& config, const std::vector<std::string>& settings = {}) {
   const std::string page = read_file(source_path("docs/training.md"));
   const Workplace here;
   here.write("run.yaml", config);
-  const Outcome outcome = here.run({"train", "run.yaml", "--run-dir", "run", "--quiet"});
+  std::vector<std::string> words = {"train", "run.yaml", "--run-dir", "run", "--quiet"};
+  for (const std::string& setting : settings) words.insert(words.end(), {"--set", setting});
+  const Outcome outcome = here.run(words);
   EXPECT_EQ(outcome.code, 0) << outcome.err;
   std::set<std::string> missing;
   const auto explain = [&](const std::string& what, const std::string& column) {
@@ -302,7 +305,8 @@ std::set<std::string> unexplained(const std::string& config) {
 }
 
 TEST(TrainingPage, ExplainsEveryColumnOfMappo) {
-  EXPECT_EQ(unexplained(std::string(kShortConfig) + "opponents: {pool_size: 2, pool_every_updates: 1}\n"),
+  EXPECT_EQ(unexplained(std::string(kShortConfig) + "opponents: {pool_size: 2, pool_every_updates: 1}\n",
+                        {"mappo.shaping_final_factor=0.5", "mappo.shaping_final_factors.defeat_one_opponent=0"}),
             std::set<std::string>{});
 }
 

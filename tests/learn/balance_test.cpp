@@ -3,8 +3,10 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
+#include "cuda/runtime.hpp"
 #include "learn/mappo/step_back.hpp"
 #include "runs.hpp"
 
@@ -49,6 +51,37 @@ TEST(LearnBalance, ShapingFadesToItsFloor) {
   config.shaping_fade_start = config.shaping_fade_end = 0.5f;  // at once
   EXPECT_EQ(Balance{config}.shaping_factor(0.49), 1);
   EXPECT_EQ(Balance{config}.shaping_factor(0.5), 0.25);
+}
+
+TEST(LearnBalance, SingleRewardsFadeToFloorsOfTheirOwn) {
+  MappoConfig config;
+  EXPECT_FALSE(Balance{config}.terms_fade());
+  config.shaping_final_factor = 0.5f;
+  config.shaping_fade_start = 0.2f;
+  config.shaping_fade_end = 0.6f;
+  EXPECT_FALSE(Balance{config}.terms_fade()) << "all fade alike";
+  const auto own = [&config](RewardTerm term) -> std::optional<float>& {
+    return config.shaping_final_factors.of_term[static_cast<size_t>(term)];
+  };
+  own(RewardTerm::detection) = 1.0f;
+  own(RewardTerm::damage) = 0.0f;
+  const Balance balance{config};
+  EXPECT_TRUE(balance.terms_fade());
+  for (const RewardTerm term : {RewardTerm::detection, RewardTerm::damage, RewardTerm::idle, RewardTerm::game_won})
+    EXPECT_EQ(balance.shaping_factor(term, 0.2), 1);
+  // Halfway: from 1 to 1, to 0, to that of all others, 0.5; a win is paid in full.
+  EXPECT_EQ(balance.shaping_factor(RewardTerm::detection, 0.4), 1);
+  EXPECT_NEAR(balance.shaping_factor(RewardTerm::damage, 0.4), 0.5, 1e-6);
+  EXPECT_NEAR(balance.shaping_factor(RewardTerm::idle, 0.4), 0.75, 1e-6);
+  EXPECT_EQ(balance.shaping_factor(RewardTerm::game_won, 0.4), 1);
+  EXPECT_EQ(balance.shaping_factor(RewardTerm::damage, 1), 0);
+  EXPECT_EQ(balance.shaping_factor(RewardTerm::idle, 1), 0.5);
+  Metrics columns;
+  balance.add_metrics(0.4, columns);
+  ASSERT_EQ(columns.size(), 3u) << "of all, and of those that have one of their own";
+  EXPECT_NEAR(metric(columns, "shaping_factor"), 0.75, 1e-6);
+  EXPECT_EQ(metric(columns, "shaping_factor_detection"), 1);
+  EXPECT_NEAR(metric(columns, "shaping_factor_damage"), 0.5, 1e-6);
 }
 
 TEST(LearnBalance, GammaClipAndEntropyGoToTheirLastValues) {
@@ -227,6 +260,71 @@ TEST(LearnBalance, FadedRewardsAreNotPaid) {
     }
   }
   EXPECT_GT(won, 0);
+}
+
+// Policies that do not learn play alike whatever they are paid, so that the same things happen in both runs.
+void expect_single_rewards_fade(Device device) {
+  SmallRun plain;
+  plain.scenario = "rewards: {game_won: 10, detection: 5, collision_obstacle: 20, agent_disabled: 10}\n";
+  plain.mappo = "team_learning_rate_factors: [0, 0]";
+  SmallRun faded = plain;
+  faded.mappo += ", shaping_final_factors: {detection: 0, agent_disabled: 0.25}, shaping_fade_end: 0";
+  const auto paid_in_full = plain.learner(device), paid_less = faded.learner(device);
+  double seen = 0, died = 0, left = 0;
+  for (int k = 0; k < 8; ++k) {
+    const Metrics whole = paid_in_full->update(), rest = paid_less->update();
+    EXPECT_EQ(metric(rest, "shaping_factor_detection"), 0);
+    EXPECT_EQ(metric(rest, "shaping_factor_agent_disabled"), 0.25);
+    ASSERT_EQ(metric(rest, "episodes"), metric(whole, "episodes"));
+    if (metric(whole, "episodes") == 0) continue;
+    for (int team = 0; team < kNTeams; ++team) {
+      const auto of = [team](const Metrics& metrics, const char* term) {
+        return metric(metrics, cat("reward_", term, "_", team));
+      };
+      EXPECT_EQ(of(rest, "detection"), 0);
+      EXPECT_NEAR(of(rest, "agent_disabled"), 0.25 * of(whole, "agent_disabled"), 1e-5);
+      for (const char* term : {"collision_obstacle", "game_won"}) EXPECT_EQ(of(rest, term), of(whole, term)) << term;
+      EXPECT_NEAR(metric(rest, cat("return_", team)),
+                  metric(whole, cat("return_", team)) - of(whole, "detection") - 0.75 * of(whole, "agent_disabled"),
+                  1e-4);
+      seen += std::abs(of(whole, "detection"));
+      died += std::abs(of(whole, "agent_disabled"));
+      left += std::abs(of(whole, "collision_obstacle"));
+    }
+  }
+  EXPECT_GT(std::min({seen, died, left}), 0);
+}
+
+TEST(LearnBalance, SingleFadedRewardsAreNotPaid) { expect_single_rewards_fade({}); }
+
+TEST(LearnBalanceGpu, SingleFadedRewardsAreNotPaid) {
+  if (cuda_device_count() == 0) GTEST_SKIP() << "no GPU";
+  expect_single_rewards_fade({Device::Kind::cuda, 0});
+}
+
+// A run that was stopped within the fade goes on in it. On a GPU its steps are recorded, with other factors later.
+void expect_fade_from_update_to_update(Device device) {
+  SmallRun run;
+  run.scenario = "rewards: {game_won: 10, detection: 5, agent_disabled: 10}\n";
+  run.mappo = "shaping_final_factors: {detection: 0}, shaping_fade_end: 0.04";
+  const auto learner = run.learner(device), other = run.learner(device);
+  // 131 updates (LearnLearner.ScheduleAndCounters), of which the fade takes 5.24: update u is made with u - 1 done.
+  for (int u = 1; u <= 8; ++u) {
+    const Metrics metrics = learner->update();
+    EXPECT_NEAR(metric(metrics, "shaping_factor_detection"), std::max(0.0, 1 - (u - 1) / 5.24), 1e-6) << u;
+    if (u == 3) other->load(saved(*learner));
+    if (u > 3) {
+      EXPECT_EQ(difference(metrics, other->update()), "") << u;
+    }
+  }
+  EXPECT_EQ(difference(saved(*learner), saved(*other)), "");
+}
+
+TEST(LearnBalance, SingleRewardsFadeFromUpdateToUpdate) { expect_fade_from_update_to_update({}); }
+
+TEST(LearnBalanceGpu, SingleRewardsFadeFromUpdateToUpdate) {
+  if (cuda_device_count() == 0) GTEST_SKIP() << "no GPU";
+  expect_fade_from_update_to_update({Device::Kind::cuda, 0});
 }
 
 }  // namespace

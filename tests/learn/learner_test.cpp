@@ -57,6 +57,10 @@ const Variant kVariants[] = {
     {"ObstaclesWaypointsThreeAgainstOne",
      {"", "", "kind: state, hidden: [16, 12]",
       "maps: four_rooms\nwaypoints: {enable_waypoints: true}\nteam_0: [{type: default, count: 3}]\n"}},
+    {"SingleRewardsFadePool",
+     with_opponents({"", "shaping_final_factor: 0.5, shaping_final_factors: {damage: 0}, shaping_fade_end: 0.05",
+                     "hidden: [16]", "rewards: {game_won: 10, damage: 50, agent_disabled: 10}\n"},
+                    "pool_size: 2, pool_every_updates: 1, pool_share: 0.5")},
     {"PoolAndScripts",
      with_opponents({},
                     "pool_size: 3, pool_every_updates: 1, pool_share: 0.5, pool_draw: pfsp, scripted: [circle, "

@@ -12,7 +12,7 @@
 namespace giga::test {
 
 /// Variant 0 has every switch on, 1 none, then each one alone and each one missing; the rest of the scenario is random,
-/// another one for each `family`. Not finished.
+/// another one for each `family`; in each fifth one terms of the reward have factors. Not finished.
 inline SimSpec variant_spec(int family, int n_team_0, int n_team_1, int variant) {
   SimSpec spec = random_spec(static_cast<uint64_t>(family * variant + 31 * n_team_0 + n_team_1), n_team_0, n_team_1);
   const unsigned all = kNSwitchMasks - 1;
@@ -20,6 +20,7 @@ inline SimSpec variant_spec(int family, int n_team_0, int n_team_1, int variant)
   if (variant >= 2) mask = 1u << (static_cast<unsigned>(variant - 2) / 2 % kNSwitches);
   if (variant >= 2 && variant % 2) mask = all ^ mask;
   set_switches(spec, mask);
+  spec.params.has_term_factors = variant % 5 == 3;
   spec.params.max_episode_length = variant % 5 == 4 ? 0 : 5 + variant % 9;
   return spec;
 }

@@ -15,6 +15,7 @@ SimSpec odd_spec(const OddScenario& odd, uint64_t seed) {
   p.rules = v.rules;
   p.actions = v.actions;
   p.waypoints = v.waypoints;
+  p.has_term_factors = v.has_term_factors;
   p.egocentric_view = v.egocentric_view;
   p.cone_is_full = v.cone_is_full;
   p.damage_cone_is_full = v.damage_cone_is_full;

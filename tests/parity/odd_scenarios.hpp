@@ -19,6 +19,7 @@ constexpr FixedValues plain_values(int team_0, int team_1) {
           .n_neighbors = n < 15 ? n : 15,
           .waypoints = false,
           .has_idle_reward = false,
+          .has_term_factors = false,
           .egocentric_view = false,
           .cone_is_full = false,
           .damage_cone_is_full = false,
@@ -45,6 +46,7 @@ constexpr OddScenario kOddScenarios[] = {
     {"12v12", plain_values(12, 12)},
     // The rows of a stage are those of both teams, and the last ones are fewer.
     {"4v3view", changed(plain_values(4, 3), [](FixedValues& v) { v.egocentric_view = true; })},
+    {"4v2factors", changed(plain_values(4, 2), [](FixedValues& v) { v.has_term_factors = v.has_idle_reward = true; })},
     {"4v4waypointsContinuous", changed(plain_values(4, 4),
                                        [](FixedValues& v) {
                                          v.waypoints = true;

@@ -89,6 +89,7 @@ void make_usual(SimSpec& spec, const Case& c) {
   p.actions = ActionKind::discrete;
   p.stochastic_detection = p.stochastic_communication = c.play != Play::published;
   p.waypoints = c.play == Play::waypoints;
+  p.has_term_factors = false;
   p.obstacle_heights = p.obstacles_block_sight = p.sight_3d = false;
   p.cone_is_full = c.play == Play::published;
   p.damage_cone_is_full = c.play == Play::hide_and_seek;

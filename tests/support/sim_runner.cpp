@@ -113,6 +113,11 @@ std::vector<uint8_t> random_actions(const SimSpec& spec, int team, int n_worlds,
 
 SimRunner::SimRunner(std::unique_ptr<Simulator> sim, Outputs outputs, int row_step) : sim_(std::move(sim)) {
   const SimParams& p = sim_->params();
+  if (p.has_term_factors) {
+    float factors[kNRewardTerms];  // 1, 0.9, ... 0
+    for (int t = 0; t < kNRewardTerms; ++t) factors[t] = 0.1f * static_cast<float>(kNRewardTerms - 1 - t);
+    sim_->memory().from_host(sim_->term_factors(), factors, sizeof factors);
+  }
   const size_t n = static_cast<size_t>(p.n_agents);
   const bool all = outputs == Outputs::all;
   for (size_t t = 0; t < kNTeams; ++t) {

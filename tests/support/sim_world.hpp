@@ -59,6 +59,7 @@ class TestWorld {
   void act(int i, int action);
 
   const SimParams& params() const { return tables_.params(); }
+  float* term_factors() { return tables_.term_factors(); }
   WorldView& now() { return view_; }
   int n_agents() const { return params().n_agents; }
   /// Numbers of an agent's vector observation.

@@ -209,6 +209,44 @@ TEST(SimReward, FactorDivisionAndOrder) {
   expect_rewards(world, {8.45f / 3, (0.5f * 2.9f + 6) / 3, 0});
 }
 
+// The same step with a factor for each term: they act on top of the world's.
+TEST(SimReward, TermsHaveFactorsOfTheirOwn) {
+  SimSpec spec = with_reward(2, 1, RewardTerm::game_won, 6);
+  set_reward(spec, RewardTerm::defeat_one_opponent, 9);
+  set_reward(spec, RewardTerm::idle, 100);
+  spec.agents[0].idle_reward = 2;
+  spec.params.divide_reward_by_team_size = true;
+  EXPECT_EQ(TestWorld(spec).term_factors(), nullptr);
+  spec.params.has_term_factors = true;
+  const auto after_step = [&spec](bool whole) {
+    TestWorld world(spec);
+    for (int t = 0; t < kNRewardTerms; ++t) EXPECT_EQ(world.term_factors()[t], 1) << kRewardTermNames[t];
+    const auto set = [&world](RewardTerm term, float factor) { world.term_factors()[static_cast<int>(term)] = factor; };
+    if (!whole) {
+      set(RewardTerm::defeat_one_opponent, 0.5f);
+      set(RewardTerm::idle_reward, 0.25f);
+      set(RewardTerm::idle, 0);
+    }
+    *world.now().reward_factor = 0.5f;
+    world.put(0, 2, 2);
+    world.put(1, 2, 5);
+    world.put(2, 9.95f, 8);
+    world.step();
+    return world;
+  };
+  // At first all are 1: as above, 0.5 * (2 + 3 - 0.1) + 6 and 0.5 * (3 - 0.1) + 6.
+  expect_rewards(after_step(true), {8.45f / 3, (0.5f * 2.9f + 6) / 3, 0});
+  // Terms of agent 0: type 0.25 * 2 = 0.5, defeat 0.5 * 3 = 1.5, idle 0: 0.5 * 2 + 6 = 7; of agent 1: 0.5 * 1.5 + 6.
+  TestWorld world = after_step(false);
+  EXPECT_NEAR(world.term(RewardTerm::idle_reward, 0), 0.5f, kRewardTolerance);
+  EXPECT_NEAR(world.term(RewardTerm::defeat_one_opponent, 0), 1.5f, kRewardTolerance);
+  EXPECT_EQ(world.term(RewardTerm::idle, 0), 0.0f);
+  EXPECT_NEAR(world.term(RewardTerm::game_won, 0), 6.0f, kRewardTolerance);
+  expect_rewards(world, {7.0f / 3, 6.75f / 3, 0});
+  // What the term brought its team in the episode: 0.5 * (1.5 + 1.5) / 3.
+  EXPECT_NEAR(world.now().term_returns[static_cast<int>(RewardTerm::defeat_one_opponent)], 0.5f, kRewardTolerance);
+}
+
 TEST(SimReward, WeightsOfZeroOrLessSwitchOff) {
   for (const float weight : {0.0f, -4.0f}) {
     TestWorld world(with_reward(1, 1, RewardTerm::collision_agent, weight));
@@ -225,6 +263,7 @@ TEST(SimReward, ScaledTermsAddUpToTheReward) {
   int64_t checked = 0, nonzero = 0;
   for (uint64_t seed = 0; seed < 60; ++seed) {
     SimSpec spec = random_spec(seed, 3, 4);
+    spec.params.has_term_factors = seed % 2 == 1;
     SimOptions options;
     options.n_worlds = 65;
     options.n_threads = 1;

@@ -177,6 +177,14 @@ TEST(SimStaticParams, ServeTheScenarios) {
     EXPECT_TRUE(has_usual_params(compile(load_scenario(name, {source_path()})).params)) << name;
 }
 
+// Where terms of the reward have factors, the constants of all other scenarios do not hold.
+TEST(SimStaticParams, DoNotServeTermsWithFactors) {
+  SimParams params = compile(load_scenario("identical_5_vs_5", {source_path()})).params;
+  EXPECT_TRUE(has_usual_params(params));
+  params.has_term_factors = true;
+  EXPECT_FALSE(has_usual_params(params));
+}
+
 // Beside images the original orders rows by pixels, which the code with constants does not.
 TEST(SimStaticParams, ServeTheOriginalsRulesWithoutImages) {
   SimParams params = compile(load_scenario("identical_5_vs_5_published", {source_path()})).params;

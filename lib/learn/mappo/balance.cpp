@@ -25,11 +25,16 @@ Balance::Balance(const MappoConfig& config) : config_(config) {
   entropy_coef_.fill(static_cast<double>(config.entropy_coef));
 }
 
-double Balance::shaping_factor(double done) const {
+double Balance::faded_to(float last, double done) const {
   const double from = static_cast<double>(config_.shaping_fade_start),
                to = static_cast<double>(config_.shaping_fade_end);
   const double faded = to > from ? std::clamp((done - from) / (to - from), 0.0, 1.0) : done >= to ? 1.0 : 0.0;
-  return 1 + (static_cast<double>(config_.shaping_final_factor) - 1) * faded;
+  return 1 + (static_cast<double>(last) - 1) * faded;
+}
+
+double Balance::shaping_factor(RewardTerm term, double done) const {
+  if (term == RewardTerm::game_won) return 1;
+  return faded_to(config_.shaping_final_factors[term].value_or(config_.shaping_final_factor), done);
 }
 
 float Balance::on_the_way(float first, const std::optional<float>& last, double done) {
@@ -45,6 +50,9 @@ bool Balance::is_frozen(int team) const {
 
 void Balance::add_metrics(double done, Metrics& out) const {
   if (shaping_fades()) out.emplace_back("shaping_factor", shaping_factor(done));
+  for (int t = 0; t < kNRewardTerms; ++t)
+    if (const auto term = static_cast<RewardTerm>(t); config_.shaping_final_factors[term])
+      out.emplace_back(cat("shaping_factor_", kRewardTermNames[t]), shaping_factor(term, done));
   if (config_.final_gamma) out.emplace_back("gamma", gamma(done));
   if (config_.final_clip_coef) out.emplace_back("clip_coef", clip_coef(done));
   if (config_.final_entropy_coef) out.emplace_back("entropy_coef", entropy_coef(0, done));

@@ -16,8 +16,12 @@ class Balance {
   explicit Balance(const MappoConfig& config);
 
   /// What is left of all rewards but game_won when a share `done` of the run's updates is done.
-  double shaping_factor(double done) const;
+  double shaping_factor(double done) const { return faded_to(config_.shaping_final_factor, done); }
   bool shaping_fades() const { return config_.shaping_final_factor != 1; }
+  /// The same of a single reward; of game_won 1.
+  double shaping_factor(RewardTerm term, double done) const;
+  /// Whether single rewards fade by factors of their own.
+  bool terms_fade() const { return config_.shaping_final_factors.any(); }
 
   /// What these are when a share `done` of the run's updates is done.
   float gamma(double done) const { return on_the_way(config_.gamma, config_.final_gamma, done); }
@@ -41,6 +45,7 @@ class Balance {
   void load(const std::string& prefix, const NamedArrays& in);
 
  private:
+  double faded_to(float last, double done) const;
   static float on_the_way(float first, const std::optional<float>& last, double done);
 
   const MappoConfig config_;

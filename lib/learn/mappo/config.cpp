@@ -37,6 +37,7 @@ constexpr ResumeRule kMappoMayNot[] = {
     {"mappo.final_clip_coef", "metrics.csv has a column for it"},
     {"mappo.final_entropy_coef", "metrics.csv has a column for it"},
     {"mappo.shaping_final_factor", "metrics.csv has a column for it"},
+    {"mappo.shaping_final_factors.", "metrics.csv has columns for them"},
     {"mappo.freeze_lead", "metrics.csv has columns for it"},
     {"mappo.step_back", "metrics.csv has columns for it"},
     {"mappo.view_coef", "what it teaches is saved with it, and metrics.csv has columns for it"},
@@ -228,6 +229,72 @@ void horizon_fits(ConfigCheck& check) {
                                     "' (max_episode_length ", limit, ")"));
 }
 
+/// Whether the scenario pays a term, as far as it is known; else nothing.
+std::optional<bool> pays(const ConfigCheck& check, RewardTerm term) {
+  const std::string name = kRewardTermNames[static_cast<size_t>(term)];
+  if (term == RewardTerm::idle_reward) {
+    if (!check.spec || !check.scenario_knows("team_0") || !check.scenario_knows("team_1")) return std::nullopt;
+    return check.spec->params.has_idle_reward;
+  }
+  if (!check.scenario || !check.scenario_knows("rewards." + name)) return std::nullopt;
+  return check.scenario->rewards[term] > 0;
+}
+
+std::string factor_key(RewardTerm term) {
+  return cat("mappo.shaping_final_factors.", kRewardTermNames[static_cast<size_t>(term)]);
+}
+
+/// A reward with a factor of its own is paid, and fades or stays while others fade.
+void single_rewards_fade(ConfigCheck& check) {
+  const MappoConfig& c = check.config.mappo;
+  for (int t = 0; t < kNRewardTerms; ++t) {
+    const RewardTerm term = static_cast<RewardTerm>(t);
+    const std::optional<float> factor = c.shaping_final_factors[term];
+    const std::string key = factor_key(term);
+    if (!factor || !check.known({key})) continue;
+    if (pays(check, term) == false)
+      check.fail(key, cat(*factor, ": scenario '", check.config.scenario, "' does not pay this reward (",
+                          term == RewardTerm::idle_reward
+                              ? std::string("no agent type of its teams has idle_reward")
+                              : cat("rewards.", kRewardTermNames[t], " is ", check.scenario->rewards[term]),
+                          "); allowed there: none"));
+    else if (*factor == 1 && c.shaping_final_factor == 1 && check.known({"mappo.shaping_final_factor"}))
+      check.fail(key,
+                 "1: rewards do not fade where mappo.shaping_final_factor is 1; allowed there: less than 1, or none");
+    else if (c.shaping_fade_start == 1 && check.known({"mappo.shaping_fade_start"}))
+      check.fail(key, cat(*factor,
+                          ": nothing fades before the end of the run, mappo.shaping_fade_start 1; allowed "
+                          "there: none"));
+  }
+}
+
+/// Where all rewards that a scenario pays fade alike, nothing but their scale changes.
+void rewards_fade(ConfigCheck& check) {
+  const MappoConfig& c = check.config.mappo;
+  single_rewards_fade(check);
+  if (pays(check, RewardTerm::game_won) != false || !check.known({"mappo.shaping_final_factor"})) return;
+  std::optional<float> of_all;
+  std::optional<RewardTerm> own;
+  for (int t = 0; t < kNRewardTerms; ++t) {
+    const RewardTerm term = static_cast<RewardTerm>(t);
+    const std::optional<bool> paid = pays(check, term);
+    if (!paid || !check.known({factor_key(term)})) return;
+    if (!*paid) continue;
+    if (c.shaping_final_factors[term]) own = term;
+    const float factor = c.shaping_final_factors[term].value_or(c.shaping_final_factor);
+    if (of_all && *of_all != factor) return;
+    of_all = factor;
+  }
+  if (!of_all || *of_all == 1) return;
+  if (own)
+    check.fail(factor_key(*own), cat(*of_all, ": all rewards of scenario '", check.config.scenario,
+                                     "' fade alike, and rewards.game_won, which does not fade, is off; allowed there: "
+                                     "another one than those of the other rewards, or none"));
+  else
+    check.fail("mappo.shaping_final_factor",
+               "all rewards but rewards.game_won fade, and that one is off in this scenario");
+}
+
 /// Options that need others.
 void options_fit(ConfigCheck& check) {
   const MappoConfig& c = check.config.mappo;
@@ -239,10 +306,7 @@ void options_fit(ConfigCheck& check) {
   if (c.shaping_fade_start > c.shaping_fade_end && check.known({"mappo.shaping_fade_start", "mappo.shaping_fade_end"}))
     check.fail("mappo.shaping_fade_start",
                cat(c.shaping_fade_start, " is after mappo.shaping_fade_end ", c.shaping_fade_end));
-  if (c.shaping_final_factor != 1 && check.scenario && check.known({"mappo.shaping_final_factor"}) &&
-      check.scenario_knows("rewards.game_won") && check.scenario->rewards[RewardTerm::game_won] <= 0)
-    check.fail("mappo.shaping_final_factor",
-               "all rewards but rewards.game_won fade, and that one is off in this scenario");
+  rewards_fade(check);
   const bool alone = !check.config.train.opponent.is_self_play();
   if (c.freeze_lead && alone && check.known({"mappo.freeze_lead", "train.opponent"}))
     check.fail("mappo.freeze_lead", "this means nothing where only one team learns (train.opponent)");
@@ -324,6 +388,10 @@ RedrawnImages mappo_redrawn(const LoadedRun& run) {
 }
 
 }  // namespace
+
+bool ShapingFactors::any() const {
+  return std::any_of(of_term.begin(), of_term.end(), [](const auto& factor) { return factor.has_value(); });
+}
 
 int64_t agent_steps_per_update(const RunConfig& c, int n_agents) {
   return static_cast<int64_t>(c.train.n_worlds) * c.mappo.horizon * n_agents;

@@ -9,6 +9,7 @@
 #include "config/fields.hpp"
 #include "learn/algorithm.hpp"
 #include "policy/config.hpp"
+#include "sim/params.hpp"
 
 namespace giga {
 
@@ -20,6 +21,25 @@ constexpr std::array<const char*, 3> enum_names(AdvantageNorm) { return {"none",
 
 enum class ValueLossKind : uint8_t { squared, clipped, huber };
 constexpr std::array<const char*, 3> enum_names(ValueLossKind) { return {"squared", "clipped", "huber"}; }
+
+/// mappo.shaping_final_factors, by RewardTerm; that of game_won is unused, it does not fade.
+struct ShapingFactors {
+  std::array<std::optional<float>, kNRewardTerms> of_term;
+
+  const std::optional<float>& operator[](RewardTerm term) const { return of_term[static_cast<size_t>(term)]; }
+  /// Whether a reward has one of its own.
+  bool any() const;
+};
+template <class V>
+void visit_fields(V& v, ShapingFactors& c) {
+  for (size_t t = 0; t < kNRewardTerms; ++t) {
+    const std::string name = kRewardTermNames[t];
+    const RewardTerm term = static_cast<RewardTerm>(t);
+    if (term != RewardTerm::game_won)
+      v(name, c.of_term[t], term == RewardTerm::idle_reward ? "of agent types with idle_reward" : "of rewards." + name,
+        range(0, 1));
+  }
+}
 
 struct MappoConfig {
   int horizon = 16;
@@ -53,6 +73,7 @@ struct MappoConfig {
   bool obs_norm = false;
   float team_reward_share = 0.0f;
   float shaping_final_factor = 1.0f;
+  ShapingFactors shaping_final_factors = {};
   float shaping_fade_start = 0.0f;
   float shaping_fade_end = 1.0f;
   std::array<float, 2> team_learning_rate_factors = {1.0f, 1.0f};
@@ -119,6 +140,8 @@ void visit_fields(V& v, MappoConfig& c) {
     range(0, 1));
   v("shaping_final_factor", c.shaping_final_factor,
     "what is left at last of all rewards but game_won; 1 = they do not fade", range(0, 1));
+  v.group("shaping_final_factors", c.shaping_final_factors,
+          "what is left at last of single rewards, in the same time; none = shaping_final_factor");
   v("shaping_fade_start", c.shaping_fade_start, "share of the run after which they begin to fade", range(0, 1));
   v("shaping_fade_end", c.shaping_fade_end, "share of the run after which they fade no more", range(0, 1));
   v("team_learning_rate_factors", c.team_learning_rate_factors, "of both step sizes, for team 0 and team 1",

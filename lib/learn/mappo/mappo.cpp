@@ -153,7 +153,9 @@ void Mappo::make_teams_and_worlds() {
   options.first_world = ranks_ ? static_cast<int64_t>(ranks_->rank()) * options.n_worlds : 0;
   options.n_threads = config_.train.n_threads;
   options.compile_step = config_.train.compile_step;
-  sim_ = make_simulator(run.spec, options, device_, parallel_for_.stream());
+  SimSpec spec = run.spec;
+  spec.params.has_term_factors = balance_.terms_fade();
+  sim_ = make_simulator(spec, options, device_, parallel_for_.stream());
 
   // Not with ranks: where one is gone, NCCL's abort waits for the graphs that hold its sums, and these for the abort.
   if (config_.mappo.graphs && !ranks_) recorder_ = make_torch_recorder(device_);
@@ -248,10 +250,17 @@ UpdateStage Mappo::stage() const {
   return {"learning, minibatch", learned, static_cast<int64_t>(c.n_epochs) * c.n_minibatches};
 }
 
-/// What fades is a factor of all rewards but game_won that each world keeps (rules 5).
+/// What fades is a factor of all rewards but game_won that each world keeps (rules 5); where rewards fade by factors of
+/// their own, those of the terms, and the worlds' stays 1. Kernels fill them in, so that the host need not wait.
 void Mappo::set_shaping() {
-  if (!balance_.shaping_fades()) return;
   at::NoGradGuard no_grad;
+  if (balance_.terms_fade()) {
+    const at::Tensor factors = wrap(sim_->term_factors(), {kNRewardTerms}, sim_->device());
+    for (int t = 0; t < kNRewardTerms; ++t)
+      factors[t].fill_(balance_.shaping_factor(static_cast<RewardTerm>(t), share_done(updates_)));
+    return;
+  }
+  if (!balance_.shaping_fades()) return;
   wrap(sim_->state().view().reward_factor, {sim_->n_worlds()}, sim_->device())
       .fill_(balance_.shaping_factor(share_done(updates_)));
 }
