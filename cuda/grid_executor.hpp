@@ -20,8 +20,9 @@ namespace giga {
 constexpr int kGridThreads = 512;   // threads of a block
 constexpr int kThreadsOfAgent = 4;  // of a world, where there is room: most stages look at pairs or write rows
 constexpr int kLanesOfAgent = 4;    // of a crew
-// Of StepLaunches::of_few. Of a crew that looks: with four lanes 52.4 M agent-steps/s instead of 53.5 M, crowded 33.9 M
-// instead of 36.8 M (2,000 agents, one H100). Of an agent whose row is written: a warp then has its rows in one go.
+// Of StepLaunches::of_few. Of a crew that looks: with eight lanes 60.8 M agent-steps/s instead of 61.7 M, crowded
+// 39.4 M instead of 49.7 M (2,000 agents, one H200). Of an agent whose row is written: a warp then has its rows in one
+// go.
 constexpr int kLanesToLook = kWarp, kThreadsToWrite = 8;
 
 /// How blocks are put together. Groups go from world to world; all blocks of a launch that is not clustered run at the

@@ -20,6 +20,16 @@ constexpr int stage_numbers(bool room_to_look) {
 }
 constexpr int kPiecesAtOnce = 2;  // of rows, that a thread works out before it writes any
 
+/// The crew of so many lanes that look for an agent together.
+template <int kLanes, class Sync>
+struct CrewOf {
+  using Type = Subwarp<kLanes, Sync>;
+};
+template <class Sync>
+struct CrewOf<kWarp, Sync> {
+  using Type = WholeWarp<Sync>;
+};
+
 /// The threads of the blocks that share a world. Sync: of all of them. A stage of nothing needs no barrier: that it is
 /// one is the same for all of them, and the stage before has ended with its own.
 /// kCrew: lanes that look for an agent together. kRoomToLook: whether one that looks alone has its lists in the stage.
@@ -91,7 +101,7 @@ struct GridLanes {
     GridLanes lanes;
     template <class F>
     GIGA_HD void each_agent(int n, F&& f) const {
-      using Crew = std::conditional_t < kLanes == kWarp, WholeWarp<Sync>, Subwarp<kLanes<kWarp ? kLanes : 2, Sync>>;
+      using Crew = typename CrewOf<kLanes, Sync>::Type;
       static_assert(Crew::kWords <= kStageNumbers);
       const Crew crew(lanes.sync, lanes.first % kWarp, lanes.stage);
       const int crews = lanes.stride / kLanes;

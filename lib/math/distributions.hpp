@@ -155,7 +155,8 @@ GIGA_HD float squashed_log_prob(float u, float mean, float log_std) {
 
 /// What squashing adds to the entropy of u ~ N(mean, std^2), one dimension, and its slopes by the mean and by log std:
 /// the mean of log(1 - tanh(u)^2), never above 0. By the trapezoid rule over +-4 deviations, whose error is below 1e-4
-/// up to a deviation of 1 and 2e-2 at e (the slopes' 3e-4 and 8e-2): nothing is drawn, so the gradient has no noise.
+/// up to a deviation of 1 and 2e-2 at one of e (the slopes' 3e-4 and 8e-2); coarse beyond, where the slopes still have
+/// the right sign. Nothing is drawn, so the gradient has no noise.
 struct SquashEntropy {
   float value, by_mean, by_log_std;
 };

@@ -102,9 +102,13 @@ template <class V>
 void visit_fields(V& v, ActorConfig& c) {
   visit_network_fields(v, c);
   v("output_gain", c.output_gain, "gain of the initialisation of the output layer", at_least(0));
-  v("log_std_init", c.log_std_init, "continuous actions: initial log of the standard deviation", range(-10, 3));
-  v("log_std_min", c.log_std_min, "what it is held above while it learns", range(-10, 3));
-  v("log_std_max", c.log_std_max, "what it is held below: beyond 1 nearly all actions lie at the ends of their range",
+  v("log_std_init", c.log_std_init,
+    "continuous actions: initial log of the standard deviation, between log_std_min and log_std_max", range(-10, 3));
+  v("log_std_min", c.log_std_min,
+    "continuous actions: least log of the standard deviation, after each pass over a rollout; evolution: of the mean, "
+    "not of its members",
+    range(-10, 3));
+  v("log_std_max", c.log_std_max, "the largest, likewise: beyond 1 nearly all actions lie at the ends of their range",
     range(-10, 3));
 }
 

@@ -146,7 +146,6 @@ struct SimParams {
   uint64_t active_terms = 0;                ///< by SimTables: the terms that are active, four bits each
   int n_active_terms = 0;
   bool has_term_factors = false;           ///< each term has a factor of its own, which may change from step to step
-  const float* term_factors = nullptr;     ///< [kNRewardTerms] by SimTables: these, 1 at first; null without
   bool divide_reward_by_team_size = true;  ///< by the number of all agents, as the original does
 
   // Beyond the original, off by default.
@@ -158,8 +157,10 @@ struct SimParams {
   bool images_only = false;            ///< policies are given images and no numbers
   bool mixed_teams = false;            ///< some team has agents of different sprites: the egocentric view tells kinds
 
+  // Pointers, behind all numbers: play/spec_bytes.cpp hands these to machines whose pointers have another size.
   AgentTable agents{};
   MapTable maps{};
+  const float* term_factors = nullptr;  ///< [kNRewardTerms] by SimTables, with has_term_factors: 1 at first
 
   GIGA_HD bool original() const { return rules == Rules::original; }
   /// Team of agent i, 0 or 1. Of a world of more than kMaxAgents agents: GridParams::team_of (grid.hpp).

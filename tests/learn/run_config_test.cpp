@@ -293,6 +293,17 @@ TEST_F(LearnRunConfig, WhatIsTaughtOfTheViewIsRefusedWhereItCannotBe) {
 }
 
 // A value that could not be read is reported once, and nothing is said about what was taken in its place.
+TEST_F(LearnRunConfig, AnEntropyThatNoPolicyReachesIsRefused) {
+  const auto error = [this](const char* more) { return error_of(cat("scenario: identical_2_vs_2\n", more, "\n")); };
+  EXPECT_EQ(error("mappo: {entropy_target: 3.2}"), "no error");
+  EXPECT_EQ(error("mappo: {entropy_target: 3.5}"),
+            "run.yaml:2:25: mappo.entropy_target: 3.5: discrete actions at random have 3.29584 nats; allowed there: "
+            "less");
+  EXPECT_EQ(error("mappo: {entropy_target: 2.5}\nenvironment: {action: continuous}"),
+            "run.yaml:2:25: mappo.entropy_target: 2.5: continuous actions at random have 2.07944 nats; allowed "
+            "there: less");
+}
+
 TEST_F(LearnRunConfig, DeviationsBeginWithinTheirBounds) {
   const auto error = [this](const char* lines) { return error_of(cat("scenario: identical_2_vs_2\n", lines, "\n")); };
   EXPECT_EQ(error("mappo: {actor: {log_std_init: -5, log_std_max: -5}}"), "no error");

@@ -165,6 +165,16 @@ TEST(Grid, FindsAllThatAreNearOnSmallAndLargeMaps) {
               return far > reach;
             },
             [&](int k) { rings.insert(places.w.placed[k].agent); });
+        std::multiset<int> parts;
+        Rings by_parts(places.p, places.w, x, y, e % 3);
+        float far = 0;
+        while (far < INFINITY && far <= reach) {
+          for (int part = 0; part < by_parts.parts(); ++part)
+            for (CellRange range = by_parts.part(part); range.begin < range.end; ++range.begin)
+              parts.insert(places.w.placed[range.begin].agent);
+          far = by_parts.widen();
+        }
+        EXPECT_EQ(parts, rings) << n << " agents, around agent " << e;
         for (int a = 0; a < n; ++a) {
           const bool expected = places.alive[static_cast<size_t>(a)] && places.distance(a, x, y) <= reach;
           if (expected) {

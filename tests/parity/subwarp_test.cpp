@@ -1,4 +1,4 @@
-// What the lanes of a crew say to each other (cuda/subwarp.hpp), without a GPU.
+// What the lanes of a crew say to each other (cuda/subwarp.hpp, cuda/whole_warp.hpp), without a GPU.
 #include "cuda/subwarp.hpp"
 
 #include <gtest/gtest.h>
@@ -8,6 +8,7 @@
 #include <type_traits>
 #include <vector>
 
+#include "cuda/whole_warp.hpp"
 #include "parity/lockstep_threads.hpp"
 
 namespace giga::test {
@@ -19,7 +20,7 @@ struct WarpSync {
   bool any_of_warp(bool flag) const { return threads->any(flag); }
 };
 
-/// By the lanes of a crew: those of a launch that plays, and of one that only looks.
+/// By the lanes of a crew.
 template <class Lanes>
 class SubwarpOf : public ::testing::Test {
  protected:
@@ -55,6 +56,21 @@ TYPED_TEST(SubwarpOf, SaysWhatItsMembersSay) {
     EXPECT_TRUE(crew.any(lane == 31));
     EXPECT_FALSE(crew.any(false));
   });
+}
+
+TEST(WholeWarp, SaysWhatItsMembersSay) {
+  for (const ThreadOrder order : {ThreadOrder::forward, ThreadOrder::backward, ThreadOrder::shuffled}) {
+    LockstepThreads threads(kWarp);
+    std::vector<uint64_t> words(WholeWarp<WarpSync>::kWords / 2 + 1);
+    threads.run(kWarp, order, [&](int lane) {
+      const WholeWarp<WarpSync> warp(WarpSync{&threads}, lane, words.data());
+      EXPECT_EQ(warp.index(), lane);
+      EXPECT_EQ(warp.leads(), lane == 0);
+      EXPECT_EQ(warp.ballot(lane == 3 || lane == 31), 0x80000008u);
+      EXPECT_EQ(warp.from(10 * lane, 31 - lane), 10 * (31 - lane)) << "each asks another one";
+      EXPECT_EQ(warp.sum_up_to(lane), lane * (lane + 1) / 2);
+    });
+  }
 }
 
 // Member m takes m numbers: together 0 + 1 + ... + (lanes - 1), each once.

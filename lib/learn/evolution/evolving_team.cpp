@@ -21,7 +21,7 @@ void EvolvingTeam::tell(const at::Tensor& fitness) {
   fitness_ = fitness;
   const at::Tensor old_mean = strategy_->mean().clone();
   const at::Tensor sound = strategy_->tell(fitness);
-  actor_.bound_log_std(strategy_->mean());
+  actor_.bound_log_std(strategy_->mean());  // the strategy's own: what it saves, and asks from next, is bounded too
 
   const at::Tensor finite = at::isfinite(fitness);
   const at::Tensor count = finite.sum().clamp_min(1), clean = at::where(finite, fitness, 0.0);

@@ -236,6 +236,7 @@ std::optional<bool> pays(const ConfigCheck& check, RewardTerm term) {
     if (!check.spec || !check.scenario_knows("team_0") || !check.scenario_knows("team_1")) return std::nullopt;
     return check.spec->params.has_idle_reward;
   }
+  if (term == RewardTerm::hit_waypoint && check.spec && !check.spec->params.waypoints) return false;
   if (!check.scenario || !check.scenario_knows("rewards." + name)) return std::nullopt;
   return check.scenario->rewards[term] > 0;
 }
@@ -254,8 +255,9 @@ void single_rewards_fade(ConfigCheck& check) {
     if (!factor || !check.known({key})) continue;
     if (pays(check, term) == false)
       check.fail(key, cat(*factor, ": scenario '", check.config.scenario, "' does not pay this reward (",
-                          term == RewardTerm::idle_reward
-                              ? std::string("no agent type of its teams has idle_reward")
+                          term == RewardTerm::idle_reward ? std::string("no agent type of its teams has idle_reward")
+                          : term == RewardTerm::hit_waypoint && check.spec && !check.spec->params.waypoints
+                              ? std::string("it has no waypoints")
                               : cat("rewards.", kRewardTermNames[t], " is ", check.scenario->rewards[term]),
                           "); allowed there: none"));
     else if (*factor == 1 && c.shaping_final_factor == 1 && check.known({"mappo.shaping_final_factor"}))
@@ -295,6 +297,20 @@ void rewards_fade(ConfigCheck& check) {
                "all rewards but rewards.game_won fade, and that one is off in this scenario");
 }
 
+/// More than actions at random have no policy reaches, and the weight of the bonus would grow for ever.
+void entropy_is_reached(ConfigCheck& check) {
+  const std::optional<float> target = check.config.mappo.entropy_target;
+  if (!target || check.has_begun || !check.spec || !check.scenario_knows("action") ||
+      !check.known({"mappo.entropy_target"}))
+    return;
+  const bool discrete = check.spec->params.actions == ActionKind::discrete;
+  const double most = discrete ? std::log(static_cast<double>(kNDiscreteActions)) : kActionSize * std::log(2.0);
+  if (static_cast<double>(*target) >= most)
+    check.fail("mappo.entropy_target",
+               cat(*target, ": ", discrete ? "discrete" : "continuous", " actions at random have ",
+                   static_cast<float>(most), " nats; allowed there: less"));
+}
+
 /// Options that need others.
 void options_fit(ConfigCheck& check) {
   const MappoConfig& c = check.config.mappo;
@@ -306,6 +322,7 @@ void options_fit(ConfigCheck& check) {
   if (c.shaping_fade_start > c.shaping_fade_end && check.known({"mappo.shaping_fade_start", "mappo.shaping_fade_end"}))
     check.fail("mappo.shaping_fade_start",
                cat(c.shaping_fade_start, " is after mappo.shaping_fade_end ", c.shaping_fade_end));
+  entropy_is_reached(check);
   rewards_fade(check);
   const bool alone = !check.config.train.opponent.is_self_play();
   if (c.freeze_lead && alone && check.known({"mappo.freeze_lead", "train.opponent"}))
