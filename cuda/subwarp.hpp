@@ -95,8 +95,8 @@ class Subwarp {
     GIGA_HD bool has_room() const { return size_ <= kListed - kLanes; }
     GIGA_HD void add(bool wanted, int32_t place) {
       const uint32_t all = crew_.ballot(wanted);
-      if (wanted) crew_.list()[size_ + population(all & ((1u << crew_.index()) - 1u))] = place;
-      size_ += population(all);
+      if (wanted) crew_.list()[size_ + count_bits(all & ((1u << crew_.index()) - 1u))] = place;
+      size_ += count_bits(all);
     }
     template <class F>
     GIGA_HD void ask(F&& f) {
@@ -112,14 +112,6 @@ class Subwarp {
     }
 
    private:
-    GIGA_HD static int population(uint32_t bits) {
-#if defined(__CUDA_ARCH__)
-      return __popc(bits);
-#else
-      return __builtin_popcount(bits);
-#endif
-    }
-
     const Subwarp& crew_;
     int size_ = 0;
     uint32_t yes_ = 0;
@@ -132,15 +124,10 @@ class Subwarp {
  private:
   GIGA_HD int32_t* list() const { return warp_.places[lane_ / kLanes]; }
 #if !defined(__CUDA_ARCH__)
-  /// f(what is known so far, what a member says, its number) for all members, from 0 on.
+  /// hear_members of the crew.
   template <class F>
   uint32_t of_all(uint32_t value, F&& f) const {
-    warp_.said[lane_] = value;
-    sync_.wait_for_warp();
-    uint32_t known = 0;
-    for (int k = 0; k < kLanes; ++k) known = f(known, warp_.said[lane_ - index() + k], k);
-    sync_.wait_for_warp();
-    return known;
+    return hear_members(sync_, warp_.said, lane_, lane_ - index(), kLanes, value, f);
   }
 #endif
 

@@ -66,15 +66,10 @@ class WholeWarp {
 
  private:
 #if !defined(__CUDA_ARCH__)
-  /// f(what is known so far, what a member says, its number) for all members, from 0 on.
+  /// hear_members of the crew.
   template <class F>
   uint32_t of_all(uint32_t value, F&& f) const {
-    words_.said[lane_] = value;
-    sync_.wait_for_warp();
-    uint32_t known = 0;
-    for (int k = 0; k < kWarp; ++k) known = f(known, words_.said[k], k);
-    sync_.wait_for_warp();
-    return known;
+    return hear_members(sync_, words_.said, lane_, 0, kWarp, value, f);
   }
 #endif
 

@@ -19,6 +19,20 @@ constexpr int kGroupWarps = 5;         // or where they are a group together: 4 
 constexpr int kMaxBlockThreads = 512;  // threads of a block of BlockLanes
 constexpr int kWorldsAlone = 1024;     // playing worlds up to which each has a group for itself
 
+#if !defined(__CUDA_ARCH__)
+/// What lanes of a warp tell each other where there are no shuffles: f(what is known so far, what a member says, its
+/// number) for members 0 .. members - 1, who are the lanes from `first` on. `said`: [kWarp]
+template <class Sync, class F>
+uint32_t hear_members(const Sync& sync, uint32_t* said, int lane, int first, int members, uint32_t value, F&& f) {
+  said[lane] = value;
+  sync.wait_for_warp();
+  uint32_t known = 0;
+  for (int k = 0; k < members; ++k) known = f(known, said[first + k], k);
+  sync.wait_for_warp();
+  return known;
+}
+#endif
+
 /// Threads of a block of TileLanes, and of a group of them that share their barriers: a warp or, for teams that fill
 /// a warp badly, the block. `agents`: of a world, where a kernel knows them as a constant, else 0.
 constexpr bool block_is_group(int agents) { return agents > kWarp / 2; }

@@ -59,10 +59,10 @@ class WarpNearest {
     const uint32_t all = crew_.ballot(gives);
     if (all == 0) return;
     WarpSearch& shared = crew_.search();
-    const int index = crew_.index(), n_given = ones(all);
+    const int index = crew_.index(), n_given = count_bits(all);
     const uint64_t key = rank_key(rank);
     if (index < size_) shared.before[index] = own_;
-    if (gives) shared.given[ones(all & ((1u << index) - 1u))] = key;
+    if (gives) shared.given[count_bits(all & ((1u << index) - 1u))] = key;
     crew_.meet();
     int own_place = index, place = 0;
     GIGA_UNROLL_BY(4)
@@ -82,14 +82,6 @@ class WarpNearest {
   }
   /// The agent of row `index` of this member, of kMost; kNoAgent = there is none.
   GIGA_HD uint32_t agent() const { return static_cast<uint32_t>(own_); }
-
-  GIGA_HD static int ones(uint32_t bits) {
-#if defined(__CUDA_ARCH__)
-    return __popc(bits);
-#else
-    return __builtin_popcount(bits);
-#endif
-  }
 
  private:
   const Crew& crew_;
@@ -157,8 +149,8 @@ GIGA_HD void rank_seen(const Crew& crew, const GridParameters auto& p, GridWorld
           wanted = a.agent != e && nearest.wants(order.rank(a)) && seen.worth_asking(a, dx * dx + dy * dy);
         }
         const uint32_t bits = crew.ballot(wanted);
-        if (wanted) places[listed + nearest.ones(bits & ((1u << crew.index()) - 1u))] = place;
-        listed += nearest.ones(bits);
+        if (wanted) places[listed + count_bits(bits & ((1u << crew.index()) - 1u))] = place;
+        listed += count_bits(bits);
         if (listed > WarpSearch::kListed - kWidth) ask();
       }
     }

@@ -214,6 +214,15 @@ GIGA_HD int lowest_bit(uint32_t bits) {
 #endif
 }
 
+/// How many are set.
+GIGA_HD int count_bits(uint32_t bits) {
+#if defined(__CUDA_ARCH__)
+  return __popc(bits);
+#else
+  return std::popcount(bits);
+#endif
+}
+
 /// Boxes of a map that a GPU reads together.
 template <class P>
 constexpr int kBoxesAtOnce = std::remove_cvref_t<P>::kTeam > 0 ? 4 : 1;

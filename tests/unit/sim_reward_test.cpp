@@ -188,18 +188,27 @@ TEST(SimReward, IdleRewardOfTheType) {
   expect_rewards(world, {1, 0, 0});
 }
 
-TEST(SimReward, FactorDivisionAndOrder) {
+// Two against one with four rewards, and a step in which the one leaves the map, paid by half.
+SimSpec with_four_rewards() {
   SimSpec spec = with_reward(2, 1, RewardTerm::game_won, 6);
   set_reward(spec, RewardTerm::defeat_one_opponent, 9);
   set_reward(spec, RewardTerm::idle, 100);
   spec.agents[0].idle_reward = 2;
   spec.params.divide_reward_by_team_size = true;
-  TestWorld world(spec);
+  return spec;
+}
+void step_out_of_bounds(TestWorld& world) {
   *world.now().reward_factor = 0.5f;
   world.put(0, 2, 2);
   world.put(1, 2, 5);
   world.put(2, 9.95f, 8);
   world.step();
+}
+
+TEST(SimReward, FactorDivisionAndOrder) {
+  SimSpec spec = with_four_rewards();
+  TestWorld world(spec);
+  step_out_of_bounds(world);
   // Terms of agent 0: type 2, defeat 9 * 1 / 3 = 3, idle -0.1: 0.5 * 4.9 + 6 = 8.45, / 3 agents
   EXPECT_NEAR(world.term(RewardTerm::idle_reward, 0), 2.0f, kRewardTolerance);
   EXPECT_NEAR(world.term(RewardTerm::defeat_one_opponent, 0), 3.0f, kRewardTolerance);
@@ -211,11 +220,7 @@ TEST(SimReward, FactorDivisionAndOrder) {
 
 // The same step with a factor for each term: they act on top of the world's.
 TEST(SimReward, TermsHaveFactorsOfTheirOwn) {
-  SimSpec spec = with_reward(2, 1, RewardTerm::game_won, 6);
-  set_reward(spec, RewardTerm::defeat_one_opponent, 9);
-  set_reward(spec, RewardTerm::idle, 100);
-  spec.agents[0].idle_reward = 2;
-  spec.params.divide_reward_by_team_size = true;
+  SimSpec spec = with_four_rewards();
   EXPECT_EQ(TestWorld(spec).term_factors(), nullptr);
   spec.params.has_term_factors = true;
   const auto after_step = [&spec](bool whole) {
@@ -227,11 +232,7 @@ TEST(SimReward, TermsHaveFactorsOfTheirOwn) {
       set(RewardTerm::idle_reward, 0.25f);
       set(RewardTerm::idle, 0);
     }
-    *world.now().reward_factor = 0.5f;
-    world.put(0, 2, 2);
-    world.put(1, 2, 5);
-    world.put(2, 9.95f, 8);
-    world.step();
+    step_out_of_bounds(world);
     return world;
   };
   // At first all are 1: as above, 0.5 * (2 + 3 - 0.1) + 6 and 0.5 * (3 - 0.1) + 6.

@@ -229,16 +229,18 @@ void horizon_fits(ConfigCheck& check) {
                                     "' (max_episode_length ", limit, ")"));
 }
 
-/// Whether the scenario pays a term, as far as it is known; else nothing.
-std::optional<bool> pays(const ConfigCheck& check, RewardTerm term) {
-  const std::string name = kRewardTermNames[static_cast<size_t>(term)];
+/// Why the scenario does not pay a term; empty = it does; nothing where that is not known.
+std::optional<std::string> not_paid_because(const ConfigCheck& check, RewardTerm term) {
+  const std::string key = cat("rewards.", kRewardTermNames[static_cast<size_t>(term)]);
+  const auto unless = [](bool paid, const std::string& why) { return std::optional(paid ? "" : why); };
   if (term == RewardTerm::idle_reward) {
     if (!check.spec || !check.scenario_knows("team_0") || !check.scenario_knows("team_1")) return std::nullopt;
-    return check.spec->params.has_idle_reward;
+    return unless(check.spec->params.has_idle_reward, "no agent type of its teams has idle_reward");
   }
-  if (term == RewardTerm::hit_waypoint && check.spec && !check.spec->params.waypoints) return false;
-  if (!check.scenario || !check.scenario_knows("rewards." + name)) return std::nullopt;
-  return check.scenario->rewards[term] > 0;
+  if (term == RewardTerm::hit_waypoint && check.spec && !check.spec->params.waypoints) return "it has no waypoints";
+  if (!check.scenario || !check.scenario_knows(key)) return std::nullopt;
+  const float weight = check.scenario->rewards[term];
+  return unless(weight > 0, cat(key, " is ", weight));
 }
 
 std::string factor_key(RewardTerm term) {
@@ -253,12 +255,9 @@ void single_rewards_fade(ConfigCheck& check) {
     const std::optional<float> factor = c.shaping_final_factors[term];
     const std::string key = factor_key(term);
     if (!factor || !check.known({key})) continue;
-    if (pays(check, term) == false)
-      check.fail(key, cat(*factor, ": scenario '", check.config.scenario, "' does not pay this reward (",
-                          term == RewardTerm::idle_reward ? std::string("no agent type of its teams has idle_reward")
-                          : term == RewardTerm::hit_waypoint && check.spec && !check.spec->params.waypoints
-                              ? std::string("it has no waypoints")
-                              : cat("rewards.", kRewardTermNames[t], " is ", check.scenario->rewards[term]),
+    const std::string why = not_paid_because(check, term).value_or("");
+    if (!why.empty())
+      check.fail(key, cat(*factor, ": scenario '", check.config.scenario, "' does not pay this reward (", why,
                           "); allowed there: none"));
     else if (*factor == 1 && c.shaping_final_factor == 1 && check.known({"mappo.shaping_final_factor"}))
       check.fail(key,
@@ -274,14 +273,15 @@ void single_rewards_fade(ConfigCheck& check) {
 void rewards_fade(ConfigCheck& check) {
   const MappoConfig& c = check.config.mappo;
   single_rewards_fade(check);
-  if (pays(check, RewardTerm::game_won) != false || !check.known({"mappo.shaping_final_factor"})) return;
+  if (not_paid_because(check, RewardTerm::game_won).value_or("").empty()) return;
+  if (!check.known({"mappo.shaping_final_factor"})) return;
   std::optional<float> of_all;
   std::optional<RewardTerm> own;
   for (int t = 0; t < kNRewardTerms; ++t) {
     const RewardTerm term = static_cast<RewardTerm>(t);
-    const std::optional<bool> paid = pays(check, term);
-    if (!paid || !check.known({factor_key(term)})) return;
-    if (!*paid) continue;
+    const std::optional<std::string> why = not_paid_because(check, term);
+    if (!why || !check.known({factor_key(term)})) return;
+    if (!why->empty()) continue;
     if (c.shaping_final_factors[term]) own = term;
     const float factor = c.shaping_final_factors[term].value_or(c.shaping_final_factor);
     if (of_all && *of_all != factor) return;
