@@ -24,6 +24,14 @@ constexpr int kLanesOfAgent = 4;    // of a crew
 // 39.4 M instead of 49.7 M (2,000 agents, one H200). Of an agent whose row is written: a warp then has its rows in one
 // go.
 constexpr int kLanesToLook = kWarp, kThreadsToWrite = 8;
+// Of StepLaunches::of_more where agents are crowded. 10,000 against 10,000, one H200: half a warp looks, 200 M
+// agent-steps/s; four lanes 149 M, a warp 174 M, half a warp of 128 registers 193 M. A fight in `play` 164 M instead of
+// 171 M (a warp looks), by four lanes 168 M.
+constexpr int kLanesToFight = 8, kLanesOfCrowd = kWarp / 2;
+/// How many agents, spread over the map, lie in the square of the reach of ears and eyes: from so many on they are
+/// crowded. 20,000 on one H200, half a warp or four lanes that look: of 8 in that square 220 or 201 M agent-steps/s, of
+/// 0.5 240 or 257 M. With a fight in `play` these make 276 M.
+constexpr float kCrowdInReach = 4;
 
 /// How blocks are put together. Groups go from world to world; all blocks of a launch that is not clustered run at the
 /// same time, because they wait for each other.
@@ -43,8 +51,8 @@ enum class StepLaunches {
   one,
   of_few,   ///< play, with crews, whose blocks sort for themselves, in half of the GPU at most; those that follow have
             ///< all of it. One world on 132 multiprocessors: up to some 5,900 agents
-  of_more,  ///< play, without crews, of which there would be too many in one launch (some 17,000); those that look have
-            ///< them
+  of_more,  ///< play, without crews, of which there would be too many in one launch; those that look have them. Where
+            ///< agents are crowded those that fight too: move, fight, settle
   of_many   ///< move, fight, settle, and a thread for each that looks and writes: as many at a time as registers allow
 };
 
@@ -119,6 +127,7 @@ struct GridLaunchOf {
   const int32_t* n_playing;  // [1]
   int groups, blocks;
   bool sorts_by_block;
+  bool rewards_later;     ///< of a step that is several launches: in one of those that follow
   bool by_block = false;  ///< neighboring warps are of a block
 
   GIGA_HD int count() const { return playing ? *n_playing : n_worlds; }
@@ -127,9 +136,9 @@ struct GridLaunchOf {
   /// The same with other parameters of the same values.
   template <class Q>
   GridLaunchOf<Q> with(const Q& q) const {
-    return {q,      state,          lists,       io,       scratch, scratch_bytes, words,     full_lists,
-            keys,   first_world,    draw_period, n_worlds, ending,  playing,       n_playing, groups,
-            blocks, sorts_by_block, by_block};
+    return {q,      state,          lists,         io,       scratch, scratch_bytes, words,     full_lists,
+            keys,   first_world,    draw_period,   n_worlds, ending,  playing,       n_playing, groups,
+            blocks, sorts_by_block, rewards_later, by_block};
   }
 };
 using GridLaunch = GridLaunchOf<GridParams>;
@@ -160,7 +169,7 @@ constexpr bool has_room_to_look(StepPart part, int crew) { return part == StepPa
 /// Bytes of shared memory that a block of a part without barriers has.
 constexpr size_t free_part_bytes(StepPart part, int crew, int threads) {
   const bool room_to_look = has_room_to_look(part, crew);
-  const bool stages = crew > 1 || room_to_look || part == StepPart::write;
+  const bool stages = crew > 1 || room_to_look || part == StepPart::write || part == StepPart::write_and_add_up;
   return stages ? grid_stage_bytes(threads, room_to_look) : 0;
 }
 
@@ -199,7 +208,10 @@ template <Launched kLaunched, int kCrew, bool kRoomToLook = false, class P, clas
   } else {
     scratch.work.bounds = &k.words[group].bounds;
   }
-  if (kSeveral) scratch.work.shape = &k.words[group].shape;
+  if (kSeveral) {
+    scratch.work.shape = &k.words[group].shape;
+    scratch.work.rewards_later = k.rewards_later;
+  }
   scratch.full_lists = k.full_lists;
   const int count = k.count();
   GIGA_ROLLED
@@ -252,10 +264,12 @@ class GridLaunchingSimulator : public Simulator {
         sorted_bytes_(grid_sorted_bytes(params_.n_agents, device)),
         shared_bytes_(grid_stage_bytes(device.threads) + sorted_bytes_),
         launches_(launches_of_step(device)),
+        crowded_(is_crowded(params_)),
         scratch_bytes_(group_bytes()),
         scratch_(memory, scratch_bytes_ * static_cast<size_t>(shape_.groups)),
         words_(memory, static_cast<size_t>(shape_.groups)),
         full_lists_(memory, 1) {
+    if (launches_ == StepLaunches::of_more) lanes_of_agent_ = 1;  // in launches with barriers
     check_grid(params_, state_.shape(), options_);
     if (options.on_done == OnDone::freeze) playing_ = Buffer<int32_t>(memory, static_cast<size_t>(n_worlds()) + 1);
   }
@@ -279,7 +293,8 @@ class GridLaunchingSimulator : public Simulator {
             .n_playing = listed ? n_playing() : nullptr,
             .groups = shape_.groups,
             .blocks = shape_.blocks,
-            .sorts_by_block = sorted_bytes_ > 0};
+            .sorts_by_block = sorted_bytes_ > 0,
+            .rewards_later = launches_ == StepLaunches::of_few || launches_ == StepLaunches::of_more};
   }
   /// The same for a part that needs no barrier, in blocks of so many threads: so many for each agent, and some more.
   template <class P>
@@ -290,30 +305,36 @@ class GridLaunchingSimulator : public Simulator {
   }
   StepLaunches launches() const { return launches_; }
   /// The launches of a step that are several, one after the other: calls with_barriers.operator()<part>(), and
-  /// free.operator()<part, lanes of a crew>(threads of an agent, some more threads).
+  /// free.operator()<part, lanes of a crew, whether there are more of these than run at a time>(threads of an agent,
+  /// some more threads).
   template <int kCrew, class P, class WithBarriers, class Free>
   void for_launches(const GridLaunchOf<P>& k, WithBarriers&& with_barriers, Free&& free) const {
     using enum StepPart;
+    const int more = kWarp * kNTeams * SumLayout(k.params).blocks;  // threads that see to rewards
     if constexpr (kCrew > 1) {
-      const int more = kWarp * kNTeams * SumLayout(k.params).blocks;  // that see to rewards
       with_barriers.template operator()<play>();
-      free.template operator()<look_and_reward, kLanesToLook>(kLanesToLook, more);
-      free.template operator()<write_and_add_up, kCrew>(kThreadsToWrite, 0);
+      free.template operator()<look_and_reward, kLanesToLook, false>(kLanesToLook, more);
+      free.template operator()<write_and_add_up, kCrew, false>(kThreadsToWrite, 0);
     } else {
       if constexpr (std::is_same_v<P, PlainCrowd>)
         if (launches_ == StepLaunches::of_more) {
-          // 10,000 against 10,000, H100: 213 M agent-steps/s; one lane that looks 186 M, eight 193 M; with a fight of
-          // its own 208 M.
-          with_barriers.template operator()<play>();
-          free.template operator()<look, kLanesOfAgent>(kLanesOfAgent, 0);
-          free.template operator()<write, 1>(kLanesOfAgent, 0);
+          if (crowded_) {
+            with_barriers.template operator()<move>();
+            free.template operator()<fight, kLanesToFight, true>(kLanesToFight, 0);
+            with_barriers.template operator()<settle>();
+            free.template operator()<look_and_reward, kLanesOfCrowd, true>(kLanesOfCrowd, more);
+          } else {
+            with_barriers.template operator()<play>();
+            free.template operator()<look_and_reward, kLanesOfAgent, true>(kLanesOfAgent, more);
+          }
+          free.template operator()<write_and_add_up, 1, true>(kLanesOfAgent, 0);
           return;
         }
       with_barriers.template operator()<move>();
-      free.template operator()<fight, 1>(1, 0);
+      free.template operator()<fight, 1, true>(1, 0);
       with_barriers.template operator()<settle>();
-      free.template operator()<look, 1>(1, 0);
-      free.template operator()<write, 1>(1, 0);
+      free.template operator()<look, 1, true>(1, 0);
+      free.template operator()<write, 1, true>(1, 0);
     }
   }
   /// Throws if a list of fire was too short since this was last asked; waits for what was queued before.
@@ -344,7 +365,11 @@ class GridLaunchingSimulator : public Simulator {
     if (sorted_bytes_ > 0)
       return plain && idle && lanes_of_agent_ == kLanesOfAgent && SumLayout(params_).blocks <= kSumBlock ? of_few : one;
     if (many(device)) return of_many;
-    return plain && lanes_of_agent_ == 1 ? of_more : one;
+    return plain && SumLayout(params_).blocks <= kMostBlocksAtOnce ? of_more : one;
+  }
+  static bool is_crowded(const GridParams& p) {
+    const float reach = p.hearing_reach + max_of(p.sight_reach[0], p.sight_reach[1]);
+    return static_cast<float>(p.n_agents) * reach * reach > kCrowdInReach * p.limit_x * p.limit_y;
   }
 
   GridParams params_;
@@ -352,6 +377,7 @@ class GridLaunchingSimulator : public Simulator {
   int lanes_of_agent_;
   size_t sorted_bytes_, shared_bytes_;
   StepLaunches launches_;
+  bool crowded_;
   size_t scratch_bytes_;
   Buffer<char> scratch_;
   Buffer<GroupWords> words_;

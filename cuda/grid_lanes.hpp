@@ -5,9 +5,9 @@
 #include <cstdint>
 #include <type_traits>
 
+#include "cuda/search_crew.hpp"
 #include "cuda/single_lane.hpp"
 #include "cuda/subwarp.hpp"
-#include "cuda/whole_warp.hpp"
 #include "cuda/world_threads.hpp"
 #include "sim/grid.hpp"
 #include "sim/vector_observation.hpp"
@@ -25,9 +25,9 @@ template <int kLanes, class Sync>
 struct CrewOf {
   using Type = Subwarp<kLanes, Sync>;
 };
-template <class Sync>
-struct CrewOf<kWarp, Sync> {
-  using Type = WholeWarp<Sync>;
+template <int kLanes, class Sync>
+requires(kLanes >= kWarp / 2) struct CrewOf<kLanes, Sync> {
+  using Type = SearchCrew<kLanes, Sync>;
 };
 
 /// The threads of the blocks that share a world. Sync: of all of them. A stage of nothing needs no barrier: that it is
@@ -219,8 +219,9 @@ struct GridLanes {
     merge(sum);
     wait();
   }
-  /// Adds up at most kMost numbers in their order for each of n items: count_of(item) many, number(item, k), to
-  /// add_to(item, sum). Half a warp reads them together, and two of its lanes add.
+  /// Adds up numbers in their order for each of n items: count_of(item) many, number(item, k), to add_to(item, sum).
+  /// Of more than kMost numbers these are sums of sums: of each kMost, and of at most kMost such. Half a warp reads
+  /// them together, and two of its lanes add.
   template <int kMost, class CountOf, class Number, class AddTo>
   GIGA_HD void each_sum(int n, CountOf&& count_of, Number&& number, AddTo&& add_to) const {
     constexpr int kHalf = kWarp / 2, kPitch = kMost + 1;  // so that the two read from two banks
@@ -231,22 +232,29 @@ struct GridLanes {
     GIGA_ROLLED
     for (int begin = 0; begin < n; begin += sums) {  // as often for each warp
       const int item = begin + first / kHalf, count = item < n ? count_of(item) : 0;
-      StepSum read[kMost / kHalf];
-      GIGA_UNROLL
-      for (int turn = 0; turn < kMost / kHalf; ++turn)
-        if (turn * kHalf + lane < count) read[turn] = number(item, turn * kHalf + lane);
-      GIGA_UNROLL
-      for (int turn = 0; turn < kMost / kHalf; ++turn) {
-        numbers[turn * kHalf + lane] = read[turn].sum;
-        numbers[kPitch + turn * kHalf + lane] = read[turn].masked;
+      float of_all = 0;
+      GIGA_ROLLED
+      for (int front = 0; sync.any_of_warp(front < count); front += kMost) {
+        const int left = count - front, some = left < 0 ? 0 : left < kMost ? left : kMost;
+        StepSum read[kMost / kHalf];
+        GIGA_UNROLL
+        for (int turn = 0; turn < kMost / kHalf; ++turn)
+          if (turn * kHalf + lane < some) read[turn] = number(item, front + turn * kHalf + lane);
+        GIGA_UNROLL
+        for (int turn = 0; turn < kMost / kHalf; ++turn) {
+          numbers[turn * kHalf + lane] = read[turn].sum;
+          numbers[kPitch + turn * kHalf + lane] = read[turn].masked;
+        }
+        sync.wait_for_warp();
+        if (lane < 2) {
+          float sum = 0;
+          GIGA_UNROLL_BY(16)
+          for (int k = 0; k < some; ++k) sum += numbers[lane * kPitch + k];
+          of_all = front == 0 ? sum : of_all + sum;
+        }
+        sync.wait_for_warp();
       }
-      sync.wait_for_warp();
-      if (lane < 2) {
-        float sum = 0;
-        GIGA_UNROLL_BY(16)
-        for (int k = 0; k < count; ++k) sum += numbers[lane * kPitch + k];
-        numbers[2 * kPitch + lane] = sum;
-      }
+      if (lane < 2) numbers[2 * kPitch + lane] = of_all;
       sync.wait_for_warp();
       if (lane == 0 && item < n) add_to(item, StepSum{numbers[2 * kPitch], numbers[2 * kPitch + 1]});
     }

@@ -98,16 +98,17 @@ constexpr int free_threads = kCrew > 1 ? kFewFreeThreads : kFreeThreads;
 /// (a million agents, one H100). Six of those have 102 KiB of lists: GPUs with less hold five.
 constexpr int kFightBlocks = 7, kLookBlocks = 6, kWriteBlocks = 8;
 /// Of warps that look for an agent each: 128 registers, so that those of 2,000 agents are there at the same time. With
-/// 80 it is 47.6 M instead of 49.7 M agent-steps/s, crowded (one H200).
-constexpr int kWarpLookBlocks = 8;
-constexpr int free_blocks(StepPart part, int crew) {
-  if (crew == kWarp) return kWarpLookBlocks;
+/// 80 it is 47.6 M instead of 49.7 M agent-steps/s, crowded (one H200). Where there are more agents than that, 80
+/// (kLanesOfCrowd).
+constexpr int kWarpLookBlocks = 8, kFullWarpLookBlocks = 12;
+constexpr int free_blocks(StepPart part, int crew, bool full) {
+  if (crew >= kWarp / 2) return full ? kFullWarpLookBlocks : kWarpLookBlocks;
   if (crew > 1) return 1;
   return part == StepPart::fight ? kFightBlocks : part == StepPart::look ? kLookBlocks : kWriteBlocks;
 }
 
-template <StepPart part, int kCrew, class P>
-__global__ void __launch_bounds__(free_threads<kCrew>, free_blocks(part, kCrew))
+template <StepPart part, int kCrew, bool kFull, class P>
+__global__ void __launch_bounds__(free_threads<kCrew>, free_blocks(part, kCrew, kFull))
     free_part_kernel(const __grid_constant__ GridLaunchOf<P> k) {
   if constexpr (part == StepPart::write || part == StepPart::write_and_add_up) let_next_begin();
   const ThreadIndex at{static_cast<int>(blockIdx.x), static_cast<int>(gridDim.x), static_cast<int>(threadIdx.x),
@@ -240,15 +241,15 @@ class CudaGridSimulator final : public GridLaunchingSimulator {
   void step_in_parts(const GridLaunchOf<P>& k) {
     for_launches<kCrew>(
         k, [&]<StepPart part>() { launch(part_kernel<part, kCrew, P>, k); },
-        [&]<StepPart part, int kLanes>(int threads_of_agent, int more) {
-          launch_free<part, kLanes>(k, threads_of_agent, more);
+        [&]<StepPart part, int kLanes, bool kFull>(int threads_of_agent, int more) {
+          launch_free<part, kLanes, kFull>(k, threads_of_agent, more);
         });
   }
-  template <StepPart part, int kCrew, class P>
+  template <StepPart part, int kCrew, bool kFull, class P>
   void launch_free(const GridLaunchOf<P>& k, int threads_of_agent, int more) {
     constexpr int kThreads = free_threads<kCrew>;
     const GridLaunchOf<P> all = without_barriers(k, kThreads, threads_of_agent, more);
-    free_part_kernel<part, kCrew, P>
+    free_part_kernel<part, kCrew, kFull, P>
         <<<static_cast<unsigned>(all.groups * all.blocks), kThreads, free_part_bytes(part, kCrew, kThreads), stream_>>>(
             all);
     GIGA_CUDA(cudaGetLastError());

@@ -1,7 +1,7 @@
 // Crews: the workers that look for others together, for one agent. OneWorker is a crew of itself, and so is a lane of a
 // GPU that looks alone (cuda/single_lane.hpp); where a GPU has more lanes than agents, some lanes of a warp are one
-// (cuda/subwarp.hpp). A whole warp (cuda/whole_warp.hpp) has a search of its own (grid_nearest_by_warp.hpp) and, of
-// what stands here, what that needs.
+// (cuda/subwarp.hpp). A warp or half of one (cuda/search_crew.hpp) has a search of its own (grid_nearest_by_crew.hpp)
+// and, of what stands here, what that needs.
 //   kWidth, index(), leads()   how many they are, which of them this is, whether it is the first
 //   any(flag)                  whether the flag of any worker of the warp is set. All crews of a warp go the same way:
 //                              wherever they speak to each other all of them do, those without an agent too. A loop in

@@ -200,7 +200,8 @@ struct SharedWork {
   /// GridWorld::placed and cell_begin for launches that follow, where each block sorts for itself; null = for none.
   PlacedAgent* placed_for_all;
   int32_t* cell_begin_for_all;
-  StepSum* sums;  // [n_step_items, sums_of_team] of blocks of agents, of blocks of these, ... (reward_blocks)
+  bool rewards_later;  // in a launch that follows
+  StepSum* sums;       // [n_step_items, sums_of_team] of blocks of agents, of blocks of these, ... (reward_blocks)
 };
 
 /// What a step reads and writes of a world of many agents. Pairs have no tables here: the members of WorldView for them
@@ -283,13 +284,15 @@ class Rings {
     if (!right_side_) ++at_;
     return true;
   }
-  /// The square or the ring as ranges that can be entered side by side: part(0 .. parts() - 1), in any order.
+  /// The square or the ring as ranges that can be entered side by side: part(0 .. parts() - 1), in any order. The rows
+  /// of the square go from the middle outwards.
   GIGA_HD int parts() const { return ring_ == first_ ? 2 * ring_ + 1 : 4 * ring_; }
   GIGA_HD CellRange part(int number) const {
     // The rows of the square; of a ring its first row, its last one, and both ends of each between these.
     const bool square = ring_ == first_, whole = square || number < 2;
     const int left = column_ - ring_, right = column_ + ring_, low = row_ - ring_, high = row_ + ring_;
-    const int row = square ? low + number : number == 1 ? high : low + number / 2;
+    const int outwards = number % 2 == 0 ? -(number / 2) : number / 2 + 1;  // 0, 1, -1, 2, -2, ...
+    const int row = square ? row_ + outwards : number == 1 ? high : low + number / 2;
     const int from = whole ? (left < 0 ? 0 : left) : number % 2 == 0 ? left : right;
     const int to = whole ? (right < grid_.columns ? right : grid_.columns - 1) : from;
     if (row < 0 || row >= grid_.rows || from < 0 || to >= grid_.columns) return {0, 0};

@@ -202,7 +202,7 @@ GIGA_HD bool hand_on(const Lanes& all, const GridParameters auto& p, GridWorld& 
 }
 
 /// Whether hand_on leaves rewards too.
-GIGA_HD bool hands_on_rewards(const GridWorld& w) { return w.work.placed_for_all != nullptr; }
+GIGA_HD bool hands_on_rewards(const GridWorld& w) { return w.work.rewards_later; }
 
 /// The hook of step.hpp: neighboring workers see to agents that are near each other, and so look at the same others.
 template <WideLanes Lanes, class F>
@@ -291,8 +291,9 @@ GIGA_HD void reward_blocks(const Lanes& lanes, const GridParameters auto& p, Gri
   });
 }
 
-/// Adds up the blocks, all of them in the first sums after a barrier, and adds the sums to those of the episode. One
-/// barrier for each level of sums but the last, which nothing else of the step asks for.
+/// Adds up the blocks, all of them in the first sums after a barrier, and adds the sums to those of the episode. Of few
+/// blocks their sums are added up on the way (each_sum); of more, one barrier for each level of sums, but for the last
+/// two, which nothing else of the step asks for.
 template <WideLanes Lanes>
 GIGA_HD void add_up_blocks(const Lanes& lanes, const GridParameters auto& p, GridWorld& w, int n) {
   if (n == 0) return;
@@ -300,7 +301,7 @@ GIGA_HD void add_up_blocks(const Lanes& lanes, const GridParameters auto& p, Gri
   int count = of.blocks;
   StepSum* sums = w.work.sums;
   GIGA_ROLLED
-  while (count > kSumBlock) {
+  while (count > kMostBlocksAtOnce) {
     const int blocks = sum_blocks(count);
     lanes.template each_sum<kSumBlock>(
         of.items * blocks, [&](int k) { return SumLayout::left(count, k % blocks); },

@@ -7,6 +7,10 @@
 
 namespace giga {
 
+/// Sums of blocks that half a warp adds up by blocks of these, one after the other, in less time than all take to meet
+/// at a barrier.
+constexpr int kMostBlocksAtOnce = 8 * kSumBlock;
+
 /// Blocks of kSumBlock agents of a team, or of so many such sums.
 GIGA_HD int sum_blocks(int n) { return (n + kSumBlock - 1) / kSumBlock; }
 /// All sums of an item over a team of n agents (SharedWork::sums).

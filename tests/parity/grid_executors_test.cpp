@@ -206,7 +206,8 @@ TEST(GridCrowds, AreThoseOfTheCpu) {
         Crowd{40, 30, 20, 1, 9, 5}, Crowd{40, 30, 20, 1, 5, 5}, Crowd{20, 13, 12, 1, kBlocksInParts, 5},
         // Three launches, of one world and of two.
         Crowd{40, 30, 20, 1, kBlocksToSpare, 5}, Crowd{20, 13, 12, 2, kBlocksToSpare, 5},
-        Crowd{40, 30, 20, 1, kBlocksForMore, 5}})
+        // Without room to sort: near each other, with a fight and half a warp that looks, and far apart.
+        Crowd{40, 30, 20, 1, kBlocksForMore, 5}, Crowd{40, 30, 90, 1, kBlocksForMore, 5}})
     play_crowd(c, [&](const SimSpec& spec, const SimOptions& options) {
       return make_emulated_grid_simulator(spec, options, ThreadOrder::shuffled, c.blocks);
     });
@@ -318,11 +319,12 @@ TEST(GpuGridCrowds, AreThoseOfTheCpu) {
       play(c);
     return;
   }
-  for (const Crowd& c : {Crowd{150, 150, 20, 3, 0, 5}, Crowd{1100, 903, 40, 2, 0, 5}, Crowd{1100, 903, 40, 50, 0, 4},
-                         Crowd{2600, 2601, 300, 1, 0, 4}, Crowd{2600, 2601, 80, 5, 0, 4},
-                         Crowd{9000, 9001, 150, 1, 0, 3}, Crowd{10, 10, 12, 600, 0, 5},
-                         // Beyond 65,536 agents, in five launches.
-                         Crowd{40000, 40001, 300, 1, 0, 3}})
+  for (const Crowd& c :
+       {Crowd{150, 150, 20, 3, 0, 5}, Crowd{1100, 903, 40, 2, 0, 5}, Crowd{1100, 903, 40, 50, 0, 4},
+        Crowd{2600, 2601, 300, 1, 0, 4}, Crowd{2600, 2601, 80, 5, 0, 4}, Crowd{9000, 9001, 150, 1, 0, 3},
+        Crowd{9000, 9001, 3000, 1, 0, 2}, Crowd{10, 10, 12, 600, 0, 5},
+        // Beyond 65,536 agents, in five launches.
+        Crowd{40000, 40001, 300, 1, 0, 3}})
     play(c);
 }
 

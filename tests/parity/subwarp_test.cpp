@@ -1,4 +1,4 @@
-// What the lanes of a crew say to each other (cuda/subwarp.hpp, cuda/whole_warp.hpp), without a GPU.
+// What the lanes of a crew say to each other (cuda/subwarp.hpp, cuda/search_crew.hpp), without a GPU.
 #include "cuda/subwarp.hpp"
 
 #include <gtest/gtest.h>
@@ -8,7 +8,7 @@
 #include <type_traits>
 #include <vector>
 
-#include "cuda/whole_warp.hpp"
+#include "cuda/search_crew.hpp"
 #include "parity/lockstep_threads.hpp"
 
 namespace giga::test {
@@ -58,19 +58,40 @@ TYPED_TEST(SubwarpOf, SaysWhatItsMembersSay) {
   });
 }
 
-TEST(WholeWarp, SaysWhatItsMembersSay) {
+/// Runs body(crew, lane) for the 32 lanes of a warp, in each order.
+template <int kLanes, class Body>
+void run_search_crews(Body&& body) {
+  using Crew = SearchCrew<kLanes, WarpSync>;
   for (const ThreadOrder order : {ThreadOrder::forward, ThreadOrder::backward, ThreadOrder::shuffled}) {
     LockstepThreads threads(kWarp);
-    std::vector<uint64_t> words(WholeWarp<WarpSync>::kWords / 2 + 1);
-    threads.run(kWarp, order, [&](int lane) {
-      const WholeWarp<WarpSync> warp(WarpSync{&threads}, lane, words.data());
-      EXPECT_EQ(warp.index(), lane);
-      EXPECT_EQ(warp.leads(), lane == 0);
-      EXPECT_EQ(warp.ballot(lane == 3 || lane == 31), 0x80000008u);
-      EXPECT_EQ(warp.from(10 * lane, 31 - lane), 10 * (31 - lane)) << "each asks another one";
-      EXPECT_EQ(warp.sum_up_to(lane), lane * (lane + 1) / 2);
-    });
+    std::vector<uint64_t> words(Crew::kWords / 2 + 1);
+    threads.run(kWarp, order, [&](int lane) { body(Crew(WarpSync{&threads}, lane, words.data()), lane); });
   }
+}
+
+TEST(SearchCrew, OfAWarpSaysWhatItsMembersSay) {
+  run_search_crews<32>([](const auto& warp, int lane) {
+    EXPECT_EQ(warp.index(), lane);
+    EXPECT_EQ(warp.leads(), lane == 0);
+    EXPECT_TRUE(warp.any(true));
+    EXPECT_EQ(warp.ballot(lane == 3 || lane == 31), 0x80000008u);
+    EXPECT_EQ(warp.from(10 * lane, 31 - lane), 10 * (31 - lane)) << "each asks another one";
+    EXPECT_EQ(warp.sum_up_to(lane), lane * (lane + 1) / 2);
+  });
+}
+
+TEST(SearchCrew, OfHalfAWarpSaysWhatItsMembersSay) {
+  run_search_crews<16>([](const auto& half, int lane) {
+    const int member = lane % 16, first = lane - member;
+    EXPECT_EQ(half.index(), member);
+    EXPECT_EQ(half.leads(), lane == 0 || lane == 16);
+    EXPECT_TRUE(half.any(lane >= 16)) << "of any of the two";
+    EXPECT_FALSE(half.any(false));
+    EXPECT_EQ(half.ballot(lane == 3 || lane == 31), lane < 16 ? 0x8u : 0x8000u);
+    EXPECT_EQ(half.from(10 * lane, 15 - member), 10 * (first + 15 - member)) << "each asks another one";
+    EXPECT_EQ(half.sum_up_to(lane), (member + 1) * first + member * (member + 1) / 2);  // first + (first + 1) + ...
+    EXPECT_NE(&half.search(), nullptr);
+  });
 }
 
 // Member m takes m numbers: together 0 + 1 + ... + (lanes - 1), each once.

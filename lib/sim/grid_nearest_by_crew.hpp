@@ -1,6 +1,6 @@
-// The agents of a row, as grid_nearest.hpp finds them, where a warp looks for one agent: its members enter ranges of
-// cells side by side, each asks about an agent, and each keeps one of the nearest. A lane that looks alone, or a crew
-// of some lanes, comes to one short range after the other, and waits for memory at each.
+// The agents of a row, as grid_nearest.hpp finds them, where a warp or half of one looks for an agent: its members
+// enter ranges of cells side by side, each asks about an agent, and each keeps one of the nearest. A lane that looks
+// alone, or a crew of some lanes, comes to one short range after the other, and waits for memory at each.
 #pragma once
 
 #include <cstdint>
@@ -13,17 +13,17 @@
 
 namespace giga {
 
-/// A crew that is a warp (cuda/whole_warp.hpp): all of it goes the same way. index(), leads(), meet() as other crews
-/// (crew.hpp); ballot(flag) of all, from(value, member), sum_up_to(value) of the members up to this one; search(): the
-/// memory that they share.
+/// A crew as in cuda/search_crew.hpp, of as many members as a row has agents, or more. index(), leads(), meet(),
+/// any(flag), ballot(flag) as other crews (crew.hpp); from(value, member), sum_up_to(value) of the members up to this
+/// one; search(): the memory that they share.
 template <class Crew>
-concept WarpCrew = requires {
-  requires Crew::kIsWarp;
+concept RankingCrew = requires {
+  requires Crew::kRanksTogether;
 };
 
-/// Rings of cells that a warp enters at once: 49 cells of one agent on average; 33 are asked about for a row of a
-/// crowd. With 2 and 4 rings 49.1 and 49.6 M agent-steps/s instead of 49.7 M (1,000 against 1,000, crowded, one H200).
-constexpr int kFirstRingOfWarp = 3;
+/// Rings of cells that a crew enters at once: 49 cells of one agent on average. With 2 and 4 rings 49.1 and 49.6 M
+/// agent-steps/s instead of 49.7 M (1,000 against 1,000, crowded, by warps, one H200).
+constexpr int kFirstRingOfCrew = 3;
 
 /// A rank as a number of the same order: the bits of the distance, which is not negative, above the agent.
 GIGA_HD uint64_t rank_key(const RowOrder::Rank& rank) {
@@ -32,20 +32,21 @@ GIGA_HD uint64_t rank_key(const RowOrder::Rank& rank) {
 constexpr uint64_t kLastRank = ~uint64_t{0};  ///< behind all others; its agent is kNoAgent
 
 /// What the members share.
-struct WarpSearch {
-  static constexpr int kMembers = 32, kListed = 2 * kMembers;
+template <int kMembers>
+struct CrewSearch {
+  static constexpr int kListed = 2 * kMembers;
   int32_t places[kListed];                                               // of agents that are asked about
   uint64_t given[kMembers];                                              // keys of those that members hand in
   uint64_t before[NearestAgents::kMost], nearest[NearestAgents::kMost];  // of the nearest so far, and with these
 };
 
 /// The nearest of the agents that are shown to one: member k keeps the key of number k.
-template <WarpCrew Crew>
-class WarpNearest {
+template <RankingCrew Crew>
+class CrewNearest {
  public:
   static constexpr int kMost = NearestAgents::kMost;
 
-  GIGA_HD explicit WarpNearest(const Crew& crew) : crew_(crew) {}
+  GIGA_HD explicit CrewNearest(const Crew& crew) : crew_(crew) {}
   GIGA_HD int size() const { return size_; }
   /// Whether an agent would be one of them, as far as is known.
   GIGA_HD bool wants(const RowOrder::Rank& rank) const { return rank_key(rank) < last_; }
@@ -54,11 +55,11 @@ class WarpNearest {
     const float d = distance * 0.9999f;
     return d > 0 && float_bits(d) > static_cast<uint32_t>(last_ >> 32);
   }
-  /// Takes the ones that members hand in: each comes behind as many as are nearer.
+  /// Takes the ones that members hand in: each comes behind as many as are nearer. All crews of the warp come to it.
   GIGA_HD void take(bool gives, const RowOrder::Rank& rank) {
     const uint32_t all = crew_.ballot(gives);
-    if (all == 0) return;
-    WarpSearch& shared = crew_.search();
+    if (!crew_.any(all != 0)) return;
+    auto& shared = crew_.search();
     const int index = crew_.index(), n_given = count_bits(all);
     const uint64_t key = rank_key(rank);
     if (index < size_) shared.before[index] = own_;
@@ -91,28 +92,29 @@ class WarpNearest {
 
 /// The hook of grid_look.hpp: what rank_seen of grid_nearest.hpp does, to the last bit. By distances as they are, so
 /// that nothing is left to look at closer.
-template <WarpCrew Crew, class Seen>
+template <RankingCrew Crew, class Seen>
 GIGA_HD void rank_seen(const Crew& crew, const GridParameters auto& p, GridWorld& w, int e, bool some, float reach,
                        bool sees_itself, const Seen& seen) {
   constexpr int kWidth = Crew::kWidth, kMost = NearestAgents::kMost;
-  static_assert(kWidth == WarpSearch::kMembers && kMost < kWidth);
+  using Search = CrewSearch<kWidth>;
+  static_assert(kMost < kWidth);
   static_assert(std::remove_cvref_t<decltype(p)>::n_neighbors == kMost + 1);
-  if (!some) return;
   const RowOrder order{w.x[e], w.y[e]};
   int32_t* const places = crew.search().places;
-  WarpNearest<Crew> nearest(crew);
+  CrewNearest<Crew> nearest(crew);
   int listed = 0;
   const auto ask = [&] {
     crew.meet();
     GIGA_ROLLED
-    for (int front = 0; front < listed; front += kWidth) {
+    for (int front = 0; crew.any(front < listed); front += kWidth) {
       bool yes = false;
       RowOrder::Rank rank{};
       if (front + crew.index() < listed) {
         const int32_t place = places[front + crew.index()];
         const PlacedAgent a = w.placed[place];
         rank = order.rank(a);
-        Answer answer = Answer::ask_again;
+        // Those that were asked before may lie nearer.
+        Answer answer = nearest.wants(rank) ? Answer::ask_again : Answer::no;
         GIGA_ROLLED
         for (int turn = 0; answer == Answer::ask_again; ++turn) answer = seen.ask(a, place, turn);
         yes = answer == Answer::yes;
@@ -124,18 +126,18 @@ GIGA_HD void rank_seen(const Crew& crew, const GridParameters auto& p, GridWorld
   };
   // One agent lies in a cell, on average. Where none beyond the next cells matters, these will do.
   const bool all = min_of(w.grid.size_x, w.grid.size_y) - p.margin > reach;
-  Rings rings(p, w, order.x, order.y, all ? 1 : kFirstRingOfWarp);
+  Rings rings(p, w, order.x, order.y, all ? 1 : kFirstRingOfCrew);
   GIGA_ROLLED
-  for (bool more = true; more;) {
-    const int parts = rings.parts();
+  for (bool more = some; crew.any(more);) {
+    const int parts = more ? rings.parts() : 0;
     GIGA_ROLLED
-    for (int front = 0; front < parts; front += kWidth) {
+    for (int front = 0; crew.any(front < parts); front += kWidth) {
       const int part = front + crew.index();
       const CellRange range = part < parts ? rings.part(part) : CellRange{0, 0};
       const int32_t up_to = crew.sum_up_to(range.end - range.begin), before = up_to - (range.end - range.begin);
       const int32_t agents = crew.from(up_to, kWidth - 1);
       GIGA_ROLLED
-      for (int base = 0; base < agents; base += kWidth) {
+      for (int base = 0; crew.any(base < agents); base += kWidth) {
         // Whose range has the item of this member: as many ranges end before it.
         const int item = base + crew.index();
         int of = 0;
@@ -151,15 +153,16 @@ GIGA_HD void rank_seen(const Crew& crew, const GridParameters auto& p, GridWorld
         const uint32_t bits = crew.ballot(wanted);
         if (wanted) places[listed + count_bits(bits & ((1u << crew.index()) - 1u))] = place;
         listed += count_bits(bits);
-        if (listed > WarpSearch::kListed - kWidth) ask();
+        if (crew.any(listed > Search::kListed - kWidth)) ask();
       }
     }
     const float far = rings.widen();
-    more = far < INFINITY && far <= reach;
+    more = more && far < INFINITY && far <= reach;
     // Before there may be enough of them no answer ends the search.
-    if (!more || nearest.size() + listed >= kMost) ask();
+    if (crew.any(listed > 0 && (!more || nearest.size() + listed >= kMost))) ask();
     more = more && !nearest.all_nearer_than(far);
   }
+  if (!some) return;
   AgentNumber* const rows = w.neighbors + static_cast<int64_t>(e) * (kMost + 1);
   if (crew.leads()) rows[0] = AgentNumber{sees_itself ? static_cast<uint32_t>(e) : kNoAgent};
   if (crew.index() < kMost) rows[1 + crew.index()] = AgentNumber{nearest.agent()};
