@@ -292,9 +292,11 @@ void add_precision_option(CLI::App& command, const std::string& name, Precision&
   add_enum_option(command, name, precision, "arithmetic of the closed loop's networks on a GPU", names);
 }
 
-void add_compile_option(CLI::App& command, CompileStep& compile) {
-  add_enum_option(command, "--compile-step", compile,
+/// How worlds are stepped.
+void add_step_options(CLI::App& command, BenchOptions& options) {
+  add_enum_option(command, "--compile-step", options.compile_step,
                   "whether a GPU compiles the step for the scenario; as train.compile_step");
+  add_enum_option(command, "--pairs", options.pairs, "how pairs of agents are found; as train.pairs");
 }
 
 /// A benchmark of a learner, which takes a config.
@@ -338,7 +340,7 @@ void add_bench_command(CLI::App& app, Dispatch& dispatch) {
   CLI::App* simulation =
       add_kind(*command, dispatch, sim, "sim", "simulation with random actions, every observation written", bench_sim);
   add_seed_option(*simulation, sim->seed);
-  add_compile_option(*simulation, sim->compile_step);
+  add_step_options(*simulation, *sim);
   simulation->add_flag("--nothing-stored", sim->nothing_stored,
                        "worlds alone: neither observations nor rewards are written");
   simulation->footer(
@@ -358,7 +360,7 @@ void add_bench_command(CLI::App& app, Dispatch& dispatch) {
       ->type_name("N,...");
   add_precision_option(*closed, "--precision", loop->precision);
   add_seed_option(*closed, loop->seed);
-  add_compile_option(*closed, loop->compile_step);
+  add_step_options(*closed, *loop);
   closed->footer("Example:\n  gigastep bench closed-loop --scenario identical_5_vs_5 --hidden 256,256");
 
   CLI::App* train =

@@ -81,6 +81,7 @@ LoadedRun bench_run(const BenchOptions& options, int worlds) {
   run.config.train.n_worlds = worlds;
   run.config.train.precision = options.precision;
   run.config.train.compile_step = options.compile_step;
+  run.config.train.pairs = options.pairs;
   run.config.mappo.actor.hidden = options.hidden;
   run.scenario = load_scenario(options.scenario, data_dirs());
   run.spec = compile(run.scenario);
@@ -109,6 +110,7 @@ BenchResult play(const BenchOptions& options, Device device, const LoadedRun& ru
   sim_options.n_worlds = result.worlds;
   sim_options.seed = seed_of(options.seed, Purpose::bench);
   sim_options.compile_step = run.config.train.compile_step;
+  sim_options.pairs = run.config.train.pairs;
   void* const stream = current_stream(device);
   const auto sim = make_simulator(run.spec, sim_options, device, stream);
   result.step_way = sim->step_way();

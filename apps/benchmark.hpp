@@ -25,6 +25,7 @@ struct BenchOptions {
   std::vector<int> hidden = {64, 64};                     ///< closed-loop: of both policies
   Precision precision = TrainConfig{}.precision;          ///< of a closed loop
   CompileStep compile_step = TrainConfig{}.compile_step;  ///< sim and closed-loop
+  Pairs pairs = TrainConfig{}.pairs;                      ///< sim and closed-loop
   std::string config = "mappo";                           ///< train and es
   std::vector<std::string> overrides;                     ///< train and es
   std::string json;

@@ -16,8 +16,11 @@ namespace giga {
 
 MatchOptions evaluation_options(const LoadedRun& run, Device device, const Learner& learner) {
   const auto updates = static_cast<uint64_t>(learner.updates_done());
-  return {run.config.eval.episodes, seed_of(run.config.seed, Purpose::evaluation, updates), device,
-          run.config.train.n_threads};
+  return {.episodes = run.config.eval.episodes,
+          .seed = seed_of(run.config.seed, Purpose::evaluation, updates),
+          .device = device,
+          .n_threads = run.config.train.n_threads,
+          .pairs = run.config.train.pairs};
 }
 
 std::vector<TeamResult> evaluate(const LoadedRun& run, const MatchOptions& options, Learner& learner,

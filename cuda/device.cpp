@@ -23,7 +23,7 @@ Device parse_device(const std::string& text) {
 }
 
 std::unique_ptr<Simulator> make_simulator(SimSpec spec, const SimOptions& options, Device device, void* stream) {
-  if (spec.params.n_agents > kMaxAgents || options.grid) {
+  if (finds_by_place(spec, options)) {
     if (device.is_cuda()) return make_cuda_grid_simulator(std::move(spec), options, device.index, stream);
     return make_grid_simulator(std::move(spec), options);
   }

@@ -288,7 +288,9 @@ std::unique_ptr<Simulator> make_cuda_grid_simulator(SimSpec spec, const SimOptio
                                                     int in_parts) {
   GIGA_CHECK(index >= 0 && index < cuda_device_count(), "no GPU ", index);
   const GridDevice device = grid_device(index, spec.params.n_agents, in_parts);
-  return std::make_unique<CudaGridSimulator>(std::move(spec), options, index, device, stream);
+  SimOptions by_place = options;
+  by_place.pairs = Pairs::by_place;
+  return std::make_unique<CudaGridSimulator>(std::move(spec), by_place, index, device, stream);
 }
 
 }  // namespace giga

@@ -49,6 +49,8 @@ std::unique_ptr<Simulator> play(const SimSpec& spec, std::span<const Pairing> pa
   sim_options.draw_period = pairs.size() > 1 || watched ? options.episodes : 0;  // as in a match by itself
   sim_options.on_done = OnDone::freeze;
   sim_options.n_threads = options.n_threads;
+  sim_options.pairs = options.pairs;
+  if (watched || !observers.empty()) sim_options.pairs = Pairs::tables;  // which replays keep
   void* const stream = current_stream(options.device);
   auto sim = make_simulator(limited, sim_options, options.device, stream);
   const ParallelFor parallel_for(options.device, options.n_threads, stream);
@@ -104,7 +106,8 @@ std::vector<MatchResult> play_matches(const SimSpec& spec, const std::vector<Pai
   GIGA_CHECK(options.episodes > 0, "episodes: ", options.episodes);
   const size_t at_once = beside_each_other(spec, pairs, options), episodes = static_cast<size_t>(options.episodes);
   const bool joins = watched && !watched->alone && !pairs.empty() && watched->episodes <= options.episodes &&
-                     !reads_images(watched->pair) && std::none_of(pairs.begin(), pairs.end(), reads_images);
+                     !finds_by_place(spec, {.pairs = options.pairs}) && !reads_images(watched->pair) &&
+                     std::none_of(pairs.begin(), pairs.end(), reads_images);
   std::vector<MatchResult> results;
   for (size_t first = 0; first < pairs.size(); first += at_once) {
     const std::span<const Pairing> some = std::span(pairs).subspan(first, std::min(at_once, pairs.size() - first));

@@ -10,6 +10,7 @@
 
 #include "core/memory.hpp"
 #include "game/team_controller.hpp"
+#include "sim/simulator.hpp"
 #include "sim/state.hpp"
 
 namespace giga {
@@ -22,6 +23,7 @@ struct MatchOptions {
   Device device;
   int n_threads = 0;
   std::function<void(const std::string&)> note = {};  ///< told what a user should know of how they are played
+  Pairs pairs = Pairs::automatic;  ///< where nobody watches: replays are of tables, where there are any
 };
 
 /// Sums over the episodes of a match, by side.

@@ -205,7 +205,7 @@ TeamRecording::TeamRecording(const LoadedRun& run, Learner& learner, int episode
     if ((mind.policy && mind.policy->reads_image()) || (mind.values && mind.values->reads_image())) games_.alone = true;
   }
   // A CPU takes as long for them beside others as alone, and there one thread is enough.
-  if (run.spec.params.n_agents > kMaxAgents || !options.device.is_cuda()) games_.alone = true;
+  if (finds_by_place(run.spec, {.pairs = options.pairs}) || !options.device.is_cuda()) games_.alone = true;
   recorder_ = std::make_unique<Recorder>(run.spec, minds, RecorderOptions{.worlds = episodes});
   games_.observer = recorder_.get();
 }
@@ -241,6 +241,7 @@ std::string verify_replay(const Replay& replay, Device device) {
   options.n_worlds = static_cast<int>(replay.episodes.size());
   options.seed = seed_of_digits(replay);
   options.on_done = OnDone::freeze;
+  options.pairs = Pairs::tables;
   options.n_threads = replay.is_crowd() ? 0 : 1;  // the agents of a crowd are shared among threads
   void* const stream = current_stream(device);
   const auto sim = make_simulator(spec, options, device, stream);

@@ -36,6 +36,7 @@ struct FieldCodec<Opponent> {
   static ValueShape shape(const Allowed& allowed);
 };
 
+constexpr std::array<const char*, 3> enum_names(Pairs) { return {"auto", "tables", "by_place"}; }
 constexpr std::array<const char*, 3> enum_names(CompileStep) { return {"never", "auto", "always"}; }
 
 /// The most worlds that a run may step in parallel.
@@ -50,6 +51,7 @@ struct TrainConfig {
   int n_threads = 0;
   Precision precision = Precision::tf32;
   bool desynchronize = true;
+  Pairs pairs = Pairs::automatic;
   CompileStep compile_step = CompileStep::automatic;
   std::optional<Duration> max_wall_time = std::nullopt;
   std::optional<int64_t> stop_at_agent_steps = std::nullopt;
@@ -77,6 +79,11 @@ void visit_fields(V& v, TrainConfig& c) {
     "2^-11 of a weight are lost to rounding");
   v("desynchronize", c.desynchronize,
     "mappo: the first episodes end at different times, so that the worlds do not reset together");
+  v("pairs", c.pairs,
+    "how worlds know which pairs of agents matter: by tables of all pairs, or by place, in a grid of cells, where of "
+    "those who fire at an agent at once at most 64 are counted and more are an error. auto: by place from 128 agents "
+    "in a world on, but where there are images. Above 1,024 always by place. The numbers are the same, bit for bit; a "
+    "checkpoint of mappo goes on in the way in which it was written");
   v("compile_step", c.compile_step,
     "on a GPU, compile the step of worlds of up to 40 agents for this scenario at the start, with its parameters as "
     "constants: it is "

@@ -29,6 +29,7 @@ PopulationGames::PopulationGames(const SimSpec& spec, const PopulationGamesOptio
   sim.episodes = options.n_rounds;
   sim.n_threads = options.n_threads;
   sim.compile_step = options.compile_step;
+  sim.pairs = options.pairs;
   sim_ = make_simulator(limited(spec, options.max_steps), sim, parallel_for.device(), parallel_for.stream());
   const Side side = everywhere(controller_, *sim_);
   game_ = std::make_unique<Game>(*sim_, parallel_for, BothSides{side, side});

@@ -26,6 +26,7 @@ struct PopulationGamesOptions {
   int n_rounds = 1;                             ///< episodes that each world plays, one after the other
   int64_t first_world = 0;  ///< without common_random_numbers: global number of world 0, where ranks share a population
   CompileStep compile_step = CompileStep::never;
+  Pairs pairs = Pairs::automatic;
 };
 
 class PopulationGames {

@@ -75,8 +75,10 @@ class CpuSimulator final : public Simulator {
 }  // namespace
 
 std::unique_ptr<Simulator> make_cpu_simulator(SimSpec spec, const SimOptions& options) {
-  GIGA_CHECK(spec.params.n_agents <= kMaxAgents && !options.grid, spec.params.n_agents, " agents with tables of pairs");
-  return std::make_unique<CpuSimulator>(std::move(spec), options);
+  GIGA_CHECK(spec.params.n_agents <= kMaxAgents, spec.params.n_agents, " agents with tables of pairs");
+  SimOptions with_tables = options;
+  with_tables.pairs = Pairs::tables;
+  return std::make_unique<CpuSimulator>(std::move(spec), with_tables);
 }
 
 }  // namespace giga

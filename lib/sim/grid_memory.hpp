@@ -20,7 +20,7 @@ inline GridParams grid_params(const SimSpec& spec, const SimTables& tables, int 
 
 /// What such worlds do not have.
 inline void check_grid(const GridParams& p, const StateShape& shape, const SimOptions& options) {
-  GIGA_CHECK(shape.lists(), "a world of ", p.n_agents, " agents without the option grid");
+  GIGA_CHECK(shape.lists(), "a world of ", p.n_agents, " agents with tables of pairs");
   GIGA_CHECK(p.resolution == 0, "images of a world in which pairs are found by place");
   GIGA_CHECK(options.most_shooters > 0 && options.most_shooters <= kMostShooters, options.most_shooters, " shooters");
 }
@@ -103,7 +103,8 @@ inline Error full_lists_error(int full, const GridParams& p, const std::string& 
   return Error(cat(counted(full, "agents"), full == 1 ? " was" : " were", " fired at by more than ", p.most_shooters,
                    " opponents at once in scenario '", scenario, "': so many are counted in a world of ", p.n_agents,
                    " agents (rules 17.2); with smaller damage.damage_cone_depth or damage_cone_angle",
-                   " fewer reach it"));
+                   " fewer reach it",
+                   p.n_agents <= kMaxAgents ? ", and train.pairs: tables counts all, which is slower" : ""));
 }
 
 }  // namespace giga

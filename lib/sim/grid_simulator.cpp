@@ -1,6 +1,8 @@
-// Worlds of many agents on the CPU: one after the other, the agents of each in parallel over threads (rules 17).
+// Worlds of many agents on the CPU (rules 17): in parallel over threads, or, where they are few, one after the other,
+// the agents of each in parallel.
 #include <algorithm>
 #include <utility>
+#include <vector>
 
 #include "core/error.hpp"
 #include "core/thread_pool.hpp"
@@ -52,10 +54,14 @@ class GridSimulator final : public Simulator {
         params_(grid_params(spec_, tables_, options_.most_shooters)),
         keys_(options_.seed),
         pool_(options_.n_threads),
-        scratch_(host_memory(), attach_scratch(params_, world_, nullptr, false)) {
+        worlds_by_thread_(n_worlds() >= 2 * pool_.n_threads()) {
     check_grid(params_, state_.shape(), options_);
-    attach_scratch(params_, world_, scratch_.data(), false);
-    world_.full_lists = &full_lists_;
+    worlds_.resize(worlds_by_thread_ ? static_cast<size_t>(pool_.n_threads()) : 1);
+    for (GridWorld& world : worlds_) {
+      Buffer<char>& scratch = scratch_.emplace_back(host_memory(), attach_scratch(params_, world, nullptr, false));
+      attach_scratch(params_, world, scratch.data(), false);
+      world.full_lists = &full_lists_;
+    }
   }
 
   void redraw(const Redraw&) override { throw Error("there are no images"); }
@@ -69,15 +75,22 @@ class GridSimulator final : public Simulator {
 
  protected:
   void run(const Jobs& jobs, const StepIo& io, Worlds worlds) override {
-    const ThreadLanes lanes(pool_);
-    for (int64_t world = 0; world < n_worlds(); ++world) {
-      if (worlds == Worlds::listed && state_.view().phase[world] == Phase::waits) continue;
-      GridWorld w = world_;
-      attach_state(params_, w, state_.view(), state_.lists(), world);
-      const uint32_t number = draw_world(options_.first_world, options_.draw_period, world);
-      const auto draws_at = [&](uint32_t step) { return GridDraws(keys_, number, step); };
-      run_jobs(lanes, jobs, params_, w, draws_at, io, ending(), world);
-    }
+    const auto run_some = [&](const auto& lanes, const GridWorld& scratch, int64_t begin, int64_t end) {
+      for (int64_t world = begin; world < end; ++world) {
+        if (worlds == Worlds::listed && state_.view().phase[world] == Phase::waits) continue;
+        GridWorld w = scratch;
+        attach_state(params_, w, state_.view(), state_.lists(), world);
+        const uint32_t number = draw_world(options_.first_world, options_.draw_period, world);
+        const auto draws_at = [&](uint32_t step) { return GridDraws(keys_, number, step); };
+        run_jobs(lanes, jobs, params_, w, draws_at, io, ending(), world);
+      }
+    };
+    if (worlds_by_thread_)
+      pool_.for_ranges(n_worlds(), [&](int64_t begin, int64_t end, int thread) {
+        run_some(SerialLanes{}, worlds_[static_cast<size_t>(thread)], begin, end);
+      });
+    else
+      run_some(ThreadLanes(pool_), worlds_[0], 0, n_worlds());
     if (const int full = std::exchange(full_lists_, 0); full > 0) throw full_lists_error(full, params_, spec_.name);
   }
 
@@ -88,15 +101,18 @@ class GridSimulator final : public Simulator {
   GridParams params_;
   PhiloxKeys keys_;
   ThreadPool pool_;
-  GridWorld world_{};     // its scratch
-  Buffer<char> scratch_;  // of the world at hand
+  const bool worlds_by_thread_;
+  std::vector<GridWorld> worlds_;      // their scratch: by thread, or of the world at hand
+  std::vector<Buffer<char>> scratch_;  // of these
   int32_t full_lists_ = 0;
 };
 
 }  // namespace
 
 std::unique_ptr<Simulator> make_grid_simulator(SimSpec spec, const SimOptions& options) {
-  return std::make_unique<GridSimulator>(std::move(spec), options);
+  SimOptions by_place = options;
+  by_place.pairs = Pairs::by_place;
+  return std::make_unique<GridSimulator>(std::move(spec), by_place);
 }
 
 }  // namespace giga

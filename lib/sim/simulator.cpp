@@ -70,8 +70,14 @@ SimTables::SimTables(const SimSpec& spec, Memory& memory) : params_(spec.params)
   params_.maps = {boxes_.data(), box_features_.data(), start_.data(), pictures_.data(), paths_.data()};
 }
 
+bool finds_by_place(const SimSpec& spec, const SimOptions& options) {
+  const int n = spec.params.n_agents;
+  if (n > kMaxAgents || options.pairs != Pairs::automatic) return n > kMaxAgents || options.pairs == Pairs::by_place;
+  return n >= kByPlaceFrom && spec.params.resolution == 0;
+}
+
 StateShape::StateShape(const SimSpec& spec, const SimOptions& options) : n_agents(spec.params.n_agents) {
-  if (n_agents <= kMaxAgents && !options.grid) return;
+  if (!finds_by_place(spec, options)) return;
   shooters = std::min(options.most_shooters, std::max(spec.params.n_team[0], spec.params.n_team[1]));
   rows = spec.params.n_neighbors;
 }
@@ -118,6 +124,11 @@ void SimState::save(const std::string& prefix, NamedArrays& out) const {
 
 void SimState::load(const std::string& prefix, const NamedArrays& in) {
   std::vector<uint8_t> bytes(bytes_.size());
+  const bool lists =
+      std::any_of(in.begin(), in.end(), [&](const NamedArray& array) { return array.name == prefix + "fire"; });
+  if (lists != shape_.lists())
+    throw InputError(cat("the worlds of the checkpoint have ", lists ? "their pairs by place" : "tables of pairs",
+                         "; go on with train.pairs: ", lists ? "by_place" : "tables"));
   for_each_array(shape_, view_, lists_, [&](const char* name, const auto* to, int64_t per_world) {
     using T = std::remove_cvref_t<decltype(*to)>;
     const NamedArray& array = find_array(in, prefix + name);

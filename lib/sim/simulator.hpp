@@ -26,6 +26,17 @@ enum class CompileStep : uint8_t {
   always,
 };
 
+/// How it is known which pairs of agents matter. The numbers are the same (rules 17).
+enum class Pairs : uint8_t {
+  automatic,  ///< by place from kByPlaceFrom agents on, but where there are images; else tables
+  tables,     ///< tables of all pairs; by place above kMaxAgents, where there are none
+  by_place    ///< in a grid of cells, with lists of a fixed length for each agent
+};
+/// A world of 200 agents, tables or by place, far apart and crowded, in M agent-steps/s: 256 worlds on an H200 146 or
+/// 567 and 73 or 185, one world 0.74 or 7.7 and 0.83 or 6.2; two cores 1.3 or 4.9 and 1.8 or 2.6. Of 100: 205 or 408,
+/// 88 or 159; two cores 2.5 or 3.0, but crowded 2.6 or 1.5.
+constexpr int kByPlaceFrom = 128;
+
 struct SimOptions {
   int n_worlds = 1;
   uint64_t seed = 0;
@@ -36,11 +47,13 @@ struct SimOptions {
   /// OnDone::freeze: episodes that a world plays before it waits, counted in its statistics, so do not read these in
   /// between. More than one needs a scenario with a time limit.
   int episodes = 1;
-  /// Finds pairs by place also where a world has no more than kMaxAgents agents (rules 17): the same numbers.
-  bool grid = false;
-  int most_shooters = kMostShooters;  ///< in such worlds: opponents whose fire at one agent is counted
+  Pairs pairs = Pairs::automatic;
+  int most_shooters = kMostShooters;  ///< by place: opponents whose fire at one agent is counted
   CompileStep compile_step = CompileStep::never;
 };
+
+/// Whether a simulator of these options finds pairs by place.
+bool finds_by_place(const SimSpec& spec, const SimOptions& options);
 
 /// Sums over all episodes that ended since the last reading.
 struct EpisodeStats {
@@ -224,9 +237,10 @@ class Simulator {
 /// take_stats of a back end whose state lies in host memory.
 EpisodeStats take_host_stats(const StateView& state, int64_t n_worlds);
 
-/// Worlds in parallel over threads, with tables of pairs: of at most kMaxAgents agents.
+/// Worlds in parallel over threads, with tables of pairs whatever the options say: of at most kMaxAgents agents.
 std::unique_ptr<Simulator> make_cpu_simulator(SimSpec spec, const SimOptions& options);
-/// Worlds one after the other, the agents of each in parallel over threads, pairs found by place (rules 17).
+/// Pairs found by place (rules 17) whatever the options say: several worlds to a thread, or, where there are fewer,
+/// one world after the other, its agents in parallel.
 std::unique_ptr<Simulator> make_grid_simulator(SimSpec spec, const SimOptions& options);
 
 }  // namespace giga

@@ -36,7 +36,7 @@ inline SimOptions options_of(int variant) {
 }
 
 inline std::unique_ptr<Simulator> grid(const SimSpec& spec, SimOptions options) {
-  options.grid = true;
+  options.pairs = Pairs::by_place;
   return make_grid_simulator(spec, options);
 }
 
@@ -146,7 +146,7 @@ inline void expect_full_lists_tell(
     const std::function<std::unique_ptr<Simulator>(const SimSpec&, const SimOptions&)>& make) {
   const SimSpec spec = two_under_fire();
   SimOptions options;
-  options.grid = true;
+  options.pairs = Pairs::by_place;
   options.most_shooters = kShootersAtTwo;
   SimRunner enough(make(spec, options));
   enough.start();

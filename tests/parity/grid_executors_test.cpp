@@ -25,7 +25,7 @@ class GridExecutors : public ::testing::TestWithParam<std::tuple<Executor, Case>
     if (executor_ == Executor::gpu && cuda_device_count() == 0) GTEST_SKIP() << "skipped: no GPU";
   }
   std::unique_ptr<Simulator> other(const SimSpec& spec, SimOptions options, int variant) const {
-    options.grid = true;
+    options.pairs = Pairs::by_place;
     // A fourth of the variants in launches of many.
     if (executor_ == Executor::gpu && variant % 4 == 3) return make_cuda_grid_simulator(spec, options, 0, nullptr, 1);
     if (executor_ == Executor::gpu) return make_cuda_grid_simulator(spec, options, 0);
@@ -172,7 +172,7 @@ void play_crowd(const Crowd& c, const std::function<std::unique_ptr<Simulator>(c
   EXPECT_EQ(PlainCrowd::fits(GridParams(spec.params, reach, 1)), c.kind == CrowdKind::plain);
   SimOptions options;
   options.n_worlds = c.worlds;
-  options.grid = true;
+  options.pairs = Pairs::by_place;
   options.on_done = c.on_done;
   options.episodes = c.episodes;
   options.seed = c.kind == CrowdKind::obstacles ? kSeedOfWaypoint : 0;
@@ -259,7 +259,7 @@ TEST(GridCrowds, LaunchesByTheirSize) {
   const auto launches = [](int n_team_0, int n_team_1, int worlds, int blocks) {
     SimOptions options;
     options.n_worlds = worlds;
-    options.grid = true;
+    options.pairs = Pairs::by_place;
     return emulated_launches(crowd(n_team_0, n_team_1, 20, 3), options, blocks);
   };
   EXPECT_EQ(launches(40, 30, 1, 9), StepLaunches::one) << "from no number on are they several";
@@ -290,7 +290,7 @@ TEST(GridCrowds, ClustersGiveEachAgentACrewWhereTheyCan) {
 TEST(GridCrowds, KnotsAreThoseOfTheCpu) {
   for (const int blocks : {1, 2, 9, kBlocksInParts, kBlocksToSpare, kBlocksForMore}) {
     const auto emulated = [&](const SimSpec& spec, SimOptions options) {
-      options.grid = true;
+      options.pairs = Pairs::by_place;
       return make_emulated_grid_simulator(spec, options, ThreadOrder::shuffled, blocks);
     };
     const bool crews = blocks == kBlocksToSpare || blocks == kBlocksForMore;
@@ -300,7 +300,7 @@ TEST(GridCrowds, KnotsAreThoseOfTheCpu) {
 TEST(GpuGridCrowds, KnotsAreThoseOfTheCpu) {
   if (cuda_device_count() == 0) GTEST_SKIP() << "skipped: no GPU";
   play_knots(grid, [](const SimSpec& spec, SimOptions options) {
-    options.grid = true;
+    options.pairs = Pairs::by_place;
     return make_cuda_grid_simulator(spec, options, 0);
   });
 }
@@ -353,7 +353,7 @@ TEST(GpuGridCrowds, FewAreThoseOfTheCpu) {
 TEST(GpuGridCrowds, InPartsAreThoseOfTheCpu) {
   if (cuda_device_count() == 0) GTEST_SKIP() << "skipped: no GPU";
   const auto in_parts = [](const SimSpec& spec, SimOptions options) {
-    options.grid = true;
+    options.pairs = Pairs::by_place;
     return make_cuda_grid_simulator(spec, options, 0, nullptr, 1);
   };
   play_knots(grid, in_parts);
@@ -380,7 +380,7 @@ TEST(GpuGridRecorded, StepsAreThoseQueuedOneByOne) {
     const SimSpec spec = crowd(r.crowd.n_team_0, r.crowd.n_team_1, r.crowd.limit, 3);
     SimOptions options;
     options.n_worlds = r.crowd.worlds;
-    options.grid = true;
+    options.pairs = Pairs::by_place;
     options.on_done = r.on_done;
     const auto runner = [&] {
       return SimRunner(make_cuda_grid_simulator(spec, options, 0, work_stream(0), r.in_parts), Outputs::observations);

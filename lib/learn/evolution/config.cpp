@@ -184,7 +184,8 @@ int64_t evolution_least_bytes(const LoadedRun& run) {
   const PopulationConfig& p = run.config.population;
   const int64_t n_worlds = static_cast<int64_t>(populations_at_a_time(run.config)) * p.population_size * p.n_worlds();
   const auto observation = static_cast<int64_t>(sizeof(float)) * observation_rows(run.spec).stride();
-  return static_cast<int64_t>(state_bytes(run.spec, n_worlds)) + n_worlds * run.spec.params.n_agents * observation;
+  return static_cast<int64_t>(state_bytes({run.spec, {.pairs = run.config.train.pairs}}, n_worlds)) +
+         n_worlds * run.spec.params.n_agents * observation;
 }
 
 /// The row of a strategy.

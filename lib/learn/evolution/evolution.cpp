@@ -40,6 +40,7 @@ PopulationGamesOptions games_options(const RunConfig& c, const Ranks* ranks) {
   o.n_threads = c.train.n_threads;
   o.max_steps = c.population.max_steps;
   o.compile_step = c.train.compile_step;
+  o.pairs = c.train.pairs;
   return o;
 }
 

@@ -396,7 +396,8 @@ RolloutBytes rollout_bytes(const LoadedRun& run) {
 /// The state of the worlds, and the observations of the rollout.
 int64_t mappo_least_bytes(const LoadedRun& run) {
   const RolloutBytes kept = rollout_bytes(run);
-  return static_cast<int64_t>(state_bytes(run.spec, run.config.train.n_worlds)) + kept.numbers + kept.image_states;
+  return static_cast<int64_t>(state_bytes({run.spec, {.pairs = run.config.train.pairs}}, run.config.train.n_worlds)) +
+         kept.numbers + kept.image_states;
 }
 
 RedrawnImages mappo_redrawn(const LoadedRun& run) {

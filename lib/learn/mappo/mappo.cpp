@@ -153,6 +153,7 @@ void Mappo::make_teams_and_worlds() {
   options.first_world = ranks_ ? static_cast<int64_t>(ranks_->rank()) * options.n_worlds : 0;
   options.n_threads = config_.train.n_threads;
   options.compile_step = config_.train.compile_step;
+  options.pairs = config_.train.pairs;
   SimSpec spec = run.spec;
   spec.params.has_term_factors = balance_.terms_fade();
   sim_ = make_simulator(spec, options, device_, parallel_for_.stream());

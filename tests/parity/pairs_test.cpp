@@ -1,0 +1,86 @@
+// Which worlds find their pairs by place and which by tables (Pairs), and that this changes no number.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <string>
+
+#include "core/error.hpp"
+#include "cuda/runtime.hpp"
+#include "parity/cases.hpp"
+#include "sim/simulator.hpp"
+#include "support/sim_runner.hpp"
+#include "support/sim_specs.hpp"
+
+namespace giga::test {
+namespace {
+
+bool by_place(const SimSpec& spec, Pairs pairs) { return finds_by_place(spec, {.pairs = pairs}); }
+
+TEST(PairsOfAgents, AreFoundByPlaceWhereThatPays) {
+  using enum Pairs;
+  const SimSpec few = plain_spec(64, 63), many = plain_spec(64, 64), most = plain_spec(513, 512);
+  EXPECT_FALSE(by_place(few, automatic)) << "127 agents";
+  EXPECT_TRUE(by_place(many, automatic)) << "128";
+  EXPECT_TRUE(by_place(few, Pairs::by_place));
+  EXPECT_FALSE(by_place(many, tables));
+  EXPECT_TRUE(by_place(most, tables)) << "1,025 agents have no tables";
+  SimSpec drawn = many;
+  drawn.params.resolution = 84;
+  EXPECT_FALSE(by_place(drawn, automatic)) << "images need tables";
+}
+
+/// 130 agents in five worlds, in the variants of the other tests of parity.
+void play_both(Device device) {
+  for (int variant = 0; variant < 4; ++variant) {
+    SimSpec spec = variant_spec(7000, 70, 60, variant);
+    spec.finish();
+    SimOptions options = variant_options(0xABCDEF, 5, variant);
+    options.n_threads = variant % 2 == 0 ? 2 : 3;  // five worlds are several for each thread, or too few for that
+    options.pairs = Pairs::tables;
+    SimRunner tables(make_simulator(spec, options, Device{}));
+    options.pairs = Pairs::automatic;
+    SimRunner places(make_simulator(spec, options, device));
+    EXPECT_FALSE(tables.sim().state().shape().lists());
+    ASSERT_TRUE(places.sim().state().shape().lists());
+    tables.start();
+    places.start();
+    for (uint64_t k = 0; k < 12; ++k) {
+      tables.step(k);
+      places.step(k);
+      Snapshot expected = tables.snapshot();
+      std::erase_if(expected.fields, [](const auto& f) { return f.name == "detected" || f.name == "seen"; });
+      ASSERT_EQ(difference(expected, places.snapshot()), "") << "variant " << variant << ", step " << k;
+    }
+    EXPECT_EQ(tables.sim().take_stats().rows, places.sim().take_stats().rows);
+  }
+}
+TEST(PairsOfAgents, ChangeNoNumber) { play_both(Device{}); }
+TEST(GpuPairsOfAgents, ChangeNoNumber) {
+  if (cuda_device_count() == 0) GTEST_SKIP() << "skipped: no GPU";
+  play_both({Device::Kind::cuda, 0});
+}
+
+// What a run of an older program has saved has tables: how it goes on is said.
+TEST(PairsOfAgents, ASavedStateSaysWhichItHas) {
+  SimSpec spec = plain_spec(64, 64);
+  const auto state_of = [&](Pairs pairs) { return make_simulator(spec, {.pairs = pairs}, Device{}); };
+  const auto refusal = [&](Pairs saved, Pairs loaded) -> std::string {
+    NamedArrays arrays;
+    state_of(saved)->state().save("simulator/", arrays);
+    try {
+      state_of(loaded)->state().load("simulator/", arrays);
+    } catch (const InputError& error) {
+      return error.what();
+    }
+    return "";
+  };
+  EXPECT_EQ(refusal(Pairs::tables, Pairs::automatic),
+            "the worlds of the checkpoint have tables of pairs; go on with train.pairs: tables");
+  EXPECT_EQ(refusal(Pairs::by_place, Pairs::tables),
+            "the worlds of the checkpoint have their pairs by place; go on with train.pairs: by_place");
+  EXPECT_EQ(refusal(Pairs::by_place, Pairs::automatic), "");
+  EXPECT_EQ(refusal(Pairs::tables, Pairs::tables), "");
+}
+
+}  // namespace
+}  // namespace giga::test
