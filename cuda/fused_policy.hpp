@@ -25,8 +25,11 @@ struct FusedPolicy {
   const float* obs_std = nullptr;
   float obs_limit = 0;
   ActionKind actions = ActionKind::discrete;
-  SampleCategorical discrete{};  // without logits
-  SampleGaussian continuous{};   // without means; log_std is that of the first group
+  SampleCategorical discrete{};    // without logits
+  SampleGaussian continuous{};     // without means; log_std is that of the first group
+  const uint8_t* plays = nullptr;  // [groups] 0: the rows of the group are left as they are; null: all play
+
+  GIGA_HD bool group_plays(int64_t group) const { return !plays || plays[group]; }
 
   /// What the group reads whose parameters begin at `offset`.
   GIGA_HD FusedRows rows(int64_t offset) const {
