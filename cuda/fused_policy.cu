@@ -147,7 +147,7 @@ bool launch_few(std::span<const FusedPolicy> policies, bool behind_step, int mul
       few.policy[n++] = policy;
       tiles = std::max(tiles, (policy.rows_per_group + 15) / 16);
       groups = std::max(groups, policy.groups);
-      if (!policy.plays) all_groups += policy.groups;  // of the others hardly one does
+      if (!policy.plays) all_groups += policy.groups;  // as a rule, none of the others plays
     }
     all_groups = std::max(all_groups, groups);
     const int64_t share = multiprocessors * Block::kBlocks / all_groups;
