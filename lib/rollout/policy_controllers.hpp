@@ -19,8 +19,8 @@ std::unique_ptr<TeamController> policy_controller(const Actor& actor, bool greed
 /// launch.
 std::unique_ptr<TeamController> policies_controller(const Actor& actor0, const Actor& actor1);
 
-/// The policies of groups of worlds in a row, of equally many each. Nobody learns from them, so their log-probabilities
-/// mean nothing. Where they are kept between steps, networks and flags stay where they are (set).
+/// The policies of groups of worlds in a row, of equally many each. Nobody learns from them, so no
+/// log-probabilities are kept. Networks and flags stay where they are: steps may be recorded.
 std::unique_ptr<TeamController> group_controller(const TwoGenerations& policies);
 
 }  // namespace giga

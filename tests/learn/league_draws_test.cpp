@@ -3,7 +3,9 @@
 
 #include <set>
 
+#include "fused_cases.hpp"
 #include "league_games.hpp"
+#include "learn/libtorch_settings.hpp"
 #include "math/earlier_opponent.hpp"
 
 namespace giga::test {
@@ -220,9 +222,39 @@ TEST(LearnLeagueDraws, AGroupWaitsForAllRanks) {
   EXPECT_GT(others.size(), 1u);
 }
 
-// Where all games have 24 steps, a draw after 16 and one after 24 come to the same, to the last bit: the opponents act
-// and remember until the end of the game as if nobody had been drawn, and begin the next one as the new ones.
-TEST(LearnLeagueDraws, ADrawMattersWhereGamesEnd) {
+/// What both teams do in six rollouts of 8 steps, and what they remember after each; `drawn_after` one of them the pool
+/// of a run with games of 24 steps gets another policy, and opponents are drawn.
+std::vector<at::Tensor> played(const SmallRun& small, int drawn_after, Device device) {
+  at::NoGradGuard no_grad;
+  LeagueGames games(small, 1, {}, device);
+  end_update(games, 1);
+  std::vector<at::Tensor> all;
+  for (int k = 1; k <= 6; ++k) {
+    games.collect();
+    if (k == drawn_after) {  // the learners go on as they are
+      std::array<at::Tensor, kNTeams> kept;
+      for (size_t team = 0; team < kNTeams; ++team) {
+        const at::Tensor& values = games.team[team].actor().parameters().values();
+        kept[team] = values.clone();
+        values.mul_(-1);
+      }
+      end_update(games, 2);
+      for (size_t team = 0; team < kNTeams; ++team) games.team[team].actor().parameters().values().copy_(kept[team]);
+    }
+    for (const TeamRollout& r : games.collector.rollout().team) all.push_back(r.action.cpu().clone());
+    NamedArrays memory;
+    games.collector.save("", memory);
+    for (const NamedArray& array : memory) {
+      all.push_back(at::empty(array.shape));
+      from_array(array, all.back());
+    }
+  }
+  return all;
+}
+
+/// A draw after 16 steps and one after 24 come to the same, to the last bit: the opponents act and remember until the
+/// end of the game as if nobody had been drawn, and begin the next one as the new ones.
+void expect_draws_at_ends_of_games(Device device) {
   struct Case {
     const char *mappo, *actor, *scenario;
   };
@@ -238,43 +270,24 @@ TEST(LearnLeagueDraws, ADrawMattersWhereGamesEnd) {
     small.mappo = mappo;
     small.actor = actor;
     small.scenario = cat(games_of(24), scenario);
-    /// Rollouts of 8 steps, with a draw behind one of them.
-    const auto play = [&](int drawn_after) {
-      LeagueGames games(small);
-      end_update(games, 1);
-      std::vector<at::Tensor> steps;
-      for (int k = 1; k <= 6; ++k) {
-        games.collect();
-        if (k == drawn_after) {  // the policy that joins the pool is another one; the learners go on as they are
-          at::NoGradGuard no_grad;
-          std::array<at::Tensor, kNTeams> kept;
-          for (size_t team = 0; team < kNTeams; ++team) {
-            const at::Tensor& values = games.team[team].actor().parameters().values();
-            kept[team] = values.clone();
-            values.mul_(-1);
-          }
-          end_update(games, 2);
-          for (size_t team = 0; team < kNTeams; ++team)
-            games.team[team].actor().parameters().values().copy_(kept[team]);
-        }
-        for (const TeamRollout& r : games.collector.rollout().team) steps.push_back(r.action.clone());
-        NamedArrays memory;
-        games.collector.save("", memory);
-        for (const NamedArray& array : memory) {
-          steps.push_back(at::empty(array.shape));
-          from_array(array, steps.back());
-        }
-      }
-      return steps;
-    };
-    const std::vector<at::Tensor> midway = play(2), at_the_end = play(3), never = play(0);
+    if (device.is_cuda()) small.precision = "tf32";
+    set_up_libtorch(small.load().config.train, device);
+    const std::vector<at::Tensor> midway = played(small, 2, device), at_the_end = played(small, 3, device),
+                                  never = played(small, 0, device);
     ASSERT_EQ(midway.size(), at_the_end.size());
     for (size_t k = 0; k < midway.size(); ++k) EXPECT_TRUE(at::equal(midway[k], at_the_end[k])) << k;
-    EXPECT_TRUE(at::equal(midway[midway.size() / 2 - 1], never[midway.size() / 2 - 1])) << "until the games end";
-    EXPECT_FALSE(at::equal(midway[midway.size() / 2], never[midway.size() / 2]) &&
-                 at::equal(midway[midway.size() / 2 + 1], never[midway.size() / 2 + 1]))
+    const size_t ended = midway.size() / 2;  // after three rollouts
+    EXPECT_TRUE(at::equal(midway[ended - 1], never[ended - 1]));
+    EXPECT_FALSE(at::equal(midway[ended], never[ended]) && at::equal(midway[ended + 1], never[ended + 1]))
         << "somebody else was drawn";
   }
+}
+
+TEST(LearnLeagueDraws, ADrawMattersWhereGamesEnd) { expect_draws_at_ends_of_games(kCpu); }
+// There the plays are recorded from the second one on.
+TEST(LearnLeagueDrawsGpu, ADrawMattersWhereGamesEnd) {
+  if (const std::string why = no_fused_kernels(); !why.empty()) GTEST_SKIP() << why;
+  expect_draws_at_ends_of_games(kOneGpu);
 }
 
 /// Games of the pool's share that go on against earlier opponents.

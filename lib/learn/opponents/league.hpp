@@ -36,7 +36,8 @@ class League {
   /// before their opponents were drawn.
   void count(const Simulator& sim);
   /// Reads them and waits for the device: statistics of the worlds in which both teams learn, and the record of each
-  /// team. A game against a past policy counts if it began after that opponent was drawn.
+  /// team. A game against a past policy counts if it began after that opponent was drawn and ended before the next one
+  /// was.
   void read(EpisodeStats& self_play, std::array<LeagueRecord, kNTeams>& record);
   /// After `read`: if an update with this number calls for it, keeps the policies (pool_promotion) and draws new
   /// opponents, which the next games are against: one that is on goes on against the opponent that it began with. Only
