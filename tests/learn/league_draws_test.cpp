@@ -131,9 +131,9 @@ TEST(LearnLeagueDraws, OnlyThatGroupWaits) {
     of.league.save("", arrays);
     of.league.save_worlds("", arrays);
     const NamedArray& array = find_array(arrays, name);
-    const at::Tensor x = at::empty(array.shape, array.type == ArrayType::f32   ? at::kFloat
-                                                : array.type == ArrayType::i32 ? at::kInt
-                                                                               : at::kByte);
+    at::Tensor x = at::empty(array.shape, array.type == ArrayType::f32   ? at::kFloat
+                                          : array.type == ArrayType::i32 ? at::kInt
+                                                                         : at::kByte);
     from_array(array, x);
     return x;
   };
