@@ -49,7 +49,7 @@ struct TwoGenerations {
   GroupPolicy now, earlier;
   at::Tensor drawn_at;  // [W] int32, the bits of OpponentDraws::drawn_at
   at::Tensor plays;     // [groups] uint8, whether the earlier one plays in a world of the group; never 0 where it does
-  bool any_plays = false;  ///< the same of all groups
+  bool any_plays = false;  ///< the same of all groups, as far as the host knows
 };
 
 }  // namespace giga

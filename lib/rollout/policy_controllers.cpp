@@ -193,8 +193,8 @@ class PolicyController final : public TeamController {
   const bool greedy_;
 };
 
-/// Both generations act in all worlds, with the same draws; the earlier one in a room of its own, from which its
-/// actions are taken where it plays.
+/// Where anybody plays the earlier generation, both act in all worlds, with the same draws; the earlier one in a room
+/// of its own, from which its actions are taken where it plays.
 class GroupController final : public TeamController {
  public:
   explicit GroupController(const TwoGenerations& policies) : now_(policies.now), policies_(policies) {}
@@ -203,23 +203,25 @@ class GroupController final : public TeamController {
   int64_t memory_size() const override { return now_.state_size(); }
   bool repeats() const override { return now_.fused().has_value(); }
   void act(std::span<const TeamStep> parts) override {
-    const std::vector<TeamStep> earlier = earlier_steps(parts);
     const std::optional<FusedPolicy> fused = now_.fused();
+    // What a GPU has recorded serves all rollouts: its kernels find out for themselves whether an earlier one plays.
+    const bool both = policies_.any_plays || (fused && parts[0].parallel_for.device().is_cuda());
+    const std::vector<TeamStep> earlier = both ? earlier_steps(parts) : std::vector<TeamStep>();
     std::vector<FusedPolicy> together;
     for (size_t k = 0; k < parts.size(); ++k) {
       const TeamStep& part = parts[k];
       GIGA_CHECK(part.worlds.count % now_.groups() == 0, part.worlds.count, " worlds for ", now_.groups(), " groups");
       if (!fused) {
-        act(part, earlier[k]);
+        act(part, both ? &earlier[k] : nullptr);
         continue;
       }
       together.push_back(in_step(*fused, now_.inputs(), part, false));
+      if (!both) continue;
       together.push_back(in_step(*policies_.earlier.fused(), now_.inputs(), earlier[k], false));
       together.back().plays = policies_.plays.const_data_ptr<uint8_t>();
     }
     act_fused(together, parts[0].behind_step, parts[0].parallel_for);
-    if (fused)
-      for (size_t k = 0; k < parts.size(); ++k) take_action(parts[k], earlier[k]);
+    for (size_t k = 0; fused && k < earlier.size(); ++k) take_action(parts[k], earlier[k]);
   }
 
  private:
@@ -240,14 +242,14 @@ class GroupController final : public TeamController {
     return steps;
   }
 
-  /// By LibTorch, which the host need not ask for what nobody plays.
-  void act(const TeamStep& s, const TeamStep& earlier) const {
+  /// By LibTorch; `earlier`: null where nobody plays the earlier generation.
+  void act(const TeamStep& s, const TeamStep* earlier) const {
     const PolicyOutput out(now_, s);
     sample(now_, out.head, s);
-    if (!policies_.any_plays) return out.keep(s);
+    if (!earlier) return out.keep(s);
     const PolicyOutput other(policies_.earlier, s);
-    sample(policies_.earlier, other.head, earlier);
-    take_action(s, earlier);
+    sample(policies_.earlier, other.head, *earlier);
+    take_action(s, *earlier);
     out.keep(s);
     if (other.state.rows.defined())
       take(s, other.state.rows.const_data_ptr<float>(), s.buffers.memory, s.n() * s.buffers.memory_size);
