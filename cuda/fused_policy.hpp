@@ -79,7 +79,7 @@ struct PolicyShape {
 /// do (cuda/ppo_gradients.hpp), products, tanh and relu to the last bit, but for wide networks, whose gradients add up
 /// in another order with another tanh; the action is drawn by the formulas of math/distributions.hpp. Throws
 /// where the kernel does not serve a network. `behind_step`: nothing on the stream since the step that wrote the
-/// observations, nor that step, writes parameters; then they may be read before it has ended.
+/// observations, nor that step, writes parameters or `plays`; then they may be read before it has ended.
 void launch_fused_policies(std::span<const FusedPolicy> policies, bool behind_step, int index, void* stream);
 
 }  // namespace giga

@@ -114,8 +114,8 @@ void visit_fields(V& v, OpponentsConfig& c) {
     "past policies of each team (evolution: past means) that the other team may meet; 0 = none", range(0, 10'000));
   v("pool_every_updates", c.pool_every_updates,
     "updates after which the present policy joins the pool; mappo then also draws new opponents, which are met from "
-    "the next games on: one that is on is finished against the opponent that it began with. Worlds that share an "
-    "opponent keep it until a later turn where one of them has not yet finished its game against the one before",
+    "the next games on: one that is on is finished against the opponent that it began with. Where a world is still "
+    "in a game against the opponent before, those that share its opponent keep theirs for this turn",
     at_least(1));
   v("pool_share", c.pool_share,
     "share of the worlds (mappo; each team learns in half of them) or of a member's episodes (evolution) "

@@ -4,6 +4,7 @@
 #include <cstdint>
 
 #include "core/host_device.hpp"
+#include "core/quotient.hpp"
 
 namespace giga {
 
@@ -50,7 +51,7 @@ struct TakeEarlier {
   int64_t per_world;
 
   GIGA_HD void operator()(int64_t row) const {
-    if (draws.is_earlier(row / per_world)) to[row] = from[row];
+    if (draws.is_earlier(quotient(row, per_world))) to[row] = from[row];
   }
 };
 

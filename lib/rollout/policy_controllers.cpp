@@ -207,9 +207,10 @@ class GroupController final : public TeamController {
     // What a GPU has recorded serves all rollouts: its kernels find out for themselves whether an earlier one plays.
     const bool both = policies_.any_plays || (fused && parts[0].parallel_for.device().is_cuda());
     const std::vector<TeamStep> earlier = both ? earlier_steps(parts) : std::vector<TeamStep>();
+    const std::optional<FusedPolicy> fused_earlier = fused && both ? policies_.earlier.fused() : std::nullopt;
     std::vector<FusedPolicy> together;
     for (size_t k = 0; k < parts.size(); ++k) {
-      const TeamStep& part = parts[k];
+      const TeamStep part = without_log_prob(parts[k]);
       GIGA_CHECK(part.worlds.count % now_.groups() == 0, part.worlds.count, " worlds for ", now_.groups(), " groups");
       if (!fused) {
         act(part, both ? &earlier[k] : nullptr);
@@ -217,7 +218,7 @@ class GroupController final : public TeamController {
       }
       together.push_back(in_step(*fused, now_.inputs(), part, false));
       if (!both) continue;
-      together.push_back(in_step(*policies_.earlier.fused(), now_.inputs(), earlier[k], false));
+      together.push_back(in_step(*fused_earlier, now_.inputs(), earlier[k], false));
       together.back().plays = policies_.plays.const_data_ptr<uint8_t>();
     }
     act_fused(together, parts[0].behind_step, parts[0].parallel_for);
@@ -225,6 +226,11 @@ class GroupController final : public TeamController {
   }
 
  private:
+  /// Nobody learns from these actions, and where the earlier generation plays they are of another network.
+  static TeamStep without_log_prob(TeamStep step) {
+    step.buffers.pre_tanh_action = step.buffers.log_prob = nullptr;
+    return step;
+  }
   /// The same steps with actions in the controller's own room.
   std::vector<TeamStep> earlier_steps(std::span<const TeamStep> parts) {
     const int64_t per_row = is_discrete() ? 1 : kActionSize;
@@ -235,8 +241,8 @@ class GroupController final : public TeamController {
     std::vector<TeamStep> steps(parts.begin(), parts.end());
     auto* next = static_cast<char*>(action_.data_ptr());
     for (TeamStep& step : steps) {
+      step = without_log_prob(step);
       step.buffers.action = next;
-      step.buffers.pre_tanh_action = step.buffers.log_prob = nullptr;
       next += step.n_rows() * per_row * static_cast<int64_t>(action_.element_size());
     }
     return steps;

@@ -155,7 +155,7 @@ TEST(LearnLeagueDraws, OnlyThatGroupWaits) {
   const at::Tensor apart = (then - drawn).narrow(0, 0, 6);
   EXPECT_TRUE(at::equal(apart.narrow(0, 0, 4), at::full({4}, 3, at::kInt)));
   EXPECT_EQ(apart[5].item<int>(), 0);
-  // The fifth world's game began after the first draw, and so counts; the last one's does not.
+  // Games that begin at the draw count; that of the last world does not.
   EXPECT_TRUE(at::equal(first_of(games, "counts").narrow(0, 0, 4), at::ones({4}, at::kByte)));
   EXPECT_EQ(first_of(games, "counts")[5].item<int>(), 0);
 }
