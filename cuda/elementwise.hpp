@@ -5,6 +5,7 @@
 #include "math/dense_epilogue.hpp"
 #include "math/dense_rows.hpp"
 #include "math/distributions.hpp"
+#include "math/earlier_opponent.hpp"
 #include "math/es_noise.hpp"
 #include "math/forget_episodes.hpp"
 #include "math/gae.hpp"
@@ -24,6 +25,9 @@
   APPLY(ScriptedActions)              \
   APPLY(BlindActions)                 \
   APPLY(ForgetEpisodes)               \
+  APPLY(NoteEarlierGames)             \
+  APPLY(TakeEarlier<int32_t>)         \
+  APPLY(TakeEarlier<float>)           \
   APPLY(CopyPieces)                   \
   APPLY(DenseRows)                    \
   APPLY(DenseEpilogue)                \

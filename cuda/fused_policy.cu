@@ -40,6 +40,7 @@ __global__ void __launch_bounds__(PolicyMemory<kIn, kHidden>::kThreads, PolicyMe
   const FusedMlp& net = k.net;
   const int input = net.width[0], hidden1 = net.width[1], hidden2 = net.width[2], output = net.width[3];
   const int64_t group = blockIdx.y, offset = group * k.group_stride;
+  if (!k.group_plays(group)) return;
   const float* parameters = k.parameters + offset;
   load_matrix<kHidden, Memory::kInStride, kThreads>(parameters + net.weight[0], hidden1, input, m.weight1);
   load_matrix<kHidden, kHiddenStride, kThreads>(parameters + net.weight[1], hidden2, hidden1, m.weight2);
@@ -146,8 +147,9 @@ bool launch_few(std::span<const FusedPolicy> policies, bool behind_step, int mul
       few.policy[n++] = policy;
       tiles = std::max(tiles, (policy.rows_per_group + 15) / 16);
       groups = std::max(groups, policy.groups);
-      all_groups += policy.groups;
+      if (!policy.plays) all_groups += policy.groups;  // as a rule, none of the others plays
     }
+    all_groups = std::max(all_groups, groups);
     const int64_t share = multiprocessors * Block::kBlocks / all_groups;
     if (tiles > share * Block::kMostTiles || tiles == 0) return tiles == 0;
     const dim3 blocks(static_cast<unsigned>(std::min(tiles, share)), static_cast<unsigned>(groups),

@@ -25,8 +25,11 @@ struct FusedPolicy {
   const float* obs_std = nullptr;
   float obs_limit = 0;
   ActionKind actions = ActionKind::discrete;
-  SampleCategorical discrete{};  // without logits
-  SampleGaussian continuous{};   // without means; log_std is that of the first group
+  SampleCategorical discrete{};    // without logits
+  SampleGaussian continuous{};     // without means; log_std is that of the first group
+  const uint8_t* plays = nullptr;  // [groups] 0: the rows of the group are left as they are; null: all play
+
+  GIGA_HD bool group_plays(int64_t group) const { return !plays || plays[group]; }
 
   /// What the group reads whose parameters begin at `offset`.
   GIGA_HD FusedRows rows(int64_t offset) const {
@@ -76,7 +79,7 @@ struct PolicyShape {
 /// do (cuda/ppo_gradients.hpp), products, tanh and relu to the last bit, but for wide networks, whose gradients add up
 /// in another order with another tanh; the action is drawn by the formulas of math/distributions.hpp. Throws
 /// where the kernel does not serve a network. `behind_step`: nothing on the stream since the step that wrote the
-/// observations, nor that step, writes parameters; then they may be read before it has ended.
+/// observations, nor that step, writes parameters or `plays`; then they may be read before it has ended.
 void launch_fused_policies(std::span<const FusedPolicy> policies, bool behind_step, int index, void* stream);
 
 }  // namespace giga

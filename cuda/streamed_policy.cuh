@@ -125,6 +125,7 @@ __global__ void __launch_bounds__(StreamedBlock::kThreads, 1)
   const FusedMlp& net = k.net;
   const int input = net.width[0], hidden1 = net.width[1], hidden2 = net.width[2], output = net.width[3];
   const int64_t group = blockIdx.y, offset = group * k.group_stride, first_row = group * k.rows_per_group;
+  if (!k.group_plays(group)) return;
   const int64_t step = static_cast<int64_t>(gridDim.x) * Block::kWarps * kRows;
   int64_t at = (static_cast<int64_t>(blockIdx.x) * Block::kWarps + warp) * kRows;
 

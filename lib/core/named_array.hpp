@@ -25,9 +25,15 @@ struct NamedArray {
 
 using NamedArrays = std::vector<NamedArray>;
 
-inline const NamedArray& find_array(const NamedArrays& arrays, const std::string& name) {
+/// Null where there is none.
+inline const NamedArray* look_for_array(const NamedArrays& arrays, const std::string& name) {
   for (const NamedArray& a : arrays)
-    if (a.name == name) return a;
+    if (a.name == name) return &a;
+  return nullptr;
+}
+
+inline const NamedArray& find_array(const NamedArrays& arrays, const std::string& name) {
+  if (const NamedArray* array = look_for_array(arrays, name)) return *array;
   throw InputError(cat("the checkpoint has no array '", name, "'"));
 }
 

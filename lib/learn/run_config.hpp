@@ -120,7 +120,10 @@ void visit_fields(V& v, OpponentsConfig& c) {
   v("pool_size", c.pool_size,
     "past policies of each team (evolution: past means) that the other team may meet; 0 = none", range(0, 10'000));
   v("pool_every_updates", c.pool_every_updates,
-    "updates after which the present policy joins the pool; mappo then also draws new opponents", at_least(1));
+    "updates after which the present policy joins the pool; mappo then also draws new opponents, which are met from "
+    "the next games on: one that is on is finished against the opponent that it began with. Where a world is still "
+    "in a game against the opponent before, those that share its opponent keep theirs for this turn",
+    at_least(1));
   v("pool_share", c.pool_share,
     "share of the worlds (mappo; each team learns in half of them) or of a member's episodes (evolution) "
     "against the pool; while the pool is empty, against the other team as it is",

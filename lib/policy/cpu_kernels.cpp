@@ -74,6 +74,7 @@ void run_fused_policy(const FusedPolicy& policy, const ThreadPool& pool) {
     Block block;
     for (int64_t b = first_block; b < end_block; ++b) {
       const int64_t group = b / blocks, begin = b % blocks * kBlockRows;
+      if (!policy.group_plays(group)) continue;
       const int64_t offset = group * policy.group_stride, first = group * policy.rows_per_group + begin;
       block.rows = static_cast<int>(std::min<int64_t>(kBlockRows, policy.rows_per_group - begin));
       for (int r = 0; r < block.rows; ++r) block.source[static_cast<size_t>(r)] = first + r;

@@ -43,4 +43,13 @@ class GroupPolicy {
   at::Tensor rows_;
 };
 
+/// The networks that groups of worlds were given at the latest draw, and those before: a game that is on at a draw is
+/// played to its end by the one that it began with (math/earlier_opponent.hpp).
+struct TwoGenerations {
+  GroupPolicy now, earlier;
+  at::Tensor drawn_at;  // [W] int32, the bits of OpponentDraws::drawn_at
+  at::Tensor plays;     // [groups] uint8, whether the earlier one plays in a world of the group; never 0 where it does
+  bool any_plays = false;  ///< the same of all groups, as far as the host knows
+};
+
 }  // namespace giga

@@ -8,6 +8,7 @@
 #include "core/error.hpp"
 #include "cuda/population_policy.hpp"
 #include "math/distributions.hpp"
+#include "math/earlier_opponent.hpp"
 #include "math/population_actions.hpp"
 #include "policy/actor.hpp"
 #include "policy/fused_actor.hpp"
@@ -94,17 +95,26 @@ at::Tensor obs_of(const AnyPolicy& policy, const TeamStep& step) {
   return wrap(step.buffers.obs, {step.n_rows(), step.obs_stride()}, step.sim.device());
 }
 
-/// The output of a policy for the rows of a step; what it remembers goes on.
-template <class AnyPolicy>
-at::Tensor remembering(const AnyPolicy& policy, const TeamStep& s) {
-  NetworkState state;
-  if (policy.state_size() == 0) return policy.forward(obs_of(policy, s), state);
-  const at::Tensor memory = wrap(s.buffers.memory, {s.n_rows(), s.buffers.memory_size}, s.sim.device());
-  state.rows = memory;
-  const at::Tensor head = policy.forward(obs_of(policy, s), state);
-  memory.copy_(state.rows);
-  return head;
+/// What the agents of a step remember.
+at::Tensor memory_of(const TeamStep& s) {
+  return wrap(s.buffers.memory, {s.n_rows(), s.buffers.memory_size}, s.sim.device());
 }
+
+/// The output of a policy for the rows of a step, and what they remember after it.
+struct PolicyOutput {
+  at::Tensor head;
+  NetworkState state;
+
+  template <class AnyPolicy>
+  PolicyOutput(const AnyPolicy& policy, const TeamStep& s) {
+    if (policy.state_size() > 0) state.rows = memory_of(s);
+    head = policy.forward(obs_of(policy, s), state);
+  }
+  /// It is what they remember from here on.
+  void keep(const TeamStep& s) const {
+    if (state.rows.defined()) memory_of(s).copy_(state.rows);
+  }
+};
 
 class PolicyController final : public TeamController {
  public:
@@ -163,7 +173,9 @@ class PolicyController final : public TeamController {
 
   void act(const Policy& policy, const TeamStep& s) const {
     const TeamBuffers& b = s.buffers;
-    const at::Tensor head = remembering(policy, s);
+    const PolicyOutput out(policy, s);
+    out.keep(s);
+    const at::Tensor& head = out.head;
     if (s.sim.params().actions == ActionKind::discrete) {
       s.parallel_for.run(SampleCategorical{head.const_data_ptr<float>(), s.draws(), static_cast<int32_t*>(b.action),
                                            b.log_prob, greedy_},
@@ -181,43 +193,110 @@ class PolicyController final : public TeamController {
   const bool greedy_;
 };
 
+/// Where anybody plays the earlier generation, both act in all worlds, with the same draws; the earlier one in a room
+/// of its own, from which its actions are taken where it plays.
 class GroupController final : public TeamController {
  public:
-  explicit GroupController(const GroupPolicy& policy) : policy_(policy) {}
+  explicit GroupController(const TwoGenerations& policies) : now_(policies.now), policies_(policies) {}
 
-  ObservationSet reads() const override { return policy_.reads(); }
-  int64_t memory_size() const override { return policy_.state_size(); }
-  bool repeats() const override { return policy_.fused().has_value(); }
+  ObservationSet reads() const override { return now_.reads(); }
+  int64_t memory_size() const override { return now_.state_size(); }
+  bool repeats() const override { return now_.fused().has_value(); }
   void act(std::span<const TeamStep> parts) override {
-    const std::optional<FusedPolicy> fused = policy_.fused();
+    const std::optional<FusedPolicy> fused = now_.fused();
+    // What a GPU has recorded serves all rollouts: its kernels find out for themselves whether an earlier one plays.
+    const bool both = policies_.any_plays || (fused && parts[0].parallel_for.device().is_cuda());
+    const std::vector<TeamStep> earlier = both ? earlier_steps(parts) : std::vector<TeamStep>();
+    const std::optional<FusedPolicy> fused_earlier = fused && both ? policies_.earlier.fused() : std::nullopt;
     std::vector<FusedPolicy> together;
-    for (const TeamStep& part : parts) {
-      GIGA_CHECK(part.worlds.count % policy_.groups() == 0, part.worlds.count, " worlds for ", policy_.groups(),
-                 " groups");
-      if (fused)
-        together.push_back(in_step(*fused, policy_.inputs(), part, false));
-      else
-        act(part);
+    for (size_t k = 0; k < parts.size(); ++k) {
+      const TeamStep part = without_log_prob(parts[k]);
+      GIGA_CHECK(part.worlds.count % now_.groups() == 0, part.worlds.count, " worlds for ", now_.groups(), " groups");
+      if (!fused) {
+        act(part, both ? &earlier[k] : nullptr);
+        continue;
+      }
+      together.push_back(in_step(*fused, now_.inputs(), part, false));
+      if (!both) continue;
+      together.push_back(in_step(*fused_earlier, now_.inputs(), earlier[k], false));
+      together.back().plays = policies_.plays.const_data_ptr<uint8_t>();
     }
     act_fused(together, parts[0].behind_step, parts[0].parallel_for);
+    for (size_t k = 0; fused && k < earlier.size(); ++k) take_action(parts[k], earlier[k]);
   }
 
  private:
-  void act(const TeamStep& s) const {
-    const at::Tensor head = remembering(policy_, s);
-    const bool continuous = policy_.actions() == ActionKind::continuous;
-    s.parallel_for.run(PopulationActions{{policy_.actions(), false, s.draws(), s.buffers.action},
+  /// Nobody learns from these actions, and where the earlier generation plays they are of another network.
+  static TeamStep without_log_prob(TeamStep step) {
+    step.buffers.pre_tanh_action = step.buffers.log_prob = nullptr;
+    return step;
+  }
+  /// The same steps with actions in the controller's own room.
+  std::vector<TeamStep> earlier_steps(std::span<const TeamStep> parts) {
+    const int64_t per_row = is_discrete() ? 1 : kActionSize;
+    int64_t size = 0;
+    for (const TeamStep& part : parts) size += part.n_rows() * per_row;
+    if (!action_.defined() || action_.size(0) < size)
+      action_ = at::empty({size}, now_.rows().options().dtype(is_discrete() ? at::kInt : at::kFloat));
+    std::vector<TeamStep> steps(parts.begin(), parts.end());
+    auto* next = static_cast<char*>(action_.data_ptr());
+    for (TeamStep& step : steps) {
+      step = without_log_prob(step);
+      step.buffers.action = next;
+      next += step.n_rows() * per_row * static_cast<int64_t>(action_.element_size());
+    }
+    return steps;
+  }
+
+  /// By LibTorch; `earlier`: null where nobody plays the earlier generation.
+  void act(const TeamStep& s, const TeamStep* earlier) const {
+    const PolicyOutput out(now_, s);
+    sample(now_, out.head, s);
+    if (!earlier) return out.keep(s);
+    const PolicyOutput other(policies_.earlier, s);
+    sample(policies_.earlier, other.head, *earlier);
+    take_action(s, *earlier);
+    out.keep(s);
+    if (other.state.rows.defined())
+      take(s, other.state.rows.const_data_ptr<float>(), s.buffers.memory, s.n() * s.buffers.memory_size);
+  }
+
+  void sample(const GroupPolicy& policy, const at::Tensor& head, const TeamStep& s) const {
+    s.parallel_for.run(PopulationActions{{policy.actions(), false, s.draws(), s.buffers.action},
                                          head.const_data_ptr<float>(),
-                                         static_cast<int>(policy_.head_size()),
-                                         policy_.rows().const_data_ptr<float>(),
-                                         policy_.rows().size(1),
-                                         continuous ? policy_.log_std_offset() : 0,
+                                         static_cast<int>(policy.head_size()),
+                                         policy.rows().const_data_ptr<float>(),
+                                         policy.rows().size(1),
+                                         is_discrete() ? 0 : policy.log_std_offset(),
                                          nullptr,
-                                         s.worlds.count / policy_.groups()},
+                                         s.worlds.count / policy.groups()},
                        s.n_rows());
   }
 
-  const GroupPolicy& policy_;
+  void take_action(const TeamStep& s, const TeamStep& earlier) const {
+    if (is_discrete())
+      take(s, static_cast<const int32_t*>(earlier.buffers.action), static_cast<int32_t*>(s.buffers.action), s.n());
+    else
+      take(s, static_cast<const float*>(earlier.buffers.action), static_cast<float*>(s.buffers.action),
+           s.n() * kActionSize);
+  }
+
+  /// Numbers of the worlds of a step in which the earlier generation plays.
+  template <class T>
+  void take(const TeamStep& s, const T* from, T* to, int64_t per_world) const {
+    const StateView state = s.sim.state().view();
+    const auto* drawn_at = reinterpret_cast<const uint32_t*>(policies_.drawn_at.const_data_ptr<int32_t>());
+    const int64_t first = s.worlds.first;
+    s.parallel_for.run(
+        TakeEarlier<T>{{state.episode_length + first, state.draw_step + first, drawn_at + first}, from, to, per_world},
+        s.worlds.count * per_world);
+  }
+
+  bool is_discrete() const { return now_.actions() == ActionKind::discrete; }
+
+  const GroupPolicy& now_;
+  const TwoGenerations& policies_;
+  at::Tensor action_;  // of all parts, one behind the other; stays where it is
 };
 
 }  // namespace
@@ -234,8 +313,8 @@ std::unique_ptr<TeamController> policies_controller(const Actor& actor0, const A
   return std::make_unique<PolicyController>(actor0, actor1, false);
 }
 
-std::unique_ptr<TeamController> group_controller(const GroupPolicy& policy) {
-  return std::make_unique<GroupController>(policy);
+std::unique_ptr<TeamController> group_controller(const TwoGenerations& policies) {
+  return std::make_unique<GroupController>(policies);
 }
 
 }  // namespace giga

@@ -8,8 +8,8 @@
 namespace giga {
 
 class Actor;
-class GroupPolicy;
 class Policy;
+struct TwoGenerations;
 
 /// The policy must outlive the controller. `greedy`: it takes its most likely action instead of a drawn one.
 std::unique_ptr<TeamController> policy_controller(const Policy& policy, bool greedy = false);
@@ -19,7 +19,8 @@ std::unique_ptr<TeamController> policy_controller(const Actor& actor, bool greed
 /// launch.
 std::unique_ptr<TeamController> policies_controller(const Actor& actor0, const Actor& actor1);
 
-/// The policies of groups of worlds in a row, of equally many each. Nobody learns from them.
-std::unique_ptr<TeamController> group_controller(const GroupPolicy& policy);
+/// The policies of groups of worlds in a row, of equally many each. Nobody learns from them, so no
+/// log-probabilities are kept. Networks and flags stay where they are: steps may be recorded.
+std::unique_ptr<TeamController> group_controller(const TwoGenerations& policies);
 
 }  // namespace giga

@@ -157,7 +157,8 @@ TEST_P(FusedPolicyAsPtx, DrawsTheSameActions) {
 }
 
 // Three groups of as many rows, with networks, moments of observations and deviations of their own, an odd number of
-// numbers apart; the most likely action where actions are discrete. On a CPU they act as each would alone.
+// numbers apart; the most likely action where actions are discrete. On a CPU they act as each would alone. Where the
+// second does not play, the others act as before.
 TEST_P(FusedPolicyAsPtx, GroupsActByTheirOwnNetworks) {
   const Setting s(GetParam());
   const KernelCase& c = s.c;
@@ -176,7 +177,8 @@ TEST_P(FusedPolicyAsPtx, GroupsActByTheirOwnNetworks) {
   }
   const std::vector<uint32_t> draw_step(static_cast<size_t>(kGroups * worlds), 3);
   const RowDraws draws{draw_step.data(), 5, 0, c.n, 0};
-  const auto policy_for = [&](Acts& acts) {
+  constexpr uint8_t kPlays[kGroups] = {1, 0, 1};
+  const auto policy_for = [&](Acts& acts, const uint8_t* plays = nullptr) {
     return FusedPolicy{.net = s.actor,
                        .groups = kGroups,
                        .rows_per_group = rows,
@@ -190,14 +192,31 @@ TEST_P(FusedPolicyAsPtx, GroupsActByTheirOwnNetworks) {
                        .actions = c.continuous ? ActionKind::continuous : ActionKind::discrete,
                        .discrete = {nullptr, draws, acts.action.data(), acts.log_prob.data(), true},
                        .continuous = {nullptr, values.data() + s.actor.log_std, draws, acts.pre_tanh.data(),
-                                      acts.squashed.data(), acts.log_prob.data()}};
+                                      acts.squashed.data(), acts.log_prob.data()},
+                       .plays = plays};
   };
   const auto expect_same = [&](const Acts& a, const Acts& b, const char* what) {
     EXPECT_EQ(a.log_prob, b.log_prob) << what;
     EXPECT_TRUE(c.continuous ? a.pre_tanh == b.pre_tanh && a.squashed == b.squashed : a.action == b.action) << what;
   };
+  const auto expect_two = [&](Acts two, const Acts& all, const char* what) {
+    for (auto row = static_cast<size_t>(rows); row < static_cast<size_t>(2 * rows); ++row) {
+      EXPECT_EQ(two.action[row], -1) << what;
+      EXPECT_TRUE(std::isnan(two.log_prob[row]) && std::isnan(two.squashed[row * kActionSize])) << what;
+      two.action[row] = all.action[row];
+      two.log_prob[row] = all.log_prob[row];
+      for (size_t k = row * kActionSize; k < (row + 1) * kActionSize; ++k) {
+        two.pre_tanh[k] = all.pre_tanh[k];
+        two.squashed[k] = all.squashed[k];
+      }
+    }
+    expect_same(two, all, what);
+  };
   Acts expected(kGroups * rows), alone(kGroups * rows), found(kGroups * rows), few(kGroups * rows);
+  Acts two(kGroups * rows);
   run_fused_policy(policy_for(expected), ThreadPool(1));
+  run_fused_policy(policy_for(two, kPlays), ThreadPool(1));
+  expect_two(two, expected, "on a CPU");
   for (int group = 0; group < kGroups; ++group) {
     FusedPolicy one = policy_for(alone);
     one.groups = 1;
@@ -225,18 +244,34 @@ TEST_P(FusedPolicyAsPtx, GroupsActByTheirOwnNetworks) {
   const PtxModule& kernels = ptx_module("fused_policy");
   kernels.launch({"policy_kernel" + shape}, {c.blocks, kGroups}, kPolicyThreads, kSharedBytes, policy_for(found),
                  ThreadOrder::shuffled);
+  two = Acts(kGroups * rows);
+  kernels.launch({"policy_kernel" + shape}, {c.blocks, kGroups}, kPolicyThreads, kSharedBytes, policy_for(two, kPlays),
+                 ThreadOrder::shuffled);
+  expect_two(two, found, "policy_kernel");
   if (const StreamedKernel streamed(s, kGroups * rows); !streamed.name.empty()) {
     Acts many(kGroups * rows);
-    kernels.launch({streamed.name}, {c.blocks, kGroups}, StreamedKernel::kThreads, kSharedBytes,
-                   streamed.with_rows(policy_for(many)), ThreadOrder::shuffled);
+    const auto launch = [&](const FusedPolicy& policy) {
+      kernels.launch({streamed.name}, {c.blocks, kGroups}, StreamedKernel::kThreads, kSharedBytes,
+                     streamed.with_rows(policy), ThreadOrder::shuffled);
+    };
+    launch(policy_for(many));
     expect_same(many, found, "streamed");
+    two = Acts(kGroups * rows);
+    launch(policy_for(two, kPlays));
+    expect_two(two, found, "streamed");
   }
   if (!s.actor.is_wide())
     for (const FewRowsKernel& kernel : few_rows_kernels(made_for)) {
       few = Acts(kGroups * rows);
-      kernels.launch({"few_rows_kernel" + shape, kernel.way}, {c.blocks, kGroups}, kernel.threads(made_for),
-                     kSharedBytes, FusedPolicies{{policy_for(few)}}, ThreadOrder::shuffled);
+      const auto launch = [&](const FusedPolicy& policy) {
+        kernels.launch({"few_rows_kernel" + shape, kernel.way}, {c.blocks, kGroups}, kernel.threads(made_for),
+                       kSharedBytes, FusedPolicies{{policy}}, ThreadOrder::shuffled);
+      };
+      launch(policy_for(few));
       expect_same(few, found, kernel.way);
+      two = Acts(kGroups * rows);
+      launch(policy_for(two, kPlays));
+      expect_two(two, found, kernel.way);
     }
   int64_t others = 0;
   for (size_t row = 0; row < found.log_prob.size(); ++row)

@@ -8,13 +8,6 @@
 namespace giga::test {
 namespace {
 
-/// Writes episodes, wins of team 0, wins of team 1 and ties of a world.
-void set_stats(const Simulator& sim, int64_t world, std::array<float, 4> counts) {
-  float* stats = sim.state().view().stats + world * kNStatRows;
-  const EpisodeStat stat[] = {EpisodeStat::episodes, EpisodeStat::wins_0, EpisodeStat::wins_1, EpisodeStat::ties};
-  for (size_t k = 0; k < 4; ++k) stats[static_cast<int>(stat[k])] = counts[k];
-}
-
 TEST(LearnLeague, GamesAgainstPastPoliciesCountFromTheirDrawOn) {
   LeagueGames games(with_opponents("pool_size: 2, pool_every_updates: 2, pool_share: 0.4, scripted_share: 0.2"));
   // Worlds: 0 and 1 scripts, 2 to 5 the pool of team 1; 18 to 21 the pool of team 0, 22 and 23 scripts.

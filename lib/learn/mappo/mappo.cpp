@@ -239,8 +239,7 @@ Metrics Mappo::update() {
 
   ++updates_;
   Metrics figures = metrics(factor);
-  if (league_ && league_->end(updates_, *sim_))
-    for (int team = 0; team < kNTeams; ++team) collector_->forget(team, league_->pool_worlds(team));
+  if (league_) league_->end(updates_, *sim_);
   return figures;
 }
 
@@ -434,10 +433,10 @@ void Mappo::load_worlds(const NamedArrays& in) {
   collector_->load("collector/", in);
   for (int team = 0; team < kNTeams; ++team)
     if (team_[team]) team_[team]->load_memory(cat("team_", team, "/"), in);
-  if (league_) league_->load_worlds("league/", in);
+  if (league_) league_->load_worlds("league/", in, *sim_);
   if (!run_.opponents_move) return;
   // A game that is on goes on by others, who know nothing of it.
-  if (league_) league_->forget_games();
+  if (league_) league_->forget_games(*sim_);
   for (int team = 0; team < kNTeams; ++team) {
     collector_->forget(team, {{0, sim_->n_worlds()}, sim_->n_worlds()});
     team_[team]->forget();
@@ -450,7 +449,7 @@ void Mappo::load(const NamedArrays& in) {
     NamedArrays own;
     for (const NamedArray& array : in)
       if (array.name.starts_with("simulator/") || array.name.starts_with("collector/") ||
-          array.name.ends_with("/critic_memory") || array.name == "league/counts")
+          array.name.ends_with("/critic_memory") || array.name == "league/counts" || array.name == "league/drawn_at")
         own.push_back(own_rows(*ranks_, array));
     load_worlds(own);
   } else {
@@ -458,8 +457,10 @@ void Mappo::load(const NamedArrays& in) {
   }
   for (int team = 0; team < kNTeams; ++team)
     if (team_[team]) team_[team]->load(cat("team_", team, "/"), in);
-  if (league_ && league_->load("league/", in))
+  if (league_ && league_->load("league/", in)) {
+    league_->forget_games(*sim_);
     for (int team = 0; team < kNTeams; ++team) collector_->forget(team, league_->pool_worlds(team));
+  }
   if (frozen_ && array_values<int64_t>(find_array(in, "opponent/crc32c")).at(0) != frozen_crc_)
     throw InputError(
         cat("train.opponent: ", config_.train.opponent.name,

@@ -29,13 +29,14 @@ void OpponentPool::set_present(const at::Tensor& present) {
   networks_[0].copy_(present);
 }
 
-void OpponentPool::keep() {
-  if (capacity_ == 0) return;
+int64_t OpponentPool::keep() {
+  if (capacity_ == 0) return 0;
   at::NoGradGuard no_grad;
   const int64_t place = place_of(kept_++);
   networks_[1 + place].copy_(networks_[0]);
   fade();
   games_[static_cast<size_t>(place)] = wins_[static_cast<size_t>(place)] = 0;
+  return 1 + place;
 }
 
 void OpponentPool::fade() {
@@ -89,9 +90,8 @@ OpponentPool::Loaded OpponentPool::load(const std::string& prefix, const NamedAr
   from_array(find_array(in, prefix + "networks"), networks_.narrow(0, 1, capacity_));
   kept_ = array_values<int64_t>(find_array(in, prefix + "kept")).at(0);
   if (kept_ < 0) throw InputError(cat("array '", prefix, "kept' holds ", kept_));
-  const auto saved =
-      std::find_if(in.begin(), in.end(), [&](const NamedArray& a) { return a.name == prefix + "guests"; });
-  const int64_t n_saved = saved != in.end() && !saved->shape.empty() ? saved->shape[0] : 0;
+  const NamedArray* const saved = look_for_array(in, prefix + "guests");
+  const int64_t n_saved = saved && !saved->shape.empty() ? saved->shape[0] : 0;
   const int64_t last_row = capacity_ + n_saved;
   const at::Tensor before = at::empty({n_saved, networks_.size(1)}, networks_.options());
   if (n_saved > 0) from_array(*saved, before);

@@ -23,8 +23,8 @@ class OpponentPool {
   /// Takes the team's present policy [P] into row 0.
   void set_present(const at::Tensor& present);
   /// Keeps the policy of row 0 as a past one, in the place of the oldest where the pool is full. Results so far count
-  /// half as much from now on.
-  void keep();
+  /// half as much from now on. The row that it has now; 0 where the pool keeps none.
+  int64_t keep();
   /// Results count half as much from now on; `keep` does so too.
   void fade();
   int64_t n_past() const { return std::min(kept_, capacity_); }
