@@ -231,6 +231,7 @@ class GroupController final : public TeamController {
     step.buffers.pre_tanh_action = step.buffers.log_prob = nullptr;
     return step;
   }
+
   /// The same steps with actions in the controller's own room.
   std::vector<TeamStep> earlier_steps(std::span<const TeamStep> parts) {
     const int64_t per_row = is_discrete() ? 1 : kActionSize;
@@ -238,10 +239,10 @@ class GroupController final : public TeamController {
     for (const TeamStep& part : parts) size += part.n_rows() * per_row;
     if (!action_.defined() || action_.size(0) < size)
       action_ = at::empty({size}, now_.rows().options().dtype(is_discrete() ? at::kInt : at::kFloat));
-    std::vector<TeamStep> steps(parts.begin(), parts.end());
+    std::vector<TeamStep> steps;
     auto* next = static_cast<char*>(action_.data_ptr());
-    for (TeamStep& step : steps) {
-      step = without_log_prob(step);
+    for (const TeamStep& part : parts) {
+      TeamStep& step = steps.emplace_back(without_log_prob(part));
       step.buffers.action = next;
       next += step.n_rows() * per_row * static_cast<int64_t>(action_.element_size());
     }

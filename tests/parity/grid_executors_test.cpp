@@ -315,7 +315,7 @@ TEST(GpuGridCrowds, AreThoseOfTheCpu) {
   };
   if (parity_is_small()) {
     for (const Crowd& c : {Crowd{150, 150, 20, 3, 0, 4}, Crowd{1100, 903, 40, 1, 0, 2}, Crowd{2600, 2601, 300, 1, 0, 1},
-                           Crowd{10, 10, 12, 300, 0, 2}})
+                           Crowd{10, 10, 12, 300, 0, 2}, Crowd{4000, 4001, 130, 1, 0, 1}})
       play(c);
     return;
   }

@@ -14,19 +14,18 @@
 namespace giga::test {
 namespace {
 
-bool by_place(const SimSpec& spec, Pairs pairs) { return finds_by_place(spec, {.pairs = pairs}); }
+bool places(const SimSpec& spec, Pairs pairs) { return finds_by_place(spec, {.pairs = pairs}); }
 
 TEST(PairsOfAgents, AreFoundByPlaceWhereThatPays) {
-  using enum Pairs;
   const SimSpec few = plain_spec(64, 63), many = plain_spec(64, 64), most = plain_spec(513, 512);
-  EXPECT_FALSE(by_place(few, automatic)) << "127 agents";
-  EXPECT_TRUE(by_place(many, automatic)) << "128";
-  EXPECT_TRUE(by_place(few, Pairs::by_place));
-  EXPECT_FALSE(by_place(many, tables));
-  EXPECT_TRUE(by_place(most, tables)) << "1,025 agents have no tables";
+  EXPECT_FALSE(places(few, Pairs::automatic)) << "127 agents";
+  EXPECT_TRUE(places(many, Pairs::automatic)) << "128";
+  EXPECT_TRUE(places(few, Pairs::by_place));
+  EXPECT_FALSE(places(many, Pairs::tables));
+  EXPECT_TRUE(places(most, Pairs::tables)) << "1,025 agents have no tables";
   SimSpec drawn = many;
   drawn.params.resolution = 84;
-  EXPECT_FALSE(by_place(drawn, automatic)) << "images need tables";
+  EXPECT_FALSE(places(drawn, Pairs::automatic)) << "images need tables";
 }
 
 /// 130 agents in five worlds, in the variants of the other tests of parity.
@@ -39,19 +38,19 @@ void play_both(Device device) {
     options.pairs = Pairs::tables;
     SimRunner tables(make_simulator(spec, options, Device{}));
     options.pairs = Pairs::automatic;
-    SimRunner places(make_simulator(spec, options, device));
+    SimRunner by_place(make_simulator(spec, options, device));
     EXPECT_FALSE(tables.sim().state().shape().lists());
-    ASSERT_TRUE(places.sim().state().shape().lists());
+    ASSERT_TRUE(by_place.sim().state().shape().lists());
     tables.start();
-    places.start();
+    by_place.start();
     for (uint64_t k = 0; k < 12; ++k) {
       tables.step(k);
-      places.step(k);
+      by_place.step(k);
       Snapshot expected = tables.snapshot();
       std::erase_if(expected.fields, [](const auto& f) { return f.name == "detected" || f.name == "seen"; });
-      ASSERT_EQ(difference(expected, places.snapshot()), "") << "variant " << variant << ", step " << k;
+      ASSERT_EQ(difference(expected, by_place.snapshot()), "") << "variant " << variant << ", step " << k;
     }
-    EXPECT_EQ(tables.sim().take_stats().rows, places.sim().take_stats().rows);
+    EXPECT_EQ(tables.sim().take_stats().rows, by_place.sim().take_stats().rows);
   }
 }
 TEST(PairsOfAgents, ChangeNoNumber) { play_both(Device{}); }
