@@ -14,10 +14,15 @@
 namespace giga::test {
 namespace {
 
+SimSpec agents(int n_team_0, int n_team_1) {
+  SimSpec spec = plain_spec(n_team_0, n_team_1);
+  spec.finish();
+  return spec;
+}
 bool places(const SimSpec& spec, Pairs pairs) { return finds_by_place(spec, {.pairs = pairs}); }
 
 TEST(PairsOfAgents, AreFoundByPlaceWhereThatPays) {
-  const SimSpec few = plain_spec(64, 63), many = plain_spec(64, 64), most = plain_spec(513, 512);
+  const SimSpec few = agents(64, 63), many = agents(64, 64), most = agents(513, 512);
   EXPECT_FALSE(places(few, Pairs::automatic)) << "127 agents";
   EXPECT_TRUE(places(many, Pairs::automatic)) << "128";
   EXPECT_TRUE(places(few, Pairs::by_place));
@@ -61,7 +66,7 @@ TEST(GpuPairsOfAgents, ChangeNoNumber) {
 
 // What a run of an older program has saved has tables: how it goes on is said.
 TEST(PairsOfAgents, ASavedStateSaysWhichItHas) {
-  SimSpec spec = plain_spec(64, 64);
+  const SimSpec spec = agents(64, 64);
   const auto state_of = [&](Pairs pairs) { return make_simulator(spec, {.pairs = pairs}, Device{}); };
   const auto refusal = [&](Pairs saved, Pairs loaded) -> std::string {
     NamedArrays arrays;
