@@ -131,7 +131,8 @@ BenchResult play(const BenchOptions& options, Device device, const LoadedRun& ru
         return Work{static_cast<double>(sim->agents_per_step()) * static_cast<double>(n), 0, 0};
       },
       result, device.is_cuda() ? kPlaySteps : 1);  // a CPU records nothing
-  if (!game.refusal().empty()) result.step_way += cat("; queued one by one: ", game.refusal());
+  if (!game.refusal().empty())
+    result.step_way += cat(result.step_way.empty() ? "" : "; ", "queued one by one: ", game.refusal());
   result.memory_bytes = memory_in_use(device) - memory_before;
 
   // The proof: episodes ended and began anew; the last observations are numbers and not all the same.
@@ -166,14 +167,14 @@ BenchResult play(const BenchOptions& options, Device device, const LoadedRun& ru
 
 /// Bytes of an agent-step that no simulator can do without: what changes at each step read and written, the action
 /// read, the outputs written where they are.
-double least_bytes(const SimSpec& spec, bool nothing_stored) {
+double least_bytes(const SimSpec& spec, Pairs how, bool nothing_stored) {
   const int n = spec.params.n_agents;
   double state = 0;
   const WorldView none{};
   for_each_field([&](auto field, auto member) {
     const bool pairs = field.per == Per::pair || field.per == Per::agent_words;
     if constexpr (field.working)
-      if (!pairs || n <= kMaxAgents)  // beyond, lists that may be empty
+      if (!pairs || !finds_by_place(spec, {.pairs = how}))  // else lists that may be empty
         state += static_cast<double>(field.count(n)) * static_cast<double>(sizeof(*(none.*member)));
   });
   const double action = spec.params.actions == ActionKind::discrete ? sizeof(int32_t) : kActionSize * sizeof(float);
@@ -188,7 +189,7 @@ BenchResult bench_sim(const BenchOptions& options, Device device, int worlds) {
   const LoadedRun run = bench_run(options, worlds);
   const std::shared_ptr<TeamController> random = script_controller(Scripted::random);  // of both teams: one launch
   BenchResult result = play(options, device, run, random, random);
-  result.bytes = least_bytes(run.spec, options.nothing_stored);
+  result.bytes = least_bytes(run.spec, options.pairs, options.nothing_stored);
   if (device.is_cuda()) result.copy_rate = cuda_copy_rate(device.index);
   result.arithmetic = FieldCodec<Precision>::print(Precision::fp32);
   return result;

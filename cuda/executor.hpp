@@ -42,7 +42,7 @@ inline LaunchShape fixed_shape(const SimParams& p, int n_worlds) {
 class LaunchingSimulator : public Simulator {
  protected:
   LaunchingSimulator(SimSpec spec, const SimOptions& options, Memory& memory)
-      : Simulator(std::move(spec), options, memory),
+      : Simulator(std::move(spec), with_pairs(options, Pairs::tables), memory),
         step_shape_(launch_shape<true>(params(), n_worlds())),
         shape_(launch_shape<false>(params(), n_worlds())),
         layout_(params()),

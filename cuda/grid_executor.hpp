@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <bit>
 #include <cstdint>
+#include <string>
 #include <type_traits>
 
 #include "cuda/executor.hpp"
@@ -254,10 +255,11 @@ template <StepPart part, int kCrew, class P, class Sync>
 class GridLaunchingSimulator : public Simulator {
  public:
   void redraw(const Redraw&) override { throw Error("there are no images"); }
+  std::string step_way() const override { return kByPlaceWay; }
 
  protected:
   GridLaunchingSimulator(SimSpec spec, const SimOptions& options, Memory& memory, const GridDevice& device)
-      : Simulator(std::move(spec), options, memory),
+      : Simulator(std::move(spec), with_pairs(options, Pairs::by_place), memory),
         params_(grid_params(spec_, tables_, options_.most_shooters)),
         shape_(grid_launch_shape(params_.n_agents, n_worlds(), device)),
         lanes_of_agent_(many(device) ? 1 : shape_.lanes_of_agent(params_.n_agents, device.threads)),

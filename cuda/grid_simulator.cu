@@ -97,12 +97,12 @@ constexpr int free_threads = kCrew > 1 ? kFewFreeThreads : kFreeThreads;
 /// end holds the registers of all, it is 2 % slower while most live; with eight blocks that look 469 M instead of 482 M
 /// (a million agents, one H100). Six of those have 102 KiB of lists: GPUs with less hold five.
 constexpr int kFightBlocks = 7, kLookBlocks = 6, kWriteBlocks = 8;
-/// Of warps that look for an agent each: 128 registers, so that those of 2,000 agents are there at the same time. With
-/// 80 it is 47.6 M instead of 49.7 M agent-steps/s, crowded (one H200). Where there are more agents than that, 80
-/// (kLanesOfCrowd).
-constexpr int kWarpLookBlocks = 8, kFullWarpLookBlocks = 12;
+/// Of warps or halves of them that look for an agent each: 128 registers, so that those of 2,000 agents are there at
+/// the same time. With 80 it is 47.6 M instead of 49.7 M agent-steps/s, crowded (one H200). Where there are more agents
+/// than that, 80 (kLanesOfCrowd).
+constexpr int kSearchBlocks = 8, kFullSearchBlocks = 12;
 constexpr int free_blocks(StepPart part, int crew, bool full) {
-  if (crew >= kWarp / 2) return full ? kFullWarpLookBlocks : kWarpLookBlocks;
+  if (crew >= kWarp / 2) return full ? kFullSearchBlocks : kSearchBlocks;
   if (crew > 1) return 1;
   return part == StepPart::fight ? kFightBlocks : part == StepPart::look ? kLookBlocks : kWriteBlocks;
 }
@@ -288,9 +288,7 @@ std::unique_ptr<Simulator> make_cuda_grid_simulator(SimSpec spec, const SimOptio
                                                     int in_parts) {
   GIGA_CHECK(index >= 0 && index < cuda_device_count(), "no GPU ", index);
   const GridDevice device = grid_device(index, spec.params.n_agents, in_parts);
-  SimOptions by_place = options;
-  by_place.pairs = Pairs::by_place;
-  return std::make_unique<CudaGridSimulator>(std::move(spec), by_place, index, device, stream);
+  return std::make_unique<CudaGridSimulator>(std::move(spec), options, index, device, stream);
 }
 
 }  // namespace giga

@@ -3,7 +3,6 @@
 #pragma once
 
 #include <cstdint>
-#include <type_traits>
 
 #include "core/host_device.hpp"
 #include "cuda/world_threads.hpp"

@@ -39,8 +39,8 @@ MatchResult match_result(const EpisodeStats& stats) {
 
 /// Plays the games of all pairs, in worlds one after the other: as many for each as there are episodes, and last those
 /// of the pair that is watched.
-std::unique_ptr<Simulator> play(const SimSpec& spec, std::span<const Pairing> pairs, const MatchOptions& options,
-                                std::vector<GameObserver*> observers, const WatchedPair* watched = nullptr) {
+std::unique_ptr<Simulator> play_once(const SimSpec& spec, std::span<const Pairing> pairs, const MatchOptions& options,
+                                     std::vector<GameObserver*> observers, const WatchedPair* watched) {
   GIGA_CHECK(options.episodes > 0, "episodes: ", options.episodes);
   const SimSpec limited = spec.with_time_limit();  // every episode ends, so that each is counted
   SimOptions sim_options;
@@ -72,6 +72,19 @@ std::unique_ptr<Simulator> play(const SimSpec& spec, std::span<const Pairing> pa
   if (!game.refusal().empty() && options.note)
     options.note("the GPU takes no recorded steps, so matches queue them one by one: " + game.refusal());
   return sim;
+}
+
+/// The same; where lists of fire are too short, once more with tables, which count all.
+std::unique_ptr<Simulator> play(const SimSpec& spec, std::span<const Pairing> pairs, const MatchOptions& options,
+                                std::vector<GameObserver*> observers, const WatchedPair* watched = nullptr) {
+  try {
+    return play_once(spec, pairs, options, observers, watched);
+  } catch (const FullListsError&) {
+    if (spec.params.n_agents > kMaxAgents) throw;
+    MatchOptions with_tables = options;
+    with_tables.pairs = Pairs::tables;
+    return play_once(spec, pairs, with_tables, observers, watched);
+  }
 }
 
 MatchResult checked(const EpisodeStats& stats, int episodes) {

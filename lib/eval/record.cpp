@@ -200,7 +200,7 @@ TeamRecording::TeamRecording(const LoadedRun& run, Learner& learner, int episode
       games_.pair.side[side] = opponent->controller(team, run.spec);
       minds[side] = opponent->mind(team, run.spec);
     }
-    // Images of all worlds would be drawn for these few, and worlds of a crowd are stepped one after the other.
+    // Images of all worlds would be drawn for these few, and replays need tables of pairs.
     const Mind& mind = minds[side];
     if ((mind.policy && mind.policy->reads_image()) || (mind.values && mind.values->reads_image())) games_.alone = true;
   }

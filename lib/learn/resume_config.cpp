@@ -19,7 +19,7 @@ constexpr ResumeRule kMayChange[] = {
     {"train.stop_at_agent_steps", "where it stops and saves"},
     {"train.n_threads", "CPU threads; sums may be rounded in another order"},
     {"train.compile_step", "how worlds are stepped; the numbers are the same"},
-    {"train.pairs", "how pairs of agents are found, where the checkpoint was written in that way"},
+    {"train.pairs", "how pairs of agents are found; the numbers are the same"},
     {"device", "where it runs; another kind of device rounds in another way"},
     {"eval.every_updates", "how often it is evaluated"},
     {"eval.episodes", "and how thoroughly"},

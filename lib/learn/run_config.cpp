@@ -42,6 +42,13 @@ void check_precision(ConfigCheck& check) {
                         check.config.train.algorithm));
 }
 
+void check_pairs(ConfigCheck& check) {
+  if (check.config.train.pairs == Pairs::by_place && check.spec && check.spec->params.resolution > 0 &&
+      check.known({"train.pairs", "scenario"}))
+    check.fail("train.pairs", cat("by_place: agents of '", check.config.scenario,
+                                  "' are given images, which need tables; allowed: auto, tables"));
+}
+
 void check_opponents(ConfigCheck& check) {
   const OpponentsConfig& p = check.config.opponents;
   const Opponent& opponent = check.config.train.opponent;
@@ -99,6 +106,7 @@ LoadedRun finish(RunConfig config, std::optional<Scenario> scenario, const KeyPo
     run.spec = compile(run.scenario, errors);
     check.scenario = &run.scenario;
     check.spec = &run.spec;
+    check_pairs(check);
   }
   algorithm_of(run.config).check(check);
   errors.throw_if_any();

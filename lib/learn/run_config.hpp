@@ -82,8 +82,8 @@ void visit_fields(V& v, TrainConfig& c) {
   v("pairs", c.pairs,
     "how worlds know which pairs of agents matter: by tables of all pairs, or by place, in a grid of cells, where of "
     "those who fire at an agent at once at most 64 are counted and more are an error. auto: by place from 128 agents "
-    "in a world on, but where there are images. Above 1,024 always by place. The numbers are the same, bit for bit; a "
-    "checkpoint of mappo goes on in the way in which it was written");
+    "in a world on, except where agents are given images, which need tables. Above 1,024 always by place. The numbers "
+    "are the same, bit for bit");
   v("compile_step", c.compile_step,
     "on a GPU, compile the step of worlds of up to 40 agents for this scenario at the start, with its parameters as "
     "constants: it is "

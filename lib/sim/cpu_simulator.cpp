@@ -15,7 +15,9 @@ namespace {
 class CpuSimulator final : public Simulator {
  public:
   CpuSimulator(SimSpec spec, const SimOptions& options)
-      : Simulator(std::move(spec), options, host_memory()), layout_(params()), pool_(options.n_threads) {
+      : Simulator(std::move(spec), with_pairs(options, Pairs::tables), host_memory()),
+        layout_(params()),
+        pool_(options.n_threads) {
     scratch_.resize(static_cast<size_t>(pool_.n_threads()));
     for (auto& block : scratch_) block = Buffer<char>(host_memory(), layout_.size);
   }
@@ -76,9 +78,7 @@ class CpuSimulator final : public Simulator {
 
 std::unique_ptr<Simulator> make_cpu_simulator(SimSpec spec, const SimOptions& options) {
   GIGA_CHECK(spec.params.n_agents <= kMaxAgents, spec.params.n_agents, " agents with tables of pairs");
-  SimOptions with_tables = options;
-  with_tables.pairs = Pairs::tables;
-  return std::make_unique<CpuSimulator>(std::move(spec), with_tables);
+  return std::make_unique<CpuSimulator>(std::move(spec), options);
 }
 
 }  // namespace giga

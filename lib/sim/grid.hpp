@@ -249,7 +249,7 @@ GIGA_HD void for_near(const Crew& crew, const GridParameters auto& p, const Grid
 
 /// The placed agents around a place: those of the cells up to ring `first`, then ring by ring. for_rings
 /// takes one after the other (next); rank_seen enters row by row and takes some at a time (enter, take), so that lanes
-/// that look from different places enter rows together; a warp that looks from one enters them side by side (part).
+/// that look from different places enter rows together; a crew that looks from one enters them side by side (part).
 class Rings {
  public:
   GIGA_HD Rings(const GridParams& p, const GridWorld& w, float x, float y, int first)

@@ -18,10 +18,13 @@ inline GridParams grid_params(const SimSpec& spec, const SimTables& tables, int 
   return {tables.params(), widest, most_shooters};
 }
 
+constexpr const char* kByPlaceWay = "looking for pairs by place";  ///< Simulator::step_way
+
 /// What such worlds do not have.
 inline void check_grid(const GridParams& p, const StateShape& shape, const SimOptions& options) {
   GIGA_CHECK(shape.lists(), "a world of ", p.n_agents, " agents with tables of pairs");
-  GIGA_CHECK(p.resolution == 0, "images of a world in which pairs are found by place");
+  if (p.resolution != 0)
+    throw InputError("pairs by_place: agents of this scenario are given images; allowed: auto, tables");
   GIGA_CHECK(options.most_shooters > 0 && options.most_shooters <= kMostShooters, options.most_shooters, " shooters");
 }
 
@@ -99,12 +102,12 @@ GIGA_HD size_t attach_scratch(const GridParams& p, GridWorld& w, char* block, bo
 }
 
 /// The error of `full` agents at which more opponents fired than are counted.
-inline Error full_lists_error(int full, const GridParams& p, const std::string& scenario) {
-  return Error(cat(counted(full, "agents"), full == 1 ? " was" : " were", " fired at by more than ", p.most_shooters,
-                   " opponents at once in scenario '", scenario, "': so many are counted in a world of ", p.n_agents,
-                   " agents (rules 17.2); with smaller damage.damage_cone_depth or damage_cone_angle",
-                   " fewer reach it",
-                   p.n_agents <= kMaxAgents ? ", and train.pairs: tables counts all, which is slower" : ""));
+inline FullListsError full_lists_error(int full, const GridParams& p, const std::string& scenario) {
+  return FullListsError(
+      cat(counted(full, "agents"), full == 1 ? " was" : " were", " fired at by more than ", p.most_shooters,
+          " opponents at once in scenario '", scenario, "': so many are counted in a world of ", p.n_agents,
+          " agents (rules 17.2); with smaller damage.damage_cone_depth or damage_cone_angle", " fewer reach it",
+          p.n_agents <= kMaxAgents ? ", and train.pairs: tables counts all, which is slower" : ""));
 }
 
 }  // namespace giga

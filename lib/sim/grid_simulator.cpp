@@ -50,11 +50,11 @@ class ThreadLanes {
 class GridSimulator final : public Simulator {
  public:
   GridSimulator(SimSpec spec, const SimOptions& options)
-      : Simulator(std::move(spec), options, host_memory()),
+      : Simulator(std::move(spec), with_pairs(options, Pairs::by_place), host_memory()),
         params_(grid_params(spec_, tables_, options_.most_shooters)),
         keys_(options_.seed),
         pool_(options_.n_threads),
-        worlds_by_thread_(n_worlds() >= 2 * pool_.n_threads()) {
+        worlds_by_thread_(n_worlds() >= pool_.n_threads() * (params_.n_agents <= kMaxAgents ? 1 : 2)) {
     check_grid(params_, state_.shape(), options_);
     worlds_.resize(worlds_by_thread_ ? static_cast<size_t>(pool_.n_threads()) : 1);
     for (GridWorld& world : worlds_) {
@@ -66,6 +66,7 @@ class GridSimulator final : public Simulator {
 
   void redraw(const Redraw&) override { throw Error("there are no images"); }
 
+  std::string step_way() const override { return kByPlaceWay; }
   bool over() override {
     const Phase* phase = state_.view().phase;
     return std::all_of(phase, phase + n_worlds(), [](Phase p) { return p == Phase::waits; });
@@ -110,9 +111,7 @@ class GridSimulator final : public Simulator {
 }  // namespace
 
 std::unique_ptr<Simulator> make_grid_simulator(SimSpec spec, const SimOptions& options) {
-  SimOptions by_place = options;
-  by_place.pairs = Pairs::by_place;
-  return std::make_unique<GridSimulator>(std::move(spec), by_place);
+  return std::make_unique<GridSimulator>(std::move(spec), options);
 }
 
 }  // namespace giga

@@ -7,6 +7,7 @@
 #include "core/error.hpp"
 #include "sim/map_tables.hpp"
 #include "sim/rewards.hpp"
+#include "sim/saved_pairs.hpp"
 
 namespace giga {
 namespace {
@@ -21,6 +22,11 @@ constexpr ArrayType file_type() {
   if constexpr (std::is_same_v<T, float>) return ArrayType::f32;
   static_assert(std::is_same_v<T, float> || sizeof(T) == 4 || sizeof(T) == 1);
   return sizeof(T) == 4 ? ArrayType::i32 : ArrayType::u8;
+}
+
+/// Whether an array of the state is about pairs: in tables or in lists.
+bool of_pairs(const std::string& name) {
+  return name == "tracked" || name == "seen" || name == "detected" || name == "fire" || name == "neighbors";
 }
 
 std::vector<float> make_box_features(const SimParams& p, const std::vector<Box>& boxes) {
@@ -124,13 +130,10 @@ void SimState::save(const std::string& prefix, NamedArrays& out) const {
 
 void SimState::load(const std::string& prefix, const NamedArrays& in) {
   std::vector<uint8_t> bytes(bytes_.size());
-  const bool lists =
-      std::any_of(in.begin(), in.end(), [&](const NamedArray& array) { return array.name == prefix + "fire"; });
-  if (lists != shape_.lists())
-    throw InputError(cat("the worlds of the checkpoint have ", lists ? "their pairs by place" : "tables of pairs",
-                         "; go on with train.pairs: ", lists ? "by_place" : "tables"));
+  const bool other_pairs = saved_with_lists(prefix, in) != shape_.lists();
   for_each_array(shape_, view_, lists_, [&](const char* name, const auto* to, int64_t per_world) {
     using T = std::remove_cvref_t<decltype(*to)>;
+    if (other_pairs && of_pairs(name)) return;
     const NamedArray& array = find_array(in, prefix + name);
     const size_t size = static_cast<size_t>(per_world * n_worlds_) * sizeof(T);
     if (array.type != file_type<T>() || array.bytes.size() != size)
@@ -139,6 +142,12 @@ void SimState::load(const std::string& prefix, const NamedArrays& in) {
     std::copy(array.bytes.begin(), array.bytes.end(),
               bytes.begin() + (reinterpret_cast<const uint8_t*>(to) - bytes_.data()));
   });
+  if (other_pairs) {
+    StateView state{};
+    PairLists lists;
+    lay_out_state(shape_, n_worlds_, bytes.data(), state, lists);
+    convert_pairs(shape_, n_worlds_, prefix, in, state, lists);
+  }
   load(bytes);
 }
 

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "core/error.hpp"
 #include "core/memory.hpp"
 #include "core/named_array.hpp"
 #include "sim/recorded_work.hpp"
@@ -28,13 +29,12 @@ enum class CompileStep : uint8_t {
 
 /// How it is known which pairs of agents matter. The numbers are the same (rules 17).
 enum class Pairs : uint8_t {
-  automatic,  ///< by place from kByPlaceFrom agents on, but where there are images; else tables
+  automatic,  ///< by place from kByPlaceFrom agents on, except where there are images; else tables
   tables,     ///< tables of all pairs; by place above kMaxAgents, where there are none
   by_place    ///< in a grid of cells, with lists of a fixed length for each agent
 };
-/// A world of 200 agents, tables or by place, far apart and crowded, in M agent-steps/s: 256 worlds on an H200 146 or
-/// 567 and 73 or 185, one world 0.74 or 7.7 and 0.83 or 6.2; two cores 1.3 or 4.9 and 1.8 or 2.6. Of 100: 205 or 408,
-/// 88 or 159; two cores 2.5 or 3.0, but crowded 2.6 or 1.5.
+/// Plain worlds of 128 agents, tables or by place, far apart and crowded, in M agent-steps/s: 256 worlds on an H200 180
+/// or 466 and 82 or 186, one world 0.84 or 5.3 and 0.83 or 4.3; 62 worlds on two cores 1.9 or 6.1 and 2.3 or 2.8.
 constexpr int kByPlaceFrom = 128;
 
 struct SimOptions {
@@ -50,6 +50,17 @@ struct SimOptions {
   Pairs pairs = Pairs::automatic;
   int most_shooters = kMostShooters;  ///< by place: opponents whose fire at one agent is counted
   CompileStep compile_step = CompileStep::never;
+};
+
+inline SimOptions with_pairs(SimOptions options, Pairs pairs) {
+  options.pairs = pairs;
+  return options;
+}
+
+/// By place: more opponents fired at an agent than are counted. A simulator throws it where it is next waited for.
+class FullListsError : public Error {
+ public:
+  using Error::Error;
 };
 
 /// Whether a simulator of these options finds pairs by place.

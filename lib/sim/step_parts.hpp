@@ -15,7 +15,7 @@ enum class StepPart {
   look,             ///< whom each agent sees, and what its row needs; no agent waits for another
   write,            ///< rows; no row waits for another
   look_and_reward,  ///< look, and what agents get for the step, in its first sums (hands_on_rewards)
-  write_and_add_up  ///< write, and the sums of these, of at most kSumBlock blocks a team: more need a barrier
+  write_and_add_up  ///< write, and the sums of these, of at most kMostBlocksAtOnce blocks a team: more need a barrier
 };
 
 /// Whether some agents wait for others in a part.

@@ -190,6 +190,16 @@ TEST_F(LearnRunConfig, DevicesByName) {
               cat("run.yaml:2:9: device: '", bad, "' is not auto, cpu, cuda or cuda:<number of the GPU>"));
 }
 
+TEST_F(LearnRunConfig, ImagesNeedTablesOfPairs) {
+  const std::string start = "scenario: identical_2_vs_2_rgb\ntrain: {pairs: ";
+  const std::string actor = "}\nmappo: {actor: {encoder: nature}, critic: {kind: independent, encoder: nature}}\n";
+  EXPECT_EQ(error_of(start + "tables" + actor), "no error");
+  EXPECT_EQ(error_of(start + "by_place" + actor),
+            "run.yaml:2:16: train.pairs: by_place: agents of 'identical_2_vs_2_rgb' are given images, which need "
+            "tables; allowed: auto, tables");
+  EXPECT_EQ(error_of("scenario: identical_2_vs_2\ntrain: {pairs: by_place}\n"), "no error");
+}
+
 TEST_F(LearnRunConfig, MistakesInTheEnvironment) {
   const std::string message = error_of("scenario: identical_2_vs_2\nenvironment:\n  limit_xx: 3\n");
   EXPECT_NE(message.find("run.yaml:3:"), std::string::npos) << message;

@@ -207,7 +207,8 @@ TEST(GridCrowds, AreThoseOfTheCpu) {
         // Three launches, of one world and of two.
         Crowd{40, 30, 20, 1, kBlocksToSpare, 5}, Crowd{20, 13, 12, 2, kBlocksToSpare, 5},
         // Without room to sort: near each other, with a fight and half a warp that looks, and far apart.
-        Crowd{40, 30, 20, 1, kBlocksForMore, 5}, Crowd{40, 30, 90, 1, kBlocksForMore, 5}})
+        Crowd{40, 30, 20, 1, kBlocksForMore, 5}, Crowd{40, 30, 90, 1, kBlocksForMore, 5},
+        Crowd{20, 13, 12, 2, kBlocksForMore, 5}})
     play_crowd(c, [&](const SimSpec& spec, const SimOptions& options) {
       return make_emulated_grid_simulator(spec, options, ThreadOrder::shuffled, c.blocks);
     });

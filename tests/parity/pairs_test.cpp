@@ -64,26 +64,64 @@ TEST(GpuPairsOfAgents, ChangeNoNumber) {
   play_both({Device::Kind::cuda, 0});
 }
 
-// What a run of an older program has saved has tables: how it goes on is said.
-TEST(PairsOfAgents, ASavedStateSaysWhichItHas) {
-  const SimSpec spec = agents(64, 64);
-  const auto state_of = [&](Pairs pairs) { return make_simulator(spec, {.pairs = pairs}, Device{}); };
-  const auto refusal = [&](Pairs saved, Pairs loaded) -> std::string {
-    NamedArrays arrays;
-    state_of(saved)->state().save("simulator/", arrays);
-    try {
-      state_of(loaded)->state().load("simulator/", arrays);
-    } catch (const InputError& error) {
-      return error.what();
-    }
-    return "";
-  };
-  EXPECT_EQ(refusal(Pairs::tables, Pairs::automatic),
-            "the worlds of the checkpoint have tables of pairs; go on with train.pairs: tables");
-  EXPECT_EQ(refusal(Pairs::by_place, Pairs::tables),
-            "the worlds of the checkpoint have their pairs by place; go on with train.pairs: by_place");
-  EXPECT_EQ(refusal(Pairs::by_place, Pairs::automatic), "");
-  EXPECT_EQ(refusal(Pairs::tables, Pairs::tables), "");
+/// Loads what worlds of one way have saved in the midst of a fight into worlds of the other, and plays on with both.
+void go_on(Pairs saved, Pairs loaded) {
+  SimSpec spec = variant_spec(7000, 40, 30, 1);
+  spec.params.damage_per_second = 0;  // so that many fire for long
+  spec.finish();
+  SimOptions options = variant_options(0xABCDEF, 3, 1);
+  options.pairs = saved;
+  SimRunner before(make_simulator(spec, options, Device{}));
+  options.pairs = loaded;
+  SimRunner after(make_simulator(spec, options, Device{}));
+  before.start();
+  after.start();
+  for (uint64_t k = 0; k < 9; ++k) before.step(k);
+  const std::vector<uint8_t> tracked = before.snapshot().field("tracked").bytes;
+  EXPECT_GT(std::ranges::count_if(tracked, [](uint8_t count) { return count > 0; }), 10) << "some fire";
+  NamedArrays arrays;
+  before.sim().state().save("simulator/", arrays);
+  after.sim().state().load("simulator/", arrays);
+  // What is observed once more is what was observed.
+  before.observe();
+  after.observe();
+  EXPECT_EQ(difference(observations(before.snapshot()), observations(after.snapshot())), "");
+  for (uint64_t k = 9; k < 20; ++k) {
+    before.step(k);
+    after.step(k);
+    const auto alike = [](Snapshot shot) {
+      std::erase_if(shot.fields, [](const auto& f) { return f.name == "detected" || f.name == "seen"; });
+      return shot;
+    };
+    ASSERT_EQ(difference(alike(before.snapshot()), alike(after.snapshot())), "") << "step " << k;
+  }
+}
+TEST(PairsOfAgents, ASavedStateGoesOnInEitherWay) {
+  go_on(Pairs::tables, Pairs::by_place);
+  go_on(Pairs::by_place, Pairs::tables);
+}
+
+TEST(PairsOfAgents, MoreFireThanListsHoldIsRefused) {
+  const SimSpec spec = agents(4, 4);
+  const auto tables = make_simulator(spec, {.pairs = Pairs::tables}, Device{});
+  std::fill_n(tables->state().view().tracked, 64, uint8_t{3});
+  NamedArrays arrays;
+  tables->state().save("", arrays);
+  const auto lists = make_simulator(spec, {.pairs = Pairs::by_place, .most_shooters = 3}, Device{});
+  try {
+    lists->state().load("", arrays);
+    ADD_FAILURE() << "8 fire at an agent, 3 are counted";
+  } catch (const InputError& error) {
+    EXPECT_STREQ(error.what(),
+                 "in the checkpoint more than 3 opponents fire at an agent, as many as are counted by "
+                 "place; go on with train.pairs: tables");
+  }
+}
+
+TEST(PairsOfAgents, ImagesAreRefusedByPlace) {
+  SimSpec spec = agents(4, 4);
+  spec.params.resolution = 84;
+  EXPECT_THROW(make_simulator(spec, {.pairs = Pairs::by_place}, Device{}), InputError);
 }
 
 }  // namespace

@@ -90,7 +90,9 @@ TEST(SearchCrew, OfHalfAWarpSaysWhatItsMembersSay) {
     EXPECT_EQ(half.ballot(lane == 3 || lane == 31), lane < 16 ? 0x8u : 0x8000u);
     EXPECT_EQ(half.from(10 * lane, 15 - member), 10 * (first + 15 - member)) << "each asks another one";
     EXPECT_EQ(half.sum_up_to(lane), (member + 1) * first + member * (member + 1) / 2);  // first + (first + 1) + ...
-    EXPECT_NE(&half.search(), nullptr);
+    half.search().places[member] = lane;
+    half.meet();
+    EXPECT_EQ(half.search().places[15 - member], first + 15 - member) << "each half has memory of its own";
   });
 }
 
