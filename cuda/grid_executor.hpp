@@ -33,6 +33,10 @@ constexpr int kLanesToFight = 8, kLanesOfCrowd = kWarp / 2;
 /// crowded. 20,000 on one H200, half a warp or four lanes that look: of 8 in that square 220 or 201 M agent-steps/s, of
 /// 0.5 240 or 257 M. With a fight in `play` these make 276 M.
 constexpr float kCrowdInReach = 4;
+inline bool is_crowded(const GridParams& p) {
+  const float reach = p.hearing_reach + max_of(p.sight_reach[0], p.sight_reach[1]);
+  return static_cast<float>(p.n_agents) * reach * reach > kCrowdInReach * p.limit_x * p.limit_y;
+}
 
 /// How blocks are put together. Groups go from world to world; all blocks of a launch that is not clustered run at the
 /// same time, because they wait for each other.
@@ -368,10 +372,6 @@ class GridLaunchingSimulator : public Simulator {
       return plain && idle && lanes_of_agent_ == kLanesOfAgent && SumLayout(params_).blocks <= kSumBlock ? of_few : one;
     if (many(device)) return of_many;
     return plain && SumLayout(params_).blocks <= kMostBlocksAtOnce ? of_more : one;
-  }
-  static bool is_crowded(const GridParams& p) {
-    const float reach = p.hearing_reach + max_of(p.sight_reach[0], p.sight_reach[1]);
-    return static_cast<float>(p.n_agents) * reach * reach > kCrowdInReach * p.limit_x * p.limit_y;
   }
 
   GridParams params_;

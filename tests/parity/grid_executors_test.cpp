@@ -248,11 +248,14 @@ TEST(GpuGridCrowds, AListOfFireThatIsTooShortIsAnError) {
 
 // Episodes of three steps: worlds that wait, that play several episodes, that nobody resets.
 TEST(GridCrowds, InSeveralLaunchesTheyEndAsThoseOfTheCpu) {
-  for (const int blocks : {kBlocksInParts, kBlocksToSpare, kBlocksForMore})
+  constexpr std::pair<int, float> kOfLimit[] = {
+      {kBlocksInParts, 20}, {kBlocksToSpare, 20}, {kBlocksForMore, 20}, {kBlocksForMore, 90}};
+  for (const auto& [blocks, limit] : kOfLimit)
     for (const auto& [on_done, episodes] : {std::pair{OnDone::freeze, 1}, {OnDone::freeze, 2}, {OnDone::keep, 1}})
-      play_crowd({40, 30, 20, 1, blocks, 8, on_done, episodes}, [&](const SimSpec& spec, const SimOptions& options) {
-        return make_emulated_grid_simulator(spec, options, ThreadOrder::shuffled, blocks);
-      });
+      play_crowd({40, 30, limit, 1, blocks, 8, on_done, episodes},
+                 [blocks = blocks](const SimSpec& spec, const SimOptions& options) {
+                   return make_emulated_grid_simulator(spec, options, ThreadOrder::shuffled, blocks);
+                 });
 }
 
 // Which launches a world has, so that the tests above are of what they say.
@@ -270,7 +273,20 @@ TEST(GridCrowds, LaunchesByTheirSize) {
   EXPECT_EQ(launches(40, 30, 1, kBlocksToSpare), StepLaunches::of_few) << "4 x 70 threads are 9 blocks of 32";
   EXPECT_EQ(launches(20, 13, 6, kBlocksToSpare), StepLaunches::of_few) << "6 x 5 of 64 blocks";
   EXPECT_EQ(launches(20, 13, 7, kBlocksToSpare), StepLaunches::one) << "7 x 5 of 64 blocks are more than half";
-  EXPECT_EQ(launches(40, 30, 1, kBlocksForMore), StepLaunches::of_more) << "7 blocks are fewer than 4 x 70 threads";
+  EXPECT_EQ(launches(40, 30, 1, kBlocksForMore), StepLaunches::of_more) << "no room to sort";
+  EXPECT_EQ(launches(20, 13, 2, kBlocksForMore), StepLaunches::of_more);
+  EXPECT_EQ(launches(32768, 9, 1, kBlocksForMore), StepLaunches::of_more) << "512 blocks of 64 are added up at once";
+  EXPECT_EQ(launches(32769, 9, 1, kBlocksForMore), StepLaunches::one);
+}
+// Reaches of 8 to hear and 8 or 3 to see: 70 x 11 x 11 = 8,470 and more are above 4 x 20 x 20 = 1,600, 70 x 16 x 16 =
+// 17,920 are below 4 x 90 x 90 = 32,400.
+TEST(GridCrowds, AreCrowdedOnSmallMaps) {
+  const auto crowded = [](float limit) {
+    const float widest[kNTeams] = {1, 1};
+    return is_crowded(GridParams(crowd(40, 30, limit, 3).params, widest, 1));
+  };
+  EXPECT_TRUE(crowded(20));
+  EXPECT_FALSE(crowded(90));
 }
 
 // On 132 multiprocessors, with room for 8 clusters of 16 blocks of 512 threads.

@@ -1,0 +1,67 @@
+// What the lanes of a world of many agents add up together (cuda/grid_lanes.hpp), without a GPU.
+#include "cuda/grid_lanes.hpp"
+
+#include <gtest/gtest.h>
+
+#include <vector>
+
+#include "parity/lockstep_threads.hpp"
+
+namespace giga::test {
+namespace {
+
+struct WarpsSync {
+  LockstepThreads* threads;
+  void wait() const { threads->wait(); }
+  void wait_for_warp() const { threads->wait(); }
+  bool any_of_warp(bool flag) const { return threads->any(flag); }
+  WarpsSync of_block() const { return *this; }
+};
+
+/// Numbers whose sum depends on their order.
+float number_of(int item, int k) { return 1.0f / static_cast<float>(1 + (k * 37 + item * 11) % 101); }
+
+/// By blocks of 64, then over these.
+float sum_of(int item, int count) {
+  float all = 0;
+  for (int front = 0; front < count; front += 64) {
+    float block = 0;
+    for (int k = front; k < count && k < front + 64; ++k) block += number_of(item, k);
+    all += block;
+  }
+  return all;
+}
+
+// Two halves of a warp see to five items, so that one of them has none at last: of 65 numbers, of as many as are added
+// up at once, of one block and one number, and of none.
+TEST(GridLanes, AddUpSumsOfSums) {
+  const std::vector<int> counts = {65, 512, 64, 1, 0};
+  const int n = static_cast<int>(counts.size());
+  float in_order = 0;
+  for (int k = 0; k < 512; ++k) in_order += number_of(1, k);
+  EXPECT_NE(in_order, sum_of(1, 512)) << "blocks matter";
+  for (const ThreadOrder order : {ThreadOrder::forward, ThreadOrder::backward, ThreadOrder::shuffled}) {
+    LockstepThreads threads(kWarp);
+    std::vector<float> stage(kStageNumbers, -1), sums(counts.size(), -1), masked(counts.size(), -1);
+    threads.run(kWarp, order, [&](int lane) {
+      const GridLanes<WarpsSync, 1> lanes{lane, kWarp, 0, 1, lane, kWarp, WarpsSync{&threads}, stage.data(), false};
+      lanes.each_sum<64>(
+          n, [&](int item) { return counts[static_cast<size_t>(item)]; },
+          [&](int item, int k) {
+            return StepSum{number_of(item, k), 2 * number_of(item, k)};
+          },
+          [&](int item, const StepSum& sum) {
+            sums[static_cast<size_t>(item)] = sum.sum;
+            masked[static_cast<size_t>(item)] = sum.masked;
+          });
+    });
+    for (int item = 0; item < n; ++item) {
+      const float expected = sum_of(item, counts[static_cast<size_t>(item)]);
+      EXPECT_EQ(sums[static_cast<size_t>(item)], expected) << "item " << item;
+      EXPECT_EQ(masked[static_cast<size_t>(item)], 2 * expected) << "item " << item << ": twice each number";
+    }
+  }
+}
+
+}  // namespace
+}  // namespace giga::test
