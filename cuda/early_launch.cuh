@@ -2,6 +2,8 @@
 // needed at the start is then there when it does. On GPUs of compute capability 9.0 and more.
 #pragma once
 
+#include <optional>
+
 #include "cuda/check.cuh"
 
 namespace giga {
@@ -43,21 +45,25 @@ bool may_wait(Kernel kernel) {
   return attributes.ptxVersion >= 90;
 }
 
-/// Launches a kernel early, if it can wait.
-template <class Kernel, class Argument>
-void launch_early(Kernel kernel, dim3 blocks, int threads, size_t shared_bytes, cudaStream_t stream,
-                  const Argument& argument) {
-  cudaLaunchAttribute attribute{};
-  attribute.id = cudaLaunchAttributeProgrammaticStreamSerialization;
-  attribute.val.programmaticStreamSerializationAllowed = 1;
+/// Launches a kernel, `early`: if it can wait; with one more attribute or none.
+template <class Kernel, class... Arguments>
+void launch_kernel(Kernel kernel, bool early, dim3 blocks, int threads, size_t shared_bytes, cudaStream_t stream,
+                   std::optional<cudaLaunchAttribute> another, const Arguments&... arguments) {
+  cudaLaunchAttribute attributes[2]{};
+  unsigned n = 0;
+  if (another) attributes[n++] = *another;
+  if (early && may_wait(kernel)) {
+    attributes[n].id = cudaLaunchAttributeProgrammaticStreamSerialization;
+    attributes[n++].val.programmaticStreamSerializationAllowed = 1;
+  }
   cudaLaunchConfig_t config{};
   config.gridDim = blocks;
   config.blockDim = static_cast<unsigned>(threads);
   config.dynamicSmemBytes = shared_bytes;
   config.stream = stream;
-  config.attrs = &attribute;
-  config.numAttrs = may_wait(kernel) ? 1 : 0;
-  GIGA_CUDA(cudaLaunchKernelEx(&config, kernel, argument));
+  config.attrs = attributes;
+  config.numAttrs = n;
+  GIGA_CUDA(cudaLaunchKernelEx(&config, kernel, arguments...));
 }
 
 }  // namespace giga

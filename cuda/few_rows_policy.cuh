@@ -5,6 +5,7 @@
 
 #include "cuda/early_launch.cuh"
 #include "cuda/fused_policy.hpp"
+#include "cuda/lane_logits.cuh"
 #include "cuda/ppo_tiles.cuh"
 
 namespace giga {
@@ -71,91 +72,6 @@ struct LayerOfWarp {
         weight[k / 2][j * 2 + k % 2] = half_pair(x.x, x.y);
       }
     }
-  }
-};
-
-/// A row of logits of which eight lanes that lie side by side have four each, in order. Sums are taken in the order of
-/// Logits, so that both choose the same action. All lanes of the warp call it.
-struct OctetLogits {
-  static constexpr int kLanes = 8, kNumbers = 4;
-  static constexpr uint32_t kWarp = 0xFFFFFFFFu;
-  float x[kNumbers] = {};
-  int lane = static_cast<int>(threadIdx.x) % kLanes;
-
-  __device__ explicit OctetLogits(const float* row) {
-    if (lane * kNumbers >= kLogitStride) return;
-    const Quad q = reinterpret_cast<const Quad*>(row)[lane];
-#pragma unroll
-    for (int k = 0; k < kNumbers; ++k) x[k] = q.v[k];
-  }
-  __device__ int column(int k) const { return lane * kNumbers + k; }
-  __device__ bool is_action(int k) const { return column(k) < kNDiscreteActions; }
-  __device__ float greatest(float top) const {
-#pragma unroll
-    for (int apart = 1; apart < kLanes; apart *= 2) top = fmaxf(top, __shfl_xor_sync(kWarp, top, apart));
-    return top;
-  }
-  /// The sum of the numbers of the lanes before this one.
-  __device__ float before(const float (&p)[kNumbers]) const {
-    float sum = 0;
-#pragma unroll
-    for (int turn = 1; turn < kLanes; ++turn) {
-      sum = of_lane(lane - 1, through(sum, p));
-      if (lane == 0) sum = 0;
-    }
-    return sum;
-  }
-  __device__ float total_of(const float (&p)[kNumbers], float) const {
-    return of_lane(kLanes - 1, through(before(p), p));
-  }
-  /// NaNs are never the largest, unless the first number is one, as in Logits.
-  __device__ int largest() const {
-    float top = lane == 0 ? x[0] : -INFINITY;
-    int chosen = 0;
-#pragma unroll
-    for (int k = 0; k < kNumbers; ++k)
-      if (is_action(k) && x[k] > top) {
-        top = x[k];
-        chosen = column(k);
-      }
-#pragma unroll
-    for (int apart = 1; apart < kLanes; apart *= 2) {
-      const float other = __shfl_xor_sync(kWarp, top, apart);
-      const int others = __shfl_xor_sync(kWarp, chosen, apart);
-      if (other > top || (other == top && others < chosen)) {
-        top = other;
-        chosen = others;
-      }
-    }
-    return of_lane(0, chosen);
-  }
-  __device__ int draw(const float (&p)[kNumbers], float u) const {
-    float below = before(p);
-    int chosen = 0;
-#pragma unroll
-    for (int k = 0; k < kNumbers; ++k) {
-      below += p[k];
-      chosen += column(k) < kNDiscreteActions - 1 && u >= below ? 1 : 0;
-    }
-#pragma unroll
-    for (int apart = 1; apart < kLanes; apart *= 2) chosen += __shfl_xor_sync(kWarp, chosen, apart);
-    return chosen;
-  }
-  __device__ float at(int index) const {
-    const int k = index % kNumbers;
-    const float mine = k == 0 ? x[0] : k == 1 ? x[1] : k == 2 ? x[2] : x[3];
-    return of_lane(index / kNumbers, mine);
-  }
-
- private:
-  template <class T>
-  __device__ T of_lane(int number, T x) const {
-    return __shfl_sync(kWarp, x, (static_cast<int>(threadIdx.x) - lane + number) & 31);
-  }
-  __device__ static float through(float sum, const float (&p)[kNumbers]) {
-#pragma unroll
-    for (int k = 0; k < kNumbers; ++k) sum += p[k];
-    return sum;
   }
 };
 
@@ -258,13 +174,15 @@ __global__ void __launch_bounds__(FewRowsBlock<kIn, kHidden, kWay>::kThreads, Fe
     else if (warp == Block::kWarps - 1 && lane < 16 && at + lane < k.rows_per_group && discrete)
       m.uniform[lane] = k.discrete.uniform(first_row + at + lane);
     __syncthreads();
-    // Of a row eight lanes choose a discrete action, one the continuous one.
-    const int row = discrete ? static_cast<int>(threadIdx.x) / OctetLogits::kLanes : static_cast<int>(threadIdx.x);
-    if (warp * 32 >= (discrete ? 16 * OctetLogits::kLanes : 16)) continue;
+    constexpr int kLogitLanes = 4;
+    // Of a row four lanes choose a discrete action, one the continuous one.
+    const int row = discrete ? static_cast<int>(threadIdx.x) / kLogitLanes : static_cast<int>(threadIdx.x);
+    if (warp * 32 >= (discrete ? 16 * kLogitLanes : 16)) continue;
     const bool lives = row < 16 && at + row < k.rows_per_group;
     if (discrete) {
-      const auto choice = k.discrete.choose(OctetLogits(m.head + row * kLogitStride), [&] { return m.uniform[row]; });
-      if (lives && lane % OctetLogits::kLanes == 0) k.discrete.keep(first_row + at + row, choice);
+      const auto choice =
+          k.discrete.choose(LaneLogits<kLogitLanes>(m.head + row * kLogitStride), [&] { return m.uniform[row]; });
+      if (lives && lane % kLogitLanes == 0) k.discrete.keep(first_row + at + row, choice);
     } else if (lives) {
       k.gaussian(offset).sample(first_row + at + row, m.head + row * kLogitStride);
     }

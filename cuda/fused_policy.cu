@@ -5,6 +5,7 @@
 #include "cuda/check.cuh"
 #include "cuda/few_rows_policy.cuh"
 #include "cuda/streamed_policy.cuh"
+#include "cuda/warp_rows_policy.cuh"
 
 namespace giga {
 namespace {
@@ -125,12 +126,8 @@ void launch_each(std::span<const FusedPolicy> policies, int multiprocessors, cud
 template <int kIn, int kHidden, FewRows kWay>
 void launch_few(const FusedPolicies& few, dim3 blocks, cudaStream_t stream) {
   using Block = FewRowsBlock<kIn, kHidden, kWay>;
-  if constexpr (kWay == FewRows::one_tile_early) {
-    launch_early(few_rows_kernel<kIn, kHidden, kWay>, blocks, Block::kThreads, sizeof(Block), stream, few);
-  } else {
-    few_rows_kernel<kIn, kHidden, kWay><<<blocks, Block::kThreads, sizeof(Block), stream>>>(few);
-    GIGA_CUDA(cudaGetLastError());
-  }
+  launch_kernel(few_rows_kernel<kIn, kHidden, kWay>, kWay == FewRows::one_tile_early, blocks, Block::kThreads,
+                sizeof(Block), stream, {}, few);
 }
 
 /// All in one launch, if they have so few rows (none: nothing is launched); else false.
@@ -160,6 +157,16 @@ bool launch_few(std::span<const FusedPolicy> policies, bool behind_step, int mul
                     : launch_few<kIn, kHidden, FewRows::one_tile>(few, blocks, stream);
         return true;
       }
+    if constexpr (kIn == PolicyShape::kCrowdInput) {
+      using Rows = WarpRowsBlock<kIn>;
+      const auto kernel = warp_rows_kernel<kIn>;
+      const int64_t wanted = (tiles + Rows::kWarps - 1) / Rows::kWarps;
+      const dim3 grid(static_cast<unsigned>(std::min<int64_t>(wanted, std::max(1, multiprocessors / all_groups))),
+                      blocks.y, blocks.z);
+      GIGA_CUDA(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, sizeof(Rows)));
+      launch_kernel(kernel, behind_step, grid, Rows::kThreads, sizeof(Rows), stream, {}, few);
+      return true;
+    }
     launch_few<kIn, kHidden, FewRows::many_tiles>(few, blocks, stream);
     return true;
   }

@@ -24,11 +24,15 @@ constexpr int kLanesOfAgent = 4;    // of a crew
 // Of StepLaunches::of_few. Of a crew that looks: with eight lanes 60.8 M agent-steps/s instead of 61.7 M, crowded
 // 39.4 M instead of 49.7 M (2,000 agents, one H200). Of an agent whose row is written: a warp then has its rows in one
 // go.
-constexpr int kLanesToLook = kWarp, kThreadsToWrite = 8;
+constexpr int kLanesToLook = kWarp;
 // Of StepLaunches::of_more where agents are crowded. 10,000 against 10,000, one H200: half a warp looks, 200 M
 // agent-steps/s; four lanes 149 M, a warp 174 M, half a warp of 128 registers 193 M. A fight in `play` 164 M instead of
 // 171 M (a warp looks), by four lanes 168 M.
 constexpr int kLanesToFight = 8, kLanesOfCrowd = kWarp / 2;
+/// From so many agents on for each block of kGridThreads that runs at the same time a crew that looks sees to two, one
+/// after the other: of 20,000, 30,000 and 60,000 242, 282 and 339 M agent-steps/s instead of 236, 273 and 323 M, but of
+/// 8,000 and 12,000 139 and 172 M instead of 143 and 182 M (crowded, one H200).
+constexpr int kTurnsFrom = 128;
 /// How many agents, spread over the map, lie in the square of the reach of ears and eyes: from so many on they are
 /// crowded. 20,000 on one H200, half a warp or four lanes that look: of 8 in that square 220 or 201 M agent-steps/s, of
 /// 0.5 240 or 257 M. With a fight in `play` these make 276 M.
@@ -54,10 +58,10 @@ struct GridLaunchShape {
 /// Launches of a step: one, or several (StepPart). Those that wait for nobody have as many threads as suit them.
 enum class StepLaunches {
   one,
-  of_few,   ///< play, with crews, whose blocks sort for themselves, in half of the GPU at most; those that follow have
-            ///< all of it. One world on 132 multiprocessors: up to some 5,900 agents
-  of_more,  ///< play, without crews, of which there would be too many in one launch; those that look have them. Where
-            ///< agents are crowded those that fight too: move, fight, settle
+  of_few,   ///< play, with crews, whose blocks sort for themselves, in half of the GPU at most; observe has all of it.
+            ///< One world on 132 multiprocessors: up to some 5,900 agents
+  of_more,  ///< play, without crews, of which there would be too many in one launch; observe has them. Where agents are
+            ///< crowded those that fight too: move, fight, settle
   of_many   ///< move, fight, settle, and a thread for each that looks and writes: as many at a time as registers allow
 };
 
@@ -111,6 +115,7 @@ struct alignas(64) GroupWords {
   uint32_t arrivals;          ///< of blocks at barriers (simulator of the GPU)
   SharedWork::Bounds bounds;  ///< where all blocks sort together
   GridShape shape;            ///< of their grid, where a step is several launches
+  int32_t summed[kNTeams];    ///< see SharedWork
 };
 
 /// Arguments of a kernel, by value.
@@ -132,7 +137,7 @@ struct GridLaunchOf {
   const int32_t* n_playing;  // [1]
   int groups, blocks;
   bool sorts_by_block;
-  bool rewards_later;     ///< of a step that is several launches: in one of those that follow
+  bool crews_follow;      ///< see SharedWork
   bool by_block = false;  ///< neighboring warps are of a block
 
   GIGA_HD int count() const { return playing ? *n_playing : n_worlds; }
@@ -141,9 +146,9 @@ struct GridLaunchOf {
   /// The same with other parameters of the same values.
   template <class Q>
   GridLaunchOf<Q> with(const Q& q) const {
-    return {q,      state,          lists,         io,       scratch, scratch_bytes, words,     full_lists,
-            keys,   first_world,    draw_period,   n_worlds, ending,  playing,       n_playing, groups,
-            blocks, sorts_by_block, rewards_later, by_block};
+    return {q,      state,          lists,        io,       scratch, scratch_bytes, words,     full_lists,
+            keys,   first_world,    draw_period,  n_worlds, ending,  playing,       n_playing, groups,
+            blocks, sorts_by_block, crews_follow, by_block};
   }
 };
 using GridLaunch = GridLaunchOf<GridParams>;
@@ -174,7 +179,7 @@ constexpr bool has_room_to_look(StepPart part, int crew) { return part == StepPa
 /// Bytes of shared memory that a block of a part without barriers has.
 constexpr size_t free_part_bytes(StepPart part, int crew, int threads) {
   const bool room_to_look = has_room_to_look(part, crew);
-  const bool stages = crew > 1 || room_to_look || part == StepPart::write || part == StepPart::write_and_add_up;
+  const bool stages = crew > 1 || room_to_look || part == StepPart::write;
   return stages ? grid_stage_bytes(threads, room_to_look) : 0;
 }
 
@@ -215,7 +220,8 @@ template <Launched kLaunched, int kCrew, bool kRoomToLook = false, class P, clas
   }
   if (kSeveral) {
     scratch.work.shape = &k.words[group].shape;
-    scratch.work.rewards_later = k.rewards_later;
+    scratch.work.summed = k.words[group].summed;
+    scratch.work.crews_follow = k.crews_follow;
   }
   scratch.full_lists = k.full_lists;
   const int count = k.count();
@@ -271,6 +277,7 @@ class GridLaunchingSimulator : public Simulator {
         shared_bytes_(grid_stage_bytes(device.threads) + sorted_bytes_),
         launches_(launches_of_step(device)),
         crowded_(is_crowded(params_)),
+        turns_(params_.n_agents >= kTurnsFrom * device.resident),
         scratch_bytes_(group_bytes()),
         scratch_(memory, scratch_bytes_ * static_cast<size_t>(shape_.groups)),
         words_(memory, static_cast<size_t>(shape_.groups)),
@@ -300,7 +307,7 @@ class GridLaunchingSimulator : public Simulator {
             .groups = shape_.groups,
             .blocks = shape_.blocks,
             .sorts_by_block = sorted_bytes_ > 0,
-            .rewards_later = launches_ == StepLaunches::of_few || launches_ == StepLaunches::of_more};
+            .crews_follow = launches_ == StepLaunches::of_few || launches_ == StepLaunches::of_more};
   }
   /// The same for a part that needs no barrier, in blocks of so many threads: so many for each agent, and some more.
   template <class P>
@@ -311,36 +318,42 @@ class GridLaunchingSimulator : public Simulator {
   }
   StepLaunches launches() const { return launches_; }
   /// The launches of a step that are several, one after the other: calls with_barriers.operator()<part>(), and
-  /// free.operator()<part, lanes of a crew, whether there are more of these than run at a time>(threads of an agent,
+  /// free.operator()<part, lanes of a crew, whether there are more of these than run at a time>(k, threads of an agent,
   /// some more threads).
   template <int kCrew, class P, class WithBarriers, class Free>
   void for_launches(const GridLaunchOf<P>& k, WithBarriers&& with_barriers, Free&& free) const {
     using enum StepPart;
     const int more = kWarp * kNTeams * SumLayout(k.params).blocks;  // threads that see to rewards
+    const auto write_what_else = [&] {
+      GridLaunchOf<P> others = k;
+      for (TeamIo& team : others.io.team) team.obs[Observation::vector].rows = nullptr;
+      if (wants_rows(others.io) || wants_rows(others.io, ObservationOf::world))
+        free.template operator()<write, 1, true>(others, kLanesOfAgent, 0);
+    };
     if constexpr (kCrew > 1) {
       with_barriers.template operator()<play>();
-      free.template operator()<look_and_reward, kLanesToLook, false>(kLanesToLook, more);
-      free.template operator()<write_and_add_up, kCrew, false>(kThreadsToWrite, 0);
+      free.template operator()<observe, kLanesToLook, false>(k, kLanesToLook, more);
+      write_what_else();
     } else {
       if constexpr (std::is_same_v<P, PlainCrowd>)
         if (launches_ == StepLaunches::of_more) {
           if (crowded_) {
             with_barriers.template operator()<move>();
-            free.template operator()<fight, kLanesToFight, true>(kLanesToFight, 0);
+            free.template operator()<fight, kLanesToFight, true>(k, kLanesToFight, 0);
             with_barriers.template operator()<settle>();
-            free.template operator()<look_and_reward, kLanesOfCrowd, true>(kLanesOfCrowd, more);
+            const int turns = turns_ ? 2 : 1;
+            free.template operator()<observe, kLanesOfCrowd, true>(k, kLanesOfCrowd / turns, more / turns);
           } else {
             with_barriers.template operator()<play>();
-            free.template operator()<look_and_reward, kLanesOfAgent, true>(kLanesOfAgent, more);
+            free.template operator()<observe, kLanesOfAgent, true>(k, kLanesOfAgent, more);
           }
-          free.template operator()<write_and_add_up, 1, true>(kLanesOfAgent, 0);
-          return;
+          return write_what_else();
         }
       with_barriers.template operator()<move>();
-      free.template operator()<fight, 1, true>(1, 0);
+      free.template operator()<fight, 1, true>(k, 1, 0);
       with_barriers.template operator()<settle>();
-      free.template operator()<look, 1, true>(1, 0);
-      free.template operator()<write, 1, true>(1, 0);
+      free.template operator()<look, 1, true>(k, 1, 0);
+      free.template operator()<write, 1, true>(k, 1, 0);
     }
   }
   /// Throws if a list of fire was too short since this was last asked; waits for what was queued before.
@@ -379,7 +392,7 @@ class GridLaunchingSimulator : public Simulator {
   int lanes_of_agent_;
   size_t sorted_bytes_, shared_bytes_;
   StepLaunches launches_;
-  bool crowded_;
+  bool crowded_, turns_;
   size_t scratch_bytes_;
   Buffer<char> scratch_;
   Buffer<GroupWords> words_;

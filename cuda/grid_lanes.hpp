@@ -14,7 +14,6 @@
 
 namespace giga {
 
-constexpr int kStageNumbers = 9 * kWarp;  // of a warp, that it puts together before it writes them
 constexpr int stage_numbers(bool room_to_look) {
   return room_to_look && kRoomyLaneWords > kStageNumbers ? kRoomyLaneWords : kStageNumbers;
 }
@@ -67,6 +66,7 @@ struct GridLanes {
     return lanes;
   }
   GIGA_HD void wait_for_warp() const { sync.wait_for_warp(); }
+  GIGA_HD bool any_of_warp(bool flag) const { return sync.any_of_warp(flag); }
   /// Calls f(crews): crews.each_agent(n, f) calls f(crew, item, whether the crew has one), without a barrier
   /// and as often for each lane of a warp.
   template <class F>
@@ -217,6 +217,25 @@ struct GridLanes {
     for (int i = first; i < n; i += stride) f(sum, i);
     sync.wait_for_warp();  // those that come late merge with the others, and not one by one
     merge(sum);
+    wait();
+  }
+  /// The same where all workers would add to the same few numbers, one after the other: the sums of a block are first
+  /// put together, merge(sum, block's), then hand_in(sum) adds that to the sum of all.
+  template <int kUnrolled = 1, class Sum, class F, class Merge, class HandIn>
+  GIGA_HD void gather_by_block(int n, const Sum& start, F&& f, Merge&& merge, HandIn&& hand_in) const {
+    if (n_blocks == 1) return gather<kUnrolled>(n, start, f, hand_in);
+    if (n <= 0) return;
+    static_assert(sizeof(Sum) <= sizeof(float) * kStageNumbers);
+    const GridLanes block_lanes = of_block();
+    Sum& of_all = *reinterpret_cast<Sum*>(words());
+    if (thread == 0) of_all = start;
+    Sum sum = start;
+    GIGA_UNROLL_BY(kUnrolled)
+    for (int i = first; i < n; i += stride) f(sum, i);
+    block_lanes.wait();
+    merge(sum, of_all);
+    block_lanes.wait();
+    if (thread == 0) hand_in(of_all);
     wait();
   }
   /// Adds up numbers in their order for each of n items: count_of(item) many, number(item, k), to add_to(item, sum).

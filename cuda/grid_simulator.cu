@@ -1,6 +1,7 @@
 // The CUDA back end of worlds of many agents (rules 17): one kernel per job, a step may be several; the blocks of a
 // world meet at the barriers of a cluster or, where they are more, at one in memory.
 #include <algorithm>
+#include <optional>
 #include <type_traits>
 
 #include "cuda/check.cuh"
@@ -84,6 +85,8 @@ __global__ void __launch_bounds__(kGridThreads, kGridBlocks)
 template <StepPart part, int kCrew, class P>
 __global__ void __launch_bounds__(kGridThreads, kGridBlocks)
     part_kernel(const __grid_constant__ GridLaunchOf<P> k, bool clustered) {
+  wait_for_last();
+  let_next_begin();
   const GroupThread thread = group_thread(k, clustered);
   extern __shared__ __align__(16) char shared[];
   run_grid_part<part, kCrew>(k, thread.at, thread.sync, shared);
@@ -99,20 +102,22 @@ constexpr int free_threads = kCrew > 1 ? kFewFreeThreads : kFreeThreads;
 constexpr int kFightBlocks = 7, kLookBlocks = 6, kWriteBlocks = 8;
 /// Of warps or halves of them that look for an agent each: 128 registers, so that those of 2,000 agents are there at
 /// the same time. With 80 it is 47.6 M instead of 49.7 M agent-steps/s, crowded (one H200). Where there are more agents
-/// than that, 80 (kLanesOfCrowd).
-constexpr int kSearchBlocks = 8, kFullSearchBlocks = 12;
+/// than that, 96: of 20,000 248 M instead of 241 M with 80.
+constexpr int kSearchBlocks = 8, kFullSearchBlocks = 10;
 constexpr int free_blocks(StepPart part, int crew, bool full) {
   if (crew >= kWarp / 2) return full ? kFullSearchBlocks : kSearchBlocks;
-  if (crew > 1) return 1;
+  if (crew > 1) return part == StepPart::observe ? kFullSearchBlocks : 1;
   return part == StepPart::fight ? kFightBlocks : part == StepPart::look ? kLookBlocks : kWriteBlocks;
 }
 
 template <StepPart part, int kCrew, bool kFull, class P>
 __global__ void __launch_bounds__(free_threads<kCrew>, free_blocks(part, kCrew, kFull))
     free_part_kernel(const __grid_constant__ GridLaunchOf<P> k) {
-  if constexpr (part == StepPart::write || part == StepPart::write_and_add_up) let_next_begin();
-  const ThreadIndex at{static_cast<int>(blockIdx.x), static_cast<int>(gridDim.x), static_cast<int>(threadIdx.x),
-                       free_threads<kCrew>};
+  wait_for_last();
+  let_next_begin();
+  // Rewards, which the last warps see to, begin first: their sums take long.
+  const int block = static_cast<int>(part == StepPart::observe ? gridDim.x - 1 - blockIdx.x : blockIdx.x);
+  const ThreadIndex at{block, static_cast<int>(gridDim.x), static_cast<int>(threadIdx.x), free_threads<kCrew>};
   extern __shared__ __align__(16) char shared[];
   run_grid_part<part, kCrew>(k, at, GroupSync{nullptr, 1, true, false, true}, shared);
 }
@@ -240,40 +245,33 @@ class CudaGridSimulator final : public GridLaunchingSimulator {
   template <int kCrew, class P>
   void step_in_parts(const GridLaunchOf<P>& k) {
     for_launches<kCrew>(
-        k, [&]<StepPart part>() { launch(part_kernel<part, kCrew, P>, k); },
-        [&]<StepPart part, int kLanes, bool kFull>(int threads_of_agent, int more) {
-          launch_free<part, kLanes, kFull>(k, threads_of_agent, more);
+        k, [&]<StepPart part>() { launch(part_kernel<part, kCrew, P>, k, true); },
+        [&]<StepPart part, int kLanes, bool kFull>(const GridLaunchOf<P>& of, int threads_of_agent, int more) {
+          constexpr int kThreads = free_threads<kLanes>;
+          const GridLaunchOf<P> all = without_barriers(of, kThreads, threads_of_agent, more);
+          launch_kernel(free_part_kernel<part, kLanes, kFull, P>, true, static_cast<unsigned>(all.groups * all.blocks),
+                        kThreads, free_part_bytes(part, kLanes, kThreads), stream_, {}, all);
         });
-  }
-  template <StepPart part, int kCrew, bool kFull, class P>
-  void launch_free(const GridLaunchOf<P>& k, int threads_of_agent, int more) {
-    constexpr int kThreads = free_threads<kCrew>;
-    const GridLaunchOf<P> all = without_barriers(k, kThreads, threads_of_agent, more);
-    free_part_kernel<part, kCrew, kFull, P>
-        <<<static_cast<unsigned>(all.groups * all.blocks), kThreads, free_part_bytes(part, kCrew, kThreads), stream_>>>(
-            all);
-    GIGA_CUDA(cudaGetLastError());
   }
 
   template <class P>
-  void launch(void (*kernel)(GridLaunchOf<P>, bool), const GridLaunchOf<P>& k) {
-    const GridLaunchShape& s = shape();
+  void launch(void (*kernel)(GridLaunchOf<P>, bool), const GridLaunchOf<P>& k, bool early = false) {
+    launch_kernel(kernel, early, static_cast<unsigned>(shape().groups * shape().blocks), kGridThreads, shared_bytes(),
+                  stream_, together(), k, shape().clustered);
+  }
+
+  /// The blocks of a group at the same time.
+  std::optional<cudaLaunchAttribute> together() const {
+    if (shape().blocks == 1) return {};
     cudaLaunchAttribute attribute{};
-    if (s.clustered) {
+    if (shape().clustered) {
       attribute.id = cudaLaunchAttributeClusterDimension;
-      attribute.val.clusterDim = {static_cast<unsigned>(s.blocks), 1, 1};
+      attribute.val.clusterDim = {static_cast<unsigned>(shape().blocks), 1, 1};
     } else {
-      attribute.id = cudaLaunchAttributeCooperative;  // all blocks at the same time, or an error
+      attribute.id = cudaLaunchAttributeCooperative;  // or an error
       attribute.val.cooperative = 1;
     }
-    cudaLaunchConfig_t config{};
-    config.gridDim = static_cast<unsigned>(s.groups * s.blocks);
-    config.blockDim = kGridThreads;
-    config.dynamicSmemBytes = shared_bytes();
-    config.stream = stream_;
-    config.attrs = &attribute;
-    config.numAttrs = s.blocks > 1 ? 1 : 0;
-    GIGA_CUDA(cudaLaunchKernelEx(&config, kernel, k, s.clustered));
+    return attribute;
   }
 
   int index_;

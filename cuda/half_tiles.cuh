@@ -42,6 +42,10 @@ __device__ __forceinline__ void multiply_add(float (&c)[4], const uint32_t (&a)[
       : "r"(a[0]), "r"(a[1]), "r"(a[2]), "r"(a[3]), "r"(b0), "r"(b1));
 }
 
+__device__ __forceinline__ uint32_t shared_address(const void* at) {
+  return static_cast<uint32_t>(__cvta_generic_to_shared(at));
+}
+
 /// A matrix in shared memory, row by row. A stride that is 8 more than a multiple of 64 keeps the rows that are read
 /// together on different banks (40 does too).
 template <int kStride_>
@@ -62,9 +66,7 @@ struct Halves {
   }
 
  private:
-  __device__ uint32_t address(int row, int column) const {
-    return static_cast<uint32_t>(__cvta_generic_to_shared(at + row * kStride + column));
-  }
+  __device__ uint32_t address(int row, int column) const { return shared_address(at + row * kStride + column); }
 };
 /// Bytes from one number to that so many rows and columns further.
 template <int kStride>

@@ -29,7 +29,7 @@ class SearchCrew {
   static constexpr int kWords =
       (sizeof(CrewSearch<kLanes>) * kWarp / kLanes + sizeof(uint32_t) * kWarp) / sizeof(uint32_t);  ///< of a warp
 
-  /// `words`: [kWords] of the warp.
+  /// `words`: [kStageNumbers] of the warp, at least kWords.
   GIGA_HD SearchCrew(Sync sync, int lane, void* words)
       : sync_(sync), lane_(lane), words_(*static_cast<Words*>(words)) {}
 
@@ -37,6 +37,8 @@ class SearchCrew {
   GIGA_HD bool leads() const { return index() == 0; }
   GIGA_HD void meet() const { sync_.wait_for_warp(); }
   GIGA_HD CrewSearch<kLanes>& search() const { return words_.search[lane_ / kLanes]; }
+  /// Instead of the search: what members put together of a row.
+  GIGA_HD float* stage() const { return crew_stage<kLanes>(&words_, lane_); }
   /// `flag`: the same for all members.
   GIGA_HD bool any(bool flag) const {
     if constexpr (kLanes == kWarp) return flag;

@@ -27,13 +27,15 @@ class Subwarp {
   static constexpr int kWidth = kLanes, kAtOnce = kLanes;
   static constexpr int kWords = sizeof(Words) / sizeof(uint32_t);  ///< of shared memory, of a warp
 
-  /// `words`: [kWords] of its warp.
+  /// `words`: [kStageNumbers] of its warp, at least kWords.
   GIGA_HD Subwarp(Sync sync, int lane, void* words) : sync_(sync), lane_(lane), warp_(*static_cast<Words*>(words)) {}
 
   GIGA_HD int index() const { return lane_ % kLanes; }
   GIGA_HD bool leads() const { return index() == 0; }
   GIGA_HD bool any(bool flag) const { return sync_.any_of_warp(flag); }
   GIGA_HD void meet() const { sync_.wait_for_warp(); }
+  /// Instead of lists: what members put together of a row.
+  GIGA_HD float* stage() const { return crew_stage<kLanes>(&warp_, lane_); }
   GIGA_HD uint32_t ballot(bool flag) const {
 #if defined(__CUDA_ARCH__)
     return __ballot_sync(~0u, flag) >> (lane_ - index()) & ((1u << kLanes) - 1u);

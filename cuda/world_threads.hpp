@@ -33,6 +33,15 @@ uint32_t hear_members(const Sync& sync, uint32_t* said, int lane, int first, int
 }
 #endif
 
+/// Numbers of a warp in shared memory, in worlds of many agents: where its lanes note whom they found, and put together
+/// what they write.
+constexpr int kStageNumbers = kNeighborFeatures * kWarp;
+/// The part of a crew of so many lanes, in which each has as many as there are about an agent.
+template <int kLanes>
+GIGA_HD float* crew_stage(void* stage, int lane) {
+  return static_cast<float*>(stage) + lane / kLanes * kLanes * kNeighborFeatures;
+}
+
 /// Threads of a block of TileLanes, and of a group of them that share their barriers: a warp or, for teams that fill
 /// a warp badly, the block. `agents`: of a world, where a kernel knows them as a constant, else 0.
 constexpr bool block_is_group(int agents) { return agents > kWarp / 2; }

@@ -200,8 +200,9 @@ struct SharedWork {
   /// GridWorld::placed and cell_begin for launches that follow, where each block sorts for itself; null = for none.
   PlacedAgent* placed_for_all;
   int32_t* cell_begin_for_all;
-  bool rewards_later;  // in a launch that follows
-  StepSum* sums;       // [n_step_items, sums_of_team] of blocks of agents, of blocks of these, ... (reward_blocks)
+  bool crews_follow;  // launches of crews, which see to rewards and rows too
+  int32_t* summed;    // [teams] blocks whose sums are known, of a launch that waits for nobody; zero before it
+  StepSum* sums;      // [n_step_items, sums_of_team] of blocks of agents, of blocks of these, ... (reward_blocks)
 };
 
 /// What a step reads and writes of a world of many agents. Pairs have no tables here: the members of WorldView for them
@@ -218,7 +219,7 @@ struct GridWorld : WorldView {
   int32_t* detectors;           // [N, kKeptDetectors] the first of them, in any order: places, of the agent at a place
   uint8_t* could_see;           // [N] lives after the collisions, when sight is decided
   int32_t* full_lists;          // [1] agents at which more opponents fired than are counted, since it was last read
-  PlacedAgent* placed;          // [N] those that lived when the grid was made, by cell, then by number; see sort_agents
+  PlacedAgent* placed;          // [N] those that lived when the grid was made, by cell; see sort_agents
   int32_t* cell_begin;          // [cells + 1] the first of each cell in `placed`
   int32_t* place;               // [N] of an agent in `placed`; kNotPlaced: it was dead
   SharedWork work;              // of executors with WideLanes

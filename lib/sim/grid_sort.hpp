@@ -32,7 +32,7 @@ GIGA_HD void largest_from_all(uint32_t* largest, uint32_t value) {
 #if defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 800
   const unsigned here = __activemask();
   const uint32_t most = __reduce_max_sync(here, value);
-  if (static_cast<int>(threadIdx.x % 32) == __ffs(static_cast<int>(here)) - 1) atomicMax(largest, most);
+  if (static_cast<int>(threadIdx.x % 32) == __ffs(static_cast<int>(here)) - 1 && most != 0) atomicMax(largest, most);
 #elif defined(__CUDA_ARCH__)
   atomicMax(largest, value);
 #else
@@ -49,6 +49,20 @@ GIGA_HD int32_t take_number(int32_t* next) {
 #else
   return __atomic_fetch_add(next, 1, __ATOMIC_RELAXED);
 #endif
+}
+
+/// Counts one of `most` that come to it, each once what it wrote is to be seen by the last. Whether this is the last,
+/// who sees what the others wrote; the count begins anew.
+GIGA_HD bool is_last(int32_t* count, int most) {
+#if defined(__CUDA_ARCH__)
+  __threadfence();
+  const bool last = atomicAdd(count, 1) == most - 1;
+  __threadfence();
+#else
+  const bool last = __atomic_fetch_add(count, 1, __ATOMIC_ACQ_REL) == most - 1;
+#endif
+  if (last) *count = 0;
+  return last;
 }
 
 /// The cells that the living need, from their bounds.
@@ -120,7 +134,11 @@ GIGA_HD void sort_agents(const Lanes& lanes, const GridParameters auto& p, GridW
     if (i % kDeadOfCell == 0) w.cell_begin[n + 1 + i / kDeadOfCell] = 0;
   });
   if (lanes.sorts_by_block) lanes.wait();  // all agents have moved
-  sorters.template gather<4>(
+  const auto add_bounds = [](const SharedWork::Bounds& bounds, SharedWork::Bounds& all) {
+    for (int k = 0; k < 4; ++k) largest_from_all(all.edge + k, bounds.edge[k]);
+    add_from_all(&all.count, bounds.count);
+  };
+  sorters.template gather_by_block<4>(
       n, SharedWork::Bounds{},
       [&](SharedWork::Bounds& bounds, int i) {
         const float x = w.x[i], y = w.y[i];
@@ -129,10 +147,7 @@ GIGA_HD void sort_agents(const Lanes& lanes, const GridParameters auto& p, GridW
         for (int k = 0; k < 4; ++k) bounds.edge[k] = lives && edge[k] > bounds.edge[k] ? edge[k] : bounds.edge[k];
         bounds.count += lives ? 1 : 0;
       },
-      [&](const SharedWork::Bounds& bounds) {
-        for (int k = 0; k < 4; ++k) largest_from_all(work.bounds->edge + k, bounds.edge[k]);
-        add_from_all(&work.bounds->count, bounds.count);
-      });
+      add_bounds, [&](const SharedWork::Bounds& bounds) { add_bounds(bounds, *work.bounds); });
   const bool some_dead = work.bounds->count < n;
   w.grid = bounded_shape(*work.bounds);
   const int cells = w.grid.cells();
@@ -145,12 +160,21 @@ GIGA_HD void sort_agents(const Lanes& lanes, const GridParameters auto& p, GridW
     w.place[i] = take_number(w.cell_begin + cell + 1);
   });
   sum_cells(sorters, w, some_dead ? cells + p.of_dead.cells() : cells);
+  const bool alike = lanes.sorts_by_block;
   sorters.each_agent(n, [&](int i) {
-    const int32_t place = w.cell_begin[work.cell[i]] + w.place[i];
+    const int cell = work.cell[i];
+    const int32_t place = w.cell_begin[cell] + w.place[i];
     if (i == 0) *work.bounds = {};  // all have read it
-    work.order[place] = i;
+    if (alike) {
+      work.order[place] = i;
+    } else {
+      w.placed[place] = {w.x[i], w.y[i], i, 0};
+      w.place[i] = cell < cells ? place : kNotPlaced;
+    }
   });
-  // Those of a cell by number, whoever came first.
+  if (!alike) return;
+  // Blocks that sort for themselves must come to the same: those of a cell by number, whoever came first. Nothing else
+  // depends on their order.
   sorters.each_agent(n, [&](int i) {
     const int cell = work.cell[i];
     const float x = w.x[i], y = w.y[i];
@@ -177,19 +201,27 @@ GIGA_HD void leave_grid(const Lanes& lanes, GridWorld& w, bool some) {
 
 /// Where launches follow that observe the world, leaves to them what they need: whether it did. `n`: 0 = the world
 /// waits; `ended`: it does not, because this step goes on. Where each block has sorted for itself, all have sorted
-/// alike, and each leaves a part.
+/// alike, and each leaves a part. Crews write rows as soon as they know who is in them: then all agents are prepared
+/// here.
 template <WideLanes Lanes>
-GIGA_HD bool hand_on(const Lanes& all, const GridParameters auto& p, GridWorld& w, int n, bool ended) {
+GIGA_HD bool hand_on(const Lanes& all, const GridParameters auto& p, GridWorld& w, const StepIo& io, int64_t world,
+                     int n, bool ended) {
   const SharedWork& work = w.work;
   if (!work.shape) return false;
   const Lanes lanes = all.without_barrier();
   const bool some = n > 0 && !ended;
   leave_grid(lanes, w, some);
   if (!some) return !ended;
+  const bool wanted = wants_rows(io), crews = work.crews_follow;
   if (!work.placed_for_all) {
-    mark_agents(lanes, p, w, n);
+    lanes.each_agent(n, [&](int i) {
+      const int32_t place = w.place[i];
+      if (place != kNotPlaced) w.placed[place].marks = marks_of_agent(p, w, i);
+      if (crews) prepare_rows(p, w, io, world, wanted, i);
+    });
     return true;
   }
+  if (crews) lanes.each_agent(n, [&](int i) { prepare_rows(p, w, io, world, wanted, i); });
   const int cells = w.grid.cells();
   lanes.each_agent(cells + 1, [&](int k) { work.cell_begin_for_all[k] = w.cell_begin[k]; });
   const int32_t living = w.cell_begin[cells];
@@ -202,7 +234,7 @@ GIGA_HD bool hand_on(const Lanes& all, const GridParameters auto& p, GridWorld& 
 }
 
 /// Whether hand_on leaves rewards too.
-GIGA_HD bool hands_on_rewards(const GridWorld& w) { return w.work.rewards_later; }
+GIGA_HD bool hands_on_rewards(const GridWorld& w) { return w.work.crews_follow; }
 
 /// The hook of step.hpp: neighboring workers see to agents that are near each other, and so look at the same others.
 template <WideLanes Lanes, class F>
@@ -246,8 +278,8 @@ struct LivingCounts {
       living[kWasAlive0 + t] += team == t && lived ? 1 : 0;
     }
   }
-  GIGA_HD void add_to(const GridWorld& w) const {
-    for (int k = kAlive0; k <= kWasAlive1; ++k) add_from_all(w.counts + k, living[k]);
+  GIGA_HD void add_to(int32_t* counts) const {
+    for (int k = kAlive0; k <= kWasAlive1; ++k) add_from_all(counts + k, living[k]);
   }
 };
 
@@ -258,24 +290,25 @@ GIGA_HD void fight(const Lanes& lanes, const GridParameters auto& p, GridWorld& 
   fight_by_place(lanes, p, w, draws, n, [&](int i, bool lived, bool lives) { counts.add(p.team_of(i), lived, lives); });
   if (n == 0) return;
   lanes.wait_for_warp();  // those that come late add theirs with the others, and not one by one
-  counts.add_to(w);
+  counts.add_to(w.counts);
   lanes.wait();
 }
 
 /// What `fight` counts, where the fight is a launch of its own: its many warps would queue at the four counters.
 template <WideLanes Lanes>
 GIGA_HD void count_living(const Lanes& lanes, const GridParameters auto& p, GridWorld& w, int n) {
-  lanes.template gather<4>(
+  lanes.template gather_by_block<4>(
       n, LivingCounts{},
       [&](LivingCounts& counts, int i) { counts.add(p.team_of(i), w.was_alive[i] != 0, w.alive[i] != 0); },
-      [&](const LivingCounts& counts) { counts.add_to(w); });
+      [](const LivingCounts& counts, LivingCounts& all) { counts.add_to(all.living); },
+      [&](const LivingCounts& counts) { counts.add_to(w.counts); });
 }
 
 /// What the agents get for the step, and sums of it over blocks of them (rules 17.5): a warp sees to a block. Teams lie
-/// one behind the other. No barrier.
-template <WideLanes Lanes>
+/// one behind the other. Calls after(the lanes of the warp, team, whether there was a block) behind each. No barrier.
+template <WideLanes Lanes, class After>
 GIGA_HD void reward_blocks(const Lanes& lanes, const GridParameters auto& p, GridWorld& w, const StepIo& io,
-                           int64_t world, int n) {
+                           int64_t world, int n, After&& after) {
   const SumLayout of(p);
   lanes.each_warp(n > 0 ? kNTeams * of.blocks : 0, [&](const auto& warp, int k, bool some) {
     const int team = k % kNTeams, block = k / kNTeams, first = p.first_of(team) + block * kSumBlock;
@@ -288,6 +321,25 @@ GIGA_HD void reward_blocks(const Lanes& lanes, const GridParameters auto& p, Gri
         [&](int item, const StepSum& sum) {
           if (some) w.work.sums[of.item(team, item) * of.pitch + block] = sum;
         });
+    after(warp, team, some);
+  });
+}
+
+/// The same, and adds the sums of a team to those of its episode, if they are of at most kMostBlocksAtOnce blocks: does
+/// it the warp that comes last, so that nobody waits for others.
+template <WideLanes Lanes>
+GIGA_HD void reward_and_add_up(const Lanes& lanes, const GridParameters auto& p, GridWorld& w, const StepIo& io,
+                               int64_t world, int n) {
+  const SumLayout of(p);
+  reward_blocks(lanes, p, w, io, world, n, [&](const auto& warp, int team, bool some) {
+    warp.wait_for_warp();  // what it says is done, all its lanes have done
+    const bool last = some && warp.first == 0 && is_last(w.work.summed + team, of.blocks);
+    if (!warp.any_of_warp(last)) return;
+    warp.each_agent(of.items / kNTeams, [&](int k) {
+      const int item = of.item(team, k);
+      const StepSum* sums = w.work.sums + item * of.pitch;
+      StepItem(p, item).add_to_episode(p, w, add_up(of.blocks, [&](int at) { return sums[at]; }));
+    });
   });
 }
 
@@ -324,7 +376,7 @@ GIGA_HD void reward_and_accumulate(const Lanes& lanes, const GridParameters auto
     lanes.each_agent(n, [&](int i) { reward_agent(p, w, io, world, i); });
     return lanes.each(n_step_items(p), [&](int item) { accumulate_episode(p, w, item); });
   }
-  reward_blocks(lanes, p, w, io, world, n);
+  reward_blocks(lanes, p, w, io, world, n, [](const auto&, int, bool) {});
   lanes.wait();
   add_up_blocks(lanes, p, w, n);
 }

@@ -64,6 +64,35 @@ struct StepItem {
   }
 };
 
+/// Adds up numbers in their order, number(k): of more than kSumBlock the sums of so many each, of at most as many
+/// blocks. For a worker alone; some numbers are on their way at a time.
+template <class Number>
+GIGA_HD StepSum add_up(int count, Number&& number) {
+  constexpr int kAtOnce = 16;
+  static_assert(kSumBlock % kAtOnce == 0);
+  StepSum all;
+  GIGA_ROLLED
+  for (int front = 0; front < count; front += kSumBlock) {
+    const int end = count - front < kSumBlock ? count : front + kSumBlock;
+    StepSum sum;
+    GIGA_ROLLED
+    for (int at = front; at < end; at += kAtOnce) {
+      StepSum read[kAtOnce];
+      GIGA_UNROLL
+      for (int k = 0; k < kAtOnce; ++k)
+        if (at + k < end) read[k] = number(at + k);
+      GIGA_UNROLL
+      for (int k = 0; k < kAtOnce; ++k)
+        if (at + k < end) sum += read[k];
+    }
+    if (front == 0)
+      all = sum;
+    else
+      all += sum;
+  }
+  return all;
+}
+
 /// Rules 17.5, by one worker.
 GIGA_HD void accumulate_episode(const GridParameters auto& p, GridWorld& w, int item) {
   constexpr int kLevels = 4;

@@ -95,12 +95,11 @@ struct WorldRows {
   }
 };
 
-/// Whether anybody wants rows of agents, images apart.
-GIGA_HD bool wants_rows(const StepIo& io) {
+/// Whether anybody wants rows of agents, or of worlds, images apart.
+GIGA_HD bool wants_rows(const StepIo& io, ObservationOf of = ObservationOf::agent) {
   bool wanted = false;
   for_each_observation([&](auto kind) {
-    if (decltype(kind)::of == ObservationOf::agent && !is_drawn(kind.id) && WantedRows<decltype(kind)>::any(io))
-      wanted = true;
+    if (decltype(kind)::of == of && !is_drawn(kind.id) && WantedRows<decltype(kind)>::any(io)) wanted = true;
   });
   return wanted;
 }

@@ -113,6 +113,17 @@ GIGA_HD void look_and_prepare(const Lanes& lanes, const Parameters auto& p, Worl
   });
 }
 
+/// The same where all agents have been prepared: each crew writes the vector of its agent.
+template <WideLanes Lanes, class Draws>
+GIGA_HD void look_and_write(const Lanes& lanes, const Parameters auto& p, World auto& w, Draws& draws, const StepIo& io,
+                            int64_t world, int n) {
+  each_crew_by_place(lanes, p, w, n, [&](const auto& crew, int e, bool some) {
+    look_around(crew, p, w, draws, false, e, some);
+    float* row = some ? WantedRows<VectorObservation>::row(p, io, world, e) : nullptr;
+    VectorObservation::write_by_crew(crew, p, w, e, row);
+  });
+}
+
 /// Decides what every agent sees and writes it.
 template <class Lanes, class Draws>
 GIGA_HD void observe_world(const Lanes& lanes, const Parameters auto& p, World auto& w, Draws& draws, const StepIo& io,
@@ -177,7 +188,7 @@ GIGA_HD bool play_step(const Lanes& lanes, const Parameters auto& p, World auto&
   if constexpr (WideLanes<Lanes>) {
     const bool gone0 = w.counts[kAlive0] == 0, gone1 = w.counts[kAlive1] == 0;
     const bool ended = active && ending.on_done != OnDone::keep && done_after(p, gone0, gone1, length) != Done::running;
-    handed_on = hand_on(lanes, p, w, n, ended && step_settles(ending, io));
+    handed_on = hand_on(lanes, p, w, io, world, n, ended && step_settles(ending, io));
     if (!handed_on || !hands_on_rewards(w)) reward_and_accumulate(lanes, p, w, io, world, n);
   } else {
     lanes.each_agent(n, [&](int i) { reward_agent(p, w, io, world, i); });

@@ -8,14 +8,14 @@
 namespace giga {
 
 enum class StepPart {
-  play,             ///< the step up to its observation; the whole of it where the episode ended
-  move,             ///< up to who has collided
-  fight,            ///< who sees and hits whom; no agent waits for another
-  settle,           ///< the rest of `play`
-  look,             ///< whom each agent sees, and what its row needs; no agent waits for another
-  write,            ///< rows; no row waits for another
-  look_and_reward,  ///< look, and what agents get for the step, in its first sums (hands_on_rewards)
-  write_and_add_up  ///< write, and the sums of these, of at most kMostBlocksAtOnce blocks a team: more need a barrier
+  play,    ///< the step up to its observation; the whole of it where the episode ended
+  move,    ///< up to who has collided
+  fight,   ///< who sees and hits whom; no agent waits for another
+  settle,  ///< the rest of `play`
+  look,    ///< whom each agent sees, and what its row needs; no agent waits for another
+  write,   ///< rows; no row waits for another
+  observe  ///< all of that by crews, and what agents get for the step (SharedWork::crews_follow): of what else may be
+           ///< observed than vectors, `write` follows
 };
 
 /// Whether some agents wait for others in a part.
@@ -34,13 +34,15 @@ requires(!has_barriers(part)) GIGA_HD
     auto&& draws = draws_at(*w.draw_step);
     fight_by_place(lanes, p, w, draws, n, [](int, bool, bool) {});
   }
-  if constexpr (part == StepPart::look_and_reward) reward_blocks(lanes, p, w, io, world, n);
-  if constexpr (part == StepPart::look || part == StepPart::look_and_reward) {
+  if constexpr (part == StepPart::observe) reward_and_add_up(lanes, p, w, io, world, n);
+  if constexpr (part == StepPart::look || part == StepPart::observe) {
     auto&& draws = draws_at(*w.draw_step - 1);  // the step has counted itself already
-    look_and_prepare(lanes, p, w, draws, io, world, false, n);
+    if constexpr (part == StepPart::look)
+      look_and_prepare(lanes, p, w, draws, io, world, false, n);
+    else
+      look_and_write(lanes, p, w, draws, io, world, n);
   }
-  if constexpr (part == StepPart::write || part == StepPart::write_and_add_up) write_rows(lanes, p, w, io, world, n);
-  if constexpr (part == StepPart::write_and_add_up) add_up_blocks(lanes, p, w, n);
+  if constexpr (part == StepPart::write) write_rows(lanes, p, w, io, world, n);
 }
 
 /// Runs a part with barriers. Whether the world plays it sees for itself.

@@ -225,6 +225,31 @@ struct VectorObservation {
     if constexpr ((P::kTeam == 0 && !WideLanes<Lanes>) || Lanes::kSerial) write_tail(lanes, p, w, n > 0, rows);
   }
 
+  /// A row by the crew of its agent (sim/crew.hpp), which has ranked it; null: none is wanted. Each member works out
+  /// what it says of one agent at a time, then neighboring members write neighboring numbers. Worlds without a tail.
+  template <class Crew>
+  GIGA_HD static void write_by_crew(const Crew& crew, const Parameters auto& p, const World auto& w, int e,
+                                    float* row) {
+    using P = std::remove_cvref_t<decltype(p)>;
+    static_assert(!P::waypoints && P::n_boxes == 0);
+    const int index = crew.index();
+    const AgentFeatures own = w.features[e];
+    crew.meet();  // it is known who is in the row
+    GIGA_ROLLED
+    for (int front = 0; front < p.n_neighbors; front += Crew::kWidth) {
+      const int k = front + index, left = p.n_neighbors - front;
+      if (row && k < p.n_neighbors) {
+        float* piece = crew.stage() + index * kNeighborFeatures;
+        write_neighbor(p, w, e, own, k, neighbor(p, w, e, k),
+                       [&](int feature, float number) { piece[feature] = number; });
+      }
+      crew.meet();
+      const int count = row ? (left < Crew::kWidth ? left : Crew::kWidth) * kNeighborFeatures : 0;
+      for (int c = index; c < count; c += Crew::kWidth) row[front * kNeighborFeatures + c] = crew.stage()[c];
+      crew.meet();
+    }
+  }
+
   /// A worker for each agent of each row; one per row for the few numbers that follow.
   template <class Lanes, class Rows>
   GIGA_HD static void write_by_piece(const Lanes& lanes, const Parameters auto& p, const World auto& w, int n,

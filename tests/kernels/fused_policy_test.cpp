@@ -20,15 +20,20 @@ namespace giga::test {
 namespace {
 
 constexpr int kPolicyThreads = 256;
-/// The kernel of few rows: a warp for so many numbers of a layer.
-struct FewRowsKernel {
-  const char* way;  // of its name
-  int numbers;
-  int threads(const PolicyShape& shape) const { return shape.hidden / numbers * 32; }
+/// The kernels that take two policies at a time: those of few rows, of which a warp has so many numbers of a layer, and
+/// that of a warp for rows.
+struct PairKernel {
+  std::vector<std::string> name;
+  int threads;
+  std::string what() const { return name.back(); }
 };
-std::vector<FewRowsKernel> few_rows_kernels(const PolicyShape& shape) {
-  std::vector<FewRowsKernel> kernels{{"FewRowsE0", 16}};
-  if (shape.hidden <= FusedMlp::kNarrowHidden) kernels.insert(kernels.end(), {{"FewRowsE1", 8}, {"FewRowsE2", 8}});
+std::vector<PairKernel> pair_kernels(const PolicyShape& shape) {
+  const std::string of = cat("ILi", shape.in, "ELi", shape.hidden, "E");
+  std::vector<PairKernel> kernels{{{"few_rows_kernel" + of, "FewRowsE0"}, shape.hidden / 16 * 32}};
+  if (shape.hidden > FusedMlp::kNarrowHidden) return kernels;
+  for (const char* way : {"FewRowsE1", "FewRowsE2"})
+    kernels.push_back({{"few_rows_kernel" + of, way}, shape.hidden / 8 * 32});
+  if (shape.in == PolicyShape::kCrowdInput) kernels.push_back({{cat("warp_rows_kernelILi", shape.in, "E")}, 320});
   return kernels;
 }
 
@@ -125,16 +130,15 @@ TEST_P(FusedPolicyAsPtx, DrawsTheSameActions) {
       both.policy[1].continuous.action += split * kActionSize;
       both.policy[1].continuous.log_prob += split;
       both.policy[1].discrete.draws.first_world = both.policy[1].continuous.draws.first_world = worlds;
-      for (const FewRowsKernel& kernel : few_rows_kernels(made_for)) {
+      for (const PairKernel& kernel : pair_kernels(made_for)) {
         const Acts nothing(s.n_rows());  // into the same vectors, where `both` points to
         std::ranges::copy(nothing.action, few.action.begin());
         std::ranges::copy(nothing.log_prob, few.log_prob.begin());
         std::ranges::copy(nothing.squashed, few.squashed.begin());
-        kernels.launch({"few_rows_kernel" + shape, kernel.way}, {c.blocks, 1, 2}, kernel.threads(made_for),
-                       kSharedBytes, both, order);
-        EXPECT_EQ(few.action, found.action) << kernel.way;
-        EXPECT_EQ(few.log_prob, found.log_prob) << kernel.way;
-        EXPECT_TRUE(!c.continuous || few.squashed == found.squashed) << kernel.way;
+        kernels.launch(kernel.name, {c.blocks, 1, 2}, kernel.threads, kSharedBytes, both, order);
+        EXPECT_EQ(few.action, found.action) << kernel.what();
+        EXPECT_EQ(few.log_prob, found.log_prob) << kernel.what();
+        EXPECT_TRUE(!c.continuous || few.squashed == found.squashed) << kernel.what();
       }
     }
     // A draw that falls between two actions may go to the other one.
@@ -261,17 +265,17 @@ TEST_P(FusedPolicyAsPtx, GroupsActByTheirOwnNetworks) {
     expect_two(two, found, "streamed");
   }
   if (!s.actor.is_wide())
-    for (const FewRowsKernel& kernel : few_rows_kernels(made_for)) {
+    for (const PairKernel& kernel : pair_kernels(made_for)) {
       few = Acts(kGroups * rows);
       const auto launch = [&](const FusedPolicy& policy) {
-        kernels.launch({"few_rows_kernel" + shape, kernel.way}, {c.blocks, kGroups}, kernel.threads(made_for),
-                       kSharedBytes, FusedPolicies{{policy}}, ThreadOrder::shuffled);
+        kernels.launch(kernel.name, {c.blocks, kGroups}, kernel.threads, kSharedBytes, FusedPolicies{{policy}},
+                       ThreadOrder::shuffled);
       };
       launch(policy_for(few));
-      expect_same(few, found, kernel.way);
+      expect_same(few, found, kernel.what().c_str());
       two = Acts(kGroups * rows);
       launch(policy_for(two, kPlays));
-      expect_two(two, found, kernel.way);
+      expect_two(two, found, kernel.what().c_str());
     }
   int64_t others = 0;
   for (size_t row = 0; row < found.log_prob.size(); ++row)

@@ -211,9 +211,9 @@ class EmulatedGridSimulator final : public GridLaunchingSimulator {
           run_blocks<true>(k, shared_bytes(),
                            [](const auto& all, const auto&... thread) { run_grid_part<part, kCrew>(all, thread...); });
         },
-        [&]<StepPart part, int kLanes, bool>(int threads_of_agent, int more) {
+        [&]<StepPart part, int kLanes, bool>(const GridLaunchOf<P>& of, int threads_of_agent, int more) {
           run_blocks<false>(
-              without_barriers(k, kWarp, threads_of_agent, more), free_part_bytes(part, kLanes, kWarp),
+              without_barriers(of, kWarp, threads_of_agent, more), free_part_bytes(part, kLanes, kWarp),
               [](const auto& all, const auto&... thread) { run_grid_part<part, kLanes>(all, thread...); });
         });
   }

@@ -204,7 +204,7 @@ TEST(GridCrowds, AreThoseOfTheCpu) {
        {Crowd{1100, 903, 40, 2, 5, 5}, Crowd{2600, 2601, 300, 1, 4, 3}, Crowd{1100, 903, 40, 2, kBlocksInParts, 5},
         // Four lanes for each agent, which are a crew, and two, so that 16 of a warp look for others (spread_over).
         Crowd{40, 30, 20, 1, 9, 5}, Crowd{40, 30, 20, 1, 5, 5}, Crowd{20, 13, 12, 1, kBlocksInParts, 5},
-        // Three launches, of one world and of two.
+        // Two launches, of one world and of two.
         Crowd{40, 30, 20, 1, kBlocksToSpare, 5}, Crowd{20, 13, 12, 2, kBlocksToSpare, 5},
         // Without room to sort: near each other, with a fight and half a warp that looks, and far apart.
         Crowd{40, 30, 20, 1, kBlocksForMore, 5}, Crowd{40, 30, 90, 1, kBlocksForMore, 5},
