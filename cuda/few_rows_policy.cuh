@@ -128,7 +128,9 @@ __global__ void __launch_bounds__(FewRowsBlock<kIn, kHidden, kWay>::kThreads, Fe
   const int lane = static_cast<int>(threadIdx.x) % 32, warp = static_cast<int>(threadIdx.x) / 32;
   const int64_t step = static_cast<int64_t>(gridDim.x) * 16;
   int64_t at = static_cast<int64_t>(blockIdx.x) * 16;
-  if (static_cast<int>(blockIdx.y) >= k.groups || at >= k.rows_per_group || !k.group_plays(blockIdx.y)) return;
+  // A kernel that is launched early behind this one relies on what this one waits for, with nothing to do too.
+  if (static_cast<int>(blockIdx.y) >= k.groups || at >= k.rows_per_group || !k.group_plays(blockIdx.y))
+    return wait_for_last();
   const FusedMlp& net = k.net;
   const int64_t offset = blockIdx.y * k.group_stride, first_row = blockIdx.y * k.rows_per_group;
   const FusedRows rows = k.rows(offset);

@@ -130,13 +130,27 @@ void launch_few(const FusedPolicies& few, dim3 blocks, cudaStream_t stream) {
                 sizeof(Block), stream, {}, few);
 }
 
+/// A warp for each tile of 16 rows, if they find warps in few turns.
+template <int kIn>
+bool launch_warp_rows(const FusedPolicies& policies, int64_t tiles, int most_blocks, dim3 of, bool behind_step,
+                      cudaStream_t stream) {
+  using Block = WarpRowsBlock<kIn>;
+  static_assert(sizeof(Block) <= kMostShared);
+  const int64_t wanted = (tiles + Block::kWarps - 1) / Block::kWarps;
+  if (wanted > int64_t{Block::kMostTiles} * most_blocks) return false;
+  const auto kernel = warp_rows_kernel<kIn>;
+  GIGA_CUDA(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, sizeof(Block)));
+  of.x = static_cast<unsigned>(std::min<int64_t>(wanted, most_blocks));
+  launch_kernel(kernel, behind_step, of, Block::kThreads, sizeof(Block), stream, {}, policies);
+  return true;
+}
+
 /// All in one launch, if they have so few rows (none: nothing is launched); else false.
 template <int kIn, int kHidden>
 bool launch_few(std::span<const FusedPolicy> policies, bool behind_step, int multiprocessors, cudaStream_t stream) {
   if constexpr (kHidden > FusedMlp::kBlockHidden) {
     return false;
   } else {
-    using Block = FewRowsBlock<kIn, kHidden, FewRows::many_tiles>;
     FusedPolicies few{};
     int64_t tiles = 0;
     int groups = 0, all_groups = 0, n = 0;
@@ -147,28 +161,26 @@ bool launch_few(std::span<const FusedPolicy> policies, bool behind_step, int mul
       if (!policy.plays) all_groups += policy.groups;  // as a rule, none of the others plays
     }
     all_groups = std::max(all_groups, groups);
-    const int64_t share = multiprocessors * Block::kBlocks / all_groups;
-    if (tiles > share * Block::kMostTiles || tiles == 0) return tiles == 0;
-    const dim3 blocks(static_cast<unsigned>(std::min(tiles, share)), static_cast<unsigned>(groups),
-                      static_cast<unsigned>(n));
+    if (tiles == 0) return true;
+    dim3 blocks(1, static_cast<unsigned>(groups), static_cast<unsigned>(n));
     if constexpr (kHidden <= FusedMlp::kNarrowHidden)
       if (tiles <= multiprocessors * FewRowsBlock<kIn, kHidden, FewRows::one_tile>::kBlocks / all_groups) {
+        blocks.x = static_cast<unsigned>(tiles);
         behind_step ? launch_few<kIn, kHidden, FewRows::one_tile_early>(few, blocks, stream)
                     : launch_few<kIn, kHidden, FewRows::one_tile>(few, blocks, stream);
         return true;
       }
     if constexpr (kIn == PolicyShape::kCrowdInput) {
-      using Rows = WarpRowsBlock<kIn>;
-      const auto kernel = warp_rows_kernel<kIn>;
-      const int64_t wanted = (tiles + Rows::kWarps - 1) / Rows::kWarps;
-      const dim3 grid(static_cast<unsigned>(std::min<int64_t>(wanted, std::max(1, multiprocessors / all_groups))),
-                      blocks.y, blocks.z);
-      GIGA_CUDA(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, sizeof(Rows)));
-      launch_kernel(kernel, behind_step, grid, Rows::kThreads, sizeof(Rows), stream, {}, few);
+      static_assert(kHidden == FusedMlp::kNarrowHidden);
+      return launch_warp_rows<kIn>(few, tiles, multiprocessors / all_groups, blocks, behind_step, stream);
+    } else {
+      using Block = FewRowsBlock<kIn, kHidden, FewRows::many_tiles>;
+      const int64_t share = multiprocessors * Block::kBlocks / all_groups;
+      if (tiles > share * Block::kMostTiles) return false;
+      blocks.x = static_cast<unsigned>(std::min(tiles, share));
+      launch_few<kIn, kHidden, FewRows::many_tiles>(few, blocks, stream);
       return true;
     }
-    launch_few<kIn, kHidden, FewRows::many_tiles>(few, blocks, stream);
-    return true;
   }
 }
 

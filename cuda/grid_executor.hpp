@@ -22,8 +22,7 @@ constexpr int kGridThreads = 512;   // threads of a block
 constexpr int kThreadsOfAgent = 4;  // of a world, where there is room: most stages look at pairs or write rows
 constexpr int kLanesOfAgent = 4;    // of a crew
 // Of StepLaunches::of_few. Of a crew that looks: with eight lanes 60.8 M agent-steps/s instead of 61.7 M, crowded
-// 39.4 M instead of 49.7 M (2,000 agents, one H200). Of an agent whose row is written: a warp then has its rows in one
-// go.
+// 39.4 M instead of 49.7 M (2,000 agents, one H200).
 constexpr int kLanesToLook = kWarp;
 // Of StepLaunches::of_more where agents are crowded. 10,000 against 10,000, one H200: half a warp looks, 200 M
 // agent-steps/s; four lanes 149 M, a warp 174 M, half a warp of 128 registers 193 M. A fight in `play` 164 M instead of
@@ -277,7 +276,7 @@ class GridLaunchingSimulator : public Simulator {
         shared_bytes_(grid_stage_bytes(device.threads) + sorted_bytes_),
         launches_(launches_of_step(device)),
         crowded_(is_crowded(params_)),
-        turns_(params_.n_agents >= kTurnsFrom * device.resident),
+        turns_(int64_t{params_.n_agents} * n_worlds() >= int64_t{kTurnsFrom} * device.resident),
         scratch_bytes_(group_bytes()),
         scratch_(memory, scratch_bytes_ * static_cast<size_t>(shape_.groups)),
         words_(memory, static_cast<size_t>(shape_.groups)),
@@ -324,7 +323,7 @@ class GridLaunchingSimulator : public Simulator {
   void for_launches(const GridLaunchOf<P>& k, WithBarriers&& with_barriers, Free&& free) const {
     using enum StepPart;
     const int more = kWarp * kNTeams * SumLayout(k.params).blocks;  // threads that see to rewards
-    const auto write_what_else = [&] {
+    const auto write_other_rows = [&] {
       GridLaunchOf<P> others = k;
       for (TeamIo& team : others.io.team) team.obs[Observation::vector].rows = nullptr;
       if (wants_rows(others.io) || wants_rows(others.io, ObservationOf::world))
@@ -333,7 +332,7 @@ class GridLaunchingSimulator : public Simulator {
     if constexpr (kCrew > 1) {
       with_barriers.template operator()<play>();
       free.template operator()<observe, kLanesToLook, false>(k, kLanesToLook, more);
-      write_what_else();
+      write_other_rows();
     } else {
       if constexpr (std::is_same_v<P, PlainCrowd>)
         if (launches_ == StepLaunches::of_more) {
@@ -347,7 +346,7 @@ class GridLaunchingSimulator : public Simulator {
             with_barriers.template operator()<play>();
             free.template operator()<observe, kLanesOfAgent, true>(k, kLanesOfAgent, more);
           }
-          return write_what_else();
+          return write_other_rows();
         }
       with_barriers.template operator()<move>();
       free.template operator()<fight, 1, true>(k, 1, 0);
@@ -382,7 +381,9 @@ class GridLaunchingSimulator : public Simulator {
     if (device.in_parts == 0 || shape_.groups < n_worlds()) return one;
     const bool plain = PlainCrowd::fits(params_), idle = 2 * shape_.groups * shape_.blocks <= device.resident;
     if (sorted_bytes_ > 0)
-      return plain && idle && lanes_of_agent_ == kLanesOfAgent && SumLayout(params_).blocks <= kSumBlock ? of_few : one;
+      return plain && idle && lanes_of_agent_ == kLanesOfAgent && SumLayout(params_).blocks <= kMostBlocksAtOnce
+                 ? of_few
+                 : one;
     if (many(device)) return of_many;
     return plain && SumLayout(params_).blocks <= kMostBlocksAtOnce ? of_more : one;
   }

@@ -10,6 +10,7 @@ namespace giga {
 template <int kLanes_>
 struct LaneLogits {
   static constexpr int kLanes = kLanes_, kNumbers = (kLogitStride + kLanes - 1) / kLanes;
+  static_assert(kLogitStride % kNumbers == 0);
   static constexpr uint32_t kWarp = 0xFFFFFFFFu;
   float x[kNumbers] = {};
   int lane = static_cast<int>(threadIdx.x) % kLanes;

@@ -175,6 +175,9 @@ struct TileRows {
   }
 };
 
+/// A NaN stays one.
+__device__ inline float held(float x, float limit) { return x > limit ? limit : x < -limit ? -limit : x; }
+
 /// The inputs of a warp's rows, on their way from global memory: two columns for each lane, and those 64 further.
 template <int kIn, int kRows = 16>
 struct FetchedInputs {
@@ -240,8 +243,6 @@ struct FetchedInputs {
     else
       return __ldg(at);
   }
-  /// A NaN stays one.
-  __device__ static float held(float x, float limit) { return x > limit ? limit : x < -limit ? -limit : x; }
 };
 
 /// A warp's part of the gradient of a weight, as sums of so many rows and columns.

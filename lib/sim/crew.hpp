@@ -24,6 +24,8 @@
 //                                                     at different times, all of them wait for each (a million agents,
 //                                                     one H100: 411 M agent-steps/s instead of 403 M)
 //                                clear(), empty()
+//   stage()                    of several workers of a warp: memory in which they put together what they write of an
+//                              agent, in the place of lists and searches; between two meet()
 //   Slots<n>                   n agents that a worker keeps by number, for itself: slots[k]
 #pragma once
 

@@ -194,7 +194,7 @@ struct SharedWork {
   };
   Bounds* bounds;       // [1]
   GridShape* shape;     // [1] of the grid, for launches that follow: no columns = they leave the world; null = for none
-  int32_t* order;       // [N] agents by cell, within one in the order of arrival
+  int32_t* order;       // [N] agents by cell, within one in the order of arrival; where each block sorts for itself
   int32_t* cell;        // [N] of an agent; those of the dead behind those of the living
   int32_t* block_sums;  // [blocks] agents in the cells that a block adds up
   /// GridWorld::placed and cell_begin for launches that follow, where each block sorts for itself; null = for none.

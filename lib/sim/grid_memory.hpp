@@ -91,7 +91,6 @@ GIGA_HD size_t attach_scratch(const GridParams& p, GridWorld& w, char* block, bo
   }
   if (together) {
     if (sorts) {
-      take(w.work.order, n);
       take(w.work.cell, n);
       take(w.work.block_sums, n / 8 + 1);  // of blocks of a warp, at most four threads an agent; or of 512, and eight
     }

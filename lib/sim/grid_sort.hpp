@@ -1,6 +1,7 @@
 // Stages of a world of many agents for many workers at once (WideLanes): sorting the agents into the grid, going
 // through them by place, who hits whom and who lives then, adding up returns. What comes out does not depend on who is
-// faster, and is what one worker makes (grid_stages.hpp).
+// faster, and is what one worker makes (grid_stages.hpp), but for the order within a cell, on which nothing else
+// depends.
 #pragma once
 
 #include <bit>
@@ -53,7 +54,7 @@ GIGA_HD int32_t take_number(int32_t* next) {
 
 /// Counts one of `most` that come to it, each once what it wrote is to be seen by the last. Whether this is the last,
 /// who sees what the others wrote; the count begins anew.
-GIGA_HD bool is_last(int32_t* count, int most) {
+GIGA_HD bool comes_last(int32_t* count, int most) {
 #if defined(__CUDA_ARCH__)
   __threadfence();
   const bool last = atomicAdd(count, 1) == most - 1;
@@ -160,21 +161,20 @@ GIGA_HD void sort_agents(const Lanes& lanes, const GridParameters auto& p, GridW
     w.place[i] = take_number(w.cell_begin + cell + 1);
   });
   sum_cells(sorters, w, some_dead ? cells + p.of_dead.cells() : cells);
-  const bool alike = lanes.sorts_by_block;
+  const bool by_block = lanes.sorts_by_block;
   sorters.each_agent(n, [&](int i) {
     const int cell = work.cell[i];
     const int32_t place = w.cell_begin[cell] + w.place[i];
     if (i == 0) *work.bounds = {};  // all have read it
-    if (alike) {
+    if (by_block) {
       work.order[place] = i;
     } else {
       w.placed[place] = {w.x[i], w.y[i], i, 0};
       w.place[i] = cell < cells ? place : kNotPlaced;
     }
   });
-  if (!alike) return;
-  // Blocks that sort for themselves must come to the same: those of a cell by number, whoever came first. Nothing else
-  // depends on their order.
+  if (!by_block) return;
+  // Blocks that sort for themselves must come to the same: those of a cell by number, whoever came first.
   sorters.each_agent(n, [&](int i) {
     const int cell = work.cell[i];
     const float x = w.x[i], y = w.y[i];
@@ -333,8 +333,9 @@ GIGA_HD void reward_and_add_up(const Lanes& lanes, const GridParameters auto& p,
   const SumLayout of(p);
   reward_blocks(lanes, p, w, io, world, n, [&](const auto& warp, int team, bool some) {
     warp.wait_for_warp();  // what it says is done, all its lanes have done
-    const bool last = some && warp.first == 0 && is_last(w.work.summed + team, of.blocks);
+    const bool last = some && warp.first == 0 && comes_last(w.work.summed + team, of.blocks);
     if (!warp.any_of_warp(last)) return;
+    warp.wait_for_warp();  // what the lane that came last sees, all of them see
     warp.each_agent(of.items / kNTeams, [&](int k) {
       const int item = of.item(team, k);
       const StepSum* sums = w.work.sums + item * of.pitch;

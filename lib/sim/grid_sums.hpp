@@ -8,7 +8,7 @@
 namespace giga {
 
 /// Sums of blocks that half a warp adds up by blocks of these, one after the other, in less time than all take to meet
-/// at a barrier.
+/// at a barrier; or a lane, while others look for agents.
 constexpr int kMostBlocksAtOnce = 8 * kSumBlock;
 
 /// Blocks of kSumBlock agents of a team, or of so many such sums.

@@ -29,11 +29,14 @@ struct PairKernel {
 };
 std::vector<PairKernel> pair_kernels(const PolicyShape& shape) {
   const std::string of = cat("ILi", shape.in, "ELi", shape.hidden, "E");
-  std::vector<PairKernel> kernels{{{"few_rows_kernel" + of, "FewRowsE0"}, shape.hidden / 16 * 32}};
+  std::vector<PairKernel> kernels;
+  if (shape.in == PolicyShape::kCrowdInput)
+    kernels.push_back({{cat("warp_rows_kernelILi", shape.in, "E")}, 320});
+  else
+    kernels.push_back({{"few_rows_kernel" + of, "FewRowsE0"}, shape.hidden / 16 * 32});
   if (shape.hidden > FusedMlp::kNarrowHidden) return kernels;
   for (const char* way : {"FewRowsE1", "FewRowsE2"})
     kernels.push_back({{"few_rows_kernel" + of, way}, shape.hidden / 8 * 32});
-  if (shape.in == PolicyShape::kCrowdInput) kernels.push_back({{cat("warp_rows_kernelILi", shape.in, "E")}, 320});
   return kernels;
 }
 
@@ -130,15 +133,21 @@ TEST_P(FusedPolicyAsPtx, DrawsTheSameActions) {
       both.policy[1].continuous.action += split * kActionSize;
       both.policy[1].continuous.log_prob += split;
       both.policy[1].discrete.draws.first_world = both.policy[1].continuous.draws.first_world = worlds;
-      for (const PairKernel& kernel : pair_kernels(made_for)) {
+      const auto expect_found = [&](const PairKernel& kernel, const char* rows) {
         const Acts nothing(s.n_rows());  // into the same vectors, where `both` points to
         std::ranges::copy(nothing.action, few.action.begin());
         std::ranges::copy(nothing.log_prob, few.log_prob.begin());
         std::ranges::copy(nothing.squashed, few.squashed.begin());
         kernels.launch(kernel.name, {c.blocks, 1, 2}, kernel.threads, kSharedBytes, both, order);
-        EXPECT_EQ(few.action, found.action) << kernel.what();
-        EXPECT_EQ(few.log_prob, found.log_prob) << kernel.what();
-        EXPECT_TRUE(!c.continuous || few.squashed == found.squashed) << kernel.what();
+        EXPECT_EQ(few.action, found.action) << kernel.what() << rows;
+        EXPECT_EQ(few.log_prob, found.log_prob) << kernel.what() << rows;
+        EXPECT_TRUE(!c.continuous || few.squashed == found.squashed) << kernel.what() << rows;
+      };
+      for (const PairKernel& kernel : pair_kernels(made_for)) expect_found(kernel, "");
+      if (const StreamedKernel streamed(s, s.n_rows()); !streamed.name.empty()) {
+        for (FusedPolicy& policy : both.policy) policy = streamed.with_rows(policy);
+        both.policy[1].obs += split * streamed.stride;
+        for (const PairKernel& kernel : pair_kernels(made_for)) expect_found(kernel, ", rows of whole pieces");
       }
     }
     // A draw that falls between two actions may go to the other one.

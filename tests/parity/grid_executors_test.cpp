@@ -166,7 +166,7 @@ struct Crowd {
   CrowdKind kind = CrowdKind::plain;
 };
 void play_crowd(const Crowd& c, const std::function<std::unique_ptr<Simulator>(const SimSpec&, SimOptions)>& other) {
-  constexpr int64_t kMostPairs = 1 << 25;
+  constexpr int64_t kMostPairs = 40'000'000;
   const SimSpec spec = crowd_of(c.kind, c.n_team_0, c.n_team_1, c.limit, 3);
   const float reach[kNTeams] = {1, 1};
   EXPECT_EQ(PlainCrowd::fits(GridParams(spec.params, reach, 1)), c.kind == CrowdKind::plain);
@@ -176,7 +176,9 @@ void play_crowd(const Crowd& c, const std::function<std::unique_ptr<Simulator>(c
   options.on_done = c.on_done;
   options.episodes = c.episodes;
   options.seed = c.kind == CrowdKind::obstacles ? kSeedOfWaypoint : 0;
-  SimRunner a(grid(spec, options), Outputs::observations), b(other(spec, options), Outputs::observations);
+  const Outputs outputs = c.on_done == OnDone::freeze ? Outputs::observations : Outputs::all;
+  SimRunner a(grid(spec, options), outputs, SimRunner::kZerosBehind);
+  SimRunner b(other(spec, options), outputs, SimRunner::kZerosBehind);
   a.start();
   b.start();
   for (uint64_t k = 0; k < static_cast<uint64_t>(c.steps); ++k) {
@@ -208,7 +210,10 @@ TEST(GridCrowds, AreThoseOfTheCpu) {
         Crowd{40, 30, 20, 1, kBlocksToSpare, 5}, Crowd{20, 13, 12, 2, kBlocksToSpare, 5},
         // Without room to sort: near each other, with a fight and half a warp that looks, and far apart.
         Crowd{40, 30, 20, 1, kBlocksForMore, 5}, Crowd{40, 30, 90, 1, kBlocksForMore, 5},
-        Crowd{20, 13, 12, 2, kBlocksForMore, 5}})
+        Crowd{20, 13, 12, 2, kBlocksForMore, 5},
+        // Sums of several blocks, the last of which adds them up, and crews that see to two agents: 1,200 are more than
+        // 128 for each of the blocks.
+        Crowd{700, 500, 30, 1, kBlocksForMore, 2}})
     play_crowd(c, [&](const SimSpec& spec, const SimOptions& options) {
       return make_emulated_grid_simulator(spec, options, ThreadOrder::shuffled, c.blocks);
     });
@@ -338,8 +343,9 @@ TEST(GpuGridCrowds, AreThoseOfTheCpu) {
   }
   for (const Crowd& c :
        {Crowd{150, 150, 20, 3, 0, 5}, Crowd{1100, 903, 40, 2, 0, 5}, Crowd{1100, 903, 40, 50, 0, 4},
-        Crowd{2600, 2601, 300, 1, 0, 4}, Crowd{2600, 2601, 80, 5, 0, 4}, Crowd{9000, 9001, 150, 1, 0, 3},
-        Crowd{9000, 9001, 3000, 1, 0, 2}, Crowd{10, 10, 12, 600, 0, 5},
+        Crowd{2600, 2601, 300, 1, 0, 4}, Crowd{2600, 2601, 80, 5, 0, 4}, Crowd{3000, 3101, 80, 1, 0, 3},
+        Crowd{3000, 3101, 3000, 1, 0, 3}, Crowd{9000, 9001, 150, 1, 0, 3}, Crowd{9000, 9001, 3000, 1, 0, 2},
+        Crowd{10, 10, 12, 600, 0, 5},
         // Beyond 65,536 agents, in five launches.
         Crowd{40000, 40001, 300, 1, 0, 3}})
     play(c);
@@ -393,6 +399,8 @@ TEST(GpuGridRecorded, StepsAreThoseQueuedOneByOne) {
        {Recorded{{150, 150, 20, 3, 0, 0}, 0, OnDone::reset}, Recorded{{150, 150, 20, 3, 0, 0}, 0, OnDone::freeze},
         Recorded{{2600, 2601, 300, 1, 0, 0}, 0, OnDone::reset}, Recorded{{1100, 903, 40, 1, 0, 0}, 1, OnDone::reset},
         Recorded{{1100, 903, 40, 1, 0, 0}, kInParts, OnDone::reset},
+        Recorded{{3000, 3101, 80, 1, 0, 0}, kInParts, OnDone::reset},
+        Recorded{{3000, 3101, 3000, 1, 0, 0}, kInParts, OnDone::reset},
         Recorded{{1100, 903, 40, 2, 0, 0}, kInParts, OnDone::freeze}}) {
     const SimSpec spec = crowd(r.crowd.n_team_0, r.crowd.n_team_1, r.crowd.limit, 3);
     SimOptions options;

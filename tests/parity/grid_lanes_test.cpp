@@ -59,6 +59,11 @@ TEST(GridLanes, AddUpSumsOfSums) {
       const float expected = sum_of(item, counts[static_cast<size_t>(item)]);
       EXPECT_EQ(sums[static_cast<size_t>(item)], expected) << "item " << item;
       EXPECT_EQ(masked[static_cast<size_t>(item)], 2 * expected) << "item " << item << ": twice each number";
+      const StepSum alone = add_up(counts[static_cast<size_t>(item)], [&](int k) {
+        return StepSum{number_of(item, k), 2 * number_of(item, k)};
+      });
+      EXPECT_EQ(alone.sum, expected) << "item " << item << ", by one worker";
+      EXPECT_EQ(alone.masked, 2 * expected) << "item " << item << ", by one worker";
     }
   }
 }
