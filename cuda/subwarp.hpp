@@ -4,7 +4,7 @@
 #include <cstdint>
 
 #include "core/host_device.hpp"
-#include "cuda/world_threads.hpp"
+#include "cuda/crew_lanes.hpp"
 #include "sim/crew.hpp"
 #include "sim/grid_sort.hpp"
 
@@ -12,8 +12,9 @@ namespace giga {
 
 /// Sync: wait_for_warp() and any_of_warp(flag) of the warp.
 template <int kLanes, class Sync>
-class Subwarp {
-  static_assert(kLanes > 1 && kLanes < kWarp && kWarp % kLanes == 0);
+class Subwarp : public CrewLanes<kLanes, Sync> {
+  static_assert(kLanes < kWarp);
+  using Lanes = CrewLanes<kLanes, Sync>;
   static constexpr int kCrews = kWarp / kLanes;
   static constexpr int kListed = 8 * kLanes < 32 ? 8 * kLanes : 32;  // of a crew
 
@@ -24,39 +25,22 @@ class Subwarp {
   };
 
  public:
-  static constexpr int kWidth = kLanes, kAtOnce = kLanes;
+  static constexpr int kAtOnce = kLanes;
   static constexpr int kWords = sizeof(Words) / sizeof(uint32_t);  ///< of shared memory, of a warp
 
   /// `words`: [kStageNumbers] of its warp, at least kWords.
-  GIGA_HD Subwarp(Sync sync, int lane, void* words) : sync_(sync), lane_(lane), warp_(*static_cast<Words*>(words)) {}
+  GIGA_HD Subwarp(Sync sync, int lane, void* words)
+      : Lanes(sync, lane, static_cast<Words*>(words)->said), warp_(*static_cast<Words*>(words)) {}
 
-  GIGA_HD int index() const { return lane_ % kLanes; }
-  GIGA_HD bool leads() const { return index() == 0; }
-  GIGA_HD bool any(bool flag) const { return sync_.any_of_warp(flag); }
-  GIGA_HD void meet() const { sync_.wait_for_warp(); }
   /// Instead of lists: what members put together of a row.
-  GIGA_HD float* stage() const { return crew_stage<kLanes>(&warp_, lane_); }
-  GIGA_HD uint32_t ballot(bool flag) const {
-#if defined(__CUDA_ARCH__)
-    return __ballot_sync(~0u, flag) >> (lane_ - index()) & ((1u << kLanes) - 1u);
-#else
-    return of_all(flag ? 1u : 0u, [](uint32_t bits, uint32_t one, int k) { return bits | one << k; });
-#endif
-  }
-  GIGA_HD uint32_t from(uint32_t value, int k) const {
-#if defined(__CUDA_ARCH__)
-    return __shfl_sync(~0u, value, k, kLanes);
-#else
-    return of_all(value, [k](uint32_t known, uint32_t one, int member) { return member == k ? one : known; });
-#endif
-  }
+  GIGA_HD float* stage() const { return crew_stage<kLanes>(&warp_, Lanes::lane_); }
   GIGA_HD uint32_t either(uint32_t bits) const {
 #if defined(__CUDA_ARCH__)
     GIGA_UNROLL
     for (int apart = 1; apart < kLanes; apart *= 2) bits |= __shfl_xor_sync(~0u, bits, apart);
     return bits;
 #else
-    return of_all(bits, [](uint32_t known, uint32_t one, int) { return known | one; });
+    return Lanes::of_all(bits, [](uint32_t known, uint32_t one, int) { return known | one; });
 #endif
   }
   GIGA_HD int32_t sum(int32_t value) const {
@@ -66,7 +50,7 @@ class Subwarp {
     return value;
 #else
     return static_cast<int32_t>(
-        of_all(static_cast<uint32_t>(value), [](uint32_t known, uint32_t one, int) { return known + one; }));
+        Lanes::of_all(static_cast<uint32_t>(value), [](uint32_t known, uint32_t one, int) { return known + one; }));
 #endif
   }
 
@@ -124,17 +108,8 @@ class Subwarp {
   using Slots = OneWorker::Slots<kSlots>;
 
  private:
-  GIGA_HD int32_t* list() const { return warp_.places[lane_ / kLanes]; }
-#if !defined(__CUDA_ARCH__)
-  /// hear_members of the crew.
-  template <class F>
-  uint32_t of_all(uint32_t value, F&& f) const {
-    return hear_members(sync_, warp_.said, lane_, lane_ - index(), kLanes, value, f);
-  }
-#endif
+  GIGA_HD int32_t* list() const { return warp_.places[Lanes::lane_ / kLanes]; }
 
-  Sync sync_;
-  int lane_;
   Words& warp_;
 };
 
