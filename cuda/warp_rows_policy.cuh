@@ -34,35 +34,53 @@ struct WarpRowsBlock {
   __device__ __half* weights(int layer) { return layer == 0 ? first : layer == 1 ? second : third; }
 };
 
-/// A matrix [out, in] as halves, padded with zeros: a warp reads four rows at a time.
-template <int kIn, int kWarps>
-__device__ void load_weights(const float* from, int out, int in, __half* to, int padded_out, int padded_in) {
-  constexpr int kAtOnce = 4, kPairs = (kIn + 63) / 64;
-  const int lane = static_cast<int>(threadIdx.x) % 32, warp = static_cast<int>(threadIdx.x) / 32;
-#pragma unroll 1
-  for (int row = warp * kAtOnce; row < padded_out; row += kWarps * kAtOnce) {
-    float2 x[kAtOnce][kPairs];
+/// Four rows of a warp in its registers, two columns of each 64 a lane.
+template <int kIn>
+struct FourRows {
+  static constexpr int kRows = 4, kPairs = (kIn + 63) / 64;
+  float2 x[kRows][kPairs];
+
+  __device__ static int column(int j) { return j * 64 + static_cast<int>(threadIdx.x) % 32 * 2; }
+
+  /// read(row, column, two): reads two numbers.
+  template <class Read>
+  __device__ explicit FourRows(Read&& read) {
 #pragma unroll
-    for (int i = 0; i < kAtOnce; ++i)
+    for (int i = 0; i < kRows; ++i)
 #pragma unroll
-      for (int j = 0; j < kPairs; ++j) {
-        const int c = j * 64 + lane * 2, left = row + i < out ? in - c : 0;
-        const float* at = from + (row + i) * in + c;
-        x[i][j] = {left > 0 ? __ldg(at) : 0.0f, left > 1 ? __ldg(at + 1) : 0.0f};
-      }
+      for (int j = 0; j < kPairs; ++j) read(i, column(j), x[i][j]);
+  }
+  /// Writes so many columns in half precision, row i to row_of(i).
+  template <class RowOf>
+  __device__ void put(int columns, RowOf&& row_of) const {
 #pragma unroll
-    for (int i = 0; i < kAtOnce; ++i)
+    for (int i = 0; i < kRows; ++i)
 #pragma unroll
       for (int j = 0; j < kPairs; ++j)
-        if (const int c = j * 64 + lane * 2; c < padded_in)
-          *reinterpret_cast<uint32_t*>(to + (row + i) * (padded_in + 8) + c) = half_pair(x[i][j].x, x[i][j].y);
+        if (const int c = column(j); c < columns)
+          *reinterpret_cast<uint32_t*>(row_of(i) + c) = half_pair(x[i][j].x, x[i][j].y);
+  }
+};
+
+/// A matrix [out, in] as halves, padded with zeros.
+template <int kIn, int kWarps>
+__device__ void load_weights(const float* from, int out, int in, __half* to, int padded_out, int padded_in) {
+  constexpr int kRows = FourRows<kIn>::kRows;
+#pragma unroll 1
+  for (int row = static_cast<int>(threadIdx.x) / 32 * kRows; row < padded_out; row += kWarps * kRows) {
+    const FourRows<kIn> rows([&](int i, int c, float2& two) {
+      const int left = row + i < out ? in - c : 0;
+      const float* at = from + (row + i) * in + c;
+      two = {left > 0 ? __ldg(at) : 0.0f, left > 1 ? __ldg(at + 1) : 0.0f};
+    });
+    rows.put(padded_in, [&](int i) { return to + (row + i) * (padded_in + 8); });
   }
 }
 
 /// The rows of a warp, in shared memory.
 template <int kIn>
 struct WarpRows {
-  static constexpr int kPitch = WarpRowsBlock<kIn>::kPitch, kPairs = (kIn + 63) / 64;
+  static constexpr int kPitch = WarpRowsBlock<kIn>::kPitch;
   float* at;
   int lane = static_cast<int>(threadIdx.x) % 32;
 
@@ -87,28 +105,17 @@ struct WarpRows {
   /// Puts them in half precision, normalised, where they are: each row at its own place, padded with zeros, and rows of
   /// zeros where there are no more.
   __device__ void halve(const FusedRows& rows, int input, int n_rows) const {
-    constexpr int kAtOnce = 4;
     if (rows.obs_mean) normalise(rows, input, n_rows);
 #pragma unroll 1
-    for (int first = 0; first < 16; first += kAtOnce) {
-      float2 x[kAtOnce][kPairs];
-#pragma unroll
-      for (int i = 0; i < kAtOnce; ++i)
-#pragma unroll
-        for (int j = 0; j < kPairs; ++j) {
-          const int c = j * 64 + lane * 2, left = first + i < n_rows ? input - c : 0;
-          x[i][j] = {0, 0};
-          if (left > 0) x[i][j] = *reinterpret_cast<const float2*>(at + (first + i) * kPitch + c);
-          if (left == 1) x[i][j].y = 0;  // what a row of pieces has behind its numbers
-        }
+    for (int first = 0; first < 16; first += FourRows<kIn>::kRows) {
+      const FourRows<kIn> some([&](int i, int c, float2& two) {
+        const int left = first + i < n_rows ? input - c : 0;
+        two = {0, 0};
+        if (left > 0) two = *reinterpret_cast<const float2*>(at + (first + i) * kPitch + c);
+        if (left == 1) two.y = 0;  // what a row of pieces has behind its numbers
+      });
       __syncwarp();  // halves lie where numbers of the same row did
-#pragma unroll
-      for (int i = 0; i < kAtOnce; ++i)
-#pragma unroll
-        for (int j = 0; j < kPairs; ++j)
-          if (const int c = j * 64 + lane * 2; c < kIn)
-            *reinterpret_cast<uint32_t*>(reinterpret_cast<__half*>(at + (first + i) * kPitch) + c) =
-                half_pair(x[i][j].x, x[i][j].y);
+      some.put(kIn, [&](int i) { return reinterpret_cast<__half*>(at + (first + i) * kPitch); });
     }
     __syncwarp();
   }
