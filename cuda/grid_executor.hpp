@@ -228,7 +228,7 @@ class GridLaunchingSimulator : public Simulator {
   template <int kCrew, class P, class WithBarriers, class Free>
   void for_launches(const GridLaunchOf<P>& k, WithBarriers&& with_barriers, Free&& free) const {
     using enum StepPart;
-    const int more = kWarp * kNTeams * SumLayout(k.params).blocks;  // threads that see to rewards
+    const int more = kSumBlock * kNTeams * SumLayout(k.params).blocks;  // threads that see to rewards
     const auto write_other_rows = [&] {
       GridLaunchOf<P> others = k;
       for (TeamIo& team : others.io.team) team.obs[Observation::vector].rows = nullptr;

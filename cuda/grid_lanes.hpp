@@ -29,6 +29,16 @@ requires(kLanes >= kWarp / 2) struct CrewOf<kLanes, Sync> {
   using Type = SearchCrew<kLanes, Sync>;
 };
 
+/// A barrier that is one of a warp alone.
+template <class Sync>
+struct WarpAlone {
+  Sync sync;
+  GIGA_HD WarpAlone of_block() const { return *this; }
+  GIGA_HD void wait() const { sync.wait_for_warp(); }
+  GIGA_HD void wait_for_warp() const { sync.wait_for_warp(); }
+  GIGA_HD bool any_of_warp(bool flag) const { return sync.any_of_warp(flag); }
+};
+
 /// The threads of the blocks that share a world. Sync: of all of them. A stage of nothing needs no barrier: that it is
 /// one is the same for all of them, and the stage before has ended with its own.
 /// kCrew: lanes that look for an agent together. kRoomToLook: whether one that looks alone has its lists in the stage.
@@ -54,6 +64,11 @@ struct GridLanes {
   /// Those of this block alone, at barriers of their own.
   GIGA_HD GridLanes of_block() const {
     return {thread, n_threads, 0, 1, thread, n_threads, sync.of_block(), stage, sorts_by_block, true};
+  }
+  /// Those of this warp alone, likewise.
+  GIGA_HD GridLanes<WarpAlone<Sync>, kCrew, kRoomToLook> of_warp() const {
+    const int lane = first % kWarp;
+    return {lane, kWarp, 0, 1, lane, kWarp, {sync}, stage, sorts_by_block, true};
   }
   /// 8 or 16 lanes of each warp, where there are so many that n items would leave warps idle: those of a warp that look
   /// for others wait for the one that has most to do, and for each branch that another takes. One world of 2,000
@@ -112,18 +127,23 @@ struct GridLanes {
       }
     }
   };
-  /// Calls f(the lanes of this warp, without barriers, item, whether there is one), as often for each warp. The last
-  /// warps begin: they have the least to do otherwise.
+  /// Calls f(the lanes of this warp, item, whether there is one), as often for each warp. The last warps begin: they
+  /// have the least to do otherwise.
   template <class F>
   GIGA_HD void each_warp(int n, F&& f) const {
-    GridLanes warp = without_barrier();
-    warp.first = first % kWarp;
-    warp.stride = kWarp;
-    const int warps = stride / kWarp;
+    each_of_groups(n, of_warp(), first / kWarp, stride / kWarp, f);
+  }
+  /// The same by blocks.
+  template <class F>
+  GIGA_HD void each_block(int n, F&& f) const {
+    each_of_groups(n, of_block(), block, n_blocks, f);
+  }
+  template <class Group, class F>
+  GIGA_HD static void each_of_groups(int n, const Group& lanes, int group, int groups, F&& f) {
     GIGA_ROLLED
-    for (int begin = 0; begin < n; begin += warps) {
-      const int item = begin + warps - 1 - first / kWarp;
-      f(warp, item < n ? item : 0, item < n);
+    for (int begin = 0; begin < n; begin += groups) {
+      const int item = begin + groups - 1 - group;
+      f(lanes, item < n ? item : 0, item < n);
     }
   }
   /// Those who share the sorted agents.
@@ -278,6 +298,32 @@ struct GridLanes {
       if (lane == 0 && item < n) add_to(item, StepSum{numbers[2 * kPitch], numbers[2 * kPitch + 1]});
     }
     wait();
+  }
+  /// Adds up numbers in their order, number(row, k), to add_to(row, sum), for each of so many rows of `count`, of at
+  /// most kMost. All lanes read some rows, a lane adds up a row. Of a warp or a block; each lane reads what it is given
+  /// first by each_agent(count).
+  template <int kMost, class Number, class AddTo>
+  GIGA_HD void sum_rows(int rows, int count, Number&& number, AddTo&& add_to) const {
+    constexpr int kPitch = kMost + 1;  // so that those who add read from as many banks
+    float* const numbers = reinterpret_cast<float*>(words());
+    const int room = n_threads / kWarp * kStage / kPitch, at_once = room < kWarp ? room : kWarp;
+    GIGA_ROLLED
+    for (int front = 0; front < rows; front += at_once) {
+      const int some = rows - front < at_once ? rows - front : at_once;
+      GIGA_ROLLED
+      for (int k = first; k < count; k += stride) {
+        GIGA_UNROLL_BY(4)
+        for (int row = 0; row < some; ++row) numbers[row * kPitch + k] = number(front + row, k);
+      }
+      wait();
+      if (first < some) {
+        float sum = 0;
+        GIGA_UNROLL_BY(16)
+        for (int k = 0; k < count; ++k) sum += numbers[first * kPitch + k];
+        add_to(front + first, sum);
+      }
+      wait();
+    }
   }
   /// Of what the workers of a block hand in: the sum of those before this one, and of all. Before it is used again, or
   /// words() are, come another barrier.

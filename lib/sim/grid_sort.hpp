@@ -56,9 +56,7 @@ GIGA_HD int32_t take_number(int32_t* next) {
 /// who sees what the others wrote; the count begins anew.
 GIGA_HD bool comes_last(int32_t* count, int most) {
 #if defined(__CUDA_ARCH__)
-  __threadfence();
-  const bool last = atomicAdd(count, 1) == most - 1;
-  __threadfence();
+  const bool last = __nv_atomic_fetch_add(count, 1, __NV_ATOMIC_ACQ_REL, __NV_THREAD_SCOPE_DEVICE) == most - 1;
 #else
   const bool last = __atomic_fetch_add(count, 1, __ATOMIC_ACQ_REL) == most - 1;
 #endif
@@ -304,43 +302,46 @@ GIGA_HD void count_living(const Lanes& lanes, const GridParameters auto& p, Grid
       [&](const LivingCounts& counts) { counts.add_to(w.counts); });
 }
 
-/// What the agents get for the step, and sums of it over blocks of them (rules 17.5): a warp sees to a block. Teams lie
-/// one behind the other. Calls after(the lanes of the warp, team, whether there was a block) behind each. No barrier.
-template <WideLanes Lanes, class After>
-GIGA_HD void reward_blocks(const Lanes& lanes, const GridParameters auto& p, GridWorld& w, const StepIo& io,
-                           int64_t world, int n, After&& after) {
+/// What a block of agents gets for the step, and sums of it (rules 17.5). `group`: the lanes of a warp or a block of
+/// threads. `k`: number of the block, those of the teams in turn; `some`: whether there is one. Teams lie one behind
+/// the other. Returns the team.
+template <WideLanes Group>
+GIGA_HD int reward_block(const Group& group, const GridParameters auto& p, GridWorld& w, const StepIo& io,
+                         int64_t world, int k, bool some) {
   const SumLayout of(p);
-  lanes.each_warp(n > 0 ? kNTeams * of.blocks : 0, [&](const auto& warp, int k, bool some) {
-    const int team = k % kNTeams, block = k / kNTeams, first = p.first_of(team) + block * kSumBlock;
-    const int agents = some ? SumLayout::left(p.n_team[team], block) : 0;
-    warp.each_agent(agents, [&](int at) { reward_agent(p, w, io, world, first + at); });
-    warp.wait_for_warp();
-    warp.template each_sum<kSumBlock>(
-        of.items / kNTeams, [&](int) { return agents; },
-        [&](int item, int at) { return StepItem(p, of.item(team, item)).of(p, w, first + at); },
-        [&](int item, const StepSum& sum) {
-          if (some) w.work.sums[of.item(team, item) * of.pitch + block] = sum;
-        });
-    after(warp, team, some);
-  });
+  const int team = k % kNTeams, block = k / kNTeams, first = p.first_of(team) + block * kSumBlock;
+  const int agents = some ? SumLayout::left(p.n_team[team], block) : 0;
+  group.without_barrier().each_agent(agents, [&](int at) { reward_agent(p, w, io, world, first + at); });
+  group.template sum_rows<kSumBlock>(
+      of.rows(), agents,
+      [&](int row, int at) {
+        const StepSum number = StepItem(p, of.item_of_row(team, row)).of(p, w, first + at);
+        return row == kMaskedRow ? number.masked : number.sum;
+      },
+      [&](int row, float sum) {
+        if (!some) return;
+        StepSum& to = w.work.sums[of.item_of_row(team, row) * of.pitch + block];
+        (row == kMaskedRow ? to.masked : to.sum) = sum;
+      });
+  return team;
 }
 
-/// The same, and adds the sums of a team to those of its episode, if they are of at most kMostBlocksAtOnce blocks: does
-/// it the warp that comes last, so that nobody waits for others.
+/// What all agents get for the step, and sums of it over blocks of them. Adds the sums of a team, of at most
+/// kMostBlocksAtOnce blocks, to those of its episode: does it the block of threads that comes last, so that nobody
+/// waits for others.
 template <WideLanes Lanes>
 GIGA_HD void reward_and_add_up(const Lanes& lanes, const GridParameters auto& p, GridWorld& w, const StepIo& io,
                                int64_t world, int n) {
   const SumLayout of(p);
-  reward_blocks(lanes, p, w, io, world, n, [&](const auto& warp, int team, bool some) {
-    warp.wait_for_warp();  // what it says is done, all its lanes have done
-    const bool last = some && warp.first == 0 && comes_last(w.work.summed + team, of.blocks);
-    if (!warp.any_of_warp(last)) return;
-    warp.wait_for_warp();  // what the lane that came last sees, all of them see
-    warp.each_agent(of.items / kNTeams, [&](int k) {
-      const int item = of.item(team, k);
-      const StepSum* sums = w.work.sums + item * of.pitch;
-      StepItem(p, item).add_to_episode(p, w, add_up(of.blocks, [&](int at) { return sums[at]; }));
-    });
+  lanes.each_block(n > 0 ? kNTeams * of.blocks : 0, [&](const auto& group, int k, bool some) {
+    const int team = reward_block(group, p, w, io, world, k, some);
+    const bool last = some && group.first == 0 && comes_last(w.work.summed + team, of.blocks);
+    if (!group.any_of_warp(last)) return;
+    group.wait_for_warp();  // what the lane that came last sees, all of its warp see
+    if (group.first >= of.items / kNTeams) return;
+    const int item = of.item(team, group.first);
+    const StepSum* sums = w.work.sums + item * of.pitch;
+    StepItem(p, item).add_to_episode(p, w, add_up(of.blocks, [&](int at) { return sums[at]; }));
   });
 }
 
@@ -377,7 +378,8 @@ GIGA_HD void reward_and_accumulate(const Lanes& lanes, const GridParameters auto
     lanes.each_agent(n, [&](int i) { reward_agent(p, w, io, world, i); });
     return lanes.each(n_step_items(p), [&](int item) { accumulate_episode(p, w, item); });
   }
-  reward_blocks(lanes, p, w, io, world, n, [](const auto&, int, bool) {});
+  lanes.each_warp(kNTeams * SumLayout(p).blocks,
+                  [&](const auto& warp, int k, bool some) { reward_block(warp, p, w, io, world, k, some); });
   lanes.wait();
   add_up_blocks(lanes, p, w, n);
 }

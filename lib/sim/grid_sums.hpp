@@ -22,6 +22,8 @@ GIGA_HD int sums_of_team(int n) {
   }
 }
 
+constexpr int kMaskedRow = 1;
+
 /// Where sums of blocks lie in SharedWork::sums: [items, pitch], of the larger team in both.
 struct SumLayout {
   int items, blocks, pitch;
@@ -33,6 +35,9 @@ struct SumLayout {
   }
   /// Number of a team's item k: its returns, then its terms.
   GIGA_HD int item(int team, int k) const { return k == 0 ? team : kNTeams + team * (items / kNTeams - 1) + k - 1; }
+  /// What a team adds up of each block: its returns, those masked (kMaskedRow), its terms.
+  GIGA_HD int rows() const { return items / kNTeams + 1; }
+  GIGA_HD int item_of_row(int team, int row) const { return item(team, row < kMaskedRow ? row : row - 1); }
   /// How many of n are in a block.
   GIGA_HD static int left(int n, int block) {
     const int more = n - block * kSumBlock;
@@ -49,10 +54,11 @@ struct StepItem {
     team = item < kNTeams ? item : (k >= p.n_active_terms ? 1 : 0);
     term = item < kNTeams ? -1 : active_term(p, k - team * p.n_active_terms);
   }
-  /// Of agent i.
+  /// Of agent i. Of a term nobody asks for what is masked.
   GIGA_HD StepSum of(const GridParams& p, const GridWorld& w, int i) const {
-    if (term < 0) return {w.reward[i], w.alive[i] ? w.reward[i] : 0.0f};
-    return {term_of_step(p, w, term, i), 0};
+    const float* const numbers = term < 0 ? w.reward : w.terms + term * p.n_agents;
+    const float number = w.was_alive[i] ? numbers[i] : 0.0f;
+    return {number, w.alive[i] ? number : 0.0f};
   }
   GIGA_HD void add_to_episode(const GridParams& p, GridWorld& w, const StepSum& step) const {
     if (term < 0) {

@@ -11,10 +11,11 @@
 //   GridLanes    several thread blocks, up to the whole GPU (a grid of many agents); cuda/grid_lanes.hpp. WideLanes:
 //                they can also gather(n, start, f, merge): each worker calls f(sum, i) for its part of 0 ... n - 1 with
 //                a sum of its own that begins as `start`, then merge(sum) once; gather_by_block puts the sums of a
-//                block together first. They write rows by write_pieces, add up in order by each_sum, go through blocks
-//                of items warp by warp (each_warp), sort by those of a block or of all blocks (sorters), and look for
-//                others by crews (with_crews): several lanes for an agent where there are enough, else single ones,
-//                some of each warp where there are many (spread_over).
+//                block together first. They write rows by write_pieces, add up in order by each_sum, go through items
+//                warp by warp or block by block (each_warp, each_block), whose lanes add up in order by sum_rows, sort
+//                by those of a block or of all blocks (sorters), and look for others by crews (with_crews): several
+//                lanes for an agent where there are enough, else single ones, some of each warp where there are many
+//                (spread_over).
 // without_barrier(lanes): for a stage whose results no worker but the one that made them needs before the next barrier.
 // each_agent and gather of the same lanes and the same n give an item to the same worker every time. So does each, but
 // a single item (n = 1) may go to another worker than theirs.

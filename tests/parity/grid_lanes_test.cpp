@@ -68,5 +68,43 @@ TEST(GridLanes, AddUpSumsOfSums) {
   }
 }
 
+// A block of 64 threads has room for 640 / 65 = 9 rows at a time, a warp for 320 / 65 = 4: eleven rows are two turns or
+// three, of as many numbers as threads, one less, one more than a warp, one, and none.
+TEST(GridLanes, AddUpRows) {
+  constexpr int kRows = 11, kThreads = 64;
+  for (const int count : {64, 63, 33, 1, 0})
+    for (const bool by_warp : {false, true})
+      for (const ThreadOrder order : {ThreadOrder::forward, ThreadOrder::backward, ThreadOrder::shuffled}) {
+        const int threads_of_group = by_warp ? kWarp : kThreads;
+        LockstepThreads threads(kThreads);
+        std::vector<float> stage(2 * kStageNumbers, -1), sums(2 * kRows, -1);
+        threads.run(threads_of_group, order, [&](int thread) {
+          const GridLanes<WarpsSync, 1> lanes{thread,
+                                              kThreads,
+                                              0,
+                                              1,
+                                              thread,
+                                              kThreads,
+                                              WarpsSync{&threads},
+                                              &stage[static_cast<size_t>(thread / kWarp * kStageNumbers)],
+                                              false};
+          const auto add_up = [&](const auto& group, int item, bool some) {
+            ASSERT_TRUE(some);
+            group.template sum_rows<64>(
+                kRows, count, [&](int row, int k) { return number_of(row + item, k); },
+                [&](int row, float sum) { sums[static_cast<size_t>(item * kRows + row)] = sum; });
+          };
+          if (by_warp)
+            lanes.each_warp(2, add_up);
+          else
+            lanes.each_block(2, add_up);
+        });
+        for (int item = 0; item < 2; ++item)
+          for (int row = 0; row < kRows; ++row)
+            EXPECT_EQ(sums[static_cast<size_t>(item * kRows + row)], sum_of(row + item, count))
+                << "item " << item << ", row " << row << " of " << count << (by_warp ? ", by a warp" : ", by a block");
+      }
+}
+
 }  // namespace
 }  // namespace giga::test
