@@ -1,7 +1,8 @@
 // SmallMlp: where the numbers of a small network are; what the fused kernel of populations has room for.
 #pragma once
 
-#include <vector>
+#include <cstddef>
+#include <span>
 
 #include "math/activation.hpp"
 
@@ -19,9 +20,9 @@ struct SmallMlp {
   Activation activation = Activation::tanh;
 
   /// Whether the fused kernel of populations has room for it.
-  bool fits_population() const { return has_room_for({width + 1, width + n_layers}); }
+  bool fits_population() const { return has_room_for({width + 1, static_cast<size_t>(n_layers - 1)}); }
   /// Whether it has room for a network with these hidden layers.
-  static bool has_room_for(const std::vector<int>& hidden) {
+  static bool has_room_for(std::span<const int> hidden) {
     for (const int size : hidden)
       if (size > kMaxWidth) return false;
     return hidden.size() < kMaxLayers;
