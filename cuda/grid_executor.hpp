@@ -81,7 +81,7 @@ constexpr Launched launched_as(StepPart part, int crew) {
 /// Whether those that look alone have their lists in shared memory: where a launch does nothing else.
 constexpr bool has_room_to_look(StepPart part, int crew) { return part == StepPart::look && crew == 1; }
 
-/// Bytes of shared memory that a block of a part without barriers has.
+/// Bytes of shared memory that a block has in a part in which no block waits for another.
 constexpr size_t free_part_bytes(StepPart part, int crew, int threads) {
   const bool room_to_look = has_room_to_look(part, crew);
   const bool stages = crew > 1 || room_to_look || part == StepPart::write;
@@ -214,7 +214,8 @@ class GridLaunchingSimulator : public Simulator {
             .sorts_by_block = sorted_bytes_ > 0,
             .crews_follow = launches_ == StepLaunches::of_few || launches_ == StepLaunches::of_more};
   }
-  /// The same for a part that needs no barrier, in blocks of so many threads: so many for each agent, and some more.
+  /// The same for a part in which no block waits for another, in blocks of so many threads: so many for each agent, and
+  /// some more.
   template <class P>
   static GridLaunchOf<P> without_barriers(GridLaunchOf<P> k, int threads, int threads_of_agent = 1, int more = 0) {
     k.blocks = (k.params.n_agents * threads_of_agent + more + threads - 1) / threads;

@@ -29,14 +29,11 @@ requires(kLanes >= kWarp / 2) struct CrewOf<kLanes, Sync> {
   using Type = SearchCrew<kLanes, Sync>;
 };
 
-/// A barrier that is one of a warp alone.
+/// Makes the barrier of a warp that of its lanes.
 template <class Sync>
-struct WarpAlone {
+struct WarpSync {
   Sync sync;
-  GIGA_HD WarpAlone of_block() const { return *this; }
   GIGA_HD void wait() const { sync.wait_for_warp(); }
-  GIGA_HD void wait_for_warp() const { sync.wait_for_warp(); }
-  GIGA_HD bool any_of_warp(bool flag) const { return sync.any_of_warp(flag); }
 };
 
 /// The threads of the blocks that share a world. Sync: of all of them. A stage of nothing needs no barrier: that it is
@@ -66,7 +63,7 @@ struct GridLanes {
     return {thread, n_threads, 0, 1, thread, n_threads, sync.of_block(), stage, sorts_by_block, true};
   }
   /// Those of this warp alone, likewise.
-  GIGA_HD GridLanes<WarpAlone<Sync>, kCrew, kRoomToLook> of_warp() const {
+  GIGA_HD GridLanes<WarpSync<Sync>, kCrew, kRoomToLook> of_warp() const {
     const int lane = first % kWarp;
     return {lane, kWarp, 0, 1, lane, kWarp, {sync}, stage, sorts_by_block, true};
   }
@@ -299,12 +296,13 @@ struct GridLanes {
     }
     wait();
   }
-  /// Adds up numbers in their order, number(row, k), to add_to(row, sum), for each of so many rows of `count`, of at
-  /// most kMost. All lanes read some rows, a lane adds up a row. Of a warp or a block; each lane reads what it is given
-  /// first by each_agent(count).
+  /// Of a warp or a block: adds up numbers in their order, number(row, k), to add_to(row, sum), for each of so many
+  /// rows of `count`, of at most kMost. All lanes read some rows, a lane adds up a row; number(row, k) is read by the
+  /// lane to which each_agent(count) gives item k. Ends with a barrier of the warp or block.
   template <int kMost, class Number, class AddTo>
   GIGA_HD void sum_rows(int rows, int count, Number&& number, AddTo&& add_to) const {
     constexpr int kPitch = kMost + 1;  // so that those who add read from as many banks
+    static_assert(kPitch <= kStage, "a warp has room for a row");
     float* const numbers = reinterpret_cast<float*>(words());
     const int room = n_threads / kWarp * kStage / kPitch, at_once = room < kWarp ? room : kWarp;
     GIGA_ROLLED

@@ -92,10 +92,11 @@ __global__ void __launch_bounds__(kGridThreads, kGridBlocks)
   run_grid_part<part, kCrew>(k, thread.at, thread.sync, shared);
 }
 
-/// Parts of a step for which no thread waits for another of its group: as many threads at a time as registers allow.
+/// Parts of a step in which no block waits for another of its group: as many threads at a time as registers allow.
 constexpr int kFreeThreads = 128, kFewFreeThreads = 64;  // with crews there is less than a block for a multiprocessor
 template <int kCrew>
 constexpr int free_threads = kCrew > 1 ? kFewFreeThreads : kFreeThreads;
+static_assert(kFewFreeThreads == kSumBlock, "a thread for each agent of a block whose rewards a block sees to");
 /// Blocks per multiprocessor at least: 70, 80 and 64 registers. With blocks of 256 threads, whose last warp to
 /// end holds the registers of all, it is 2 % slower while most live; with eight blocks that look 469 M instead of 482 M
 /// (a million agents, one H100). Six of those have 102 KiB of lists: GPUs with less hold five.

@@ -20,7 +20,10 @@ struct SmallMlp {
   Activation activation = Activation::tanh;
 
   /// Whether the fused kernel of populations has room for it.
-  bool fits_population() const { return has_room_for({width + 1, static_cast<size_t>(n_layers - 1)}); }
+  bool fits_population() const {
+    return n_layers > 0 && n_layers <= kMaxLayers &&
+           has_room_for(std::span(width).subspan(1, static_cast<size_t>(n_layers - 1)));
+  }
   /// Whether it has room for a network with these hidden layers.
   static bool has_room_for(std::span<const int> hidden) {
     for (const int size : hidden)

@@ -202,7 +202,7 @@ struct SharedWork {
   int32_t* cell_begin_for_all;
   bool crews_follow;  // launches of crews, which see to rewards and rows too
   int32_t* summed;    // [teams] blocks whose sums are known, of a launch that waits for nobody; zero before it
-  StepSum* sums;      // [n_step_items, sums_of_team] of blocks of agents, of blocks of these, ... (reward_block)
+  StepSum* sums;  // [n_step_items, sums_of_team] of blocks of agents, of blocks of these, ...; terms have no `masked`
 };
 
 /// What a step reads and writes of a world of many agents. Pairs have no tables here: the members of WorldView for them

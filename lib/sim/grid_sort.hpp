@@ -52,8 +52,8 @@ GIGA_HD int32_t take_number(int32_t* next) {
 #endif
 }
 
-/// Counts one of `most` that come to it, each once what it wrote is to be seen by the last. Whether this is the last,
-/// who sees what the others wrote; the count begins anew.
+/// Called by one thread of each of `most` blocks (on the CPU by each worker), behind a barrier of its block. True for
+/// the last, which then sees what all of them wrote; the count begins anew.
 GIGA_HD bool comes_last(int32_t* count, int most) {
 #if defined(__CUDA_ARCH__)
   const bool last = __nv_atomic_fetch_add(count, 1, __NV_ATOMIC_ACQ_REL, __NV_THREAD_SCOPE_DEVICE) == most - 1;
@@ -304,7 +304,7 @@ GIGA_HD void count_living(const Lanes& lanes, const GridParameters auto& p, Grid
 
 /// What a block of agents gets for the step, and sums of it (rules 17.5). `group`: the lanes of a warp or a block of
 /// threads. `k`: number of the block, those of the teams in turn; `some`: whether there is one. Teams lie one behind
-/// the other. Returns the team.
+/// the other. Returns the team. Ends with a barrier of the group: what it wrote, any of its threads may announce.
 template <WideLanes Group>
 GIGA_HD int reward_block(const Group& group, const GridParameters auto& p, GridWorld& w, const StepIo& io,
                          int64_t world, int k, bool some) {
@@ -326,9 +326,10 @@ GIGA_HD int reward_block(const Group& group, const GridParameters auto& p, GridW
   return team;
 }
 
-/// What all agents get for the step, and sums of it over blocks of them. Adds the sums of a team, of at most
-/// kMostBlocksAtOnce blocks, to those of its episode: does it the block of threads that comes last, so that nobody
-/// waits for others.
+/// What all agents get for the step, and sums of it over blocks of them; those of a team, of at most kMostBlocksAtOnce
+/// blocks, are added to its episode. The block of threads that comes last does that, so that no block waits for others.
+/// By blocks and not by warps, because the launch is as long as this takes: 50.7 M instead of 49.3 M agent-steps/s
+/// (2,000 crowded agents with policies, one H200).
 template <WideLanes Lanes>
 GIGA_HD void reward_and_add_up(const Lanes& lanes, const GridParameters auto& p, GridWorld& w, const StepIo& io,
                                int64_t world, int n) {
@@ -378,6 +379,7 @@ GIGA_HD void reward_and_accumulate(const Lanes& lanes, const GridParameters auto
     lanes.each_agent(n, [&](int i) { reward_agent(p, w, io, world, i); });
     return lanes.each(n_step_items(p), [&](int item) { accumulate_episode(p, w, item); });
   }
+  // By warps: a block has 512 threads here, eight for each agent of a block.
   lanes.each_warp(kNTeams * SumLayout(p).blocks,
                   [&](const auto& warp, int k, bool some) { reward_block(warp, p, w, io, world, k, some); });
   lanes.wait();

@@ -54,7 +54,8 @@ struct StepItem {
     team = item < kNTeams ? item : (k >= p.n_active_terms ? 1 : 0);
     term = item < kNTeams ? -1 : active_term(p, k - team * p.n_active_terms);
   }
-  /// Of agent i. Of a term nobody asks for what is masked.
+  /// Of agent i, as term_of_step has it: who was dead earns nothing, its reward is 0 anyway. One way for returns and
+  /// terms, so that a lane asks for numbers of several items at once. Nobody asks for `masked` of a term.
   GIGA_HD StepSum of(const GridParams& p, const GridWorld& w, int i) const {
     const float* const numbers = term < 0 ? w.reward : w.terms + term * p.n_agents;
     const float number = w.was_alive[i] ? numbers[i] : 0.0f;

@@ -18,15 +18,15 @@ enum class StepPart {
            ///< observed than vectors, `write` follows
 };
 
-/// Whether some agents wait for others in a part.
-constexpr bool has_barriers(StepPart part) {
+/// Whether blocks of threads wait for each other in a part. In `observe` those of a block do (reward_block).
+constexpr bool blocks_wait(StepPart part) {
   return part == StepPart::play || part == StepPart::move || part == StepPart::settle;
 }
 
-/// Runs a part without barriers for one world, of n agents, or of none where nothing was left to it. Between two parts
-/// all lanes see all results of the first.
+/// Runs a part in which no block waits for another, for one world, of n agents, or of none where nothing was left to
+/// it. Between two parts all lanes see all results of the first.
 template <StepPart part, class Lanes, class DrawsAt>
-requires(!has_barriers(part)) GIGA_HD
+requires(!blocks_wait(part)) GIGA_HD
     void run_part(const Lanes& waiting, const Parameters auto& p, World auto& w, const DrawsAt& draws_at,
                   const StepIo& io, Ending, int64_t world, int n) {
   const auto lanes = without_barrier(waiting);
@@ -45,9 +45,9 @@ requires(!has_barriers(part)) GIGA_HD
   if constexpr (part == StepPart::write) write_rows(lanes, p, w, io, world, n);
 }
 
-/// Runs a part with barriers. Whether the world plays it sees for itself.
+/// Runs a part in which they do. Whether the world plays it sees for itself.
 template <StepPart part, class Lanes, class DrawsAt>
-requires(has_barriers(part)) [[gnu::always_inline]] GIGA_HD
+requires(blocks_wait(part)) [[gnu::always_inline]] GIGA_HD
     void run_part(const Lanes& lanes, const Parameters auto& p, World auto& w, const DrawsAt& draws_at,
                   const StepIo& io, Ending ending, int64_t world, int) {
   auto&& draws = draws_at(*w.draw_step);

@@ -367,10 +367,10 @@ TEST(Pages, WhatShippedConfigsReadAndPay) {
     if (text.find("inputs: egocentric") == std::string::npos) other_inputs += name;
     if (text.find("damage: 50") == std::string::npos) no_damage += name;
   }
-  EXPECT_EQ(other_inputs, " `published` `published_corrected`");
+  EXPECT_EQ(other_inputs, " `published` `published_corrected` `published_observation`");
   EXPECT_EQ(no_damage, " `memory` `published` `published_corrected`");
-  EXPECT_TRUE(contains(page, {"but `published` and `published_corrected`",
-                              "`published` and `published_corrected`\nkeep the original's rewards, `memory` those"}));
+  EXPECT_TRUE(contains(page, {"but `published`, `published_corrected` and\n`published_observation`",
+                              "`published` and\n`published_corrected` keep the original's rewards, `memory` those"}));
 }
 
 TEST(Pages, LinksLeadSomewhere) {

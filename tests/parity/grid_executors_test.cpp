@@ -105,13 +105,21 @@ INSTANTIATE_TEST_SUITE_P(Emulated, GridExecutors,
                          kExecutorName);
 
 /// More agents than tables serve: sums of several blocks (rules 17.5), cells of more than one chunk and, beyond 4,096
-/// agents, of more than one group.
+/// agents, of more than one group. Eight rewards are paid, so that a team has ten sums, and 64 threads have room for
+/// nine at a time (GridLanes::sum_rows).
 SimSpec crowd(int n_team_0, int n_team_1, float limit, int episode) {
   SimSpec spec = plain_spec(n_team_0, n_team_1);
   spec.params.limit_x = spec.params.limit_y = limit;
   spec.params.actions = ActionKind::discrete;
   spec.params.stochastic_detection = spec.params.stochastic_communication = true;
   spec.params.max_episode_length = episode;
+  spec.params.min_tracking_time = 0;
+  spec.params.damage_per_second = 5;
+  for (const RewardTerm term : {RewardTerm::detection, RewardTerm::damage, RewardTerm::collision_agent})
+    set_reward(spec, term, 1.5f);
+  for (const RewardTerm term : {RewardTerm::defeat_one_opponent, RewardTerm::idle, RewardTerm::agent_disabled,
+                                RewardTerm::collision_obstacle, RewardTerm::game_won})
+    set_reward(spec, term, 1);
   const float far = limit - 2;
   spec.maps[0].start[0] = {2, 2, far, far, 0, 5, 0, 6};
   spec.maps[0].start[1] = {2, 2, far, far, 0, 5, 0, 6};
@@ -130,10 +138,6 @@ SimSpec crowd_of(CrowdKind kind, int n_team_0, int n_team_1, float limit, int ep
   SimSpec spec = crowd(n_team_0, n_team_1, limit, episode);
   if (kind == CrowdKind::plain) return spec;
   SimParams& p = spec.params;
-  p.min_tracking_time = 0;
-  p.damage_per_second = 5;
-  for (const RewardTerm term : {RewardTerm::detection, RewardTerm::damage, RewardTerm::collision_agent})
-    set_reward(spec, term, 1.5f);
   if (kind == CrowdKind::certain) {
     p.stochastic_detection = p.stochastic_communication = false;
     set_reward(spec, RewardTerm::approach, 1);
@@ -142,7 +146,6 @@ SimSpec crowd_of(CrowdKind kind, int n_team_0, int n_team_1, float limit, int ep
     p.obstacle_heights = p.obstacles_block_sight = p.sight_3d = p.egocentric_view = p.waypoints = true;
     p.waypoint_size = limit / 2;  // some agents are in it wherever it appears
     set_reward(spec, RewardTerm::hit_waypoint, 1);
-    set_reward(spec, RewardTerm::collision_obstacle, 1);
     spec.maps[0].boxes = {{8, 8, 12, 15, 0, 4}, {25, 20, 33, 23, 2, 9}};
     for (size_t i = 0; i < spec.agents.size(); ++i) {
       spec.agents[i].sprite = i % 5 == 0 ? 3 : 1;
@@ -192,7 +195,10 @@ void play_crowd(const Crowd& c, const std::function<std::unique_ptr<Simulator>(c
   }
   const EpisodeStats stats = a.sim().take_stats();
   expect_same_stats(stats, b.sim().take_stats());
-  if (c.kind == CrowdKind::plain || c.steps < 3) return;
+  if (c.steps < 3 || c.on_done == OnDone::keep) return;  // no episode ends
+  for (const EpisodeStat sum : {EpisodeStat::return_0, EpisodeStat::return_1, EpisodeStat::return_masked_0})
+    EXPECT_NE(stats[sum], 0) << "what agents get has to be compared";
+  if (c.kind == CrowdKind::plain) return;
   EXPECT_EQ(stats[EpisodeStat::episodes], c.worlds * (c.steps / 3));
   EXPECT_GT(stats[EpisodeStat::deaths_damage_0], 0);
   EXPECT_GT(stats[EpisodeStat::deaths_agent_1], 0);

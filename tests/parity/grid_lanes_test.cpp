@@ -10,10 +10,20 @@
 namespace giga::test {
 namespace {
 
+/// Threads of which as many share all barriers as LockstepThreads has in a group; it counts which they asked for.
 struct WarpsSync {
   LockstepThreads* threads;
-  void wait() const { threads->wait(); }
-  void wait_for_warp() const { threads->wait(); }
+  int* of_block_waits = nullptr;
+  int* of_warp_waits = nullptr;
+
+  void wait() const {
+    if (of_block_waits) ++*of_block_waits;
+    threads->wait();
+  }
+  void wait_for_warp() const {
+    if (of_warp_waits) ++*of_warp_waits;
+    threads->wait();
+  }
   bool any_of_warp(bool flag) const { return threads->any(flag); }
   WarpsSync of_block() const { return *this; }
 };
@@ -69,40 +79,46 @@ TEST(GridLanes, AddUpSumsOfSums) {
 }
 
 // A block of 64 threads has room for 640 / 65 = 9 rows at a time, a warp for 320 / 65 = 4: eleven rows are two turns or
-// three, of as many numbers as threads, one less, one more than a warp, one, and none.
+// three, of as many numbers as threads, one less, one more than a warp, one, and none. Five items are three turns of
+// two blocks and two of four warps, so that groups have several items, and some have none at last.
 TEST(GridLanes, AddUpRows) {
-  constexpr int kRows = 11, kThreads = 64;
+  constexpr int kRows = 11, kItems = 5, kBlock = 64, kBlocks = 2, kThreads = kBlocks * kBlock;
   for (const int count : {64, 63, 33, 1, 0})
     for (const bool by_warp : {false, true})
       for (const ThreadOrder order : {ThreadOrder::forward, ThreadOrder::backward, ThreadOrder::shuffled}) {
-        const int threads_of_group = by_warp ? kWarp : kThreads;
         LockstepThreads threads(kThreads);
-        std::vector<float> stage(2 * kStageNumbers, -1), sums(2 * kRows, -1);
-        threads.run(threads_of_group, order, [&](int thread) {
+        std::vector<float> stage(kThreads / kWarp * kStageNumbers, -1), sums(kItems * kRows, -1);
+        int of_block_waits = 0, of_warp_waits = 0, none = 0;
+        threads.run(by_warp ? kWarp : kBlock, order, [&](int thread) {
           const GridLanes<WarpsSync, 1> lanes{thread,
                                               kThreads,
-                                              0,
-                                              1,
-                                              thread,
-                                              kThreads,
-                                              WarpsSync{&threads},
+                                              thread / kBlock,
+                                              kBlocks,
+                                              thread % kBlock,
+                                              kBlock,
+                                              WarpsSync{&threads, &of_block_waits, &of_warp_waits},
                                               &stage[static_cast<size_t>(thread / kWarp * kStageNumbers)],
                                               false};
           const auto add_up = [&](const auto& group, int item, bool some) {
-            ASSERT_TRUE(some);
+            none += some ? 0 : 1;
             group.template sum_rows<64>(
-                kRows, count, [&](int row, int k) { return number_of(row + item, k); },
-                [&](int row, float sum) { sums[static_cast<size_t>(item * kRows + row)] = sum; });
+                kRows, some ? count : 0, [&](int row, int k) { return number_of(row + item, k); },
+                [&](int row, float sum) {
+                  if (some) sums[static_cast<size_t>(item * kRows + row)] = sum;
+                });
           };
           if (by_warp)
-            lanes.each_warp(2, add_up);
+            lanes.each_warp(kItems, add_up);
           else
-            lanes.each_block(2, add_up);
+            lanes.each_block(kItems, add_up);
         });
-        for (int item = 0; item < 2; ++item)
+        for (int item = 0; item < kItems; ++item)
           for (int row = 0; row < kRows; ++row)
             EXPECT_EQ(sums[static_cast<size_t>(item * kRows + row)], sum_of(row + item, count))
                 << "item " << item << ", row " << row << " of " << count << (by_warp ? ", by a warp" : ", by a block");
+        EXPECT_EQ(none, by_warp ? 3 * kWarp : kBlock) << "without an item at last: three warps, one block";
+        EXPECT_EQ(of_warp_waits > 0, by_warp) << "a block waits for all its warps";
+        EXPECT_EQ(of_block_waits > 0, !by_warp) << "a warp waits for none but itself";
       }
 }
 

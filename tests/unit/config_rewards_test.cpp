@@ -247,7 +247,7 @@ void in_published(const std::string& config, F&& f) {
 }
 
 TEST(ConfigRewardsPublished, FightingEarnsMost) {
-  for (const char* config : {"published", "published_corrected", "published_egocentric", "published_observation"})
+  for (const char* config : {"published", "published_corrected", "published_egocentric"})
     in_published(config, expect_that_fighting_earns_most);
 }
 
