@@ -214,10 +214,10 @@ class GridLaunchingSimulator : public Simulator {
             .sorts_by_block = sorted_bytes_ > 0,
             .crews_follow = launches_ == StepLaunches::of_few || launches_ == StepLaunches::of_more};
   }
-  /// The same for a part in which no block waits for another, in blocks of so many threads: so many for each agent, and
-  /// some more.
+  /// The same for a free part, in which no block waits for another, in blocks of so many threads: so many for each
+  /// agent, and some more.
   template <class P>
-  static GridLaunchOf<P> without_barriers(GridLaunchOf<P> k, int threads, int threads_of_agent = 1, int more = 0) {
+  static GridLaunchOf<P> free_part_launch(GridLaunchOf<P> k, int threads, int threads_of_agent = 1, int more = 0) {
     k.blocks = (k.params.n_agents * threads_of_agent + more + threads - 1) / threads;
     k.by_block = true;
     return k;

@@ -250,7 +250,7 @@ class CudaGridSimulator final : public GridLaunchingSimulator {
         k, [&]<StepPart part>() { launch(part_kernel<part, kCrew, P>, k, true); },
         [&]<StepPart part, int kLanes, bool kFull>(const GridLaunchOf<P>& of, int threads_of_agent, int more) {
           constexpr int kThreads = free_threads<kLanes>;
-          const GridLaunchOf<P> all = without_barriers(of, kThreads, threads_of_agent, more);
+          const GridLaunchOf<P> all = free_part_launch(of, kThreads, threads_of_agent, more);
           launch_kernel(free_part_kernel<part, kLanes, kFull, P>, true, static_cast<unsigned>(all.groups * all.blocks),
                         kThreads, free_part_bytes(part, kLanes, kThreads), stream_, {}, all);
         });

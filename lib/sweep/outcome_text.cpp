@@ -92,7 +92,7 @@ void write_outcome(Markup& page, const SweepOutcome& outcome) {
   chart.title = metric_text(outcome.spec);
   chart.subtitle = "Interquartile mean over seeds, 95 % bootstrap intervals (Agarwal et al. 2021)";
   chart.x_label = "agent-steps";
-  chart.y_label = outcome.spec.metric.front();
+  chart.y_label = metric_text(outcome.spec);
   chart.panels.push_back({});
   for (size_t c = 0; c < outcome.curves.size(); ++c) {
     const SweepOutcome::Curve& curve = outcome.curves[c];

@@ -213,7 +213,7 @@ class EmulatedGridSimulator final : public GridLaunchingSimulator {
         },
         [&]<StepPart part, int kLanes, bool>(const GridLaunchOf<P>& of, int threads_of_agent, int more) {
           run_blocks<false>(
-              without_barriers(of, kWarp, threads_of_agent, more), free_part_bytes(part, kLanes, kWarp),
+              free_part_launch(of, kWarp, threads_of_agent, more), free_part_bytes(part, kLanes, kWarp),
               [](const auto& all, const auto&... thread) { run_grid_part<part, kLanes>(all, thread...); });
         });
   }
