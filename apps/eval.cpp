@@ -67,9 +67,10 @@ Json to_json(const EvalOptions& o, const MatchReport& report, const Player& a, c
 }
 
 void print_origin(const Player& c) {
-  if (const Player::Origin* origin = c.origin())
-    std::cout << c.name() << ": " << origin->file << ", after "
-              << counted(origin->updates, algorithm_of(origin->run.config).updates) << '\n';
+  for (const Player* member : c.members())
+    if (const Player::Origin* origin = member->origin())
+      std::cout << c.name() << ": " << origin->file << ", after "
+                << counted(origin->updates, algorithm_of(origin->run.config).updates) << '\n';
 }
 
 void play(const EvalOptions& o) {
@@ -109,8 +110,10 @@ const char* const kEvalHelp =
     "A and B are, each: a checkpoint file; a run folder (its best checkpoint, or its newest if none is called best); "
     "an\n"
     "exported policy (the folder that export wrote, or its safetensors file; ONNX is not read); a TorchScript module\n"
-    "(observations [B, F] in, logits [B, 27] or means [B, 3] out; needs --trust); or a scripted team\n"
-    "(docs/scripted_teams.md; ./circle means a file of that name). A plays side 0 and B side 1, a checkpoint with its\n"
+    "(observations [B, F] in, logits [B, 27] or means [B, 3] out; needs --trust); a scripted team\n"
+    "(docs/scripted_teams.md; ./circle means a file of that name); or a mixed team, a YAML file that lists such\n"
+    "policies, as policies: [runs/first, runs/second]: its games are divided among them. A plays side 0 and B side 1, "
+    "a checkpoint with its\n"
     "policy of that team; --both-sides also plays the reverse. Where B is a scripted team and A is not, A plays each "
     "side\n"
     "that it has a policy for; an exported policy and a module are for both.\n"

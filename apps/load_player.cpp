@@ -10,8 +10,9 @@ namespace giga {
 
 Player load_player(const std::string& text, const PlayerOptions& options) {
   Player player = Player::load(text, options);
-  if (player.origin())
-    for (const std::string& line : player.origin()->warnings) std::cerr << "warning: " << line << '\n';
+  for (const Player* member : player.members())
+    if (member->origin())
+      for (const std::string& line : member->origin()->warnings) std::cerr << "warning: " << line << '\n';
   return player;
 }
 

@@ -70,6 +70,8 @@ std::string name_of_run(const std::string& text) {
 std::vector<Level> levels_of(const std::string& text, int most, const PlayerOptions& options) {
   std::vector<Level> levels;
   levels.push_back({load_player(text, options), NAN});
+  if (levels[0].player.is_mixed())
+    throw InputError(cat(text, " is a mixed team, which a page does not have; name one who plays in it"));
   std::error_code code;
   if (find_script(text) || !fs::is_directory(text, code) || is_exported_policy(text)) return levels;
   const auto label = [&](Level& level) {

@@ -14,6 +14,7 @@
 #include "core/error.hpp"
 #include "export/export.hpp"
 #include "io/run_folder.hpp"
+#include "learn/players/mixed_team.hpp"
 
 namespace giga {
 namespace fs = std::filesystem;
@@ -125,15 +126,15 @@ std::vector<Candidate> candidates_of_run(const fs::path& folder, int most, const
   return all;
 }
 
-/// Named after its folder; a module from elsewhere after its file.
+/// Named after its folder; a module from elsewhere and a mixed team after their file.
 Candidate exported_candidate(const fs::path& path, const PlayerOptions& options) {
   Candidate candidate{Player::load(path.string(), options), {}};
   std::error_code code;
-  const bool is_module = !fs::is_directory(path, code) && !candidate.player.origin();
+  const bool is_module = !fs::is_directory(path, code) && !candidate.player.origin();  // or a mixed team
   candidate.player.rename(is_module                      ? path.stem().string()
                           : fs::is_directory(path, code) ? folder_name(path)
                                                          : folder_name(fs::absolute(path).parent_path()));
-  candidate.info.kind = PlayerKind::exported;
+  candidate.info.kind = candidate.player.is_mixed() ? PlayerKind::mixed : PlayerKind::exported;
   return candidate;
 }
 
@@ -146,7 +147,7 @@ std::vector<Candidate> find_candidates(const PlayerRequest& request, const Playe
       if (fs::equivalent(path, request.runs[j], code))
         throw InputError(cat("the run ", path.string(), " is given twice"));
     if (!fs::exists(path, code)) fail_no_such_run(path);
-    if (is_exported_policy(path)) {
+    if (is_exported_policy(path) || names_mixed_team(path)) {
       all.push_back(exported_candidate(path, options));
     } else if (fs::is_directory(path, code)) {
       std::vector<Candidate> own = candidates_of_run(path, request.group ? 1 : request.checkpoints, options);

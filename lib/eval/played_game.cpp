@@ -87,7 +87,10 @@ void change(const std::vector<std::string>& assignments, Scenario& scenario) {
 
 }  // namespace
 
-PlayedGame choose_game(const GameRequest& request, const std::vector<const Player*>& players, OtherGames others) {
+PlayedGame choose_game(const GameRequest& request, const std::vector<const Player*>& teams, OtherGames others) {
+  std::vector<const Player*> players;  // in mixed teams those who play in them
+  for (const Player* team : teams)
+    for (const Player* member : team->members()) players.push_back(member);
   const auto found = std::find_if(players.begin(), players.end(), [](const Player* p) { return p->origin(); });
   const Player* first = found == players.end() ? nullptr : *found;
   PlayedGame game;

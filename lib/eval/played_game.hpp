@@ -25,6 +25,6 @@ enum class OtherGames : uint8_t { allowed, refused };
 /// What an agent observes and how it acts belongs to its policy: in a scenario that is named the keys `observation` and
 /// `action` are those of the players' runs, unless `changes` says otherwise. A run that differs in its rewards is of
 /// the same game. Throws InputError, with the keys that differ, where a policy cannot play it.
-PlayedGame choose_game(const GameRequest& request, const std::vector<const Player*>& players, OtherGames others);
+PlayedGame choose_game(const GameRequest& request, const std::vector<const Player*>& teams, OtherGames others);
 
 }  // namespace giga

@@ -37,8 +37,8 @@ TeamStep TeamStep::part(const WorldRange& some) const {
   GIGA_CHECK(some.first >= worlds.first && some.end() <= worlds.end(), "worlds ", some.first, " to ", some.end(),
              " of ", worlds.first, " to ", worlds.end());
   const int64_t period = sim.options().draw_period;
-  GIGA_CHECK(period == 0 || some.first % period == 0, "worlds from ", some.first, " on, draws have a period of ",
-             period);
+  GIGA_CHECK(period == 0 || some.first % period == 0 || some.first % period + some.count <= period, "worlds ",
+             some.first, " to ", some.end(), ", draws have a period of ", period);
   const int64_t skipped = (some.first - worlds.first) * n();  // rows
   const bool discrete = sim.params().actions == ActionKind::discrete;
   const int64_t action_bytes = discrete ? int64_t{sizeof(int32_t)} : kActionSize * int64_t{sizeof(float)};
@@ -58,7 +58,7 @@ TeamStep TeamStep::part(const WorldRange& some) const {
 
 RowDraws TeamStep::draws() const {
   const SimOptions& o = sim.options();
-  const int64_t first = o.draw_period > 0 ? o.first_world : o.first_world + worlds.first;
+  const int64_t first = o.first_world + (o.draw_period > 0 ? worlds.first % o.draw_period : worlds.first);
   return {sim.state().view().draw_step + worlds.first, o.seed, first, n(), team, o.draw_period};
 }
 

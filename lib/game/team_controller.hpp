@@ -42,7 +42,8 @@ struct TeamStep {
   int n() const { return sim.params().n_team[team]; }
   int64_t n_rows() const { return worlds.count * n(); }
   int obs_stride() const { return layout.stride(); }
-  /// The same in worlds that are among these. Where draws have a period, they begin with a whole number of periods.
+  /// The same in worlds that are among these. Where draws have a period, they begin with a whole number of periods, or
+  /// lie within one.
   TeamStep part(const WorldRange& some) const;
   /// Addresses the draws of the agents, which do not depend on who moves the other worlds.
   RowDraws draws() const;

@@ -122,7 +122,7 @@ std::vector<const Rating*> by_strength(const Ratings& ratings) {
 }  // namespace
 
 const char* name_of(PlayerKind kind) {
-  constexpr const char* kNames[] = {"script", "exported", "checkpoint"};
+  constexpr const char* kNames[] = {"script", "exported", "mixed", "checkpoint"};
   return kNames[static_cast<size_t>(kind)];
 }
 

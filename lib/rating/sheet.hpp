@@ -11,8 +11,8 @@
 
 namespace giga {
 
-enum class PlayerKind : uint8_t { script, exported, checkpoint };
-/// "script", "exported", "checkpoint".
+enum class PlayerKind : uint8_t { script, exported, mixed, checkpoint };
+/// "script", "exported", "mixed", "checkpoint".
 const char* name_of(PlayerKind kind);
 
 /// Where a player comes from; what pictures draw along their x axis.

@@ -290,6 +290,37 @@ TEST(AppExploit, AResponseLearnsAgainstEachFrozenTeam) {
   EXPECT_EQ(here.run(changed).code, 0);
 }
 
+// Of a mixed team all are kept as they were, and the file that lists them too.
+TEST(AppExploit, ResponsesLearnAgainstAMixedTeam) {
+  const Workplace here;
+  here.write("short.yaml", kShortConfig);
+  ASSERT_EQ(here.run({"train", "short.yaml", "--run-dir", "run", "--quiet"}).code, 0);
+  here.write("team.yaml", "policies: [./run, ./run/checkpoints/update_00000003.h5, circle]\n");
+  const std::vector<std::string> command = {"exploit",    "team.yaml", "--agent-steps", "2048",
+                                            "--episodes", "32",        "--device",      "cpu",
+                                            "--out",      "out",       "--json",        "result.json"};
+  const Outcome done = here.run(command);
+  ASSERT_EQ(done.code, 0) << done.err;
+  expect_responses(here, parse_yaml_text(here.read("result.json"), "json"), "out", 32, 8);
+  EXPECT_EQ(here.read("out/target.yaml"), "policies: [\"./target_0.h5\", \"./target_1.h5\", circle]\n");
+  EXPECT_EQ(here.read("out/target_1.h5"), here.read("run/checkpoints/update_00000003.h5"));
+  // It goes on against those that it began with only.
+  std::vector<std::string> changed = command;
+  changed[1] = "out/target.yaml";
+  EXPECT_EQ(here.run(changed).code, 0);
+  here.write("team.yaml", "policies: [./run, ./run, circle]\n");
+  EXPECT_TRUE(contains(here.run(command).err, {"holds responses to another policy", "exploit out/target.yaml"}));
+  // It plays matches and ratings as others do; a page to fly on has no place for it.
+  const Outcome match = here.run({"eval", "team.yaml", "--vs", "random", "--episodes", "6", "--device", "cpu"});
+  EXPECT_EQ(match.code, 0) << match.err;
+  EXPECT_TRUE(contains(match.out, {"team.yaml: ", "best.h5, after"})) << match.out;
+  const Outcome rated = here.run({"rate", "run/checkpoints/update_00000003.h5", "team.yaml", "--scripted", "circle",
+                                  "--episodes", "4", "--device", "cpu", "--out", "rated", "--json", "rated.json"});
+  EXPECT_EQ(rated.code, 0) << rated.err;
+  EXPECT_EQ(at(parse_yaml_text(here.read("rated.json"), "json"), {"players", "2", "kind"}).text, "mixed");
+  EXPECT_TRUE(contains(here.run({"play", "team.yaml"}).err, {"team.yaml is a mixed team"}));
+}
+
 // An exported policy plays both sides, so both responses learn against it, as the config says and not as the policy was
 // trained: 2 updates of 512 agent-steps, 32 worlds x 8 steps x 2 agents, where those of the policy's run were of 256.
 TEST(AppExploit, ResponsesLearnAgainstAnExportedPolicyByAConfig) {

@@ -31,15 +31,7 @@ class LearnPlayer : public testing::Test {
 
   /// A checkpoint of a freshly made learner.
   void save(const SmallRun& small, const std::string& name, int64_t updates = 0) const {
-    const LoadedRun run = small.load();
-    Checkpoint c;
-    c.scenario_name = "small";
-    c.config_yaml = print_yaml(run.config, true);
-    c.scenario_yaml = print_scenario(run.scenario);
-    c.updates = updates;
-    c.arrays = saved(*small.learner());
-    fs::create_directories(fs::path(path(name)).parent_path());
-    write_checkpoint(path(name), c);
+    test::save(small, path(name), updates);
   }
 
   TemporaryFolder folder_;

@@ -4,7 +4,10 @@
 
 #include <cmath>
 #include <cstring>
+#include <filesystem>
 #include <utility>
+
+#include "io/checkpoint.hpp"
 
 namespace giga::test {
 
@@ -39,6 +42,18 @@ LoadedRun SmallRun::load() const {
                                    {"team_1", "[{type: default, count: 2}]"}})
     if (scenario.find(cat(key, ":")) == std::string::npos) text += cat(key, ": ", value, "\n");
   return load_run_config_text(config, text);
+}
+
+void save(const SmallRun& small, const std::string& file, int64_t updates) {
+  const LoadedRun run = small.load();
+  Checkpoint c;
+  c.scenario_name = "small";
+  c.config_yaml = print_yaml(run.config, true);
+  c.scenario_yaml = print_scenario(run.scenario);
+  c.updates = updates;
+  c.arrays = saved(*small.learner());
+  std::filesystem::create_directories(std::filesystem::path(file).parent_path());
+  write_checkpoint(file, c);
 }
 
 double metric(const Metrics& metrics, const std::string& name) {

@@ -28,6 +28,9 @@ struct SmallRun {
   std::unique_ptr<Learner> learner(Device device = {}) const { return make_learner(load(), device); }
 };
 
+/// Writes a checkpoint of a freshly made learner, with its folder.
+void save(const SmallRun& small, const std::string& file, int64_t updates = 0);
+
 double metric(const Metrics& metrics, const std::string& name);
 
 /// Everything that the learner saves.

@@ -116,7 +116,7 @@ class Mappo final : public Learner {
   std::vector<PpoTeam*> learning_;           // those of them that are not
   std::unique_ptr<League> league_;           // null = no opponents but each other or train.opponent
   std::optional<Player> frozen_;             // the policy that train.opponent names; none = a script or nobody
-  int64_t frozen_crc_ = 0;                   // of its file
+  int64_t frozen_crc_ = 0;                   // of its file, or of the files of those who play in it
   Balance balance_;
   std::optional<StepBack> step_back_;
   std::unique_ptr<Collector> collector_;
@@ -176,7 +176,10 @@ void Mappo::make_teams_and_worlds() {
   }
   if (config_.train.opponent.is_path()) {
     frozen_ = load_opponent(run, device_);
-    if (frozen_->origin()) frozen_crc_ = crc32c(read_file(frozen_->origin()->file));
+    std::string bytes;
+    for (const Player* member : frozen_->members())
+      if (member->origin()) bytes += read_file(member->origin()->file);
+    if (!bytes.empty()) frozen_crc_ = crc32c(bytes);
   }
   if (config_.mappo.step_back)
     step_back_.emplace(static_cast<double>(*config_.mappo.step_back), config_.opponents.pool_every_updates);
@@ -189,8 +192,11 @@ void Mappo::make_teams_and_worlds() {
     if (both) return everywhere(both, *sim_);
     const Actor* actor = actors[static_cast<size_t>(team)];
     if (actor) return everywhere(policy_controller(*actor), *sim_);
-    return everywhere(
-        frozen_ ? frozen_->controller(team, run.spec) : script_controller(config_.train.opponent.script()), *sim_);
+    if (!frozen_) return everywhere(script_controller(config_.train.opponent.script()), *sim_);
+    const std::shared_ptr<TeamController> frozen = frozen_->controller(team, run.spec);
+    Side shards;  // each is divided among a mixed team alike, so that it does not matter which rank has it
+    for (int64_t shard = 0; shard < shares.n_shards; ++shard) shards.push_back({frozen, shares.self_play().of(shard)});
+    return shards;
   };
   collector_ = std::make_unique<Collector>(*sim_, parallel_for_, collecting, BothSides{side(0), side(1)});
   collector_->start();

@@ -1,5 +1,6 @@
 #include "learn/players/player.hpp"
 
+#include <algorithm>
 #include <filesystem>
 
 #include "config/fields.hpp"
@@ -7,6 +8,7 @@
 #include "core/error.hpp"
 #include "export/export.hpp"
 #include "io/run_folder.hpp"
+#include "learn/players/mixed_team.hpp"
 #include "learn/players/policies.hpp"
 #include "learn/players/value_function.hpp"
 #include "policy/actor.hpp"
@@ -89,6 +91,7 @@ Player Player::load(const std::string& text, const PlayerOptions& options) {
   if (player.script_) return player;
   std::error_code code;
   if (!fs::exists(text, code)) fail_unknown(text);
+  if (names_mixed_team(text)) return load_mixed(text, options);
   if (is_exported_policy(text)) {
     player.exported_ = std::make_shared<Exported>(find_exported_policy(text, options.trust), options.device);
     const ExportedPolicy& found = player.exported_->found();
@@ -97,6 +100,21 @@ Player Player::load(const std::string& text, const PlayerOptions& options) {
   }
   player = of_checkpoint(find_best_checkpoint(text), options);
   player.rename(text);
+  return player;
+}
+
+Player Player::load_mixed(const std::string& text, const PlayerOptions& options) {
+  const MixedTeam team = read_mixed_team(text);
+  Player player;
+  player.name_ = text;
+  for (const std::string& policy : team.policies) {
+    try {
+      if (names_mixed_team(policy)) throw InputError(cat(policy, " is a mixed team itself; list those who play in it"));
+      player.mixed_.push_back(load(policy, options));
+    } catch (const InputError& e) {
+      throw InputError(cat(team.at, ": policies: ", e.what()));
+    }
+  }
   return player;
 }
 
@@ -126,7 +144,18 @@ Player Player::of_checkpoint(const FoundCheckpoint& found, const PlayerOptions& 
   return player;
 }
 
-bool Player::can_play(int side) const { return script_ || exported_ || policy_[side]; }
+std::vector<const Player*> Player::members() const {
+  std::vector<const Player*> all;
+  for (const Player& member : mixed_) all.push_back(&member);
+  if (all.empty()) all.push_back(this);
+  return all;
+}
+
+bool Player::can_play(int side) const {
+  if (is_mixed())
+    return std::all_of(mixed_.begin(), mixed_.end(), [side](const Player& m) { return m.can_play(side); });
+  return script_ || exported_ || policy_[side];
+}
 
 SimSpec Player::seen_by(const SimSpec& spec) const {
   SimSpec seen = spec;
@@ -146,6 +175,7 @@ bool Player::reads_image() const {
 }
 
 void Player::check_plays(const SimSpec& spec, const Scenario* scenario) const {
+  for (const Player& member : mixed_) member.check_plays(spec, scenario);
   if (!origin_) return;
   const PolicyInterface policy =
       exported_ ? interface_of(*exported_->found().manifest) : interface_of(origin_->run.spec, reads_image());
@@ -162,6 +192,11 @@ void Player::check_plays(const SimSpec& spec, const Scenario* scenario) const {
 }
 
 std::unique_ptr<TeamController> Player::controller(int side, const SimSpec& spec) {
+  if (is_mixed()) {
+    std::vector<std::shared_ptr<TeamController>> all;
+    for (Player& member : mixed_) all.push_back(member.controller(side, spec));
+    return mixed_controller(std::move(all));
+  }
   if (script_) return script_controller(*script_);
   if (!exported_) return checkpoint_controller(side, spec);
   const ReadPolicy& read = exported_->policy_for(computes_view() ? spec : seen_by(spec));

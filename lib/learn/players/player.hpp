@@ -1,5 +1,5 @@
-// Player: who takes part in matches and ratings: a checkpoint, a run, an exported policy, a TorchScript module or a
-// scripted team, from how a user names it.
+// Player: who takes part in matches and ratings: a checkpoint, a run, an exported policy, a TorchScript module, a
+// scripted team or a mixed one, from how a user names it.
 #pragma once
 
 #include <cstdint>
@@ -29,6 +29,7 @@ class Player {
   ///   the name of a script (Scripted);
   ///   a run folder: the policies of its best checkpoint if it has one, else of its newest;
   ///   an exported policy: its folder, its safetensors file, or with `trust` a TorchScript module, from here or not;
+  ///   a mixed team: a YAML file that lists some of these (mixed_team.hpp);
   ///   a checkpoint file.
   /// Throws InputError where it is none of these or cannot be read.
   static Player load(const std::string& text, const PlayerOptions& options);
@@ -50,10 +51,14 @@ class Player {
     LoadedRun run;                      ///< configuration and scenario
     std::vector<std::string> warnings;  ///< newer or better files that are damaged, a line each
   };
-  /// Null of scripts, and of TorchScript modules from elsewhere.
+  /// Null of scripts, of mixed teams, and of TorchScript modules from elsewhere.
   const Origin* origin() const { return origin_.get(); }
+  /// Those who play in a mixed team; else this alone. Valid while this lives, and is not moved.
+  std::vector<const Player*> members() const;
+  bool is_mixed() const { return !mixed_.empty(); }
 
-  /// Whether it can play team `side`: a checkpoint has a policy for each team that learned, all others play both.
+  /// Whether it can play team `side`: a checkpoint has a policy for each team that learned, a mixed team plays what all
+  /// its members can, all others play both.
   bool can_play(int side) const;
   /// Throws InputError where its policy cannot play a scenario, as check_fits of export/observation_layout.hpp does,
   /// and names the keys in which `scenario`, that of `spec`, differs.
@@ -62,8 +67,8 @@ class Player {
   /// other observations or actions. Throws InputError where can_play is false, or the scenario's observations or
   /// actions are not those of the policy.
   std::unique_ptr<TeamController> controller(int side, const SimSpec& spec);
-  /// The networks behind that controller, for recorders; nothing of scripts. No critic where it was trained to read the
-  /// true state of another scenario.
+  /// The networks behind that controller, for recorders; nothing of scripts and mixed teams. No critic where it was
+  /// trained to read the true state of another scenario.
   Mind mind(int side, const SimSpec& spec) const;
 
   /// A game with the observations that its policy is given: the egocentric view only where it was trained with it and
@@ -76,6 +81,7 @@ class Player {
 
  private:
   class Exported;
+  static Player load_mixed(const std::string& text, const PlayerOptions& options);
   std::unique_ptr<TeamController> checkpoint_controller(int side, const SimSpec& spec) const;
 
   std::string name_;
@@ -85,6 +91,7 @@ class Player {
   std::shared_ptr<const ValueFunction> values_[kNTeams];  // likewise; null where it had no critic
   std::shared_ptr<Exported> exported_;
   std::shared_ptr<const Origin> origin_;
+  std::vector<Player> mixed_;
 };
 
 /// The script of that name.

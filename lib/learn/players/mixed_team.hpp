@@ -1,0 +1,42 @@
+// Mixed teams: several policies among which a team's games are divided, so that nobody can prepare for one of them. A
+// best response to all of them has to do well against their mean (a mixed strategy, in the words of game theory).
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "config/fields.hpp"
+#include "game/team_controller.hpp"
+
+namespace giga {
+
+constexpr size_t kMostMixed = 64;
+
+/// What a file of a mixed team says.
+struct MixedTeam {
+  std::vector<std::string> policies;
+  std::string at = "";  ///< where they stand in it, for messages: file and line
+};
+template <class V>
+void visit_fields(V& v, MixedTeam& c) {
+  v("policies", c.policies,
+    "who plays, each in as many games as the others: runs (their best checkpoint, or else the newest), checkpoints, "
+    "exported policies, by their paths from the folder of this file, with a slash or a dot in them; or scripts",
+    Allowed{}.items(2, kMostMixed));
+}
+
+/// Whether a path is that of a file that may name a mixed team: it ends in .yaml or .yml, and is no folder.
+bool names_mixed_team(const std::filesystem::path& file);
+/// The policies as Player::load takes them. Throws InputError, with the line, where the file cannot be read, has other
+/// keys, or too few or too many policies.
+MixedTeam read_mixed_team(const std::filesystem::path& file);
+/// What such a file contains.
+std::string print_mixed_team(const MixedTeam& team);
+
+/// Divides the worlds of each part of a game among controllers, evenly and in their order. Those that remember must
+/// remember as many numbers each: throws InputError else. Nobody learns from them.
+std::unique_ptr<TeamController> mixed_controller(std::vector<std::shared_ptr<TeamController>> members);
+
+}  // namespace giga
