@@ -130,8 +130,8 @@ std::vector<Candidate> candidates_of_run(const fs::path& folder, int most, const
 Candidate exported_candidate(const fs::path& path, const PlayerOptions& options) {
   Candidate candidate{Player::load(path.string(), options), {}};
   std::error_code code;
-  const bool is_module = !fs::is_directory(path, code) && !candidate.player.origin();  // or a mixed team
-  candidate.player.rename(is_module                      ? path.stem().string()
+  const bool named_after_file = !fs::is_directory(path, code) && !candidate.player.origin();
+  candidate.player.rename(named_after_file               ? path.stem().string()
                           : fs::is_directory(path, code) ? folder_name(path)
                                                          : folder_name(fs::absolute(path).parent_path()));
   candidate.info.kind = candidate.player.is_mixed() ? PlayerKind::mixed : PlayerKind::exported;

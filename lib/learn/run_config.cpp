@@ -86,8 +86,8 @@ void find_policy(std::string& name, const char* kinds, const std::string& key, c
 void find_opponent(RunConfig& config, const KeyPositions& given, Errors& errors) {
   Opponent& opponent = config.train.opponent;
   if (!opponent.is_path() || is_wrong("train.opponent", given, errors)) return;
-  find_policy(opponent.name, "run, checkpoint or exported policy", "train.opponent", given.at("train.opponent"),
-              errors);
+  find_policy(opponent.name, "run, checkpoint, exported policy or mixed team", "train.opponent",
+              given.at("train.opponent"), errors);
 }
 
 /// Puts together what was read, as far as it was; throws with all mistakes.

@@ -310,6 +310,10 @@ TEST(AppExploit, ResponsesLearnAgainstAMixedTeam) {
   EXPECT_EQ(here.run(changed).code, 0);
   here.write("team.yaml", "policies: [./run, ./run, circle]\n");
   EXPECT_TRUE(contains(here.run(command).err, {"holds responses to another policy", "exploit out/target.yaml"}));
+  std::vector<std::string> single = command;
+  single[1] = "run";
+  EXPECT_TRUE(contains(here.run(single).err, {"holds responses to another policy", "exploit out/target.yaml"}));
+  EXPECT_FALSE(here.has("out/target.h5"));
   // It plays matches and ratings as others do; a page to fly on has no place for it.
   const Outcome match = here.run({"eval", "team.yaml", "--vs", "random", "--episodes", "6", "--device", "cpu"});
   EXPECT_EQ(match.code, 0) << match.err;
@@ -415,7 +419,7 @@ TEST(AppExploit, ARunAgainstAPolicyGoesOnAgainstTheSameOneOnly) {
   EXPECT_TRUE(contains(changed.err, {"holds another policy than when this run began"}));
   const Outcome missing = here.run({"train", "short.yaml", "--set", "train.opponent=./nowhere"});
   EXPECT_EQ(missing.code, 2);
-  EXPECT_TRUE(contains(missing.err, {"train.opponent: there is no run, checkpoint or exported policy ./nowhere"}));
+  EXPECT_TRUE(contains(missing.err, {"train.opponent: there is no run, checkpoint, exported policy or mixed team ./nowhere"}));
 }
 
 }  // namespace

@@ -43,9 +43,9 @@ void expect_thirds(Player& team, std::array<Player, 3>& members, const SimSpec& 
     const std::array<int, 3> before = n > 0 ? counts(members[k], spec, n, device) : std::array<int, 3>{};
     const std::array<int, 3> after = counts(members[k], spec, n + 11, device);
     for (size_t j = 0; j < sum.size(); ++j) sum[j] += after[j] - before[j];
-    EXPECT_NE(counts(members[k], spec, 33, device), sum) << "as if it played all";
   }
   EXPECT_EQ(counts(team, spec, 33, device), sum);
+  for (Player& member : members) EXPECT_NE(counts(member, spec, 33, device), sum) << "as if it played all";
 }
 
 TEST_F(LearnMixedTeam, EachPlaysAThirdOfTheGames) {
@@ -64,7 +64,7 @@ TEST_F(LearnMixedTeam, EachPlaysAThirdOfTheGames) {
 
 TEST_F(LearnMixedTeam, SideBySideIsOneAfterTheOther) {
   const SimSpec spec = SmallRun{}.load().spec;
-  Player team = Player::load(mixed("team.yaml", "policies: [pursuer, circle]\n"), {});
+  Player team = Player::load(mixed("team.yaml", "policies: [circle_random, random]\n"), {});  // both draw
   Player random = Player::load("random", {});
   const MatchOptions options{33, 5, kCpu, 2};
   const std::shared_ptr<TeamController> own = team.controller(0, spec), other = random.controller(1, spec);
@@ -113,7 +113,20 @@ TEST_F(LearnMixedTeam, MayBeTheOpponentOfALearningTeam) {
   const auto other = learner_against(mixed("other.yaml", "policies: [circle, pursuer]\n"));
   EXPECT_NE(difference(other->update(), learner_against(twice)->update()), "");
 
-  // A run goes on against the same policies only.
+  // Nobody is left without worlds: 24 of them in three shards are 8 each.
+  std::string nine = "policies: [circle";
+  for (int k = 1; k < 9; ++k) nine += ", random";
+  const std::string many = mixed("nine.yaml", nine + "]\n");
+  EXPECT_TRUE(contains(input_error_of([&] { learner_against(many, "shards: 3"); }),
+                       {"train.opponent: 9 policies play in ", "nine.yaml", "only 8 worlds"}));
+
+  // A run goes on against the same policies only, scripts among them, in their order.
+  const NamedArrays begun = saved(*other);
+  learner_against(path("other.yaml"))->load(begun);
+  for (const char* changed : {"policies: [circle, evader]\n", "policies: [pursuer, circle]\n"}) {
+    const std::string file = mixed("other.yaml", changed);
+    EXPECT_THROW(learner_against(file)->load(begun), InputError) << changed;
+  }
   SmallRun frozen;
   frozen.actor = "hidden: [8]";
   save(frozen, path("frozen.h5"));
@@ -131,11 +144,13 @@ TEST_F(LearnMixedTeam, WhatCannotPlayTogetherIsRefused) {
   const auto refusal = [&](const std::string& text) {
     return input_error_of([&] { Player::load(mixed("bad.yaml", text), {}); });
   };
-  EXPECT_TRUE(contains(refusal("polices: [circle, random]\n"), {"bad.yaml:1:1: polices: unknown key", "policies"}));
+  EXPECT_TRUE(contains(refusal("polices: [circle, random]\n"),
+                       {"bad.yaml:1:1: polices: unknown key", "policies", "is a mixed team"}));
   EXPECT_TRUE(contains(refusal("policies: [circle]\n"), {"bad.yaml:1:11: policies: has 1 items", "2 to 64"}));
-  EXPECT_TRUE(
-      contains(refusal("policies: [circle, cirle]\n"), {"bad.yaml:1:11: policies: ", "cirle", "nearest: 'circle'"}));
-  EXPECT_TRUE(contains(refusal("policies: [circle, ./nobody]\n"), {"bad.yaml:1:11: policies: ", "nobody"}));
+  EXPECT_TRUE(contains(refusal("policies: [circle, cirle]\n"),
+                       {"bad.yaml:1:11: policies: 'cirle' is no script", "nearest: 'circle'", "./cirle"}));
+  EXPECT_TRUE(contains(refusal("policies: [circle, ./nobody]\n"), {"bad.yaml:1:11: policies[1]: ", "nobody"}));
+  EXPECT_TRUE(contains(refusal("policies: [circle, ./no.yaml]\n"), {"policies[1]: there is no ", "no.yaml"}));
   EXPECT_TRUE(contains(refusal("{}\n"), {"bad.yaml: policies: is missing"}));
   mixed("inner.yaml", "policies: [circle, random]\n");
   EXPECT_TRUE(contains(refusal("policies: [circle, ./inner.yaml]\n"), {"bad.yaml:1:11", "is a mixed team itself"}));
@@ -158,8 +173,13 @@ TEST_F(LearnMixedTeam, WhatCannotPlayTogetherIsRefused) {
   team = load("policies: [./small.h5, ./alone.h5]\n");
   EXPECT_FALSE(team.can_play(0));
   EXPECT_TRUE(team.can_play(1));
+  alone.train = "learning_team: 0, opponent: circle";
+  save(alone, path("other.h5"));
+  EXPECT_TRUE(contains(refusal("policies: [./alone.h5, ./other.h5]\n"),
+                       {"there is no team that all can play", "alone.h5 none of team 0", "other.h5 none of team 1"}));
   team = load("policies: [./four.h5, ./six.h5]\n");
-  EXPECT_TRUE(contains(input_error_of([&] { team.controller(0, spec); }), {"remember 4 and 6 numbers"}));
+  EXPECT_TRUE(contains(input_error_of([&] { team.controller(0, spec); }),
+                       {"team.yaml: its policies remember 4 and 6 numbers"}));
   team = load("policies: [./four.h5, circle, ./small.h5]\n");
   EXPECT_EQ(team.controller(0, spec)->memory_size(), 4);
 }

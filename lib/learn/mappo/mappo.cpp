@@ -45,6 +45,17 @@ Player load_opponent(const LoadedRun& run, Device device) {
   }
 }
 
+int64_t fingerprint_of(const Player& frozen) {
+  const auto bytes_of = [](const Player& player) {
+    return player.origin() ? read_file(player.origin()->file) : std::string();
+  };
+  if (!frozen.is_mixed()) return frozen.origin() ? crc32c(bytes_of(frozen)) : 0;
+  std::string lines;  // who plays, in their order
+  for (const Player* member : frozen.members())
+    lines += cat(member->script() ? member->name() : std::to_string(crc32c(bytes_of(*member))), "\n");
+  return crc32c(lines);
+}
+
 class Mappo final : public Learner {
  public:
   Mappo(const LoadedRun& run, Device device, Ranks* ranks);
@@ -116,7 +127,7 @@ class Mappo final : public Learner {
   std::vector<PpoTeam*> learning_;           // those of them that are not
   std::unique_ptr<League> league_;           // null = no opponents but each other or train.opponent
   std::optional<Player> frozen_;             // the policy that train.opponent names; none = a script or nobody
-  int64_t frozen_crc_ = 0;                   // of its file, or of the files of those who play in it
+  int64_t frozen_crc_ = 0;                   // of its file, or of those who play in it and their files
   Balance balance_;
   std::optional<StepBack> step_back_;
   std::unique_ptr<Collector> collector_;
@@ -176,10 +187,13 @@ void Mappo::make_teams_and_worlds() {
   }
   if (config_.train.opponent.is_path()) {
     frozen_ = load_opponent(run, device_);
-    std::string bytes;
-    for (const Player* member : frozen_->members())
-      if (member->origin()) bytes += read_file(member->origin()->file);
-    if (!bytes.empty()) frozen_crc_ = crc32c(bytes);
+    frozen_crc_ = fingerprint_of(*frozen_);
+    if (frozen_->is_mixed() && shares.shard_size < static_cast<int64_t>(frozen_->members().size())) {
+      const std::string at = run.opponent_at ? run.opponent_at->text() + ": " : "";
+      throw InputError(cat(at, "train.opponent: ", frozen_->members().size(), " policies play in ", frozen_->name(),
+                           ", and only ", shares.shard_size,
+                           " worlds are to be divided among them (train.n_worlds over mappo.shards)"));
+    }
   }
   if (config_.mappo.step_back)
     step_back_.emplace(static_cast<double>(*config_.mappo.step_back), config_.opponents.pool_every_updates);
@@ -194,7 +208,8 @@ void Mappo::make_teams_and_worlds() {
     if (actor) return everywhere(policy_controller(*actor), *sim_);
     if (!frozen_) return everywhere(script_controller(config_.train.opponent.script()), *sim_);
     const std::shared_ptr<TeamController> frozen = frozen_->controller(team, run.spec);
-    Side shards;  // each is divided among a mixed team alike, so that it does not matter which rank has it
+    if (!frozen_->is_mixed()) return everywhere(frozen, *sim_);
+    Side shards;  // each is divided among the members alike, so that it does not matter which rank has it
     for (int64_t shard = 0; shard < shares.n_shards; ++shard) shards.push_back({frozen, shares.self_play().of(shard)});
     return shards;
   };

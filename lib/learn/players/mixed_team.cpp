@@ -2,8 +2,10 @@
 
 #include <algorithm>
 
+#include "config/names.hpp"
 #include "core/error.hpp"
 #include "learn/opponents/world_shares.hpp"
+#include "learn/players/player.hpp"
 
 namespace giga {
 namespace fs = std::filesystem;
@@ -15,7 +17,7 @@ class MixedController final : public TeamController {
     for (const auto& member : members_) {
       const int64_t size = member->memory_size();
       if (size > 0 && memory_size_ > 0 && size != memory_size_)
-        throw InputError(cat("policies of one team remember ", memory_size_, " and ", size,
+        throw InputError(cat("its policies remember ", memory_size_, " and ", size,
                              " numbers; all that remember must remember as many"));
       memory_size_ = std::max(memory_size_, size);
     }
@@ -63,14 +65,24 @@ MixedTeam read_mixed_team(const fs::path& file) {
   Errors errors;
   KeyPositions given;
   read_config_file(file, {}, team, errors, &given);
-  errors.throw_if_any();
+  try {
+    errors.throw_if_any();
+  } catch (const InputError& e) {
+    throw InputError(cat(e.what(), "\n", file.string(),
+                         ": a .yaml file in the place of a policy is a mixed team, as policies: [runs/first, circle]"));
+  }
   const auto found = given.find("policies");
   if (found == given.end())
     throw InputError(cat(file.string(), ": policies: is missing; a mixed team lists who plays in it"));
   team.at = found->second.text();
   const fs::path folder = fs::absolute(file).parent_path();
   for (std::string& policy : team.policies)
-    if (policy.find_first_of("/.") != std::string::npos) policy = (folder / policy).lexically_normal().string();
+    if (policy.find_first_of("/.") != std::string::npos)
+      policy = fs::weakly_canonical(folder / policy).string();
+    else if (!find_script(policy))
+      throw InputError(cat(team.at, ": policies: '", policy, "' is no script",
+                           nearest_hint(policy, FieldCodec<Scripted>::names()),
+                           "; the path of a policy has a slash or a dot, as ./", policy));
   return team;
 }
 

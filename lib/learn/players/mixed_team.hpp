@@ -1,5 +1,5 @@
-// Mixed teams: several policies among which a team's games are divided, so that nobody can prepare for one of them. A
-// best response to all of them has to do well against their mean (a mixed strategy, in the words of game theory).
+// Mixed teams: several policies that share the worlds of a team, so that nobody can prepare for one of them. A best
+// response to all of them has to do well against their mean (a mixed strategy, in the words of game theory).
 #pragma once
 
 #include <filesystem>
@@ -22,7 +22,7 @@ struct MixedTeam {
 template <class V>
 void visit_fields(V& v, MixedTeam& c) {
   v("policies", c.policies,
-    "who plays, each in as many games as the others: runs (their best checkpoint, or else the newest), checkpoints, "
+    "who plays, each in as many worlds as the others: runs (their best checkpoint, or else the newest), checkpoints, "
     "exported policies, by their paths from the folder of this file, with a slash or a dot in them; or scripts",
     Allowed{}.items(2, kMostMixed));
 }
@@ -35,8 +35,10 @@ MixedTeam read_mixed_team(const std::filesystem::path& file);
 /// What such a file contains.
 std::string print_mixed_team(const MixedTeam& team);
 
-/// Divides the worlds of each part of a game among controllers, evenly and in their order. Those that remember must
-/// remember as many numbers each: throws InputError else. Nobody learns from them.
+/// Divides the worlds of each part of a game among controllers, evenly and in their order; where there are fewer worlds
+/// than controllers, some have none. In a match, which has a world for each episode, all play as many; where worlds
+/// play one game after another, who has short games plays more of them. Those that remember must remember as many
+/// numbers each: throws InputError else. Nobody learns from them.
 std::unique_ptr<TeamController> mixed_controller(std::vector<std::shared_ptr<TeamController>> members);
 
 }  // namespace giga

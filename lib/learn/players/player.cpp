@@ -109,11 +109,19 @@ Player Player::load_mixed(const std::string& text, const PlayerOptions& options)
   player.name_ = text;
   for (const std::string& policy : team.policies) {
     try {
-      if (names_mixed_team(policy)) throw InputError(cat(policy, " is a mixed team itself; list those who play in it"));
+      if (names_mixed_team(policy) && fs::exists(policy))
+        throw InputError(cat(policy, " is a mixed team itself; list those who play in it"));
       player.mixed_.push_back(load(policy, options));
     } catch (const InputError& e) {
-      throw InputError(cat(team.at, ": policies: ", e.what()));
+      throw InputError(cat(team.at, ": policies[", player.mixed_.size(), "]: ", e.what()));
     }
+  }
+  if (!player.can_play(0) && !player.can_play(1)) {
+    std::string lacks;
+    for (const Player& member : player.mixed_)
+      for (int side = 0; side < kNTeams; ++side)
+        if (!member.can_play(side)) lacks += cat(lacks.empty() ? "" : ", ", member.name(), " none of team ", side);
+    throw InputError(cat(team.at, ": policies: there is no team that all can play: ", lacks));
   }
   return player;
 }
@@ -195,7 +203,11 @@ std::unique_ptr<TeamController> Player::controller(int side, const SimSpec& spec
   if (is_mixed()) {
     std::vector<std::shared_ptr<TeamController>> all;
     for (Player& member : mixed_) all.push_back(member.controller(side, spec));
-    return mixed_controller(std::move(all));
+    try {
+      return mixed_controller(std::move(all));
+    } catch (const InputError& e) {
+      throw InputError(cat(name_, ": ", e.what()));
+    }
   }
   if (script_) return script_controller(*script_);
   if (!exported_) return checkpoint_controller(side, spec);
