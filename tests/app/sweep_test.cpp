@@ -419,7 +419,8 @@ TEST(AppExploit, ARunAgainstAPolicyGoesOnAgainstTheSameOneOnly) {
   EXPECT_TRUE(contains(changed.err, {"holds another policy than when this run began"}));
   const Outcome missing = here.run({"train", "short.yaml", "--set", "train.opponent=./nowhere"});
   EXPECT_EQ(missing.code, 2);
-  EXPECT_TRUE(contains(missing.err, {"train.opponent: there is no run, checkpoint, exported policy or mixed team ./nowhere"}));
+  EXPECT_TRUE(
+      contains(missing.err, {"train.opponent: there is no run, checkpoint, exported policy or mixed team ./nowhere"}));
 }
 
 }  // namespace
