@@ -43,7 +43,13 @@ std::vector<int> sides_of(const EvalOptions& o, const Player& a, const Player& b
   return sides;
 }
 
+/// Of a mixed team those of its members.
 Json origin_json(const Player& c) {
+  if (c.is_mixed()) {
+    Json all = Json::array();
+    for (const Player* member : c.members()) all.push_back(origin_json(*member));
+    return all;
+  }
   if (!c.origin()) return {};
   return {{"file", c.origin()->file},
           {"updates", c.origin()->updates},
@@ -112,11 +118,10 @@ const char* const kEvalHelp =
     "exported policy (the folder that export wrote, or its safetensors file; ONNX is not read); a TorchScript module\n"
     "(observations [B, F] in, logits [B, 27] or means [B, 3] out; needs --trust); a scripted team\n"
     "(docs/scripted_teams.md; ./circle means a file of that name); or a mixed team, a YAML file that lists such\n"
-    "policies, as policies: [runs/first, runs/second]: of its episodes each plays as many, in their order. A plays "
-    "side 0 and B side 1, "
-    "a checkpoint with its\n"
-    "policy of that team; --both-sides also plays the reverse. Where B is a scripted team and A is not, A plays each "
-    "side\n"
+    "policies, as policies: [runs/first, runs/second]: of its episodes each plays as many, in their order. A plays\n"
+    "side 0 and B side 1, a checkpoint with its policy of that team; --both-sides also plays the reverse. Where B is "
+    "a\n"
+    "scripted team and A is not, A plays each side\n"
     "that it has a policy for; an exported policy and a module are for both.\n"
     "The scenario is that of A, else that of B; --scenario plays another, and --set environment.KEY=VALUE changes "
     "keys of\n"

@@ -14,7 +14,7 @@
 #include "core/error.hpp"
 #include "export/export.hpp"
 #include "io/run_folder.hpp"
-#include "learn/players/mixed_team.hpp"
+#include "learn/mixed_team.hpp"
 
 namespace giga {
 namespace fs = std::filesystem;

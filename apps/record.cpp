@@ -35,8 +35,10 @@ RecordedTeam team_of(Player& player, int side, const SimSpec& spec) {
   team.controller = player.controller(side, spec);
   team.mind = player.mind(side, spec);
   team.name = player.name();
-  if (const Player::Origin* origin = player.origin())
-    team.origin = cat(origin->file, ", after ", counted(origin->updates, algorithm_of(origin->run.config).updates));
+  for (const Player* member : player.members())
+    if (const Player::Origin* origin = member->origin())
+      team.origin += cat(team.origin.empty() ? "" : "; ", origin->file, ", after ",
+                         counted(origin->updates, algorithm_of(origin->run.config).updates));
   return team;
 }
 
@@ -103,9 +105,11 @@ int verify(const RecordOptions& o) {
 }
 
 const char* const kRecordHelp =
-    "A and B are named as for `gigastep eval`: runs, checkpoints, exported policies, scripted teams. A plays side 0 "
-    "and B\n"
-    "side 1. Episode k is the same game as episode k of `eval` with the same seed.\n"
+    "A and B are named as for `gigastep eval`: runs, checkpoints, exported policies, scripted or mixed teams. A plays "
+    "side "
+    "0 and B\n"
+    "side 1. Episode k is the same game as episode k of `eval` with the same seed; who plays it in a mixed team\n"
+    "depends on how many there are.\n"
     "Written are FILE.replay, which programs read (docs/replays.md; examples/read_replay.py), and FILE.html, a page "
     "that opens\n"
     "in any browser and needs no network. With --beside C the page shows C against B next to A against B, from the "

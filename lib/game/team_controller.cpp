@@ -56,6 +56,12 @@ TeamStep TeamStep::part(const WorldRange& some) const {
           behind_step};
 }
 
+TeamStep TeamStep::without_log_prob() const {
+  TeamBuffers kept = buffers;
+  kept.pre_tanh_action = kept.log_prob = nullptr;
+  return {sim, parallel_for, team, number, worlds, kept, layout, behind_step};
+}
+
 RowDraws TeamStep::draws() const {
   const SimOptions& o = sim.options();
   const int64_t first = o.first_world + (o.draw_period > 0 ? worlds.first % o.draw_period : worlds.first);

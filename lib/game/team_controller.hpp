@@ -45,6 +45,8 @@ struct TeamStep {
   /// The same in worlds that are among these. Where draws have a period, they begin with a whole number of periods, or
   /// lie within one.
   TeamStep part(const WorldRange& some) const;
+  /// The same for a controller from whose actions nobody learns.
+  TeamStep without_log_prob() const;
   /// Addresses the draws of the agents, which do not depend on who moves the other worlds.
   RowDraws draws() const;
 };

@@ -8,6 +8,7 @@
 #include "config/names.hpp"
 #include "core/error.hpp"
 #include "learn/config_check.hpp"
+#include "learn/mixed_team.hpp"
 #include "learn/run_config_file.hpp"
 #include "scenario/compile.hpp"
 #include "scenario/loader.hpp"
@@ -88,6 +89,18 @@ void find_opponent(RunConfig& config, const KeyPositions& given, Errors& errors)
   if (!opponent.is_path() || is_wrong("train.opponent", given, errors)) return;
   find_policy(opponent.name, "run, checkpoint, exported policy or mixed team", "train.opponent",
               given.at("train.opponent"), errors);
+  if (errors.has(given.at("train.opponent")) || !names_mixed_team(opponent.name)) return;
+  try {
+    const size_t n = read_mixed_team(opponent.name).policies.size();
+    const int64_t worlds = config.train.n_worlds / config.mappo.shards;
+    if (worlds < static_cast<int64_t>(n) && !is_wrong("train.n_worlds", given, errors) &&
+        !is_wrong("mappo.shards", given, errors))
+      errors.add(given.at("train.opponent"),
+                 cat("train.opponent: ", n, " policies play in ", opponent.name, ", and only ", worlds,
+                     " worlds are to be shared by them (train.n_worlds over mappo.shards)"));
+  } catch (const InputError& e) {
+    errors.add(given.at("train.opponent"), cat("train.opponent: ", e.what()));
+  }
 }
 
 /// Puts together what was read, as far as it was; throws with all mistakes.

@@ -210,7 +210,8 @@ class GroupController final : public TeamController {
     const std::optional<FusedPolicy> fused_earlier = fused && both ? policies_.earlier.fused() : std::nullopt;
     std::vector<FusedPolicy> together;
     for (size_t k = 0; k < parts.size(); ++k) {
-      const TeamStep part = without_log_prob(parts[k]);
+      // Where the earlier generation plays, actions are of another network.
+      const TeamStep part = parts[k].without_log_prob();
       GIGA_CHECK(part.worlds.count % now_.groups() == 0, part.worlds.count, " worlds for ", now_.groups(), " groups");
       if (!fused) {
         act(part, both ? &earlier[k] : nullptr);
@@ -226,12 +227,6 @@ class GroupController final : public TeamController {
   }
 
  private:
-  /// Nobody learns from these actions, and where the earlier generation plays they are of another network.
-  static TeamStep without_log_prob(TeamStep step) {
-    step.buffers.pre_tanh_action = step.buffers.log_prob = nullptr;
-    return step;
-  }
-
   /// The same steps with actions in the controller's own room.
   std::vector<TeamStep> earlier_steps(std::span<const TeamStep> parts) {
     const int64_t per_row = is_discrete() ? 1 : kActionSize;
@@ -242,7 +237,7 @@ class GroupController final : public TeamController {
     std::vector<TeamStep> steps;
     auto* next = static_cast<char*>(action_.data_ptr());
     for (const TeamStep& part : parts) {
-      TeamStep& step = steps.emplace_back(without_log_prob(part));
+      TeamStep& step = steps.emplace_back(part.without_log_prob());
       step.buffers.action = next;
       next += step.n_rows() * per_row * static_cast<int64_t>(action_.element_size());
     }

@@ -14,6 +14,12 @@ struct WorldRange {
   bool operator==(const WorldRange&) const = default;
 };
 
+/// Part k of n parts of a range that differ by one world at most.
+inline WorldRange part_of(const WorldRange& range, int64_t k, int64_t n) {
+  const int64_t from = range.count * k / n, to = range.count * (k + 1) / n;
+  return {range.first + from, to - from};
+}
+
 /// The same range of each shard; shards are parts of equally many worlds, one behind the other.
 struct ShardRange {
   WorldRange in_shard;

@@ -1,5 +1,5 @@
 // Mixed teams: who plays which games, as a player and as the opponent of a learning team, and which files are refused.
-#include "learn/players/mixed_team.hpp"
+#include "learn/mixed_team.hpp"
 
 #include <gtest/gtest.h>
 
@@ -60,6 +60,12 @@ TEST_F(LearnMixedTeam, EachPlaysAThirdOfTheGames) {
   EXPECT_EQ(team.origin(), nullptr);
   EXPECT_TRUE(team.can_play(0) && team.can_play(1));
   expect_thirds(team, members, SmallRun{}.load().spec, kCpu);
+  // What they remember stays theirs.
+  sharp.actor += ", memory: gru, memory_size: 4";
+  save(sharp, path("policy.h5"));
+  team = Player::load(path("team.yaml"), {});
+  members[1] = Player::load(path("policy.h5"), {});
+  expect_thirds(team, members, SmallRun{}.load().spec, kCpu);
 }
 
 TEST_F(LearnMixedTeam, SideBySideIsOneAfterTheOther) {
@@ -113,13 +119,6 @@ TEST_F(LearnMixedTeam, MayBeTheOpponentOfALearningTeam) {
   const auto other = learner_against(mixed("other.yaml", "policies: [circle, pursuer]\n"));
   EXPECT_NE(difference(other->update(), learner_against(twice)->update()), "");
 
-  // Nobody is left without worlds: 24 of them in three shards are 8 each.
-  std::string nine = "policies: [circle";
-  for (int k = 1; k < 9; ++k) nine += ", random";
-  const std::string many = mixed("nine.yaml", nine + "]\n");
-  EXPECT_TRUE(contains(input_error_of([&] { learner_against(many, "shards: 3"); }),
-                       {"train.opponent: 9 policies play in ", "nine.yaml", "only 8 worlds"}));
-
   // A run goes on against the same policies only, scripts among them, in their order.
   const NamedArrays begun = saved(*other);
   learner_against(path("other.yaml"))->load(begun);
@@ -138,6 +137,23 @@ TEST_F(LearnMixedTeam, MayBeTheOpponentOfALearningTeam) {
   learner_against(file)->load(before);
   save(SmallRun{}, path("frozen.h5"), 7);
   EXPECT_THROW(learner_against(file)->load(before), InputError);
+}
+
+// Mistakes are told with the config, before anything starts. Nobody is left without worlds: 24 of them in three shards
+// are 8 each.
+TEST_F(LearnMixedTeam, AConfigIsRefusedThatLeavesSomeWithoutWorlds) {
+  const auto load = [&](const std::string& team, int n) {
+    std::string text = "policies: [circle";
+    for (int k = 1; k < n; ++k) text += ", random";
+    mixed("team.yaml", text + "]\n");
+    mixed("run.yaml", cat("train: {n_worlds: 24, opponent: ", path(team), "}\nmappo: {shards: 3}\n"));
+    load_run_config(path("run.yaml"), {});
+  };
+  load("team.yaml", 8);
+  EXPECT_TRUE(contains(input_error_of([&] { load("team.yaml", 9); }),
+                       {"run.yaml:1:33: train.opponent: 9 policies play in ", "team.yaml, and only 8 worlds"}));
+  EXPECT_TRUE(
+      contains(input_error_of([&] { load("team.yaml", 1); }), {"run.yaml:1:33", "team.yaml:1:11: policies: has 1"}));
 }
 
 TEST_F(LearnMixedTeam, WhatCannotPlayTogetherIsRefused) {

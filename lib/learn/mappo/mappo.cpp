@@ -10,8 +10,6 @@
 #include "core/seeds.hpp"
 #include "cuda/device_clock.hpp"
 #include "cuda/runtime.hpp"
-#include "io/crc32c.hpp"
-#include "io/files.hpp"
 #include "learn/learner.hpp"
 #include "learn/libtorch_settings.hpp"
 #include "learn/mappo/balance.hpp"
@@ -20,8 +18,8 @@
 #include "learn/mappo/ppo_team.hpp"
 #include "learn/mappo/sequence_order.hpp"
 #include "learn/mappo/step_back.hpp"
+#include "learn/opponents/frozen_opponent.hpp"
 #include "learn/opponents/league.hpp"
-#include "learn/players/player.hpp"
 #include "learn/rank_sums.hpp"
 #include "learn/team_policy.hpp"
 #include "ranks/divided_arrays.hpp"
@@ -32,29 +30,6 @@
 
 namespace giga {
 namespace {
-
-/// The policy that train.opponent names; where it cannot play the run's game, the message says where it was named.
-Player load_opponent(const LoadedRun& run, Device device) {
-  try {
-    Player player = Player::load(run.config.train.opponent.name, {.device = device});
-    player.check_plays(run.spec, &run.scenario);
-    return player;
-  } catch (const InputError& e) {
-    if (!run.opponent_at) throw;
-    throw InputError(cat(run.opponent_at->text(), ": train.opponent: ", e.what()));
-  }
-}
-
-int64_t fingerprint_of(const Player& frozen) {
-  const auto bytes_of = [](const Player& player) {
-    return player.origin() ? read_file(player.origin()->file) : std::string();
-  };
-  if (!frozen.is_mixed()) return frozen.origin() ? crc32c(bytes_of(frozen)) : 0;
-  std::string lines;  // who plays, in their order
-  for (const Player* member : frozen.members())
-    lines += cat(member->script() ? member->name() : std::to_string(crc32c(bytes_of(*member))), "\n");
-  return crc32c(lines);
-}
 
 class Mappo final : public Learner {
  public:
@@ -67,7 +42,7 @@ class Mappo final : public Learner {
     return updates_ * agent_steps_per_update(config_, sim_->params().n_agents);
   }
   Actor* actor(int team) override { return team_[team] ? &team_[team]->actor() : nullptr; }
-  Player* opponent() override { return frozen_ ? &*frozen_ : nullptr; }
+  Player* opponent() override { return frozen_ ? &frozen_->player() : nullptr; }
   void watch(GameObserver& observer) override { collector_->watch(observer); }
   void save_critics(NamedArrays& out) const override;
   void save(NamedArrays& out) const override;
@@ -126,8 +101,7 @@ class Mappo final : public Learner {
   std::unique_ptr<PpoTeam> team_[kNTeams];   // null = scripted
   std::vector<PpoTeam*> learning_;           // those of them that are not
   std::unique_ptr<League> league_;           // null = no opponents but each other or train.opponent
-  std::optional<Player> frozen_;             // the policy that train.opponent names; none = a script or nobody
-  int64_t frozen_crc_ = 0;                   // of its file, or of those who play in it and their files
+  std::optional<FrozenOpponent> frozen_;     // that train.opponent names; none = a script or nobody
   Balance balance_;
   std::optional<StepBack> step_back_;
   std::unique_ptr<Collector> collector_;
@@ -185,16 +159,7 @@ void Mappo::make_teams_and_worlds() {
     collecting.keep |= team_[team]->reads();
     collecting.with_final_images = collecting.with_final_images || team_[team]->critic_reads_image();
   }
-  if (config_.train.opponent.is_path()) {
-    frozen_ = load_opponent(run, device_);
-    frozen_crc_ = fingerprint_of(*frozen_);
-    if (frozen_->is_mixed() && shares.shard_size < static_cast<int64_t>(frozen_->members().size())) {
-      const std::string at = run.opponent_at ? run.opponent_at->text() + ": " : "";
-      throw InputError(cat(at, "train.opponent: ", frozen_->members().size(), " policies play in ", frozen_->name(),
-                           ", and only ", shares.shard_size,
-                           " worlds are to be divided among them (train.n_worlds over mappo.shards)"));
-    }
-  }
+  if (config_.train.opponent.is_path()) frozen_.emplace(run, device_);
   if (config_.mappo.step_back)
     step_back_.emplace(static_cast<double>(*config_.mappo.step_back), config_.opponents.pool_every_updates);
   if (has_further_opponents(config_.opponents))
@@ -207,11 +172,7 @@ void Mappo::make_teams_and_worlds() {
     const Actor* actor = actors[static_cast<size_t>(team)];
     if (actor) return everywhere(policy_controller(*actor), *sim_);
     if (!frozen_) return everywhere(script_controller(config_.train.opponent.script()), *sim_);
-    const std::shared_ptr<TeamController> frozen = frozen_->controller(team, run.spec);
-    if (!frozen_->is_mixed()) return everywhere(frozen, *sim_);
-    Side shards;  // each is divided among the members alike, so that it does not matter which rank has it
-    for (int64_t shard = 0; shard < shares.n_shards; ++shard) shards.push_back({frozen, shares.self_play().of(shard)});
-    return shards;
+    return frozen_->side(team, run, shares, *sim_);
   };
   collector_ = std::make_unique<Collector>(*sim_, parallel_for_, collecting, BothSides{side(0), side(1)});
   collector_->start();
@@ -430,7 +391,7 @@ void Mappo::save(NamedArrays& out) const {
   for (int team = 0; team < kNTeams; ++team)
     if (team_[team]) team_[team]->save(cat("team_", team, "/"), out);
   if (league_) league_->save("league/", out);
-  if (frozen_) out.push_back(make_array<int64_t>("opponent/crc32c", {frozen_crc_}));
+  if (frozen_) frozen_->save(out);
   balance_.save("balance/", out);
   if (step_back_) step_back_->save("step_back/", out);
 }
@@ -482,10 +443,7 @@ void Mappo::load(const NamedArrays& in) {
     league_->forget_games(*sim_);
     for (int team = 0; team < kNTeams; ++team) collector_->forget(team, league_->pool_worlds(team));
   }
-  if (frozen_ && array_values<int64_t>(find_array(in, "opponent/crc32c")).at(0) != frozen_crc_)
-    throw InputError(
-        cat("train.opponent: ", config_.train.opponent.name,
-            " holds another policy than when this run began; keep a copy of a checkpoint to learn against"));
+  if (frozen_) frozen_->check_same(in);
   balance_.load("balance/", in);
   if (step_back_) step_back_->load("step_back/", in);
   if (step_back_ && run_.other_scripts) step_back_->forget();

@@ -29,9 +29,4 @@ WorldShares world_shares(const OpponentsConfig& config, int64_t n_worlds, int64_
   return shares;
 }
 
-WorldRange part_of(const WorldRange& range, int64_t k, int64_t n) {
-  const int64_t from = range.count * k / n, to = range.count * (k + 1) / n;
-  return {range.first + from, to - from};
-}
-
 }  // namespace giga

@@ -54,7 +54,4 @@ struct WorldShares {
 /// self-play.
 WorldShares world_shares(const OpponentsConfig& config, int64_t n_worlds, int64_t n_shards = 1);
 
-/// Part k of n parts of a range that differ by one world at most.
-WorldRange part_of(const WorldRange& range, int64_t k, int64_t n);
-
 }  // namespace giga

@@ -1,14 +1,10 @@
-#include "learn/players/mixed_team.hpp"
+#include "learn/players/mixed_controller.hpp"
 
 #include <algorithm>
 
-#include "config/names.hpp"
 #include "core/error.hpp"
-#include "learn/opponents/world_shares.hpp"
-#include "learn/players/player.hpp"
 
 namespace giga {
-namespace fs = std::filesystem;
 namespace {
 
 class MixedController final : public TeamController {
@@ -40,8 +36,7 @@ class MixedController final : public TeamController {
       for (const TeamStep& part : parts) {
         const WorldRange worlds = part_of(part.worlds, k, n);
         if (worlds.count == 0) continue;
-        own.push_back(part.part(worlds));
-        own.back().buffers.pre_tanh_action = own.back().buffers.log_prob = nullptr;
+        own.push_back(part.part(worlds).without_log_prob());
         own.back().behind_step = false;  // other members' work may lie between
       }
       if (!own.empty()) members_[static_cast<size_t>(k)]->act(own);
@@ -54,39 +49,6 @@ class MixedController final : public TeamController {
 };
 
 }  // namespace
-
-bool names_mixed_team(const fs::path& file) {
-  std::error_code code;
-  return (file.extension() == ".yaml" || file.extension() == ".yml") && !fs::is_directory(file, code);
-}
-
-MixedTeam read_mixed_team(const fs::path& file) {
-  MixedTeam team;
-  Errors errors;
-  KeyPositions given;
-  read_config_file(file, {}, team, errors, &given);
-  try {
-    errors.throw_if_any();
-  } catch (const InputError& e) {
-    throw InputError(cat(e.what(), "\n", file.string(),
-                         ": a .yaml file in the place of a policy is a mixed team, as policies: [runs/first, circle]"));
-  }
-  const auto found = given.find("policies");
-  if (found == given.end())
-    throw InputError(cat(file.string(), ": policies: is missing; a mixed team lists who plays in it"));
-  team.at = found->second.text();
-  const fs::path folder = fs::absolute(file).parent_path();
-  for (std::string& policy : team.policies)
-    if (policy.find_first_of("/.") != std::string::npos)
-      policy = fs::weakly_canonical(folder / policy).string();
-    else if (!find_script(policy))
-      throw InputError(cat(team.at, ": policies: '", policy, "' is no script",
-                           nearest_hint(policy, FieldCodec<Scripted>::names()),
-                           "; the path of a policy has a slash or a dot, as ./", policy));
-  return team;
-}
-
-std::string print_mixed_team(const MixedTeam& team) { return print_yaml(team, false); }
 
 std::unique_ptr<TeamController> mixed_controller(std::vector<std::shared_ptr<TeamController>> members) {
   return std::make_unique<MixedController>(std::move(members));

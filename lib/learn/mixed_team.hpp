@@ -3,12 +3,10 @@
 #pragma once
 
 #include <filesystem>
-#include <memory>
 #include <string>
 #include <vector>
 
 #include "config/fields.hpp"
-#include "game/team_controller.hpp"
 
 namespace giga {
 
@@ -34,11 +32,5 @@ bool names_mixed_team(const std::filesystem::path& file);
 MixedTeam read_mixed_team(const std::filesystem::path& file);
 /// What such a file contains.
 std::string print_mixed_team(const MixedTeam& team);
-
-/// Divides the worlds of each part of a game among controllers, evenly and in their order; where there are fewer worlds
-/// than controllers, some have none. In a match, which has a world for each episode, all play as many; where worlds
-/// play one game after another, who has short games plays more of them. Those that remember must remember as many
-/// numbers each: throws InputError else. Nobody learns from them.
-std::unique_ptr<TeamController> mixed_controller(std::vector<std::shared_ptr<TeamController>> members);
 
 }  // namespace giga
