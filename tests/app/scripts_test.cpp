@@ -134,6 +134,37 @@ TEST(Scripts, FreshAsksForEveryStep) {
   EXPECT_TRUE(contains(fresh.out, {"no rows of build test others train resume"}));
 }
 
+// A sanitizer's row is true as long as the kernels are: their own files, what these include, and their tests.
+TEST(Scripts, WhatSanitizersFoundStaysWithTheKernels) {
+  const Copy copy;
+  copy.write("cuda/k.cu", "#include \"sub/formula.hpp\"\n");
+  copy.write("lib/sub/formula.hpp", "#include \"deep.hpp\"\n");
+  copy.write("lib/deep.hpp", "int deep();\n");
+  copy.write("tests/parity/k_test.cpp", "int test();\n");
+  const std::string theirs = "| others | memcheck: layers | ok | 1.0 | | | | |\n";
+  const std::string host = "| others | all other tests | ok | 1.0 | | | | |\n";
+  // Without a program the step fails at once, but its rows are written.
+  const auto checked = [&] {
+    EXPECT_EQ(copy.run("gpu_check", {"bench"}).code, 1);
+    return copy.read("docs/gpu_check.md");
+  };
+  const auto with_rows = [&] {
+    const std::string page = checked() + theirs + host;
+    copy.write("docs/gpu_check.md", page);
+    return checked();
+  };
+  EXPECT_TRUE(contains(with_rows(), {theirs, host}));  // nothing changed
+
+  copy.write("lib/sub/b.cpp", "int b(int);\n");
+  EXPECT_TRUE(contains(checked(), {theirs}));
+  EXPECT_FALSE(contains(checked(), {host}));
+  for (const char* name : {"cuda/k.cu", "lib/sub/formula.hpp", "lib/deep.hpp", "tests/parity/k_test.cpp"}) {
+    ASSERT_TRUE(contains(with_rows(), {theirs, host})) << name;
+    copy.write(name, copy.read(name) + "// changed\n");
+    EXPECT_FALSE(contains(checked(), {theirs})) << name;
+  }
+}
+
 // Everything that scripts/measure does, with tiny sizes on the CPU: rows as soon as they are measured, nothing twice,
 // tables.
 TEST(Scripts, MeasureWritesRowsAndTables) {
@@ -237,14 +268,15 @@ TEST(Scripts, ReproduceWritesItsTable) {
   EXPECT_EQ(first.code, 0) << first.out << first.err;
   EXPECT_TRUE(contains(first.out, {"4 of 4 measured"}));  // two seeds, and the responses to each
   EXPECT_EQ(reproduce({"--scenario", "waypoint_3_vs_3", "--algorithm", "snes"}).code, 0);
-  // Those of five ways of learning, then the responses, which are there, and a league for each seed.
-  EXPECT_TRUE(contains(reproduce({"--scenario", "identical_5_vs_5"}).out, {"14 of 14 measured"}));
+  // Those of nine ways of learning, then the responses, which are there, and two leagues for each seed.
+  EXPECT_TRUE(contains(reproduce({"--scenario", "identical_5_vs_5"}).out, {"24 of 24 measured"}));
   const std::string rows = copy.read("build/reproduce_tiny/exploit.jsonl");
   EXPECT_EQ(std::count(rows.begin(), rows.end(), '\n'), 2);
   EXPECT_EQ(reproduce(part).code, 0);
   EXPECT_EQ(copy.read("build/reproduce_tiny/exploit.jsonl"), rows);
   EXPECT_TRUE(contains(reproduce({"left"}).out, {"left: des: identical_1_vs_1, seed 1"}));
   EXPECT_EQ(reproduce({"scripts", "--scenario", "identical_5_vs_1"}).code, 0);
+  EXPECT_TRUE(contains(reproduce({"long", "--scenario", "identical_5_vs_1"}).out, {"2 of 2 measured"}));
   // A line of which no row is here stays as it was; one of a measured scenario does not.
   const std::string old_page = copy.read("docs/reproduce.md"), old_line = "| a_game | mappo | 7 | long ago |\n";
   const std::string head = "<!-- reproduce:learned -->\n";
@@ -257,7 +289,8 @@ TEST(Scripts, ReproduceWritesItsTable) {
   EXPECT_TRUE(contains(page, {"| identical_5_vs_5 | mappo | 1, 2 |", "| waypoint_3_vs_3 | snes | 1, 2 |",
                               "wins against evader", "best response to team 0 wins", "gigastep exploit",
                               "| identical_5_vs_1 | best script | - |", "1.000 pursuer", "| a_game | mappo | 7 | - |",
-                              "| player | Elo ahead of pursuer", "| mappo_longer | ", "| circle | "}));
+                              "| player | Elo ahead of pursuer", "| mappo_longer | ", "| snes_minute | ",
+                              "| circle | ", "team 1 against circle: largest fall; last", "--set eval.every_updates="}));
   EXPECT_EQ(page.find("| identical_5_vs_5 | mappo | 7 |"), std::string::npos);
 }
 
