@@ -90,6 +90,11 @@ void find_opponent(RunConfig& config, const KeyPositions& given, Errors& errors)
   find_policy(opponent.name, "run, checkpoint, exported policy or mixed team", "train.opponent",
               given.at("train.opponent"), errors);
   if (errors.has(given.at("train.opponent")) || !names_mixed_team(opponent.name)) return;
+  if (!is_wrong("train.algorithm", given, errors) && algorithm_of(config).has_populations)
+    return errors.add(given.at("train.opponent"), cat("train.opponent: ", opponent.name,
+                                                      " is a mixed team, of which each member of a population "
+                                                      "would meet another part; allowed with train.algorithm ",
+                                                      config.train.algorithm, ": one policy, or a script"));
   try {
     const size_t n = read_mixed_team(opponent.name).policies.size();
     const int64_t worlds = config.train.n_worlds / config.mappo.shards;

@@ -65,9 +65,9 @@ void visit_fields(V& v, TrainConfig& c) {
     at_least(1));
   v("n_worlds", c.n_worlds, "mappo: worlds stepped in parallel", range(1, kMostWorlds));
   v("opponent", c.opponent,
-    "self_play: both teams learn. Else the team that does not learn plays this script or, with mappo, the frozen "
-    "policy of a run (its best checkpoint), a checkpoint or an exported policy, or a mixed team of such (a .yaml file "
-    "that lists them under policies), which share the worlds: a path, such as ./runs/first");
+    "self_play: both teams learn. Else the team that does not learn plays this script, or the frozen policy of a run "
+    "(its best checkpoint), a checkpoint or an exported policy or, with mappo, a mixed team of such (a .yaml file that "
+    "lists them under policies), which share the worlds: a path, such as ./runs/first");
   v("learning_team", c.learning_team, "the team that learns where train.opponent is not self_play", range(0, 1));
   v("n_threads", c.n_threads, "CPU back end: threads; 0 = one per core", range(0, 4096));
   v("precision", c.precision,

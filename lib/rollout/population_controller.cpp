@@ -26,8 +26,8 @@ class LibTorchPopulations final : public PopulationController {
   void move_networks(std::span<const TeamStep> teams) override {
     for (size_t k = 0; k < populations_.size(); ++k) {
       const Population& p = populations_[k];
-      move_members(p, teams[static_cast<size_t>(p.team)].part(shape_.worlds(k)));
-      move_opponents(p, k, teams[static_cast<size_t>(1 - p.team)].part(shape_.worlds(k)));
+      move_members(p, step_of(p.team, teams)->part(shape_.worlds(k)));
+      if (const TeamStep* other = step_of(1 - p.team, teams)) move_opponents(p, k, other->part(shape_.worlds(k)));
     }
   }
 
@@ -137,8 +137,7 @@ class FusedPopulations final : public PopulationController {
     policy.phase = teams[0].sim.state().view().phase;
     const auto members = static_cast<int>(shape_.n_members), worlds = static_cast<int>(shape_.n_worlds);
     for (size_t k = 0; k < populations_.size(); ++k) {
-      const auto part = [&](int team, size_t networks) {
-        const TeamStep& step = teams[static_cast<size_t>(team)];
+      const auto part = [&](const TeamStep& step, size_t networks) {
         NetworkGroups groups;
         groups.networks = static_cast<const uint16_t*>(packed_[networks].const_data_ptr());
         groups.first_world = shape_.worlds(k).first;
@@ -146,13 +145,18 @@ class FusedPopulations final : public PopulationController {
         groups.act = actions_of(step);
         return groups;
       };
-      NetworkGroups own = part(populations_[k].team, 2 * k), other = part(1 - populations_[k].team, 2 * k + 1);
-      own.groups = other.worlds_per_group = members;
-      own.worlds_per_group = other.groups = worlds;
-      own.group_step = other.world_step = worlds;
-      own.world_step = other.group_step = 1;
-      other.network = opponents_of(k);
+      NetworkGroups own = part(*step_of(populations_[k].team, teams), 2 * k);
+      own.groups = members;
+      own.worlds_per_group = own.group_step = worlds;
+      own.world_step = 1;
       policy.part[policy.n_parts++] = own;
+      const TeamStep* const opponents = step_of(1 - populations_[k].team, teams);
+      if (!opponents) continue;
+      NetworkGroups other = part(*opponents, 2 * k + 1);
+      other.groups = other.world_step = worlds;
+      other.worlds_per_group = members;
+      other.group_step = 1;
+      other.network = opponents_of(k);
       policy.part[policy.n_parts++] = other;
     }
     return policy;
@@ -199,6 +203,11 @@ ObservationSet PopulationController::reads() const {
   return set;
 }
 
+const TeamStep* PopulationController::step_of(int team, std::span<const TeamStep> teams) {
+  const auto step = std::find_if(teams.begin(), teams.end(), [team](const TeamStep& s) { return s.team == team; });
+  return step == teams.end() ? nullptr : &*step;
+}
+
 void PopulationController::act(std::span<const TeamStep> teams) {
   at::NoGradGuard no_grad;
   move_networks(teams);
@@ -210,7 +219,9 @@ void PopulationController::move_scripts(std::span<const TeamStep> teams) const {
   for (size_t k = 0; k < populations_.size(); ++k) {
     const Population& p = populations_[k];
     if (std::none_of(p.opponent.begin(), p.opponent.end(), [](int32_t id) { return id < 0; })) continue;
-    const TeamStep step = teams[static_cast<size_t>(1 - p.team)].part(shape_.worlds(k));
+    const TeamStep* const opponents = step_of(1 - p.team, teams);
+    if (!opponents) continue;
+    const TeamStep step = opponents->part(shape_.worlds(k));
     const Phase* phase = step.sim.state().view().phase + step.worlds.first;
     all.add({scripted_actions(Scripted::noop, step), phase, opponents_of(k), shape_.n_worlds}, step.n_rows());
   }

@@ -1,4 +1,4 @@
-// PopulationController: moves both teams while populations play, every world by a network or a script of its own.
+// PopulationController: moves teams while populations play, every world by a network or a script of its own.
 #pragma once
 
 #include <torch/types.h>
@@ -13,7 +13,8 @@
 
 namespace giga {
 
-/// One team's population and whom it meets. M = members, P = parameters of a network, E = worlds of a member.
+/// One team's population and whom it meets, which means nothing where another controller moves the opponents. M =
+/// members, P = parameters of a network, E = worlds of a member.
 struct Population {
   int team = 0;
   at::Tensor members;             // [M, P]
@@ -39,7 +40,7 @@ class PopulationController : public TeamController {
 
   ObservationSet reads() const override;
   int64_t memory_size() const override { return network_.state_size(); }
-  /// `teams`: both in all worlds.
+  /// `teams`: both in all worlds, or the one of the only population, where another controller moves its opponents.
   void act(std::span<const TeamStep> teams) override;
 
  protected:
@@ -49,6 +50,8 @@ class PopulationController : public TeamController {
   virtual void drop() = 0;
   virtual void move_networks(std::span<const TeamStep> teams) = 0;
 
+  /// The step of one of `teams`; null: another controller moves it.
+  static const TeamStep* step_of(int team, std::span<const TeamStep> teams);
   /// How heads of networks become actions.
   PopulationAct actions_of(const TeamStep& step) const;
   const int32_t* opponents_of(size_t k) const {

@@ -1,5 +1,6 @@
 #include "rollout/population_games.hpp"
 
+#include "core/error.hpp"
 #include "cuda/runtime.hpp"
 #include "rollout/tensors.hpp"
 
@@ -32,7 +33,12 @@ PopulationGames::PopulationGames(const SimSpec& spec, const PopulationGamesOptio
   sim.pairs = options.pairs;
   sim_ = make_simulator(limited(spec, options.max_steps), sim, parallel_for.device(), parallel_for.stream());
   const Side side = everywhere(controller_, *sim_);
-  game_ = std::make_unique<Game>(*sim_, parallel_for, BothSides{side, side});
+  BothSides sides{side, side};
+  if (options.opponent) {
+    GIGA_CHECK(options.n_populations == 1, options.n_populations, " populations against one opponent");
+    sides[static_cast<size_t>(options.opponent_team)] = everywhere(options.opponent, *sim_);
+  }
+  game_ = std::make_unique<Game>(*sim_, parallel_for, sides);
 }
 
 void PopulationGames::play(const std::vector<Population>& populations, uint32_t generation) {

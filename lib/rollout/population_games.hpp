@@ -27,6 +27,9 @@ struct PopulationGamesOptions {
   int64_t first_world = 0;  ///< without common_random_numbers: global number of world 0, where ranks share a population
   CompileStep compile_step = CompileStep::never;
   Pairs pairs = Pairs::automatic;
+  /// Of one population: what moves the other team everywhere; null: whoever its Population names.
+  std::shared_ptr<TeamController> opponent = nullptr;
+  int opponent_team = 1;
 };
 
 class PopulationGames {
@@ -58,7 +61,7 @@ class PopulationGames {
   const PopulationShape shape_;
   const bool fused_;
   std::unique_ptr<Simulator> sim_;
-  std::shared_ptr<PopulationController> controller_;  // of both teams
+  std::shared_ptr<PopulationController> controller_;  // of the teams that no other one moves
   std::unique_ptr<Game> game_;
 };
 

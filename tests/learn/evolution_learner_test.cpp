@@ -3,6 +3,7 @@
 
 #include <cmath>
 
+#include "core/error.hpp"
 #include "cuda/runtime.hpp"
 #include "io/state_hash.hpp"
 #include "io/temporary_folder.hpp"
@@ -95,6 +96,41 @@ TEST_P(LearnEvolutionLearner, EachSavedFieldMatters) {
 
 INSTANTIATE_TEST_SUITE_P(All, LearnEvolutionLearner, testing::ValuesIn(kEvolutionVariants),
                          [](const auto& variant) { return std::string(variant.param.name); });
+
+// A policy with memory, of MAPPO, is the opponent of all members.
+void expect_learning_against_a_policy(Device device, const std::string& precision) {
+  const TemporaryFolder folder;
+  const std::string frozen = (folder.path() / "frozen.h5").string();
+  SmallRun other;
+  other.actor = "hidden: [8], memory: gru, memory_size: 6";
+  save(other, frozen);
+  SmallRun run = with_train(evolution("snes"), cat("learning_team: 1, opponent: '", frozen, "'"));
+  run.precision = precision;
+  const auto learner = run.learner(device);
+  EXPECT_EQ(learner->actor(0), nullptr);
+  EXPECT_NE(learner->opponent(), nullptr);
+  const NamedArrays before = saved(*learner);
+  const Metrics metrics = learner->update();
+  EXPECT_TRUE(std::isfinite(metric(metrics, "fitness_mean_1")));
+  EXPECT_TRUE(std::isnan(metric(metrics, "fitness_mean_0")));
+  const NamedArrays after = saved(*learner);
+  EXPECT_NE(difference(before, after).find("team_1/"), std::string::npos);
+
+  const auto loaded = run.learner(device);
+  loaded->load(after);
+  EXPECT_EQ(difference(learner->update(), loaded->update()), "");
+  EXPECT_EQ(difference(saved(*learner), saved(*loaded)), "");
+  // A run goes on against the same policy only.
+  save(SmallRun{}, frozen, 7);
+  EXPECT_THROW(run.learner(device)->load(after), InputError);
+}
+
+TEST(LearnEvolutionTeams, APolicyMayBeTheOpponent) { expect_learning_against_a_policy({}, "fp32"); }
+
+TEST(LearnEvolutionLearnerGpu, APolicyMayBeTheOpponent) {
+  if (cuda_device_count() == 0) GTEST_SKIP() << "no GPU";
+  for (const char* precision : {"fp16", "fp32"}) expect_learning_against_a_policy({Device::Kind::cuda, 0}, precision);
+}
 
 TEST(LearnEvolutionTeams, AlternatingTeamsTakeTurns) {
   const auto learner = evolution("snes", "turns: alternating, generations_per_turn: 2, objective: win_rate").learner();

@@ -154,6 +154,11 @@ TEST_F(LearnMixedTeam, AConfigIsRefusedThatLeavesSomeWithoutWorlds) {
                        {"run.yaml:1:33: train.opponent: 9 policies play in ", "team.yaml, and only 8 worlds"}));
   EXPECT_TRUE(
       contains(input_error_of([&] { load("team.yaml", 1); }), {"run.yaml:1:33", "team.yaml:1:11: policies: has 1"}));
+  // All members of a population meet the same opponents.
+  mixed("team.yaml", "policies: [circle, pursuer]\n");
+  mixed("run.yaml", cat("train: {algorithm: des, opponent: ", path("team.yaml"), "}\n"));
+  EXPECT_TRUE(contains(input_error_of([&] { load_run_config(path("run.yaml"), {}); }),
+                       {"run.yaml:1:35: train.opponent: ", "is a mixed team", "allowed with train.algorithm des"}));
 }
 
 TEST_F(LearnMixedTeam, WhatCannotPlayTogetherIsRefused) {

@@ -92,6 +92,53 @@ TEST(LearnPopulationGamesGpu, APopulationOfOneNetworkPlaysTheMatchOfThatNetwork)
     expect_the_match_of_that_network({Device::Kind::cuda, 0}, Precision::fp16, cat("action: ", action, "\n"), 67);
 }
 
+// A policy of another shape, which a controller of its own moves: as above.
+void expect_the_match_against_that_policy(Device device, Precision precision, const std::string& opponent_actor) {
+  constexpr int kMembers = 6, kWorlds = 5;
+  for (const bool common : {false, true}) {
+    for (const int team : {0, 1}) {
+      const LoadedRun run = run_of();
+      Networks n(run, 1, device, precision), other(run_of("", opponent_actor), 1, device);
+      n.take(n.members[0]);
+      other.take(other.members[0]);
+      const ParallelFor parallel_for(device, 1, current_stream(device));
+      PopulationGamesOptions options{kMembers, kWorlds, 1, common, false, 9, 1};
+      options.opponent = policy_controller(other.actor);
+      options.opponent_team = 1 - team;
+      PopulationGames games(run.spec, options, n.actor, parallel_for);
+      const Population population{team, n.members.expand({kMembers, -1}).contiguous(), n.opponents,
+                                  std::vector<int32_t>(kWorlds, 0)};
+      games.play({population}, 0);
+
+      // With common luck all members play the match of the first one's worlds.
+      const int episodes = common ? kWorlds : kMembers * kWorlds, times = kMembers * kWorlds / episodes;
+      auto own = policy_controller(n.actor), opponent = policy_controller(other.actor);
+      if (team == 1) std::swap(own, opponent);
+      const MatchResult match = play_match(run.spec, std::move(own), std::move(opponent), {episodes, 9, device, 1});
+      const at::Tensor results = games.results(0);
+      EXPECT_EQ(stat(results, EpisodeStat::wins_0), times * match.wins[0]);
+      EXPECT_EQ(stat(results, EpisodeStat::wins_1), times * match.wins[1]);
+      EXPECT_EQ(stat(results, EpisodeStat::length) / (kMembers * kWorlds), match.mean_length);
+      EXPECT_GT(match.wins[0] + match.wins[1], 0);
+    }
+  }
+}
+
+TEST(LearnPopulationGames, APolicyOfAnotherShapeIsPlayedAsInAMatch) {
+  expect_the_match_against_that_policy({}, Precision::fp32, "hidden: [8]");
+  expect_the_match_against_that_policy({}, Precision::fp32, "hidden: [8], memory: gru, memory_size: 6");
+}
+
+TEST(LearnPopulationGamesGpu, APolicyOfAnotherShapeIsPlayedAsInAMatch) {
+  if (cuda_device_count() == 0) GTEST_SKIP() << "no GPU";
+  const Device gpu{Device::Kind::cuda, 0};
+  for (const Precision precision : {Precision::fp16, Precision::fp32}) {
+    expect_the_match_against_that_policy(gpu, precision, "hidden: [8]");
+    expect_the_match_against_that_policy(gpu, precision, "hidden: [8], layer_norm: true");
+    expect_the_match_against_that_policy(gpu, precision, "hidden: [8], memory: gru, memory_size: 6");
+  }
+}
+
 TEST(LearnPopulationGames, ScriptsArePlayedAsInAMatch) {
   const LoadedRun run = run_of();
   Networks n(run, 1, {});

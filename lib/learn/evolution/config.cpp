@@ -45,8 +45,6 @@ void check_train(ConfigCheck& check) {
                       "for each team that evolves");
   check.means_nothing("train.desynchronize", a.desynchronize != b.desynchronize,
                       "episodes of a generation start together");
-  check.means_nothing("train.opponent", a.opponent.is_path(),
-                      "populations meet scripts; mappo learns against policies");
   check.means_nothing("opponents.pool_promotion", check.config.opponents.pool_promotion != PoolPromotion::always,
                       "past means join the pool at each turn");
   check.means_nothing("opponents.policies", !check.config.opponents.policies.empty(),

@@ -11,6 +11,7 @@
 #include "learn/evolution/evolving_team.hpp"
 #include "learn/evolution/opponents.hpp"
 #include "learn/libtorch_settings.hpp"
+#include "learn/opponents/frozen_opponent.hpp"
 #include "learn/opponents/record.hpp"
 #include "learn/rank_sums.hpp"
 #include "learn/registry.hpp"
@@ -104,6 +105,7 @@ class Evolution final : public Learner {
   }
   int64_t updates_done() const override { return generations_; }
   int64_t agent_steps_done() const override { return agent_steps_; }
+  Player* opponent() override { return frozen_ ? &frozen_->player() : nullptr; }
   Actor* actor(int team) override { return team_[team] ? &team_[team]->actor() : nullptr; }
   void watch(GameObserver& observer) override { games_->watch(observer); }
   void save(NamedArrays& out) const override;
@@ -123,10 +125,11 @@ class Evolution final : public Learner {
   const ParallelFor parallel_for_;
   Ranks* const ranks_;                           // null: this process plays all members
   std::unique_ptr<RankSums> sums_;               // null likewise
-  std::unique_ptr<EvolvingTeam> team_[kNTeams];  // null = scripted
+  std::unique_ptr<EvolvingTeam> team_[kNTeams];  // null = scripted or frozen
+  std::optional<FrozenOpponent> frozen_;         // that train.opponent names; none = a script or nobody
   std::unique_ptr<PopulationGames> games_;
   std::unique_ptr<DeviceClock> clock_;
-  at::Tensor no_networks_;  // [1, P] stands in for the networks of a scripted team
+  at::Tensor no_networks_;  // [1, P] stands in for the networks of a scripted or frozen team
   int64_t generations_ = 0, agent_steps_ = 0;
   std::optional<Divergence> divergence_;
 };
@@ -146,7 +149,13 @@ Evolution::Evolution(const LoadedRun& run, Device device, Ranks* ranks, const Ma
     team_[team] = std::make_unique<EvolvingTeam>(run, team, device, make_strategy, parallel_for_, share());
     network = &team_[team]->actor();
   }
-  games_ = std::make_unique<PopulationGames>(spec_, games_options(config_, ranks_), *network, parallel_for_);
+  PopulationGamesOptions options = games_options(config_, ranks_);
+  if (config_.train.opponent.is_path()) {
+    frozen_.emplace(run, device);
+    options.opponent_team = 1 - config_.train.learning_team;
+    options.opponent = frozen_->player().controller(options.opponent_team, spec_);
+  }
+  games_ = std::make_unique<PopulationGames>(spec_, options, *network, parallel_for_);
   no_networks_ = at::zeros({1, network->parameters().size()}, at::TensorOptions().device(torch_device(device)));
   clock_ = make_device_clock(device, parallel_for_.stream());
 }
@@ -172,7 +181,8 @@ Population Evolution::population_of(int team) const {
                          {seed_of(config_.seed, Purpose::training), static_cast<uint32_t>(generations_), team},
                          generations_of(config_.population, team, generations_));
   else
-    population.opponent.assign(static_cast<size_t>(worlds), network_of_script(config_.train.opponent.script()));
+    population.opponent.assign(static_cast<size_t>(worlds),
+                               frozen_ ? 0 : network_of_script(config_.train.opponent.script()));
   return population;
 }
 
@@ -310,9 +320,11 @@ void Evolution::save(NamedArrays& out) const {
   out.push_back(make_array<int64_t>("agent_steps", {agent_steps_}));
   for (int team = 0; team < kNTeams; ++team)
     if (team_[team]) team_[team]->save(cat("team_", team, "/"), out);
+  if (frozen_) frozen_->save(out);
 }
 
 void Evolution::load(const NamedArrays& in) {
+  if (frozen_) frozen_->check_same(in);
   generations_ = array_values<int64_t>(find_array(in, "updates")).at(0);
   agent_steps_ = array_values<int64_t>(find_array(in, "agent_steps")).at(0);
   for (int team = 0; team < kNTeams; ++team)

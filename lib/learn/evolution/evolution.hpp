@@ -1,4 +1,5 @@
-// Evolution: two teams, each with a search distribution of its own, evolve against each other or against a script.
+// Evolution: two teams, each with a search distribution of its own, evolve against each other, a script or a frozen
+// policy.
 #pragma once
 
 #include <memory>
