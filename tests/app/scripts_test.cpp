@@ -289,8 +289,8 @@ TEST(Scripts, ReproduceWritesItsTable) {
   EXPECT_TRUE(contains(page, {"| identical_5_vs_5 | mappo | 1, 2 |", "| waypoint_3_vs_3 | snes | 1, 2 |",
                               "wins against evader", "best response to team 0 wins", "gigastep exploit",
                               "| identical_5_vs_1 | best script | - |", "1.000 pursuer", "| a_game | mappo | 7 | - |",
-                              "| player | Elo ahead of pursuer", "| mappo_longer | ", "| snes_minute | ",
-                              "| circle | ", "team 1 against circle: largest fall; last", "--set eval.every_updates="}));
+                              "| player | Elo ahead of pursuer", "| mappo_longer | ", "| snes_minute | ", "| circle | ",
+                              "team 1 against circle: largest fall; last", "--set eval.every_updates="}));
   EXPECT_EQ(page.find("| identical_5_vs_5 | mappo | 7 |"), std::string::npos);
 }
 
