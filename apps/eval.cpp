@@ -38,7 +38,7 @@ std::vector<int> sides_of(const EvalOptions& o, const Player& a, const Player& b
     if (a.can_play(side))
       sides.push_back(side);
     else
-      std::cerr << "team " << side << " has no learned policy (it was scripted in training) and is left out\n";
+      std::cerr << "team " << side << " has no learned policy (it did not learn in training) and is left out\n";
   }
   return sides;
 }

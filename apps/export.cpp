@@ -75,7 +75,7 @@ void export_policy(const ExportRequest& o) {
       load_policies(checkpoint.config_yaml, checkpoint.scenario_yaml, checkpoint.arrays, Device{});
   const Actor* actor = loaded.actor[o.team].get();
   if (!actor)
-    throw InputError(cat("team ", o.team, " of ", file, " has no learned policy: it was scripted in training; team ",
+    throw InputError(cat("team ", o.team, " of ", file, " has no learned policy: it did not learn in training; team ",
                          1 - o.team, " has one"));
   const Json ratings = rating_of(found.file, checkpoint.updates, o.team);
   write_export(o.out, format, *actor, loaded.run.spec, origin_of(checkpoint, loaded.run, o.team), {view, &ratings});

@@ -85,7 +85,7 @@ class Learner {
   virtual int64_t updates_done() const = 0;
   virtual int64_t agent_steps_done() const = 0;
 
-  /// The policy of a team; null where the team is scripted.
+  /// The policy of a team; null where it does not learn.
   virtual Actor* actor(int team) = 0;
   /// The policy that train.opponent names, as it was when the learner was made; null: a script or nobody.
   virtual Player* opponent() { return nullptr; }

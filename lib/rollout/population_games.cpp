@@ -43,6 +43,8 @@ PopulationGames::PopulationGames(const SimSpec& spec, const PopulationGamesOptio
 
 void PopulationGames::play(const std::vector<Population>& populations, uint32_t generation) {
   at::NoGradGuard no_grad;
+  GIGA_CHECK(!options_.opponent || populations.at(0).team != options_.opponent_team, "team ", options_.opponent_team,
+             " is both a population and its opponent");
   controller_->begin(populations);
   // Draws are addressed by step: each episode has its own steps, two and one for each that is played (sim/step.hpp).
   const int limit = options_.n_rounds * sim_->params().max_episode_length;

@@ -102,7 +102,7 @@ TEST_F(ExportedRun, MistakesEndWithCodeTwoAndLeaveNothing) {
   refused(run_export("run", "0", "onyx", "new"), {"format 'onyx' is unknown; nearest: 'onnx'; allowed: safetensors"});
   refused(here_->run({"export", "run", "--team", "0", "--format", "onnx", "--view", "inputs", "--out", "new"}),
           {"view 'inputs' is unknown; nearest: 'input'; allowed: inside, input"});
-  refused(run_export("run", "1", "onnx", "new"), {"team 1 of run", "scripted in training; team 0 has one"});
+  refused(run_export("run", "1", "onnx", "new"), {"team 1 of run", "did not learn in training; team 0 has one"});
   refused(run_export("run", "2", "onnx", "new"), {"--team"});
   refused(run_export("nowhere", "0", "onnx", "new"), {"there is no checkpoint or run folder nowhere"});
   refused(run_export("short.yaml", "0", "onnx", "new"), {"short.yaml"});

@@ -134,15 +134,15 @@ TEST(Scripts, FreshAsksForEveryStep) {
   EXPECT_TRUE(contains(fresh.out, {"no rows of build test others train resume"}));
 }
 
-// A sanitizer's row is true as long as the kernels are: their own files, what these include, and their tests.
-TEST(Scripts, WhatSanitizersFoundStaysWithTheKernels) {
+// A sanitizer's row of parity is true as long as the simulator is: its own files, what these include, and the tests.
+TEST(Scripts, WhatSanitizersFoundInParityStaysWithTheSimulator) {
   const Copy copy;
   copy.write("cuda/k.cu", "#include \"sub/formula.hpp\"\n");
   copy.write("lib/sub/formula.hpp", "#include \"deep.hpp\"\n");
   copy.write("lib/deep.hpp", "int deep();\n");
   copy.write("tests/parity/k_test.cpp", "int test();\n");
-  const std::string theirs = "| others | memcheck: layers | ok | 1.0 | | | | |\n";
-  const std::string host = "| others | all other tests | ok | 1.0 | | | | |\n";
+  const std::string theirs = "| others | memcheck: parity of crowds of 110 | ok | 1.0 | | | | |\n";
+  const std::string host = "| others | memcheck: layers | ok | 1.0 | | | | |\n";
   // Without a program the step fails at once, but its rows are written.
   const auto checked = [&] {
     EXPECT_EQ(copy.run("gpu_check", {"bench"}).code, 1);
@@ -268,8 +268,8 @@ TEST(Scripts, ReproduceWritesItsTable) {
   EXPECT_EQ(first.code, 0) << first.out << first.err;
   EXPECT_TRUE(contains(first.out, {"4 of 4 measured"}));  // two seeds, and the responses to each
   EXPECT_EQ(reproduce({"--scenario", "waypoint_3_vs_3", "--algorithm", "snes"}).code, 0);
-  // Those of nine ways of learning, then the responses, which are there, and two leagues for each seed.
-  EXPECT_TRUE(contains(reproduce({"--scenario", "identical_5_vs_5"}).out, {"24 of 24 measured"}));
+  // Those of five ways of learning, then the responses, which are there, and a league for each seed.
+  EXPECT_TRUE(contains(reproduce({"--scenario", "identical_5_vs_5"}).out, {"14 of 14 measured"}));
   const std::string rows = copy.read("build/reproduce_tiny/exploit.jsonl");
   EXPECT_EQ(std::count(rows.begin(), rows.end(), '\n'), 2);
   EXPECT_EQ(reproduce(part).code, 0);
@@ -277,6 +277,7 @@ TEST(Scripts, ReproduceWritesItsTable) {
   EXPECT_TRUE(contains(reproduce({"left"}).out, {"left: des: identical_1_vs_1, seed 1"}));
   EXPECT_EQ(reproduce({"scripts", "--scenario", "identical_5_vs_1"}).code, 0);
   EXPECT_TRUE(contains(reproduce({"long", "--scenario", "identical_5_vs_1"}).out, {"2 of 2 measured"}));
+  EXPECT_TRUE(contains(reproduce({"minute"}).out, {"10 of 10 measured"}));  // four ways of learning, and their league
   // A line of which no row is here stays as it was; one of a measured scenario does not.
   const std::string old_page = copy.read("docs/reproduce.md"), old_line = "| a_game | mappo | 7 | long ago |\n";
   const std::string head = "<!-- reproduce:learned -->\n";

@@ -232,7 +232,7 @@ TEST(Panel, UnknownFiguresAreDashes) {
     const std::string values = text.substr(at + 18, text.find('\n', at + 1) - at - 18);
     EXPECT_EQ(values, "        -" + std::string(30, ' ') + "-") << label;  // team 1 begins (79 - 17) / 2 columns later
   }
-  EXPECT_TRUE(contains(text, {"left    -:--", "team 0 (scripted)", "rollout   -"}));
+  EXPECT_TRUE(contains(text, {"left    -:--", "team 0 (fixed)", "rollout   -"}));
   EXPECT_EQ(text.find("GPU"), std::string::npos) << "a run without GPU:\n" << text;
 }
 

@@ -42,7 +42,7 @@ struct Networks {
 LoadedRun run_of(const std::string& scenario = "", const std::string& actor = "hidden: [16, 16]") {
   SmallRun small;
   small.scenario = scenario;
-  small.actor = actor;
+  small.more = cat("population: {actor: {", actor, "}}\n");
   return small.load();
 }
 
@@ -93,12 +93,15 @@ TEST(LearnPopulationGamesGpu, APopulationOfOneNetworkPlaysTheMatchOfThatNetwork)
 }
 
 // A policy of another shape, which a controller of its own moves: as above.
-void expect_the_match_against_that_policy(Device device, Precision precision, const std::string& opponent_actor) {
+void expect_the_match_against_that_policy(Device device, Precision precision, const std::string& opponent_actor,
+                                          Precision of_opponent = Precision::fp32,
+                                          const std::string& own_actor = "hidden: [16, 16]") {
   constexpr int kMembers = 6, kWorlds = 5;
   for (const bool common : {false, true}) {
     for (const int team : {0, 1}) {
-      const LoadedRun run = run_of();
-      Networks n(run, 1, device, precision), other(run_of("", opponent_actor), 1, device);
+      const LoadedRun run = run_of("", own_actor);
+      Networks n(run, 1, device, precision), other(run_of("", opponent_actor), 1, device, of_opponent);
+      ASSERT_NE(other.members.size(1), n.members.size(1));
       n.take(n.members[0]);
       other.take(other.members[0]);
       const ParallelFor parallel_for(device, 1, current_stream(device));
@@ -126,13 +129,18 @@ void expect_the_match_against_that_policy(Device device, Precision precision, co
 
 TEST(LearnPopulationGames, APolicyOfAnotherShapeIsPlayedAsInAMatch) {
   expect_the_match_against_that_policy({}, Precision::fp32, "hidden: [8]");
-  expect_the_match_against_that_policy({}, Precision::fp32, "hidden: [8], memory: gru, memory_size: 6");
+  const std::string remembers = "hidden: [8], memory: gru, memory_size: 6";
+  expect_the_match_against_that_policy({}, Precision::fp32, remembers);
+  expect_the_match_against_that_policy({}, Precision::fp32, "hidden: [8]", Precision::fp32, remembers);
 }
 
 TEST(LearnPopulationGamesGpu, APolicyOfAnotherShapeIsPlayedAsInAMatch) {
   if (cuda_device_count() == 0) GTEST_SKIP() << "no GPU";
   const Device gpu{Device::Kind::cuda, 0};
   for (const Precision precision : {Precision::fp16, Precision::fp32}) {
+    // Two kernels, which are recorded side by side.
+    for (const Precision of_opponent : {Precision::tf32, Precision::fp16})
+      expect_the_match_against_that_policy(gpu, precision, "hidden: [64, 64]", of_opponent);
     expect_the_match_against_that_policy(gpu, precision, "hidden: [8]");
     expect_the_match_against_that_policy(gpu, precision, "hidden: [8], layer_norm: true");
     expect_the_match_against_that_policy(gpu, precision, "hidden: [8], memory: gru, memory_size: 6");

@@ -98,7 +98,7 @@ void Layout::team_names() {
   Line& to = labelled("");
   for (int team = 0; team < 2; ++team) {
     to.at(column_[team]).add("team " + std::to_string(team), kTeamInk[team]);
-    if (!s_.team[team].learns && width_ >= kWholePanelFrom - 1) to.add(" (scripted)", Ink::dim);
+    if (!s_.team[team].learns && width_ >= kWholePanelFrom - 1) to.add(" (fixed)", Ink::dim);
   }
 }
 

@@ -14,6 +14,7 @@ Player load_opponent(const LoadedRun& run, Device device) {
   try {
     Player player = Player::load(run.config.train.opponent.name, {.device = device});
     player.check_plays(run.spec, &run.scenario);
+    player.controller(1 - run.config.train.learning_team, run.spec);  // refuses a team of which it has no policy
     return player;
   } catch (const InputError& e) {
     if (!run.opponent_at) throw;

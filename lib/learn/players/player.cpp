@@ -225,7 +225,7 @@ Mind Player::mind(int side, const SimSpec& spec) const {
 
 std::unique_ptr<TeamController> Player::checkpoint_controller(int side, const SimSpec& spec) const {
   if (!policy_[side])
-    throw InputError(cat(name_, " has no policy for team ", side, ", which was scripted while it trained"));
+    throw InputError(cat(name_, " has no policy for team ", side, ", which did not learn in training"));
   check_plays(spec);
   return policy_controller(*policy_[side], greedy_ || acts_greedily(origin_->run.config));
 }

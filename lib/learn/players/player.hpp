@@ -87,7 +87,7 @@ class Player {
   std::string name_;
   bool greedy_ = false;
   std::optional<Scripted> script_;
-  std::shared_ptr<const Policy> policy_[kNTeams];         // by team, of checkpoints; null where the team was scripted
+  std::shared_ptr<const Policy> policy_[kNTeams];         // by team, of checkpoints; null where the team did not learn
   std::shared_ptr<const ValueFunction> values_[kNTeams];  // likewise; null where it had no critic
   std::shared_ptr<Exported> exported_;
   std::shared_ptr<const Origin> origin_;

@@ -14,7 +14,7 @@ class Actor;
 
 struct LoadedPolicies {
   LoadedRun run;                    ///< configuration and scenario of the checkpoint
-  std::unique_ptr<Actor> actor[2];  ///< by team; null where the team was scripted
+  std::unique_ptr<Actor> actor[2];  ///< by team; null where the team did not learn
 
   LoadedPolicies();
   LoadedPolicies(LoadedPolicies&&) noexcept;
