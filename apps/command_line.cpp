@@ -13,6 +13,7 @@
 #include "config/names.hpp"
 #include "core/error.hpp"
 #include "scenario/data_dirs.hpp"
+#include "scenario/loader.hpp"
 
 namespace giga {
 namespace fs = std::filesystem;
@@ -72,6 +73,18 @@ std::string explain_setting(const CLI::App& command, const std::string& word) {
   return "";
 }
 
+/// Whether `scenarios show` has something to say of a word.
+bool names_scenario(const std::string& word) {
+  std::error_code code;
+  if (is_path(word) && fs::is_regular_file(word, code)) return true;  // which may have mistakes
+  try {
+    load_scenario(word, data_dirs());
+    return true;
+  } catch (const InputError&) {
+    return false;
+  }
+}
+
 /// What is wrong with the first word that was not understood; empty where there is none.
 std::string explain_leftover(const CLI::App& command) {
   const std::vector<std::string> leftover = command.remaining();
@@ -88,8 +101,8 @@ std::string explain_leftover(const CLI::App& command) {
     return cat("unknown option '", name, "'", has_keys ? "; keys are set by --set KEY=VALUE" : hint);
   }
   const std::string nearest = nearest_hint(word, commands);
-  if (commands.size() == 1 && nearest.empty())
-    return cat("unexpected argument '", word, "'; write ", command.get_name(), " ", commands.front(), " ", word);
+  if (command.get_name() == "scenarios" && nearest.empty() && names_scenario(word))
+    return cat("unexpected argument '", word, "'; write scenarios show ", word);
   if (!commands.empty()) return cat("unknown command '", word, "'", nearest, "; commands: ", join(commands));
   return cat("unexpected argument '", word, "'");
 }

@@ -1,5 +1,6 @@
 // gigastep config: prints a run config with all its keys, or what is known about all keys.
 #include <CLI/CLI.hpp>
+#include <filesystem>
 #include <iostream>
 #include <nlohmann/json.hpp>
 
@@ -9,8 +10,10 @@
 #include "io/schema.hpp"
 #include "learn/reference.hpp"
 #include "learn/run_config.hpp"
+#include "scenario/loader.hpp"
 
 namespace giga {
+namespace fs = std::filesystem;
 namespace {
 
 struct ConfigOptions {
@@ -25,6 +28,33 @@ std::vector<std::string> kind_names() {
   return names;
 }
 
+/// A path that was written at `at`, in a file (from whose folder it counts) or on the command line, as it is found from
+/// anywhere. The file keeps its own name, after which a scenario or a map is called.
+std::string from_anywhere(const std::string& text, const Position& at) {
+  const bool in_file = at.line > 0 && at.source;
+  const fs::path path = in_file ? (fs::path(*at.source).parent_path() / text).lexically_normal() : fs::path(text);
+  return (fs::weakly_canonical(fs::absolute(path).parent_path()) / path.filename()).string();
+}
+
+/// Files that a config names, so that it can be read from any folder; those of policies were made whole when it was
+/// read.
+RunConfig with_whole_paths(const LoadedRun& run) {
+  RunConfig config = run.config;
+  const auto make_whole = [](Node& node) {
+    if (node.is_scalar() && is_path(node.text)) node.text = from_anywhere(node.text, node.at);
+  };
+  if (is_path(config.scenario)) config.scenario = from_anywhere(config.scenario, run.scenario_at.value_or(Position{}));
+  for (Node::Entry& entry : config.environment.entries) {  // as name_files finds them
+    if (entry.key == "maps") make_whole(entry.value);
+    for (Node& item : entry.value.items) {
+      if (entry.key == "maps") make_whole(item);
+      for (Node::Entry& part : item.entries)
+        if (entry.key.starts_with("team_") && part.key == "type") make_whole(part.value);
+    }
+  }
+  return config;
+}
+
 void print_config(const ConfigOptions& o) {
   if (o.reference) {
     std::cout << reference_page();
@@ -32,7 +62,7 @@ void print_config(const ConfigOptions& o) {
     for (const FileKind& kind : file_kinds())
       if (kind.name == o.schema) write_json(json_schema(kind.defaults, "gigastep " + kind.title), "-");
   } else {
-    std::cout << print_yaml(load_run_config(find_config(o.config), o.overrides).config, true);
+    std::cout << print_yaml(with_whole_paths(load_run_config(find_config(o.config), o.overrides)), true);
   }
 }
 
@@ -62,10 +92,8 @@ void add_config_command(CLI::App& app, Dispatch& dispatch) {
       ->excludes(set)
       ->excludes(schema);
   command->footer(
-      "Prints YAML that reads back to the same config, a comment at each key. Mistakes are told, all of them, with "
-      "file, "
-      "line,\n"
-      "column, what is allowed and the nearest name; exit code 2.\n"
+      "Prints YAML that reads back to the same config from any folder, a comment at each key. Mistakes are told, all\n"
+      "of them, with file, line, column, what is allowed and the nearest name; exit code 2.\n"
       "Examples:\n"
       "  gigastep config quickstart\n"
       "  gigastep config my.yaml --set mappo.gamma=0.995 > resolved.yaml\n"

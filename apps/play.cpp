@@ -166,9 +166,9 @@ class PagePlayers {
 };
 
 void write(const PlayOptions& o) {
-  if (!has_play_module()) throw InputError(kNoPlayModule);
   const PlayerOptions loading{Device{}, false, o.greedy};
   std::vector<Level> levels = levels_of(o.a, o.levels, loading);
+  if (!has_play_module()) throw InputError(kNoPlayModule);  // mistakes of the user first
   std::vector<Level> others;
   if (!o.b.empty() && o.b != o.a) others = levels_of(o.b, o.levels, loading);
   const std::string first = levels[0].player.name(), against = (others.empty() ? levels : others)[0].player.name();

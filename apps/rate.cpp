@@ -84,14 +84,16 @@ std::string seconds_text(double seconds) {
   return seconds < 60 ? cat(std::ceil(seconds), " s") : print_duration(seconds);
 }
 
-/// "169 pairs of 64 episodes, about 8 s", as soon as the time is known by some of them; then a line every few seconds.
+/// "169 matches of 64 episodes, about 8 s", as soon as the time is known by some of them; then a line every few
+/// seconds. A match has its sides: a pair plays two, and a player one against itself.
 class ProgressLines {
  public:
   explicit ProgressLines(int episodes) : episodes_(episodes) {}
 
-  /// Before each pair.
+  /// Before each match.
   void operator()(int done, int all, const Player& side_0, const Player& side_1) {
-    if (done == 0) std::cerr << counted(all, "pairs") << " of " << counted(episodes_, "episodes") << std::flush;
+    if (done == 0)
+      std::cerr << all << (all == 1 ? " match of " : " matches of ") << counted(episodes_, "episodes") << std::flush;
     const double elapsed = seconds_since(start_);
     if (done == 1) first_ = elapsed;
     if (!announced_) {
@@ -102,7 +104,7 @@ class ProgressLines {
       told_ = elapsed;
     } else if (elapsed - told_ > kPause) {
       told_ = elapsed;
-      std::cerr << "pair " << done + 1 << " of " << all << ": " << side_0.name() << " against " << side_1.name()
+      std::cerr << "match " << done + 1 << " of " << all << ": " << side_0.name() << " against " << side_1.name()
                 << "; about " << seconds_text(expected_seconds(first_, elapsed, done, all) - elapsed) << " left"
                 << std::endl;
     }

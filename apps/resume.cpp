@@ -1,5 +1,6 @@
 // gigastep resume: goes on with a run from its newest checkpoint, exactly.
 #include <CLI/CLI.hpp>
+#include <ctime>
 #include <filesystem>
 #include <iostream>
 #include <memory>
@@ -19,9 +20,11 @@
 #include "config/names.hpp"
 #include "core/error.hpp"
 #include "cuda/runtime.hpp"
+#include "io/files.hpp"
 #include "io/logger.hpp"
 #include "io/run_folder.hpp"
 #include "io/state_hash.hpp"
+#include "io/tensorboard.hpp"
 #include "learn/resume_config.hpp"
 #include "scenario/loader.hpp"
 
@@ -45,6 +48,18 @@ std::string folder_of(const std::string& path) {
   if (!is_run_folder(folder))
     throw InputError(cat(path, " does not lie in the checkpoints of a run folder: copy the whole folder"));
   return folder.string();
+}
+
+/// A run that was ended before its first checkpoint has nothing to go on from, and nothing to lose.
+void refuse_barely_begun(const fs::path& folder) {
+  if (lock_owner(folder) || !is_barely_begun(folder)) return;
+  std::error_code code;
+  const fs::path config = folder / "config.yaml";
+  throw InputError(cat("the folder ", folder.string(),
+                       " holds no checkpoint: its run was ended before the first one, and nothing is lost; to begin it "
+                       "anew: ",
+                       program_command(), " train ", fs::exists(config, code) ? shell_word(config.string()) : "CONFIG",
+                       " --run-dir ", shell_word(folder.string())));
 }
 
 /// A checkpoint file that was named must be the newest: going on from an older one would leave newer ones behind.
@@ -113,6 +128,64 @@ void write_missing(const RunFolder& folder, const FoundCheckpoint& found, const 
       .info(cat("missing in ", folder.path().string(), " and written again from ", source, ": ", join(written)));
 }
 
+/// metrics.csv and the TensorBoard events are begun anew where they are missing, and the checkpoint says so from here
+/// on: else the next `resume` would find them too short.
+void begin_lost_files(const RunFolder& folder, FoundCheckpoint& found) {
+  const auto is_lost = [&](const fs::path& file) {
+    std::error_code code;
+    if (fs::exists(file, code)) return false;
+    std::cerr << "warning: " << file.string() << " is missing and begun anew: what it held up to update "
+              << found.checkpoint.updates << " is gone\n";
+    return true;
+  };
+  RunCursor& cursor = found.checkpoint.cursor;
+  const bool no_metrics = is_lost(folder.metrics_file()), no_events = is_lost(folder.events_file());
+  if (!no_metrics && !no_events) return;
+  if (no_metrics) cursor.metrics_bytes = MetricsCsv(folder.metrics_file()).size();
+  if (no_events) {
+    const auto wall_time = static_cast<double>(std::time(nullptr));
+    cursor.events_bytes = TensorBoardEvents::create(folder.events_file(), wall_time).size();
+  }
+  write_checkpoint(found.file, found.checkpoint);
+}
+
+/// The keys and values of a resolved config as a run folder has it.
+std::vector<FieldInfo> values_of(RunConfig config) {
+  config = for_run_folder(std::move(config));
+  return list_fields(fields_of(config));
+}
+
+/// The same of a text. Throws InputError where it is none.
+std::vector<FieldInfo> values_in(const std::string& yaml) {
+  Errors errors;
+  const Document document = parse_yaml_text(yaml, "config.yaml");
+  RunConfig config;
+  read_fields(document.root, config, errors);
+  errors.throw_if_any();
+  return values_of(std::move(config));
+}
+
+/// Somebody may have edited config.yaml in the belief that the run goes on with it.
+void warn_of_edits(const RunFolder& folder, const Checkpoint& from, const RunConfig& resumed) {
+  const fs::path file = folder.config_file();
+  std::error_code code;
+  if (!fs::exists(file, code)) return;
+  std::vector<std::string> edited;
+  try {
+    const std::vector<FieldInfo> there = values_in(read_file(file)), saved = values_in(from.config_yaml),
+                                 goes_on = values_of(resumed);
+    for (size_t k = 0; k < there.size(); ++k) {
+      const std::string& value = there[k].default_value;
+      if (value != saved[k].default_value && value != goes_on[k].default_value) edited.push_back(there[k].path);
+    }
+    if (edited.empty()) return;
+  } catch (const InputError&) {  // it is no config any more
+  }
+  std::cerr << "warning: " << file.string() << " differs from what the checkpoint holds"
+            << (edited.empty() ? "" : cat(" (", join(edited), ")"))
+            << ": the run goes on with what its checkpoint holds; resume --set key=value changes settings\n";
+}
+
 void warn(const FoundCheckpoint& found) {
   for (const std::string& line : found.damaged)
     std::cerr << "warning: " << line << "; going on from " << found.file.string() << '\n';
@@ -126,6 +199,7 @@ int resume(const ResumeOptions& o, Dispatch& dispatch) {
   const bool starts_ranks = o.ranks.to_start() > 1;
   // Rank 0 holds the folder; others read the checkpoint only.
   const fs::path path = folder_of(o.run);
+  refuse_barely_begun(path);
   std::unique_ptr<const RunFolder> folder;
   if (joined.leads()) folder.reset(new RunFolder(RunFolder::open(path.string())));
   FoundCheckpoint found = find_checkpoint(o.run);
@@ -135,6 +209,7 @@ int resume(const ResumeOptions& o, Dispatch& dispatch) {
   if (folder && !starts_ranks) warn(found);
 
   const ResumedRun resumed = resume_config(from.config_yaml, from.scenario_yaml, o.overrides);
+  if (folder && !starts_ranks) warn_of_edits(*folder, from, resumed.run.config);
   TrainingSetup setup{resumed.run, device_of_rank(resumed.run.config.device, joined), nullptr, &from, o.quiet,
                       !o.no_color};
   setup.ranks = joined.ranks;
@@ -163,9 +238,11 @@ int resume(const ResumeOptions& o, Dispatch& dispatch) {
   setup.learner->load(from.arrays);
   if (!folder) return finish(joined, follow(std::move(setup)));
 
+  MetricsCsv::expect(folder->metrics_file(), from.cursor.metrics_bytes);
   MetricsFiles::expect(*folder, from.cursor);
   set_aside(found.damaged_files);
   forget_lost_best(*folder, found.checkpoint.cursor);
+  begin_lost_files(*folder, found);
   write_missing(*folder, found, resumed.run.config, o.quiet);
   folder->describe_resume(print_yaml(for_run_folder(resumed.run.config), true),
                           resume_info(resumed, setup.device, found));

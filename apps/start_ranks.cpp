@@ -8,6 +8,7 @@
 #include <cerrno>
 #include <chrono>
 #include <csignal>
+#include <cstdlib>
 #include <cstring>
 #include <map>
 #include <optional>
@@ -27,6 +28,7 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 constexpr std::chrono::seconds kGrace{30};
+constexpr std::chrono::milliseconds kPoll{20};
 constexpr int kFailed = 1, kEndedBySignal = 128;
 
 /// The words of this process's command line, without --ranks or --gpus.
@@ -89,6 +91,18 @@ int start(std::vector<std::string> words, std::vector<std::string> variables) {
   ::_exit(127);
 }
 
+/// Whether a process takes SIGINT for a request to stop; no longer where it has had one, which the next would end
+/// (StopRequest).
+bool awaits_interrupt(int pid) {
+  const std::string status = read_file(cat("/proc/", pid, "/status"));
+  const auto has = [&status](const char* mask) {  // "SigCgt:\t0000000000000002"
+    const size_t at = status.find(mask);
+    const std::string digits = at == std::string::npos ? "0" : status.substr(at + std::strlen(mask), 24);
+    return (std::strtoull(digits.c_str(), nullptr, 16) >> (SIGINT - 1) & 1) != 0;
+  };
+  return has("SigCgt:") && !has("SigPnd:") && !has("ShdPnd:");
+}
+
 /// The processes; killed and waited for where they live at the end.
 class Children {
  public:
@@ -107,6 +121,13 @@ class Children {
   void send(int signal) const {
     for (const int pid : pids_)
       if (pid > 0) ::kill(pid, signal);
+  }
+
+  /// A terminal sends SIGINT to all processes, `kill` to this one alone: who has had none gets it, so that it tells the
+  /// signal by its name, and the others one that they ignore by now.
+  void interrupt() const {
+    for (const int pid : pids_)
+      if (pid > 0) ::kill(pid, awaits_interrupt(pid) ? SIGINT : SIGTERM);
   }
 
   /// Notes who has ended. Returns whether all have.
@@ -149,14 +170,14 @@ int start_ranks(int n) {
   int forwarded = 0;
   std::optional<Clock::time_point> failed_at;
   while (!children.look()) {
-    // A terminal sends SIGINT to all processes; a second one would end them at once.
     if (const int signal = StopRequest::signal(); signal != 0 && forwarded == 0) {
       forwarded = signal;
-      children.send(signal == SIGINT ? SIGTERM : signal);
+      std::this_thread::sleep_for(kPoll);  // until a terminal's has reached all
+      signal == SIGINT ? children.interrupt() : children.send(signal);
     }
     if (children.failure() && !failed_at) failed_at = Clock::now();
     if (failed_at && Clock::now() - *failed_at > kGrace) children.send(SIGKILL);
-    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    std::this_thread::sleep_for(kPoll);
   }
   const int code = children.failure().value_or(children.code_of_rank_0());
   return forwarded == SIGINT && code == kEndedBySignal + SIGTERM ? kEndedBySignal + SIGINT : code;

@@ -45,7 +45,7 @@ Json ask(SweepFolder& folder) {
   }
   return {{"trial", job->trial},
           {"rung", job->rung},
-          {"agent_steps", folder.rungs().at(static_cast<size_t>(job->rung))},
+          {"agent_steps", folder.agent_steps(job->trial, job->rung)},
           {"seeds", folder.spec().seeds},
           {"settings", settings},
           {"commands", commands}};
@@ -82,8 +82,10 @@ Json tell(SweepFolder& folder, const std::string& text) {
     if (std::find(open.begin(), open.end(), run) == open.end())
       throw InputError(cat("--tell: nobody waits for trial ", run.trial, ", rung ", run.rung, ", seed ", seed));
     SweepResult result;
-    if (value.is_number()) result.value = value.get<double>();
-    result.agent_steps = static_cast<double>(folder.rungs().at(static_cast<size_t>(run.rung)));
+    if (value.is_number()) {
+      result.value = value.get<double>();
+      result.agent_steps = static_cast<double>(folder.agent_steps(run.trial, run.rung));
+    }
     folder.finish(run, result);
   }
   return {{"trial", trial}, {"open", folder.progress().open().size()}};
@@ -149,7 +151,9 @@ void add_sweep_command(CLI::App& app, Dispatch& dispatch) {
       "  trials: 16\n"
       "  seeds: [1, 2, 3]\n"
       "  metric: [win_rate_0_vs_circle, win_rate_1_vs_circle]\n"
-      "Exit codes: 0 all is done; 124 max_wall_time is over; 130 or 143 stopped.\n"
+      "Exit codes: 0 all is done; 1 all is done, but runs failed: the same command tries them again, except\n"
+      "those that diverged; 3 every run diverged; 2 the file or a value is wrong; 124 max_wall_time is over;\n"
+      "130 or 143 stopped.\n"
       "Examples:\n"
       "  gigastep sweep rates.yaml\n"
       "  gigastep sweep rates.yaml --out /data/rates --json result.json");

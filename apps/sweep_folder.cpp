@@ -2,7 +2,9 @@
 #include "apps/sweep_folder.hpp"
 
 #include <algorithm>
+#include <cstdlib>
 #include <nlohmann/json.hpp>
+#include <sstream>
 #include <thread>
 
 #include "apps/command_line.hpp"
@@ -34,10 +36,42 @@ std::string lasting_part(SweepSpec spec) {
 }
 
 /// Beside the file of the sweep, or as any command finds it.
-std::string config_of_sweep(const SweepSpec& spec, const fs::path& file) {
+std::string config_of_sweep(const SweepSpec& spec, const fs::path& file, const KeyPositions& given) {
   std::error_code code;
   const fs::path beside = file.parent_path() / spec.config;
-  return fs::is_regular_file(beside, code) ? beside.string() : find_config(spec.config);
+  if (fs::is_regular_file(beside, code)) return beside.string();
+  try {
+    return find_config(spec.config);
+  } catch (const InputError& e) {
+    throw InputError(cat(given.at("config").text(), ": config: ", e.what()));
+  }
+}
+
+/// Mistakes in `set` are told as those of --set; here with their places in the file of the sweep.
+std::string with_places_of_set(const std::string& message, const SweepSpec& spec, const KeyPositions& given) {
+  const std::string option = "--set ";
+  std::vector<std::string> lines;
+  std::istringstream text(message);
+  for (std::string line; std::getline(text, line);) {
+    for (size_t k = spec.set.size(); k-- > 0;) {  // of a key that is set twice the last counts
+      const std::string key = spec.set[k].substr(0, spec.set[k].find('='));
+      const auto at = given.find(cat("set[", k, "]"));
+      if (at == given.end() || !line.starts_with(cat(option, key, ":"))) continue;
+      line = cat(at->second.text(), ": set: ", line.substr(option.size()));
+      break;
+    }
+    lines.push_back(line);
+  }
+  return join(lines, "\n");
+}
+
+LoadedRun load_base(const SweepSpec& spec, const fs::path& file, const KeyPositions& given) {
+  const std::string config = config_of_sweep(spec, file, given);
+  try {
+    return load_run_config(config, spec.set);
+  } catch (const InputError& e) {
+    throw InputError(with_places_of_set(e.what(), spec, given));
+  }
 }
 
 /// The columns of metrics.csv, from an update of the smallest run of this kind; on the CPU, so that this process holds
@@ -56,7 +90,37 @@ std::vector<std::string> metric_columns(LoadedRun run) {
   return names;
 }
 
+/// What of settings may decide which columns a learner has: choices that are no numbers, and of numbers whether they
+/// are 0, which switches things off. An update for each of all trials would take long.
+std::string kind_of_settings(const TrialSettings& settings) {
+  std::string kind;
+  for (const auto& [key, value] : settings) {
+    char* end = nullptr;
+    const double number = std::strtod(value.c_str(), &end);
+    const bool is_number = end != value.c_str() && *end == '\0';
+    kind += cat(key, "=", !is_number ? value : number == 0 ? "0" : "a number", "\n");
+  }
+  return kind;
+}
+
 }  // namespace
+
+std::string MetricCheck::missing_in(const LoadedRun& run, const TrialSettings& settings) {
+  // Those against scripts follow from the config, which is quick.
+  std::vector<std::string> names = training_columns();
+  for (const auto& [name, value] : evaluation_metrics(run.config, {})) names.push_back(name);
+  const auto first_missing = [&](const std::vector<std::string>& columns) {
+    for (const std::string& name : metric_)
+      if (std::find(columns.begin(), columns.end(), name) == columns.end() &&
+          std::find(names.begin(), names.end(), name) == names.end())
+        return name;
+    return std::string();
+  };
+  if (first_missing({}).empty()) return "";
+  const std::string kind = kind_of_settings(settings);
+  if (!known_.contains(kind)) known_[kind] = metric_columns(run);
+  return first_missing(known_[kind]);
+}
 
 SweepFolder::SweepFolder(const fs::path& file, const fs::path& folder) : path_(folder) {
   KeyPositions given;
@@ -85,8 +149,9 @@ SweepFolder::SweepFolder(const fs::path& file, const fs::path& folder) : path_(f
 
 /// Everything that can be wrong shows before the first trial.
 void SweepFolder::create(const fs::path& file, const KeyPositions& given) {
-  const LoadedRun run = load_run_config(config_of_sweep(spec_, file), spec_.set);
+  const LoadedRun run = load_base(spec_, file, given);
   parse_device(run.config.device);  // one that is not here is told now
+  check_halving(spec_.halving, run.config.train.total_agent_steps, given);
   const std::vector<std::string> columns = metric_columns(run);
   for (const std::string& name : spec_.metric)
     if (std::find(columns.begin(), columns.end(), name) == columns.end())
@@ -103,7 +168,8 @@ void SweepFolder::create(const fs::path& file, const KeyPositions& given) {
   fs::create_directories(path_ / "logs");
   write_config_files(path_, run);
   try {
-    for (const TrialSettings& settings : trials_) check_settings(settings, given);
+    MetricCheck check(spec_.metric);
+    for (const TrialSettings& settings : trials_) check_settings(settings, given, check);
   } catch (const InputError&) {
     fs::remove_all(path_, code);
     throw;
@@ -112,9 +178,10 @@ void SweepFolder::create(const fs::path& file, const KeyPositions& given) {
   fs::remove(path_ / kSettingUp, code);
 }
 
-void SweepFolder::check_settings(const TrialSettings& settings, const KeyPositions& given) const {
+void SweepFolder::check_settings(const TrialSettings& settings, const KeyPositions& given, MetricCheck& check) const {
+  std::optional<LoadedRun> run;
   try {
-    load_run_config((path_ / kConfigFile).string(), assignments_of(settings));
+    run = load_run_config((path_ / kConfigFile).string(), assignments_of(settings));
   } catch (const InputError& e) {
     std::string places;
     for (const auto& [key, value] : settings)
@@ -123,6 +190,29 @@ void SweepFolder::check_settings(const TrialSettings& settings, const KeyPositio
         places += cat(at->second.text(), ": parameters.", key, ": ");
     throw InputError(places + e.what());
   }
+  if (const std::string missing = check.missing_in(*run, settings); !missing.empty())
+    refuse_metric(missing, settings, given, check);
+}
+
+/// Names the parameters that take the column away by themselves; all, where only several together do.
+void SweepFolder::refuse_metric(const std::string& missing, const TrialSettings& settings, const KeyPositions& given,
+                                MetricCheck& check) const {
+  std::vector<std::string> guilty, all;
+  for (const auto& setting : settings) {
+    const auto at = given.find("parameters." + setting.first);
+    all.push_back(cat(at == given.end() ? "" : at->second.text() + ": ", "parameters.", setting.first, ": with ",
+                      setting.second));
+    try {
+      const LoadedRun alone = load_run_config((path_ / kConfigFile).string(), assignments_of({setting}));
+      if (check.missing_in(alone, {setting}) == missing) guilty.push_back(all.back());
+    } catch (const InputError&) {  // a value that needs others beside it
+    }
+  }
+  std::string text;
+  for (const std::string& place : guilty.empty() ? all : guilty)
+    text += cat(text.empty() ? "" : "\n", place, " the run logs no column '", missing,
+                "', by which trials are compared (metric)");
+  throw InputError(text);
 }
 
 void SweepFolder::replay(const Json& event) {
@@ -164,7 +254,8 @@ void SweepFolder::finish(const SweepRun& run, const SweepResult& result) {
 }
 
 int SweepFolder::add(const TrialSettings& settings) {
-  check_settings(settings, {});
+  MetricCheck check(spec_.metric);
+  check_settings(settings, {}, check);
   Json values = Json::object();
   for (const auto& [key, value] : settings) values[key] = value;
   journal_->write({{"event", "add"}, {"settings", values}});
@@ -172,13 +263,21 @@ int SweepFolder::add(const TrialSettings& settings) {
   return progress_->add_trial();
 }
 
+int64_t SweepFolder::agent_steps(int trial, int rung) const {
+  const LoadedRun run = load_run_config((path_ / kConfigFile).string(), assignments_of(settings(trial)));
+  const int64_t total = run.config.train.total_agent_steps;
+  const auto k = static_cast<size_t>(rung);
+  return k + 1 < rungs_.size() ? std::min(rungs_[k], total) : total;
+}
+
 WantedRun SweepFolder::wanted(const SweepRun& run) const {
   WantedRun wanted;
   wanted.folder = trial_folder(path_, run.trial, run.seed);
   wanted.config = path_ / kConfigFile;
-  wanted.overrides = assignments_of(settings(run.trial));
-  wanted.overrides.push_back(cat("seed=", run.seed));
   if (threads_ > 0) wanted.overrides.push_back(cat("train.n_threads=", threads_));
+  // Behind the share of the cores: what is set later counts, and a trial may set its threads itself.
+  for (const std::string& assignment : assignments_of(settings(run.trial))) wanted.overrides.push_back(assignment);
+  wanted.overrides.push_back(cat("seed=", run.seed));
   const auto rung = static_cast<size_t>(run.rung);
   if (rung + 1 < rungs_.size()) wanted.stop_at = rungs_[rung];
   return wanted;

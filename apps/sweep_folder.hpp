@@ -1,9 +1,12 @@
 // SweepFolder: the folder of a sweep, from which it goes on.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
+#include <map>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "apps/run_process.hpp"
@@ -13,6 +16,19 @@
 #include "sweep/outcome.hpp"
 
 namespace giga {
+
+/// Whether runs log the columns of a metric. A learner tells its columns by an update of a small run, which is done
+/// once for settings of one kind.
+class MetricCheck {
+ public:
+  explicit MetricCheck(std::vector<std::string> metric) : metric_(std::move(metric)) {}
+  /// The first column of the metric that a run with these settings would not log; empty: it logs all.
+  std::string missing_in(const LoadedRun& run, const TrialSettings& settings);
+
+ private:
+  std::vector<std::string> metric_;
+  std::map<std::string, std::vector<std::string>> known_;  // all columns, by the kind of settings
+};
 
 /// sweep.yaml      the sweep; config.yaml, scenario.yaml: the run config that its trials change
 /// sweep.jsonl     what happened (SweepJournal)
@@ -33,25 +49,33 @@ class SweepFolder {
   /// Notes that a trial begins or goes on.
   void begin(const SweepJob& job);
   void finish(const SweepRun& run, const SweepResult& result);
+  /// Runs that failed in an earlier call are tried again (SweepProgress::reopen_failed). The journal keeps what came of
+  /// them: the last result of a run counts.
+  void reopen_failed() { progress_->reopen_failed(); }
   /// Adds a trial that somebody else chose, after its settings were checked; its number.
   int add(const TrialSettings& settings);
 
+  /// Agent-steps of a run of a trial to a rung; a trial may set train.total_agent_steps itself.
+  int64_t agent_steps(int trial, int rung) const;
   WantedRun wanted(const SweepRun& run) const;
   std::filesystem::path log_of(const SweepRun& run) const;
-  SweepOutcome outcome() const { return outcome_of(spec_, trials_, *progress_, rungs_, path_); }
+  SweepOutcome outcome() const { return outcome_of(spec_, trials_, *progress_, path_); }
   /// Writes trials.csv, sweep.json and report.html.
   void write_outcome(const SweepOutcome& outcome) const;
 
  private:
   void create(const std::filesystem::path& file, const KeyPositions& given);
   void replay(const Json& event);
-  void check_settings(const TrialSettings& settings, const KeyPositions& given) const;
+  /// Throws InputError where the config does not allow a trial's settings, or its run would lack the metric.
+  void check_settings(const TrialSettings& settings, const KeyPositions& given, MetricCheck& check) const;
+  [[noreturn]] void refuse_metric(const std::string& missing, const TrialSettings& settings, const KeyPositions& given,
+                                  MetricCheck& check) const;
 
   const std::filesystem::path path_;
   SweepSpec spec_;
   std::vector<TrialSettings> trials_;
   std::vector<int64_t> rungs_;
-  int threads_ = 0;  // of each run; 0: as its config says
+  int threads_ = 0;  // of each run that does not set them itself; 0: as its config says
   std::optional<RunLock> lock_;
   std::optional<SweepJournal> journal_;
   std::optional<SweepProgress> progress_;

@@ -69,6 +69,7 @@ struct ActiveRun {
   SweepRun run;
   int64_t id;
   int at_once;  ///< it began as one of so many
+  double wanted_agent_steps;
   RunProcess process;
   RunTail tail;
   RunReading first;  ///< when this process began
@@ -79,6 +80,7 @@ struct ActiveRun {
       : run(of),
         id(number),
         at_once(n),
+        wanted_agent_steps(static_cast<double>(folder.agent_steps(of.trial, of.rung))),
         process(arguments, folder.log_of(of)),
         tail(folder.spec(), folder.wanted(of).folder) {
     tail.look();
@@ -98,9 +100,11 @@ class Sweeping {
     auto_.emplace(folder.spec(), load_run_config((folder.path() / "config.yaml").string(), {}).config);
   }
 
-  /// Until all is done (0), or it is asked to stop, or its time is over; then the runs that go on are saved.
+  /// Until all is done, or it is asked to stop, or its time is over; then the runs that go on are saved. The exit code
+  /// of train_sweep.
   int run() {
     const StopRequest signals;
+    folder_.reopen_failed();
     for (const SweepRun& run : folder_.progress().open()) wait(run);
     left_at_start_ = outlook().left;
     const int code = go_on();
@@ -111,7 +115,7 @@ class Sweeping {
     if (code != 0)
       say(cat("stopped (", code == kOutOfTime ? "max_wall_time is over" : signal_name(code - 128),
               "), all runs are saved; the same command goes on"));
-    return code;
+    return code != 0 ? code : tell_failures();
   }
 
  private:
@@ -211,8 +215,8 @@ class Sweeping {
   /// A run has failed by itself while one more than before was tried: there may be no room for so many. It, and those
   /// that went on beside it, are tried once more. Whether that holds for this run.
   bool is_forgiven(const ActiveRun& active, int code) {
-    constexpr int kFailed = 1;  // not by its settings (2) and not by what it learned (3)
-    if (!auto_ || (code != kFailed && code < 128)) return false;
+    // Not by its settings (2) and not by what it learned (3).
+    if (!auto_ || (code != SweepResult::kFailed && code < 128)) return false;
     if (!auto_->search.is_settled() && auto_->search.runs() > 1) {
       note_decision(cat(auto_->search.failed(), "; see ", folder_.log_of(active.run).string()));
       for (ActiveRun& beside : active_) beside.is_forgiven = true;
@@ -249,7 +253,7 @@ class Sweeping {
       active.tail.look();
       auto_->meter.ended(active.first, active.reading());
     }
-    SweepResult result{std::nullopt, code, seconds_since(active.start), steps};
+    SweepResult result{std::nullopt, there ? 0 : code, seconds_since(active.start), steps};
     if (there) {
       result.value = metric_of_run(folder_.spec(), wanted.folder);
       // Of all processes that took it here from the rung before.
@@ -263,8 +267,18 @@ class Sweeping {
     tell_result(run, result);
   }
 
+  /// What is left of failures when all is done, and the exit code that says so.
+  int tell_failures() {
+    const int code = folder_.progress().failure_code();
+    if (code == 0) return 0;
+    say(cat(counted(folder_.progress().n_failed(), "runs"), " failed",
+            code == SweepResult::kDiverged ? ": training diverged with all settings"
+                                           : "; the same command tries again those that did not diverge"));
+    return code;
+  }
+
   void tell_result(const SweepRun& run, const SweepResult& result) {
-    if (!result.value && result.exit_code != 0)
+    if (result.has_failed())
       say(cat("trial ", run.trial, ", seed ", run.seed, " failed (exit code ", result.exit_code, "), see ",
               folder_.log_of(run).string(), "\n", tail_of(folder_.log_of(run))));
     if (quiet_) return;
@@ -293,8 +307,8 @@ class Sweeping {
     if (ahead.left < left_at_start_) s.seconds_left = s.seconds * ahead.left / (left_at_start_ - ahead.left);
     for (const ActiveRun& active : active_) {
       s.agent_steps_per_second += active.tail.speed();
-      s.runs.push_back({active.run.trial, active.run.seed, active.tail.agent_steps(),
-                        static_cast<double>(rungs.at(static_cast<size_t>(active.run.rung))), active.tail.metric()});
+      s.runs.push_back({active.run.trial, active.run.seed, active.tail.agent_steps(), active.wanted_agent_steps,
+                        active.tail.metric()});
     }
     return s;
   }

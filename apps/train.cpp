@@ -179,7 +179,8 @@ void add_train_command(CLI::App& app, Dispatch& dispatch) {
   CLI::Option* run_dir =
       command
           ->add_option("--run-dir", options->run_dir,
-                       "folder of this run, new or empty; default: runs/SCENARIO-ALGORITHM-CONFIG-CHANGES-seedN, as "
+                       "folder of this run: new, empty, or of one that was ended before its first checkpoint; default: "
+                       "runs/SCENARIO-ALGORITHM-CONFIG-CHANGES-seedN, as "
                        "runs/duel-mappo-quickstart-lr3e-4-seed2, and a number behind it where that is taken")
           ->type_name("DIR")
           ->check(refuse_no_folder);

@@ -125,6 +125,8 @@ Training::Training(const RunFolder& folder, TrainingSetup setup)
       evaluations_(run_, device_, folder_, log_) {
   if (folder_.lock().stale_owner())
     log_.info("took over the run folder from " + *folder_.lock().stale_owner() + ", which is gone");
+  if (folder_.begins_anew())
+    log_.info("the run in " + folder_.path().string() + " was ended before its first checkpoint: it begins anew");
 }
 
 void Training::start() {
@@ -174,8 +176,8 @@ void Training::print_end() const {
   std::cout << results_table(evaluations_.results()) << "report:      " << folder_.report_file().string()
             << "\ncheckpoints: " << folder_.checkpoint_file(learner_->updates_done()).string() << " (the last)";
   if (std::filesystem::exists(folder_.best_file(), code))
-    std::cout << ", " << folder_.best_file().string() << " (the best, after " << cursor_.best_updates << " "
-              << algorithm_of(config_).updates << ")";
+    std::cout << ", " << folder_.best_file().string() << " (the best, after "
+              << counted(cursor_.best_updates, algorithm_of(config_).updates) << ")";
   if (std::filesystem::exists(folder_.replays_page(), code))
     std::cout << "\ngames:       " << folder_.replays_page().string();
   std::cout << "\nnext:        " << program << " rate " << run << "      Elo of its checkpoints and the scripts"
@@ -313,6 +315,9 @@ void Training::write_final_report() {
   evaluations_.replays().wait();
   if (learner_->updates_done() == 0) return;  // no figures yet
   write_replays_page(folder_, learner_->updates_done());
+  RunCursor written;
+  metrics_files_->note_sizes(written);
+  if (written.metrics_bytes == 0) return;  // begun anew, and stopped before the first row
   write_report({folder_.path()}, folder_.report_file(), list_fields<RunConfig>());
 }
 

@@ -29,8 +29,8 @@ def set_number(obs, manifest, block, feature, value, item=0):
                 obs[0, start + item * step] = value
 
 
-def main():
-    export = load(sys.argv[1])
+def main(folder):
+    export = load(folder)
     policy, manifest = export.Policy(), export.MANIFEST
 
     # The agent is in the middle of the map and flies along x; one opponent is ahead of it, to its left.
@@ -51,4 +51,7 @@ def main():
     print("head:", " ".join(f"{number:.4f}" for number in head[:3]))
 
 
-main()
+if __name__ == "__main__":
+    if len(sys.argv) != 2:
+        sys.exit("usage: use_policy.py FOLDER")
+    main(sys.argv[1])

@@ -261,7 +261,8 @@ bool read_list_shape(const Node& node, const Allowed& allowed, const std::string
   }
   const size_t n = node.items.size();
   if (n >= allowed.min_items && n <= allowed.max_items) return true;
-  site.errors.add(node.at, site.path + ": has " + std::to_string(n) + " items, expected " + expected);
+  site.errors.add(node.at,
+                  cat(site.path, ": has ", counted(static_cast<int64_t>(n), "items"), ", expected ", expected));
   return false;
 }
 

@@ -32,6 +32,30 @@ void add_paths(const FieldList& fields, const std::string& path, std::vector<std
   }
 }
 
+/// Whether there is such a key below a list of them; the entries of a table may have any name.
+bool leads_to_key(const FieldList& fields, const std::string& path) {
+  const size_t end = std::min(path.find('.'), path.size());
+  const auto& all = fields.fields();
+  const std::string name = path.substr(0, end);
+  const auto field = std::find_if(all.begin(), all.end(), [&](const Field& f) { return f.name == name; });
+  if (field == all.end() || end == path.size()) return field != all.end();
+  const std::string rest = path.substr(end + 1);
+  switch (field->shape) {
+    case FieldShape::group:
+      return leads_to_key(field->members, rest);
+    case FieldShape::tree:
+      return !field->example || leads_to_key(field->example(), rest);
+    case FieldShape::table: {
+      const size_t dot = rest.find('.');
+      return dot == std::string::npos || leads_to_key(field->example(), rest.substr(dot + 1));
+    }
+    case FieldShape::value:
+    case FieldShape::list:
+      break;
+  }
+  return false;
+}
+
 std::string last_part(const std::string& path) { return path.substr(path.rfind('.') + 1); }
 
 /// Where a key belongs that stands in the wrong group: paths whose last name it is, or, where nothing is near it in its
@@ -51,8 +75,8 @@ std::vector<std::string> places_of(const std::string& key, const Whole& whole, b
   return found;
 }
 
-/// "; did you mean 'train.n_worlds'?" for a key that belongs elsewhere, with what was written below it; else the
-/// nearest name of its own group.
+/// "; did you mean 'train.n_worlds'?" for a key that belongs elsewhere, with what was written below it where that is
+/// there too; else the nearest name of its own group.
 std::string hint_for(const Node::Entry& entry, const std::string& key_path, const std::vector<std::string>& names,
                      const Whole& whole) {
   constexpr size_t kMost = 3;
@@ -62,9 +86,15 @@ std::string hint_for(const Node::Entry& entry, const std::string& key_path, cons
     below += "." + node->entries[0].key;
   std::vector<std::string> places = places_of(entry.key, whole, nearest.empty());
   std::erase(places, key_path);
+  const auto is_key = [&whole](const std::string& path) {
+    return leads_to_key(whole.fields, whole.path.empty() ? path : path.substr(whole.path.size() + 1));
+  };
+  // A name that is only alike is not meant where what was written below it is unknown there.
+  std::erase_if(places,
+                [&](const std::string& place) { return last_part(place) != entry.key && !is_key(place + below); });
   if (places.empty()) return nearest;
   if (places.size() > kMost) places.resize(kMost);
-  for (std::string& place : places) place = "'" + place + below + "'";
+  for (std::string& place : places) place = "'" + place + (is_key(place + below) ? below : "") + "'";
   return "; did you mean " + join(places, " or ") + "?";
 }
 

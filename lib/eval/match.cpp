@@ -37,6 +37,16 @@ MatchResult match_result(const EpisodeStats& stats) {
   return result;
 }
 
+/// Seats a pair in some worlds. Of two teams that several policies share each policy of the one meets each of the
+/// other: the second team has a part for each policy of the first, and shares that. Where there are too few worlds it
+/// has fewer parts, in each of which all of its policies play.
+void seat(const Pairing& pair, const WorldRange& worlds, BothSides& sides) {
+  const int64_t shared = pair.side[1]->n_sharing();
+  const int64_t n = shared > 1 ? std::clamp<int64_t>(worlds.count / shared, 1, pair.side[0]->n_sharing()) : 1;
+  sides[0].push_back({pair.side[0], worlds});
+  for (int64_t k = 0; k < n; ++k) sides[1].push_back({pair.side[1], part_of(worlds, k, n)});
+}
+
 /// Plays the games of all pairs, in worlds one after the other: as many for each as there are episodes, and last those
 /// of the pair that is watched.
 std::unique_ptr<Simulator> play_once(const SimSpec& spec, std::span<const Pairing> pairs, const MatchOptions& options,
@@ -56,13 +66,13 @@ std::unique_ptr<Simulator> play_once(const SimSpec& spec, std::span<const Pairin
   const ParallelFor parallel_for(options.device, options.n_threads, stream);
 
   BothSides sides;
-  for (size_t k = 0; k < pairs.size(); ++k)
-    for (size_t side = 0; side < kNTeams; ++side)
-      sides[side].push_back({pairs[k].side[side], {static_cast<int64_t>(k) * options.episodes, options.episodes}});
+  int64_t first = 0;
+  for (const Pairing& pair : pairs) {
+    seat(pair, {first, options.episodes}, sides);
+    first += options.episodes;
+  }
   if (watched) {
-    const auto first = static_cast<int64_t>(pairs.size()) * options.episodes;
-    for (size_t side = 0; side < kNTeams; ++side)
-      sides[side].push_back({watched->pair.side[side], {first, watched->episodes}});
+    seat(watched->pair, {first, watched->episodes}, sides);
     observers.push_back(watched->observer);
   }
   Game game(*sim, parallel_for, sides, std::move(observers));
@@ -107,10 +117,18 @@ size_t beside_each_other(const SimSpec& spec, const std::vector<Pairing>& pairs,
 
 }  // namespace
 
+void check_episodes(int episodes, int64_t n_sharing_0, int64_t n_sharing_1) {
+  const int64_t needed = std::max(n_sharing_0, n_sharing_1);
+  if (episodes < needed)
+    throw InputError(cat("episodes: ", episodes, ", and ", needed,
+                         " policies of a mixed team are to share them; needed: ", needed, " or more"));
+}
+
 MatchResult play_match(const SimSpec& spec, std::shared_ptr<TeamController> side0,
                        std::shared_ptr<TeamController> side1, const MatchOptions& options,
                        std::vector<GameObserver*> observers) {
   const Pairing pair{{std::move(side0), std::move(side1)}};
+  check_episodes(options.episodes, pair.side[0]->n_sharing(), pair.side[1]->n_sharing());
   return checked(play(spec, {&pair, 1}, options, std::move(observers))->take_stats(), options.episodes);
 }
 

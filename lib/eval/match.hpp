@@ -39,9 +39,13 @@ struct MatchResult {
   double mean_deaths[2][kNDeaths] = {};   ///< by side and cause (Death, kDeathNames)
 };
 
+/// Throws InputError where so many episodes are too few for each policy of a team that several share to play one.
+void check_episodes(int episodes, int64_t n_sharing_0, int64_t n_sharing_1 = 1);
+
 /// Plays `episodes` whole episodes, each in a world of its own: exactly one each, so that short ones do not count more.
 /// Deterministic by seed. Scenarios without a time limit are cut off after kEpisodeLimit steps, which nobody wins by
-/// living. The observers see all steps.
+/// living. The observers see all steps. Where several policies share a team each plays as many episodes as the others,
+/// and, where there are enough of them, against each policy of the other team (check_episodes).
 MatchResult play_match(const SimSpec& spec, std::shared_ptr<TeamController> side0,
                        std::shared_ptr<TeamController> side1, const MatchOptions& options,
                        std::vector<GameObserver*> observers = {});

@@ -203,7 +203,8 @@ ExportedPolicy find_exported_policy(const fs::path& path, bool trust) {
   if (*format == ExportFormat::torchscript && !trust)
     throw InputError(cat(found.file.string(),
                          " is a TorchScript module, which is code: opening it runs what is in it, with "
-                         "your rights; add --trust if you know where it is from"));
+                         "your rights; add --trust to eval, rate or record if you know where it is from; train and "
+                         "exploit take policies that were exported with --format safetensors"));
   // A module from elsewhere may lie beside the manifest of something else, or of nothing.
   const bool exported_here = found.file.filename() == policy_file_name(*format) && has_manifest;
   if (is_folder || exported_here || *format == ExportFormat::safetensors) found.manifest = read_manifest(manifest_file);

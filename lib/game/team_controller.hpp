@@ -63,6 +63,8 @@ class TeamController {
   virtual bool fills_log_prob() const { return false; }
   /// Numbers that an agent remembers from step to step; 0 = none. Controllers of one side that have any agree on it.
   virtual int64_t memory_size() const { return 0; }
+  /// How many share its worlds, of which it gives each a part (part_of), in their order, in each part of a game.
+  virtual int64_t n_sharing() const { return 1; }
   /// Whether `act` queues nothing but kernels on the stream of its parts' `parallel_for`, and the same at each step of
   /// a game, as far as its buffers and `number` modulo kListPeriod are the same: then steps of a GPU are recorded, and
   /// the host is not asked at each. What its first kListPeriod steps allocated it has then.

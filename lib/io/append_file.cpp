@@ -5,6 +5,7 @@
 
 #include <cerrno>
 #include <cstring>
+#include <system_error>
 
 #include "core/error.hpp"
 
@@ -22,8 +23,7 @@ File open_of_size(const std::filesystem::path& path, uint64_t size) {
   File file(path, O_WRONLY);
   if (!file.is_open()) throw InputError(cat("cannot go on with ", path.string(), ": ", std::strerror(errno)));
   if (file.size() < size)
-    throw InputError(cat("cannot go on with ", path.string(), ": it has ", file.size(), " bytes, the checkpoint says ",
-                         size, ": it was changed or cut"));
+    AppendFile::fail_changed(path, cat("it has ", file.size(), " bytes, the checkpoint says ", size));
   return file;
 }
 
@@ -35,7 +35,15 @@ AppendFile AppendFile::resume(const std::filesystem::path& path, uint64_t size) 
   return {std::move(file), size};
 }
 
-void AppendFile::expect(const std::filesystem::path& path, uint64_t size) { open_of_size(path, size); }
+void AppendFile::expect(const std::filesystem::path& path, uint64_t size) {
+  std::error_code code;
+  if (std::filesystem::exists(path, code)) open_of_size(path, size);
+}
+
+void AppendFile::fail_changed(const std::filesystem::path& path, const std::string& what) {
+  throw InputError(cat("cannot go on with ", path.string(), ": ", what,
+                       ": it was changed or cut; move it away, and it is begun anew"));
+}
 
 void AppendFile::append(std::string_view bytes) {
   file_.write_all(bytes);

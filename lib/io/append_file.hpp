@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <string>
 #include <string_view>
 
 #include "io/file.hpp"
@@ -17,8 +18,10 @@ class AppendFile {
   /// Goes on behind the first `size` bytes of a file; what stands there is cut off. Throws InputError where there is no
   /// such file or it is shorter.
   static AppendFile resume(const std::filesystem::path& path, uint64_t size);
-  /// Throws what resume would, and changes nothing.
+  /// Throws what resume would, and changes nothing. A file that is missing is no fault here: it can be begun anew.
   static void expect(const std::filesystem::path& path, uint64_t size);
+  /// Throws InputError: a file is not what was written, and what to do about it.
+  [[noreturn]] static void fail_changed(const std::filesystem::path& path, const std::string& what);
 
   /// The bytes are the system's when this returns: a killed process has not lost them. Throws Error (a full disk).
   void append(std::string_view bytes);

@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <sstream>
+#include <system_error>
 
 #include "core/error.hpp"
 #include "io/files.hpp"
@@ -28,6 +29,14 @@ MetricsCsv::MetricsCsv(const std::filesystem::path& path, uint64_t size) : file_
   for (std::string name; std::getline(header, name, ',');) columns_.push_back(name);
 }
 
+void MetricsCsv::expect(const std::filesystem::path& path, uint64_t size) {
+  AppendFile::expect(path, size);
+  std::error_code code;
+  if (size == 0 || !std::filesystem::exists(path, code)) return;
+  if (!read_file(path).substr(0, size).ends_with(kLineEnd))
+    AppendFile::fail_changed(path, cat("no row ends at byte ", size, ", as the checkpoint says"));
+}
+
 void MetricsCsv::write(const MetricsRow& row) {
   const bool first = columns_.empty();
   std::string header, line;
@@ -39,7 +48,7 @@ void MetricsCsv::write(const MetricsRow& row) {
     } else if (k >= columns_.size() || columns_[k] != name) {
       throw InputError(cat(file_.path().string(), ": column ", k + 1, " is ",
                            k < columns_.size() ? columns_[k] : "missing", " where this gigastep writes ", name,
-                           "; go on with the gigastep that began the run"));
+                           "; go on with the gigastep that began the run, or move the file away: it is begun anew"));
     }
     header += (k ? "," : "") + name;
     line += (k ? "," : "") + (std::isnan(value) ? std::string() : print_number(value));

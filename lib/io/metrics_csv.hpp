@@ -23,6 +23,8 @@ class MetricsCsv {
   explicit MetricsCsv(const std::filesystem::path& path) : file_(AppendFile::create(path)) {}
   /// Goes on behind the first `size` bytes of a file, as `size()` gave it; later rows are cut off. Throws InputError.
   MetricsCsv(const std::filesystem::path& path, uint64_t size);
+  /// Throws InputError where the first `size` bytes of a file are not rows any more; a missing one is no fault.
+  static void expect(const std::filesystem::path& path, uint64_t size);
 
   void write(const MetricsRow& row);
 

@@ -21,6 +21,12 @@ namespace {
 constexpr const char* kCheckpoints = "checkpoints";
 constexpr const char* kBest = "best.h5";
 constexpr const char* kReplays = "replays";
+constexpr const char* kScenario = "scenario.yaml";
+constexpr const char* kMetrics = "metrics.csv";
+constexpr const char* kLog = "log.txt";
+/// What `train` makes before its first checkpoint, in this order.
+constexpr const char* kBeginning[] = {kCheckpoints, kScenario, "run.json",      "config.yaml",
+                                      kLog,         kMetrics,  kTensorBoardFile};
 constexpr int kMostRuns = 100'000;
 
 [[noreturn]] void fail_to_create(const fs::path& path, const std::error_code& code) {
@@ -66,24 +72,79 @@ std::vector<fs::path> checkpoints_in(const fs::path& folder, std::string_view en
   return files;
 }
 
-/// A run is never overwritten.
-void expect_free(const fs::path& path) {
+/// "config.yaml.4711.tmp", as write_file calls what it has not finished.
+bool is_unfinished(const fs::path& file) {
+  const std::string process = file.stem().extension().string();
+  return file.extension() == ".tmp" && process.size() > 1 &&
+         process.find_first_not_of("0123456789", 1) == std::string::npos;
+}
+
+/// Whether a file is the scenario under another name, as describe() writes it.
+bool is_scenario_copy(const fs::path& file) {
+  std::error_code code;
+  const fs::path scenario = file.parent_path() / kScenario;
+  return file.filename() != kScenario && fs::is_regular_file(file, code) && fs::is_regular_file(scenario, code) &&
+         fs::file_size(file, code) == fs::file_size(scenario, code) && read_file(file) == read_file(scenario);
+}
+
+/// Whether `train` may have made this before its first checkpoint.
+bool is_of_beginning(const fs::path& path) {
+  std::error_code code;
+  const std::string name = path.filename().string();
+  const fs::path checkpoints = path.parent_path() / kCheckpoints;
+  if (fs::is_symlink(path, code)) return false;
+  if (name == kCheckpoints) {
+    const fs::directory_iterator files(path, code);
+    return !code && std::all_of(begin(files), end(files), [](const auto& f) { return is_unfinished(f.path()); });
+  }
+  if (!fs::is_regular_file(path, code)) return false;
+  if (name == kLockFile) return fs::file_size(path, code) == 0 || read_file(path).starts_with("process ");
+  if (name == kMetrics) return fs::file_size(path, code) == 0;
+  if (is_unfinished(path)) return fs::is_directory(checkpoints, code);
+  return std::find(std::begin(kBeginning), std::end(kBeginning), name) != std::end(kBeginning) ||
+         is_scenario_copy(path);
+}
+
+/// Removes of a barely begun run what is not written again as a whole; the later files first, so that it is still a
+/// barely begun one where this is interrupted.
+void remove_beginning(const fs::path& folder) {
+  for (const fs::path& place : {folder, folder / kCheckpoints}) remove_temporaries(place);
+  std::error_code code;
+  for (const char* name : {kTensorBoardFile, kMetrics, kLog}) fs::remove(folder / name, code);
+  std::vector<fs::path> copies;
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder, code))
+    if (is_scenario_copy(entry.path())) copies.push_back(entry.path());
+  for (const fs::path& copy : copies) fs::remove(copy, code);
+}
+
+[[noreturn]] void fail_not_free(const fs::path& path) {
+  std::error_code code;
+  std::string what = "it holds no run";
+  if (!list_checkpoints(path).empty() || fs::exists(path / kCheckpoints / kBest, code))
+    what = cat("to go on with it: gigastep resume ", shell_word(path.string()));
+  else if (is_run_folder(path))
+    what = "it holds no checkpoint to go on from, but files that a new run does not write or would lose";
+  throw InputError(
+      cat("the run folder ", path.string(), " is there already and not empty: a run is never overwritten; ", what));
+}
+
+/// A run is never overwritten. Returns whether one has barely begun there.
+bool expect_free(const fs::path& path) {
   std::error_code code;
   if (const auto owner = lock_owner(path))
     throw InputError(cat("the run folder ", path.string(), " is in use by ", *owner));
-  if (!fs::is_empty(path, code))
-    throw InputError(cat("the run folder ", path.string(),
-                         " is there already and not empty: a run is never overwritten; ",
-                         is_run_folder(path) ? cat("to go on with it: gigastep resume ", shell_word(path.string()))
-                                             : "it holds no run"));
+  if (fs::is_empty(path, code)) return false;
+  if (!is_barely_begun(path)) fail_not_free(path);
+  return true;
 }
 
 }  // namespace
 
 RunFolder RunFolder::create(const std::string& folder, const std::string& name) {
   fs::path path = folder;
+  bool begun = false;
   if (!folder.empty()) {
-    if (!make_folder(path)) expect_free(path);
+    if (!make_folder(path)) begun = expect_free(path);
   } else {
     int number = 0;
     char text[16];
@@ -94,6 +155,11 @@ RunFolder RunFolder::create(const std::string& folder, const std::string& name) 
     } while (!make_folder(path));
   }
   RunFolder run(path);
+  if (begun) {
+    if (!is_barely_begun(path)) fail_not_free(path);  // another process was faster
+    remove_beginning(path);
+    run.begins_anew_ = true;
+  }
   make_folder(path / kCheckpoints);
   return run;
 }
@@ -182,6 +248,16 @@ void RunFolder::save(const Checkpoint& checkpoint, int keep, bool is_best) const
 bool is_run_folder(const fs::path& folder) {
   std::error_code code;
   return fs::is_regular_file(folder / "config.yaml", code) || !list_checkpoints(folder).empty();
+}
+
+bool is_barely_begun(const fs::path& folder) {
+  std::error_code code;
+  const fs::directory_iterator entries(folder, code);
+  if (code || entries == fs::directory_iterator()) return false;
+  if (!std::all_of(begin(entries), end(entries), [](const auto& e) { return is_of_beginning(e.path()); })) return false;
+  // Nothing is there without what is written before it: a config.yaml alone is somebody's own.
+  return std::is_partitioned(std::begin(kBeginning), std::end(kBeginning),
+                             [&](const char* name) { return fs::exists(folder / name, code); });
 }
 
 void fail_no_such_run(const fs::path& path) {

@@ -27,8 +27,8 @@ class RunFolder {
  public:
   static constexpr const char* kReplaysPage = "replays.html";
 
-  /// A new run in `folder`, which must not exist or be empty (InputError else); without one in runs/<name>, or where
-  /// that is taken runs/<name>-NNN with the first number from 002 on that is free.
+  /// A new run in `folder`, which must not exist, be empty or hold a barely begun run (InputError else); without one in
+  /// runs/<name>, or where that is taken runs/<name>-NNN with the first number from 002 on that is free.
   static RunFolder create(const std::string& folder, const std::string& name);
   /// The folder of an earlier run, to go on with it. Throws InputError where there is none or a process works in it.
   static RunFolder open(const std::string& folder);
@@ -46,6 +46,8 @@ class RunFolder {
   std::filesystem::path checkpoint_file(int64_t updates) const;
   std::filesystem::path best_file() const;
   const RunLock& lock() const { return lock_; }
+  /// Whether this new run takes the place of one that was ended before its first checkpoint.
+  bool begins_anew() const { return begins_anew_; }
 
   /// Writes config.yaml, scenario.yaml and run.json; `scenario_file_name`: the scenario also stands under this name,
   /// which the config names.
@@ -71,10 +73,15 @@ class RunFolder {
 
   std::filesystem::path path_;
   RunLock lock_;
+  bool begins_anew_ = false;
 };
 
 /// Whether a folder is that of a run: it holds config.yaml or, where that was lost, checkpoints.
 bool is_run_folder(const std::filesystem::path& folder);
+
+/// Whether a folder holds nothing but what `train` writes before its first checkpoint, so that nothing is lost where
+/// the run begins anew. Who asks makes sure that no process works in it.
+bool is_barely_begun(const std::filesystem::path& folder);
 
 /// Throws InputError: `path`, a run or checkpoint that somebody named, is not there. It names the entry beside it that
 /// may have been meant.

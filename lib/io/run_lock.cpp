@@ -17,8 +17,6 @@ namespace giga {
 namespace fs = std::filesystem;
 namespace {
 
-constexpr const char* kLockFile = "lock";
-
 std::string this_process() {
   utsname name{};
   ::uname(&name);

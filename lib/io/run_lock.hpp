@@ -10,6 +10,9 @@ namespace giga {
 
 class File;
 
+/// Its name in the folder.
+constexpr const char* kLockFile = "lock";
+
 /// Holds the file `lock` of a folder while it lives. The system releases it however
 /// the process ends. A file that nobody holds is stale: its process was killed.
 class RunLock {

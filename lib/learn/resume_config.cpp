@@ -17,6 +17,7 @@ constexpr ResumeRule kMayChange[] = {
     {"train.total_agent_steps", "where the run ends; schedules stretch to the new end"},
     {"train.max_wall_time", "when it stops and saves"},
     {"train.stop_at_agent_steps", "where it stops and saves"},
+    {"train.opponent", "where the policy lies now; it must be the same one"},
     {"train.n_threads", "CPU threads; sums may be rounded in another order"},
     {"train.compile_step", "how worlds are stepped; the numbers are the same"},
     {"train.pairs", "how pairs of agents are found; the numbers are the same"},
@@ -42,7 +43,6 @@ constexpr ResumeRule kMayNot[] = {
     {"seed", "the draws of the rest of the run would no longer be those of one run"},
     {"train.algorithm", "what one algorithm has saved means nothing to another"},
     {"train.n_worlds", "the checkpoint holds the state of so many worlds"},
-    {"train.opponent", "who learns is decided at the start"},
     {"train.learning_team", "who learns is decided at the start"},
     {"opponents.pool_size", "the checkpoint holds a pool of this size"},
     {"opponents.pool_promotion", "the checkpoint holds the games on which it goes"},
@@ -97,7 +97,10 @@ std::vector<std::string> compare(RunConfig& before, RunConfig& after, Errors& er
     const FieldInfo &from = old_fields[k], &to = new_fields[k];
     if (from.default_value == to.default_value) continue;
     changes.push_back(cat(from.path, ": ", from.default_value, " -> ", to.default_value));
-    const std::optional<std::string_view> reason = reason_against(from.path);
+    std::optional<std::string_view> reason = reason_against(from.path);
+    // That it is the same policy is checked where it is loaded.
+    if (from.path == "train.opponent" && !(before.train.opponent.is_path() && after.train.opponent.is_path()))
+      reason = "who learns is decided at the start, and against whom";
     if (!reason) continue;
     errors.add(place_of(from.path), cat(to.default_value, " instead of ", from.default_value,
                                         ": this may not change when a run goes on: ", *reason));
@@ -121,6 +124,8 @@ ResumedRun resume_config(const std::string& config_yaml, const std::string& scen
   ResumedRun resumed;
   const bool keeps_policies = after.opponents.policies == before.opponents.policies;
   if (!keeps_policies) find_policies(after, place_of("opponents.policies"), errors);
+  if (after.train.opponent.name != before.train.opponent.name)
+    find_opponent(after, {{"train.opponent", place_of("train.opponent")}}, errors);
   resumed.changes = compare(before, after, errors);
   if (!errors.empty()) throw InputError(cat(errors.text(), "\nwhat may change: ", keys_that_may_change()));
   resumed.run = load_run_config_text(print_yaml(after, false), scenario_yaml);

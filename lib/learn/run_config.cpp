@@ -76,36 +76,20 @@ void check_opponents(ConfigCheck& check) {
   }
 }
 
+/// Each has a column in metrics.csv.
+void check_evaluations(ConfigCheck& check) {
+  std::set<Scripted> seen;
+  for (const Scripted script : check.config.eval.opponents)
+    if (!seen.insert(script).second && check.known({"eval.opponents"}))
+      return check.fail("eval.opponents", cat(name_of(script), " is there twice; allowed: each once"));
+}
+
 /// The place of a policy, so that the run's own config names it from anywhere.
 void find_policy(std::string& name, const char* kinds, const std::string& key, const Position& at, Errors& errors) {
   std::error_code code;
   const std::filesystem::path path = std::filesystem::weakly_canonical(name, code);
   if (code || !std::filesystem::exists(path, code)) return errors.add(at, cat(key, ": there is no ", kinds, " ", name));
   name = path.string();
-}
-
-void find_opponent(RunConfig& config, const KeyPositions& given, Errors& errors) {
-  Opponent& opponent = config.train.opponent;
-  if (!opponent.is_path() || is_wrong("train.opponent", given, errors)) return;
-  find_policy(opponent.name, "run, checkpoint, exported policy or mixed team", "train.opponent",
-              given.at("train.opponent"), errors);
-  if (errors.has(given.at("train.opponent")) || !names_mixed_team(opponent.name)) return;
-  if (!is_wrong("train.algorithm", given, errors) && algorithm_of(config).has_populations)
-    return errors.add(given.at("train.opponent"), cat("train.opponent: ", opponent.name,
-                                                      " is a mixed team, of which each member of a population "
-                                                      "would meet another part; allowed with train.algorithm ",
-                                                      config.train.algorithm, ": one policy, or a script"));
-  try {
-    const size_t n = read_mixed_team(opponent.name).policies.size();
-    const int64_t worlds = config.train.n_worlds / config.mappo.shards;
-    if (worlds < static_cast<int64_t>(n) && !is_wrong("train.n_worlds", given, errors) &&
-        !is_wrong("mappo.shards", given, errors))
-      errors.add(given.at("train.opponent"),
-                 cat("train.opponent: ", n, " policies play in ", opponent.name, ", and only ", worlds,
-                     " worlds are to be shared by them (train.n_worlds over mappo.shards)"));
-  } catch (const InputError& e) {
-    errors.add(given.at("train.opponent"), cat("train.opponent: ", e.what()));
-  }
 }
 
 /// Puts together what was read, as far as it was; throws with all mistakes.
@@ -118,6 +102,7 @@ LoadedRun finish(RunConfig config, std::optional<Scenario> scenario, const KeyPo
   check_device(check);
   check_precision(check);
   check_opponents(check);
+  check_evaluations(check);
   if (scenario) {
     run.scenario = std::move(*scenario);
     if (run.config.rules) run.scenario.rules = *run.config.rules;
@@ -241,6 +226,30 @@ void ConfigCheck::image_is_there(const std::string& group, const NetworkConfig& 
                   " pixels, and environment.observation.resolution is ", side, "; allowed with it: impala, compact"));
   if (network.inputs != NetworkInputs::all)
     fail(group + ".inputs", cat("these are numbers, and the encoder ", name, " reads the image; allowed with it: all"));
+}
+
+void find_opponent(RunConfig& config, const KeyPositions& given, Errors& errors) {
+  Opponent& opponent = config.train.opponent;
+  if (!opponent.is_path() || is_wrong("train.opponent", given, errors)) return;
+  find_policy(opponent.name, "run, checkpoint, exported policy or mixed team", "train.opponent",
+              given.at("train.opponent"), errors);
+  if (errors.has(given.at("train.opponent")) || !names_mixed_team(opponent.name)) return;
+  if (!is_wrong("train.algorithm", given, errors) && algorithm_of(config).has_populations)
+    return errors.add(given.at("train.opponent"), cat("train.opponent: ", opponent.name,
+                                                      " is a mixed team, of which each member of a population "
+                                                      "would meet another part; allowed with train.algorithm ",
+                                                      config.train.algorithm, ": one policy, or a script"));
+  try {
+    const size_t n = read_mixed_team(opponent.name).policies.size();
+    const int64_t worlds = config.train.n_worlds / config.mappo.shards;
+    if (worlds < static_cast<int64_t>(n) && !is_wrong("train.n_worlds", given, errors) &&
+        !is_wrong("mappo.shards", given, errors))
+      errors.add(given.at("train.opponent"),
+                 cat("train.opponent: ", n, " policies play in ", opponent.name, ", and only ", worlds,
+                     " worlds are to be shared by them (train.n_worlds over mappo.shards)"));
+  } catch (const InputError& e) {
+    errors.add(given.at("train.opponent"), cat("train.opponent: ", e.what()));
+  }
 }
 
 void find_policies(RunConfig& config, const Position& at, Errors& errors) {

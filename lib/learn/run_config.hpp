@@ -240,6 +240,8 @@ LoadedRun load_run_config(const std::string& path, const std::vector<std::string
 /// Makes paths of opponents.policies whole, so that the run's own config names them from anywhere; notes those that are
 /// not there; `at`: where they were named.
 void find_policies(RunConfig& config, const Position& at, Errors& errors);
+/// The same of a path in train.opponent; `given`: where the keys were.
+void find_opponent(RunConfig& config, const KeyPositions& given, Errors& errors);
 /// A run's config as its folder keeps it, from which it trains the same again wherever the folder is: where the
 /// scenario is a file, or files are named in `environment`, it names a file beside it that is to hold the whole
 /// scenario.

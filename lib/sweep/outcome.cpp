@@ -151,7 +151,7 @@ double agent_steps_of_run(const fs::path& run) { return last_of(run, "agent_step
 double seconds_of_run(const fs::path& run) { return last_of(run, "seconds"); }
 
 SweepOutcome outcome_of(const SweepSpec& spec, const std::vector<TrialSettings>& trials, const SweepProgress& progress,
-                        const std::vector<int64_t>& rungs, const fs::path& folder) {
+                        const fs::path& folder) {
   SweepOutcome outcome;
   outcome.spec = spec;
   for (const int number : progress.ranking()) {
@@ -165,11 +165,10 @@ SweepOutcome outcome_of(const SweepSpec& spec, const std::vector<TrialSettings>&
         if (const SweepResult* result = progress.result({number, rung, seed})) trial.seconds += result->seconds;
     }
     if (trial.rung >= 0) {
-      trial.agent_steps = static_cast<double>(rungs.at(static_cast<size_t>(trial.rung)));
       trial.seeds = spec.seeds;
       trial.values = progress.values(number, trial.rung);
       trial.value = progress.value(number, trial.rung);
-      for (const uint64_t seed : spec.seeds)  // runs end with a whole update
+      for (const uint64_t seed : spec.seeds)
         if (const SweepResult* result = progress.result({number, trial.rung, seed}))
           trial.agent_steps = std::max(trial.agent_steps, result->agent_steps);
     }

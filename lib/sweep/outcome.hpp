@@ -30,7 +30,7 @@ struct SweepOutcome {
     int number = 0;
     TrialSettings settings;
     int rung = -1;                     ///< that all seeds have reached; -1: none
-    double agent_steps = 0;            ///< of that rung
+    double agent_steps = 0;            ///< done by then, of its runs that which did most
     std::vector<uint64_t> seeds;       ///< with a result there
     std::vector<double> values;        ///< of those that have one
     std::optional<double> value;       ///< their mean, where no seed failed
@@ -55,7 +55,7 @@ struct SweepOutcome {
 
 /// Reads the run folders of the best trials for their curves.
 SweepOutcome outcome_of(const SweepSpec& spec, const std::vector<TrialSettings>& trials, const SweepProgress& progress,
-                        const std::vector<int64_t>& rungs, const std::filesystem::path& folder);
+                        const std::filesystem::path& folder);
 
 /// A row per trial: number, rung, agent-steps, value with its interval, seeds, seconds, settings.
 std::string outcome_csv(const SweepOutcome& outcome);

@@ -83,9 +83,8 @@ void write_outcome(Markup& page, const SweepOutcome& outcome) {
   for (const SweepOutcome::Parameter& p : outcome.parameters)
     rows.push_back({p.key, digits(p.share, "%.2f"), digits(p.correlation, "%+.2f")});
   write_table(page,
-              cat("Importance over ", outcome.compared,
-                  " trials: the share of the spread that a parameter alone explains, and how its rank goes with the "
-                  "value's"),
+              cat("Importance over ", counted(outcome.compared, "trials"),
+                  ": the share of the spread that a parameter alone explains, and how its rank goes with the value's"),
               {"parameter", "explained share", "rank correlation"}, rows);
   if (outcome.curves.empty()) return;
   LineChart chart;
@@ -152,14 +151,15 @@ Json outcome_json(const SweepOutcome& outcome) {
 }
 
 std::string outcome_text(const SweepOutcome& outcome) {
-  std::string text = cat("best trials by ", metric_text(outcome.spec), " (mean over ", outcome.spec.seeds.size(),
-                         outcome.spec.seeds.size() == 1 ? " seed" : " seeds, 95 % interval", "):\n");
+  std::string text = cat("best trials by ", metric_text(outcome.spec), " (mean over ",
+                         counted(static_cast<int64_t>(outcome.spec.seeds.size()), "seeds"),
+                         outcome.spec.seeds.size() == 1 ? "" : ", 95 % interval", "):\n");
   for (const SweepOutcome::Trial* trial : best_trials(outcome)) {
     const std::vector<std::string> row = row_of(outcome.spec, *trial);
     text += cat("  trial ", row[0], "  ", row[1], "  after ", row[2], " agent-steps: ", row[3], "\n");
   }
   if (best_trials(outcome).empty()) text += "  none has a value yet\n";
-  text += cat("what explains the spread of ", outcome.compared, " trials:\n");
+  text += cat("what explains the spread of ", counted(outcome.compared, "trials"), ":\n");
   for (const SweepOutcome::Parameter& p : outcome.parameters)
     text +=
         cat("  ", p.key, "  ", digits(p.share, "%.2f"),

@@ -22,6 +22,25 @@ void SweepProgress::finish(const SweepRun& run, const SweepResult& result) {
   results_[run] = result;
 }
 
+void SweepProgress::reopen_failed() {
+  std::erase_if(results_, [](const auto& known) {
+    return known.second.has_failed() && known.second.exit_code != SweepResult::kDiverged;
+  });
+}
+
+int SweepProgress::n_failed() const {
+  return static_cast<int>(
+      std::count_if(results_.begin(), results_.end(), [](const auto& known) { return known.second.has_failed(); }));
+}
+
+int SweepProgress::failure_code() const {
+  if (n_failed() == 0) return 0;
+  const auto diverged = [](const auto& known) { return known.second.exit_code == SweepResult::kDiverged; };
+  const auto failed_otherwise = [&](const auto& known) { return known.second.has_failed() && !diverged(known); };
+  if (std::any_of(results_.begin(), results_.end(), failed_otherwise)) return SweepResult::kFailed;
+  return std::all_of(results_.begin(), results_.end(), diverged) ? SweepResult::kDiverged : 0;
+}
+
 const SweepResult* SweepProgress::result(const SweepRun& run) const {
   const auto found = results_.find(run);
   return found == results_.end() ? nullptr : &found->second;

@@ -27,9 +27,14 @@ struct SweepJob {
 
 /// What came of a run. A run that failed has no value.
 struct SweepResult {
+  static constexpr int kFailed = 1, kDiverged = 3;  ///< exit codes, as of a run: see ErrorKind
+
   std::optional<double> value;
   int exit_code = 0;
   double seconds = 0, agent_steps = 0;
+
+  /// Its process did; somebody else's trial that was told without a value has no exit code.
+  bool has_failed() const { return !value && exit_code != 0; }
 };
 
 class SweepProgress {
@@ -47,6 +52,13 @@ class SweepProgress {
   /// That runs of a trial to a rung have begun.
   void begin(int trial, int rung);
   void finish(const SweepRun& run, const SweepResult& result);
+
+  /// Makes runs that failed open again, but for those that diverged: these would once more.
+  void reopen_failed();
+  /// Runs that failed; the exit code for all together: kDiverged where all runs diverged, kFailed where some failed
+  /// otherwise, else 0: that some settings diverge is what a sweep finds out.
+  int n_failed() const;
+  int failure_code() const;
 
   /// Runs that have begun and have no result: what a sweep that was killed goes on with.
   std::vector<SweepRun> open() const;

@@ -79,6 +79,14 @@ SweepSpec read_sweep(const std::filesystem::path& file, KeyPositions& given) {
   return spec;
 }
 
+void check_halving(const HalvingSpec& halving, int64_t total, const KeyPositions& given) {
+  if (!halving.first_agent_steps || *halving.first_agent_steps < total) return;
+  const std::string key = "halving.first_agent_steps";
+  throw InputError(cat(place_of_key(given, key, "halving").text(), ": ", key, ": ", *halving.first_agent_steps,
+                       " is not before the end of the run, which has ", total,
+                       " agent-steps (train.total_agent_steps); allowed: less than that"));
+}
+
 std::vector<int64_t> rungs_of(const HalvingSpec& halving, int64_t total) {
   std::vector<int64_t> rungs;
   if (halving.first_agent_steps)

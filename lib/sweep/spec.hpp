@@ -118,6 +118,10 @@ void visit_fields(V& v, SweepSpec& c) {
 /// Reads a file; throws InputError with all mistakes of the file itself: ranges that are empty, grids of numbers.
 SweepSpec read_sweep(const std::filesystem::path& file, KeyPositions& given);
 
+/// Throws InputError where halving would do nothing: its first stop does not lie before the end of a run of `total`
+/// agent-steps.
+void check_halving(const HalvingSpec& halving, int64_t total, const KeyPositions& given);
+
 /// The agent-steps at which trials of runs of `total` agent-steps are compared, the last being `total`.
 std::vector<int64_t> rungs_of(const HalvingSpec& halving, int64_t total);
 

@@ -229,6 +229,8 @@ std::vector<BadInput> meanings() {
                 "train: {opponent: circle}\nopponents: {pool_size: 4, scripted_share: 0.1}",
                 {"run.yaml:3:24: opponents.pool_size: this means nothing with train.opponent circle",
                  "run.yaml:3:43: opponents.scripted_share: this means nothing with train.opponent circle"}),
+      in_config("an opponent of evaluations twice", "eval: {opponents: [circle, random, circle]}",
+                {"run.yaml:2:19: eval.opponents: circle is there twice; allowed: each once"}),
       in_config("script among the policies of the pool", "opponents: {pool_size: 4, policies: [pursuer]}",
                 {"run.yaml:2:37: opponents.policies: pursuer is a script: opponents.scripted takes scripts"}),
       in_config("policy of the pool that is not there", "opponents: {policies: [./nobody]}",

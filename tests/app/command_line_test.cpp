@@ -130,6 +130,7 @@ TEST(CommandLine, MistakesNameTheNearest) {
       {{"eval", "runs/x", "--vs", "circle", "--episodes", "0"}, {"--episodes: '0' is not an integer in [1, 10000000]"}},
       {{"scenarios", "shwo", "x"}, {"unknown command 'shwo'", "nearest: 'show'", "gigastep scenarios --help"}},
       {{"scenarios", "identical_5_vs_5"}, {"write scenarios show identical_5_vs_5"}},
+      {{"scenarios", "list"}, {"unknown command 'list'; commands: show"}},
       {{"train", "quickstart", "--set", "mappo.gamma", "=", "0.9"}, {"write --set mappo.gamma=0.9"}},
       {{"train", "quickstart", "--set", "mappo.gamma:0.9"}, {"expected KEY=VALUE; write --set mappo.gamma=0.9"}},
       {{"train", "quickstart", "--out", "run"}, {"the folder of the run is --run-dir"}},
@@ -177,6 +178,28 @@ TEST(CommandLine, ConfigPrintsWhatReadsBackToTheSame) {
   EXPECT_TRUE(contains(first.out, {"gamma: 0.995", "seed: 7", "n_worlds: 64", "# "}));
   here.write("resolved.yaml", first.out);
   EXPECT_EQ(here.run({"config", "resolved.yaml"}).out, first.out);
+}
+
+// The scenario and its map are files beside the config, or lie where the command is typed.
+TEST(CommandLine, ConfigPrintsFilesAsTheyAreFoundFromAnywhere) {
+  const Workplace here;
+  std::filesystem::create_directories(here.path() / "games");
+  std::filesystem::create_directories(here.path() / "elsewhere");
+  here.write("games/wall.yaml", "boxes: [[4.5, 2, 5.5, 8]]\n");
+  here.write("wall_2.yaml", "boxes: [[4, 2, 5, 8]]\n");
+  here.write("games/duel.yaml", "base: identical_1_vs_1_void\n");
+  here.write("games/run.yaml", "scenario: duel.yaml\nenvironment: {maps: [./wall.yaml, empty]}\n");
+  for (const bool is_set : {false, true}) {
+    std::vector<std::string> command = {"config", "games/run.yaml"};
+    if (is_set) command.insert(command.end(), {"--set", "environment.maps=./wall_2.yaml"});
+    const Outcome first = here.run(command);
+    ASSERT_EQ(first.code, 0) << first.err;
+    EXPECT_TRUE(contains(first.out, {"/games/duel.yaml", is_set ? "/wall_2.yaml" : "/games/wall.yaml"}));
+    here.write("elsewhere/resolved.yaml", first.out);
+    const Outcome again = here.run({"config", "elsewhere/resolved.yaml"});
+    EXPECT_EQ(again.code, 0) << again.err;
+    EXPECT_EQ(again.out, first.out);
+  }
 }
 
 TEST(CommandLine, ScenariosAreListedAndShown) {

@@ -65,6 +65,9 @@ class KilledRun : public ::testing::Test {
                   contains(resumed.err, {"there is no run folder"}))
           << resumed.err;
       EXPECT_EQ(metrics_rows(*here_, name), 0u);
+      const Outcome anew = run(name, 0, 0);
+      EXPECT_EQ(anew.code, 0) << anew.err;
+      EXPECT_EQ(state_hash(*here_, name), hash_);
       return false;
     }
     EXPECT_EQ(resumed.code, 0) << resumed.err;

@@ -79,11 +79,13 @@ TEST_F(RankedRun, IsStoppedBySignalAndGoesOnWithAnotherNumberOfRanks) {
   const Outcome outcome = process->wait();
   EXPECT_EQ(outcome.code, 128 + SIGTERM) << outcome.err;
   EXPECT_TRUE(contains(outcome.err, {"the state is saved"}));
-  // One to the process that started them.
+  // One to the process that started them: the ranks tell it by its name.
   const auto interrupted = here_.start(train("interrupted", 2, {"--set", "train.total_agent_steps=1e9"}));
   ASSERT_TRUE(wait_until([&] { return metrics_rows(here_, "interrupted") >= 2; }));
   ::kill(interrupted->pid(), SIGINT);
-  EXPECT_EQ(interrupted->wait().code, 128 + SIGINT);
+  const Outcome by_interrupt = interrupted->wait();
+  EXPECT_EQ(by_interrupt.code, 128 + SIGINT) << by_interrupt.err;
+  EXPECT_TRUE(contains(by_interrupt.err, {"(SIGINT), the state is saved"}));
 }
 
 TEST_F(RankedRun, EndsWhereARankIsKilled) {

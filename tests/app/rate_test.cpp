@@ -52,7 +52,7 @@ TEST_F(RatedRuns, ARunGetsAFolderOfRatingsAndItsReportShowsThem) {
   ASSERT_EQ(outcome.code, 0) << outcome.err;
   EXPECT_TRUE(contains(outcome.out, {"player", "paper's Elo", "reverse_circle", "run-seed1@4", "random = 0",
                                      "Written: run-seed1/ratings"}));
-  EXPECT_TRUE(contains(outcome.err, {" pairs of 16 episodes, about ", "\nplayed in "}));
+  EXPECT_TRUE(contains(outcome.err, {" matches of 16 episodes, about ", "\nplayed in "}));
   const CsvTable csv = parse_csv(here_->read("run-seed1/ratings/ratings.csv"));
   EXPECT_EQ(csv.cell(0, "player"), "random");
   EXPECT_EQ(csv.cell(0, "rating"), "0");
@@ -255,7 +255,7 @@ TEST_F(RatedRuns, SeveralAreWrittenBesideThemAndToldBeforehand) {
   ASSERT_EQ(outcome.code, 0) << outcome.err;
   EXPECT_TRUE(contains(outcome.out, {"Written: runs/ratings"}));
   EXPECT_TRUE(here_->has("runs/ratings/ratings.csv"));
-  EXPECT_TRUE(contains(outcome.err, {" pairs of 8 episodes, about ", "\nplayed in "}));
+  EXPECT_TRUE(contains(outcome.err, {" matches of 8 episodes, about ", "\nplayed in "}));
 }
 
 TEST_F(RatedRuns, ADamagedCheckpointIsLeftOut) {

@@ -250,7 +250,8 @@ TEST_F(Resume, RefusesARunWhoseFilesWereCutAndLeavesItAlone) {
   here_->write(events, whole.substr(0, 10));
   const Outcome refused = here_->run({"resume", run, "--set", "train.max_wall_time=1h"});
   EXPECT_EQ(refused.code, 2);
-  EXPECT_TRUE(contains(refused.err, {"events.out.tfevents.gigastep: it has 10 bytes, the checkpoint says"}));
+  EXPECT_TRUE(contains(refused.err, {"events.out.tfevents.gigastep: it has 10 bytes, the checkpoint says",
+                                     "move it away, and it is begun anew"}));
   EXPECT_EQ(here_->read(run + "/config.yaml"), config);
   EXPECT_EQ(here_->read(run + "/metrics.csv"), metrics);
   EXPECT_FALSE(here_->has(run + "/resume_001.json"));
@@ -258,6 +259,74 @@ TEST_F(Resume, RefusesARunWhoseFilesWereCutAndLeavesItAlone) {
   here_->write(events, whole);
   ASSERT_EQ(here_->run({"resume", run}).code, 0);
   expect_same_as_whole(run);
+}
+
+// The rows of before are gone; all that follow are the same.
+TEST_F(Resume, MissingFiguresAreBegunAnew) {
+  const std::string run = "rowless";
+  ASSERT_EQ(interrupted(run, SIGTERM).code, 143);
+  const int64_t updates = find_checkpoint((here_->path() / run).string()).checkpoint.updates;
+  for (const char* name : {"metrics.csv", "events.out.tfevents.gigastep"}) fs::remove(here_->path() / run / name);
+  const std::string gone = cat(" is missing and begun anew: what it held up to update ", updates, " is gone");
+  const Outcome resumed = here_->run({"resume", run});
+  ASSERT_EQ(resumed.code, 0) << resumed.err;
+  EXPECT_TRUE(contains(
+      resumed.err, {"warning: rowless/metrics.csv" + gone, "warning: rowless/events.out.tfevents.gigastep" + gone}));
+  EXPECT_EQ(state_hash(*here_, run), *hash_);
+  const CsvTable table = parse_csv(here_->read(run + "/metrics.csv"));
+  ASSERT_EQ(table.rows.size(), static_cast<size_t>(40 - updates));
+  EXPECT_EQ(table.cell(0, "update"), std::to_string(updates + 1));
+  EXPECT_TRUE(here_->has(run + "/report.html"));
+  const Outcome report = here_->run({"report", run, "--out", "late.html"});
+  EXPECT_EQ(report.code, 0) << report.err;
+}
+
+// Where a run has lost its rows and stops before the next one, its checkpoint knows that there are none.
+TEST_F(Resume, FiguresBegunAnewGoOnAfterAnotherStop) {
+  const std::string run = "rowless_twice";
+  ASSERT_EQ(here_->run(arguments(run, "train.stop_at_agent_steps=768")).code, 124);  // 3 updates of 256
+  fs::remove(here_->path() / run / "metrics.csv");
+  const Outcome stopped = here_->run({"resume", run});  // at the same place: it does nothing more
+  EXPECT_EQ(stopped.code, 124) << stopped.err;
+  const Outcome resumed = here_->run({"resume", run, "--set", "train.stop_at_agent_steps=none"});
+  ASSERT_EQ(resumed.code, 0) << resumed.err;
+  EXPECT_FALSE(contains(resumed.err, {"begun anew"}));
+  EXPECT_EQ(metrics_rows(*here_, run), 37u);  // 40 - 3
+}
+
+TEST_F(Resume, AnEditOfConfigYamlIsNamedAndHasNoEffect) {
+  const std::string config = here_->read("whole/config.yaml"), steps = "total_agent_steps: 10240";
+  const size_t at_steps = config.find(steps);
+  ASSERT_NE(at_steps, std::string::npos);
+  const std::string told = "warning: whole/config.yaml differs from what the checkpoint holds";
+  EXPECT_FALSE(contains(here_->run({"resume", "whole"}).err, {told}));
+  std::string edited = config;
+  edited.replace(at_steps, steps.size(), "total_agent_steps: 20480");
+  here_->write("whole/config.yaml", edited);
+  const Outcome resumed = here_->run({"resume", "whole"});
+  EXPECT_TRUE(contains(resumed.err, {told + " (train.total_agent_steps)", "resume --set key=value changes settings"}));
+  EXPECT_TRUE(contains(resumed.out, {"is complete: 40 updates"}));
+  here_->write("whole/config.yaml", "no: config");
+  EXPECT_TRUE(contains(here_->run({"resume", "whole"}).err, {told + ": "}));
+  here_->write("whole/config.yaml", config);
+}
+
+// What is there when a process is killed before it has opened its log.
+TEST_F(Resume, ARunWithoutACheckpointIsBegunAnewByTrain) {
+  const std::string run = "early";
+  here_->write(run + "/lock", "process 4711 on host, since 2025-01-01T00:00:00Z\n");
+  fs::create_directory(here_->path() / run / "checkpoints");
+  for (const char* name : {"scenario.yaml", "run.json", "config.yaml"})
+    here_->write(run + "/" + name, here_->read(std::string("whole/") + name));
+  const Outcome refused = here_->run({"resume", run});
+  EXPECT_EQ(refused.code, 2);
+  EXPECT_TRUE(contains(refused.err, {"the folder early holds no checkpoint", "nothing is lost",
+                                     " train early/config.yaml --run-dir early"}));
+  const Outcome trained = here_->run({"train", run + "/config.yaml", "--run-dir", run});
+  ASSERT_EQ(trained.code, 0) << trained.err;
+  EXPECT_TRUE(contains(trained.err, {"was ended before its first checkpoint: it begins anew"}));
+  EXPECT_EQ(state_hash(*here_, run), *hash_);
+  EXPECT_EQ(metrics_rows(*here_, run), 40u);
 }
 
 TEST_F(Resume, WhatTheFolderHasLostIsWrittenAgainFromItsCheckpoint) {

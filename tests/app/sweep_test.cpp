@@ -243,7 +243,74 @@ TEST(AppSweep, MistakesAreToldBeforeTheFirstTrial) {
   refused("win_rate_0_vs_random", "win_rate_0_vs_circle",
           {"bad.yaml:7:", "this run logs no column 'win_rate_0_vs_circle'", "win_rate_0_vs_random"});
   refused("parallel: 2", "parallel: all", {"bad.yaml:8:11: parallel: 'all' is not an integer in [1, 1024] or auto"});
-  refused("short.yaml", "long.yaml", {"there is no config long.yaml"});
+  refused("short.yaml", "long.yaml", {"bad.yaml:1:9: config: there is no config long.yaml"});
+  refused("parallel: 2", "set: [seed_of_mine=1, train.n_world=2]",
+          {"bad.yaml:8:7: set: seed_of_mine: unknown key", "bad.yaml:8:23: set: train.n_world: unknown key"});
+  // A run has 1024 agent-steps.
+  refused("parallel: 2", "halving: {first_agent_steps: 1e9}",
+          {"bad.yaml:8:30: halving.first_agent_steps: 1000000000 is not before the end", "1024"});
+  refused("mappo.gamma: {choices: [0.9, 0.99]}", "eval.opponents: {choices: [[random], [circle]]}",
+          {"bad.yaml:4:3: parameters.eval.opponents: with [circle] the run logs no column 'win_rate_0_vs_random'"});
+}
+
+// A learner's own column: a gamma that stays as it is has none.
+TEST(AppSweep, AColumnThatTheLearnerOfOneTrialLacksIsTold) {
+  const Workplace here;
+  here.write("short.yaml", kShortConfig);
+  here.write("bad.yaml", R"(config: short.yaml
+set: [mappo.final_gamma=0.999]
+parameters: {mappo.final_gamma: {choices: [0.99, none]}}
+method: grid
+metric: [gamma]
+)");
+  const Outcome outcome = here.run({"sweep", "bad.yaml", "--out", "bad"});
+  EXPECT_EQ(outcome.code, 2);
+  EXPECT_TRUE(
+      contains(outcome.err, {"bad.yaml:3:14: parameters.mappo.final_gamma: with none the run logs no column 'gamma'"}));
+  EXPECT_FALSE(here.has("bad"));
+}
+
+TEST(AppSweep, ATrialSetsItsThreadsItself) {
+  const Workplace here;
+  std::string config = kShortConfig;
+  config.replace(config.find("n_threads: 1"), 12, "n_threads: 0");
+  here.write("short.yaml", config);
+  here.write("threads.yaml", R"(config: short.yaml
+parameters: {train.n_threads: {choices: [1, 2]}}
+method: grid
+metric: [win_rate_0_vs_random]
+parallel: 2
+)");
+  const Outcome done = here.run({"sweep", "threads.yaml", "--out", "s"});
+  ASSERT_EQ(done.code, 0) << done.err;
+  EXPECT_TRUE(contains(here.read("s/trials/000-seed1/config.yaml"), {"n_threads: 1 "}));
+  EXPECT_TRUE(contains(here.read("s/trials/001-seed1/config.yaml"), {"n_threads: 2 "}));
+}
+
+// The first step throws the parameters out of range, the second minibatch notices.
+TEST(AppSweep, TheExitCodeTellsOfRunsThatFailed) {
+  const Workplace here;
+  here.write("short.yaml", kShortConfig);
+  here.write("f.yaml", R"(config: short.yaml
+parameters: {mappo.learning_rate: {choices: [1e38]}, mappo.critic_learning_rate: {choices: [1e38]}}
+metric: [win_rate_0_vs_random]
+)");
+  const std::vector<std::string> command = {"sweep", "f.yaml", "--out", "f"};
+  const Outcome diverged = here.run(command);
+  EXPECT_EQ(diverged.code, 3) << diverged.err;
+  EXPECT_TRUE(contains(diverged.err, {"1 run failed: training diverged"}));
+  EXPECT_TRUE(contains(diverged.out, {"none has a value yet", "the spread of 0 trials"}));
+  const std::string journal = here.read("f/sweep.jsonl");
+  EXPECT_EQ(here.run(command).code, 3);
+  EXPECT_EQ(here.read("f/sweep.jsonl"), journal) << "it is not tried again";
+  // The same as a failure that the machine may have caused: once more, and then it diverges.
+  std::string failed = journal;
+  const size_t at = failed.find("\"exit_code\":3");
+  ASSERT_NE(at, std::string::npos) << journal;
+  failed.replace(at, 13, "\"exit_code\":1");
+  here.write("f/sweep.jsonl", failed);
+  EXPECT_EQ(here.run(command).code, 3);
+  EXPECT_GT(here.read("f/sweep.jsonl").size(), failed.size()) << "it was tried again";
 }
 
 /// A response to each side in `folder`, which has learned alone for so many updates and played so many episodes.
@@ -277,17 +344,33 @@ TEST(AppExploit, AResponseLearnsAgainstEachFrozenTeam) {
   EXPECT_EQ(here.read("run/exploit/response_0/metrics.csv"), before);
   const Outcome other = here.run({"exploit", "run", "--agent-steps", "4096", "--device", "cpu"});
   EXPECT_EQ(other.code, 2);
-  EXPECT_TRUE(contains(other.err, {"holds responses of another kind"}));
+  EXPECT_TRUE(contains(other.err, {"holds responses of another kind (train.total_agent_steps: 2048 there, 4096 now)"}));
   // Nor with other settings, nor against another policy, whose result it would not be.
   std::vector<std::string> changed = command;
   changed.insert(changed.end(), {"--set", "mappo.learning_rate=0.5"});
-  EXPECT_TRUE(contains(here.run(changed).err, {"holds responses of another kind"}));
+  EXPECT_TRUE(contains(here.run(changed).err, {"(--set: none there, mappo.learning_rate=0.5 now)"}));
   changed = command;
   changed[1] = "run/checkpoints/update_00000003.h5";
   changed.insert(changed.end(), {"--out", "run/exploit"});
   EXPECT_TRUE(contains(here.run(changed).err, {"holds responses to another policy", "exploit run/exploit/target.h5"}));
   changed[1] = "run/exploit/target.h5";
   EXPECT_EQ(here.run(changed).code, 0);
+}
+
+TEST(AppExploit, AStopTellsHowToGoOn) {
+  const Workplace here;
+  here.write("short.yaml", kShortConfig);
+  ASSERT_EQ(here.run({"train", "short.yaml", "--run-dir", "run", "--quiet"}).code, 0);
+  const std::vector<std::string> command = {"exploit",    "run", "--agent-steps", "2048",
+                                            "--episodes", "8",   "--device",      "cpu"};
+  std::vector<std::string> hurried = command;
+  hurried.insert(hurried.end(), {"--max-seconds", "0.001"});  // no process starts as fast
+  const Outcome stopped = here.run(hurried);
+  EXPECT_EQ(stopped.code, 124);
+  EXPECT_TRUE(contains(stopped.err, {"stopped (--max-seconds is over), ", " is saved in run/exploit; ",
+                                     "the same command goes on, without --max-seconds to the end"}));
+  const Outcome done = here.run(command);
+  EXPECT_EQ(done.code, 0) << done.err;
 }
 
 // Of a mixed team all are kept as they were, and the file that lists them too.

@@ -185,7 +185,9 @@ TEST(ExportRoundTrip, WhatCannotPlayIsSaid) {
   write(folder / "tensors", ExportFormat::safetensors);
   EXPECT_TRUE(contains(export_refusal(folder / "onnx"), {"policy.onnx is an ONNX graph", "--format safetensors"}));
   EXPECT_TRUE(contains(export_refusal(folder / "onnx/policy.onnx"), {"policy.onnx is an ONNX graph"}));
-  EXPECT_TRUE(contains(export_refusal(folder / "module", false), {"policy.pt is a TorchScript module", "--trust"}));
+  EXPECT_TRUE(
+      contains(export_refusal(folder / "module", false),
+               {"policy.pt is a TorchScript module", "add --trust to eval, rate or record", "--format safetensors"}));
   EXPECT_TRUE(contains(export_refusal(folder / "nothing"), {"there is no exported policy", "nothing"}));
   EXPECT_TRUE(contains(export_refusal(folder / "tensors/act.py"), {"act.py is no exported policy", ".safetensors"}));
   fs::remove(folder / "tensors/manifest.json");

@@ -56,6 +56,79 @@ TEST(RunFolder, AnEmptyFolderIsTakenAFullOneRefused) {
   EXPECT_FALSE(fs::exists(folder / "full/checkpoints"));
 }
 
+/// A run that was killed before its first checkpoint, by the first `n` of the things that it makes until then.
+struct Beginning {
+  std::string name, text;
+};
+const Beginning kBeginnings[] = {{"lock", "process 4711 on host, since 2025-01-01T00:00:00Z\n"},
+                                 {"checkpoints/", ""},
+                                 {"scenario.yaml.4711.tmp", "rul"},
+                                 {"scenario.yaml", "rules: original\n"},
+                                 {"game.yaml", "rules: original\n"},
+                                 {"run.json", "{}\n"},
+                                 {"config.yaml", "seed: 1\n"},
+                                 {"log.txt", "training\n"},
+                                 {"metrics.csv", ""},
+                                 {"events.out.tfevents.gigastep", "head"},
+                                 {"checkpoints/update_00000000.h5.4711.tmp", "half"}};
+
+void begin_run(const fs::path& folder, size_t n) {
+  fs::create_directory(folder);
+  for (size_t k = 0; k < n; ++k) {
+    const Beginning& made = kBeginnings[k];
+    if (made.name.ends_with('/'))
+      fs::create_directory(folder / made.name);
+    else
+      std::ofstream(folder / made.name) << made.text;
+  }
+}
+
+TEST(RunFolder, WhatEndedBeforeItsFirstCheckpointBeginsAnew) {
+  for (size_t n = 1; n <= std::size(kBeginnings); ++n) {
+    SCOPED_TRACE(kBeginnings[n - 1].name);
+    const TemporaryFolder folder;
+    begin_run(folder / "run", n);
+    EXPECT_TRUE(is_barely_begun(folder / "run"));
+    const RunFolder run = RunFolder::create((folder / "run").string(), "");
+    EXPECT_TRUE(run.begins_anew());
+    for (const char* name : {"game.yaml", "log.txt", "metrics.csv", "events.out.tfevents.gigastep",
+                             "scenario.yaml.4711.tmp", "checkpoints/update_00000000.h5.4711.tmp"})
+      EXPECT_FALSE(fs::exists(run.path() / name)) << name;
+    EXPECT_TRUE(fs::is_directory(run.path() / "checkpoints"));
+  }
+  const TemporaryFolder folder;
+  EXPECT_FALSE(is_barely_begun(folder.path())) << "an empty folder";
+  EXPECT_FALSE(RunFolder::create((folder / "new").string(), "").begins_anew());
+}
+
+// One thing more than train writes before its first checkpoint, or one thing of these without those before it.
+TEST(RunFolder, WhatSomebodyMayMissIsNotBegunAnew) {
+  const Beginning more[] = {{"notes.txt", "mine"},
+                            {"other.yaml", "rules: mine\n"},
+                            {"notes.tmp", "mine"},
+                            {"metrics.csv", "update\r\n1\r\n"},
+                            {"checkpoints/best.h5", "one"},
+                            {"checkpoints/update_00000000.h5", "one"},
+                            {"lock", "my key"},
+                            {"resume_001.json", "{}"}};
+  for (const Beginning& one : more) {
+    SCOPED_TRACE(one.name);
+    const TemporaryFolder folder;
+    begin_run(folder / "run", std::size(kBeginnings));
+    std::ofstream(folder / ("run/" + one.name)) << one.text;
+    EXPECT_TRUE(contains(input_error_of([&] { RunFolder::create((folder / "run").string(), ""); }),
+                         {"a run is never overwritten"}));
+    EXPECT_EQ(read_file(folder / ("run/" + one.name)), one.text);
+    EXPECT_EQ(read_file(folder / "run/log.txt"), "training\n");
+  }
+  for (const char* name : {"config.yaml", "scenario.yaml", "metrics.csv"}) {
+    const TemporaryFolder folder;
+    fs::create_directory(folder / "run");
+    std::ofstream(folder / (std::string("run/") + name)) << "";
+    EXPECT_FALSE(is_barely_begun(folder / "run")) << name << " alone";
+  }
+}
+
 TEST(RunFolder, AFileOfThatNameIsRefused) {
   const TemporaryFolder folder;
   std::ofstream(folder / "file") << "x";

@@ -105,6 +105,11 @@ TEST(MetricsFile, GoesOnWhereACheckpointWasWritten) {
   EXPECT_EQ(read_file(folder / "m.csv"), "update,loss\r\n1,5\r\n2,4.5\r\n");
   EXPECT_TRUE(contains(input_error_of([&] { MetricsCsv(folder / "m.csv", 1000); }), {"m.csv", "has 25 bytes", "1000"}));
   EXPECT_TRUE(contains(input_error_of([&] { MetricsCsv(folder / "none.csv", 0); }), {"none.csv", "No such file"}));
+  EXPECT_TRUE(contains(input_error_of([&] { MetricsCsv::expect(folder / "m.csv", 1000); }), {"1000", "move it away"}));
+  EXPECT_TRUE(contains(input_error_of([&] { MetricsCsv::expect(folder / "m.csv", 24); }),
+                       {"no row ends at byte 24", "move it away"}));
+  EXPECT_NO_THROW(MetricsCsv::expect(folder / "m.csv", 25));
+  EXPECT_NO_THROW(MetricsCsv::expect(folder / "none.csv", 25)) << "it is begun anew";
 }
 
 TEST(MetricsFile, ColumnsNeverChange) {

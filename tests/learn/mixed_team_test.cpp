@@ -68,6 +68,33 @@ TEST_F(LearnMixedTeam, EachPlaysAThirdOfTheGames) {
   expect_thirds(team, members, SmallRun{}.load().spec, kCpu);
 }
 
+TEST_F(LearnMixedTeam, EachMeetsEachOfAnotherMixedTeam) {
+  const SimSpec spec = SmallRun{}.load().spec;
+  const std::string one = mixed("one.yaml", "policies: [pursuer, circle, evader]\n");
+  const std::string other = mixed("other.yaml", "policies: [circle, noop]\n");
+  Player team0 = Player::load(one, {}), team1 = Player::load(other, {});
+  const auto play = [&](int episodes) {
+    return play_match(spec, team0.controller(0, spec), team1.controller(1, spec), {episodes, 5, kCpu, 2});
+  };
+  const MatchResult together = play(6 * 12);
+  // Games 12 k to 12 k + 11 are those of pair k, as a match of that pair would have them.
+  std::array<int, 3> sum{};
+  const char* const first[] = {"pursuer", "circle", "evader"};
+  const char* const second[] = {"circle", "noop"};
+  for (int k = 0; k < 6; ++k) {
+    Player a = Player::load(first[k / 2], {}), b = Player::load(second[k % 2], {});
+    for (const int n : {12 * k, 12 * k + 12}) {
+      if (n == 0) continue;
+      const MatchResult r = play_match(spec, a.controller(0, spec), b.controller(1, spec), {n, 5, kCpu, 2});
+      const int sign = n == 12 * k ? -1 : 1;
+      for (size_t j = 0; j < 3; ++j) sum[j] += sign * std::array{r.wins[0], r.wins[1], r.ties}[j];
+    }
+  }
+  EXPECT_EQ((std::array{together.wins[0], together.wins[1], together.ties}), sum);
+  EXPECT_EQ(play(5).episodes, 5);
+  EXPECT_THROW(play(2), InputError);  // three policies of the first
+}
+
 TEST_F(LearnMixedTeam, SideBySideIsOneAfterTheOther) {
   const SimSpec spec = SmallRun{}.load().spec;
   Player team = Player::load(mixed("team.yaml", "policies: [circle_random, random]\n"), {});  // both draw
@@ -167,7 +194,7 @@ TEST_F(LearnMixedTeam, WhatCannotPlayTogetherIsRefused) {
   };
   EXPECT_TRUE(contains(refusal("polices: [circle, random]\n"),
                        {"bad.yaml:1:1: polices: unknown key", "policies", "is a mixed team"}));
-  EXPECT_TRUE(contains(refusal("policies: [circle]\n"), {"bad.yaml:1:11: policies: has 1 items", "2 to 64"}));
+  EXPECT_TRUE(contains(refusal("policies: [circle]\n"), {"bad.yaml:1:11: policies: has 1 item,", "2 to 64"}));
   EXPECT_TRUE(contains(refusal("policies: [circle, cirle]\n"),
                        {"bad.yaml:1:11: policies: 'cirle' is no script", "nearest: 'circle'", "./cirle"}));
   EXPECT_TRUE(contains(refusal("policies: [circle, ./nobody]\n"), {"bad.yaml:1:11: policies[1]: ", "nobody"}));

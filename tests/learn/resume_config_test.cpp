@@ -3,9 +3,12 @@
 
 #include <gtest/gtest.h>
 
+#include <filesystem>
 #include <set>
 #include <utility>
 
+#include "core/error.hpp"
+#include "io/temporary_folder.hpp"
 #include "runs.hpp"
 
 namespace giga::test {
@@ -60,6 +63,24 @@ TEST(LearnResumeConfig, TheRestIsRefusedWithTheReasonAllAtOnce) {
     EXPECT_NE(all.find(part), std::string::npos) << part << " is not in " << all;
   EXPECT_NE(refusal({"train.total_agent_step=5"}).find("nearest: 'total_agent_steps'"), std::string::npos);
   EXPECT_NE(refusal({"mappo.learning_rate=-1"}).find("a number > 0"), std::string::npos);
+}
+
+TEST(LearnResumeConfig, AnOpponentMayHaveMoved) {
+  const TemporaryFolder folder;
+  const std::string old_place = (folder / "old.h5").string(), new_place = (folder / "new.h5").string();
+  save(SmallRun{}, old_place);
+  save(SmallRun{}, new_place);
+  SmallRun small;
+  small.train = cat("opponent: '", old_place, "'");
+  const LoadedRun run = small.load();
+  const auto go_on = [&](const std::string& opponent) {
+    return resume_config(print_yaml(run.config, true), print_scenario(run.scenario), {"train.opponent=" + opponent});
+  };
+  std::filesystem::remove(old_place);
+  EXPECT_EQ(go_on(new_place).run.config.train.opponent.name, new_place);
+  EXPECT_THROW(go_on((folder / "nobody.h5").string()), InputError);
+  for (const char* other : {"circle", "self_play"}) EXPECT_THROW(go_on(other), InputError) << other;
+  EXPECT_TRUE(contains(refusal({"train.opponent=" + new_place}), {"instead of self_play", "who learns is decided"}));
 }
 
 TEST(LearnResumeConfig, TheLongestRuleDecides) {

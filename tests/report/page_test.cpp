@@ -140,6 +140,8 @@ TEST_F(ReportPage, ShowsCommandsMachineAndTime) {
   }
   EXPECT_EQ(times, (Texts{"0:07", "0:02", "0:00", "0:01"}));
   EXPECT_TRUE(contains(page, {"updates 70.0 %", "evaluation 20.0 %", "checkpoints 0.0 %", "the rest 10.0 %"}));
+  // The speed is that of the updates, as metrics.csv has it: 200 agent-steps in 7 seconds, not in 10.
+  EXPECT_TRUE(contains(page, {"<dt>agent-steps per second</dt>", "<dd>28.6</dd>"}));
 }
 
 TEST_F(ReportPage, ChartsAreDrawnInThePage) {

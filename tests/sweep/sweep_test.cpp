@@ -213,6 +213,65 @@ TEST(SweepHalving, OfFewTrialsTheBestGoesOnAndOneThatFailedNever) {
   EXPECT_EQ(std::pair(progress.next()->trial, progress.next()->rung), std::pair(0, 1));
 }
 
+// A first stop at or behind the end would compare nothing before it.
+TEST_F(Sweep, AFirstStopOfHalvingLiesBeforeTheEndOfTheRun) {
+  KeyPositions given;
+  const SweepSpec spec =
+      read_sweep(write("s.yaml", cat(kHead, "  a: {choices: [1]}\nhalving: {first_agent_steps: 1e3}\n")), given);
+  EXPECT_NO_THROW(check_halving(spec.halving, 1001, given));
+  EXPECT_NO_THROW(check_halving({}, 1, given));
+  for (const int64_t total : {1000, 999}) {
+    try {
+      check_halving(spec.halving, total, given);
+      ADD_FAILURE() << total;
+    } catch (const InputError& e) {
+      EXPECT_NE(std::string(e.what()).find("s.yaml:5:30: halving.first_agent_steps: 1000 is not before the end"),
+                std::string::npos)
+          << e.what();
+    }
+  }
+}
+
+// Trial 0 has done more than the sweep's config says, trial 1 less, and trial 2 failed at its start.
+TEST_F(Sweep, AgentStepsAreThoseThatWereDone) {
+  SweepSpec spec;
+  spec.seeds = {1, 2};
+  spec.metric = {"a"};
+  SweepProgress progress(spec, 3, 1);
+  progress.finish({0, 0, 1}, {0.9, 0, 1, 600'064});
+  progress.finish({0, 0, 2}, {0.8, 0, 1, 600'064});
+  progress.finish({1, 0, 1}, {0.5, 0, 1, 163'840});
+  progress.finish({1, 0, 2}, {0.4, 0, 1, 163'840});
+  for (const uint64_t seed : {1, 2}) progress.finish({2, 0, seed}, {std::nullopt, 1, 1, 0});
+  const SweepOutcome outcome = outcome_of(spec, std::vector<TrialSettings>(3), progress, folder_ / "nothing");
+  ASSERT_EQ(outcome.trials.size(), 3u);
+  EXPECT_EQ(outcome.trials[0].agent_steps, 600'064);
+  EXPECT_EQ(outcome.trials[1].agent_steps, 163'840);
+  EXPECT_EQ(outcome.trials[2].number, 2);
+  EXPECT_EQ(outcome.trials[2].agent_steps, 0);
+}
+
+TEST(SweepFailures, AreTriedAgainUnlessTheyDiverged) {
+  SweepProgress progress(SweepSpec(), 4, 1);  // with seed 1
+  progress.finish({0, 0, 1}, {0.5, 0, 1, 100});
+  EXPECT_EQ(progress.failure_code(), 0);
+  progress.finish({1, 0, 1}, {std::nullopt, 0, 0, 0});  // somebody else's, told without a value
+  EXPECT_EQ(progress.failure_code(), 0);
+  progress.finish({2, 0, 1}, {std::nullopt, 3, 1, 50});  // a learning rate too high, for example
+  EXPECT_EQ(progress.failure_code(), 0);
+  progress.finish({3, 0, 1}, {std::nullopt, 137, 1, 50});  // killed, as where memory is short
+  EXPECT_EQ(progress.failure_code(), 1);
+  EXPECT_EQ(progress.n_failed(), 2);
+  EXPECT_TRUE(progress.complete());
+  progress.reopen_failed();
+  EXPECT_EQ(progress.open(), (std::vector<SweepRun>{{3, 0, 1}}));
+  progress.finish({3, 0, 1}, {0.7, 0, 1, 100});
+  EXPECT_EQ(progress.failure_code(), 0);
+  SweepProgress all(SweepSpec(), 1, 1);
+  all.finish({0, 0, 1}, {std::nullopt, 3, 1, 50});
+  EXPECT_EQ(all.failure_code(), 3);
+}
+
 TEST_F(Sweep, TheJournalLosesATornLineAndNothingElse) {
   const fs::path file = folder_ / "sweep.jsonl";
   {

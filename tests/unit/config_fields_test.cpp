@@ -157,7 +157,7 @@ TEST(ConfigFields, SaysWhereAndWhatIsAllowed) {
       {"device: {}", "f.yaml:1:9: device: a map is not a text"},
       {"weights: 3", "f.yaml:1:10: weights: '3' is not a list, each a number; write [3]"},
       {"weights: [1, x]", "f.yaml:1:14: weights[1]: 'x' is not a number"},
-      {"pair: [1]", "f.yaml:1:7: pair: has 1 items, expected a list of 2 items, each a number"},
+      {"pair: [1]", "f.yaml:1:7: pair: has 1 item, expected a list of 2 items, each a number"},
       {"critic:\n  shade: drak", "f.yaml:2:10: critic.shade: 'drak' is not one of: light, dark; nearest: 'dark'"},
       {"critic: {hidden: []}",
        "f.yaml:1:18: critic.hidden: has 0 items, expected a list of 1 to 4 items, each an integer >= 1"},
@@ -221,6 +221,31 @@ TEST(ConfigFields, FileAndOverrides) {
             "--set nonsense: expected KEY=VALUE\n"
             "--set n_worlds: 'x' is not an integer >= 1\n"
             "--set critic.shad: unknown key; nearest: 'shade'; allowed: hidden, shade");
+}
+
+/// Only a tree, of which all keys are known.
+struct Wrapped {
+  Node inner;
+};
+template <class V>
+void visit_fields(V& v, Wrapped& c) {
+  v.tree("inner", c.inner, "keys of Config", fields_of_default<Config>);
+}
+
+TEST(ConfigFields, AHintNamesOnlyKeysThatThereAre) {
+  const auto told = [](const char* text) {
+    Wrapped wrapped;
+    Errors errors;
+    read_fields(parse_yaml_text(text, "f.yaml").root, wrapped, errors);
+    return errors.text();
+  };
+  const std::string start = "f.yaml:1:1: ", end = " Allowed here: inner";
+  EXPECT_EQ(told("critic: {shade: dark}"), start + "critic: unknown key; did you mean 'inner.critic.shade'?" + end);
+  EXPECT_EQ(told("critics: {shade: dark}"), start + "critics: unknown key; did you mean 'inner.critic.shade'?" + end);
+  EXPECT_EQ(told("named: {p: {count: 1}}"), start + "named: unknown key; did you mean 'inner.named.p.count'?" + end);
+  // There is no critic.gamma: the group may be meant where its name is the same, not where it is only alike.
+  EXPECT_EQ(told("critic: {gamma: 1}"), start + "critic: unknown key; did you mean 'inner.critic'?" + end);
+  EXPECT_EQ(told("critics: {gamma: 1}"), start + "critics: unknown key; allowed: inner");
 }
 
 TEST(ConfigFields, AssignmentsAreCheckedEvenWhereTheFileCannotBeRead) {

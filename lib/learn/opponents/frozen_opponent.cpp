@@ -18,7 +18,9 @@ Player load_opponent(const LoadedRun& run, Device device) {
     return player;
   } catch (const InputError& e) {
     if (!run.opponent_at) throw;
-    throw InputError(cat(run.opponent_at->text(), ": train.opponent: ", e.what()));
+    Errors errors;
+    errors.add(*run.opponent_at, cat("train.opponent: ", e.what()));
+    throw InputError(errors.text());
   }
 }
 

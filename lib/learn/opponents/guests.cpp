@@ -64,8 +64,9 @@ std::array<at::Tensor, kNTeams> load_guests(const LoadedRun& run, const std::arr
       }
       if (!some) throw InputError("only runs and checkpoints have networks that can join the pool");
     } catch (const InputError& e) {
-      const std::string at = run.policies_at ? run.policies_at->text() + ": " : "";
-      throw InputError(cat(at, "opponents.policies: ", name, ": ", e.what()));
+      Errors errors;
+      errors.add(run.policies_at.value_or(Position{}), cat("opponents.policies: ", name, ": ", e.what()));
+      throw InputError(errors.text());
     }
   }
   std::array<at::Tensor, kNTeams> guests;

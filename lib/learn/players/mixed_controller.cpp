@@ -25,11 +25,12 @@ class MixedController final : public TeamController {
     return all;
   }
   int64_t memory_size() const override { return memory_size_; }
+  int64_t n_sharing() const override { return static_cast<int64_t>(members_.size()); }
   bool repeats() const override {
     return std::all_of(members_.begin(), members_.end(), [](const auto& member) { return member->repeats(); });
   }
   void act(std::span<const TeamStep> parts) override {
-    const auto n = static_cast<int64_t>(members_.size());
+    const int64_t n = n_sharing();
     std::vector<TeamStep> own;
     for (int64_t k = 0; k < n; ++k) {
       own.clear();
