@@ -40,6 +40,13 @@ std::string metrics_difference(const std::string& a, const std::string& b) {
   return a.size() == b.size() ? "" : "one has more columns than the other";
 }
 
+size_t rows_of_column(const Workplace& here, const std::string& run, const std::string& column) {
+  size_t known = 0;
+  const CsvTable table = parse_csv(here.read(run + "/metrics.csv"));
+  for (size_t row = 0; row < table.rows.size(); ++row) known += table.cell(row, column).empty() ? 0 : 1;
+  return known;
+}
+
 size_t metrics_rows(const Workplace& here, const std::string& run) {
   if (!here.has(run + "/metrics.csv")) return 0;
   const std::string text = here.read(run + "/metrics.csv");

@@ -21,5 +21,7 @@ std::string metrics_difference(const std::string& a, const std::string& b);
 
 /// Rows of metrics.csv so far; 0 where it is not there yet.
 size_t metrics_rows(const Workplace& here, const std::string& run);
+/// Of these, with a number in a column.
+size_t rows_of_column(const Workplace& here, const std::string& run, const std::string& column);
 
 }  // namespace giga::test
