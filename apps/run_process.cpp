@@ -2,7 +2,6 @@
 #include "apps/run_process.hpp"
 
 #include <fcntl.h>
-#include <sys/prctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -10,6 +9,7 @@
 #include <csignal>
 #include <cstring>
 
+#include "apps/fork_to_exec.hpp"
 #include "apps/own_program.hpp"
 #include "core/error.hpp"
 #include "io/files.hpp"
@@ -32,13 +32,9 @@ RunProcess::RunProcess(const std::vector<std::string>& arguments, const fs::path
   for (std::string& word : words) argv.push_back(word.data());
   argv.push_back(nullptr);
   const std::string file = log.string(), program = own_program();
-  const pid_t parent = ::getpid();
-  pid_ = ::fork();
+  pid_ = fork_to_exec();
   if (pid_ < 0) throw Error(cat("cannot start a run: ", std::strerror(errno)));
   if (pid_ > 0) return;
-  // The child of a process with threads: nothing but calls that are safe there until execv.
-  ::prctl(PR_SET_PDEATHSIG, SIGTERM);
-  if (::getppid() != parent) ::_exit(127);  // it has died meanwhile
   const int out = ::open(file.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644);
   if (out >= 0) {
     ::dup2(out, STDOUT_FILENO);

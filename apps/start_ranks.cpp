@@ -1,6 +1,5 @@
 #include "apps/start_ranks.hpp"
 
-#include <sys/prctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -16,6 +15,7 @@
 #include <thread>
 #include <vector>
 
+#include "apps/fork_to_exec.hpp"
 #include "apps/own_program.hpp"
 #include "apps/stop_request.hpp"
 #include "apps/training.hpp"
@@ -81,12 +81,9 @@ std::vector<char*> pointers(std::vector<std::string>& texts) {
 int start(std::vector<std::string> words, std::vector<std::string> variables) {
   const std::vector<char*> argv = pointers(words), envp = pointers(variables);
   const std::string program = own_program();
-  const pid_t parent = ::getpid(), pid = ::fork();
+  const int pid = fork_to_exec();
   if (pid < 0) throw Error(cat("cannot start a rank: ", std::strerror(errno)));
   if (pid > 0) return pid;
-  // The child of a process with threads: nothing but calls that are safe there until execve.
-  ::prctl(PR_SET_PDEATHSIG, SIGTERM);
-  if (::getppid() != parent) ::_exit(127);  // it has died meanwhile
   ::execve(program.c_str(), argv.data(), envp.data());
   ::_exit(127);
 }

@@ -8,6 +8,7 @@
  *                the operation fails with this error, and so do all later ones (a disk that is full stays full);
  *                -1: it does not come back, while other threads of the process go on
  *   FAULT_COUNT  file that receives, for each operation, a byte
+ *   FAULT_EXEC   milliseconds by which execv is late
  *
  * Several threads of a program write files at once; each operation has a number of its own all the same.
  */
@@ -20,6 +21,7 @@
 #include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
+#include <time.h>
 #include <unistd.h>
 
 enum { kMostFiles = 4096 };
@@ -115,3 +117,9 @@ int rename(const char* from, const char* to) {
   return is_watched_path(to) && fails() ? -1 : REAL(rename)(from, to);
 }
 int unlink(const char* path) { return is_watched_path(path) && fails() ? -1 : REAL(unlink)(path); }
+
+int execv(const char* path, char* const words[]) {
+  struct timespec left = {number("FAULT_EXEC") / 1000, number("FAULT_EXEC") % 1000 * 1000000};
+  while (nanosleep(&left, &left) != 0 && errno == EINTR) continue;
+  return REAL(execv)(path, words);
+}
