@@ -1,6 +1,7 @@
 // gigastep eval: plays anybody against anybody: the policies of checkpoints, exported policies, TorchScript modules and
 // scripted teams.
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <iostream>
 #include <nlohmann/json.hpp>
 
@@ -15,6 +16,7 @@
 #include "core/error.hpp"
 #include "core/seeds.hpp"
 #include "cuda/runtime.hpp"
+#include "eval/information_meter.hpp"
 #include "eval/played_game.hpp"
 #include "io/files.hpp"
 
@@ -26,7 +28,7 @@ struct EvalOptions {
   std::vector<std::string> changes;
   int episodes = 1024;
   uint64_t seed = 0;
-  bool both_sides = false, greedy = false, trust = false;
+  bool both_sides = false, greedy = false, information = false, trust = false;
 };
 
 /// The sides that A plays on, B on the other. Against a script each policy of A plays on its own side.
@@ -59,7 +61,7 @@ Json origin_json(const Player& c) {
 
 Json to_json(const EvalOptions& o, const MatchReport& report, const Player& a, const Player& b) {
   Json sides = Json::array();
-  for (const TeamResult& r : report.results) sides.push_back(result_json(r));
+  for (const TeamResult& r : report.results) sides.push_back(result_json(report, r));
   return {{"a", o.a},
           {"b", o.b},
           {"scenario", report.scenario},
@@ -90,18 +92,30 @@ void play(const EvalOptions& o) {
   for (const std::string& note : game.notes) std::cerr << "note: " << note << '\n';
   const SimSpec& spec = game.spec;
   const MatchOptions options{o.episodes, seed_of(o.seed, Purpose::eval), device, 0, note_once()};
-  MatchReport report{o.a, spec.name, describe_win(spec.params.win, spec.params.max_episode_length), {}};
+  MatchReport report{o.a, spec.name, {}, {}, describe_win(spec.params.win, spec.params.max_episode_length), {}};
+  for (const Player* member : a.members()) report.policies_of_a.push_back(member->name());
+  for (const Player* member : b.members()) report.policies_of_b.push_back(member->name());
   struct Match {
     int side;
     std::shared_ptr<TeamController> team[kNTeams];
+    Minds minds;
   };
   std::vector<Match> matches;  // all before the first is played: who cannot play is told at once
   for (const int side : sides_of(o, a, b)) {
     Player &side0 = side == 0 ? a : b, &side1 = side == 0 ? b : a;
-    matches.push_back({side, {side0.controller(0, spec), side1.controller(1, spec)}});
+    matches.push_back({side, {side0.controller(0, spec), side1.controller(1, spec)}, {}});
+    matches.back().minds = {side0.mind(0, spec), side1.mind(1, spec)};
   }
-  for (const Match& m : matches)
-    report.results.push_back({m.side, o.b, play_match(spec, m.team[0], m.team[1], options)});
+  const auto is_learned = [](const Match& m) { return m.minds[0].policy || m.minds[1].policy; };
+  if (o.information && std::none_of(matches.begin(), matches.end(), is_learned))
+    std::cerr << "note: --information measures single learned policies, and neither is one\n";
+  for (const Match& m : matches) {
+    InformationMeter meter(spec, m.minds);
+    std::vector<GameObserver*> observers;
+    if (o.information) observers.push_back(&meter);
+    report.results.push_back({m.side, o.b, play_match(spec, m.team[0], m.team[1], options, observers)});
+    if (o.information) report.results.back().match.mutual_information = meter.nats();
+  }
 
   if (!o.csv.empty()) write_or_print(o.csv, report_csv(report));
   if (!o.json.empty()) write_json(to_json(o, report, a, b), o.json);
@@ -170,6 +184,9 @@ void add_eval_command(CLI::App& app, Dispatch& dispatch) {
   command->add_flag("--greedy", options->greedy,
                     "policies take their most likely action instead of drawing one; those that evolved with "
                     "population.greedy always do");
+  command->add_flag("--information", options->information,
+                    "also measure how much what each policy does depends on what it sees: the mutual information of\n"
+                    "observation and action in nats, 0 where it does the same whatever it sees; not of mixed teams");
   command->add_flag("--trust", options->trust, "open TorchScript modules, which can run any code");
   command
       ->add_option("--csv", options->csv,

@@ -23,6 +23,9 @@ std::vector<Share> shares(const TeamResult& r) {
           {"tied", "tie_rate", "ties", r.match.ties}};
 }
 
+/// Whether there is a policy of which it was asked.
+bool is_measured(const MatchResult& m) { return m.mutual_information[0] || m.mutual_information[1]; }
+
 /// The figures of one side of a match.
 MetricsRow side_figures(const MatchResult& m, int side) {
   MetricsRow row = {{"mean_return", m.mean_return[side]},
@@ -31,12 +34,73 @@ MetricsRow side_figures(const MatchResult& m, int side) {
                     {"mean_survivors", m.mean_survivors[side]}};
   for (size_t cause = 0; cause < kNDeaths; ++cause)
     row.emplace_back(cat("mean_deaths_", kDeathNames[cause]), m.mean_deaths[side][cause]);
+  if (is_measured(m))
+    row.emplace_back("mutual_information", m.mutual_information[static_cast<size_t>(side)].value_or(NAN));
   return row;
 }
 
-std::string result_text(const std::string& a, const TeamResult& r) {
+/// The same of the episodes of each policy that shares a side; the result as `side` sees it.
+struct Part {
+  std::string policy;
+  TeamResult result;
+};
+std::vector<Part> parts_of(const MatchReport& report, const TeamResult& r, int side) {
+  const std::vector<std::string>& names = side == r.team ? report.policies_of_a : report.policies_of_b;
+  const std::vector<MatchResult>& all = r.match.of_each[side];
+  std::vector<Part> parts;
+  for (size_t k = 0; k < all.size(); ++k) parts.push_back({names[k], {side, r.opponent, all[k]}});
+  return parts;
+}
+
+Json shares_json(const TeamResult& r) {
+  Json json{{"episodes", r.match.episodes}};
+  for (const Share& s : shares(r)) json[s.count_name] = s.count;
+  for (const Share& s : shares(r)) {
+    const Interval ci = wilson95(s.count, r.match.episodes);
+    json[s.rate_name] = r.share(s.count);
+    json[cat(s.rate_name, "_ci95")] = {ci.lo, ci.hi};
+  }
+  return json;
+}
+
+Json policies_json(const std::vector<Part>& parts) {
+  Json all = Json::array();
+  for (const Part& part : parts) {
+    all.push_back({{"policy", part.policy}});
+    all.back().update(shares_json(part.result));
+  }
+  return all;
+}
+
+std::string information_text(const MatchResult& m) {
+  if (!is_measured(m)) return "";
+  std::string text = "  mutual information of observation and action:";
+  for (size_t side = 0; side < kNTeams; ++side) {
+    char nats[32] = "none";
+    if (m.mutual_information[side]) std::snprintf(nats, sizeof nats, "%.3f nats", *m.mutual_information[side]);
+    text += cat(side == 0 ? " side " : ", side ", side, " ", nats);
+  }
+  return text + "\n";
+}
+
+/// A line for each policy that shares a side.
+std::string parts_text(const MatchReport& report, const TeamResult& r) {
+  std::string text;
+  for (int side = 0; side < kNTeams; ++side)
+    for (const Part& part : parts_of(report, r, side)) {
+      const Interval ci = wilson95(part.result.wins(), part.result.match.episodes);
+      char line[200];
+      std::snprintf(line, sizeof line, "  side %d: won %.3f  [%.3f, %.3f], lost %.3f of %d episodes: ", side,
+                    part.result.share(part.result.wins()), ci.lo, ci.hi, part.result.share(part.result.losses()),
+                    part.result.match.episodes);
+      text += cat(line, part.policy, "\n");
+    }
+  return text;
+}
+
+std::string result_text(const MatchReport& report, const TeamResult& r) {
   char line[200];
-  std::string text = cat(a, " on side ", r.team, " against ", r.opponent, ", ", r.match.episodes, " episodes\n");
+  std::string text = cat(report.a, " on side ", r.team, " against ", r.opponent, ", ", r.match.episodes, " episodes\n");
   for (const Share& s : shares(r)) {
     const Interval ci = wilson95(s.count, r.match.episodes);
     std::snprintf(line, sizeof line, "  %-6s %.3f  [%.3f, %.3f]\n", s.word, r.share(s.count), ci.lo, ci.hi);
@@ -55,14 +119,14 @@ std::string result_text(const std::string& a, const TeamResult& r) {
                   deaths[3]);
     text += line;
   }
-  return text;
+  return text + information_text(r.match) + parts_text(report, r);
 }
 
 }  // namespace
 
 std::string report_text(const MatchReport& report) {
   std::string text;
-  for (const TeamResult& r : report.results) text += (text.empty() ? "" : "\n") + result_text(report.a, r);
+  for (const TeamResult& r : report.results) text += (text.empty() ? "" : "\n") + result_text(report, r);
   return text;
 }
 
@@ -92,17 +156,15 @@ std::string report_csv(const MatchReport& report) {
   return text;
 }
 
-Json result_json(const TeamResult& r) {
-  Json json{{"team", r.team}, {"episodes", r.match.episodes}};
-  for (const Share& s : shares(r)) json[s.count_name] = s.count;
-  for (const Share& s : shares(r)) {
-    const Interval ci = wilson95(s.count, r.match.episodes);
-    json[s.rate_name] = r.share(s.count);
-    json[cat(s.rate_name, "_ci95")] = {ci.lo, ci.hi};
-  }
+Json result_json(const MatchReport& report, const TeamResult& r) {
+  Json json{{"team", r.team}};
+  json.update(shares_json(r));
   json["mean_length"] = r.match.mean_length;
   for (const auto& [name, value] : side_figures(r.match, r.team)) json[name] = value;
   for (const auto& [name, value] : side_figures(r.match, 1 - r.team)) json["opponent"][name] = value;
+  if (const auto parts = parts_of(report, r, r.team); !parts.empty()) json["policies"] = policies_json(parts);
+  if (const auto parts = parts_of(report, r, 1 - r.team); !parts.empty())
+    json["opponent"]["policies"] = policies_json(parts);
   return json;
 }
 

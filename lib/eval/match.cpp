@@ -37,14 +37,52 @@ MatchResult match_result(const EpisodeStats& stats) {
   return result;
 }
 
-/// Seats a pair in some worlds. Of two teams that several policies share each policy of the one meets each of the
-/// other: the second team has a part for each policy of the first, and shares that. Where there are too few worlds it
-/// has fewer parts, in each of which all of its policies play.
-void seat(const Pairing& pair, const WorldRange& worlds, BothSides& sides) {
+/// The parts of a pair's worlds in each of which all policies of a side share the games. Of two teams that several
+/// policies share each policy of the one meets each of the other: the second team has a part for each policy of the
+/// first. Where there are too few worlds it has fewer, in each of which all of its policies play.
+std::vector<WorldRange> parts_of_side(const Pairing& pair, const WorldRange& worlds, int side) {
   const int64_t shared = pair.side[1]->n_sharing();
-  const int64_t n = shared > 1 ? std::clamp<int64_t>(worlds.count / shared, 1, pair.side[0]->n_sharing()) : 1;
-  sides[0].push_back({pair.side[0], worlds});
-  for (int64_t k = 0; k < n; ++k) sides[1].push_back({pair.side[1], part_of(worlds, k, n)});
+  const int64_t n =
+      side == 1 && shared > 1 ? std::clamp<int64_t>(worlds.count / shared, 1, pair.side[0]->n_sharing()) : 1;
+  std::vector<WorldRange> parts;
+  for (int64_t k = 0; k < n; ++k) parts.push_back(part_of(worlds, k, n));
+  return parts;
+}
+
+/// Seats a pair in some worlds.
+void seat(const Pairing& pair, const WorldRange& worlds, BothSides& sides) {
+  for (int side = 0; side < kNTeams; ++side)
+    for (const WorldRange& part : parts_of_side(pair, worlds, side))
+      sides[static_cast<size_t>(side)].push_back({pair.side[static_cast<size_t>(side)], part});
+}
+
+/// The statistics of all worlds, on the host.
+std::vector<float> stats_of(const Simulator& sim) {
+  std::vector<float> stats(static_cast<size_t>(sim.n_worlds()) * kNStatRows);
+  sim.memory().to_host(stats.data(), sim.state().view().stats, stats.size() * sizeof(float));
+  return stats;
+}
+
+/// What came of some worlds; takes their statistics.
+EpisodeStats take_some(std::vector<float>& stats, const WorldRange& worlds) {
+  StateView some{};
+  some.stats = stats.data() + worlds.first * kNStatRows;
+  return take_host_stats(some, static_cast<int>(worlds.count));
+}
+
+/// What came of the episodes of each policy that shares a side of a match; nothing where it is one alone.
+std::vector<MatchResult> of_each_policy(const Pairing& pair, int side, std::vector<float> stats, int64_t n_worlds) {
+  std::vector<MatchResult> all;
+  const int64_t n = pair.side[static_cast<size_t>(side)]->n_sharing();
+  for (int64_t k = 0; n > 1 && k < n; ++k) {
+    EpisodeStats sum;
+    for (const WorldRange& part : parts_of_side(pair, {0, n_worlds}, side)) {
+      const EpisodeStats some = take_some(stats, part_of(part, k, n));
+      for (size_t row = 0; row < sum.rows.size(); ++row) sum.rows[row] += some.rows[row];
+    }
+    all.push_back(match_result(sum));
+  }
+  return all;
 }
 
 /// Plays the games of all pairs, in worlds one after the other: as many for each as there are episodes, and last those
@@ -129,13 +167,18 @@ MatchResult play_match(const SimSpec& spec, std::shared_ptr<TeamController> side
                        std::vector<GameObserver*> observers) {
   const Pairing pair{{std::move(side0), std::move(side1)}};
   check_episodes(options.episodes, pair.side[0]->n_sharing(), pair.side[1]->n_sharing());
-  return checked(play(spec, {&pair, 1}, options, std::move(observers))->take_stats(), options.episodes);
+  const auto sim = play(spec, {&pair, 1}, options, std::move(observers));
+  const bool is_shared = pair.side[0]->n_sharing() > 1 || pair.side[1]->n_sharing() > 1;
+  const std::vector<float> stats = is_shared ? stats_of(*sim) : std::vector<float>();
+  MatchResult result = checked(sim->take_stats(), options.episodes);
+  for (int side = 0; side < kNTeams; ++side) result.of_each[side] = of_each_policy(pair, side, stats, sim->n_worlds());
+  return result;
 }
 
 std::vector<MatchResult> play_matches(const SimSpec& spec, const std::vector<Pairing>& pairs,
                                       const MatchOptions& options, const WatchedPair* watched) {
   GIGA_CHECK(options.episodes > 0, "episodes: ", options.episodes);
-  const size_t at_once = beside_each_other(spec, pairs, options), episodes = static_cast<size_t>(options.episodes);
+  const size_t at_once = beside_each_other(spec, pairs, options);
   const bool joins = watched && !watched->alone && !pairs.empty() && watched->episodes <= options.episodes &&
                      !finds_by_place(spec, {.pairs = options.pairs}) && !reads_images(watched->pair) &&
                      std::none_of(pairs.begin(), pairs.end(), reads_images);
@@ -144,12 +187,10 @@ std::vector<MatchResult> play_matches(const SimSpec& spec, const std::vector<Pai
     const std::span<const Pairing> some = std::span(pairs).subspan(first, std::min(at_once, pairs.size() - first));
     const bool last = first + some.size() == pairs.size();
     const auto sim = play(spec, some, options, {}, joins && last ? watched : nullptr);
-    StateView state = sim->state().view();
-    std::vector<float> stats(some.size() * episodes * kNStatRows);
-    sim->memory().to_host(stats.data(), state.stats, stats.size() * sizeof(float));
+    std::vector<float> stats = stats_of(*sim);
     for (size_t k = 0; k < some.size(); ++k) {
-      state.stats = stats.data() + k * episodes * kNStatRows;
-      results.push_back(checked(take_host_stats(state, options.episodes), options.episodes));
+      const WorldRange worlds{static_cast<int64_t>(k) * options.episodes, options.episodes};
+      results.push_back(checked(take_some(stats, worlds), options.episodes));
     }
   }
   if (watched && !joins) {

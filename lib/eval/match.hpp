@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -37,6 +38,10 @@ struct MatchResult {
   double mean_length = 0;                 ///< steps
   double mean_survivors[2] = {0, 0};      ///< agents of the side that live at the end
   double mean_deaths[2][kNDeaths] = {};   ///< by side and cause (Death, kDeathNames)
+  /// Of observation and action, in nats, by side; where somebody measured it (InformationMeter).
+  std::array<std::optional<double>, kNTeams> mutual_information = {};
+  /// By side, of a team that several policies share: what came of the episodes of each (play_match only).
+  std::vector<MatchResult> of_each[2] = {};
 };
 
 /// Throws InputError where so many episodes are too few for each policy of a team that several share to play one.

@@ -3,8 +3,6 @@
 #include <ATen/ATen.h>
 #include <ATen/core/grad_mode.h>
 
-#include <cmath>
-
 #include "math/dense_rows.hpp"
 
 namespace giga {
@@ -133,31 +131,6 @@ void Actor::save(const std::string& prefix, NamedArrays& out) const {
 void Actor::load(const std::string& prefix, const NamedArrays& in) {
   parameters_.load(prefix, in);
   if (normalize_) normalizer_.load(prefix + "normalizer/", in);
-}
-
-at::Tensor mutual_information(const Actor& actor, const at::Tensor& head, const at::Tensor& weight,
-                              const SumOverRanks& sum) {
-  at::NoGradGuard no_grad;
-  at::Tensor p;  // [R, groups, choices]
-  if (actor.actions() == ActionKind::discrete) {
-    p = at::softmax(head.slice(-1, 0, kNDiscreteActions), -1).unsqueeze(1);
-  } else {
-    constexpr int kBins = 9;
-    at::Tensor edges = at::linspace(-1, 1, kBins + 1, head.options()).slice(0, 1, kBins).atanh();  // before squashing
-    const at::Tensor z = (edges - head.unsqueeze(-1)) / actor.log_std().exp().unsqueeze(-1);
-    const at::Tensor below = 0.5 * (1 + at::erf(z / std::sqrt(2.0)));
-    const at::Tensor zero = at::zeros_like(below.slice(-1, 0, 1));
-    p = at::cat({below, zero + 1}, -1) - at::cat({zero, below}, -1);
-  }
-  const auto entropy = [](const at::Tensor& q) { return -(q * (q + 1e-12).log()).sum(-1); };
-  const at::Tensor living = weight.sum();
-  at::Tensor mean_policy = (p * weight.view({-1, 1, 1})).sum(0);  // [groups, choices]
-  at::Tensor mean_entropy = (entropy(p) * weight.unsqueeze(-1)).sum(0);
-  sum.together({living, mean_policy, mean_entropy});
-  const at::Tensor count = living.clamp_min(1);
-  mean_policy /= count;
-  mean_entropy /= count;
-  return (entropy(mean_policy) - mean_entropy).sum().reshape({1});
 }
 
 }  // namespace giga

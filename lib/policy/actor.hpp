@@ -15,7 +15,6 @@
 #include "policy/normalizer.hpp"
 #include "policy/parameters.hpp"
 #include "policy/policy.hpp"
-#include "policy/sum_over_ranks.hpp"
 #include "sim/params.hpp"
 
 namespace giga {
@@ -102,11 +101,5 @@ class Actor final : public Policy {
   int log_std_ = -1;
   RunningNorm normalizer_;
 };
-
-/// The mutual information I(observation; action) in nats over rows with weight 1, of all ranks: entropy of the mean
-/// policy minus mean entropy. It shows how much a policy depends on what it sees. Continuous actions: the sum over
-/// their dimensions, each in nine equal bins of (-1, 1).
-at::Tensor mutual_information(const Actor& actor, const at::Tensor& head, const at::Tensor& weight,
-                              const SumOverRanks& sum = {});
 
 }  // namespace giga

@@ -55,6 +55,25 @@ TEST_F(Eval, TwoRunsAgainstEachOther) {
   EXPECT_NEAR(of_b, 2, 1e-9);
 }
 
+TEST_F(Eval, MeasuresInformationAndPlaysTheSame) {
+  const Outcome plain = eval("first", "circle", {"--json", "-"});
+  const Outcome measured = eval("first", "circle", {"--information", "--json", "-"});
+  ASSERT_EQ(measured.code, 0) << measured.err;
+  const Document a = parse_yaml_text(plain.out, "json"), b = parse_yaml_text(measured.out, "json");
+  for (const char* side : {"0", "1"}) {
+    for (const char* key : {"wins", "ties", "mean_return", "mean_length"})
+      EXPECT_EQ(number_at(a, {"sides", side, key}), number_at(b, {"sides", side, key})) << key;
+    EXPECT_GT(number_at(b, {"sides", side, "mutual_information"}), 0);
+    EXPECT_EQ(at(b, {"sides", side, "opponent", "mutual_information"}).text, "") << "null: a script";
+  }
+  EXPECT_FALSE(contains(plain.out, {"mutual_information"}));
+  const Outcome greedy = eval("first", "second", {"--information", "--greedy", "--csv", "-"});
+  EXPECT_TRUE(contains(greedy.out, {",mutual_information_a,", ",mutual_information_b"})) << greedy.out;
+  const Outcome text = eval("first", "circle", {"--information"});
+  EXPECT_TRUE(contains(text.out, {"mutual information of observation and action: side 0 0.", "nats, side 1 none"}))
+      << text.out;
+}
+
 TEST_F(Eval, BothSidesAreTheReverseOfTheReverse) {
   const Outcome outcome = eval("first", "second", {"--both-sides", "--json", "-"});
   ASSERT_EQ(outcome.code, 0) << outcome.err;

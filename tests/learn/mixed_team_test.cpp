@@ -78,19 +78,29 @@ TEST_F(LearnMixedTeam, EachMeetsEachOfAnotherMixedTeam) {
   };
   const MatchResult together = play(6 * 12);
   // Games 12 k to 12 k + 11 are those of pair k, as a match of that pair would have them.
-  std::array<int, 3> sum{};
+  using Counts = std::array<int, 3>;
+  const auto counts_of = [](const MatchResult& r) { return Counts{r.wins[0], r.wins[1], r.ties}; };
+  Counts sum{};
+  std::array<Counts, 3> of_first{};
+  std::array<Counts, 2> of_second{};
   const char* const first[] = {"pursuer", "circle", "evader"};
   const char* const second[] = {"circle", "noop"};
-  for (int k = 0; k < 6; ++k) {
+  for (size_t k = 0; k < 6; ++k) {
     Player a = Player::load(first[k / 2], {}), b = Player::load(second[k % 2], {});
-    for (const int n : {12 * k, 12 * k + 12}) {
+    const int before = static_cast<int>(12 * k);
+    for (const int n : {before, before + 12}) {
       if (n == 0) continue;
-      const MatchResult r = play_match(spec, a.controller(0, spec), b.controller(1, spec), {n, 5, kCpu, 2});
-      const int sign = n == 12 * k ? -1 : 1;
-      for (size_t j = 0; j < 3; ++j) sum[j] += sign * std::array{r.wins[0], r.wins[1], r.ties}[j];
+      const Counts r = counts_of(play_match(spec, a.controller(0, spec), b.controller(1, spec), {n, 5, kCpu, 2}));
+      for (Counts* to : {&sum, &of_first[k / 2], &of_second[k % 2]})
+        for (size_t j = 0; j < 3; ++j) (*to)[j] += (n == before ? -1 : 1) * r[j];
     }
   }
-  EXPECT_EQ((std::array{together.wins[0], together.wins[1], together.ties}), sum);
+  EXPECT_EQ(counts_of(together), sum);
+  ASSERT_EQ(together.of_each[0].size(), 3u);
+  ASSERT_EQ(together.of_each[1].size(), 2u);
+  for (size_t k = 0; k < 3; ++k) EXPECT_EQ(counts_of(together.of_each[0][k]), of_first[k]) << first[k];
+  for (size_t k = 0; k < 2; ++k) EXPECT_EQ(counts_of(together.of_each[1][k]), of_second[k]) << second[k];
+  EXPECT_EQ(together.of_each[1][1].episodes, 36);
   EXPECT_EQ(play(5).episodes, 5);
   EXPECT_THROW(play(2), InputError);  // three policies of the first
 }

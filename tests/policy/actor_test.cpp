@@ -1,4 +1,4 @@
-// Actors: execution sees the agent's own observation alone; both kinds of heads; I(observation; action).
+// Actors: execution sees the agent's own observation alone; both kinds of heads.
 #include "policy/actor.hpp"
 
 #include <gtest/gtest.h>
@@ -137,32 +137,6 @@ TEST(PolicyActor, SmallHeadsAreComputedWithoutLibTorch) {
   EXPECT_FALSE(small_head());
   config.hidden = {8, 128};
   EXPECT_TRUE(small_head());
-}
-
-TEST(PolicyMutualInformation, CategoricalByHand) {
-  const Actor actor = make(ActionKind::discrete);
-  const auto nats = [&](const at::Tensor& logits, const std::vector<float>& weight) {
-    return mutual_information(actor, logits, numbers(weight)).item<double>();
-  };
-  // Rows that are certain of action 0, 0, 5, 5: the mean policy has entropy log 2, each alone none.
-  at::Tensor logits = at::zeros({4, kLogitStride});
-  logits[0][0] = logits[1][0] = logits[2][5] = logits[3][5] = 200;
-  logits.select(1, 27).fill_(500);  // not an action
-  EXPECT_NEAR(nats(logits, {1, 1, 1, 1}), std::log(2.0), 1e-5);
-  EXPECT_NEAR(nats(logits, {1, 1, 0, 0}), 0, 1e-5);  // the dead do not count
-  // Weights 1 : 2: H(1/3) = -(log(1/3) / 3 + 2 log(2/3) / 3) = 0.6365142.
-  EXPECT_NEAR(nats(logits, {1, 0, 1, 1}), 0.6365142, 1e-5);
-  EXPECT_NEAR(nats(at::zeros({4, kLogitStride}), {1, 1, 1, 1}), 0, 1e-5);  // uniform, but the same everywhere
-}
-
-TEST(PolicyMutualInformation, GaussianInNineBins) {
-  // Means far out on both sides with deviation exp(-0.5): the outer bins hold all, so log 2 for the first dimension.
-  const Actor actor = make(ActionKind::continuous);
-  at::Tensor mean = at::zeros({2, 3});
-  EXPECT_NEAR(mutual_information(actor, mean, at::ones({2})).item<double>(), 0, 1e-5);
-  mean[0][0] = 20;
-  mean[1][0] = -20;
-  EXPECT_NEAR(mutual_information(actor, mean, at::ones({2})).item<double>(), std::log(2.0), 1e-4);
 }
 
 }  // namespace

@@ -7,6 +7,7 @@
 #include "learn/mappo/ppo_team.hpp"
 #include "math/ppo_loss.hpp"
 #include "math/step_gate.hpp"
+#include "policy/mutual_information.hpp"
 
 namespace giga {
 

@@ -14,6 +14,7 @@ class ValueFunction;
 struct Mind {
   const Policy* policy = nullptr;
   const ValueFunction* values = nullptr;
+  bool greedy = false;  ///< the policy plays its likeliest action
 };
 using Minds = std::array<Mind, kNTeams>;
 

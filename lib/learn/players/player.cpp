@@ -51,8 +51,8 @@ class Player::Exported {
 
   const ExportedPolicy& found() const { return found_; }
   bool reads_image() const { return found_.manifest && found_.manifest->shape.reads_image(); }
-  /// That was read last; null before.
-  const Policy* policy() const { return read_.policy.get(); }
+  /// That was read last; its policy is null before.
+  const ReadPolicy& last_read() const { return read_; }
   const ReadPolicy& policy_for(const SimSpec& spec) {
     MadeFor wanted{interface_of(spec, reads_image()), row_view(spec), spec.params.limit_x, spec.params.limit_y};
     if (read_.policy && made_for_.serves(wanted)) return read_;
@@ -217,10 +217,10 @@ std::unique_ptr<TeamController> Player::controller(int side, const SimSpec& spec
 }
 
 Mind Player::mind(int side, const SimSpec& spec) const {
-  if (exported_) return {exported_->policy(), nullptr};
+  if (exported_) return {exported_->last_read().policy.get(), nullptr, greedy_ || exported_->last_read().greedy};
   const ValueFunction* values = values_[side].get();
   if (values && values->needs_state() && origin_->run.spec.state_size() != spec.state_size()) values = nullptr;
-  return {policy_[side].get(), values};
+  return {policy_[side].get(), values, policy_[side] && (greedy_ || acts_greedily(origin_->run.config))};
 }
 
 std::unique_ptr<TeamController> Player::checkpoint_controller(int side, const SimSpec& spec) const {
