@@ -13,8 +13,9 @@ namespace giga {
 /// What the command line asked for; main carries it out once all of the line is understood.
 struct Dispatch {
   std::function<void()> run;
-  int exit_code = 0;     ///< where `run` returns; errors have their own
-  std::string size_key;  ///< the setting that makes the run smaller (RunSize), once a run is known
+  bool uses_threads = true;  ///< `run` lets threads of LibTorch work (openmp_spin.hpp)
+  int exit_code = 0;         ///< where `run` returns; errors have their own
+  std::string size_key;      ///< the setting that makes the run smaller (RunSize), once a run is known
   /// What to do after a failure, for people; may be empty.
   std::function<std::string()> advice;
   std::string who;  ///< before messages of failures: "rank 1: "; empty where the process is alone

@@ -101,6 +101,7 @@ void add_config_command(CLI::App& app, Dispatch& dispatch) {
   command->callback([options, config, schema, &dispatch] {
     if (schema->count() > 0 && options->schema.empty()) options->schema = "run";
     if (config->count() == 0 && schema->count() == 0 && !options->reference) throw CLI::RequiredError("CONFIG");
+    dispatch.uses_threads = false;
     dispatch.run = [options] { print_config(*options); };
   });
 }

@@ -92,7 +92,10 @@ void add_inspect_command(CLI::App& app, Dispatch& dispatch) {
       "Examples:\n"
       "  gigastep inspect runs/first\n"
       "  gigastep inspect runs/first/checkpoints/best.h5 --json -");
-  command->callback([options, &dispatch] { dispatch.run = [options] { inspect(*options); }; });
+  command->callback([options, &dispatch] {
+    dispatch.uses_threads = false;
+    dispatch.run = [options] { inspect(*options); };
+  });
 }
 
 }  // namespace giga

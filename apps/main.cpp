@@ -50,7 +50,6 @@ std::string with_advice(const std::string& message, const std::string& size_key)
 }
 
 int run(int argc, char** argv, giga::Dispatch& dispatch) {
-  giga::restart_with_short_spin(argv);
   CLI::App app("gigastep: fast training of teams of agents against each other.", "gigastep");
   giga::describe_program(app);
   giga::add_train_command(app, dispatch);
@@ -76,6 +75,7 @@ int run(int argc, char** argv, giga::Dispatch& dispatch) {
     if (e.get_exit_code() == 0) return app.exit(e);  // --help, --version
     return fail(giga::explain(app, e), kBadInput);
   }
+  if (dispatch.uses_threads) giga::restart_with_short_spin(argv);
   dispatch.run();
   return dispatch.exit_code;
 }

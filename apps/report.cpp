@@ -32,6 +32,7 @@ void add_report_command(CLI::App& app, Dispatch& dispatch) {
       "  gigastep report runs/NAME-seed* --out seeds.html\n"
       "  gigastep report runs/*/ --out all.html");
   command->callback([options, &dispatch] {
+    dispatch.uses_threads = false;
     dispatch.run = [options] {
       namespace fs = std::filesystem;
       const std::vector<fs::path> runs(options->runs.begin(), options->runs.end());

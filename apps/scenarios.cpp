@@ -73,6 +73,7 @@ void add_scenarios_command(CLI::App& app, Dispatch& dispatch) {
       "                                                     _cont|_disc, in any order");
   command->callback([command, &dispatch] {
     if (command->get_subcommands().empty()) dispatch.run = list;
+    dispatch.uses_threads = false;
   });
 
   CLI::App* show = command->add_subcommand("show", "print a scenario resolved, as YAML that can be changed and used");
@@ -91,7 +92,10 @@ void add_scenarios_command(CLI::App& app, Dispatch& dispatch) {
       "  gigastep scenarios show hide_and_seek_5_vs_5 > mine.yaml\n"
       "  gigastep scenarios show ./mine.yaml --picture mine.svg     any browser shows it\n"
       "  gigastep scenarios show identical_5_vs_5_rgb --picture seen.png");
-  show->callback([options, &dispatch] { dispatch.run = [options] { print_or_draw(*options); }; });
+  show->callback([options, &dispatch] {
+    dispatch.uses_threads = false;
+    dispatch.run = [options] { print_or_draw(*options); };
+  });
 }
 
 }  // namespace giga
