@@ -132,7 +132,8 @@ const char* const kEvalHelp =
     "exported policy (the folder that export wrote, or its safetensors file; ONNX is not read); a TorchScript module\n"
     "(observations [B, F] in, logits [B, 27] or means [B, 3] out; needs --trust); a scripted team\n"
     "(docs/scripted_teams.md; ./circle means a file of that name); or a mixed team, a YAML file that lists such\n"
-    "policies, as policies: [runs/first, runs/second]: of its episodes each plays as many, in their order. A plays\n"
+    "policies, as policies: [runs/first, runs/second]: of its episodes each plays as many, in their order, and the\n"
+    "result tells of each (but for --csv). A plays\n"
     "side 0 and B side 1, a checkpoint with its policy of that team; --both-sides also plays the reverse. Where B is "
     "a\n"
     "scripted team and A is not, A plays each side\n"
@@ -184,9 +185,11 @@ void add_eval_command(CLI::App& app, Dispatch& dispatch) {
   command->add_flag("--greedy", options->greedy,
                     "policies take their most likely action instead of drawing one; those that evolved with "
                     "population.greedy always do");
-  command->add_flag("--information", options->information,
-                    "also measure how much what each policy does depends on what it sees: the mutual information of\n"
-                    "observation and action in nats, 0 where it does the same whatever it sees; not of mixed teams");
+  command->add_flag(
+      "--information", options->information,
+      "also measure how much what each policy does depends on what it sees: the mutual information of\n"
+      "observation and action in nats, 0 where it always does the same, at most ln 27 = 3.30 (continuous\n"
+      "actions: the sum of their three dimensions, each in nine bins); not of mixed teams");
   command->add_flag("--trust", options->trust, "open TorchScript modules, which can run any code");
   command
       ->add_option("--csv", options->csv,

@@ -23,7 +23,7 @@ std::vector<Share> shares(const TeamResult& r) {
           {"tied", "tie_rate", "ties", r.match.ties}};
 }
 
-/// Whether there is a policy of which it was asked.
+/// Whether the information of any side was measured.
 bool is_measured(const MatchResult& m) { return m.mutual_information[0] || m.mutual_information[1]; }
 
 /// The figures of one side of a match.
@@ -138,7 +138,7 @@ std::string report_csv(const MatchReport& report) {
                                        cat(r.team), cat(r.match.episodes)};
     const auto add = [&](const std::string& name, double value) {
       names.push_back(name);
-      fields.push_back(print_number(value));
+      fields.push_back(std::isnan(value) ? "" : print_number(value));  // as in metrics.csv
     };
     for (const Share& s : shares(r)) {
       const Interval ci = wilson95(s.count, r.match.episodes);

@@ -9,6 +9,7 @@
 #include <csignal>
 #include <cstdlib>
 #include <cstring>
+#include <iostream>
 #include <map>
 #include <optional>
 #include <string>
@@ -115,6 +116,11 @@ class Children {
   Children(const Children&) = delete;
   Children& operator=(const Children&) = delete;
 
+  /// Asks all to stop.
+  void stop(int signal) {
+    asked_to_stop_ = true;
+    send(signal);
+  }
   void send(int signal) const {
     for (const int pid : pids_)
       if (pid > 0) ::kill(pid, signal);
@@ -122,7 +128,8 @@ class Children {
 
   /// A terminal sends SIGINT to all processes, `kill` to this one alone: who has had none gets it, so that it tells the
   /// signal by its name, and the others one that they ignore by now.
-  void interrupt() const {
+  void interrupt() {
+    asked_to_stop_ = true;
     for (const int pid : pids_)
       if (pid > 0) ::kill(pid, awaits_interrupt(pid) ? SIGINT : SIGTERM);
   }
@@ -138,6 +145,8 @@ class Children {
     return all;
   }
   std::optional<int> failure() const { return failure_; }
+  /// Whether the request to stop ended one that did not yet listen to it.
+  bool ended_early() const { return ended_early_; }
   int code_of_rank_0() const { return code_of_rank_0_; }
 
  private:
@@ -146,6 +155,7 @@ class Children {
     const bool killed = WIFSIGNALED(status);
     const int code = killed ? kFailed : WEXITSTATUS(status);
     if (rank == 0) code_of_rank_0_ = code;
+    if (killed && asked_to_stop_ && (WTERMSIG(status) == SIGTERM || WTERMSIG(status) == SIGINT)) ended_early_ = true;
     if (killed)
       server_.report_failure(cat("rank ", rank, " of ", pids_.size(), " was ended by signal ", WTERMSIG(status), " (",
                                  ::strsignal(WTERMSIG(status)), ")"));
@@ -157,6 +167,7 @@ class Children {
   std::vector<int> pids_;  // 0: it has ended
   std::optional<int> failure_;
   int code_of_rank_0_ = 0;
+  bool asked_to_stop_ = false, ended_early_ = false;
 };
 
 }  // namespace
@@ -170,11 +181,15 @@ int start_ranks(int n) {
     if (const int signal = StopRequest::signal(); signal != 0 && forwarded == 0) {
       forwarded = signal;
       std::this_thread::sleep_for(kPoll);  // until a terminal's has reached all
-      signal == SIGINT ? children.interrupt() : children.send(signal);
+      signal == SIGINT ? children.interrupt() : children.stop(signal);
     }
     if (children.failure() && !failed_at) failed_at = Clock::now();
     if (failed_at && Clock::now() - *failed_at > kGrace) children.send(SIGKILL);
     std::this_thread::sleep_for(kPoll);
+  }
+  if (children.ended_early()) {
+    std::cerr << "stopped (" << signal_name(forwarded) << ") before all ranks had begun" << std::endl;
+    return kEndedBySignal + forwarded;
   }
   const int code = children.failure().value_or(children.code_of_rank_0());
   return forwarded == SIGINT && code == kEndedBySignal + SIGTERM ? kEndedBySignal + SIGINT : code;

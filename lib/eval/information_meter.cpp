@@ -27,8 +27,9 @@ void InformationMeter::before_step(int64_t, GameStep& step) {
 }
 
 /// On what agents see now they act next; unless they are dead, or their game is over.
-void InformationMeter::after_step(int64_t, const GameStep& step) {
+void InformationMeter::after_step(int64_t t, const GameStep& step) {
   at::NoGradGuard no_grad;
+  if (t < 0) sides_ = {};  // a match may begin anew, with tables in the place of lists that are too short
   const Simulator& sim = *step.sim;
   const SimParams& params = sim.params();
   GIGA_CHECK(params.team_after_team, "agents of team 1 before those of team 0");

@@ -1,4 +1,4 @@
-// InformationMeter: watches a match and measures how much what learned teams do depends on what they see.
+// InformationMeter: watches a match and measures how much what learned teams do depends on what they see and remember.
 #pragma once
 
 #include <array>
@@ -22,7 +22,7 @@ class InformationMeter final : public GameObserver {
   void before_step(int64_t t, GameStep& step) override;
   void after_step(int64_t t, const GameStep& step) override;
 
-  /// In nats (policy/mutual_information.hpp), by side, of the steps so far.
+  /// In nats (policy/mutual_information.hpp), by side, of the steps of the match so far.
   std::array<std::optional<double>, kNTeams> nats() const;
 
  private:

@@ -71,12 +71,14 @@ EpisodeStats take_some(std::vector<float>& stats, const WorldRange& worlds) {
 }
 
 /// What came of the episodes of each policy that shares a side of a match; nothing where it is one alone.
-std::vector<MatchResult> of_each_policy(const Pairing& pair, int side, std::vector<float> stats, int64_t n_worlds) {
+std::vector<MatchResult> of_each_policy(const Pairing& pair, int side, const Simulator& sim) {
   std::vector<MatchResult> all;
   const int64_t n = pair.side[static_cast<size_t>(side)]->n_sharing();
-  for (int64_t k = 0; n > 1 && k < n; ++k) {
+  if (n == 1) return all;
+  std::vector<float> stats = stats_of(sim);
+  for (int64_t k = 0; k < n; ++k) {
     EpisodeStats sum;
-    for (const WorldRange& part : parts_of_side(pair, {0, n_worlds}, side)) {
+    for (const WorldRange& part : parts_of_side(pair, {0, sim.n_worlds()}, side)) {
       const EpisodeStats some = take_some(stats, part_of(part, k, n));
       for (size_t row = 0; row < sum.rows.size(); ++row) sum.rows[row] += some.rows[row];
     }
@@ -98,7 +100,9 @@ std::unique_ptr<Simulator> play_once(const SimSpec& spec, std::span<const Pairin
   sim_options.on_done = OnDone::freeze;
   sim_options.n_threads = options.n_threads;
   sim_options.pairs = options.pairs;
-  if (watched || !observers.empty()) sim_options.pairs = Pairs::tables;  // which replays keep
+  if (watched) observers.push_back(watched->observer);
+  if (std::any_of(observers.begin(), observers.end(), [](const GameObserver* o) { return o->needs_tables(); }))
+    sim_options.pairs = Pairs::tables;
   void* const stream = current_stream(options.device);
   auto sim = make_simulator(limited, sim_options, options.device, stream);
   const ParallelFor parallel_for(options.device, options.n_threads, stream);
@@ -109,10 +113,7 @@ std::unique_ptr<Simulator> play_once(const SimSpec& spec, std::span<const Pairin
     seat(pair, {first, options.episodes}, sides);
     first += options.episodes;
   }
-  if (watched) {
-    seat(watched->pair, {first, watched->episodes}, sides);
-    observers.push_back(watched->observer);
-  }
+  if (watched) seat(watched->pair, {first, watched->episodes}, sides);
   Game game(*sim, parallel_for, sides, std::move(observers));
   game.start();
   game.play(limited.params.max_episode_length);
@@ -168,10 +169,10 @@ MatchResult play_match(const SimSpec& spec, std::shared_ptr<TeamController> side
   const Pairing pair{{std::move(side0), std::move(side1)}};
   check_episodes(options.episodes, pair.side[0]->n_sharing(), pair.side[1]->n_sharing());
   const auto sim = play(spec, {&pair, 1}, options, std::move(observers));
-  const bool is_shared = pair.side[0]->n_sharing() > 1 || pair.side[1]->n_sharing() > 1;
-  const std::vector<float> stats = is_shared ? stats_of(*sim) : std::vector<float>();
-  MatchResult result = checked(sim->take_stats(), options.episodes);
-  for (int side = 0; side < kNTeams; ++side) result.of_each[side] = of_each_policy(pair, side, stats, sim->n_worlds());
+  std::vector<MatchResult> of_each[kNTeams];
+  for (int side = 0; side < kNTeams; ++side) of_each[side] = of_each_policy(pair, side, *sim);
+  MatchResult result = checked(sim->take_stats(), options.episodes);  // which it has no longer then
+  for (int side = 0; side < kNTeams; ++side) result.of_each[side] = std::move(of_each[side]);
   return result;
 }
 

@@ -24,7 +24,7 @@ struct MatchOptions {
   Device device;
   int n_threads = 0;
   std::function<void(const std::string&)> note = {};  ///< told what a user should know of how they are played
-  Pairs pairs = Pairs::automatic;  ///< where nobody watches: replays are of tables, where there are any
+  Pairs pairs = Pairs::automatic;                     ///< where nobody watches who needs tables (GameObserver)
 };
 
 /// Sums over the episodes of a match, by side.

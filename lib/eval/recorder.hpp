@@ -29,6 +29,7 @@ class Recorder final : public GameObserver {
   explicit Recorder(const SimSpec& spec, const Minds& minds = {}, const RecorderOptions& options = {});
   ~Recorder() override;
 
+  bool needs_tables() const override { return true; }  // replays keep them
   void before_step(int64_t t, GameStep& step) override;
   void after_step(int64_t t, const GameStep& step) override;
   /// Unless the networks remember: those are asked of each state at once.

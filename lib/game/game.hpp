@@ -65,6 +65,9 @@ class GameObserver {
   /// (TeamStep::behind_step).
   virtual void after_step(int64_t /*t*/, const GameStep& /*step*/) {}
 
+  /// Whether it reads the tables of pairs of the state, which are kept then where the options leave that open.
+  virtual bool needs_tables() const { return false; }
+
   /// Whether steps may be recorded although it observes them (TeamController::repeats). Then `before_step` asks the
   /// same at each, and steps that are recorded are told by the two below in the place of after_step.
   virtual bool repeats() const { return false; }

@@ -37,7 +37,8 @@ InformationSums information_sums(const Policy& policy, const at::Tensor& head, c
 
 at::Tensor mutual_information(const InformationSums& sums) {
   const at::Tensor count = sums.rows.clamp_min(1);
-  return (entropy(sums.policy / count) - sums.entropies / count).sum().reshape({1});
+  // Rounding may leave less than nothing.
+  return (entropy(sums.policy / count) - sums.entropies / count).sum().clamp_min(0).reshape({1});
 }
 
 at::Tensor mutual_information(const Policy& policy, const at::Tensor& head, const at::Tensor& weight,

@@ -1,4 +1,5 @@
-// The mutual information of observations and actions: how much what a policy does depends on what it sees.
+// The mutual information of observations and actions: how much what a policy does depends on what it sees
+// and, if it has a memory, remembers.
 #pragma once
 
 #include <ATen/core/Tensor.h>

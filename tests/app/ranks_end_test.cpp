@@ -88,6 +88,16 @@ TEST_F(RankedRun, IsStoppedBySignalAndGoesOnWithAnotherNumberOfRanks) {
   EXPECT_TRUE(contains(by_interrupt.err, {"(SIGINT), the state is saved"}));
 }
 
+// A signal comes while the ranks are being started: none of them listens yet.
+TEST_F(RankedRun, IsStoppedBeforeItsRanksHaveBegun) {
+  const Outcome outcome =
+      here_.run(train("early", 2), kGigastep,
+                {{"LD_PRELOAD", fault_library()}, {"FAULT_EXEC", "500"}, {"FAULT_SIGNAL", std::to_string(SIGTERM)}});
+  EXPECT_EQ(outcome.code, 128 + SIGTERM) << outcome.err;
+  EXPECT_TRUE(contains(outcome.err, {"stopped (SIGTERM) before all ranks had begun"}));
+  EXPECT_EQ(here_.run(train("early", 2)).code, 0);
+}
+
 TEST_F(RankedRun, EndsWhereARankIsKilled) {
   for (size_t victim = tests_run_in_full() ? 0 : 1; victim < 2; ++victim) {
     const std::string run = cat("killed_", victim);

@@ -155,6 +155,20 @@ TEST(AppSweep, OneWhoseTimeIsOverSavesItsRuns) {
   EXPECT_EQ(journal.find("\"result\""), std::string::npos) << "a run that was stopped has no result:\n" << journal;
 }
 
+// A signal comes while the first runs are being started, which do not listen yet.
+TEST(AppSweep, AStopReachesRunsThatAreJustBeingStarted) {
+  const Workplace here;
+  here.write("short.yaml", kShortConfig);
+  here.write("s.yaml", kSweep);
+  const Outcome stopped =
+      here.run({"sweep", "s.yaml", "--out", "s"}, kGigastep,
+               {{"LD_PRELOAD", fault_library()}, {"FAULT_EXEC", "500"}, {"FAULT_SIGNAL", std::to_string(SIGTERM)}});
+  EXPECT_EQ(stopped.code, 128 + SIGTERM) << stopped.err;
+  EXPECT_TRUE(contains(stopped.err, {"stopped (SIGTERM), all runs are saved"}));
+  EXPECT_EQ(here.read("s/sweep.jsonl").find("\"result\""), std::string::npos);
+  EXPECT_EQ(here.run({"sweep", "s.yaml", "--out", "s"}).code, 0);
+}
+
 // Runs of a second say little about rates: what counts is that all are trained as with a number.
 TEST(AppSweep, AutoTrainsAllTrials) {
   const Workplace here;

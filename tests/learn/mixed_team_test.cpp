@@ -101,7 +101,20 @@ TEST_F(LearnMixedTeam, EachMeetsEachOfAnotherMixedTeam) {
   for (size_t k = 0; k < 3; ++k) EXPECT_EQ(counts_of(together.of_each[0][k]), of_first[k]) << first[k];
   for (size_t k = 0; k < 2; ++k) EXPECT_EQ(counts_of(together.of_each[1][k]), of_second[k]) << second[k];
   EXPECT_EQ(together.of_each[1][1].episodes, 36);
-  EXPECT_EQ(play(5).episodes, 5);
+  // Where there are too few games for all pairs, those of each policy are all the same, and each has some.
+  const MatchResult few = play(5);
+  EXPECT_EQ(few.episodes, 5);
+  for (const std::vector<MatchResult>& side : few.of_each) {
+    Counts all{};
+    int episodes = 0;
+    for (const MatchResult& r : side) {
+      EXPECT_GE(r.episodes, 1);
+      episodes += r.episodes;
+      for (size_t j = 0; j < 3; ++j) all[j] += counts_of(r)[j];
+    }
+    EXPECT_EQ(episodes, 5);
+    EXPECT_EQ(all, counts_of(few));
+  }
   EXPECT_THROW(play(2), InputError);  // three policies of the first
 }
 

@@ -11,7 +11,7 @@
 namespace giga::test {
 namespace {
 
-/// Of which nothing but its kind of actions is asked.
+/// Of which nothing but the kind of its actions and their deviation, exp(-0.5), is asked.
 struct Heads final : Policy {
   explicit Heads(ActionKind kind) : kind_(kind) {}
   at::Tensor forward(const at::Tensor& obs, NetworkState&) const override { return obs; }

@@ -67,8 +67,8 @@ class Player {
   /// other observations or actions. Throws InputError where can_play is false, or the scenario's observations or
   /// actions are not those of the policy.
   std::unique_ptr<TeamController> controller(int side, const SimSpec& spec);
-  /// The networks behind that controller, for recorders; nothing of scripts and mixed teams. No critic where it was
-  /// trained to read the true state of another scenario.
+  /// The networks behind that controller, for observers of matches; nothing of scripts and mixed teams. No critic where
+  /// it was trained to read the true state of another scenario.
   Mind mind(int side, const SimSpec& spec) const;
 
   /// A game with the observations that its policy is given: the egocentric view only where it was trained with it and

@@ -1,5 +1,5 @@
 /* Loaded before the C library (LD_PRELOAD), this makes one file operation of a program the last, a failing or an endless
- * one.
+ * one, or lets a signal come while it starts another program.
  *
  *   FAULT_PATH   operations on files whose path contains this are counted: open, write, ftruncate, fsync, close, rename,
  *                unlink
@@ -8,7 +8,8 @@
  *                the operation fails with this error, and so do all later ones (a disk that is full stays full);
  *                -1: it does not come back, while other threads of the process go on
  *   FAULT_COUNT  file that receives, for each operation, a byte
- *   FAULT_EXEC   milliseconds by which execv is late
+ *   FAULT_EXEC   milliseconds by which execv and execve are late
+ *   FAULT_SIGNAL that they send to the parent process first
  *
  * Several threads of a program write files at once; each operation has a number of its own all the same.
  */
@@ -118,8 +119,16 @@ int rename(const char* from, const char* to) {
 }
 int unlink(const char* path) { return is_watched_path(path) && fails() ? -1 : REAL(unlink)(path); }
 
-int execv(const char* path, char* const words[]) {
+static void delay_exec(void) {
+  if (number("FAULT_SIGNAL") > 0) kill(getppid(), (int)number("FAULT_SIGNAL"));
   struct timespec left = {number("FAULT_EXEC") / 1000, number("FAULT_EXEC") % 1000 * 1000000};
   while (nanosleep(&left, &left) != 0 && errno == EINTR) continue;
+}
+int execv(const char* path, char* const words[]) {
+  delay_exec();
   return REAL(execv)(path, words);
+}
+int execve(const char* path, char* const words[], char* const variables[]) {
+  delay_exec();
+  return REAL(execve)(path, words, variables);
 }
