@@ -93,7 +93,8 @@ void add_config_command(CLI::App& app, Dispatch& dispatch) {
       ->excludes(schema);
   command->footer(
       "Prints YAML that reads back to the same config from any folder, a comment at each key. Mistakes are told, all\n"
-      "of them, with file, line, column, what is allowed and the nearest name; exit code 2.\n"
+      "of them, with file, line, column, what is allowed and the nearest name; exit code 2. Whether policies that it\n"
+      "names can play is told by train.\n"
       "Examples:\n"
       "  gigastep config quickstart\n"
       "  gigastep config my.yaml --set mappo.gamma=0.995 > resolved.yaml\n"

@@ -77,6 +77,9 @@ void export_policy(const ExportRequest& o) {
   if (!actor)
     throw InputError(cat("team ", o.team, " of ", file, " has no learned policy: it did not learn in training; team ",
                          1 - o.team, " has one"));
+  if (view == ViewPlace::input && !(loaded.run.spec.params.egocentric_view && !actor->reads_image()))
+    throw InputError(cat("--view input: the policy of team ", o.team, " of ", file,
+                         " does not read the egocentric view, so that it has no place"));
   const Json ratings = rating_of(found.file, checkpoint.updates, o.team);
   write_export(o.out, format, *actor, loaded.run.spec, origin_of(checkpoint, loaded.run, o.team), {view, &ratings});
   std::cout << o.out << ": the policy of team " << o.team << " after "

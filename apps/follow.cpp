@@ -52,7 +52,7 @@ int follow(TrainingSetup setup) {
     saved_update = learner.updates_done();
   };
 
-  if (!setup.from) save();
+  if (!setup.from || setup.settings_changed) save();
   while (learner.agent_steps_done() < train.total_agent_steps) {
     const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
     if (const int code = agreed_stop(ranks, stop_code(train, learner.agent_steps_done(), seconds))) {

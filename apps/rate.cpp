@@ -139,6 +139,25 @@ fs::path default_folder(const RateOptions& o) {
   return (in_run ? folder.parent_path().parent_path() : folder) / RatingFiles::kFolder;
 }
 
+/// The run folders of those that were rated.
+std::set<std::string> rated_runs(const Json& ratings) {
+  std::set<std::string> runs;
+  for (const Json& player : ratings.value("players", Json::array())) runs.insert(player.value("folder", ""));
+  return runs;
+}
+
+/// The folder, or the first of "ratings-2", "ratings-3" and so on that holds no ratings of other runs.
+fs::path without_others(const fs::path& wanted, const RatingSheet& sheet) {
+  fs::path folder = wanted;
+  std::error_code code;
+  for (int k = 2; fs::exists(folder / RatingFiles::kJson, code); ++k) {
+    const Json there = Json::parse(read_file(folder / RatingFiles::kJson), nullptr, false);
+    if (there.is_object() && rated_runs(there) == rated_runs(ratings_json(sheet, folder))) break;
+    folder = fs::path(wanted) += cat("-", k);
+  }
+  return folder;
+}
+
 /// Players of one pool as one: games and what is known of them.
 void pool(const std::vector<std::string>& pools, RatingSheet& sheet) {
   if (pools == sheet.table.players) return;
@@ -202,7 +221,7 @@ void rate_runs(const RateOptions& o) {
   RoundRobin all =
       find_players({o.runs, o.scripted, {o.scenario, o.changes}, o.checkpoints, o.group}, {device, o.trust, o.greedy});
   const RatingSheet sheet = play_and_rate(o, all, device);
-  const fs::path folder = o.out.empty() ? default_folder(o) : fs::path(o.out);
+  const fs::path folder = o.out.empty() ? without_others(default_folder(o), sheet) : fs::path(o.out);
   const SimParams& params = all.spec.params;
   const std::string win = describe_win(params.win, params.max_episode_length);
   Json json = ratings_json(sheet, folder);
@@ -257,7 +276,9 @@ void add_options(CLI::App& command, RateOptions& o) {
       ->type_name("NAME");
   command
       .add_option("--out", o.out,
-                  "folder of the results; default: `ratings` in the run folder, of several beside the first")
+                  "folder of the results; default: `ratings` in the run folder, of several beside the first, with a "
+                  "number behind it where "
+                  "those of other runs lie there")
       ->check(output(Output::folder))
       ->type_name("DIR");
   add_json_option(command, o.json);
@@ -295,7 +316,7 @@ void add_rate_command(CLI::App& app, Dispatch& dispatch) {
       "                              baselines\n"
       "  rating_seconds.svg, win_rate_seconds.svg\n"
       "                              the same over the wall-clock time of training\n"
-      "A run's report shows the pictures, and export writes a checkpoint's rating into the manifest.\n"
+      "Of one run alone its report shows the pictures, and export writes a checkpoint's rating into the manifest.\n"
       "Examples:\n"
       "  gigastep rate runs/identical_5_vs_5-mappo-seed1\n"
       "  gigastep rate runs/a-seed* runs/b-seed* --group\n"

@@ -213,6 +213,11 @@ int resume(const ResumeOptions& o, Dispatch& dispatch) {
   TrainingSetup setup{resumed.run, device_of_rank(resumed.run.config.device, joined), nullptr, &from, o.quiet,
                       !o.no_color};
   setup.ranks = joined.ranks;
+  setup.settings_changed = !resumed.changes.empty();
+  if (const Opponent& opponent = resumed.run.config.train.opponent;
+      opponent.is_path() && !fs::exists(opponent.name, code))
+    throw InputError(cat("the opponent of the run is not at ", opponent.name,
+                         " any more; where it lies now, the same one: --set train.opponent=PATH"));
   if (from.agent_steps >= resumed.run.config.train.total_agent_steps) {
     if (folder) write_missing(*folder, found, resumed.run.config, o.quiet);
     if (folder)

@@ -59,7 +59,7 @@ class Training {
   /// A new run: opens its files and keeps its state before the first update.
   void start();
   /// Goes on from a checkpoint: removes later updates from the files.
-  void go_on(const Checkpoint& from);
+  void go_on(const Checkpoint& from, bool settings_changed);
   /// All updates that are left; returns the exit code.
   int run();
 
@@ -140,7 +140,7 @@ void Training::start() {
   save(false);
 }
 
-void Training::go_on(const Checkpoint& from) {
+void Training::go_on(const Checkpoint& from, bool settings_changed) {
   cursor_ = from.cursor;
   first_update_ = saved_update_ = from.updates;
   first_agent_steps_ = from.agent_steps;
@@ -148,6 +148,7 @@ void Training::go_on(const Checkpoint& from) {
   log_.info(cat("going on after update ", from.updates, of_updates(), " on ", device_.name(), ", state ",
                 state_sha256(from.arrays).substr(0, 16), "..., results in ", folder_.path().string()));
   if (ranks_) log_.info(cat("shared by ", ranks_->size(), " ranks"));
+  if (settings_changed) save(false);
 }
 
 int Training::run() {
@@ -331,8 +332,9 @@ int stop_code(const TrainConfig& train, int64_t agent_steps, double seconds) {
 
 int train_in(const RunFolder& folder, TrainingSetup setup) {
   const Checkpoint* from = setup.from;
+  const bool settings_changed = setup.settings_changed;
   Training training(folder, std::move(setup));
-  from ? training.go_on(*from) : training.start();
+  from ? training.go_on(*from, settings_changed) : training.start();
   return training.run();
 }
 

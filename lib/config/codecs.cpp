@@ -255,8 +255,11 @@ std::string expected_list(const Allowed& allowed, const std::string& item) {
 
 bool read_list_shape(const Node& node, const Allowed& allowed, const std::string& expected, const ReadSite& site) {
   if (!node.is_sequence()) {
-    // A list without its brackets: "64, 64".
-    const bool bare = node.is_scalar() && !node.text.empty() && node.text.find_first_of("[]{}\n") == std::string::npos;
+    // A list without its brackets: "64, 64"; not where brackets alone would not do.
+    const auto n_parts = static_cast<size_t>(std::count(node.text.begin(), node.text.end(), ',')) + 1;
+    const bool bare = node.is_scalar() && !node.text.empty() &&
+                      node.text.find_first_of("[]{}\n") == std::string::npos && n_parts >= allowed.min_items &&
+                      n_parts <= allowed.max_items;
     return site.fail(node, expected + (bare ? "; write [" + node.text + "]" : ""));
   }
   const size_t n = node.items.size();

@@ -146,7 +146,7 @@ std::string broken_header(const Replay& r) {
 Replay read_header(const std::string& json, const std::string& name, int format) {
   Errors errors;
   const Document document = parse_yaml_text(json, name, errors);  // JSON is YAML
-  errors.throw_if_any();
+  if (!errors.empty()) throw InputError(cat(name, " is damaged: its header cannot be read: ", errors.text()));
   if (!document.root.is_map()) throw InputError(cat(name, " is damaged: its header is no JSON object"));
   CrowdHeader header;
   if (format == kCrowdFormat)

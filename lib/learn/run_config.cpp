@@ -53,6 +53,11 @@ void check_pairs(ConfigCheck& check) {
 void check_opponents(ConfigCheck& check) {
   const OpponentsConfig& p = check.config.opponents;
   const Opponent& opponent = check.config.train.opponent;
+  if (!check.has_begun && opponent.is_self_play() && check.config.train.learning_team != 0 &&
+      check.known({"train.opponent", "train.learning_team"}))
+    check.fail("train.learning_team", cat(check.config.train.learning_team,
+                                          ": this means nothing with train.opponent self_play, where both "
+                                          "teams learn; a script or the path of a policy lets one learn"));
   if (!opponent.is_self_play() && check.known({"train.opponent"})) {
     const std::string instead = cat("the other team plays that ", opponent.is_path() ? "policy" : "script",
                                     " everywhere; self_play makes both learn");
@@ -145,6 +150,13 @@ bool FieldCodec<Opponent>::read(const Node& node, Opponent& value, const Allowed
     return true;
   }
   const std::vector<std::string> names = opponent_names();
+  std::error_code code;
+  if (node.is_scalar() && !node.text.empty() && std::find(names.begin(), names.end(), node.text) == names.end() &&
+      std::filesystem::exists(node.text, code)) {
+    site.errors.add(node.at, cat(site.path, ": '", node.text,
+                                 "' is no script; the path of a policy has a slash or a dot, as ./", node.text));
+    return false;
+  }
   const int index = read_choice(node, names, site);
   if (index >= 0) value.name = names[static_cast<size_t>(index)];
   return index >= 0;
@@ -280,7 +292,8 @@ LoadedRun load_run_config(const std::string& path, const std::vector<std::string
   RunConfig config = std::move(file.config);
   if (file.base) errors.add(given["base"], "only a file says what it starts from");
   if (!readable) errors.throw_if_any();
-  if (errors.size() > 0 && is_scenario(parse_yaml_file(path).root))
+  Errors told;  // the same once more
+  if (errors.size() > 0 && is_scenario(parse_yaml_file(path, told).root))
     throw InputError(cat(
         path, ": this is a scenario, not a config; to train in it: gigastep train quickstart --set scenario=", path));
   find_opponent(config, given, errors);

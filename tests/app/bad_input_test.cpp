@@ -75,7 +75,9 @@ std::vector<std::string> train_with_set(const std::string& assignment) {
 std::vector<BadInput> form_of_files() {
   return {
       in_config("unknown key", "mappo: {gama: 0.9}", {"run.yaml:2:9: mappo.gama: unknown key; nearest: 'gamma'"}),
-      in_config("duplicate key", "seed: 1\nseed: 2", {"run.yaml:3:1: duplicate key 'seed', first given at line 2"}),
+      in_config(
+          "duplicate key, and more", "seed: 1\nseed: 2\ndevice: gpu",
+          {"run.yaml:3:1: duplicate key 'seed', first given at line 2", "run.yaml:4:9: device: 'gpu' is not auto"}),
       in_config("anchor and alias", "seed: &s 1\ntrain: {n_worlds: *s}",
                 {"run.yaml:2:7: anchors are not allowed: &s", "run.yaml:3:19: aliases are not allowed: *s"}),
       in_config("tag", "seed: !!int 1", {"run.yaml:2:7: tags are not allowed: tag:yaml.org,2002:int"}),
@@ -229,6 +231,8 @@ std::vector<BadInput> meanings() {
                 "train: {opponent: circle}\nopponents: {pool_size: 4, scripted_share: 0.1}",
                 {"run.yaml:3:24: opponents.pool_size: this means nothing with train.opponent circle",
                  "run.yaml:3:43: opponents.scripted_share: this means nothing with train.opponent circle"}),
+      in_config("a team that learns, in self-play", "train: {learning_team: 1}",
+                {"run.yaml:2:24: train.learning_team: 1: this means nothing with train.opponent self_play"}),
       in_config("an opponent of evaluations twice", "eval: {opponents: [circle, random, circle]}",
                 {"run.yaml:2:19: eval.opponents: circle is there twice; allowed: each once"}),
       in_config("script among the policies of the pool", "opponents: {pool_size: 4, policies: [pursuer]}",

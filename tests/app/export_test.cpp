@@ -102,6 +102,8 @@ TEST_F(ExportedRun, MistakesEndWithCodeTwoAndLeaveNothing) {
   refused(run_export("run", "0", "onyx", "new"), {"format 'onyx' is unknown; nearest: 'onnx'; allowed: safetensors"});
   refused(here_->run({"export", "run", "--team", "0", "--format", "onnx", "--view", "inputs", "--out", "new"}),
           {"view 'inputs' is unknown; nearest: 'input'; allowed: inside, input"});
+  refused(here_->run({"export", "run", "--team", "0", "--format", "onnx", "--view", "input", "--out", "new"}),
+          {"--view input: the policy of team 0", "does not read the egocentric view"});
   refused(run_export("run", "1", "onnx", "new"), {"team 1 of run", "did not learn in training; team 0 has one"});
   refused(run_export("run", "2", "onnx", "new"), {"--team"});
   refused(run_export("nowhere", "0", "onnx", "new"), {"there is no checkpoint or run folder nowhere"});

@@ -256,6 +256,15 @@ TEST_F(RatedRuns, SeveralAreWrittenBesideThemAndToldBeforehand) {
   EXPECT_TRUE(contains(outcome.out, {"Written: runs/ratings"}));
   EXPECT_TRUE(here_->has("runs/ratings/ratings.csv"));
   EXPECT_TRUE(contains(outcome.err, {" matches of 8 episodes, about ", "\nplayed in "}));
+  // Those of other runs do not take their place; the same once more do.
+  std::filesystem::copy(here_->path() / "run-seed2", here_->path() / "runs/third",
+                        std::filesystem::copy_options::recursive);
+  const auto written = [](const char* first, const char* second) {
+    return rate({first, second, "--scripted", "random", "--episodes", "2", "--checkpoints", "1"}).out;
+  };
+  EXPECT_TRUE(contains(written("runs/run-seed1", "runs/third"), {"Written: runs/ratings-2\n"}));
+  EXPECT_TRUE(contains(written("runs/third", "runs/run-seed1"), {"Written: runs/ratings-2\n"}));
+  EXPECT_TRUE(contains(written("runs/run-seed1", "runs/run-seed2"), {"Written: runs/ratings\n"}));
 }
 
 TEST_F(RatedRuns, ADamagedCheckpointIsLeftOut) {

@@ -119,6 +119,22 @@ TEST_F(Resume, AfterSigkillRowsBehindTheCheckpointAreCutOff) {
   expect_same_as_whole(run);
 }
 
+// Settings that were changed stay so where the run is killed before its next checkpoint; else this one, which was
+// complete before, would be so again.
+TEST_F(Resume, AfterSigkillWhatWasChangedStaysChanged) {
+  fs::copy(here_->path() / "whole", here_->path() / "longer", fs::copy_options::recursive);
+  const auto process = here_->start({"resume", "longer", "--set", "train.total_agent_steps=1e9", "--set",
+                                     "checkpoint.every_updates=1000000", "--set", "eval.every_updates=0"});
+  EXPECT_TRUE(wait_until([&] { return metrics_rows(*here_, "longer") >= 43; }));
+  process->send(SIGKILL);
+  ASSERT_EQ(process->wait().code, 128 + SIGKILL);
+  // 60 updates of 256 agent-steps.
+  const Outcome resumed = here_->run({"resume", "longer", "--set", "train.stop_at_agent_steps=15360"});
+  EXPECT_EQ(resumed.code, 124) << resumed.err;
+  EXPECT_FALSE(contains(resumed.err, {"differs"})) << resumed.err;
+  EXPECT_EQ(metrics_rows(*here_, "longer"), 60u);
+}
+
 TEST_F(Resume, AfterMaxWallTime) {
   const std::string run = "timed";
   // 1 s is enough for some updates, not for 400,000.

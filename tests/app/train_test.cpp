@@ -256,6 +256,10 @@ TEST(Train, AReportOfManyLeavesOutWhatItCannotRead) {
   EXPECT_TRUE(
       contains(outcome.err, {"warning: runs/b/metrics.csv: there is no row yet", "is not a run", "it is left out"}));
   EXPECT_TRUE(here.has("all.html"));
+  const Outcome no_page = here.run({"report", "runs/a", "--out", "tiny.yaml"});
+  EXPECT_EQ(no_page.code, 2);
+  EXPECT_TRUE(contains(no_page.err, {"--out: 'tiny.yaml' is no .html file"}));
+  EXPECT_EQ(here.read("tiny.yaml"), kTinyConfig);
   const Outcome none = here.run({"report", "runs/b", "runs/ratings", "--out", "none.html"});
   EXPECT_EQ(none.code, 2);
   EXPECT_TRUE(contains(none.err, {"none of these can be reported:"}));

@@ -156,6 +156,8 @@ TEST(ConfigFields, SaysWhereAndWhatIsAllowed) {
       {"limit: 0", "f.yaml:1:8: limit: '0' is not an integer >= 1 or none"},
       {"device: {}", "f.yaml:1:9: device: a map is not a text"},
       {"weights: 3", "f.yaml:1:10: weights: '3' is not a list, each a number; write [3]"},
+      {"pair: 3, 4", "f.yaml:1:7: pair: '3, 4' is not a list of 2 items, each a number; write [3, 4]"},
+      {"pair: 3", "f.yaml:1:7: pair: '3' is not a list of 2 items, each a number"},  // [3] would be none either
       {"weights: [1, x]", "f.yaml:1:14: weights[1]: 'x' is not a number"},
       {"pair: [1]", "f.yaml:1:7: pair: has 1 item, expected a list of 2 items, each a number"},
       {"critic:\n  shade: drak", "f.yaml:2:10: critic.shade: 'drak' is not one of: light, dark; nearest: 'dark'"},

@@ -225,7 +225,8 @@ Mind Player::mind(int side, const SimSpec& spec) const {
 
 std::unique_ptr<TeamController> Player::checkpoint_controller(int side, const SimSpec& spec) const {
   if (!policy_[side])
-    throw InputError(cat(name_, " has no policy for team ", side, ", which did not learn in training"));
+    throw InputError(cat(name_, " has no policy for team ", side, ", which did not learn in training; it plays side ",
+                         1 - side, ", as who is named ", side == 0 ? "second" : "first", " does"));
   check_plays(spec);
   return policy_controller(*policy_[side], greedy_ || acts_greedily(origin_->run.config));
 }
