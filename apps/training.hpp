@@ -19,8 +19,8 @@ constexpr int kOutOfTime = 124;
 struct TrainingSetup {
   LoadedRun run;
   Device device;
-  std::unique_ptr<Learner> learner;  ///< new, or with the state of `from`
-  const Checkpoint* from = nullptr;  ///< null: a new run
+  std::unique_ptr<Learner> learner;        ///< new, or with the state of `from`
+  const Checkpoint* from = nullptr;        ///< null: a new run
   bool quiet = false, color = true;        ///< of what is shown on the terminal
   std::shared_ptr<Ranks> ranks = nullptr;  ///< which train together; null: this process alone
   /// `from` was of other settings: it is written again before the run goes on, so that a kill does not bring them back.
