@@ -20,12 +20,12 @@ void add_report_command(CLI::App& app, Dispatch& dispatch) {
   auto options = std::make_shared<Options>();
   command->add_option("RUN", options->runs, "run folders")->required()->type_name("");
   command->add_option("--out", options->out, "the page; default: report.html in the run folder, of several runs here")
+      ->check(output(Output::file))
       ->check(CLI::Validator(
           [](const std::string& out) {
             return out.ends_with(".html") || out.ends_with(".htm") ? "" : cat("'", out, "' is no .html file");
           },
           "", "a page"))
-      ->check(output(Output::file))
       ->type_name("FILE.html");
   command->footer(
       "The page opens in any browser and needs no network. Runs that differ only in their seed become one curve, the\n"
