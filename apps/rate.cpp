@@ -277,8 +277,7 @@ void add_options(CLI::App& command, RateOptions& o) {
   command
       .add_option("--out", o.out,
                   "folder of the results; default: `ratings` in the run folder, of several beside the first, with a "
-                  "number behind it where "
-                  "those of other runs lie there")
+                  "number behind it where those of other runs lie there")
       ->check(output(Output::folder))
       ->type_name("DIR");
   add_json_option(command, o.json);

@@ -214,10 +214,6 @@ int resume(const ResumeOptions& o, Dispatch& dispatch) {
                       !o.no_color};
   setup.ranks = joined.ranks;
   setup.settings_changed = !resumed.changes.empty();
-  if (const Opponent& opponent = resumed.run.config.train.opponent;
-      opponent.is_path() && !fs::exists(opponent.name, code))
-    throw InputError(cat("the opponent of the run is not at ", opponent.name,
-                         " any more; where it lies now, the same one: --set train.opponent=PATH"));
   if (from.agent_steps >= resumed.run.config.train.total_agent_steps) {
     if (folder) write_missing(*folder, found, resumed.run.config, o.quiet);
     if (folder)
@@ -229,6 +225,10 @@ int resume(const ResumeOptions& o, Dispatch& dispatch) {
     if (folder && !fs::exists(folder->replays_page(), code)) write_replays_page(*folder, from.updates);
     return finish(joined, 0);
   }
+  if (const Opponent& opponent = resumed.run.config.train.opponent;
+      opponent.is_path() && !fs::exists(opponent.name, code))
+    throw InputError(cat("the opponent of the run is not at ", opponent.name,
+                         " any more; where it lies now, the same one: --set train.opponent=PATH"));
   expect_devices(o.ranks, resumed.run.config.device, setup.device);
   if (starts_ranks) {
     algorithm_of(setup.run.config).expect_divides(setup.run.config, o.ranks.to_start());

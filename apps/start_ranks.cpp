@@ -116,22 +116,17 @@ class Children {
   Children(const Children&) = delete;
   Children& operator=(const Children&) = delete;
 
-  /// Asks all to stop.
-  void stop(int signal) {
-    asked_to_stop_ = true;
-    send(signal);
-  }
   void send(int signal) const {
     for (const int pid : pids_)
       if (pid > 0) ::kill(pid, signal);
   }
 
-  /// A terminal sends SIGINT to all processes, `kill` to this one alone: who has had none gets it, so that it tells the
-  /// signal by its name, and the others one that they ignore by now.
-  void interrupt() {
+  /// Asks all to stop. A terminal sends SIGINT to all processes, `kill` to this one alone: who has had none gets it, so
+  /// that it tells the signal by its name, and the others one that they ignore by now.
+  void stop(int signal) {
     asked_to_stop_ = true;
     for (const int pid : pids_)
-      if (pid > 0) ::kill(pid, awaits_interrupt(pid) ? SIGINT : SIGTERM);
+      if (pid > 0) ::kill(pid, signal == SIGINT && !awaits_interrupt(pid) ? SIGTERM : signal);
   }
 
   /// Notes who has ended. Returns whether all have.
@@ -181,7 +176,7 @@ int start_ranks(int n) {
     if (const int signal = StopRequest::signal(); signal != 0 && forwarded == 0) {
       forwarded = signal;
       std::this_thread::sleep_for(kPoll);  // until a terminal's has reached all
-      signal == SIGINT ? children.interrupt() : children.stop(signal);
+      children.stop(signal);
     }
     if (children.failure() && !failed_at) failed_at = Clock::now();
     if (failed_at && Clock::now() - *failed_at > kGrace) children.send(SIGKILL);
