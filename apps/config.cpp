@@ -28,11 +28,10 @@ std::vector<std::string> kind_names() {
   return names;
 }
 
-/// A path that was written at `at`, in a file (from whose folder it counts) or on the command line, as it is found from
-/// anywhere. The file keeps its own name, after which a scenario or a map is called.
+/// A path that was written at `at`, in a file or on the command line, as it is found from anywhere. The file keeps its
+/// own name, after which a scenario or a map is called.
 std::string from_anywhere(const std::string& text, const Position& at) {
-  const bool in_file = at.line > 0 && at.source;
-  const fs::path path = in_file ? (fs::path(*at.source).parent_path() / text).lexically_normal() : fs::path(text);
+  const fs::path path = file_at(text, at);
   return (fs::weakly_canonical(fs::absolute(path).parent_path()) / path.filename()).string();
 }
 
@@ -40,18 +39,8 @@ std::string from_anywhere(const std::string& text, const Position& at) {
 /// read.
 RunConfig with_whole_paths(const LoadedRun& run) {
   RunConfig config = run.config;
-  const auto make_whole = [](Node& node) {
-    if (node.is_scalar() && is_path(node.text)) node.text = from_anywhere(node.text, node.at);
-  };
   if (is_path(config.scenario)) config.scenario = from_anywhere(config.scenario, run.scenario_at.value_or(Position{}));
-  for (Node::Entry& entry : config.environment.entries) {  // as name_files finds them
-    if (entry.key == "maps") make_whole(entry.value);
-    for (Node& item : entry.value.items) {
-      if (entry.key == "maps") make_whole(item);
-      for (Node::Entry& part : item.entries)
-        if (entry.key.starts_with("team_") && part.key == "type") make_whole(part.value);
-    }
-  }
+  for_each_file(config.environment, [](Node& path) { path.text = from_anywhere(path.text, path.at); });
   return config;
 }
 

@@ -7,9 +7,11 @@
 #include <set>
 
 #include "core/error.hpp"
+#include "scenario/coverage.hpp"
 #include "sim/map_tables.hpp"
 #include "sim/movement.hpp"
 #include "sim/physics.hpp"
+#include "sim/reset.hpp"
 #include "sim/rewards.hpp"
 
 namespace giga {
@@ -30,14 +32,7 @@ class Checker {
 
   /// Adds a finding at the first of the keys that some file gives.
   void fail(const std::vector<std::string>& keys, const std::string& message) {
-    Position at{std::make_shared<const std::string>("scenario " + scenario_.name)};
-    for (const std::string& key : keys) {
-      const auto found = scenario_.where.find(key);
-      if (found == scenario_.where.end()) continue;
-      at = found->second;
-      break;
-    }
-    errors_.add(at, message);
+    errors_.add(scenario_.position_of(keys), message);
   }
 
  private:
@@ -270,20 +265,34 @@ void check_start(const std::string& name, int team, const Scenario& s, const Map
     check.fail({key + ".height", key + ".heading", key}, what + ": height and heading go from low to high");
   if (start.x1 < 0 || start.y1 < 0 || start.x2 > s.limit_x || start.y2 > s.limit_y)
     check.fail(keys, cat(what, ", reaches outside the world of ", s.limit_x, " x ", s.limit_y));
-  for (const Box& box : map.boxes) {
-    // A box may cover a part of the area (agents are drawn again), but not the whole.
-    const bool covered = box.x1 <= start.x1 && start.x2 <= box.x2 && box.y1 <= start.y1 && start.y2 <= box.y2;
-    const bool at_that_height = !s.collision.obstacle_heights || (box.z1 <= start.z_lo && start.z_hi <= box.z2);
-    if (covered && at_that_height) check.fail(keys, what + ", lies inside an obstacle");
-  }
+  // Boxes may cover a part of the area (agents are drawn again), but not the whole.
+  std::vector<Box> grown = map.boxes;
+  for (Box& box : grown)
+    box = {box.x1 - kStartMargin, box.y1 - kStartMargin, box.x2 + kStartMargin,
+           box.y2 + kStartMargin, box.z1 - kStartMargin, box.z2 + kStartMargin};
+  if (covers(grown, {start.x1, start.y1, start.x2, start.y2, start.z_lo, start.z_hi}, s.collision.obstacle_heights))
+    check.fail(keys, what + (map.boxes.size() > 1 ? ", lies inside obstacles" : ", lies inside an obstacle"));
+}
+
+/// A box outside the frame stands in nobody's way: it was meant elsewhere.
+void check_box(const std::string& name, size_t k, const Map& map, Checker& check) {
+  const auto& [x1, y1, x2, y2] = map.boxes[k].area;
+  const auto& [width, height] = map.size;
+  if (x2 > 0 && y2 > 0 && x1 < width && y1 < height) return;
+  const std::string of_map = "map_definitions." + name, key = cat(of_map, ".boxes[", k, "]");
+  check.fail({key, of_map + ".boxes", of_map, "maps"},
+             cat(key, ": ", FieldCodec<MapBox>::print(map.boxes[k]), " lies outside the map, whose size is ",
+                 FieldCodec<std::array<float, 2>>::print(map.size)));
 }
 
 MapSpec map_of(const std::string& name, const Map& map, const Scenario& s, Checker& check) {
   const Stretch stretch{map, s};
   MapSpec spec;
   spec.name = name;
-  for (const MapBox& box : map.boxes) {
+  for (size_t k = 0; k < map.boxes.size(); ++k) {
+    const MapBox& box = map.boxes[k];
     const auto& [x1, y1, x2, y2] = box.area;
+    check_box(name, k, map, check);
     spec.boxes.push_back({stretch.x(x1), stretch.y(y1), stretch.x(x2), stretch.y(y2), box.height[0], box.height[1]});
   }
   for (int team = 0; team < kNTeams; ++team) {

@@ -56,13 +56,24 @@ std::vector<std::string> neighbours(const fs::path& file) {
   return names;
 }
 
+bool is_there(const fs::path& file) {
+  std::error_code code;
+  return fs::exists(file, code);
+}
+
 class Loader {
  public:
   Loader(const DataDirs& dirs, Errors& errors) : dirs_(dirs), errors_(errors) {}
 
   /// Loads a name or path that was written at `at` into the scenario.
   void load(const std::string& text, const Position& at, ScenarioFile& target) {
-    if (is_path(text)) return load_file(relative_to(text, at), text, at, target);
+    if (is_path(text)) {
+      const fs::path file = file_at(text, at);
+      const std::string mistake = is_there(file) ? "" : suffix_mistake(text);
+      if (mistake.empty()) return load_file(file, text, at, target);
+      errors_.add(at, cat("no such file: ", file.string(), "; ", mistake));
+      return incomplete();
+    }
     for (const ShortName& reading : split_name(text)) {
       const auto file = find_data_file(dirs_, fs::path(kScenarioFolder) / (reading.base + ".yaml"));
       if (!file || reading.base == "agent_types") continue;
@@ -100,12 +111,6 @@ class Loader {
   }
 
  private:
-  /// A path in a file is relative to the file's folder, one of the command line to the shell's.
-  static fs::path relative_to(const std::string& text, const Position& at) {
-    const bool in_file = at.line > 0 && at.source;
-    return in_file ? (fs::path(*at.source).parent_path() / text).lexically_normal() : fs::path(text);
-  }
-
   void load_file(const fs::path& file, const std::string& asked, const Position& at, ScenarioFile& target) {
     if (!check_file(file, at)) return incomplete();
     std::error_code code;
@@ -131,6 +136,7 @@ class Loader {
     const Node* base = document.root.find("base");
     if (base && base->is_scalar() && !is_none(*base)) load(base->text, base->at, target);
     target.scenario.description.clear();  // that of the base is not ours
+    target.scenario.file_start = document.root.at;
     apply(document.root, "", target);
   }
 
@@ -138,7 +144,9 @@ class Loader {
   void unknown_scenario(const std::string& text, const Position& at) {
     const std::vector<std::string> known = names_in(dirs_, kScenarioFolder);
     const std::string base = split_name(text).back().base;
-    std::string message = cat("unknown scenario '", text, "'", nearest_hint(base, known, 3));
+    const std::string mistake = suffix_mistake(text);
+    std::string message =
+        cat("unknown scenario '", text, "'", mistake.empty() ? nearest_hint(base, known, 3) : "; " + mistake);
     if (dirs_.empty()) message += "; no data folder was found (set GIGASTEP_DATA_DIR)";
     errors_.add(at, message + "; allowed: the names that `gigastep scenarios` lists, with suffixes in any order (" +
                         suffix_help() + "), or the path of a YAML file");
@@ -157,9 +165,9 @@ class Loader {
       std::string& type = entries[k].type;
       if (scenario.agent_types.contains(type)) continue;
       const std::string key = cat(team, "[", k, "].type");
-      const Position at = position_of(scenario, {key, cat(team, "[", k, "]"), team});
+      const Position at = scenario.position_of({key, cat(team, "[", k, "]"), team});
       if (is_path(type)) {
-        const fs::path file = relative_to(type, at);
+        const fs::path file = file_at(type, at);
         const std::string name = file.stem().string();
         AgentType loaded;
         if (!check_file(file, at) || !read_part(file, loaded, "agent_types." + name, scenario)) continue;
@@ -198,14 +206,14 @@ class Loader {
     // Those defined in place first: they may be flipped forms of others.
     for (auto& [name, map] : scenario.map_definitions) {
       const std::string key = cat("map_definitions.", name, ".flipped_of");
-      if (map.flipped_of) map = flipped(map, key, position_of(scenario, {key}), scenario, 0);
+      if (map.flipped_of) map = flipped(map, key, scenario.position_of({key}), scenario, 0);
     }
     std::vector<std::string>& names = scenario.maps.names;
     for (size_t k = 0; k < names.size(); ++k) {
-      const Position at = position_of(scenario, {cat("maps[", k, "]"), "maps"});
+      const Position at = scenario.position_of({cat("maps[", k, "]"), "maps"});
       Map map;
       if (is_path(names[k])) {
-        const fs::path file = relative_to(names[k], at);
+        const fs::path file = file_at(names[k], at);
         const std::string name = file.stem().string();
         if (!check_file(file, at) || !read_part(file, map, "map_definitions." + name, scenario)) continue;
         if (map.flipped_of) map = flipped(map, "flipped_of", flip_of(name, scenario), scenario, 0);
@@ -226,7 +234,7 @@ class Loader {
     if (const auto known = scenario.map_definitions.find(name); known != scenario.map_definitions.end()) {
       map = known->second;
       const std::string own_key = cat("map_definitions.", name, ".flipped_of");
-      if (map.flipped_of) map = flipped(map, own_key, position_of(scenario, {own_key}), scenario, depth);
+      if (map.flipped_of) map = flipped(map, own_key, scenario.position_of({own_key}), scenario, depth);
       return true;
     }
     if (const auto file = find_data_file(dirs_, fs::path(kMapFolder) / (name + ".yaml"))) {
@@ -263,20 +271,13 @@ class Loader {
 
   /// Is the file, which was named at `at`, there?
   bool check_file(const fs::path& file, const Position& at) {
-    std::error_code code;
-    if (fs::exists(file, code)) return true;
+    if (is_there(file)) return true;
     errors_.add(at, cat("no such file: ", file.string(), nearest_hint(file.filename().string(), neighbours(file))));
     return false;
   }
 
   static Position flip_of(const std::string& map, const Scenario& scenario) {
-    return position_of(scenario, {cat("map_definitions.", map, ".flipped_of")});
-  }
-
-  static Position position_of(const Scenario& scenario, const std::vector<std::string>& keys) {
-    for (const std::string& key : keys)
-      if (const auto found = scenario.where.find(key); found != scenario.where.end()) return found->second;
-    return {std::make_shared<const std::string>("scenario " + scenario.name)};
+    return scenario.position_of({cat("map_definitions.", map, ".flipped_of")});
   }
 
   /// Reads a file that holds one map or one agent type; remembers its positions under `prefix`.
@@ -305,21 +306,31 @@ bool is_path(const std::string& text) {
   return text.find('/') != std::string::npos || text.ends_with(".yaml") || text.ends_with(".yml");
 }
 
-bool name_files(Node& changes) {
-  bool found = false;
-  const auto name_file = [&found](Node& node) {
-    if (!node.is_scalar() || !is_path(node.text)) return;
-    node.text = fs::path(node.text).stem().string();
-    found = true;
+fs::path file_at(const std::string& path, const Position& at) {
+  const bool in_file = at.line > 0 && at.source;
+  return in_file ? (fs::path(*at.source).parent_path() / path).lexically_normal() : fs::path(path);
+}
+
+void for_each_file(Node& changes, const std::function<void(Node& path)>& visit) {
+  const auto visit_path = [&visit](Node& node) {
+    if (node.is_scalar() && is_path(node.text)) visit(node);
   };
   for (Node::Entry& entry : changes.entries) {
-    if (entry.key == "maps") name_file(entry.value);
+    if (entry.key == "maps") visit_path(entry.value);
     for (Node& item : entry.value.items) {
-      if (entry.key == "maps") name_file(item);
+      if (entry.key == "maps") visit_path(item);
       for (Node::Entry& part : item.entries)
-        if (entry.key.starts_with("team_") && part.key == "type") name_file(part.value);
+        if (entry.key.starts_with("team_") && part.key == "type") visit_path(part.value);
     }
   }
+}
+
+bool name_files(Node& changes) {
+  bool found = false;
+  for_each_file(changes, [&found](Node& path) {
+    path.text = fs::path(path.text).stem().string();
+    found = true;
+  });
   return found;
 }
 

@@ -1,6 +1,8 @@
 // Finds and reads scenarios by name, with the suffix shorthand, or by path.
 #pragma once
 
+#include <filesystem>
+#include <functional>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -54,6 +56,11 @@ std::optional<Scenario> parse_scenario(std::string_view text, const std::string&
 
 /// Whether this is the path of a file, not a name.
 bool is_path(const std::string& name_or_path);
+/// The file that a path written at `at` means: in a file it is relative to that file's folder, on the command line to
+/// the shell's.
+std::filesystem::path file_at(const std::string& path, const Position& at);
+/// Visits each file of a map or an agent type that changes to a scenario name.
+void for_each_file(Node& changes, const std::function<void(Node& path)>& visit);
 /// Changes to a scenario with the names of maps and agent types in the place of their files; whether there were files.
 bool name_files(Node& changes);
 

@@ -40,7 +40,7 @@ template <class V>
 void visit_fields(V& v, MapStart& c) {
   v("area", c.area, "x1, y1, x2, y2 in units of the map's size");
   v("height", c.height, "altitudes from, to; not stretched", range(0, 10));
-  v("heading", c.heading, "headings from, to (radians; 0 = along x)");
+  v("heading", c.heading, "headings from, to (radians, not degrees; 0 = along x, pi / 2 = along y)", range(-6.3, 6.3));
 }
 
 struct Map {

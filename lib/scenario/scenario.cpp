@@ -101,6 +101,12 @@ std::string FieldCodec<MapBox>::print(const MapBox& box) {
   return FieldCodec<std::vector<float>>::print(values);
 }
 
+Position Scenario::position_of(const std::vector<std::string>& keys) const {
+  for (const std::string& key : keys)
+    if (const auto found = where.find(key); found != where.end()) return found->second;
+  return file_start.value_or(Position{std::make_shared<const std::string>("scenario " + name)});
+}
+
 std::string describe_win(const WinRule& win, int time_limit) {
   const bool by_waypoints = win.by == WinBy::waypoints;
   const std::string at_limit = cat(by_waypoints ? "as many" : "both live", " after ", time_limit, " steps");

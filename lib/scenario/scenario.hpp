@@ -168,7 +168,7 @@ template <class V>
 void visit_fields(V& v, RewardConfig& c) {
   for (int t = 0; t < kNRewardTerms; ++t) {
     const RewardTerm term = static_cast<RewardTerm>(t);
-    if (term != RewardTerm::idle_reward) v(kRewardTermNames[t], c[term], reward_doc(term));
+    if (term != RewardTerm::idle_reward) v(kRewardTermNames[t], c[term], reward_doc(term), at_least(0));
   }
   v("divide_reward_by_team_size", c.divide_reward_by_team_size, "divide by the number of all agents");
 }
@@ -213,7 +213,11 @@ struct Scenario {
   std::map<std::string, AgentType> agent_types;  ///< loaded: those that the teams name
   std::map<std::string, Map> map_definitions;    ///< loaded: those that `maps` names, none of them `flipped_of`
 
-  KeyPositions where;  ///< not a key: where each key was given, for messages
+  KeyPositions where;                  ///< not a key: where each key was given, for messages
+  std::optional<Position> file_start;  ///< likewise, of the file that it is read from, for keys that nobody gives
+
+  /// Where the first of the keys that some file gives stands.
+  Position position_of(const std::vector<std::string>& keys) const;
 };
 
 template <class V>
@@ -238,7 +242,8 @@ void visit_fields(V& v, Scenario& c) {
   v.group("waypoints", c.waypoints, "places to reach");
   v.group("win", c.win,
           "what counts as a win in eval, ratings and training; no step, reward or observation depends on it");
-  v.group("rewards", c.rewards, "weights of the reward's terms; 0 or less switches a term off");
+  v.group("rewards", c.rewards,
+          "weights of the reward's terms; 0 switches a term off; those of penalties are above 0 too");
   v.group("observation", c.observation, "what a policy sees");
   v.table("agent_types", c.agent_types, "agent types by name, beside those of agent_types.yaml");
   v.table("map_definitions", c.map_definitions, "maps by name, beside those of maps/");

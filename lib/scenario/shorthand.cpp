@@ -5,6 +5,7 @@
 #include <set>
 
 #include "config/names.hpp"
+#include "core/error.hpp"
 
 namespace giga {
 namespace {
@@ -75,6 +76,18 @@ void apply_suffix(std::string_view suffix, Scenario& scenario) {
   for (const auto& pair : kSuffixes)
     for (const Suffix& known : pair)
       if (suffix == known.name) known.apply(scenario);
+}
+
+std::string suffix_mistake(std::string_view name) {
+  const ShortName deepest = split_name(name).back();
+  const size_t at = deepest.base.rfind('_');
+  const size_t pair = at == std::string::npos ? kNoPair : pair_of(deepest.base.substr(at + 1));
+  if (pair != kNoPair)
+    return cat("a name has one of _", kSuffixes[pair][0].name, " and _", kSuffixes[pair][1].name, ", once");
+  const bool of_path = deepest.base.find('/') != std::string::npos || deepest.base.ends_with(".yaml");
+  if (of_path && !deepest.suffixes.empty())
+    return "suffixes follow names; behind a path state their keys, in the file or as --set environment.KEY=VALUE";
+  return "";
 }
 
 std::string suffix_help() {

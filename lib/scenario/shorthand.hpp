@@ -22,6 +22,9 @@ std::vector<ShortName> split_name(std::string_view name);
 /// Sets the keys for which a suffix stands.
 void apply_suffix(std::string_view suffix, Scenario& scenario);
 
+/// What is wrong with the suffixes of a name that is unknown, or of a path; empty = nothing.
+std::string suffix_mistake(std::string_view name);
+
 /// "_fobs|_pobs, _rgb|_vec, ..." for messages.
 std::string suffix_help();
 
