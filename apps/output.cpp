@@ -27,7 +27,7 @@ std::string obstacle(const fs::path& path, Output kind) {
   if (kind == Output::file && fs::is_directory(path, code)) return cat(path.string(), " is a folder, not a file");
   if (kind == Output::folder && fs::exists(path, code) && !fs::is_directory(path, code))
     return cat(path.string(), " is a file, not a folder");
-  if (kind == Output::file && fs::exists(path, code) && !fs::is_regular_file(path, code)) return "";  // /dev/stdout
+  if (kind == Output::file && is_written_in_place(path)) return "";
   // The nearest folder that is there: those below it will be made.
   fs::path folder = kind == Output::folder ? path : folder_of(path);
   while (!fs::exists(folder, code) && folder.has_relative_path() && folder != folder_of(folder))

@@ -91,6 +91,10 @@ void add_picture_command(CLI::App& app, Dispatch& dispatch) {
       ->check(output(Output::file))
       ->type_name("FILE");
   command->add_option("--film", options->film, "one episode as .gif, or a folder of PNG files")
+      ->transform([](std::string text) {
+        while (text.size() > 1 && text.ends_with('/')) text.pop_back();  // as shells complete folders
+        return text;
+      })
       ->check(output(Output::stem))
       ->type_name("FILE|DIR");
   command->add_option("--episode", options->episode, "counted from 0; default: of a film 0, of --out all")

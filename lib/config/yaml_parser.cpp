@@ -193,7 +193,7 @@ bool explain(std::string_view text, size_t bad, const std::shared_ptr<const std:
     errors.add({source, static_cast<int>(line) + 1, static_cast<int>(column) + 1},
                cat(message, ": ", shown_line(lines[line])));
   };
-  for (size_t k = 0; k < std::min(bad + 1, lines.size()); ++k) {
+  for (size_t k = std::min(bad + 1, lines.size()); k-- > 0;) {  // the nearest
     const size_t indent = indent_of(lines[k]);
     if (indent == lines[k].size() || lines[k][indent] != '\t' || says_nothing(lines[k])) continue;
     return add(k, indent, "a tab before the key; YAML is indented with spaces"), true;

@@ -20,7 +20,7 @@ namespace {
 constexpr const char* kTemporaryEnding = ".tmp";
 
 void write_in_place(const fs::path& path, std::string_view bytes) {
-  File file(path, O_WRONLY);
+  File file(path, O_WRONLY | O_APPEND);
   if (!file.is_open()) fail_with_errno("write", path);
   file.write_all(bytes);
   file.close();
@@ -56,9 +56,18 @@ std::string read_file(const fs::path& path) {
   }
 }
 
+bool is_written_in_place(const fs::path& path) {
+  const std::string& text = path.native();
+  const bool is_stream = text == "/dev/stdout" || text == "/dev/stderr" || text.starts_with("/dev/fd/") ||
+                         text.starts_with("/proc/");  // links, often to files
+  std::error_code code;
+  return fs::exists(path, code) && (is_stream || !fs::is_regular_file(path, code));
+}
+
 void write_file(const fs::path& path, std::string_view bytes) {
   std::error_code code;
-  if (fs::exists(path, code) && !fs::is_regular_file(path, code)) return write_in_place(path, bytes);
+  if (is_written_in_place(path)) return write_in_place(path, bytes);
+  if (fs::is_symlink(path, code)) return write_file(fs::weakly_canonical(path), bytes);
 
   const fs::path folder = path.has_parent_path() ? path.parent_path() : fs::path(".");
   const fs::path temporary = path.string() + "." + std::to_string(::getpid()) + kTemporaryEnding;

@@ -10,8 +10,11 @@ namespace giga {
 /// All bytes of a file; throws InputError where there is none or it cannot be read.
 std::string read_file(const std::filesystem::path& path);
 
+/// Is there something that is no file of its own: /dev/stdout, a pipe? write_file adds to it.
+bool is_written_in_place(const std::filesystem::path& path);
+
 /// Writes a temporary file beside `path`, flushes it to the disk and renames it; then the folder is flushed. Every file
-/// that must survive a crash goes through here. What is not a regular file (/dev/stdout, a pipe) is written in place.
+/// that must survive a crash goes through here. Of a link the file that it leads to is written.
 void write_file(const std::filesystem::path& path, std::string_view bytes);
 
 /// Makes the folders in which a file is to lie; throws InputError where that fails.

@@ -31,8 +31,8 @@ std::string owner_in(const File& file) {
   return line.substr(0, line.find('\n'));
 }
 
-bool try_to_lock(const File& file) {
-  while (::flock(file.descriptor(), LOCK_EX | LOCK_NB) != 0) {
+bool try_to_lock(const File& file, int kind = LOCK_EX) {
+  while (::flock(file.descriptor(), kind | LOCK_NB) != 0) {
     if (errno == EWOULDBLOCK) return false;
     if (errno != EINTR) fail_with_errno("lock", file.path());
   }
@@ -69,8 +69,9 @@ RunLock::~RunLock() {
 }
 
 std::optional<std::string> lock_owner(const fs::path& folder) {
+  // A shared lock asks as well, is granted on NFS to who may only read, and turns away no other who asks.
   const File file(folder / kLockFile, O_RDONLY);
-  if (!file.is_open() || try_to_lock(file)) return std::nullopt;
+  if (!file.is_open() || try_to_lock(file, LOCK_SH)) return std::nullopt;
   return owner_in(file);
 }
 

@@ -64,7 +64,9 @@ std::vector<std::string> write_report(const std::vector<fs::path>& runs, const f
       all.push_back(read_run(runs[k]));
       const fs::path page = fs::absolute(runs[k]) / RunFolder::kReplaysPage;
       if (fs::exists(page))
-        all.back().replays = page.lexically_relative(fs::absolute(out).parent_path()).generic_string();
+        all.back().replays = page.lexically_normal()
+                                 .lexically_relative(fs::absolute(out).lexically_normal().parent_path())
+                                 .generic_string();
     } catch (const InputError& e) {
       if (runs.size() == 1) throw;
       left_out.emplace_back(e.what());

@@ -11,7 +11,6 @@
 #include "sim/map_tables.hpp"
 #include "sim/movement.hpp"
 #include "sim/physics.hpp"
-#include "sim/reset.hpp"
 #include "sim/rewards.hpp"
 
 namespace giga {
@@ -261,16 +260,13 @@ void check_start(const std::string& name, int team, const Scenario& s, const Map
   const std::string what = cat("map '", name, "': the start area of team ", team, ", ",
                                FieldCodec<std::array<float, 4>>::print({start.x1, start.y1, start.x2, start.y2}));
   if (start.x1 > start.x2 || start.y1 > start.y2) return check.fail(keys, what + ", needs x1 <= x2 and y1 <= y2");
-  if (start.z_lo > start.z_hi || start.heading_lo > start.heading_hi)
-    check.fail({key + ".height", key + ".heading", key}, what + ": height and heading go from low to high");
+  if (start.z_lo > start.z_hi) check.fail({key + ".height", key}, what + ": the height goes from low to high");
+  if (start.heading_lo > start.heading_hi)
+    check.fail({key + ".heading", key}, what + ": the heading goes from low to high");
   if (start.x1 < 0 || start.y1 < 0 || start.x2 > s.limit_x || start.y2 > s.limit_y)
     check.fail(keys, cat(what, ", reaches outside the world of ", s.limit_x, " x ", s.limit_y));
   // Boxes may cover a part of the area (agents are drawn again), but not the whole.
-  std::vector<Box> grown = map.boxes;
-  for (Box& box : grown)
-    box = {box.x1 - kStartMargin, box.y1 - kStartMargin, box.x2 + kStartMargin,
-           box.y2 + kStartMargin, box.z1 - kStartMargin, box.z2 + kStartMargin};
-  if (covers(grown, {start.x1, start.y1, start.x2, start.y2, start.z_lo, start.z_hi}, s.collision.obstacle_heights))
+  if (covers(map.boxes, {start.x1, start.y1, start.x2, start.y2, start.z_lo, start.z_hi}, s.collision.obstacle_heights))
     check.fail(keys, what + (map.boxes.size() > 1 ? ", lies inside obstacles" : ", lies inside an obstacle"));
 }
 
@@ -279,10 +275,10 @@ void check_box(const std::string& name, size_t k, const Map& map, Checker& check
   const auto& [x1, y1, x2, y2] = map.boxes[k].area;
   const auto& [width, height] = map.size;
   if (x2 > 0 && y2 > 0 && x1 < width && y1 < height) return;
-  const std::string of_map = "map_definitions." + name, key = cat(of_map, ".boxes[", k, "]");
-  check.fail({key, of_map + ".boxes", of_map, "maps"},
-             cat(key, ": ", FieldCodec<MapBox>::print(map.boxes[k]), " lies outside the map, whose size is ",
-                 FieldCodec<std::array<float, 2>>::print(map.size)));
+  const std::string of_map = "map_definitions." + name;
+  check.fail({cat(of_map, ".boxes[", k, "]"), of_map + ".boxes", of_map, "maps"},
+             cat("map '", name, "': the box ", FieldCodec<MapBox>::print(map.boxes[k]),
+                 ", lies outside the map, whose size is ", FieldCodec<std::array<float, 2>>::print(map.size)));
 }
 
 MapSpec map_of(const std::string& name, const Map& map, const Scenario& s, Checker& check) {

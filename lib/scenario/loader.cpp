@@ -91,7 +91,9 @@ class Loader {
     Scenario& scenario = target.scenario;
     KeyPositions given;
     read_fields(root, path.empty() ? fields_of(target) : fields_of(scenario), errors_, &given, path);
-    for (const auto& [key, at] : given) scenario.where[path.empty() ? key : key.substr(path.size() + 1)] = at;
+    const auto own = [&](const std::string& key) { return path.empty() ? key : key.substr(path.size() + 1); };
+    for (const auto& [key, at] : given) forget_parts(own(key), scenario.where);
+    for (const auto& [key, at] : given) scenario.where[own(key)] = at;
     if (!complete_) return;  // what is named may be defined in the file that is missing
     resolve_types(scenario);
     resolve_maps(scenario);
@@ -276,6 +278,15 @@ class Loader {
     return false;
   }
 
+  /// Forgets where the items of a list that is now given, or the keys of an entry of a table, stood before.
+  static void forget_parts(const std::string& key, KeyPositions& where) {
+    const bool is_entry = std::count(key.begin(), key.end(), '.') == 1 &&
+                          (key.starts_with("agent_types.") || key.starts_with("map_definitions."));
+    std::erase_if(where, [&](const auto& known) {
+      return known.first.starts_with(key + "[") || (is_entry && known.first.starts_with(key + "."));
+    });
+  }
+
   static Position flip_of(const std::string& map, const Scenario& scenario) {
     return scenario.position_of({cat("map_definitions.", map, ".flipped_of")});
   }
@@ -287,6 +298,7 @@ class Loader {
     const Document document = parse_yaml_file(file, errors_);
     KeyPositions given;
     if (errors_.size() == errors_before || !document.root.is_null()) read_fields(document.root, part, errors_, &given);
+    forget_parts(prefix, scenario.where);
     scenario.where[prefix] = document.root.at;
     for (const auto& [key, at] : given) scenario.where[prefix + "." + key] = at;
     return errors_.size() == errors_before;
@@ -307,8 +319,12 @@ bool is_path(const std::string& text) {
 }
 
 fs::path file_at(const std::string& path, const Position& at) {
-  const bool in_file = at.line > 0 && at.source;
-  return in_file ? (fs::path(*at.source).parent_path() / path).lexically_normal() : fs::path(path);
+  if (at.line == 0 || !at.source) return path;
+  const fs::path whole = fs::path(*at.source).parent_path() / path, plain = whole.lexically_normal();
+  // Behind a link to a folder `..` is another one than the text shows.
+  std::error_code code;
+  const bool differ = (is_there(whole) || is_there(plain)) && !fs::equivalent(whole, plain, code);
+  return differ ? whole : plain;
 }
 
 void for_each_file(Node& changes, const std::function<void(Node& path)>& visit) {

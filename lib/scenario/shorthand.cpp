@@ -80,14 +80,13 @@ void apply_suffix(std::string_view suffix, Scenario& scenario) {
 
 std::string suffix_mistake(std::string_view name) {
   const ShortName deepest = split_name(name).back();
-  const size_t at = deepest.base.rfind('_');
-  const size_t pair = at == std::string::npos ? kNoPair : pair_of(deepest.base.substr(at + 1));
-  if (pair != kNoPair)
-    return cat("a name has one of _", kSuffixes[pair][0].name, " and _", kSuffixes[pair][1].name, ", once");
-  const bool of_path = deepest.base.find('/') != std::string::npos || deepest.base.ends_with(".yaml");
-  if (of_path && !deepest.suffixes.empty())
-    return "suffixes follow names; behind a path state their keys, in the file or as --set environment.KEY=VALUE";
-  return "";
+  const std::string& base = deepest.base;
+  const size_t at = base.rfind('_');
+  const size_t pair = at == std::string::npos || at == 0 ? kNoPair : pair_of(base.substr(at + 1));
+  if (base.ends_with(".yaml") || base.ends_with(".yml"))
+    return deepest.suffixes.empty() ? "" : "suffixes follow names; a file states their keys";
+  if (base.find('/') != std::string::npos || pair == kNoPair) return "";
+  return cat("a name has one of _", kSuffixes[pair][0].name, " and _", kSuffixes[pair][1].name, ", once");
 }
 
 std::string suffix_help() {

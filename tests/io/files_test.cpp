@@ -67,6 +67,15 @@ TEST(Files, WhatIsNoRegularFileIsWrittenInPlace) {
   EXPECT_FALSE(std::filesystem::is_regular_file("/dev/null"));
 }
 
+TEST(Files, ALinkStaysALink) {
+  const TemporaryFolder folder;
+  write_file(folder / "there", "old");
+  std::filesystem::create_symlink("there", folder / "link");
+  write_file(folder / "link", "new");
+  EXPECT_TRUE(std::filesystem::is_symlink(folder / "link"));
+  EXPECT_EQ(read_file(folder / "there"), "new");
+}
+
 TEST(Files, LeftoversOfInterruptedWritesAreRemoved) {
   const TemporaryFolder folder;
   std::ofstream(folder / "update_00000001.h5.4711.tmp") << "half";

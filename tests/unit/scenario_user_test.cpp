@@ -193,11 +193,11 @@ TEST_F(ScenarioUser, SaysWhatIsWrongWithAFile) {
        "f.yaml:5:20: map 'm': the start area of team 0, [6, 1, 11, 9], reaches outside the world of 10 x 10"},
       {head + "maps: m\nmap_definitions:\n  m:\n    boxes: [[0, 0, 5, 10]]\n",
        "f.yaml:4:3: map 'm': the start area of team 1, [1, 1, 4, 9], lies inside an obstacle"},
-      // Neither alone: they meet at y = 5, and agents do not start within 0.1 of a box.
-      {head + "maps: m\nmap_definitions: {m: {boxes: [[0, 0, 5, 4.95], [0, 5, 5, 10]]}}\n",
+      // Neither alone.
+      {head + "maps: m\nmap_definitions: {m: {boxes: [[0, 0, 5, 5], [0, 5, 5, 10]]}}\n",
        "f.yaml:3:19: map 'm': the start area of team 1, [1, 1, 4, 9], lies inside obstacles"},
       {head + "maps: m\nmap_definitions: {m: {boxes: [[4, 4, 5, 5], [10, 0, 12, 5]]}}\n",
-       "f.yaml:3:45: map_definitions.m.boxes[1]: [10, 0, 12, 5] lies outside the map, whose size is [10, 10]"},
+       "f.yaml:3:45: map 'm': the box [10, 0, 12, 5], lies outside the map, whose size is [10, 10]"},
       {head + "maps: m\nmap_definitions: {m: {team_1: {heading: [0, 90]}}}\n",
        "f.yaml:3:45: map_definitions.m.team_1.heading[1]: '90' is not a number in [-6.3, 6.3]"},
       {head + "rewards: {agent_disabled: -10}\n",
@@ -207,8 +207,7 @@ TEST_F(ScenarioUser, SaysWhatIsWrongWithAFile) {
       {"base: identical_5_vs_5_maps_void\n",
        "f.yaml:1:7: unknown scenario 'identical_5_vs_5_maps_void'; a name has one of _maps and _void, once"},
       {"base: ./f.yaml_void\n",
-       "f.yaml:1:7: no such file: f.yaml_void; suffixes follow names; behind a path state "
-       "their keys, in the file or as --set environment.KEY=VALUE"},
+       "f.yaml:1:7: no such file: f.yaml_void; suffixes follow names; a file states their keys"},
       {head + "maps: m\nmap_definitions: {m: {team_1: {area: [4, 1, 1, 9]}}}\n",
        "f.yaml:3:38: map 'm': the start area of team 1, [4, 1, 1, 9], needs x1 <= x2 and y1 <= y2"},
       {head + "map_definitions: {m: {boxes: [[1, 2, 3], [2, 2, 1, 3]]}}\n",
@@ -251,6 +250,23 @@ TEST_F(ScenarioUser, SaysWhatIsWrongWithAFile) {
       {"base: nowhere.yaml\n", "f.yaml:1:7: no such file: nowhere.yaml"},
   };
   for (const auto& [text, expected] : cases) EXPECT_EQ(error_of(text), expected) << text;
+}
+
+// What a file gives stands for all that its base gave for the key, its place too: a path counts from there.
+TEST_F(ScenarioUser, PathsCountFromTheFileThatNamesThem) {
+  write("parts/a.yaml", "boxes: [[4, 4, 5, 5]]\n");
+  write("parts/b.yaml", "base: identical_5_vs_5\nmaps: [a.yaml]\n");
+  write("mine.yaml", "boxes: []\n");
+  EXPECT_EQ(error_of("base: parts/b.yaml\nmaps: mine.yaml\n"), "");
+  EXPECT_EQ(load(folder_ / "f.yaml").maps.names, std::vector<std::string>{"mine"});
+  EXPECT_EQ(error_of("base: parts/b.yaml\nmaps: a.yaml\n"), "f.yaml:2:7: no such file: a.yaml");
+
+  // Behind a link to a folder `..` is where that folder lies.
+  fs::create_directories(folder_ / "real/deep");
+  fs::create_directory_symlink("real/deep", folder_ / "link");
+  write("real/b.yaml", "base: identical_2_vs_2\n");
+  write("link/e.yaml", "base: ../b.yaml\n");
+  EXPECT_EQ(load(folder_ / "link/e.yaml").team_0.front().count, 2);
 }
 
 // The slowest step is the first, with full brakes: v1 = 1 - 0.15 thrust, v2 = v1 - 0.04 v1^2, and v2 / 10 units.
