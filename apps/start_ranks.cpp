@@ -124,7 +124,7 @@ class Children {
   /// Asks all to stop. A terminal sends SIGINT to all processes, `kill` to this one alone: who has had none gets it, so
   /// that it tells the signal by its name, and the others one that they ignore by now.
   void stop(int signal) {
-    asked_to_stop_ = true;
+    asked_ = signal;
     for (const int pid : pids_)
       if (pid > 0) ::kill(pid, signal == SIGINT && !awaits_interrupt(pid) ? SIGTERM : signal);
   }
@@ -150,7 +150,8 @@ class Children {
     const bool killed = WIFSIGNALED(status);
     const int code = killed ? kFailed : WEXITSTATUS(status);
     if (rank == 0) code_of_rank_0_ = code;
-    if (killed && asked_to_stop_ && (WTERMSIG(status) == SIGTERM || WTERMSIG(status) == SIGINT)) ended_early_ = true;
+    const bool by_request = asked_ != 0 && (WTERMSIG(status) == asked_ || WTERMSIG(status) == SIGTERM);
+    if (killed && by_request) ended_early_ = true;
     if (killed)
       server_.report_failure(cat("rank ", rank, " of ", pids_.size(), " was ended by signal ", WTERMSIG(status), " (",
                                  ::strsignal(WTERMSIG(status)), ")"));
@@ -162,7 +163,8 @@ class Children {
   std::vector<int> pids_;  // 0: it has ended
   std::optional<int> failure_;
   int code_of_rank_0_ = 0;
-  bool asked_to_stop_ = false, ended_early_ = false;
+  int asked_ = 0;  // the signal of the request to stop
+  bool ended_early_ = false;
 };
 
 }  // namespace

@@ -75,7 +75,11 @@ Json tell(SweepFolder& folder, const std::string& text) {
   if (!trial.is_number_integer() || !rung.is_number_integer() || !(value.is_number() || value.is_null()))
     throw InputError("--tell: \"trial\" and \"rung\" are whole numbers, \"value\" is a number or null (it failed)");
   std::vector<uint64_t> seeds = folder.spec().seeds;  // one value may stand for all
-  if (told.contains("seed")) seeds = {told.at("seed").get<uint64_t>()};
+  if (told.contains("seed")) {
+    if (!told.at("seed").is_number_unsigned())
+      throw InputError(cat("--tell: \"seed\" is one of the sweep's seeds, not ", told.at("seed").dump()));
+    seeds = {told.at("seed").get<uint64_t>()};
+  }
   for (const uint64_t seed : seeds) {
     const SweepRun run{trial, rung, seed};
     const std::vector<SweepRun> open = folder.progress().open();

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstdlib>
+#include <iostream>
 #include <nlohmann/json.hpp>
 #include <sstream>
 #include <thread>
@@ -137,6 +138,9 @@ SweepFolder::SweepFolder(const fs::path& file, const fs::path& folder) : path_(f
     throw InputError(cat("the folder ", path_.string(), " holds another sweep than ", file.string(),
                          ": of a sweep that goes on only parallel and max_wall_time may change; --out takes another "
                          "folder"));
+  if (known.config != spec_.config || known.set != spec_.set)
+    std::cerr << "note: config and set of " << file.string() << " have changed; this sweep goes on by "
+              << (path_ / kConfigFile).string() << '\n';
   lock_.emplace(path_);
   const LoadedRun run = load_run_config((path_ / kConfigFile).string(), {});
   rungs_ = rungs_of(spec_.halving, run.config.train.total_agent_steps);

@@ -79,7 +79,7 @@ class RatingChart {
   Estimate shown(const Rating& r) const {
     if (r.group == shown_) return r.in_group;
     constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
-    return {shown_ == 0 ? r.rating.value : kUnknown, kUnknown};
+    return shown_ == 0 ? r.rating : Estimate{kUnknown, kUnknown};
   }
 
   ChartPanel panel(int side) const {
@@ -105,8 +105,10 @@ class RatingChart {
       if (!line.points.empty()) panel.lines.push_back(std::move(line));
     }
     for (const Rating& r : sheet_.ratings.list) {
-      if (r.side != side || r.group != shown_ || !sheet_.infos[static_cast<size_t>(r.player)].is_baseline()) continue;
-      panel.levels.push_back({sheet_.ratings.name(r), r.in_group.value, r.in_group.low(), r.in_group.high()});
+      const Estimate e = shown(r);
+      if (r.side != side || !std::isfinite(e.value) || !sheet_.infos[static_cast<size_t>(r.player)].is_baseline())
+        continue;
+      panel.levels.push_back({sheet_.ratings.name(r), e.value, e.low(), e.high()});
     }
     return panel;
   }

@@ -38,7 +38,7 @@ Rollout make_rollout(Simulator& sim, const CollectorOptions& options, const Both
     bool learns = false;
     for (const SidePart& part : sides[team]) {
       reads |= part.controller->reads();
-      learns = learns || part.controller->fills_log_prob();
+      learns = learns || (options.learns[team] && part.controller->fills_log_prob());
     }
     if (learns) reads |= options.keep;
     if (!(reads & spec.observations()).empty()) r.obs = make({learns ? t + 1 : 1, w, n, d});

@@ -3,6 +3,7 @@
 
 #include <torch/types.h>
 
+#include <array>
 #include <atomic>
 #include <string>
 
@@ -43,9 +44,10 @@ struct Rollout {
 
 struct CollectorOptions {
   int horizon = 16;
-  bool with_state = false;         ///< keep the true state for a critic
-  bool desynchronize = false;      ///< first episodes start at a random age, so that worlds do not reset in step
-  ObservationSet keep = {};        ///< observations of learning teams that are kept besides those that controllers read
+  bool with_state = false;     ///< keep the true state for a critic
+  bool desynchronize = false;  ///< first episodes start at a random age, so that worlds do not reset in step
+  ObservationSet keep = {};    ///< observations of learning teams that are kept besides those that controllers read
+  std::array<bool, kNTeams> learns = {true, true};  ///< of the others actions alone are kept, though policies play them
   bool with_final_images = false;  ///< keep those of truncated episodes, for a critic that reads images
 };
 

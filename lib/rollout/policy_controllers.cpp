@@ -145,8 +145,9 @@ class PolicyController final : public TeamController {
       const Of& own = of_team_[static_cast<size_t>(part.team)];
       const std::optional<FusedPolicy> fused = own.actor ? fused_policy(*own.actor) : std::nullopt;
       const std::optional<SmallMlp> half = own.actor && !fused ? HalfPrecisionPolicy::served(*own.actor) : std::nullopt;
-      // Which that kernel does not fill in. A collector keeps them, of opponents too: there LibTorch plays a network of
-      // fp16, in matches the kernel, and their logits differ by the order of sums and by tanh, which is within 2^-11.
+      // Which that kernel does not fill in. A collector keeps them, of the pool's opponents too: there LibTorch plays a
+      // network of fp16, else the kernel, and their logits differ by the order of sums and by tanh, which is within
+      // 2^-11.
       const bool learns = part.buffers.log_prob || part.buffers.pre_tanh_action;
       if (fused)
         together.push_back(in_step(*fused, own.actor->inputs(), part, greedy_));

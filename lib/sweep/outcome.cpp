@@ -32,22 +32,22 @@ std::vector<const std::vector<double>*> metric_columns(const SweepSpec& spec, co
   return columns;
 }
 
-/// Agent-steps and metric at each row where all columns are known.
-std::vector<std::pair<double, double>> metric_points(const SweepSpec& spec, const MetricsTable& table,
-                                                     const std::string& file) {
+/// Agent-steps and metric by update, where all columns are known.
+std::map<double, std::pair<double, double>> metric_points(const SweepSpec& spec, const MetricsTable& table,
+                                                          const std::string& file) {
   const std::vector<const std::vector<double>*> columns = metric_columns(spec, table, file);
-  std::vector<std::pair<double, double>> points;
+  std::map<double, std::pair<double, double>> points;
   for (size_t row = 0; row < table.rows(); ++row) {
     std::vector<double> values;
     for (const auto* column : columns) values.push_back((*column)[row]);
     if (std::none_of(values.begin(), values.end(), [](double v) { return std::isnan(v); }))
-      points.emplace_back((*table.find("agent_steps"))[row], worst_of(spec, values));
+      points[(*table.find("update"))[row]] = {(*table.find("agent_steps"))[row], worst_of(spec, values)};
   }
   return points;
 }
 
 std::optional<SweepOutcome::Curve> curve_of(const SweepSpec& spec, const SweepOutcome::Trial& trial) {
-  std::vector<std::vector<std::pair<double, double>>> runs;
+  std::vector<std::map<double, std::pair<double, double>>> runs;
   for (const std::string& folder : trial.folders) {
     const std::string file = (fs::path(folder) / "metrics.csv").string();
     std::error_code code;
@@ -55,14 +55,18 @@ std::optional<SweepOutcome::Curve> curve_of(const SweepSpec& spec, const SweepOu
     runs.push_back(metric_points(spec, parse_metrics(read_file(file), file), file));
   }
   if (runs.empty()) return std::nullopt;
-  size_t n = runs.front().size();
-  for (const auto& run : runs) n = std::min(n, run.size());
   SweepOutcome::Curve curve{trial.number, {}, {}, {}, {}};
-  for (size_t k = 0; k < n; ++k) {
-    std::vector<double> values;
-    for (const auto& run : runs) values.push_back(run[k].second);
+  for (const auto& [update, first] : runs.front()) {  // those that all know
+    std::vector<double> steps, values;
+    for (const auto& run : runs) {
+      const auto point = run.find(update);
+      if (point == run.end()) break;
+      steps.push_back(point->second.first);
+      values.push_back(point->second.second);
+    }
+    if (values.size() < runs.size()) continue;
     const Interval band = bootstrap_interval(values);
-    curve.agent_steps.push_back(runs.front()[k].first);
+    curve.agent_steps.push_back(mean_of(steps));
     curve.middle.push_back(interquartile_mean(values));
     curve.low.push_back(band.lo);
     curve.high.push_back(band.hi);

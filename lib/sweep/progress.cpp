@@ -84,8 +84,9 @@ bool SweepProgress::is_settled(int rung) const {
 std::optional<SweepJob> SweepProgress::next() const {
   for (int rung = n_rungs_ - 2; rung >= 0; --rung) {
     std::vector<std::pair<int, double>> there;  // trial, value
-    for (const auto& [trial, last] : begun_)
-      if (const auto known = value(trial, rung)) there.emplace_back(trial, *known);
+    for (const auto& [trial, last] : begun_)    // one that failed further on leaves its place to others
+      if (const auto known = value(trial, rung); known && value(trial, reached(trial)))
+        there.emplace_back(trial, *known);
     std::stable_sort(there.begin(), there.end(), [&](auto& a, auto& b) { return better(a.second, b.second); });
     size_t most = there.size() / static_cast<size_t>(factor_);
     if (most == 0 && !there.empty() && is_settled(rung)) most = 1;  // few trials: the best goes on all the same
@@ -102,11 +103,10 @@ std::vector<int> SweepProgress::ranking() const {
   std::iota(trials.begin(), trials.end(), 0);
   std::stable_sort(trials.begin(), trials.end(), [&](int a, int b) {
     const int at = reached(a), other = reached(b);
+    const std::optional<double> x = value(a, at), y = value(b, other);
+    if (x.has_value() != y.has_value()) return x.has_value();
     if (at != other) return at > other;
-    if (at < 0) return false;
-    const std::optional<double> x = value(a, at), y = value(b, at);
-    if (!x || !y) return x.has_value() && !y.has_value();
-    return better(*x, *y);
+    return x && better(*x, *y);
   });
   return trials;
 }

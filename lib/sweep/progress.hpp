@@ -74,7 +74,7 @@ class SweepProgress {
   std::optional<double> value(int trial, int rung) const;
   /// Whether a is better than b by the sweep's goal.
   bool better(double a, double b) const { return goal_ == SweepGoal::maximize ? a > b : a < b; }
-  /// Trials by how far they came, then by their value there; those without a value last.
+  /// Trials by how far they came, then by their value there; those without a value, as where a run failed, last.
   std::vector<int> ranking() const;
   /// The first of them with its value, and how many trials were compared, with halving for the first time at least.
   std::optional<std::pair<int, double>> best() const;

@@ -92,6 +92,27 @@ TEST(LearnRollout, AScriptThatLooksSeesEveryStep) {
   }
 }
 
+// As the frozen team of `gigastep exploit`: it plays as one that learns would, and nothing else is kept of it.
+TEST(LearnRollout, KeepsActionsAloneOfAPolicyThatDoesNotLearn) {
+  const LoadedRun run = cramped();
+  const ParallelFor rows(Device{}, 2);
+  const Actor actor = make_actor(run, 0, Device{});
+  at::Tensor actions[2];
+  for (const bool learns : {true, false}) {
+    const auto sim = make_cpu_simulator(run.spec, {kWorlds, 17, 0, OnDone::reset, 2});
+    const Side side = everywhere(policy_controller(actor), *sim);
+    Collector collector(*sim, rows, {.horizon = kHorizon, .learns = {true, learns}}, {side, side});
+    collector.start();
+    for (int rollout = 0; rollout < 2; ++rollout) collector.collect();
+    const TeamRollout& team = collector.rollout().team[1];
+    actions[learns] = team.action;
+    EXPECT_EQ(team.obs.size(0), learns ? kHorizon + 1 : 1);
+    for (const at::Tensor& kept : {team.alive, team.log_prob, team.reward, team.final_obs, team.final_alive})
+      EXPECT_EQ(kept.defined(), learns);
+  }
+  EXPECT_TRUE(at::equal(actions[0], actions[1]));
+}
+
 TEST(LearnRollout, KeepsTheObservationsThatAreRead) {
   SmallRun small;
   small.scenario = "max_episode_length: 8\nobservation: {egocentric_view: true}\n";

@@ -213,6 +213,24 @@ TEST(SweepHalving, OfFewTrialsTheBestGoesOnAndOneThatFailedNever) {
   EXPECT_EQ(std::pair(progress.next()->trial, progress.next()->rung), std::pair(0, 1));
 }
 
+// Of three the best goes on and diverges: the next best takes its place, and the one without a value is the last.
+TEST(SweepHalving, WhatFailsFurtherOnLeavesItsPlace) {
+  SweepSpec spec = halving_spec();
+  spec.seeds = {1};
+  SweepProgress progress(spec, 3, 2);
+  for (const auto& [trial, value] : {std::pair(0, 0.5), {1, 0.9}, {2, 0.7}})
+    progress.finish({trial, 0, 1}, {value, 0, 1, 100});
+  EXPECT_EQ(std::pair(progress.next()->trial, progress.next()->rung), std::pair(1, 1));
+  progress.finish({1, 1, 1}, {std::nullopt, 3, 1, 50});
+  EXPECT_EQ(progress.ranking(), (std::vector<int>{2, 0, 1}));
+  EXPECT_EQ(progress.best(), std::pair(2, 0.7));
+  EXPECT_EQ(std::pair(progress.next()->trial, progress.next()->rung), std::pair(2, 1));
+  progress.finish({2, 1, 1}, {0.6, 0, 1, 100});
+  EXPECT_FALSE(progress.next());
+  EXPECT_EQ(progress.ranking(), (std::vector<int>{2, 0, 1}));
+  EXPECT_EQ(progress.best(), std::pair(2, 0.6));
+}
+
 // A first stop at or behind the end would compare nothing before it.
 TEST_F(Sweep, AFirstStopOfHalvingLiesBeforeTheEndOfTheRun) {
   KeyPositions given;
