@@ -18,6 +18,7 @@ __global__ void __launch_bounds__(kThreads) elementwise_kernel(const __grid_cons
 
 template <class Op>
 void launch_elementwise(const Op& op, int64_t n, int index, void* stream) {
+  if (n <= 0) return;
   GIGA_CUDA(cudaSetDevice(index));
   const auto blocks = static_cast<unsigned>((n + kThreads - 1) / kThreads);
   elementwise_kernel<<<blocks, kThreads, 0, static_cast<cudaStream_t>(stream)>>>(op, n);

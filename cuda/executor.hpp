@@ -11,11 +11,12 @@
 namespace giga {
 
 /// That of tiles, for a kernel that knows `known` agents (block_is_group); not `tiles` where a block cannot have any.
-inline LaunchShape tile_shape(int n_agents, int known, size_t world_bytes, int n_worlds) {
+inline LaunchShape tile_shape(int n_agents, int known, size_t world_bytes, int n_worlds,
+                              size_t limit = kSharedLimit) {
   const int threads = tile_threads(known), group = group_threads(known);
   const int worlds = threads / group * (group / n_agents);  // of a block
   const size_t bytes = world_bytes * static_cast<size_t>(worlds);
-  if (worlds == 0 || bytes > kSharedLimit) return {};
+  if (worlds == 0 || bytes > limit) return {};
   return {true, true, (n_worlds + worlds - 1) / worlds, threads, group, world_bytes, bytes};
 }
 
@@ -25,7 +26,9 @@ LaunchShape launch_shape(const SimParams& p, int n_worlds) {
   const int n = p.n_agents;
   const size_t per_world = shared_bytes<kStep>(p);
   LaunchShape tiles{};
-  with_usual_params<kStep>(p, [&]<class P>(const P&) { tiles = tile_shape(n, P::kAgents, per_world, n_worlds); });
+  with_usual_params<kStep>(p, [&]<class P>(const P&) {
+    tiles = tile_shape(n, P::kAgents, per_world, n_worlds, kStep ? kStepSharedLimit : kSharedLimit);
+  });
   if (tiles.tiles) return tiles;
   const bool in_shared = global_scratch_bytes(p, n_worlds) == 0;
   const int threads = std::min((n + kWarp - 1) / kWarp * kWarp, kMaxBlockThreads);

@@ -19,8 +19,9 @@ class CudaMemory final : public Memory {
   void* allocate(size_t bytes) override {
     GIGA_CUDA(cudaSetDevice(index_));
     void* p = nullptr;
-    if (cudaMalloc(&p, bytes) != cudaSuccess) {
+    if (const cudaError_t status = cudaMalloc(&p, bytes); status != cudaSuccess) {
       cudaGetLastError();
+      if (status != cudaErrorMemoryAllocation) GIGA_CUDA(status);  // what a kernel did before
       size_t free = 0, total = 0;
       cudaMemGetInfo(&free, &total);
       throw Error(
@@ -29,11 +30,16 @@ class CudaMemory final : public Memory {
     return p;
   }
   void release(void* p) noexcept override { cudaFree(p); }
-  void clear(void* p, size_t bytes) override { GIGA_CUDA(cudaMemset(p, 0, bytes)); }
+  void clear(void* p, size_t bytes) override {
+    GIGA_CUDA(cudaSetDevice(index_));
+    GIGA_CUDA(cudaMemset(p, 0, bytes));
+  }
   void to_host(void* host, const void* device, size_t bytes) override {
+    GIGA_CUDA(cudaSetDevice(index_));
     GIGA_CUDA(cudaMemcpy(host, device, bytes, cudaMemcpyDeviceToHost));
   }
   void from_host(void* device, const void* host, size_t bytes) override {
+    GIGA_CUDA(cudaSetDevice(index_));
     GIGA_CUDA(cudaMemcpy(device, host, bytes, cudaMemcpyHostToDevice));
   }
 

@@ -44,7 +44,7 @@ std::unique_ptr<Simulator> make_cuda_simulator(SimSpec spec, const SimOptions& o
 /// for 0: every step is one launch.
 constexpr int kInParts = 1 << 16;
 
-/// The same for worlds of many agents (rules 17), or with SimOptions::grid.
+/// The same for worlds of many agents (rules 17), or with Pairs::by_place.
 std::unique_ptr<Simulator> make_cuda_grid_simulator(SimSpec spec, const SimOptions& options, int index,
                                                     void* stream = nullptr, int in_parts = kInParts);
 

@@ -10,6 +10,9 @@
 namespace giga {
 
 constexpr size_t kSharedLimit = 48 << 10;  // of a block; beyond it a world's scratch lies in global memory
+/// Of a block of a tile kernel's step, which asks for it: every GPU since Turing has it. 20 against 20 with the
+/// egocentric view take 50,624 bytes.
+constexpr size_t kStepSharedLimit = 64 << 10;
 
 /// Bytes of shared memory that a world takes, where its scratch of that layout lies there. Where a warp has several
 /// worlds, the same array of those side by side lies 12 or 20 words further in each: so lanes of three worlds of ten

@@ -43,6 +43,7 @@ class CudaSimulator final : public LaunchingSimulator {
         index_(index),
         stream_(static_cast<cudaStream_t>(stream)),
         partial_(memory(), static_cast<size_t>(kStatBlocks) * kNStatRows) {
+    GIGA_CUDA(cudaSetDevice(index_));
     choose_step();
   }
 
@@ -95,8 +96,12 @@ class CudaSimulator final : public LaunchingSimulator {
  private:
   /// Decides by which kernel worlds step.
   void choose_step() {
-    bool usual = false;
-    with_usual_params<true>(params(), [&]<class P>(const P&) { usual = P::kTeam > 0; });
+    const bool usual = shape(true).tiles;
+    if (shape(true).shared_bytes > kSharedLimit)
+      with_usual_params<true>(params(), []<class P>(const P&) {
+        GIGA_CUDA(cudaFuncSetAttribute(tile_kernel<Job::step, P>, cudaFuncAttributeMaxDynamicSharedMemorySize,
+                                       static_cast<int>(kStepSharedLimit)));
+      });
     const bool compiles =
         options_.compile_step == CompileStep::always || (options_.compile_step == CompileStep::automatic && !usual);
     std::string report = "none was to be compiled for this scenario";

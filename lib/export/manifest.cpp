@@ -166,7 +166,7 @@ class MemberReader {
   Errors& errors_;
 };
 
-constexpr int kMostNumbers = 1'000'000;  // of an observation; kMaxAgents agents have 9 each
+constexpr int kMostNumbers = 40'000'000;  // of an observation; kMaxGridAgents agents have 9 each
 
 void read_observation(const Node* node, MemberReader& in, Manifest& manifest) {
   int size = 0;
@@ -200,7 +200,7 @@ void read_observation(const Node* node, MemberReader& in, Manifest& manifest) {
 
 void read_view(const Node* node, MemberReader& in, Manifest& manifest) {
   RowView& view = manifest.shape.view.emplace();
-  in.value(node, "neighbors", view.neighbors, range(0, kMaxAgents - 1));
+  in.value(node, "neighbors", view.neighbors, range(0, kMaxGridAgents - 1));
   in.value(node, "waypoint", view.waypoint);
   in.value(node, "boxes", view.boxes, range(0, kMostNumbers / 6));
   in.value(node, "numbers_of_a_box", view.box_numbers, range(4, 6));

@@ -142,7 +142,7 @@ class Game {
   std::vector<GameObserver*> observers_;
   const RowLayout layout_;
   ObservationSet reads_[kNTeams];                 // of the controllers of a side
-  Buffer<float> obs_[kNTeams], action_[kNTeams];  // see GameShapes; empty where observers have them
+  Buffer<float> obs_[kNTeams], action_[kNTeams];  // empty where observers have them
   Buffer<uint8_t> image_[kNTeams];                // [W, n, R, R, 3] of the agents; empty where nobody wants them
   Buffer<float> memory_[kNTeams];                 // [W, n, S]; likewise
   int64_t memory_size_[kNTeams] = {};             // S

@@ -109,7 +109,7 @@ struct StateView {
   float* reward_factor;     // [W] the original's aux_rewards_factor: scales all terms but game_won
   int32_t* episode_length;  // [W] steps since the reset
   uint32_t* draw_step;      // [W] steps since the start: the step of the next draw
-  Outcome* outcome;         // [W] see outcome_of in rewards.hpp
+  Outcome* outcome;         // [W] see outcome_of in episode.hpp
   Phase* phase;             // [W]
   float* returns;           // [W, 2] by team, this episode
   float* returns_masked;    // [W, 2] see EpisodeStat
