@@ -11,8 +11,7 @@
 namespace giga {
 
 /// That of tiles, for a kernel that knows `known` agents (block_is_group); not `tiles` where a block cannot have any.
-inline LaunchShape tile_shape(int n_agents, int known, size_t world_bytes, int n_worlds,
-                              size_t limit = kSharedLimit) {
+inline LaunchShape tile_shape(int n_agents, int known, size_t world_bytes, int n_worlds, size_t limit = kSharedLimit) {
   const int threads = tile_threads(known), group = group_threads(known);
   const int worlds = threads / group * (group / n_agents);  // of a block
   const size_t bytes = world_bytes * static_cast<size_t>(worlds);

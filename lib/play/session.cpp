@@ -111,8 +111,7 @@ PlaySession::PlaySession(const SimSpec& spec, uint64_t seed, const PlayTeam& tea
   for (int team = 0; team < kNTeams; ++team) {
     std::unique_ptr<TeamController> controller = controller_of(team == 0 ? team_0 : team_1);
     if (person >= 0 && p.team_of(person) == team)
-      controller =
-          std::make_unique<TeamWithPerson>(std::move(controller), p.slot_of(person), controls_);
+      controller = std::make_unique<TeamWithPerson>(std::move(controller), p.slot_of(person), controls_);
     sides[static_cast<size_t>(team)] = everywhere(std::move(controller), *sim_);
   }
   game_ = std::make_unique<Game>(*sim_, parallel_for_, sides, std::vector<GameObserver*>{watcher_.get()});
