@@ -124,11 +124,16 @@ TEST(FixedStepRecordedGpu, ReplaysTheCompiledStep) {
 
 // By default what no kernel of the program is for.
 TEST(FixedStepWayGpu, FollowsTheOption) {
-  SimSpec usual = plain_spec(5, 5);
-  usual.params.actions = ActionKind::discrete;
-  usual.params.stochastic_detection = usual.params.stochastic_communication = true;
-  usual.finish();
-  ASSERT_TRUE(UsualParams<5>::fits(usual.params));
+  const auto usual_of = [](int n) {
+    SimSpec spec = plain_spec(n, n);
+    spec.params.actions = ActionKind::discrete;
+    spec.params.stochastic_detection = spec.params.stochastic_communication = true;
+    spec.params.egocentric_view = n == 20;
+    spec.finish();
+    return spec;
+  };
+  const SimSpec usual = usual_of(5), with_view = usual_of(20);
+  ASSERT_TRUE(UsualParams<5>::fits(usual.params) && UsualParams<20>::fits(with_view.params));
   if (cuda_device_count() == 0) GTEST_SKIP() << "skipped: no GPU";
   if (const Nvrtc nvrtc; !nvrtc.missing().empty()) GTEST_SKIP() << "skipped: " << nvrtc.missing();
   use_cache_of_tests();
@@ -143,6 +148,8 @@ TEST(FixedStepWayGpu, FollowsTheOption) {
   using enum CompileStep;
   EXPECT_EQ(way(usual, never), "a kernel for usual scenarios");
   EXPECT_EQ(way(usual, automatic), "a kernel for usual scenarios");
+  // Its block takes more shared memory than a kernel has unasked.
+  EXPECT_EQ(way(with_view, automatic), "a kernel for usual scenarios");
   EXPECT_TRUE(way(usual, always).starts_with("a kernel for this scenario ("));
   EXPECT_EQ(way(odd, never), "the general kernel (none was to be compiled for this scenario)");
   EXPECT_TRUE(way(odd, automatic).starts_with("a kernel for this scenario ("));
