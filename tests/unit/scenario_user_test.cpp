@@ -200,12 +200,14 @@ TEST_F(ScenarioUser, SaysWhatIsWrongWithAFile) {
        "f.yaml:3:45: map 'm': the box [10, 0, 12, 5], lies outside the map, whose size is [10, 10]"},
       {head + "maps: m\nmap_definitions: {m: {team_1: {heading: [0, 90]}}}\n",
        "f.yaml:3:45: map_definitions.m.team_1.heading[1]: '90' is not a number in [-6.3, 6.3]"},
-      {head + "rewards: {agent_disabled: -10}\n",
-       "f.yaml:2:27: rewards.agent_disabled: '-10' is not a number of at least 0"},
+      {head + "rewards: {agent_disabled: -10}\n", "f.yaml:2:27: rewards.agent_disabled: '-10' is not a number >= 0"},
       {"team_0: [{type: default}]\n",
        "f.yaml:1:1: team_1: the team is empty; it needs at least one entry such as {type: default, count: 5}"},
       {"base: identical_5_vs_5_maps_void\n",
-       "f.yaml:1:7: unknown scenario 'identical_5_vs_5_maps_void'; a name has one of _maps and _void, once"},
+       "f.yaml:1:7: unknown scenario 'identical_5_vs_5_maps_void'; a name has one of _maps and _void, once; allowed: "
+       "the "
+       "names that `gigastep scenarios` lists, with suffixes in any order (_fobs|_pobs, _rgb|_vec, _maps|_void, "
+       "_cont|_disc), or the path of a YAML file"},
       {"base: ./f.yaml_void\n",
        "f.yaml:1:7: no such file: f.yaml_void; suffixes follow names; a file states their keys"},
       {head + "maps: m\nmap_definitions: {m: {team_1: {area: [4, 1, 1, 9]}}}\n",
@@ -259,7 +261,7 @@ TEST_F(ScenarioUser, PathsCountFromTheFileThatNamesThem) {
   write("mine.yaml", "boxes: []\n");
   EXPECT_EQ(error_of("base: parts/b.yaml\nmaps: mine.yaml\n"), "");
   EXPECT_EQ(load(folder_ / "f.yaml").maps.names, std::vector<std::string>{"mine"});
-  EXPECT_EQ(error_of("base: parts/b.yaml\nmaps: a.yaml\n"), "f.yaml:2:7: no such file: a.yaml");
+  EXPECT_EQ(error_of("base: parts/b.yaml\nmaps: a.yaml\n"), "f.yaml:2:7: no such file: a.yaml; nearest: 'f.yaml'");
 
   // Behind a link to a folder `..` is where that folder lies.
   fs::create_directories(folder_ / "real/deep");
