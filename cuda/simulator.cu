@@ -96,7 +96,8 @@ class CudaSimulator final : public LaunchingSimulator {
  private:
   /// Decides by which kernel worlds step.
   void choose_step() {
-    const bool usual = shape(true).tiles;
+    bool usual = false;
+    with_usual_params<true>(params(), [&]<class P>(const P&) { usual = P::kTeam > 0 && shape(true).tiles; });
     if (shape(true).shared_bytes > kSharedLimit)
       with_usual_params<true>(params(), []<class P>(const P&) {
         GIGA_CUDA(cudaFuncSetAttribute(tile_kernel<Job::step, P>, cudaFuncAttributeMaxDynamicSharedMemorySize,
