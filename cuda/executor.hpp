@@ -37,7 +37,8 @@ LaunchShape launch_shape(const SimParams& p, int n_worlds) {
 /// That of a step whose parameters are all constants that FixedParams has.
 inline LaunchShape fixed_shape(const SimParams& p, int n_worlds) {
   const auto staged = static_cast<size_t>(stage_rows(p.n_agents) * stage_row(p.n_neighbors, p.waypoints));
-  return tile_shape(p.n_agents, p.n_agents, shared_bytes(p.n_agents, ScratchLayout(p, staged)), n_worlds);
+  return tile_shape(p.n_agents, p.n_agents, shared_bytes(p.n_agents, ScratchLayout(p, staged)), n_worlds,
+                    kStepSharedLimit);
 }
 
 /// A simulator that runs its jobs by launches. Its back end launches, and lists the worlds that play.

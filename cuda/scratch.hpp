@@ -10,8 +10,8 @@
 namespace giga {
 
 constexpr size_t kSharedLimit = 48 << 10;  // of a block; beyond it a world's scratch lies in global memory
-/// Of a block of a tile kernel's step, which asks for it: every GPU since Turing has it. 20 against 20 with the
-/// egocentric view take 50,624 bytes.
+/// Of a block whose worlds are tiles in a step, which asks for it: every GPU since Turing has it. 20 against 20 with
+/// the egocentric view take 50,624 bytes, 15 against 15 up to 55,920.
 constexpr size_t kStepSharedLimit = 64 << 10;
 
 /// Bytes of shared memory that a world takes, where its scratch of that layout lies there. Where a warp has several

@@ -22,6 +22,9 @@ class LoadedStep final : public StepKernel {
   cudaError_t load(const std::string& code) {
     cudaError_t status = cudaLibraryLoadData(&library_, code.data(), nullptr, nullptr, 0, nullptr, nullptr, 0);
     if (status == cudaSuccess) status = cudaLibraryGetKernel(&kernel_, library_, kFixedStepName);
+    if (status == cudaSuccess && shape_.shared_bytes > kSharedLimit)
+      status = cudaFuncSetAttribute(function(), cudaFuncAttributeMaxDynamicSharedMemorySize,
+                                    static_cast<int>(shape_.shared_bytes));
     // Asking for its attributes loads it now, and not while a graph is captured.
     cudaFuncAttributes attributes{};
     if (status == cudaSuccess) status = cudaFuncGetAttributes(&attributes, function());

@@ -79,7 +79,9 @@ SimTables::SimTables(const SimSpec& spec, Memory& memory) : params_(spec.params)
 bool finds_by_place(const SimSpec& spec, const SimOptions& options) {
   const int n = spec.params.n_agents;
   if (n > kMaxAgents || options.pairs != Pairs::automatic) return n > kMaxAgents || options.pairs == Pairs::by_place;
-  return n >= kByPlaceFrom && spec.params.resolution == 0;
+  if (spec.params.resolution > 0) return false;
+  return n >= kByPlaceAlways ||
+         (n >= kByPlaceFrom && std::max(spec.params.n_team[0], spec.params.n_team[1]) <= options.most_shooters);
 }
 
 StateShape::StateShape(const SimSpec& spec, const SimOptions& options) : n_agents(spec.params.n_agents) {

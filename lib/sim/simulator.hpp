@@ -29,13 +29,16 @@ enum class CompileStep : uint8_t {
 
 /// How it is known which pairs of agents matter. The numbers are the same (rules 17).
 enum class Pairs : uint8_t {
-  automatic,  ///< by place from kByPlaceFrom agents on, except where there are images; else tables
+  automatic,  ///< by place where that is faster (finds_by_place), except where there are images; else tables
   tables,     ///< tables of all pairs; by place above kMaxAgents, where there are none
   by_place    ///< in a grid of cells, with lists of a fixed length for each agent
 };
 /// Plain worlds of 128 agents, tables or by place, far apart and crowded, in M agent-steps/s: 256 worlds on an H200 180
-/// or 466 and 82 or 186, one world 0.84 or 5.3 and 0.83 or 4.3; 62 worlds on two cores 1.9 or 6.1 and 2.3 or 2.8.
-constexpr int kByPlaceFrom = 128;
+/// or 466 and 82 or 186, one world 0.84 or 5.3 and 0.83 or 4.3; 62 worlds on two cores 1.9 or 6.1 and 2.3 or 2.8. Of
+/// 100 agents 256 worlds 205 or 408 and 88 or 159, one 0.83 or 4.1 and 0.87 or 3.3; 1,024 worlds 360 or 426 and 227 or
+/// 225.
+constexpr int kByPlaceFrom = 100;    ///< where a list of fire holds a whole team, so that no game can end in an error
+constexpr int kByPlaceAlways = 128;  ///< whatever the teams
 
 struct SimOptions {
   int n_worlds = 1;

@@ -73,6 +73,9 @@ constexpr OddScenario kOddScenarios[] = {
                                     v.actions = ActionKind::continuous;
                                     v.egocentric_view = true;
                                   })},
+    // A block takes more shared memory than a kernel has unasked.
+    {"20v20fadingView",
+     changed(plain_values(20, 20), [](FixedValues& v) { v.has_term_factors = v.egocentric_view = true; })},
 };
 
 /// A random scenario of that kind, finished, with short episodes.

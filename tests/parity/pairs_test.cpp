@@ -22,9 +22,12 @@ SimSpec agents(int n_team_0, int n_team_1) {
 bool places(const SimSpec& spec, Pairs pairs) { return finds_by_place(spec, {.pairs = pairs}); }
 
 TEST(PairsOfAgents, AreFoundByPlaceWhereThatPays) {
-  const SimSpec few = agents(64, 63), many = agents(64, 64), most = agents(513, 512);
-  EXPECT_FALSE(places(few, Pairs::automatic)) << "127 agents";
-  EXPECT_TRUE(places(many, Pairs::automatic)) << "128";
+  const SimSpec few = agents(50, 49), many = agents(50, 50), most = agents(513, 512);
+  EXPECT_FALSE(places(few, Pairs::automatic)) << "99 agents";
+  EXPECT_TRUE(places(many, Pairs::automatic)) << "100";
+  EXPECT_FALSE(places(agents(65, 62), Pairs::automatic)) << "127, of whom 65 may fire at one";
+  EXPECT_TRUE(places(agents(64, 63), Pairs::automatic));
+  EXPECT_TRUE(places(agents(65, 63), Pairs::automatic)) << "128";
   EXPECT_TRUE(places(few, Pairs::by_place));
   EXPECT_FALSE(places(many, Pairs::tables));
   EXPECT_TRUE(places(most, Pairs::tables)) << "1,025 agents have no tables";
