@@ -37,10 +37,14 @@ std::vector<int> sides_of(const EvalOptions& o, const Player& a, const Player& b
   if (!b.script() || a.script()) return {0};
   std::vector<int> sides;
   for (int side = 0; side < kNTeams; ++side) {
-    if (a.can_play(side))
+    if (a.can_play(side)) {
       sides.push_back(side);
-    else
-      std::cerr << "team " << side << " has no learned policy (it did not learn in training) and is left out\n";
+      continue;
+    }
+    std::cerr << "team " << side << " is left out: ";
+    for (const Player* member : a.members())
+      if (!member->can_play(side))
+        std::cerr << member->name() << " has no policy for it (it did not learn in training)\n";
   }
   return sides;
 }

@@ -12,6 +12,7 @@
 #include "apps/sweep_folder.hpp"
 #include "apps/sweeping.hpp"
 #include "apps/training.hpp"
+#include "config/names.hpp"
 #include "core/error.hpp"
 #include "io/number.hpp"
 
@@ -59,8 +60,20 @@ const Json& needed_in(const Json& told, const char* key) {
 /// A result of a trial that was asked for, or settings that somebody else chose: they are tried next.
 Json tell(SweepFolder& folder, const std::string& text) {
   const Json told = Json::parse(text, nullptr, false);
+  if (told.is_discarded())
+    throw InputError(
+        "--tell: expected a JSON object; this is not JSON, which has no NaN and no Infinity (null says "
+        "that a trial failed)");
   if (!told.is_object())
     throw InputError("--tell: expected a JSON object, as {\"trial\": 3, \"rung\": 0, \"value\": 0.8}");
+  for (const auto& [key, value] : told.items()) {
+    const std::vector<std::string> known = told.contains("settings")
+                                               ? std::vector<std::string>{"settings"}
+                                               : std::vector<std::string>{"trial", "rung", "seed", "value"};
+    if (std::find(known.begin(), known.end(), key) == known.end())
+      throw InputError(cat("--tell: unknown key \"", key, "\"; allowed: ", join(known),
+                           told.contains("settings") ? " alone" : ", or settings alone"));
+  }
   if (told.contains("settings")) {
     TrialSettings settings;
     for (const auto& [key, value] : told.at("settings").items()) {

@@ -5,6 +5,7 @@
 #include <cstdlib>
 #include <iostream>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <sstream>
 #include <thread>
 
@@ -16,7 +17,10 @@
 #include "core/error.hpp"
 #include "cuda/runtime.hpp"
 #include "io/files.hpp"
+#include "learn/registry.hpp"
+#include "learn/team_policy.hpp"
 #include "report/report.hpp"
+#include "scenario/loader.hpp"
 #include "sweep/sobol.hpp"
 
 namespace giga {
@@ -48,6 +52,26 @@ std::string config_of_sweep(const SweepSpec& spec, const fs::path& file, const K
   }
 }
 
+/// A value with the files and folders that it names, as they are found from anywhere: beside the file of the sweep, or
+/// else from where the command is given.
+std::string with_whole_paths(const std::string& value, const fs::path& sweep) {
+  Errors errors;
+  Node root = parse_yaml_text(value, "value", errors).root;
+  bool found = false;
+  const auto make_whole = [&](auto&& self, Node& node) -> void {
+    const fs::path beside = sweep.parent_path() / node.text;
+    std::error_code code;
+    if (node.is_scalar() && is_path(node.text) && fs::exists(beside, code)) {
+      node.text = (fs::weakly_canonical(fs::absolute(beside).parent_path()) / beside.filename()).string();
+      found = true;
+    }
+    for (Node& item : node.items) self(self, item);
+    for (Node::Entry& entry : node.entries) self(self, entry.value);
+  };
+  if (errors.empty()) make_whole(make_whole, root);
+  return found ? print_node(root) : value;
+}
+
 /// Mistakes in `set` are told as those of --set; here with their places in the file of the sweep.
 std::string with_places_of_set(const std::string& message, const SweepSpec& spec, const KeyPositions& given) {
   const std::string option = "--set ";
@@ -68,11 +92,28 @@ std::string with_places_of_set(const std::string& message, const SweepSpec& spec
 
 LoadedRun load_base(const SweepSpec& spec, const fs::path& file, const KeyPositions& given) {
   const std::string config = config_of_sweep(spec, file, given);
+  std::vector<std::string> assignments;
+  for (const std::string& text : spec.set) {
+    const size_t value = text.find('=') == std::string::npos ? text.size() : text.find('=') + 1;
+    assignments.push_back(text.substr(0, value) + with_whole_paths(text.substr(value), file));
+  }
   try {
-    return load_run_config(config, spec.set);
+    return load_run_config(config, assignments);
   } catch (const InputError& e) {
     throw InputError(with_places_of_set(e.what(), spec, given));
   }
+}
+
+/// The columns of evaluations that have values: those of a team that does not learn are empty.
+std::vector<std::string> evaluation_columns(const RunConfig& config) {
+  std::vector<std::string> names;
+  for (const auto& [name, value] : evaluation_metrics(config, {})) {
+    bool has_values = true;
+    for (int team = 0; team < kNTeams; ++team)
+      has_values = has_values && (learns(config.train, team) || name.find(cat("_", team, "_vs_")) == std::string::npos);
+    if (has_values) names.push_back(name);
+  }
+  return names;
 }
 
 /// The columns of metrics.csv, from an update of the smallest run of this kind; on the CPU, so that this process holds
@@ -87,7 +128,7 @@ std::vector<std::string> metric_columns(LoadedRun run) {
   const auto learner = make_learner(run, Device{});
   std::vector<std::string> names = training_columns();
   for (const auto& [name, value] : learner->update()) names.push_back(name);
-  for (const auto& [name, value] : evaluation_metrics(run.config, {})) names.push_back(name);
+  for (const std::string& name : evaluation_columns(run.config)) names.push_back(name);
   return names;
 }
 
@@ -109,7 +150,7 @@ std::string kind_of_settings(const TrialSettings& settings) {
 std::string MetricCheck::missing_in(const LoadedRun& run, const TrialSettings& settings) {
   // Those against scripts follow from the config, which is quick.
   std::vector<std::string> names = training_columns();
-  for (const auto& [name, value] : evaluation_metrics(run.config, {})) names.push_back(name);
+  for (const std::string& name : evaluation_columns(run.config)) names.push_back(name);
   const auto first_missing = [&](const std::vector<std::string>& columns) {
     for (const std::string& name : metric_)
       if (std::find(columns.begin(), columns.end(), name) == columns.end() &&
@@ -130,6 +171,8 @@ SweepFolder::SweepFolder(const fs::path& file, const fs::path& folder) : path_(f
     throw InputError(cat(file.string(), ": no such file; a sweep is a YAML file that names a config (docs/sweep.md)"));
   spec_ = read_sweep(file, given);
   trials_ = draw_trials(spec_, sobol_points);
+  for (TrialSettings& settings : trials_)
+    for (auto& [key, value] : settings) value = with_whole_paths(value, file);
   if (!fs::exists(path_ / kSweepFile, code)) create(file, given);
 
   KeyPositions before;
@@ -173,7 +216,10 @@ void SweepFolder::create(const fs::path& file, const KeyPositions& given) {
   write_config_files(path_, run);
   try {
     MetricCheck check(spec_.metric);
-    for (const TrialSettings& settings : trials_) check_settings(settings, given, check);
+    std::set<std::string> algorithms;
+    for (const TrialSettings& settings : trials_)
+      algorithms.insert(check_settings(settings, given, check).train.algorithm);
+    refuse_unread(algorithms, given);
   } catch (const InputError&) {
     fs::remove_all(path_, code);
     throw;
@@ -182,7 +228,18 @@ void SweepFolder::create(const fs::path& file, const KeyPositions& given) {
   fs::remove(path_ / kSettingUp, code);
 }
 
-void SweepFolder::check_settings(const TrialSettings& settings, const KeyPositions& given, MetricCheck& check) const {
+/// A parameter that no trial's algorithm reads would compare runs that are the same.
+void SweepFolder::refuse_unread(const std::set<std::string>& algorithms, const KeyPositions& given) const {
+  for (const auto& [key, parameter] : spec_.parameters) {
+    const auto reads = [&key = key](const std::string& algorithm) { return reads_setting(algorithm, key); };
+    if (std::any_of(algorithms.begin(), algorithms.end(), reads)) continue;
+    throw InputError(cat(given.at("parameters." + key).text(), ": parameters.", key, ": this means nothing with ",
+                         join({algorithms.begin(), algorithms.end()}), " (train.algorithm)"));
+  }
+}
+
+RunConfig SweepFolder::check_settings(const TrialSettings& settings, const KeyPositions& given,
+                                      MetricCheck& check) const {
   std::optional<LoadedRun> run;
   try {
     run = load_run_config((path_ / kConfigFile).string(), assignments_of(settings));
@@ -196,6 +253,7 @@ void SweepFolder::check_settings(const TrialSettings& settings, const KeyPositio
   }
   if (const std::string missing = check.missing_in(*run, settings); !missing.empty())
     refuse_metric(missing, settings, given, check);
+  return run->config;
 }
 
 /// Names the parameters that take the column away by themselves; all, where only several together do.

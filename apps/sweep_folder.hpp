@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -66,8 +67,10 @@ class SweepFolder {
  private:
   void create(const std::filesystem::path& file, const KeyPositions& given);
   void replay(const Json& event);
-  /// Throws InputError where the config does not allow a trial's settings, or its run would lack the metric.
-  void check_settings(const TrialSettings& settings, const KeyPositions& given, MetricCheck& check) const;
+  /// The config of a trial. Throws InputError where the sweep's does not allow its settings, or its run would lack the
+  /// metric.
+  RunConfig check_settings(const TrialSettings& settings, const KeyPositions& given, MetricCheck& check) const;
+  void refuse_unread(const std::set<std::string>& algorithms, const KeyPositions& given) const;
   [[noreturn]] void refuse_metric(const std::string& missing, const TrialSettings& settings, const KeyPositions& given,
                                   MetricCheck& check) const;
 

@@ -26,10 +26,11 @@ Limits y_limits(const CurvePlot& plot) {
   for (const PlotCurve& curve : plot.curves)
     for (const std::vector<double>* values : {&curve.mean, &curve.low, &curve.high})
       for (const double value : *values) {
-        if (std::isnan(value)) continue;
+        if (!std::isfinite(value)) continue;
         low = std::min(low, value);
         high = std::max(high, value);
       }
+  if (low > high) return {0, 1};
   const double edge = high > low ? kEdge * (high - low) : std::max(std::abs(high) / 10, 1e-9);
   return {low - edge, high + edge};
 }
@@ -75,7 +76,7 @@ void draw_curve(Markup& svg, const PlotCurve& curve, const Limits& x, const Limi
   };
   std::vector<size_t> known;
   for (size_t k = 0; k < curve.mean.size(); ++k)
-    if (!std::isnan(curve.mean[k])) known.push_back(k);
+    if (std::isfinite(curve.mean[k])) known.push_back(k);
   if (known.empty()) return;
 
   std::string rows, line, band, dots;

@@ -97,6 +97,7 @@ class Loader {
     if (!complete_) return;  // what is named may be defined in the file that is missing
     resolve_types(scenario);
     resolve_maps(scenario);
+    if (!path.empty()) refuse_misspelt(root, path, scenario);
   }
 
   /// Could all the files be read of which the scenario is made?
@@ -143,6 +144,24 @@ class Loader {
   }
 
  private:
+  /// --set of a type or a map that no team has and no game draws, beside one whose name is near, changes nothing.
+  void refuse_misspelt(const Node& changes, const std::string& path, const Scenario& scenario) {
+    std::vector<std::string> types, maps = scenario.maps.names;
+    for (const auto* team : {&scenario.team_0, &scenario.team_1})
+      for (const TeamEntry& entry : *team) types.push_back(entry.type);
+    for (const auto& [table, used] : {std::pair{"agent_types", types}, {"map_definitions", maps}}) {
+      const Node* entries = changes.find(table);
+      if (!entries) continue;
+      for (const Node::Entry& entry : entries->entries) {
+        const std::string hint = nearest_hint(entry.key, used);
+        const bool on_command_line = entry.value.at.line == 0;
+        if (on_command_line && !hint.empty() && std::find(used.begin(), used.end(), entry.key) == used.end())
+          errors_.add(entry.value.at,
+                      cat(path, ".", table, ".", entry.key, ": the game has no '", entry.key, "'", hint));
+      }
+    }
+  }
+
   void unknown_scenario(const std::string& text, const Position& at) {
     const std::vector<std::string> known = names_in(dirs_, kScenarioFolder);
     const std::string base = split_name(text).back().base;

@@ -54,16 +54,16 @@ double uniform_of(std::mt19937_64& generator) { return static_cast<double>(gener
 }  // namespace
 
 std::vector<TrialSettings> draw_trials(const SweepSpec& spec, const SobolPoints& sobol) {
-  const auto d = static_cast<int>(spec.parameters.size());
+  const int d = static_cast<int>(spec.parameters.size()), n = n_trials(spec);
   std::mt19937_64 generator(spec.seed);
   std::vector<double> points, shift(static_cast<size_t>(d));
   if (spec.method == SweepMethod::sobol) {
-    points = sobol(d, spec.trials);
+    points = sobol(d, n);
     // Sobol's points turned round by one random shift, another for each seed (Cranley and Patterson 1976).
     for (double& s : shift) s = uniform_of(generator);
   }
   std::vector<TrialSettings> trials;
-  for (int k = 0; k < spec.trials; ++k) {
+  for (int k = 0; k < n; ++k) {
     TrialSettings settings;
     if (spec.method == SweepMethod::grid) {
       settings = grid_point(spec, k);

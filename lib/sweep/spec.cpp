@@ -1,5 +1,6 @@
 #include "sweep/spec.hpp"
 
+#include <algorithm>
 #include <set>
 #include <utility>
 
@@ -17,6 +18,15 @@ Position place_of_key(const KeyPositions& given, const std::string& path, const 
 template <class T>
 bool is_empty_range(const std::optional<std::array<T, 2>>& range) {
   return range && !((*range)[0] < (*range)[1]);
+}
+
+/// Points of a grid; a number that is beyond all integers may be rounded.
+double grid_points(const SweepSpec& spec) {
+  double n = 1;
+  for (const auto& [key, p] : spec.parameters)
+    n *= p.integers ? static_cast<double>((*p.integers)[1] - (*p.integers)[0]) + 1
+                    : static_cast<double>(p.choices.size());
+  return n;
 }
 
 /// What is wrong with a parameter; empty where nothing is.
@@ -52,6 +62,11 @@ bool FieldCodec<RunsAtOnce>::read(const Node& node, RunsAtOnce& value, const All
 constexpr std::pair<const char*, const char*> kSetBySweep[] = {{"seed", "seeds"},
                                                                {"train.stop_at_agent_steps", "halving"}};
 
+int n_trials(const SweepSpec& spec) {
+  if (spec.method != SweepMethod::grid) return spec.trials.value_or(kUsualTrials);
+  return static_cast<int>(std::min(grid_points(spec), static_cast<double>(spec.trials.value_or(kMostTrials))));
+}
+
 SweepSpec read_sweep(const std::filesystem::path& file, KeyPositions& given) {
   SweepSpec spec;
   Errors errors;
@@ -67,6 +82,14 @@ SweepSpec read_sweep(const std::filesystem::path& file, KeyPositions& given) {
     for (const std::string& assignment : spec.set)
       if (assignment.starts_with(cat(key, "="))) errors.add(place_of_key(given, "set", file), "set: " + fault);
   }
+  if (const std::string key = "parameters.train.total_agent_steps";
+      spec.halving.first_agent_steps && spec.parameters.contains("train.total_agent_steps"))
+    errors.add(place_of_key(given, key, file), key +
+                                                   ": with halving all trials have the same stops; set says how long "
+                                                   "they are");
+  if (spec.method == SweepMethod::grid && !spec.trials && grid_points(spec) > kMostTrials)
+    errors.add(place_of_key(given, "parameters", file),
+               cat("parameters: a grid of ", grid_points(spec), " points; trials says how many of them are tried"));
   const auto needed = [&](const char* key, bool is_there, const char* what) {
     if (!is_there) errors.add(place_of_key(given, key, file), cat(key, ": ", what));
   };

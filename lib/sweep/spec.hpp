@@ -77,12 +77,14 @@ void visit_fields(V& v, HalvingSpec& c) {
   v("factor", c.factor, "one in so many goes on, for so many times the agent-steps", range(2, 100));
 }
 
+constexpr int kMostTrials = 100'000, kUsualTrials = 16;
+
 struct SweepSpec {
   std::string config;
   std::vector<std::string> set;
   std::map<std::string, ParameterSpec> parameters;
   SweepMethod method = SweepMethod::sobol;
-  int trials = 16;
+  std::optional<int> trials = std::nullopt;
   std::vector<uint64_t> seeds = {1};
   std::vector<std::string> metric;
   SweepGoal goal = SweepGoal::maximize;
@@ -100,7 +102,8 @@ void visit_fields(V& v, SweepSpec& c) {
   v("method", c.method,
     "grid: every combination of choices and integers; random: drawn independently; sobol: drawn so that they fill the "
     "space evenly (Sobol 1967)");
-  v("trials", c.trials, "how many settings are tried; of a grid, the first so many", range(1, 100'000));
+  v("trials", c.trials, "how many settings are tried; of a grid, the first so many. none = 16; of a grid, all",
+    range(1, kMostTrials));
   v("seeds", c.seeds, "each trial is trained once with each; its value is the mean", Allowed{}.items(1, 1000));
   v("metric", c.metric,
     "columns of metrics.csv by which trials are compared; of several the worst counts: the weaker team",
@@ -114,6 +117,9 @@ void visit_fields(V& v, SweepSpec& c) {
   v("seed", c.seed, "of what is drawn");
   v("max_wall_time", c.max_wall_time, "save and stop after this time of one call; the next call goes on");
 }
+
+/// Trials of a sweep; of a grid at most as many as it has points.
+int n_trials(const SweepSpec& spec);
 
 /// Reads a file; throws InputError with all mistakes of the file itself: ranges that are empty, grids of numbers.
 SweepSpec read_sweep(const std::filesystem::path& file, KeyPositions& given);

@@ -169,6 +169,9 @@ std::vector<BadInput> values() {
                       {"write --set 'mappo.actor.hidden=[64, 64]'"}),
       on_command_line("assignment of a wrong value", "--set mappo.gamma=2", train_with_set("mappo.gamma=2"),
                       {"--set mappo.gamma: '2' is not a number in [0, 1]"}),
+      on_command_line("agent type that the game does not have", "--set environment.agent_types.defalt.thrust=3",
+                      train_with_set("environment.agent_types.defalt.thrust=3"),
+                      {"environment.agent_types.defalt: the game has no 'defalt'; nearest: 'default'"}),
   };
 }
 

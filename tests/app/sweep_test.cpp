@@ -208,10 +208,16 @@ TEST(AppSweep, AskAndTell) {
   EXPECT_EQ(number_at(json_of_run({"--tell", R"({"settings": {"mappo.gamma": 0.9, "mappo.learning_rate": 0.001}})"}),
                       {"trial"}),
             3);
-  for (const auto& [text, part] : {std::pair{R"({"trial": 0, "value": 1})", "nobody waits for trial 0"},
-                                   {R"({"settings": {"mappo.gama": 1}})", "no parameter of this sweep"},
-                                   {"{", "expected a JSON object"},
-                                   {R"({"trial": 1})", "\"value\" is missing"}}) {
+  for (const auto& [text, part] :
+       {std::pair{R"({"trial": 0, "value": 1})", "nobody waits for trial 0"},
+        {R"({"settings": {"mappo.gama": 1}})", "no parameter of this sweep"},
+        {"{", "expected a JSON object"},
+        {R"({"trial": 1, "value": NaN})", "no NaN and no Infinity (null says"},
+        {R"({"trial": 1, "value": 1, "sed": 1})",
+         "unknown key \"sed\"; allowed: trial, rung, seed, value, or settings alone"},
+        {R"({"settings": {}, "trial": 0})", "unknown key \"trial\"; allowed: settings alone"},
+        {R"({"trial": 1, "value": 1, "seed": "1"})", "\"seed\" is one of the sweep's seeds"},
+        {R"({"trial": 1})", "\"value\" is missing"}}) {
     const Outcome wrong = here.run({"sweep", "a.yaml", "--out", "a", "--tell", text});
     EXPECT_EQ(wrong.code, 2) << text;
     EXPECT_TRUE(contains(wrong.err, {part}));
@@ -258,6 +264,25 @@ TEST(AppSweep, MistakesAreToldBeforeTheFirstTrial) {
           {"bad.yaml:8:30: halving.first_agent_steps: 1000000000 is not before the end", "1024"});
   refused("mappo.gamma: {choices: [0.9, 0.99]}", "eval.opponents: {choices: [[random], [circle]]}",
           {"bad.yaml:4:3: parameters.eval.opponents: with [circle] the run logs no column 'win_rate_0_vs_random'"});
+  refused("mappo.gamma: {choices: [0.9, 0.99]}", "population.sigma_init: {choices: [0.1, 0.2]}",
+          {"bad.yaml:4:3: parameters.population.sigma_init: this means nothing with mappo (train.algorithm)"});
+  // Team 0 alone is evaluated; that of the other team would stay empty.
+  refused("parallel: 2", "set: [train.opponent=circle, train.learning_team=1]",
+          {"bad.yaml:7:", "this run logs no column 'win_rate_0_vs_random'", "win_rate_1_vs_random"});
+}
+
+// Wherever the command is given; one of the same name there is another.
+TEST(AppSweep, PathsCountFromTheFileOfTheSweep) {
+  const Workplace here;
+  here.write("sub/short.yaml", kShortConfig);
+  here.write("sub/game.yaml", "base: identical_1_vs_1\n");
+  here.write("game.yaml", "base: identical_2_vs_2\n");
+  here.write("sub/a.yaml",
+             "config: short.yaml\nset: [train.n_worlds=8]\nparameters: {scenario: {choices: [game.yaml]}}\n"
+             "metric: [win_rate_0]\n");
+  const Outcome outcome = here.run({"sweep", "sub/a.yaml", "--out", "a", "--ask"});
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_TRUE(contains(outcome.out, {"/sub/game.yaml\""}));
 }
 
 // A learner's own column: a gamma that stays as it is has none.

@@ -73,6 +73,14 @@ TEST(CurvePlot, OnePointAndConstantsAreDrawn) {
   EXPECT_EQ(all_of(svg, "curve", "d"), Texts{"M500000 500000"});
 }
 
+TEST(CurvePlot, WhatIsInfiniteIsLeftOut) {
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  const std::vector<double> mean = {1, kInfinity, 1}, nowhere(3, kInfinity);
+  EXPECT_EQ(all_of(elements_of({"", {0, 400}, {}, {{"", kX, mean, kNone, kNone}}}), "curve", "d"),
+            Texts{"M0 500000 1000000 500000"});
+  EXPECT_EQ(all_of(elements_of({"", {0, 400}, {}, {{"", kX, nowhere, kNone, kNone}}}), "curve", "d"), Texts());
+}
+
 TEST(CurvePlot, ManyPointsHaveNoDots) {
   const std::vector<double> x(41, 1.0), mean(41, 2.0);
   EXPECT_EQ(all_of(elements_of({"", {0, 1}, {}, {{"", x, mean, kNone, kNone}}}), "dots", "d"), Texts());

@@ -49,6 +49,10 @@ TEST_F(Sweep, AGridHasEveryCombinationAndItsLastParameterChangesFastest) {
   const SweepSpec spec = read(cat(kHead, "  a.x: {choices: [1, [2, 3]]}\n  b.y: {integers: [4, 6]}\nmethod: grid\n"));
   const std::vector<TrialSettings> trials = draw_trials(spec, sobol_points);
   ASSERT_EQ(trials.size(), 6u);
+  // All of them, however many; so many where that is said.
+  const std::string large = cat(kHead, "  a.x: {integers: [1, 9]}\n  b.y: {integers: [1, 9]}\nmethod: grid\n");
+  EXPECT_EQ(draw_trials(read(large), sobol_points).size(), 81u);
+  EXPECT_EQ(draw_trials(read(large + "trials: 20\n"), sobol_points).size(), 20u);
   EXPECT_EQ(trials[0], (TrialSettings{{"a.x", "1"}, {"b.y", "4"}}));
   EXPECT_EQ(trials[1], (TrialSettings{{"a.x", "1"}, {"b.y", "5"}}));
   EXPECT_EQ(trials[5], (TrialSettings{{"a.x", "[2, 3]"}, {"b.y", "6"}}));
@@ -118,6 +122,10 @@ TEST_F(Sweep, MistakesInTheFileAreTold) {
   };
   contains(cat(kHead, "  a: {uniform: [2, 1]}\n"), "s.yaml:4:3: parameters.a: the range is empty");
   contains(cat(kHead, "  a: {uniform: [0, 1]}\nmethod: grid\n"), "a grid needs choices or integers");
+  contains(cat(kHead, "  a: {integers: [1, 1000]}\n  b: {integers: [1, 101]}\nmethod: grid\n"),
+           "s.yaml:4:3: parameters: a grid of 101000 points; trials says how many of them are tried");
+  contains(cat(kHead, "  train.total_agent_steps: {choices: [1, 2]}\nhalving: {first_agent_steps: 5}\n"),
+           "s.yaml:4:3: parameters.train.total_agent_steps: with halving all trials have the same stops");
   contains(cat(kHead, "  a: {uniform: [0, 1], choices: [1]}\n"), "exactly one of");
   contains(cat(kHead, "  a: {log_uniform: [0, 1]}\n"), "parameters.a.log_uniform[0]: '0' is not a number > 0");
   contains(cat(kHead, "  a: {choices: [1, 1]}\n"), "the choice 1 is there twice");
