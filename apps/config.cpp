@@ -28,19 +28,13 @@ std::vector<std::string> kind_names() {
   return names;
 }
 
-/// A path that was written at `at`, in a file or on the command line, as it is found from anywhere. The file keeps its
-/// own name, after which a scenario or a map is called.
-std::string from_anywhere(const std::string& text, const Position& at) {
-  const fs::path path = file_at(text, at);
-  return (fs::weakly_canonical(fs::absolute(path).parent_path()) / path.filename()).string();
-}
-
 /// Files that a config names, so that it can be read from any folder; those of policies were made whole when it was
 /// read.
 RunConfig with_whole_paths(const LoadedRun& run) {
   RunConfig config = run.config;
-  if (is_path(config.scenario)) config.scenario = from_anywhere(config.scenario, run.scenario_at.value_or(Position{}));
-  for_each_file(config.environment, [](Node& path) { path.text = from_anywhere(path.text, path.at); });
+  if (is_path(config.scenario))
+    config.scenario = whole_path(file_at(config.scenario, run.scenario_at.value_or(Position{})));
+  for_each_file(config.environment, [](Node& path) { path.text = whole_path(file_at(path.text, path.at)); });
   return config;
 }
 

@@ -13,6 +13,7 @@
 #include "apps/option_value.hpp"
 #include "apps/output.hpp"
 #include "apps/program_info.hpp"
+#include "config/names.hpp"
 #include "core/error.hpp"
 #include "core/seeds.hpp"
 #include "cuda/runtime.hpp"
@@ -41,10 +42,10 @@ std::vector<int> sides_of(const EvalOptions& o, const Player& a, const Player& b
       sides.push_back(side);
       continue;
     }
-    std::cerr << "team " << side << " is left out: ";
+    std::vector<std::string> unable;
     for (const Player* member : a.members())
-      if (!member->can_play(side))
-        std::cerr << member->name() << " has no policy for it (it did not learn in training)\n";
+      if (!member->can_play(side)) unable.push_back(member->name());
+    std::cerr << "team " << side << " is left out, which did not learn in the training of " << join(unable) << '\n';
   }
   return sides;
 }

@@ -62,7 +62,7 @@ std::string with_whole_paths(const std::string& value, const fs::path& sweep) {
     const fs::path beside = sweep.parent_path() / node.text;
     std::error_code code;
     if (node.is_scalar() && is_path(node.text) && fs::exists(beside, code)) {
-      node.text = (fs::weakly_canonical(fs::absolute(beside).parent_path()) / beside.filename()).string();
+      node.text = whole_path(beside);
       found = true;
     }
     for (Node& item : node.items) self(self, item);
@@ -70,6 +70,15 @@ std::string with_whole_paths(const std::string& value, const fs::path& sweep) {
   };
   if (errors.empty()) make_whole(make_whole, root);
   return found ? print_node(root) : value;
+}
+
+void make_paths_whole(SweepSpec& spec, const fs::path& file) {
+  for (std::string& text : spec.set) {
+    const size_t value = std::min(text.size(), text.find('=')) + 1;
+    if (value < text.size()) text = text.substr(0, value) + with_whole_paths(text.substr(value), file);
+  }
+  for (auto& [key, parameter] : spec.parameters)
+    for (Choice& choice : parameter.choices) choice.yaml = with_whole_paths(choice.yaml, file);
 }
 
 /// Mistakes in `set` are told as those of --set; here with their places in the file of the sweep.
@@ -92,13 +101,8 @@ std::string with_places_of_set(const std::string& message, const SweepSpec& spec
 
 LoadedRun load_base(const SweepSpec& spec, const fs::path& file, const KeyPositions& given) {
   const std::string config = config_of_sweep(spec, file, given);
-  std::vector<std::string> assignments;
-  for (const std::string& text : spec.set) {
-    const size_t value = text.find('=') == std::string::npos ? text.size() : text.find('=') + 1;
-    assignments.push_back(text.substr(0, value) + with_whole_paths(text.substr(value), file));
-  }
   try {
-    return load_run_config(config, assignments);
+    return load_run_config(config, spec.set);
   } catch (const InputError& e) {
     throw InputError(with_places_of_set(e.what(), spec, given));
   }
@@ -170,9 +174,8 @@ SweepFolder::SweepFolder(const fs::path& file, const fs::path& folder) : path_(f
   if (!fs::exists(file, code))
     throw InputError(cat(file.string(), ": no such file; a sweep is a YAML file that names a config (docs/sweep.md)"));
   spec_ = read_sweep(file, given);
+  make_paths_whole(spec_, file);
   trials_ = draw_trials(spec_, sobol_points);
-  for (TrialSettings& settings : trials_)
-    for (auto& [key, value] : settings) value = with_whole_paths(value, file);
   if (!fs::exists(path_ / kSweepFile, code)) create(file, given);
 
   KeyPositions before;

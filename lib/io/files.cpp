@@ -67,7 +67,7 @@ bool is_written_in_place(const fs::path& path) {
 void write_file(const fs::path& path, std::string_view bytes) {
   std::error_code code;
   if (is_written_in_place(path)) return write_in_place(path, bytes);
-  if (fs::is_symlink(path, code)) return write_file(fs::weakly_canonical(path), bytes);
+  if (fs::is_symlink(path, code) && fs::exists(path, code)) return write_file(fs::canonical(path), bytes);
 
   const fs::path folder = path.has_parent_path() ? path.parent_path() : fs::path(".");
   const fs::path temporary = path.string() + "." + std::to_string(::getpid()) + kTemporaryEnding;

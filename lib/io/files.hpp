@@ -14,7 +14,8 @@ std::string read_file(const std::filesystem::path& path);
 bool is_written_in_place(const std::filesystem::path& path);
 
 /// Writes a temporary file beside `path`, flushes it to the disk and renames it; then the folder is flushed. Every file
-/// that must survive a crash goes through here. Of a link the file that it leads to is written.
+/// that must survive a crash goes through here. Of a link the file that it leads to is written; one that leads nowhere
+/// is replaced.
 void write_file(const std::filesystem::path& path, std::string_view bytes);
 
 /// Makes the folders in which a file is to lie; throws InputError where that fails.

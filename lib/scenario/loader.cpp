@@ -346,6 +346,10 @@ fs::path file_at(const std::string& path, const Position& at) {
   return differ ? whole : plain;
 }
 
+std::string whole_path(const fs::path& file) {
+  return (fs::weakly_canonical(fs::absolute(file).parent_path()) / file.filename()).string();
+}
+
 void for_each_file(Node& changes, const std::function<void(Node& path)>& visit) {
   const auto visit_path = [&visit](Node& node) {
     if (node.is_scalar() && is_path(node.text)) visit(node);

@@ -59,6 +59,8 @@ bool is_path(const std::string& name_or_path);
 /// The file that a path written at `at` means: in a file it is relative to that file's folder, on the command line to
 /// the shell's.
 std::filesystem::path file_at(const std::string& path, const Position& at);
+/// That file as it is found from anywhere. It keeps its own name, after which a scenario or a map is called.
+std::string whole_path(const std::filesystem::path& file);
 /// Visits each file of a map or an agent type that changes to a scenario name.
 void for_each_file(Node& changes, const std::function<void(Node& path)>& visit);
 /// Changes to a scenario with the names of maps and agent types in the place of their files; whether there were files.

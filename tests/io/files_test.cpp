@@ -74,6 +74,11 @@ TEST(Files, ALinkStaysALink) {
   write_file(folder / "link", "new");
   EXPECT_TRUE(std::filesystem::is_symlink(folder / "link"));
   EXPECT_EQ(read_file(folder / "there"), "new");
+
+  std::filesystem::create_symlink("nowhere", folder / "dangling");
+  write_file(folder / "dangling", "a file now");
+  EXPECT_FALSE(std::filesystem::is_symlink(folder / "dangling"));
+  EXPECT_EQ(read_file(folder / "dangling"), "a file now");
 }
 
 TEST(Files, LeftoversOfInterruptedWritesAreRemoved) {

@@ -150,8 +150,9 @@ void Mappo::make_teams_and_worlds() {
   std::array<const Actor*, kNTeams> actors{};
   CollectorOptions collecting{.horizon = config_.mappo.horizon, .desynchronize = config_.train.desynchronize};
   for (int team = 0; team < kNTeams; ++team) {
-    collecting.learns[static_cast<size_t>(team)] = learns(config_.train, team);
-    if (!learns(config_.train, team)) continue;
+    const bool own = learns(config_.train, team);
+    collecting.learns[static_cast<size_t>(team)] = own;
+    if (!own) continue;
     team_[team] = std::make_unique<PpoTeam>(run, team, device_, parallel_for_, shares.learning(team), sum);
     team_[team]->record_minibatches(recorder_);
     learning_.push_back(team_[team].get());
