@@ -35,7 +35,8 @@ class LoadedStep final : public StepKernel {
   void launch(const Launch& k, void* stream) const override {
     Launch fixed = k.with(k.params, shape_);
     void* arguments[] = {&fixed};
-    GIGA_CUDA(cudaLaunchKernel(function(), dim3(static_cast<unsigned>(shape_.blocks)),
+    const int blocks = k.playing ? listed_blocks(shape_, k.n_worlds) : shape_.blocks;
+    GIGA_CUDA(cudaLaunchKernel(function(), dim3(static_cast<unsigned>(blocks)),
                                dim3(static_cast<unsigned>(shape_.threads)), arguments, shape_.shared_bytes,
                                static_cast<cudaStream_t>(stream)));
   }

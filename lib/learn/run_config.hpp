@@ -141,7 +141,8 @@ void visit_fields(V& v, OpponentsConfig& c) {
   v("pool_promotion", c.pool_promotion,
     "always: the present policy joins the pool at each turn; evidence (mappo): only where since the last one joined it "
     "has won more games against the other team's pool than it lost, by 1.65 x the root of both together (95 % sure "
-    "that it is better), or the other team's pool holds no past policy yet");
+    "that it is better, had one looked once; it is looked at each turn), or the other team's pool holds no past policy "
+    "yet");
   v("policies", c.policies,
     "mappo: runs (their best checkpoint, or else the newest) or checkpoints, as paths, whose teams stay in the pool "
     "besides "

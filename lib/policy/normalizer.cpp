@@ -8,13 +8,14 @@
 
 namespace giga {
 
-RunningNorm::RunningNorm(int64_t size, double beta, at::Device device) : beta_(beta) {
+RunningNorm::RunningNorm(int64_t size, double beta, at::Device device, const DeviationLimits& deviation)
+    : beta_(beta), deviation_(deviation) {
   const auto options = at::TensorOptions().dtype(at::kFloat).device(device);
   sum_ = at::zeros({size}, options);
   sum_squares_ = at::zeros({size}, options);
   weight_ = at::zeros({1}, options);
   mean_ = at::zeros({size}, options);
-  std_ = at::ones({size}, options);
+  std_ = at::full({size}, deviation.first, options);
 }
 
 void RunningNorm::update(const at::Tensor& x, const at::Tensor& weight, const SumOverRanks& sum) {
@@ -28,8 +29,10 @@ void RunningNorm::update(const at::Tensor& x, const at::Tensor& weight, const Su
 
 RunningNorm::Moments RunningNorm::moments(const at::Tensor& x, const at::Tensor& weight, const at::Tensor& count) {
   at::NoGradGuard no_grad;
-  const at::Tensor share = (weight / count.clamp_min(1)).unsqueeze(0);  // [1, R]
-  return {at::mm(share, x).squeeze(0), at::mm(share, x.square()).squeeze(0)};
+  // The weights, 0 and 1, are exact in TF32 too; shares, rounded there, would make means and squares differ by more
+  // than a small deviation.
+  const at::Tensor row = weight.unsqueeze(0), rows = count.clamp_min(1);  // [1, R]
+  return {at::mm(row, x).squeeze(0) / rows, at::mm(row, x.square()).squeeze(0) / rows};
 }
 
 void RunningNorm::take(const Moments& m, const at::Tensor& count) {
@@ -41,7 +44,9 @@ void RunningNorm::take(const Moments& m, const at::Tensor& count) {
   weight_.add_(step * (1.0 - weight_));
   const at::Tensor correction = weight_.clamp_min(1e-8);
   mean_.copy_(sum_ / correction);
-  std_.copy_(at::where(weight_ > 0, (sum_squares_ / correction - mean_.square()).clamp_min(1e-4).sqrt(), 1.0));
+  const at::Tensor square = mean_.square(), least = square * (deviation_.least_of_mean * deviation_.least_of_mean) +
+                                                    deviation_.least * deviation_.least;
+  std_.copy_(at::where(weight_ > 0, at::maximum(sum_squares_ / correction - square, least).sqrt(), deviation_.first));
 }
 
 at::Tensor RunningNorm::normalized(const at::Tensor& x, const at::Tensor& mean, const at::Tensor& std) {

@@ -47,7 +47,7 @@ void PopulationGames::play(const std::vector<Population>& populations, uint32_t 
              " is both a population and its opponent");
   controller_->begin(populations);
   // Draws are addressed by step: each episode has its own steps, two and one for each that is played (sim/step.hpp).
-  const int limit = options_.n_rounds * sim_->params().max_episode_length;
+  const int64_t limit = int64_t{options_.n_rounds} * sim_->params().max_episode_length;
   const uint32_t first_step = generation * static_cast<uint32_t>(limit + 2 * options_.n_rounds);
   wrap(reinterpret_cast<int32_t*>(sim_->state().view().draw_step), {sim_->n_worlds()}, sim_->device())
       .fill_(static_cast<int64_t>(static_cast<int32_t>(first_step)));

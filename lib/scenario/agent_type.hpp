@@ -23,7 +23,7 @@ void visit_fields(V& v, AgentType& c) {
   v("max_health", c.max_health, "health limit", greater_than(0));
   v("range", c.range, "factor on the squared sight depth: 2 sees 1.41 times as far", at_least(0));
   v("damage_range", c.damage_range, "factor on the squared weapon depth; 0 = cannot shoot", at_least(0));
-  v("thrust", c.thrust, "factor on acceleration", at_least(0));
+  v("thrust", c.thrust, "factor on acceleration", range(0, 1000));
   v("idle_reward", c.idle_reward, "reward a step for being there");
 }
 

@@ -271,14 +271,17 @@ void check_start(const std::string& name, int team, const Scenario& s, const Map
 }
 
 /// A box outside the frame stands in nobody's way: it was meant elsewhere.
-void check_box(const std::string& name, size_t k, const Map& map, Checker& check) {
+void check_box(const std::string& name, size_t k, const Map& map, bool with_heights, Checker& check) {
   const auto& [x1, y1, x2, y2] = map.boxes[k].area;
   const auto& [width, height] = map.size;
-  if (x2 > 0 && y2 > 0 && x1 < width && y1 < height) return;
+  const auto& [z1, z2] = map.boxes[k].height;
+  const bool on_map = x2 > 0 && y2 > 0 && x1 < width && y1 < height;
+  if (on_map && (!with_heights || (z2 >= 0 && z1 <= kAltitudeLimit))) return;
   const std::string of_map = "map_definitions." + name;
   check.fail({cat(of_map, ".boxes[", k, "]"), of_map + ".boxes", of_map, "maps"},
-             cat("map '", name, "': the box ", FieldCodec<MapBox>::print(map.boxes[k]),
-                 ", lies outside the map, whose size is ", FieldCodec<std::array<float, 2>>::print(map.size)));
+             cat("map '", name, "': the box ", FieldCodec<MapBox>::print(map.boxes[k]), ", lies outside ",
+                 on_map ? cat("the altitudes, 0 to ", kAltitudeLimit)
+                        : cat("the map, whose size is ", FieldCodec<std::array<float, 2>>::print(map.size))));
 }
 
 MapSpec map_of(const std::string& name, const Map& map, const Scenario& s, Checker& check) {
@@ -288,7 +291,7 @@ MapSpec map_of(const std::string& name, const Map& map, const Scenario& s, Check
   for (size_t k = 0; k < map.boxes.size(); ++k) {
     const MapBox& box = map.boxes[k];
     const auto& [x1, y1, x2, y2] = box.area;
-    check_box(name, k, map, check);
+    check_box(name, k, map, s.collision.obstacle_heights, check);
     spec.boxes.push_back({stretch.x(x1), stretch.y(y1), stretch.x(x2), stretch.y(y2), box.height[0], box.height[1]});
   }
   for (int team = 0; team < kNTeams; ++team) {

@@ -97,7 +97,7 @@ class Loader {
     if (!complete_) return;  // what is named may be defined in the file that is missing
     resolve_types(scenario);
     resolve_maps(scenario);
-    if (!path.empty()) refuse_misspelt(root, path, scenario);
+    refuse_misspelt(root, path, scenario);
   }
 
   /// Could all the files be read of which the scenario is made?
@@ -144,7 +144,8 @@ class Loader {
   }
 
  private:
-  /// --set of a type or a map that no team has and no game draws, beside one whose name is near, changes nothing.
+  /// A type or a map that no team has and no game draws changes nothing. Beside one that is used and whose name is near
+  /// it is a mistake; but for those of a file that stand there side by side, of which one may be kept for later.
   void refuse_misspelt(const Node& changes, const std::string& path, const Scenario& scenario) {
     std::vector<std::string> types, maps = scenario.maps.names;
     for (const auto* team : {&scenario.team_0, &scenario.team_1})
@@ -153,11 +154,15 @@ class Loader {
       const Node* entries = changes.find(table);
       if (!entries) continue;
       for (const Node::Entry& entry : entries->entries) {
-        const std::string hint = nearest_hint(entry.key, used);
+        if (std::find(used.begin(), used.end(), entry.key) != used.end()) continue;
         const bool on_command_line = entry.value.at.line == 0;
-        if (on_command_line && !hint.empty() && std::find(used.begin(), used.end(), entry.key) == used.end())
-          errors_.add(entry.value.at,
-                      cat(path, ".", table, ".", entry.key, ": the game has no '", entry.key, "'", hint));
+        std::vector<std::string> elsewhere = used;
+        if (!on_command_line)
+          std::erase_if(elsewhere, [&](const auto& name) { return entries->find(name) != nullptr; });
+        const std::string hint = nearest_hint(entry.key, elsewhere);
+        if (!hint.empty())
+          errors_.add(entry.value.at, cat(path, path.empty() ? "" : ".", table, ".", entry.key, ": the game has no '",
+                                          entry.key, "'", hint));
       }
     }
   }

@@ -60,7 +60,7 @@ void visit_fields(V& v, Map& c) {
   v("flipped_of", c.flipped_of, "name of another map: the same with the teams' starts exchanged; needs no other key");
   v("size", c.size,
     "width (x) and height (y) of the frame in which the map is drawn; the frame is stretched to limit_x, limit_y",
-    greater_than(0));
+    at_least(0.01));
   v("boxes", c.boxes, "obstacles");
   v.group("team_0", c.team_0, "where team 0 starts");
   v.group("team_1", c.team_1, "where team 1 starts");

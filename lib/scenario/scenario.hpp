@@ -188,8 +188,8 @@ void visit_fields(V& v, ObservationConfig& c) {
   v.renamed("body_view", "egocentric_view");
   v("egocentric_view", c.egocentric_view,
     "add the egocentric view (beyond the original), relative to the agent's heading: walls in 12 "
-    "directions, the waypoint, the nearest 3 opponents and 2 mates that are seen, and their kinds where a "
-    "team mixes kinds");
+    "directions, the waypoint, the nearest 3 opponents and 2 mates of those in its max_agents rows, and "
+    "their kinds where a team mixes kinds");
 }
 
 struct Scenario {
@@ -227,9 +227,9 @@ void visit_fields(V& v, Scenario& c) {
     "original: the published JAX package with its quirks; corrected: without those listed in "
     "docs/rules.md, section 15");
   v("action", c.action, "discrete: 27 combinations of heading, dive, throttle in {-1, 0, 1}; continuous: [-1, 1]^3");
-  v("limit_x", c.limit_x, "width of the world (units)", greater_than(0));
-  v("limit_y", c.limit_y, "height of the world (units)", greater_than(0));
-  v("max_episode_length", c.max_episode_length, "time limit (steps of 0.1 s)", at_least(1));
+  v("limit_x", c.limit_x, "width of the world (units)", at_least(0.01));
+  v("limit_y", c.limit_y, "height of the world (units)", at_least(0.01));
+  v("max_episode_length", c.max_episode_length, "time limit (steps of 0.1 s)", range(1, 1e6));
   v("episode_ends_one_team_dead", c.episode_ends_one_team_dead,
     "true: an episode ends when one team is wiped out; false: when both are");
   v.list("team_0", c.team_0, "agents of team 0, as type and count");

@@ -14,7 +14,7 @@
 namespace giga {
 
 /// Numbers of the block, in this order: the agent itself, how near walls are in each direction, the waypoint, then the
-/// nearest opponents and the nearest team mates that it sees. All are 0 if the agent does not see itself.
+/// nearest opponents and the nearest team mates among its rows (rules 7.1). All are 0 if the agent does not see itself.
 constexpr int kViewSelf = 7;      ///< x and y in [-1, 1], cosine and sine of the heading, z / 10, speed / 5, health
 constexpr int kViewRays = 12;     ///< directions, counterclockwise from straight ahead
 constexpr int kViewWaypoint = 3;  ///< nearness, ahead, left

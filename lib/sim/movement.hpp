@@ -91,7 +91,7 @@ GIGA_HD float planar_distance2(const World auto& w, int i, int j) {
 
 /// Rules 4.3.2: touching another living agent of any team. Only flags, since others still look at `alive`.
 GIGA_HD void check_agents(const Parameters auto& p, World auto& w, int i) {
-  if (!w.alive[i]) return;
+  if (!w.alive[i] || !(p.collision_range2 > 0)) return;
   bool hit = false;
   for (int team = 0; team < kNTeams; ++team)
     for_team(p, team, [&](int j, int) {

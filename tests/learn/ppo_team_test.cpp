@@ -84,13 +84,15 @@ Rollout rollout_by_hand(const SimSpec& spec) {
 /// A team whose policy is uniform and whose critic says the first number of the observation.
 class Team {
  public:
-  explicit Team(const std::string& mappo)
+  /// `value_std`: of what it has learned from; 0: of nothing yet.
+  explicit Team(const std::string& mappo, float value_std = 1)
       : run_(small_run(mappo)),
         team_(run_, 0, Device{}, parallel_for_, {{0, 2}, 2}),
         rollout_(rollout_by_hand(run_.spec)) {
     NamedArrays arrays;
     team_.save("", arrays);
     for (NamedArray& a : arrays) {
+      if (a.name == "value_norm/std") std::memcpy(a.bytes.data(), &value_std, sizeof value_std);
       if (!a.name.starts_with("actor/mlp/") && !a.name.starts_with("critic/mlp/")) continue;
       std::fill(a.bytes.begin(), a.bytes.end(), uint8_t{0});
       const float one = 1;
@@ -161,6 +163,26 @@ TEST(LearnPpoTeam, AdvantagesOfAMinibatchAreNormalisedOverItsLiving) {
   // States 2 and 1: 2, 1, -1, 1, mean 3 / 4, variance 7 / 4 - 9 / 16 = 1.1875:
   //   1.2 x 1.25 + 0.25 - 1.75 + 0.25 = 0.25, over 1.089725.
   EXPECT_NEAR(team.figure(kFigPolicyLoss), 2 * (1.083333 / 2.568506 - 0.25 / 1.089725), 1e-5);
+}
+
+// However small rewards are, a critic that has learned nothing must not drown them: its values count 0, and returns are
+// the rewards of this rollout, A = r + A' / 4: 2, 1 and 3 at the end; before it 1 + 2 / 4, 0 + 1 / 4 and -1 + 3 / 4.
+TEST(LearnPpoTeam, BeforeTheFirstRewardsValuesCountNothing) {
+  const Team team("value_norm: true", 0);
+  const std::vector<float> expected = {1.5f, 0.25f, -0.25f, 2, 2, 1, 3, 0};
+  EXPECT_EQ(team.batch("advantage"), expected);
+  EXPECT_EQ(team.batch("returns"), expected);
+}
+TEST(LearnPpoTeam, ANewTeamHasSeenNoRewards) {
+  const auto deviation = [](const std::string& mappo) {
+    const LoadedRun run = small_run(mappo);
+    const ParallelFor parallel_for(Device{}, 1);
+    NamedArrays arrays;
+    PpoTeam(run, 0, Device{}, parallel_for, {{0, 2}, 2}).save("", arrays);
+    return array_values<float>(find_array(arrays, "value_norm/std"));
+  };
+  EXPECT_EQ(deviation("value_norm: true"), std::vector<float>{0});
+  EXPECT_EQ(deviation("value_norm: false"), std::vector<float>{1});
 }
 
 TEST(LearnPpoTeam, ValueLossInUnitsOfTheReturnsSoFar) {

@@ -107,11 +107,11 @@ TEST_F(LearnRunConfig, NoErrorsThatFollowFromOthers) {
   const std::pair<const char*, const char*> cases[] = {
       {"environment: {team_1: 3}", "run.yaml:2:23: environment.team_1: '3' is not a list of maps"},
       {"environment: {max_episode_length: x}\nmappo: {horizon: 600, n_minibatches: 1}",
-       "run.yaml:2:35: environment.max_episode_length: 'x' is not an integer >= 1 or none"},
+       "run.yaml:2:35: environment.max_episode_length: 'x' is not an integer in [1, 1000000] or none"},
       {"train: {n_worlds: x}\nmappo: {n_minibatches: 7}",
        "run.yaml:2:19: train.n_worlds: 'x' is not an integer in [1, 16777216]"},
       {"environment: {limit_x: x, map_definitions: {m: {team_0: {area: [1, 1, 99, 9]}}}, maps: m}",
-       "run.yaml:2:24: environment.limit_x: 'x' is not a number > 0"},
+       "run.yaml:2:24: environment.limit_x: 'x' is not a number >= 0.01"},
   };
   for (const auto& [lines, expected] : cases)
     EXPECT_EQ(error_of(std::string("scenario: identical_2_vs_2\n") + lines + "\n"), expected);

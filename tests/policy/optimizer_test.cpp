@@ -168,6 +168,21 @@ TEST(PolicyRunningNorm, MomentsWithBiasCorrection) {
             1e-5);
 }
 
+// Returns have the scale of rewards, which may be small or far from 0.
+TEST(PolicyRunningNorm, ValuesOfAnyScale) {
+  const auto values = [] { return RunningNorm(1, 0.9, at::kCPU, kValueDeviation); };
+  EXPECT_EQ(values().std().item<float>(), 0.0f) << "a critic that has seen no rewards knows nothing";
+  const auto after = [&](std::vector<float> returns) {
+    RunningNorm norm = values();
+    norm.update(numbers(returns).view({-1, 1}), at::ones({static_cast<int64_t>(returns.size())}));
+    return norm.std().item<float>();
+  };
+  EXPECT_NEAR(after({1, 3}), 1, 1e-5);
+  EXPECT_NEAR(after({1e-6f, 3e-6f}) * 1e6f, 1, 1e-4);
+  EXPECT_NEAR(after({1000, 1000}), 1, 1e-5) << "alike: a thousandth of the mean";
+  EXPECT_NEAR(after({0, 0}) * 1e10f, 1, 1e-5) << "no rewards yet: small, and not 0, by which targets are divided";
+}
+
 TEST(PolicyRunningNorm, NobodyLivingChangesNothing) {
   RunningNorm norm(2, 0.9, at::kCPU);
   norm.update(numbers({5, 6, 7, 8}).view({2, 2}), at::zeros({2}));

@@ -141,6 +141,14 @@ TEST_F(ScenarioUser, ChangesComeLast) {
   }
 }
 
+TEST_F(ScenarioUser, TypesMayStandSideBySide) {
+  const Document document = parse_yaml_text(
+      "environment: {agent_types: {fast_1: {thrust: 2}, fast_2: {thrust: 3}}, team_0: [{type: fast_2}]}\n", "run.yaml");
+  const Scenario scenario = load("identical_5_vs_5", document.root.find("environment"));
+  EXPECT_EQ(scenario.agent_types.at("fast_2").thrust, 3);
+  EXPECT_FALSE(scenario.agent_types.contains("fast_1")) << "not used, and not taken for a misspelt fast_2";
+}
+
 TEST_F(ScenarioUser, AnUnknownNameGetsTheNearest) {
   try {
     load("identical_5_vs5_fobs");
@@ -198,6 +206,10 @@ TEST_F(ScenarioUser, SaysWhatIsWrongWithAFile) {
        "f.yaml:3:19: map 'm': the start area of team 1, [1, 1, 4, 9], lies inside obstacles"},
       {head + "maps: m\nmap_definitions: {m: {boxes: [[4, 4, 5, 5], [10, 0, 12, 5]]}}\n",
        "f.yaml:3:45: map 'm': the box [10, 0, 12, 5], lies outside the map, whose size is [10, 10]"},
+      {head + "maps: m\nmap_definitions: {m: {boxes: [[3, 3, 7, 7, 11, 12]]}}\ncollision: {obstacle_heights: true}\n",
+       "f.yaml:3:31: map 'm': the box [3, 3, 7, 7, 11, 12], lies outside the altitudes, 0 to 10"},
+      {head + "agent_types: {defualt: {thrust: 2}}\n",
+       "f.yaml:2:24: agent_types.defualt: the game has no 'defualt'; nearest: 'default'"},
       {head + "maps: m\nmap_definitions: {m: {team_1: {heading: [0, 90]}}}\n",
        "f.yaml:3:45: map_definitions.m.team_1.heading[1]: '90' is not a number in [-6.3, 6.3]"},
       {head + "rewards: {agent_disabled: -10}\n", "f.yaml:2:27: rewards.agent_disabled: '-10' is not a number >= 0"},

@@ -66,7 +66,7 @@ at::Tensor PpoTeam::values_of(const KeptImages& images, const CriticInput& input
     return values;
   }
   const int64_t count = all ? input.alive.size(0) : states.size(0);
-  const int64_t at_once = critic_.reads_image() ? std::max<int64_t>(1, kImagesAtOnce / n_) : kValueChunk;
+  const int64_t at_once = std::max<int64_t>(1, (critic_.reads_image() ? kImagesAtOnce : kValueRows) / n_);
   for (int64_t from = 0; from < count; from += at_once) {
     const int64_t to = std::min(from + at_once, count);
     const at::Tensor some = all ? states : states.slice(0, from, to);
@@ -86,7 +86,7 @@ std::pair<at::Tensor, at::Tensor> PpoTeam::remembering_values(const Rollout& rol
   const at::Tensor values = at::zeros({t + 1, w, n_}, zero_.options()),
                    final_values = at::zeros({w, n_}, zero_.options());
   critic_start_.copy_(critic_memory_);
-  const int64_t states_at_once = critic_.reads_image() ? kImagesAtOnce / n_ : kValueChunk;
+  const int64_t states_at_once = (critic_.reads_image() ? kImagesAtOnce : kValueRows) / n_;
   const int64_t worlds_at_once = std::max<int64_t>(1, states_at_once / (t + 1));
   for (const WorldRange& some : worlds_.pieces(worlds_at_once)) {
     const int64_t from = some.first, to = some.end(), b = some.count;

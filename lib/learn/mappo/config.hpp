@@ -111,7 +111,8 @@ void visit_fields(V& v, MappoConfig& c) {
   v("entropy_target", c.entropy_target,
     "entropy that a policy is held at (nats; 27 actions at random have 3.30, continuous ones 2.08): the weight of the "
     "bonus begins at "
-    "entropy_coef, falls while the entropy is above and grows while it is below; none = the weight stays",
+    "entropy_coef, falls while the entropy is above and grows while it is below, from a hundredth to ten times "
+    "entropy_coef; none = the weight stays",
     at_least(0));
   v("entropy_rate", c.entropy_rate,
     "entropy_target: the share by which an update changes the weight, for each nat that is missing", greater_than(0));
@@ -152,8 +153,9 @@ void visit_fields(V& v, MappoConfig& c) {
     "policy rests; none = never",
     range(0, 1));
   v("step_back", c.step_back,
-    "a team whose share of wins against opponents.scripted falls this far below its best becomes again what it was "
-    "then; counted in training, over opponents.pool_every_updates updates and at least 400 games; none = never",
+    "a team whose share of wins against opponents.scripted falls this far below its best, and further than by luck "
+    "(two standard deviations), becomes again what it was when that began; counted in training, over "
+    "opponents.pool_every_updates updates and at least 400 games; none = never",
     greater_than(0).at_most(1));
   v("fused", c.fused,
     "learn by fused kernels where these serve the networks (docs/architecture.md says which), on a GPU act by them "

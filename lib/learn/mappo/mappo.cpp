@@ -217,8 +217,10 @@ Metrics Mappo::update() {
     for (PpoTeam* team : learning_) team->end_epoch();
   }
 
-  // The next rollout sees observations in units of this one's moments too.
-  for (PpoTeam* team : learning_) team->update_normalizer(rollout);
+  // The next rollout sees observations in units of this one's moments too; but for a team that is frozen, whose policy
+  // they would change.
+  for (int team = 0; team < kNTeams; ++team)
+    if (team_[team] && !balance_.is_frozen(team)) team_[team]->update_normalizer(rollout);
   clock_->mark(2);
 
   ++updates_;
@@ -249,21 +251,15 @@ void Mappo::set_shaping() {
       .fill_(balance_.shaping_factor(share_done(updates_)));
 }
 
-/// Keeps what a team is at its best, and takes it back there where it has fallen.
+/// Keeps what a team was at its best, and takes it back there where it has fallen.
 void Mappo::step_back(const std::array<LeagueRecord, kNTeams>& record) {
   for (int team = 0; team < kNTeams; ++team) {
-    NamedArrays& snapshot = step_back_->snapshot(team);
-    switch (step_back_->note(team, record[static_cast<size_t>(team)].scripts, updates_)) {
-      case StepBack::Verdict::best:
-        snapshot.clear();
-        team_[team]->save("", snapshot);
-        break;
-      case StepBack::Verdict::fallen:
-        team_[team]->load("", snapshot);
-        break;
-      case StepBack::Verdict::none:
-        break;
-    }
+    const StepBack::Verdict verdict = step_back_->note(team, record[static_cast<size_t>(team)].scripts, updates_);
+    if (verdict == StepBack::Verdict::goes_on) continue;
+    if (verdict == StepBack::Verdict::fallen) team_[team]->load("", step_back_->best(team));
+    NamedArrays now;
+    team_[team]->save("", now);
+    step_back_->begin(team, std::move(now));
   }
 }
 

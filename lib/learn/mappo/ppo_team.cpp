@@ -36,7 +36,8 @@ PpoTeam::PpoTeam(const LoadedRun& run, int team, Device device, const ParallelFo
               parallel_for, torch_device(device), network_seed(run, team, 1)),
       actor_adam_(actor_.parameters(), config_.adam_epsilon),
       critic_adam_(critic_.parameters(), config_.adam_epsilon),
-      value_norm_(1, config_.value_norm_beta, torch_device(device)) {
+      value_norm_(1, config_.value_norm_beta, torch_device(device),
+                  config_.value_norm ? kValueDeviation : DeviationLimits{}) {
   const auto options = at::TensorOptions().dtype(at::kFloat).device(torch_device(device));
   zero_ = at::zeros({1}, options);
   one_ = at::ones({1}, options);

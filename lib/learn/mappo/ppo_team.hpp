@@ -23,8 +23,8 @@
 
 namespace giga {
 
-/// States per call of the critic outside of learning: bounds the memory.
-constexpr int64_t kValueChunk = 1 << 18;
+/// Rows, of an agent in a state, per call of the critic outside of learning: bounds the memory.
+constexpr int64_t kValueRows = 1 << 20;
 
 /// What may change from update to update.
 struct StepSettings {
