@@ -50,7 +50,7 @@ struct Earlier {
 /// Of the results in a file; refused where they are of something else.
 class Comparison {
  public:
-  Comparison(const std::string& path, const std::string& kind) : path_(path) {
+  Comparison(const std::string& path, const std::string& kind, Device device) : path_(path) {
     if (path.empty()) return;
     std::ifstream file(path);
     if (!file) throw InputError("--compare: cannot read " + path);
@@ -59,16 +59,26 @@ class Comparison {
       throw InputError("--compare: " + path + " was not written by gigastep bench " + kind + " --json");
     if (json_["kind"] != kind)
       throw InputError(cat("--compare: ", path, " has results of bench ", json_["kind"].dump(), ", not of ", kind));
+    const Json hardware = json_.value("hardware", Json::object());
+    const std::string measured = hardware.is_object() ? hardware.value("device", "") : "";
+    if (measured.starts_with("cuda") != device.is_cuda())
+      throw InputError(cat("--compare: ", path, " was measured on ", measured, ", and this is ", device.name()));
   }
-  /// What it has with so many worlds, if anything.
+  /// What it has with so many worlds; says so where it has nothing, or something else.
   std::optional<Earlier> of(const BenchResult& r) const {
     if (path_.empty()) return std::nullopt;
     if (const std::string scenario = json_.value("scenario", ""); scenario != r.scenario)
       throw InputError(cat("--compare: ", path_, " has results of scenario ", scenario, ", not of ", r.scenario));
-    for (const Json& old : json_["results"])
-      if (old.value("worlds", 0) == r.worlds && old.contains("interquartile"))
-        return Earlier{old.value("commit", "unknown"), old.value("agent_steps_per_second", 0.0),
-                       old["interquartile"].at(0).get<double>(), old["interquartile"].at(1).get<double>()};
+    for (const Json& old : json_["results"]) {
+      if (old.value("worlds", 0) != r.worlds || !old.contains("interquartile")) continue;
+      const std::string arithmetic = old.value("arithmetic", "");
+      if (arithmetic != r.arithmetic)
+        std::cerr << "note: " << path_ << " has " << r.worlds << " worlds in " << arithmetic << ", and this is "
+                  << r.arithmetic << '\n';
+      return Earlier{old.value("commit", "unknown"), old.value("agent_steps_per_second", 0.0),
+                     old["interquartile"].at(0).get<double>(), old["interquartile"].at(1).get<double>()};
+    }
+    std::cerr << "note: " << path_ << " has no result of " << r.worlds << " worlds to compare with\n";
     return std::nullopt;
   }
 
@@ -187,7 +197,7 @@ int bench(const std::string& kind, Measure measure_one, BenchOptions o, Dispatch
   expect_devices(o.ranks, o.device, device);
   if (o.ranks.to_start() > 1) return start_ranks(o.ranks.to_start());
   o.joined = joined.ranks.get();
-  const Comparison comparison(o.compare, kind);
+  const Comparison comparison(o.compare, kind, device);
   std::vector<int> sizes = o.worlds;
   if (sizes.empty()) sizes = {kind == "train" || kind == "es" ? 0 : device.is_cuda() ? kGpuWorlds : kCpuWorlds};
 

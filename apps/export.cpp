@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "apps/commands.hpp"
+#include "apps/known_rating.hpp"
 #include "apps/option_value.hpp"
 #include "apps/output.hpp"
 #include "apps/program_info.hpp"
@@ -14,7 +15,6 @@
 #include "io/shell_word.hpp"
 #include "learn/players/policies.hpp"
 #include "policy/actor.hpp"
-#include "rating/find_rating.hpp"
 #include "rating/sheet.hpp"
 
 namespace giga {
@@ -48,21 +48,6 @@ PolicyOrigin origin_of(const Checkpoint& c, const LoadedRun& run, int team) {
   return origin;
 }
 
-/// What `gigastep rate` left about the policy in its run folder, if anything.
-Json rating_of(const std::filesystem::path& checkpoint, int64_t updates, int team) {
-  namespace fs = std::filesystem;
-  const fs::path run = fs::absolute(checkpoint).lexically_normal().parent_path().parent_path();
-  const fs::path file = run / RatingFiles::kFolder / RatingFiles::kJson;
-  std::error_code code;
-  if (!fs::exists(file, code)) return Json::object();
-  try {
-    return find_rating(file, {run, updates, team});
-  } catch (const InputError& e) {
-    std::cerr << "warning: " << e.what() << "; the manifest has no ratings\n";
-    return Json::object();
-  }
-}
-
 void export_policy(const ExportRequest& o) {
   // A wrong name is told before anything is read.
   const auto format = parse_choice<ExportFormat>("format", o.format);
@@ -80,7 +65,9 @@ void export_policy(const ExportRequest& o) {
   if (view == ViewPlace::input && !(loaded.run.spec.params.egocentric_view && !actor->reads_image()))
     throw InputError(cat("--view input: the policy of team ", o.team, " of ", file,
                          " does not read the egocentric view, so that it has no place"));
-  const Json ratings = rating_of(found.file, checkpoint.updates, o.team);
+  const std::filesystem::path run =
+      std::filesystem::absolute(found.file).lexically_normal().parent_path().parent_path();
+  const Json ratings = known_rating({run, checkpoint.updates, o.team}, "the manifest has no ratings");
   write_export(o.out, format, *actor, loaded.run.spec, origin_of(checkpoint, loaded.run, o.team), {view, &ratings});
   std::cout << o.out << ": the policy of team " << o.team << " after "
             << counted(checkpoint.updates, algorithm_of(loaded.run.config).updates) << " in "

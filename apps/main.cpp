@@ -1,6 +1,7 @@
 // gigastep: reads the command line, runs the command, and turns every error into a message and an exit code.
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cerrno>
 #include <cstdio>
 #include <cstdlib>
 #include <iostream>
@@ -107,9 +108,12 @@ int run_and_report(int argc, char** argv) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  const int code = run_and_report(argc, argv);
-  // Without the destructors of LibTorch's tables of operators, which take a quarter of a short command's time.
+  int code = run_and_report(argc, argv);
+  // What was printed may have been the result; a full disk must not look like success.
   std::cout.flush();
+  if ((std::fflush(stdout) != 0 || std::ferror(stdout) || !std::cout) && code == 0 && errno != EPIPE)
+    code = fail("the output could not be written", kFailed);
+  // Without the destructors of LibTorch's tables of operators, which take a quarter of a short command's time.
   std::fflush(nullptr);
   std::_Exit(code);
 }

@@ -10,6 +10,7 @@
 
 #include "apps/command_line.hpp"
 #include "apps/commands.hpp"
+#include "apps/known_rating.hpp"
 #include "apps/load_player.hpp"
 #include "apps/option_value.hpp"
 #include "apps/output.hpp"
@@ -25,7 +26,6 @@
 #include "play/page.hpp"
 #include "play/plain_actor.hpp"
 #include "policy/actor.hpp"
-#include "rating/find_rating.hpp"
 #include "rating/sheet.hpp"
 
 namespace giga {
@@ -49,10 +49,7 @@ struct Level {
 };
 
 double rating_of(const fs::path& run, int64_t updates) {
-  const fs::path file = run / RatingFiles::kFolder / RatingFiles::kJson;
-  std::error_code code;
-  if (!fs::exists(file, code)) return NAN;
-  const Json found = find_rating(file, {run, updates, 0});
+  const Json found = known_rating({run, updates, 0}, "the page names no ratings");
   const auto at = found.find("rating"), standing = found.find("standing");
   if (at != found.end() && at->is_number()) return at->get<double>();
   if (standing != found.end() && *standing == name_of(Standing::above)) return INFINITY;

@@ -139,10 +139,14 @@ fs::path default_folder(const RateOptions& o) {
   return (in_run ? folder.parent_path().parent_path() : folder) / RatingFiles::kFolder;
 }
 
-/// The run folders of those that were rated.
+/// The run folders of those that were rated, and who has none: a group of runs, an exported policy.
 std::set<std::string> rated_runs(const Json& ratings) {
   std::set<std::string> runs;
-  for (const Json& player : ratings.value("players", Json::array())) runs.insert(player.value("folder", ""));
+  for (const Json& player : ratings.value("players", Json::array())) {
+    if (player.value("kind", "") == name_of(PlayerKind::script)) continue;
+    const std::string folder = player.value("folder", "");
+    runs.insert(folder.empty() ? player.value("name", "") : folder);
+  }
   return runs;
 }
 

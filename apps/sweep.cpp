@@ -2,6 +2,7 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <iostream>
+#include <limits>
 #include <nlohmann/json.hpp>
 
 #include "apps/command_line.hpp"
@@ -57,6 +58,12 @@ const Json& needed_in(const Json& told, const char* key) {
   return told.at(key);
 }
 
+int number_in(const Json& told, const char* key) {
+  if (!told.is_number_integer() || told < 0 || told > std::numeric_limits<int>::max())
+    throw InputError(cat("--tell: \"", key, "\" is a whole number from 0 on, not ", told.dump()));
+  return told.get<int>();
+}
+
 /// A result of a trial that was asked for, or settings that somebody else chose: they are tried next.
 Json tell(SweepFolder& folder, const std::string& text) {
   const Json told = Json::parse(text, nullptr, false);
@@ -83,39 +90,33 @@ Json tell(SweepFolder& folder, const std::string& text) {
     }
     return {{"trial", folder.add(settings)}};
   }
-  const Json &trial = needed_in(told, "trial"), &value = needed_in(told, "value");
-  const Json rung = told.value("rung", Json(0));
-  if (!trial.is_number_integer() || !rung.is_number_integer() || !(value.is_number() || value.is_null()))
-    throw InputError("--tell: \"trial\" and \"rung\" are whole numbers, \"value\" is a number or null (it failed)");
+  const Json& value = needed_in(told, "value");
+  if (!(value.is_number() || value.is_null())) throw InputError("--tell: \"value\" is a number or null (it failed)");
+  const int trial = number_in(needed_in(told, "trial"), "trial"), rung = number_in(told.value("rung", Json(0)), "rung");
   std::vector<uint64_t> seeds = folder.spec().seeds;  // one value may stand for all
   if (told.contains("seed")) {
     if (!told.at("seed").is_number_unsigned())
       throw InputError(cat("--tell: \"seed\" is one of the sweep's seeds, not ", told.at("seed").dump()));
     seeds = {told.at("seed").get<uint64_t>()};
   }
-  for (const uint64_t seed : seeds) {
-    const SweepRun run{trial, rung, seed};
-    const std::vector<SweepRun> open = folder.progress().open();
-    if (std::find(open.begin(), open.end(), run) == open.end())
-      throw InputError(cat("--tell: nobody waits for trial ", run.trial, ", rung ", run.rung, ", seed ", seed));
-    SweepResult result;
-    if (value.is_number()) {
-      result.value = value.get<double>();
-      result.agent_steps = static_cast<double>(folder.agent_steps(run.trial, run.rung));
-    }
-    folder.finish(run, result);
+  // All or none: what is refused has changed nothing.
+  const std::vector<SweepRun> open = folder.progress().open();
+  for (const uint64_t seed : seeds)
+    if (std::find(open.begin(), open.end(), SweepRun{trial, rung, seed}) == open.end())
+      throw InputError(cat("--tell: nobody waits for trial ", trial, ", rung ", rung, ", seed ", seed));
+  SweepResult result;
+  if (value.is_number()) {
+    result.value = value.get<double>();
+    result.agent_steps = static_cast<double>(folder.agent_steps(trial, rung));
   }
+  for (const uint64_t seed : seeds) folder.finish({trial, rung, seed}, result);
   return {{"trial", trial}, {"open", folder.progress().open().size()}};
 }
 
 int sweep(const SweepOptions& o) {
   SweepFolder folder(o.file, sweep_path(o));
-  if (o.ask) {
-    write_json(ask(folder), "-");
-    return 0;
-  }
-  if (!o.tell.empty()) {
-    write_json(tell(folder, o.tell), "-");
+  if (o.ask || !o.tell.empty()) {
+    write_json(o.ask ? ask(folder) : tell(folder, o.tell), o.json.empty() ? "-" : o.json);
     return 0;
   }
   const int code = train_sweep(folder, o.quiet);

@@ -149,6 +149,16 @@ std::string kind_of_settings(const TrialSettings& settings) {
   return kind;
 }
 
+/// Whether a folder has something else than a sweep in it. One that was stopped while it was set up has tried nothing,
+/// and is written anew.
+bool holds_others(const fs::path& folder) {
+  std::error_code code;
+  if (fs::exists(folder / kSweepFile, code) || fs::exists(folder / kSettingUp, code)) return false;
+  const fs::directory_iterator files(folder, code);
+  return !code &&
+         std::any_of(begin(files), end(files), [](const auto& file) { return file.path().filename() != kLockFile; });
+}
+
 }  // namespace
 
 std::string MetricCheck::missing_in(const LoadedRun& run, const TrialSettings& settings) {
@@ -176,7 +186,13 @@ SweepFolder::SweepFolder(const fs::path& file, const fs::path& folder) : path_(f
   spec_ = read_sweep(file, given);
   make_paths_whole(spec_, file);
   trials_ = draw_trials(spec_, sobol_points);
-  if (!fs::exists(path_ / kSweepFile, code)) create(file, given);
+  if (!fs::exists(path_ / kSweepFile, code)) {
+    const LoadedRun run = check_base(file, given);  // takes a second: another process may begin this sweep meanwhile
+    if (holds_others(path_)) throw InputError(cat("the folder ", path_.string(), " is not empty, and holds no sweep"));
+    fs::create_directories(path_);
+    lock_.emplace(path_);
+    if (!fs::exists(path_ / kSweepFile, code)) create(run, given);
+  }
 
   KeyPositions before;
   const SweepSpec known = read_sweep(path_ / kSweepFile, before);
@@ -187,7 +203,7 @@ SweepFolder::SweepFolder(const fs::path& file, const fs::path& folder) : path_(f
   if (known.config != spec_.config || known.set != spec_.set)
     std::cerr << "note: config and set of " << file.string() << " have changed; this sweep goes on by "
               << (path_ / kConfigFile).string() << '\n';
-  lock_.emplace(path_);
+  if (!lock_) lock_.emplace(path_);
   const LoadedRun run = load_run_config((path_ / kConfigFile).string(), {});
   rungs_ = rungs_of(spec_.halving, run.config.train.total_agent_steps);
   if (run.config.train.n_threads == 0 && spec_.parallel > 1)
@@ -197,9 +213,9 @@ SweepFolder::SweepFolder(const fs::path& file, const fs::path& folder) : path_(f
   for (const Json& event : journal_->events()) replay(event);
 }
 
-/// Everything that can be wrong shows before the first trial.
-void SweepFolder::create(const fs::path& file, const KeyPositions& given) {
-  const LoadedRun run = load_base(spec_, file, given);
+/// The config that trials change. What is wrong with it shows before there is a folder.
+LoadedRun SweepFolder::check_base(const fs::path& file, const KeyPositions& given) const {
+  LoadedRun run = load_base(spec_, file, given);
   parse_device(run.config.device);  // one that is not here is told now
   check_halving(spec_.halving, run.config.train.total_agent_steps, given);
   const std::vector<std::string> columns = metric_columns(run);
@@ -207,12 +223,12 @@ void SweepFolder::create(const fs::path& file, const KeyPositions& given) {
     if (std::find(columns.begin(), columns.end(), name) == columns.end())
       throw InputError(cat(given.at("metric").text(), ": metric: this run logs no column '", name, "'",
                            nearest_hint(name, columns, 3), "; all: ", join(columns)));
+  return run;
+}
 
+/// Everything else that can be wrong shows before the first trial. The folder is this process's alone.
+void SweepFolder::create(const LoadedRun& run, const KeyPositions& given) {
   std::error_code code;
-  // What was stopped while it was set up has tried nothing, and is written anew.
-  if (fs::exists(path_, code) && !fs::is_empty(path_, code) && !fs::exists(path_ / kSettingUp, code))
-    throw InputError(cat("the folder ", path_.string(), " is not empty, and holds no sweep"));
-  fs::create_directories(path_);
   write_file(path_ / kSettingUp, "");
   fs::create_directories(path_ / "trials");
   fs::create_directories(path_ / "logs");

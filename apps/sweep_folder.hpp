@@ -65,7 +65,8 @@ class SweepFolder {
   void write_outcome(const SweepOutcome& outcome) const;
 
  private:
-  void create(const std::filesystem::path& file, const KeyPositions& given);
+  LoadedRun check_base(const std::filesystem::path& file, const KeyPositions& given) const;
+  void create(const LoadedRun& run, const KeyPositions& given);
   void replay(const Json& event);
   /// The config of a trial. Throws InputError where the sweep's does not allow its settings, or its run would lack the
   /// metric.

@@ -85,6 +85,13 @@ TEST(Bench, ComparesWithAnEarlierCall) {
   EXPECT_EQ(other.code, 2);
   EXPECT_TRUE(contains(other.err, {"old.json has results of bench \"sim\", not of closed-loop"})) << other.err;
   EXPECT_TRUE(contains(with({"--compare", "none.json"}).err, {"--compare: cannot read none.json"}));
+  EXPECT_TRUE(contains(with({"--compare", "old.json", "--worlds", "8"}).err,
+                       {"note: old.json has no result of 8 worlds to compare with"}));
+  std::string elsewhere = here.read("old.json");
+  elsewhere.replace(elsewhere.find("\"device\": \"cpu\""), 15, "\"device\": \"cuda:0\"");
+  here.write("elsewhere.json", elsewhere);
+  EXPECT_TRUE(contains(with({"--compare", "elsewhere.json"}).err,
+                       {"--compare: elsewhere.json was measured on cuda:0, and this is cpu"}));
 }
 
 TEST(Bench, Images) {

@@ -125,5 +125,15 @@ TEST(Output, AFolderIsNoFile) {
             0);
 }
 
+// A full disk must not leave half a result and say that all went well.
+TEST(Output, WhatCannotBePrintedIsAFailure) {
+  const Workplace here;
+  for (const char* command : {"scenarios", "config quickstart", "scenarios show identical_2_vs_2", "--version"}) {
+    const Outcome outcome = here.run({"-c", cat("exec '", kGigastep, "' ", command, " > /dev/full")}, "/bin/sh");
+    EXPECT_EQ(outcome.code, 1) << command;
+    EXPECT_TRUE(contains(outcome.err, {"gigastep: the output could not be written"})) << command;
+  }
+}
+
 }  // namespace
 }  // namespace giga::test

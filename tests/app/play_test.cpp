@@ -107,6 +107,11 @@ TEST(Play, LevelsStandByTheirRatings) {
   EXPECT_EQ(page.code, 0) << page.err;
   EXPECT_TRUE(contains(page.err, {"warning: ", number + ".h5: is truncated", "it is left out"}));
   EXPECT_EQ(names().size(), whole - 1);
+
+  here.write("run/ratings/ratings.json", "{");
+  const Outcome unrated = here.run({"play", "run", "--levels", "9", "--folder", "site"});
+  EXPECT_EQ(unrated.code, 0) << unrated.err;
+  EXPECT_TRUE(contains(unrated.err, {"warning: ", "ratings.json:1:1: ", "the page names no ratings"}));
 }
 
 // An exported policy computes the egocentric view where nobody offers it. On a page of a game that does, it must read

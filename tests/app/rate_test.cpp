@@ -267,6 +267,26 @@ TEST_F(RatedRuns, SeveralAreWrittenBesideThemAndToldBeforehand) {
   EXPECT_TRUE(contains(written("runs/run-seed1", "runs/run-seed2"), {"Written: runs/ratings\n"}));
 }
 
+// Players without a run folder are others too: groups of runs, and exported policies.
+TEST_F(RatedRuns, RatingsOfOtherGroupsAndPoliciesStay) {
+  const std::filesystem::path home = here_->path();
+  std::filesystem::create_directory(home / "groups");
+  for (const char* copy : {"groups/a-seed1", "groups/a-seed2", "groups/b-seed1", "groups/b-seed2"})
+    std::filesystem::copy(home / (std::string(copy).ends_with("1") ? "run-seed1" : "run-seed2"), home / copy,
+                          std::filesystem::copy_options::recursive);
+  const auto written = [](std::vector<std::string> players) {
+    for (const char* word : {"--scripted", "random", "--episodes", "2", "--checkpoints", "1"}) players.push_back(word);
+    return rate(players).out;
+  };
+  EXPECT_TRUE(contains(written({"groups/a-seed1", "groups/a-seed2", "--group"}), {"Written: groups/ratings\n"}));
+  EXPECT_TRUE(contains(written({"groups/b-seed1", "groups/b-seed2", "--group"}), {"Written: groups/ratings-2\n"}));
+  EXPECT_TRUE(contains(written({"groups/a-seed1", "groups/a-seed2", "--group"}), {"Written: groups/ratings\n"}));
+  for (const char* name : {"exported/a", "exported/b"})
+    ASSERT_EQ(here_->run({"export", "run-seed1", "--team", "0", "--format", "safetensors", "--out", name}).code, 0);
+  EXPECT_TRUE(contains(written({"exported/a"}), {"Written: exported/ratings\n"}));
+  EXPECT_TRUE(contains(written({"exported/b"}), {"Written: exported/ratings-2\n"}));
+}
+
 TEST_F(RatedRuns, ADamagedCheckpointIsLeftOut) {
   std::filesystem::copy(here_->path() / "run-seed2", here_->path() / "damaged",
                         std::filesystem::copy_options::recursive);

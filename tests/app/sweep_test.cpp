@@ -217,11 +217,22 @@ TEST(AppSweep, AskAndTell) {
          "unknown key \"sed\"; allowed: trial, rung, seed, value, or settings alone"},
         {R"({"settings": {}, "trial": 0})", "unknown key \"trial\"; allowed: settings alone"},
         {R"({"trial": 1, "value": 1, "seed": "1"})", "\"seed\" is one of the sweep's seeds"},
+        {R"({"trial": 4294967297, "value": 1})", "\"trial\" is a whole number from 0 on, not 4294967297"},
+        {R"({"trial": 1.5, "value": 1})", "\"trial\" is a whole number from 0 on, not 1.5"},
         {R"({"trial": 1})", "\"value\" is missing"}}) {
     const Outcome wrong = here.run({"sweep", "a.yaml", "--out", "a", "--tell", text});
     EXPECT_EQ(wrong.code, 2) << text;
     EXPECT_TRUE(contains(wrong.err, {part}));
   }
+  // What is refused for one seed is noted for none.
+  EXPECT_EQ(number_at(json_of_run({"--tell", R"({"trial": 1, "seed": 2, "value": 0.5})"}), {"open"}), 1);
+  const Outcome half = here.run({"sweep", "a.yaml", "--out", "a", "--tell", R"({"trial": 1, "value": 0.5})"});
+  EXPECT_EQ(half.code, 2);
+  EXPECT_TRUE(contains(half.err, {"nobody waits for trial 1, rung 0, seed 2"}));
+  EXPECT_EQ(number_at(json_of_run({"--tell", R"({"trial": 1, "seed": 1, "value": 0.5})"}), {"open"}), 0);
+  // As a file, where one is asked for.
+  EXPECT_EQ(here.run({"sweep", "a.yaml", "--out", "a", "--ask", "--json", "asked.json"}).out, "");
+  EXPECT_EQ(number_at(parse_yaml_text(here.read("asked.json"), "json"), {"trial"}), 2);
 }
 
 // As a kill leaves it before the first trial: the same command begins anew.
@@ -236,6 +247,24 @@ TEST(AppSweep, OneThatWasStoppedWhileItWasSetUpBeginsAnew) {
   const Outcome outcome = here.run({"sweep", "a.yaml", "--out", "a", "--ask"});
   EXPECT_EQ(outcome.code, 0) << outcome.err;
   EXPECT_FALSE(here.has("a/setting_up"));
+}
+
+// Whoever sets a folder up holds its lock, so that another process neither takes it for a leftover nor removes it.
+TEST(AppSweep, ASweepThatAnotherProcessSetsUpIsLeftAlone) {
+  const Workplace here;
+  here.write("short.yaml", kShortConfig);
+  here.write("a.yaml", kSweep);
+  std::filesystem::create_directories(here.path() / "a");
+  here.write("a/setting_up", "");
+  {
+    const RunLock lock(here.path() / "a");
+    const Outcome outcome = here.run({"sweep", "a.yaml", "--out", "a", "--ask"});
+    EXPECT_EQ(outcome.code, 2);
+    EXPECT_TRUE(contains(outcome.err, {"a is in use by process "}));
+    EXPECT_TRUE(here.has("a/setting_up"));
+    EXPECT_FALSE(here.has("a/sweep.yaml"));
+  }
+  EXPECT_EQ(here.run({"sweep", "a.yaml", "--out", "a", "--ask"}).code, 0);
 }
 
 TEST(AppSweep, MistakesAreToldBeforeTheFirstTrial) {
