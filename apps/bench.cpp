@@ -216,7 +216,7 @@ int bench(const std::string& kind, Measure measure_one, BenchOptions o, Dispatch
     // Only here, so that a refused input prints no head of a table.
     if (results.size() == 1)
       std::cout
-          << kind << " on " << device.name() << ", agent-steps/s over " << o.repeats << " repeats\n"
+          << kind << " on " << device.name() << ", agent-steps/s over " << counted(o.repeats, "repeats") << "\n"
           << "    worlds      steps arithmetic             commit       median         min - max            quartiles  "
              "         bytes\n";
     if (result.one_rank) std::cout << result_lines(*result.one_rank, o.proof, std::nullopt);

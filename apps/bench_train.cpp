@@ -14,10 +14,13 @@ LoadedRun load_training(const BenchOptions& options, Device device, int worlds, 
   std::vector<std::string> overrides = options.overrides;
   overrides.push_back("device=" + device.name());
   if (!options.scenario.empty()) overrides.push_back("scenario=" + options.scenario);
-  if (worlds > 0) overrides.push_back(cat("train.n_worlds=", worlds));
   LoadedRun run = load_run_config(find_config(options.config), overrides);
   if (algorithm_of(run.config).has_populations)
     throw InputError("bench train: " + options.config + " evolves; use bench es");
+  if (worlds > 0) {
+    overrides.push_back(cat("train.n_worlds=", worlds));
+    run = load_run_config(find_config(options.config), overrides);
+  }
   if (n_ranks == 1) return run;
   if (worlds == 0) return load_training(options, device, run.config.train.n_worlds, n_ranks);
   overrides.push_back(cat("train.n_worlds=", static_cast<int64_t>(worlds) * n_ranks));

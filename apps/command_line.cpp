@@ -136,7 +136,10 @@ CLI::Option* add_device_option(CLI::App& command, std::string& device) {
 
 CLI::Option* add_set_option(CLI::App& command, std::vector<std::string>& overrides) {
   return command
-      .add_option("--set", overrides, "change a key, as --set train.n_worlds=512; may be given several times")
+      .add_option(
+          "--set", overrides,
+          "change a key, as --set train.n_worlds=512; may be given several times: the last of a key counts, and a "
+          "group ({...}) takes the place of the whole group")
       ->type_name("KEY=VALUE")
       ->take_all()
       ->allow_extra_args(false);
@@ -144,8 +147,10 @@ CLI::Option* add_set_option(CLI::App& command, std::vector<std::string>& overrid
 
 CLI::Option* add_game_changes(CLI::App& command, std::vector<std::string>& changes) {
   return command
-      .add_option("--set", changes,
-                  "change a key of the scenario, as --set environment.sight.cone_depth=5; may be given several times")
+      .add_option(
+          "--set", changes,
+          "change a key of the scenario, as --set environment.sight.cone_depth=5; may be given several times: the "
+          "last of a key counts")
       ->type_name("environment.KEY=VALUE")
       ->take_all()
       ->allow_extra_args(false);
@@ -204,7 +209,8 @@ std::string find_config(const std::string& path_or_name) {
   if (fs::is_directory(asked, code) && fs::is_regular_file(asked / "config.yaml", code))
     throw InputError(cat(path_or_name,
                          ": this is the folder of a run, not a config; to go on with it: gigastep resume ",
-                         path_or_name, "; to train the same again: gigastep train ", (asked / "config.yaml").string()));
+                         shell_word(path_or_name), "; to train the same again: gigastep train ",
+                         shell_word((asked / "config.yaml").string())));
   const DataDirs dirs = data_dirs();
   const bool bare = !asked.has_parent_path() && asked.extension() != ".yaml";
   const fs::path relative = bare ? fs::path("configs") / (path_or_name + ".yaml") : asked;

@@ -89,6 +89,8 @@ void print_origin(const Player& c) {
 void play(const EvalOptions& o) {
   if (o.csv == "-" && o.json == "-")
     throw InputError("--csv - and --json - would both be printed; write one of them to a file");
+  if (!o.csv.empty() && o.csv == o.json)
+    throw InputError(cat("--csv and --json would both be written to ", o.csv, "; name two files"));
   const Device device = parse_device(o.device);
   const PlayerOptions loading{device, o.trust, o.greedy};
   Player b = load_player(o.b, loading);  // first: a wrong name is told before anything large is read

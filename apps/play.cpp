@@ -7,6 +7,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <set>
 
 #include "apps/command_line.hpp"
 #include "apps/commands.hpp"
@@ -96,7 +97,7 @@ std::vector<Level> levels_of(const std::string& text, int most, const PlayerOpti
   };
   if (static_cast<int>(levels.size()) < most)
     std::cerr << "note: " << text << " has " << counted(static_cast<int64_t>(levels.size()), "levels") << ", not "
-              << most << ": it kept no more checkpoints (checkpoint.keep)\n";
+              << most << ": the run has no more checkpoints\n";
   // What was named comes first; the others by rating, or where there is none by how long they learned.
   std::stable_sort(levels.begin() + 1, levels.end(),
                    [&](const Level& x, const Level& y) { return strength(x) > strength(y); });
@@ -198,6 +199,8 @@ void write(const PlayOptions& o) {
 
   std::vector<std::string> scenarios = o.scenarios;
   if (scenarios.empty()) scenarios.emplace_back();
+  if (std::set<std::string>(scenarios.begin(), scenarios.end()).size() < scenarios.size())
+    throw InputError("--scenario: one is named twice");
   for (const std::string& name : scenarios) {
     PlayedGame game = choose_game({name, o.changes}, all, OtherGames::allowed);
     for (const std::string& note : game.notes) std::cerr << "note: " << note << '\n';
@@ -228,7 +231,8 @@ void write(const PlayOptions& o) {
 const char* const kPlayHelp =
     "POLICY flies your mates, and your opponents too unless --vs names others: runs, checkpoints, exported policies "
     "(safetensors),\n"
-    "scripted teams. All scripts can be chosen on the page, and of a run folder earlier checkpoints too, as weaker "
+    "scripted teams; policies read numbers, not images. All scripts can be chosen on the page, and of a run folder "
+    "earlier checkpoints too, as weaker "
     "levels.\n"
     "The page computes the same numbers as the trainer, so a game that it saves can be watched (`gigastep picture`) "
     "and "

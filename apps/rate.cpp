@@ -224,6 +224,10 @@ void rate_runs(const RateOptions& o) {
   const Device device = parse_device(o.device);
   RoundRobin all =
       find_players({o.runs, o.scripted, {o.scenario, o.changes}, o.checkpoints, o.group}, {device, o.trust, o.greedy});
+  // Before the games: those of --out are looked at with the options.
+  if (std::string wanted = default_folder(o).string(); o.out.empty())
+    if (const std::string obstacle = output(Output::folder)(wanted); !obstacle.empty())
+      throw InputError(obstacle + "; --out takes another folder");
   const RatingSheet sheet = play_and_rate(o, all, device);
   const fs::path folder = o.out.empty() ? without_others(default_folder(o), sheet) : fs::path(o.out);
   const SimParams& params = all.spec.params;

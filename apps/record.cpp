@@ -144,14 +144,17 @@ void add_record_command(CLI::App& app, Dispatch& dispatch) {
       ->transform(value_of<uint64_t>(anything()))
       ->capture_default_str()
       ->type_name("S");
-  add_device_option(*command, options->device)->capture_default_str();
+  CLI::Option* device = add_device_option(*command, options->device)->capture_default_str();
   command->add_flag("--greedy", options->greedy, "policies take their most likely action instead of drawing one");
   command->add_flag("--trust", options->trust, "open TorchScript modules, which can run any code");
   command->add_option("--out", options->out, "files to write, without ending")
       ->check(output(Output::stem))
       ->capture_default_str()
       ->type_name("FILE");
-  command->add_option("--verify", options->verify, "only check this replay")->type_name("FILE")->excludes(a);
+  CLI::Option* verify_option =
+      command->add_option("--verify", options->verify, "only check this replay")->type_name("FILE")->excludes(a);
+  for (CLI::Option* other : command->get_options())  // the replay says who plays what
+    if (other != verify_option && other != command->get_help_ptr() && other != device) verify_option->excludes(other);
   command->footer(kRecordHelp);
   command->callback([options, &dispatch] {
     dispatch.run = [options, &dispatch] {

@@ -215,6 +215,14 @@ int resume(const ResumeOptions& o, Dispatch& dispatch) {
   setup.ranks = joined.ranks;
   setup.settings_changed = !resumed.changes.empty();
   if (from.agent_steps >= resumed.run.config.train.total_agent_steps) {
+    // Fewer than are done, of a run that was to go on: neither what is wanted nor the end of the run.
+    const std::vector<FieldInfo> saved = values_in(from.config_yaml);
+    for (const FieldInfo& field : saved)
+      if (field.path == "train.total_agent_steps" &&
+          static_cast<double>(from.agent_steps) < std::stod(field.default_value))
+        throw InputError(cat("--set train.total_agent_steps: ", resumed.run.config.train.total_agent_steps,
+                             " is not more than the ", from.agent_steps, " agent-steps that the run has done of ",
+                             field.default_value));
     if (folder) write_missing(*folder, found, resumed.run.config, o.quiet);
     if (folder)
       std::cout << "the run " << path.string() << " is complete: " << from.updates << " updates, " << from.agent_steps

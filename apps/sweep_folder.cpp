@@ -1,5 +1,6 @@
 // Beginning a sweep, and finding out how far it came.
 #include "apps/sweep_folder.hpp"
+#include "apps/changed_settings.hpp"
 
 #include <algorithm>
 #include <cstdlib>
@@ -196,10 +197,11 @@ SweepFolder::SweepFolder(const fs::path& file, const fs::path& folder) : path_(f
 
   KeyPositions before;
   const SweepSpec known = read_sweep(path_ / kSweepFile, before);
-  if (lasting_part(known) != lasting_part(spec_))
-    throw InputError(cat("the folder ", path_.string(), " holds another sweep than ", file.string(),
-                         ": of a sweep that goes on only parallel and max_wall_time may change; --out takes another "
-                         "folder"));
+  const auto settings_in = [](const SweepSpec& spec) { return flatten(parse_yaml_text(lasting_part(spec), "").root); };
+  if (const auto changes = compare_settings(settings_in(known), settings_in(spec_)); !changes.empty())
+    throw InputError(cat("the folder ", path_.string(), " holds another sweep than ", file.string(), " (",
+                         changed_settings(changes), "): of a sweep that goes on only parallel and max_wall_time may ",
+                         "change; --out takes another folder"));
   if (known.config != spec_.config || known.set != spec_.set)
     std::cerr << "note: config and set of " << file.string() << " have changed; this sweep goes on by "
               << (path_ / kConfigFile).string() << '\n';

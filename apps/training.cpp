@@ -132,7 +132,7 @@ Training::Training(const RunFolder& folder, TrainingSetup setup)
 void Training::start() {
   metrics_files_.emplace(folder_, run_);
   const std::string length = n_updates_
-                                 ? cat(*n_updates_, " ", algorithm_of(config_).updates)
+                                 ? counted(*n_updates_, algorithm_of(config_).updates)
                                  : print_short(static_cast<double>(config_.train.total_agent_steps)) + " agent-steps";
   log_.info(cat("training ", config_.scenario, " with ", config_.train.algorithm, " on ", device_.name(), ": ", length,
                 ", results in ", folder_.path().string()));

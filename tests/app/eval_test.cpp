@@ -142,6 +142,9 @@ TEST_F(Eval, WritesATableAndCsv) {
   const Outcome both = eval("first", "second", {"--csv", "-", "--json", "-"});
   EXPECT_EQ(both.code, 2);
   EXPECT_TRUE(contains(both.err, {"--csv - and --json - would both be printed"}));
+  EXPECT_TRUE(contains(eval("first", "second", {"--csv", "same", "--json", "same"}).err,
+                       {"--csv and --json would both be written to same; name two files"}));
+  EXPECT_FALSE(here_->has("same"));
 }
 
 TEST_F(Eval, ScriptedTeamsPlayWhatScenarioIsNamed) {

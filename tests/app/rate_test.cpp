@@ -287,6 +287,15 @@ TEST_F(RatedRuns, RatingsOfOtherGroupsAndPoliciesStay) {
   EXPECT_TRUE(contains(written({"exported/b"}), {"Written: exported/ratings-2\n"}));
 }
 
+TEST_F(RatedRuns, WhereNothingCanBeWrittenNothingIsPlayed) {
+  std::filesystem::copy(here_->path() / "run-seed1", here_->path() / "taken", std::filesystem::copy_options::recursive);
+  here_->write("taken/ratings", "a file");
+  const Outcome outcome = rate({"taken", "--scripted", "random", "--episodes", "2"});
+  EXPECT_EQ(outcome.code, 2);
+  EXPECT_TRUE(contains(outcome.err, {"taken/ratings is a file, not a folder; --out takes another folder"}));
+  EXPECT_EQ(outcome.err.find("played in"), std::string::npos) << outcome.err;
+}
+
 TEST_F(RatedRuns, ADamagedCheckpointIsLeftOut) {
   std::filesystem::copy(here_->path() / "run-seed2", here_->path() / "damaged",
                         std::filesystem::copy_options::recursive);

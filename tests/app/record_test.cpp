@@ -190,6 +190,8 @@ TEST(Record, WhatIsWrong) {
   refused({"record", "cirle"}, "nearest: 'circle'");
   refused({"record", "circle"}, "name one with --scenario");
   refused({"record", "--verify", "x.replay"}, "x.replay is no replay");
+  refused({"record", "--verify", "x.replay", "--episodes", "9"}, "--verify");
+  refused({"record", "--verify", "x.replay", "--vs", "circle"}, "--verify");
   refused({"picture", "x.replay", "--out", "a.svg"}, "x.replay is no replay");
   refused({"picture", "nowhere.replay", "--out", "a.svg"}, "nowhere.replay");
   ASSERT_EQ(here.run({"record", "circle", "--scenario", "identical_1_vs_1", "--episodes", "1"}).code, 0);

@@ -175,6 +175,17 @@ TEST_F(Resume, ASecondInterruptEndsAtOnce) {
   EXPECT_EQ(metrics_rows(*here_, "slow"), 0u) << "the update was finished first";
 }
 
+// Fewer agent-steps than are done would end a run that was to go on, and drop what else is set.
+TEST_F(Resume, ARunIsNotEndedByAShorterLength) {
+  ASSERT_EQ(train("shorter", "train.stop_at_agent_steps=2560").code, 124);
+  const Outcome resumed =
+      here_->run({"resume", "shorter", "--set", "train.total_agent_steps=256", "--set", "mappo.learning_rate=0.5"});
+  EXPECT_EQ(resumed.code, 2) << resumed.out;
+  EXPECT_TRUE(contains(resumed.err, {"--set train.total_agent_steps: 256 is not more than the ",
+                                     " agent-steps that the run has done of 10240"}))
+      << resumed.err;
+}
+
 TEST_F(Resume, ACompleteRunIsLeftAsItIs) {
   const std::string before = here_->read("whole/metrics.csv");
   const Outcome resumed = here_->run({"resume", "whole"});

@@ -48,7 +48,7 @@ TEST(AppSweep, TriesAllAndSaysWhatIsBest) {
   here.write("rates.yaml", kSweep + "last_values: 2\n");
   const Outcome other = here.run({"sweep", "rates.yaml", "--out", "s"});
   EXPECT_EQ(other.code, 2);
-  EXPECT_TRUE(contains(other.err, {"holds another sweep"}));
+  EXPECT_TRUE(contains(other.err, {"holds another sweep than rates.yaml (last_values: 1 there, 2 now): "}));
 }
 
 TEST(AppSweep, HalvingLetsTheBestGoOn) {
