@@ -289,6 +289,7 @@ TEST_F(RatedRuns, RatingsOfOtherGroupsAndPoliciesStay) {
 
 TEST_F(RatedRuns, WhereNothingCanBeWrittenNothingIsPlayed) {
   std::filesystem::copy(here_->path() / "run-seed1", here_->path() / "taken", std::filesystem::copy_options::recursive);
+  std::filesystem::remove_all(here_->path() / "taken/ratings");  // of another test
   here_->write("taken/ratings", "a file");
   const Outcome outcome = rate({"taken", "--scripted", "random", "--episodes", "2"});
   EXPECT_EQ(outcome.code, 2);
