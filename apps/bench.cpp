@@ -185,7 +185,8 @@ std::string result_lines(const BenchResult& r, bool proof, const std::optional<E
   std::string figures;
   for (const auto& [name, value] : r.checks) {
     const bool result = name == "generations_per_second" || name == "share_of_closed_loop";
-    if (proof || result) figures += (figures.empty() ? "" : ", ") + name + " " + print_number(value);
+    if (proof || result)
+      figures += (figures.empty() ? "" : ", ") + name + " " + (result ? print_short(value) : print_number(value));
   }
   if (!r.closed_loop_arithmetic.empty()) figures += ", closed_loop_arithmetic " + r.closed_loop_arithmetic;
   return figures.empty() ? text : text + indent + figures + "\n";

@@ -33,13 +33,15 @@ std::string LongWork::stage_text() const {
   return stage.of > 0 ? cat(stage.doing, " ", stage.done, " of ", stage.of) : stage.doing;
 }
 
-/// ", about 20 s": what the last update took, less what this one has; of a first one what its stage says.
+/// ", about 20 s": what the last update or evaluation took, less what this one has; of a first update what its stage
+/// says, of a first evaluation nothing.
 std::string LongWork::time_left() const {
   const auto text = [](double seconds, const char* behind) {
     const double whole = std::max(1.0, std::round(seconds));
     return cat(", about ", whole < 60 ? cat(whole, " s") : print_duration(whole), behind);
   };
   const double now = watch_.seconds();
+  if (evaluates_) return last_evaluation_seconds_ > 0 ? text(last_evaluation_seconds_ - now, "") : "";
   if (last_update_seconds_ > 0) return text(last_update_seconds_ - now, "");
   const UpdateStage stage = learner_.stage();
   if (stage.of == 0 || stage.done == 0) return cat(" (", stage_text(), ")");
@@ -55,8 +57,8 @@ void LongWork::look() {
     learning_began_ = watch_.seconds();
   if (const int signal = StopRequest::signal(); signal != 0 && !answered_) {
     answered_ = true;
-    const std::string what = evaluates_ ? "finishing the evaluation" : cat("finishing update ", update_, time_left());
-    log_.answer(what + (signal == SIGINT ? "; Ctrl-C again ends without saving" : ""));
+    const std::string what = evaluates_ ? "finishing the evaluation" : cat("finishing update ", update_);
+    log_.answer(what + time_left() + (signal == SIGINT ? "; Ctrl-C again ends without saving" : ""));
   }
   constexpr double kPatience = 1;
   if (last_update_seconds_ > 0 || evaluates_ || watch_.seconds() < kPatience) return;

@@ -23,7 +23,7 @@ class LongWork {
 
   /// Both run `f` and give its seconds.
   double update(const std::function<void()>& f) { return last_update_seconds_ = run(f, false); }
-  double evaluation(const std::function<void()>& f) { return run(f, true); }
+  double evaluation(const std::function<void()>& f) { return last_evaluation_seconds_ = run(f, true); }
 
   /// The watcher's, from its own thread: answers a request to stop, and shows how the first update of this process goes
   /// on.
@@ -41,10 +41,11 @@ class LongWork {
   std::mutex messages_;
   std::unique_lock<std::mutex> our_turn_{messages_};
   // Written while it is our turn:
-  Stopwatch watch_;                 // since the work began
-  double learning_began_ = -1;      // then; not yet: -1
-  double last_update_seconds_ = 0;  // 0: this process has done none
-  int64_t update_ = 0;              // its number
+  Stopwatch watch_;                     // since the work began
+  double learning_began_ = -1;          // then; not yet: -1
+  double last_update_seconds_ = 0;      // 0: this process has done none
+  double last_evaluation_seconds_ = 0;  // likewise
+  int64_t update_ = 0;                  // its number
   bool evaluates_ = false;
   bool answered_ = false;  // the request to stop
 };

@@ -4,8 +4,8 @@
 #include <string>
 
 #include "core/memory.hpp"
+#include "core/shell_word.hpp"
 #include "io/json.hpp"
-#include "io/shell_word.hpp"
 
 namespace giga {
 

@@ -223,10 +223,13 @@ int resume(const ResumeOptions& o, Dispatch& dispatch) {
         throw InputError(cat("--set train.total_agent_steps: ", resumed.run.config.train.total_agent_steps,
                              " is not more than the ", from.agent_steps, " agent-steps that the run has done of ",
                              field.default_value));
+    // A sweep may set where a run stops that has just come to its end.
+    if (folder && !resumed.changes.empty())
+      std::cerr << "warning: --set " << join(o.overrides, " --set ") << " changes nothing: the run is complete\n";
     if (folder) write_missing(*folder, found, resumed.run.config, o.quiet);
     if (folder)
       std::cout << "the run " << path.string() << " is complete: " << from.updates << " updates, " << from.agent_steps
-                << " agent-steps; to go on: --set train.total_agent_steps=N\n";
+                << " agent-steps; to go on: --set train.total_agent_steps=N, more than these\n";
     if (folder && !fs::exists(folder->report_file(), code))
       std::cout << "its report is missing; to write it: " << program_command() << " report "
                 << shell_word(path.string()) << '\n';

@@ -41,14 +41,6 @@ inline LaunchShape fixed_shape(const SimParams& p, int n_worlds) {
                     kStepSharedLimit);
 }
 
-/// Blocks of a launch over the worlds that are listed, of which nobody but the GPU knows how many there are: enough
-/// that each of kWorldsAlone has a group for itself. Blocks without a world end at once.
-inline int listed_blocks(const LaunchShape& s, int n_worlds) {
-  if (!s.tiles) return s.blocks;
-  const int groups = s.threads / s.group;  // of a block
-  return std::max(s.blocks, (std::min(n_worlds, kWorldsAlone) + groups - 1) / groups);
-}
-
 /// A simulator that runs its jobs by launches. Its back end launches, and lists the worlds that play.
 class LaunchingSimulator : public Simulator {
  protected:

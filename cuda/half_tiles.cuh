@@ -91,10 +91,9 @@ __device__ __forceinline__ void load_transposed(uint32_t (&to)[2], uint32_t addr
                : "r"(address));
 }
 
-/// A warp's 16 rows x 8 kTiles columns of a result.
+/// A warp's 16 rows x 8 kTiles columns of a result. An odd number of tiles may add by columns only.
 template <int kTiles>
 struct TileSums {
-  static_assert(kTiles % 2 == 0);
   static constexpr int kRows = 16, kColumns = 8 * kTiles;
   float c[kTiles][4];
 
@@ -118,6 +117,7 @@ struct TileSums {
   /// += a b^T, one tile of the depth: a [16, 16]; b [8 kTiles, 16] in shared memory.
   template <int kStride>
   __device__ void add_by_rows(const uint32_t (&a)[4], uint32_t b) {
+    static_assert(kTiles % 2 == 0);
 #pragma unroll
     for (int j = 0; j < kTiles; j += 2) {
       uint32_t by[4];
@@ -130,11 +130,16 @@ struct TileSums {
   template <int kStride>
   __device__ void add_by_columns(const uint32_t (&a)[4], uint32_t b) {
 #pragma unroll
-    for (int j = 0; j < kTiles; j += 2) {
+    for (int j = 0; j + 1 < kTiles; j += 2) {
       uint32_t by[4];
       load_transposed(by, b + apart<kStride>(0, j * 8));
       multiply_add(c[j], a, by[0], by[1]);
       multiply_add(c[j + 1], a, by[2], by[3]);
+    }
+    if constexpr (kTiles % 2 == 1) {
+      uint32_t by[2];
+      load_transposed(by, b + apart<kStride>(0, (kTiles - 1) * 8));
+      multiply_add(c[kTiles - 1], a, by[0], by[1]);
     }
   }
   /// += a b^T: b [8 kTiles, 16 kDepth].

@@ -129,8 +129,7 @@ class CudaSimulator final : public LaunchingSimulator {
     const LaunchShape& s = shape(kStep);
     if (s.tiles)
       with_usual_params<kStep>(k.params, [&]<class P>(const P& p) {
-        const int blocks = k.playing ? listed_blocks(s, n_worlds()) : s.blocks;
-        tile_kernel<job, P><<<blocks, s.threads, s.shared_bytes, stream_>>>(k.with(p, s));
+        tile_kernel<job, P><<<s.blocks, s.threads, s.shared_bytes, stream_>>>(k.with(p, s));
       });
     else if (s.in_shared)
       block_kernel<job, true><<<s.blocks, s.threads, s.shared_bytes, stream_>>>(k);

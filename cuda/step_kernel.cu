@@ -35,8 +35,7 @@ class LoadedStep final : public StepKernel {
   void launch(const Launch& k, void* stream) const override {
     Launch fixed = k.with(k.params, shape_);
     void* arguments[] = {&fixed};
-    const int blocks = k.playing ? listed_blocks(shape_, k.n_worlds) : shape_.blocks;
-    GIGA_CUDA(cudaLaunchKernel(function(), dim3(static_cast<unsigned>(blocks)),
+    GIGA_CUDA(cudaLaunchKernel(function(), dim3(static_cast<unsigned>(shape_.blocks)),
                                dim3(static_cast<unsigned>(shape_.threads)), arguments, shape_.shared_bytes,
                                static_cast<cudaStream_t>(stream)));
   }

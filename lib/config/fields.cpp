@@ -295,7 +295,8 @@ void list_into(const FieldList& fields, const std::string& path, std::vector<Fie
 
 Field& FieldList::add(FieldShape shape, const std::string& name, const std::string& doc) {
   static constexpr const char* kTypes[] = {"", "group", "list of groups", "named groups", "map"};
-  static constexpr const char* kExpected[] = {"", "", "a list of maps", "a map from names to maps", "a map"};
+  static constexpr const char* kExpected[] = {"", "", "a list of groups, [{key: value, ...}, ...]",
+                                              "groups by name, {name: {key: value, ...}, ...}", "a map"};
   Field& field = fields_.emplace_back();
   field.name = name;
   field.doc = doc;

@@ -103,8 +103,8 @@ PlayedGame choose_game(const GameRequest& request, const std::vector<const Playe
   } else {
     std::vector<std::string> names;
     for (const Player* player : players) names.push_back(player->name());
-    throw InputError(
-        cat("no checkpoint or manifest says which scenario ", join(names, " and "), " play: name one with --scenario"));
+    throw InputError(cat("no checkpoint or manifest says which scenario is played by ", join(names, " and "),
+                         ": name one with --scenario"));
   }
   if (first && first->origin()->run.scenario.action != game.scenario.action)
     game.notes.push_back(cat("actions stay ", FieldCodec<ActionKind>::print(first->origin()->run.scenario.action),

@@ -99,11 +99,17 @@ void write_or_print(const std::string& destination, std::string_view text) {
   if (!std::cout) throw Error("cannot write to the standard output");
 }
 
+bool is_unfinished(const fs::path& file) {
+  const std::string process = file.stem().extension().string();
+  return file.extension() == kTemporaryEnding && process.size() > 1 &&
+         process.find_first_not_of("0123456789", 1) == std::string::npos;
+}
+
 int remove_temporaries(const fs::path& folder) {
   int removed = 0;
   std::error_code code;
   for (const fs::directory_entry& entry : fs::directory_iterator(folder, code))
-    if (entry.path().extension() == kTemporaryEnding && fs::remove(entry.path(), code)) ++removed;
+    if (is_unfinished(entry.path()) && fs::remove(entry.path(), code)) ++removed;
   return removed;
 }
 

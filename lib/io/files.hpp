@@ -25,7 +25,9 @@ void make_folder_of(const std::filesystem::path& file);
 /// output.
 void write_or_print(const std::string& destination, std::string_view text);
 
-/// Removes what interrupted calls of write_file left in a folder (*.tmp); returns how many.
+/// Whether a file is called as write_file calls what it has not finished: "config.yaml.4711.tmp".
+bool is_unfinished(const std::filesystem::path& file);
+/// Removes what interrupted calls of write_file left in a folder; returns how many.
 int remove_temporaries(const std::filesystem::path& folder);
 
 }  // namespace giga

@@ -64,10 +64,16 @@ Json json_of(const Node& node) {
   if (node.quoted) return text;
   if (node.is_null() || text == "null") return {};
   if (text == "true" || text == "false") return text == "true";
+  const auto read = [&text](auto& number) {
+    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
+    return error == std::errc{} && end == text.data() + text.size();
+  };
+  int64_t whole = 0;
+  uint64_t large = 0;
   double number = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
-  const bool is_number = error == std::errc{} && end == text.data() + text.size() && std::isfinite(number);
-  return is_number ? Json(number) : Json(text);
+  if (read(whole)) return whole;  // a double has no room for all of its digits
+  if (read(large)) return large;
+  return read(number) && std::isfinite(number) ? Json(number) : Json(text);
 }
 
 void write_json(const Json& json, const std::string& destination) {

@@ -9,9 +9,9 @@
 
 #include "config/names.hpp"
 #include "core/error.hpp"
+#include "core/shell_word.hpp"
 #include "io/files.hpp"
 #include "io/replay.hpp"
-#include "io/shell_word.hpp"
 #include "io/tensorboard.hpp"
 
 namespace giga {
@@ -70,13 +70,6 @@ std::vector<fs::path> checkpoints_in(const fs::path& folder, std::string_view en
   std::sort(files.begin(), files.end(),
             [=](const fs::path& a, const fs::path& b) { return updates_of(a, ending) < updates_of(b, ending); });
   return files;
-}
-
-/// "config.yaml.4711.tmp", as write_file calls what it has not finished.
-bool is_unfinished(const fs::path& file) {
-  const std::string process = file.stem().extension().string();
-  return file.extension() == ".tmp" && process.size() > 1 &&
-         process.find_first_not_of("0123456789", 1) == std::string::npos;
 }
 
 /// Whether a file is the scenario under another name, as describe() writes it.
@@ -234,8 +227,7 @@ void RunFolder::save(const Checkpoint& checkpoint, int keep, bool is_best) const
   const fs::path folder = path_ / kCheckpoints;
   remove_temporaries(folder);
   const std::string bytes = encode_checkpoint(checkpoint);
-  // The best one first: whoever goes on from the checkpoint before finds the same best one again, and nobody would from
-  // this one, which says that it has been kept.
+  // The best one first: a run that is stopped here goes on from it. The other says that the best one has been kept.
   if (is_best) write_file(best_file(), bytes);
   write_file(checkpoint_file(checkpoint.updates), bytes);
   const std::vector<fs::path> files = checkpoints_in(folder);
@@ -276,6 +268,20 @@ namespace {
 
 enum class Prefer : uint8_t { newest, best };
 
+/// The best checkpoint is the newest whole one where the same under its number is damaged, or was not yet written.
+void take_if_newer(const fs::path& best, FoundCheckpoint& found) {
+  std::error_code code, other;
+  const bool later = fs::last_write_time(best, code) >= fs::last_write_time(found.file, other);
+  if (found.damaged.empty() && !(later && !code && !other)) return;  // not read in vain
+  try {
+    Checkpoint checkpoint = read_checkpoint(best);
+    if (checkpoint.updates <= found.checkpoint.updates) return;
+    found.checkpoint = std::move(checkpoint);
+    found.file = best;
+  } catch (const InputError&) {  // nobody asked for it
+  }
+}
+
 FoundCheckpoint find_preferred(const std::string& path, Prefer prefer) {
   std::error_code code;
   if (!fs::exists(path, code)) fail_no_such_run(path);
@@ -288,13 +294,15 @@ FoundCheckpoint find_preferred(const std::string& path, Prefer prefer) {
   fs::path folder = fs::path(path) / kCheckpoints;
   if (!fs::is_directory(folder, code)) folder = path;  // the folder of checkpoints itself was meant
   std::vector<fs::path> files = checkpoints_in(folder);
-  // The last file is read first: best.h5 where it is preferred, else only if all others are broken.
-  if (fs::exists(folder / kBest, code))
-    files.insert(prefer == Prefer::best ? files.end() : files.begin(), folder / kBest);
+  // The last file is read first: best.h5 where it is preferred, else only if all others are broken, but see below.
+  const fs::path best = folder / kBest;
+  const bool has_best = fs::exists(best, code);
+  if (has_best) files.insert(prefer == Prefer::best ? files.end() : files.begin(), best);
   for (; !files.empty(); files.pop_back()) {
     try {
       found.checkpoint = read_checkpoint(files.back());
       found.file = files.back();
+      if (has_best && prefer == Prefer::newest && found.file != best) take_if_newer(best, found);
       return found;
     } catch (const InputError& e) {
       found.damaged.emplace_back(e.what());

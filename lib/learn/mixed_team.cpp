@@ -4,6 +4,7 @@
 
 #include "config/names.hpp"
 #include "core/error.hpp"
+#include "learn/run_config.hpp"
 #include "scripted/script.hpp"
 
 namespace giga {
@@ -22,6 +23,9 @@ MixedTeam read_mixed_team(const fs::path& file) {
   try {
     errors.throw_if_any();
   } catch (const InputError& e) {
+    Errors told;  // the same once more
+    if (is_scenario(parse_yaml_file(file, told).root))
+      throw InputError(cat(file.string(), ": this is a scenario, not a policy; --scenario says which one is played"));
     throw InputError(cat(e.what(), "\n", file.string(),
                          ": a .yaml file in the place of a policy is a mixed team, as policies: [runs/first, circle]"));
   }

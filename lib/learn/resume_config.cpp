@@ -8,6 +8,7 @@
 #include <tuple>
 
 #include "core/error.hpp"
+#include "learn/mixed_team.hpp"
 #include "learn/opponents/world_shares.hpp"
 
 namespace giga {
@@ -101,6 +102,9 @@ std::vector<std::string> compare(RunConfig& before, RunConfig& after, Errors& er
     // That it is the same policy is checked where it is loaded.
     if (from.path == "train.opponent" && !(before.train.opponent.is_path() && after.train.opponent.is_path()))
       reason = "who learns is decided at the start, and against whom";
+    // It is but where the weight began.
+    if (from.path == "mappo.entropy_coef" && before.mappo.entropy_target)
+      reason = "the weight of the bonus follows mappo.entropy_target, from what it is now";
     if (!reason) continue;
     errors.add(place_of(from.path), cat(to.default_value, " instead of ", from.default_value,
                                         ": this may not change when a run goes on: ", *reason));
@@ -133,7 +137,9 @@ ResumedRun resume_config(const std::string& config_yaml, const std::string& scen
   const auto worlds_of = [](const RunConfig& c) {
     return std::tuple{c.mappo.shards, c.opponents.pool_share, c.opponents.scripted_share, c.opponents.scripted};
   };
-  const bool some = has_further_opponents(before.opponents) || has_further_opponents(after.opponents);
+  // Members of a mixed team share out the worlds of each shard among them.
+  const bool some = has_further_opponents(before.opponents) || has_further_opponents(after.opponents) ||
+                    (after.train.opponent.is_path() && names_mixed_team(after.train.opponent.name));
   resumed.run.opponents_move = some && worlds_of(after) != worlds_of(before);
   resumed.run.other_scripts = after.opponents.scripted != before.opponents.scripted;
   return resumed;

@@ -7,6 +7,7 @@
 
 #include "config/names.hpp"
 #include "core/error.hpp"
+#include "core/shell_word.hpp"
 #include "learn/config_check.hpp"
 #include "learn/mixed_team.hpp"
 #include "learn/run_config_file.hpp"
@@ -125,7 +126,8 @@ LoadedRun finish(RunConfig config, std::optional<Scenario> scenario, const KeyPo
   return run;
 }
 
-/// A scenario in the place of a config: all its keys are those of one, and some of no config.
+}  // namespace
+
 bool is_scenario(const Node& root) {
   const auto all_of = [&root](const std::vector<FieldInfo>& fields, std::set<std::string> names) {
     for (const FieldInfo& field : fields) names.insert(field.path.substr(0, field.path.find_first_of(".[")));
@@ -134,8 +136,6 @@ bool is_scenario(const Node& root) {
   };
   return root.is_map() && all_of(list_fields<Scenario>(), {"base"}) && !all_of(list_fields<RunConfigFile>(), {});
 }
-
-}  // namespace
 
 Scripted Opponent::script() const {
   const std::vector<std::string> names = FieldCodec<Scripted>::names();
@@ -294,8 +294,8 @@ LoadedRun load_run_config(const std::string& path, const std::vector<std::string
   if (!readable) errors.throw_if_any();
   Errors told;  // the same once more
   if (errors.size() > 0 && is_scenario(parse_yaml_file(path, told).root))
-    throw InputError(cat(
-        path, ": this is a scenario, not a config; to train in it: gigastep train quickstart --set scenario=", path));
+    throw InputError(cat(path, ": this is a scenario, not a config; to train in it: gigastep train quickstart --set ",
+                         shell_word("scenario=" + path)));
   find_opponent(config, given, errors);
   if (!is_wrong("opponents.policies", given, errors)) find_policies(config, given["opponents.policies"], errors);
   const Node* changes = config.environment.is_map() ? &config.environment : nullptr;

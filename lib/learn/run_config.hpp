@@ -236,6 +236,8 @@ struct LoadedRun {
   /// It met other scripts (opponents.scripted).
   bool other_scripts = false;
 };
+/// A scenario in the place of something else: all its keys are those of one, and some of no config.
+bool is_scenario(const Node& root);
 /// `change` is made to what was read before it is checked: mistakes are told where the user wrote them.
 LoadedRun load_run_config(const std::string& path, const std::vector<std::string>& overrides,
                           const std::function<void(RunConfig&)>& change = {});

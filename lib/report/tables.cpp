@@ -9,8 +9,8 @@
 #include <set>
 
 #include "core/error.hpp"
+#include "core/shell_word.hpp"
 #include "io/number.hpp"
-#include "io/shell_word.hpp"
 
 namespace giga {
 namespace {

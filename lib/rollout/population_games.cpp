@@ -41,18 +41,19 @@ PopulationGames::PopulationGames(const SimSpec& spec, const PopulationGamesOptio
   game_ = std::make_unique<Game>(*sim_, parallel_for, sides);
 }
 
-void PopulationGames::play(const std::vector<Population>& populations, uint32_t generation) {
+uint32_t PopulationGames::draw_steps() const {
+  return static_cast<uint32_t>(int64_t{options_.n_rounds} * (sim_->params().max_episode_length + 2));
+}
+
+void PopulationGames::play(const std::vector<Population>& populations, uint32_t first_step) {
   at::NoGradGuard no_grad;
   GIGA_CHECK(!options_.opponent || populations.at(0).team != options_.opponent_team, "team ", options_.opponent_team,
              " is both a population and its opponent");
   controller_->begin(populations);
-  // Draws are addressed by step: each episode has its own steps, two and one for each that is played (sim/step.hpp).
-  const int64_t limit = int64_t{options_.n_rounds} * sim_->params().max_episode_length;
-  const uint32_t first_step = generation * static_cast<uint32_t>(limit + 2 * options_.n_rounds);
   wrap(reinterpret_cast<int32_t*>(sim_->state().view().draw_step), {sim_->n_worlds()}, sim_->device())
       .fill_(static_cast<int64_t>(static_cast<int32_t>(first_step)));
   game_->start();
-  game_->play(limit);
+  game_->play(int64_t{options_.n_rounds} * sim_->params().max_episode_length);
   controller_->end();
 }
 

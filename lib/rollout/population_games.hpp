@@ -42,8 +42,11 @@ class PopulationGames {
   /// Lets an observer see the games of each play.
   void watch(GameObserver& observer) { game_->watch(observer); }
 
-  /// Queues all steps of all episodes of n_populations, as Game::play does. Fresh draws for each `generation`.
-  void play(const std::vector<Population>& populations, uint32_t generation);
+  /// Queues all steps of all episodes of n_populations, as Game::play does. Draws are those of steps `first_step` to
+  /// `first_step` + draw_steps() - 1.
+  void play(const std::vector<Population>& populations, uint32_t first_step);
+  /// Steps by which draws are addressed: each episode has its own, two and one for each that is played (sim/step.hpp).
+  uint32_t draw_steps() const;
 
   /// What the episodes of population k came to: [M, E, kNStatRows], a view that the next play overwrites; sums over the
   /// n_rounds episodes of a world.

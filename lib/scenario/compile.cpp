@@ -259,10 +259,14 @@ void check_start(const std::string& name, int team, const Scenario& s, const Map
   const std::vector<std::string> keys = {key + ".area", key, "map_definitions." + name, "maps"};
   const std::string what = cat("map '", name, "': the start area of team ", team, ", ",
                                FieldCodec<std::array<float, 4>>::print({start.x1, start.y1, start.x2, start.y2}));
+  const auto rises = [&](const char* of, float low, float high) {
+    if (low <= high) return;
+    check.fail({cat(key, ".", of), key}, cat(what, ": the ", of, " goes from low to high, and is ",
+                                             FieldCodec<std::array<float, 2>>::print({low, high})));
+  };
+  rises("height", start.z_lo, start.z_hi);
+  rises("heading", start.heading_lo, start.heading_hi);
   if (start.x1 > start.x2 || start.y1 > start.y2) return check.fail(keys, what + ", needs x1 <= x2 and y1 <= y2");
-  if (start.z_lo > start.z_hi) check.fail({key + ".height", key}, what + ": the height goes from low to high");
-  if (start.heading_lo > start.heading_hi)
-    check.fail({key + ".heading", key}, what + ": the heading goes from low to high");
   if (start.x1 < 0 || start.y1 < 0 || start.x2 > s.limit_x || start.y2 > s.limit_y)
     check.fail(keys, cat(what, ", reaches outside the world of ", s.limit_x, " x ", s.limit_y));
   // Boxes may cover a part of the area (agents are drawn again), but not the whole.

@@ -157,6 +157,10 @@ class Loader {
         if (std::find(used.begin(), used.end(), entry.key) != used.end()) continue;
         const bool on_command_line = entry.value.at.line == 0;
         std::vector<std::string> elsewhere = used;
+        if (entries == changes.find("agent_types"))  // one that nobody knows is the mistake itself
+          std::erase_if(elsewhere, [&](const auto& name) {
+            return !scenario.agent_types.contains(name) && !shipped_types().contains(name);
+          });
         if (!on_command_line)
           std::erase_if(elsewhere, [&](const auto& name) { return entries->find(name) != nullptr; });
         const std::string hint = nearest_hint(entry.key, elsewhere);
@@ -197,6 +201,11 @@ class Loader {
         const std::string name = file.stem().string();
         AgentType loaded;
         if (!check_file(file, at) || !read_part(file, loaded, "agent_types." + name, scenario)) continue;
+        // Or who names the shipped one later in the file would get this one.
+        const auto shipped = shipped_types().find(name);
+        if (shipped != shipped_types().end() && !(shipped->second == loaded))
+          errors_.add(at, cat(key, ": ", type, " has the name of the agent type '", name,
+                              "', which gigastep brings: give the file another name"));
         const auto known = scenario.agent_types.emplace(name, loaded).first;
         if (!(known->second == loaded)) errors_.add(at, cat(key, ": there are two agent types named '", name, "'"));
         type = name;

@@ -94,12 +94,18 @@ std::vector<SweepOutcome::Parameter> explain(const SweepSpec& spec, const std::v
   std::vector<SweepOutcome::Parameter> parameters;
   for (const auto& [key, parameter] : spec.parameters) {
     std::vector<std::string> setting;
-    for (const size_t k : there) setting.push_back(value_of_key(trials[k], key));
-    if (values.empty()) {
+    std::vector<double> own;  // values of the trials that set it: one that was told need not
+    for (size_t k = 0; k < there.size(); ++k) {
+      const std::string value = value_of_key(trials[there[k]], key);
+      if (value.empty()) continue;
+      setting.push_back(value);
+      own.push_back(values[k]);
+    }
+    if (own.empty()) {
       parameters.push_back({key, std::nan(""), std::nan("")});
       continue;
     }
-    parameters.push_back({key, explained_share(groups_of(setting), values), rank_correlation(setting, values)});
+    parameters.push_back({key, explained_share(groups_of(setting), own), rank_correlation(setting, own)});
   }
   std::stable_sort(parameters.begin(), parameters.end(), [](auto& a, auto& b) {
     return (std::isnan(a.share) ? -1 : a.share) > (std::isnan(b.share) ? -1 : b.share);

@@ -74,27 +74,39 @@ std::optional<double> SweepProgress::value(int trial, int rung) const {
   return std::accumulate(known.begin(), known.end(), 0.0) / static_cast<double>(known.size());
 }
 
-/// Whether every trial has come to this rung that ever will, new ones left aside.
+/// Whether no trial is on its way to this rung, where all have begun and none is to be taken further below.
 bool SweepProgress::is_settled(int rung) const {
   return static_cast<int>(begun_.size()) == n_trials_ && std::none_of(begun_.begin(), begun_.end(), [&](const auto& b) {
            return b.second <= rung && reached(b.first) < b.second;
          });
 }
 
+/// Trials that have a value at a rung, the best first.
+std::vector<int> SweepProgress::standing(int rung) const {
+  std::vector<std::pair<int, double>> there;  // trial, value
+  for (const auto& [trial, last] : begun_)    // one that failed further on leaves its place to others
+    if (const auto known = value(trial, rung); known && value(trial, reached(trial))) there.emplace_back(trial, *known);
+  std::stable_sort(there.begin(), there.end(), [&](auto& a, auto& b) { return better(a.second, b.second); });
+  std::vector<int> trials;
+  for (const auto& [trial, known] : there) trials.push_back(trial);
+  return trials;
+}
+
 std::optional<SweepJob> SweepProgress::next() const {
   for (int rung = n_rungs_ - 2; rung >= 0; --rung) {
-    std::vector<std::pair<int, double>> there;  // trial, value
-    for (const auto& [trial, last] : begun_)    // one that failed further on leaves its place to others
-      if (const auto known = value(trial, rung); known && value(trial, reached(trial)))
-        there.emplace_back(trial, *known);
-    std::stable_sort(there.begin(), there.end(), [&](auto& a, auto& b) { return better(a.second, b.second); });
-    size_t most = there.size() / static_cast<size_t>(factor_);
-    if (most == 0 && !there.empty() && is_settled(rung)) most = 1;  // few trials: the best goes on all the same
-    for (size_t k = 0; k < most; ++k)
-      if (begun_.at(there[k].first) == rung) return SweepJob{there[k].first, rung + 1};
+    const std::vector<int> trials = standing(rung);
+    for (size_t k = 0; k < trials.size() / static_cast<size_t>(factor_); ++k)
+      if (begun_.at(trials[k]) == rung) return SweepJob{trials[k], rung + 1};
   }
   for (int trial = 0; trial < n_trials_; ++trial)
     if (!begun_.contains(trial)) return SweepJob{trial, 0};
+  // Few trials: the best goes on all the same, but only when nobody else comes to its rung, so these are asked last.
+  for (int rung = 0; rung < n_rungs_ - 1; ++rung) {
+    const std::vector<int> trials = standing(rung);
+    if (!trials.empty() && trials.size() < static_cast<size_t>(factor_) && begun_.at(trials[0]) == rung &&
+        is_settled(rung))
+      return SweepJob{trials[0], rung + 1};
+  }
   return std::nullopt;
 }
 

@@ -82,6 +82,7 @@ class SweepProgress {
 
  private:
   bool is_settled(int rung) const;
+  std::vector<int> standing(int rung) const;
 
   std::vector<uint64_t> seeds_;
   SweepGoal goal_;

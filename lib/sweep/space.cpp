@@ -1,8 +1,11 @@
 #include "sweep/space.hpp"
 
 #include <algorithm>
+#include <array>
+#include <charconv>
 #include <cmath>
 #include <cstdio>
+#include <cstdlib>
 #include <random>
 
 #include "core/error.hpp"
@@ -10,10 +13,16 @@
 namespace giga {
 namespace {
 
-std::string four_digits(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.4g", value);
-  return text;
+/// A value of a range to four digits, and to more where the range is narrow: 0.99996 to 0.99999 differ in the fifth.
+std::string rounded_within(double value, const std::array<double, 2>& range) {
+  const auto [low, high] = range;
+  const double narrow = std::max(std::abs(low), std::abs(high)) / (high - low);
+  const int digits = std::min(17, 4 + static_cast<int>(std::log10(std::max(narrow, 1.0))));
+  char text[40];
+  std::snprintf(text, sizeof text, "%.*g", digits, value);
+  const double rounded = std::strtod(text, nullptr);
+  if (rounded >= low && rounded <= high) return text;
+  return std::string(text, std::to_chars(text, text + sizeof text, rounded < low ? low : high).ptr);
 }
 
 /// The value of a parameter at a point of [0, 1).
@@ -27,8 +36,12 @@ std::string value_at(const ParameterSpec& p, double u) {
     const auto n = static_cast<double>(high - low + 1);
     return std::to_string(std::min(high, low + static_cast<int64_t>(u * n)));
   }
-  if (p.log_uniform) return four_digits((*p.log_uniform)[0] * std::pow((*p.log_uniform)[1] / (*p.log_uniform)[0], u));
-  return four_digits((*p.uniform)[0] + u * ((*p.uniform)[1] - (*p.uniform)[0]));
+  if (p.log_uniform) {
+    const auto [low, high] = *p.log_uniform;
+    return rounded_within(low * std::pow(high / low, u), *p.log_uniform);
+  }
+  const auto [low, high] = *p.uniform;
+  return rounded_within(low + u * (high - low), *p.uniform);
 }
 
 /// Different values of a parameter in a grid.

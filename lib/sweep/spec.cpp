@@ -33,8 +33,16 @@ double grid_points(const SweepSpec& spec) {
 std::string fault_of(const ParameterSpec& p, SweepMethod method) {
   const int kinds = (p.choices.empty() ? 0 : 1) + (p.uniform ? 1 : 0) + (p.log_uniform ? 1 : 0) + (p.integers ? 1 : 0);
   if (kinds != 1) return "needs exactly one of choices (not empty), uniform, log_uniform, integers";
-  if (is_empty_range(p.uniform) || is_empty_range(p.log_uniform) || is_empty_range(p.integers))
-    return "the range is empty: its first number must be less than its second";
+  const auto told = [](const auto& range) {
+    return cat("the range ", (*range)[0], " to ", (*range)[1],
+               " is empty: its first number must be less than its second");
+  };
+  if (is_empty_range(p.uniform)) return told(p.uniform);
+  if (is_empty_range(p.log_uniform)) return told(p.log_uniform);
+  if (is_empty_range(p.integers)) return told(p.integers);
+  constexpr int64_t kWidest = int64_t{1} << 53;  // each of so many is drawn by a double
+  if (p.integers && (*p.integers)[1] / 2 - (*p.integers)[0] / 2 >= kWidest / 2)
+    return cat("the range is too wide: at most ", kWidest, " integers");
   if (method == SweepMethod::grid && (p.uniform || p.log_uniform))
     return "a grid needs choices or integers; random and sobol draw from ranges";
   std::set<std::string> texts;
@@ -113,7 +121,10 @@ void check_halving(const HalvingSpec& halving, int64_t total, const KeyPositions
 std::vector<int64_t> rungs_of(const HalvingSpec& halving, int64_t total) {
   std::vector<int64_t> rungs;
   if (halving.first_agent_steps)
-    for (int64_t steps = *halving.first_agent_steps; steps < total; steps *= halving.factor) rungs.push_back(steps);
+    for (int64_t steps = *halving.first_agent_steps; steps < total; steps *= halving.factor) {
+      rungs.push_back(steps);
+      if (steps > total / halving.factor) break;  // the product may be beyond all integers
+    }
   rungs.push_back(total);
   return rungs;
 }

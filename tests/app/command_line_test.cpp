@@ -125,7 +125,7 @@ TEST(CommandLine, MistakesNameTheNearest) {
       {{"eval", "runs/x", "--vs", "circle"}, {"there is no checkpoint or run folder runs/x"}},
       {{"eval", "circle", "--vs", "runs/x.h5"}, {"there is no checkpoint or run folder runs/x.h5"}},
       {{"eval", "circle", "--vs", "pursuer"},
-       {"no checkpoint or manifest says which scenario circle and pursuer play", "--scenario"}},
+       {"no checkpoint or manifest says which scenario is played by circle and pursuer", "--scenario"}},
       {{"eval", "circle", "--vs", "pursuer", "--scenario", "identical_2_v_2"}, {"nearest: 'identical_2_vs_2'"}},
       {{"eval", "runs/x", "--vs", "circle", "--episodes", "0"}, {"--episodes: '0' is not an integer in [1, 10000000]"}},
       {{"scenarios", "shwo", "x"}, {"unknown command 'shwo'", "nearest: 'show'", "gigastep scenarios --help"}},

@@ -7,8 +7,8 @@
 #include <string>
 
 #include "core/error.hpp"
+#include "core/shell_word.hpp"
 #include "io/files.hpp"
-#include "io/shell_word.hpp"
 #include "support/source.hpp"
 
 namespace giga::test {

@@ -12,8 +12,8 @@
 
 #include "config/document.hpp"
 #include "core/error.hpp"
+#include "core/shell_word.hpp"
 #include "io/files.hpp"
-#include "io/shell_word.hpp"
 #include "io/temporary_folder.hpp"
 #include "support/source.hpp"
 

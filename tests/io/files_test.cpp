@@ -85,8 +85,10 @@ TEST(Files, LeftoversOfInterruptedWritesAreRemoved) {
   const TemporaryFolder folder;
   std::ofstream(folder / "update_00000001.h5.4711.tmp") << "half";
   write_file(folder / "update_00000002.h5", "whole");
+  write_file(folder / "notes.tmp", "somebody's own");
   EXPECT_EQ(remove_temporaries(folder.path()), 1);
-  EXPECT_EQ(folder.entries(), 1);
+  EXPECT_EQ(folder.entries(), 2);
+  EXPECT_EQ(read_file(folder / "notes.tmp"), "somebody's own");
   EXPECT_EQ(read_file(folder / "update_00000002.h5"), "whole");
 }
 

@@ -14,8 +14,8 @@
 #include <fstream>
 
 #include "core/error.hpp"
+#include "core/shell_word.hpp"
 #include "io/files.hpp"
-#include "io/shell_word.hpp"
 #include "support/source.hpp"
 #include "temporary_folder.hpp"
 

@@ -205,6 +205,19 @@ TEST(RunFolder, ADamagedCheckpointIsNamedAndThePreviousOneTaken) {
   // A file that is named is that file or nothing.
   EXPECT_TRUE(contains(input_error_of([&] { find_checkpoint(run.checkpoint_file(3).string()); }), {"is truncated"}));
 
+  // The best one, where it is newer: it was written as update 3 was, which is damaged.
+  const std::string best = read_file(run.best_file());
+  write_file(run.best_file(), encode_checkpoint(after(3)));
+  found = find_checkpoint(path);
+  EXPECT_EQ(found.file, run.best_file());
+  EXPECT_EQ(found.checkpoint.updates, 3);
+  fs::remove(run.checkpoint_file(3));  // or the run was stopped before it wrote that
+  write_file(run.best_file(), encode_checkpoint(after(3)));
+  EXPECT_EQ(find_checkpoint(path).file, run.best_file());
+  write_file(run.best_file(), best);  // that of update 1
+  EXPECT_EQ(find_checkpoint(path).file, run.checkpoint_file(2));
+  write_file(run.checkpoint_file(3), read_file(run.checkpoint_file(2)).substr(0, 900));
+
   for (const int64_t updates : {1, 2}) write_file(run.checkpoint_file(updates), "");
   found = find_checkpoint(path);  // the best one, rather than nothing
   EXPECT_EQ(found.file, run.best_file());

@@ -7,8 +7,8 @@
 #include <cstdlib>
 #include <limits>
 
+#include "core/shell_word.hpp"
 #include "io/files.hpp"
-#include "io/shell_word.hpp"
 #include "support/source.hpp"
 #include "temporary_folder.hpp"
 

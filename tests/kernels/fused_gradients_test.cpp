@@ -63,7 +63,7 @@ void expect_near(const FusedMlp& net, const std::vector<double>& found, const st
 struct Shape {
   int input, threads;
 };
-constexpr Shape kNarrow[] = {{64, 512}, {128, 512}, {192, 256}};  // of networks of up to 64
+constexpr Shape kNarrow[] = {{64, 512}, {96, 512}, {128, 512}, {192, 256}};  // of networks of up to 64
 constexpr Shape kBroad[] = {{64, 256}, {128, 256}, {192, 256}};
 const Shape& shape_of(const FusedMlp& net) {
   const Shape* shape = net.is_narrow() ? kNarrow : kBroad;

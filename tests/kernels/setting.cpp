@@ -10,6 +10,16 @@ namespace giga::test {
 const std::vector<KernelCase>& observation_cases() {
   static const std::vector<KernelCase> all = {
       {.name = "Shipped", .hidden = {64, 64}, .input = 59, .n = 5, .n_states = 120, .blocks = 2},
+      {.name = "MixedTeams", .hidden = {64, 64}, .input = 77, .n = 5, .n_states = 120, .blocks = 2},
+      {.name = "MixedTeamsContinuous",
+       .hidden = {64, 32},
+       .input = 96,
+       .n = 10,
+       .n_states = 40,
+       .blocks = 1,
+       .activation = Activation::silu,
+       .continuous = true,
+       .normalize = true},
       {.name = "IndependentContinuous",
        .hidden = {32, 48},
        .input = 106,

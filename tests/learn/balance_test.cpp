@@ -257,6 +257,54 @@ TEST(LearnBalance, AFrozenTeamKeepsItsPolicyAndItsCriticLearns) {
   EXPECT_NE(changed.find("team_1/actor/"), std::string::npos) << changed;
 }
 
+// A checkpoint that says that team 0 won all of its 1,000 games in its best window, when it was what it is now and the
+// weight of its bonus was 0.007, and none since: the next update takes it back, in all that it is. 24 worlds, of which
+// each team has 6 against scripts: team 0 learns in the first 18.
+TEST(LearnStepBack, AFallenTeamGoesBackInAllThatItIs) {
+  SmallRun run;
+  run.actor = "hidden: [16], memory: gru, memory_size: 8";
+  run.critic = "hidden: [16], memory: gru, memory_size: 8";
+  run.mappo = "entropy_target: 2, step_back: 0.1";
+  run.more = "opponents: {scripted: [circle], scripted_share: 0.5, pool_every_updates: 2}\n";
+  const auto learner = run.learner();
+  learner->update();
+  NamedArrays checkpoint = saved(*learner);
+  NamedArrays best = {make_array<double>("entropy_coef", {0.007})};
+  for (const NamedArray& array : checkpoint)
+    if (array.name.starts_with("team_0/") && array.name != "team_0/critic_memory") {
+      best.push_back(array);
+      best.back().name = array.name.substr(7);
+    }
+  for (NamedArray array : best)
+    for (const char* place : {"step_back/team_0/begun/", "step_back/team_0/snapshot/"}) {
+      NamedArray kept = array;
+      kept.name = place + array.name;
+      checkpoint.push_back(kept);
+    }
+  for (NamedArray& array : checkpoint)
+    if (array.name == "step_back/team_0/record") array = make_array<double>(array.name, {1000, 0, 0, 0, 1000, 1000, 0});
+  const auto other = run.learner();
+  other->load(checkpoint);
+  EXPECT_EQ(metric(other->update(), "stepped_back_0"), 1);
+  const NamedArrays after = saved(*other);
+  for (const NamedArray& array : best) {
+    if (array.name == "entropy_coef") continue;
+    EXPECT_EQ(find_array(after, "team_0/" + array.name).bytes, array.bytes) << array.name;
+  }
+  EXPECT_EQ(array_values<double>(find_array(after, "balance/entropy_coef"))[0], 0.007);
+  EXPECT_NE(array_values<double>(find_array(after, "balance/entropy_coef"))[1], 0.007);
+  const auto remembered = [&after](const std::string& name, size_t first, size_t last) {  // shares of [24, ...]
+    const std::vector<float> values = array_values<float>(find_array(after, name));
+    const size_t each = values.size() / 24;
+    return std::count_if(values.begin() + static_cast<std::ptrdiff_t>(first * each),
+                         values.begin() + static_cast<std::ptrdiff_t>(last * each), [](float x) { return x != 0; });
+  };
+  EXPECT_EQ(remembered("collector/memory_0", 0, 18), 0);
+  EXPECT_GT(remembered("collector/memory_1", 6, 24), 0);
+  EXPECT_EQ(remembered("team_0/critic_memory", 0, 24), 0);
+  EXPECT_GT(remembered("team_1/critic_memory", 0, 24), 0);
+}
+
 TEST(LearnBalance, ARunWithAllOptionsGoesOnExactly) {
   SmallRun run;
   run.mappo = "entropy_target: 2, freeze_lead: 0.5, step_back: 0.1, team_reward_share: 0.5, shaping_final_factor: 0.5";

@@ -226,7 +226,7 @@ void expect_rounds_to_be_generations(const LoadedRun& run, const Networks& n, co
   PopulationGames once(run.spec, {6, 4, 1, true, false, 9, 1}, n.actor, parallel_for);
   once.play({population}, 0);
   const at::Tensor first = once.results(0).clone();
-  once.play({population}, 1);
+  once.play({population}, once.draw_steps());
   PopulationGames twice(run.spec, {6, 4, 1, true, false, 9, 1, std::nullopt, 2}, n.actor, parallel_for);
   twice.play({population}, 0);
   EXPECT_EQ(twice.fused(), parallel_for.device().is_cuda() && n.actor.precision() == Precision::fp16);
@@ -255,7 +255,7 @@ TEST(LearnPopulationGames, AGenerationIsRepeatableAndAnotherIsNot) {
   const ParallelFor parallel_for(Device{}, 2);
   PopulationGames games(run.spec, {4, 4, 1, true, true, 9, 2}, n.actor, parallel_for);
   const auto played = [&](uint32_t generation) {
-    games.play({{0, n.members, n.opponents, {0, 0, 1, 2}}}, generation);
+    games.play({{0, n.members, n.opponents, {0, 0, 1, 2}}}, generation * games.draw_steps());
     return games.results(0).clone();
   };
   const at::Tensor first = played(0), second = played(1);

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "core/error.hpp"
+#include "io/files.hpp"
 #include "io/temporary_folder.hpp"
 #include "runs.hpp"
 
@@ -39,6 +40,36 @@ TEST(LearnResumeConfig, WithoutChangesItIsTheSameConfig) {
   EXPECT_FALSE(after.run.opponents_move);
   EXPECT_FALSE(resumed({"mappo.shards=2"}).run.opponents_move) << "there are none";
   EXPECT_TRUE(resumed({"opponents.scripted_share=0.5"}).run.opponents_move);
+}
+
+// Members of a mixed team share out the worlds of each shard: with other shards their games go on by others.
+TEST(LearnResumeConfig, OtherShardsMoveTheMembersOfAMixedTeam) {
+  const TemporaryFolder folder;
+  const std::string team = (folder / "team.yaml").string();
+  write_file(team, "policies: [circle, pursuer]\n");
+  SmallRun small;
+  small.train = cat("learning_team: 0, opponent: '", team, "'");
+  const LoadedRun run = small.load();
+  const auto with = [&](const std::vector<std::string>& overrides) {
+    return resume_config(print_yaml(run.config, true), print_scenario(run.scenario), overrides).run;
+  };
+  EXPECT_TRUE(with({"mappo.shards=2"}).opponents_move);
+  EXPECT_FALSE(with({"mappo.learning_rate=0.5"}).opponents_move);
+  const auto learner = small.learner();
+  learner->update();
+  make_learner(with({"mappo.shards=2"}), kCpu)->load(saved(*learner));
+}
+
+TEST(LearnResumeConfig, TheWeightOfABonusThatFollowsATargetIsNotSet) {
+  SmallRun small;
+  small.mappo = "entropy_target: 2, entropy_coef: 0.01";
+  const LoadedRun run = small.load();
+  const std::string refused = input_error_of(
+      [&] { resume_config(print_yaml(run.config, true), print_scenario(run.scenario), {"mappo.entropy_coef=0.05"}); });
+  EXPECT_NE(refused.find("mappo.entropy_coef: 0.05 instead of 0.01: this may not change when a run goes on: the weight "
+                         "of the bonus follows mappo.entropy_target"),
+            std::string::npos)
+      << refused;
 }
 
 TEST(LearnResumeConfig, WhatMayChangeChanges) {

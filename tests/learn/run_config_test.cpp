@@ -105,7 +105,8 @@ TEST_F(LearnRunConfig, AllMistakesOfAllStagesAtOnce) {
 // A value that could not be read is reported once, and nothing is said about what was taken in its place.
 TEST_F(LearnRunConfig, NoErrorsThatFollowFromOthers) {
   const std::pair<const char*, const char*> cases[] = {
-      {"environment: {team_1: 3}", "run.yaml:2:23: environment.team_1: '3' is not a list of maps"},
+      {"environment: {team_1: 3}",
+       "run.yaml:2:23: environment.team_1: '3' is not a list of groups, [{key: value, ...}, ...]"},
       {"environment: {max_episode_length: x}\nmappo: {horizon: 600, n_minibatches: 1}",
        "run.yaml:2:35: environment.max_episode_length: 'x' is not an integer in [1, 1000000] or none"},
       {"train: {n_worlds: x}\nmappo: {n_minibatches: 7}",
@@ -156,6 +157,11 @@ TEST_F(LearnRunConfig, OpponentsNeedSelfPlayAndWorlds) {
       error("scripted: [circle, pursuer], scripted_share: 0.1"),
       "run.yaml:3:58: opponents.scripted_share: 0.1 of train.n_worlds 24 leaves each team 1 worlds against scripts "
       "(opponents.scripted); it needs at least 2");
+  // 0.3 of 64 worlds is 9 a team, and 0.7 of them 23: all of them.
+  EXPECT_EQ(error_of("scenario: identical_2_vs_2\ntrain: {n_worlds: 64}\nmappo: {freeze_lead: 0.1}\n"
+                     "opponents: {pool_size: 2, pool_share: 0.7, scripted: [circle], scripted_share: 0.3}\n"),
+            "run.yaml:3:22: mappo.freeze_lead: it goes by games between the learning teams, and opponents.pool_share "
+            "0.7 and opponents.scripted_share 0.3 leave no world of 64 for them");
   EXPECT_EQ(
       error_of("scenario: identical_2_vs_2\ntrain: {n_worlds: 8}\nmappo: {horizon: 1}\n"
                "opponents: {pool_size: 2, pool_share: 1}\n"),

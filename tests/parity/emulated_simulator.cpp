@@ -109,7 +109,6 @@ class EmulatedSimulator final : public LaunchingSimulator {
     const LaunchShape& s = kStep ? step_shape_ : shape(false);
     LockstepThreads& threads = kStep ? step_threads_ : threads_;
     const EmulatedSync sync{&threads};
-    // Not listed_blocks, so that worlds of a list share groups here too, however few they are.
     if (k.scratch) std::memset(k.scratch, kPoison, global_scratch_bytes(params(), n_worlds()));
     for (int block = 0; block < s.blocks; ++block)
       with_shared(block, s.shared_bytes, [&](char* shared) {

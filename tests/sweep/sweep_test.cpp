@@ -98,6 +98,20 @@ TEST_F(Sweep, RandomDrawsStayInTheirRanges) {
   EXPECT_EQ(draw_trials(spec, sobol_points), trials) << "the same again";
 }
 
+// Four digits of 0.99998 are 1, and of the numbers from 0.99981 on 0.9998: both outside.
+TEST_F(Sweep, DrawsFromANarrowRangeHaveMoreDigits) {
+  const SweepSpec spec = read(cat(kHead, "  a: {uniform: [0.99996, 0.99999]}\n  b: {log_uniform: [0.99981, 0.99984]}\n",
+                                  "  c: {uniform: [0.1, 0.9]}\nmethod: random\ntrials: 50\n"));
+  std::set<std::string> drawn;
+  for (const TrialSettings& t : draw_trials(spec, sobol_points)) {
+    const double a = std::stod(t[0].second), b = std::stod(t[1].second);
+    EXPECT_TRUE(a >= 0.99996 && a <= 0.99999 && b >= 0.99981 && b <= 0.99984) << t[0].second << " " << t[1].second;
+    EXPECT_LE(t[2].second.size(), 6u) << "0.1234 and no more";
+    drawn.insert(t[0].second);
+  }
+  EXPECT_GT(drawn.size(), 40u);
+}
+
 TEST_F(Sweep, SobolFillsTheSpaceEvenly) {
   // The first eight points of the sequence in two dimensions (Bratley and Fox 1988, in the order of Gray codes).
   const std::vector<double> points = sobol_points(2, 8);
@@ -120,8 +134,10 @@ TEST_F(Sweep, MistakesInTheFileAreTold) {
     const std::string error = error_of(text);
     EXPECT_NE(error.find(part), std::string::npos) << error;
   };
-  contains(cat(kHead, "  a: {uniform: [2, 1]}\n"), "s.yaml:4:3: parameters.a: the range is empty");
+  contains(cat(kHead, "  a: {uniform: [2, 1]}\n"), "s.yaml:4:3: parameters.a: the range 2 to 1 is empty");
   contains(cat(kHead, "  a: {uniform: [0, 1]}\nmethod: grid\n"), "a grid needs choices or integers");
+  contains(cat(kHead, "  a: {integers: [-9000000000000000000, 9000000000000000000]}\n"),
+           "s.yaml:4:3: parameters.a: the range is too wide: at most 9007199254740992 integers");
   contains(cat(kHead, "  a: {integers: [1, 1000]}\n  b: {integers: [1, 101]}\nmethod: grid\n"),
            "s.yaml:4:3: parameters: a grid of 101000 points; trials says how many of them are tried");
   contains(cat(kHead, "  train.total_agent_steps: {choices: [1, 2]}\nhalving: {first_agent_steps: 5}\n"),
@@ -173,6 +189,10 @@ TEST(SweepHalving, RungsGrowByTheFactor) {
   EXPECT_EQ(rungs_of(halving_spec().halving, 1000), (std::vector<int64_t>{100, 300, 900, 1000}));
   EXPECT_EQ(rungs_of(halving_spec().halving, 900), (std::vector<int64_t>{100, 300, 900}));
   EXPECT_EQ(rungs_of({}, 1000), (std::vector<int64_t>{1000}));
+  const int64_t most =
+      std::numeric_limits<int64_t>::max();  // 9.2e18: 100 x 3^35 is 5.0e18, and three times that too much
+  EXPECT_EQ(rungs_of(halving_spec().halving, most).size(), 37u);
+  EXPECT_EQ(rungs_of(halving_spec().halving, most)[35], 5003154509899970700);
 }
 
 TEST(SweepHalving, TheBestGoOnAsSoonAsThereAreEnough) {
@@ -209,6 +229,24 @@ TEST(SweepHalving, TheBestGoOnAsSoonAsThereAreEnough) {
   EXPECT_EQ(progress.ranking()[0], 5);
   EXPECT_EQ(progress.ranking()[1], 1);
   EXPECT_EQ(progress.ranking()[2], 2);
+}
+
+// Nine trials, one at a time, the best third goes on: 0, 3 and 6 to rung 1, and only the best of these three to rung 2,
+// although 6 comes last.
+TEST(SweepHalving, TheLastOfARungIsWaitedFor) {
+  SweepSpec spec = halving_spec();
+  spec.seeds = {1};
+  SweepProgress progress(spec, 9, 3);
+  const std::vector<double> first = {0.9, 0.1, 0.1, 0.8, 0.1, 0.1, 0.2, 0.1, 0.1};
+  const std::map<int, double> second = {{0, 0.5}, {3, 0.4}, {6, 0.7}};
+  std::vector<std::pair<int, int>> further;
+  while (const std::optional<SweepJob> job = progress.next()) {
+    progress.begin(job->trial, job->rung);
+    if (job->rung > 0) further.emplace_back(job->trial, job->rung);
+    const double value = job->rung == 0 ? first[static_cast<size_t>(job->trial)] : second.at(job->trial);
+    progress.finish({job->trial, job->rung, 1}, {value, 0, 1, 100});
+  }
+  EXPECT_EQ(further, (std::vector<std::pair<int, int>>{{0, 1}, {3, 1}, {6, 1}, {6, 2}}));
 }
 
 TEST(SweepHalving, OfFewTrialsTheBestGoesOnAndOneThatFailedNever) {
@@ -275,6 +313,22 @@ TEST_F(Sweep, AgentStepsAreThoseThatWereDone) {
   EXPECT_EQ(outcome.trials[1].agent_steps, 163'840);
   EXPECT_EQ(outcome.trials[2].number, 2);
   EXPECT_EQ(outcome.trials[2].agent_steps, 0);
+}
+
+// Values rise with `a`; a trial that somebody told without it says nothing of it, and takes nothing from it.
+TEST_F(Sweep, ATrialWithoutAParameterIsLeftOutOfItsImportance) {
+  SweepSpec spec = read(cat(kHead, "  a: {uniform: [0, 1]}\n"));
+  spec.seeds = {1};
+  std::vector<TrialSettings> trials;
+  SweepProgress progress(spec, 9, 1);
+  for (int k = 0; k < 9; ++k) {
+    trials.push_back(k < 8 ? TrialSettings{{"a", cat("0.", k + 1)}} : TrialSettings{});
+    progress.finish({k, 0, 1}, {0.1 * k, 0, 1, 100});
+  }
+  const SweepOutcome outcome = outcome_of(spec, trials, progress, folder_ / "nothing");
+  ASSERT_EQ(outcome.parameters.size(), 1u);
+  EXPECT_EQ(outcome.parameters[0].correlation, 1);
+  EXPECT_GT(outcome.parameters[0].share, 0.5);
 }
 
 TEST(SweepFailures, AreTriedAgainUnlessTheyDiverged) {

@@ -131,6 +131,7 @@ class Evolution final : public Learner {
   std::unique_ptr<DeviceClock> clock_;
   at::Tensor no_networks_;  // [1, P] stands in for the networks of a scripted or frozen team
   int64_t generations_ = 0, agent_steps_ = 0;
+  uint32_t next_draws_ = 0;  // of the next generation, whose episodes may be shorter than those before were
   std::optional<Divergence> divergence_;
 };
 
@@ -191,7 +192,8 @@ Metrics Evolution::update() {
   const std::vector<int> teams = teams_of_generation();
   std::vector<Population> populations;
   for (const int team : teams) populations.push_back(population_of(team));
-  games_->play(populations, static_cast<uint32_t>(generations_));
+  games_->play(populations, next_draws_);
+  next_draws_ += games_->draw_steps();
   clock_->mark(1);
 
   if (sums_) sums_->begin();
@@ -318,6 +320,7 @@ void Evolution::save_batch(NamedArrays& out) const {
 void Evolution::save(NamedArrays& out) const {
   out.push_back(make_array<int64_t>("updates", {generations_}));
   out.push_back(make_array<int64_t>("agent_steps", {agent_steps_}));
+  out.push_back(make_array<int64_t>("next_draws", {next_draws_}));
   for (int team = 0; team < kNTeams; ++team)
     if (team_[team]) team_[team]->save(cat("team_", team, "/"), out);
   if (frozen_) frozen_->save(out);
@@ -327,6 +330,9 @@ void Evolution::load(const NamedArrays& in) {
   if (frozen_) frozen_->check_same(in);
   generations_ = array_values<int64_t>(find_array(in, "updates")).at(0);
   agent_steps_ = array_values<int64_t>(find_array(in, "agent_steps")).at(0);
+  const NamedArray* const draws = look_for_array(in, "next_draws");  // older checkpoints lack it
+  next_draws_ = draws ? static_cast<uint32_t>(array_values<int64_t>(*draws).at(0))
+                      : static_cast<uint32_t>(generations_) * games_->draw_steps();
   for (int team = 0; team < kNTeams; ++team)
     if (team_[team]) team_[team]->load(cat("team_", team, "/"), in);
 }

@@ -13,6 +13,7 @@ namespace {
 constexpr double kLeastEntropyShare = 0.01, kMostEntropyShare = 10;
 /// Share of the old mean that an update keeps: about ten updates count.
 constexpr double kLeadMemory = 0.9;
+constexpr const char* kEntropyCoef = "entropy_coef";
 
 double figure(const Metrics& figures, const std::string& name) {
   const auto found = std::find_if(figures.begin(), figures.end(), [&](const auto& f) { return f.first == name; });
@@ -77,15 +78,25 @@ void Balance::note(const Metrics& figures) {
   if (config_.freeze_lead && std::isfinite(lead)) lead_ = kLeadMemory * lead_ + (1 - kLeadMemory) * lead;
 }
 
+void Balance::save_team(int team, NamedArrays& out) const {
+  if (config_.entropy_target)
+    out.push_back(make_array<double>(kEntropyCoef, {entropy_coef_[static_cast<size_t>(team)]}));
+}
+
+void Balance::load_team(int team, const NamedArrays& in) {
+  const NamedArray* const saved = config_.entropy_target ? look_for_array(in, kEntropyCoef) : nullptr;
+  if (saved) entropy_coef_[static_cast<size_t>(team)] = array_values<double>(*saved).at(0);
+}
+
 void Balance::save(const std::string& prefix, NamedArrays& out) const {
   if (config_.entropy_target)
-    out.push_back(make_array<double>(prefix + "entropy_coef", {entropy_coef_[0], entropy_coef_[1]}));
+    out.push_back(make_array<double>(prefix + kEntropyCoef, {entropy_coef_[0], entropy_coef_[1]}));
   if (config_.freeze_lead) out.push_back(make_array<double>(prefix + "lead", {lead_}));
 }
 
 void Balance::load(const std::string& prefix, const NamedArrays& in) {
   if (config_.entropy_target) {
-    const std::vector<double> coefs = array_values<double>(find_array(in, prefix + "entropy_coef"));
+    const std::vector<double> coefs = array_values<double>(find_array(in, prefix + kEntropyCoef));
     if (coefs.size() != kNTeams)
       throw InputError(cat("array '", prefix, "entropy_coef' has ", coefs.size(), " numbers"));
     std::copy(coefs.begin(), coefs.end(), entropy_coef_.begin());

@@ -40,6 +40,11 @@ class Balance {
   /// Takes in an update: entropy_T, win_rate_0 and win_rate_1. Figures that are not known change nothing.
   void note(const Metrics& figures);
 
+  /// What belongs to one team: the weight of its entropy bonus, where that follows a target. `in` of an older
+  /// checkpoint may lack it.
+  void save_team(int team, NamedArrays& out) const;
+  void load_team(int team, const NamedArrays& in);
+
   /// Only what is switched on has a state.
   void save(const std::string& prefix, NamedArrays& out) const;
   void load(const std::string& prefix, const NamedArrays& in);

@@ -214,6 +214,11 @@ void worlds_suffice(ConfigCheck& check) {
   if (p.scripted_share > 0 && check.known({"opponents.scripted"}))
     too_few("opponents.scripted_share", p.scripted_share, shares.scripted, static_cast<int64_t>(p.scripted.size()),
             "scripts (opponents.scripted)");
+  if (c.freeze_lead && shares.self_play().count() == 0 && !check.has_begun &&
+      check.known({"mappo.freeze_lead", "train.n_worlds"}))
+    check.fail("mappo.freeze_lead",
+               cat("it goes by games between the learning teams, and opponents.pool_share ", p.pool_share,
+                   " and opponents.scripted_share ", p.scripted_share, " leave no world of ", n_worlds, " for them"));
   const int64_t states = shares.learning(0).count() * c.horizon / steps_together(c);
   if (states < c.n_minibatches && check.known({"train.n_worlds", "mappo.horizon", "mappo.n_minibatches"}))
     check.fail("mappo.n_minibatches",

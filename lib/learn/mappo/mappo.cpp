@@ -75,6 +75,7 @@ class Mappo final : public Learner {
  private:
   void make_teams_and_worlds();
   int64_t n_own_shards() const { return config_.mappo.shards / (ranks_ ? ranks_->size() : 1); }
+  WorldShares own_shares() const { return world_shares(config_.opponents, run_.config.train.n_worlds, n_own_shards()); }
   /// Of the run, after so many updates.
   double share_done(int64_t updates) const {
     return std::min(1.0, static_cast<double>(updates) / static_cast<double>(total_updates_));
@@ -256,9 +257,16 @@ void Mappo::step_back(const std::array<LeagueRecord, kNTeams>& record) {
   for (int team = 0; team < kNTeams; ++team) {
     const StepBack::Verdict verdict = step_back_->note(team, record[static_cast<size_t>(team)].scripts, updates_);
     if (verdict == StepBack::Verdict::goes_on) continue;
-    if (verdict == StepBack::Verdict::fallen) team_[team]->load("", step_back_->best(team));
+    if (verdict == StepBack::Verdict::fallen) {
+      team_[team]->load("", step_back_->best(team));
+      balance_.load_team(team, step_back_->best(team));
+      // What the fallen networks remember means nothing to others.
+      collector_->forget(team, own_shares().learning(team));
+      team_[team]->forget();
+    }
     NamedArrays now;
     team_[team]->save("", now);
+    balance_.save_team(team, now);
     step_back_->begin(team, std::move(now));
   }
 }
@@ -419,7 +427,7 @@ void Mappo::load_worlds(const NamedArrays& in) {
   if (league_) league_->forget_games(*sim_);
   for (int team = 0; team < kNTeams; ++team) {
     collector_->forget(team, {{0, sim_->n_worlds()}, sim_->n_worlds()});
-    team_[team]->forget();
+    if (team_[team]) team_[team]->forget();
   }
 }
 

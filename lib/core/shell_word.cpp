@@ -1,5 +1,5 @@
 // Quoting for shells.
-#include "io/shell_word.hpp"
+#include "core/shell_word.hpp"
 
 namespace giga {
 
