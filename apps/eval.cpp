@@ -70,6 +70,7 @@ Json to_json(const EvalOptions& o, const MatchReport& report, const Player& a, c
   return {{"a", o.a},
           {"b", o.b},
           {"scenario", report.scenario},
+          {"changes", o.changes},
           {"win", report.win},
           {"sides", std::move(sides)},
           {"origin_a", origin_json(a)},
@@ -89,7 +90,10 @@ void print_origin(const Player& c) {
 void play(const EvalOptions& o) {
   if (o.csv == "-" && o.json == "-")
     throw InputError("--csv - and --json - would both be printed; write one of them to a file");
-  if (!o.csv.empty() && o.csv == o.json)
+  const auto place = [](const std::string& file) {
+    return std::filesystem::weakly_canonical(std::filesystem::absolute(file));
+  };
+  if (!o.csv.empty() && !o.json.empty() && o.csv != "-" && o.json != "-" && place(o.csv) == place(o.json))
     throw InputError(cat("--csv and --json would both be written to ", o.csv, "; name two files"));
   const Device device = parse_device(o.device);
   const PlayerOptions loading{device, o.trust, o.greedy};
@@ -127,7 +131,9 @@ void play(const EvalOptions& o) {
   if (!o.csv.empty()) write_or_print(o.csv, report_csv(report));
   if (!o.json.empty()) write_json(to_json(o, report, a, b), o.json);
   if (o.csv == "-" || o.json == "-") return;
-  std::cout << "scenario " << report.scenario << '\n' << report.win << '\n';
+  std::cout << "scenario " << report.scenario << '\n';
+  if (!o.changes.empty()) std::cout << "changed: " << join(o.changes) << '\n';
+  std::cout << report.win << '\n';
   print_origin(a);
   print_origin(b);
   std::cout << '\n' << report_text(report);

@@ -150,13 +150,17 @@ std::set<std::string> rated_runs(const Json& ratings) {
   return runs;
 }
 
-/// The folder, or the first of "ratings-2", "ratings-3" and so on that holds no ratings of other runs.
-fs::path without_others(const fs::path& wanted, const RatingSheet& sheet) {
+/// The folder, or the first of "ratings-2", "ratings-3" and so on that holds no ratings of other runs or another game.
+fs::path without_others(const fs::path& wanted, const RatingSheet& sheet, const RateOptions& o) {
   fs::path folder = wanted;
   std::error_code code;
   for (int k = 2; fs::exists(folder / RatingFiles::kJson, code); ++k) {
     const Json there = Json::parse(read_file(folder / RatingFiles::kJson), nullptr, false);
-    if (there.is_object() && rated_runs(there) == rated_runs(ratings_json(sheet, folder))) break;
+    const auto same_game = [&] {
+      return there.value("scenario", "") == sheet.scenario && there.value("greedy", false) == o.greedy &&
+             there.value("changes", std::vector<std::string>()) == o.changes;
+    };
+    if (there.is_object() && rated_runs(there) == rated_runs(ratings_json(sheet, folder)) && same_game()) break;
     folder = fs::path(wanted) += cat("-", k);
   }
   return folder;
@@ -229,18 +233,22 @@ void rate_runs(const RateOptions& o) {
     if (const std::string obstacle = output(Output::folder)(wanted); !obstacle.empty())
       throw InputError(obstacle + "; --out takes another folder");
   const RatingSheet sheet = play_and_rate(o, all, device);
-  const fs::path folder = o.out.empty() ? without_others(default_folder(o), sheet) : fs::path(o.out);
+  const fs::path folder = o.out.empty() ? without_others(default_folder(o), sheet, o) : fs::path(o.out);
   const SimParams& params = all.spec.params;
   const std::string win = describe_win(params.win, params.max_episode_length);
   Json json = ratings_json(sheet, folder);
-  json.update(
-      {{"win", win}, {"episodes", o.episodes}, {"seed", o.seed}, {"greedy", o.greedy}, {"versions", version_info()}});
+  json.update({{"win", win},
+               {"changes", o.changes},
+               {"episodes", o.episodes},
+               {"seed", o.seed},
+               {"greedy", o.greedy},
+               {"versions", version_info()}});
   write_ratings(folder, sheet, json);
   renew_report(o, folder);
   if (!o.json.empty()) write_json(json, o.json);
   if (o.json != "-")
     std::cout << sheet.scenario << ", " << o.episodes << " episodes of each pair on each side\n"
-              << win << '\n'
+              << (o.changes.empty() ? "" : cat("changed: ", join(o.changes), "\n")) << win << '\n'
               << ratings_table(sheet) << "Written: " << folder.string() << "\n";
 }
 

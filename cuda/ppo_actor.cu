@@ -178,7 +178,7 @@ void launch_actor_gradient(const FusedActor& actor, int index, void* stream) {
   if (!actor.net.is_narrow()) return launch_block_actor_gradient(actor, stream);
   const int input = actor.net.width[0];
   if (input <= NarrowTiles::kIn) return launch<NarrowTiles>(actor, stream);
-  if (input <= MixedTiles<true>::kIn) return launch<MixedTiles<true>>(actor, stream);
+  if (input <= MixedTiles::kIn) return launch<MixedTiles>(actor, stream);
   if (input <= MediumTiles::kIn) return launch<MediumTiles>(actor, stream);
   GIGA_CHECK(input <= WideTiles::kIn, "inputs of ", input, " numbers");
   launch<WideTiles>(actor, stream);

@@ -326,7 +326,7 @@ template <bool kGradient>
 void launch(const FusedCritic& critic, void* stream) {
   const int input = critic.net.width[0];
   if (input <= NarrowTiles::kIn) return launch<NarrowTiles, kGradient>(critic, stream);
-  if (input <= MixedTiles<false>::kIn) return launch<MixedTiles<false>, kGradient>(critic, stream);
+  if (input <= MixedTiles::kIn) return launch<MixedTiles, kGradient>(critic, stream);
   if (input <= MediumTiles::kIn) return launch<MediumTiles, kGradient>(critic, stream);
   GIGA_CHECK(input <= WideTiles::kIn, "inputs of ", input, " numbers");
   launch<WideTiles, kGradient>(critic, stream);

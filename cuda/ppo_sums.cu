@@ -7,15 +7,15 @@ namespace {
 
 constexpr int kMomentThreads = 256;
 
-/// Blocks [parts, pieces].
+/// Blocks [pieces, parts]: of the second, a grid has 65,535 at most.
 __global__ void __launch_bounds__(kMomentThreads)
     moments_kernel(const __grid_constant__ FusedRows rows, MinibatchPieces pieces, const float* advantage,
                    double* moments) {
   __shared__ double sums[kMoments][kMomentThreads];
-  const int thread = static_cast<int>(threadIdx.x), piece = static_cast<int>(blockIdx.y);
+  const int thread = static_cast<int>(threadIdx.x), piece = static_cast<int>(blockIdx.x);
   double count = 0, sum = 0, squares = 0;
   const int64_t end = pieces.begin(piece + 1) * rows.n, step = static_cast<int64_t>(kMomentParts) * kMomentThreads;
-  for (int64_t row = pieces.begin(piece) * rows.n + blockIdx.x * kMomentThreads + thread; row < end; row += step) {
+  for (int64_t row = pieces.begin(piece) * rows.n + blockIdx.y * kMomentThreads + thread; row < end; row += step) {
     const int64_t source = RowIndex{rows.states, rows.n}.source(row);
     if (!rows.alive[source]) continue;
     const double a = static_cast<double>(advantage[source]);
@@ -33,7 +33,7 @@ __global__ void __launch_bounds__(kMomentThreads)
   }
   __syncthreads();
   if (thread < kMoments)
-    moments[(static_cast<int64_t>(piece) * kMomentParts + blockIdx.x) * kMoments + thread] = sums[thread][0];
+    moments[(static_cast<int64_t>(piece) * kMomentParts + blockIdx.y) * kMoments + thread] = sums[thread][0];
 }
 
 // A block has 32 columns; each of its rows of threads adds up some of the blocks' rows.
@@ -153,7 +153,7 @@ int fused_step_blocks(int64_t actor_size, int64_t critic_size) {
 void launch_moments(const FusedRows& rows, MinibatchPieces pieces, const float* advantage, double* moments, int index,
                     void* stream) {
   GIGA_CUDA(cudaSetDevice(index));
-  const dim3 blocks(kMomentParts, static_cast<unsigned>(pieces.n_pieces));
+  const dim3 blocks(static_cast<unsigned>(pieces.n_pieces), kMomentParts);
   moments_kernel<<<blocks, kMomentThreads, 0, static_cast<cudaStream_t>(stream)>>>(rows, pieces, advantage, moments);
   GIGA_CUDA(cudaGetLastError());
 }

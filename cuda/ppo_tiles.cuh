@@ -27,9 +27,9 @@ struct TileShape {
   static constexpr int kInTiles = kIn / 8 / kParts, kWeightTiles = kHiddenTiles / kParts;
 };
 using NarrowTiles = TileShape<64, 16, true>;
-/// Of egocentric views in mixed teams, 77 and 80 numbers. The actor has room for its slopes, the critic has not.
-template <bool kRoomForSlopes>
-using MixedTiles = TileShape<96, 16, kRoomForSlopes>;
+/// Of egocentric views in mixed teams, 77 and 80 numbers. The actor would have room for its slopes, and spill more
+/// then.
+using MixedTiles = TileShape<96, 16, false>;
 using MediumTiles = TileShape<128, 16, false>;
 using WideTiles = TileShape<FusedMlp::kMaxInput, 8, false>;
 

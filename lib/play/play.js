@@ -117,6 +117,7 @@ class Play {
       this.game.start(BigInt(this.seed), who, person);
       if (seed !== undefined || map === "" || this.game.field("map", Int32Array, 1)[0] === Number(map)) break;
     }
+    if (map !== "") $("map").value = String(this.game.field("map", Int32Array, 1)[0]);
     this.who = who;
     this.episode = new LiveEpisode(scenario.frame, scenario.most_states, scenario.waypoint_unseen_time);
     this.episode.noteState(this.game, false);

@@ -49,7 +49,7 @@ Json find_rating(const fs::path& ratings_file, const RatedPolicy& policy) {
     const std::string side = text_of(rating, "side");
     if (text_of(rating, "player") != text_of(*player, "name")) continue;
     if (side != "both" && side != std::to_string(policy.team)) continue;
-    for (const char* key : {"scenario", "anchor", "episodes"}) copy(document.root, key, found);
+    for (const char* key : {"scenario", "changes", "greedy", "anchor", "episodes"}) copy(document.root, key, found);
     for (const char* key : {"side", "standing", "rating", "standard_error", "ci95", "games", "wins", "ties", "losses",
                             "score", "paper_elo"})
       copy(rating, key, found);

@@ -64,6 +64,11 @@ std::string rating_note(const RatingData& ratings) {
   const Node& results = ratings.results;
   std::string note = cat("Elo by maximum likelihood from a round robin on ", text_of(results, "scenario"), ", ",
                          text_of(results, "anchor"), " = 0; a tie is half a win.");
+  if (text_of(results, "greedy") == "true") note += " Policies take their most likely actions.";
+  std::string changes;
+  if (const Node* list = results.find("changes"))
+    for (const Node& change : list->items) changes += (changes.empty() ? "" : ", ") + change.text;
+  if (!changes.empty()) note += " The game was changed: " + changes + ".";
   if (const Node* remarks = results.find("remarks"))
     for (const Node& remark : remarks->items) note += " Note: " + remark.text + ".";
   return note;

@@ -281,7 +281,7 @@ TEST(AppSweep, MistakesAreToldBeforeTheFirstTrial) {
   };
   refused("mappo.gamma", "mappo.gama", {"bad.yaml:4:3: parameters.mappo.gama", "nearest: 'gamma'"});
   refused("[0.9, 0.99]", "[0.9, 1.5]", {"mappo.gamma", "1.5", "[0, 1]"});
-  refused("[1e-4, 1e-2]", "[1e-2, 1e-4]", {"bad.yaml:3:3", "the range is empty"});
+  refused("[1e-4, 1e-2]", "[1e-2, 1e-4]", {"bad.yaml:3:3", "the range 0.01 to 0.0001 is empty"});
   refused("win_rate_0_vs_random", "win_rate_0_vs_circle",
           {"bad.yaml:7:", "this run logs no column 'win_rate_0_vs_circle'", "win_rate_0_vs_random"});
   refused("parallel: 2", "parallel: all", {"bad.yaml:8:11: parallel: 'all' is not an integer in [1, 1024] or auto"});
