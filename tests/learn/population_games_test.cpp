@@ -339,7 +339,7 @@ TEST_P(LearnPopulationGamesGpu, TheFusedKernelPlaysAsTheCpu) {
     const auto play = [&](PopulationGames& games, const Networks& n) {
       games.play({{0, n.members, n.opponents, {0, script, 2, 1, 1, 0, script, 2, 2}},
                   {1, n.members, n.opponents, {2, 1, 0, 0, 0, 0, 0, 0, script}}},
-                 2);
+                 2 * games.draw_steps());
       return positions(games);
     };
     const at::Tensor expected = play(a, on_cpu), fused = play(b, on_gpu), libtorch = play(c, fp32);
