@@ -144,6 +144,7 @@ TEST_F(Eval, WritesATableAndCsv) {
   EXPECT_TRUE(contains(both.err, {"--csv - and --json - would both be printed"}));
   EXPECT_TRUE(contains(eval("first", "second", {"--csv", "same", "--json", "same"}).err,
                        {"--csv and --json would both be written to same; name two files"}));
+  EXPECT_EQ(eval("first", "second", {"--csv", "same", "--json", "./same"}).code, 2) << "by another name";
   EXPECT_FALSE(here_->has("same"));
 }
 
@@ -199,6 +200,9 @@ TEST_F(Eval, KeysOfTheScenarioCanBeChanged) {
   const Document json = parse_yaml_text(
       eval("first", "circle", {"--set", "environment.max_episode_length=7", "--json", "-"}).out, "json");
   EXPECT_LE(number_at(json, {"sides", "0", "mean_length"}), 7);
+  EXPECT_EQ(at(json, {"changes", "0"}).text, "environment.max_episode_length=7");
+  EXPECT_TRUE(contains(eval("first", "circle", {"--set", "environment.max_episode_length=7"}).out,
+                       {"changed: environment.max_episode_length=7"}));
   const Outcome wrong = eval("first", "circle", {"--set", "environment.sight.cone_dept=5"});
   EXPECT_EQ(wrong.code, 2);
   EXPECT_TRUE(contains(wrong.err, {"environment.sight.cone_dept: unknown key; nearest: 'cone_depth'"}));

@@ -222,7 +222,29 @@ TEST_F(RatedRuns, KeysOfTheGameCanBeChanged) {
   const Outcome outcome = rate({"run-seed1", "--scripted", "random", "--episodes", "4", "--out", "changed", "--set",
                                 "environment.max_episode_length=3", "--json", "-"});
   ASSERT_EQ(outcome.code, 0) << outcome.err;
-  EXPECT_TRUE(contains(at(parse_yaml_text(outcome.out, "json"), {"win"}).text, {"3 steps"}));
+  const Document json = parse_yaml_text(outcome.out, "json");
+  EXPECT_TRUE(contains(at(json, {"win"}).text, {"3 steps"}));
+  EXPECT_EQ(at(json, {"changes", "0"}).text, "environment.max_episode_length=3");
+}
+
+// Nor of policies that play otherwise: both are in folders of their own, and the same once more takes the place of its
+// like.
+TEST_F(RatedRuns, OfAnotherGameLeaveThoseOfTheOwnAlone) {
+  std::filesystem::copy(here_->path() / "run-seed2", here_->path() / "games",
+                        std::filesystem::copy_options::recursive);  // no other test rates it
+  const auto rated = [](std::vector<std::string> more) {
+    more.insert(more.begin(), {"games", "--scripted", "random", "--episodes", "4"});
+    const Outcome outcome = rate(more);
+    EXPECT_EQ(outcome.code, 0) << outcome.err;
+    return outcome.out.substr(outcome.out.find("Written: "));
+  };
+  const std::vector<std::string> changed = {"--set", "environment.max_episode_length=3"};
+  EXPECT_EQ(rated({}), "Written: games/ratings\n");
+  const std::string own = here_->read("games/ratings/ratings.json");
+  EXPECT_EQ(rated(changed), "Written: games/ratings-2\n");
+  EXPECT_EQ(rated({"--greedy"}), "Written: games/ratings-3\n");
+  EXPECT_EQ(rated(changed), "Written: games/ratings-2\n");
+  EXPECT_EQ(here_->read("games/ratings/ratings.json"), own);
 }
 
 // Two seeds of one config: what each of them won and lost is what their pool did.

@@ -190,7 +190,11 @@ TEST_F(Resume, ACompleteRunIsLeftAsItIs) {
   const std::string before = here_->read("whole/metrics.csv");
   const Outcome resumed = here_->run({"resume", "whole"});
   EXPECT_EQ(resumed.code, 0) << resumed.err;
-  EXPECT_TRUE(contains(resumed.out, {"is complete: 40 updates", "train.total_agent_steps"}));
+  EXPECT_TRUE(contains(resumed.out, {"is complete: 40 updates", "train.total_agent_steps=N, more than these"}));
+  EXPECT_EQ(resumed.err, "");
+  const Outcome in_vain = here_->run({"resume", "whole", "--set", "mappo.learning_rate=0.5"});
+  EXPECT_EQ(in_vain.code, 0) << in_vain.err;
+  EXPECT_TRUE(contains(in_vain.err, {"--set mappo.learning_rate=0.5 changes nothing: the run is complete"}));
   EXPECT_EQ(here_->read("whole/metrics.csv"), before);
   EXPECT_FALSE(here_->has("whole/resume_001.json"));
   EXPECT_FALSE(contains(resumed.out, {"report"})) << resumed.out;

@@ -12,6 +12,7 @@
 #include "io/json.hpp"
 #include "program.hpp"
 #include "runs.hpp"
+#include "support/thinning.hpp"
 
 namespace giga::test {
 namespace {
@@ -62,7 +63,8 @@ class SmoothReplay : public InBrowser {
     play(0.5);  // compiled, and all that is made but once
     Pictures best{1e9, 1e9, 0};
     double loop_ms = 1e9;
-    for (int trial = 0; trial < 3; ++trial) {
+    const int trials = tests_run_in_full() ? 3 : 2;
+    for (int trial = 0; trial < trials; ++trial) {
       loop_ms = std::min(loop_ms, cpu_ms([&] { browser.value(kLoop); }));
       Json played;
       const double used = cpu_ms([&] { played = play(2); }), n = played[0];
