@@ -49,10 +49,10 @@ struct Level {
   double rating;
 };
 
-/// Of its first team where the teams were rated apart; of the only one that learned. Not that in a changed game.
+/// Of its first team where the teams were rated apart; of the only one that learned. Ratings of a changed game do not
+/// count.
 double rating_of(const fs::path& run, int64_t updates) {
-  Json found = known_rating({run, updates, 0}, "the page names no ratings");
-  if (found.empty()) found = known_rating({run, updates, 1}, "the page names no ratings");
+  const Json found = known_rating({run, updates}, "the page names no ratings");
   if (const auto changes = found.find("changes"); changes != found.end() && !changes->empty()) return NAN;
   const auto at = found.find("rating"), standing = found.find("standing");
   if (at != found.end() && at->is_number()) return at->get<double>();

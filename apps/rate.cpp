@@ -150,11 +150,13 @@ std::set<std::string> rated_runs(const Json& ratings) {
   return runs;
 }
 
-/// The folder, or the first of "ratings-2", "ratings-3" and so on that holds no ratings of other runs or another game.
+/// The folder, or the first of "ratings-2", "ratings-3" and so on that holds no ratings of other runs, of another game
+/// or of policies that play otherwise. A run's own, which its report shows, is left to its own game.
 fs::path without_others(const fs::path& wanted, const RatingSheet& sheet, const RateOptions& o) {
-  fs::path folder = wanted;
+  const bool own = o.runs.size() > 1 || (o.scenario.empty() && o.changes.empty() && !o.greedy);
+  fs::path folder = own ? wanted : fs::path(wanted) += "-2";
   std::error_code code;
-  for (int k = 2; fs::exists(folder / RatingFiles::kJson, code); ++k) {
+  for (int k = own ? 2 : 3; fs::exists(folder / RatingFiles::kJson, code); ++k) {
     const Json there = Json::parse(read_file(folder / RatingFiles::kJson), nullptr, false);
     const auto same_game = [&] {
       return there.value("scenario", "") == sheet.scenario && there.value("greedy", false) == o.greedy &&
@@ -248,7 +250,8 @@ void rate_runs(const RateOptions& o) {
   if (!o.json.empty()) write_json(json, o.json);
   if (o.json != "-")
     std::cout << sheet.scenario << ", " << o.episodes << " episodes of each pair on each side\n"
-              << (o.changes.empty() ? "" : cat("changed: ", join(o.changes), "\n")) << win << '\n'
+              << (o.changes.empty() ? "" : cat("changed: ", join(o.changes), "\n"))
+              << (o.greedy ? "policies take their most likely actions\n" : "") << win << '\n'
               << ratings_table(sheet) << "Written: " << folder.string() << "\n";
 }
 

@@ -296,7 +296,7 @@ void list_into(const FieldList& fields, const std::string& path, std::vector<Fie
 Field& FieldList::add(FieldShape shape, const std::string& name, const std::string& doc) {
   static constexpr const char* kTypes[] = {"", "group", "list of groups", "named groups", "map"};
   static constexpr const char* kExpected[] = {"", "", "a list of groups, [{key: value, ...}, ...]",
-                                              "groups by name, {name: {key: value, ...}, ...}", "a map"};
+                                              "a map of groups, {name: {key: value, ...}, ...}", "a map"};
   Field& field = fields_.emplace_back();
   field.name = name;
   field.doc = doc;

@@ -227,7 +227,8 @@ void RunFolder::save(const Checkpoint& checkpoint, int keep, bool is_best) const
   const fs::path folder = path_ / kCheckpoints;
   remove_temporaries(folder);
   const std::string bytes = encode_checkpoint(checkpoint);
-  // The best one first: a run that is stopped here goes on from it. The other says that the best one has been kept.
+  // The best one first: whoever goes on from the checkpoint before finds the same best one again, and nobody would from
+  // this one, which says that it has been kept.
   if (is_best) write_file(best_file(), bytes);
   write_file(checkpoint_file(checkpoint.updates), bytes);
   const std::vector<fs::path> files = checkpoints_in(folder);
@@ -268,11 +269,8 @@ namespace {
 
 enum class Prefer : uint8_t { newest, best };
 
-/// The best checkpoint is the newest whole one where the same under its number is damaged, or was not yet written.
+/// Where the newest checkpoint is damaged, the best one may be the same.
 void take_if_newer(const fs::path& best, FoundCheckpoint& found) {
-  std::error_code code, other;
-  const bool later = fs::last_write_time(best, code) >= fs::last_write_time(found.file, other);
-  if (found.damaged.empty() && !(later && !code && !other)) return;  // not read in vain
   try {
     Checkpoint checkpoint = read_checkpoint(best);
     if (checkpoint.updates <= found.checkpoint.updates) return;
@@ -302,7 +300,7 @@ FoundCheckpoint find_preferred(const std::string& path, Prefer prefer) {
     try {
       found.checkpoint = read_checkpoint(files.back());
       found.file = files.back();
-      if (has_best && prefer == Prefer::newest && found.file != best) take_if_newer(best, found);
+      if (has_best && !found.damaged.empty() && found.file != best) take_if_newer(best, found);
       return found;
     } catch (const InputError& e) {
       found.damaged.emplace_back(e.what());

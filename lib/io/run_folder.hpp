@@ -95,9 +95,9 @@ struct FoundCheckpoint {
   std::vector<std::filesystem::path> damaged_files;
 };
 
-/// Reads a checkpoint file, or the newest whole one of a run folder (or of its folder of checkpoints), which may be the
-/// best one. A file that is named never falls back to another. Throws InputError where there is none, or none that is
-/// whole.
+/// Reads a checkpoint file, or the newest whole one of a run folder (or of its folder of checkpoints): the best one
+/// where the same under its number is damaged. A file that is named never falls back to another. Throws InputError
+/// where there is none, or none that is whole.
 FoundCheckpoint find_checkpoint(const std::string& path);
 
 /// The same, but of a folder the best checkpoint, where there is one and it is whole.

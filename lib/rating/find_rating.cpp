@@ -45,16 +45,20 @@ Json find_rating(const fs::path& ratings_file, const RatedPolicy& policy) {
   const auto player = std::find_if(players.begin(), players.end(), is_player);
   Json found = Json::object();
   if (player == players.end()) return found;
-  for (const Node& rating : items_of(document.root, "ratings")) {
-    const std::string side = text_of(rating, "side");
-    if (text_of(rating, "player") != text_of(*player, "name")) continue;
-    if (side != "both" && side != std::to_string(policy.team)) continue;
-    for (const char* key : {"scenario", "changes", "greedy", "anchor", "episodes"}) copy(document.root, key, found);
-    for (const char* key : {"side", "standing", "rating", "standard_error", "ci95", "games", "wins", "ties", "losses",
-                            "score", "paper_elo"})
-      copy(rating, key, found);
-    return found;
-  }
+  const auto take = [&](const std::string& side) {
+    for (const Node& rating : items_of(document.root, "ratings")) {
+      if (text_of(rating, "player") != text_of(*player, "name") || text_of(rating, "side") != side) continue;
+      for (const char* key : {"scenario", "changes", "greedy", "anchor", "episodes"}) copy(document.root, key, found);
+      for (const char* key : {"side", "standing", "rating", "standard_error", "ci95", "games", "wins", "ties", "losses",
+                              "score", "paper_elo"})
+        copy(rating, key, found);
+      return true;
+    }
+    return false;
+  };
+  if (take("both")) return found;
+  for (const int team : {0, 1})
+    if (policy.team.value_or(team) == team && take(std::to_string(team))) break;
   return found;
 }
 

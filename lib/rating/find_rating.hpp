@@ -3,16 +3,17 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 
 #include "io/json.hpp"
 
 namespace giga {
 
-/// Team `team` of a checkpoint of a run.
+/// Team `team` of a checkpoint of a run; none: the first of its teams that was rated.
 struct RatedPolicy {
   std::filesystem::path run;  ///< its folder; runs of the same name in different places are different runs
   int64_t updates = 0;
-  int team = 0;
+  std::optional<int> team = {};
 };
 
 /// Its rating with the scenario, the anchor and the number of episodes that it is from, out of a ratings.json (see

@@ -203,9 +203,11 @@ class Loader {
         if (!check_file(file, at) || !read_part(file, loaded, "agent_types." + name, scenario)) continue;
         // Or who names the shipped one later in the file would get this one.
         const auto shipped = shipped_types().find(name);
-        if (shipped != shipped_types().end() && !(shipped->second == loaded))
+        if (shipped != shipped_types().end() && !(shipped->second == loaded)) {
           errors_.add(at, cat(key, ": ", type, " has the name of the agent type '", name,
                               "', which gigastep brings: give the file another name"));
+          continue;
+        }
         const auto known = scenario.agent_types.emplace(name, loaded).first;
         if (!(known->second == loaded)) errors_.add(at, cat(key, ": there are two agent types named '", name, "'"));
         type = name;

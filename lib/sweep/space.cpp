@@ -13,11 +13,12 @@
 namespace giga {
 namespace {
 
-/// A value of a range to four digits, and to more where the range is narrow: 0.99996 to 0.99999 differ in the fifth.
+/// A value of a range to four digits, and to more where these tell less than a hundred values of it apart: 0.99996 to
+/// 0.99999 differ in the fifth.
 std::string rounded_within(double value, const std::array<double, 2>& range) {
   const auto [low, high] = range;
   const double narrow = std::max(std::abs(low), std::abs(high)) / (high - low);
-  const int digits = std::min(17, 4 + static_cast<int>(std::log10(std::max(narrow, 1.0))));
+  const int digits = std::min(17, 3 + static_cast<int>(std::log10(std::max(narrow, 10.0))));
   char text[40];
   std::snprintf(text, sizeof text, "%.*g", digits, value);
   const double rounded = std::strtod(text, nullptr);

@@ -40,8 +40,8 @@ std::string fault_of(const ParameterSpec& p, SweepMethod method) {
   if (is_empty_range(p.uniform)) return told(p.uniform);
   if (is_empty_range(p.log_uniform)) return told(p.log_uniform);
   if (is_empty_range(p.integers)) return told(p.integers);
-  constexpr int64_t kWidest = int64_t{1} << 53;  // each of so many is drawn by a double
-  if (p.integers && (*p.integers)[1] / 2 - (*p.integers)[0] / 2 >= kWidest / 2)
+  constexpr uint64_t kWidest = uint64_t{1} << 53;  // each of so many is drawn by a double
+  if (p.integers && static_cast<uint64_t>((*p.integers)[1]) - static_cast<uint64_t>((*p.integers)[0]) >= kWidest)
     return cat("the range is too wide: at most ", kWidest, " integers");
   if (method == SweepMethod::grid && (p.uniform || p.log_uniform))
     return "a grid needs choices or integers; random and sobol draw from ranges";

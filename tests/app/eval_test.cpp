@@ -196,6 +196,15 @@ TEST_F(Eval, WhatAPolicyObservesComesWithIt) {
   EXPECT_EQ(eval("seen", "first", {"--scenario", "identical_2_vs_2_void"}).code, 0);
 }
 
+TEST_F(Eval, AScenarioInThePlaceOfAPolicyIsToldAsSuch) {
+  here_->write("game.yaml", "base: identical_2_vs_2\nlimit_x: 12\n");
+  const Outcome outcome = eval("game.yaml", "circle");
+  EXPECT_EQ(outcome.code, 2);
+  EXPECT_TRUE(
+      contains(outcome.err, {"game.yaml: this is a scenario, not a policy; --scenario says which one is played"}));
+  EXPECT_FALSE(contains(outcome.err, {"unknown key"}));
+}
+
 TEST_F(Eval, KeysOfTheScenarioCanBeChanged) {
   const Document json = parse_yaml_text(
       eval("first", "circle", {"--set", "environment.max_episode_length=7", "--json", "-"}).out, "json");

@@ -136,8 +136,8 @@ TEST_F(RankedRun, EndsWhereARankHangs) {
   EXPECT_TRUE(contains(outcome.err, {"rank 1: rank 0 of 2 lives, but hangs: no answer within 6 s"}));
   first->send(SIGKILL);
   first->wait();
-  // What was saved before is whole: the best checkpoint, that of update 2 too.
-  EXPECT_EQ(find_checkpoint((here_.path() / "hung").string()).file, here_.path() / "hung/checkpoints/best.h5");
+  // What was saved before is whole.
+  EXPECT_EQ(find_checkpoint((here_.path() / "hung").string()).checkpoint.updates, 1);
 }
 
 }  // namespace

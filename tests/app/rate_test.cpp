@@ -239,11 +239,11 @@ TEST_F(RatedRuns, OfAnotherGameLeaveThoseOfTheOwnAlone) {
     return outcome.out.substr(outcome.out.find("Written: "));
   };
   const std::vector<std::string> changed = {"--set", "environment.max_episode_length=3"};
+  EXPECT_EQ(rated({"--greedy"}), "Written: games/ratings-2\n") << "a run's own folder is kept for its own game";
   EXPECT_EQ(rated({}), "Written: games/ratings\n");
   const std::string own = here_->read("games/ratings/ratings.json");
-  EXPECT_EQ(rated(changed), "Written: games/ratings-2\n");
-  EXPECT_EQ(rated({"--greedy"}), "Written: games/ratings-3\n");
-  EXPECT_EQ(rated(changed), "Written: games/ratings-2\n");
+  EXPECT_EQ(rated(changed), "Written: games/ratings-3\n");
+  EXPECT_EQ(rated({"--greedy"}), "Written: games/ratings-2\n");
   EXPECT_EQ(here_->read("games/ratings/ratings.json"), own);
 }
 

@@ -298,6 +298,26 @@ TEST(LearnEvolutionGame, ATeamLearnsToStayInside) {
   }
 }
 
+// Two generations of episodes of up to 30 steps have drawn in 2 x (30 + 2) steps, and one of 14 draws in the 16 behind
+// them. A checkpoint of before that was noted: as if all had been of 14.
+TEST(LearnEvolutionDraws, NeverComeAgainWhereEpisodesBecomeShorter) {
+  const auto learner = evolution("snes", "max_steps: 30").learner(),
+             shorter = evolution("snes", "max_steps: 14").learner();
+  for (int u = 0; u < 2; ++u) learner->update();
+  NamedArrays checkpoint = saved(*learner);
+  const auto next = [](const NamedArrays& arrays) {
+    return array_values<int64_t>(find_array(arrays, "next_draws")).at(0);
+  };
+  EXPECT_EQ(next(checkpoint), 64);
+  shorter->load(checkpoint);
+  shorter->update();
+  EXPECT_EQ(next(saved(*shorter)), 80);
+  std::erase_if(checkpoint, [](const NamedArray& array) { return array.name == "next_draws"; });
+  shorter->load(checkpoint);
+  shorter->update();
+  EXPECT_EQ(next(saved(*shorter)), 48);
+}
+
 // Whatever the precision, which is for the GPU.
 TEST(LearnEvolutionPrecision, TheCpuComputesInFp32) {
   SmallRun run = kEvolutionVariants[0].run;

@@ -168,7 +168,7 @@ TEST(ConfigFields, SaysWhereAndWhatIsAllowed) {
       {"critic: {hiden: [1]}", "f.yaml:1:10: critic.hiden: unknown key; nearest: 'hidden'; allowed: hidden, shade"},
       {"parts: {a: 1}", "f.yaml:1:8: parts: a map is not a list of groups, [{key: value, ...}, ...]"},
       {"parts: [{count: x}]", "f.yaml:1:17: parts[0].count: 'x' is not an integer >= 0"},
-      {"named: []", "f.yaml:1:8: named: a list is not groups by name, {name: {key: value, ...}, ...}"},
+      {"named: []", "f.yaml:1:8: named: a list is not a map of groups, {name: {key: value, ...}, ...}"},
       {"named: {p: {counts: 1}}", "f.yaml:1:13: named.p.counts: unknown key; nearest: 'count'; allowed: type, count"},
       {"extra: 3", "f.yaml:1:8: extra: '3' is not a map"},
       {"parts: [{number: 1}]", "f.yaml:1:10: parts[0].number: this key is now called 'count'"},

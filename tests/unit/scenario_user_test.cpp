@@ -167,6 +167,7 @@ TEST_F(ScenarioUser, SaysWhatIsWrongWithAFile) {
       "two_rooms2_flipped";
   write("a.yaml", "base: f.yaml\n");
   write("center_block.yaml", "boxes: []\n");
+  write("parts/super.yaml", "thrust: 4\n");
   const std::pair<std::string, std::string> cases[] = {
       {head + "team_1: []\n",
        "f.yaml:2:9: team_1: the team is empty; it needs at least one entry such as {type: default, count: 5}"},
@@ -224,6 +225,17 @@ TEST_F(ScenarioUser, SaysWhatIsWrongWithAFile) {
        "f.yaml:1:7: no such file: f.yaml_void; suffixes follow names; a file states their keys"},
       {head + "maps: m\nmap_definitions: {m: {team_1: {area: [4, 1, 1, 9]}}}\n",
        "f.yaml:3:38: map 'm': the start area of team 1, [4, 1, 1, 9], needs x1 <= x2 and y1 <= y2"},
+      {head + "maps: m\nmap_definitions: {m: {team_1: {area: [4, 1, 1, 9], height: [5, 2]}}}\n",
+       "f.yaml:3:38: map 'm': the start area of team 1, [4, 1, 1, 9], needs x1 <= x2 and y1 <= y2\n"
+       "f.yaml:3:60: map 'm': the start area of team 1, [4, 1, 1, 9]: the height goes from low to high, and is [5, 2]"},
+      {head + "team_0: [{type: ./parts/super.yaml}]\n",
+       "f.yaml:2:17: team_0[0].type: ./parts/super.yaml has the name of the agent type 'super', which gigastep brings: "
+       "give "
+       "the "
+       "file another name"},
+      {head + "team_0: [{type: scot}]\nagent_types: {scout: {thrust: 2}}\n",
+       "f.yaml:2:17: team_0[0].type: unknown agent type 'scot'; nearest: 'scout'; known: default, scout" +
+           types.substr(7)},
       {head + "map_definitions: {m: {boxes: [[1, 2, 3], [2, 2, 1, 3]]}}\n",
        "f.yaml:2:31: map_definitions.m.boxes[0]: a list is not a box [x1, y1, x2, y2] or [x1, y1, x2, y2, z1, z2]\n"
        "f.yaml:2:42: map_definitions.m.boxes[1]: a box needs x1 < x2, y1 < y2 and z1 < z2, got [2, 2, 1, 3]"},
