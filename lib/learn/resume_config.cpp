@@ -102,7 +102,7 @@ std::vector<std::string> compare(RunConfig& before, RunConfig& after, Errors& er
     // That it is the same policy is checked where it is loaded.
     if (from.path == "train.opponent" && !(before.train.opponent.is_path() && after.train.opponent.is_path()))
       reason = "who learns is decided at the start, and against whom";
-    // It is but where the weight began.
+    // The setting is only where the weight began.
     if (from.path == "mappo.entropy_coef" && before.mappo.entropy_target)
       reason = "the weight of the bonus follows mappo.entropy_target, from what it is now";
     if (!reason) continue;

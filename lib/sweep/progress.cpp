@@ -74,7 +74,7 @@ std::optional<double> SweepProgress::value(int trial, int rung) const {
   return std::accumulate(known.begin(), known.end(), 0.0) / static_cast<double>(known.size());
 }
 
-/// Whether no trial is on its way to this rung, where all have begun and none is to be taken further below.
+/// Whether all trials have begun, and none runs at this rung or below.
 bool SweepProgress::is_settled(int rung) const {
   return static_cast<int>(begun_.size()) == n_trials_ && std::none_of(begun_.begin(), begun_.end(), [&](const auto& b) {
            return b.second <= rung && reached(b.first) < b.second;

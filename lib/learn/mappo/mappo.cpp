@@ -147,7 +147,7 @@ void Mappo::make_teams_and_worlds() {
   // Not with ranks: where one is gone, NCCL's abort waits for the graphs that hold its sums, and these for the abort.
   if (config_.mappo.graphs && !ranks_) recorder_ = make_torch_recorder(device_);
   const SumOverRanks sum = sums_ ? sums_->over_all() : SumOverRanks{};
-  const WorldShares shares = world_shares(config_.opponents, options.n_worlds, n_own_shards());
+  const WorldShares shares = own_shares();
   std::array<const Actor*, kNTeams> actors{};
   CollectorOptions collecting{.horizon = config_.mappo.horizon, .desynchronize = config_.train.desynchronize};
   for (int team = 0; team < kNTeams; ++team) {
