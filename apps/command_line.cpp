@@ -211,6 +211,8 @@ std::string find_config(const std::string& path_or_name) {
                          ": this is the folder of a run, not a config; to go on with it: gigastep resume ",
                          shell_word(path_or_name), "; to train the same again: gigastep train ",
                          shell_word((asked / "config.yaml").string())));
+  if (asked.has_parent_path() && fs::is_directory(asked, code))
+    throw InputError(cat(path_or_name, ": is a folder, not a config"));
   const DataDirs dirs = data_dirs();
   const bool bare = !asked.has_parent_path() && asked.extension() != ".yaml";
   const fs::path relative = bare ? fs::path("configs") / (path_or_name + ".yaml") : asked;

@@ -44,7 +44,12 @@ std::string folder_of(const std::string& path) {
   std::error_code code;
   if (!fs::exists(path, code)) fail_no_such_run(path);
   if (fs::is_directory(path, code)) return path;
-  const fs::path folder = fs::absolute(path, code).parent_path().parent_path();
+  const fs::path beside = fs::absolute(path, code).parent_path(), folder = beside.parent_path();
+  if (is_run_folder(beside) && fs::is_directory(beside / "checkpoints", code))
+    throw InputError(cat(path, " is a file of a run; to go on with it: gigastep resume ",
+                         shell_word(fs::path(path).has_parent_path() ? fs::path(path).parent_path().string() : ".")));
+  if (fs::path(path).extension() != ".h5")
+    throw InputError(cat(path, " is neither the folder of a run nor a checkpoint"));
   if (!is_run_folder(folder))
     throw InputError(cat(path, " does not lie in the checkpoints of a run folder: copy the whole folder"));
   return folder.string();

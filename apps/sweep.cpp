@@ -64,7 +64,7 @@ int number_in(const Json& told, const char* key) {
   return told.get<int>();
 }
 
-/// A result of a trial that was asked for, or settings that somebody else chose: they are tried next.
+/// A result of a trial that was asked for, or settings that somebody else chose: they are tried after the file's own.
 Json tell(SweepFolder& folder, const std::string& text) {
   const Json told = Json::parse(text, nullptr, false);
   if (told.is_discarded())
@@ -103,7 +103,10 @@ Json tell(SweepFolder& folder, const std::string& text) {
   const std::vector<SweepRun> open = folder.progress().open();
   for (const uint64_t seed : seeds)
     if (std::find(open.begin(), open.end(), SweepRun{trial, rung, seed}) == open.end())
-      throw InputError(cat("--tell: nobody waits for trial ", trial, ", rung ", rung, ", seed ", seed));
+      throw InputError(cat("--tell: trial ", trial, ", rung ", rung, ", seed ", seed,
+                           folder.progress().result({trial, rung, seed})
+                               ? " has a result already (`gigastep sweep` trains what was asked for and not told)"
+                               : " was not asked for"));
   SweepResult result;
   if (value.is_number()) {
     result.value = value.get<double>();
@@ -150,7 +153,7 @@ void add_sweep_command(CLI::App& app, Dispatch& dispatch) {
   command
       ->add_option(
           "--tell", options->tell,
-          "only note a result, as '{\"trial\": 3, \"rung\": 0, \"value\": 0.8}', or settings to be tried next, as "
+          "only note a result, as '{\"trial\": 3, \"rung\": 0, \"value\": 0.8}', or settings to be tried too, as "
           "'{\"settings\": {\"mappo.gamma\": 0.99}}'")
       ->type_name("JSON")
       ->excludes(ask_option);

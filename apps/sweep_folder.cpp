@@ -18,8 +18,10 @@
 #include "core/error.hpp"
 #include "cuda/runtime.hpp"
 #include "io/files.hpp"
+#include "io/number.hpp"
 #include "learn/registry.hpp"
 #include "learn/team_policy.hpp"
+#include "learn/yaml_kind.hpp"
 #include "report/report.hpp"
 #include "scenario/loader.hpp"
 #include "sweep/sobol.hpp"
@@ -96,6 +98,45 @@ std::string with_places_of_set(const std::string& message, const SweepSpec& spec
       break;
     }
     lines.push_back(line);
+  }
+  return join(lines, "\n");
+}
+
+/// The first and the last value of a range, as the config reads them; of choices none, which are all tried.
+std::vector<std::string> ends_of(const ParameterSpec& parameter) {
+  std::vector<std::string> ends;
+  for (const auto& range : {parameter.uniform, parameter.log_uniform})
+    if (range)
+      for (const double end : *range) ends.push_back(print_number(end));
+  if (parameter.integers)
+    for (const int64_t end : *parameter.integers) ends.push_back(std::to_string(end));
+  return ends;
+}
+
+/// Mistakes of a trial are told as those of --set, and of the sweep's own copy of the config, which is gone when they
+/// are read; here with the places of the parameters in the file of the sweep.
+std::string with_places_of_parameters(const std::string& message, const TrialSettings& settings,
+                                      const KeyPositions& given, const fs::path& copy) {
+  const auto place = [&given](const std::string& key) {
+    const auto at = given.find("parameters." + key);
+    return cat(at == given.end() ? "" : at->second.text() + ": ", "parameters.", key, ": ");
+  };
+  std::vector<std::string> lines;
+  std::istringstream text(message);
+  for (std::string line; std::getline(text, line);) {
+    std::string places;
+    for (const auto& [key, value] : settings) {
+      if (const std::string option = cat("--set ", key, ": "); line.starts_with(option))
+        places = place(key), line.erase(0, option.size());
+      else if (line.find(key) != std::string::npos)
+        places += place(key);
+    }
+    if (line.starts_with(copy.string() + ":")) {  // FILE:LINE:COLUMN:
+      line.erase(0, line.find(": ") + 2);
+      if (places.empty())
+        for (const auto& [key, value] : settings) places += cat(place(key), "with ", value, ": ");
+    }
+    lines.push_back(places + line);
   }
   return join(lines, "\n");
 }
@@ -184,13 +225,18 @@ SweepFolder::SweepFolder(const fs::path& file, const fs::path& folder) : path_(f
   std::error_code code;
   if (!fs::exists(file, code))
     throw InputError(cat(file.string(), ": no such file; a sweep is a YAML file that names a config (docs/sweep.md)"));
-  spec_ = read_sweep(file, given);
+  try {
+    spec_ = read_sweep(file, given);
+  } catch (const InputError&) {
+    if (const std::string other = not_asked_for(file, YamlKind::sweep); !other.empty()) throw InputError(other);
+    throw;
+  }
   make_paths_whole(spec_, file);
   trials_ = draw_trials(spec_, sobol_points);
   if (!fs::exists(path_ / kSweepFile, code)) {
     const LoadedRun run = check_base(file, given);  // takes a second: another process may begin this sweep meanwhile
     if (holds_others(path_)) throw InputError(cat("the folder ", path_.string(), " is not empty, and holds no sweep"));
-    fs::create_directories(path_);
+    make_folder_of(path_ / kSweepFile);
     lock_.emplace(path_);
     if (!fs::exists(path_ / kSweepFile, code)) create(run, given);
   }
@@ -236,6 +282,7 @@ void SweepFolder::create(const LoadedRun& run, const KeyPositions& given) {
   fs::create_directories(path_ / "logs");
   write_config_files(path_, run);
   try {
+    check_ends(given);
     MetricCheck check(spec_.metric);
     std::set<std::string> algorithms;
     for (const TrialSettings& settings : trials_)
@@ -247,6 +294,23 @@ void SweepFolder::create(const LoadedRun& run, const KeyPositions& given) {
   }
   write_file(path_ / kSweepFile, print_yaml(spec_, true));  // with it the folder is a sweep
   fs::remove(path_ / kSettingUp, code);
+}
+
+/// A range may reach beyond what its key allows where no draw happens to lie: both ends are tried, each alone. What
+/// else is wrong with them may be right beside other values.
+void SweepFolder::check_ends(const KeyPositions& given) const {
+  for (const auto& [key, parameter] : spec_.parameters)
+    for (const std::string& end : ends_of(parameter)) {
+      const std::string option = cat("--set ", key, ": '", end, "' is not ");
+      try {
+        load_run_config((path_ / kConfigFile).string(), {cat(key, "=", end)});
+      } catch (const InputError& e) {
+        std::istringstream text(e.what());
+        for (std::string line; std::getline(text, line);)
+          if (line.starts_with(option))
+            throw InputError(with_places_of_parameters(line, {{key, end}}, given, path_ / kConfigFile));
+      }
+    }
 }
 
 /// A parameter that no trial's algorithm reads would compare runs that are the same.
@@ -265,12 +329,7 @@ RunConfig SweepFolder::check_settings(const TrialSettings& settings, const KeyPo
   try {
     run = load_run_config((path_ / kConfigFile).string(), assignments_of(settings));
   } catch (const InputError& e) {
-    std::string places;
-    for (const auto& [key, value] : settings)
-      if (const auto at = given.find("parameters." + key);
-          at != given.end() && std::string(e.what()).find(key) != std::string::npos)
-        places += cat(at->second.text(), ": parameters.", key, ": ");
-    throw InputError(places + e.what());
+    throw InputError(with_places_of_parameters(e.what(), settings, given, path_ / kConfigFile));
   }
   if (const std::string missing = check.missing_in(*run, settings); !missing.empty())
     refuse_metric(missing, settings, given, check);

@@ -71,6 +71,7 @@ class SweepFolder {
   /// The config of a trial. Throws InputError where the sweep's does not allow its settings, or its run would lack the
   /// metric.
   RunConfig check_settings(const TrialSettings& settings, const KeyPositions& given, MetricCheck& check) const;
+  void check_ends(const KeyPositions& given) const;
   void refuse_unread(const std::set<std::string>& algorithms, const KeyPositions& given) const;
   [[noreturn]] void refuse_metric(const std::string& missing, const TrialSettings& settings, const KeyPositions& given,
                                   MetricCheck& check) const;

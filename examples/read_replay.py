@@ -126,7 +126,8 @@ class Episode:
                 x, y, z, heading, speed = now
             for name, row in zip(FLIGHT, rows):
                 getattr(self, name).append(row)
-        self.health = [[0.01 * v for v in itertools.accumulate(row)] for row in self.cut(unfolded(take(2 * n * self.states)))]
+        each = f32(rules.get("health_unit", 0.01))
+        self.health = [[each * v for v in itertools.accumulate(row)] for row in self.cut(unfolded(take(2 * n * self.states)))]
 
     def add_hits(self, min_tracking_time):
         """Fire does damage from the step after `min_tracking_time` on."""

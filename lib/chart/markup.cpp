@@ -10,9 +10,7 @@ namespace giga {
 
 std::string escaped(std::string_view text) {
   std::string out;
-  for (size_t at = 0; at < text.size();) {
-    const char c = text[at];
-    const size_t length = utf8_length(text, at);
+  for (const char c : printable_utf8(text)) {
     if (c == '&') {
       out += "&amp;";
     } else if (c == '<') {
@@ -21,12 +19,9 @@ std::string escaped(std::string_view text) {
       out += "&gt;";
     } else if (c == '"') {
       out += "&quot;";
-    } else if (length == 0 || (length == 1 && static_cast<unsigned char>(c) < 0x20)) {
-      out += "\xEF\xBF\xBD";  // the replacement character
     } else {
-      out += text.substr(at, length);
+      out += c;
     }
-    at += length ? length : 1;
   }
   return out;
 }

@@ -290,7 +290,10 @@ bool ScalarCodec<T>::read(const Node& node, T& value, const Allowed& allowed, co
       reading = read_integer(node, number);
     else
       reading = read_real(node, number, allowed);
-    const double as_real = static_cast<double>(number);
+    double as_real = static_cast<double>(number);
+    if constexpr (std::is_floating_point_v<T>)  // a limit itself: 6.3 is a little less than what 32 bits make of it
+      for (const double limit : {allowed.lo, allowed.hi})
+        if (number == static_cast<T>(limit)) as_real = limit;
     if (reading == Reading::not_finite) return site.fail(node, "a finite number" + allowed.limits_text());
     if (reading == Reading::too_wide) return site.fail(node, expected_that_fits<T>(allowed));
     if (reading != Reading::number || (std::isfinite(as_real) && !allowed.contains(as_real)))

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <string>
 #include <string_view>
 
 namespace giga {
@@ -20,6 +21,20 @@ inline size_t utf8_length(std::string_view text, size_t at) {
   const bool bad = (first == 0xE0 && second < 0xA0) || (first == 0xED && second > 0x9F) ||
                    (first == 0xF0 && second < 0x90) || (first == 0xF4 && second > 0x8F);
   return bad ? 0 : length;
+}
+
+/// The text with the replacement character for each byte that is not UTF-8 (names of files need not be) and for each
+/// control character.
+inline std::string printable_utf8(std::string_view text) {
+  std::string out;
+  for (size_t at = 0; at < text.size();) {
+    const size_t length = utf8_length(text, at);
+    const auto byte = static_cast<unsigned char>(text[at]);
+    const bool control = byte < 0x20 || byte == 0x7F;
+    out += length == 0 || control ? "\xEF\xBF\xBD" : text.substr(at, length);
+    at += length ? length : 1;
+  }
+  return out;
 }
 
 }  // namespace giga

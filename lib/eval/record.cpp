@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "cuda/runtime.hpp"
+#include "eval/recorded_world.hpp"
 #include "game/game.hpp"
 #include "learn/players/player.hpp"
 #include "learn/players/value_function.hpp"
@@ -23,7 +24,8 @@ namespace {
 /// JSON has no infinity, and no map is as large as this.
 float finite(float value) { return std::min(value, 1e9f); }
 
-ReplayRules rules_of(const Scenario& scenario, const SimParams& p) {
+ReplayRules rules_of(const Scenario& scenario, const SimSpec& spec) {
+  const SimParams& p = spec.params;
   ReplayRules r;
   r.limit_x = p.limit_x;
   r.limit_y = p.limit_y;
@@ -40,6 +42,7 @@ ReplayRules rules_of(const Scenario& scenario, const SimParams& p) {
   r.max_tracking_time = p.max_tracking_time;
   r.waypoints = p.waypoints;
   r.obstacle_heights = p.obstacle_heights;
+  r.health_unit = health_unit(most_health(spec));
   return r;
 }
 
@@ -151,7 +154,7 @@ Replay replay_frame(const Scenario& scenario, const SimSpec& spec, const std::st
   replay.scenario_name = spec.name;
   replay.scenario = print_yaml(scenario, false);
   replay.actions = static_cast<ReplayActions>(spec.params.actions);
-  replay.rules = rules_of(scenario, spec.params);
+  replay.rules = rules_of(scenario, spec);
   replay.flight = {Physics::turn_rate, Physics::climb_rate,   Physics::thrust,
                    Physics::drag,      Physics::half_gravity, Physics::min_speed};
   replay.agents = agents_of(scenario, spec);

@@ -106,7 +106,13 @@ ReplayMind mind_of(const RecordedWorld& w, const SimParams& p, int team) {
 
 }  // namespace
 
-void RecordedWorld::note(const SimSpec& spec, const WorldView& w, const RecordedLists& lists, float place_unit) {
+float most_health(const SimSpec& spec) {
+  float most = 0;
+  for (const AgentSpec& agent : spec.agents) most = std::max(most, agent.max_health);
+  return most;
+}
+
+void RecordedWorld::note(const SimSpec& spec, const WorldView& w, const RecordedLists& lists, RecordedUnits units) {
   const SimParams& p = spec.params;
   const int n = p.n_agents;
   const auto add_check = [&](const auto* field) {
@@ -118,12 +124,12 @@ void RecordedWorld::note(const SimSpec& spec, const WorldView& w, const Recorded
   if (states == 0)
     for (const float* field : {w.x, w.y, w.z, w.heading, w.v}) start.insert(start.end(), field, field + n);
   for (int i = 0; i < n; ++i) {
-    x.push_back(whole_multiple(w.x[i], place_unit));
-    y.push_back(whole_multiple(w.y[i], place_unit));
+    x.push_back(whole_multiple(w.x[i], units.place));
+    y.push_back(whole_multiple(w.y[i], units.place));
     z.push_back(whole_multiple(w.z[i], kReplayAltitude));
     heading.push_back(heading_number(w.heading[i]));
     speed.push_back(whole_multiple(w.v[i], kReplaySpeed));
-    health.push_back(whole_multiple(w.health[i], kReplayHealth));
+    health.push_back(whole_multiple(w.health[i], units.health));
   }
   over = *w.phase == Phase::waits;
   const auto stat = [&](EpisodeStat s) { return w.stats[static_cast<int>(s)]; };

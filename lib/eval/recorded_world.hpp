@@ -53,6 +53,14 @@ struct RecordedLists {
   int shooters;
 };
 
+/// Replay::place_unit and ReplayRules::health_unit.
+struct RecordedUnits {
+  float place, health;
+};
+
+/// Of an agent.
+float most_health(const SimSpec& spec);
+
 /// What is known of one world so far. Histories are [states, agents] until the end.
 struct RecordedWorld {
   RecordedWorld(const SimParams& p, int64_t most_states)
@@ -65,7 +73,7 @@ struct RecordedWorld {
         burning(is_crowd(p) ? died.size() : 0) {}
 
   /// One more state.
-  void note(const SimSpec& spec, const WorldView& w, const RecordedLists& lists, float place_unit);
+  void note(const SimSpec& spec, const WorldView& w, const RecordedLists& lists, RecordedUnits units);
   void note_pairs(const SimParams& p, const WorldView& w);
   void note_lists(const SimParams& p, const WorldView& w, const RecordedLists& lists);
   void note_fire(int target, const uint32_t* entries, int most);

@@ -222,7 +222,8 @@ void Recorder::note() {
 void Recorder::note_state(const uint8_t* bytes) {
   const Kept& from = *waiting_;
   const auto n_agents = static_cast<int64_t>(from.shape.n_agents);
-  const float unit = place_unit(std::max(spec_.params.limit_x, spec_.params.limit_y), spec_.params.n_agents);
+  const RecordedUnits units{place_unit(std::max(spec_.params.limit_x, spec_.params.limit_y), spec_.params.n_agents),
+                            health_unit(most_health(spec_))};
   for (size_t world = 0; world < worlds_.size(); ++world) {
     const auto w = static_cast<int64_t>(world);
     if (!worlds_[world].over) {
@@ -235,7 +236,7 @@ void Recorder::note_state(const uint8_t* bytes) {
       if (from.shape.lists())
         lists = {from.field(from.lists.fire, bytes) + w * n_agents * from.shape.shooters,
                  from.field(from.lists.neighbors, bytes) + w * n_agents * from.shape.rows, from.shape.shooters};
-      worlds_[world].note(spec_, view, lists, unit);
+      worlds_[world].note(spec_, view, lists, units);
     }
   }
 }

@@ -37,6 +37,8 @@ float place_unit(float longer_side, int n_agents) {
   return n_agents > kMostPaired ? std::max(longer_side / kCrowdPlaces, kCrowdPlace) : longer_side / kReplayPlaces;
 }
 
+float health_unit(float most_health) { return std::max(most_health / kReplayHealths, kReplayHealth); }
+
 float Replay::place_unit() const { return giga::place_unit(std::max(rules.limit_x, rules.limit_y), n_agents()); }
 
 uint32_t crc32_of(std::string_view bytes, uint32_t before) {

@@ -25,10 +25,10 @@ constexpr int kReplayControls = 3, kReplayActions = 27;
 /// The most agents of a world of which it is also kept who hears whom.
 constexpr int kMostListeners = 64;
 /// States are kept in whole multiples of these; of x and y the longer side of the world is 5,000, of a crowd 30,000,
-/// but not less than kCrowdPlace each. A turn is 65,536 headings, so that those of 16 bits go round; only every 64th is
-/// used.
+/// but not less than kCrowdPlace each; health is told in ReplayRules::health_unit. A
+/// turn is 65,536 headings, so that those of 16 bits go round; only every 64th is used.
 constexpr float kReplayPlaces = 5000, kCrowdPlaces = 30000, kCrowdPlace = 0.01f, kReplayAltitude = 0.02f,
-                kReplayTurn = 65536, kReplaySpeed = 0.05f, kReplayHealth = 0.01f;
+                kReplayTurn = 65536, kReplaySpeed = 0.05f, kReplayHealth = 0.01f, kReplayHealths = 32000;
 
 /// Steps in which values and probabilities are kept.
 constexpr int kReplayValues = 31, kReplayShares = 15;
@@ -80,6 +80,7 @@ struct ReplayRules {
   int min_tracking_time = 0, max_tracking_time = 0;
   bool waypoints = false;
   bool obstacle_heights = false;
+  float health_unit = kReplayHealth;  ///< that of all files from before it was told
 };
 
 /// The numbers of flight by which a reader expects the next state (replay_flight.hpp). Angles in radians, times in
@@ -186,6 +187,8 @@ class ReplayPairs {
 
 /// Replay::place_unit of a world of that longer side.
 float place_unit(float longer_side, int n_agents);
+/// ReplayRules::health_unit where that is the most health of an agent: 32,000 of them, but not less than kReplayHealth.
+float health_unit(float most_health);
 /// CRC-32 (zlib's) over the seed's digits and the bytes of the actions.
 int64_t action_checksum(const Replay& replay, const ReplayEpisode& episode);
 /// zlib's CRC-32 of bytes, going on from that of bytes before.
@@ -237,6 +240,7 @@ void visit_fields(V& v, ReplayRules& c) {
   v("max_tracking_time", c.max_tracking_time, "", at_least(0));
   v("waypoints", c.waypoints, "");
   v("obstacle_heights", c.obstacle_heights, "");
+  v("health_unit", c.health_unit, "of which states have whole multiples", greater_than(0).at_most(1e6));
 }
 template <class V>
 void visit_fields(V& v, ReplayFlight& c) {
@@ -272,7 +276,7 @@ void visit_fields(V& v, ReplayMind& c) {
 template <class V>
 void visit_fields(V& v, ReplayEpisode& c) {
   v("map", c.map, "index into maps", at_least(0));
-  v("steps", c.steps, "", range(1, 100'000));
+  v("steps", c.steps, "", range(1, 1'000'000));  // the longest time limit of a scenario
   v("winner", c.winner, "");
   v("at_time_limit", c.at_time_limit, "");
   v("returns", c.returns, "by team");

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "core/error.hpp"
+#include "core/utf8.hpp"
 #include "io/json.hpp"
 #include "io/replay_columns.hpp"
 
@@ -51,6 +52,10 @@ Replay header_of(const Replay& r) {
   const ReplayEventKind told = r.is_crowd() ? ReplayEventKind::death : ReplayEventKind::hit;
   Replay header{r.gigastep_version, r.scenario_name, r.scenario, r.seed, r.actions, r.players,
                 r.origins,          r.rules,         r.flight,   {},     r.maps,    {}};
+  // Names of files need not be UTF-8, which a header is.
+  header.scenario_name = printable_utf8(header.scenario_name);
+  for (auto* names : {&header.players, &header.origins})
+    for (std::string& name : *names) name = printable_utf8(name);
   if (!r.is_crowd()) header.agents = r.agents;
   for (const ReplayEpisode& e : r.episodes) {
     ReplayEpisode& head = header.episodes.emplace_back();

@@ -5,6 +5,7 @@
 #include "config/names.hpp"
 #include "core/error.hpp"
 #include "learn/run_config.hpp"
+#include "learn/yaml_kind.hpp"
 #include "scripted/script.hpp"
 
 namespace giga {
@@ -23,9 +24,7 @@ MixedTeam read_mixed_team(const fs::path& file) {
   try {
     errors.throw_if_any();
   } catch (const InputError& e) {
-    Errors told;  // the same once more
-    if (is_scenario(parse_yaml_file(file, told).root))
-      throw InputError(cat(file.string(), ": this is a scenario, not a policy; --scenario says which one is played"));
+    if (const std::string other = not_asked_for(file, YamlKind::mixed_team); !other.empty()) throw InputError(other);
     throw InputError(cat(e.what(), "\n", file.string(),
                          ": a .yaml file in the place of a policy is a mixed team, as policies: [runs/first, circle]"));
   }

@@ -130,6 +130,8 @@ ResumedRun resume_config(const std::string& config_yaml, const std::string& scen
   if (!keeps_policies) find_policies(after, place_of("opponents.policies"), errors);
   if (after.train.opponent.name != before.train.opponent.name)
     find_opponent(after, {{"train.opponent", place_of("train.opponent")}}, errors);
+  else if (after.mappo.shards != before.mappo.shards)  // the worlds of a shard are what a mixed team shares
+    find_opponent(after, {{"train.opponent", place_of("mappo.shards")}}, errors);
   resumed.changes = compare(before, after, errors);
   if (!errors.empty()) throw InputError(cat(errors.text(), "\nwhat may change: ", keys_that_may_change()));
   resumed.run = load_run_config_text(print_yaml(after, false), scenario_yaml);

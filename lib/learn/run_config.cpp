@@ -7,10 +7,10 @@
 
 #include "config/names.hpp"
 #include "core/error.hpp"
-#include "core/shell_word.hpp"
 #include "learn/config_check.hpp"
 #include "learn/mixed_team.hpp"
 #include "learn/run_config_file.hpp"
+#include "learn/yaml_kind.hpp"
 #include "scenario/compile.hpp"
 #include "scenario/loader.hpp"
 
@@ -127,15 +127,6 @@ LoadedRun finish(RunConfig config, std::optional<Scenario> scenario, const KeyPo
 }
 
 }  // namespace
-
-bool is_scenario(const Node& root) {
-  const auto all_of = [&root](const std::vector<FieldInfo>& fields, std::set<std::string> names) {
-    for (const FieldInfo& field : fields) names.insert(field.path.substr(0, field.path.find_first_of(".[")));
-    return std::all_of(root.entries.begin(), root.entries.end(),
-                       [&names](const Node::Entry& entry) { return names.contains(entry.key); });
-  };
-  return root.is_map() && all_of(list_fields<Scenario>(), {"base"}) && !all_of(list_fields<RunConfigFile>(), {});
-}
 
 Scripted Opponent::script() const {
   const std::vector<std::string> names = FieldCodec<Scripted>::names();
@@ -291,11 +282,9 @@ LoadedRun load_run_config(const std::string& path, const std::vector<std::string
       read_config_document(std::move(document), has_errors, overrides, fields_of(file), errors, &given);
   RunConfig config = std::move(file.config);
   if (file.base) errors.add(given["base"], "only a file says what it starts from");
+  if (errors.size() > 0)
+    if (const std::string other = not_asked_for(path, YamlKind::config); !other.empty()) throw InputError(other);
   if (!readable) errors.throw_if_any();
-  Errors told;  // the same once more
-  if (errors.size() > 0 && is_scenario(parse_yaml_file(path, told).root))
-    throw InputError(cat(path, ": this is a scenario, not a config; to train in it: gigastep train quickstart --set ",
-                         shell_word("scenario=" + path)));
   find_opponent(config, given, errors);
   if (!is_wrong("opponents.policies", given, errors)) find_policies(config, given["opponents.policies"], errors);
   const Node* changes = config.environment.is_map() ? &config.environment : nullptr;

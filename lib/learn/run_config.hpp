@@ -82,10 +82,9 @@ void visit_fields(V& v, TrainConfig& c) {
     "mappo: the first episodes end at different times, so that the worlds do not reset together");
   v("pairs", c.pairs,
     "how worlds know which pairs of agents matter: by tables of all pairs, or by place, in a grid of cells, where of "
-    "those who fire at an agent at once at most 64 are counted and more are an error. auto: by place from 100 agents "
-    "in a world on (up to 127 where no team has more than 64), except where agents are given images, which need "
-    "tables. Above 1,024 always by place. The numbers "
-    "are the same, bit for bit");
+    "those who fire at an agent at once at most 64 are counted and more are an error. auto: by place from 128 agents "
+    "in a world on, and from 100 on where no team has more than 64, except where agents are given images, which need "
+    "tables. Above 1,024 always by place. The numbers are the same, bit for bit");
   v("compile_step", c.compile_step,
     "on a GPU, compile the step of worlds of up to 40 agents for this scenario at the start, with its parameters as "
     "constants: it is "
@@ -236,8 +235,6 @@ struct LoadedRun {
   /// It met other scripts (opponents.scripted).
   bool other_scripts = false;
 };
-/// A scenario in the place of something else: all its keys are those of one, and some of no config.
-bool is_scenario(const Node& root);
 /// `change` is made to what was read before it is checked: mistakes are told where the user wrote them.
 LoadedRun load_run_config(const std::string& path, const std::vector<std::string>& overrides,
                           const std::function<void(RunConfig&)>& change = {});

@@ -115,6 +115,7 @@ class LiveEpisode extends EpisodeBase {
   // The first state, what states differ by from where the actions lead, and health.
   stateColumns(action) {
     const {n} = this, states = this.steps + 1, at = (i, s) => i * this.states + s, f = Math.fround;
+    const unit = healthUnit(this.replay.rules);
     const start = new Float32Array(5 * n);
     FLIGHT.forEach((name, c) => { for (let i = 0; i < n; ++i) start[c * n + i] = this[name][at(i, 0)]; });
     const columns = Array.from({length: 6}, () => new Uint8Array(2 * n * states));
@@ -133,7 +134,7 @@ class LiveEpisode extends EpisodeBase {
         });
         flight.correct(expected, actual);
         for (let c = 0; c < 5; ++c) put(c, i * states + s, actual[c] - expected[c]);
-        const now = int16(f(this.health[at(i, s)] / f(0.01)));
+        const now = int16(f(this.health[at(i, s)] / unit));
         put(5, i * states + s, now - health);
         health = now;
       }

@@ -125,7 +125,9 @@ MetricsTable parse_metrics(const std::string& text, const std::string& file) {
 
 RunData read_run(const fs::path& folder) {
   std::error_code code;
-  if (!fs::is_directory(folder, code)) throw InputError(cat("there is no run folder ", folder.string()));
+  if (!fs::is_directory(folder, code))
+    throw InputError(fs::exists(folder, code) ? cat(folder.string(), " is a file, not the folder of a run")
+                                              : cat("there is no run folder ", folder.string()));
   if (!fs::exists(folder / "metrics.csv", code))
     throw InputError(cat("the folder ", folder.string(), " is not a run: it holds no metrics.csv"));
   RunData run;

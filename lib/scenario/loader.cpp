@@ -243,7 +243,20 @@ class Loader {
     // Those defined in place first: they may be flipped forms of others.
     for (auto& [name, map] : scenario.map_definitions) {
       const std::string key = cat("map_definitions.", name, ".flipped_of");
-      if (map.flipped_of) map = flipped(map, key, scenario.position_of({key}), scenario, 0);
+      if (map.flipped_of) flip(name, map, key, scenario.position_of({key}), scenario);
+    }
+    // A base's flipped forms of maps that have been changed since, unless they have been changed themselves.
+    // One form may stand for another.
+    for (bool changed = true; changed;) {
+      changed = false;
+      for (auto& [name, form] : flipped_forms_) {
+        const auto own = scenario.map_definitions.find(name), other = scenario.map_definitions.find(form.of);
+        if (own == scenario.map_definitions.end() || other == scenario.map_definitions.end()) continue;
+        const Map now = exchanged(other->second, form.map.description);
+        if (!(own->second == form.map) || now == form.map) continue;
+        own->second = form.map = now;
+        changed = true;
+      }
     }
     std::vector<std::string>& names = scenario.maps.names;
     for (size_t k = 0; k < names.size(); ++k) {
@@ -253,7 +266,7 @@ class Loader {
         const fs::path file = file_at(names[k], at);
         const std::string name = file.stem().string();
         if (!check_file(file, at) || !read_part(file, map, "map_definitions." + name, scenario)) continue;
-        if (map.flipped_of) map = flipped(map, "flipped_of", flip_of(name, scenario), scenario, 0);
+        if (map.flipped_of) flip(name, map, "flipped_of", flip_of(name, scenario), scenario);
         const auto known = scenario.map_definitions.emplace(name, map).first;
         if (!(known->second == map)) errors_.add(at, cat("maps: there are two maps named '", name, "'"));
         names[k] = name;
@@ -271,37 +284,49 @@ class Loader {
     if (const auto known = scenario.map_definitions.find(name); known != scenario.map_definitions.end()) {
       map = known->second;
       const std::string own_key = cat("map_definitions.", name, ".flipped_of");
-      if (map.flipped_of) map = flipped(map, own_key, scenario.position_of({own_key}), scenario, depth);
+      if (map.flipped_of) flip(name, map, own_key, scenario.position_of({own_key}), scenario, depth);
       return true;
     }
     if (const auto file = find_data_file(dirs_, fs::path(kMapFolder) / (name + ".yaml"))) {
       if (!read_part(*file, map, "map_definitions." + name, scenario)) return false;
-      if (map.flipped_of) map = flipped(map, "flipped_of", flip_of(name, scenario), scenario, depth);
+      if (map.flipped_of) flip(name, map, "flipped_of", flip_of(name, scenario), scenario, depth);
       return true;
     }
     std::vector<std::string> names = names_in(dirs_, kMapFolder);
+    if (name == "all" && key == "maps") {
+      errors_.add(at, cat(key, ": 'all' stands alone, as maps: all; in a list name each map: ", join(names)));
+      return false;
+    }
     for (const auto& entry : scenario.map_definitions)
       if (std::find(names.begin(), names.end(), entry.first) == names.end()) names.push_back(entry.first);
     errors_.add(at, cat(key, ": unknown map '", name, "'", nearest_hint(name, names), "; known: ", join(names)));
     return false;
   }
 
-  /// The map of which `map` is the flipped form, with the starts exchanged.
-  Map flipped(const Map& map, const std::string& key, const Position& at, Scenario& scenario, int depth) {
+  /// Makes of `map`, which is only said to be the flipped form of another, that map with the starts exchanged.
+  void flip(const std::string& name, Map& map, const std::string& key, const Position& at, Scenario& scenario,
+            int depth = 0) {
     constexpr int kDeepest = 8;
     Map alone;
     alone.description = map.description;
     alone.flipped_of = map.flipped_of;
     if (!(map == alone))
       errors_.add(at, cat(key, ": takes the whole map from '", *map.flipped_of, "'; drop the other keys"));
-    Map result;
+    Map other;
     if (depth >= kDeepest)
       errors_.add(at, cat(key, ": '", *map.flipped_of, "' leads back to this map"));
-    else if (find_map(*map.flipped_of, key, at, scenario, result, depth + 1))
-      std::swap(result.team_0, result.team_1);
-    result.description = map.description;
-    result.flipped_of.reset();
-    return result;
+    else
+      find_map(*map.flipped_of, key, at, scenario, other, depth + 1);
+    const std::string of = *map.flipped_of;
+    map = exchanged(other, map.description);
+    flipped_forms_[name] = {of, map};
+  }
+
+  static Map exchanged(Map map, const std::string& description) {
+    std::swap(map.team_0, map.team_1);
+    map.description = description;
+    map.flipped_of.reset();
+    return map;
   }
 
   // ---- Helpers
@@ -339,9 +364,16 @@ class Loader {
     return errors_.size() == errors_before;
   }
 
+  /// What a map is the flipped form of, and what it was when that was last looked at.
+  struct FlippedForm {
+    std::string of;
+    Map map;
+  };
+
   const DataDirs& dirs_;
   Errors& errors_;
-  std::vector<std::string> open_files_;  // the chain of bases
+  std::map<std::string, FlippedForm> flipped_forms_;  // by name
+  std::vector<std::string> open_files_;               // the chain of bases
   std::map<std::string, AgentType> types_;
   bool types_read_ = false;
   bool complete_ = true;

@@ -48,7 +48,9 @@ template <>
 struct FieldCodec<MapSelection> {
   static bool read(const Node& node, MapSelection& maps, const Allowed& allowed, const ReadSite& site);
   static std::string print(const MapSelection& maps);
-  static std::string expected(const Allowed&) { return "all, empty, the name or path of a map, or a list of those"; }
+  static std::string expected(const Allowed&) {
+    return "all, empty, the name or path of a map, or a list of names and paths";
+  }
   static ValueShape shape(const Allowed&);
 };
 

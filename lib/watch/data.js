@@ -142,11 +142,11 @@ class Episode extends EpisodeBase {
         FLIGHT.forEach((name, c) => { this[name][at] = actual[c] * units[c]; });
       }
     }
-    const health = unfolded(take(2 * n * states), n * states);
+    const health = unfolded(take(2 * n * states), n * states), unit = healthUnit(this.replay.rules);
     this.health = new Float32Array(n * states);
     for (let at = 0, value = 0; at < n * states; ++at) {
       value = (at % states ? value : 0) + health[at];
-      this.health[at] = 0.01 * value;
+      this.health[at] = unit * value;
     }
   }
   // Fire does damage from the step after `min_tracking_time` on.
@@ -208,6 +208,9 @@ const int16 = number => Math.max(-32768, Math.min(32767, nearest(number)));
 // Of x and y.
 const placeUnit = (longer, crowd) =>
   crowd ? Math.max(Math.fround(Math.fround(longer) / 30000), Math.fround(0.01)) : Math.fround(Math.fround(longer) / 5000);
+
+// Files from before it was told have hundredths.
+const healthUnit = rules => Math.fround(rules.health_unit ?? 0.01);
 
 // Where an agent is expected next (docs/replays.md), in the order of FLIGHT. Numbers of the header are 32-bit floats.
 class ExpectedFlight {

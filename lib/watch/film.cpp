@@ -74,7 +74,7 @@ Canvas film_picture(const Replay& replay, const FilmOptions& options, int k) {
     };
     canvas.polygon({corner(0, 1.2), corner(2.5, 1), corner(-2.5, 1)}, colour);
     const auto row = static_cast<size_t>(int64_t{i} * game.states() + state);
-    const double health = static_cast<double>(kReplayHealth) * game.episode().health[row] /
+    const double health = static_cast<double>(replay.rules.health_unit) * game.episode().health[row] /
                           static_cast<double>(replay.agents[static_cast<size_t>(i)].max_health);
     if (health < 0.995) {
       const Point left{centre.x - radius, centre.y - radius - 5}, right{centre.x + radius, centre.y - radius - 5};

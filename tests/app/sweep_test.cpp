@@ -209,7 +209,8 @@ TEST(AppSweep, AskAndTell) {
                       {"trial"}),
             3);
   for (const auto& [text, part] :
-       {std::pair{R"({"trial": 0, "value": 1})", "nobody waits for trial 0"},
+       {std::pair{R"({"trial": 0, "value": 1})", "trial 0, rung 0, seed 1 has a result already"},
+        {R"({"trial": 2, "value": 1})", "trial 2, rung 0, seed 1 was not asked for"},
         {R"({"settings": {"mappo.gama": 1}})", "no parameter of this sweep"},
         {"{", "expected a JSON object"},
         {R"({"trial": 1, "value": NaN})", "no NaN and no Infinity (null says"},
@@ -228,7 +229,7 @@ TEST(AppSweep, AskAndTell) {
   EXPECT_EQ(number_at(json_of_run({"--tell", R"({"trial": 1, "seed": 2, "value": 0.5})"}), {"open"}), 1);
   const Outcome half = here.run({"sweep", "a.yaml", "--out", "a", "--tell", R"({"trial": 1, "value": 0.5})"});
   EXPECT_EQ(half.code, 2);
-  EXPECT_TRUE(contains(half.err, {"nobody waits for trial 1, rung 0, seed 2"}));
+  EXPECT_TRUE(contains(half.err, {"trial 1, rung 0, seed 2 has a result already"}));
   EXPECT_EQ(number_at(json_of_run({"--tell", R"({"trial": 1, "seed": 1, "value": 0.5})"}), {"open"}), 0);
   // As a file, where one is asked for.
   EXPECT_EQ(here.run({"sweep", "a.yaml", "--out", "a", "--ask", "--json", "asked.json"}).out, "");
@@ -280,7 +281,14 @@ TEST(AppSweep, MistakesAreToldBeforeTheFirstTrial) {
     EXPECT_FALSE(here.has("bad")) << to;
   };
   refused("mappo.gamma", "mappo.gama", {"bad.yaml:4:3: parameters.mappo.gama", "nearest: 'gamma'"});
-  refused("[0.9, 0.99]", "[0.9, 1.5]", {"mappo.gamma", "1.5", "[0, 1]"});
+  refused("[0.9, 0.99]", "[0.9, 1.5]", {"bad.yaml:4:3: parameters.mappo.gamma: '1.5' is not a number in [0, 1]"});
+  // The end of a range, which no trial may have drawn.
+  refused("{choices: [0.9, 0.99]}", "{uniform: [0.9, 1.01]}",
+          {"bad.yaml:4:3: parameters.mappo.gamma: '1.01' is not a number in [0, 1]"});
+  // A mistake that only shows with a value is told without the place in a copy that is gone.
+  refused("mappo.gamma: {choices: [0.9, 0.99]}", "train.algorithm: {choices: [mappo, snes]}",
+          {"bad.yaml:4:3: parameters.train.algorithm: ", "snes"});
+  EXPECT_FALSE(contains(here.run({"sweep", "bad.yaml", "--out", "bad"}).err, {"config.yaml"}));
   refused("[1e-4, 1e-2]", "[1e-2, 1e-4]", {"bad.yaml:3:3", "the range 0.01 to 0.0001 is empty"});
   refused("win_rate_0_vs_random", "win_rate_0_vs_circle",
           {"bad.yaml:7:", "this run logs no column 'win_rate_0_vs_circle'", "win_rate_0_vs_random"});

@@ -63,6 +63,43 @@ TEST(Replay, ReadsBackToTheSame) {
   }
 }
 
+// Health is kept in 16 bits: of more than 320 not by hundredths.
+TEST(Replay, OfMuchHealthKeepsItInLargerUnits) {
+  EXPECT_EQ(health_unit(3), 0.01f);
+  EXPECT_EQ(health_unit(3200), 0.1f);  // 3,200 / 32,000
+  Replay replay = sample_replay();
+  replay.rules.health_unit = health_unit(3200);
+  EXPECT_EQ(decode_replay(encode_replay(replay), "x").rules.health_unit, 0.1f);
+}
+
+TEST(Replay, OfAGameOfAMillionStepsReadsBack) {
+  Replay replay = sample_replay();
+  ReplayEpisode& e = replay.episodes[0];
+  e.steps = 1'000'000;  // as long as a scenario may be
+  const size_t n = 3, states = 1'000'001, pairs = 4, mates = 2, bits = (states + 7) / 8;
+  for (auto* column : {&e.x, &e.y, &e.z, &e.heading, &e.speed, &e.health}) column->assign(n * states, 100);
+  e.action.assign(n * (states - 1), 13);
+  e.sees.assign(pairs * bits, 0);
+  e.fires.assign(pairs * bits, 0);
+  e.hears.assign(mates * bits, 0);
+  for (auto& mind : e.mind) mind = {};
+  e.action_check = action_checksum(replay, e);
+  const Replay again = decode_replay(encode_replay(replay), "long");
+  EXPECT_EQ(again.episodes.at(0).steps, 1'000'000);
+}
+
+// Names of folders need not be UTF-8.
+TEST(Replay, NamesOfFilesNeedNotBeText) {
+  Replay replay = sample_replay();
+  replay.players[0] = "runs/caf\xe9\x7f";
+  replay.origins[0] = "runs/caf\xe9\x7f/best.h5";
+  replay.scenario_name = "caf\xe9";
+  const Replay again = decode_replay(encode_replay(replay), "x");
+  EXPECT_EQ(again.players[0], "runs/caf\xEF\xBF\xBD\xEF\xBF\xBD");
+  EXPECT_EQ(again.origins[0], "runs/caf\xEF\xBF\xBD\xEF\xBF\xBD/best.h5");
+  EXPECT_EQ(again.scenario_name, "caf\xEF\xBF\xBD");
+}
+
 // 600 games (--episodes takes 1,000) of 160 events: a header of 4.7 MB.
 TEST(Replay, ManyGamesOfManyEventsReadBack) {
   Replay replay = sample_replay();
@@ -285,7 +322,10 @@ TEST(Replay, ASmallFileDoesNotTakeMuchMemory) {
   const std::string wrong = repacked(encode_replay(sample_replay()), [](std::string& raw) {
     const std::string from = "\"steps\": 4", to = "\"steps\": 100000";
     raw.replace(raw.find(from), from.size(), to);
-    raw[0] = static_cast<char>(raw[0] + static_cast<char>(to.size() - from.size()));  // the size of the header
+    size_t size = 0;  // of the header, the lowest byte first
+    for (size_t byte = 0; byte < 4; ++byte) size |= size_t{static_cast<unsigned char>(raw[byte])} << 8 * byte;
+    size += to.size() - from.size();
+    for (size_t byte = 0; byte < 4; ++byte) raw[byte] = static_cast<char>(size >> 8 * byte & 255);
   });
   EXPECT_TRUE(contains(refusal(wrong), {"holds less than it says"}));
 }

@@ -68,6 +68,11 @@ TEST_F(LearnGuests, StayInThePool) {
   save(plain, "plain.h5");
   EXPECT_TRUE(contains(input_error_of([&] { with(cat("'", path("plain.h5"), "'")); }),
                        {"plain.h5", "observations are normalised here and not there"}));
+  SmallRun viewed = guest;
+  viewed.scenario = "observation: {egocentric_view: true}\n";
+  save(viewed, "viewed.h5");
+  EXPECT_TRUE(contains(input_error_of([&] { with(cat("'", path("viewed.h5"), "'")); }),
+                       {"opponents.policies", "viewed.h5", "egocentric_view"}));
   EXPECT_TRUE(contains(input_error_of([&] { with("./nobody.h5"); }), {"opponents.policies", "nobody.h5"}));
   // One that learned alone, as a best response does, stands for its own team only.
   SmallRun response = guest;

@@ -101,7 +101,8 @@ TEST(LearnLeague, OnlyWhatIsStrongerJoinsThePoolWhereEvidenceIsAskedFor) {
       count.push_back(array_values<int64_t>(find_array(arrays, team)).at(0));
     return count;
   };
-  const auto play = [&](int64_t update, std::array<float, 4> of_team_0, std::array<float, 4> of_team_1) {
+  const auto play = [&](int64_t update, std::array<float, 4> of_team_0, std::array<float, 4> of_team_1,
+                        std::array<bool, kNTeams> fallen = {}) {
     games.league.begin();
     set_stats(sim, 0, of_team_0);
     set_stats(sim, 20, of_team_1);
@@ -110,7 +111,7 @@ TEST(LearnLeague, OnlyWhatIsStrongerJoinsThePoolWhereEvidenceIsAskedFor) {
     EpisodeStats self_play;
     std::array<LeagueRecord, kNTeams> record;
     games.league.read(self_play, record);
-    games.league.end(update, sim);
+    games.league.end(update, sim, fallen);
   };
   play(1, {}, {});
   EXPECT_EQ(kept(), (std::vector<int64_t>{1, 1})) << "the pools were empty";
@@ -122,6 +123,10 @@ TEST(LearnLeague, OnlyWhatIsStrongerJoinsThePoolWhereEvidenceIsAskedFor) {
   EXPECT_EQ(array_values<double>(find_array(arrays, "team_0/games")).at(0), 5) << "halved, who joins or not";
   // 14 of 20 together: 8 more, and 1.65 sqrt(20) = 7.4.
   play(3, {10, 7, 3, 0}, {10, 5, 5, 0});
+  EXPECT_EQ(kept(), (std::vector<int64_t>{2, 2}));
+  // Team 0 has fallen back to what it was at an earlier turn; what it won as it was is forgotten.
+  play(4, {10, 9, 1, 0}, {10, 5, 5, 0}, {true, false});
+  play(5, {10, 5, 5, 0}, {10, 5, 5, 0});
   EXPECT_EQ(kept(), (std::vector<int64_t>{2, 2}));
 }
 

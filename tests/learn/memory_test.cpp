@@ -81,6 +81,14 @@ TEST(LearnMemoryPlan, LargestNumberOfWorldsFitsAndOneMoreDoesNot) {
   EXPECT_EQ(plan.largest(int64_t{1} << 60), 16'777'215);  // the largest multiple of 3 allowed
 }
 
+// Sequences are worlds with memory: 32 minibatches, and of 64 worlds a team learns in 32 at least.
+TEST(LearnMemoryPlan, WithMemoryAndOpponentsEachMinibatchHasASequence) {
+  const std::string alone = "mappo: {horizon: 16, n_minibatches: 32, actor: {memory: gru, memory_size: 8}}\n",
+                    among_others = alone + kPool;
+  EXPECT_EQ(plan_of(load_sized({"", "", alone.c_str()}, 128), {}).size.step, 32);
+  EXPECT_EQ(plan_of(load_sized({"", "", among_others.c_str()}, 128), {}).size.step, 64);
+}
+
 TEST(LearnMemoryPlan, LargestPopulationFitsAndTwoMoreDoNot) {
   LoadedRun run = load_sized({"", ", algorithm: snes", "population: {episodes_per_member: 4}\n"}, 64);
   const std::vector<MemoryPlan::Trial> trials = {{32, 132}, {64, 164}};

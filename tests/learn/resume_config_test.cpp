@@ -58,6 +58,12 @@ TEST(LearnResumeConfig, OtherShardsMoveTheMembersOfAMixedTeam) {
   const auto learner = small.learner();
   learner->update();
   make_learner(with({"mappo.shards=2"}), kCpu)->load(saved(*learner));
+  // 24 shards of one world each have none for one of the two.
+  EXPECT_TRUE(
+      contains(input_error_of([&] {
+                 with({"mappo.shards=24", "mappo.n_minibatches=1"});
+               }),
+               {"--set mappo.shards: train.opponent: 2 policies play in", "only 1 worlds are to be shared by them"}));
 }
 
 TEST(LearnResumeConfig, TheWeightOfABonusThatFollowsATargetIsNotSet) {

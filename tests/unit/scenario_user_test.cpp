@@ -95,6 +95,38 @@ map_definitions:
   EXPECT_EQ(spec.maps[2].name, "center_block");
 }
 
+// A base has made its flipped maps already; they follow the map that they stand for, unless they are changed
+// themselves.
+TEST_F(ScenarioUser, AFlippedMapFollowsTheMapThatIsChanged) {
+  write("parts/start.yaml",
+        "base: identical_2_vs_2\nmaps: [center_block, center_block_flipped, four_rooms, four_rooms_flipped]\n");
+  const Scenario scenario = load(write("mine.yaml", R"(
+base: parts/start.yaml
+map_definitions:
+  center_block: {boxes: [[1, 2, 3, 4]], team_0: {area: [0, 0, 1, 1]}}
+  four_rooms: {boxes: []}
+  four_rooms_flipped: {boxes: [[5, 5, 6, 6]]}
+)"));
+  const SimSpec spec = compile(scenario);
+  ASSERT_EQ(spec.maps.size(), 4u);
+  ASSERT_EQ(spec.maps[1].boxes.size(), 1u);
+  EXPECT_EQ(spec.maps[1].boxes[0].y2, 4.0f);
+  EXPECT_EQ(spec.maps[1].start[1].x2, 1.0f);
+  EXPECT_EQ(spec.maps[1].start[0].x2, spec.maps[0].start[1].x2);
+  EXPECT_EQ(spec.maps[2].boxes.size(), 0u);
+  ASSERT_EQ(spec.maps[3].boxes.size(), 1u);
+  EXPECT_EQ(spec.maps[3].boxes[0].x2, 6.0f);
+}
+
+TEST_F(ScenarioUser, LimitsThemselvesAreAllowed) {
+  const Scenario scenario =
+      load(write("mine.yaml", "base: identical_2_vs_2\nlimit_x: 0.01\nsight: {cone_angle: 6.3}\n"));
+  EXPECT_EQ(scenario.limit_x, 0.01f);          // 0.0099999998 as a float
+  EXPECT_EQ(scenario.sight.cone_angle, 6.3f);  // 6.3000002
+  EXPECT_EQ(error_of("sight: {cone_angle: 6.300001}\n"),
+            "f.yaml:1:21: sight.cone_angle: '6.300001' is not a number in [0, 6.3]");
+}
+
 TEST_F(ScenarioUser, RefersToPartsAndBaseByPath) {
   write("parts/quick.yaml", "thrust: 4\n");
   write("parts/hall.yaml", "boxes: [[4, 4, 6, 6]]\n");

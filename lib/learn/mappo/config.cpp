@@ -370,8 +370,9 @@ void expect_shards_divide(const RunConfig& c, int n_ranks) {
 RunSize mappo_size(const RunConfig& c) {
   const int64_t divides = c.mappo.horizon / steps_together(c.mappo);
   int64_t step = c.mappo.shards * (c.mappo.n_minibatches / std::gcd<int64_t>(c.mappo.n_minibatches, divides));
-  // Of a shard with further opponents a team learns from half of the worlds at least.
-  if (c.mappo.shards > 1 && has_further_opponents(c.opponents)) step *= 2;
+  // With further opponents a team learns in half of the worlds at least, and each minibatch needs a state of every
+  // shard, with memory a whole world.
+  if ((c.mappo.shards > 1 || steps_together(c.mappo) > 1) && has_further_opponents(c.opponents)) step *= 2;
   return {"train.n_worlds", "world", c.train.n_worlds, step, step, kMostWorlds};
 }
 

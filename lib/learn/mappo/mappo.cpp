@@ -82,7 +82,7 @@ class Mappo final : public Learner {
   }
   double schedule_factor() const;
   void set_shaping();
-  void step_back(const std::array<LeagueRecord, kNTeams>& record);
+  std::array<bool, kNTeams> step_back(const std::array<LeagueRecord, kNTeams>& record);
   at::Tensor order_of(int64_t update, int epoch) const;
   void save_worlds(NamedArrays& out) const;
   void load_worlds(const NamedArrays& in);
@@ -105,6 +105,7 @@ class Mappo final : public Learner {
   std::optional<FrozenOpponent> frozen_;     // that train.opponent names; none = a script or nobody
   Balance balance_;
   std::optional<StepBack> step_back_;
+  std::array<bool, kNTeams> fallen_{};  // in this update
   std::unique_ptr<Collector> collector_;
   std::unique_ptr<DeviceClock> clock_;
   int64_t updates_ = 0;
@@ -226,7 +227,7 @@ Metrics Mappo::update() {
 
   ++updates_;
   Metrics figures = metrics(factor);
-  if (league_) league_->end(updates_, *sim_);
+  if (league_) league_->end(updates_, *sim_, fallen_);
   return figures;
 }
 
@@ -252,12 +253,14 @@ void Mappo::set_shaping() {
       .fill_(balance_.shaping_factor(share_done(updates_)));
 }
 
-/// Keeps what a team was at its best, and takes it back there where it has fallen.
-void Mappo::step_back(const std::array<LeagueRecord, kNTeams>& record) {
+/// Keeps what a team was at its best, and takes it back there where it has fallen: says which have.
+std::array<bool, kNTeams> Mappo::step_back(const std::array<LeagueRecord, kNTeams>& record) {
+  std::array<bool, kNTeams> fallen{};
   for (int team = 0; team < kNTeams; ++team) {
     const StepBack::Verdict verdict = step_back_->note(team, record[static_cast<size_t>(team)].scripts, updates_);
     if (verdict == StepBack::Verdict::goes_on) continue;
     if (verdict == StepBack::Verdict::fallen) {
+      fallen[static_cast<size_t>(team)] = true;
       team_[team]->load("", step_back_->best(team));
       balance_.load_team(team, step_back_->best(team));
       // What the fallen networks remember means nothing to others.
@@ -269,6 +272,7 @@ void Mappo::step_back(const std::array<LeagueRecord, kNTeams>& record) {
     balance_.save_team(team, now);
     step_back_->begin(team, std::move(now));
   }
+  return fallen;
 }
 
 double Mappo::schedule_factor() const {
@@ -380,7 +384,7 @@ Metrics Mappo::metrics(double factor) {
   balance_.add_metrics(share_done(updates_ - 1), out);
   balance_.note(out);
   if (step_back_) {
-    step_back(record);
+    fallen_ = step_back(record);
     step_back_->add_metrics(out);
   }
   return out;

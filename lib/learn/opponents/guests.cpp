@@ -58,9 +58,11 @@ std::array<at::Tensor, kNTeams> load_guests(const LoadedRun& run, const std::arr
         some = true;
         check_alike(player.origin()->run, run);
         rows[static_cast<size_t>(team)].push_back(GroupPolicy::row_of(*actor));
-        GIGA_CHECK(rows[static_cast<size_t>(team)].back().numel() ==
-                       GroupPolicy::row_of(*actors[static_cast<size_t>(team)]).numel(),
-                   "networks of one shape have different numbers of parameters");
+        if (rows[static_cast<size_t>(team)].back().numel() !=
+            GroupPolicy::row_of(*actors[static_cast<size_t>(team)]).numel())
+          throw InputError(
+              "its networks read other numbers than those of this run: were its agents given the egocentric view "
+              "(environment.observation.egocentric_view) as these are?");
       }
       if (!some) throw InputError("only runs and checkpoints have networks that can join the pool");
     } catch (const InputError& e) {

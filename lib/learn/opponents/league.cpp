@@ -234,7 +234,7 @@ bool League::is_promoted(size_t team) const {
          past_[team].since_kept.is_evidence();
 }
 
-void League::end(int64_t updates_done, const Simulator& sim) {
+void League::end(int64_t updates_done, const Simulator& sim, const std::array<bool, kNTeams>& fallen) {
   if (updates_done % config_.pool_every_updates != 0) return;
   at::NoGradGuard no_grad;
   // Judged before either pool grows.
@@ -243,13 +243,14 @@ void League::end(int64_t updates_done, const Simulator& sim) {
   for (size_t team = 0; team < past_.size(); ++team) {
     Past& past = past_[team];
     past.pool.set_present(GroupPolicy::row_of(*past.actor));
-    if (promoted[team]) {
+    if (promoted[team] && !fallen[team]) {
       const auto kept = static_cast<int32_t>(past.pool.keep());
       if (kept > 0) std::replace(past.row.begin(), past.row.end(), kept, kGone);
       past.since_kept = {};
     } else {
       past.pool.fade();
     }
+    if (fallen[team]) past.since_kept = {};  // of those who are no more
     draw_rows(static_cast<int>(team), static_cast<uint32_t>(updates_done));
     begin_games(static_cast<int>(team), sim);
   }

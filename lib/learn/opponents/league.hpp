@@ -42,8 +42,9 @@ class League {
   /// After `read`: if an update with this number calls for it, keeps the policies (pool_promotion) and draws new
   /// opponents, which the next games are against: one that is on goes on against the opponent that it began with. Only
   /// two generations are there at a time, so a group in which a game of the earlier one still goes on, in any shard of
-  /// any rank, keeps its opponent until the next turn.
-  void end(int64_t updates_done, const Simulator& sim);
+  /// any rank, keeps its opponent until the next turn. Of a team that has `fallen` back to what it was at an
+  /// earlier turn (mappo.step_back) nothing is kept now: it had that turn.
+  void end(int64_t updates_done, const Simulator& sim, const std::array<bool, kNTeams>& fallen = {});
   /// Where past policies of a team play.
   ShardRange pool_worlds(int team) const { return shares_.pool(1 - team); }
 
