@@ -93,7 +93,7 @@ class Episode:
     def read_flight(self, replay, take, n):
         """States: what they differ by from where the actions lead (docs/replays.md)."""
         rules, flight = replay["rules"], {name: f32(number) for name, number in replay["flight"].items()}
-        longer, dt = max(rules["limit_x"], rules["limit_y"]), f32(rules["seconds_per_step"])
+        longer, dt = max(rules.get("limit_x", 10), rules.get("limit_y", 10)), f32(rules.get("seconds_per_step", 0.1))
         self.place = max(f32(f32(longer) / 30000), f32(0.01)) if self.crowd else f32(f32(longer) / 5000)
         unit = (self.place, self.place, f32(0.02), 2 * math.pi / 65536, f32(0.05))
         start = array.array("f", take(4 * len(FLIGHT) * n))
@@ -111,7 +111,7 @@ class Episode:
                     pushed -= flight["drag"] * pushed * pushed
                     x += dt * pushed * math.cos(heading)
                     y += dt * pushed * math.sin(heading)
-                    above = min(max(z + dt * flight["climb_rate"] * dive, 0.0), rules["limit_z"])
+                    above = min(max(z + dt * flight["climb_rate"] * dive, 0.0), rules.get("limit_z", 10))
                     speed = math.sqrt(max(pushed * pushed + flight["half_gravity"] * (z - above), flight["min_speed"] ** 2))
                     z = above
                 now = [x, y, z, heading, speed]
