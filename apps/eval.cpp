@@ -128,15 +128,16 @@ void play(const EvalOptions& o) {
     if (o.information) report.results.back().match.mutual_information = meter.nats();
   }
 
+  if (o.csv != "-" && o.json != "-") {  // before the files, one of which may not be writable
+    std::cout << "scenario " << report.scenario << '\n';
+    if (!o.changes.empty()) std::cout << "changed: " << join(o.changes) << '\n';
+    std::cout << report.win << '\n';
+    print_origin(a);
+    print_origin(b);
+    std::cout << '\n' << report_text(report) << std::flush;
+  }
   if (!o.csv.empty()) write_or_print(o.csv, report_csv(report));
   if (!o.json.empty()) write_json(to_json(o, report, a, b), o.json);
-  if (o.csv == "-" || o.json == "-") return;
-  std::cout << "scenario " << report.scenario << '\n';
-  if (!o.changes.empty()) std::cout << "changed: " << join(o.changes) << '\n';
-  std::cout << report.win << '\n';
-  print_origin(a);
-  print_origin(b);
-  std::cout << '\n' << report_text(report);
 }
 
 const char* const kEvalHelp =

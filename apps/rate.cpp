@@ -245,14 +245,15 @@ void rate_runs(const RateOptions& o) {
                {"seed", o.seed},
                {"greedy", o.greedy},
                {"versions", version_info()}});
-  write_ratings(folder, sheet, json);
-  renew_report(o, folder);
-  if (!o.json.empty()) write_json(json, o.json);
-  if (o.json != "-")
+  if (o.json != "-")  // before the files, which it may not be possible to write
     std::cout << sheet.scenario << ", " << o.episodes << " episodes of each pair on each side\n"
               << (o.changes.empty() ? "" : cat("changed: ", join(o.changes), "\n"))
               << (o.greedy ? "policies take their most likely actions\n" : "") << win << '\n'
-              << ratings_table(sheet) << "Written: " << folder.string() << "\n";
+              << ratings_table(sheet) << std::flush;
+  write_ratings(folder, sheet, json);
+  renew_report(o, folder);
+  if (!o.json.empty()) write_json(json, o.json);
+  if (o.json != "-") std::cout << "Written: " << folder.string() << "\n";
 }
 
 void add_options(CLI::App& command, RateOptions& o) {
