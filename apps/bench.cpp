@@ -193,6 +193,8 @@ std::string result_lines(const BenchResult& r, bool proof, const std::optional<E
 }
 
 int bench(const std::string& kind, Measure measure_one, BenchOptions o, Dispatch& dispatch) {
+  for (const std::string& assignment : o.overrides)
+    if (assignment.starts_with("device=")) throw InputError(cat("--set ", assignment, ": --device says where"));
   const JoinedRanks joined = kind == "train" || kind == "es" ? join_others(o.ranks, dispatch) : JoinedRanks();
   const Device device = device_of_rank(o.device, joined);
   expect_devices(o.ranks, o.device, device);

@@ -83,8 +83,8 @@ void expect_devices(const RankOptions& options, const std::string& asked, Device
     throw InputError(cat("device ", asked, ": several ranks have a GPU each, by their number; write cuda"));
   if (const int found = cuda_device_count(); found < options.to_start())
     throw InputError(cat(options.text(), ": ", counted(found, "GPUs"), found == 1 ? " is" : " are",
-                         " found, and each rank needs one; --ranks ", options.to_start(),
-                         " --device cpu shares the cores"));
+                         " found, and each rank needs one; --ranks ", options.to_start(), " with ",
+                         options.device_option, " shares the cores"));
 }
 
 std::string setting_for_ranks(const RunConfig& config, const std::vector<std::string>& overrides, int n_ranks) {

@@ -16,6 +16,7 @@ namespace giga {
 struct RankOptions {
   std::optional<int> ranks, gpus;  ///< processes to start on this machine: any, or with a GPU each; one of both at most
   int timeout = 600;               ///< seconds
+  const char* device_option = "--device cpu";  ///< that makes the command compute on the CPU
 
   /// How many processes are to be started; 1: none.
   int to_start() const { return gpus.value_or(ranks.value_or(1)); }

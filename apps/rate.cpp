@@ -195,6 +195,7 @@ void renew_report(const RateOptions& o, const fs::path& folder) {
   const fs::path run = folder.parent_path(), report = run / "report.html";
   std::error_code code;
   if (!o.out.empty() || run.empty() || !fs::exists(report, code)) return;
+  if (!is_run_folder(run)) return;  // of several runs: it is theirs, and not in ours to renew
   write_report({run}, report, list_fields<RunConfig>());
 }
 
@@ -251,8 +252,8 @@ void rate_runs(const RateOptions& o) {
               << (o.greedy ? "policies take their most likely actions\n" : "") << win << '\n'
               << ratings_table(sheet) << std::flush;
   write_ratings(folder, sheet, json);
-  renew_report(o, folder);
   if (!o.json.empty()) write_json(json, o.json);
+  renew_report(o, folder);
   if (o.json != "-") std::cout << "Written: " << folder.string() << "\n";
 }
 

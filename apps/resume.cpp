@@ -280,6 +280,7 @@ void add_resume_command(CLI::App& app, Dispatch& dispatch) {
   add_set_option(*command, options->overrides);
   add_display_options(*command, options->quiet, options->no_color);
   add_rank_options(*command, options->ranks);
+  options->ranks.device_option = "--set device=cpu";
   command->footer(
       "On the same machine, build and device a run that was stopped and resumed is the same, bit for bit, as one that\n"
       "was not: gigastep inspect shows the same SHA-256. Rows of metrics.csv and TensorBoard events that were written\n"

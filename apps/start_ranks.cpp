@@ -29,8 +29,10 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 constexpr std::chrono::seconds kGrace{30};
+/// Where a run has diverged, all ranks know it, and the first one still writes its state.
+constexpr std::chrono::seconds kGraceToWrite{600};
 constexpr std::chrono::milliseconds kPoll{20};
-constexpr int kFailed = 1, kEndedBySignal = 128;
+constexpr int kFailed = 1, kDiverged = 3, kEndedBySignal = 128;
 
 /// The words of this process's command line, without --ranks or --gpus.
 std::vector<std::string> own_words() {
@@ -181,7 +183,8 @@ int start_ranks(int n) {
       children.stop(signal);
     }
     if (children.failure() && !failed_at) failed_at = Clock::now();
-    if (failed_at && Clock::now() - *failed_at > kGrace) children.send(SIGKILL);
+    const auto grace = children.failure() == kDiverged ? kGraceToWrite : kGrace;
+    if (failed_at && Clock::now() - *failed_at > grace) children.send(SIGKILL);
     std::this_thread::sleep_for(kPoll);
   }
   if (children.ended_early()) {

@@ -174,7 +174,7 @@ void add_sweep_command(CLI::App& app, Dispatch& dispatch) {
       "  metric: [win_rate_0_vs_circle, win_rate_1_vs_circle]\n"
       "Exit codes: 0 all is done; 1 all is done, but runs failed: the same command tries them again, except\n"
       "those that diverged; 3 every run diverged; 2 the file or a value is wrong; 124 max_wall_time is over;\n"
-      "130 or 143 stopped.\n"
+      "130, 143, 138 or 129 stopped (SIGINT, SIGTERM, SIGUSR1, SIGHUP).\n"
       "Examples:\n"
       "  gigastep sweep rates.yaml\n"
       "  gigastep sweep rates.yaml --out /data/rates --json result.json");

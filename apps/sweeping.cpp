@@ -113,8 +113,9 @@ class Sweeping {
       live_.leave();
     }
     if (code != 0)
-      say(cat("stopped (", code == kOutOfTime ? "max_wall_time is over" : signal_name(code - 128),
-              "), all runs are saved; the same command goes on"));
+      say(cat("stopped (", code == kOutOfTime ? "max_wall_time is over" : signal_name(code - 128), "), all runs ",
+              unsaved_ > 0 ? cat("but ", unsaved_, " are saved (logs/ says why)") : "are saved",
+              "; the same command goes on"));
     return code != 0 ? code : tell_failures();
   }
 
@@ -169,21 +170,33 @@ class Sweeping {
 
   void start_runs() {
     while (has_room()) {
-      if (waiting_.empty()) {
+      // A run of a sweep that was killed may be saving still, or somebody resumes it by hand: others go first.
+      const auto is_free = [this](const SweepRun& run) { return !lock_owner(folder_.wanted(run).folder); };
+      auto free = std::find_if(waiting_.begin(), waiting_.end(), is_free);
+      if (free == waiting_.end()) {
         const std::optional<SweepJob> job = folder_.progress().next();
-        if (!job) return;
+        if (!job) return tell_locked();
         folder_.begin(*job);
         for (const uint64_t seed : folder_.spec().seeds) wait({job->trial, job->rung, seed});
+        continue;
       }
-      // A run of a sweep that was killed may be saving still.
-      const SweepRun run = waiting_.front();
+      const SweepRun run = *free;
       const WantedRun wanted = folder_.wanted(run);
-      if (lock_owner(wanted.folder)) return;
-      waiting_.pop_front();
+      waiting_.erase(free);
       std::vector<std::string> arguments = arguments_for(wanted);
       if (auto_ && auto_->sets_threads) arguments.insert(arguments.end(), {"--set", auto_->threads()});
       active_.emplace_back(folder_, run, ++last_id_, at_once(), std::move(arguments));
     }
+  }
+
+  /// Once, where nothing else goes on meanwhile.
+  void tell_locked() {
+    if (told_locked_ || waiting_.empty() || !active_.empty()) return;
+    const fs::path folder = folder_.wanted(waiting_.front()).folder;
+    const auto owner = lock_owner(folder);
+    if (!owner) return;
+    told_locked_ = true;
+    say(cat("waiting for ", folder.string(), ", which process ", *owner, " uses"));
   }
 
   /// Now and then: how far the runs are, for the panel and for parallel: auto.
@@ -253,6 +266,7 @@ class Sweeping {
       active.tail.look();
       auto_->meter.ended(active.first, active.reading());
     }
+    if (!there && stops) ++unsaved_;
     SweepResult result{std::nullopt, there ? 0 : code, seconds_since(active.start), steps};
     if (there) {
       result.value = metric_of_run(folder_.spec(), wanted.folder);
@@ -324,6 +338,8 @@ class Sweeping {
   std::map<SweepRun, double> open_steps_;  // agent-steps of the runs that have no result yet
   int64_t last_id_ = 0;
   std::list<SweepRun> waiting_;
+  bool told_locked_ = false;
+  int unsaved_ = 0;  // runs that failed while they were stopped
   std::list<ActiveRun> active_;
 };
 

@@ -199,6 +199,13 @@ TEST(Bench, NothingStored) {
   EXPECT_EQ(json.root.find("results")->items[0].find("checksum")->find("observations_written"), nullptr);
 }
 
+TEST(Bench, TheDeviceIsNotSetOtherwise) {
+  const Workplace here;
+  const Outcome outcome = here.run({"bench", "train", "--config", "quickstart", "--set", "device=cpu"});
+  EXPECT_EQ(outcome.code, 2);
+  EXPECT_TRUE(contains(outcome.err, {"--set device=cpu: --device says where"}));
+}
+
 TEST(Bench, TableForPeople) {
   const Workplace here;
   std::vector<std::string> arguments = {"bench", "sim",      "--worlds", "8",         "--steps",

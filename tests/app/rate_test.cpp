@@ -287,6 +287,10 @@ TEST_F(RatedRuns, SeveralAreWrittenBesideThemAndToldBeforehand) {
   EXPECT_TRUE(contains(written("runs/run-seed1", "runs/third"), {"Written: runs/ratings-2\n"}));
   EXPECT_TRUE(contains(written("runs/third", "runs/run-seed1"), {"Written: runs/ratings-2\n"}));
   EXPECT_TRUE(contains(written("runs/run-seed1", "runs/run-seed2"), {"Written: runs/ratings\n"}));
+  // A report of several runs beside them is not that of one run.
+  here_->write("runs/report.html", "of both");
+  EXPECT_TRUE(contains(written("runs/run-seed1", "runs/run-seed2"), {"Written: runs/ratings\n"}));
+  EXPECT_EQ(here_->read("runs/report.html"), "of both");
 }
 
 // Players without a run folder are others too: groups of runs, and exported policies.

@@ -2,7 +2,10 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <chrono>
+#include <csignal>
 #include <filesystem>
+#include <thread>
 
 #include "io/files.hpp"
 #include "program.hpp"
@@ -246,6 +249,43 @@ TEST(Scripts, MeasureWritesRowsAndTables) {
   }
   EXPECT_TRUE(contains(measure({"left", "--only", "closed-loop"}).out, {"left: gpu-bench: closed-loop"}));
   EXPECT_EQ(measure({"left", "--only", "closed-loop"}).out.find("left: gpu-bench: sim"), std::string::npos);
+  EXPECT_TRUE(contains(measure({"left", "--only", "closd-loop"}).err, {"--only: nothing has 'closd-loop'"}));
+
+  // Of pieces of which no row is here any more the lines stay too, of runs and of duels, and nobody says that they were
+  // not measured.
+  copy.write("docs/measurements.md", copy.read("build/measure_tiny/measurements.md"));
+  const std::string recurrent = copy.read("build/measure_tiny/recurrent.jsonl");
+  copy.write("build/measure_tiny/recurrent.jsonl", recurrent.substr(0, recurrent.find('\n') + 1));
+  ASSERT_EQ(measure({"docs"}).code, 0);
+  EXPECT_TRUE(contains(
+      copy.read("build/measure_tiny/measurements.md"),
+      {"| identical_5_vs_5, GRU, 60 M | ", "| hide_and_seek_5_vs_5, GRU, 60 M against no memory, 600 M | 1, 2 | "}));
+  ASSERT_EQ(measure({"gpu-learn", "mappo"}).code, 0);
+  ASSERT_EQ(measure({"docs"}).code, 0);
+  EXPECT_TRUE(contains(copy.read("build/measure_tiny/measurements.md"), {"`scripts/measure gpu-learn league`."}));
+  ASSERT_EQ(measure({"gpu-learn", "league"}).code, 0);
+  ASSERT_EQ(measure({"docs"}).code, 0);
+  copy.write("docs/measurements.md", copy.read("build/measure_tiny/measurements.md"));
+  copy.write("build/measure_tiny/league.jsonl", "");
+  ASSERT_EQ(measure({"docs"}).code, 0);
+  const std::string kept = copy.read("build/measure_tiny/measurements.md");
+  EXPECT_TRUE(contains(kept, {"| MAPPO with a league | "}));
+  EXPECT_EQ(kept.find("`scripts/measure gpu-learn league`."), std::string::npos);
+
+  // Stopped, it ends what it has begun, and leaves nothing of it.
+  for (const int signal : {SIGINT, SIGTERM}) {
+    const auto stopped = copy.here().start({"settings"}, (tree / "scripts/measure").string(), environment);
+    const auto trains = [&] {
+      return fs::exists(tree / "build/measure_tiny/runs") && !fs::is_empty(tree / "build/measure_tiny/runs");
+    };
+    for (int k = 0; k < 600 && !trains(); ++k) std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    ASSERT_TRUE(trains());
+    stopped->send(signal);
+    const Outcome outcome = stopped->wait();
+    EXPECT_EQ(outcome.code, 128 + signal) << outcome.out << outcome.err;
+    EXPECT_TRUE(contains(outcome.out, {"\nstopped: settings: "}));
+    EXPECT_FALSE(trains());
+  }
 }
 
 // scripts/reproduce, with tiny sizes on the CPU: rows of runs and of best responses, nothing twice, the table.
@@ -276,6 +316,11 @@ TEST(Scripts, ReproduceWritesItsTable) {
   EXPECT_EQ(copy.read("build/reproduce_tiny/exploit.jsonl"), rows);
   EXPECT_TRUE(contains(reproduce({"left"}).out, {"left: des: identical_1_vs_1, seed 1"}));
   EXPECT_EQ(reproduce({"scripts", "--scenario", "identical_5_vs_1"}).code, 0);
+  EXPECT_TRUE(contains(reproduce({"long", "--quick"}).err, {"argument --quick: means nothing to long"}));
+  EXPECT_TRUE(
+      contains(reproduce({"--quick", "--algorithm", "snes", "--seed", "2"}).err, {"nothing to run with that --seed"}));
+  EXPECT_TRUE(contains(reproduce({"--algorithm", "mappo_longer", "--scenario", "waypoint_5_vs_5"}).err,
+                       {"nothing to run; mappo_longer is of identical_5_vs_5 only"}));
   EXPECT_TRUE(contains(reproduce({"long", "--scenario", "identical_5_vs_1"}).out, {"2 of 2 measured"}));
   EXPECT_TRUE(contains(reproduce({"minute"}).out, {"10 of 10 measured"}));  // four ways of learning, and their league
   // A line of which no row is here stays as it was; one of a measured scenario does not.

@@ -1,8 +1,13 @@
 // gigastep sweep, end to end: small sweeps are trained, killed and resumed; bad ones are refused.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <chrono>
 #include <csignal>
+#include <filesystem>
 #include <map>
+#include <memory>
+#include <thread>
 
 #include "io/run_lock.hpp"
 #include "runs.hpp"
@@ -120,9 +125,12 @@ TEST(AppSweep, OneWhoseTimeIsOverBeforeAnyRunHasStepsNamesNoReport) {
   here.write("t.yaml", kSweep);
   ASSERT_EQ(here.run({"sweep", "t.yaml", "--out", "t", "--ask"}).code, 0);  // trial 0 has begun
   {
-    // Its run is held, as by a process that is saving still: the sweep waits for it until its time is over.
-    std::filesystem::create_directories(here.path() / "t/trials/000-seed1");
-    const RunLock held(here.path() / "t/trials/000-seed1");
+    // All runs are held, as by processes that are saving still: the sweep waits for them until its time is over.
+    std::vector<std::unique_ptr<RunLock>> held;
+    for (const char* run : {"000-seed1", "000-seed2", "001-seed1", "001-seed2", "002-seed1", "002-seed2"}) {
+      std::filesystem::create_directories(here.path() / "t/trials" / run);
+      held.push_back(std::make_unique<RunLock>(here.path() / "t/trials" / run));
+    }
     here.write("t.yaml", kSweep + "max_wall_time: 1s\n");
     const Outcome ended = here.run({"sweep", "t.yaml", "--out", "t"});
     EXPECT_EQ(ended.code, 124) << ended.err;
@@ -266,6 +274,31 @@ TEST(AppSweep, ASweepThatAnotherProcessSetsUpIsLeftAlone) {
     EXPECT_FALSE(here.has("a/sweep.yaml"));
   }
   EXPECT_EQ(here.run({"sweep", "a.yaml", "--out", "a", "--ask"}).code, 0);
+}
+
+// Somebody resumes a trial by hand: the others are trained meanwhile, and then the sweep says for whom it waits.
+TEST(AppSweep, WaitsForATrialInUseOnlyWhenNothingElseIsLeft) {
+  const Workplace here;
+  here.write("short.yaml", kShortConfig);
+  here.write("w.yaml", kSweep);
+  ASSERT_EQ(here.run({"sweep", "w.yaml", "--out", "w", "--ask"}).code, 0);  // trial 0 has begun
+  std::filesystem::create_directories(here.path() / "w/trials/000-seed1");
+  auto lock = std::make_unique<RunLock>(here.path() / "w/trials/000-seed1");
+  const auto sweep = here.start({"sweep", "w.yaml", "--out", "w"});
+  const auto trained = [&] {
+    const std::vector<std::string> others = {"000-seed2", "001-seed1", "001-seed2", "002-seed1", "002-seed2"};
+    return std::all_of(others.begin(), others.end(), [&](const std::string& run) {
+      return here.has("w/trials/" + run + "/checkpoints/update_00000004.h5");
+    });
+  };
+  for (int k = 0; k < 1200 && !trained(); ++k) std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  EXPECT_TRUE(trained());
+  std::this_thread::sleep_for(std::chrono::seconds(1));
+  lock.reset();
+  const Outcome done = sweep->wait();
+  EXPECT_EQ(done.code, 0) << done.err;
+  EXPECT_TRUE(contains(done.err, {"waiting for w/trials/000-seed1, which process "}));
+  EXPECT_TRUE(here.has("w/trials/000-seed1/checkpoints/update_00000004.h5"));
 }
 
 TEST(AppSweep, MistakesAreToldBeforeTheFirstTrial) {
