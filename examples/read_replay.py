@@ -13,6 +13,7 @@ import sys
 import zlib
 
 FORMATS = (3, 4)  # worlds of up to 1,024 agents; crowds
+RULES = {"limit_x": 10, "limit_y": 10, "limit_z": 10, "seconds_per_step": 0.1, "health_unit": 0.01}  # left out
 MOST = 4_194_304  # agents of a world
 MINDS = 64  # agents of each team of a crowd of which it is kept what their networks said
 FLIGHT = ("x", "y", "z", "heading", "speed")
@@ -92,8 +93,8 @@ class Episode:
 
     def read_flight(self, replay, take, n):
         """States: what they differ by from where the actions lead (docs/replays.md)."""
-        rules, flight = replay["rules"], {name: f32(number) for name, number in replay["flight"].items()}
-        longer, dt = max(rules.get("limit_x", 10), rules.get("limit_y", 10)), f32(rules.get("seconds_per_step", 0.1))
+        rules, flight = {**RULES, **replay["rules"]}, {name: f32(number) for name, number in replay["flight"].items()}
+        longer, dt = max(rules["limit_x"], rules["limit_y"]), f32(rules["seconds_per_step"])
         self.place = max(f32(f32(longer) / 30000), f32(0.01)) if self.crowd else f32(f32(longer) / 5000)
         unit = (self.place, self.place, f32(0.02), 2 * math.pi / 65536, f32(0.05))
         start = array.array("f", take(4 * len(FLIGHT) * n))
@@ -111,7 +112,7 @@ class Episode:
                     pushed -= flight["drag"] * pushed * pushed
                     x += dt * pushed * math.cos(heading)
                     y += dt * pushed * math.sin(heading)
-                    above = min(max(z + dt * flight["climb_rate"] * dive, 0.0), rules.get("limit_z", 10))
+                    above = min(max(z + dt * flight["climb_rate"] * dive, 0.0), rules["limit_z"])
                     speed = math.sqrt(max(pushed * pushed + flight["half_gravity"] * (z - above), flight["min_speed"] ** 2))
                     z = above
                 now = [x, y, z, heading, speed]
@@ -126,7 +127,7 @@ class Episode:
                 x, y, z, heading, speed = now
             for name, row in zip(FLIGHT, rows):
                 getattr(self, name).append(row)
-        each = f32(rules.get("health_unit", 0.01))
+        each = f32(rules["health_unit"])
         self.health = [[each * v for v in itertools.accumulate(row)] for row in self.cut(unfolded(take(2 * n * self.states)))]
 
     def add_hits(self, min_tracking_time):

@@ -209,8 +209,7 @@ const int16 = number => Math.max(-32768, Math.min(32767, nearest(number)));
 const placeUnit = (longer, crowd) =>
   crowd ? Math.max(Math.fround(Math.fround(longer) / 30000), Math.fround(0.01)) : Math.fround(Math.fround(longer) / 5000);
 
-// Files from before it was told have hundredths.
-const healthUnit = rules => Math.fround(rules.health_unit ?? 0.01);
+const healthUnit = rules => Math.fround(rules.health_unit);
 
 // Where an agent is expected next (docs/replays.md), in the order of FLIGHT. Numbers of the header are 32-bit floats.
 class ExpectedFlight {
@@ -273,6 +272,9 @@ async function unpackReplay(bytes) {
   }));
 }
 
+// What a header may leave out, as in lib/io/replay.hpp.
+const RULES = {limit_x: 10, limit_y: 10, limit_z: 10, seconds_per_step: 0.1, health_unit: 0.01};
+
 // All that is wrong with what was unpacked is told alike: programs of ours do not write it.
 async function readReplay(base64) {
   const text = atob(base64), bytes = new Uint8Array(text.length);
@@ -287,6 +289,7 @@ async function readReplay(base64) {
 function readColumns(raw) {
   let at = 4 + new DataView(raw.buffer).getUint32(0, true);
   const replay = JSON.parse(new TextDecoder().decode(raw.subarray(4, at)));
+  replay.rules = {...RULES, ...replay.rules};
   const numbers = [...["limit_x", "limit_y", "limit_z", "seconds_per_step"].map(key => replay.rules[key]), replay.agents.length];
   if (!numbers.every(number => number > 0 && number < 1e6)) throw new RangeError("rules without sense");
   if (!(replay.agents.reduce((sum, {count = 1}) => sum + count, 0) <= MOST)) throw new RangeError("too many agents");
