@@ -10,6 +10,9 @@ class App;
 
 namespace giga {
 
+/// Exit codes of all commands, beside kOutOfTime (training.hpp) and 128 + a signal.
+constexpr int kFailed = 1, kBadInput = 2, kDiverged = 3;
+
 /// What the command line asked for; main carries it out once all of the line is understood.
 struct Dispatch {
   std::function<void()> run;

@@ -19,7 +19,7 @@
 
 namespace {
 
-constexpr int kFailed = 1, kBadInput = 2, kDiverged = 3;
+using giga::kBadInput, giga::kDiverged, giga::kFailed;
 
 int exit_code(const giga::Error& error) {
   switch (error.kind()) {

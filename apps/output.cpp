@@ -2,11 +2,13 @@
 
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 
 #include "core/error.hpp"
 #include "io/files.hpp"
+#include "io/run_lock.hpp"
 
 namespace giga {
 namespace fs = std::filesystem;
@@ -42,6 +44,13 @@ std::string obstacle(const fs::path& path, Output kind) {
 
 CLI::Validator output(Output kind) {
   return {[kind](std::string& text) { return obstacle(text, kind); }, ""};
+}
+
+bool holds_files(const fs::path& folder) {
+  std::error_code code;
+  const fs::directory_iterator files(folder, code);
+  return !code &&
+         std::any_of(begin(files), end(files), [](const auto& file) { return file.path().filename() != kLockFile; });
 }
 
 void write_output(const fs::path& file, std::string_view bytes) {

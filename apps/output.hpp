@@ -14,6 +14,9 @@ enum class Output : uint8_t { file, file_or_stdout, stem, folder };
 /// For CLI::Option::check: refuses what cannot be written, before any work starts.
 CLI::Validator output(Output kind);
 
+/// Whether a folder is there and has something in it, but for the lock of a process.
+bool holds_files(const std::filesystem::path& folder);
+
 /// Writes a file, and makes the folders in which it lies.
 void write_output(const std::filesystem::path& file, std::string_view bytes);
 

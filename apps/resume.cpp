@@ -46,7 +46,7 @@ std::string folder_of(const std::string& path) {
   if (fs::is_directory(path, code)) return path;
   const fs::path beside = fs::absolute(path, code).parent_path(), folder = beside.parent_path();
   if (is_run_folder(beside) && fs::is_directory(beside / "checkpoints", code))
-    throw InputError(cat(path, " is a file of a run; to go on with it: gigastep resume ",
+    throw InputError(cat(path, " is a file of a run; to go on with it: ", program_command(), " resume ",
                          shell_word(fs::path(path).has_parent_path() ? fs::path(path).parent_path().string() : ".")));
   if (fs::path(path).extension() != ".h5")
     throw InputError(cat(path, " is neither the folder of a run nor a checkpoint"));

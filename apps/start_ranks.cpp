@@ -16,6 +16,7 @@
 #include <thread>
 #include <vector>
 
+#include "apps/commands.hpp"
 #include "apps/fork_to_exec.hpp"
 #include "apps/own_program.hpp"
 #include "apps/stop_request.hpp"
@@ -32,7 +33,7 @@ constexpr std::chrono::seconds kGrace{30};
 /// Where a run has diverged, all ranks know it, and the first one still writes its state.
 constexpr std::chrono::seconds kGraceToWrite{600};
 constexpr std::chrono::milliseconds kPoll{20};
-constexpr int kFailed = 1, kDiverged = 3, kEndedBySignal = 128;
+constexpr int kEndedBySignal = 128;
 
 /// The words of this process's command line, without --ranks or --gpus.
 std::vector<std::string> own_words() {

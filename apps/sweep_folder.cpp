@@ -12,6 +12,7 @@
 
 #include "apps/command_line.hpp"
 #include "apps/evaluation.hpp"
+#include "apps/output.hpp"
 #include "apps/run_process.hpp"
 #include "apps/training.hpp"
 #include "config/names.hpp"
@@ -196,9 +197,7 @@ std::string kind_of_settings(const TrialSettings& settings) {
 bool holds_others(const fs::path& folder) {
   std::error_code code;
   if (fs::exists(folder / kSweepFile, code) || fs::exists(folder / kSettingUp, code)) return false;
-  const fs::directory_iterator files(folder, code);
-  return !code &&
-         std::any_of(begin(files), end(files), [](const auto& file) { return file.path().filename() != kLockFile; });
+  return holds_files(folder);
 }
 
 }  // namespace

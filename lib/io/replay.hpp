@@ -25,8 +25,8 @@ constexpr int kReplayControls = 3, kReplayActions = 27;
 /// The most agents of a world of which it is also kept who hears whom.
 constexpr int kMostListeners = 64;
 /// States are kept in whole multiples of these; of x and y the longer side of the world is 5,000, of a crowd 30,000,
-/// but not less than kCrowdPlace each; health is told in ReplayRules::health_unit. A
-/// turn is 65,536 headings, so that those of 16 bits go round; only every 64th is used.
+/// but not less than kCrowdPlace each; that of health is told in
+/// ReplayRules::health_unit. A turn is 65,536 headings, so that those of 16 bits go round; only every 64th is used.
 constexpr float kReplayPlaces = 5000, kCrowdPlaces = 30000, kCrowdPlace = 0.01f, kReplayAltitude = 0.02f,
                 kReplayTurn = 65536, kReplaySpeed = 0.05f, kReplayHealth = 0.01f, kReplayHealths = 32000;
 

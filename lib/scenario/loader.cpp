@@ -246,18 +246,14 @@ class Loader {
       if (map.flipped_of) flip(name, map, key, scenario.position_of({key}), scenario);
     }
     // A base's flipped forms of maps that have been changed since, unless they have been changed themselves.
-    // One form may stand for another.
-    for (bool changed = true; changed;) {
-      changed = false;
+    // One may stand for another, so each time the next of a chain is right. Chains that are rings are mistakes, told
+    // above.
+    for (size_t turn = 0; turn < flipped_forms_.size(); ++turn)
       for (auto& [name, form] : flipped_forms_) {
         const auto own = scenario.map_definitions.find(name), other = scenario.map_definitions.find(form.of);
         if (own == scenario.map_definitions.end() || other == scenario.map_definitions.end()) continue;
-        const Map now = exchanged(other->second, form.map.description);
-        if (!(own->second == form.map) || now == form.map) continue;
-        own->second = form.map = now;
-        changed = true;
+        if (own->second == form.map) own->second = form.map = exchanged(other->second, form.map.description);
       }
-    }
     std::vector<std::string>& names = scenario.maps.names;
     for (size_t k = 0; k < names.size(); ++k) {
       const Position at = scenario.position_of({cat("maps[", k, "]"), "maps"});

@@ -118,6 +118,22 @@ map_definitions:
   EXPECT_EQ(spec.maps[3].boxes[0].x2, 6.0f);
 }
 
+// Whatever the names, whose order is that in which forms are looked at.
+TEST_F(ScenarioUser, AChainOfFlippedMapsFollowsTheMapThatIsChanged) {
+  write("parts/start.yaml",
+        "base: identical_2_vs_2\nmaps: [a, b, z]\n"
+        "map_definitions: {a: {flipped_of: b}, b: {flipped_of: z}, z: {flipped_of: c}, c: {boxes: [[1, 1, 2, 2]]}}\n");
+  const SimSpec spec = compile(load(write("mine.yaml",
+                                          "base: parts/start.yaml\nmaps: [a, b, z, c]\n"
+                                          "map_definitions: {c: {boxes: [[5, 5, 6, 6]]}}\n")));
+  ASSERT_EQ(spec.maps.size(), 4u);
+  for (const MapSpec& map : spec.maps) {
+    ASSERT_EQ(map.boxes.size(), 1u) << map.name;
+    EXPECT_EQ(map.boxes[0].x2, 6.0f) << map.name;
+  }
+  EXPECT_EQ(spec.maps[0].start[0].x2, spec.maps[3].start[1].x2);  // exchanged three times
+}
+
 TEST_F(ScenarioUser, LimitsThemselvesAreAllowed) {
   const Scenario scenario =
       load(write("mine.yaml", "base: identical_2_vs_2\nlimit_x: 0.01\nsight: {cone_angle: 6.3}\n"));
@@ -273,6 +289,11 @@ TEST_F(ScenarioUser, SaysWhatIsWrongWithAFile) {
        "f.yaml:2:42: map_definitions.m.boxes[1]: a box needs x1 < x2, y1 < y2 and z1 < z2, got [2, 2, 1, 3]"},
       {head + "maps: m\nmap_definitions: {m: {flipped_of: n}, n: {flipped_of: m}}\n",
        "f.yaml:3:35: map_definitions.m.flipped_of: 'n' leads back to this map"},
+      // Rings of an odd number, whose starts never come to rest.
+      {head + "maps: m\nmap_definitions: {m: {flipped_of: m}}\n",
+       "f.yaml:3:35: map_definitions.m.flipped_of: 'm' leads back to this map"},
+      {head + "maps: m\nmap_definitions: {m: {flipped_of: n}, n: {flipped_of: o}, o: {flipped_of: m}}\n",
+       "f.yaml:3:75: map_definitions.o.flipped_of: 'm' leads back to this map"},
       {head + "maps: m\nmap_definitions: {m: {flipped_of: empty, boxes: [[1, 1, 2, 2]]}}\n",
        "f.yaml:3:35: map_definitions.m.flipped_of: takes the whole map from 'empty'; drop the other keys"},
       {head + "damage: {min_tracking_time: 11}\n",
