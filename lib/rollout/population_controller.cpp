@@ -174,7 +174,9 @@ PopulationController::PopulationController(const PopulationShape& shape, const A
       network_(network),
       greedy_(greedy),
       opponent_(at::zeros({shape.n_populations, shape.n_worlds},
-                          network.parameters().values().options().dtype(at::kInt).requires_grad(false))) {}
+                          network.parameters().values().options().dtype(at::kInt).requires_grad(false))),
+      scripted_(at::zeros_like(opponent_)),
+      n_scripted_(static_cast<size_t>(shape.n_populations)) {}
 
 void PopulationController::begin(const std::vector<Population>& populations) {
   GIGA_CHECK(populations.size() == static_cast<size_t>(shape_.n_populations), populations.size(), " populations, not ",
@@ -185,6 +187,11 @@ void PopulationController::begin(const std::vector<Population>& populations) {
                    static_cast<int64_t>(p.opponent.size()) == shape_.n_worlds,
                p.members.size(0), " members, ", p.opponent.size(), " opponents");
     opponent_[static_cast<int64_t>(k)].copy_(at::tensor(p.opponent, at::kInt));
+    std::vector<int32_t> scripted;
+    for (size_t e = 0; e < p.opponent.size(); ++e)
+      if (p.opponent[e] < 0) scripted.push_back(static_cast<int32_t>(e));
+    n_scripted_[k] = static_cast<int64_t>(scripted.size());
+    scripted_[static_cast<int64_t>(k)].narrow(0, 0, n_scripted_[k]).copy_(at::tensor(scripted, at::kInt));
   }
   populations_ = populations;
   take();
@@ -218,14 +225,17 @@ void PopulationController::move_scripts(std::span<const TeamStep> teams) const {
   PopulationScriptsOfAll all;
   for (size_t k = 0; k < populations_.size(); ++k) {
     const Population& p = populations_[k];
-    if (std::none_of(p.opponent.begin(), p.opponent.end(), [](int32_t id) { return id < 0; })) continue;
+    if (n_scripted_[k] == 0) continue;
     const TeamStep* const opponents = step_of(1 - p.team, teams);
     if (!opponents) continue;
     const TeamStep step = opponents->part(shape_.worlds(k));
     const Phase* phase = step.sim.state().view().phase + step.worlds.first;
-    all.add({scripted_actions(Scripted::noop, step), phase, opponents_of(k), shape_.n_worlds}, step.n_rows());
+    const int32_t* episodes = scripted_.const_data_ptr<int32_t>() + static_cast<int64_t>(k) * shape_.n_worlds;
+    all.add({scripted_actions(Scripted::noop, step), phase, opponents_of(k), episodes, shape_.n_worlds,
+             shape_.n_members, step.n()},
+            n_scripted_[k]);
   }
-  if (all.rows() > 0) teams[0].parallel_for.run(all, all.rows());
+  if (all.agents() > 0) teams[0].parallel_for.run(all, all.agents());
 }
 
 PopulationAct PopulationController::actions_of(const TeamStep& step) const {

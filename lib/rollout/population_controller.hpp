@@ -62,7 +62,9 @@ class PopulationController : public TeamController {
   const Actor& network_;
   const bool greedy_;
   std::vector<Population> populations_;
-  at::Tensor opponent_;  // [n_populations, E] int32
+  at::Tensor opponent_;              // [n_populations, E] int32
+  at::Tensor scripted_;              // [n_populations, E] int32: the episodes whose opponents are scripts, first
+  std::vector<int64_t> n_scripted_;  // [n_populations] how many
 
  private:
   void move_scripts(std::span<const TeamStep> teams) const;

@@ -37,6 +37,9 @@ struct ScriptedActions {
   GIGA_HD Controls decide(Scripted script, int64_t row) const {
     const ObservationReader reader(params, obs + row * obs_stride);
     const Pilot pilot(reader, actions == ActionKind::discrete);
+    return pilot.fly(course(script, reader, pilot));
+  }
+  GIGA_HD static Course course(Scripted script, const ObservationReader& reader, const Pilot& pilot) {
     switch (script) {
       case Scripted::pursuer:
         return pursue(reader, pilot);
@@ -56,7 +59,7 @@ struct ScriptedActions {
       case Scripted::circle_random:
         break;
     }
-    return {0, 0, 0};
+    return {};
   }
 
   GIGA_HD void write(int64_t row, Controls c) const {

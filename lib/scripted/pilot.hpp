@@ -2,6 +2,8 @@
 // observation tells. What a script wants is in tactics.hpp.
 #pragma once
 
+#include <cmath>
+
 #include "core/geometry.hpp"
 #include "scripted/observation_reader.hpp"
 #include "sim/movement.hpp"
@@ -12,6 +14,18 @@ namespace giga {
 struct Direction {
   float x, y;
 };
+
+/// What a script wants of a step. Scripts only say it and the pilot flies it at one place: threads of a GPU whose scripts
+/// want different things would else take turns to fly.
+struct Course {
+  Direction where;  ///< as a place relative to the agent
+  float dive, throttle;
+  bool detours;  ///< round walls and obstacles that are in the way
+};
+/// Flies towards a place, round walls and obstacles that are in the way.
+GIGA_HD Course fly_to(Direction where, float dive, float throttle) { return {where, dive, throttle, true}; }
+/// Turns towards it, as far as walls and obstacles allow.
+GIGA_HD Course point_at(Direction where, float dive, float throttle) { return {where, dive, throttle, false}; }
 
 /// A step's turn and climb at full control (sim/movement.hpp), and the circle of an agent that turns as hard as it can:
 /// a polygon with sides speed x kDt and corners of kFullTurn has the circumradius speed x kDt / (2 sin(kFullTurn / 2)).
@@ -27,17 +41,12 @@ class Pilot {
   GIGA_HD const OwnState& own() const { return own_; }
   GIGA_HD Direction ahead() const { return {dir_.cos, dir_.sin}; }
 
-  /// Flies towards a place `where` (relative to the agent), round walls and obstacles that are in the way.
-  GIGA_HD Controls fly_to(Direction where, float dive, float throttle) const {
-    return point_at(detour(where), dive, throttle);
-  }
-
-  /// Turns towards `where`, as far as walls and obstacles allow, climbs by `dive` unless another agent is about to be
-  /// hit, and does not dive where there is little room.
-  GIGA_HD Controls point_at(Direction where, float dive, float throttle) const {
-    const float turn = safe_turn(turn_towards(where));
-    if (room(turn) < kRoomToDive) dive = max_of(dive, 0.0f);
-    return {turn, keep_apart(dive), throttle};
+  /// Flies the course, but climbs or dives where another agent is about to be hit, and does not dive where there is
+  /// little room.
+  GIGA_HD Controls fly(Course course) const {
+    const Turn turn = safe_turn(turn_towards(course.detours ? detour(course.where) : course.where));
+    const float dive = turn.room < kRoomToDive ? max_of(course.dive, 0.0f) : course.dive;
+    return {turn.control, keep_apart(dive), course.throttle};
   }
 
   /// Whether a point inside the circle of the hardest turn towards it is meant: turning there would be going round it
@@ -53,6 +62,8 @@ class Pilot {
   static constexpr float kMargin = 0.25f;      // units between the circle that is kept free and what is hard
   static constexpr float kLookAhead = 2.0f;    // units that are looked ahead for a way round something
   static constexpr float kPathMargin = 0.4f;   // and how far that way keeps from it
+  static constexpr float kBeyond = 2.01f;      // further off nothing is met within kLookAhead, however that is rounded
+  static constexpr int kWays = 16;             // directions all around that are tried
   static constexpr float kRoomToDive = 0.5f;   // a dive adds up to 1.3 units a second: a circle wider by 0.33
   static constexpr float kKeepApart = 1.6f;    // others nearer than this in the plane ...
   static constexpr float kAltitudeGap = 1.2f;  // ... are kept this far away in altitude
@@ -69,27 +80,40 @@ class Pilot {
 
   GIGA_HD static float full_or_none(float control) { return control > 0.5f ? 1.0f : (control < -0.5f ? -1.0f : 0.0f); }
 
-  /// How far the agent can fly in a direction of length 1 until it is `margin` before a wall or an obstacle; at most
-  /// kLookAhead.
-  GIGA_HD float free_path(Direction d, float margin) const {
+  /// How far the agent can fly in directions of length 1 until it is `margin` before a wall or an obstacle; at most
+  /// kLookAhead. All of them at once, obstacle by obstacle: none of these divisions waits for another.
+  template <int kN>
+  GIGA_HD void free_paths(const Direction (&d)[kN], float margin, float (&path)[kN]) const {
     const SimParams& p = obs_.rules();
-    float path = kLookAhead;
-    const auto until = [&path](float distance, float speed) {
-      if (speed > 0) path = min_of(path, distance / speed);
-    };
-    until(p.limit_x - margin - own_.x, d.x);
-    until(own_.x - margin, -d.x);
-    until(p.limit_y - margin - own_.y, d.y);
-    until(own_.y - margin, -d.y);
+    const float right = p.limit_x - margin - own_.x, left = own_.x - margin;
+    const float above = p.limit_y - margin - own_.y, below = own_.y - margin;
+    GIGA_UNROLL
+    for (int k = 0; k < kN; ++k) {
+      path[k] = kLookAhead;
+      const auto until = [&](float distance, float speed) {
+        if (speed > 0 && distance < kBeyond) path[k] = min_of(path[k], distance / speed);
+      };
+      until(right, d[k].x);
+      until(left, -d[k].x);
+      until(above, d[k].y);
+      until(below, -d[k].y);
+    }
     for (int b = 0; b < obs_.n_boxes(); ++b) {
       const SeenBox box = obs_.box(b);
       if (!box.exists()) continue;
-      float enter = 0, leave = kLookAhead;
-      clip(box.x1 - margin - own_.x, box.x2 + margin - own_.x, d.x, enter, leave);
-      clip(box.y1 - margin - own_.y, box.y2 + margin - own_.y, d.y, enter, leave);
-      if (enter < leave) path = min_of(path, enter);
+      const float x1 = box.x1 - margin - own_.x, x2 = box.x2 + margin - own_.x;
+      const float y1 = box.y1 - margin - own_.y, y2 = box.y2 + margin - own_.y;
+      if (x1 > kBeyond || x2 < -kBeyond || y1 > kBeyond || y2 < -kBeyond) continue;
+      GIGA_UNROLL
+      for (int k = 0; k < kN; ++k) {
+        float enter = 0, leave = kLookAhead;
+        clip(x1, x2, d[k].x, enter, leave);
+        clip(y1, y2, d[k].y, enter, leave);
+        if (enter < leave) path[k] = min_of(path[k], enter);
+      }
     }
-    return max_of(path, 0.0f);
+    GIGA_UNROLL
+    for (int k = 0; k < kN; ++k) path[k] = max_of(path[k], 0.0f);
   }
 
   /// Narrows the part [enter, leave] of a ray to that between lo and hi on one axis.
@@ -111,17 +135,27 @@ class Pilot {
     if (!(length > 0)) return where;
     const Direction straight{where.x / length, where.y / length};
     const float margin = min_of(kPathMargin, 0.9f * gap(own_.x, own_.y, 0));
-    if (free_path(straight, margin) >= min_of(length - kPathMargin, kLookAhead)) return where;
-    Direction d = straight, best = straight;
+    const Direction ahead[1] = {straight};
+    float free[1];
+    free_paths(ahead, margin, free);
+    if (free[0] >= min_of(length - kPathMargin, kLookAhead)) return where;
+    Direction ways[kWays] = {straight};
+    GIGA_UNROLL
+    for (int k = 1; k < kWays; ++k)
+      ways[k] = {ways[k - 1].x * kCos - ways[k - 1].y * kSin, ways[k - 1].x * kSin + ways[k - 1].y * kCos};
+    float paths[kWays];
+    free_paths(ways, margin, paths);
+    Direction best = straight;
     float most = -1e9f;
-    for (int k = 0; k < 16; ++k) {
+    GIGA_UNROLL
+    for (int k = 0; k < kWays; ++k) {
+      const Direction d = ways[k];
       const float score = d.x * straight.x + d.y * straight.y + 0.5f * (d.x * dir_.cos + d.y * dir_.sin) +
-                          4.0f * free_path(d, margin) / kLookAhead;
+                          4.0f * paths[k] / kLookAhead;
       if (score > most) {
         most = score;
         best = d;
       }
-      d = {d.x * kCos - d.y * kSin, d.x * kSin + d.y * kCos};
     }
     return best;
   }
@@ -129,15 +163,16 @@ class Pilot {
   /// Distance from a circle to the nearest wall or obstacle; negative where it cuts one.
   GIGA_HD float gap(float x, float y, float radius) const {
     const SimParams& p = obs_.rules();
-    float nearest = min_of(min_of(x, p.limit_x - x), min_of(y, p.limit_y - y));
+    float nearest2 = INFINITY;  // to an obstacle; one root of the smallest instead of one for each
     for (int b = 0; b < obs_.n_boxes(); ++b) {
       const SeenBox box = obs_.box(b);
       if (!box.exists()) continue;
       const float dx = max_of(max_of(box.x1 - x, x - box.x2), 0.0f);
       const float dy = max_of(max_of(box.y1 - y, y - box.y2), 0.0f);
-      nearest = min_of(nearest, std::sqrt(dx * dx + dy * dy));
+      nearest2 = min_of(nearest2, dx * dx + dy * dy);
     }
-    return nearest - radius;
+    const float wall = min_of(min_of(x, p.limit_x - x), min_of(y, p.limit_y - y));
+    return min_of(wall, std::sqrt(nearest2)) - radius;
   }
 
   /// Room that a turn leaves: after it the agent can still go round on a circle to its left or to its right. An agent
@@ -151,16 +186,17 @@ class Pilot {
     return max_of(left, right) - kMargin;
   }
 
+  /// A control, and the room that it leaves.
+  struct Turn {
+    float control, room;
+  };
   /// `wanted` where it leaves room, else the turn that leaves most.
-  GIGA_HD float safe_turn(float wanted) const {
-    float best = wanted, most = room(wanted);
-    if (most >= 0) return wanted;
+  GIGA_HD Turn safe_turn(float wanted) const {
+    Turn best{wanted, room(wanted)};
+    if (best.room >= 0) return best;
     for (int turn = -1; turn <= 1; ++turn) {
       const float left = room(static_cast<float>(turn));
-      if (left > most) {
-        most = left;
-        best = static_cast<float>(turn);
-      }
+      if (left > best.room) best = {static_cast<float>(turn), left};
     }
     return best;
   }

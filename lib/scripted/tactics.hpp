@@ -29,24 +29,24 @@ GIGA_HD Direction along_ring(const ObservationReader& obs, const Pilot& pilot, f
 constexpr float kPatrolRing = 0.55f;
 
 /// Climbs while it flies round the map: at the speed floor climbing costs nothing, and height is speed for later.
-GIGA_HD Controls search(const ObservationReader& obs, const Pilot& pilot) {
-  return pilot.fly_to(along_ring(obs, pilot, kPatrolRing), kClimb, kFast);
+GIGA_HD Course search(const ObservationReader& obs, const Pilot& pilot) {
+  return fly_to(along_ring(obs, pilot, kPatrolRing), kClimb, kFast);
 }
 
 /// Flies round the map for ever, level, and shoots what comes before it.
-GIGA_HD Controls patrol(const ObservationReader& obs, const Pilot& pilot) {
-  return pilot.fly_to(along_ring(obs, pilot, kPatrolRing), kLevel, kFast);
+GIGA_HD Course patrol(const ObservationReader& obs, const Pilot& pilot) {
+  return fly_to(along_ring(obs, pilot, kPatrolRing), kLevel, kFast);
 }
 
 /// Turns to the nearest enemy that is seen. Beyond the range of weapons it dives for speed; within it slows down and
 /// climbs, which takes speed away too, so as to keep the enemy before it. Without an enemy it searches.
-GIGA_HD Controls pursue(const ObservationReader& obs, const Pilot& pilot) {
+GIGA_HD Course pursue(const ObservationReader& obs, const Pilot& pilot) {
   const SeenAgent enemy = obs.nearest_enemy();
   if (!enemy.seen) return search(obs, pilot);
   const float weapon2 = obs.rules().damage_cone_depth2;
   const bool far = enemy.dx * enemy.dx + enemy.dy * enemy.dy > 0.8f * weapon2;
   const Direction to_enemy{enemy.dx, enemy.dy};
-  return far ? pilot.fly_to(to_enemy, kDive, kFast) : pilot.point_at(to_enemy, kClimb, kSlow);
+  return far ? fly_to(to_enemy, kDive, kFast) : point_at(to_enemy, kClimb, kSlow);
 }
 
 /// A place far away from all enemies that are seen, the nearer the more; false where none is seen.
@@ -68,19 +68,19 @@ GIGA_HD bool away_from_enemies(const ObservationReader& obs, Direction& away) {
 }
 
 /// Flies away from the enemies that are seen, diving for speed; climbs while none is.
-GIGA_HD Controls evade(const ObservationReader& obs, const Pilot& pilot) {
+GIGA_HD Course evade(const ObservationReader& obs, const Pilot& pilot) {
   Direction away;
-  if (!away_from_enemies(obs, away)) return pilot.point_at({-pilot.ahead().y, pilot.ahead().x}, kClimb, kSlow);
-  return pilot.fly_to(away, kDive, kFast);
+  if (!away_from_enemies(obs, away)) return point_at({-pilot.ahead().y, pilot.ahead().x}, kClimb, kSlow);
+  return fly_to(away, kDive, kFast);
 }
 
 /// Flies to the waypoint, round which it does not circle; without one it flies round the map.
-GIGA_HD Controls run_to_waypoint(const ObservationReader& obs, const Pilot& pilot) {
+GIGA_HD Course run_to_waypoint(const ObservationReader& obs, const Pilot& pilot) {
   const SeenWaypoint waypoint = obs.waypoint();
   if (!waypoint.active) return patrol(obs, pilot);
   const Direction to_it{waypoint.dx, waypoint.dy};
-  if (pilot.turns_around(to_it)) return pilot.point_at(pilot.ahead(), kLevel, kSlow);
-  return pilot.fly_to(to_it, kLevel, kFast);
+  if (pilot.turns_around(to_it)) return point_at(pilot.ahead(), kLevel, kSlow);
+  return fly_to(to_it, kLevel, kFast);
 }
 
 /// The best hiding place, relative to the agent: near to it and far from `enemy`. The places are the corners of the map
@@ -120,12 +120,12 @@ GIGA_HD Direction cover(const ObservationReader& obs, const Pilot& pilot, const 
 }
 
 /// Flies to cover from the nearest enemy, diving for speed; while it sees none, circles slowly at the nearest cover.
-GIGA_HD Controls hide(const ObservationReader& obs, const Pilot& pilot) {
+GIGA_HD Course hide(const ObservationReader& obs, const Pilot& pilot) {
   const SeenAgent enemy = obs.nearest_enemy();
   const Direction place = cover(obs, pilot, enemy);
-  if (enemy.seen) return pilot.fly_to(place, kDive, kFast);
+  if (enemy.seen) return fly_to(place, kDive, kFast);
   const bool there = place.x * place.x + place.y * place.y < 1;
-  return pilot.fly_to(place, kLevel, there ? kSlow : kFast);
+  return fly_to(place, kLevel, there ? kSlow : kFast);
 }
 
 }  // namespace giga
