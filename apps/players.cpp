@@ -184,7 +184,10 @@ std::string configuration_of(const Player::Origin& origin) {
   config.train.max_wall_time.reset();
   config.train.stop_at_agent_steps.reset();
   config.checkpoint = {};
-  return print_yaml(config, false) + print_scenario(origin.run.scenario);
+  Scenario scenario = origin.run.scenario;
+  scenario.description.clear();  // for people
+  for (auto& [name, map] : scenario.map_definitions) map.description.clear();
+  return print_yaml(config, false) + print_scenario(scenario);
 }
 
 /// What the names of runs begin with, without the "-seed" behind it: "duel-mappo" of "duel-mappo-seed1" and "-seed2".

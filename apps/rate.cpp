@@ -139,13 +139,19 @@ fs::path default_folder(const RateOptions& o) {
   return (in_run ? folder.parent_path().parent_path() : folder) / RatingFiles::kFolder;
 }
 
+/// What stands there, whatever it is; `otherwise` where nothing does. A file may hold anything.
+Json found(const Json& there, const char* key, Json otherwise) {
+  const auto at = there.find(key);
+  return at == there.end() ? otherwise : *at;
+}
+
 /// The run folders of those that were rated, and who has none: a group of runs, an exported policy.
-std::set<std::string> rated_runs(const Json& ratings) {
-  std::set<std::string> runs;
-  for (const Json& player : ratings.value("players", Json::array())) {
-    if (player.value("kind", "") == name_of(PlayerKind::script)) continue;
-    const std::string folder = player.value("folder", "");
-    runs.insert(folder.empty() ? player.value("name", "") : folder);
+std::set<Json> rated_runs(const Json& ratings) {
+  std::set<Json> runs;
+  for (const Json& player : found(ratings, "players", Json::array())) {
+    if (found(player, "kind", "") == name_of(PlayerKind::script)) continue;
+    const Json folder = found(player, "folder", "");
+    runs.insert(folder == "" ? found(player, "name", "") : folder);
   }
   return runs;
 }
@@ -159,8 +165,8 @@ fs::path without_others(const fs::path& wanted, const RatingSheet& sheet, const 
   for (int k = own ? 2 : 3; fs::exists(folder / RatingFiles::kJson, code); ++k) {
     const Json there = Json::parse(read_file(folder / RatingFiles::kJson), nullptr, false);
     const auto same_game = [&] {
-      return there.value("scenario", "") == sheet.scenario && there.value("greedy", false) == o.greedy &&
-             there.value("changes", std::vector<std::string>()) == o.changes;
+      return found(there, "scenario", "") == sheet.scenario && found(there, "greedy", false) == o.greedy &&
+             found(there, "changes", Json::array()) == Json(o.changes);
     };
     if (there.is_object() && rated_runs(there) == rated_runs(ratings_json(sheet, folder)) && same_game()) break;
     folder = fs::path(wanted) += cat("-", k);
@@ -215,6 +221,7 @@ RatingSheet play_and_rate(const RateOptions& o, RoundRobin& all, Device device) 
   rating.sides = sides_of(o, all.scenario);
   rating.anchor = choose_anchor(o, all, rating.sides);
   expect_opponents(all, rating.sides);
+  for (const Player& player : all.players) check_episodes(o.episodes, static_cast<int64_t>(player.members().size()));
   std::string note;  // told behind the lines of progress, which it would break
   const auto keep_note = [&note](const std::string& text) { note = text; };
   const MatchOptions match{o.episodes, o.seed, device, all.n_threads, keep_note};

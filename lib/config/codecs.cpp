@@ -212,7 +212,7 @@ std::string without_suffix(const Node& node) {
   const char* end = node.text.data() + node.text.size() - 1;
   double number = 0;
   const auto read = std::from_chars(node.text.data(), end, number);
-  if (read.ec != std::errc() || read.ptr != end || std::abs(number) > 1e6) return "";
+  if (read.ec != std::errc() || read.ptr != end || !(std::abs(number) <= 1e6)) return "";
   const double meant = number * std::pow(1e3, static_cast<double>(power + 1));
   return cat(" (numbers have no suffix: ", std::llround(meant), ")");
 }

@@ -88,11 +88,10 @@ std::string Errors::text() const {
   for (const auto& [rank, line, column, k] : order) {
     const std::string next = line_of(list_[k].at, list_[k].message);
     if (next == last) continue;
-    if (++n_lines > kMostShown) return text + cat("\n... and ", order.size() - kMostShown, " more");
-    text += (text.empty() ? "" : "\n") + next;
+    if (++n_lines <= kMostShown) text += (text.empty() ? "" : "\n") + next;
     last = next;
   }
-  return text;
+  return n_lines <= kMostShown ? text : text + cat("\n... and ", n_lines - kMostShown, " more");
 }
 
 void Errors::throw_if_any() const {

@@ -29,7 +29,8 @@ bool is_of(const std::string& key, std::initializer_list<std::string_view> group
 
 /// Rewards are for learning; what is observed belongs to the policy; a description is for people.
 bool makes_another_game(const std::string& key) {
-  return !is_of(key, {"rewards", "observation", "action", "description"});
+  const bool of_map = is_of(key, {"map_definitions"}) && key.ends_with(".description");
+  return !of_map && !is_of(key, {"rewards", "observation", "action", "description"});
 }
 
 /// "sight.cone_depth: 3 there, 5 here", one for each key that makes another game. Maps and kinds of agents that only

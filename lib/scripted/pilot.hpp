@@ -15,8 +15,8 @@ struct Direction {
   float x, y;
 };
 
-/// What a script wants of a step. Scripts only say it and the pilot flies it at one place: threads of a GPU whose scripts
-/// want different things would else take turns to fly.
+/// What a script wants of a step. Scripts only say it and the pilot flies it at one place: threads of a GPU whose
+/// scripts want different things would else take turns to fly.
 struct Course {
   Direction where;  ///< as a place relative to the agent
   float dive, throttle;
@@ -150,8 +150,8 @@ class Pilot {
     GIGA_UNROLL
     for (int k = 0; k < kWays; ++k) {
       const Direction d = ways[k];
-      const float score = d.x * straight.x + d.y * straight.y + 0.5f * (d.x * dir_.cos + d.y * dir_.sin) +
-                          4.0f * paths[k] / kLookAhead;
+      const float score =
+          d.x * straight.x + d.y * straight.y + 0.5f * (d.x * dir_.cos + d.y * dir_.sin) + 4.0f * paths[k] / kLookAhead;
       if (score > most) {
         most = score;
         best = d;

@@ -114,6 +114,7 @@ class Evolution final : public Learner {
  private:
   PopulationShare share() const;
   std::vector<int> teams_of_generation() const;
+  bool has_evolved(int team) const;
   Population population_of(int team) const;
   std::vector<PopulationResults> results_of(const std::vector<int>& teams);
   Metrics metrics(const std::vector<Population>& populations, const std::vector<PopulationResults>& results);
@@ -187,6 +188,13 @@ Population Evolution::population_of(int team) const {
   return population;
 }
 
+/// Since the pools took something in: one whose turn it never was would push a past policy out by a copy of the newest.
+bool Evolution::has_evolved(int team) const {
+  if (!config_.train.opponent.is_self_play()) return true;
+  const auto turns = [&](int64_t generations) { return generations_of(config_.population, team, generations); };
+  return turns(generations_) > turns(generations_ - config_.opponents.pool_every_updates);
+}
+
 Metrics Evolution::update() {
   clock_->mark(0);
   const std::vector<int> teams = teams_of_generation();
@@ -205,8 +213,8 @@ Metrics Evolution::update() {
   if (sums_) sums_->end();
   // After the results, which belong to the pool that was played against.
   if (generations_ % config_.opponents.pool_every_updates == 0)
-    for (const auto& team : team_)
-      if (team) team->pool().keep();
+    for (int team = 0; team < kNTeams; ++team)
+      if (team_[team] && has_evolved(team)) team_[team]->pool().keep();
   return figures;
 }
 
