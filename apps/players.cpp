@@ -110,6 +110,10 @@ std::vector<Candidate> candidates_of_run(const fs::path& folder, int most, const
   std::vector<fs::path> chosen;
   for (const size_t k : spread(files.size(), static_cast<size_t>(most))) chosen.push_back(files[k]);
   std::vector<Candidate> all = read_whole(chosen, folder, options);
+  // Where all of those are damaged, the newest that is whole.
+  for (size_t k = files.size(); all.empty() && k-- > 0;)
+    if (std::find(chosen.begin(), chosen.end(), files[k]) == chosen.end())
+      all = read_whole({files[k]}, folder, options);
   const fs::path best_file = folder / "checkpoints/best.h5";
   std::error_code code;
   if (fs::exists(best_file, code)) {
