@@ -333,6 +333,48 @@ TEST_F(RatedRuns, ADamagedCheckpointIsLeftOut) {
   EXPECT_TRUE(contains(outcome.out, {"damaged@4"}));
 }
 
+TEST_F(RatedRuns, WhereTheNewestIsDamagedAnOlderOnePlays) {
+  std::filesystem::copy(here_->path() / "run-seed2", here_->path() / "torn", std::filesystem::copy_options::recursive);
+  here_->write("torn/checkpoints/update_00000004.h5", "not HDF5");
+  std::filesystem::remove(here_->path() / "torn/checkpoints/best.h5");
+  const Outcome outcome = rate({"torn", "--scripted", "random", "--episodes", "8"});
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_TRUE(contains(outcome.err, {"update_00000004.h5", "it is left out"}));
+  EXPECT_TRUE(contains(outcome.out, {"torn@3"}));
+}
+
+// A ratings.json of any shape: what was played is kept beside it.
+TEST_F(RatedRuns, WhatIsNoRatingsLosesNoGames) {
+  std::filesystem::copy(here_->path() / "run-seed2", here_->path() / "odd", std::filesystem::copy_options::recursive);
+  std::filesystem::remove(here_->path() / "odd/report.html");  // which would show the ratings
+  here_->write("odd/ratings/ratings.json", R"({"scenario": 5, "players": 3})");
+  const Outcome outcome = rate({"odd", "--scripted", "random", "--episodes", "8"});
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_TRUE(here_->has("odd/ratings-2/ratings.json"));
+}
+
+TEST_F(RatedRuns, TooFewEpisodesForAMixedTeamAreToldBeforeTheGames) {
+  here_->write("two.yaml", "policies: [random, circle]\n");
+  const Outcome outcome = rate({"run-seed1", "two.yaml", "--scripted", "random", "--episodes", "1", "--out", "few"});
+  EXPECT_EQ(outcome.code, 2);
+  EXPECT_EQ(outcome.err,
+            "gigastep: episodes: 1, and 2 policies of a mixed team are to share them; needed: 2 or more\n");
+  EXPECT_FALSE(here_->has("few"));
+}
+
+// Descriptions are for people.
+TEST_F(RatedRuns, ADescribedMapIsTheSameGame) {
+  for (const char* name : {"first", "second"}) {
+    here_->write(cat(name, ".yaml"),
+                 cat(kShortConfig, "environment: {maps: [mine], map_definitions: {mine: {description: ", name,
+                     ", boxes: [[4, 4, 6, 6]]}}}\n"));
+    ASSERT_EQ(here_->run({"train", cat(name, ".yaml"), "--quiet", "--run-dir", cat(name, "-map")}).code, 0);
+  }
+  const Outcome outcome =
+      rate({"first-map", "second-map", "--scripted", "none", "--episodes", "2", "--out", "of-maps"});
+  EXPECT_EQ(outcome.code, 0) << outcome.err;
+}
+
 // By the keys that a person would change: not every wall of a map that only one of them has.
 TEST_F(RatedRuns, OtherGamesAreToldByWhatDiffers) {
   here_->write("other.yaml", std::string(kShortConfig) + "environment: {max_episode_length: 90, maps: four_rooms}\n");
