@@ -5,6 +5,7 @@
 #include <string>
 
 #include "core/error.hpp"
+#include "eval/match.hpp"
 
 namespace giga {
 
@@ -14,6 +15,10 @@ Player load_player(const std::string& text, const PlayerOptions& options) {
     if (member->origin())
       for (const std::string& line : member->origin()->warnings) std::cerr << "warning: " << line << '\n';
   return player;
+}
+
+void check_episodes(int episodes, std::span<const Player> players) {
+  for (const Player& player : players) check_episodes(episodes, static_cast<int64_t>(player.members().size()));
 }
 
 void warn_of_opponents(const LoadedRun& run) {

@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <optional>
+#include <span>
 
 #include "io/checkpoint.hpp"
 #include "learn/players/player.hpp"
@@ -12,7 +13,10 @@ namespace giga {
 /// Player::load; says on stderr which better or newer checkpoints of a run are damaged and so were not taken.
 Player load_player(const std::string& text, const PlayerOptions& options);
 
-/// Says the same of those whom a run meets (train.opponent, opponents.policies), which its learner has loaded.
+/// As check_episodes of eval/match.hpp, of all who are to play and before the first game.
+void check_episodes(int episodes, std::span<const Player> players);
+
+/// What load_player says, of those whom a run meets (train.opponent, opponents.policies), which its learner has loaded.
 void warn_of_opponents(const LoadedRun& run);
 
 /// A checkpoint; none where it is damaged, which is said on stderr: it is left out.

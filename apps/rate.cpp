@@ -13,6 +13,7 @@
 
 #include "apps/command_line.hpp"
 #include "apps/commands.hpp"
+#include "apps/load_player.hpp"
 #include "apps/option_value.hpp"
 #include "apps/output.hpp"
 #include "apps/players.hpp"
@@ -221,7 +222,7 @@ RatingSheet play_and_rate(const RateOptions& o, RoundRobin& all, Device device) 
   rating.sides = sides_of(o, all.scenario);
   rating.anchor = choose_anchor(o, all, rating.sides);
   expect_opponents(all, rating.sides);
-  for (const Player& player : all.players) check_episodes(o.episodes, static_cast<int64_t>(player.members().size()));
+  check_episodes(o.episodes, all.players);
   std::string note;  // told behind the lines of progress, which it would break
   const auto keep_note = [&note](const std::string& text) { note = text; };
   const MatchOptions match{o.episodes, o.seed, device, all.n_threads, keep_note};

@@ -68,10 +68,8 @@ void record(const RecordOptions& o) {
 
   std::vector<std::string> replays;
   std::vector<RecordedTeam> teams;  // before the first match: who cannot play is told at once
-  for (size_t k = 0; k < players.size(); ++k) {
-    check_episodes(o.episodes, static_cast<int64_t>(players[k].members().size()));
-    teams.push_back(team_of(players[k], k == 1 ? 1 : 0, game.spec));
-  }
+  check_episodes(o.episodes, players);
+  for (size_t k = 0; k < players.size(); ++k) teams.push_back(team_of(players[k], k == 1 ? 1 : 0, game.spec));
   for (size_t k = 0; k < players.size(); ++k) {
     if (k == 1) continue;  // the opponent
     RecordedMatch match = record_match(game.scenario, game.spec, {teams[k], teams[1]}, options, program_version());
