@@ -103,7 +103,9 @@ void play(const EvalOptions& o) {
   for (const std::string& note : game.notes) std::cerr << "note: " << note << '\n';
   const SimSpec& spec = game.spec;
   const MatchOptions options{o.episodes, seed_of(o.seed, Purpose::eval), device, 0, note_once()};
-  MatchReport report{o.a, spec.name, {}, {}, describe_win(spec.params.win, spec.params.max_episode_length), {}};
+  MatchReport report{o.a, spec.name, {}, {}, {}, {}};
+  const SimParams played = spec.with_time_limit().params;
+  report.win = describe_win(played.win, played.max_episode_length);
   for (const Player* member : a.members()) report.policies_of_a.push_back(member->name());
   for (const Player* member : b.members()) report.policies_of_b.push_back(member->name());
   struct Match {
@@ -183,13 +185,15 @@ void add_eval_command(CLI::App& app, Dispatch& dispatch) {
   command->add_option("A", options->a, "checkpoint, run folder, exported policy, TorchScript module or scripted team")
       ->required()
       ->type_name("");
-  command->add_option("--vs", options->b, "the opponent, likewise")->required()->type_name("B");
+  command->add_option("--vs", options->b, "the opponent, likewise")->required()->check(some_name())->type_name("B");
   command->add_option("--episodes", options->episodes, "episodes per side")
       ->transform(value_of<int>(range(1, 10'000'000)))
       ->capture_default_str()
       ->type_name("N");
   command->add_flag("--both-sides", options->both_sides, "also play A on side 1 against B on side 0");
-  command->add_option("--scenario", options->scenario, "scenario to play: name or file")->type_name("S");
+  command->add_option("--scenario", options->scenario, "scenario to play: name or file")
+      ->check(some_name())
+      ->type_name("S");
   add_game_changes(*command, options->changes);
   command->add_option("--seed", options->seed, "seed of the episodes: same seed, same result")
       ->transform(value_of<uint64_t>(anything()))

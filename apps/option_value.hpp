@@ -37,4 +37,9 @@ CLI::Validator value_of(const Allowed& allowed) {
   return {read, shown_limits(allowed)};
 }
 
+/// For CLI::Option::check: a name that is given is not empty, as one of an unset variable of a shell is.
+inline CLI::Validator some_name() {
+  return {[](std::string& text) { return std::string(text.empty() ? "a name is missing" : ""); }, ""};
+}
+
 }  // namespace giga

@@ -255,7 +255,9 @@ void add_play_command(CLI::App& app, Dispatch& dispatch) {
   command->add_option("POLICY", options->a, "who flies with you: run, checkpoint, exported policy, script")
       ->required()
       ->type_name("");
-  command->add_option("--vs", options->b, "who flies against you; default: POLICY")->type_name("POLICY");
+  command->add_option("--vs", options->b, "who flies against you; default: POLICY")
+      ->check(some_name())
+      ->type_name("POLICY");
   command->add_option("--scenario", options->scenarios, "scenario to play: name or file; may be given several times")
       ->type_name("S")
       ->take_all()

@@ -245,7 +245,7 @@ void rate_runs(const RateOptions& o) {
       throw InputError(obstacle + "; --out takes another folder");
   const RatingSheet sheet = play_and_rate(o, all, device);
   const fs::path folder = o.out.empty() ? without_others(default_folder(o), sheet, o) : fs::path(o.out);
-  const SimParams& params = all.spec.params;
+  const SimParams params = all.spec.with_time_limit().params;
   const std::string win = describe_win(params.win, params.max_episode_length);
   Json json = ratings_json(sheet, folder);
   json.update({{"win", win},
@@ -288,7 +288,9 @@ void add_options(CLI::App& command, RateOptions& o) {
   command.add_flag("--group", o.group,
                    "runs that differ only in their seed are one player: their games are added up; of each run its best "
                    "checkpoint plays, or the newest");
-  command.add_option("--scenario", o.scenario, "what is played; default: the scenario of the runs")->type_name("S");
+  command.add_option("--scenario", o.scenario, "what is played; default: the scenario of the runs")
+      ->check(some_name())
+      ->type_name("S");
   add_game_changes(command, o.changes);
   command
       .add_option(

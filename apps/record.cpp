@@ -133,13 +133,17 @@ void add_record_command(CLI::App& app, Dispatch& dispatch) {
   auto options = std::make_shared<RecordOptions>();
   CLI::Option* a =
       command->add_option("A", options->a, "who plays side 0: run, checkpoint, exported policy, script")->type_name("");
-  command->add_option("--vs", options->b, "who plays side 1; default: A")->type_name("B");
-  command->add_option("--beside", options->beside, "another who plays side 0 from the same starts")->type_name("C");
+  command->add_option("--vs", options->b, "who plays side 1; default: A")->check(some_name())->type_name("B");
+  command->add_option("--beside", options->beside, "another who plays side 0 from the same starts")
+      ->check(some_name())
+      ->type_name("C");
   command->add_option("--episodes", options->episodes, "games")
       ->transform(value_of<int>(range(1, 1000)))
       ->capture_default_str()
       ->type_name("N");
-  command->add_option("--scenario", options->scenario, "scenario to play: name or file")->type_name("S");
+  command->add_option("--scenario", options->scenario, "scenario to play: name or file")
+      ->check(some_name())
+      ->type_name("S");
   add_game_changes(*command, options->changes);
   command->add_option("--seed", options->seed, "seed of the episodes: same seed, same games")
       ->transform(value_of<uint64_t>(anything()))
@@ -152,8 +156,10 @@ void add_record_command(CLI::App& app, Dispatch& dispatch) {
       ->check(output(Output::stem))
       ->capture_default_str()
       ->type_name("FILE");
-  CLI::Option* verify_option =
-      command->add_option("--verify", options->verify, "only check this replay")->type_name("FILE")->excludes(a);
+  CLI::Option* verify_option = command->add_option("--verify", options->verify, "only check this replay")
+                                   ->check(some_name())
+                                   ->type_name("FILE")
+                                   ->excludes(a);
   for (CLI::Option* other : command->get_options())  // the replay says who plays what
     if (other != verify_option && other != command->get_help_ptr() && other != device) verify_option->excludes(other);
   command->footer(kRecordHelp);

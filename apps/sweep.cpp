@@ -3,10 +3,13 @@
 #include <algorithm>
 #include <iostream>
 #include <limits>
+#include <map>
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "apps/command_line.hpp"
 #include "apps/commands.hpp"
+#include "apps/option_value.hpp"
 #include "apps/output.hpp"
 #include "apps/program_info.hpp"
 #include "apps/run_process.hpp"
@@ -22,7 +25,8 @@ namespace fs = std::filesystem;
 namespace {
 
 struct SweepOptions {
-  std::string file, out, json, tell;
+  std::string file, out, json;
+  std::optional<std::string> tell;
   bool ask = false, quiet = false;
 };
 
@@ -83,9 +87,15 @@ Json tell(SweepFolder& folder, const std::string& text) {
   }
   if (told.contains("settings")) {
     TrialSettings settings;
+    const std::map<std::string, ParameterSpec>& parameters = folder.spec().parameters;
+    std::vector<std::string> names;
+    for (const auto& [key, parameter] : parameters) names.push_back(key);
+    if (!told.at("settings").is_object())
+      throw InputError(cat("--tell: \"settings\" is an object with values of some of: ", join(names), "; not ",
+                           told.at("settings").dump()));
     for (const auto& [key, value] : told.at("settings").items()) {
-      if (!folder.spec().parameters.contains(key))
-        throw InputError(cat("--tell: ", key, " is no parameter of this sweep"));
+      if (!parameters.contains(key))
+        throw InputError(cat("--tell: ", key, " is no parameter of this sweep; allowed: ", join(names)));
       settings.emplace_back(key, value.is_string() ? value.get<std::string>() : value.dump());
     }
     return {{"trial", folder.add(settings)}};
@@ -118,8 +128,8 @@ Json tell(SweepFolder& folder, const std::string& text) {
 
 int sweep(const SweepOptions& o) {
   SweepFolder folder(o.file, sweep_path(o));
-  if (o.ask || !o.tell.empty()) {
-    write_json(o.ask ? ask(folder) : tell(folder, o.tell), o.json.empty() ? "-" : o.json);
+  if (o.ask || o.tell) {
+    write_json(o.ask ? ask(folder) : tell(folder, *o.tell), o.json.empty() ? "-" : o.json);
     return 0;
   }
   const int code = train_sweep(folder, o.quiet);
@@ -155,6 +165,7 @@ void add_sweep_command(CLI::App& app, Dispatch& dispatch) {
           "--tell", options->tell,
           "only note a result, as '{\"trial\": 3, \"rung\": 0, \"value\": 0.8}', or settings to be tried too, as "
           "'{\"settings\": {\"mappo.gamma\": 0.99}}'")
+      ->check(some_name())
       ->type_name("JSON")
       ->excludes(ask_option);
   command->add_flag("--quiet", options->quiet, "no panel, and no line for each run that ends");

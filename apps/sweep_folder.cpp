@@ -63,12 +63,14 @@ std::string with_whole_paths(const std::string& value, const fs::path& sweep) {
   Node root = parse_yaml_text(value, "value", errors).root;
   bool found = false;
   const auto make_whole = [&](auto&& self, Node& node) -> void {
-    const fs::path beside = sweep.parent_path() / node.text;
     std::error_code code;
-    if (node.is_scalar() && is_path(node.text) && fs::exists(beside, code)) {
-      node.text = whole_path(beside);
-      found = true;
-    }
+    if (node.is_scalar() && is_path(node.text))
+      for (const fs::path& place : {sweep.parent_path() / node.text, fs::path(node.text)})
+        if (fs::exists(place, code)) {
+          node.text = whole_path(place);
+          found = true;
+          break;
+        }
     for (Node& item : node.items) self(self, item);
     for (Node::Entry& entry : node.entries) self(self, entry.value);
   };
@@ -184,10 +186,8 @@ std::vector<std::string> metric_columns(LoadedRun run) {
 std::string kind_of_settings(const TrialSettings& settings) {
   std::string kind;
   for (const auto& [key, value] : settings) {
-    char* end = nullptr;
-    const double number = std::strtod(value.c_str(), &end);
-    const bool is_number = end != value.c_str() && *end == '\0';
-    kind += cat(key, "=", !is_number ? value : number == 0 ? "0" : "a number", "\n");
+    const std::optional<double> number = plain_number(value);
+    kind += cat(key, "=", !number ? value : *number == 0 ? "0" : "a number", "\n");
   }
   return kind;
 }
@@ -264,6 +264,10 @@ SweepFolder::SweepFolder(const fs::path& file, const fs::path& folder) : path_(f
 LoadedRun SweepFolder::check_base(const fs::path& file, const KeyPositions& given) const {
   LoadedRun run = load_base(spec_, file, given);
   parse_device(run.config.device);  // one that is not here is told now
+  if (run.config.train.max_wall_time)
+    std::cerr << "note: train.max_wall_time of " << spec_.config
+              << " is left out: runs of a sweep end with their agent-steps, or with its max_wall_time\n";
+  run.config.train.max_wall_time.reset();
   check_halving(spec_.halving, run.config.train.total_agent_steps, given);
   const std::vector<std::string> columns = metric_columns(run);
   for (const std::string& name : spec_.metric)

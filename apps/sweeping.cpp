@@ -269,9 +269,10 @@ class Sweeping {
     if (!there && stops) ++unsaved_;
     SweepResult result{std::nullopt, there ? 0 : code, seconds_since(active.start), steps};
     if (there) {
-      result.value = metric_of_run(folder_.spec(), wanted.folder);
+      result.value = metric_of_run(folder_.spec(), wanted.folder, wanted.stop_at);
+      result.agent_steps = agent_steps_of_run(wanted.folder, wanted.stop_at);
       // Of all processes that took it here from the rung before.
-      result.seconds = seconds_of_run(wanted.folder);
+      result.seconds = seconds_of_run(wanted.folder, wanted.stop_at);
       for (int rung = 0; rung < run.rung; ++rung)
         if (const SweepResult* before = folder_.progress().result({run.trial, rung, run.seed}))
           result.seconds -= before->seconds;

@@ -93,7 +93,10 @@ __device__ void take_moments(const FusedActor& k, Memory& m) {
   m.advantage_mean = k.loss.advantage_mean ? *k.loss.advantage_mean : moments.mean;
   m.advantage_inv_std = k.loss.advantage_inv_std ? *k.loss.advantage_inv_std : 1.0f / (sqrtf(moments.variance) + 1e-8f);
   const float off = moments.mean - m.advantage_mean;
-  m.scale = gradient_scale(sqrtf(moments.variance + off * off) * m.advantage_inv_std);
+  float slope = 1;  // of a gradient by the head's number: that by a mean is by 1 / deviation larger
+  if (!k.loss.action)
+    for (int d = 0; d < kActionSize; ++d) slope = fmaxf(slope, expf(-k.parameters[k.net.log_std + d]));
+  m.scale = gradient_scale(sqrtf(moments.variance + off * off) * m.advantage_inv_std * slope);
   m.unscale = moments.inv_count / m.scale;
   m.clip_coef = *k.loss.clip_coef;
   m.entropy_coef = *k.loss.entropy_coef;

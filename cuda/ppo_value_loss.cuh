@@ -21,11 +21,12 @@ struct FetchedLossRow {
   }
 };
 
-/// The scale of gradients into shared memory: advantages are the errors of the values before the update. One thread
-/// calls it.
+/// The scale of gradients into shared memory: advantages are the errors of the values before the update, and gradients
+/// by values are these times value_coef. One thread calls it.
 template <class Memory>
 __device__ __forceinline__ void take_scale(const FusedCritic& k, const BatchMoments& moments, Memory& m) {
-  m.scale = gradient_scale(sqrtf(moments.variance + moments.mean * moments.mean) / *k.loss.value_std);
+  const float error = sqrtf(moments.variance + moments.mean * moments.mean) / *k.loss.value_std;
+  m.scale = gradient_scale(error * k.loss.value_coef);
   m.unscale = moments.inv_count / m.scale;
 }
 

@@ -112,6 +112,14 @@ std::string print_real(auto value) {
 
 }  // namespace
 
+std::optional<double> plain_number(const std::string& text) {
+  Node node;
+  node.kind = Node::Kind::scalar;
+  node.text = text;
+  double value = 0;
+  return read_real(node, value, Allowed{}) == Reading::number ? std::optional(value) : std::nullopt;
+}
+
 std::string ValueShape::type() const {
   switch (kind) {
     case Kind::boolean:

@@ -107,6 +107,9 @@ struct FieldCodec<double> : ScalarCodec<double> {};
 template <>
 struct FieldCodec<std::string> : ScalarCodec<std::string> {};
 
+/// The number that a plain YAML scalar is to these codecs, as 10_000 or 3e8; none where it is none.
+std::optional<double> plain_number(const std::string& text);
+
 /// A choice that once had another name.
 struct RenamedChoice {
   const char *before, *now;

@@ -34,7 +34,8 @@ inline const NamedArray* look_for_array(const NamedArrays& arrays, const std::st
 
 inline const NamedArray& find_array(const NamedArrays& arrays, const std::string& name) {
   if (const NamedArray* array = look_for_array(arrays, name)) return *array;
-  throw InputError(cat("the checkpoint has no array '", name, "'"));
+  throw InputError(
+      cat("the checkpoint has no array '", name, "': it was written with other settings or by another version"));
 }
 
 template <class T>

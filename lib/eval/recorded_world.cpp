@@ -228,6 +228,9 @@ void RecordedWorld::note_scores(const SimParams& p, const WorldView& w) {
     returns[team] = stat(of_team(EpisodeStat::return_0, team));
     for (int i = 0; now > score[team] && !waypoints.empty() && i < p.n_agents; ++i) {
       const ReplayWaypoint& last = waypoints.back();
+      // Who died in this very step may have collected it; under the original rules the dead do, too (rules 15, Q10).
+      const int death = died[static_cast<size_t>(i)];
+      if (!p.original() && death >= 0 && death < states) continue;
       if (team_of(p, i) != team || w.x[i] < last.x1 || w.x[i] > last.x2 || w.y[i] < last.y1 || w.y[i] > last.y2)
         continue;
       event(ReplayEventKind::collected, i);

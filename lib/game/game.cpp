@@ -60,6 +60,7 @@ GameStep Game::begin(void (Simulator::*write)(const StepIo&)) {
   for (const Seat& seat : seats_)
     for (const Part& part : seat.parts) reads_[part.team] |= seat.controller->reads();
   make_buffers();
+  find_readers();
   const GameStep step = step_at(-1);
   (sim_.*write)(step.io);
   steps_ = 0;
@@ -88,6 +89,32 @@ void Game::make_buffers() {
     if (!asked.io.team[team].obs[Observation::image].rows && wanted.has(Observation::image))
       make(image_bytes(sim_.params().resolution), image_[team]);
     if (!asked.team[team].memory) make(memory_size_[team], memory_[team]);
+  }
+}
+
+/// Scripts may read other observations than networks do, and play in some worlds only: rows that nobody reads need not
+/// be written.
+void Game::find_readers() {
+  const GameStep asked = ask(0);
+  for (int team = 0; team < kNTeams; ++team) {
+    Readers& readers = readers_[team];
+    std::vector<uint8_t> sets(static_cast<size_t>(sim_.n_worlds()));
+    for (const Seat& seat : seats_)
+      for (const Part& part : seat.parts)
+        if (part.team == team)
+          seat.controller->reads_by_world(
+              team, part.worlds.first,
+              std::span(sets).subspan(static_cast<size_t>(part.worlds.first), static_cast<size_t>(part.worlds.count)));
+    readers.of = asked.rows[team].wanted;
+    for (uint8_t& set : sets) set |= readers.of.bits();
+    const uint8_t all = (reads_[team] | readers.of).bits();
+    if (std::all_of(sets.begin(), sets.end(), [all](uint8_t set) { return set == all; })) sets.clear();
+    if (sets == readers.sets) continue;
+    readers.sets = std::move(sets);
+    if (readers.sets.empty()) continue;
+    sim_.synchronize();  // steps of a game before may still read the former ones
+    if (readers.buffer.size() == 0) readers.buffer = Buffer<uint8_t>(sim_.memory(), readers.sets.size());
+    readers.buffer.from_host(readers.sets);
   }
 }
 
@@ -193,16 +220,21 @@ void Game::record_period(int64_t t) {
   });
 }
 
-/// Steps 0 to n_steps - 1 as `step` has them; `recorded` comes behind each. Controllers act side by side, because each
-/// leaves most of a GPU to others. Null where the back end records nothing.
+/// Steps 0 to n_steps - 1 as `step` has them; `recorded` comes behind each. Controllers and their shares act side by
+/// side, because each leaves most of a GPU to others. Null where the back end records nothing.
 std::unique_ptr<RecordedWork> Game::record(int64_t n_steps, const std::function<GameStep(int64_t k)>& step,
                                            const std::function<void(int64_t k)>& recorded) {
   try {
-    return sim_.record(seats_.size(), [&](Recording& recording) {
+    std::vector<std::pair<const Seat*, int>> shares;
+    for (const Seat& seat : seats_)
+      for (int share = 0; share < seat.controller->n_shares(); ++share) shares.emplace_back(&seat, share);
+    return sim_.record(shares.size(), [&](Recording& recording) {
       for (int64_t k = 0; k < n_steps; ++k) {
         const GameStep now = step(k);
-        recording.side_by_side(seats_.size(), [&](size_t seat, void* stream) {
-          act(seats_[seat], now, steps_ + k, k > 0, ParallelFor(sim_.device(), 0, stream));
+        recording.side_by_side(shares.size(), [&](size_t at, void* stream) {
+          const auto& [seat, share] = shares[at];
+          const ParallelFor beside(sim_.device(), 0, stream);
+          seat->controller->act_share(share, parts_of(*seat, now, steps_ + k, k > 0, beside));
         });
         sim_.queue_step(now.io);
         recorded(k);
@@ -233,6 +265,8 @@ GameStep Game::step_at(int64_t t) const {
     GameStep::Rows& rows = step.rows[team];
     if (!rows.obs) rows.obs = obs_[team].data();
     layout_.attach(io, rows.wanted | reads_[team], rows.obs, rows.final_obs);
+    const Readers& readers = readers_[team];
+    if (!readers.sets.empty() && rows.wanted == readers.of) io.reads = readers.buffer.data();
     void*& images = io.obs[Observation::image].rows;
     if (!images && (rows.wanted | reads_[team]).has(Observation::image)) images = image_[team].data();
     if (!step.team[team].action) step.team[team].action = action_[team].data();
@@ -262,11 +296,11 @@ void Game::forget(const GameStep& step) {
 }
 
 void Game::act(const GameStep& step, bool behind_step) {
-  for (const Seat& seat : seats_) act(seat, step, steps_, behind_step, parallel_for_);
+  for (const Seat& seat : seats_) seat.controller->act(parts_of(seat, step, steps_, behind_step, parallel_for_));
 }
 
-void Game::act(const Seat& seat, const GameStep& step, int64_t number, bool behind_step,
-               const ParallelFor& parallel_for) {
+std::span<const TeamStep> Game::parts_of(const Seat& seat, const GameStep& step, int64_t number, bool behind_step,
+                                         const ParallelFor& parallel_for) {
   // Of several controllers the first alone is behind the step, or each is on a stream of its own.
   const bool behind = behind_step && seats_.size() == 1 && sim_.step_lets_next_begin();
   parts_.clear();
@@ -275,7 +309,7 @@ void Game::act(const Seat& seat, const GameStep& step, int64_t number, bool behi
                        layout_, behind};
     parts_.push_back(all.part(part.worlds));
   }
-  seat.controller->act(parts_);
+  return parts_;
 }
 
 }  // namespace giga

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <span>
 #include <string>
 #include <type_traits>
 #include <utility>
@@ -35,7 +36,7 @@ struct GameStep {
   /// Rows of observations of a team's agents [W, n, D], as observation_rows() lays them out.
   struct Rows {
     float *obs = nullptr, *final_obs = nullptr;
-    ObservationSet wanted = {};  ///< written besides those that controllers read
+    ObservationSet wanted = {};  ///< written in all worlds, besides those that controllers read where they play
   };
   const Simulator* sim = nullptr;  ///< that plays
   StepIo io;                  ///< of the simulator; its actions are those of `team`, its observations those of `rows`
@@ -120,12 +121,15 @@ class Game {
   };
   void take_seats(const Side& side, int team);
   void make_buffers();
+  void find_readers();
   GameStep ask(int64_t t) const;
   GameStep step_at(int64_t t) const;
   GameStep begin(void (Simulator::*write)(const StepIo&));
   void finish(int64_t t, const GameStep& step);
   void act(const GameStep& step, bool behind_step);
-  void act(const Seat& seat, const GameStep& step, int64_t number, bool behind_step, const ParallelFor& parallel_for);
+  /// What a controller is asked to move.
+  std::span<const TeamStep> parts_of(const Seat& seat, const GameStep& step, int64_t number, bool behind_step,
+                                     const ParallelFor& parallel_for);
   bool controllers_repeat(bool (TeamController::*alike)() const) const;
   bool repeats() const;
   bool repeats_plays(int64_t n_steps) const;
@@ -141,7 +145,14 @@ class Game {
   std::vector<Seat> seats_;
   std::vector<GameObserver*> observers_;
   const RowLayout layout_;
-  ObservationSet reads_[kNTeams];                 // of the controllers of a side
+  ObservationSet reads_[kNTeams];  // of the controllers of a side
+  /// The same world by world, with what an observer wants, which was `of` it then; empty where all worlds are alike.
+  struct Readers {
+    ObservationSet of;
+    std::vector<uint8_t> sets;  // [W] TeamIo::reads
+    Buffer<uint8_t> buffer;     // of the device
+  };
+  Readers readers_[kNTeams];
   Buffer<float> obs_[kNTeams], action_[kNTeams];  // empty where observers have them
   Buffer<uint8_t> image_[kNTeams];                // [W, n, R, R, 3] of the agents; empty where nobody wants them
   Buffer<float> memory_[kNTeams];                 // [W, n, S]; likewise

@@ -1,6 +1,7 @@
 // TeamController: who moves a team. A learned policy, a script, a population: each kind is one subclass.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <memory>
 #include <span>
@@ -59,6 +60,11 @@ class TeamController {
 
   /// What it reads of its agents' observations. Asked at each start of a game: no more than this is written for it.
   virtual ObservationSet reads() const = 0;
+  /// The same of a team, world by world: `sets` gets ObservationSet::bits of each world of a part that it moves, the
+  /// first of which is `first`.
+  virtual void reads_by_world(int /*team*/, int64_t /*first*/, std::span<uint8_t> sets) const {
+    std::fill(sets.begin(), sets.end(), reads().bits());
+  }
   /// Whether it fills `pre_tanh_action` and `log_prob`, from which somebody learns.
   virtual bool fills_log_prob() const { return false; }
   /// Numbers that an agent remembers from step to step; 0 = none. Controllers of one side that have any agree on it.
@@ -73,6 +79,9 @@ class TeamController {
   virtual bool repeats_where_kept() const { return repeats(); }
   /// Queues the actions of a step in all parts of the game that it moves, team by team in the order of their worlds.
   virtual void act(std::span<const TeamStep> parts) = 0;
+  /// What `act` queues may fall into shares, none of which waits for another: recorded steps have them side by side.
+  virtual int n_shares() const { return 1; }
+  virtual void act_share(int /*share*/, std::span<const TeamStep> parts) { act(parts); }
 };
 
 /// A scripted team.

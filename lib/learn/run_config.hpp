@@ -72,8 +72,9 @@ void visit_fields(V& v, TrainConfig& c) {
   v("n_threads", c.n_threads, "CPU back end: threads; 0 = one per core", range(0, 4096));
   v("precision", c.precision,
     "arithmetic of networks on the GPU while training; parameters stay fp32. The CPU always computes in "
-    "fp32. Eval, rate and export compute in fp32 what was trained in tf32. tf32: factors of matrix "
-    "products are rounded to 10 bits of mantissa. bf16: weights and features are bfloat16. fp16 is for "
+    "fp32. Export computes in fp32 what was trained in tf32, and so do eval and rate where LibTorch plays it "
+    "(docs/architecture.md says when). tf32: factors of matrix products are rounded to 10 bits of mantissa. bf16: "
+    "weights and features are bfloat16. fp16 is for "
     "openai_es, snes and des: weights, biases and the inputs of each layer are rounded to half precision; "
     "sums are fp32. One fused kernel computes all members, with a tanh that is off by up to 2^-11 of its "
     "value. It takes up to 3 hidden layers of up to 128, without layer_norm. Perturbations far below "

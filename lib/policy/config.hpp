@@ -124,8 +124,8 @@ struct CriticConfig : NetworkConfig {
 template <class V>
 void visit_fields(V& v, CriticConfig& c) {
   v("kind", c.kind,
-    "composed: local observations and, in each layer, the mean features of the team's living agents; "
-    "state: the true state of the world; independent: local observations only (IPPO)");
+    "composed: local observations and, in each layer, the mean features of the team's living agents; one agent alone "
+    "as with independent; state: the true state of the world; independent: local observations only (IPPO)");
   visit_network_fields(v, c);
   v("shared_encoder", c.shared_encoder,
     "read the features behind the actor's encoder, which then learns from both losses; the critic's own layers "

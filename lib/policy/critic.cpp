@@ -2,6 +2,8 @@
 
 #include <ATen/ATen.h>
 
+#include <algorithm>
+
 #include "core/error.hpp"
 #include "policy/actor.hpp"
 #include "policy/dense_epilogue.hpp"
@@ -31,16 +33,22 @@ std::pair<NetworkConfig, NetworkConfig> split_state_critic(const CriticConfig& c
   return {first, rest};
 }
 
+/// The mean of a team of one is that agent: team weights would read the same numbers a second time.
+CriticKind kind_of(const CriticConfig& config, const CriticShape& shape) {
+  const bool alone = shape.n_team[shape.team] == 1;
+  return config.kind == CriticKind::composed && alone ? CriticKind::independent : config.kind;
+}
+
 Critic::Critic(const CriticConfig& config, const CriticShape& shape, Precision precision,
                const ParallelFor& parallel_for, at::Device device, std::optional<uint64_t> seed)
-    : kind_(config.kind), shape_(shape), precision_(precision), parallel_for_(&parallel_for) {
+    : kind_(kind_of(config, shape)), shape_(shape), precision_(precision), parallel_for_(&parallel_for) {
   GIGA_CHECK(!shares_encoder() || (config.kind != CriticKind::state && !config.reads_image()),
              "layers on features, which are numbers of each agent");
   const std::string name = enum_names(config.encoder)[static_cast<size_t>(config.encoder)];
   const ObservationShape read =
       shares_encoder() ? ObservationShape(static_cast<int>(shape.features)) : shape.inputs.shape();
   const NetworkShape on_observations{read, 1, config.output_gain};
-  switch (config.kind) {
+  switch (kind_) {
     case CriticKind::composed:
       network_ = Network(parameters_, "team_" + name, config, on_observations);
       add_team_weights("team_" + name);
@@ -107,6 +115,29 @@ void Critic::put_encoder_before(FusedMlp& mlp) const {
                .first_other = other * shape_.n_team[0],
                .n_other = shape_.n_team[other],
                .world = static_cast<int>(shape_.world_features)};
+}
+
+void Critic::load(const std::string& prefix, const NamedArrays& in) {
+  const std::string former = prefix + "team_";
+  if (kind_ != CriticKind::independent ||
+      std::none_of(in.begin(), in.end(), [&](const NamedArray& array) { return array.name.starts_with(former); }))
+    return parameters_.load(prefix, in);
+  NamedArrays arrays;
+  for (const NamedArray& array : in) {
+    if (!array.name.starts_with(former) || array.name.ends_with("/team_weight")) continue;
+    NamedArray own = array;
+    own.name = prefix + array.name.substr(former.size());
+    const std::string layer = array.name.substr(0, array.name.rfind('/'));
+    if (const NamedArray* of_team = look_for_array(in, layer + "/team_weight");
+        of_team && own.name.ends_with("/weight")) {
+      const at::Tensor sum = at::empty(own.shape, at::kFloat), more = at::empty(of_team->shape, at::kFloat);
+      from_array(own, sum);
+      from_array(*of_team, more);
+      own = to_array(own.name, sum + more);
+    }
+    arrays.push_back(std::move(own));
+  }
+  parameters_.load(prefix, arrays);
 }
 
 at::Tensor Critic::input_of(const Actor& actor, const at::Tensor& obs) const {

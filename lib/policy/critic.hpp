@@ -64,6 +64,9 @@ class Critic {
   ObservationSet reads() const { return needs_state() ? ObservationSet() : shape_.inputs.set; }
   ParameterSet& parameters() { return parameters_; }
   const ParameterSet& parameters() const { return parameters_; }
+  /// Its parameters from arrays that parameters().save() named. Takes those of a team of one that were saved when such
+  /// critics had team weights, too: the values are the same.
+  void load(const std::string& prefix, const NamedArrays& in);
 
  private:
   void add_team_weights(const std::string& name);

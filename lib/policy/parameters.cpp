@@ -158,7 +158,8 @@ void from_array(const NamedArray& array, const at::Tensor& tensor) {
   };
   if (array.type != array_type(tensor.scalar_type()) || at::IntArrayRef(array.shape) != tensor.sizes())
     throw InputError(cat("array '", array.name, "' of the checkpoint has shape ", shape_text(array.shape),
-                         ", expected ", shape_text(tensor.sizes()), ": it was written with other settings"));
+                         ", expected ", shape_text(tensor.sizes()),
+                         ": it was written with other settings or by another version"));
   at::NoGradGuard no_grad;
   const at::Tensor host = at::empty(array.shape, tensor.options().device(at::kCPU).requires_grad(false));
   GIGA_CHECK(static_cast<size_t>(host.nbytes()) == array.bytes.size(), array.name);

@@ -53,8 +53,10 @@ std::string intransitivity_line(const Ratings& ratings) {
   const Intransitivity& rest = ratings.intransitivity;
   if (std::isnan(rest.share)) return "Intransitive: nothing, all pairs are even.";
   std::string line =
-      cat("Intransitive: ", formatted("%.1f", 100 * rest.share), " % of the squared log-odds (by chance ",
-          formatted("%.1f", 100 * rest.share_by_chance), " %)");
+      cat("Intransitive: ", formatted("%.1f", 100 * rest.share), " % of the squared log-odds (",
+          rest.share_by_chance < 1 ? cat("by chance ", formatted("%.1f", 100 * rest.share_by_chance), " %")
+                                   : std::string("chance alone explains all of them: too few games to tell"),
+          ")");
   if (rest.strongest) return cat(line, "; ", cycle_text(ratings, *rest.strongest), ".");
   return line + (ratings.sides == Sides::alike ? "; no three beat each other in a cycle." : ".");
 }

@@ -210,6 +210,21 @@ ObservationSet PopulationController::reads() const {
   return set;
 }
 
+void PopulationController::reads_by_world(int team, int64_t first, std::span<uint8_t> sets) const {
+  GIGA_CHECK(first == 0 && std::ssize(sets) == shape_.n_populations * shape_.worlds_each(), sets.size(), " worlds");
+  std::vector<uint8_t> of_episode(static_cast<size_t>(shape_.n_worlds));
+  auto at = sets.begin();
+  for (const Population& p : populations_) {
+    for (size_t e = 0; e < of_episode.size(); ++e) {
+      const int32_t opponent = p.opponent[e];
+      const bool is_script = team != p.team && opponent < 0;
+      of_episode[e] = (is_script ? observations_of(script_of_network(opponent)) : network_.reads()).bits();
+    }
+    for (int64_t member = 0; member < shape_.n_members; ++member)
+      at = std::copy(of_episode.begin(), of_episode.end(), at);
+  }
+}
+
 const TeamStep* PopulationController::step_of(int team, std::span<const TeamStep> teams) {
   const auto step = std::find_if(teams.begin(), teams.end(), [team](const TeamStep& s) { return s.team == team; });
   return step == teams.end() ? nullptr : &*step;
@@ -219,6 +234,11 @@ void PopulationController::act(std::span<const TeamStep> teams) {
   at::NoGradGuard no_grad;
   move_networks(teams);
   move_scripts(teams);
+}
+
+void PopulationController::act_share(int share, std::span<const TeamStep> teams) {
+  at::NoGradGuard no_grad;
+  share == 0 ? move_networks(teams) : move_scripts(teams);
 }
 
 void PopulationController::move_scripts(std::span<const TeamStep> teams) const {

@@ -39,9 +39,13 @@ class PopulationController : public TeamController {
   void end();
 
   ObservationSet reads() const override;
+  void reads_by_world(int team, int64_t first, std::span<uint8_t> sets) const override;
   int64_t memory_size() const override { return network_.state_size(); }
   /// `teams`: both in all worlds, or the one of the only population, where another controller moves its opponents.
   void act(std::span<const TeamStep> teams) override;
+  /// Networks and scripts.
+  int n_shares() const override { return 2; }
+  void act_share(int share, std::span<const TeamStep> teams) override;
 
  protected:
   PopulationController(const PopulationShape& shape, const Actor& network, bool greedy);

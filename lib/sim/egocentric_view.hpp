@@ -266,6 +266,7 @@ struct EgocentricView {
       if (rows) rows.first = rows.row(first - p.first_of(team));
       lanes.each_agent(n, [&](int) { lanes.wait_sent(); });  // of these rows or others: the stage is the same
       lanes.each_agent(n, [&](int i) {
+        if (!rows) return;
         const int slot = i % kRows, part = i / kRows, e = first + slot;
         float* row = w.stage + slot * pitch;
         if (view_is_empty(p, w, e)) {

@@ -64,6 +64,10 @@ class ObservationSet {
   friend constexpr ObservationSet operator|(ObservationSet a, ObservationSet b) { return a |= b; }
   bool operator==(const ObservationSet&) const = default;
 
+  /// As a number: a bit each.
+  constexpr uint8_t bits() const { return static_cast<uint8_t>(bits_); }
+  static_assert(kNObservations <= 8);
+
  private:
   uint32_t bits_ = 0;
 };

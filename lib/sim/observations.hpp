@@ -69,6 +69,8 @@ struct WantedRows {
   }
   /// The row itself; null where nobody wants it.
   GIGA_HD static Element* row(const Parameters auto& p, const StepIo& io, int64_t world, int e) {
+    if constexpr (Kind::of == ObservationOf::agent)
+      if (!io.of(p.team_of(e)).reads_in(world, Kind::id)) return nullptr;
     Element* rows = static_cast<Element*>(of(p, io, e).rows);
     return rows ? rows + start(p, io, world, e) : nullptr;
   }
@@ -90,7 +92,7 @@ struct WorldRows {
   GIGA_HD TeamRows of_team(int team) const {
     const ObservationIo& to = io.of(team).obs[Kind::id];
     const int stride = to.stride > 0 ? to.stride : Kind::shape(p).size();
-    float* rows = static_cast<float*>(to.rows);
+    float* rows = io.of(team).reads_in(world, Kind::id) ? static_cast<float*>(to.rows) : nullptr;
     return {rows ? rows + world * p.size_of(team) * stride : nullptr, stride, to.room};
   }
 };

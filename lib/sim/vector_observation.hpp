@@ -304,7 +304,7 @@ struct VectorObservation {
       if (first > 0) lanes.each_agent(n, [&](int) { lanes.wait_sent(); });
       lanes.each_agent(n, [&](int i) {
         const int slot = i % kRows, part = i / kRows, e = first + slot;
-        if (!kFull && e >= P::n_agents) return;
+        if ((!kFull && e >= P::n_agents) || (kOneTeam && !rows)) return;
         const AgentFeatures own = w.features[e];
         float* row = w.stage + slot * kPitch;
         GIGA_UNROLL

@@ -167,6 +167,11 @@ struct TeamIo {
   uint8_t* alive = nullptr;        // [W, n] when observed: after the reset where the episode ended
   uint8_t* final_alive = nullptr;  // [W, n] as final_rows
   ObservationIos obs;              // of the agents
+  const uint8_t* reads = nullptr;  // [W] ObservationSet::bits of those that are read there; null: all that have rows
+
+  GIGA_HD bool reads_in(int64_t world, Observation kind) const {
+    return !reads || (reads[world] >> static_cast<int>(kind) & 1) != 0;
+  }
 };
 struct StepIo {
   TeamIo team[kNTeams];

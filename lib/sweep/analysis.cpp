@@ -3,10 +3,12 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdlib>
 #include <numeric>
+#include <optional>
 #include <random>
 #include <set>
+
+#include "config/fields.hpp"
 
 namespace giga {
 namespace {
@@ -20,9 +22,9 @@ constexpr std::array kStudent95 = {12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.
 std::vector<double> numbers_of(const std::vector<std::string>& setting) {
   std::vector<double> numbers;
   for (const std::string& text : setting) {
-    char* end = nullptr;
-    numbers.push_back(std::strtod(text.c_str(), &end));
-    if (end == text.c_str() || *end != '\0') return {};
+    const std::optional<double> number = plain_number(text);
+    if (!number) return {};
+    numbers.push_back(*number);
   }
   return numbers;
 }

@@ -131,13 +131,26 @@ std::optional<double> metric_of_values(const SweepSpec& spec, const std::vector<
   return worst_of(spec, values);
 }
 
-std::optional<double> metric_of_run(const SweepSpec& spec, const fs::path& run) {
+namespace {
+
+/// Rows up to the first with `stop` agent-steps.
+std::ptrdiff_t rows_up_to(const MetricsTable& table, std::optional<int64_t> stop) {
+  const std::vector<double>& steps = *table.find("agent_steps");
+  const auto at =
+      std::find_if(steps.begin(), steps.end(), [&](double n) { return stop && n >= static_cast<double>(*stop); });
+  return std::min(at - steps.begin() + 1, std::ssize(steps));
+}
+
+}  // namespace
+
+std::optional<double> metric_of_run(const SweepSpec& spec, const fs::path& run, std::optional<int64_t> stop) {
   const std::string file = (run / "metrics.csv").string();
   const MetricsTable table = parse_metrics(read_file(file), file);
+  const std::ptrdiff_t rows = rows_up_to(table, stop);
   std::vector<std::vector<double>> known;
   for (const std::vector<double>* column : metric_columns(spec, table, file)) {
     known.emplace_back();
-    std::copy_if(column->begin(), column->end(), std::back_inserter(known.back()),
+    std::copy_if(column->begin(), column->begin() + rows, std::back_inserter(known.back()),
                  [](double value) { return !std::isnan(value); });
   }
   return metric_of_values(spec, known);
@@ -146,19 +159,22 @@ std::optional<double> metric_of_run(const SweepSpec& spec, const fs::path& run) 
 namespace {
 
 /// The last number of a column of its metrics; 0 where there is none yet.
-double last_of(const fs::path& run, const char* column) {
+double last_of(const fs::path& run, const char* column, std::optional<int64_t> stop) {
   const fs::path file = run / "metrics.csv";
   std::error_code code;
   if (!fs::exists(file, code)) return 0;
   const std::string text = read_file(file);
   if (std::count(text.begin(), text.end(), '\n') < 2) return 0;  // no row yet
-  return parse_metrics(text, file.string()).find(column)->back();
+  const MetricsTable table = parse_metrics(text, file.string());
+  return table.find(column)->at(static_cast<size_t>(rows_up_to(table, stop) - 1));
 }
 
 }  // namespace
 
-double agent_steps_of_run(const fs::path& run) { return last_of(run, "agent_steps"); }
-double seconds_of_run(const fs::path& run) { return last_of(run, "seconds"); }
+double agent_steps_of_run(const fs::path& run, std::optional<int64_t> stop) {
+  return last_of(run, "agent_steps", stop);
+}
+double seconds_of_run(const fs::path& run, std::optional<int64_t> stop) { return last_of(run, "seconds", stop); }
 
 SweepOutcome outcome_of(const SweepSpec& spec, const std::vector<TrialSettings>& trials, const SweepProgress& progress,
                         const fs::path& folder) {

@@ -17,13 +17,17 @@ std::filesystem::path trial_folder(const std::filesystem::path& sweep, int trial
 
 /// The metric by the known values of its columns, in the order of the spec's; none where a column has no value yet.
 std::optional<double> metric_of_values(const SweepSpec& spec, const std::vector<std::vector<double>>& known);
-/// The metric of a run by its metrics.csv, as the spec says; none where a column has no value yet. Throws InputError
-/// where there is no such file or column.
-std::optional<double> metric_of_run(const SweepSpec& spec, const std::filesystem::path& run);
-/// Agent-steps that a run has done by the same file; 0 where there is none.
-double agent_steps_of_run(const std::filesystem::path& run);
+// Of a run by its metrics.csv: of all its rows, or of those up to the first with `stop` agent-steps, where trials are
+// compared, although somebody has trained this one further.
+
+/// The metric, as the spec says; none where a column has no value yet. Throws InputError where there is no such file or
+/// column.
+std::optional<double> metric_of_run(const SweepSpec& spec, const std::filesystem::path& run,
+                                    std::optional<int64_t> stop = {});
+/// Agent-steps that it has done; 0 where there is no row.
+double agent_steps_of_run(const std::filesystem::path& run, std::optional<int64_t> stop = {});
 /// And how long it has trained, from its beginning.
-double seconds_of_run(const std::filesystem::path& run);
+double seconds_of_run(const std::filesystem::path& run, std::optional<int64_t> stop = {});
 
 struct SweepOutcome {
   struct Trial {

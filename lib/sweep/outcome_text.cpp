@@ -26,11 +26,16 @@ std::string digits(double value, const char* format = "%.4g") {
   return text;
 }
 
-/// Student's interval; of win rates cut at 0 and 1.
+/// Whether all values of a column of metrics.csv are from 0 to 1.
+bool is_share(const std::string& column) {
+  const auto holds = [&](const char* part) { return column.find(part) != std::string::npos; };
+  return holds("win_rate") || holds("loss_rate") || holds("tie_rate") || holds("_share") || holds("_fraction");
+}
+
+/// Student's interval; of shares cut at 0 and 1.
 Interval interval_of(const SweepSpec& spec, const std::vector<double>& values) {
   const Interval interval = mean_interval(values);
-  for (const std::string& column : spec.metric)
-    if (!column.starts_with("win_rate_")) return interval;
+  if (!std::all_of(spec.metric.begin(), spec.metric.end(), is_share)) return interval;
   return {std::clamp(interval.lo, 0.0, 1.0), std::clamp(interval.hi, 0.0, 1.0)};
 }
 

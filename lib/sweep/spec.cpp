@@ -67,8 +67,39 @@ bool FieldCodec<RunsAtOnce>::read(const Node& node, RunsAtOnce& value, const All
 }
 
 /// Keys of the config that each run of a sweep gets from it, and what they come from.
-constexpr std::pair<const char*, const char*> kSetBySweep[] = {{"seed", "seeds"},
-                                                               {"train.stop_at_agent_steps", "halving"}};
+constexpr std::pair<const char*, const char*> kSetBySweep[] = {
+    {"seed", "seeds"}, {"train.stop_at_agent_steps", "halving"}, {"train.max_wall_time", "max_wall_time"}};
+
+/// Whether one of them is the other or a group that holds it.
+bool overlap(const std::string& a, const std::string& b) {
+  return cat(a, ".").starts_with(cat(b, ".")) || cat(b, ".").starts_with(cat(a, "."));
+}
+
+/// Keys that are given in two places, of which one would be lost without a word. A value of `set` may be the usual one
+/// of a parameter that stands for itself alone.
+void check_overlaps(const SweepSpec& spec, const KeyPositions& given, const std::filesystem::path& file,
+                    Errors& errors) {
+  for (auto p = spec.parameters.begin(); p != spec.parameters.end(); ++p) {
+    const std::string& key = p->first;
+    const auto refuse = [&](const std::string& why) {
+      errors.add(place_of_key(given, cat("parameters.", key), file), cat("parameters.", key, ": ", why));
+    };
+    const auto in_group = [&](const std::string& own) {
+      return key == own ? std::string() : cat("a group is set as a whole, and ", own, " is in it: ");
+    };
+    for (const auto& [own, by] : kSetBySweep)
+      if (overlap(key, own)) refuse(cat(in_group(own), "the sweep sets this itself, by ", by));
+    if (const std::string total = "train.total_agent_steps"; spec.halving.first_agent_steps && overlap(key, total))
+      refuse(cat(in_group(total), "with halving all trials have the same stops; set says how long they are"));
+    for (const std::string& assignment : spec.set)
+      if (assignment.starts_with(key + "."))
+        refuse(cat("a group is set as a whole, and ", assignment.substr(0, assignment.find('=')),
+                   " of set is in it; name the keys of the group that differ"));
+    for (auto other = std::next(p); other != spec.parameters.end(); ++other)
+      if (overlap(key, other->first))
+        refuse(cat("a group is set as a whole, and the parameter ", other->first, " is in it"));
+  }
+}
 
 int n_trials(const SweepSpec& spec) {
   if (spec.method != SweepMethod::grid) return spec.trials.value_or(kUsualTrials);
@@ -83,18 +114,11 @@ SweepSpec read_sweep(const std::filesystem::path& file, KeyPositions& given) {
   for (const auto& [key, parameter] : spec.parameters)
     if (const std::string fault = fault_of(parameter, spec.method); !fault.empty())
       errors.add(place_of_key(given, "parameters." + key, file), cat("parameters.", key, ": ", fault));
-  for (const auto& [key, by] : kSetBySweep) {
-    const std::string fault = cat(key, ": the sweep sets this itself, by ", by);
-    if (spec.parameters.contains(key))
-      errors.add(place_of_key(given, cat("parameters.", key), file), "parameters." + fault);
+  check_overlaps(spec, given, file, errors);
+  for (const auto& [key, by] : kSetBySweep)
     for (const std::string& assignment : spec.set)
-      if (assignment.starts_with(cat(key, "="))) errors.add(place_of_key(given, "set", file), "set: " + fault);
-  }
-  if (const std::string key = "parameters.train.total_agent_steps";
-      spec.halving.first_agent_steps && spec.parameters.contains("train.total_agent_steps"))
-    errors.add(place_of_key(given, key, file), key +
-                                                   ": with halving all trials have the same stops; set says how long "
-                                                   "they are");
+      if (assignment.starts_with(cat(key, "=")))
+        errors.add(place_of_key(given, "set", file), cat("set: ", key, ": the sweep sets this itself, by ", by));
   if (spec.method == SweepMethod::grid && !spec.trials && grid_points(spec) > kMostTrials)
     errors.add(place_of_key(given, "parameters", file),
                cat("parameters: a grid of ", grid_points(spec), " points; trials says how many of them are tried"));

@@ -102,7 +102,9 @@ void visit_fields(V& v, SweepSpec& c) {
   v("method", c.method,
     "grid: every combination of choices and integers; random: drawn independently; sobol: drawn so that they fill the "
     "space evenly (Sobol 1967)");
-  v("trials", c.trials, "how many settings are tried; of a grid, the first so many. none = 16; of a grid, all",
+  v("trials", c.trials,
+    "how many settings are tried, fewer where there are no more; of a grid, the first so many. none = 16; of a grid, "
+    "all",
     range(1, kMostTrials));
   v("seeds", c.seeds, "each trial is trained once with each; its value is the mean", Allowed{}.items(1, 1000));
   v("metric", c.metric,

@@ -219,7 +219,11 @@ TEST(AppSweep, AskAndTell) {
   for (const auto& [text, part] :
        {std::pair{R"({"trial": 0, "value": 1})", "trial 0, rung 0, seed 1 has a result already"},
         {R"({"trial": 2, "value": 1})", "trial 2, rung 0, seed 1 was not asked for"},
-        {R"({"settings": {"mappo.gama": 1}})", "no parameter of this sweep"},
+        {R"({"settings": {"mappo.gama": 1}})",
+         "mappo.gama is no parameter of this sweep; allowed: mappo.gamma, mappo.learning_rate"},
+        {R"({"settings": null})",
+         "\"settings\" is an object with values of some of: mappo.gamma, mappo.learning_rate; not null"},
+        {"", "a name is missing"},
         {"{", "expected a JSON object"},
         {R"({"trial": 1, "value": NaN})", "no NaN and no Infinity (null says"},
         {R"({"trial": 1, "value": 1, "sed": 1})",

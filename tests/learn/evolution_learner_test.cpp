@@ -146,6 +146,23 @@ TEST(LearnEvolutionTeams, AlternatingTeamsTakeTurns) {
   }
 }
 
+// Team 0 evolves in generations 0 to 3, team 1 in the next four; both pools are asked after every second one. While
+// team 1 evolves, team 0 has nothing new: copies of its mean would push out what it was before.
+TEST(LearnEvolutionTeams, APoolTakesInNobodyWhoHasNotEvolved) {
+  const auto learner = evolution("snes", "turns: alternating, generations_per_turn: 4",
+                                 "opponents: {pool_size: 3, pool_every_updates: 2, pool_share: 0.5}\n")
+                           .learner();
+  for (int u = 0; u < 8; ++u) {
+    const NamedArrays before = saved(*learner);
+    learner->update();
+    const std::string changed = difference(before, saved(*learner));
+    const int evolves = u / 4;
+    EXPECT_EQ(changed.find(cat("team_", 1 - evolves, "/pool/kept")), std::string::npos) << u << ": " << changed;
+    EXPECT_EQ(changed.find(cat("team_", evolves, "/pool/kept")) != std::string::npos, u % 2 == 1)
+        << u << ": " << changed;
+  }
+}
+
 TEST(LearnEvolutionTeams, MetricsCountWhatWasPlayed) {
   const auto learner = evolution("openai_es").learner();
   const Metrics metrics = learner->update();

@@ -61,6 +61,9 @@ TEST_F(LearnMappoConfig, RewardsThatFadeArePaid) {
             "no error");
   EXPECT_EQ(error("shaping_final_factors: {damage: 1}"),
             key + "1: rewards do not fade where mappo.shaping_final_factor is 1; allowed there: less than 1, or none");
+  EXPECT_EQ(error("shaping_final_factor: 0.5, shaping_fade_start: 1"),
+            "run.yaml:3:31: mappo.shaping_final_factor: 0.5: nothing fades before the end of the run, "
+            "mappo.shaping_fade_start 1; allowed there: 1");
   EXPECT_EQ(error("shaping_final_factors: {damage: 0}, shaping_fade_start: 1"),
             key + "0: nothing fades before the end of the run, mappo.shaping_fade_start 1; allowed there: none");
   // Without a reward that stays whole, or fades by another factor, only the scale of rewards would change.

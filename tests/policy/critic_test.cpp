@@ -51,6 +51,28 @@ TEST(PolicyCritic, ComposedGradientReachesEveryLivingAgentOfItsStateAndNobodyEls
     }
 }
 
+// The mean features of one agent are its own: what a team of two that sees the same twice computes with the weights W
+// and T of a layer, an agent alone computes with W + T.
+TEST(PolicyCritic, AnAgentAloneReadsItsFeaturesOnce) {
+  CriticShape alone = shape_of(0), two = shape_of(0);
+  alone.n_team[0] = 1;
+  two.n_team[0] = 2;
+  const auto make_of = [](const CriticShape& shape, CriticKind kind) {
+    return Critic(config_of(kind), shape, Precision::fp32, cpu_loop(), at::kCPU, 3);
+  };
+  Critic composed = make_of(alone, CriticKind::composed);
+  const at::Tensor obs = random({4, 1, kCriticObs}, 5);
+  EXPECT_TRUE(at::equal(composed.forward(obs, at::ones({4, 1}), {}),
+                        make_of(alone, CriticKind::independent).forward(obs, at::ones({4, 1}), {})));
+  const Critic former = make_of(two, CriticKind::composed);  // such weights a team of one had
+  NamedArrays saved;
+  former.parameters().save("critic/", saved);
+  composed.load("critic/", saved);
+  const at::Tensor expected = former.forward(obs.expand({4, 2, kCriticObs}), at::ones({4, 2}), {}).narrow(1, 0, 1);
+  EXPECT_LT(largest(composed.forward(obs, at::ones({4, 1}), {}) - expected), 1e-6);
+  EXPECT_GT(largest(expected), 0.01);
+}
+
 // Behind a shared encoder the mean features of the team go into each layer, the first one too.
 TEST(PolicyCritic, OnSharedFeaturesTheTeamIsReadInEachLayer) {
   CriticConfig config = config_of(CriticKind::composed);

@@ -133,6 +133,13 @@ SimRunner::SimRunner(std::unique_ptr<Simulator> sim, Outputs outputs, int row_st
       if (outputs == Outputs::egocentric && kind.id != Observation::egocentric) return;
       io.obs[kind.id] = add_observation(kind.name + team, kind.type, rows, kind.shape(p).size(), row_step, all);
     });
+    if (outputs == Outputs::by_world) {
+      std::vector<uint8_t> sets(static_cast<size_t>(sim_->n_worlds()));
+      for (size_t w = 0; w < sets.size(); ++w) sets[w] = static_cast<uint8_t>((5 * w + 3 * t) % 16);
+      reads_[t] = Buffer<uint8_t>(sim_->memory(), sets.size());
+      sim_->memory().from_host(reads_[t].data(), sets.data(), sets.size());
+      io.reads = reads_[t].data();
+    }
     if (!all) continue;
     io.reward = static_cast<float*>(add("reward" + team, rows, 1, 4, true));
     io.alive = static_cast<uint8_t*>(add("alive" + team, rows, 1, 1, false, true));
@@ -178,7 +185,7 @@ void* SimRunner::add(const std::string& name, size_t per_world, size_t per_agent
 
 void SimRunner::poison() {
   for (Output& output : outputs_) {
-    std::vector<uint8_t> bytes(output.buffer.size(), 0xFF);
+    std::vector<uint8_t> bytes(output.buffer.size(), kPoison);
     const size_t row = output.shape.per_agent * output.shape.element, zeros = output.zeros_behind;
     for (size_t end = row; zeros > 0 && end <= bytes.size(); end += row)
       std::fill_n(bytes.begin() + static_cast<std::ptrdiff_t>(end - zeros), zeros, uint8_t{0});

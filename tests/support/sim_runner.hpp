@@ -43,11 +43,13 @@ std::string difference(const Snapshot& expected, const Snapshot& actual);
 std::vector<uint8_t> random_actions(const SimSpec& spec, int team, int n_worlds, uint64_t seed);
 
 /// Which outputs a runner asks for; `observations` and `egocentric` as populations do, who leave waiting worlds out of
-/// a step.
-enum class Outputs { all, observations, egocentric, none };
+/// a step. `by_world`: observations of which each world and team has others read (TeamIo::reads); the rows of the rest
+/// stay poisoned.
+enum class Outputs { all, observations, egocentric, by_world, none };
 
 class SimRunner {
  public:
+  static constexpr uint8_t kPoison = 0xFF;
   /// `row_step`: from one row of observations to the next it is the next larger multiple of this; 0 = rows are dense.
   /// What lies between is poisoned and nobody may touch it, or with kZerosBehind zero, as RowLayout has it.
   static constexpr int kZerosBehind = 8;
@@ -82,6 +84,7 @@ class SimRunner {
   std::vector<Output> outputs_;
   Buffer<uint8_t> actions_[kNTeams];
   StepIo io_;
+  Buffer<uint8_t> reads_[kNTeams];  // [W]; empty unless Outputs::by_world
 };
 
 /// How much happened, so that a test can tell that it tested something. Counts over worlds and steps.

@@ -98,6 +98,20 @@ TEST_F(Sweep, RandomDrawsStayInTheirRanges) {
   EXPECT_EQ(draw_trials(spec, sobol_points), trials) << "the same again";
 }
 
+// What was drawn before is drawn again, until there are as many as wanted or no more; 3 x 2 here.
+TEST_F(Sweep, RandomDrawsAreDifferentAndAsManyAsThereAre) {
+  const auto n_drawn = [&](int wanted) {
+    const SweepSpec spec =
+        read(cat(kHead, "  a: {integers: [1, 3]}\n  b: {choices: [x, y]}\nmethod: random\ntrials: ", wanted, "\n"));
+    const std::vector<TrialSettings> trials = draw_trials(spec, sobol_points);
+    EXPECT_EQ(std::set<TrialSettings>(trials.begin(), trials.end()).size(), trials.size());
+    return trials.size();
+  };
+  EXPECT_EQ(n_drawn(5), 5u);
+  EXPECT_EQ(n_drawn(6), 6u);
+  EXPECT_EQ(n_drawn(100), 6u);
+}
+
 // Four digits of 0.99998 are 1, and of the numbers from 0.99981 on 0.9998: both outside.
 TEST_F(Sweep, DrawsFromANarrowRangeHaveMoreDigits) {
   const SweepSpec spec = read(cat(kHead, "  a: {uniform: [0.99996, 0.99999]}\n  b: {log_uniform: [0.99981, 0.99984]}\n",
@@ -151,6 +165,19 @@ TEST_F(Sweep, MistakesInTheFileAreTold) {
            "s.yaml:4:3: parameters.seed: the sweep sets this itself, by seeds");
   contains(cat(kHead, "  a: {choices: [1]}\nset: [train.stop_at_agent_steps=5]\n"),
            "s.yaml:5:6: set: train.stop_at_agent_steps: the sweep sets this itself, by halving");
+  // A group that holds what is given elsewhere would undo it without a word.
+  contains(
+      cat(kHead, "  train: {choices: [{n_worlds: 16}]}\nset: [train.total_agent_steps=20_000]\n"),
+      "s.yaml:4:3: parameters.train: a group is set as a whole, and train.total_agent_steps of set is in it; name the "
+      "keys of the group that differ");
+  contains(
+      cat(kHead, "  train: {choices: [{n_worlds: 16}]}\n"),
+      "parameters.train: a group is set as a whole, and train.max_wall_time is in it: the sweep sets this itself, by "
+      "max_wall_time");
+  contains(cat(kHead, "  mappo: {choices: [{gamma: 0.9}]}\n  mappo.gamma: {choices: [0.9, 0.99]}\n"),
+           "s.yaml:4:3: parameters.mappo: a group is set as a whole, and the parameter mappo.gamma is in it");
+  contains(cat(kHead, "  a: {choices: [1]}\nset: [train.max_wall_time=1s]\n"),
+           "s.yaml:5:6: set: train.max_wall_time: the sweep sets this itself, by max_wall_time");
   for (const char* value : {"0", "1025", "2.5", "many", "none", "[2]", "-1", "AUTO"}) {
     const std::string error = error_of(cat(kHead, "  a: {choices: [1]}\nparallel: ", value, "\n"));
     EXPECT_TRUE(error.find("s.yaml:5:11: parallel: ") != std::string::npos &&
@@ -404,6 +431,7 @@ TEST(SweepAnalysis, WhatAParameterExplains) {
   EXPECT_EQ(groups_of({"gelu", "tanh", "gelu"}), (std::vector<size_t>{0, 1, 0}));
   EXPECT_EQ(rank_correlation({"1", "10", "100"}, {0.1, 0.2, 0.9}), 1);
   EXPECT_EQ(rank_correlation({"1", "10", "100"}, {9, 8, 7}), -1);
+  EXPECT_EQ(rank_correlation({"10_000", "2e4", "+30_000"}, {1, 2, 3}), 1) << "numbers as YAML has them";
   EXPECT_TRUE(std::isnan(rank_correlation({"a", "b"}, {1, 2})));
 }
 
@@ -418,6 +446,12 @@ TEST_F(Sweep, TheWorstOfSeveralColumnsCountsByItsLastKnownValues) {
   spec.goal = SweepGoal::minimize;
   EXPECT_NEAR(metric_of_run(spec, folder_ / "run").value(), 0.6, 1e-12);
   EXPECT_EQ(agent_steps_of_run(folder_ / "run"), 40);
+  // Trials were compared at 20 agent-steps; somebody has trained this one further.
+  spec.last_values = 1;
+  EXPECT_EQ(metric_of_run(spec, folder_ / "run", 20), 0.9);
+  EXPECT_EQ(agent_steps_of_run(folder_ / "run", 11), 20) << "the first row with as many";
+  EXPECT_EQ(seconds_of_run(folder_ / "run", 20), 2);
+  EXPECT_EQ(agent_steps_of_run(folder_ / "run", 50), 40) << "not there yet";
   EXPECT_EQ(agent_steps_of_run(folder_ / "nothing"), 0);
   spec.metric = {"c"};
   EXPECT_THROW(metric_of_run(spec, folder_ / "run"), InputError);

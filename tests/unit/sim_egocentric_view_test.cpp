@@ -159,6 +159,38 @@ TEST(SimEgocentricView, AloneItIsTheSame) {
   }
 }
 
+// World w of team t has the observations 5 w + 3 t read, of which bit 0 is the vector and bit 1 the view.
+TEST(SimEgocentricView, RowsThatNobodyReadsAreNotTouched) {
+  SimSpec spec = random_spec(7, 3, 2);
+  spec.params.egocentric_view = true;
+  spec.finish();
+  SimOptions options;
+  options.n_worlds = 16;
+  SimRunner whole(make_cpu_simulator(spec, options), Outputs::observations);
+  SimRunner some(make_cpu_simulator(spec, options), Outputs::by_world);
+  whole.start();
+  some.start();
+  int read = 0, left = 0;
+  for (uint64_t step = 0; step < 30; ++step) {
+    whole.step(step);
+    some.step(step);
+    const Snapshot a = whole.snapshot(), b = some.snapshot();
+    for (size_t t = 0; t < kNTeams; ++t)
+      for (size_t kind = 0; kind < 2; ++kind) {
+        const std::string name = cat(kind == 0 ? "vector" : "egocentric", " of team ", t);
+        const SnapshotField &all = a.field(name), &part = b.field(name);
+        const size_t bytes = all.per_world * all.element;
+        for (size_t w = 0; w < a.n_worlds; ++w) {
+          const bool is_read = (5 * w + 3 * t) >> kind & 1;
+          (is_read ? read : left) += 1;
+          for (size_t k = w * bytes; k < (w + 1) * bytes; ++k)
+            ASSERT_EQ(part.bytes[k], is_read ? all.bytes[k] : SimRunner::kPoison) << name << ", world " << w;
+        }
+      }
+  }
+  EXPECT_EQ(read, left);  // 5 w takes all values of two bits alike in 16 worlds
+}
+
 TEST(SimEgocentricView, TellsTheAgentItself) {
   TestWorld world(view_spec(1, 1));
   world.put(0, 2.5f, 7.5f, kPi / 6, 4, 2);

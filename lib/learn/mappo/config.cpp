@@ -50,17 +50,13 @@ constexpr ResumeRule kMappoMayNot[] = {
 
 constexpr ChartRow kMappoCharts[] = {
     {"entropy", "Entropy", "of the policy, nats"},
-    {"approx_kl", "Approximate KL", "between the policies before and after an update, nats"},
+    {"approx_kl", "Approximate KL", "of the policy before an update and before its last step, nats"},
     {"explained_variance", "Explained variance", "of the returns by the critic; 1 = all of it"},
     {"clip_fraction", "Clip fraction", "share of probability ratios beyond the clip range"},
     {"policy_loss", "Policy loss", "the clipped surrogate; its size says little, its jumps do"},
     {"value_loss", "Value loss", "of the critic, in normalised units"},
 };
 constexpr std::string_view kMappoUnread[] = {"population.", "openai_es.", "snes.", "des."};
-
-bool remembers(const MappoConfig& c) { return c.actor.remembers() || c.critic.remembers(); }
-/// Steps that stay together in a minibatch.
-int steps_together(const MappoConfig& c) { return remembers(c) ? c.horizon : 1; }
 
 /// The network whose encoder gives the critic its features.
 const NetworkConfig& encodes_for_critic(const MappoConfig& c) {
@@ -278,6 +274,11 @@ void single_rewards_fade(ConfigCheck& check) {
 void rewards_fade(ConfigCheck& check) {
   const MappoConfig& c = check.config.mappo;
   single_rewards_fade(check);
+  if (c.shaping_final_factor != 1 && c.shaping_fade_start == 1 && !check.has_begun &&
+      check.known({"mappo.shaping_final_factor", "mappo.shaping_fade_start"}))
+    check.fail("mappo.shaping_final_factor",
+               cat(c.shaping_final_factor,
+                   ": nothing fades before the end of the run, mappo.shaping_fade_start 1; allowed there: 1"));
   if (not_paid_because(check, RewardTerm::game_won).value_or("").empty()) return;
   if (!check.known({"mappo.shaping_final_factor"})) return;
   std::optional<float> of_all;

@@ -130,8 +130,8 @@ void visit_fields(V& v, MappoConfig& c) {
   v("max_grad_norm", c.max_grad_norm, "gradients are scaled down to this norm, per network; 0 = never", at_least(0));
   v("advantage_norm", c.advantage_norm,
     "over what advantages are brought to mean 0 and deviation 1; none = they are not");
-  v("target_kl", c.target_kl, "once approx_kl passes this, a team skips the other minibatches of the update",
-    at_least(0));
+  v("target_kl", c.target_kl,
+    "once approx_kl, asked before each step, passes this, a team takes no other step in the update", at_least(0));
   v("adam_epsilon", c.adam_epsilon, "Adam's epsilon", greater_than(0));
   v("value_norm", c.value_norm, "critics predict returns normalised by running moments");
   v("value_norm_beta", c.value_norm_beta, "share of the old moments that an update keeps", range(0, 1).below(1));
@@ -153,19 +153,23 @@ void visit_fields(V& v, MappoConfig& c) {
     "policy rests; none = never",
     range(0, 1));
   v("step_back", c.step_back,
-    "a team whose share of wins against opponents.scripted falls this far below its best, and further than by luck "
-    "(two standard deviations), becomes again what it was when that began; counted in training, over "
+    "a team whose share of wins against opponents.scripted falls below its best by this much more than luck explains "
+    "(two standard deviations) becomes again what it was when that began; counted in training, over "
     "opponents.pool_every_updates updates and at least 400 games; none = never",
     greater_than(0).at_most(1));
   v("fused", c.fused,
     "learn by fused kernels where these serve the networks (docs/architecture.md says which), on a GPU act by them "
-    "too; "
-    "false: always by LibTorch");
+    "too; false: always by LibTorch");
   v("graphs", c.graphs,
     "where LibTorch learns on one GPU: queue a minibatch as one CUDA graph, recorded in the second update, and not "
     "kernel by kernel. The result is the same");
   v.group("actor", c.actor, "the policy networks");
   v.group("critic", c.critic, "the value networks");
+}
+
+/// Steps that stay together in a minibatch: with memory the rollout.
+inline int64_t steps_together(const MappoConfig& c) {
+  return c.actor.remembers() || c.critic.remembers() ? c.horizon : 1;
 }
 
 /// Its group of a run config.

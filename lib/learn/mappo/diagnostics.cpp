@@ -85,6 +85,10 @@ at::Tensor PpoTeam::faulty_states(const Rollout& rollout, int64_t most) const {
   for (const at::Tensor& x :
        {r.obs.defined() ? r.obs.slice(0, 0, t) : r.reward, r.log_prob, r.reward, value_, advantage_, returns_})
     bad.logical_or_(at::isfinite(own(x)).logical_not().reshape({n_states, -1}).any(1));
+  if (r.obs.defined()) {  // what is seen behind the last step counts for that step
+    const at::Tensor behind = own(r.obs.slice(0, t)).isfinite().logical_not().reshape({n_own_worlds(), -1}).any(1);
+    bad.slice(0, n_states - n_own_worlds()).logical_or_(behind);
+  }
   const at::Tensor index = states(bad.nonzero().squeeze(1));
   return index.slice(0, 0, std::min(most, index.size(0)));
 }

@@ -14,9 +14,9 @@ namespace {
 
 constexpr int kMostAgents = FusedState::kMostAgents;  // of a team: a tile has whole states
 
-/// A block of the gradients fills a multiprocessor, and the kernel of one team follows that of the other: with ranks
-/// one multiprocessor is left to what goes between them, which else would wait at each of its steps until a kernel of
-/// some hundred microseconds ends.
+/// A block of the gradients fills a multiprocessor, and the kernel of one team follows that of the other: where ranks
+/// add up gradients on another stream than theirs, one multiprocessor is left to that, which else would wait at each of
+/// its steps until a kernel of some hundred microseconds ends.
 int blocks_on(Device device, bool alone) {
   if (!device.is_cuda()) return kCpuParts;
   return fused_blocks(device.index) - (alone ? 0 : 1);

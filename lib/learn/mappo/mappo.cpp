@@ -335,6 +335,8 @@ void Mappo::save_batch(NamedArrays& out) const {
   if (k < 0) {
     const int64_t most = team.n_sequences() * team.sequence_length() / c.n_minibatches;
     states = team.faulty_states(collector_->rollout(), most);
+    if (states.size(0) == 0)  // the fault is that of a normaliser: in no state, or in all
+      states = team.states(at::arange(most, states.options()));
   } else {
     const at::Tensor order = order_of(updates_ - 1, k / c.n_minibatches);
     states = team.minibatches(order)[static_cast<size_t>(k % c.n_minibatches)];

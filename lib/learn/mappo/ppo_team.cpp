@@ -417,7 +417,7 @@ void PpoTeam::save(const std::string& prefix, NamedArrays& out) const {
 
 void PpoTeam::load(const std::string& prefix, const NamedArrays& in) {
   actor_.load(prefix + "actor/", in);
-  critic_.parameters().load(prefix + "critic/", in);
+  critic_.load(prefix + "critic/", in);
   actor_adam_.load(prefix + "actor_adam/", in);
   critic_adam_.load(prefix + "critic_adam/", in);
   value_norm_.load(prefix + "value_norm/", in);

@@ -29,7 +29,7 @@ std::unique_ptr<ValueFunction> ValueFunction::load(const LoadedRun& run, int tea
   if (std::none_of(arrays.begin(), arrays.end(), [&](const NamedArray& a) { return a.name.starts_with(critic); }))
     return nullptr;
   auto values = std::unique_ptr<ValueFunction>(new ValueFunction(run, team, actor, device));
-  values->critic_.parameters().load(critic, arrays);
+  values->critic_.load(critic, arrays);
   values->norm_.load(cat("team_", team, "/value_norm/"), arrays);
   return values;
 }
