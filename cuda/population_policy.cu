@@ -22,7 +22,8 @@ constexpr int kTilesAtOnce = 8;                                             // w
 /// What a warp has in shared memory.
 struct WarpMemory {
   alignas(16) float head[kMaxRows * kLogitStride];
-  int64_t world[kWarp];  // that play, of its piece
+  int64_t world[kWarp];   // that play, of its piece
+  int64_t row[kMaxRows];  // of those that are taken at a time; below 0: none
 };
 
 __device__ uint32_t pair_of(float2 x) {
@@ -151,10 +152,10 @@ struct Rows {
   __device__ int64_t number(int r) const { return memory.world[r / n] * n + r % n; }
 };
 
-/// The heads of 16 kM rows, from observations to shared memory.
+/// The heads of 16 kM rows, from observations to shared memory. `rows`: their numbers, below 0 where there is none.
 template <int kM, int kTiles>
 __device__ void make_heads(const PopulationPolicy& policy, const NetworkGroups& part, const __half* network,
-                           const Rows& rows, int first, float* head) {
+                           const int64_t* rows, float* head) {
   const Lane lane;
   const PackedMlp& packed = policy.packed;
   const float* row[kM][2];
@@ -162,8 +163,8 @@ __device__ void make_heads(const PopulationPolicy& policy, const NetworkGroups& 
   for (int m = 0; m < kM; ++m)
 #pragma unroll
     for (int k = 0; k < 2; ++k) {
-      const int r = first + m * kTileRows + k * 8 + lane.group;
-      row[m][k] = r < rows.count ? part.obs + rows.number(r) * policy.obs_stride : nullptr;
+      const int64_t r = rows[m * kTileRows + k * 8 + lane.group];
+      row[m][k] = r >= 0 ? part.obs + r * policy.obs_stride : nullptr;
     }
   const int columns = packed.mlp.width[0];
   Sums<kM, kTiles> sums;
@@ -238,15 +239,18 @@ __device__ void move_piece(const PopulationPolicy& policy, const PopulationPiece
   if (part.act.actions == ActionKind::continuous)
     for (int k = 0; k < kActionSize; ++k) log_std[k] = __half2float(network[packed.log_std + k]);
   for (int first = 0; first < rows.count; first += kMaxRows) {
+    const int64_t row = first + lane < rows.count ? rows.number(first + lane) : -1;
+    memory.row[lane] = row;
+    __syncwarp();
     if (kTiles == kNarrow && rows.count - first > kTileRows) {
-      make_heads<2, kNarrow>(policy, part, network, rows, first, memory.head);
+      make_heads<2, kNarrow>(policy, part, network, memory.row, memory.head);
     } else {
-      make_heads<1, kTiles>(policy, part, network, rows, first, memory.head);
+      make_heads<1, kTiles>(policy, part, network, memory.row, memory.head);
       if (kTiles != kNarrow && rows.count - first > kTileRows)
-        make_heads<1, kTiles>(policy, part, network, rows, first + kTileRows, memory.head + kTileRows * kLogitStride);
+        make_heads<1, kTiles>(policy, part, network, memory.row + kTileRows, memory.head + kTileRows * kLogitStride);
     }
     __syncwarp();
-    if (first + lane < rows.count) part.act(rows.number(first + lane), memory.head + lane * kLogitStride, log_std);
+    if (row >= 0) part.act(row, memory.head + lane * kLogitStride, log_std);
     __syncwarp();  // the next rows take the same memory
   }
 }

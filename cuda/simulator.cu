@@ -89,7 +89,7 @@ class CudaSimulator final : public LaunchingSimulator {
 
   void list_playing() override {
     GIGA_CUDA(cudaSetDevice(index_));
-    list_playing_worlds(state_.view().phase, n_worlds(), playing(), n_playing(), stream_);
+    list_playing_worlds(state_.view().phase, n_worlds(), options().draw_period, playing(), n_playing(), stream_);
     counts_.record(n_lists(), n_playing(), stream_);
   }
 

@@ -13,9 +13,12 @@ namespace {
 // After so many lists the host looks how many worlds one had: enough work that the device does not wait for it.
 constexpr int64_t kListsLater = 2;
 
-// Lists the worlds that play, in any order: worlds do not depend on each other. `count` starts at 0.
-__global__ void list_worlds(const Phase* phase, int n_worlds, int32_t* playing, int32_t* count) {
-  const int world = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
+// Lists the worlds that play, in any order: worlds do not depend on each other. `count` starts at 0. Those that draw
+// the same numbers, which are `period` apart (0: none), come one behind the other: they begin alike, and those of a
+// population meet the same opponent, so that threads side by side do much the same.
+__global__ void list_worlds(const Phase* phase, int n_worlds, int period, int32_t* playing, int32_t* count) {
+  const int at = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x), alike = period > 0 ? n_worlds / period : 0;
+  const int world = at < alike * period ? at % alike * period + at / alike : at;
   const bool plays = world < n_worlds && phase[world] == Phase::plays;
   const unsigned mask = __ballot_sync(0xFFFFFFFFu, plays);
   const int lane = static_cast<int>(threadIdx.x % kWarp);
@@ -78,10 +81,12 @@ class RecentCounts {
 };
 
 /// Queues a list of the worlds that play, [W], and their number.
-void list_playing_worlds(const Phase* phase, int n_worlds, int32_t* playing, int32_t* count, cudaStream_t stream) {
+void list_playing_worlds(const Phase* phase, int n_worlds, int64_t period, int32_t* playing, int32_t* count,
+                         cudaStream_t stream) {
   constexpr int kThreads = 256;
   GIGA_CUDA(cudaMemsetAsync(count, 0, sizeof(int32_t), stream));
-  list_worlds<<<(n_worlds + kThreads - 1) / kThreads, kThreads, 0, stream>>>(phase, n_worlds, playing, count);
+  list_worlds<<<(n_worlds + kThreads - 1) / kThreads, kThreads, 0, stream>>>(phase, n_worlds, static_cast<int>(period),
+                                                                             playing, count);
   GIGA_CUDA(cudaGetLastError());
 }
 

@@ -6,6 +6,7 @@
 #include <cstdint>
 
 #include "core/host_device.hpp"
+#include "core/quotient.hpp"
 
 namespace giga {
 
@@ -83,7 +84,7 @@ GIGA_HD float unit_float_of(const Philox4& block, uint32_t index) {
 /// The number under which world `world` draws: `first` is that of world 0; worlds a whole `period` apart draw the same
 /// numbers (0 = all draw apart).
 GIGA_HD uint32_t draw_world(int64_t first, int64_t period, int64_t world) {
-  return static_cast<uint32_t>(first + (period > 0 ? world % period : world));
+  return static_cast<uint32_t>(first + (period > 0 ? left_over(world, period) : world));
 }
 
 /// The number of an agent as part of a row, with bit 16 left free for what tells two kinds of rows apart: a reset, a
