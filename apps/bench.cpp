@@ -242,6 +242,7 @@ CLI::App* add_kind(CLI::App& parent, Dispatch& dispatch, const std::shared_ptr<B
                    const std::string& kind, const std::string& description, Measure measure_one) {
   CLI::App* command = parent.add_subcommand(kind, description);
   command->add_option("--scenario", options->scenario, "name or path of a scenario")
+      ->check(some_name())
       ->capture_default_str()
       ->type_name("S");
   command->add_option("--worlds", options->worlds, "numbers of worlds, each measured by itself, as 1024,4096")

@@ -8,6 +8,7 @@
 #include <string_view>
 #include <system_error>
 
+#include "apps/option_value.hpp"
 #include "apps/output.hpp"
 #include "apps/program_info.hpp"
 #include "config/names.hpp"
@@ -131,6 +132,7 @@ void describe_program(CLI::App& app) {
 CLI::Option* add_device_option(CLI::App& command, std::string& device) {
   return command
       .add_option("--device", device, "auto (the first GPU, else the CPU), cpu, cuda or cuda:<number of the GPU>")
+      ->check(some_name())
       ->type_name("DEVICE");
 }
 

@@ -38,8 +38,8 @@ CLI::Validator value_of(const Allowed& allowed) {
 }
 
 /// For CLI::Option::check: a name that is given is not empty, as one of an unset variable of a shell is.
-inline CLI::Validator some_name() {
-  return {[](std::string& text) { return std::string(text.empty() ? "a name is missing" : ""); }, ""};
+inline CLI::Validator some_name(const std::string& otherwise = "a name is missing") {
+  return {[otherwise](std::string& text) { return text.empty() ? otherwise : std::string(); }, ""};
 }
 
 }  // namespace giga

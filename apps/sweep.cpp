@@ -165,7 +165,7 @@ void add_sweep_command(CLI::App& app, Dispatch& dispatch) {
           "--tell", options->tell,
           "only note a result, as '{\"trial\": 3, \"rung\": 0, \"value\": 0.8}', or settings to be tried too, as "
           "'{\"settings\": {\"mappo.gamma\": 0.99}}'")
-      ->check(some_name())
+      ->check(some_name("expected a JSON object"))
       ->type_name("JSON")
       ->excludes(ask_option);
   command->add_flag("--quiet", options->quiet, "no panel, and no line for each run that ends");

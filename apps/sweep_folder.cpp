@@ -241,7 +241,8 @@ SweepFolder::SweepFolder(const fs::path& file, const fs::path& folder) : path_(f
   }
 
   KeyPositions before;
-  const SweepSpec known = read_sweep(path_ / kSweepFile, before);
+  SweepSpec known = read_sweep(path_ / kSweepFile, before);
+  make_paths_whole(known, file);  // an older program left those as they were that lie in the working folder
   const auto settings_in = [](const SweepSpec& spec) { return flatten(parse_yaml_text(lasting_part(spec), "").root); };
   if (const auto changes = compare_settings(settings_in(known), settings_in(spec_)); !changes.empty())
     throw InputError(cat("the folder ", path_.string(), " holds another sweep than ", file.string(), " (",

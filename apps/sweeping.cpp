@@ -269,10 +269,11 @@ class Sweeping {
     if (!there && stops) ++unsaved_;
     SweepResult result{std::nullopt, there ? 0 : code, seconds_since(active.start), steps};
     if (there) {
-      result.value = metric_of_run(folder_.spec(), wanted.folder, wanted.stop_at);
-      result.agent_steps = agent_steps_of_run(wanted.folder, wanted.stop_at);
+      const int64_t end = folder_.agent_steps(run.trial, run.rung);  // somebody may have trained it further
+      result.value = metric_of_run(folder_.spec(), wanted.folder, end);
+      result.agent_steps = agent_steps_of_run(wanted.folder, end);
       // Of all processes that took it here from the rung before.
-      result.seconds = seconds_of_run(wanted.folder, wanted.stop_at);
+      result.seconds = seconds_of_run(wanted.folder, end);
       for (int rung = 0; rung < run.rung; ++rung)
         if (const SweepResult* before = folder_.progress().result({run.trial, rung, run.seed}))
           result.seconds -= before->seconds;

@@ -106,8 +106,11 @@ void Game::find_readers() {
               team, part.worlds.first,
               std::span(sets).subspan(static_cast<size_t>(part.worlds.first), static_cast<size_t>(part.worlds.count)));
     readers.of = asked.rows[team].wanted;
-    for (uint8_t& set : sets) set |= readers.of.bits();
-    const uint8_t all = (reads_[team] | readers.of).bits();
+    ObservationSet everywhere = readers.of;  // and what observers have brought rows for
+    for (int k = 0; k < kNObservations; ++k)
+      if (const auto kind = static_cast<Observation>(k); asked.io.team[team].obs[kind].rows) everywhere |= kind;
+    for (uint8_t& set : sets) set |= everywhere.bits();
+    const uint8_t all = (reads_[team] | everywhere).bits();
     if (std::all_of(sets.begin(), sets.end(), [all](uint8_t set) { return set == all; })) sets.clear();
     if (sets == readers.sets) continue;
     readers.sets = std::move(sets);
@@ -301,8 +304,9 @@ void Game::act(const GameStep& step, bool behind_step) {
 
 std::span<const TeamStep> Game::parts_of(const Seat& seat, const GameStep& step, int64_t number, bool behind_step,
                                          const ParallelFor& parallel_for) {
-  // Of several controllers the first alone is behind the step, or each is on a stream of its own.
-  const bool behind = behind_step && seats_.size() == 1 && sim_.step_lets_next_begin();
+  // Of several controllers or shares the first alone is behind the step, or each is on a stream of its own.
+  const bool alone = seats_.size() == 1 && seat.controller->n_shares() == 1;
+  const bool behind = behind_step && alone && sim_.step_lets_next_begin();
   parts_.clear();
   for (const Part& part : seat.parts) {
     const TeamStep all{sim_,    parallel_for, part.team, number, {0, sim_.n_worlds()}, step.team[part.team],

@@ -146,10 +146,10 @@ class Game {
   std::vector<GameObserver*> observers_;
   const RowLayout layout_;
   ObservationSet reads_[kNTeams];  // of the controllers of a side
-  /// The same world by world, with what an observer wants, which was `of` it then; empty where all worlds are alike.
+  /// The same world by world, with what observers want.
   struct Readers {
-    ObservationSet of;
-    std::vector<uint8_t> sets;  // [W] TeamIo::reads
+    ObservationSet of;          // what observers wanted when `sets` was made
+    std::vector<uint8_t> sets;  // [W] TeamIo::reads; empty where all worlds are alike
     Buffer<uint8_t> buffer;     // of the device
   };
   Readers readers_[kNTeams];

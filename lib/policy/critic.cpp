@@ -33,15 +33,20 @@ std::pair<NetworkConfig, NetworkConfig> split_state_critic(const CriticConfig& c
   return {first, rest};
 }
 
+namespace {
+
+bool is_alone(const CriticShape& shape) { return shape.n_team[shape.team] == 1; }
+
 /// The mean of a team of one is that agent: team weights would read the same numbers a second time.
-CriticKind kind_of(const CriticConfig& config, const CriticShape& shape) {
-  const bool alone = shape.n_team[shape.team] == 1;
-  return config.kind == CriticKind::composed && alone ? CriticKind::independent : config.kind;
+CriticKind kind_in_team(const CriticConfig& config, const CriticShape& shape) {
+  return config.kind == CriticKind::composed && is_alone(shape) ? CriticKind::independent : config.kind;
 }
+
+}  // namespace
 
 Critic::Critic(const CriticConfig& config, const CriticShape& shape, Precision precision,
                const ParallelFor& parallel_for, at::Device device, std::optional<uint64_t> seed)
-    : kind_(kind_of(config, shape)), shape_(shape), precision_(precision), parallel_for_(&parallel_for) {
+    : kind_(kind_in_team(config, shape)), shape_(shape), precision_(precision), parallel_for_(&parallel_for) {
   GIGA_CHECK(!shares_encoder() || (config.kind != CriticKind::state && !config.reads_image()),
              "layers on features, which are numbers of each agent");
   const std::string name = enum_names(config.encoder)[static_cast<size_t>(config.encoder)];
@@ -119,7 +124,7 @@ void Critic::put_encoder_before(FusedMlp& mlp) const {
 
 void Critic::load(const std::string& prefix, const NamedArrays& in) {
   const std::string former = prefix + "team_";
-  if (kind_ != CriticKind::independent ||
+  if (kind_ != CriticKind::independent || !is_alone(shape_) ||
       std::none_of(in.begin(), in.end(), [&](const NamedArray& array) { return array.name.starts_with(former); }))
     return parameters_.load(prefix, in);
   NamedArrays arrays;

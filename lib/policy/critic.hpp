@@ -65,7 +65,7 @@ class Critic {
   ParameterSet& parameters() { return parameters_; }
   const ParameterSet& parameters() const { return parameters_; }
   /// Its parameters from arrays that parameters().save() named. Takes those of a team of one that were saved when such
-  /// critics had team weights, too: the values are the same.
+  /// critics had team weights, too: the values of living agents are the same.
   void load(const std::string& prefix, const NamedArrays& in);
 
  private:

@@ -7,7 +7,6 @@
 #include <cstdio>
 #include <cstdlib>
 #include <random>
-#include <set>
 
 #include "core/error.hpp"
 
@@ -78,15 +77,7 @@ std::vector<TrialSettings> draw_trials(const SweepSpec& spec, const SobolPoints&
     for (double& s : shift) s = uniform_of(generator);
   }
   std::vector<TrialSettings> trials;
-  // A random draw that was there before is followed by another, but not for ever: there may be fewer different
-  // settings.
-  constexpr int kMostInVain = 1000;
-  std::set<TrialSettings> there;
-  int in_vain = 0;
-  const auto goes_on = [&](int k) {
-    return spec.method == SweepMethod::random ? std::ssize(trials) < n && in_vain < kMostInVain : k < n;
-  };
-  for (int k = 0; goes_on(k); ++k) {
+  for (int k = 0; k < n; ++k) {
     TrialSettings settings;
     if (spec.method == SweepMethod::grid) {
       settings = grid_point(spec, k);
@@ -105,9 +96,7 @@ std::vector<TrialSettings> draw_trials(const SweepSpec& spec, const SobolPoints&
       settings.emplace_back(key, value_at(parameter, u));
       ++j;
     }
-    const bool is_new = there.insert(settings).second;
-    in_vain = is_new ? 0 : in_vain + 1;
-    if (is_new) trials.push_back(std::move(settings));
+    if (std::find(trials.begin(), trials.end(), settings) == trials.end()) trials.push_back(std::move(settings));
   }
   return trials;
 }

@@ -103,8 +103,8 @@ void visit_fields(V& v, SweepSpec& c) {
     "grid: every combination of choices and integers; random: drawn independently; sobol: drawn so that they fill the "
     "space evenly (Sobol 1967)");
   v("trials", c.trials,
-    "how many settings are tried, fewer where there are no more; of a grid, the first so many. none = 16; of a grid, "
-    "all",
+    "how many settings are drawn, of which those that come out twice are tried once; of a grid, the first so many. "
+    "none = 16; of a grid, all",
     range(1, kMostTrials));
   v("seeds", c.seeds, "each trial is trained once with each; its value is the mean", Allowed{}.items(1, 1000));
   v("metric", c.metric,

@@ -223,7 +223,7 @@ TEST(AppSweep, AskAndTell) {
          "mappo.gama is no parameter of this sweep; allowed: mappo.gamma, mappo.learning_rate"},
         {R"({"settings": null})",
          "\"settings\" is an object with values of some of: mappo.gamma, mappo.learning_rate; not null"},
-        {"", "a name is missing"},
+        {"", "--tell: expected a JSON object"},
         {"{", "expected a JSON object"},
         {R"({"trial": 1, "value": NaN})", "no NaN and no Infinity (null says"},
         {R"({"trial": 1, "value": 1, "sed": 1})",

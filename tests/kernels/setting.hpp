@@ -50,6 +50,7 @@ struct KernelCase {
   bool composed = true, continuous = false, normalize = false;
   // Critics of the true state: numbers of the world, agents of the other team, the own one.
   int world = 0, n_other = 0, team = 0;
+  float value_coef = 0.5f;
 };
 inline void PrintTo(const KernelCase& c, std::ostream* out) { *out << c.name; }
 

@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 
 #include "cuda/runtime.hpp"
@@ -178,6 +179,31 @@ TEST(LearnPopulationGames, NetworksOfEgocentricViewsMeetScriptsThatLook) {
     EXPECT_EQ(stat(games.results(0), EpisodeStat::wins_0), match.wins[0]) << name_of(script);
     EXPECT_EQ(stat(games.results(0), EpisodeStat::length) / 16, match.mean_length) << name_of(script);
   }
+}
+
+// With common luck the first episodes of two games begin alike, whoever is met in the others: each is played as where
+// all meet its opponent. Networks read the view, pursuer the rest, noop nothing: each world has what its player reads.
+TEST(LearnPopulationGames, EachEpisodeIsPlayedAsWhereAllMeetItsOpponent) {
+  const LoadedRun run =
+      run_of("maps: two_rooms1\nobservation: {egocentric_view: true}\n", "hidden: [16, 16], inputs: egocentric");
+  Networks n(run, 4, {});
+  const ParallelFor parallel_for(Device{}, 1);
+  PopulationGames games(run.spec, {4, 3, 2, true, false, 9, 1}, n.actor, parallel_for);
+  const auto play = [&](const std::vector<int32_t>& opponents) {
+    const Population first{0, n.members, n.opponents, opponents}, second{1, n.members, n.opponents, opponents};
+    games.play({first, second}, 3);
+    return std::array{games.results(0).clone(), games.results(1).clone()};
+  };
+  const std::vector<int32_t> opponents = {network_of_script(Scripted::pursuer), 0, network_of_script(Scripted::noop)};
+  const auto mixed = play(opponents);
+  for (size_t e = 0; e < opponents.size(); ++e) {
+    const auto alike = play({opponents[e], opponents[e], opponents[e]});
+    for (const size_t k : {0, 1}) {
+      EXPECT_TRUE(at::equal(mixed[k].select(1, static_cast<int64_t>(e)), alike[k].select(1, static_cast<int64_t>(e))))
+          << "population " << k << ", episode " << e;
+    }
+  }
+  EXPECT_FALSE(at::equal(mixed[0].select(1, 0), mixed[0].select(1, 1)));
 }
 
 // Nobody dies in a world of 60 x 60 in 30 steps. A cut is not the scenario's own time limit: nobody wins by living.

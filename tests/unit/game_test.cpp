@@ -225,6 +225,42 @@ TEST(Game, WritesTheObservationsThatControllersRead) {
   }
 }
 
+// Two players of team 0 read different observations, each in its worlds. An observer's are written in all worlds, and
+// what is read where was told before it came.
+TEST(Game, WritesRowsWhereSomebodyReadsThem) {
+  const SimSpec spec = game_spec(true);
+  const auto sim = simulator(spec);
+  const auto numbers = std::make_shared<Straight>(Observation::vector),
+             looking = std::make_shared<Straight>(Observation::egocentric);
+  Witness witness;
+  Game game(*sim, parallel_for(), {Side{{numbers, {0, 3}}, {looking, {3, 4}}}, everywhere(numbers, *sim)}, {&witness});
+  const auto sets_of = [&](int team) {
+    const uint8_t* reads = witness.last.io.team[team].reads;
+    return reads ? std::vector<int>(reads, reads + kWorlds) : std::vector<int>();
+  };
+  game.start();
+  game.play(2);
+  EXPECT_EQ(sets_of(0), (std::vector<int>{1, 1, 1, 2, 2, 2, 2})) << "bit 0: the vector, bit 1: the view";
+  EXPECT_EQ(sets_of(1), std::vector<int>()) << "alike in all worlds";
+  const RowLayout layout = observation_rows(spec);
+  const auto is_written = [&](int world, Observation kind) {
+    const RowLayout::Columns columns = layout.columns(kind);
+    const float* row = witness.last.rows[0].obs + static_cast<int64_t>(world) * 3 * layout.stride() + columns.first;
+    return std::any_of(row, row + columns.count, [](float x) { return x != 0; });
+  };
+  for (int w = 0; w < kWorlds; ++w) {
+    EXPECT_EQ(is_written(w, Observation::vector), w < 3) << w;
+    EXPECT_EQ(is_written(w, Observation::egocentric), w >= 3) << w;
+  }
+  Watcher watcher(Observation::egocentric);
+  game.watch(watcher);
+  game.play(1);
+  EXPECT_EQ(sets_of(0), std::vector<int>()) << "all that has rows is written";
+  game.start();
+  game.play(1);
+  EXPECT_EQ(sets_of(0), (std::vector<int>{3, 3, 3, 2, 2, 2, 2}));
+}
+
 TEST(Game, SomebodyMovesEveryWorldOnce) {
   const auto sim = simulator(game_spec());
   const auto straight = std::make_shared<Straight>();
