@@ -83,7 +83,7 @@ TEST(CommandLine, MistakesNameTheNearest) {
       {{"record", "circle", "--seed", "1.5"}, {"--seed: '1.5' is not an integer >= 0"}},
       {{"record", "circle", "--episodes", "none"}, {"--episodes: 'none' is not an integer in [1, 1000]"}},
       {{"exploit", "circle", "--seed", "-1"}, {"--seed: '-1' is not an integer in [0, 18446744073709551615]"}},
-      {{"exploit", "circle", "--agent-steps", "much"}, {"--agent-steps: 'much' is not a number in [1, 9e+15]"}},
+      {{"exploit", "circle", "--agent-steps", "much"}, {"--agent-steps: 'much' is not an integer in [1, 9e+15]"}},
       {{"picture", "a.replay", "--episode", "-1"}, {"--episode: '-1' is not an integer >= 0"}},
       {{"rate", "runs/x", "--sides", "alkie"},
        {"--sides: 'alkie' is not one of: auto, alike, apart; nearest: 'alike'"}},
