@@ -1,5 +1,7 @@
 #include "config/settings.hpp"
 
+#include "core/error.hpp"
+
 namespace giga {
 namespace {
 
@@ -27,6 +29,10 @@ std::string setting(const Settings& settings, const std::string& path) {
   for (const auto& [key, value] : settings)
     if (key == path) return value;
   return "";
+}
+
+bool paths_overlap(const std::string& a, const std::string& b) {
+  return cat(a, ".").starts_with(cat(b, ".")) || cat(b, ".").starts_with(cat(a, "."));
 }
 
 std::vector<SettingChange> compare_settings(const Settings& before, const Settings& after) {

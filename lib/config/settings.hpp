@@ -21,6 +21,9 @@ std::string plain_text(const Node& node);
 /// Value of a path; "" where there is none.
 std::string setting(const Settings& settings, const std::string& path);
 
+/// Whether one path is the other, or that of a group that holds it.
+bool paths_overlap(const std::string& a, const std::string& b);
+
 /// A path with its values in two lists, of which one may lack it ("").
 struct SettingChange {
   std::string path, before, after;

@@ -4,6 +4,7 @@
 #include <set>
 #include <utility>
 
+#include "config/settings.hpp"
 #include "core/error.hpp"
 
 namespace giga {
@@ -70,13 +71,8 @@ bool FieldCodec<RunsAtOnce>::read(const Node& node, RunsAtOnce& value, const All
 constexpr std::pair<const char*, const char*> kSetBySweep[] = {
     {"seed", "seeds"}, {"train.stop_at_agent_steps", "halving"}, {"train.max_wall_time", "max_wall_time"}};
 
-/// Whether one of them is the other or a group that holds it.
-bool overlap(const std::string& a, const std::string& b) {
-  return cat(a, ".").starts_with(cat(b, ".")) || cat(b, ".").starts_with(cat(a, "."));
-}
-
-/// Keys that are given in two places, of which one would be lost without a word. A value of `set` may be the usual one
-/// of a parameter that stands for itself alone.
+/// Refuses parameters that hold what is given elsewhere: one of both would be lost without a word. A parameter may be a
+/// single key of `set`, whose value it changes then.
 void check_overlaps(const SweepSpec& spec, const KeyPositions& given, const std::filesystem::path& file,
                     Errors& errors) {
   for (auto p = spec.parameters.begin(); p != spec.parameters.end(); ++p) {
@@ -88,15 +84,16 @@ void check_overlaps(const SweepSpec& spec, const KeyPositions& given, const std:
       return key == own ? std::string() : cat("a group is set as a whole, and ", own, " is in it: ");
     };
     for (const auto& [own, by] : kSetBySweep)
-      if (overlap(key, own)) refuse(cat(in_group(own), "the sweep sets this itself, by ", by));
-    if (const std::string total = "train.total_agent_steps"; spec.halving.first_agent_steps && overlap(key, total))
+      if (paths_overlap(key, own)) refuse(cat(in_group(own), "the sweep sets this itself, by ", by));
+    if (const std::string total = "train.total_agent_steps";
+        spec.halving.first_agent_steps && paths_overlap(key, total))
       refuse(cat(in_group(total), "with halving all trials have the same stops; set says how long they are"));
     for (const std::string& assignment : spec.set)
       if (assignment.starts_with(key + "."))
         refuse(cat("a group is set as a whole, and ", assignment.substr(0, assignment.find('=')),
                    " of set is in it; name the keys of the group that differ"));
     for (auto other = std::next(p); other != spec.parameters.end(); ++other)
-      if (overlap(key, other->first))
+      if (paths_overlap(key, other->first))
         refuse(cat("a group is set as a whole, and the parameter ", other->first, " is in it"));
   }
 }
