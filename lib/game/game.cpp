@@ -93,11 +93,10 @@ void Game::make_buffers() {
 }
 
 /// Scripts may read other observations than networks do, and play in some worlds only: rows that nobody reads need not
-/// be written.
+/// be written. And networks may play in the mirror, scripts do not.
 void Game::find_readers() {
   const GameStep asked = ask(0);
   for (int team = 0; team < kNTeams; ++team) {
-    Readers& readers = readers_[team];
     std::vector<uint8_t> sets(static_cast<size_t>(sim_.n_worlds()));
     for (const Seat& seat : seats_)
       for (const Part& part : seat.parts)
@@ -105,20 +104,31 @@ void Game::find_readers() {
           seat.controller->reads_by_world(
               team, part.worlds.first,
               std::span(sets).subspan(static_cast<size_t>(part.worlds.first), static_cast<size_t>(part.worlds.count)));
-    readers.of = asked.rows[team].wanted;
-    ObservationSet everywhere = readers.of;  // and what observers have brought rows for
+    std::vector<uint8_t> mirrored(mirrors_half_ ? sets.size() : 0);
+    for (size_t w = 0; w < mirrored.size(); ++w) {
+      const int64_t world = sim_.options().first_world + static_cast<int64_t>(w);
+      mirrored[w] = sets[w] == ObservationSet(Observation::egocentric).bits() && (world >> team & 1) != 0;
+    }
+    mirrored_[team].set(sim_, std::move(mirrored));
+
+    watched_[team] = asked.rows[team].wanted;
+    ObservationSet everywhere = watched_[team];  // and what observers have brought rows for
     for (int k = 0; k < kNObservations; ++k)
       if (const auto kind = static_cast<Observation>(k); asked.io.team[team].obs[kind].rows) everywhere |= kind;
     for (uint8_t& set : sets) set |= everywhere.bits();
     const uint8_t all = (reads_[team] | everywhere).bits();
     if (std::all_of(sets.begin(), sets.end(), [all](uint8_t set) { return set == all; })) sets.clear();
-    if (sets == readers.sets) continue;
-    readers.sets = std::move(sets);
-    if (readers.sets.empty()) continue;
-    sim_.synchronize();  // steps of a game before may still read the former ones
-    if (readers.buffer.size() == 0) readers.buffer = Buffer<uint8_t>(sim_.memory(), readers.sets.size());
-    readers.buffer.from_host(readers.sets);
+    readers_[team].set(sim_, std::move(sets));
   }
+}
+
+void Game::PerWorld::set(Simulator& sim, std::vector<uint8_t> wanted) {
+  if (wanted == numbers) return;
+  numbers = std::move(wanted);
+  if (numbers.empty()) return;
+  sim.synchronize();  // steps of a game before may still read the former ones
+  if (buffer.size() == 0) buffer = Buffer<uint8_t>(sim.memory(), numbers.size());
+  buffer.from_host(numbers);
 }
 
 void Game::desynchronize() {
@@ -268,8 +278,8 @@ GameStep Game::step_at(int64_t t) const {
     GameStep::Rows& rows = step.rows[team];
     if (!rows.obs) rows.obs = obs_[team].data();
     layout_.attach(io, rows.wanted | reads_[team], rows.obs, rows.final_obs);
-    const Readers& readers = readers_[team];
-    if (!readers.sets.empty() && rows.wanted == readers.of) io.reads = readers.buffer.data();
+    if (rows.wanted == watched_[team]) io.reads = readers_[team].data();
+    io.mirrored = mirrored_[team].data();
     void*& images = io.obs[Observation::image].rows;
     if (!images && (rows.wanted | reads_[team]).has(Observation::image)) images = image_[team].data();
     if (!step.team[team].action) step.team[team].action = action_[team].data();

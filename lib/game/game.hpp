@@ -91,6 +91,11 @@ class Game {
        std::vector<GameObserver*> observers = {});
   ~Game();
 
+  /// Before `start` and `resume`: in half of the worlds of a team, networks that read nothing but the egocentric view
+  /// see and act in the mirror (TeamIo::mirrored). Team 0 in those whose number is odd, team 1 in those where half of
+  /// it is, so that all four cases are met; the number is that among all ranks' worlds.
+  void mirror_half() { mirrors_half_ = true; }
+
   /// Starts the first episode of each world.
   void start();
   /// Goes on from the simulator's state, after one was loaded, or after any step of another game.
@@ -146,13 +151,18 @@ class Game {
   std::vector<GameObserver*> observers_;
   const RowLayout layout_;
   ObservationSet reads_[kNTeams];  // of the controllers of a side
-  /// The same world by world, with what observers want.
-  struct Readers {
-    ObservationSet of;          // what observers wanted when `sets` was made
-    std::vector<uint8_t> sets;  // [W] TeamIo::reads; empty where all worlds are alike
-    Buffer<uint8_t> buffer;     // of the device
+  /// A number for each world, [W] where worlds differ, else none.
+  struct PerWorld {
+    std::vector<uint8_t> numbers;
+    Buffer<uint8_t> buffer;  // the same on the device
+
+    void set(Simulator& sim, std::vector<uint8_t> wanted);
+    const uint8_t* data() const { return numbers.empty() ? nullptr : buffer.data(); }
   };
-  Readers readers_[kNTeams];
+  PerWorld readers_[kNTeams];        // TeamIo::reads
+  ObservationSet watched_[kNTeams];  // what observers wanted when readers_ was made
+  PerWorld mirrored_[kNTeams];       // TeamIo::mirrored
+  bool mirrors_half_ = false;
   Buffer<float> obs_[kNTeams], action_[kNTeams];  // empty where observers have them
   Buffer<uint8_t> image_[kNTeams];                // [W, n, R, R, 3] of the agents; empty where nobody wants them
   Buffer<float> memory_[kNTeams];                 // [W, n, S]; likewise

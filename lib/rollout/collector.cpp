@@ -74,6 +74,7 @@ at::Tensor Rollout::beginnings() const {
 Collector::Collector(Simulator& sim, const ParallelFor& parallel_for, const CollectorOptions& options,
                      const BothSides& sides)
     : options_(options), rollout_(make_rollout(sim, options, sides)), game_(sim, parallel_for, sides, {this}) {
+  if (options.mirror) game_.mirror_half();
   for (int team = 0; team < kNTeams; ++team) {
     TeamRollout& r = rollout_.team[team];
     const int64_t size = memory_size(sides[static_cast<size_t>(team)]);

@@ -48,6 +48,7 @@ struct CollectorOptions {
   bool desynchronize = false;  ///< first episodes start at a random age, so that worlds do not reset in step
   ObservationSet keep = {};    ///< observations of learning teams that are kept besides those that controllers read
   std::array<bool, kNTeams> learns = {true, true};  ///< of the others actions alone are kept, though policies play them
+  bool mirror = false;                              ///< Game::mirror_half
   bool with_final_images = false;  ///< keep those of truncated episodes, for a critic that reads images
 };
 

@@ -112,12 +112,12 @@ GIGA_HD void write_view_kind(const Parameters auto& p, int a, float* out) {
   for (int bit = 0; bit < kViewKind; ++bit) out[bit] = static_cast<float>(sprite >> bit & 1);
 }
 
-/// The part about e itself: out [view_self_columns(p)].
-GIGA_HD void write_view_self(const Parameters auto& p, const World auto& w, int e, float* out) {
+/// The part about e itself: out [view_self_columns(p)]. Here and below `mirror`: TeamIo::mirror of its team.
+GIGA_HD void write_view_self(const Parameters auto& p, const World auto& w, int e, float mirror, float* out) {
   out[0] = 2 * w.x[e] * p.inv_limit_x - 1;
-  out[1] = 2 * w.y[e] * p.inv_limit_y - 1;
+  out[1] = mirror * (2 * w.y[e] * p.inv_limit_y - 1);
   out[2] = w.dir_x[e];
-  out[3] = w.dir_y[e];
+  out[3] = mirror * w.dir_y[e];
   out[4] = w.z[e] * (1.0f / kAltitudeLimit);
   out[5] = w.v[e] * 0.2f;
   out[6] = w.health[e];
@@ -127,9 +127,11 @@ GIGA_HD void write_view_self(const Parameters auto& p, const World auto& w, int 
 /// Nearness of the first wall in each direction: out [kViewRays]. A line serves two opposite ones; those from `first`
 /// to `end` are written.
 constexpr int kViewLines = kViewRays / 2;
-GIGA_HD void write_view_walls(const Parameters auto& p, const World auto& w, int e, int first, int end, float* out) {
+GIGA_HD void write_view_walls(const Parameters auto& p, const World auto& w, int e, float mirror, int first, int end,
+                              float* out) {
   static_assert(kViewLines == 6);
-  constexpr float kCos30 = 0.86602540378443864676f, kSin30 = 0.5f;
+  constexpr float kCos30 = 0.86602540378443864676f;
+  const float sin30 = 0.5f * mirror;
   const Box* boxes = p.maps.boxes + static_cast<int64_t>(*w.map) * p.n_boxes;
   float dx = w.dir_x[e], dy = w.dir_y[e];
   GIGA_ROLLED
@@ -139,32 +141,32 @@ GIGA_HD void write_view_walls(const Parameters auto& p, const World auto& w, int
       out[k] = nearness(way.ahead);
       out[k + kViewLines] = nearness(way.behind);
     }
-    const float turned = dx * kCos30 - dy * kSin30;
-    dy = dy * kCos30 + dx * kSin30;
+    const float turned = dx * kCos30 - dy * sin30;
+    dy = dy * kCos30 + dx * sin30;
     dx = turned;
   }
 }
 
 /// Nearness and bearing of a place relative to e: out [3].
-GIGA_HD void write_view_place(const World auto& w, int e, float dx, float dy, float* out) {
+GIGA_HD void write_view_place(const World auto& w, int e, float mirror, float dx, float dy, float* out) {
   const float distance = std::sqrt(dx * dx + dy * dy);
   const float inverse = distance > 0 ? 1.0f / distance : 0.0f;
   out[kViewNearness] = nearness(distance);
   out[kViewAhead] = distance > 0 ? (dx * w.dir_x[e] + dy * w.dir_y[e]) * inverse : 1.0f;
-  out[kViewLeft] = (dy * w.dir_x[e] - dx * w.dir_y[e]) * inverse;
+  out[kViewLeft] = (dy * w.dir_x[e] - dx * w.dir_y[e]) * (inverse * mirror);
 }
 
 /// The waypoint's centre: out [kViewWaypoint].
-GIGA_HD void write_view_waypoint(const World auto& w, int e, float* out) {
+GIGA_HD void write_view_waypoint(const World auto& w, int e, float mirror, float* out) {
   const float x = 0.5f * (w.waypoint[0] + w.waypoint[2]), y = 0.5f * (w.waypoint[1] + w.waypoint[3]);
-  write_view_place(w, e, x - w.x[e], y - w.y[e], out);
+  write_view_place(w, e, mirror, x - w.x[e], y - w.y[e], out);
 }
 
 /// Agent a as e sees it: out [view_agent_columns(p)].
-GIGA_HD void write_view_agent(const Parameters auto& p, const World auto& w, int e, int a, float* out) {
-  write_view_place(w, e, w.x[a] - w.x[e], w.y[a] - w.y[e], out);
+GIGA_HD void write_view_agent(const Parameters auto& p, const World auto& w, int e, float mirror, int a, float* out) {
+  write_view_place(w, e, mirror, w.x[a] - w.x[e], w.y[a] - w.y[e], out);
   out[kViewCourseAhead] = w.dir_x[a] * w.dir_x[e] + w.dir_y[a] * w.dir_y[e];
-  out[kViewCourseLeft] = w.dir_y[a] * w.dir_x[e] - w.dir_x[a] * w.dir_y[e];
+  out[kViewCourseLeft] = mirror * (w.dir_y[a] * w.dir_x[e] - w.dir_x[a] * w.dir_y[e]);
   out[kViewClimb] = (w.z[a] - w.z[e]) * (1.0f / kAltitudeLimit);
   out[kViewOvertakes] = (w.v[a] - w.v[e]) * 0.2f;
   out[kViewHealth] = w.health[a];
@@ -180,29 +182,30 @@ GIGA_HD bool view_is_empty(const Parameters auto& p, const World auto& w, int e)
 }
 
 /// What e sees of itself and of the waypoint; `view`: the whole row.
-GIGA_HD void write_view_ends(const Parameters auto& p, const World auto& w, int e, float* view) {
-  write_view_self(p, w, e, view);
+GIGA_HD void write_view_ends(const Parameters auto& p, const World auto& w, int e, float mirror, float* view) {
+  write_view_self(p, w, e, mirror, view);
   if (!p.waypoints) return;
   float* out = view + view_self_columns(p) + kViewRays;
   if (waypoint_shown(p, w))
-    write_view_waypoint(w, e, out);
+    write_view_waypoint(w, e, mirror, out);
   else
     write_nothing(kViewWaypoint, out);
 }
 
 /// All of e's egocentric view but the other agents, after gather_nearest of all agents.
-GIGA_HD void write_view_surroundings(const Parameters auto& p, const World auto& w, int e, float* view) {
+GIGA_HD void write_view_surroundings(const Parameters auto& p, const World auto& w, int e, float mirror, float* view) {
   if (view_is_empty(p, w, e)) return write_nothing(view_agents_at(p), view);
-  write_view_ends(p, w, e, view);
-  write_view_walls(p, w, e, 0, kViewLines, view + view_self_columns(p));
+  write_view_ends(p, w, e, mirror, view);
+  write_view_walls(p, w, e, mirror, 0, kViewLines, view + view_self_columns(p));
 }
 
 /// The rest: agent number `item` of e's egocentric view.
-GIGA_HD void write_view_agent_item(const Parameters auto& p, const World auto& w, int e, int item, float* view) {
+GIGA_HD void write_view_agent_item(const Parameters auto& p, const World auto& w, int e, float mirror, int item,
+                                   float* view) {
   const auto a = w.nearest_agents[e * kNearestAgents + item];
   float* out = view + view_agents_at(p) + item * view_agent_columns(p);
   if (a == kNobody || view_is_empty(p, w, e)) return write_nothing(view_agent_columns(p), out);
-  write_view_agent(p, w, e, a, out);
+  write_view_agent(p, w, e, mirror, a, out);
 }
 
 /// What is around an agent along its own heading; [view_size(p)].
@@ -220,16 +223,16 @@ struct EgocentricView {
   template <class Lanes, class Rows>
   GIGA_HD static void write(const Lanes& lanes, const Parameters auto& p, const World auto& w, int n, Rows&& rows) {
     using P = std::remove_cvref_t<decltype(p)>;
-    if constexpr (!Lanes::kSerial && staged<P>()) return send_rows(lanes, p, w, n, {rows.of_team(0), rows.of_team(1)});
+    if constexpr (!Lanes::kSerial && staged<P>()) return send_rows(lanes, p, w, n, rows);
     lanes.each(n, [&](int e) {
       float* row = rows(e);
-      if (row) write_view_surroundings(p, w, e, row);
+      if (row) write_view_surroundings(p, w, e, rows.mirror(p.team_of(e)), row);
     });
     const int items = view_agents(p);
     lanes.each(n * items, [&](int k) {
       const int e = k / items, item = k - e * items;
       float* row = rows(e);
-      if (row) write_view_agent_item(p, w, e, item, row);
+      if (row) write_view_agent_item(p, w, e, rows.mirror(p.team_of(e)), item, row);
     });
   }
 
@@ -253,8 +256,7 @@ struct EgocentricView {
   /// As VectorObservation::send_rows: so many rows at a time are put together in shared memory, each by some workers,
   /// and sent from there while the next are made. A row is one stretch of memory, beside what else its agent sees.
   template <class Lanes, Parameters P>
-  GIGA_HD static void send_rows(const Lanes& lanes, const P& p, const World auto& w, int n,
-                                const TeamRows (&to)[kNTeams]) {
+  GIGA_HD static void send_rows(const Lanes& lanes, const P& p, const World auto& w, int n, const auto& of_world) {
     static_assert(P::kTeam % kStageRows<P> == 0);
     constexpr int kRows = kStageRows<P>, kWorkers = P::n_agents / kRows;  // of a row
     constexpr int kLines = (kViewLines + kWorkers - 1) / kWorkers;        // that one of them sees to
@@ -262,7 +264,8 @@ struct EgocentricView {
     GIGA_ROLLED
     for (int first = 0; first < P::n_agents; first += kRows) {
       const int team = p.team_of(first);
-      TeamRows rows = team == 0 ? to[0] : to[1];
+      TeamRows rows = of_world.of_team(team);
+      const float mirror = of_world.mirror(team);
       if (rows) rows.first = rows.row(first - p.first_of(team));
       lanes.each_agent(n, [&](int) { lanes.wait_sent(); });  // of these rows or others: the stage is the same
       lanes.each_agent(n, [&](int i) {
@@ -273,10 +276,10 @@ struct EgocentricView {
           for (int k = part; k < padded; k += kWorkers) row[k] = 0;
         } else {
           const int line = part * kLines, end = line + kLines < kViewLines ? line + kLines : kViewLines;
-          write_view_walls(p, w, e, line, end, row + view_self_columns(p));
-          for (int item = part; item < items; item += kWorkers) write_view_agent_item(p, w, e, item, row);
+          write_view_walls(p, w, e, mirror, line, end, row + view_self_columns(p));
+          for (int item = part; item < items; item += kWorkers) write_view_agent_item(p, w, e, mirror, item, row);
           if (part == kWorkers - 1) {
-            write_view_ends(p, w, e, row);
+            write_view_ends(p, w, e, mirror, row);
             for (int k = columns; k < padded; ++k) row[k] = 0;
           }
         }

@@ -31,7 +31,7 @@ GIGA_HD void add_together(int32_t* sum, int32_t value) {
 GIGA_HD void move_agent(const GridParameters auto& p, GridWorld& w, const StepIo& io, int64_t world, int i) {
   const uint8_t lived = w.alive[i];
   const Flight from = flight_of(w, i);
-  const Controls controls = read_controls(p, io.of(p.team_of(i)).action, team_row(p, world, i));
+  const Controls controls = read_controls(p, io.of(p.team_of(i)), world, team_row(p, world, i));
   const Flight to = flown(p, from, lived != 0, controls, table_value(p.agents.thrust + i));
   w.was_alive[i] = lived;
   w.flags[i] = 0;

@@ -25,11 +25,17 @@ GIGA_HD int32_t discrete_action(Controls c) {
   return 9 * third(c.throttle) + 3 * third(c.heading) + third(c.dive);
 }
 
-/// The controls of agent i from its team's action buffer (see TeamIo::action), `row` = row of the agent there.
-GIGA_HD Controls read_controls(const Parameters auto& p, const void* action, int64_t row) {
-  if (p.actions == ActionKind::discrete) return discrete_controls(static_cast<const int32_t*>(action)[row]);
-  const float* c = static_cast<const float*>(action) + row * kActionSize;
-  return {clamp(c[0], -1.0f, 1.0f), clamp(c[1], -1.0f, 1.0f), clamp(c[2], -1.0f, 1.0f)};
+/// The controls of an agent from its team's action buffer, `row` = row of the agent there.
+GIGA_HD Controls read_controls(const Parameters auto& p, const TeamIo& team, int64_t world, int64_t row) {
+  Controls controls;
+  if (p.actions == ActionKind::discrete) {
+    controls = discrete_controls(static_cast<const int32_t*>(team.action)[row]);
+  } else {
+    const float* c = static_cast<const float*>(team.action) + row * kActionSize;
+    controls = {clamp(c[0], -1.0f, 1.0f), clamp(c[1], -1.0f, 1.0f), clamp(c[2], -1.0f, 1.0f)};
+  }
+  controls.heading *= team.mirror(world);
+  return controls;
 }
 
 /// How an agent flies.

@@ -18,7 +18,7 @@ namespace giga {
 ///   K::offered(p), K::shape(p)               whether a scenario has it, and with which shape
 ///   K::prepare(p, w, e)                      of an agent: what its row needs, before any row is written
 ///   K::write(lanes, p, w, n, rows)           all rows; rows(e): that of agent e (of the world: e = 0), or null;
-///                                            rows.of_team(team): those of a team
+///                                            rows.of_team(team): those of a team; rows.mirror(team): see TeamIo
 /// What its numbers mean is told in sim/observation_text.cpp. Those that are drawn (is_drawn) have no prepare and no
 /// write; draw_images draws them. n agents are written, or 0 (then lanes only keep in step).
 template <class F>
@@ -81,7 +81,8 @@ struct WantedRows {
   }
 };
 
-/// The same as Kind::write takes them: of(e) of agent e (or of the world: e = 0), of_team(team).
+/// The same as Kind::write takes them: of(e) of agent e (or of the world: e = 0), of_team(team); and mirror(team),
+/// as TeamIo::mirror says.
 template <class Kind, class P>
 struct WorldRows {
   const P& p;
@@ -95,6 +96,7 @@ struct WorldRows {
     float* rows = io.of(team).reads_in(world, Kind::id) ? static_cast<float*>(to.rows) : nullptr;
     return {rows ? rows + world * p.size_of(team) * stride : nullptr, stride, to.room};
   }
+  GIGA_HD float mirror(int team) const { return io.of(team).mirror(world); }
 };
 
 /// Whether anybody wants rows of agents, or of worlds, images apart.

@@ -43,7 +43,7 @@ GIGA_HD void move_agent(const Parameters auto& p, World auto& w, const StepIo& i
   w.flags[i] = 0;
   w.next[i] = w.x[i];
   w.next[p.n_agents + i] = w.y[i];
-  const Controls controls = read_controls(p, io.of(p.team_of(i)).action, team_row(p, world, i));
+  const Controls controls = read_controls(p, io.of(p.team_of(i)), world, team_row(p, world, i));
   const float thrust = table_value(p.agents.thrust + i);
   const Flight to = flown(p, flight_of(w, i), w.was_alive[i] != 0, controls, thrust);
   take_flight(w, to, i);

@@ -168,10 +168,15 @@ struct TeamIo {
   uint8_t* final_alive = nullptr;  // [W, n] as final_rows
   ObservationIos obs;              // of the agents
   const uint8_t* reads = nullptr;  // [W] ObservationSet::bits of those that are read there; null: all that have rows
+  /// [W] 1 where the team's egocentric views are those of the game in a mirror, y from the other side, and its turns
+  /// are meant so: as if left and right were exchanged. Null: nowhere.
+  const uint8_t* mirrored = nullptr;
 
   GIGA_HD bool reads_in(int64_t world, Observation kind) const {
     return !reads || (reads[world] >> static_cast<int>(kind) & 1) != 0;
   }
+  /// What the left of that world's agents is multiplied by: -1 in the mirror, else 1.
+  GIGA_HD float mirror(int64_t world) const { return mirrored && mirrored[world] != 0 ? -1.0f : 1.0f; }
 };
 struct StepIo {
   TeamIo team[kNTeams];

@@ -10,6 +10,7 @@
 #include "core/seeds.hpp"
 #include "cuda/runtime.hpp"
 #include "game/game.hpp"
+#include "io/temporary_folder.hpp"
 #include "runs.hpp"
 
 namespace giga::test {
@@ -69,6 +70,11 @@ const Variant kVariants[] = {
      with_opponents({"", "obs_norm: true, advantage_norm: batch", "kind: state, hidden: [16, 12]",
                      "action: continuous\nteam_0: [{type: default, count: 3}]\n"},
                     "pool_size: 2, pool_every_updates: 2, pool_share: 0.4, pool_draw: recency")},
+    {"MirrorPoolAndScripts",
+     alone(with_opponents(
+         {"", "mirror: true", "hidden: [16, 12], inputs: egocentric", "observation: {egocentric_view: true}\n", 3,
+          "hidden: [16], inputs: egocentric"},
+         "pool_size: 2, pool_every_updates: 1, pool_share: 0.5, scripted: [circle], scripted_share: 0.25"))},
     {"NoSelfPlay", with_opponents({}, "pool_size: 5, pool_every_updates: 2, pool_share: 1")},
     {"GruObsNorm", {"", "obs_norm: true", kGru, "action: continuous\n", 3, kGru}},
     {"LstmPoolAndScripts",
@@ -236,6 +242,31 @@ TEST(LearnLearner, AgainstAScriptOnlyTheLearningTeamLearns) {
     expect_finite(metrics, learning);
     EXPECT_TRUE(std::isnan(metric(metrics, cat("policy_loss_", 1 - learning))));
   }
+}
+
+// A frozen policy would be another one in the mirror.
+TEST(LearnLearner, NobodyHasAMirrorWhereAPolicyIsTheOpponent) {
+  SmallRun run;
+  run.scenario = "observation: {egocentric_view: true}\n";
+  run.actor = run.critic = "hidden: [16], inputs: egocentric";
+  const auto changed_by_mirror = [&] {
+    const auto after_update = [&](const char* mappo) {
+      run.mappo = mappo;
+      const auto learner = run.learner();
+      learner->update();
+      return saved(*learner);
+    };
+    return !difference(after_update("mirror: true"), after_update("mirror: false")).empty();
+  };
+  EXPECT_TRUE(changed_by_mirror());
+  run.train = "opponent: circle";
+  EXPECT_TRUE(changed_by_mirror()) << "the learning team has one";
+  const TemporaryFolder folder;
+  const std::string frozen = (folder.path() / "frozen.h5").string();
+  run.train = "";
+  save(run, frozen);
+  run.train = cat("opponent: '", frozen, "'");
+  EXPECT_FALSE(changed_by_mirror());
 }
 
 TEST(LearnLearner, TargetKlSkipsTheRestOfAnUpdate) {

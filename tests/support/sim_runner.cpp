@@ -133,13 +133,16 @@ SimRunner::SimRunner(std::unique_ptr<Simulator> sim, Outputs outputs, int row_st
       if (outputs == Outputs::egocentric && kind.id != Observation::egocentric) return;
       io.obs[kind.id] = add_observation(kind.name + team, kind.type, rows, kind.shape(p).size(), row_step, all);
     });
-    if (outputs == Outputs::by_world) {
-      std::vector<uint8_t> sets(static_cast<size_t>(sim_->n_worlds()));
-      for (size_t w = 0; w < sets.size(); ++w) sets[w] = static_cast<uint8_t>((5 * w + 3 * t) % 16);
-      reads_[t] = Buffer<uint8_t>(sim_->memory(), sets.size());
-      sim_->memory().from_host(reads_[t].data(), sets.data(), sets.size());
-      io.reads = reads_[t].data();
-    }
+    const auto by_world = [&](Buffer<uint8_t>& buffer, auto&& number_of) {
+      std::vector<uint8_t> numbers(static_cast<size_t>(sim_->n_worlds()));
+      for (size_t w = 0; w < numbers.size(); ++w) numbers[w] = static_cast<uint8_t>(number_of(w));
+      buffer = Buffer<uint8_t>(sim_->memory(), numbers.size());
+      buffer.from_host(numbers);
+      return buffer.data();
+    };
+    if (outputs == Outputs::by_world || outputs == Outputs::in_mirror)
+      io.reads = by_world(reads_[t], [t](size_t w) { return (5 * w + 3 * t) % 16; });
+    if (outputs == Outputs::in_mirror) io.mirrored = by_world(mirrored_[t], [t](size_t w) { return w >> t & 1; });
     if (!all) continue;
     io.reward = static_cast<float*>(add("reward" + team, rows, 1, 4, true));
     io.alive = static_cast<uint8_t*>(add("alive" + team, rows, 1, 1, false, true));

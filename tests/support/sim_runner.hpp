@@ -44,8 +44,8 @@ std::vector<uint8_t> random_actions(const SimSpec& spec, int team, int n_worlds,
 
 /// Which outputs a runner asks for; `observations` and `egocentric` as populations do, who leave waiting worlds out of
 /// a step. `by_world`: observations of which each world and team has others read (TeamIo::reads); the rows of the rest
-/// stay poisoned.
-enum class Outputs { all, observations, egocentric, by_world, none };
+/// stay poisoned. `in_mirror`: the same, and each team in some of the worlds in the mirror (TeamIo::mirrored).
+enum class Outputs { all, observations, egocentric, by_world, in_mirror, none };
 
 class SimRunner {
  public:
@@ -84,7 +84,8 @@ class SimRunner {
   std::vector<Output> outputs_;
   Buffer<uint8_t> actions_[kNTeams];
   StepIo io_;
-  Buffer<uint8_t> reads_[kNTeams];  // [W]; empty unless Outputs::by_world
+  Buffer<uint8_t> reads_[kNTeams];     // [W]; empty unless Outputs::by_world or in_mirror
+  Buffer<uint8_t> mirrored_[kNTeams];  // [W]; empty unless Outputs::in_mirror
 };
 
 /// How much happened, so that a test can tell that it tested something. Counts over worlds and steps.

@@ -63,6 +63,8 @@ TestWorld::TestWorld(SimSpec spec, OnDone on_done)
     io_.team[t].reward = team.reward.data();
     io_.team[t].alive = team.alive.data();
     io_.team[t].final_alive = team.final_alive.data();
+    team.mirrored.assign(kNWorlds, 0);
+    io_.team[t].mirrored = team.mirrored.data();
   }
   start();
 }
@@ -112,6 +114,8 @@ void TestWorld::control(int i, float heading, float dive, float throttle) {
   c[1] = dive;
   c[2] = throttle;
 }
+
+void TestWorld::mirror(int team, bool mirrored) { teams_[team].mirrored[kWorld] = mirrored; }
 
 void TestWorld::act(int i, int action) { teams_[team(i)].indices[row(i)] = action; }
 

@@ -55,6 +55,8 @@ class TestWorld {
   void kill(int i);
   /// Controls of agent i from now on (spec with continuous actions); all zero at first.
   void control(int i, float heading, float dive, float throttle);
+  /// Whether a team plays in the mirror from now on (TeamIo::mirrored).
+  void mirror(int team, bool mirrored);
   /// Discrete action of agent i from now on; 13 (nothing) at first.
   void act(int i, int action);
 
@@ -96,7 +98,7 @@ class TestWorld {
   struct Team {
     std::vector<int32_t> indices;
     std::vector<float> controls, obs, final_obs, reward;
-    std::vector<uint8_t> alive, final_alive;
+    std::vector<uint8_t> alive, final_alive, mirrored;
   };
 
   size_t team(int i) const { return static_cast<size_t>(params().team_of(i)); }

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <memory>
 #include <string>
@@ -259,6 +260,32 @@ TEST(Game, WritesRowsWhereSomebodyReadsThem) {
   game.start();
   game.play(1);
   EXPECT_EQ(sets_of(0), (std::vector<int>{3, 3, 3, 2, 2, 2, 2}));
+}
+
+// Team 0 in worlds 1, 3, 5, team 1 in 2, 3, 6: but not who reads the vector, as scripts do, or both.
+TEST(Game, NetworksOfTheViewAlonePlayInTheMirrorInHalfOfTheWorlds) {
+  const SimSpec spec = game_spec(true);
+  const auto sim = simulator(spec);
+  const auto looking = std::make_shared<Straight>(Observation::egocentric),
+             script = std::make_shared<Straight>(Observation::vector),
+             both = std::make_shared<Straight>(observation_rows(spec).set());
+  const auto mirrored = [&](const Side& side_0, const Side& side_1, bool mirror) {
+    Witness witness;
+    Game game(*sim, parallel_for(), {side_0, side_1}, {&witness});
+    if (mirror) game.mirror_half();
+    game.start();
+    game.play(1);
+    std::array<std::vector<int>, kNTeams> worlds;
+    for (size_t team = 0; team < kNTeams; ++team)
+      if (const uint8_t* m = witness.last.io.team[team].mirrored) worlds[team].assign(m, m + kWorlds);
+    return worlds;
+  };
+  using Worlds = std::vector<int>;
+  EXPECT_EQ(mirrored(everywhere(looking, *sim), everywhere(looking, *sim), true),
+            (std::array<Worlds, 2>{Worlds{0, 1, 0, 1, 0, 1, 0}, Worlds{0, 0, 1, 1, 0, 0, 1}}));
+  EXPECT_EQ(mirrored({{script, {0, 2}}, {looking, {2, 5}}}, {{both, {0, 3}}, {looking, {3, 4}}}, true),
+            (std::array<Worlds, 2>{Worlds{0, 0, 0, 1, 0, 1, 0}, Worlds{0, 0, 0, 1, 0, 0, 1}}));
+  EXPECT_EQ(mirrored(everywhere(looking, *sim), everywhere(looking, *sim), false), (std::array<Worlds, 2>{}));
 }
 
 TEST(Game, SomebodyMovesEveryWorldOnce) {

@@ -332,5 +332,64 @@ TEST(SimEgocentricView, TurnsWithTheAgent) {
       EXPECT_NEAR(view(world, e, k), view(turned, e, k), 1e-4f) << e << " " << k;
 }
 
+/// Two against two with an obstacle, tracking that takes no time, and a waypoint.
+SimSpec mirror_spec(Box box, ActionKind actions) {
+  SimSpec spec = view_spec(2, 2);
+  spec.maps[0].boxes = {box};
+  spec.params.waypoints = true;
+  spec.params.actions = actions;
+  spec.finish();
+  return spec;
+}
+
+// The game in the mirror is the game whose y axis points the other way: (x, y) -> (x, 10 - y). Team 0 looks into the
+// mirror in one world, in the other all is where the mirror shows it; team 1 plays without one and turns the other way.
+void play_in_mirror(ActionKind actions) {
+  TestWorld game(mirror_spec({6, 3, 8, 4, 0, 10}, actions)), shown(mirror_spec({6, 6, 8, 7, 0, 10}, actions));
+  game.mirror(0, true);
+  const float places[4][3] = {{4, 5, 0.3f}, {3, 2, -1}, {7, 6, 2}, {8, 2, 0.5f}};
+  // As discrete actions 9 (throttle + 1) + 3 (heading + 1) + (dive + 1), and as controls.
+  const float turns[4] = {1, -1, 1, 0};
+  const auto turn = [&](TestWorld& world, int i, float heading) {
+    if (actions == ActionKind::discrete)
+      world.act(i, 9 + 3 * (static_cast<int>(heading) + 1) + 2);
+    else
+      world.control(i, 0.7f * heading, 0.5f, 0.1f);
+  };
+  for (int i = 0; i < 4; ++i) {
+    game.put(i, places[i][0], places[i][1], places[i][2]);
+    shown.put(i, places[i][0], 10 - places[i][1], -places[i][2]);
+    turn(game, i, turns[i]);
+    turn(shown, i, i < 2 ? turns[i] : -turns[i]);
+  }
+  for (TestWorld* world : {&game, &shown}) {
+    const float place[4] = {1, world == &game ? 5.0f : 4.0f, 2, world == &game ? 6.0f : 5.0f};
+    for (int k = 0; k < 4; ++k) world->now().waypoint[k] = place[k];
+    *world->now().waypoint_time = 5;
+  }
+  for (int k = 0; k < 5; ++k) {
+    game.step();
+    shown.step();
+    for (int e = 0; e < 4; ++e) {
+      ASSERT_NEAR(game.now().x[e], shown.now().x[e], 1e-4f) << "step " << k << ", agent " << e;
+      ASSERT_NEAR(game.now().y[e], 10 - shown.now().y[e], 1e-4f) << "step " << k << ", agent " << e;
+      for (int column = 0; e < 2 && column < view_size(game.params()); ++column)
+        ASSERT_NEAR(view(game, e, column), view(shown, e, column), 1e-4f) << "step " << k << ", " << e << " " << column;
+      // The vector observation is what it was: the own row comes first.
+      ASSERT_NEAR(game.obs(e, kY), 1 - shown.obs(e, kY), 1e-4f);
+    }
+    // Without a mirror y, the sine of the heading, and what lies left have the other sign.
+    ASSERT_NEAR(view(game, 2, 1), -view(shown, 2, 1), 1e-4f);
+    ASSERT_NEAR(view(game, 2, 3), -view(shown, 2, 3), 1e-4f);
+    ASSERT_NEAR(nearest(game, 2, 0, kViewLeft), -nearest(shown, 2, 0, kViewLeft), 1e-4f);
+  }
+  // It was a test of turns: agent 0 has turned by five steps of one control.
+  EXPECT_LT(game.now().heading[0], 0.3f);
+  EXPECT_GT(shown.now().heading[0], -0.3f);
+}
+
+TEST(SimEgocentricView, InTheMirrorLeftIsRight) { play_in_mirror(ActionKind::discrete); }
+TEST(SimEgocentricView, InTheMirrorControlsAreTurned) { play_in_mirror(ActionKind::continuous); }
+
 }  // namespace
 }  // namespace giga::test

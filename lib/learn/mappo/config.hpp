@@ -71,6 +71,7 @@ struct MappoConfig {
   bool value_norm = true;
   float value_norm_beta = 0.99f;
   bool obs_norm = false;
+  bool mirror = false;
   float team_reward_share = 0.0f;
   float shaping_final_factor = 1.0f;
   ShapingFactors shaping_final_factors = {};
@@ -136,6 +137,11 @@ void visit_fields(V& v, MappoConfig& c) {
   v("value_norm", c.value_norm, "critics predict returns normalised by running moments");
   v("value_norm_beta", c.value_norm_beta, "share of the old moments that an update keeps", range(0, 1).below(1));
   v("obs_norm", c.obs_norm, "normalise observations by running moments");
+  v("mirror", c.mirror,
+    "in half of the worlds of a team its networks see the game in a mirror, with left and right exchanged, and turn "
+    "accordingly: what is learned on one side is known on the other. In training alone. Networks read the egocentric "
+    "view then and nothing else (critics may read the state); a policy as train.opponent has no mirror, nor who learns "
+    "against it");
   v("team_reward_share", c.team_reward_share,
     "share of the team's mean reward in that of each agent. With it an agent that dies leaves behind what its living "
     "team mates expect, so that a sacrifice can pay",

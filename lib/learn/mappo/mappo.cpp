@@ -150,7 +150,9 @@ void Mappo::make_teams_and_worlds() {
   const SumOverRanks sum = sums_ ? sums_->over_all() : SumOverRanks{};
   const WorldShares shares = own_shares();
   std::array<const Actor*, kNTeams> actors{};
-  CollectorOptions collecting{.horizon = config_.mappo.horizon, .desynchronize = config_.train.desynchronize};
+  CollectorOptions collecting{.horizon = config_.mappo.horizon,
+                              .desynchronize = config_.train.desynchronize,
+                              .mirror = config_.mappo.mirror && !config_.train.opponent.is_path()};
   for (int team = 0; team < kNTeams; ++team) {
     const bool own = learns(config_.train, team);
     collecting.learns[static_cast<size_t>(team)] = own;
