@@ -100,7 +100,8 @@ std::string parts_text(const MatchReport& report, const TeamResult& r) {
 
 std::string result_text(const MatchReport& report, const TeamResult& r) {
   char line[200];
-  std::string text = cat(report.a, " on side ", r.team, " against ", r.opponent, ", ", r.match.episodes, " episodes\n");
+  std::string text =
+      cat(report.a, " on side ", r.team, " against ", r.opponent, ", ", counted(r.match.episodes, "episodes"), "\n");
   for (const Share& s : shares(r)) {
     const Interval ci = wilson95(s.count, r.match.episodes);
     std::snprintf(line, sizeof line, "  %-6s %.3f  [%.3f, %.3f]\n", s.word, r.share(s.count), ci.lo, ci.hi);

@@ -131,13 +131,16 @@ class ProgressLines {
 /// In the folder of a run that is rated alone; else beside the first of them.
 fs::path default_folder(const RateOptions& o) {
   std::error_code code;
-  fs::path first = fs::path(o.runs[0]).lexically_normal();
-  if (!first.has_filename()) first = first.parent_path();  // "runs/x/"
+  const bool is_relative = fs::path(o.runs[0]).is_relative();
+  fs::path first = fs::absolute(o.runs[0]).lexically_normal();  // one that is named from within has its parents too
+  if (!first.has_filename()) first = first.parent_path();       // "runs/x/"
+  fs::path folder = first.parent_path();
   if (o.runs.size() == 1 && fs::is_directory(first, code) && !is_exported_policy(first))
-    return first / RatingFiles::kFolder;
-  const fs::path folder = first.parent_path();
-  const bool in_run = folder.filename() == "checkpoints" && !fs::is_directory(first, code);  // of a checkpoint file
-  return (in_run ? folder.parent_path().parent_path() : folder) / RatingFiles::kFolder;
+    folder = first;
+  else if (folder.filename() == "checkpoints" && !fs::is_directory(first, code))  // of a checkpoint file
+    folder = folder.parent_path().parent_path();
+  folder /= RatingFiles::kFolder;
+  return is_relative ? fs::proximate(folder) : folder;
 }
 
 /// What stands there, whatever it is; `otherwise` where nothing does. A file may hold anything.
@@ -287,7 +290,8 @@ void add_options(CLI::App& command, RateOptions& o) {
       ->type_name("N");
   command.add_flag("--group", o.group,
                    "runs that differ only in their seed are one player: their games are added up; of each run its best "
-                   "checkpoint plays, or the newest");
+                   "checkpoint plays, or the newest. Intervals are those of the games of these runs: how much seeds "
+                   "differ is told where they are rated one by one");
   command.add_option("--scenario", o.scenario, "what is played; default: the scenario of the runs")
       ->check(some_name())
       ->type_name("S");

@@ -61,6 +61,10 @@ void record(const RecordOptions& o) {
   if (!o.beside.empty()) players.push_back(load_player(o.beside, loading));
   std::vector<const Player*> all;
   for (const Player& player : players) all.push_back(&player);
+  if (o.b.empty() && !players[0].can_play(1))
+    throw InputError(cat(players[0].name(),
+                         " has no policy for side 1, where it would play against itself; --vs says "
+                         "against whom it plays (allowed: a run, a policy, a script)"));
   const PlayedGame game = choose_game({o.scenario, o.changes}, all, OtherGames::allowed);
   for (const std::string& note : game.notes) std::cerr << "note: " << note << '\n';
   const int n_threads = game.spec.params.n_agents > kMaxAgents ? 0 : 1;  // games are few; the agents of a crowd are not

@@ -53,7 +53,8 @@ std::optional<RankPlace> place_of_slurm(const Variables& variable) {
   place.sees_own_gpu = true;
   const std::string nodes = text_or(variable, "SLURM_STEP_NODELIST", text_or(variable, "SLURM_JOB_NODELIST", ""));
   place.host = text_or(variable, "MASTER_ADDR", first_node(nodes));
-  if (place.host.empty()) throw InputError("neither MASTER_ADDR nor SLURM_JOB_NODELIST tells where rank 0 is");
+  if (place.host.empty())
+    throw InputError("neither MASTER_ADDR nor SLURM_STEP_NODELIST nor SLURM_JOB_NODELIST tells where rank 0 is");
   // Jobs that share a machine must not meet.
   const int job = number_or(variable, "SLURM_JOB_ID", 0, 2'000'000'000, 0);
   const int step = number_or(variable, "SLURM_STEP_ID", 0, 2'000'000'000, 0);

@@ -25,8 +25,8 @@ using Variables = std::function<const char*(const char*)>;
 
 /// None where the process is alone. torchrun: RANK, WORLD_SIZE, LOCAL_RANK, MASTER_ADDR, MASTER_PORT. srun:
 /// SLURM_PROCID, SLURM_STEP_NUM_TASKS (else SLURM_NTASKS), SLURM_LOCALID, SLURM_LAUNCH_NODE_IPADDR is not the first
-/// node's, so the address is MASTER_ADDR or the first of SLURM_JOB_NODELIST. Throws InputError where they make no
-/// sense.
+/// node's, so the address is MASTER_ADDR or the first of SLURM_STEP_NODELIST (else SLURM_JOB_NODELIST). Throws
+/// InputError where they make no sense.
 std::optional<RankPlace> rank_place(const Variables& variable);
 
 /// "gpu03" of "gpu[03-05,09],big1".

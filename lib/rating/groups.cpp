@@ -1,6 +1,8 @@
 // Finding groups.
 #include "rating/groups.hpp"
 
+#include <algorithm>
+
 #include "core/error.hpp"
 
 namespace giga {
@@ -29,16 +31,19 @@ PlayerGroups find_groups(int n, const std::vector<PairScore>& scores) {
   GIGA_CHECK(n >= 0, n, " players");
   const size_t size = static_cast<size_t>(n);
   const std::vector<unsigned char> reach = chains(size, scores);
-  PlayerGroups groups;
-  groups.group_of.assign(size, -1);
+  const auto together = [&](size_t i, size_t j) { return reach[i * size + j] && reach[j * size + i]; };
   std::vector<size_t> first;  // player of each group
-  for (size_t i = 0; i < size; ++i) {
-    if (groups.group_of[i] >= 0) continue;
-    for (size_t j = i; j < size; ++j)
-      if (reach[i * size + j] && reach[j * size + i]) groups.group_of[j] = static_cast<int>(groups.count);
-    first.push_back(i);
-    ++groups.count;
-  }
+  for (size_t i = 0; i < size; ++i)
+    if (std::none_of(first.begin(), first.end(), [&](size_t j) { return together(i, j); })) first.push_back(i);
+  // Who is above another reaches all that it reaches, and itself besides.
+  const auto reached = [&](size_t i) { return std::count(&reach[i * size], &reach[i * size] + size, 1); };
+  std::stable_sort(first.begin(), first.end(), [&](size_t i, size_t j) { return reached(i) > reached(j); });
+  PlayerGroups groups;
+  groups.count = first.size();
+  groups.group_of.resize(size);
+  for (size_t i = 0; i < size; ++i)
+    groups.group_of[i] = static_cast<int>(
+        std::find_if(first.begin(), first.end(), [&](size_t j) { return together(i, j); }) - first.begin());
   for (const size_t a : first)
     for (const size_t b : first) groups.reaches.push_back(reach[a * size + b]);
   return groups;

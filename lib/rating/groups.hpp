@@ -13,7 +13,7 @@ constexpr int kNSides = 2;
 /// A group is a largest set of players in which a chain of "took points from" leads from each to each other: within it
 /// the differences of strength are finite, between two groups they are infinite or unknown.
 struct PlayerGroups {
-  std::vector<int> group_of;           ///< [n] numbered from 0 in the order of the players
+  std::vector<int> group_of;           ///< [n] numbered from 0, a group that is above another before it
   size_t count = 0;                    ///< G
   std::vector<unsigned char> reaches;  ///< [G, G] whether a chain of "took points from" leads from row to column
 

@@ -118,7 +118,7 @@ function drawCurve(canvas, episode, i, state, scene) {
   canvas.width = width * ratio; canvas.height = height * ratio;
   pen.setTransform(ratio, 0, 0, ratio, 0, 0);
   pen.clearRect(0, 0, width, height);
-  const {low, high} = episode.minds[episode.team(i)], last = episode.head.died[i] < 0 ? episode.steps : episode.head.died[i];
+  const {low, high} = episode.minds[episode.team(i)], last = episode.head.died[i] < 0 ? episode.steps : episode.head.died[i] - 1;
   const x = k => 4 + (width - 8) * k / episode.steps, y = v => 16 + (height - 26) * (high - v) / (high - low);
   pen.strokeStyle = scene.color("line"); pen.lineWidth = 1;
   if (low < 0 && high > 0) { pen.beginPath(); pen.moveTo(4, y(0)); pen.lineTo(width - 4, y(0)); pen.stroke(); }

@@ -54,14 +54,18 @@ class Watch {
       const all = [...episode.head.events, {step: episode.steps, what: "end", agent: -1, other: -1}];
       return all.map(event => ({...event, episode, prefix: this.panes.length > 1 ? (k ? "right: " : "left: ") : ""}));
     }).sort((a, b) => a.step - b.step);
-    const most = 400, shown = this.events.filter(event => event.what !== "hit").slice(0, most);
-    $("events").querySelector("ol").replaceChildren(...shown.map(event => {
-      const item = document.createElement("li"), button = item.appendChild(document.createElement("button"));
+    const most = 400, all = this.events.filter(event => event.what !== "hit");
+    const shown = all.filter((event, k) => k < most || event.what === "end"), left = all.length - shown.length;
+    const item = (text, step) => {
+      const entry = document.createElement("li"), button = entry.appendChild(document.createElement("button"));
       button.type = "button";
-      button.textContent = `${this.clock(event.step)}  ${event.prefix}${eventText(event.episode, event)}`;
-      button.addEventListener("click", () => this.seek(event.step));
-      return item;
-    }));
+      button.textContent = `${this.clock(step)}  ${text}`;
+      button.addEventListener("click", () => this.seek(step));
+      return entry;
+    };
+    const items = shown.map(event => item(event.prefix + eventText(event.episode, event), event.step));
+    if (left > 0) items.splice(most, 0, item(`and ${left} more, which are not listed`, all[most].step));
+    $("events").querySelector("ol").replaceChildren(...items);
     this.drawMarks();
   }
   clock(step) { return `${(step * this.games[0].replay.rules.seconds_per_step).toFixed(1)} s`; }

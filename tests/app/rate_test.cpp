@@ -73,6 +73,18 @@ TEST_F(RatedRuns, ARunGetsAFolderOfRatingsAndItsReportShowsThem) {
                        {"class=\"card picture\"", "Cross%2Dplay%3A%20identical%5F1%5Fvs%5F1"}));
 }
 
+// From within a run, too, the table of a single checkpoint is not that of the run.
+TEST_F(RatedRuns, ACheckpointIsRatedBesideItsRunWhereverItIsNamedFrom) {
+  const Outcome outcome =
+      here_->run({"-c", "cd run-seed2 && exec \"$0\" \"$@\"", kGigastep, "rate", "checkpoints/update_00000004.h5",
+                  "--episodes", "4", "--scripted", "circle", "--device", "cpu"},
+                 "/bin/sh");
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_TRUE(contains(outcome.out, {"Written: ../ratings"}));
+  EXPECT_TRUE(here_->has("ratings/ratings.csv"));
+  std::filesystem::remove_all(here_->path() / "ratings");
+}
+
 // A run that was stopped and resumed: its checkpoints have the seconds of metrics.csv, which go on where they were.
 TEST_F(RatedRuns, SecondsAreThoseOfMetricsAlsoOfAResumedRun) {
   ASSERT_EQ(here_

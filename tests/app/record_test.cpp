@@ -194,6 +194,10 @@ TEST(Record, WhatIsWrong) {
   refused({"record", "--verify", "x.replay", "--vs", "circle"}, "--verify");
   refused({"picture", "x.replay", "--out", "a.svg"}, "x.replay is no replay");
   refused({"picture", "nowhere.replay", "--out", "a.svg"}, "nowhere.replay");
+  // Of a run in which one team learned, the opponent has to be named.
+  here.write("short.yaml", kShortConfig);
+  ASSERT_EQ(here.run({"train", "short.yaml", "--run-dir", "one", "--quiet", "--set", "train.opponent=circle"}).code, 0);
+  refused({"record", "one"}, "one has no policy for side 1, where it would play against itself; --vs says");
   ASSERT_EQ(here.run({"record", "circle", "--scenario", "identical_1_vs_1", "--episodes", "1"}).code, 0);
   refused({"picture", "game.replay"}, "--out or --film says what to write");
   refused({"picture", "game.replay", "--out", "a.jpg"}, ".svg or .png");

@@ -232,6 +232,18 @@ TEST(Ratings, WhoNeverLostOrNeverWonIsInfinite) {
   EXPECT_EQ(lines[1], "worst: lost all of its 60 games; its rating is -infinity");
 }
 
+// Scripts come first among the players: it is not their order that tells who is above whom.
+TEST(Ratings, GroupsAreNumberedFromTheStrongestOn) {
+  GameTable table = table_of({"random", "circle", "worst", "run"});
+  add(table, "circle", "random", {20, 0, 0});
+  for (const char* other : {"random", "circle"}) add(table, "run", other, {20, 0, 0});
+  for (const char* other : {"random", "circle", "run"}) add(table, "worst", other, {0, 20, 0});
+  const Ratings ratings = rate_alike(table);
+  EXPECT_EQ(find(ratings, "random").group, 0) << "the anchor's";
+  EXPECT_LT(find(ratings, "run").group, find(ratings, "circle").group);
+  EXPECT_LT(find(ratings, "circle").group, find(ratings, "worst").group);
+}
+
 TEST(Ratings, OneTiePutsAnEndToInfinity) {
   GameTable table = table_of({"random", "a"});
   add(table, "a", "random", {39, 0, 1});
@@ -273,8 +285,8 @@ TEST(Ratings, PoolsThatNoGamesJoinAreToldApart) {
   EXPECT_EQ(find(ratings, "e").standing, Standing::not_compared);
   const std::vector<std::string> lines = remarks(ratings);
   ASSERT_EQ(lines.size(), 3u);
-  EXPECT_TRUE(contains(lines[0], {"no games compare these with random", "c 0 +- 0; d -191 +- 124", "relative to c"}));
-  EXPECT_EQ(lines[1], "e: won all of its 5 games; it has no rating relative to random");
+  EXPECT_EQ(lines[0], "e: won all of its 5 games; it has no rating relative to random");
+  EXPECT_TRUE(contains(lines[1], {"no games compare these with random", "c 0 +- 0; d -191 +- 124", "relative to c"}));
   EXPECT_EQ(lines[2], "idle: played no game; it has no rating");
 }
 
