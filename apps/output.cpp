@@ -46,6 +46,10 @@ CLI::Validator output(Output kind) {
   return {[kind](std::string& text) { return obstacle(text, kind); }, ""};
 }
 
+void expect_output(Output kind, const fs::path& path, const std::string& advice) {
+  if (const std::string what = obstacle(path, kind); !what.empty()) throw InputError(cat(what, "; ", advice));
+}
+
 bool holds_files(const fs::path& folder) {
   std::error_code code;
   const fs::directory_iterator files(folder, code);

@@ -3,6 +3,7 @@
 
 #include <CLI/CLI.hpp>
 #include <filesystem>
+#include <string>
 #include <string_view>
 
 namespace giga {
@@ -13,6 +14,8 @@ enum class Output : uint8_t { file, file_or_stdout, stem, folder };
 
 /// For CLI::Option::check: refuses what cannot be written, before any work starts.
 CLI::Validator output(Output kind);
+/// The same of a value that CLI does not check, as that of a default; throws InputError. `advice`: what helps.
+void expect_output(Output kind, const std::filesystem::path& path, const std::string& advice);
 
 /// Whether a folder is there and has something in it, but for the lock of a process.
 bool holds_files(const std::filesystem::path& folder);

@@ -200,6 +200,7 @@ void write(const PlayOptions& o) {
   page.mates = number_of(mates, find_script(o.a));
   page.opponents = number_of(opponents, find_script(others.empty() ? o.a : o.b));
 
+  if (o.folder.empty()) expect_output(Output::stem, o.out, "--out takes another name");  // it may be the default
   std::vector<std::string> scenarios = o.scenarios;
   if (scenarios.empty()) scenarios.emplace_back();
   if (std::set<std::string>(scenarios.begin(), scenarios.end()).size() < scenarios.size())

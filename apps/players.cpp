@@ -11,10 +11,12 @@
 #include "apps/load_player.hpp"
 #include "config/fields.hpp"
 #include "config/names.hpp"
+#include "config/settings.hpp"
 #include "core/error.hpp"
 #include "export/export.hpp"
 #include "io/run_folder.hpp"
 #include "learn/mixed_team.hpp"
+#include "learn/registry.hpp"
 
 namespace giga {
 namespace fs = std::filesystem;
@@ -66,30 +68,16 @@ Candidate candidate_of(const fs::path& file, Checkpoint checkpoint, const fs::pa
   return candidate;
 }
 
-/// The last `n` names of a path: 2 of "/a/b/c" are "b/c".
-std::string last_names(const fs::path& path, int n) {
-  fs::path last;
-  for (auto at = path.end(); n > 0 && at != path.begin(); --n) {
-    --at;
-    last = last.empty() ? *at : *at / last;
-  }
-  return last.string();
-}
-
-/// Names a run after its folder. Where two folders have the same name, as much of the path is added as tells them
-/// apart: "first/seed1" and "second/seed1". Checkpoints are called "RUN@UPDATES".
+/// Names runs after their folders. Checkpoints are called "RUN@UPDATES".
 void name_runs(std::vector<Candidate>& all) {
+  std::vector<fs::path> folders;
+  for (const Candidate& c : all)
+    if (!c.info.is_baseline()) folders.push_back(c.folder);
+  const std::vector<std::string> names = names_of_folders(folders);
+  auto name = names.begin();
   for (Candidate& c : all) {
     if (c.info.is_baseline()) continue;
-    const auto is_shared = [&](int n) {
-      return std::any_of(all.begin(), all.end(), [&](const Candidate& other) {
-        return !other.info.is_baseline() && other.info.folder != c.info.folder &&
-               last_names(other.folder, n) == last_names(c.folder, n);
-      });
-    };
-    int n = 1;
-    while (is_shared(n)) ++n;
-    c.info.run = last_names(c.folder, n);
+    c.info.run = *name++;
     c.player.rename(cat(c.info.run, "@", c.info.updates));
   }
 }
@@ -179,19 +167,13 @@ void choose_game(const PlayerRequest& request, const std::vector<Candidate>& can
     if (player->origin() && result.n_threads == 0) result.n_threads = player->origin()->run.config.train.n_threads;
 }
 
-/// A run's config and scenario without what seeds of one configuration do not share, as one text.
-std::string configuration_of(const Player::Origin& origin) {
-  RunConfig config = origin.run.config;
-  config.seed = 0;
-  config.device.clear();
-  config.train.n_threads = 0;
-  config.train.max_wall_time.reset();
-  config.train.stop_at_agent_steps.reset();
-  config.checkpoint = {};
-  Scenario scenario = origin.run.scenario;
-  scenario.description.clear();  // for people
-  for (auto& [name, map] : scenario.map_definitions) map.description.clear();
-  return print_yaml(config, false) + print_scenario(scenario);
+/// A run's config and scenario without what seeds of one configuration do not share.
+Settings configuration_of(const Player::Origin& origin) {
+  Settings all = flatten(parse_yaml_text(print_yaml(origin.run.config, false), "config").root);
+  std::erase_if(all, [](const auto& entry) { return is_run_time_setting(entry.first); });
+  const Settings game = game_settings(parse_yaml_text(print_scenario(origin.run.scenario), "scenario").root);
+  all.insert(all.end(), game.begin(), game.end());
+  return all;
 }
 
 /// What the names of runs begin with, without the "-seed" behind it: "duel-mappo" of "duel-mappo-seed1" and "-seed2".
@@ -209,7 +191,7 @@ std::string common_name(const std::vector<std::string>& names) {
 
 /// Gives the seeds of one configuration a name together.
 void pool_seeds(RoundRobin& all) {
-  std::map<std::string, std::vector<size_t>> groups;
+  std::map<Settings, std::vector<size_t>> groups;
   for (size_t k = 0; k < all.players.size(); ++k)
     if (!all.infos[k].is_baseline()) groups[configuration_of(*all.players[k].origin())].push_back(k);
   for (const auto& [configuration, members] : groups) {

@@ -206,6 +206,12 @@ void renew_report(const RateOptions& o, const fs::path& folder) {
   std::error_code code;
   if (!o.out.empty() || run.empty() || !fs::exists(report, code)) return;
   if (!is_run_folder(run)) return;  // of several runs: it is theirs, and not in ours to renew
+  for (const char* needed : {"config.yaml", "scenario.yaml", "run.json", "metrics.csv"})
+    if (!fs::exists(run / needed, code)) {
+      std::cerr << "warning: " << report.string() << " does not show these ratings: " << run.string() << " has no "
+                << needed << '\n';
+      return;
+    }
   write_report({run}, report, list_fields<RunConfig>());
 }
 
@@ -243,9 +249,7 @@ void rate_runs(const RateOptions& o) {
   RoundRobin all =
       find_players({o.runs, o.scripted, {o.scenario, o.changes}, o.checkpoints, o.group}, {device, o.trust, o.greedy});
   // Before the games: those of --out are looked at with the options.
-  if (std::string wanted = default_folder(o).string(); o.out.empty())
-    if (const std::string obstacle = output(Output::folder)(wanted); !obstacle.empty())
-      throw InputError(obstacle + "; --out takes another folder");
+  if (o.out.empty()) expect_output(Output::folder, default_folder(o), "--out takes another folder");
   const RatingSheet sheet = play_and_rate(o, all, device);
   const fs::path folder = o.out.empty() ? without_others(default_folder(o), sheet, o) : fs::path(o.out);
   const SimParams params = all.spec.with_time_limit().params;

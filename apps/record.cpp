@@ -53,6 +53,7 @@ fs::path stem_of(const std::string& out) {
 void record(const RecordOptions& o) {
   if (o.a.empty()) throw InputError("A is missing: who plays (gigastep record --help), or --verify FILE");
   const fs::path stem = stem_of(o.out);
+  expect_output(Output::stem, o.out, "--out takes another name");  // the default is not looked at with the options
   const Device device = parse_device(o.device);
   const PlayerOptions loading{device, o.trust, o.greedy};
   std::vector<Player> players;

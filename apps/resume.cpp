@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <system_error>
 
+#include "apps/changed_settings.hpp"
 #include "apps/command_line.hpp"
 #include "apps/commands.hpp"
 #include "apps/follow.hpp"
@@ -214,7 +215,10 @@ int resume(const ResumeOptions& o, Dispatch& dispatch) {
   if (folder && !starts_ranks) warn(found);
 
   const ResumedRun resumed = resume_config(from.config_yaml, from.scenario_yaml, o.overrides);
-  if (folder && !starts_ranks) warn_of_edits(*folder, from, resumed.run.config);
+  if (folder && !starts_ranks) {
+    warn_of_edits(*folder, from, resumed.run.config);
+    warn_of_unread(o.overrides, resumed.run.config.train.algorithm);
+  }
   TrainingSetup setup{resumed.run, device_of_rank(resumed.run.config.device, joined), nullptr, &from, o.quiet,
                       !o.no_color};
   setup.ranks = joined.ranks;

@@ -85,7 +85,11 @@ std::string tail_of(const fs::path& log) {
   std::error_code code;
   if (!fs::exists(log, code)) return "";
   const std::string text = read_file(log);
-  return text.size() > kMost ? text.substr(text.size() - kMost) : text;
+  if (text.size() <= kMost) return text;
+  // Whole lines, the last one in any case.
+  const size_t end = text.find_last_not_of('\n'), last = end == std::string::npos ? end : text.rfind('\n', end);
+  const size_t first = text.find('\n', text.size() - kMost);
+  return text.substr(last == std::string::npos ? 0 : std::min(first, last) + 1);
 }
 
 }  // namespace giga

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
+#include "apps/changed_settings.hpp"
 #include "apps/command_line.hpp"
 #include "apps/commands.hpp"
 #include "apps/follow.hpp"
@@ -158,6 +159,7 @@ int train(const TrainOptions& o, Dispatch& dispatch) {
   setup.ranks = joined.ranks;
   if (!joined.leads()) return finish(joined, follow(std::move(setup)));
   warn_of_opponents(setup.run);
+  warn_of_unread(o.overrides, setup.run.config.train.algorithm);
 
   const RunFolder folder = RunFolder::create(run_dir, run_name(o, setup.run.config));
   const RunConfig config = for_run_folder(setup.run.config);

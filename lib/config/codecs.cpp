@@ -54,12 +54,33 @@ Reading parse_whole(const std::string& text, T& value) {
   return result.ec == std::errc() ? Reading::number : Reading::none;
 }
 
+/// "3e8" or "1.5E+3" as the digits that they stand for; none of what is written in another way, or is no integer.
+std::optional<std::string> written_out(const std::string& text) {
+  const size_t e = text.find_first_of("eE");
+  if (e == std::string::npos) return std::nullopt;
+  std::string digits = text.substr(0, e), power = text.substr(e + 1);
+  if (power.starts_with('+')) power.erase(0, 1);
+  int exponent = 0;
+  constexpr int kMost = 40;  // more than any integer has
+  if (parse_whole(power, exponent) != Reading::number || exponent < 0 || exponent > kMost) return std::nullopt;
+  const size_t point = digits.find('.');
+  size_t behind = 0;
+  if (point != std::string::npos) {
+    behind = digits.size() - point - 1;
+    digits.erase(point, 1);
+  }
+  if (behind > static_cast<size_t>(exponent)) return std::nullopt;
+  return digits.append(static_cast<size_t>(exponent) - behind, '0');
+}
+
 template <class T>
 Reading read_integer(const Node& node, T& value) {
   const std::optional<std::string> digits = digits_of(node);
   if (!digits) return Reading::none;
   if (parse_whole(*digits, value) == Reading::number) return Reading::number;
-  // 3e8 and the like, as far as a double holds every integer.
+  if (const std::optional<std::string> all = written_out(*digits))
+    if (const Reading reading = parse_whole(*all, value); reading != Reading::none) return reading;
+  // 12.0 and the like, as far as a double holds every integer.
   constexpr double kExact = 9007199254740992.0;
   double number = 0;
   if (parse_whole(*digits, number) != Reading::number || number != std::floor(number)) return Reading::none;

@@ -78,7 +78,8 @@ ReplayMind mind_of(const RecordedWorld& w, const SimParams& p, int team) {
       mind.low = std::min(mind.low, values[at]);
       mind.high = std::max(mind.high, values[at]);
     }
-    if (!(mind.low < mind.high)) mind.high = mind.low + 1;
+    // The same value everywhere, perhaps one to which 1 adds nothing.
+    if (!(mind.low < mind.high)) mind.high = std::max(mind.low + 1, std::nextafter(mind.low, INFINITY));
     for (size_t at = 0; at < values.size(); ++at)
       mind.value.push_back(living(at) ? static_cast<uint8_t>(std::lround((values[at] - mind.low) /
                                                                          (mind.high - mind.low) * kReplayValues))

@@ -121,6 +121,13 @@ void remove_beginning(const fs::path& folder) {
       cat("the run folder ", path.string(), " is there already and not empty: a run is never overwritten; ", what));
 }
 
+/// Of the continuation with that number, from 1 on.
+fs::path resume_file(const fs::path& folder, int number) {
+  char name[32];
+  std::snprintf(name, sizeof name, "resume_%03d.json", number);
+  return folder / name;
+}
+
 /// A run is never overwritten. Returns whether one has barely begun there.
 bool expect_free(const fs::path& path) {
   std::error_code code;
@@ -201,14 +208,8 @@ std::vector<std::string> RunFolder::describe_missing(const std::string& config_y
 }
 
 void RunFolder::describe_resume(const std::string& config_yaml, const Json& info) const {
-  fs::path file;
-  std::error_code code;
-  char name[32];
-  for (int number = 1; file.empty() || fs::exists(file, code); ++number) {
-    std::snprintf(name, sizeof name, "resume_%03d.json", number);
-    file = path_ / name;
-  }
-  write_file(file, json_text(info) + "\n");
+  const auto before = static_cast<int>(list_resumes(path_).size());
+  write_file(resume_file(path_, before + 1), json_text(info) + "\n");
   write_file(config_file(), config_yaml);
 }
 
@@ -236,6 +237,50 @@ void RunFolder::save(const Checkpoint& checkpoint, int keep, bool is_best) const
     std::error_code code;
     fs::remove(files[k], code);
   }
+}
+
+namespace {
+
+/// The last `n` names of a path: 2 of "/a/b/c" are "b/c".
+std::string last_names(const fs::path& path, int n) {
+  fs::path last;
+  for (auto at = path.end(); n > 0 && at != path.begin(); --n) {
+    --at;
+    last = last.empty() ? *at : *at / last;
+  }
+  return last.string();
+}
+
+}  // namespace
+
+std::vector<std::string> names_of_folders(const std::vector<fs::path>& folders) {
+  std::vector<fs::path> named, places;  // as they are called, and where they are
+  for (const fs::path& folder : folders) {
+    fs::path whole = fs::absolute(folder).lexically_normal();
+    if (!whole.has_filename()) whole = whole.parent_path();  // "runs/x/"
+    places.push_back(fs::weakly_canonical(whole));
+    named.push_back(std::move(whole));
+  }
+  std::vector<std::string> names;
+  for (size_t k = 0; k < named.size(); ++k) {
+    int n = 1;
+    const auto is_shared = [&] {
+      for (size_t j = 0; j < named.size(); ++j)
+        if (places[j] != places[k] && last_names(named[j], n) == last_names(named[k], n)) return true;
+      return false;
+    };
+    while (is_shared()) ++n;
+    names.push_back(last_names(named[k], n));
+  }
+  return names;
+}
+
+std::vector<fs::path> list_resumes(const fs::path& folder) {
+  std::vector<fs::path> files = {resume_file(folder, 1)};
+  std::error_code code;
+  while (fs::exists(files.back(), code)) files.push_back(resume_file(folder, static_cast<int>(files.size()) + 1));
+  files.pop_back();
+  return files;
 }
 
 bool is_run_folder(const fs::path& folder) {

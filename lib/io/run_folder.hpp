@@ -106,6 +106,13 @@ FoundCheckpoint find_best_checkpoint(const std::string& path);
 /// The checkpoints of a run folder, oldest first, without best.h5.
 std::vector<std::filesystem::path> list_checkpoints(const std::filesystem::path& run_folder);
 
+/// resume_001.json, ... of a run folder, as many as are there.
+std::vector<std::filesystem::path> list_resumes(const std::filesystem::path& run_folder);
+
+/// What runs are called: by their folders. Where two folders have the same name, as much of the path is added as tells
+/// them apart: "first/seed1" and "second/seed1".
+std::vector<std::string> names_of_folders(const std::vector<std::filesystem::path>& folders);
+
 /// A scenario's name or path as part of a folder's name: "maps/My game.yaml" = "My_game".
 std::string folder_name_of(const std::string& scenario);
 

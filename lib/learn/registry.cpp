@@ -31,6 +31,27 @@ bool reads_setting(const std::string& algorithm, std::string_view key) {
   });
 }
 
+bool is_run_time_setting(std::string_view key) {
+  constexpr std::array kKeys = {"seed",
+                                "device",
+                                "train.n_threads",
+                                "train.max_wall_time",
+                                "train.stop_at_agent_steps",
+                                "train.compile_step",
+                                "train.pairs",
+                                "mappo.graphs",
+                                "eval.record"};
+  return key.starts_with("checkpoint.") || std::find(kKeys.begin(), kKeys.end(), key) != kKeys.end();
+}
+
+Settings game_settings(const Node& scenario) {
+  Settings settings = flatten(scenario);
+  std::erase_if(settings, [](const auto& entry) {
+    return entry.first == "description" || entry.first.ends_with(".description");
+  });
+  return settings;
+}
+
 const Algorithm& algorithm_of(const RunConfig& config) {
   const std::string& name = config.train.algorithm;
   if (const Algorithm* found = find_algorithm(name)) return *found;

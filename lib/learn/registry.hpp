@@ -6,6 +6,7 @@
 #include <string_view>
 #include <vector>
 
+#include "config/settings.hpp"
 #include "learn/evolution/config.hpp"
 #include "learn/mappo/config.hpp"
 
@@ -21,6 +22,11 @@ std::vector<std::string> algorithm_names();
 const Algorithm* find_algorithm(const std::string& name);
 /// Whether a setting of a run means something to the algorithm of that name.
 bool reads_setting(const std::string& algorithm, std::string_view key);
+/// Whether a setting of a run has no part in what is learned: two runs that differ in such alone, the seed among them,
+/// are of one configuration.
+bool is_run_time_setting(std::string_view key);
+/// The settings of a scenario but descriptions, which are for people.
+Settings game_settings(const Node& scenario);
 /// The one that `train.algorithm` names. Throws InputError where there is none.
 const Algorithm& algorithm_of(const RunConfig& config);
 

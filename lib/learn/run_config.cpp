@@ -9,6 +9,7 @@
 #include "core/error.hpp"
 #include "learn/config_check.hpp"
 #include "learn/mixed_team.hpp"
+#include "learn/registry.hpp"
 #include "learn/run_config_file.hpp"
 #include "learn/yaml_kind.hpp"
 #include "scenario/compile.hpp"
@@ -271,6 +272,39 @@ std::optional<int64_t> total_updates(const RunConfig& c, int n_agents) {
   return (c.train.total_agent_steps + per_update(c, n_agents) - 1) / per_update(c, n_agents);
 }
 
+namespace {
+
+/// The config of a run names a scenario that comes with gigastep, which may be another game by now: the one that was
+/// played stands beside it.
+void expect_the_runs_game(const std::string& config_file, const RunConfig& config, const Scenario& scenario,
+                          const std::vector<std::string>& overrides, const KeyPositions& given, Errors& errors) {
+  const std::filesystem::path file = config_file, beside = file.parent_path() / "scenario.yaml";
+  std::error_code code;
+  const auto changes_the_game = [](const std::string& assignment) {
+    return assignment.starts_with("scenario") || assignment.starts_with("environment");
+  };
+  if (file.filename() != "config.yaml" || !std::filesystem::exists(beside, code) || is_path(config.scenario) ||
+      !given.contains("scenario") || std::any_of(overrides.begin(), overrides.end(), changes_the_game))
+    return;
+  Errors of_scenario;  // are none of the config
+  const std::string name = beside.string();
+  const std::optional<Scenario> played = load_scenario({name, {}, nullptr, ""}, data_dirs(), of_scenario);
+  if (!played) return;
+  const auto settings = [](const Scenario& s) {
+    return game_settings(parse_yaml_text(print_scenario(s), "game").root);
+  };
+  const std::vector<SettingChange> changes = compare_settings(settings(*played), settings(scenario));
+  if (changes.empty()) return;
+  const SettingChange& first = changes.front();
+  const std::string more = changes.size() > 1 ? cat(" and ", changes.size() - 1, " more") : "";
+  errors.add(given.at("scenario"),
+             cat("scenario: '", config.scenario, "' is another game by now than the one of this run (", first.path,
+                 ": ", first.before, " there, ", first.after, " now", more,
+                 "); that one is played with --set scenario=", beside.string()));
+}
+
+}  // namespace
+
 LoadedRun load_run_config(const std::string& path, const std::vector<std::string>& overrides,
                           const std::function<void(RunConfig&)>& change) {
   RunConfigFile file;
@@ -291,6 +325,7 @@ LoadedRun load_run_config(const std::string& path, const std::vector<std::string
   std::optional<Scenario> scenario;
   if (!is_wrong("scenario", given, errors))
     scenario = load_scenario({config.scenario, given["scenario"], changes, "environment"}, data_dirs(), errors);
+  if (scenario && errors.empty()) expect_the_runs_game(path, config, *scenario, overrides, given, errors);
   if (change) change(config);
   return finish(std::move(config), std::move(scenario), given, errors, false);
 }

@@ -19,12 +19,6 @@ constexpr size_t kMostPoints = 2000, kFewestPoints = 200;
 constexpr size_t kNumbersOnPage = 400'000;  // at about 8 bytes each
 constexpr size_t kSettingsInLabel = 3;
 
-/// Whether a setting has no part in what is learned.
-bool is_run_time_setting(const std::string& path) {
-  return path == "seed" || path == "device" || path == "train.n_threads" || path == "train.max_wall_time" ||
-         path == "train.stop_at_agent_steps" || path.starts_with("checkpoint.");
-}
-
 constexpr const char* kAlgorithm = "train.algorithm";
 
 /// What has a part in what is learned: nothing that the run's algorithm does not read.
@@ -37,8 +31,19 @@ Settings learning_settings(const Node& config, std::string (*print)(const Node&)
   return settings;
 }
 
+/// What `resume --set` changed on the way, as "mappo.gamma: 0.99 -> 0.999", as far as it has a part in what is learned.
+std::vector<std::string> changes_on_the_way(const RunData& run) {
+  std::vector<std::string> changes;
+  for (const Node& resume : run.resumes)
+    if (const Node* list = resume.find("changes"); list && list->is_sequence())
+      for (const Node& change : list->items)
+        if (!is_run_time_setting(change.text.substr(0, change.text.find(':')))) changes.push_back(change.text);
+  return changes;
+}
+
 bool same_config(const RunData& a, const RunData& b) {
-  return learning_settings(a.config) == learning_settings(b.config) && flatten(a.scenario) == flatten(b.scenario);
+  return learning_settings(a.config) == learning_settings(b.config) &&
+         game_settings(a.scenario) == game_settings(b.scenario) && changes_on_the_way(a) == changes_on_the_way(b);
 }
 
 /// Rows [begin, end) of a metrics file.

@@ -54,6 +54,7 @@ std::vector<std::string> write_report(const std::vector<fs::path>& runs, const f
                                       const std::vector<FieldInfo>& keys, const std::string& first_section) {
   std::vector<RunData> all;
   std::vector<std::string> left_out;
+  const std::vector<std::string> names = names_of_folders(runs);
   for (size_t k = 0; k < runs.size(); ++k) {
     for (size_t j = 0; j < k; ++j) {
       std::error_code code;
@@ -62,6 +63,7 @@ std::vector<std::string> write_report(const std::vector<fs::path>& runs, const f
     }
     try {
       all.push_back(read_run(runs[k]));
+      all.back().name = names[k];
       const fs::path page = fs::absolute(runs[k]) / RunFolder::kReplaysPage;
       if (fs::exists(page))
         all.back().replays = page.lexically_normal()

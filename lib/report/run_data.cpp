@@ -131,12 +131,11 @@ RunData read_run(const fs::path& folder) {
   if (!fs::exists(folder / "metrics.csv", code))
     throw InputError(cat("the folder ", folder.string(), " is not a run: it holds no metrics.csv"));
   RunData run;
-  fs::path whole = fs::absolute(folder).lexically_normal();
-  if (!whole.has_filename()) whole = whole.parent_path();  // "runs/x/"
-  run.name = whole.filename().string();
+  run.name = names_of_folders({folder}).front();
   run.config = read_map(folder / "config.yaml");
   run.scenario = read_map(folder / "scenario.yaml");
   run.info = read_map(folder / "run.json");
+  for (const fs::path& file : list_resumes(folder)) run.resumes.push_back(read_map(file));
   const fs::path metrics = folder / "metrics.csv";
   run.metrics = parse_metrics(read_file(metrics), metrics.string());
   run.ratings = read_ratings(folder / RatingFiles::kFolder);

@@ -35,10 +35,11 @@ struct RatingData {
 };
 
 struct RunData {
-  std::string name;  ///< of the folder
-  Node config;       ///< config.yaml: all keys
-  Node scenario;     ///< scenario.yaml: all keys
-  Node info;         ///< run.json
+  std::string name;           ///< of the folder
+  Node config;                ///< config.yaml: all keys
+  Node scenario;              ///< scenario.yaml: all keys
+  Node info;                  ///< run.json
+  std::vector<Node> resumes;  ///< resume_001.json, ...
   MetricsTable metrics;
   std::optional<RatingData> ratings;
   std::string replays;  ///< where the page of its replays is, as a link of the report; empty: there is none

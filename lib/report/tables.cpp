@@ -224,15 +224,17 @@ void write_machines(Markup& page, const std::vector<RunGroup>& groups) {
 }
 
 void write_commands(Markup& page, const std::vector<RunGroup>& groups) {
-  std::string lines;
-  for (const RunData* run : all_runs(groups)) {
-    const Node* words = run->info.find("command_line");
-    if (!words || !words->is_sequence()) continue;
+  const auto write = [&page](const Node& info) {
+    const Node* words = info.find("command_line");
+    if (!words || !words->is_sequence()) return;
     std::string line;
     for (const Node& word : words->items) line += (line.empty() ? "" : " ") + shell_word(word.text);
-    lines += (lines.empty() ? "" : "\n") + line;
+    page.element("pre", line, {{"class", "card"}});
+  };
+  for (const RunData* run : all_runs(groups)) {
+    write(run->info);
+    for (const Node& resume : run->resumes) write(resume);
   }
-  page.element("pre", lines, {{"class", "card"}});
 }
 
 }  // namespace giga

@@ -180,6 +180,41 @@ TEST(Train, ARunsConfigTrainsAgainFromAnywhere) {
   EXPECT_EQ(here.read("second/config.yaml"), here.read("elsewhere/moved/config.yaml"));
 }
 
+// The catalog may change after a run: then its config names another game.
+TEST(Train, ARunsConfigTrainsItsOwnGameOrSaysSo) {
+  const Workplace here;
+  here.write("tiny.yaml", kTinyConfig);
+  ASSERT_EQ(here.run({"train", "tiny.yaml", "--quiet", "--run-dir", "run"}).code, 0);
+  EXPECT_EQ(here.run({"train", "run/config.yaml", "--quiet", "--run-dir", "again"}).code, 0);
+  std::string played = here.read("run/scenario.yaml");
+  const size_t at = played.find("max_episode_length: ");
+  ASSERT_NE(at, std::string::npos);
+  played.replace(at, played.find_first_of(" #\n", at + 20) - at, "max_episode_length: 77");
+  here.write("run/scenario.yaml", played);
+  const Outcome other = here.run({"train", "run/config.yaml", "--quiet", "--run-dir", "third"});
+  EXPECT_EQ(other.code, 2);
+  EXPECT_TRUE(contains(other.err, {"run/config.yaml:",
+                                   " is another game by now than the one of this run "
+                                   "(max_episode_length: 77 there, ",
+                                   "--set scenario=run/scenario.yaml"}));
+  EXPECT_FALSE(here.has("third"));
+  const Outcome own =
+      here.run({"train", "run/config.yaml", "--quiet", "--run-dir", "third", "--set", "scenario=run/scenario.yaml"});
+  ASSERT_EQ(own.code, 0) << own.err;
+  EXPECT_TRUE(contains(here.read("third/scenario.yaml"), {"max_episode_length: 77"}));
+}
+
+TEST(Train, WarnsOfWhatTheAlgorithmDoesNotRead) {
+  const Workplace here;
+  here.write("tiny.yaml", kTinyConfig);
+  const Outcome outcome = here.run({"train", "tiny.yaml", "--quiet", "--run-dir", "run", "--set", "mappo.gamma=0.9",
+                                    "--set", "snes.learning_rate_mean=0.5"});
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_TRUE(contains(outcome.err, {"warning: --set snes.learning_rate_mean: this means nothing with "
+                                     "train.algorithm mappo\n"}));
+  EXPECT_EQ(outcome.err.find("mappo.gamma"), std::string::npos);
+}
+
 TEST(Train, RunsAreNamedByWhatWasChanged) {
   const Workplace here;
   here.write("tiny.yaml", kTinyConfig);

@@ -5,6 +5,7 @@
 #include <torch/types.h>
 
 #include <algorithm>
+#include <cstring>
 
 #include "cuda/runtime.hpp"
 #include "game/game.hpp"
@@ -135,6 +136,30 @@ TEST(LearnRecord, MindsThatRemember) {
   small.critic = "kind: independent, hidden: [8], memory: gru";
   small.scenario = long_games(90);
   expect_actions_and_minds_of_their_states(small, 80);
+}
+
+// Saturated, or of huge rewards: to 2^24 and more a float adds 1 in vain, and a range of values needs a width.
+TEST(LearnRecord, ACriticThatSaysTheSameEverywhere) {
+  const Recorded recorded;
+  NamedArrays critics;
+  recorded.learner->save_critics(critics);
+  for (NamedArray& array : critics)
+    if (array.type == ArrayType::f32) {
+      const std::vector<float> huge(array.bytes.size() / sizeof(float), 3e7f);
+      std::memcpy(array.bytes.data(), huge.data(), array.bytes.size());
+    }
+  const Actor& actor = *recorded.learner->actor(0);
+  const auto values = ValueFunction::load(recorded.run, 0, critics, actor, Device{});
+  const std::array<RecordedTeam, kNTeams> teams = {
+      RecordedTeam{policy_controller(actor), {&actor, values.get()}, "a"},
+      RecordedTeam{policy_controller(*recorded.learner->actor(1)), {}, "b"}};
+  const Replay replay =
+      record_match(recorded.run.scenario, recorded.run.spec, teams, three_games(Device{}), "0.1.0").replay;
+  for (const ReplayEpisode& e : replay.episodes) {
+    EXPECT_GE(e.mind[0].low, 1 << 24);
+    EXPECT_LT(e.mind[0].low, e.mind[0].high);
+  }
+  EXPECT_EQ(decode_replay(encode_replay(replay), "game").episodes.size(), replay.episodes.size());
 }
 
 TEST(LearnRecord, PlaysAgainAndNoticesWhatDiffers) {

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <set>
 
 #include "core/error.hpp"
@@ -48,6 +49,18 @@ TEST(LearnRegistry, SettingsThatAnAlgorithmDoesNotRead) {
     for (const Algorithm* a : algorithms()) readers += reads_setting(a->name, field.path);
     EXPECT_GT(readers, 0) << field.path;
   }
+}
+
+// Runs that differ in these alone are seeds of one configuration. They are keys that there are.
+TEST(LearnRegistry, SettingsThatChangeNothingThatIsLearned) {
+  for (const char* key :
+       {"seed", "device", "train.n_threads", "train.compile_step", "mappo.graphs", "eval.record", "checkpoint.keep"}) {
+    EXPECT_TRUE(is_run_time_setting(key)) << key;
+    const std::vector<FieldInfo> fields = list_fields<RunConfig>();
+    EXPECT_TRUE(std::any_of(fields.begin(), fields.end(), [key](const FieldInfo& f) { return f.path == key; })) << key;
+  }
+  for (const char* key : {"mappo.gamma", "train.total_agent_steps", "eval.opponents", "train.precision"})
+    EXPECT_FALSE(is_run_time_setting(key)) << key;
 }
 
 TEST(LearnRegistry, AnUnknownNameIsRefusedWithThoseThatThereAre) {

@@ -49,11 +49,29 @@ TEST(Curves, SeedsMakeAMeanAndABand) {
 TEST(Curves, WhatIsNotLearnedDoesNotDivideAGroup) {
   const std::string rest = "mappo: {gamma: 0.99}\n";
   const std::vector<RunData> runs = {
-      run_of("a", "seed: 1\ndevice: cpu\ntrain: {n_threads: 2, max_wall_time: 4s}\ncheckpoint: {keep: 1}\n" + rest,
+      run_of("a",
+             "seed: 1\ndevice: cpu\ntrain: {n_threads: 2, max_wall_time: 4s}\ncheckpoint: {keep: 1}\n"
+             "eval: {record: 0}\n" +
+                 rest,
              kTwoRows),
-      run_of("b", "seed: 2\ndevice: cuda:1\ntrain: {n_threads: 0, max_wall_time: none}\ncheckpoint: {keep: 9}\n" + rest,
+      run_of("b",
+             "seed: 2\ndevice: cuda:1\ntrain: {n_threads: 0, max_wall_time: none}\ncheckpoint: {keep: 9}\n"
+             "eval: {record: 2}\n" +
+                 rest,
              kTwoRows)};
   EXPECT_EQ(group_runs(runs, 100).size(), 1u);
+}
+
+TEST(Curves, ARunThatChangedOnTheWayIsAnotherGroup) {
+  std::vector<RunData> runs;
+  for (const char* name : {"a", "b", "c"}) runs.push_back(run_of(name, "mappo: {gamma: 0.9}\n", kTwoRows));
+  const auto resumed = [](const std::string& change) {
+    return parse_yaml_text("changes: [\"" + change + "\"]\n", "resume_001.json").root;
+  };
+  runs[1].resumes.push_back(resumed("train.stop_at_agent_steps: 100 -> none"));
+  EXPECT_EQ(group_runs(runs, 100).size(), 1u) << "nothing that is learned by";
+  runs[2].resumes.push_back(resumed("mappo.gamma: 0.99 -> 0.9"));
+  EXPECT_EQ(group_runs(runs, 100).size(), 2u);
 }
 
 TEST(Curves, ConfigsAreLabelledByWhatDiffers) {

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <fstream>
 #include <regex>
 
 #include "io/files.hpp"
@@ -144,6 +145,15 @@ TEST_F(ReportPage, ShowsCommandsMachineAndTime) {
   EXPECT_TRUE(contains(page, {"<dt>agent-steps per second</dt>", "<dd>28.6</dd>"}));
 }
 
+TEST_F(ReportPage, EveryCommandStandsAlone) {
+  SyntheticRun run;
+  run.write(folder_ / "a");
+  run.write(folder_ / "b");
+  std::ofstream(folder_ / "b" / "resume_001.json") << R"({"command_line": ["gigastep", "resume", "b"]})";
+  const std::string train = "gigastep train 'it'\\''s here'";
+  EXPECT_EQ(texts_of(section_of(page_of({"a", "b"}), "Commands"), "pre"), (Texts{train, train, "gigastep resume b"}));
+}
+
 TEST_F(ReportPage, ChartsAreDrawnInThePage) {
   SyntheticRun run;
   run.metrics = "agent_steps,seconds,entropy_0,entropy_1\n100,1,3,2\n200,2,,2\n300,3,1,2\n";
@@ -194,6 +204,13 @@ TEST_F(ReportPage, ALongRunStaysSmall) {
   run.metrics = metrics;
   run.write(folder_ / "run");
   EXPECT_LT(page_of({"run"}).size(), 6u << 20);
+}
+
+TEST_F(ReportPage, RunsOfOneNameAreToldApartByTheirPaths) {
+  SyntheticRun().write(folder_ / "first" / "run");
+  SyntheticRun().write(folder_ / "second" / "run");
+  write_report({folder_ / "first" / "run", folder_ / "second" / "run/"}, folder_ / "page.html", {});
+  EXPECT_TRUE(contains(read_file(folder_ / "page.html"), {">first/run<", ">second/run<"}));
 }
 
 TEST_F(ReportPage, WritesTheFileAndRefusesARunGivenTwice) {

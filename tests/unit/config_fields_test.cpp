@@ -109,6 +109,9 @@ TEST(ConfigFields, ReadsIntegersAsPeopleWriteThem) {
   EXPECT_EQ(config_of("steps: 1.5e3").steps, 1500);
   EXPECT_EQ(config_of("steps: +7").steps, 7);
   EXPECT_EQ(config_of("seed: 18446744073709551615").seed, 18446744073709551615u);
+  EXPECT_EQ(config_of("seed: 1e19").seed, 10000000000000000000u) << "more than a double holds every integer of";
+  EXPECT_EQ(config_of("seed: 1.8446744073709551615e19").seed, 18446744073709551615u);
+  EXPECT_EQ(config_of("seed: 12.0").seed, 12u);
 }
 
 TEST(ConfigFields, ReadsEveryKindOfValue) {
