@@ -1,10 +1,7 @@
 #include "apps/changed_settings.hpp"
 
-#include <iostream>
-
 #include "config/names.hpp"
 #include "core/error.hpp"
-#include "learn/registry.hpp"
 
 namespace giga {
 
@@ -18,12 +15,6 @@ std::string changed_settings(const std::vector<SettingChange>& changes) {
   }
   if (changes.size() > kMost) texts.push_back(cat(changes.size() - kMost, " more"));
   return join(texts, "; ");
-}
-
-void warn_of_unread(const std::vector<std::string>& overrides, const std::string& algorithm) {
-  for (const std::string& assignment : overrides)
-    if (const std::string key = assignment.substr(0, assignment.find('=')); !reads_setting(algorithm, key))
-      std::cerr << "warning: --set " << key << ": this means nothing with train.algorithm " << algorithm << '\n';
 }
 
 }  // namespace giga

@@ -7,10 +7,10 @@
 #include <nlohmann/json.hpp>
 #include <system_error>
 
-#include "apps/changed_settings.hpp"
 #include "apps/command_line.hpp"
 #include "apps/commands.hpp"
 #include "apps/follow.hpp"
+#include "apps/idle_settings.hpp"
 #include "apps/joined_ranks.hpp"
 #include "apps/metrics_files.hpp"
 #include "apps/plan.hpp"
@@ -217,7 +217,7 @@ int resume(const ResumeOptions& o, Dispatch& dispatch) {
   const ResumedRun resumed = resume_config(from.config_yaml, from.scenario_yaml, o.overrides);
   if (folder && !starts_ranks) {
     warn_of_edits(*folder, from, resumed.run.config);
-    warn_of_unread(o.overrides, resumed.run.config.train.algorithm);
+    warn_of_idle(o.overrides, resumed.run.config);
   }
   TrainingSetup setup{resumed.run, device_of_rank(resumed.run.config.device, joined), nullptr, &from, o.quiet,
                       !o.no_color};

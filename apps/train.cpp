@@ -7,10 +7,10 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
-#include "apps/changed_settings.hpp"
 #include "apps/command_line.hpp"
 #include "apps/commands.hpp"
 #include "apps/follow.hpp"
+#include "apps/idle_settings.hpp"
 #include "apps/joined_ranks.hpp"
 #include "apps/load_player.hpp"
 #include "apps/option_value.hpp"
@@ -159,7 +159,7 @@ int train(const TrainOptions& o, Dispatch& dispatch) {
   setup.ranks = joined.ranks;
   if (!joined.leads()) return finish(joined, follow(std::move(setup)));
   warn_of_opponents(setup.run);
-  warn_of_unread(o.overrides, setup.run.config.train.algorithm);
+  warn_of_idle(o.overrides, setup.run.config);
 
   const RunFolder folder = RunFolder::create(run_dir, run_name(o, setup.run.config));
   const RunConfig config = for_run_folder(setup.run.config);

@@ -59,6 +59,7 @@ std::optional<std::string> written_out(const std::string& text) {
   const size_t e = text.find_first_of("eE");
   if (e == std::string::npos) return std::nullopt;
   std::string digits = text.substr(0, e), power = text.substr(e + 1);
+  if (digits.find_first_of("0123456789") == std::string::npos) return std::nullopt;
   if (power.starts_with('+')) power.erase(0, 1);
   int exponent = 0;
   constexpr int kMost = 40;  // more than any integer has

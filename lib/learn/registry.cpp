@@ -44,8 +44,8 @@ bool is_run_time_setting(std::string_view key) {
   return key.starts_with("checkpoint.") || std::find(kKeys.begin(), kKeys.end(), key) != kKeys.end();
 }
 
-Settings game_settings(const Node& scenario) {
-  Settings settings = flatten(scenario);
+Settings game_settings(const Node& scenario, std::string (*print)(const Node&)) {
+  Settings settings = flatten(scenario, print);
   std::erase_if(settings, [](const auto& entry) {
     return entry.first == "description" || entry.first.ends_with(".description");
   });

@@ -26,7 +26,7 @@ bool reads_setting(const std::string& algorithm, std::string_view key);
 /// are of one configuration.
 bool is_run_time_setting(std::string_view key);
 /// The settings of a scenario but descriptions, which are for people.
-Settings game_settings(const Node& scenario);
+Settings game_settings(const Node& scenario, std::string (*print)(const Node&) = print_node);
 /// The one that `train.algorithm` names. Throws InputError where there is none.
 const Algorithm& algorithm_of(const RunConfig& config);
 

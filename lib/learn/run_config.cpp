@@ -275,13 +275,14 @@ std::optional<int64_t> total_updates(const RunConfig& c, int n_agents) {
 namespace {
 
 /// The config of a run names a scenario that comes with gigastep, which may be another game by now: the one that was
-/// played stands beside it.
-void expect_the_runs_game(const std::string& config_file, const RunConfig& config, const Scenario& scenario,
+/// played, by the rules of the config, stands beside it.
+void expect_the_runs_game(const std::string& config_file, const RunConfig& config, Scenario scenario,
                           const std::vector<std::string>& overrides, const KeyPositions& given, Errors& errors) {
   const std::filesystem::path file = config_file, beside = file.parent_path() / "scenario.yaml";
   std::error_code code;
   const auto changes_the_game = [](const std::string& assignment) {
-    return assignment.starts_with("scenario") || assignment.starts_with("environment");
+    return assignment.starts_with("scenario") || assignment.starts_with("environment") ||
+           assignment.starts_with("rules");
   };
   if (file.filename() != "config.yaml" || !std::filesystem::exists(beside, code) || is_path(config.scenario) ||
       !given.contains("scenario") || std::any_of(overrides.begin(), overrides.end(), changes_the_game))
@@ -290,6 +291,7 @@ void expect_the_runs_game(const std::string& config_file, const RunConfig& confi
   const std::string name = beside.string();
   const std::optional<Scenario> played = load_scenario({name, {}, nullptr, ""}, data_dirs(), of_scenario);
   if (!played) return;
+  if (config.rules) scenario.rules = *config.rules;
   const auto settings = [](const Scenario& s) {
     return game_settings(parse_yaml_text(print_scenario(s), "game").root);
   };

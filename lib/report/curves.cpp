@@ -9,6 +9,7 @@
 #include <set>
 #include <system_error>
 
+#include "config/names.hpp"
 #include "core/error.hpp"
 #include "learn/registry.hpp"
 
@@ -143,7 +144,9 @@ std::vector<Settings> distinguishing_settings(const std::vector<RunGroup>& group
   std::vector<Settings> all, scenarios;
   for (const RunGroup& group : groups) {
     all.push_back(learning_settings(group.runs.front()->config, plain_text));
-    scenarios.push_back(flatten(group.runs.front()->scenario, plain_text));
+    scenarios.push_back(game_settings(group.runs.front()->scenario, plain_text));
+    if (const auto changes = changes_on_the_way(*group.runs.front()); !changes.empty())
+      all.back().emplace_back("resume", join(changes, "; "));
   }
   std::vector<std::string> keys;
   for (size_t g = 0; g < groups.size(); ++g)

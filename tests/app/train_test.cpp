@@ -198,21 +198,78 @@ TEST(Train, ARunsConfigTrainsItsOwnGameOrSaysSo) {
                                    "(max_episode_length: 77 there, ",
                                    "--set scenario=run/scenario.yaml"}));
   EXPECT_FALSE(here.has("third"));
+  // The rules of the config are part of it.
+  ASSERT_EQ(here.run({"train", "tiny.yaml", "--quiet", "--run-dir", "ruled", "--set", "rules=original"}).code, 0);
+  const Outcome ruled = here.run({"train", "ruled/config.yaml", "--quiet", "--run-dir", "ruled-again"});
+  EXPECT_EQ(ruled.code, 0) << ruled.err;
   const Outcome own =
       here.run({"train", "run/config.yaml", "--quiet", "--run-dir", "third", "--set", "scenario=run/scenario.yaml"});
   ASSERT_EQ(own.code, 0) << own.err;
   EXPECT_TRUE(contains(here.read("third/scenario.yaml"), {"max_episode_length: 77"}));
 }
 
-TEST(Train, WarnsOfWhatTheAlgorithmDoesNotRead) {
+// Each key of the table is one that there is, or the run would not start.
+TEST(Train, WarnsOfSettingsThatMeanNothing) {
   const Workplace here;
   here.write("tiny.yaml", kTinyConfig);
-  const Outcome outcome = here.run({"train", "tiny.yaml", "--quiet", "--run-dir", "run", "--set", "mappo.gamma=0.9",
-                                    "--set", "snes.learning_rate_mean=0.5"});
-  ASSERT_EQ(outcome.code, 0) << outcome.err;
-  EXPECT_TRUE(contains(outcome.err, {"warning: --set snes.learning_rate_mean: this means nothing with "
-                                     "train.algorithm mappo\n"}));
-  EXPECT_EQ(outcome.err.find("mappo.gamma"), std::string::npos);
+  here.write("evolution.yaml",
+             "scenario: identical_1_vs_1_void\ndevice: cpu\ntrain: {algorithm: openai_es, total_agent_steps: 64}\n"
+             "population: {population_size: 4, episodes_per_member: 1, max_steps: 4, actor: {hidden: [4]}}\n"
+             "eval: {episodes: 2}\n");
+  const auto warnings = [&](const char* config, const std::string& run, const std::vector<std::string>& sets) {
+    std::vector<std::string> command = {"train", config, "--quiet", "--run-dir", run};
+    for (const std::string& set : sets) command.insert(command.end(), {"--set", set});
+    const Outcome outcome = here.run(command);
+    EXPECT_EQ(outcome.code, 0) << outcome.err;
+    std::vector<std::string> keys;
+    const std::string start = "warning: --set ", end = ": this means nothing ";
+    for (size_t at = 0; (at = outcome.err.find(start, at)) != std::string::npos; ++at) {
+      const size_t from = at + start.size();
+      keys.push_back(outcome.err.substr(from, outcome.err.find(end, from) - from));
+    }
+    return std::pair{keys, outcome.err};
+  };
+  // These mean something, and those that switch others off.
+  const std::vector<std::string> switches = {"mappo.gamma=0.9", "mappo.schedule=constant", "mappo.value_norm=false",
+                                             "mappo.critic.kind=state", "eval.episodes=8"};
+  const std::vector<std::pair<std::string, std::string>> idle = {{"mappo.final_learning_rate_factor", "0.5"},
+                                                                 {"mappo.value_clip_coef", "0.3"},
+                                                                 {"mappo.huber_delta", "2"},
+                                                                 {"mappo.value_norm_beta", "0.5"},
+                                                                 {"mappo.entropy_rate", "0.1"},
+                                                                 {"mappo.actor.memory_size", "8"},
+                                                                 {"mappo.critic.memory_size", "8"},
+                                                                 {"mappo.critic.inputs", "all"},
+                                                                 {"mappo.actor.impala_width", "2"},
+                                                                 {"mappo.critic.impala_width", "2"},
+                                                                 {"opponents.pool_hardness", "1"},
+                                                                 {"opponents.pool_draw", "uniform"},
+                                                                 {"opponents.pool_promotion", "always"},
+                                                                 {"opponents.scripted", "[pursuer]"},
+                                                                 {"opponents.pool_share", "0.5"},
+                                                                 {"snes.learning_rate_mean", "0.5"}};
+  std::vector<std::string> sets = switches, expected;
+  for (const auto& [key, value] : idle) {
+    sets.push_back(key + "=" + value);
+    expected.push_back(key);
+  }
+  const auto [keys, text] = warnings("tiny.yaml", "mappo", sets);
+  EXPECT_EQ(keys, expected);
+  EXPECT_TRUE(contains(text, {"snes.learning_rate_mean: this means nothing with train.algorithm mappo\n",
+                              "huber_delta: this means nothing unless mappo.value_loss is huber\n"}));
+  EXPECT_EQ(warnings("evolution.yaml", "evolution",
+                     {"population.actor.memory_size=8", "population.noise_rank=2", "population.generations_per_turn=3",
+                      "openai_es.momentum=0.5", "openai_es.clip_up_max_speed=1", "mappo.gamma=0.9"})
+                .first,
+            (std::vector<std::string>{"population.actor.memory_size", "population.noise_rank",
+                                      "population.generations_per_turn", "openai_es.momentum",
+                                      "openai_es.clip_up_max_speed", "mappo.gamma"}));
+  // Switched on, they do not.
+  EXPECT_EQ(
+      warnings("tiny.yaml", "on",
+               {"mappo.value_loss=huber", "mappo.huber_delta=2", "mappo.entropy_target=2", "mappo.entropy_rate=0.1"})
+          .first,
+      std::vector<std::string>{});
 }
 
 TEST(Train, RunsAreNamedByWhatWasChanged) {

@@ -245,7 +245,7 @@ TEST_P(SimulatorParity, WorldsThatFreezeOneAfterTheOther) {
     SimOptions options = options_of(case_, variant);
     options.on_done = OnDone::freeze;
     options.episodes = episodes;
-    const Outputs some = variant == 4 ? Outputs::in_mirror : Outputs::observations;
+    const Outputs some = variant == 4 ? Outputs::in_mirror : variant == 5 ? Outputs::by_world : Outputs::observations;
     const Outputs outputs = spec.params.egocentric_view && episodes > 1 ? Outputs::egocentric : some;
     SimRunner a = on_cpu(variant, spec, options, outputs), b = on_other(variant, spec, options, outputs);
     for (SimRunner* runner : {&a, &b}) {

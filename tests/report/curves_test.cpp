@@ -71,7 +71,10 @@ TEST(Curves, ARunThatChangedOnTheWayIsAnotherGroup) {
   runs[1].resumes.push_back(resumed("train.stop_at_agent_steps: 100 -> none"));
   EXPECT_EQ(group_runs(runs, 100).size(), 1u) << "nothing that is learned by";
   runs[2].resumes.push_back(resumed("mappo.gamma: 0.99 -> 0.9"));
-  EXPECT_EQ(group_runs(runs, 100).size(), 2u);
+  const std::vector<RunGroup> groups = group_runs(runs, 100);
+  ASSERT_EQ(groups.size(), 2u);
+  EXPECT_EQ(groups[0].label, "resume=-");
+  EXPECT_EQ(groups[1].label, "resume=mappo.gamma: 0.99 -> 0.9");
 }
 
 TEST(Curves, ConfigsAreLabelledByWhatDiffers) {

@@ -112,6 +112,8 @@ TEST(ConfigFields, ReadsIntegersAsPeopleWriteThem) {
   EXPECT_EQ(config_of("seed: 1e19").seed, 10000000000000000000u) << "more than a double holds every integer of";
   EXPECT_EQ(config_of("seed: 1.8446744073709551615e19").seed, 18446744073709551615u);
   EXPECT_EQ(config_of("seed: 12.0").seed, 12u);
+  for (const char* text : {"seed: e5", "seed: .e3", "seed: -e3", "seed: 1e", "seed: 1.5e0", "seed: 1e-1"})
+    EXPECT_THROW(config_of(text), InputError) << text;
 }
 
 TEST(ConfigFields, ReadsEveryKindOfValue) {

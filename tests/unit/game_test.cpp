@@ -17,8 +17,9 @@
 namespace giga::test {
 namespace {
 
-std::unique_ptr<Simulator> simulator(const SimSpec& spec, OnDone on_done = OnDone::reset) {
+std::unique_ptr<Simulator> simulator(const SimSpec& spec, OnDone on_done = OnDone::reset, int64_t first_world = 0) {
   SimOptions options;
+  options.first_world = first_world;
   options.n_worlds = kWorlds;
   options.seed = 5;
   options.on_done = on_done;
@@ -286,6 +287,15 @@ TEST(Game, NetworksOfTheViewAlonePlayInTheMirrorInHalfOfTheWorlds) {
   EXPECT_EQ(mirrored({{script, {0, 2}}, {looking, {2, 5}}}, {{both, {0, 3}}, {looking, {3, 4}}}, true),
             (std::array<Worlds, 2>{Worlds{0, 0, 0, 1, 0, 1, 0}, Worlds{0, 0, 0, 1, 0, 0, 1}}));
   EXPECT_EQ(mirrored(everywhere(looking, *sim), everywhere(looking, *sim), false), (std::array<Worlds, 2>{}));
+  // Of a rank whose first world is number 3 of all, and where a game goes on.
+  const auto later = simulator(spec, OnDone::reset, 3);
+  Witness witness;
+  Game game(*later, parallel_for(), {everywhere(looking, *later), everywhere(looking, *later)}, {&witness});
+  game.mirror_half();
+  game.resume();
+  game.play(1);
+  const uint8_t* first = witness.last.io.team[0].mirrored;
+  EXPECT_EQ(Worlds(first, first + kWorlds), (Worlds{1, 0, 1, 0, 1, 0, 1}));
 }
 
 TEST(Game, SomebodyMovesEveryWorldOnce) {

@@ -134,7 +134,7 @@ void view_is_taught(ConfigCheck& check) {
 /// The mirror shows egocentric views, and nothing else that networks read.
 void mirror_shows_all(ConfigCheck& check) {
   const MappoConfig& c = check.config.mappo;
-  if (!c.mirror || !check.known({"mappo.mirror"})) return;
+  if (!c.mirror || check.config.train.opponent.is_path() || !check.known({"mappo.mirror"})) return;
   const auto reads_the_view_alone = [&](const std::string& group, const NetworkConfig& network) {
     const std::string encoder = group + ".encoder", inputs = group + ".inputs";
     if (!check.known({encoder, inputs})) return;
