@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <iostream>
+#include <string_view>
 
 #include "core/error.hpp"
 #include "learn/registry.hpp"
@@ -59,14 +60,16 @@ constexpr Switched kSwitched[] = {
      [](const RunConfig& c) { return c.opponents.pool_size > 0; }},
 };
 
-}  // namespace
-
+/// Why a setting does nothing, as "with train.algorithm snes" or "unless mappo.value_loss is huber"; empty: no reason
+/// is known.
 std::string why_idle(const RunConfig& config, std::string_view key) {
   if (!reads_setting(config.train.algorithm, key)) return cat("with train.algorithm ", config.train.algorithm);
   const auto found =
       std::find_if(std::begin(kSwitched), std::end(kSwitched), [key](const Switched& s) { return s.key == key; });
   return found == std::end(kSwitched) || found->is_on(config) ? "" : cat("unless ", found->unless);
 }
+
+}  // namespace
 
 void warn_of_idle(const std::vector<std::string>& overrides, const RunConfig& config) {
   for (const std::string& assignment : overrides) {

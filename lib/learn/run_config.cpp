@@ -6,6 +6,7 @@
 #include <set>
 
 #include "config/names.hpp"
+#include "config/settings.hpp"
 #include "core/error.hpp"
 #include "learn/config_check.hpp"
 #include "learn/mixed_team.hpp"
@@ -281,8 +282,8 @@ void expect_the_runs_game(const std::string& config_file, const RunConfig& confi
   const std::filesystem::path file = config_file, beside = file.parent_path() / "scenario.yaml";
   std::error_code code;
   const auto changes_the_game = [](const std::string& assignment) {
-    return assignment.starts_with("scenario") || assignment.starts_with("environment") ||
-           assignment.starts_with("rules");
+    const std::string key = assignment.substr(0, assignment.find('='));
+    return paths_overlap(key, "scenario") || paths_overlap(key, "environment") || paths_overlap(key, "rules");
   };
   if (file.filename() != "config.yaml" || !std::filesystem::exists(beside, code) || is_path(config.scenario) ||
       !given.contains("scenario") || std::any_of(overrides.begin(), overrides.end(), changes_the_game))
