@@ -57,6 +57,19 @@ class Comparison {
     json_ = Json::parse(file, nullptr, false);
     if (!json_.is_object() || !json_.contains("results") || !json_["results"].is_array() || !json_.contains("kind"))
       throw InputError("--compare: " + path + " was not written by gigastep bench " + kind + " --json");
+    const auto has_result = [](const Json& r) {
+      const auto is = [&r](const char* key, bool (Json::*is_type)() const) {
+        return r.contains(key) && (r[key].*is_type)();
+      };
+      if (!r.is_object() || !is("worlds", &Json::is_number) || !is("agent_steps_per_second", &Json::is_number))
+        return false;
+      if (!r.contains("interquartile")) return true;  // older ones lack it
+      const Json& quartiles = r["interquartile"];
+      return quartiles.is_array() && quartiles.size() == 2 && quartiles[0].is_number() && quartiles[1].is_number();
+    };
+    if (!json_.contains("scenario") || !json_["scenario"].is_string() ||
+        !std::all_of(json_["results"].begin(), json_["results"].end(), has_result))
+      throw InputError("--compare: " + path + " lacks a scenario, or has results without worlds, rate or quartiles");
     if (json_["kind"] != kind)
       throw InputError(cat("--compare: ", path, " has results of bench ", json_["kind"].dump(), ", not of ", kind));
     const Json hardware = json_.value("hardware", Json::object());

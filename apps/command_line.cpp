@@ -116,7 +116,7 @@ void describe_program(CLI::App& app) {
   app.require_subcommand(1);
   app.footer(
       "Examples:\n"
-      "  gigastep train quickstart                 train two teams; ends with where all is, and what is next\n"
+      "  gigastep train quickstart                 train two teams; at the end it says where everything is\n"
       "  gigastep resume runs/NAME                 go on with a run that was stopped\n"
       "  gigastep eval runs/NAME --vs circle       win rates of both teams of a run\n"
       "  gigastep scenarios                        what can be played\n"
@@ -210,9 +210,9 @@ std::string find_config(const std::string& path_or_name) {
   const fs::path asked = path_or_name;
   if (fs::is_directory(asked, code) && fs::is_regular_file(asked / "config.yaml", code))
     throw InputError(cat(path_or_name,
-                         ": this is the folder of a run, not a config; to go on with it: gigastep resume ",
-                         shell_word(path_or_name), "; to train the same again: gigastep train ",
-                         shell_word((asked / "config.yaml").string())));
+                         ": this is the folder of a run, not a config; to go on with it: ", program_command(),
+                         " resume ", shell_word(path_or_name), "; to train the same again: ", program_command(),
+                         " train ", shell_word((asked / "config.yaml").string())));
   if (asked.has_parent_path() && fs::is_directory(asked, code))
     throw InputError(cat(path_or_name, ": is a folder, not a config"));
   const DataDirs dirs = data_dirs();

@@ -16,6 +16,10 @@ struct Switched {
   bool (*is_on)(const RunConfig&);
 };
 
+bool shaping_fades(const RunConfig& c) {
+  return c.mappo.shaping_final_factor != 1 || c.mappo.shaping_final_factors.any();
+}
+
 constexpr Switched kSwitched[] = {
     {"mappo.final_learning_rate_factor", "mappo.schedule is linear or cosine",
      [](const RunConfig& c) { return c.mappo.schedule != Schedule::constant; }},
@@ -46,6 +50,19 @@ constexpr Switched kSwitched[] = {
      [](const RunConfig& c) { return c.openai_es.optimizer != MeanOptimizer::adam; }},
     {"openai_es.clip_up_max_speed", "openai_es.optimizer is clip_up",
      [](const RunConfig& c) { return c.openai_es.optimizer == MeanOptimizer::clip_up; }},
+    {"openai_es.learning_rate_min", "openai_es.learning_rate_decay is below 1",
+     [](const RunConfig& c) { return c.openai_es.learning_rate_decay < 1; }},
+    {"openai_es.sigma_min", "openai_es.sigma_decay is below 1",
+     [](const RunConfig& c) { return c.openai_es.sigma_decay < 1; }},
+    {"population.shaping.kind", "train.algorithm is openai_es, or population.shaping.weight_decay is above 0",
+     [](const RunConfig& c) {
+       const ShapingConfig& shaping = c.population.shaping;
+       return c.train.algorithm == "openai_es" || shaping.weight_decay > 0;
+     }},
+    {"mappo.shaping_fade_start", "mappo.shaping_final_factor or one of shaping_final_factors is not 1", shaping_fades},
+    {"mappo.shaping_fade_end", "mappo.shaping_final_factor or one of shaping_final_factors is not 1", shaping_fades},
+    {"population.mirror", "both teams learn, or one against a script",
+     [](const RunConfig& c) { return !c.train.opponent.is_path(); }},
     {"mappo.mirror", "both teams learn, or one against a script",
      [](const RunConfig& c) { return !c.train.opponent.is_path(); }},
     {"opponents.pool_hardness", "opponents.pool_draw is pfsp",

@@ -27,7 +27,7 @@ MetricsFiles::MetricsFiles(const RunFolder& folder, const RunCursor& cursor)
       events_(TensorBoardEvents::resume(folder.events_file(), cursor.events_bytes)) {}
 
 void MetricsFiles::expect(const RunFolder& folder, const RunCursor& cursor) {
-  AppendFile::expect(folder.metrics_file(), cursor.metrics_bytes);
+  MetricsCsv::expect(folder.metrics_file(), cursor.metrics_bytes);
   AppendFile::expect(folder.events_file(), cursor.events_bytes);
 }
 

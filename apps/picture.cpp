@@ -95,7 +95,10 @@ void add_picture_command(CLI::App& app, Dispatch& dispatch) {
         while (text.size() > 1 && text.ends_with('/')) text.pop_back();  // as shells complete folders
         return text;
       })
-      ->check(output(Output::stem))
+      ->check([](const std::string& text) {
+        std::string path = text;
+        return output(text.ends_with(".gif") ? Output::file : Output::folder)(path);
+      })
       ->type_name("FILE|DIR");
   command->add_option("--episode", options->episode, "counted from 0; default: of a film 0, of --out all")
       ->transform(value_of<int>(at_least(0)))

@@ -60,12 +60,6 @@ double rating_of(const fs::path& run, int64_t updates) {
   return standing != found.end() && *standing == name_of(Standing::below) ? -INFINITY : NAN;
 }
 
-/// The name of its folder.
-std::string name_of_run(const std::string& text) {
-  const fs::path path = fs::path(text).lexically_normal();
-  return (path.has_filename() ? path : path.parent_path()).filename().string();
-}
-
 /// Of a run its best policy, and earlier ones as weaker levels, the strongest first; of all others the one that is
 /// named.
 std::vector<Level> levels_of(const std::string& text, int most, const PlayerOptions& options) {
@@ -79,7 +73,7 @@ std::vector<Level> levels_of(const std::string& text, int most, const PlayerOpti
     const Player::Origin& origin = *level.player.origin();
     level.rating = rating_of(text, origin.updates);
     std::string name =
-        cat(name_of_run(text), " after ", counted(origin.updates, algorithm_of(origin.run.config).updates));
+        cat(name_of_folder(text), " after ", counted(origin.updates, algorithm_of(origin.run.config).updates));
     if (std::isfinite(level.rating)) name += cat(", rated ", std::lround(level.rating));
     level.player.rename(name);
   };
@@ -221,7 +215,8 @@ void write(const PlayOptions& o) {
 
   if (!o.folder.empty()) {
     write_play_folder(o.folder, page);
-    std::cout << o.folder << ": for a web server, as python3 -m http.server --directory " << o.folder << std::endl;
+    std::cout << o.folder << ": for a web server, as python3 -m http.server --directory " << shell_word(o.folder)
+              << std::endl;
     return;
   }
   fs::path out = o.out;

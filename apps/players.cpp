@@ -14,6 +14,7 @@
 #include "config/settings.hpp"
 #include "core/error.hpp"
 #include "export/export.hpp"
+#include "io/files.hpp"
 #include "io/run_folder.hpp"
 #include "learn/mixed_team.hpp"
 #include "learn/registry.hpp"
@@ -49,16 +50,9 @@ struct Candidate {
 
 int64_t updates_of(const Candidate& candidate) { return candidate.info.updates; }
 
-fs::path whole_path(const fs::path& path) {
-  fs::path whole = fs::absolute(path).lexically_normal();
-  return whole.has_filename() ? whole : whole.parent_path();  // "runs/x/"
-}
-
-std::string folder_name(const fs::path& folder) { return whole_path(folder).filename().string(); }
-
 /// name_runs() gives the names.
 Candidate candidate_of(const fs::path& file, Checkpoint checkpoint, const fs::path& run, const PlayerOptions& options) {
-  Candidate candidate{Player::of_checkpoint({file, std::move(checkpoint), {}, {}}, options), {}, whole_path(run)};
+  Candidate candidate{Player::of_checkpoint({file, std::move(checkpoint), {}, {}}, options), {}, absolute_path(run)};
   const Player::Origin& origin = *candidate.player.origin();
   candidate.info.kind = PlayerKind::checkpoint;
   candidate.info.updates = origin.updates;
@@ -124,8 +118,8 @@ Candidate exported_candidate(const fs::path& path, const PlayerOptions& options)
   std::error_code code;
   const bool named_after_file = !fs::is_directory(path, code) && !candidate.player.origin();
   candidate.player.rename(named_after_file               ? path.stem().string()
-                          : fs::is_directory(path, code) ? folder_name(path)
-                                                         : folder_name(fs::absolute(path).parent_path()));
+                          : fs::is_directory(path, code) ? name_of_folder(path)
+                                                         : name_of_folder(fs::absolute(path).parent_path()));
   candidate.info.kind = candidate.player.is_mixed() ? PlayerKind::mixed : PlayerKind::exported;
   return candidate;
 }
@@ -148,7 +142,7 @@ std::vector<Candidate> find_candidates(const PlayerRequest& request, const Playe
       for (Candidate& c : own) all.push_back(std::move(c));
     } else {
       // A copy that lies elsewhere is a run of its own, named after the file.
-      const fs::path file = whole_path(path), folder = file.parent_path();
+      const fs::path file = absolute_path(path), folder = file.parent_path();
       const bool in_run = folder.filename() == "checkpoints";
       all.push_back(candidate_of(path, read_checkpoint(path), in_run ? folder.parent_path() : file, options));
     }

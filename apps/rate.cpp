@@ -134,8 +134,7 @@ class ProgressLines {
 fs::path default_folder(const RateOptions& o) {
   std::error_code code;
   const bool is_relative = fs::path(o.runs[0]).is_relative();
-  fs::path first = fs::absolute(o.runs[0]).lexically_normal();  // one that is named from within has its parents too
-  if (!first.has_filename()) first = first.parent_path();       // "runs/x/"
+  const fs::path first = absolute_path(o.runs[0]);  // one that is named from within has its parents too
   fs::path folder = first.parent_path();
   if (o.runs.size() == 1 && fs::is_directory(first, code) && !is_exported_policy(first))
     folder = first;
@@ -214,7 +213,11 @@ void renew_report(const RateOptions& o, const fs::path& folder) {
                 << needed << '\n';
       return;
     }
-  write_report({run}, report, list_fields<RunConfig>());
+  try {
+    write_report({run}, report, list_fields<RunConfig>());
+  } catch (const InputError& e) {
+    std::cerr << "warning: " << report.string() << " does not show these ratings: " << e.what() << '\n';
+  }
 }
 
 /// One alone has nobody to be rated against, but its teams where they are rated apart.
@@ -270,8 +273,8 @@ void rate_runs(const RateOptions& o) {
               << ratings_table(sheet) << std::flush;
   write_ratings(folder, sheet, json);
   if (!o.json.empty()) write_json(json, o.json);
+  if (o.json != "-") std::cout << "Written: " << folder.string() << std::endl;
   renew_report(o, folder);
-  if (o.json != "-") std::cout << "Written: " << folder.string() << "\n";
 }
 
 void add_options(CLI::App& command, RateOptions& o) {

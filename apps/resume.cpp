@@ -205,9 +205,11 @@ int resume(const ResumeOptions& o, Dispatch& dispatch) {
   const bool starts_ranks = o.ranks.to_start() > 1;
   // Rank 0 holds the folder; others read the checkpoint only.
   const fs::path path = folder_of(o.run);
-  refuse_barely_begun(path);
   std::unique_ptr<const RunFolder> folder;
-  if (joined.leads()) folder.reset(new RunFolder(RunFolder::open(path.string())));
+  if (joined.leads()) {
+    refuse_barely_begun(path);
+    folder.reset(new RunFolder(RunFolder::open(path.string())));
+  }
   FoundCheckpoint found = find_checkpoint(o.run);
   std::error_code code;
   if (folder && !fs::is_directory(o.run, code)) expect_newest(o.run, *folder);
@@ -263,7 +265,6 @@ int resume(const ResumeOptions& o, Dispatch& dispatch) {
   setup.learner->load(from.arrays);
   if (!folder) return finish(joined, follow(std::move(setup)));
 
-  MetricsCsv::expect(folder->metrics_file(), from.cursor.metrics_bytes);
   MetricsFiles::expect(*folder, from.cursor);
   set_aside(found.damaged_files);
   forget_lost_best(*folder, found.checkpoint.cursor);

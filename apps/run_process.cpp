@@ -62,10 +62,13 @@ void RunProcess::stop() const {
   if (!code_) ::kill(pid_, SIGTERM);
 }
 
+void clear_beginning(const WantedRun& run) {
+  if (!has_checkpoint(run.folder)) fs::remove_all(run.folder);
+}
+
 std::vector<std::string> arguments_for(const WantedRun& run) {
   const std::string stop = cat("train.stop_at_agent_steps=", run.stop_at ? std::to_string(*run.stop_at) : "none");
-  if (!list_checkpoints(run.folder).empty()) return {"resume", run.folder.string(), "--quiet", "--set", stop};
-  fs::remove_all(run.folder);
+  if (has_checkpoint(run.folder)) return {"resume", run.folder.string(), "--quiet", "--set", stop};
   std::vector<std::string> words = {"train", run.config.string(), "--run-dir", run.folder.string(), "--quiet"};
   for (const std::string& assignment : run.overrides) words.insert(words.end(), {"--set", assignment});
   words.insert(words.end(), {"--set", stop});

@@ -37,7 +37,9 @@ struct WantedRun {
   std::optional<int64_t> stop_at;  ///< agent-steps; none = the end
 };
 
-/// What brings it there: `train`, or `resume` where a checkpoint is there. A folder without one is removed.
+/// Removes a folder that has no checkpoint to go on from.
+void clear_beginning(const WantedRun& run);
+/// What brings it there: `train`, or `resume` where there is a checkpoint.
 std::vector<std::string> arguments_for(const WantedRun& run);
 
 /// Writes config.yaml into a folder, from which a run trains as this one would; with its scenario.

@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "apps/metric_check.hpp"
 #include "apps/run_process.hpp"
 #include "io/run_lock.hpp"
 #include "learn/run_config.hpp"
@@ -17,19 +18,6 @@
 #include "sweep/outcome.hpp"
 
 namespace giga {
-
-/// Whether runs log the columns of a metric. A learner tells its columns by an update of a small run, which is done
-/// once for settings of one kind.
-class MetricCheck {
- public:
-  explicit MetricCheck(std::vector<std::string> metric) : metric_(std::move(metric)) {}
-  /// The first column of the metric that a run with these settings would not log; empty: it logs all.
-  std::string missing_in(const LoadedRun& run, const TrialSettings& settings);
-
- private:
-  std::vector<std::string> metric_;
-  std::map<std::string, std::vector<std::string>> known_;  // all columns, by the kind of settings
-};
 
 /// sweep.yaml      the sweep; config.yaml, scenario.yaml: the run config that its trials change
 /// sweep.jsonl     what happened (SweepJournal)

@@ -14,6 +14,7 @@
 #include "apps/training.hpp"
 #include "core/error.hpp"
 #include "cuda/runtime.hpp"
+#include "io/files.hpp"
 #include "io/number.hpp"
 #include "io/terminal/live_lines.hpp"
 #include "sweep/outlook.hpp"
@@ -30,11 +31,6 @@ using SweepClock = std::chrono::steady_clock;
 
 double seconds_since(SweepClock::time_point start) {
   return std::chrono::duration<double>(SweepClock::now() - start).count();
-}
-
-/// Of a folder, with or without a slash at its end.
-std::string name_of_sweep(const fs::path& folder) {
-  return (folder.has_filename() ? folder : folder.parent_path()).filename().string();
 }
 
 /// What `gigastep sweep` with parallel: auto knows of the machine, and what it has found.
@@ -183,6 +179,7 @@ class Sweeping {
       const SweepRun run = *free;
       const WantedRun wanted = folder_.wanted(run);
       waiting_.erase(free);
+      clear_beginning(wanted);
       std::vector<std::string> arguments = arguments_for(wanted);
       if (auto_ && auto_->sets_threads) arguments.insert(arguments.end(), {"--set", auto_->threads()});
       active_.emplace_back(folder_, run, ++last_id_, at_once(), std::move(arguments));
@@ -314,7 +311,7 @@ class Sweeping {
 
   SweepPanelState panel_state() const {
     const std::vector<int64_t>& rungs = folder_.rungs();
-    SweepPanelState s = panel_state_of(name_of_sweep(folder_.path()), folder_.spec(), folder_.progress(), rungs);
+    SweepPanelState s = panel_state_of(name_of_folder(folder_.path()), folder_.spec(), folder_.progress(), rungs);
     s.folder = folder_.path().string();
     s.runs_at_once = cat(at_once(), auto_ ? (auto_->search.is_settled() ? " (auto)" : " (auto, measuring)") : "");
     const SweepOutlook ahead = outlook();

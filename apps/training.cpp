@@ -206,8 +206,9 @@ void Training::update() {
   if (evaluates)
     log_.note(cat("evaluation after update ", learner_->updates_done(), ":\n", results_table(evaluations_.results())));
 
+  // Of equal ones the newest: it has learned longest, and often all games are won.
   const double score = evaluates ? evaluation_score(evaluations_.results()) : -1;
-  const bool is_best = config_.checkpoint.keep_best && score > cursor_.best_score;
+  const bool is_best = config_.checkpoint.keep_best && evaluates && score >= cursor_.best_score;
   if (is_best) {
     cursor_.best_score = score;
     cursor_.best_updates = learner_->updates_done();
@@ -319,7 +320,12 @@ void Training::write_final_report() {
   RunCursor written;
   metrics_files_->note_sizes(written);
   if (written.metrics_bytes == 0) return;  // begun anew, and stopped before the first row
-  write_report({folder_.path()}, folder_.report_file(), list_fields<RunConfig>());
+  // What others left in the folder must not make a training fail that is done.
+  try {
+    write_report({folder_.path()}, folder_.report_file(), list_fields<RunConfig>());
+  } catch (const InputError& e) {
+    log_.warn(cat("the report was not written: ", e.what()));
+  }
 }
 
 }  // namespace

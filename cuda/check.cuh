@@ -1,4 +1,5 @@
-// GIGA_CUDA: throws giga::DeviceError with the call and CUDA's message unless a runtime call succeeds.
+// GIGA_CUDA: throws giga::DeviceError with the call and CUDA's message unless a runtime call succeeds. What launches
+// ask.
 #pragma once
 
 #include <cuda_runtime.h>
@@ -12,3 +13,14 @@
       throw ::giga::DeviceError(                                                                   \
           ::giga::cat(__FILE__, ":", __LINE__, ": " #call ": ", cudaGetErrorString(giga_status))); \
   } while (false)
+
+namespace giga {
+
+/// Multiprocessors of a GPU.
+inline int multiprocessors(int device) {
+  int count = 0;
+  GIGA_CUDA(cudaDeviceGetAttribute(&count, cudaDevAttrMultiProcessorCount, device));
+  return count;
+}
+
+}  // namespace giga

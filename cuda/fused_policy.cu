@@ -97,29 +97,29 @@ __global__ void __launch_bounds__(PolicyMemory<kIn, kHidden>::kThreads, PolicyMe
 
 /// A policy with as many blocks as its rows are for, of which a multiprocessor has so many.
 template <class Memory>
-void launch_many(void (*kernel)(FusedPolicy), const FusedPolicy& policy, int blocks_at_once, int multiprocessors,
+void launch_many(void (*kernel)(FusedPolicy), const FusedPolicy& policy, int blocks_at_once, int processors,
                  cudaStream_t stream) {
   static_assert(sizeof(Memory) <= kMostShared);
   GIGA_CUDA(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, sizeof(Memory)));
   constexpr int kBlockRows = Memory::kWarps * Memory::kRows;
   const int64_t wanted = (policy.rows_per_group + kBlockRows - 1) / kBlockRows;
-  const int64_t share = std::max(1, multiprocessors * blocks_at_once / policy.groups);
+  const int64_t share = std::max(1, processors * blocks_at_once / policy.groups);
   const dim3 blocks(static_cast<unsigned>(std::min(wanted, share)), static_cast<unsigned>(policy.groups));
   kernel<<<blocks, Memory::kWarps * 32, sizeof(Memory), stream>>>(policy);
   GIGA_CUDA(cudaGetLastError());
 }
 
 template <int kIn, int kHidden>
-void launch_each(std::span<const FusedPolicy> policies, int multiprocessors, cudaStream_t stream) {
+void launch_each(std::span<const FusedPolicy> policies, int processors, cudaStream_t stream) {
   for (const FusedPolicy& policy : policies) {
     if (policy.rows_per_group == 0) continue;
     if (streams(policy)) {
-      launch_many<StreamedBlock>(streamed_policy_kernel, policy, 1, multiprocessors, stream);
+      launch_many<StreamedBlock>(streamed_policy_kernel, policy, 1, processors, stream);
       continue;
     }
     using Memory = PolicyMemory<kIn, kHidden>;
     static_assert(sizeof(Memory) <= kMostShared / Memory::kBlocks);
-    launch_many<Memory>(policy_kernel<kIn, kHidden>, policy, Memory::kBlocks, multiprocessors, stream);
+    launch_many<Memory>(policy_kernel<kIn, kHidden>, policy, Memory::kBlocks, processors, stream);
   }
 }
 
@@ -147,7 +147,7 @@ bool launch_warp_rows(const FusedPolicies& policies, int64_t tiles, int most_blo
 
 /// All in one launch, if they have so few rows (none: nothing is launched); else false.
 template <int kIn, int kHidden>
-bool launch_few(std::span<const FusedPolicy> policies, bool behind_step, int multiprocessors, cudaStream_t stream) {
+bool launch_few(std::span<const FusedPolicy> policies, bool behind_step, int processors, cudaStream_t stream) {
   if constexpr (kHidden > FusedMlp::kBlockHidden) {
     return false;
   } else {
@@ -164,7 +164,7 @@ bool launch_few(std::span<const FusedPolicy> policies, bool behind_step, int mul
     if (tiles == 0) return true;
     dim3 blocks(1, static_cast<unsigned>(groups), static_cast<unsigned>(n));
     if constexpr (kHidden <= FusedMlp::kNarrowHidden)
-      if (tiles <= multiprocessors * FewRowsBlock<kIn, kHidden, FewRows::one_tile>::kBlocks / all_groups) {
+      if (tiles <= processors * FewRowsBlock<kIn, kHidden, FewRows::one_tile>::kBlocks / all_groups) {
         blocks.x = static_cast<unsigned>(tiles);
         behind_step ? launch_few<kIn, kHidden, FewRows::one_tile_early>(few, blocks, stream)
                     : launch_few<kIn, kHidden, FewRows::one_tile>(few, blocks, stream);
@@ -172,10 +172,10 @@ bool launch_few(std::span<const FusedPolicy> policies, bool behind_step, int mul
       }
     if constexpr (kIn == PolicyShape::kCrowdInput) {
       static_assert(kHidden == FusedMlp::kNarrowHidden);
-      return launch_warp_rows<kIn>(few, tiles, multiprocessors / all_groups, blocks, behind_step, stream);
+      return launch_warp_rows<kIn>(few, tiles, processors / all_groups, blocks, behind_step, stream);
     } else {
       using Block = FewRowsBlock<kIn, kHidden, FewRows::many_tiles>;
-      const int64_t share = multiprocessors * Block::kBlocks / all_groups;
+      const int64_t share = processors * Block::kBlocks / all_groups;
       if (tiles > share * Block::kMostTiles) return false;
       blocks.x = static_cast<unsigned>(std::min(tiles, share));
       launch_few<kIn, kHidden, FewRows::many_tiles>(few, blocks, stream);
@@ -206,16 +206,15 @@ void launch_fused_policies(std::span<const FusedPolicy> policies, bool behind_st
   for (const FusedPolicy& policy : policies)
     GIGA_CHECK(FusedPolicy::serves(policy.net), "no fused policy for this network");
   GIGA_CUDA(cudaSetDevice(index));
-  int multiprocessors = 0;
-  GIGA_CUDA(cudaDeviceGetAttribute(&multiprocessors, cudaDevAttrMultiProcessorCount, index));
+  const int processors = multiprocessors(index);
   for (size_t alike; !policies.empty(); policies = policies.subspan(alike)) {
     const PolicyShape shape(policies[0].net);
     for (alike = 1; alike < std::min<size_t>(policies.size(), FusedPolicies::kMost); ++alike)
       if (PolicyShape(policies[alike].net) != shape) break;
     with_shape(shape, [&]<int kIn, int kHidden>() {
       const auto together = policies.first(alike);
-      if (!launch_few<kIn, kHidden>(together, behind_step, multiprocessors, static_cast<cudaStream_t>(stream)))
-        launch_each<kIn, kHidden>(together, multiprocessors, static_cast<cudaStream_t>(stream));
+      if (!launch_few<kIn, kHidden>(together, behind_step, processors, static_cast<cudaStream_t>(stream)))
+        launch_each<kIn, kHidden>(together, processors, static_cast<cudaStream_t>(stream));
     });
   }
 }

@@ -242,11 +242,7 @@ __global__ void __launch_bounds__(kThreads, kBlocks) halving_layer_kernel(const 
 
 }  // namespace
 
-int halving_layer_parts(int index) {
-  int multiprocessors = 0;
-  GIGA_CUDA(cudaDeviceGetAttribute(&multiprocessors, cudaDevAttrMultiProcessorCount, index));
-  return kBlocks * multiprocessors;
-}
+int halving_layer_parts(int index) { return kBlocks * multiprocessors(index); }
 
 void launch_halving_layer_gradient(const HalvingLayer& layer, int index, void* stream) {
   GIGA_CHECK(layer.side <= Layer::kMaxSide, layer.side, " pixels");

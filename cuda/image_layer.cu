@@ -341,12 +341,6 @@ __global__ void __launch_bounds__(kThreads, kGradientBlocks)
 
 // ---- Launches -------------------------------------------------------------------------------------------------------
 
-int multiprocessors(int index) {
-  int count = 0;
-  GIGA_CUDA(cudaDeviceGetAttribute(&count, cudaDevAttrMultiProcessorCount, index));
-  return count;
-}
-
 /// f(kernel for windows of this size, numbers of a window).
 template <class F>
 void with_size(const ImageLayer& layer, F&& f) {

@@ -7,6 +7,7 @@
 #include <algorithm>
 
 #include "cuda/check.cuh"
+#include "cuda/half_tiles.cuh"
 #include "cuda/population_policy.hpp"
 
 namespace giga {
@@ -26,23 +27,15 @@ struct WarpMemory {
   int64_t row[kMaxRows];  // of those that are taken at a time; below 0: none
 };
 
+/// What is too large becomes infinite, as in `rounded_to_half` on a CPU.
 __device__ uint32_t pair_of(float2 x) {
   const __half2 h = __float22half2_rn(x);
   return reinterpret_cast<const uint32_t&>(h);
 }
 
-__device__ void multiply_add(float (&c)[4], const uint32_t (&a)[4], uint32_t b0, uint32_t b1) {
-  asm("mma.sync.aligned.m16n8k16.row.col.f32.f16.f16.f32 {%0, %1, %2, %3}, {%4, %5, %6, %7}, {%8, %9}, {%0, %1, %2, "
-      "%3};"
-      : "+f"(c[0]), "+f"(c[1]), "+f"(c[2]), "+f"(c[3])
-      : "r"(a[0]), "r"(a[1]), "r"(a[2]), "r"(a[3]), "r"(b0), "r"(b1));
-}
-
-/// The lane's numbers of a tile of 16 rows x 16 columns: rows `group` and group + 8, columns `pair`, pair + 1 and these
-/// + 8.
-struct Lane {
-  int number, group, pair;
-  __device__ Lane() : number(static_cast<int>(threadIdx.x) % kWarp), group(number / 4), pair(number % 4 * 2) {}
+/// Of a tile of 16 columns a lane holds its columns of 8, and these + 8.
+struct Lane : TileLane {
+  int number = static_cast<int>(threadIdx.x) % kWarp;
 };
 
 /// tanh by the hardware: off by up to 2^-11 of its value (PTX), as much as the rounding to half precision that follows.
@@ -382,11 +375,10 @@ void launch_population_policy(const PopulationPolicy& policy, int index, void* s
   const int pieces = population_pieces(policy);
   if (pieces == 0) return;
   const auto kernel = is_narrow(policy.packed.mlp) ? population_kernel<kNarrow> : population_kernel<kWide>;
-  int resident = 0, multiprocessors = 0;
+  int resident = 0;
   GIGA_CUDA(cudaOccupancyMaxActiveBlocksPerMultiprocessor(&resident, kernel, kWarps * kWarp, 0));
-  GIGA_CUDA(cudaDeviceGetAttribute(&multiprocessors, cudaDevAttrMultiProcessorCount, index));
   // As many blocks as the GPU holds share the pieces.
-  const int blocks = std::min((pieces + kWarps - 1) / kWarps, resident * multiprocessors);
+  const int blocks = std::min((pieces + kWarps - 1) / kWarps, resident * multiprocessors(index));
   kernel<<<blocks, kWarps * kWarp, 0, static_cast<cudaStream_t>(stream)>>>(policy, pieces);
   GIGA_CUDA(cudaGetLastError());
 }

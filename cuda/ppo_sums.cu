@@ -140,11 +140,7 @@ bool fused_gradients_run(int index) {
   return major >= 8 && shared >= 227 * 1024;
 }
 
-int fused_blocks(int index) {
-  int multiprocessors = 0;
-  GIGA_CUDA(cudaDeviceGetAttribute(&multiprocessors, cudaDevAttrMultiProcessorCount, index));
-  return multiprocessors;
-}
+int fused_blocks(int index) { return multiprocessors(index); }
 
 int fused_step_blocks(int64_t actor_size, int64_t critic_size) {
   return sum_blocks(actor_size) + sum_blocks(critic_size);

@@ -53,11 +53,7 @@ __global__ void __launch_bounds__(kThreads, kBlocks) relu_gradient_kernel(const 
 
 }  // namespace
 
-int relu_gradient_parts(int index) {
-  int multiprocessors = 0;
-  GIGA_CUDA(cudaDeviceGetAttribute(&multiprocessors, cudaDevAttrMultiProcessorCount, index));
-  return kBlocks * multiprocessors;
-}
+int relu_gradient_parts(int index) { return kBlocks * multiprocessors(index); }
 
 void launch_relu_gradient(const ReluGradient& gradient, int index, void* stream) {
   GIGA_CHECK(ReluGradient::serves(gradient.columns), gradient.columns, " columns");

@@ -20,7 +20,7 @@ __global__ void __launch_bounds__(kTileThreads<P>, kTileBlocks<P>) tile_kernel(c
 
 template <Job job, bool in_shared>
 __global__ void __launch_bounds__(kMaxBlockThreads) block_kernel(const __grid_constant__ Launch k) {
-  extern __shared__ char shared[];
+  extern __shared__ __align__(16) char shared[];
   run_block_thread<job, in_shared>(k, this_thread(), shared, BlockSync{});
 }
 

@@ -38,12 +38,10 @@ constexpr Comparisons bitonic_merge() {
   return all;
 }
 
-constexpr uint32_t kNoKey = 0xFFFFFFFFu;  ///< beyond all keys
-
 GIGA_HD constexpr uint32_t lower_key(uint32_t a, uint32_t b) { return a < b ? a : b; }
 GIGA_HD constexpr uint32_t higher_key(uint32_t a, uint32_t b) { return a < b ? b : a; }
 
-/// Runs a network over keys[first] to keys[first + 15]; those at kCount and beyond are kNoKey and stay so.
+/// Runs a network over keys[first] to keys[first + 15]; those at kCount and beyond count as larger than all.
 template <Comparisons (*kNetwork)(), int kFirst, int kCount>
 GIGA_HD void run_network(uint32_t (&keys)[kCount]) {
   constexpr Comparisons kAll = kNetwork();

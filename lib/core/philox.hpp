@@ -105,7 +105,7 @@ class DrawKey {
     return philox4x32(world_, step_, (static_cast<uint32_t>(draw) << 24) | block, row, seed_);
   }
 
-  /// Uniform on [0, 1): number `index` of row `row`. Needs row and index below 65,536 x 4.
+  /// Uniform on [0, 1): number `index` of row `row`. Needs an index below 2^26.
   GIGA_HD float uniform(Draw draw, uint32_t row, uint32_t index) {
     const uint32_t purpose = (static_cast<uint32_t>(draw) << 24) | (index >> 2);
     if (purpose != cached_purpose_ || row != cached_row_) {

@@ -12,7 +12,7 @@ namespace giga {
 enum class Purpose : uint32_t {
   training,     ///< episodes, actions, noise and opponents of a run
   permutation,  ///< the order of the states in an epoch of learning; index: update x 2^16 + epoch
-  network,      ///< how a network starts; index: team x 2 + role
+  network,      ///< how a network starts; see network_seed
   evaluation,   ///< of a run while it trains; index: updates done, so that each evaluation plays new episodes
   eval,         ///< the command of that name
   rate,         ///< likewise; index: a hash of who plays whom

@@ -171,7 +171,7 @@ MatchResult play_match(const SimSpec& spec, std::shared_ptr<TeamController> side
   const auto sim = play(spec, {&pair, 1}, options, std::move(observers));
   std::vector<MatchResult> of_each[kNTeams];
   for (int side = 0; side < kNTeams; ++side) of_each[side] = of_each_policy(pair, side, *sim);
-  MatchResult result = checked(sim->take_stats(), options.episodes);  // which it has no longer then
+  MatchResult result = checked(sim->take_stats(), options.episodes);  // and clears them
   for (int side = 0; side < kNTeams; ++side) result.of_each[side] = std::move(of_each[side]);
   return result;
 }

@@ -73,7 +73,7 @@ class TeamController {
   virtual int64_t n_sharing() const { return 1; }
   /// Whether `act` queues nothing but kernels on the stream of its parts' `parallel_for`, and the same at each step of
   /// a game, as far as its buffers and `number` modulo kListPeriod are the same: then steps of a GPU are recorded, and
-  /// the host is not asked at each. What its first kListPeriod steps allocated it has then.
+  /// the host is not asked at each. By then its first kListPeriod steps have allocated all that it needs.
   virtual bool repeats() const { return false; }
   /// The same where a collector keeps the log-probabilities of its actions: then a controller may act in another way.
   virtual bool repeats_where_kept() const { return repeats(); }

@@ -5,7 +5,10 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <chrono>
+#include <csignal>
 #include <cstdio>
+#include <cstdlib>
 #include <cstring>
 #include <iostream>
 #include <system_error>
@@ -99,6 +102,13 @@ void write_or_print(const std::string& destination, std::string_view text) {
   if (!std::cout) throw Error("cannot write to the standard output");
 }
 
+fs::path absolute_path(const fs::path& path) {
+  fs::path whole = fs::absolute(path).lexically_normal();
+  return whole.has_filename() ? whole : whole.parent_path();
+}
+
+std::string name_of_folder(const fs::path& folder) { return absolute_path(folder).filename().string(); }
+
 bool is_unfinished(const fs::path& file) {
   const std::string process = file.stem().extension().string();
   return file.extension() == kTemporaryEnding && process.size() > 1 &&
@@ -106,10 +116,19 @@ bool is_unfinished(const fs::path& file) {
 }
 
 int remove_temporaries(const fs::path& folder) {
+  // Of a process that lives, unless the file is old: then the number is another one's, or of another machine.
+  const auto is_being_written = [](const fs::path& file) {
+    constexpr std::chrono::hours kLongest{1};
+    std::error_code code;
+    const fs::file_time_type written = fs::last_write_time(file, code);
+    if (code || fs::file_time_type::clock::now() - written > kLongest) return false;
+    const int process = std::atoi(file.stem().extension().c_str() + 1);
+    return process > 0 && process != ::getpid() && (::kill(process, 0) == 0 || errno == EPERM);
+  };
   int removed = 0;
   std::error_code code;
   for (const fs::directory_entry& entry : fs::directory_iterator(folder, code))
-    if (is_unfinished(entry.path()) && fs::remove(entry.path(), code)) ++removed;
+    if (is_unfinished(entry.path()) && !is_being_written(entry.path()) && fs::remove(entry.path(), code)) ++removed;
   return removed;
 }
 

@@ -25,9 +25,15 @@ void make_folder_of(const std::filesystem::path& file);
 /// output.
 void write_or_print(const std::string& destination, std::string_view text);
 
+/// Without "." and "..", and without a slash at its end.
+std::filesystem::path absolute_path(const std::filesystem::path& path);
+/// The last part of its absolute path.
+std::string name_of_folder(const std::filesystem::path& folder);
+
 /// Whether a file is called as write_file calls what it has not finished: "config.yaml.4711.tmp".
 bool is_unfinished(const std::filesystem::path& file);
-/// Removes what interrupted calls of write_file left in a folder; returns how many.
+/// Removes what interrupted calls of write_file left in a folder, and not what another process is writing there;
+/// returns how many.
 int remove_temporaries(const std::filesystem::path& folder);
 
 }  // namespace giga

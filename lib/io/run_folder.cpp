@@ -113,7 +113,7 @@ void remove_beginning(const fs::path& folder) {
 [[noreturn]] void fail_not_free(const fs::path& path) {
   std::error_code code;
   std::string what = "it holds no run";
-  if (!list_checkpoints(path).empty() || fs::exists(path / kCheckpoints / kBest, code))
+  if (has_checkpoint(path))
     what = cat("to go on with it: gigastep resume ", shell_word(path.string()));
   else if (is_run_folder(path))
     what = "it holds no checkpoint to go on from, but files that a new run does not write or would lose";
@@ -256,8 +256,7 @@ std::string last_names(const fs::path& path, int n) {
 std::vector<std::string> names_of_folders(const std::vector<fs::path>& folders) {
   std::vector<fs::path> named, places;  // as they are called, and where they are
   for (const fs::path& folder : folders) {
-    fs::path whole = fs::absolute(folder).lexically_normal();
-    if (!whole.has_filename()) whole = whole.parent_path();  // "runs/x/"
+    fs::path whole = absolute_path(folder);
     places.push_back(fs::weakly_canonical(whole));
     named.push_back(std::move(whole));
   }
@@ -306,6 +305,11 @@ void fail_no_such_run(const fs::path& path) {
     others.push_back((folder / entry.path().filename()).string());
   std::sort(others.begin(), others.end());
   throw InputError(cat("there is no checkpoint or run folder ", path.string(), nearest_hint(path.string(), others)));
+}
+
+bool has_checkpoint(const fs::path& run_folder) {
+  std::error_code code;
+  return !list_checkpoints(run_folder).empty() || fs::exists(run_folder / kCheckpoints / kBest, code);
 }
 
 std::vector<fs::path> list_checkpoints(const fs::path& run_folder) { return checkpoints_in(run_folder / kCheckpoints); }

@@ -103,6 +103,9 @@ FoundCheckpoint find_checkpoint(const std::string& path);
 /// The same, but of a folder the best checkpoint, where there is one and it is whole.
 FoundCheckpoint find_best_checkpoint(const std::string& path);
 
+/// Whether a run folder has a checkpoint to go on from, best.h5 counted.
+bool has_checkpoint(const std::filesystem::path& run_folder);
+
 /// The checkpoints of a run folder, oldest first, without best.h5.
 std::vector<std::filesystem::path> list_checkpoints(const std::filesystem::path& run_folder);
 

@@ -109,7 +109,7 @@ struct AlgorithmList {
   using Make = std::unique_ptr<Learner> (*)(const LoadedRun&, Device, Ranks*);
 
   static std::vector<const Algorithm*> descriptions() { return {&Rows::kAlgorithm...}; }
-  /// In the same order. Only who calls this needs the learners at link time.
+  /// In the same order. Only callers of this need the learners at link time.
   static std::vector<Make> makers() { return {Rows::make...}; }
 };
 

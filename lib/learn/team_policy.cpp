@@ -15,7 +15,8 @@ bool learns(const TrainConfig& config, int team) {
 std::string actor_prefix(int team) { return cat("team_", team, "/actor/"); }
 
 uint64_t network_seed(const LoadedRun& run, int team, int role) {
-  return seed_of(run.config.seed, Purpose::network, static_cast<uint64_t>(team * 2 + role));
+  return seed_of(run.config.seed, Purpose::network,
+                 static_cast<uint64_t>(role < 2 ? team * 2 + role : role * kNTeams + team));
 }
 
 Precision precision_on(const LoadedRun& run, Device device) {

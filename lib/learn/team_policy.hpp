@@ -18,7 +18,7 @@ Actor make_actor(const LoadedRun& run, int team, Device device);
 /// Where a checkpoint keeps the actor of a team: "team_0/actor/".
 std::string actor_prefix(int team);
 
-/// With what seed a network starts, by team and role: 0 actor, 1 critic.
+/// With what seed a network starts, by team and role: 0 actor, 1 critic, 2 what teaches the encoder of images.
 uint64_t network_seed(const LoadedRun& run, int team, int role);
 
 /// Reduced precision is for the GPU; CPUs run fp32.

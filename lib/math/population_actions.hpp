@@ -22,9 +22,14 @@ struct PopulationAct {
   GIGA_HD void operator()(int64_t row, const float* head, const float* log_std) const {
     if (actions == ActionKind::discrete) {
       const Logits l(head);
+      int32_t& chosen = static_cast<int32_t*>(action)[row];
+      if (greedy) {
+        chosen = l.largest();
+        return;
+      }
       float p[Logits::kNumbers];
       softmax(l, p);
-      static_cast<int32_t*>(action)[row] = greedy ? l.largest() : Logits::draw(p, Logits::uniform(draws, row));
+      chosen = Logits::draw(p, Logits::uniform(draws, row));
       return;
     }
     DrawKey key = draws.key(row);

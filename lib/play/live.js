@@ -1,5 +1,5 @@
 // A game that is being played: an episode as replays have them, which grows, and the file that it becomes. What is noted,
-// and in which order, is what the program's recorder does (lib/eval/recorder.cpp); `record --verify` compares all of it.
+// and in which order, is what the program's recorder does (lib/eval/recorded_world.cpp); `record --verify` compares all of it.
 
 const CRC_TABLE = Uint32Array.from({length: 256}, (_, n) => {
   for (let k = 0; k < 8; ++k) n = n & 1 ? 0xedb88320 ^ (n >>> 1) : n >>> 1;
@@ -16,12 +16,12 @@ const STATES = {x: "x", y: "y", z: "z", speed: "v", heading: "heading", health: 
 
 class LiveEpisode extends EpisodeBase {
   // `states`: the most that it may come to have. `frame`: a replay without games. `unseen`: agents are shown a waypoint
-  // while it stays longer than so many seconds.
-  constructor(frame, states, unseen) {
+  // while it stays longer than so many seconds. `deadCollect`: waypoints, as under the original's rules.
+  constructor(frame, states, unseen, deadCollect) {
     const n = frame.agents.length;
     super(frame, {map: 0, steps: 0, winner: "tie", at_time_limit: false, returns: [0, 0], score: [0, 0], died: Array(n).fill(-1),
                   cause: Array(n).fill("none"), events: [], waypoints: []});
-    this.unseen = unseen; this.shownTo = -1;  // the last state at which agents are shown the waypoint that is there
+    this.deadCollect = deadCollect; this.unseen = unseen; this.shownTo = -1;  // the last state at which agents are shown the waypoint that is there
     this.states = states; this.steps = -1; this.over = false; this.check = 0; this.contact = [false, false];
     for (const column of Object.keys(STATES)) this[column] = new Float32Array(n * states);
     const bits = pairs => new Bits(new Uint8Array(pairs * ((states + 7) >> 3)), states), [n0, n1] = this.teams;
@@ -92,6 +92,7 @@ class LiveEpisode extends EpisodeBase {
       if (now > head.score[team] && last)
         for (let i = team * this.teams[0]; i < team * this.teams[0] + this.teams[team]; ++i) {
           const x = this.x[i * states + state], y = this.y[i * states + state];
+          if (!this.deadCollect && head.died[i] >= 0 && head.died[i] < state) continue;
           if (x < last.x1 || x > last.x2 || y < last.y1 || y > last.y2) continue;
           this.event("collected", i);
           break;

@@ -51,6 +51,7 @@ Json data_of(const PlayPage& page) {
                                  {"frame", frame_json(scenario.frame)},
                                  {"most_states", played.params.max_episode_length + 1},
                                  {"waypoint_unseen_time", played.params.waypoint_unseen_time},
+                                 {"dead_collect", played.params.original()},
                                  {"hash", digits_of(states_hash(scenario.spec, kSelfCheck))},
                                  {"players", scenario.players}});
   }

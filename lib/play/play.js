@@ -119,7 +119,8 @@ class Play {
     }
     if (map !== "") $("map").value = String(this.game.field("map", Int32Array, 1)[0]);
     this.who = who;
-    this.episode = new LiveEpisode(scenario.frame, scenario.most_states, scenario.waypoint_unseen_time);
+    this.episode = new LiveEpisode(scenario.frame, scenario.most_states, scenario.waypoint_unseen_time,
+                                   scenario.dead_collect);
     this.episode.noteState(this.game, false);
     this.options.side = side;
     if (this.scene) this.scene.show(this.episode); else this.scene = new Scene($("field"), this.episode, this.options);

@@ -111,7 +111,7 @@ void make_curves(RunGroup& group, size_t max_points) {
       if (name == "update" || name == "agent_steps" || name == "seconds" || group.find(name)) continue;
       Curve curve{name, {}, {}, {}};
       for (const RowRange rows : points) add_point(curve, group.runs, rows);
-      const bool known = std::any_of(curve.mean.begin(), curve.mean.end(), [](double v) { return !std::isnan(v); });
+      const bool known = std::any_of(curve.mean.begin(), curve.mean.end(), [](double v) { return std::isfinite(v); });
       if (known) group.curves.push_back(std::move(curve));
     }
   }

@@ -25,7 +25,7 @@ struct RunGroup {
   size_t rows_per_point = 1;  ///< updates that a point stands for
   // Where the points are: the last update of each, and there the mean over the runs.
   std::vector<double> agent_steps, seconds;
-  std::vector<Curve> curves;  ///< all other columns that have a value
+  std::vector<Curve> curves;  ///< all other columns that have a finite value
 
   /// The label, cut where it is long.
   std::string short_label() const;
@@ -35,7 +35,7 @@ struct RunGroup {
 };
 
 /// Groups by the settings in which they differ, numbers by their size. The runs must outlive them. A curve has at most
-/// `max_points` points (>= 1). Throws InputError where runs of one config do not count the same agent-steps per update.
+/// `max_points` points (>= 1); columns without a finite value have none.
 std::vector<RunGroup> group_runs(const std::vector<RunData>& runs, size_t max_points);
 
 /// The points per curve that keep a page of these runs at a few megabytes: 2000, or fewer for many runs and columns.

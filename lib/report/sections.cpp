@@ -247,6 +247,18 @@ double total(const RunData& run, const char* column) {
   return sum;
 }
 
+/// Of its processes; without those before the first row where rows of metrics.csv were lost.
+double seconds_told(const RunData& run) {
+  const MetricsTable& rows = run.metrics;
+  const std::vector<double>& seconds = *rows.find("seconds");
+  const std::vector<double>* updates = rows.find("update");
+  if (!updates || updates->front() <= 1) return seconds.back();
+  double before = seconds.front();
+  for (const char* part : {"update_seconds", "evaluation_seconds", "checkpoint_seconds"})
+    if (const std::vector<double>* own = rows.find(part); own && std::isfinite(own->front())) before -= own->front();
+  return seconds.back() - before;
+}
+
 /// Where the wall-clock time went, over the runs of a group.
 void write_time(Markup& page, const std::vector<RunGroup>& groups) {
   const auto card = page.open("div", {{"class", "card time"}});
@@ -256,7 +268,7 @@ void write_time(Markup& page, const std::vector<RunGroup>& groups) {
       update += total(*run, "update_seconds");
       evaluation += total(*run, "evaluation_seconds");
       checkpoint += total(*run, "checkpoint_seconds");
-      all += run->metrics.find("seconds")->back();
+      all += seconds_told(*run);
     }
     struct Part {
       const char *name, *hue;

@@ -5,21 +5,15 @@
 #include <cmath>
 #include <cstdlib>
 #include <map>
-#include <numeric>
 #include <set>
 
+#include "config/names.hpp"
 #include "core/error.hpp"
 #include "core/shell_word.hpp"
 #include "io/number.hpp"
 
 namespace giga {
 namespace {
-
-std::string joined(const std::vector<std::string>& words) {
-  std::string text;
-  for (const std::string& word : words) text += (text.empty() ? "" : ", ") + word;
-  return text;
-}
 
 void add_new(std::vector<std::string>& words, const std::string& word) {
   if (std::find(words.begin(), words.end(), word) == words.end()) words.push_back(word);
@@ -36,16 +30,28 @@ std::string info(const RunData& run, const char* key, const char* otherwise = "-
 std::string values_of(const RunGroup& group, const std::string& path) {
   std::vector<std::string> values;
   for (const RunData* run : group.runs) add_new(values, setting(flatten(run->config, plain_text), path));
-  return joined(values);
+  return join(values);
 }
 
 double steps_done(const RunData& run) { return run.metrics.find("agent_steps")->back(); }
 double seconds_spent(const RunData& run) { return run.metrics.find("seconds")->back(); }
 
-/// Seconds of its updates alone, by which metrics.csv and the charts tell the speed; 0 where they were not kept.
-double update_seconds_of(const RunData& run) {
-  const std::vector<double>* seconds = run.metrics.find("update_seconds");
-  return seconds ? std::accumulate(seconds->begin(), seconds->end(), 0.0) : 0;
+/// Updates alone, by which metrics.csv and the charts tell the speed; nothing where their seconds were not kept. Rows
+/// of metrics.csv may have been lost: what is counted is in those that are there.
+struct Updates {
+  double steps = 0, seconds = 0;
+};
+Updates updates_of(const RunData& run) {
+  Updates sum;
+  const std::vector<double>*seconds = run.metrics.find("update_seconds"),
+        *rates = run.metrics.find("agent_steps_per_second");
+  for (size_t row = 0; seconds && rates && row < seconds->size(); ++row) {
+    const double steps = (*rates)[row] * (*seconds)[row];
+    if (!std::isfinite(steps)) continue;
+    sum.steps += steps;
+    sum.seconds += (*seconds)[row];
+  }
+  return sum;
 }
 
 /// Agent-steps that the config asks for.
@@ -123,27 +129,29 @@ std::string title_of(const RunGroup& group) {
 
 std::vector<std::pair<std::string, std::string>> run_facts(const RunGroup& group) {
   std::vector<std::string> seeds, progress, devices, versions;
-  double steps = 0, seconds = 0, update_seconds = 0;
+  double seconds = 0;
+  Updates updates;
   for (const RunData* run : group.runs) {
     seeds.push_back(info(*run, "seed"));
     add_new(progress, progress_of(*run));
     const std::string gpu = info(*run, "hardware.gpu.name", "");
     add_new(devices, gpu.empty() ? info(*run, "hardware.cpu") : gpu);
     add_new(versions, info(*run, "versions.gigastep"));
-    steps += steps_done(*run);
     seconds += seconds_spent(*run);
-    update_seconds += update_seconds_of(*run);
+    const Updates own = updates_of(*run);
+    updates.steps += own.steps;
+    updates.seconds += own.seconds;
   }
   const size_t n = group.runs.size();
   std::vector<std::pair<std::string, std::string>> facts;
   const auto add = [&facts](const std::string& name, const std::string& value) { facts.emplace_back(name, value); };
   add("algorithm", info(*group.runs.front(), "algorithm"));
-  add(n > 1 ? "seeds" : "seed", joined(seeds));
-  add(n > 1 ? "agent-steps per run" : "agent-steps", joined(progress));
+  add(n > 1 ? "seeds" : "seed", join(seeds));
+  add(n > 1 ? "agent-steps per run" : "agent-steps", join(progress));
   add(n > 1 ? "time per run" : "time", print_duration(seconds / static_cast<double>(n)));
-  add("agent-steps per second", update_seconds > 0 ? print_short(steps / update_seconds) : "-");
-  add("ran on", joined(devices));
-  add("gigastep", joined(versions));
+  add("agent-steps per second", updates.seconds > 0 ? print_short(updates.steps / updates.seconds) : "-");
+  add("ran on", join(devices));
+  add("gigastep", join(versions));
   return facts;
 }
 
@@ -213,7 +221,7 @@ void write_machines(Markup& page, const std::vector<RunGroup>& groups) {
     }
   }
   TableRow head = {""};
-  for (const std::vector<std::string>& runs : names) head.push_back(machines.size() > 1 ? joined(runs) : "all runs");
+  for (const std::vector<std::string>& runs : names) head.push_back(machines.size() > 1 ? join(runs) : "all runs");
   std::vector<TableRow> rows;
   for (const std::string& key : keys) {
     TableRow row = {key};

@@ -39,6 +39,7 @@ PopulationGames::PopulationGames(const SimSpec& spec, const PopulationGamesOptio
     sides[static_cast<size_t>(options.opponent_team)] = everywhere(options.opponent, *sim_);
   }
   game_ = std::make_unique<Game>(*sim_, parallel_for, sides);
+  if (options_.mirror) game_->mirror_half(shape_.n_worlds);
 }
 
 uint32_t PopulationGames::draw_steps() const {

@@ -30,6 +30,7 @@ struct PopulationGamesOptions {
   /// Of one population: what moves the other team everywhere; null: whoever its Population names.
   std::shared_ptr<TeamController> opponent = nullptr;
   int opponent_team = 1;
+  bool mirror = false;  ///< Game::mirror_half, by the number of the world among a member's
 };
 
 class PopulationGames {
@@ -45,7 +46,7 @@ class PopulationGames {
   /// Queues all steps of all episodes of n_populations, as Game::play does. Draws are those of steps `first_step` to
   /// `first_step` + draw_steps() - 1.
   void play(const std::vector<Population>& populations, uint32_t first_step);
-  /// Steps by which draws are addressed: each episode has its own, two and one for each that is played (sim/step.hpp).
+  /// Steps by which draws are addressed: each episode has its own: one for each step, and two more (sim/step.hpp).
   uint32_t draw_steps() const;
 
   /// What the episodes of population k came to: [M, E, kNStatRows], a view that the next play overwrites; sums over the

@@ -13,7 +13,7 @@ constexpr int kSumBlock = 64;
 /// A sum over the agents of a team, of those whose worlds have tables of pairs: at most kSumBlock blocks.
 class TeamSum {
  public:
-  /// `slot`: the how manieth it is.
+  /// `slot`: its index in the team.
   GIGA_HD void add(float number, int slot) {
     block_ += number;
     if (slot % kSumBlock != kSumBlock - 1) return;

@@ -25,6 +25,9 @@ GIGA_HD int32_t discrete_action(Controls c) {
   return 9 * third(c.throttle) + 3 * third(c.heading) + third(c.dive);
 }
 
+/// Within [-1, 1]; what is not a number is -1, so that places and speeds stay numbers.
+GIGA_HD float bounded_control(float c) { return c >= -1.0f ? (c > 1.0f ? 1.0f : c) : -1.0f; }
+
 /// The controls of an agent from its team's action buffer, `row` = row of the agent there.
 GIGA_HD Controls read_controls(const Parameters auto& p, const TeamIo& team, int64_t world, int64_t row) {
   Controls controls;
@@ -32,7 +35,7 @@ GIGA_HD Controls read_controls(const Parameters auto& p, const TeamIo& team, int
     controls = discrete_controls(static_cast<const int32_t*>(team.action)[row]);
   } else {
     const float* c = static_cast<const float*>(team.action) + row * kActionSize;
-    controls = {clamp(c[0], -1.0f, 1.0f), clamp(c[1], -1.0f, 1.0f), clamp(c[2], -1.0f, 1.0f)};
+    controls = {bounded_control(c[0]), bounded_control(c[1]), bounded_control(c[2])};
   }
   controls.heading *= team.mirror(world);
   return controls;

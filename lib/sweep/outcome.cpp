@@ -191,7 +191,6 @@ SweepOutcome outcome_of(const SweepSpec& spec, const std::vector<TrialSettings>&
         if (const SweepResult* result = progress.result({number, rung, seed})) trial.seconds += result->seconds;
     }
     if (trial.rung >= 0) {
-      trial.seeds = spec.seeds;
       trial.values = progress.values(number, trial.rung);
       trial.value = progress.value(number, trial.rung);
       for (const uint64_t seed : spec.seeds)

@@ -35,7 +35,6 @@ struct SweepOutcome {
     TrialSettings settings;
     int rung = -1;                     ///< that all seeds have reached; -1: none
     double agent_steps = 0;            ///< done by then, of its runs that which did most
-    std::vector<uint64_t> seeds;       ///< with a result there
     std::vector<double> values;        ///< of those that have one
     std::optional<double> value;       ///< their mean, where no seed failed
     double seconds = 0;                ///< of its runs together

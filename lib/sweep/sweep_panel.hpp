@@ -24,8 +24,8 @@ struct SweepPanelState {
   };
   static constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 
-  std::string title;         ///< "rates.yaml: sobol, 16 trials with 3 seeds"
-  std::string metric;        ///< name: "largest win_rate_0_vs_circle"
+  std::string title;         ///< "sweep rates: sobol, 16 trials with 3 seeds"
+  std::string metric;        ///< "maximize win_rate_0_vs_circle"
   std::string folder;        ///< of the sweep
   double share_done = 0;     ///< 0 to 1, of the agent-steps
   int trials = 0, done = 0;  ///< a trial is done once it was compared, with halving for the first time

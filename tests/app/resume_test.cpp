@@ -398,6 +398,17 @@ TEST_F(Resume, ANamedCheckpointMustBeTheNewest) {
   EXPECT_EQ(here_->run({"resume", "nowhere"}).code, 2);
 }
 
+// It is of another command, and the training is done.
+TEST_F(Resume, ADamagedRatingDoesNotMakeItFail) {
+  ASSERT_EQ(train("rated", "train.stop_at_agent_steps=5120").code, 124);
+  fs::create_directory(here_->path() / "rated/ratings");
+  here_->write("rated/ratings/ratings.json", "[");
+  const Outcome resumed = here_->run({"resume", "rated", "--set", "train.stop_at_agent_steps=none"});
+  EXPECT_EQ(resumed.code, 0) << resumed.err;
+  EXPECT_TRUE(contains(resumed.out + resumed.err, {"warning: the report was not written: ", "ratings.json"}));
+  EXPECT_EQ(state_hash(*here_, "rated"), *hash_);
+}
+
 TEST_F(Resume, TheBestCheckpointIsThatOfTheBestEvaluation) {
   // The weaker team's win rate after each evaluation, as metrics.csv has it.
   const CsvTable table = parse_csv(here_->read("whole/metrics.csv"));
@@ -407,7 +418,7 @@ TEST_F(Resume, TheBestCheckpointIsThatOfTheBestEvaluation) {
     if (table.cell(row, "win_rate_0_vs_random").empty()) continue;
     const double score = std::min(std::stod(table.cell(row, "win_rate_0_vs_random")),
                                   std::stod(table.cell(row, "win_rate_1_vs_random")));
-    if (score <= best) continue;
+    if (score < best) continue;  // of equal ones the newest
     best = score;
     best_update = table.cell(row, "update");
   }

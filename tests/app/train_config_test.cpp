@@ -97,6 +97,8 @@ TEST(TrainConfig, WarnsOfSettingsThatMeanNothing) {
                                                                  {"mappo.critic.inputs", "all"},
                                                                  {"mappo.actor.impala_width", "2"},
                                                                  {"mappo.critic.impala_width", "2"},
+                                                                 {"mappo.shaping_fade_start", "0.1"},
+                                                                 {"mappo.shaping_fade_end", "0.9"},
                                                                  {"opponents.pool_hardness", "1"},
                                                                  {"opponents.pool_draw", "uniform"},
                                                                  {"opponents.pool_promotion", "always"},
@@ -112,13 +114,17 @@ TEST(TrainConfig, WarnsOfSettingsThatMeanNothing) {
   EXPECT_EQ(keys, expected);
   EXPECT_TRUE(contains(text, {"snes.learning_rate_mean: this means nothing with train.algorithm mappo\n",
                               "huber_delta: this means nothing unless mappo.value_loss is huber\n"}));
-  EXPECT_EQ(warnings("evolution.yaml", "evolution",
-                     {"population.actor.memory_size=8", "population.noise_rank=2", "population.generations_per_turn=3",
-                      "openai_es.momentum=0.5", "openai_es.clip_up_max_speed=1", "mappo.gamma=0.9"})
-                .first,
-            (std::vector<std::string>{"population.actor.memory_size", "population.noise_rank",
-                                      "population.generations_per_turn", "openai_es.momentum",
-                                      "openai_es.clip_up_max_speed", "mappo.gamma"}));
+  EXPECT_EQ(
+      warnings("evolution.yaml", "evolution",
+               {"population.actor.memory_size=8", "population.noise_rank=2", "population.generations_per_turn=3",
+                "openai_es.momentum=0.5", "openai_es.clip_up_max_speed=1", "openai_es.learning_rate_min=0.1",
+                "openai_es.sigma_min=0.1", "mappo.gamma=0.9", "population.shaping.kind=z_score"})
+          .first,
+      (std::vector<std::string>{"population.actor.memory_size", "population.noise_rank",
+                                "population.generations_per_turn", "openai_es.momentum", "openai_es.clip_up_max_speed",
+                                "openai_es.learning_rate_min", "openai_es.sigma_min", "mappo.gamma"}));
+  EXPECT_EQ(warnings("evolution.yaml", "snes", {"train.algorithm=snes", "population.shaping.kind=z_score"}).first,
+            std::vector<std::string>{"population.shaping.kind"});
   // Switched on, they do not.
   EXPECT_EQ(
       warnings("tiny.yaml", "on",

@@ -3,10 +3,13 @@
 
 #include <gtest/gtest.h>
 #include <sys/resource.h>
+#include <unistd.h>
 
+#include <chrono>
 #include <csignal>
 #include <fstream>
 
+#include "core/error.hpp"
 #include "temporary_folder.hpp"
 
 namespace giga::test {
@@ -83,13 +86,23 @@ TEST(Files, ALinkStaysALink) {
 
 TEST(Files, LeftoversOfInterruptedWritesAreRemoved) {
   const TemporaryFolder folder;
-  std::ofstream(folder / "update_00000001.h5.4711.tmp") << "half";
+  std::ofstream(folder / "update_00000001.h5.999999999.tmp") << "half";  // no system has so many processes
   write_file(folder / "update_00000002.h5", "whole");
   write_file(folder / "notes.tmp", "somebody's own");
   EXPECT_EQ(remove_temporaries(folder.path()), 1);
   EXPECT_EQ(folder.entries(), 2);
   EXPECT_EQ(read_file(folder / "notes.tmp"), "somebody's own");
   EXPECT_EQ(read_file(folder / "update_00000002.h5"), "whole");
+}
+
+TEST(Files, WhatAnotherProcessIsWritingStays) {
+  const TemporaryFolder folder;
+  const std::filesystem::path file = folder / cat("report.html.", ::getppid(), ".tmp");
+  std::ofstream(file) << "half";
+  EXPECT_EQ(remove_temporaries(folder.path()), 0);
+  // Two hours later the number is another process's.
+  std::filesystem::last_write_time(file, std::filesystem::last_write_time(file) - std::chrono::hours(2));
+  EXPECT_EQ(remove_temporaries(folder.path()), 1);
 }
 
 }  // namespace

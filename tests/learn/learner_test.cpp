@@ -130,18 +130,21 @@ TEST_P(LearnVariants, TwoUpdatesAreFiniteAndStartAtRatioOne) {
 }
 
 TEST_P(LearnVariants, SaveLoadAndGoOnEqualsGoingOn) {
-  const auto learner = GetParam().run.learner();
-  for (int u = 0; u < 3; ++u) learner->update();
-  const NamedArrays checkpoint = saved(*learner);
-  const auto loaded = GetParam().run.learner();
-  loaded->update();  // whatever it did before must not matter
-  loaded->load(checkpoint);
-  EXPECT_EQ(loaded->updates_done(), 3);
-  EXPECT_EQ(difference(saved(*loaded), checkpoint), "");
-  for (int u = 0; u < 2; ++u) {
-    const Metrics expected = learner->update(), actual = loaded->update();
-    EXPECT_EQ(difference(expected, actual), "") << "update " << u << " after loading";
-    ASSERT_EQ(difference(saved(*learner), saved(*loaded)), "") << "update " << u << " after loading";
+  for (const int updates : {0, 3}) {
+    SCOPED_TRACE(cat("saved after ", updates));
+    const auto learner = GetParam().run.learner();
+    for (int u = 0; u < updates; ++u) learner->update();
+    const NamedArrays checkpoint = saved(*learner);
+    const auto loaded = GetParam().run.learner();
+    loaded->update();  // whatever it did before must not matter
+    loaded->load(checkpoint);
+    EXPECT_EQ(loaded->updates_done(), updates);
+    EXPECT_EQ(difference(saved(*loaded), checkpoint), "");
+    for (int u = 0; u < (updates > 0 ? 2 : 1); ++u) {
+      const Metrics expected = learner->update(), actual = loaded->update();
+      EXPECT_EQ(difference(expected, actual), "") << "update " << u << " after loading";
+      ASSERT_EQ(difference(saved(*learner), saved(*loaded)), "") << "update " << u << " after loading";
+    }
   }
 }
 

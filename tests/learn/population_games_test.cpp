@@ -183,11 +183,11 @@ TEST(LearnPopulationGames, NetworksOfEgocentricViewsMeetScriptsThatLook) {
 
 // With common luck the first episodes of two games begin alike, whoever is met in the others: each is played as where
 // all meet its opponent. Networks read the view, pursuer the rest, noop nothing: each world has what its player reads.
-TEST(LearnPopulationGames, EachEpisodeIsPlayedAsWhereAllMeetItsOpponent) {
+void expect_each_episode_as_where_all_meet_its_opponent(Device device, Precision precision) {
   const LoadedRun run =
       run_of("maps: two_rooms1\nobservation: {egocentric_view: true}\n", "hidden: [16, 16], inputs: egocentric");
-  Networks n(run, 4, {});
-  const ParallelFor parallel_for(Device{}, 1);
+  Networks n(run, 4, device, precision);
+  const ParallelFor parallel_for(device, 1, current_stream(device));
   PopulationGames games(run.spec, {4, 3, 2, true, false, 9, 1}, n.actor, parallel_for);
   const auto play = [&](const std::vector<int32_t>& opponents) {
     const Population first{0, n.members, n.opponents, opponents}, second{1, n.members, n.opponents, opponents};
@@ -204,6 +204,15 @@ TEST(LearnPopulationGames, EachEpisodeIsPlayedAsWhereAllMeetItsOpponent) {
     }
   }
   EXPECT_FALSE(at::equal(mixed[0].select(1, 0), mixed[0].select(1, 1)));
+}
+
+TEST(LearnPopulationGames, EachEpisodeIsPlayedAsWhereAllMeetItsOpponent) {
+  expect_each_episode_as_where_all_meet_its_opponent({}, Precision::fp32);
+}
+
+TEST(LearnPopulationGamesGpu, EachEpisodeIsPlayedAsWhereAllMeetItsOpponent) {
+  if (cuda_device_count() == 0) GTEST_SKIP() << "no GPU";
+  expect_each_episode_as_where_all_meet_its_opponent({Device::Kind::cuda, 0}, Precision::fp16);
 }
 
 // Nobody dies in a world of 60 x 60 in 30 steps. A cut is not the scenario's own time limit: nobody wins by living.
@@ -244,6 +253,43 @@ TEST(LearnPopulationGames, CommonRandomNumbers) {
       EXPECT_TRUE(at::equal(results.select(2, 0), at::ones({3, 8}))) << "each world plays one episode";
     }
   }
+}
+
+// Members that are alike have the same episodes in the mirror too, though its pattern does not fit into a member's six.
+// Team 0 is mirrored in episodes 1, 3 and 5, team 1 in 2 and 3, whoever of them is the population; the script is not.
+void expect_the_mirror_by_episode(Device device, Precision precision) {
+  const LoadedRun run = run_of("observation: {egocentric_view: true}\n", "hidden: [16], inputs: egocentric");
+  Networks n(run, 2, device, precision);
+  n.members[1].copy_(n.members[0]);
+  const ParallelFor parallel_for(device, 1, current_stream(device));
+  for (const int team : {0, 1}) {
+    const auto played = [&](bool mirror) {
+      PopulationGamesOptions options{2, 6, 1, true, false, 9, 1};
+      options.mirror = mirror;
+      PopulationGames games(run.spec, options, n.actor, parallel_for);
+      std::vector<at::Tensor> results;  // of one generation an episode may end alike
+      for (uint32_t generation = 0; generation < 4; ++generation) {
+        const std::vector<int32_t> opponents = {0, 1, 2, network_of_script(Scripted::circle), 0, 1};
+        games.play({{team, n.members, n.opponents, opponents}}, generation * games.draw_steps());
+        results.push_back(games.results(0).clone());
+      }
+      return at::stack(results, 2);  // [M, E, generations, kNStatRows]
+    };
+    const at::Tensor plain = played(false), mirrored = played(true);
+    EXPECT_TRUE(at::equal(mirrored[0], mirrored[1]));
+    for (int64_t e = 0; e < 6; ++e) {
+      const bool team_0 = e % 2 == 1, team_1 = e / 2 % 2 == 1;
+      const bool changes = e == 3 ? (team == 0 ? team_0 : team_1) : team_0 || team_1;
+      EXPECT_EQ(!at::equal(plain[0][e], mirrored[0][e]), changes) << "team " << team << ", episode " << e;
+    }
+  }
+}
+
+TEST(LearnPopulationGames, TheMirrorGoesByEpisode) { expect_the_mirror_by_episode({}, Precision::fp32); }
+
+TEST(LearnPopulationGamesGpu, TheMirrorGoesByEpisode) {
+  if (cuda_device_count() == 0) GTEST_SKIP() << "no GPU";
+  expect_the_mirror_by_episode({Device::Kind::cuda, 0}, Precision::fp16);
 }
 
 // The second round of generation 0 draws what the only round of generation 1 does.

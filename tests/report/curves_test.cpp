@@ -223,6 +223,13 @@ TEST(Curves, SeedsOfDifferentLength) {
   EXPECT_EQ(groups[0].seconds, (std::vector<double>{6, 12, 12}));
 }
 
+TEST(Curves, AColumnWithoutAFiniteValueHasNone) {
+  const std::vector<RunData> runs = {run_of("a", "seed: 1\n", "agent_steps,seconds,x,y\n100,1,inf,inf\n200,2,inf,1\n")};
+  const std::vector<RunGroup> groups = group_runs(runs, 100);
+  EXPECT_EQ(groups[0].find("x"), nullptr);
+  EXPECT_NE(groups[0].find("y"), nullptr);
+}
+
 // Generations of an evolution differ in length from seed to seed.
 TEST(Curves, AgentStepsAreTheMeanOfTheRuns) {
   const std::vector<RunData> runs = {run_of("a", config_with(1, "0.99"), "agent_steps,seconds\n100,1\n200,2\n"),

@@ -124,7 +124,9 @@ TEST_F(ReportPage, TellsHowTheCurvesAreToBeRead) {
 
 TEST_F(ReportPage, ShowsCommandsMachineAndTime) {
   SyntheticRun run;
-  run.metrics = "agent_steps,seconds,update_seconds,evaluation_seconds\n100,4,3,0\n200,10,4,2\n";
+  run.metrics =
+      "agent_steps,seconds,update_seconds,evaluation_seconds,agent_steps_per_second\n100,4,3,0,33.3333\n"
+      "200,10,4,2,25\n";
   run.write(folder_ / "run");
   const std::string page = page_of({"run"});
   EXPECT_EQ(texts_of(section_of(page, "Commands"), "pre"), Texts{"gigastep train 'it'\\''s here'"});
@@ -143,6 +145,19 @@ TEST_F(ReportPage, ShowsCommandsMachineAndTime) {
   EXPECT_TRUE(contains(page, {"updates 70.0 %", "evaluation 20.0 %", "checkpoints 0.0 %", "the rest 10.0 %"}));
   // The speed is that of the updates, as metrics.csv has it: 200 agent-steps in 7 seconds, not in 10.
   EXPECT_TRUE(contains(page, {"<dt>agent-steps per second</dt>", "<dd>28.6</dd>"}));
+}
+
+// Of ten updates the rows of the first eight were lost, and with them 40 seconds.
+TEST_F(ReportPage, OfLostRowsNothingIsCounted) {
+  SyntheticRun run;
+  run.metrics =
+      "update,agent_steps,seconds,update_seconds,evaluation_seconds,agent_steps_per_second\n9,900,44,4,0,25\n"
+      "10,1000,50,4,2,25\n";
+  run.write(folder_ / "run");
+  const std::string page = page_of({"run"});
+  // 200 agent-steps in 8 seconds; of 50 - 40 seconds 8 for updates, 2 for evaluation.
+  EXPECT_TRUE(contains(page, {"<dt>agent-steps per second</dt>", "<dd>25.0</dd>"})) << page;
+  EXPECT_TRUE(contains(page, {"updates 80.0 %", "evaluation 20.0 %", "the rest 0.0 %"}));
 }
 
 TEST_F(ReportPage, EveryCommandStandsAlone) {

@@ -9,6 +9,20 @@ namespace {
 
 constexpr float kMotionTolerance = 2e-6f;  // a few roundings of numbers below 8
 
+// A policy may answer what is no number; places and speeds stay numbers, by which tables are read.
+TEST(SimKinematics, ControlsThatAreNoNumbersAreTheLeast) {
+  SimSpec spec = plain_spec(1, 1);
+  TestWorld broken(spec), least(spec);
+  for (TestWorld* world : {&broken, &least}) world->put(0, 5, 5, 0.5f, 3, 2), world->put(1, 1, 1);
+  broken.control(0, NAN, NAN, NAN);
+  least.control(0, -1, -1, -1);
+  broken.step();
+  least.step();
+  EXPECT_EQ(broken.now().x[0], least.now().x[0]);
+  EXPECT_EQ(broken.now().heading[0], least.now().heading[0]);
+  EXPECT_EQ(broken.now().v[0], least.now().v[0]);
+}
+
 TEST(SimKinematics, AllControlsAtOnce) {
   SimSpec spec = plain_spec(1, 1);
   spec.agents[0].thrust = 2;

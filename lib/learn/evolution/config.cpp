@@ -17,6 +17,7 @@ namespace {
 constexpr ResumeRule kEvolutionMayChange[] = {
     {"population.shaping.", "from here on, as all below"},
     {"population.objective", ""},
+    {"population.mirror", ""},
     {"population.max_steps", ""},
     {"population.turns", ""},
     {"population.generations_per_turn", ""},
@@ -77,12 +78,13 @@ void check_population(ConfigCheck& check) {
     return check.fail(
         "population.parallel_episodes",
         cat(*p.parallel_episodes, " does not divide population.episodes_per_member ", p.episodes_per_member));
+  const int at_a_time = populations_at_a_time(check.config);
   if (check.known({"population.population_size"}) &&
-      2 * static_cast<int64_t>(p.population_size) * p.n_worlds() > kMostWorlds)
+      at_a_time * static_cast<int64_t>(p.population_size) * p.n_worlds() > kMostWorlds)
     check.fail(
         "population.population_size",
         cat(p.population_size, " x population.", p.parallel_episodes ? "parallel_episodes " : "episodes_per_member ",
-            p.n_worlds(), " for two teams are more than ", kMostWorlds, " worlds"));
+            p.n_worlds(), at_a_time > 1 ? " for two teams" : "", " are more than ", kMostWorlds, " worlds"));
 }
 
 /// Shares of a member's episodes, of which there are few, that come to none or leave none for the other team.
@@ -106,6 +108,21 @@ void check_shares(ConfigCheck& check) {
     check.fail(
         pool_share > 0 ? "opponents.pool_share" : "opponents.scripted_share",
         cat("scripts take ", scripted, " and the pool ", pooled, of_all, ", and the other team as it is now none"));
+}
+
+/// Both teams are met as they are and in the mirror.
+void check_mirror(ConfigCheck& check) {
+  const PopulationConfig& p = check.config.population;
+  if (!p.mirror || check.config.train.opponent.is_path()) return;
+  check.mirror_shows_all("population.mirror", "population.actor", p.actor);
+  constexpr int kLeast = 4;
+  if (check.known({"population.mirror", "population.episodes_per_member", "population.parallel_episodes"}) &&
+      p.n_worlds() < kLeast)
+    check.fail("population.mirror",
+               cat("true takes at least ", kLeast,
+                   " episodes that a member plays at a time, and "
+                   "population.",
+                   p.parallel_episodes ? "parallel_episodes" : "episodes_per_member", " is ", p.n_worlds()));
 }
 
 void check_objective(ConfigCheck& check) {
@@ -153,12 +170,13 @@ void check_evolution(ConfigCheck& check) {
   check_fp16(check);
   check_population(check);
   check_shares(check);
+  check_mirror(check);
   check_objective(check);
   check_noise_rank(check);
 }
 
 RunSize population_size(const RunConfig& c) {
-  const int64_t most = kMostWorlds / (2 * static_cast<int64_t>(c.population.n_worlds()));
+  const int64_t most = kMostWorlds / (populations_at_a_time(c) * static_cast<int64_t>(c.population.n_worlds()));
   return {"population.population_size",    "member", c.population.population_size,
           c.population.antithetic ? 2 : 1, 2,        std::min<int64_t>(most, kMostMembers)};
 }

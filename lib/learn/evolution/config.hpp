@@ -62,6 +62,7 @@ struct PopulationConfig {
   std::optional<int> max_steps = std::nullopt;
   Objective objective = Objective::automatic;
   bool common_random_numbers = true;
+  bool mirror = false;
   bool greedy = true;
   Turns turns = Turns::together;
   int generations_per_turn = 1;
@@ -96,6 +97,9 @@ void visit_fields(V& v, PopulationConfig& c) {
     "(win.by), else return");
   v("common_random_numbers", c.common_random_numbers,
     "all members of a team meet the same starts and the same luck: only their parameters differ");
+  v("mirror", c.mirror,
+    "in half of the episodes of each member its network sees the game in a mirror, with left and right exchanged, and "
+    "turns accordingly, as with mappo.mirror; needs inputs: egocentric, and not a policy as train.opponent");
   v("greedy", c.greedy, "policies take their most likely action instead of drawing one, in training and evaluation");
   v("turns", c.turns, "whether both teams evolve in every generation, or take turns");
   v("generations_per_turn", c.generations_per_turn, "turns alternating: generations of one team before the other's",
@@ -108,6 +112,7 @@ void visit_fields(V& v, PopulationConfig& c) {
 struct OpenAiEsConfig {
   MeanOptimizer optimizer = MeanOptimizer::adam;
   float learning_rate = 0.01f;
+  float final_learning_rate_factor = 1.0f;
   float learning_rate_decay = 1.0f;
   float learning_rate_min = 0.001f;
   float momentum = 0.9f;
@@ -120,7 +125,11 @@ template <class V>
 void visit_fields(V& v, OpenAiEsConfig& c) {
   v("optimizer", c.optimizer, "what turns the gradient into a step: Adam, momentum, or ClipUp (Toklu et al. 2020)");
   v("learning_rate", c.learning_rate, "step size of the mean", greater_than(0));
-  v("learning_rate_decay", c.learning_rate_decay, "factor of the step size per generation", range(0, 1));
+  v("final_learning_rate_factor", c.final_learning_rate_factor,
+    "factor of the step size at the end of the run, to which it falls by as much of itself with each agent-step",
+    greater_than(0).at_most(1));
+  v("learning_rate_decay", c.learning_rate_decay,
+    "factor of the step size per generation, whatever the length of the run", range(0, 1));
   v("learning_rate_min", c.learning_rate_min, "lower limit of the step size", at_least(0));
   v("momentum", c.momentum, "optimizers momentum and clip_up: share of the velocity kept", range(0, 1).below(1));
   v("clip_up_max_speed", c.clip_up_max_speed, "optimizer clip_up: the longest step", greater_than(0));

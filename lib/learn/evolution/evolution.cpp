@@ -2,6 +2,7 @@
 
 #include <torch/types.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -36,6 +37,7 @@ PopulationGamesOptions games_options(const RunConfig& c, const Ranks* ranks) {
   o.n_rounds = c.population.n_rounds();
   o.n_populations = populations_at_a_time(c);
   o.common_random_numbers = c.population.common_random_numbers;
+  o.mirror = c.population.mirror && !c.train.opponent.is_path();
   o.greedy = c.population.greedy;
   o.seed = seed_of(c.seed, Purpose::training);
   o.n_threads = c.train.n_threads;
@@ -206,7 +208,9 @@ Metrics Evolution::update() {
 
   if (sums_) sums_->begin();
   const std::vector<PopulationResults> results = results_of(teams);
-  for (size_t k = 0; k < teams.size(); ++k) team_[teams[k]]->tell(results[k].fitness);
+  const double done =
+      std::min(1.0, static_cast<double>(agent_steps_) / static_cast<double>(config_.train.total_agent_steps));
+  for (size_t k = 0; k < teams.size(); ++k) team_[teams[k]]->tell(results[k].fitness, done);
   ++generations_;
   clock_->mark(2);
   Metrics figures = metrics(populations, results);

@@ -140,8 +140,8 @@ void visit_fields(V& v, MappoConfig& c) {
   v("mirror", c.mirror,
     "in half of the worlds of a team its networks see the game in a mirror, with left and right exchanged, and turn "
     "accordingly: what is learned on one side is known on the other. In training alone. Networks read the egocentric "
-    "view then and nothing else (critics may read the state); a policy as train.opponent has no mirror, nor who learns "
-    "against it (those of opponents.policies have, as all in the pool)");
+    "view then and nothing else (critics may read the state); a policy as train.opponent is not mirrored, nor is the "
+    "team that learns against it (those of opponents.policies are, as all in the pool)");
   v("team_reward_share", c.team_reward_share,
     "share of the team's mean reward in that of each agent. With it an agent that dies leaves behind what its living "
     "team mates expect, so that a sacrifice can pay",

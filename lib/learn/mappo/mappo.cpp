@@ -221,10 +221,10 @@ Metrics Mappo::update() {
     for (PpoTeam* team : learning_) team->end_epoch();
   }
 
-  // The next rollout sees observations in units of this one's moments too; but for a team that is frozen, whose policy
-  // they would change.
+  // The next rollout sees observations in units of this one's moments too; but for a team that does not learn now,
+  // whose policy they would change.
   for (int team = 0; team < kNTeams; ++team)
-    if (team_[team] && !balance_.is_frozen(team)) team_[team]->update_normalizer(rollout);
+    if (team_[team] && balance_.actor_factor(team) > 0) team_[team]->update_normalizer(rollout);
   clock_->mark(2);
 
   ++updates_;

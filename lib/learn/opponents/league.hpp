@@ -43,7 +43,7 @@ class League {
   /// opponents, which the next games are against: one that is on goes on against the opponent that it began with. Only
   /// two generations are there at a time, so a group in which a game of the earlier one still goes on, in any shard of
   /// any rank, keeps its opponent until the next turn. Of a team that has `fallen` back to what it was at an
-  /// earlier turn (mappo.step_back) nothing is kept now: it had that turn.
+  /// earlier turn (mappo.step_back) nothing is kept now: its policy of then is there already.
   void end(int64_t updates_done, const Simulator& sim, const std::array<bool, kNTeams>& fallen = {});
   /// Where past policies of a team play.
   ShardRange pool_worlds(int team) const { return shares_.pool(1 - team); }

@@ -20,8 +20,8 @@ struct GameCount {
   /// A tie is half a win.
   double points() const { return wins + 0.5 * ties; }
   double losses() const { return episodes - wins - ties; }
-  /// Whether more wins than losses are no luck: of fair coins one in twenty does so when it is asked once (1.65
-  /// deviations), and more the oftener it is asked.
+  /// Whether more wins than losses are hardly luck: of many fair coins one in twenty does so when it is asked once
+  /// (1.65 deviations), of few up to one in eight (three of three), and more the oftener it is asked.
   bool is_evidence() const;
   /// NaN where no game has ended.
   double win_rate() const { return wins / episodes; }
