@@ -54,7 +54,7 @@ const EvolutionVariant kEvolutionVariants[] = {
     {"OpenAiMirrorPool",
      evolution("openai_es", "episodes_per_member: 4, mirror: true, actor: {hidden: [8], inputs: egocentric}",
                "opponents: {pool_size: 3, pool_every_updates: 1, pool_share: 0.25, scripted: [circle], scripted_share: "
-               "0.25}\nopenai_es: {final_learning_rate_factor: 0.001}\n",
+               "0.25}\n",
                "observation: {egocentric_view: true}\n")},
     {"OpenAiTeamOneAgainstCircle", with_train(evolution("openai_es"), "opponent: circle, learning_team: 1")},
 };

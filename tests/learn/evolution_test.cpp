@@ -212,23 +212,6 @@ TEST(LearnEvolutionStrategy, WhatIsNotFiniteIsTheWorst) {
   }
 }
 
-// By half of the run 0.01^0.5 = 0.1 of the step at its start, at its end 0.01.
-TEST(LearnEvolutionStrategy, StepsOfOpenAiEsFallOverTheRun) {
-  const ParallelFor parallel_for(Device{}, 1);
-  OpenAiEsConfig config;
-  config.optimizer = MeanOptimizer::momentum;
-  config.final_learning_rate_factor = 0.01f;
-  const auto step_at = [&](double done) {
-    const auto strategy = make_openai_es(population_of(0.1f), config, {}, at::zeros({4}), parallel_for);
-    strategy->tell(quadratic(strategy->ask()), done);
-    return strategy->mean().norm().item<double>();
-  };
-  const double first = step_at(0);
-  EXPECT_GT(first, 1e-5);
-  EXPECT_NEAR(step_at(0.5) / first, 0.1, 1e-5);
-  EXPECT_NEAR(step_at(1) / first, 0.01, 1e-5);
-}
-
 TEST(LearnEvolutionStrategy, AnOddPopulationHasNoPairs) {
   const ParallelFor parallel_for(Device{}, 1);
   PopulationConfig config;

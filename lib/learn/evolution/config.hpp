@@ -112,7 +112,6 @@ void visit_fields(V& v, PopulationConfig& c) {
 struct OpenAiEsConfig {
   MeanOptimizer optimizer = MeanOptimizer::adam;
   float learning_rate = 0.01f;
-  float final_learning_rate_factor = 1.0f;
   float learning_rate_decay = 1.0f;
   float learning_rate_min = 0.001f;
   float momentum = 0.9f;
@@ -125,11 +124,7 @@ template <class V>
 void visit_fields(V& v, OpenAiEsConfig& c) {
   v("optimizer", c.optimizer, "what turns the gradient into a step: Adam, momentum, or ClipUp (Toklu et al. 2020)");
   v("learning_rate", c.learning_rate, "step size of the mean", greater_than(0));
-  v("final_learning_rate_factor", c.final_learning_rate_factor,
-    "factor of the step size at the end of the run, to which it falls by as much of itself with each agent-step",
-    greater_than(0).at_most(1));
-  v("learning_rate_decay", c.learning_rate_decay,
-    "factor of the step size per generation, whatever the length of the run", range(0, 1));
+  v("learning_rate_decay", c.learning_rate_decay, "factor of the step size per generation", range(0, 1));
   v("learning_rate_min", c.learning_rate_min, "lower limit of the step size", at_least(0));
   v("momentum", c.momentum, "optimizers momentum and clip_up: share of the velocity kept", range(0, 1).below(1));
   v("clip_up_max_speed", c.clip_up_max_speed, "optimizer clip_up: the longest step", greater_than(0));

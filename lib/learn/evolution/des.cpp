@@ -18,7 +18,7 @@ class Des final : public EvolutionStrategy {
  private:
   // The members are mean + sigma e: their weighted mean is mean + sigma sum(w e), their weighted deviation from the old
   // mean sigma sqrt(sum(w e^2)).
-  void learn(const at::Tensor& shaped, double) override {
+  void learn(const at::Tensor& shaped) override {
     const Moments sums = moments(weights_.of(shaped));
     mean_.add_(sigma_ * sums.first, rate_mean_);
     sigma_.add_(sigma_ * (sums.second.sqrt() - 1), rate_sigma_);

@@ -2,7 +2,6 @@
 
 #include <torch/types.h>
 
-#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -208,9 +207,7 @@ Metrics Evolution::update() {
 
   if (sums_) sums_->begin();
   const std::vector<PopulationResults> results = results_of(teams);
-  const double done =
-      std::min(1.0, static_cast<double>(agent_steps_) / static_cast<double>(config_.train.total_agent_steps));
-  for (size_t k = 0; k < teams.size(); ++k) team_[teams[k]]->tell(results[k].fitness, done);
+  for (size_t k = 0; k < teams.size(); ++k) team_[teams[k]]->tell(results[k].fitness);
   ++generations_;
   clock_->mark(2);
   Metrics figures = metrics(populations, results);

@@ -16,11 +16,11 @@ EvolvingTeam::EvolvingTeam(const LoadedRun& run, int team, Device device, const 
       pool_(run.config.opponents.pool_size, actor_.parameters().values().detach()),
       figures_(at::zeros({kNEvolutionFigures}, strategy_->mean().options())) {}
 
-void EvolvingTeam::tell(const at::Tensor& fitness, double done) {
+void EvolvingTeam::tell(const at::Tensor& fitness) {
   at::NoGradGuard no_grad;
   fitness_ = fitness;
   const at::Tensor old_mean = strategy_->mean().clone();
-  const at::Tensor sound = strategy_->tell(fitness, done);
+  const at::Tensor sound = strategy_->tell(fitness);
   actor_.bound_log_std(strategy_->mean());  // the strategy's own: what it saves, and asks from next, is bounded too
 
   const at::Tensor finite = at::isfinite(fitness);

@@ -34,8 +34,7 @@ class EvolvingTeam {
 
   at::Tensor ask() { return strategy_->ask(); }
   /// Learns from the fitness [M] of the members of this generation, of all ranks; the actor becomes the new mean.
-  /// `done`: share of the run.
-  void tell(const at::Tensor& fitness, double done);
+  void tell(const at::Tensor& fitness);
 
   /// Of several ranks: those whose sums of the latest `tell` were not finite.
   std::vector<int> faulty_ranks() const { return strategy_->faulty_ranks(); }

@@ -37,13 +37,11 @@ class OpenAiEs final : public EvolutionStrategy {
   }
 
   // Gradient of the mean fitness: sum(F e) / (M sigma); weight decay pulls the mean to zero.
-  void learn(const at::Tensor& shaped, double done) override {
+  void learn(const at::Tensor& shaped) override {
     const Moments sums = moments(shaped);
     const at::Tensor gradient =
         sums.first / (sigma_ * static_cast<double>(population_size())) - mean_ * config_.weight_decay;
-    const double start =
-        decayed(config_.learning_rate, config_.learning_rate_decay, config_.learning_rate_min, generation_);
-    step(gradient, start * std::pow(static_cast<double>(config_.final_learning_rate_factor), done));
+    step(gradient, decayed(config_.learning_rate, config_.learning_rate_decay, config_.learning_rate_min, generation_));
     sigma_.fill_(decayed(sigma_init_, config_.sigma_decay, config_.sigma_min, generation_ + 1.0));
   }
 

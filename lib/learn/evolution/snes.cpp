@@ -22,7 +22,7 @@ class Snes final : public EvolutionStrategy {
 
  private:
   // mean += eta_mean sigma sum(u e); sigma *= exp(eta_sigma / 2 sum(u (e^2 - 1))), and utilities sum to zero.
-  void learn(const at::Tensor& shaped, double) override {
+  void learn(const at::Tensor& shaped) override {
     const Moments sums = moments(utilities_.of(shaped));
     mean_.add_(sigma_ * sums.first, rate_mean_);
     sigma_.mul_((sums.second * (rate_sigma_ / 2)).exp());

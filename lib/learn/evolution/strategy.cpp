@@ -70,7 +70,7 @@ at::Tensor EvolutionStrategy::ask() {
   return members;
 }
 
-at::Tensor EvolutionStrategy::tell(const at::Tensor& fitness, double done) {
+at::Tensor EvolutionStrategy::tell(const at::Tensor& fitness) {
   at::NoGradGuard no_grad;
   GIGA_CHECK(fitness.dim() == 1 && fitness.size(0) == population_size(), "fitness of ", fitness.numel(),
              " members, the population has ", population_size());
@@ -79,7 +79,7 @@ at::Tensor EvolutionStrategy::tell(const at::Tensor& fitness, double done) {
   const std::vector<StateTensor> now = state();  // the same memory before and after
   std::vector<at::Tensor> before;
   for (const StateTensor& s : now) before.push_back(s.tensor.clone());
-  learn(shaped, done);
+  learn(shaped);
   ++generation_;
   at::Tensor sound = at::ones({}, mean_.options().dtype(at::kBool));
   for (const StateTensor& s : now) sound = sound.logical_and(at::isfinite(s.tensor).all());

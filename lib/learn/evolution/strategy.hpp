@@ -40,9 +40,8 @@ class EvolutionStrategy {
   at::Tensor ask();
   /// Learns from the fitness [M] of all members, larger is better, and goes on to the next generation. Computes the
   /// noise of `ask` again; queues work on the device and does not wait. Returns a bool [] on the device: false where a
-  /// number of the new state was not finite; then the step is undone, and only the generation goes on. `done`: share of
-  /// the run, by which step sizes may go.
-  at::Tensor tell(const at::Tensor& fitness, double done = 0);
+  /// number of the new state was not finite; then the step is undone, and only the generation goes on.
+  at::Tensor tell(const at::Tensor& fitness);
 
   const at::Tensor& mean() const { return mean_; }    // [P]
   const at::Tensor& sigma() const { return sigma_; }  // [P]
@@ -65,7 +64,7 @@ class EvolutionStrategy {
   };
   Moments moments(const at::Tensor& weights);
   /// Changes the state by the shaped fitness [M], in which every number is finite.
-  virtual void learn(const at::Tensor& shaped, double done) = 0;
+  virtual void learn(const at::Tensor& shaped) = 0;
 
   struct StateTensor {
     const char* name;  // in a checkpoint
