@@ -71,11 +71,10 @@ void refuse_barely_begun(const fs::path& folder) {
 /// A checkpoint file that was named must be the newest: going on from an older one would leave newer ones behind.
 void expect_newest(const fs::path& file, const RunFolder& folder) {
   std::error_code code;
-  const std::vector<fs::path> all = list_checkpoints(folder.path());
-  if (!all.empty() && fs::equivalent(all.back(), file, code)) return;
-  throw InputError(cat(file.string(), " is not the newest checkpoint of its run",
-                       all.empty() ? "" : cat(", ", all.back().string(), " is"),
-                       "; to go on from an older one, take the newer ones out of the folder"));
+  const fs::path newest = newest_checkpoint(folder.path());
+  if (fs::equivalent(newest, file, code)) return;
+  throw InputError(cat(file.string(), " is not the newest checkpoint of its run, ", newest.string(),
+                       " is; to go on from an older one, take the newer ones out of the folder"));
 }
 
 /// Damaged checkpoints would be taken for the newest ones.

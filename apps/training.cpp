@@ -69,7 +69,7 @@ class Training {
   bool at_stop() const { return stops_at(config_.train, learner_->agent_steps_done()); }
   /// " of 50" where the number of updates is known.
   std::string of_updates() const { return n_updates_ ? cat(" of ", *n_updates_) : ""; }
-  void print_end() const;
+  void print_end(bool has_report) const;
   MetricsRow row(double seconds, double evaluation_seconds, const Metrics& metrics, bool evaluated) const;
   void write_row(const MetricsRow& row, bool evaluated);
   void save(bool is_best);
@@ -78,7 +78,7 @@ class Training {
     return agreed_stop(ranks_.get(), stop_code(config_.train, learner_->agent_steps_done(), watch_.seconds()));
   }
   int stop_early(int code);
-  void write_final_report();
+  bool write_final_report();
   Checkpoint checkpoint() const;
   double total_seconds() const { return cursor_.seconds + watch_.seconds(); }
   bool is_due(int every) const {
@@ -163,19 +163,19 @@ int Training::run() {
   progress_.finish();
   log_.note(cat("done after ", total_seconds(), " s"));
   metrics_files_->end();
-  write_final_report();
-  print_end();
+  print_end(write_final_report());
   return 0;
 }
 
 /// Where everything is, and what to do with it next; not the evaluation, whose result stands here.
-void Training::print_end() const {
+void Training::print_end(bool has_report) const {
   const std::string run = shell_word(folder_.path().string()), program = program_command();
   std::error_code code;
   const int team = learner_->actor(0) ? 0 : 1;  // that has learned
   const std::string game = team == 0 ? cat(run, " --vs circle") : cat("circle --vs ", run);
-  std::cout << results_table(evaluations_.results()) << "report:      " << folder_.report_file().string()
-            << "\ncheckpoints: " << folder_.checkpoint_file(learner_->updates_done()).string() << " (the last)";
+  std::cout << results_table(evaluations_.results());
+  if (has_report) std::cout << "report:      " << folder_.report_file().string() << '\n';
+  std::cout << "checkpoints: " << folder_.checkpoint_file(learner_->updates_done()).string() << " (the last)";
   if (std::filesystem::exists(folder_.best_file(), code))
     std::cout << ", " << folder_.best_file().string() << " (the best, after "
               << counted(cursor_.best_updates, algorithm_of(config_).updates) << ")";
@@ -206,16 +206,17 @@ void Training::update() {
   if (evaluates)
     log_.note(cat("evaluation after update ", learner_->updates_done(), ":\n", results_table(evaluations_.results())));
 
-  // Of equal ones the newest: it has learned longest, and often all games are won.
+  // Of equal ones the newest that is saved anyway: it has learned longest, and often all games are won.
+  const bool is_saved = is_due(config_.checkpoint.every_updates);
   const double score = evaluates ? evaluation_score(evaluations_.results()) : -1;
-  const bool is_best = config_.checkpoint.keep_best && evaluates && score >= cursor_.best_score;
+  const bool is_best = config_.checkpoint.keep_best && score >= 0 &&
+                       (score > cursor_.best_score || (is_saved && score == cursor_.best_score));
   if (is_best) {
     cursor_.best_score = score;
     cursor_.best_updates = learner_->updates_done();
   }
   checkpoint_seconds_ = 0;
-  const bool saves = is_best || is_due(config_.checkpoint.every_updates);
-  if (as_rank_0_says(ranks_.get(), saves)) checkpoint_seconds_ = timed([&] { save(is_best); });
+  if (as_rank_0_says(ranks_.get(), is_best || is_saved)) checkpoint_seconds_ = timed([&] { save(is_best); });
 
   shown_.show(*learner_,
               {.metrics = metrics,
@@ -313,18 +314,20 @@ int Training::stop_early(int code) {
   return code;
 }
 
-void Training::write_final_report() {
+bool Training::write_final_report() {
   evaluations_.replays().wait();
-  if (learner_->updates_done() == 0) return;  // no figures yet
+  if (learner_->updates_done() == 0) return false;  // no figures yet
   write_replays_page(folder_, learner_->updates_done());
   RunCursor written;
   metrics_files_->note_sizes(written);
-  if (written.metrics_bytes == 0) return;  // begun anew, and stopped before the first row
+  if (written.metrics_bytes == 0) return false;  // begun anew, and stopped before the first row
   // What others left in the folder must not make a training fail that is done.
   try {
     write_report({folder_.path()}, folder_.report_file(), list_fields<RunConfig>());
+    return true;
   } catch (const InputError& e) {
     log_.warn(cat("the report was not written: ", e.what()));
+    return false;
   }
 }
 
@@ -347,10 +350,9 @@ int train_in(const RunFolder& folder, TrainingSetup setup) {
 std::vector<std::string> training_columns() { return {kColumns.begin(), kColumns.end()}; }
 
 std::string advice_to_resume(const std::filesystem::path& folder) {
-  const std::vector<std::filesystem::path> saved = list_checkpoints(folder);
-  if (saved.empty()) return "";
-  return cat("what was done until ", saved.back().string(), " is saved; to go on from there: ", program_command(),
-             " resume ", shell_word(folder.string()));
+  if (!has_checkpoint(folder)) return "";
+  return cat("what was done until ", newest_checkpoint(folder).string(),
+             " is saved; to go on from there: ", program_command(), " resume ", shell_word(folder.string()));
 }
 
 Json run_info(const LoadedRun& run, Device device) {

@@ -13,7 +13,7 @@ namespace giga {
 /// The layout of a network in half precision, in the order in which tensor cores read it. For each layer: the weights
 /// [slabs of 32 inputs][tiles of 8 outputs][32 lanes][8 numbers], padded with zeros to whole slabs and tiles, then the
 /// biases of whole tiles. The three numbers of log_std follow the last layer. Lane 4 i + j holds, for output i of the
-/// tile, the inputs 2 j and 2 j + 1 of each eight inputs of the slab (PTX, mma.m16n8k16).
+/// tile, the inputs 2 j and 2 j + 1 of every eight inputs of the slab (PTX, mma.m16n8k16).
 struct PackedMlp {
   static constexpr int kSlab = 32, kTile = 8, kFragment = kSlab * kTile;
   SmallMlp mlp;

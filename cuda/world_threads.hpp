@@ -275,12 +275,12 @@ GIGA_HD void run_tile_thread(const LaunchOf<P>& k, const ThreadIndex& at, char* 
   // Divided by n, which may be a constant, rather than by the width.
   const int width = alone ? kGroup : n, per_group = alone ? 1 : kGroup / n;
   const int tile = alone ? 0 : lane / n, first = alone ? lane : lane % n;
-  const int of_block = at.block * (kGroups * per_group), of_group = group * per_group;
-  if (of_block >= count) return;
-  const bool idle = tile >= per_group || of_block + of_group + tile >= count;
-  const int slot = of_group + (idle ? 0 : tile), index = of_block + slot;
+  const int slot = group * per_group + (tile < per_group ? tile : 0);
+  const int index = at.block * (kGroups * per_group) + slot;
+  if (at.block * (kGroups * per_group) >= count) return;
+  const bool idle = tile >= per_group || index >= count;
   const TileLanes<Sync> lanes{idle ? INT_MAX : first, width, sync};
-  // An idle thread looks at the first world of its group, or at the last of the launch, so that it can keep in step.
+  // An idle thread looks at some world of the launch, so that it can keep in step.
   run_world<job, true>(lanes, k, k.world(index < count ? index : count - 1),
                        shared + static_cast<size_t>(slot) * (k.world_bytes / 16 * 16));  // as the compiler learns so
 }

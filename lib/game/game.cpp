@@ -107,7 +107,8 @@ void Game::find_readers() {
     std::vector<uint8_t> mirrored(mirror_period_ > 0 ? sets.size() : 0);
     for (size_t w = 0; w < mirrored.size(); ++w) {
       const int64_t world = (sim_.options().first_world + static_cast<int64_t>(w)) % mirror_period_;
-      mirrored[w] = sets[w] == ObservationSet(Observation::egocentric).bits() && (world >> team & 1) != 0;
+      mirrored[w] =
+          sets[w] == ObservationSet(Observation::egocentric).bits() && (world >> team & 1) != (mirrors_other_ ? 1 : 0);
     }
     mirrored_[team].set(sim_, std::move(mirrored));
 

@@ -284,7 +284,7 @@ std::vector<fs::path> list_resumes(const fs::path& folder) {
 
 bool is_run_folder(const fs::path& folder) {
   std::error_code code;
-  return fs::is_regular_file(folder / "config.yaml", code) || !list_checkpoints(folder).empty();
+  return fs::is_regular_file(folder / "config.yaml", code) || has_checkpoint(folder);
 }
 
 bool is_barely_begun(const fs::path& folder) {
@@ -310,6 +310,11 @@ void fail_no_such_run(const fs::path& path) {
 bool has_checkpoint(const fs::path& run_folder) {
   std::error_code code;
   return !list_checkpoints(run_folder).empty() || fs::exists(run_folder / kCheckpoints / kBest, code);
+}
+
+fs::path newest_checkpoint(const fs::path& run_folder) {
+  const std::vector<fs::path> all = list_checkpoints(run_folder);
+  return all.empty() ? run_folder / kCheckpoints / kBest : all.back();
 }
 
 std::vector<fs::path> list_checkpoints(const fs::path& run_folder) { return checkpoints_in(run_folder / kCheckpoints); }

@@ -105,6 +105,8 @@ FoundCheckpoint find_best_checkpoint(const std::string& path);
 
 /// Whether a run folder has a checkpoint to go on from, best.h5 counted.
 bool has_checkpoint(const std::filesystem::path& run_folder);
+/// Its newest one; best.h5 where there is no other.
+std::filesystem::path newest_checkpoint(const std::filesystem::path& run_folder);
 
 /// The checkpoints of a run folder, oldest first, without best.h5.
 std::vector<std::filesystem::path> list_checkpoints(const std::filesystem::path& run_folder);

@@ -44,8 +44,9 @@ class PopulationGames {
   void watch(GameObserver& observer) { game_->watch(observer); }
 
   /// Queues all steps of all episodes of n_populations, as Game::play does. Draws are those of steps `first_step` to
-  /// `first_step` + draw_steps() - 1.
-  void play(const std::vector<Population>& populations, uint32_t first_step);
+  /// `first_step` + draw_steps() - 1. `other_half`: the mirror is in those episodes in which it is not else, so that
+  /// whoever always has the same episode is met both ways.
+  void play(const std::vector<Population>& populations, uint32_t first_step, bool other_half = false);
   /// Steps by which draws are addressed: each episode has its own: one for each step, and two more (sim/step.hpp).
   uint32_t draw_steps() const;
 

@@ -454,6 +454,8 @@ std::string message_of(const BadInput& input) {
   std::string message = outcome.err.substr(name.size());
   const std::string folder = std::filesystem::canonical(here.path()).string() + "/";
   for (size_t at; (at = message.find(folder)) != std::string::npos;) message.erase(at, folder.size());
+  const std::string program = kGigastep;
+  for (size_t at; (at = message.find(program)) != std::string::npos;) message.replace(at, program.size(), "gigastep");
   return message;
 }
 

@@ -285,7 +285,8 @@ TEST_F(RatedRuns, SeveralAreWrittenBesideThemAndToldBeforehand) {
   std::filesystem::create_directory(here_->path() / "runs");
   for (const char* run : {"run-seed1", "run-seed2"})
     std::filesystem::copy(here_->path() / run, here_->path() / "runs" / run, std::filesystem::copy_options::recursive);
-  const Outcome outcome = rate({"runs/run-seed1/", "runs/run-seed2", "--scripted", "random", "--episodes", "8"});
+  const Outcome outcome =
+      rate({"runs/run-seed1/", "runs/run-seed2", "--scripted", "random,circle,pursuer", "--episodes", "8"});
   ASSERT_EQ(outcome.code, 0) << outcome.err;
   EXPECT_TRUE(contains(outcome.out, {"Written: runs/ratings"}));
   EXPECT_TRUE(here_->has("runs/ratings/ratings.csv"));

@@ -406,6 +406,7 @@ TEST_F(Resume, ADamagedRatingDoesNotMakeItFail) {
   const Outcome resumed = here_->run({"resume", "rated", "--set", "train.stop_at_agent_steps=none"});
   EXPECT_EQ(resumed.code, 0) << resumed.err;
   EXPECT_TRUE(contains(resumed.out + resumed.err, {"warning: the report was not written: ", "ratings.json"}));
+  EXPECT_EQ(resumed.out.find("report: "), std::string::npos) << resumed.out;
   EXPECT_EQ(state_hash(*here_, "rated"), *hash_);
 }
 
@@ -418,7 +419,8 @@ TEST_F(Resume, TheBestCheckpointIsThatOfTheBestEvaluation) {
     if (table.cell(row, "win_rate_0_vs_random").empty()) continue;
     const double score = std::min(std::stod(table.cell(row, "win_rate_0_vs_random")),
                                   std::stod(table.cell(row, "win_rate_1_vs_random")));
-    if (score < best) continue;  // of equal ones the newest
+    // Of equal ones the newest that is saved anyway: here every checkpoint.every_updates.
+    if (score < best) continue;
     best = score;
     best_update = table.cell(row, "update");
   }

@@ -308,6 +308,7 @@ TEST(Scripts, ReproduceWritesItsTable) {
   EXPECT_EQ(first.code, 0) << first.out << first.err;
   EXPECT_TRUE(contains(first.out, {"4 of 4 measured"}));  // two seeds, and the responses to each
   EXPECT_EQ(reproduce({"--scenario", "waypoint_3_vs_3", "--algorithm", "snes"}).code, 0);
+  EXPECT_EQ(reproduce({"--scenario", "identical_1_vs_1", "--algorithm", "openai_es"}).code, 0);  // a config of its own
   // Those of five ways of learning, then the responses, which are there, and a league for each seed.
   EXPECT_TRUE(contains(reproduce({"--scenario", "identical_5_vs_5"}).out, {"14 of 14 measured"}));
   const std::string rows = copy.read("build/reproduce_tiny/exploit.jsonl");

@@ -3,10 +3,12 @@
 
 #include <gtest/gtest.h>
 #include <sys/resource.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <chrono>
 #include <csignal>
+#include <cstdlib>
 #include <fstream>
 
 #include "core/error.hpp"
@@ -96,13 +98,21 @@ TEST(Files, LeftoversOfInterruptedWritesAreRemoved) {
 }
 
 TEST(Files, WhatAnotherProcessIsWritingStays) {
+  const pid_t writer = ::fork();
+  ASSERT_GE(writer, 0);
+  if (writer == 0) {
+    ::pause();
+    std::_Exit(0);
+  }
   const TemporaryFolder folder;
-  const std::filesystem::path file = folder / cat("report.html.", ::getppid(), ".tmp");
+  const std::filesystem::path file = folder / cat("report.html.", writer, ".tmp");
   std::ofstream(file) << "half";
   EXPECT_EQ(remove_temporaries(folder.path()), 0);
   // Two hours later the number is another process's.
   std::filesystem::last_write_time(file, std::filesystem::last_write_time(file) - std::chrono::hours(2));
   EXPECT_EQ(remove_temporaries(folder.path()), 1);
+  ::kill(writer, SIGKILL);
+  ::waitpid(writer, nullptr, 0);
 }
 
 }  // namespace

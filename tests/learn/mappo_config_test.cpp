@@ -45,6 +45,19 @@ TEST_F(LearnMappoConfig, TheMirrorShowsTheEgocentricViewAlone) {
   EXPECT_EQ(error("  actor: {inputs: egocentric}\n  critic: {kind: state}\n"), "no error");
 }
 
+TEST_F(LearnMappoConfig, OfPopulationsTheSame) {
+  const auto error = [this](const char* network) {
+    return error_of(
+        cat("scenario: identical_2_vs_2\nenvironment: {observation: {egocentric_view: true}}\ntrain: {algorithm: "
+            "snes}\npopulation:\n  mirror: true\n",
+            network));
+  };
+  EXPECT_EQ(error(""),
+            "run.yaml:5:11: population.mirror: true, and population.actor.inputs 'all' reads what the mirror does not "
+            "show, which shows the egocentric view; allowed with it: false");
+  EXPECT_EQ(error("  actor: {inputs: egocentric}\n"), "no error");
+}
+
 TEST_F(LearnMappoConfig, AnEntropyThatNoPolicyReachesIsRefused) {
   const auto error = [this](const char* more) { return error_of(cat("scenario: identical_2_vs_2\n", more, "\n")); };
   EXPECT_EQ(error("mappo: {entropy_target: 3.2}"), "no error");

@@ -110,21 +110,6 @@ void check_shares(ConfigCheck& check) {
         cat("scripts take ", scripted, " and the pool ", pooled, of_all, ", and the other team as it is now none"));
 }
 
-/// Both teams are met as they are and in the mirror.
-void check_mirror(ConfigCheck& check) {
-  const PopulationConfig& p = check.config.population;
-  if (!p.mirror || check.config.train.opponent.is_path()) return;
-  check.mirror_shows_all("population.mirror", "population.actor", p.actor);
-  constexpr int kLeast = 4;
-  if (check.known({"population.mirror", "population.episodes_per_member", "population.parallel_episodes"}) &&
-      p.n_worlds() < kLeast)
-    check.fail("population.mirror",
-               cat("true takes at least ", kLeast,
-                   " episodes that a member plays at a time, and "
-                   "population.",
-                   p.parallel_episodes ? "parallel_episodes" : "episodes_per_member", " is ", p.n_worlds()));
-}
-
 void check_objective(ConfigCheck& check) {
   if (check.has_begun || !check.spec || !check.known({"population.objective"})) return;
   if (check.config.population.objective == Objective::score && !check.spec->params.waypoints)
@@ -170,7 +155,9 @@ void check_evolution(ConfigCheck& check) {
   check_fp16(check);
   check_population(check);
   check_shares(check);
-  check_mirror(check);
+  const PopulationConfig& population = check.config.population;
+  if (population.mirror && !check.config.train.opponent.is_path() && check.known({"population.mirror"}))
+    check.mirror_shows_all("population.mirror", "population.actor", population.actor);
   check_objective(check);
   check_noise_rank(check);
 }

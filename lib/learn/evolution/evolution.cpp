@@ -201,7 +201,8 @@ Metrics Evolution::update() {
   const std::vector<int> teams = teams_of_generation();
   std::vector<Population> populations;
   for (const int team : teams) populations.push_back(population_of(team));
-  games_->play(populations, next_draws_);
+  // Scripts have their turns by episode, too.
+  games_->play(populations, next_draws_, generations_of(config_.population, teams[0], generations_) % 2 != 0);
   next_draws_ += games_->draw_steps();
   clock_->mark(1);
 
