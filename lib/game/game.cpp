@@ -144,6 +144,7 @@ void Game::desynchronize() {
   }
   sim_.synchronize();
   sim_.memory().from_host(sim_.state().view().episode_length, ages.data(), ages.size() * sizeof(int32_t));
+  sim_.observe(step_at(-1).io);  // critics may read the age
 }
 
 void Game::play(int64_t n_steps) {

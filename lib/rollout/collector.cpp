@@ -101,9 +101,7 @@ void Collector::load(const std::string& prefix, const NamedArrays& in) {
 
 void Collector::start() {
   game_.start();
-  if (!options_.desynchronize) return;
-  game_.desynchronize();
-  game_.resume();  // a critic may read the age of an episode
+  if (options_.desynchronize) game_.desynchronize();
 }
 
 void Collector::before_play(int64_t n_steps) {

@@ -62,7 +62,7 @@ struct Beginning {
 };
 const Beginning kBeginnings[] = {{"lock", "process 4711 on host, since 2025-01-01T00:00:00Z\n"},
                                  {"checkpoints/", ""},
-                                 {"scenario.yaml.4711.tmp", "rul"},
+                                 {"scenario.yaml.999999999.tmp", "rul"},
                                  {"scenario.yaml", "rules: original\n"},
                                  {"game.yaml", "rules: original\n"},
                                  {"run.json", "{}\n"},
@@ -70,7 +70,7 @@ const Beginning kBeginnings[] = {{"lock", "process 4711 on host, since 2025-01-0
                                  {"log.txt", "training\n"},
                                  {"metrics.csv", ""},
                                  {"events.out.tfevents.gigastep", "head"},
-                                 {"checkpoints/update_00000000.h5.4711.tmp", "half"}};
+                                 {"checkpoints/update_00000000.h5.999999999.tmp", "half"}};
 
 void begin_run(const fs::path& folder, size_t n) {
   fs::create_directory(folder);
@@ -92,7 +92,7 @@ TEST(RunFolder, WhatEndedBeforeItsFirstCheckpointBeginsAnew) {
     const RunFolder run = RunFolder::create((folder / "run").string(), "");
     EXPECT_TRUE(run.begins_anew());
     for (const char* name : {"game.yaml", "log.txt", "metrics.csv", "events.out.tfevents.gigastep",
-                             "scenario.yaml.4711.tmp", "checkpoints/update_00000000.h5.4711.tmp"})
+                             "scenario.yaml.999999999.tmp", "checkpoints/update_00000000.h5.4711.tmp"})
       EXPECT_FALSE(fs::exists(run.path() / name)) << name;
     EXPECT_TRUE(fs::is_directory(run.path() / "checkpoints"));
   }
@@ -164,7 +164,7 @@ std::set<std::string> names_in(const fs::path& folder) {
 TEST(RunFolder, KeepsTheNewestCheckpointsAndTheBest) {
   const TemporaryFolder folder;
   const RunFolder run = RunFolder::create((folder / "run").string(), "");
-  std::ofstream(run.checkpoint_file(1).string() + ".99.tmp") << "half";
+  std::ofstream(run.checkpoint_file(1).string() + ".999999999.tmp") << "half";
   for (const int64_t updates : {1, 2, 3, 10, 123456789}) run.save(after(updates), 2, updates == 3);
   EXPECT_EQ(names_in(folder / "run/checkpoints"),
             (std::set<std::string>{"update_00000010.h5", "update_123456789.h5", "best.h5"}));
@@ -235,11 +235,11 @@ TEST(RunFolder, IsOpenedAgainAndDescribedAgain) {
   fs::create_directory(path);
   EXPECT_TRUE(contains(input_error_of([&] { RunFolder::open(path); }), {"no config.yaml"}));
   RunFolder::create(path, "").describe("seed: 1\n", "", Json::object());
-  std::ofstream(folder / "run/report.html.4711.tmp") << "half";
+  std::ofstream(folder / "run/report.html.999999999.tmp") << "half";
   for (int n = 1; n <= 2; ++n) RunFolder::open(path).describe_resume("seed: 1\nmore: 2\n", {{"n", n}});
   EXPECT_EQ(read_file(folder / "run/config.yaml"), "seed: 1\nmore: 2\n");
   EXPECT_EQ(read_file(folder / "run/run.json"), "{}\n");
-  EXPECT_FALSE(fs::exists(folder / "run/report.html.4711.tmp")) << "what a killed process left";
+  EXPECT_FALSE(fs::exists(folder / "run/report.html.999999999.tmp")) << "what a killed process left";
   EXPECT_EQ(read_file(folder / "run/resume_001.json"), "{\n  \"n\": 1\n}\n");
   EXPECT_EQ(read_file(folder / "run/resume_002.json"), "{\n  \"n\": 2\n}\n");
 }
