@@ -9,6 +9,7 @@
 #include <map>
 
 #include "core/error.hpp"
+#include "core/shell_word.hpp"
 #include "io/files.hpp"
 #include "program.hpp"
 #include "support/source.hpp"
@@ -454,7 +455,7 @@ std::string message_of(const BadInput& input) {
   std::string message = outcome.err.substr(name.size());
   const std::string folder = std::filesystem::canonical(here.path()).string() + "/";
   for (size_t at; (at = message.find(folder)) != std::string::npos;) message.erase(at, folder.size());
-  const std::string program = kGigastep;
+  const std::string program = shell_word(kGigastep);  // as advice names it
   for (size_t at; (at = message.find(program)) != std::string::npos;) message.replace(at, program.size(), "gigastep");
   return message;
 }
