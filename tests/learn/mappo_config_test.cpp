@@ -27,37 +27,6 @@ TEST_F(LearnMappoConfig, HorizonFitsIntoAnEpisode) {
   EXPECT_EQ(error_of(text + "20\n"), "no error");
 }
 
-TEST_F(LearnMappoConfig, TheMirrorShowsTheEgocentricViewAlone) {
-  const auto error = [this](const char* networks) {
-    return error_of(
-        cat("scenario: identical_2_vs_2\nenvironment: {observation: {egocentric_view: true}}\nmappo:\n"
-            "  mirror: true\n",
-            networks));
-  };
-  const auto refused = [](const char* network) {
-    return cat("run.yaml:4:11: mappo.mirror: true, and mappo.", network,
-               ".inputs 'all' reads what the mirror does not show, which shows the egocentric view; allowed with it: "
-               "false");
-  };
-  EXPECT_EQ(error(""), cat(refused("actor"), "\n", refused("critic")));
-  EXPECT_EQ(error("  actor: {inputs: egocentric}\n"), refused("critic"));
-  EXPECT_EQ(error("  actor: {inputs: egocentric}\n  critic: {inputs: egocentric}\n"), "no error");
-  EXPECT_EQ(error("  actor: {inputs: egocentric}\n  critic: {kind: state}\n"), "no error");
-}
-
-TEST_F(LearnMappoConfig, OfPopulationsTheSame) {
-  const auto error = [this](const char* network) {
-    return error_of(
-        cat("scenario: identical_2_vs_2\nenvironment: {observation: {egocentric_view: true}}\ntrain: {algorithm: "
-            "snes}\npopulation:\n  mirror: true\n",
-            network));
-  };
-  EXPECT_EQ(error(""),
-            "run.yaml:5:11: population.mirror: true, and population.actor.inputs 'all' reads what the mirror does not "
-            "show, which shows the egocentric view; allowed with it: false");
-  EXPECT_EQ(error("  actor: {inputs: egocentric}\n"), "no error");
-}
-
 TEST_F(LearnMappoConfig, AnEntropyThatNoPolicyReachesIsRefused) {
   const auto error = [this](const char* more) { return error_of(cat("scenario: identical_2_vs_2\n", more, "\n")); };
   EXPECT_EQ(error("mappo: {entropy_target: 3.2}"), "no error");

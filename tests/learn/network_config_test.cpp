@@ -28,6 +28,37 @@ TEST_F(LearnNetworkConfig, AMemoryIsRefusedWhereItCannotBe) {
             "run.yaml:2:25: mappo.actor.memory: 'gruu' is not one of: none, gru, lstm; nearest: 'gru'");
 }
 
+TEST_F(LearnNetworkConfig, TheMirrorShowsTheEgocentricViewAlone) {
+  const auto error = [this](const char* networks) {
+    return error_of(
+        cat("scenario: identical_2_vs_2\nenvironment: {observation: {egocentric_view: true}}\nmappo:\n"
+            "  mirror: true\n",
+            networks));
+  };
+  const auto refused = [](const char* network) {
+    return cat("run.yaml:4:11: mappo.mirror: true, and mappo.", network,
+               ".inputs 'all' reads what the mirror does not show, which shows the egocentric view; allowed with it: "
+               "false");
+  };
+  EXPECT_EQ(error(""), cat(refused("actor"), "\n", refused("critic")));
+  EXPECT_EQ(error("  actor: {inputs: egocentric}\n"), refused("critic"));
+  EXPECT_EQ(error("  actor: {inputs: egocentric}\n  critic: {inputs: egocentric}\n"), "no error");
+  EXPECT_EQ(error("  actor: {inputs: egocentric}\n  critic: {kind: state}\n"), "no error");
+}
+
+TEST_F(LearnNetworkConfig, TheMirrorOfPopulationsToo) {
+  const auto error = [this](const char* network) {
+    return error_of(
+        cat("scenario: identical_2_vs_2\nenvironment: {observation: {egocentric_view: true}}\ntrain: {algorithm: "
+            "snes}\npopulation:\n  mirror: true\n",
+            network));
+  };
+  EXPECT_EQ(error(""),
+            "run.yaml:5:11: population.mirror: true, and population.actor.inputs 'all' reads what the mirror does not "
+            "show, which shows the egocentric view; allowed with it: false");
+  EXPECT_EQ(error("  actor: {inputs: egocentric}\n"), "no error");
+}
+
 TEST_F(LearnNetworkConfig, AnEncoderOfImagesIsRefusedWhereItCannotBe) {
   const auto message = [&](const std::string& scenario, const std::string& lines) {
     return error_of(cat("scenario: ", scenario, "\n", lines));
