@@ -38,6 +38,20 @@ TEST_F(LearnMappoConfig, AnEntropyThatNoPolicyReachesIsRefused) {
             "there: less");
 }
 
+TEST_F(LearnMappoConfig, OnePolicyForBothTeamsNeitherRestsNorStepsBack) {
+  const auto error = [this](const char* scenario) {
+    return error_of(cat("scenario: ", scenario,
+                        "\nopponents: {scripted_share: 0.2}\n"
+                        "mappo: {one_policy: true, freeze_lead: 0.3, step_back: 0.1}\n"));
+  };
+  const auto refused = [](int column, const char* key) {
+    return cat("run.yaml:3:", column, ": mappo.", key,
+               ": this is for the policy of one team, and both play by one (mappo.one_policy); allowed with it: none");
+  };
+  EXPECT_EQ(error("identical_5_vs_5"), cat(refused(40, "freeze_lead"), "\n", refused(56, "step_back")));
+  EXPECT_EQ(error("identical_5_vs_3"), "no error") << "there each team has its own";
+}
+
 TEST_F(LearnMappoConfig, RewardsThatFadeArePaid) {
   const auto error = [this](const std::string& mappo, const std::string& rewards = "damage: 5") {
     return error_of(cat("scenario: identical_2_vs_2\nenvironment: {rewards: {", rewards, "}}\nmappo: {", mappo, "}\n"));

@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <numeric>
+#include <tuple>
+#include <vector>
 
 #include "core/error.hpp"
 #include "learn/config_check.hpp"
@@ -46,6 +48,7 @@ constexpr ResumeRule kMappoMayNot[] = {
     {"mappo.critic.", "the saved parameters fit their networks only"},
     {"mappo.value_norm", "the saved values are in the units of their normaliser"},
     {"mappo.obs_norm", "the saved policies expect their observations so"},
+    {"mappo.one_policy", "two policies that have learned are not one"},
 };
 
 constexpr ChartRow kMappoCharts[] = {
@@ -138,6 +141,29 @@ void mirror_shows_all(ConfigCheck& check) {
   if (!c.critic.shared_encoder && check.known({"mappo.critic.kind", "mappo.critic.shared_encoder"}) &&
       c.critic.kind != CriticKind::state)
     check.mirror_shows_all("mappo.mirror", "mappo.critic", c.critic);
+}
+
+/// Whether each team has the same agents as the other, and none of them wins at the time limit.
+bool teams_are_alike(const SimSpec& spec) {
+  using Agent = std::tuple<int32_t, float, float, float, float, float>;
+  std::vector<Agent> team[kNTeams];
+  for (const AgentSpec& a : spec.agents)
+    team[a.team].emplace_back(a.sprite, a.thrust, a.max_health, a.range, a.damage_range, a.idle_reward);
+  for (std::vector<Agent>& agents : team) std::sort(agents.begin(), agents.end());
+  return team[0] == team[1] && spec.params.win.at_time_limit == LimitWinner::tie;
+}
+
+/// One policy for both teams leaves neither of them behind.
+void no_team_rests(ConfigCheck& check) {
+  const MappoConfig& c = check.config.mappo;
+  if (!check.spec || !check.known({"mappo.one_policy"}) || !has_one_policy(check.config, *check.spec)) return;
+  const auto refuse = [&](const char* key, bool is_set) {
+    if (is_set && check.known({key}))
+      check.fail(key,
+                 "this is for the policy of one team, and both play by one (mappo.one_policy); allowed with it: none");
+  };
+  refuse("mappo.freeze_lead", c.freeze_lead.has_value());
+  refuse("mappo.step_back", c.step_back.has_value());
 }
 
 /// A rollout of one step has nothing that a memory could learn from.
@@ -362,6 +388,7 @@ void check_mappo(ConfigCheck& check) {
   networks_see(check);
   view_is_taught(check);
   mirror_shows_all(check);
+  no_team_rests(check);
   memory_has_steps(check);
   worlds_suffice(check);
   minibatches_divide(check);
@@ -430,6 +457,10 @@ bool ShapingFactors::any() const {
 
 int64_t agent_steps_per_update(const RunConfig& c, int n_agents) {
   return static_cast<int64_t>(c.train.n_worlds) * c.mappo.horizon * n_agents;
+}
+
+bool has_one_policy(const RunConfig& c, const SimSpec& spec) {
+  return c.mappo.one_policy && c.train.opponent.is_self_play() && teams_are_alike(spec);
 }
 
 ResumeRules MappoSettings::resume_rules() { return {kMappoMayChange, kMappoMayNot}; }

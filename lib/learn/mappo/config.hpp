@@ -9,7 +9,7 @@
 #include "config/fields.hpp"
 #include "learn/algorithm.hpp"
 #include "policy/config.hpp"
-#include "sim/params.hpp"
+#include "sim/spec.hpp"
 
 namespace giga {
 
@@ -72,6 +72,7 @@ struct MappoConfig {
   float value_norm_beta = 0.99f;
   bool obs_norm = false;
   bool mirror = false;
+  bool one_policy = false;
   float team_reward_share = 0.0f;
   float shaping_final_factor = 1.0f;
   ShapingFactors shaping_final_factors = {};
@@ -142,6 +143,9 @@ void visit_fields(V& v, MappoConfig& c) {
     "accordingly: what is learned on one side is known on the other. In training alone. Networks read the egocentric "
     "view then and nothing else (critics may read the state); a policy as train.opponent is not mirrored, nor is the "
     "team that learns against it (those of opponents.policies are, as all in the pool)");
+  v("one_policy", c.one_policy,
+    "in self-play of teams with the same agents, of which none wins at the time limit, both play by one policy, which "
+    "learns from what either of them meets; each has a critic of its own. Elsewhere it changes nothing");
   v("team_reward_share", c.team_reward_share,
     "share of the team's mean reward in that of each agent. With it an agent that dies leaves behind what its living "
     "team mates expect, so that a sacrifice can pay",
@@ -190,6 +194,9 @@ void visit_fields(V& v, MappoSettings& c) {
 
 /// Agent-steps of an update in a scenario with `n_agents` agents.
 int64_t agent_steps_per_update(const RunConfig& config, int n_agents);
+
+/// Whether both teams play by one policy: mappo.one_policy, in a game where that is so.
+bool has_one_policy(const RunConfig& config, const SimSpec& spec);
 
 struct MappoAlgorithm {
   using Settings = MappoSettings;

@@ -133,7 +133,7 @@ void write_fused_values(const Critic& critic, const FusedMlp& net, const FusedRo
 }
 
 FusedUpdate::FusedUpdate(const Actor& actor, const Critic& critic, int n, const ParallelFor& parallel_for,
-                         const SumOverRanks& sum)
+                         const SumOverRanks& sum, const FusedUpdate* twin)
     : actor_(actor),
       critic_(critic),
       actor_mlp_(actor.fused_mlp().value()),
@@ -143,7 +143,10 @@ FusedUpdate::FusedUpdate(const Actor& actor, const Critic& critic, int n, const 
       sum_(sum),
       blocks_(blocks_on(parallel_for.device(), sum.alone())) {
   const Device device = parallel_for.device();
-  if (device.is_cuda()) side_.emplace(device.index, parallel_for.stream());
+  if (twin)
+    side_ = twin->side_;
+  else if (device.is_cuda())
+    side_ = std::make_shared<SideStream>(device.index, parallel_for.stream());
   const auto options = at::TensorOptions().dtype(at::kFloat).device(torch_device(device));
   actor_partial_ = at::empty({partial_rows_on(device, actor_mlp_, blocks_), actor_mlp_.size + kFusedSums}, options);
   critic_partial_ = at::empty({partial_rows_on(device, critic_mlp_, blocks_), critic_mlp_.size + kFusedSums}, options);

@@ -5,7 +5,7 @@
 
 #include <torch/types.h>
 
-#include <optional>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -44,9 +44,9 @@ class FusedUpdate {
  public:
   /// Networks that they serve; all three must outlive this. `n`: agents of the team. On a GPU epochs are learned from
   /// on a stream beside that of `parallel_for`, so that the teams fill each other's gaps; `sum`, over all ranks, is
-  /// queued there too.
+  /// queued there too. `twin`: one with the same actor, which steps it in turns with this one, so on its stream.
   FusedUpdate(const Actor& actor, const Critic& critic, int n, const ParallelFor& parallel_for,
-              const SumOverRanks& sum = {});
+              const SumOverRanks& sum = {}, const FusedUpdate* twin = nullptr);
 
   /// Values [states, n] of the chosen states [S] (undefined: all) of obs [states, n, D], or true states [states, G],
   /// and alive [states, n].
@@ -83,7 +83,7 @@ class FusedUpdate {
   const ParallelFor& parallel_for_;
   const SumOverRanks sum_;
   const int blocks_;                           // that share a minibatch
-  std::optional<SideStream> side_;             // none on a CPU
+  std::shared_ptr<SideStream> side_;           // null on a CPU
   FusedRows rows_, critic_rows_;               // of the epoch: what the actor reads; what the critic reads
   MinibatchPieces pieces_{0, 1};               // of the epoch
   at::Tensor states_;                          // keeps what rows_ points to

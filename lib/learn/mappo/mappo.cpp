@@ -51,14 +51,7 @@ class Mappo final : public Learner {
   UpdateTimes times() const override { return {clock_->seconds(0, 1), clock_->seconds(1, 2)}; }
   void save_batch(NamedArrays& out) const override;
   std::string ways() const override {
-    const std::string& why = learning_.front()->plain_because();
-    if (!why.empty())
-      return cat(learning_.front()->actor_is_fused() ? "the actor learns by fused kernels, the critic by LibTorch"
-                                                     : "learns by LibTorch",
-                 recorder_ ? ", minibatches as CUDA graphs" : "", ", not by fused kernels: ", why);
-    if (!device_.is_cuda()) return "learns by fused kernels";
-    return fused_policy(learning_.front()->actor()) ? "acts and learns by fused kernels"
-                                                    : "learns by fused kernels, acts by LibTorch";
+    return way() + (has_one_policy(config_, run_.spec) ? "; both teams play by one policy" : "");
   }
   std::string step_way() const override { return sim_->step_way(); }
   std::string refusal() const override { return collector_->refusal(); }
@@ -73,6 +66,17 @@ class Mappo final : public Learner {
   }
 
  private:
+  /// How it learns and acts.
+  std::string way() const {
+    const std::string& why = learning_.front()->plain_because();
+    if (!why.empty())
+      return cat(learning_.front()->actor_is_fused() ? "the actor learns by fused kernels, the critic by LibTorch"
+                                                     : "learns by LibTorch",
+                 recorder_ ? ", minibatches as CUDA graphs" : "", ", not by fused kernels: ", why);
+    if (!device_.is_cuda()) return "learns by fused kernels";
+    return fused_policy(learning_.front()->actor()) ? "acts and learns by fused kernels"
+                                                    : "learns by fused kernels, acts by LibTorch";
+  }
   void make_teams_and_worlds();
   int64_t n_own_shards() const { return config_.mappo.shards / (ranks_ ? ranks_->size() : 1); }
   WorldShares own_shares() const { return world_shares(config_.opponents, run_.config.train.n_worlds, n_own_shards()); }
@@ -149,6 +153,7 @@ void Mappo::make_teams_and_worlds() {
   if (config_.mappo.graphs && !ranks_) recorder_ = make_torch_recorder(device_);
   const SumOverRanks sum = sums_ ? sums_->over_all() : SumOverRanks{};
   const WorldShares shares = own_shares();
+  const bool one_policy = has_one_policy(config_, run.spec);
   std::array<const Actor*, kNTeams> actors{};
   CollectorOptions collecting{.horizon = config_.mappo.horizon,
                               .desynchronize = config_.train.desynchronize,
@@ -157,7 +162,8 @@ void Mappo::make_teams_and_worlds() {
     const bool own = learns(config_.train, team);
     collecting.learns[static_cast<size_t>(team)] = own;
     if (!own) continue;
-    team_[team] = std::make_unique<PpoTeam>(run, team, device_, parallel_for_, shares.learning(team), sum);
+    PpoTeam* twin = one_policy ? team_[0].get() : nullptr;
+    team_[team] = std::make_unique<PpoTeam>(run, team, device_, parallel_for_, shares.learning(team), sum, twin);
     team_[team]->record_minibatches(recorder_);
     learning_.push_back(team_[team].get());
     actors[static_cast<size_t>(team)] = &team_[team]->actor();

@@ -23,7 +23,7 @@ namespace giga {
 // ---- Networks -------------------------------------------------------------------------------------------------------
 
 PpoTeam::PpoTeam(const LoadedRun& run, int team, Device device, const ParallelFor& parallel_for,
-                 const ShardRange& worlds, const SumOverRanks& sum)
+                 const ShardRange& worlds, const SumOverRanks& sum, PpoTeam* twin)
     : config_(run.config.mappo),
       team_(team),
       n_(run.spec.params.n_team[team]),
@@ -31,10 +31,12 @@ PpoTeam::PpoTeam(const LoadedRun& run, int team, Device device, const ParallelFo
       worlds_(worlds),
       parallel_for_(parallel_for),
       sum_(sum),
-      actor_(make_actor(run, team, device)),
+      own_actor_(twin ? nullptr : std::make_unique<Actor>(make_actor(run, team, device))),
+      actor_(twin ? twin->actor_ : *own_actor_),
       critic_(config_.critic, critic_shape(config_.critic, actor_, run.spec, team), precision_on(run, device),
               parallel_for, torch_device(device), network_seed(run, team, 1)),
-      actor_adam_(actor_.parameters(), config_.adam_epsilon),
+      own_actor_adam_(twin ? nullptr : std::make_unique<Adam>(actor_.parameters(), config_.adam_epsilon)),
+      actor_adam_(twin ? twin->actor_adam_ : *own_actor_adam_),
       critic_adam_(critic_.parameters(), config_.adam_epsilon),
       value_norm_(1, config_.value_norm_beta, torch_device(device),
                   config_.value_norm ? kValueDeviation : DeviationLimits{}) {
@@ -54,7 +56,8 @@ PpoTeam::PpoTeam(const LoadedRun& run, int team, Device device, const ParallelFo
   plain_because_ = config_.fused ? fused_update_refusal(actor_, critic_, n_, device) : "mappo.fused is false";
   const bool actor_alone = config_.fused && config_.view_coef == 0 && !critic_.shares_encoder();
   if (plain_because_.empty())
-    fused_ = std::make_unique<FusedUpdate>(actor_, critic_, n_, parallel_for, sum_);
+    fused_ =
+        std::make_unique<FusedUpdate>(actor_, critic_, n_, parallel_for, sum_, twin ? twin->fused_.get() : nullptr);
   else if (actor_alone && fused_actor_refusal(actor_, n_, device).empty())
     fused_actor_ = std::make_unique<FusedActorGradient>(actor_, n_, parallel_for, sum_);
   if (config_.view_coef > 0) teacher_ = std::make_unique<ViewTeacher>(run, team, actor_, torch_device(device));

@@ -43,9 +43,10 @@ struct StepSettings {
 class PpoTeam {
  public:
   /// Learns only from `worlds` of a rollout. `sum`: over all ranks, each of which has a PpoTeam with as many worlds and
-  /// takes the same steps.
+  /// takes the same steps. `twin`: a team with whom it has one actor and one optimizer of it, which each of them steps;
+  /// it must outlive this.
   PpoTeam(const LoadedRun& run, int team, Device device, const ParallelFor& parallel_for, const ShardRange& worlds,
-          const SumOverRanks& sum = {});
+          const SumOverRanks& sum = {}, PpoTeam* twin = nullptr);
 
   Actor& actor() { return actor_; }
   bool needs_state() const { return critic_.needs_state(); }
@@ -174,9 +175,12 @@ class PpoTeam {
   const ShardRange worlds_;
   const ParallelFor& parallel_for_;
   const SumOverRanks sum_;
-  Actor actor_;
+  std::unique_ptr<Actor> own_actor_;  // null: the twin's
+  Actor& actor_;
   Critic critic_;
-  Adam actor_adam_, critic_adam_;
+  std::unique_ptr<Adam> own_actor_adam_;  // null likewise
+  Adam& actor_adam_;
+  Adam critic_adam_;
   std::string plain_because_;
   std::unique_ptr<FusedUpdate> fused_;               // null: LibTorch
   std::unique_ptr<FusedActorGradient> fused_actor_;  // beside a critic by LibTorch; null: the actor likewise
