@@ -61,8 +61,6 @@ constexpr Switched kSwitched[] = {
      }},
     {"mappo.shaping_fade_start", "mappo.shaping_final_factor or one of shaping_final_factors is not 1", shaping_fades},
     {"mappo.shaping_fade_end", "mappo.shaping_final_factor or one of shaping_final_factors is not 1", shaping_fades},
-    {"population.mirror", "both teams learn, or one against a script",
-     [](const RunConfig& c) { return !c.train.opponent.is_path(); }},
     {"mappo.mirror", "both teams learn, or one against a script",
      [](const RunConfig& c) { return !c.train.opponent.is_path(); }},
     {"opponents.pool_hardness", "opponents.pool_draw is pfsp",
@@ -79,8 +77,11 @@ constexpr Switched kSwitched[] = {
 
 /// Why a setting does nothing, as "with train.algorithm snes" or "unless mappo.value_loss is huber"; empty: no reason
 /// is known.
-std::string why_idle(const RunConfig& config, std::string_view key) {
+std::string why_idle(const LoadedRun& run, std::string_view key) {
+  const RunConfig& config = run.config;
   if (!reads_setting(config.train.algorithm, key)) return cat("with train.algorithm ", config.train.algorithm);
+  if (key == "mappo.one_policy" && config.mappo.one_policy && !has_one_policy(config, run.spec))
+    return "where teams differ, one of them wins at the time limit, or one alone learns";
   const auto found =
       std::find_if(std::begin(kSwitched), std::end(kSwitched), [key](const Switched& s) { return s.key == key; });
   return found == std::end(kSwitched) || found->is_on(config) ? "" : cat("unless ", found->unless);
@@ -88,10 +89,10 @@ std::string why_idle(const RunConfig& config, std::string_view key) {
 
 }  // namespace
 
-void warn_of_idle(const std::vector<std::string>& overrides, const RunConfig& config) {
+void warn_of_idle(const std::vector<std::string>& overrides, const LoadedRun& run) {
   for (const std::string& assignment : overrides) {
     const std::string key = assignment.substr(0, assignment.find('='));
-    if (const std::string why = why_idle(config, key); !why.empty())
+    if (const std::string why = why_idle(run, key); !why.empty())
       std::cerr << "warning: --set " << key << ": this means nothing " << why << '\n';
   }
 }

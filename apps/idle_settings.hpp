@@ -10,6 +10,6 @@ namespace giga {
 
 /// Warns of each `--set` that does nothing in a run, and says why, where that is known. It is no error: trials of a
 /// sweep may have them.
-void warn_of_idle(const std::vector<std::string>& overrides, const RunConfig& config);
+void warn_of_idle(const std::vector<std::string>& overrides, const LoadedRun& run);
 
 }  // namespace giga

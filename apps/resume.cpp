@@ -218,7 +218,7 @@ int resume(const ResumeOptions& o, Dispatch& dispatch) {
   const ResumedRun resumed = resume_config(from.config_yaml, from.scenario_yaml, o.overrides);
   if (folder && !starts_ranks) {
     warn_of_edits(*folder, from, resumed.run.config);
-    warn_of_idle(o.overrides, resumed.run.config);
+    warn_of_idle(o.overrides, resumed.run);
   }
   TrainingSetup setup{resumed.run, device_of_rank(resumed.run.config.device, joined), nullptr, &from, o.quiet,
                       !o.no_color};

@@ -159,7 +159,7 @@ int train(const TrainOptions& o, Dispatch& dispatch) {
   setup.ranks = joined.ranks;
   if (!joined.leads()) return finish(joined, follow(std::move(setup)));
   warn_of_opponents(setup.run);
-  warn_of_idle(o.overrides, setup.run.config);
+  warn_of_idle(o.overrides, setup.run);
 
   const RunFolder folder = RunFolder::create(run_dir, run_name(o, setup.run.config));
   const RunConfig config = for_run_folder(setup.run.config);

@@ -104,11 +104,10 @@ void Game::find_readers() {
           seat.controller->reads_by_world(
               team, part.worlds.first,
               std::span(sets).subspan(static_cast<size_t>(part.worlds.first), static_cast<size_t>(part.worlds.count)));
-    std::vector<uint8_t> mirrored(mirror_period_ > 0 ? sets.size() : 0);
+    std::vector<uint8_t> mirrored(mirrors_half_ ? sets.size() : 0);
     for (size_t w = 0; w < mirrored.size(); ++w) {
-      const int64_t world = (sim_.options().first_world + static_cast<int64_t>(w)) % mirror_period_;
-      mirrored[w] =
-          sets[w] == ObservationSet(Observation::egocentric).bits() && (world >> team & 1) != (mirrors_other_ ? 1 : 0);
+      const int64_t world = sim_.options().first_world + static_cast<int64_t>(w);
+      mirrored[w] = sets[w] == ObservationSet(Observation::egocentric).bits() && (world >> team & 1) != 0;
     }
     mirrored_[team].set(sim_, std::move(mirrored));
 

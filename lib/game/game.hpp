@@ -5,7 +5,6 @@
 #include <array>
 #include <cstdint>
 #include <functional>
-#include <limits>
 #include <memory>
 #include <span>
 #include <string>
@@ -94,12 +93,8 @@ class Game {
 
   /// Before `start` and `resume`: in half of the worlds of a team, networks that read nothing but the egocentric view
   /// see and act in the mirror (TeamIo::mirrored). Team 0 in those whose number is odd, team 1 in those where half of
-  /// it is, so that all four cases are met; the number is that among all ranks' worlds, modulo `period`. `other`: in
-  /// the other half.
-  void mirror_half(int64_t period = std::numeric_limits<int64_t>::max(), bool other = false) {
-    mirror_period_ = period;
-    mirrors_other_ = other;
-  }
+  /// it is, so that all four cases are met; the number is that among all ranks' worlds.
+  void mirror_half() { mirrors_half_ = true; }
 
   /// Starts the first episode of each world.
   void start();
@@ -167,8 +162,7 @@ class Game {
   PerWorld readers_[kNTeams];        // TeamIo::reads
   ObservationSet watched_[kNTeams];  // what observers wanted when readers_ was made
   PerWorld mirrored_[kNTeams];       // TeamIo::mirrored
-  int64_t mirror_period_ = 0;        // 0: no mirror
-  bool mirrors_other_ = false;
+  bool mirrors_half_ = false;
   Buffer<float> obs_[kNTeams], action_[kNTeams];  // empty where observers have them
   Buffer<uint8_t> image_[kNTeams];                // [W, n, R, R, 3] of the agents; empty where nobody wants them
   Buffer<float> memory_[kNTeams];                 // [W, n, S]; likewise

@@ -32,8 +32,6 @@ class ConfigCheck {
   /// An error where a network reads what the scenario does not give its agents. `group`: of its settings, as
   /// "mappo.actor".
   void inputs_are_there(const std::string& group, const NetworkConfig& network);
-  /// An error of the setting `mirror` where a network reads more than the mirror shows: the egocentric view.
-  void mirror_shows_all(const std::string& mirror, const std::string& group, const NetworkConfig& network);
   /// An error where the deviation of continuous actions begins outside its bounds; not of runs that have begun.
   void log_std_fits(const std::string& group, const ActorConfig& actor);
 

@@ -200,19 +200,6 @@ void ConfigCheck::log_std_fits(const std::string& group, const ActorConfig& acto
                     " to ", highest, " ", actor.log_std_max));
 }
 
-void ConfigCheck::mirror_shows_all(const std::string& mirror, const std::string& group, const NetworkConfig& network) {
-  const std::string encoder = group + ".encoder", inputs = group + ".inputs";
-  if (!known({encoder, inputs})) return;
-  const auto refuse = [&](const std::string& key, const std::string& value) {
-    fail(mirror, cat("true, and ", key, " '", value,
-                     "' reads what the mirror does not show, which shows the egocentric view; allowed with it: false"));
-  };
-  if (network.reads_image())
-    refuse(encoder, FieldCodec<EncoderKind>::print(network.encoder));
-  else if (network.inputs != NetworkInputs::egocentric)
-    refuse(inputs, FieldCodec<NetworkInputs>::print(network.inputs));
-}
-
 void ConfigCheck::inputs_are_there(const std::string& group, const NetworkConfig& network) {
   if (!spec) return;
   if (!network.reads_image() && spec->params.images_only) {

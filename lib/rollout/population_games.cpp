@@ -45,12 +45,11 @@ uint32_t PopulationGames::draw_steps() const {
   return static_cast<uint32_t>(int64_t{options_.n_rounds} * (sim_->params().max_episode_length + 2));
 }
 
-void PopulationGames::play(const std::vector<Population>& populations, uint32_t first_step, bool other_half) {
+void PopulationGames::play(const std::vector<Population>& populations, uint32_t first_step) {
   at::NoGradGuard no_grad;
   GIGA_CHECK(!options_.opponent || populations.at(0).team != options_.opponent_team, "team ", options_.opponent_team,
              " is both a population and its opponent");
   controller_->begin(populations);
-  if (options_.mirror) game_->mirror_half(shape_.n_worlds, other_half);
   wrap(reinterpret_cast<int32_t*>(sim_->state().view().draw_step), {sim_->n_worlds()}, sim_->device())
       .fill_(static_cast<int64_t>(static_cast<int32_t>(first_step)));
   game_->start();

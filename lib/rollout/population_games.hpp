@@ -30,7 +30,6 @@ struct PopulationGamesOptions {
   /// Of one population: what moves the other team everywhere; null: whoever its Population names.
   std::shared_ptr<TeamController> opponent = nullptr;
   int opponent_team = 1;
-  bool mirror = false;  ///< Game::mirror_half, by the number of the world among a member's
 };
 
 class PopulationGames {
@@ -44,9 +43,8 @@ class PopulationGames {
   void watch(GameObserver& observer) { game_->watch(observer); }
 
   /// Queues all steps of all episodes of n_populations, as Game::play does. Draws are those of steps `first_step` to
-  /// `first_step` + draw_steps() - 1. `other_half`: the mirror is in those episodes in which it is not else, so that
-  /// whoever always has the same episode is met both ways.
-  void play(const std::vector<Population>& populations, uint32_t first_step, bool other_half = false);
+  /// `first_step` + draw_steps() - 1.
+  void play(const std::vector<Population>& populations, uint32_t first_step);
   /// Steps by which draws are addressed: each episode has its own: one for each step, and two more (sim/step.hpp).
   uint32_t draw_steps() const;
 

@@ -50,20 +50,6 @@ TEST_F(RankedRun, EqualsTheRunOfOneProcessBitForBit) {
   }
 }
 
-// Each member has the same episodes in the mirror, whichever rank it is of.
-TEST_F(RankedRun, InTheMirrorEqualsTheRunOfOneProcessBitForBit) {
-  for (const int ranks : {1, 2}) {
-    std::vector<std::string> words = train(cat("by_", ranks), ranks);
-    for (const char* set : {"population.mirror=true", "population.episodes_per_member=6",
-                            "population.actor.inputs=egocentric", "environment.observation.egocentric_view=true"})
-      words.insert(words.end(), {"--set", set});
-    const Outcome outcome = here_.run(words);
-    ASSERT_EQ(outcome.code, 0) << outcome.err;
-  }
-  EXPECT_EQ(state_hash(here_, "by_2"), state_hash(here_, "by_1"));
-  EXPECT_EQ(metrics_difference(timeless_metrics(here_, "by_2"), timeless_metrics(here_, "by_1")), "");
-}
-
 // Each rank adds up for its own parameters, whose noise may be made of numbers of others, and what its members weigh
 // crosses.
 TEST_F(RankedRun, WithNoiseOfLowRankEqualsTheRunOfOneProcessBitForBit) {

@@ -126,11 +126,14 @@ TEST(TrainConfig, WarnsOfSettingsThatMeanNothing) {
   EXPECT_EQ(warnings("evolution.yaml", "snes", {"train.algorithm=snes", "population.shaping.kind=z_score"}).first,
             std::vector<std::string>{"population.shaping.kind"});
   // Switched on, they do not.
-  EXPECT_EQ(
-      warnings("tiny.yaml", "on",
-               {"mappo.value_loss=huber", "mappo.huber_delta=2", "mappo.entropy_target=2", "mappo.entropy_rate=0.1"})
-          .first,
-      std::vector<std::string>{});
+  EXPECT_EQ(warnings("tiny.yaml", "on",
+                     {"mappo.value_loss=huber", "mappo.huber_delta=2", "mappo.entropy_target=2",
+                      "mappo.entropy_rate=0.1", "mappo.one_policy=true"})
+                .first,
+            std::vector<std::string>{});
+  EXPECT_TRUE(contains(warnings("tiny.yaml", "against", {"mappo.one_policy=true", "train.opponent=circle"}).second,
+                       {"mappo.one_policy: this means nothing where teams differ, one of them wins at the time limit, "
+                        "or one alone learns\n"}));
 }
 
 TEST(TrainConfig, RunsAreNamedByWhatWasChanged) {

@@ -51,8 +51,8 @@ const EvolutionVariant kEvolutionVariants[] = {
     {"DesRounds", evolution("des", "episodes_per_member: 6, parallel_episodes: 2, max_steps: 30, greedy: false")},
     {"SnesGruPool", evolution("snes", "actor: {hidden: [8], memory: gru, memory_size: 6}",
                               "opponents: {pool_size: 3, pool_every_updates: 1, pool_share: 0.5}\n")},
-    {"OpenAiMirrorPool",
-     evolution("openai_es", "episodes_per_member: 4, mirror: true, actor: {hidden: [8], inputs: egocentric}",
+    {"OpenAiPoolAndScripts",
+     evolution("openai_es", "episodes_per_member: 4, actor: {hidden: [8], inputs: egocentric}",
                "opponents: {pool_size: 3, pool_every_updates: 1, pool_share: 0.25, scripted: [circle], scripted_share: "
                "0.25}\n",
                "observation: {egocentric_view: true}\n")},

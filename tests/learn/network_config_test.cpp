@@ -46,19 +46,6 @@ TEST_F(LearnNetworkConfig, TheMirrorShowsTheEgocentricViewAlone) {
   EXPECT_EQ(error("  actor: {inputs: egocentric}\n  critic: {kind: state}\n"), "no error");
 }
 
-TEST_F(LearnNetworkConfig, TheMirrorOfPopulationsToo) {
-  const auto error = [this](const char* network) {
-    return error_of(
-        cat("scenario: identical_2_vs_2\nenvironment: {observation: {egocentric_view: true}}\ntrain: {algorithm: "
-            "snes}\npopulation:\n  mirror: true\n",
-            network));
-  };
-  EXPECT_EQ(error(""),
-            "run.yaml:5:11: population.mirror: true, and population.actor.inputs 'all' reads what the mirror does not "
-            "show, which shows the egocentric view; allowed with it: false");
-  EXPECT_EQ(error("  actor: {inputs: egocentric}\n"), "no error");
-}
-
 TEST_F(LearnNetworkConfig, AnEncoderOfImagesIsRefusedWhereItCannotBe) {
   const auto message = [&](const std::string& scenario, const std::string& lines) {
     return error_of(cat("scenario: ", scenario, "\n", lines));

@@ -255,47 +255,6 @@ TEST(LearnPopulationGames, CommonRandomNumbers) {
   }
 }
 
-// Members that are alike have the same episodes in the mirror, though six are no whole number of its periods of four.
-// Team 0 is mirrored in episodes 1, 3 and 5, team 1 in 2 and 3, whoever of them is the population, and in the others of
-// the other half; a script never is.
-void expect_the_mirror_by_episode(Device device, Precision precision) {
-  const LoadedRun run = run_of("observation: {egocentric_view: true}\n", "hidden: [16], inputs: egocentric");
-  Networks n(run, 2, device, precision);
-  n.members[1].copy_(n.members[0]);
-  const ParallelFor parallel_for(device, 1, current_stream(device));
-  constexpr int32_t kCircle = network_of_script(Scripted::circle);
-  const std::vector<int32_t> opponents = {0, kCircle, kCircle, 1, 2, 1};
-  for (const int team : {0, 1})
-    for (const bool other_half : {false, true}) {
-      const auto played = [&](bool mirror) {
-        PopulationGamesOptions options{2, 6, 1, true, false, 9, 1};
-        options.mirror = mirror;
-        PopulationGames games(run.spec, options, n.actor, parallel_for);
-        std::vector<at::Tensor> results;  // of one generation an episode may end alike
-        for (uint32_t generation = 0; generation < 4; ++generation) {
-          games.play({{team, n.members, n.opponents, opponents}}, generation * games.draw_steps(), other_half);
-          results.push_back(games.results(0).clone());
-        }
-        return at::stack(results, 2);  // [M, E, generations, kNStatRows]
-      };
-      const at::Tensor plain = played(false), mirrored = played(true);
-      EXPECT_TRUE(at::equal(mirrored[0], mirrored[1]));
-      for (int64_t e = 0; e < 6; ++e) {
-        const bool is_mirrored[] = {(e % 2 == 1) != other_half, (e / 2 % 2 == 1) != other_half};
-        const bool is_script = opponents[static_cast<size_t>(e)] < 0;
-        EXPECT_EQ(!at::equal(plain[0][e], mirrored[0][e]), is_mirrored[team] || (!is_script && is_mirrored[1 - team]))
-            << "team " << team << ", episode " << e << ", other half " << other_half;
-      }
-    }
-}
-
-TEST(LearnPopulationGames, TheMirrorGoesByEpisode) { expect_the_mirror_by_episode({}, Precision::fp32); }
-
-TEST(LearnPopulationGamesGpu, TheMirrorGoesByEpisode) {
-  if (cuda_device_count() == 0) GTEST_SKIP() << "no GPU";
-  expect_the_mirror_by_episode({Device::Kind::cuda, 0}, Precision::fp16);
-}
-
 // The second round of generation 0 draws what the only round of generation 1 does.
 void expect_rounds_to_be_generations(const LoadedRun& run, const Networks& n, const ParallelFor& parallel_for) {
   const Population population{1, n.members, n.opponents, {0, 1, network_of_script(Scripted::circle_random), 2}};

@@ -17,7 +17,6 @@ namespace {
 constexpr ResumeRule kEvolutionMayChange[] = {
     {"population.shaping.", "from here on, as all below"},
     {"population.objective", ""},
-    {"population.mirror", ""},
     {"population.max_steps", ""},
     {"population.turns", ""},
     {"population.generations_per_turn", ""},
@@ -155,9 +154,6 @@ void check_evolution(ConfigCheck& check) {
   check_fp16(check);
   check_population(check);
   check_shares(check);
-  const PopulationConfig& population = check.config.population;
-  if (population.mirror && !check.config.train.opponent.is_path() && check.known({"population.mirror"}))
-    check.mirror_shows_all("population.mirror", "population.actor", population.actor);
   check_objective(check);
   check_noise_rank(check);
 }

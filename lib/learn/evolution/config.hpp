@@ -62,7 +62,6 @@ struct PopulationConfig {
   std::optional<int> max_steps = std::nullopt;
   Objective objective = Objective::automatic;
   bool common_random_numbers = true;
-  bool mirror = false;
   bool greedy = true;
   Turns turns = Turns::together;
   int generations_per_turn = 1;
@@ -97,10 +96,6 @@ void visit_fields(V& v, PopulationConfig& c) {
     "(win.by), else return");
   v("common_random_numbers", c.common_random_numbers,
     "all members of a team meet the same starts and the same luck: only their parameters differ");
-  v("mirror", c.mirror,
-    "in half of a member's episodes, in the next generation in the other half, its network sees the game in a mirror, "
-    "with left and right exchanged, and turns accordingly, as with mappo.mirror. Networks read the egocentric view "
-    "then and nothing else; a policy as train.opponent is not mirrored, nor is the team that learns against it");
   v("greedy", c.greedy, "policies take their most likely action instead of drawing one, in training and evaluation");
   v("turns", c.turns, "whether both teams evolve in every generation, or take turns");
   v("generations_per_turn", c.generations_per_turn, "turns alternating: generations of one team before the other's",

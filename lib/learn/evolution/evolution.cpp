@@ -36,7 +36,6 @@ PopulationGamesOptions games_options(const RunConfig& c, const Ranks* ranks) {
   o.n_rounds = c.population.n_rounds();
   o.n_populations = populations_at_a_time(c);
   o.common_random_numbers = c.population.common_random_numbers;
-  o.mirror = c.population.mirror && !c.train.opponent.is_path();
   o.greedy = c.population.greedy;
   o.seed = seed_of(c.seed, Purpose::training);
   o.n_threads = c.train.n_threads;
@@ -201,8 +200,7 @@ Metrics Evolution::update() {
   const std::vector<int> teams = teams_of_generation();
   std::vector<Population> populations;
   for (const int team : teams) populations.push_back(population_of(team));
-  // Scripts have their turns by episode, too.
-  games_->play(populations, next_draws_, generations_of(config_.population, teams[0], generations_) % 2 != 0);
+  games_->play(populations, next_draws_);
   next_draws_ += games_->draw_steps();
   clock_->mark(1);
 

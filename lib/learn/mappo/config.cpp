@@ -134,13 +134,27 @@ void view_is_taught(ConfigCheck& check) {
                                       "is false; allowed with it: 0"));
 }
 
+/// The mirror shows egocentric views, and nothing else that networks read.
 void mirror_shows_all(ConfigCheck& check) {
   const MappoConfig& c = check.config.mappo;
   if (!c.mirror || check.config.train.opponent.is_path() || !check.known({"mappo.mirror"})) return;
-  check.mirror_shows_all("mappo.mirror", "mappo.actor", c.actor);
+  const auto reads_the_view_alone = [&](const std::string& group, const NetworkConfig& network) {
+    const std::string encoder = group + ".encoder", inputs = group + ".inputs";
+    if (!check.known({encoder, inputs})) return;
+    const auto refuse = [&](const std::string& key, const std::string& value) {
+      check.fail("mappo.mirror", cat("true, and ", key, " '", value,
+                                     "' reads what the mirror does not show, which shows the egocentric view; allowed "
+                                     "with it: false"));
+    };
+    if (network.reads_image())
+      refuse(encoder, FieldCodec<EncoderKind>::print(network.encoder));
+    else if (network.inputs != NetworkInputs::egocentric)
+      refuse(inputs, FieldCodec<NetworkInputs>::print(network.inputs));
+  };
+  reads_the_view_alone("mappo.actor", c.actor);
   if (!c.critic.shared_encoder && check.known({"mappo.critic.kind", "mappo.critic.shared_encoder"}) &&
       c.critic.kind != CriticKind::state)
-    check.mirror_shows_all("mappo.mirror", "mappo.critic", c.critic);
+    reads_the_view_alone("mappo.critic", c.critic);
 }
 
 /// Whether each team has the same agents as the other, and none of them wins at the time limit.
