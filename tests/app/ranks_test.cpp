@@ -71,6 +71,7 @@ TEST_F(RankedRun, OfMappoEqualsTheRunOfOneProcessToRounding) {
       {"--set", "mappo.fused=false", "--set", "mappo.obs_norm=true", "--set", "mappo.advantage_norm=batch"},
       {"--set", "mappo.actor.memory=gru", "--set", "mappo.critic.memory=gru", "--set", "mappo.shards=4"},
       {"--set", "mappo.critic.shared_encoder=true", "--set", "mappo.obs_norm=true"},
+      {"--set", "mappo.one_policy=true", "--set", "mappo.obs_norm=true"},
       {"--set", "mappo.critic.kind=state", "--set", "train.opponent=circle", "--set", "mappo.target_kl=0.001"},
       {"--set", "train.opponent=./team.yaml"}};
   here_.write("team.yaml", "policies: [circle, random]\n");  // a world each in each shard

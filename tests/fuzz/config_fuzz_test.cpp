@@ -86,7 +86,7 @@ TEST(ConfigFuzz, MapsAndAgentTypes) {
 
 TEST(ConfigFuzz, RunConfigs) {
   std::vector<std::string> seeds = texts_in("configs");
-  ASSERT_EQ(seeds.size(), 21u);
+  ASSERT_EQ(seeds.size(), 20u);
   seeds.push_back(print_yaml(RunConfig(), true));
   seeds.emplace_back(
       "scenario: special_5_vs_5_void\nrules: original\nenvironment: {limit_x: 12, team_1: [{type: super, count: 2}], "

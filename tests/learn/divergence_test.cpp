@@ -39,11 +39,14 @@ struct Case {
   const char* tensor;  // that is named for it
   int team;
   bool in_rollout;  // found before anything is learned
+  const char* mappo = "";
 };
 
 void expect_divergence(const Case& c, Device device) {
   SCOPED_TRACE(c.array);
-  const auto learner = SmallRun{}.learner(device);
+  SmallRun run;
+  run.mappo = c.mappo;
+  const auto learner = run.learner(device);
   learner->update();
   EXPECT_FALSE(learner->divergence().has_value());
   NamedArrays poisoned = saved(*learner);
@@ -76,6 +79,10 @@ const Case kCases[] = {
     {"team_1/actor/mlp/0/weight", "log-probabilities of actions", 1, true},
     {"team_0/critic/team_mlp/0/weight", "values", 0, true},
     {"team_1/value_norm/mean", "values", 1, true},
+    // Of one policy the steps of the other team would move it.
+    {"team_0/critic/team_mlp/0/weight", "values", 0, true, "one_policy: true"},
+    {"team_1/critic/team_mlp/0/weight", "values", 1, true, "one_policy: true"},
+    {"team_1/critic/team_mlp/0/weight", "values", 1, true, "one_policy: true, fused: false"},
 };
 
 TEST(LearnDivergence, IsNamedByTheFirstTensor) {

@@ -80,7 +80,8 @@ const Variant kVariants[] = {
                     "pool_size: 2, pool_every_updates: 1, pool_share: 0.5, scripted: [circle], scripted_share: 0.25")},
     {"OnePolicyContinuousStateCriticOfThree",
      {"", "one_policy: true", "kind: state, hidden: [8, 8, 8]", "action: continuous\n", 3, "hidden: [16]"}},
-    {"OnePolicyGru", {"", "one_policy: true", kGru, "", 3, kGru}},
+    {"OnePolicyGruTargetKl", {"", "one_policy: true, target_kl: 1.0e-3", kGru, "", 3, kGru}},
+    {"OnePolicySharedEncoder", {"", "one_policy: true", "shared_encoder: true, hidden: [12, 8]", ""}},
     {"NoSelfPlay", with_opponents({}, "pool_size: 5, pool_every_updates: 2, pool_share: 1")},
     {"GruObsNorm", {"", "obs_norm: true", kGru, "action: continuous\n", 3, kGru}},
     {"LstmPoolAndScripts",
@@ -234,53 +235,6 @@ TEST(LearnLearner, TeamsStartDifferently) {
   const NamedArrays arrays = saved(*SmallRun{}.learner());
   EXPECT_NE(find_array(arrays, "team_0/actor/mlp/0/weight").bytes,
             find_array(arrays, "team_1/actor/mlp/0/weight").bytes);
-}
-
-// Both teams have what either has learned: with team 0's steps of size 0 the policy of both becomes another one by
-// team 1's, and so does with team 1's that of team 0.
-TEST(LearnLearner, OnePolicyLearnsFromBothTeams) {
-  SmallRun run;
-  run.actor = "hidden: [16]";
-  const auto weights = [&](const std::string& mappo) {
-    run.mappo = mappo;
-    const auto learner = run.learner();
-    learner->update();
-    const NamedArrays arrays = saved(*learner);
-    return std::array{find_array(arrays, "team_0/actor/mlp/0/weight").bytes,
-                      find_array(arrays, "team_1/actor/mlp/0/weight").bytes};
-  };
-  const auto nobody = weights("one_policy: true, team_learning_rate_factors: [0, 0]"),
-             only_0 = weights("one_policy: true, team_learning_rate_factors: [1, 0]"),
-             only_1 = weights("one_policy: true, team_learning_rate_factors: [0, 1]"),
-             both = weights("one_policy: true"), two = weights("one_policy: false");
-  for (const auto& policies : {nobody, only_0, only_1, both}) EXPECT_EQ(policies[0], policies[1]);
-  EXPECT_NE(only_0[0], nobody[0]);
-  EXPECT_NE(only_1[0], nobody[0]);
-  EXPECT_NE(both[0], only_0[0]);
-  EXPECT_NE(both[0], only_1[0]);
-  EXPECT_NE(two[0], two[1]);
-}
-
-// Where teams differ, or one does not learn, each has its own.
-TEST(LearnLearner, OnePolicyIsForTeamsThatAreAlike) {
-  SmallRun run;
-  run.mappo = "one_policy: true";
-  const auto is_one = [&] {
-    const auto learner = run.learner();
-    return learner->actor(0) != nullptr && learner->actor(0) == learner->actor(1);
-  };
-  EXPECT_TRUE(is_one());
-  run.scenario = "team_0: [{type: default, count: 3}]\n";
-  EXPECT_FALSE(is_one());
-  run.scenario = "team_0: [{type: more_health, count: 1}, {type: default, count: 1}]\n";
-  EXPECT_FALSE(is_one());
-  run.scenario += "team_1: [{type: default, count: 1}, {type: more_health, count: 1}]\n";
-  EXPECT_TRUE(is_one()) << "in another order";
-  run.scenario = "win: {at_time_limit: team_1}\n";
-  EXPECT_FALSE(is_one());
-  run.scenario = "";
-  run.train = "opponent: circle";
-  EXPECT_FALSE(is_one());
 }
 
 TEST(LearnLearner, AgainstAScriptOnlyTheLearningTeamLearns) {
@@ -442,6 +396,7 @@ TEST(LearnLearner, FusedNetworksLearnWhatLibTorchsWould) {
       {"deep state", actor_alone, {"", "obs_norm: true", "kind: state, hidden: [16, 12, 8]", "action: continuous\n"}},
       {"memory", actor_alone, {"", "advantage_norm: batch", "kind: independent, hidden: [8], memory: gru", ""}},
       {"layer norm", actor_alone, {"", "", "hidden: [16, 16], layer_norm: true", ""}},
+      {"one policy", "learns by fused kernels", {"", "one_policy: true", "kind: state, hidden: [16, 12]", ""}},
   };
   for (const Case& c : cases) {
     SCOPED_TRACE(c.name);

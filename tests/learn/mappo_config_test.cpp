@@ -46,10 +46,19 @@ TEST_F(LearnMappoConfig, OnePolicyForBothTeamsNeitherRestsNorStepsBack) {
   };
   const auto refused = [](int column, const char* key) {
     return cat("run.yaml:3:", column, ": mappo.", key,
-               ": this is for the policy of one team, and both play by one (mappo.one_policy); allowed with it: none");
+               ": this is for the policy of one team, and both play by one; allowed with mappo.one_policy: none");
   };
   EXPECT_EQ(error("identical_5_vs_5"), cat(refused(40, "freeze_lead"), "\n", refused(56, "step_back")));
   EXPECT_EQ(error("identical_5_vs_3"), "no error") << "there each team has its own";
+  const auto factors = [this](const char* of_teams) {
+    return error_of(
+        cat("scenario: identical_2_vs_2\nmappo: {one_policy: true, team_learning_rate_factors: ", of_teams, "}\n"));
+  };
+  EXPECT_EQ(
+      factors("[1, 0.5]"),
+      "run.yaml:2:55: mappo.team_learning_rate_factors: both teams play by one policy (mappo.one_policy); allowed "
+      "with it: two that are equal");
+  EXPECT_EQ(factors("[0.5, 0.5]"), "no error");
 }
 
 TEST_F(LearnMappoConfig, RewardsThatFadeArePaid) {

@@ -48,7 +48,7 @@ constexpr ResumeRule kMappoMayNot[] = {
     {"mappo.critic.", "the saved parameters fit their networks only"},
     {"mappo.value_norm", "the saved values are in the units of their normaliser"},
     {"mappo.obs_norm", "the saved policies expect their observations so"},
-    {"mappo.one_policy", "two policies that have learned are not one"},
+    {"mappo.one_policy", "the saved optimizer steps are those of one policy, or of two"},
 };
 
 constexpr ChartRow kMappoCharts[] = {
@@ -170,14 +170,20 @@ bool teams_are_alike(const SimSpec& spec) {
 /// One policy for both teams leaves neither of them behind.
 void no_team_rests(ConfigCheck& check) {
   const MappoConfig& c = check.config.mappo;
-  if (!check.spec || !check.known({"mappo.one_policy"}) || !has_one_policy(check.config, *check.spec)) return;
+  if (!check.spec || !check.known({"mappo.one_policy", "train.opponent"})) return;
+  for (const char* key : {"team_0", "team_1", "agent_types", "win"})
+    if (!check.scenario_knows(key)) return;
+  if (!has_one_policy(check.config, *check.spec)) return;
   const auto refuse = [&](const char* key, bool is_set) {
     if (is_set && check.known({key}))
-      check.fail(key,
-                 "this is for the policy of one team, and both play by one (mappo.one_policy); allowed with it: none");
+      check.fail(key, "this is for the policy of one team, and both play by one; allowed with mappo.one_policy: none");
   };
   refuse("mappo.freeze_lead", c.freeze_lead.has_value());
   refuse("mappo.step_back", c.step_back.has_value());
+  const auto& [factor_0, factor_1] = c.team_learning_rate_factors;
+  if (factor_0 != factor_1 && check.known({"mappo.team_learning_rate_factors"}))
+    check.fail("mappo.team_learning_rate_factors",
+               "both teams play by one policy (mappo.one_policy); allowed with it: two that are equal");
 }
 
 /// A rollout of one step has nothing that a memory could learn from.

@@ -15,11 +15,12 @@ namespace giga {
 /// that these refuse the same steps.
 at::Tensor PpoTeam::find_faults(const TeamRollout& r) {
   figures_.zero_();
+  faults_.zero_();
   const std::array<at::Tensor, kFaultActorGradient> tensors = {r.obs,  r.log_prob, r.reward,
                                                                value_, advantage_, returns_};
   std::array<at::Tensor, kFaultActorGradient> least, greatest;
   FiniteCheck check{};
-  check.fault = figures_.data_ptr<float>() + kFirstFault;
+  check.fault = faults_.data_ptr<float>();
   for (size_t k = 0; k < tensors.size(); ++k) {
     std::tie(least[k], greatest[k]) = at::aminmax(tensors[k].defined() ? own(tensors[k]) : zero_);  // images: bytes
     if (k == kFaultValues) {  // in reward units, so that a fault of their normaliser shows
@@ -30,7 +31,7 @@ at::Tensor PpoTeam::find_faults(const TeamRollout& r) {
     check.greatest[k] = greatest[k].const_data_ptr<float>();
   }
   parallel_for_.run(check, static_cast<int64_t>(tensors.size()));
-  return figures_.slice(0, kFirstFault, kNFigures);
+  return faults_;
 }
 
 /// `sums`: those of the diagnostics over the living rows of the minibatch.
@@ -51,13 +52,12 @@ void PpoTeam::note_information(const Rollout& rollout) {
 }
 
 StepFlags PpoTeam::step_flags(PpoFault fault, PpoFigure norm_sum, const float* minibatch) const {
-  float* figures = figures_.data_ptr<float>();
   return {.stop = stop_.const_data_ptr<float>(),
-          .fault = figures + kFirstFault + fault,
-          .faults = figures + kFirstFault,
-          .n_faults = kNFaults,
+          .fault = faults_.data_ptr<float>() + fault,
+          .faults = faults_of_both_.const_data_ptr<float>(),
+          .n_faults = kNTeams * kNFaults,
           .minibatch = minibatch,
-          .norm_sum = figures + norm_sum};
+          .norm_sum = figures_.data_ptr<float>() + norm_sum};
 }
 
 bool PpoTeam::is_own(PpoFault fault_of_rollout) const { return own_faults_[fault_of_rollout].item<float>() > 0; }

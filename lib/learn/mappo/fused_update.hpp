@@ -56,7 +56,8 @@ class FusedUpdate {
   /// The minibatches of an epoch: states [S] of the rollout, cut into pieces as at::tensor_split does.
   void begin_epoch(const FusedInputs& inputs, const at::Tensor& alive, const at::Tensor& states, int n_minibatches,
                    const at::Tensor& advantage);
-  /// After the epoch's last step: what is queued on the main stream from now on waits for it.
+  /// After the epoch's last step, and of twins that of both: what is queued on the main stream from now on waits for
+  /// it.
   void end_epoch();
   /// Both gradients of minibatch k, in parts that step() adds up.
   void compute_gradients(int k, const FusedPolicyLoss& policy, const FusedValueLoss& value);

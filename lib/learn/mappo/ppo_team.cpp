@@ -43,8 +43,10 @@ PpoTeam::PpoTeam(const LoadedRun& run, int team, Device device, const ParallelFo
   const auto options = at::TensorOptions().dtype(at::kFloat).device(torch_device(device));
   zero_ = at::zeros({1}, options);
   one_ = at::ones({1}, options);
-  stop_ = at::zeros({1}, options);
-  figures_ = at::zeros({kNFigures}, options);
+  stop_ = twin ? twin->stop_ : at::zeros({1}, options);
+  figures_ = at::zeros({kFirstFault}, options);
+  faults_of_both_ = twin ? twin->faults_of_both_ : at::zeros({kNTeams, kNFaults}, options);
+  faults_ = faults_of_both_[twin ? 1 : 0];
   settings_ = at::zeros({kNSettings}, options);
   set(StepSettings::of(config_));
   numbers_ = at::arange(1, config_.n_epochs * config_.n_minibatches + 1, options);
@@ -418,10 +420,25 @@ void PpoTeam::save(const std::string& prefix, NamedArrays& out) const {
   if (teacher_) teacher_->save(prefix, out);
 }
 
+void PpoTeam::expect_twins_actor(const std::string& prefix, const NamedArrays& in) const {
+  NamedArrays loaded;
+  actor_.save(prefix + "actor/", loaded);
+  actor_adam_.save(prefix + "actor_adam/", loaded);
+  for (const NamedArray& array : loaded)
+    if (find_array(in, array.name).bytes != array.bytes)
+      throw InputError(cat(array.name,
+                           ": it is another policy's than team 0's, and both teams play by one "
+                           "(mappo.one_policy)"));
+}
+
 void PpoTeam::load(const std::string& prefix, const NamedArrays& in) {
-  actor_.load(prefix + "actor/", in);
+  if (own_actor_) {
+    actor_.load(prefix + "actor/", in);
+    actor_adam_.load(prefix + "actor_adam/", in);
+  } else {
+    expect_twins_actor(prefix, in);
+  }
   critic_.load(prefix + "critic/", in);
-  actor_adam_.load(prefix + "actor_adam/", in);
   critic_adam_.load(prefix + "critic_adam/", in);
   value_norm_.load(prefix + "value_norm/", in);
   if (teacher_) teacher_->load(prefix, in);

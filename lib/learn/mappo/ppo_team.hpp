@@ -43,8 +43,9 @@ struct StepSettings {
 class PpoTeam {
  public:
   /// Learns only from `worlds` of a rollout. `sum`: over all ranks, each of which has a PpoTeam with as many worlds and
-  /// takes the same steps. `twin`: a team with whom it has one actor and one optimizer of it, which each of them steps;
-  /// it must outlive this.
+  /// takes the same steps. `twin`: a team with whom it has one actor and one optimizer of it, which each of them steps
+  /// (mappo.one_policy); it must outlive this, is loaded before it, and has its minibatches in turns with this one, of
+  /// the same epochs. What stops one of them stops both: a fault, or mappo.target_kl.
   PpoTeam(const LoadedRun& run, int team, Device device, const ParallelFor& parallel_for, const ShardRange& worlds,
           const SumOverRanks& sum = {}, PpoTeam* twin = nullptr);
 
@@ -87,7 +88,7 @@ class PpoTeam {
   /// Takes the rollout's observations into the normaliser.
   void update_normalizer(const Rollout& rollout);
 
-  const at::Tensor& figures() const { return figures_; }  // [kNFigures]
+  at::Tensor figures() const { return at::cat({figures_, faults_}); }  // [kNFigures]
   /// The states of the rollout for states of the team's own worlds; int64 of any shape.
   at::Tensor states(const at::Tensor& own) const;
   /// Of several ranks, once a fault is known: whether it is in this one's own numbers, before any are added up.
@@ -165,6 +166,8 @@ class PpoTeam {
   at::Tensor find_faults(const TeamRollout& rollout);
   PolicyNote policy_note(const float* sums, const float* minibatch) const;
   void note_information(const Rollout& rollout);
+  /// Of a twin, whose actor is loaded: throws InputError where `in` has another one for this team.
+  void expect_twins_actor(const std::string& prefix, const NamedArrays& in) const;
   bool everywhere() const { return worlds_.everywhere(); }
   /// The part of x [T, W, ...] in the team's worlds.
   at::Tensor own(const at::Tensor& x) const;
@@ -209,8 +212,10 @@ class PpoTeam {
   at::Tensor batch_mean_, batch_inv_std_;  // [] of the advantages
   at::Tensor living_;                      // [] agents of its worlds that live, over all steps and ranks
   at::Tensor zero_, one_;                  // [1]
-  at::Tensor stop_;                        // [1] 1 once approx_kl has passed target_kl
-  at::Tensor figures_;                     // [kNFigures]
+  at::Tensor stop_;                        // [1] 1 once approx_kl has passed target_kl; the twin's too
+  at::Tensor figures_;                     // [kFirstFault]
+  at::Tensor faults_of_both_;              // [kNTeams, kNFaults] of twins; without one the second row is 0
+  at::Tensor faults_;                      // [kNFaults] its own row
   at::Tensor own_faults_;                  // [kNFaults] of this rank's rollout; undefined with one rank
   std::optional<PpoFault> looked_at_;      // a gradient whose part of this rank is looked at; none: nobody looks
   at::Tensor own_norm_;                    // [] of that part
