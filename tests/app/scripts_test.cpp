@@ -175,7 +175,7 @@ TEST(Scripts, MeasureWritesRowsAndTables) {
   const Copy copy;
   if (copy.here().run({"python3", "--version"}, "/usr/bin/env").code != 0) GTEST_SKIP() << "no python3";
   const fs::path tree = copy.here().path() / "tree", source = source_path();
-  fs::copy_file(source / "scripts/measure", tree / "scripts/measure");
+  for (const char* file : {"scripts/measure", "scripts/measuring.py"}) fs::copy_file(source / file, tree / file);
   std::string old_page = read_file((source / "docs/measurements.md").string());
   for (const std::string block : {"mappo", "evolution"}) {
     const std::string begin = "<!-- measure:" + block + " -->\n";
@@ -294,7 +294,7 @@ TEST(Scripts, ReproduceWritesItsTable) {
   const Copy copy;
   if (copy.here().run({"python3", "--version"}, "/usr/bin/env").code != 0) GTEST_SKIP() << "no python3";
   const fs::path tree = copy.here().path() / "tree", source = source_path();
-  for (const char* file : {"scripts/measure", "scripts/reproduce", "docs/reproduce.md"})
+  for (const char* file : {"scripts/measuring.py", "scripts/reproduce", "docs/reproduce.md"})
     fs::copy_file(source / file, tree / file);
   fs::copy(source / "configs", tree / "configs");
   const Environment environment = {{"GIGASTEP_MEASURE_TINY", "1"},
