@@ -160,7 +160,9 @@ void read_in(const Node& node, const FieldList& fields, Errors& errors, KeyPosit
         continue;
       }
       if (const auto gone = fields.removed().find(entry.key); gone != fields.removed().end()) {
-        errors.add(entry.at, cat(key_path, ": there is no such key any more: ", gone->second));
+        const auto& [instead, idle] = gone->second;
+        const bool is_idle = !idle.empty() && entry.value.is_scalar() && entry.value.text == idle;
+        if (!is_idle) errors.add(entry.at, cat(key_path, ": there is no such key any more: ", instead));
         continue;
       }
       std::vector<std::string> names;

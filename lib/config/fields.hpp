@@ -228,12 +228,18 @@ class FieldList {
 
   /// A key that was once called `before`: whoever still writes it is told the new name.
   void renamed(const std::string& before, const std::string& now) { renamed_[before] = now; }
-  /// A key that there was once: who still writes it is told what to write `instead`.
-  void removed(const std::string& name, const std::string& instead) { removed_[name] = instead; }
+  /// A key that there was once: who still writes it is told what to write `instead`. Not where it is `idle`, a value
+  /// that changed nothing: configs of older runs state all keys.
+  void removed(const std::string& name, const std::string& instead, const std::string& idle = {}) {
+    removed_[name] = {instead, idle};
+  }
 
   const std::vector<Field>& fields() const { return fields_; }
   const std::map<std::string, std::string>& renamed() const { return renamed_; }
-  const std::map<std::string, std::string>& removed() const { return removed_; }
+  struct Removed {
+    std::string instead, idle;
+  };
+  const std::map<std::string, Removed>& removed() const { return removed_; }
   void keep(std::shared_ptr<void> owner) { owner_ = std::move(owner); }
 
  private:
@@ -241,8 +247,8 @@ class FieldList {
 
   std::vector<Field> fields_;
   std::map<std::string, std::string> renamed_;  // new names by old ones
-  std::map<std::string, std::string> removed_;  // what to write instead
-  std::shared_ptr<void> owner_;                 // of the struct, where nobody else holds it
+  std::map<std::string, Removed> removed_;
+  std::shared_ptr<void> owner_;  // of the struct, where nobody else holds it
 };
 
 /// One key: what is known about it, and how to reach the member behind it.

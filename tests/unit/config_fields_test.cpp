@@ -41,6 +41,7 @@ void visit_fields(V& v, Part& c) {
   v("type", c.type, "kind");
   v("count", c.count, "how many", at_least(0));
   v.renamed("number", "count");
+  v.removed("colour", "nothing is painted", "none");
 }
 
 struct Config {
@@ -177,9 +178,15 @@ TEST(ConfigFields, SaysWhereAndWhatIsAllowed) {
       {"named: {p: {counts: 1}}", "f.yaml:1:13: named.p.counts: unknown key; nearest: 'count'; allowed: type, count"},
       {"extra: 3", "f.yaml:1:8: extra: '3' is not a map"},
       {"parts: [{number: 1}]", "f.yaml:1:10: parts[0].number: this key is now called 'count'"},
+      {"parts: [{colour: red}]", "f.yaml:1:10: parts[0].colour: there is no such key any more: nothing is painted"},
       {"critic: {shade: black}", "f.yaml:1:17: critic.shade: 'black' is now called 'dark'"},
   };
   for (const auto& [text, expected] : cases) EXPECT_EQ(errors_of(text), expected) << text;
+}
+
+// As configs of runs state it that were made while there was such a key.
+TEST(ConfigFields, AKeyThatIsGoneMayHaveTheValueThatChangedNothing) {
+  EXPECT_EQ(errors_of("parts: [{colour: none, count: 2}]"), "");
 }
 
 TEST(ConfigFields, ListsAllErrorsOfAFile) {

@@ -75,7 +75,7 @@ struct PopulationConfig {
 template <class V>
 void visit_fields(V& v, PopulationConfig& c) {
   v("population_size", c.population_size, "members of a team's population", range(2, kMostMembers));
-  v.removed("mirror", "members whose games were seen in a mirror won no more");
+  v.removed("mirror", "members whose games were seen in a mirror won no more", "false");
   v.removed("generations", "a run ends after train.total_agent_steps, whatever its algorithm");
   v("sigma_init", c.sigma_init, "standard deviation of the perturbations at the start", greater_than(0));
   v("antithetic", c.antithetic, "members come in pairs with opposite perturbations; needs an even population_size");
