@@ -26,6 +26,7 @@
 #include "io/files.hpp"
 #include "io/number.hpp"
 #include "io/run_folder.hpp"
+#include "learn/alike_teams.hpp"
 #include "rating/groups.hpp"
 #include "rating/sheet.hpp"
 #include "report/report.hpp"
@@ -46,9 +47,8 @@ struct RateOptions {
 };
 
 /// `auto`: apart where the teams are made of different agents, or one of them wins at the time limit.
-Sides sides_of(const RateOptions& o, const Scenario& scenario) {
-  const bool alike = scenario.team_0 == scenario.team_1 && scenario.win.at_time_limit == LimitWinner::tie;
-  if (o.sides == "auto") return alike ? Sides::alike : Sides::apart;
+Sides sides_of(const RateOptions& o, const SimSpec& spec) {
+  if (o.sides == "auto") return teams_are_alike(spec) ? Sides::alike : Sides::apart;
   return o.sides == "alike" ? Sides::alike : Sides::apart;
 }
 
@@ -233,7 +233,7 @@ RatingSheet play_and_rate(const RateOptions& o, RoundRobin& all, Device device) 
   sheet.scenario = all.scenario.name;
   sheet.infos = all.infos;
   RatingOptions rating;
-  rating.sides = sides_of(o, all.scenario);
+  rating.sides = sides_of(o, all.spec);
   rating.anchor = choose_anchor(o, all, rating.sides);
   expect_opponents(all, rating.sides);
   check_episodes(o.episodes, all.players);

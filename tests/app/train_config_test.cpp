@@ -131,9 +131,10 @@ TEST(TrainConfig, WarnsOfSettingsThatMeanNothing) {
                       "mappo.entropy_rate=0.1", "mappo.one_policy=true"})
                 .first,
             std::vector<std::string>{});
-  EXPECT_TRUE(contains(warnings("tiny.yaml", "against", {"mappo.one_policy=true", "train.opponent=circle"}).second,
-                       {"mappo.one_policy: this means nothing where teams differ, one of them wins at the time limit, "
-                        "or one alone learns\n"}));
+  EXPECT_TRUE(
+      contains(warnings("tiny.yaml", "against", {"mappo.one_policy=true", "train.opponent=circle"}).second,
+               {"mappo.one_policy: this means nothing unless both teams learn and have the same agents, and none "
+                "wins at the time limit\n"}));
 }
 
 TEST(TrainConfig, RunsAreNamedByWhatWasChanged) {

@@ -3,10 +3,9 @@
 
 #include <algorithm>
 #include <numeric>
-#include <tuple>
-#include <vector>
 
 #include "core/error.hpp"
+#include "learn/alike_teams.hpp"
 #include "learn/config_check.hpp"
 #include "learn/opponents/world_shares.hpp"
 #include "sim/image_state.hpp"
@@ -155,16 +154,6 @@ void mirror_shows_all(ConfigCheck& check) {
   if (!c.critic.shared_encoder && check.known({"mappo.critic.kind", "mappo.critic.shared_encoder"}) &&
       c.critic.kind != CriticKind::state)
     reads_the_view_alone("mappo.critic", c.critic);
-}
-
-/// Whether each team has the same agents as the other, and none of them wins at the time limit.
-bool teams_are_alike(const SimSpec& spec) {
-  using Agent = std::tuple<int32_t, float, float, float, float, float>;
-  std::vector<Agent> team[kNTeams];
-  for (const AgentSpec& a : spec.agents)
-    team[a.team].emplace_back(a.sprite, a.thrust, a.max_health, a.range, a.damage_range, a.idle_reward);
-  for (std::vector<Agent>& agents : team) std::sort(agents.begin(), agents.end());
-  return team[0] == team[1] && spec.params.win.at_time_limit == LimitWinner::tie;
 }
 
 /// One policy for both teams leaves neither of them behind.
