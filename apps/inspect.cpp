@@ -22,12 +22,6 @@ const char* type_name(ArrayType type) {
   return kNames[static_cast<size_t>(type)];
 }
 
-std::string shape_text(const std::vector<int64_t>& shape) {
-  std::string text = "[";
-  for (const int64_t side : shape) text += (text.size() > 1 ? ", " : "") + std::to_string(side);
-  return text + "]";
-}
-
 Json to_json(const FoundCheckpoint& found) {
   const Checkpoint& c = found.checkpoint;
   Json arrays = Json::array();

@@ -1,7 +1,6 @@
 // gigastep rate: a round robin of checkpoints, exported policies and scripts, and everybody's rating.
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <filesystem>
 #include <functional>
@@ -18,6 +17,7 @@
 #include "apps/output.hpp"
 #include "apps/players.hpp"
 #include "apps/program_info.hpp"
+#include "apps/stopwatch.hpp"
 #include "config/names.hpp"
 #include "core/error.hpp"
 #include "cuda/runtime.hpp"
@@ -97,7 +97,7 @@ class ProgressLines {
   void operator()(int done, int all, const Player& side_0, const Player& side_1) {
     if (done == 0)
       std::cerr << all << (all == 1 ? " match of " : " matches of ") << counted(episodes_, "episodes") << std::flush;
-    const double elapsed = seconds_since(start_);
+    const double elapsed = watch_.seconds();
     if (done == 1) first_ = elapsed;
     if (!announced_) {
       const bool slow = elapsed > kPause && done >= std::min(4, all - 1);
@@ -113,19 +113,14 @@ class ProgressLines {
     }
   }
   void finish() const {
-    std::cerr << (announced_ ? "" : "\n") << "played in " << seconds_text(seconds_since(start_)) << std::endl;
+    std::cerr << (announced_ ? "" : "\n") << "played in " << seconds_text(watch_.seconds()) << std::endl;
   }
 
  private:
-  using Clock = std::chrono::steady_clock;
   static constexpr double kPause = 5;  // seconds
 
-  static double seconds_since(Clock::time_point then) {
-    return std::chrono::duration<double>(Clock::now() - then).count();
-  }
-
   const int episodes_;
-  const Clock::time_point start_ = Clock::now();
+  const Stopwatch watch_;
   double first_ = 0, told_ = 0;
   bool announced_ = false;
 };

@@ -11,6 +11,7 @@
 
 #include "apps/run_process.hpp"
 #include "apps/stop_request.hpp"
+#include "apps/stopwatch.hpp"
 #include "apps/training.hpp"
 #include "core/error.hpp"
 #include "cuda/runtime.hpp"
@@ -28,10 +29,6 @@ namespace fs = std::filesystem;
 namespace {
 
 using SweepClock = std::chrono::steady_clock;
-
-double seconds_since(SweepClock::time_point start) {
-  return std::chrono::duration<double>(SweepClock::now() - start).count();
-}
 
 /// What `gigastep sweep` with parallel: auto knows of the machine, and what it has found.
 struct AutoParallel {
@@ -69,7 +66,7 @@ struct ActiveRun {
   RunProcess process;
   RunTail tail;
   RunReading first;  ///< when this process began
-  SweepClock::time_point start = SweepClock::now();
+  Stopwatch watch;
   bool is_forgiven = false;  ///< it may fail once: there were too many
 
   ActiveRun(const SweepFolder& folder, const SweepRun& of, int64_t number, int n, std::vector<std::string> arguments)
@@ -137,7 +134,7 @@ class Sweeping {
   int stop_code() const {
     if (const int signal = StopRequest::signal()) return 128 + signal;
     const auto& limit = folder_.spec().max_wall_time;
-    return limit && seconds_since(start_) >= limit->seconds ? kOutOfTime : 0;
+    return limit && watch_.seconds() >= limit->seconds ? kOutOfTime : 0;
   }
 
   int stop(int code) {
@@ -264,7 +261,7 @@ class Sweeping {
       auto_->meter.ended(active.first, active.reading());
     }
     if (!there && stops) ++unsaved_;
-    SweepResult result{std::nullopt, there ? 0 : code, seconds_since(active.start), steps};
+    SweepResult result{std::nullopt, there ? 0 : code, active.watch.seconds(), steps};
     if (there) {
       const int64_t end = folder_.agent_steps(run.trial, run.rung);  // somebody may have trained it further
       result.value = metric_of_run(folder_.spec(), wanted.folder, end);
@@ -316,7 +313,7 @@ class Sweeping {
     s.runs_at_once = cat(at_once(), auto_ ? (auto_->search.is_settled() ? " (auto)" : " (auto, measuring)") : "");
     const SweepOutlook ahead = outlook();
     s.share_done = ahead.all > 0 ? 1 - ahead.left / ahead.all : 0;
-    s.seconds = seconds_since(start_);
+    s.seconds = watch_.seconds();
     if (ahead.left < left_at_start_) s.seconds_left = s.seconds * ahead.left / (left_at_start_ - ahead.left);
     for (const ActiveRun& active : active_) {
       s.agent_steps_per_second += active.tail.speed();
@@ -331,8 +328,8 @@ class Sweeping {
   const TerminalStyle style_ = terminal_style();
   LiveLines live_{STDERR_FILENO};
   std::optional<AutoParallel> auto_;  // parallel: auto
-  const SweepClock::time_point start_ = SweepClock::now();
-  SweepClock::time_point next_look_ = start_;
+  const Stopwatch watch_;
+  SweepClock::time_point next_look_ = SweepClock::now();
   double left_at_start_ = 0;               // agent-steps
   std::map<SweepRun, double> open_steps_;  // agent-steps of the runs that have no result yet
   int64_t last_id_ = 0;

@@ -52,7 +52,11 @@ int relu_gradient_parts(int) { missing(); }
 int halving_layer_parts(int) { missing(); }
 void launch_halving_layer_gradient(const HalvingLayer&, int, void*) { missing(); }
 void launch_relu_gradient(const ReluGradient&, int, void*) { missing(); }
-SideStream::SideStream(int index, void* main) : index_(index), main_(main) { missing(); }
+StreamMark::StreamMark(int index) : index_(index) { missing(); }
+StreamMark::~StreamMark() = default;
+void StreamMark::set(void*) { missing(); }
+void StreamMark::wait(void*) const { missing(); }
+SideStream::SideStream(int index, void* main) : main_(main), mark_(index) { missing(); }
 SideStream::~SideStream() = default;
 void SideStream::fork() { missing(); }
 void SideStream::join() { missing(); }

@@ -3,32 +3,42 @@
 #include "cuda/check.cuh"
 
 namespace giga {
-namespace {
 
-void wait(int index, void* event, void* from, void* to) {
+StreamMark::StreamMark(int index) : index_(index) {
   GIGA_CUDA(cudaSetDevice(index));
-  GIGA_CUDA(cudaEventRecord(static_cast<cudaEvent_t>(event), static_cast<cudaStream_t>(from)));
-  GIGA_CUDA(cudaStreamWaitEvent(static_cast<cudaStream_t>(to), static_cast<cudaEvent_t>(event)));
-}
-
-}  // namespace
-
-SideStream::SideStream(int index, void* main) : index_(index), main_(main) {
-  GIGA_CUDA(cudaSetDevice(index));
-  cudaStream_t stream;
   cudaEvent_t event;
-  GIGA_CUDA(cudaStreamCreateWithFlags(&stream, cudaStreamNonBlocking));
-  stream_ = stream;
   GIGA_CUDA(cudaEventCreateWithFlags(&event, cudaEventDisableTiming));
   event_ = event;
 }
 
-SideStream::~SideStream() {
-  cudaEventDestroy(static_cast<cudaEvent_t>(event_));
-  cudaStreamDestroy(static_cast<cudaStream_t>(stream_));
+StreamMark::~StreamMark() { cudaEventDestroy(static_cast<cudaEvent_t>(event_)); }
+
+void StreamMark::set(void* stream) {
+  GIGA_CUDA(cudaSetDevice(index_));
+  GIGA_CUDA(cudaEventRecord(static_cast<cudaEvent_t>(event_), static_cast<cudaStream_t>(stream)));
 }
 
-void SideStream::fork() { wait(index_, event_, main_, stream_); }
-void SideStream::join() { wait(index_, event_, stream_, main_); }
+void StreamMark::wait(void* stream) const {
+  GIGA_CUDA(cudaSetDevice(index_));
+  GIGA_CUDA(cudaStreamWaitEvent(static_cast<cudaStream_t>(stream), static_cast<cudaEvent_t>(event_)));
+}
+
+SideStream::SideStream(int index, void* main) : main_(main), mark_(index) {
+  cudaStream_t stream;
+  GIGA_CUDA(cudaStreamCreateWithFlags(&stream, cudaStreamNonBlocking));
+  stream_ = stream;
+}
+
+SideStream::~SideStream() { cudaStreamDestroy(static_cast<cudaStream_t>(stream_)); }
+
+void SideStream::fork() {
+  mark_.set(main_);
+  mark_.wait(stream_);
+}
+
+void SideStream::join() {
+  mark_.set(stream_);
+  mark_.wait(main_);
+}
 
 }  // namespace giga

@@ -1,7 +1,25 @@
-// SideStream: a GPU stream beside another, for work that may go on at the same time.
+// SideStream: a GPU stream beside another, for work that may go on at the same time. StreamMark: a place in the work of
+// one stream that another waits for.
 #pragma once
 
 namespace giga {
+
+class StreamMark {
+ public:
+  explicit StreamMark(int index);  ///< on that GPU
+  ~StreamMark();
+  StreamMark(const StreamMark&) = delete;
+  StreamMark& operator=(const StreamMark&) = delete;
+
+  /// Behind all that was queued on this stream (a cudaStream_t).
+  void set(void* stream);
+  /// What is queued on this stream later waits for the place that was set last; for nothing where none was.
+  void wait(void* stream) const;
+
+ private:
+  int index_;
+  void* event_ = nullptr;
+};
 
 class SideStream {
  public:
@@ -18,8 +36,8 @@ class SideStream {
   void join();
 
  private:
-  int index_;
-  void *main_, *stream_ = nullptr, *event_ = nullptr;
+  void *main_, *stream_ = nullptr;
+  StreamMark mark_;
 };
 
 }  // namespace giga

@@ -25,6 +25,13 @@ struct NamedArray {
 
 using NamedArrays = std::vector<NamedArray>;
 
+/// "[3, 4]"
+inline std::string shape_text(const std::vector<int64_t>& shape) {
+  std::string text = "[";
+  for (const int64_t side : shape) text += (text.size() > 1 ? ", " : "") + std::to_string(side);
+  return text + "]";
+}
+
 /// Null where there is none.
 inline const NamedArray* look_for_array(const NamedArrays& arrays, const std::string& name) {
   for (const NamedArray& a : arrays)

@@ -8,12 +8,6 @@
 namespace giga {
 namespace {
 
-std::string shape_text(const std::vector<int64_t>& shape) {
-  std::string text = "[";
-  for (const int64_t side : shape) text += (text.size() > 1 ? ", " : "") + std::to_string(side);
-  return text + "]";
-}
-
 const NamedArray* find_tensor(const NamedArrays& tensors, const std::string& name) {
   const auto found = std::find_if(tensors.begin(), tensors.end(), [&](const NamedArray& a) { return a.name == name; });
   return found == tensors.end() ? nullptr : &*found;

@@ -24,7 +24,8 @@ enum PpoFigure : int {
   kFigCriticNorm,
   kFigViewNorm,
   kFigSkipped,
-  kFigFirstRatioError,    // mean of the first minibatch: 0 where rollout and update agree
+  kFigFirstRatioError,    // mean of the first minibatch: 0 where rollout and update agree, unless the other
+                          // team, whose policy it is too, has taken a step before
   kFigExplained,          // explained variance of the values before the update
   kFigMutualInformation,  // I(obs; action) on the first minibatch
   kFigLiving,             // share of rows with a living agent

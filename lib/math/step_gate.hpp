@@ -23,8 +23,9 @@ struct FiniteCheck {
 };
 
 /// Adam (Kingma and Ba 2015, algorithm 1).
+constexpr double kAdamBeta1 = 0.9, kAdamBeta2 = 0.999;
 struct AdamRule {
-  static constexpr float kBeta1 = 0.9f, kBeta2 = 0.999f;
+  static constexpr float kBeta1 = static_cast<float>(kAdamBeta1), kBeta2 = static_cast<float>(kAdamBeta2);
   static constexpr float kLogBeta1 = -0.105360515657826301227f, kLogBeta2 = -0.00100050033358353350142f;
   /// What a moment is divided by after so many steps: 1 - beta^steps.
   GIGA_HD static float correction(float log_beta, float steps) { return -std::expm1(steps * log_beta); }

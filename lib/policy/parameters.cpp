@@ -151,14 +151,9 @@ NamedArray to_array(const std::string& name, const at::Tensor& tensor) {
 }
 
 void from_array(const NamedArray& array, const at::Tensor& tensor) {
-  const auto shape_text = [](at::IntArrayRef shape) {
-    std::string text;
-    for (const int64_t side : shape) text += (text.empty() ? "" : " x ") + std::to_string(side);
-    return "[" + text + "]";
-  };
   if (array.type != array_type(tensor.scalar_type()) || at::IntArrayRef(array.shape) != tensor.sizes())
     throw InputError(cat("array '", array.name, "' of the checkpoint has shape ", shape_text(array.shape),
-                         ", expected ", shape_text(tensor.sizes()),
+                         ", expected ", shape_text(tensor.sizes().vec()),
                          ": it was written with other settings or by another version"));
   at::NoGradGuard no_grad;
   const at::Tensor host = at::empty(array.shape, tensor.options().device(at::kCPU).requires_grad(false));

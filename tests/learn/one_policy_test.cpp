@@ -1,9 +1,11 @@
 // mappo.one_policy: both teams have what either of them has learned.
 #include <gtest/gtest.h>
+#include <torch/cuda.h>
 
 #include "core/error.hpp"
 #include "learn/mappo/ppo_team.hpp"
 #include "rollout/policy_controllers.hpp"
+#include "rollout/tensors.hpp"
 #include "runs.hpp"
 
 namespace giga::test {
@@ -16,6 +18,39 @@ SmallRun with_one_policy() {
   return run;
 }
 
+/// Two teams with one policy, and a rollout of theirs.
+struct Twins {
+  explicit Twins(const LoadedRun& run, Device device = {})
+      : parallel_for(device, 1),
+        sim(make_simulator(run.spec, {.n_worlds = run.config.train.n_worlds, .seed = 17}, device, nullptr)),
+        first(run, 0, device, parallel_for, all()),
+        second(run, 1, device, parallel_for, all(), {}, &first),
+        collector(
+            *sim, parallel_for, {.horizon = run.config.mappo.horizon, .keep = first.reads()},
+            {everywhere(policy_controller(first.actor()), *sim), everywhere(policy_controller(second.actor()), *sim)}) {
+    collector.start();
+    collector.collect();
+    StepSettings settings = StepSettings::of(run.config.mappo);
+    settings.actor_step_size = settings.critic_step_size = 1e-3f;
+    for (PpoTeam* team : {&first, &second}) {
+      team->set(settings);
+      team->compute_advantages(collector.rollout());
+    }
+  }
+  ShardRange all() const { return {{0, sim->n_worlds()}, sim->n_worlds()}; }
+  at::Tensor order() const {
+    return at::randperm(first.n_sequences(), at::TensorOptions().device(torch_device(sim->device())));
+  }
+  void begin_epoch(const at::Tensor& order) {
+    for (PpoTeam* team : {&first, &second}) team->begin_epoch(collector.rollout(), order);
+  }
+
+  const ParallelFor parallel_for;
+  const std::unique_ptr<Simulator> sim;
+  PpoTeam first, second;
+  Collector collector;
+};
+
 /// Whether the teams have one actor.
 bool is_one(const SmallRun& run) {
   const auto learner = run.learner();
@@ -24,28 +59,47 @@ bool is_one(const SmallRun& run) {
 
 TEST(LearnOnePolicy, EitherTeamTeachesBoth) {
   const LoadedRun run = with_one_policy().load();
-  const ParallelFor parallel_for(Device{}, 1);
-  const auto sim = make_cpu_simulator(run.spec, {run.config.train.n_worlds, 17, 0, OnDone::reset, 1});
-  const ShardRange all{{0, sim->n_worlds()}, sim->n_worlds()};
   for (const int learning : {0, 1}) {
-    PpoTeam first(run, 0, Device{}, parallel_for, all), second(run, 1, Device{}, parallel_for, all, {}, &first);
-    Collector collector(
-        *sim, parallel_for, {.horizon = run.config.mappo.horizon, .keep = first.reads()},
-        {everywhere(policy_controller(first.actor()), *sim), everywhere(policy_controller(second.actor()), *sim)});
-    collector.start();
-    collector.collect();
-    StepSettings settings = StepSettings::of(run.config.mappo);
-    settings.actor_step_size = settings.critic_step_size = 1e-3f;
-    const at::Tensor order = at::randperm(first.n_sequences());
-    for (PpoTeam* team : {&first, &second}) {
-      team->set(settings);
-      team->compute_advantages(collector.rollout());
-      team->begin_epoch(collector.rollout(), order);
+    Twins twins(run);
+    twins.begin_epoch(twins.order());
+    const at::Tensor before = twins.second.actor().parameters().values().clone();
+    (learning == 0 ? twins.first : twins.second).update_minibatch(twins.collector.rollout(), 0, 1);
+    EXPECT_FALSE(at::equal(twins.first.actor().parameters().values(), before)) << "team " << learning;
+    EXPECT_TRUE(at::equal(twins.first.actor().parameters().values(), twins.second.actor().parameters().values()));
+  }
+}
+
+// On a GPU each team has a stream, on which its critic's gradient is computed while the other steps the actor. What
+// comes out is what comes out where each minibatch waits until the one before has ended: so many rows that a gradient
+// takes far longer than to queue it.
+TEST(LearnOnePolicyGpu, MinibatchesAtOnceHaveTheBitsOfOneByOne) {
+  if (cuda_device_count() == 0) GTEST_SKIP() << "no GPU";
+  SmallRun small = with_one_policy();
+  small.actor = small.critic = "hidden: [64, 64]";
+  small.precision = "tf32";
+  LoadedRun run = small.load();
+  run.config.train.n_worlds = 8192;
+  Twins at_once(run, {Device::Kind::cuda, 0}), one_by_one(run, {Device::Kind::cuda, 0});
+  ASSERT_EQ(at_once.first.plain_because(), "") << "they do not learn by the fused kernels";
+  for (int epoch = 0; epoch < run.config.mappo.n_epochs; ++epoch) {
+    const at::Tensor order = at_once.order();
+    for (Twins* twins : {&at_once, &one_by_one}) {
+      twins->begin_epoch(order);
+      for (int k = 0; k < run.config.mappo.n_minibatches; ++k)
+        for (PpoTeam* team : {&twins->first, &twins->second}) {
+          team->update_minibatch(twins->collector.rollout(), k, epoch * run.config.mappo.n_minibatches + k + 1);
+          if (twins == &one_by_one) torch::cuda::synchronize();
+        }
+      twins->first.end_epoch();
+      twins->second.end_epoch();
     }
-    const at::Tensor before = second.actor().parameters().values().clone();
-    (learning == 0 ? first : second).update_minibatch(collector.rollout(), 0, 1);
-    EXPECT_FALSE(at::equal(first.actor().parameters().values(), before)) << "team " << learning;
-    EXPECT_TRUE(at::equal(first.actor().parameters().values(), second.actor().parameters().values()));
+  }
+  for (const auto team : {&Twins::first, &Twins::second}) {
+    NamedArrays expected, actual;
+    (one_by_one.*team).save("", expected);
+    (at_once.*team).save("", actual);
+    EXPECT_EQ(difference(expected, actual), "");
+    EXPECT_TRUE(at::equal((one_by_one.*team).figures(), (at_once.*team).figures()));
   }
 }
 

@@ -194,7 +194,7 @@ TEST(PolicyParameters, SaveAndLoad) {
     return "no error";
   };
   EXPECT_EQ(message(make(2, 1), "team_0/"),
-            "array 'team_0/layer/weight' of the checkpoint has shape [3 x 4], expected [2 x 4]: it was written with "
+            "array 'team_0/layer/weight' of the checkpoint has shape [3, 4], expected [2, 4]: it was written with "
             "other settings or by another version");
   EXPECT_EQ(message(make(3, 1), "team_1/"),
             "the checkpoint has no array 'team_1/layer/weight': it was written with other settings or by another "

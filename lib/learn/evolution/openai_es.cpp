@@ -5,12 +5,13 @@
 
 #include "learn/evolution/evolution.hpp"
 #include "learn/evolution/strategy.hpp"
+#include "math/step_gate.hpp"
 #include "policy/parameters.hpp"
 
 namespace giga {
 namespace {
 
-constexpr double kBeta1 = 0.9, kBeta2 = 0.999, kEpsilon = 1e-8;
+constexpr double kEpsilon = 1e-8;  // of Adam
 
 class OpenAiEs final : public EvolutionStrategy {
  public:
@@ -49,10 +50,10 @@ class OpenAiEs final : public EvolutionStrategy {
     switch (config_.optimizer) {
       case MeanOptimizer::adam: {  // Kingma and Ba 2015
         steps_.add_(1);
-        velocity_.mul_(kBeta1).add_(gradient, 1 - kBeta1);
-        square_.mul_(kBeta2).addcmul_(gradient, gradient, 1 - kBeta2);
-        const at::Tensor deviation = (square_ / (1 - at::pow(kBeta2, steps_))).sqrt() + kEpsilon;
-        mean_.add_(velocity_ / deviation * (rate / (1 - at::pow(kBeta1, steps_))));
+        velocity_.mul_(kAdamBeta1).add_(gradient, 1 - kAdamBeta1);
+        square_.mul_(kAdamBeta2).addcmul_(gradient, gradient, 1 - kAdamBeta2);
+        const at::Tensor deviation = (square_ / (1 - at::pow(kAdamBeta2, steps_))).sqrt() + kEpsilon;
+        mean_.add_(velocity_ / deviation * (rate / (1 - at::pow(kAdamBeta1, steps_))));
         return;
       }
       case MeanOptimizer::momentum:

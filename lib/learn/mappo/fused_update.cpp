@@ -133,7 +133,7 @@ void write_fused_values(const Critic& critic, const FusedMlp& net, const FusedRo
 }
 
 FusedUpdate::FusedUpdate(const Actor& actor, const Critic& critic, int n, const ParallelFor& parallel_for,
-                         const SumOverRanks& sum, const FusedUpdate* twin)
+                         const SumOverRanks& sum, FusedUpdate* twin)
     : actor_(actor),
       critic_(critic),
       actor_mlp_(actor.fused_mlp().value()),
@@ -141,12 +141,11 @@ FusedUpdate::FusedUpdate(const Actor& actor, const Critic& critic, int n, const 
       n_(n),
       parallel_for_(parallel_for),
       sum_(sum),
-      blocks_(blocks_on(parallel_for.device(), sum.alone())) {
+      blocks_(blocks_on(parallel_for.device(), sum.alone())),
+      twin_(twin) {
   const Device device = parallel_for.device();
-  if (twin)
-    side_ = twin->side_;
-  else if (device.is_cuda())
-    side_ = std::make_shared<SideStream>(device.index, parallel_for.stream());
+  if (twin_) twin_->twin_ = this;
+  if (device.is_cuda()) beside_ = std::make_unique<Beside>(device.index, parallel_for.stream());
   const auto options = at::TensorOptions().dtype(at::kFloat).device(torch_device(device));
   actor_partial_ = at::empty({partial_rows_on(device, actor_mlp_, blocks_), actor_mlp_.size + kFusedSums}, options);
   critic_partial_ = at::empty({partial_rows_on(device, critic_mlp_, blocks_), critic_mlp_.size + kFusedSums}, options);
@@ -160,7 +159,7 @@ void FusedUpdate::write_values(const at::Tensor& seen, const at::Tensor& alive, 
                                const at::Tensor& values) {
   states_ = states.defined() ? states.contiguous() : states;
   const FusedRows rows = fused_critic_rows(critic_, actor_, n_, seen, alive, states_);
-  if (side_) {
+  if (beside_) {
     const int64_t tiles = std::min<int64_t>(WideLayers::tiles_of(n_, rows.n_states), int64_t{kValueTiles} * blocks_);
     grow(wide_, WideLayers::words_for_values(critic_mlp_, n_, tiles), parallel_for_.device());
   }
@@ -177,7 +176,7 @@ void FusedUpdate::begin_epoch(const FusedInputs& inputs, const at::Tensor& alive
   if (!moments_.defined() || moments_.size(0) != n_minibatches)
     moments_ = at::empty({n_minibatches, kMomentParts, kMoments}, squares_.options());
   // The first piece is a largest one.
-  if (side_) {
+  if (beside_) {
     grow(kept_states_, kept_words(critic_mlp_, n_, pieces_.begin(1), blocks_), parallel_for_.device());
     const auto words = [this](const FusedMlp& net) {
       return WideLayers::words_for(net, n_, pieces_.begin(1), blocks_);
@@ -186,18 +185,20 @@ void FusedUpdate::begin_epoch(const FusedInputs& inputs, const at::Tensor& alive
   }
   const auto* a = advantage.const_data_ptr<float>();
   auto* moments = moments_.data_ptr<double>();
-  if (!side_) {
+  if (!beside_) {
     run_moments(rows_, pieces_, a, moments);
     sum_(moments_);
     return;
   }
   launch_moments(rows_, pieces_, a, moments, index(), parallel_for_.stream());
   sum_(moments_);
-  side_->fork();
+  beside_->stream.fork();
 }
 
 void FusedUpdate::end_epoch() {
-  if (side_) side_->join();
+  if (!beside_) return;
+  beside_->stream.join();
+  if (twin_) twin_->beside_->actor_step.wait(parallel_for_.stream());
 }
 
 void FusedUpdate::compute_gradients(int k, const FusedPolicyLoss& policy, const FusedValueLoss& value) {
@@ -224,13 +225,25 @@ void FusedUpdate::compute_gradients(int k, const FusedPolicyLoss& policy, const 
                            .partial = critic_partial_.data_ptr<float>(),
                            .kept = words_of(kept_states_),
                            .wide = words_of(wide_)};
-  if (side_) {
-    launch_actor_gradient(actor, index(), side_->stream());
-    launch_critic_gradient(critic, index(), side_->stream());
+  if (beside_) {
+    launch_gradients(actor, critic);
   } else {
     run_actor_gradient(actor, parallel_for_.pool());
     run_critic_gradient(critic, parallel_for_.pool());
   }
+}
+
+/// Of twins only one at a time has its turn with the actor: from the gradient to the step. The other's critic fills the
+/// gap while parts are added up, over ranks too, and the step is taken, which leave most of the GPU idle: its gradient
+/// is queued as that turn begins, so that its blocks find room as those of the actor's gradient end.
+void FusedUpdate::launch_gradients(const FusedActor& actor, const FusedCritic& critic) {
+  if (twin_) twin_->beside_->actor_turn.wait(stream());
+  launch_critic_gradient(critic, index(), stream());
+  if (twin_) {
+    twin_->beside_->actor_step.wait(stream());
+    beside_->actor_turn.set(stream());
+  }
+  launch_actor_gradient(actor, index(), stream());
 }
 
 at::Tensor FusedUpdate::own_gradient(const at::Tensor& partial, const FusedMlp& net) {
@@ -255,9 +268,9 @@ void FusedUpdate::complete(FusedStep& step) const {
 /// In the place of this rank's parts: one part for each network, of all ranks; one message.
 void FusedUpdate::add_ranks(FusedStep& step) {
   if (sum_.alone()) return;
-  if (side_) {
-    launch_block_sums(step, over_ranks_.data_ptr<float>(), index(), side_->stream());
-    sum_(over_ranks_, side_->stream());
+  if (beside_) {
+    launch_block_sums(step, over_ranks_.data_ptr<float>(), index(), stream());
+    sum_(over_ranks_, stream());
   } else {
     at::cat_out(over_ranks_, {actor_partial_.sum(0), critic_partial_.sum(0)});
     sum_(over_ranks_);
@@ -270,8 +283,8 @@ void FusedUpdate::add_ranks(FusedStep& step) {
 void FusedUpdate::add_up(FusedStep step) {
   complete(step);
   add_ranks(step);
-  if (side_)
-    launch_gradient_sums(step, index(), side_->stream());
+  if (beside_)
+    launch_gradient_sums(step, index(), stream());
   else
     run_gradient_sums(step);
 }
@@ -279,10 +292,9 @@ void FusedUpdate::add_up(FusedStep step) {
 void FusedUpdate::step(FusedStep step) {
   add_up(step);
   complete(step);
-  if (side_)
-    launch_adam(step, index(), side_->stream());
-  else
-    run_adam(step);
+  if (!beside_) return run_adam(step);
+  launch_adam(step, index(), stream());
+  if (twin_) beside_->actor_step.set(stream());
 }
 
 // ---- The actor alone ------------------------------------------------------------------------------------------------

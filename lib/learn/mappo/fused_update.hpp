@@ -44,9 +44,10 @@ class FusedUpdate {
  public:
   /// Networks that they serve; all three must outlive this. `n`: agents of the team. On a GPU epochs are learned from
   /// on a stream beside that of `parallel_for`, so that the teams fill each other's gaps; `sum`, over all ranks, is
-  /// queued there too. `twin`: one with the same actor, which steps it in turns with this one, so on its stream.
+  /// queued there too. `twin`: one with the same actor, which steps it in turns with this one; either must outlive
+  /// the other's last step.
   FusedUpdate(const Actor& actor, const Critic& critic, int n, const ParallelFor& parallel_for,
-              const SumOverRanks& sum = {}, const FusedUpdate* twin = nullptr);
+              const SumOverRanks& sum = {}, FusedUpdate* twin = nullptr);
 
   /// Values [states, n] of the chosen states [S] (undefined: all) of obs [states, n, D], or true states [states, G],
   /// and alive [states, n].
@@ -72,7 +73,16 @@ class FusedUpdate {
   at::Tensor own_critic_gradient() const { return own_gradient(critic_partial_, critic_mlp_); }
 
  private:
+  /// The stream of this one, and places there that its twin waits for.
+  struct Beside {
+    Beside(int index, void* main) : stream(index, main), actor_turn(index), actor_step(index) {}
+    SideStream stream;
+    StreamMark actor_turn, actor_step;  // of the latest minibatch: where its turn begins, and where it has stepped
+  };
+
   int index() const { return parallel_for_.device().index; }
+  void* stream() const { return beside_->stream.stream(); }
+  void launch_gradients(const FusedActor& actor, const FusedCritic& critic);
   static at::Tensor own_gradient(const at::Tensor& partial, const FusedMlp& net);
   void complete(FusedStep& step) const;
   void add_ranks(FusedStep& step);
@@ -84,7 +94,8 @@ class FusedUpdate {
   const ParallelFor& parallel_for_;
   const SumOverRanks sum_;
   const int blocks_;                           // that share a minibatch
-  std::shared_ptr<SideStream> side_;           // null on a CPU
+  FusedUpdate* twin_ = nullptr;                // null: the actor is this one's alone
+  std::unique_ptr<Beside> beside_;             // null on a CPU
   FusedRows rows_, critic_rows_;               // of the epoch: what the actor reads; what the critic reads
   MinibatchPieces pieces_{0, 1};               // of the epoch
   at::Tensor states_;                          // keeps what rows_ points to
