@@ -22,8 +22,9 @@ struct FiniteCheck {
   }
 };
 
-/// Adam (Kingma and Ba 2015, algorithm 1).
 constexpr double kAdamBeta1 = 0.9, kAdamBeta2 = 0.999;
+
+/// Adam (Kingma and Ba 2015, algorithm 1).
 struct AdamRule {
   static constexpr float kBeta1 = static_cast<float>(kAdamBeta1), kBeta2 = static_cast<float>(kAdamBeta2);
   static constexpr float kLogBeta1 = -0.105360515657826301227f, kLogBeta2 = -0.00100050033358353350142f;

@@ -141,10 +141,8 @@ FusedUpdate::FusedUpdate(const Actor& actor, const Critic& critic, int n, const 
       n_(n),
       parallel_for_(parallel_for),
       sum_(sum),
-      blocks_(blocks_on(parallel_for.device(), sum.alone())),
-      twin_(twin) {
+      blocks_(blocks_on(parallel_for.device(), sum.alone())) {
   const Device device = parallel_for.device();
-  if (twin_) twin_->twin_ = this;
   if (device.is_cuda()) beside_ = std::make_unique<Beside>(device.index, parallel_for.stream());
   const auto options = at::TensorOptions().dtype(at::kFloat).device(torch_device(device));
   actor_partial_ = at::empty({partial_rows_on(device, actor_mlp_, blocks_), actor_mlp_.size + kFusedSums}, options);
@@ -153,6 +151,14 @@ FusedUpdate::FusedUpdate(const Actor& actor, const Critic& critic, int n, const 
   sums_ = at::zeros({2, kFusedSums}, options);
   squares_ = at::empty({step_blocks_on(device, actor_mlp_, critic_mlp_)}, options.dtype(at::kDouble));
   finished_ = at::zeros({1}, options.dtype(at::kInt));
+  if (twin) {
+    twin_ = twin;
+    twin_->twin_ = this;
+  }
+}
+
+FusedUpdate::~FusedUpdate() {
+  if (twin_) twin_->twin_ = nullptr;
 }
 
 void FusedUpdate::write_values(const at::Tensor& seen, const at::Tensor& alive, const at::Tensor& states,
@@ -193,6 +199,8 @@ void FusedUpdate::begin_epoch(const FusedInputs& inputs, const at::Tensor& alive
   launch_moments(rows_, pieces_, a, moments, index(), parallel_for_.stream());
   sum_(moments_);
   beside_->stream.fork();
+  // Twins begin one after the other: what is queued on the main stream for the second reads the actor of both.
+  if (twin_) twin_->beside_->stream.fork();
 }
 
 void FusedUpdate::end_epoch() {

@@ -44,10 +44,12 @@ class FusedUpdate {
  public:
   /// Networks that they serve; all three must outlive this. `n`: agents of the team. On a GPU epochs are learned from
   /// on a stream beside that of `parallel_for`, so that the teams fill each other's gaps; `sum`, over all ranks, is
-  /// queued there too. `twin`: one with the same actor, which steps it in turns with this one; either must outlive
-  /// the other's last step.
+  /// queued there too. `twin`: one with the same actor, which steps it in turns with this one.
   FusedUpdate(const Actor& actor, const Critic& critic, int n, const ParallelFor& parallel_for,
               const SumOverRanks& sum = {}, FusedUpdate* twin = nullptr);
+  ~FusedUpdate();
+  FusedUpdate(const FusedUpdate&) = delete;
+  FusedUpdate& operator=(const FusedUpdate&) = delete;
 
   /// Values [states, n] of the chosen states [S] (undefined: all) of obs [states, n, D], or true states [states, G],
   /// and alive [states, n].
